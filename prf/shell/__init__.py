@@ -1,0 +1,1 @@
+"""Command-line plumbing that `prf` and `mapq` share; it knows nothing of maps, logs or kernels."""

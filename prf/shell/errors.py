@@ -1,0 +1,69 @@
+"""Errors that a user can cause, each with the exit code that a script can rely on.
+
+A message is one line: what is wrong, where (``file:line`` or the option), and what to do about it, for instance
+``scan.log:118: range -4.2 < 0 (beam 37). Remove the line or raise --skip-scans.``
+"""
+
+from __future__ import annotations
+
+EXIT_OK = 0
+EXIT_INTERNAL = 70
+"""``EX_SOFTWARE`` of sysexits.h: the fault is the program's."""
+EXIT_BROKEN_PIPE = 141
+"""What the shell reports for a program that SIGPIPE ended, as in ``prf query ... | head``."""
+
+
+class PrfError(Exception):
+    """Root of every error that is reported in one line, without a traceback."""
+
+    exit_code = EXIT_INTERNAL
+
+
+class CheckFailed(PrfError):  # noqa: N818 - a "no" for an answer is not an error
+    """A check ran and its answer is no."""
+
+    exit_code = 1
+
+
+class UsageError(PrfError):
+    """Options that do not go together, or a value outside its domain."""
+
+    exit_code = 2
+
+
+class ConfigError(PrfError):
+    """A configuration that cannot be used: unknown key, wrong type, value outside its domain."""
+
+    exit_code = 2
+
+
+class InputError(PrfError):
+    """An input that is missing, unreadable or malformed."""
+
+    exit_code = 3
+
+
+class OutputError(PrfError):
+    """An output that cannot be written."""
+
+    exit_code = 4
+
+
+class OutputExists(OutputError):  # noqa: N818 - reads as what happened
+    """An output that stands already, without ``--force``."""
+
+
+class Interrupted(PrfError):  # noqa: N818 - reads as what happened
+    """A run that a signal ended in good order.
+
+    Parameters
+    ----------
+    message : str
+        What was kept, and how to go on.
+    signal_number : int
+        The signal; 2 (SIGINT) gives exit code 130, 15 (SIGTERM) gives 143.
+    """
+
+    def __init__(self, message: str, signal_number: int = 2) -> None:
+        super().__init__(message)
+        self.exit_code = 128 + signal_number

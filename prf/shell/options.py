@@ -1,0 +1,38 @@
+"""Options that mean the same thing in every verb, declared once.
+
+A verb writes ``force: Force = False`` and gets flag, help text and metavar from here. These are for verbs to declare:
+
+========== ======================== =====================================================
+type       flag                     meaning
+========== ======================== =====================================================
+Output     ``-o/--output``          where the result goes; ``-`` is standard output
+Force      ``-f/--force``           overwrite an output that exists
+Seed       ``--seed``               seed of every random number; drawn and printed if absent
+Threads    ``--threads``            threads to use, 0 = one a core; never changes a result
+Json       ``--json``               the result as one JSON object on standard output
+DryRun     ``--dry-run``            say what would be done, and do nothing
+========== ======================== =====================================================
+
+``-v/--verbose``, ``-q/--quiet``, ``--color`` and ``--no-progress`` are added to every verb by :mod:`prf.shell.app`, so
+that no verb can forget one; a verb must not declare them.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+Output = Annotated[
+    str | None, typer.Option("--output", "-o", metavar="PATH", help="Where the result goes; - is standard output.")
+]
+Force = Annotated[bool, typer.Option("--force", "-f", help="Overwrite an output that exists.")]
+Seed = Annotated[
+    int | None,
+    typer.Option("--seed", metavar="INT", min=0, help="Seed of every random number; drawn and printed if absent."),
+]
+Threads = Annotated[
+    int, typer.Option("--threads", metavar="N", min=0, help="Threads, 0 = one a core; never changes a result.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")]
+DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be done, and do nothing.")]
