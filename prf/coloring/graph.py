@@ -1,0 +1,187 @@
+"""One coloring as a NamedTuple of arrays, and the ragged store of many."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from prf.window import Window
+
+
+class Coloring(NamedTuple):
+    """Polygonal coloring of a window: discontinuity graph and the colour of the anchor point (Paskin & Thrun 1.3.1).
+
+    Attributes
+    ----------
+    window : Window
+        Its centre is the anchor point p0.
+    xy : (n_vertices, 2) float64 array
+        Vertices; each is used by an edge.
+    side : (n_vertices,) int8 array
+        Side of the window on which the vertex lies exactly, or ``INTERIOR``.
+    edges : (n_edges, 2) int32 array
+        Vertex indices.
+    anchor_black : bool
+        Colour of p0.
+    """
+
+    window: Window
+    xy: NDArray[np.float64]
+    side: NDArray[np.int8]
+    edges: NDArray[np.int32]
+    anchor_black: bool
+
+    @classmethod
+    def empty(cls, window: Window, black: bool = False) -> Coloring:
+        """Return the coloring without edges: all white, or all black."""
+        return cls(window, np.empty((0, 2)), np.empty(0, np.int8), np.empty((0, 2), np.int32), black)
+
+    @property
+    def n_vertices(self) -> int:
+        """Number of vertices."""
+        return len(self.xy)
+
+    @property
+    def n_edges(self) -> int:
+        """Number of edges."""
+        return len(self.edges)
+
+    def segments(self) -> NDArray[np.float64]:
+        """Return the edges as (n_edges, 4) rows ``x0, y0, x1, y1``."""
+        return self.xy[self.edges].reshape(-1, 4)
+
+    def edge_lengths(self) -> NDArray[np.float64]:
+        """Return the (n_edges,) lengths."""
+        ends = self.xy[self.edges]
+        lengths: NDArray[np.float64] = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+        return lengths
+
+    def total_length(self) -> float:
+        """Return the summed length of all edges."""
+        return float(self.edge_lengths().sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """Many colorings of one window in flat arrays; draw i owns the rows between offsets i and i + 1.
+
+    ``len(draws)``, ``draws[i]`` and iteration speak of colorings; a NamedTuple would speak of its fields.
+
+    Attributes
+    ----------
+    window : Window
+    vertex_offsets : (n + 1,) int64 array
+    xy : (sum of n_vertices, 2) float64 array
+    side : (sum of n_vertices,) int8 array
+    edge_offsets : (n + 1,) int64 array
+    edges : (sum of n_edges, 2) int32 array
+        Vertex indices local to the draw.
+    anchor_black : (n,) bool array
+    """
+
+    window: Window
+    vertex_offsets: NDArray[np.int64]
+    xy: NDArray[np.float64]
+    side: NDArray[np.int8]
+    edge_offsets: NDArray[np.int64]
+    edges: NDArray[np.int32]
+    anchor_black: NDArray[np.bool_]
+
+    @classmethod
+    def from_colorings(cls, colorings: Sequence[Coloring], window: Window | None = None) -> Draws:
+        """Return the colorings one after the other.
+
+        Parameters
+        ----------
+        colorings : sequence of Coloring
+        window : Window, optional
+            Needed for an empty sequence only.
+
+        Raises
+        ------
+        ValueError
+            If the windows differ, or there is neither a coloring nor a window.
+        """
+        windows = {*(coloring.window for coloring in colorings), *([] if window is None else [window])}
+        if len(windows) != 1:
+            raise ValueError(f"draws must share one window, got {len(windows)}")
+        return cls(
+            windows.pop(),
+            _offsets([len(coloring.xy) for coloring in colorings]),
+            np.concatenate([np.empty((0, 2)), *(coloring.xy for coloring in colorings)]),
+            np.concatenate([np.empty(0, np.int8), *(coloring.side for coloring in colorings)]),
+            _offsets([len(coloring.edges) for coloring in colorings]),
+            np.concatenate([np.empty((0, 2), np.int32), *(coloring.edges for coloring in colorings)]),
+            np.array([coloring.anchor_black for coloring in colorings], dtype=np.bool_),
+        )
+
+    def __len__(self) -> int:
+        """Return the number of draws."""
+        return len(self.anchor_black)
+
+    def __getitem__(self, i: int) -> Coloring:
+        """Return draw `i` as views of the arrays (IndexError outside -n ... n - 1)."""
+        i = range(len(self))[i]
+        vertices = slice(self.vertex_offsets[i], self.vertex_offsets[i + 1])
+        edges = self.edges[self.edge_offsets[i] : self.edge_offsets[i + 1]]
+        return Coloring(self.window, self.xy[vertices], self.side[vertices], edges, bool(self.anchor_black[i]))
+
+    def __iter__(self) -> Iterator[Coloring]:
+        """Yield the draws one by one."""
+        return (self[i] for i in range(len(self)))
+
+    @property
+    def n_edges(self) -> NDArray[np.int64]:
+        """Number of edges of each draw, (n,)."""
+        return np.diff(self.edge_offsets)
+
+    def total_length(self) -> NDArray[np.float64]:
+        """Return the summed edge length of each draw, (n,)."""
+        ends = self.xy[self.global_edges()]
+        lengths = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+        return np.bincount(self.draw_of_edge(), lengths, len(self))
+
+    def draw_of_edge(self) -> NDArray[np.int64]:
+        """Return the number of the draw that owns each edge, (sum of n_edges,)."""
+        return np.repeat(np.arange(len(self)), np.diff(self.edge_offsets))
+
+    def draw_of_vertex(self) -> NDArray[np.int64]:
+        """Return the number of the draw that owns each vertex, (sum of n_vertices,)."""
+        return np.repeat(np.arange(len(self)), np.diff(self.vertex_offsets))
+
+    def global_edges(self) -> NDArray[np.int64]:
+        """Return the edges as rows of indices into ``xy``, (sum of n_edges, 2)."""
+        shifts = np.repeat(self.vertex_offsets[:-1], np.diff(self.edge_offsets))
+        moved: NDArray[np.int64] = self.edges + shifts[:, None]
+        return moved
+
+    def take(self, indices: ArrayLike) -> Draws:
+        """Return the draws at `indices` (integers or a boolean mask), in that order."""
+        chosen = np.arange(len(self))[np.asarray(indices)]
+        return Draws.from_colorings([self[int(i)] for i in chosen], self.window)
+
+    @classmethod
+    def concatenate(cls, many: Iterable[Draws]) -> Draws:
+        """Return all draws of several stores one after the other; the windows must agree (ValueError)."""
+        stores = list(many)
+        windows = {store.window for store in stores}
+        if len(windows) != 1:
+            raise ValueError(f"draws must share one window, got {len(windows)}")
+        return cls(
+            windows.pop(),
+            _offsets(np.concatenate([np.diff(store.vertex_offsets) for store in stores])),
+            np.concatenate([store.xy for store in stores]),
+            np.concatenate([store.side for store in stores]),
+            _offsets(np.concatenate([np.diff(store.edge_offsets) for store in stores])),
+            np.concatenate([store.edges for store in stores]),
+            np.concatenate([store.anchor_black for store in stores]),
+        )
+
+
+def _offsets(counts: ArrayLike) -> NDArray[np.int64]:
+    """Return the (n + 1,) running sums of `counts`, from 0."""
+    return np.concatenate([[0], np.cumsum(np.asarray(counts, dtype=np.int64))]).astype(np.int64)

@@ -1,0 +1,97 @@
+"""The window: the axis-aligned rectangle through which a coloring of the plane is seen."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from prf.shell.errors import ConfigError
+
+INTERIOR = -1
+"""Side of a vertex that lies on no side."""
+BOTTOM, RIGHT, TOP, LEFT = 0, 1, 2, 3
+"""Sides counter-clockwise: y = y_min, x = x_max, y = y_max, x = x_min. Corner i lies between sides i and (i + 1) % 4."""
+SIDE_NAMES = ("bottom", "right", "top", "left")
+
+
+class Window(NamedTuple):
+    """Rectangle [x_min, x_max] x [y_min, y_max] in metres."""
+
+    x_min: float
+    y_min: float
+    x_max: float
+    y_max: float
+
+    @classmethod
+    def checked(cls, x_min: float, y_min: float, x_max: float, y_max: float) -> Window:
+        """Return the window with these bounds.
+
+        Raises
+        ------
+        ConfigError
+            If a bound is not finite, or a lower bound is not below the upper one.
+        """
+        window = cls(float(x_min), float(y_min), float(x_max), float(y_max))
+        written = " ".join(repr(bound) for bound in window)
+        if not all(math.isfinite(bound) for bound in window):
+            raise ConfigError(f"window {written}: every bound must be finite. Give X0 Y0 X1 Y1 in metres.")
+        if not (window.x_min < window.x_max and window.y_min < window.y_max):
+            raise ConfigError(f"window {written}: needs X0 < X1 and Y0 < Y1.")
+        return window
+
+    @property
+    def width(self) -> float:
+        """Extent in x."""
+        return self.x_max - self.x_min
+
+    @property
+    def height(self) -> float:
+        """Extent in y."""
+        return self.y_max - self.y_min
+
+    @property
+    def area(self) -> float:
+        """Width times height."""
+        return self.width * self.height
+
+    @property
+    def perimeter(self) -> float:
+        """Length of the border."""
+        return 2.0 * (self.width + self.height)
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """The anchor point p0 of every coloring in this window."""
+        return 0.5 * (self.x_min + self.x_max), 0.5 * (self.y_min + self.y_max)
+
+    def contains(self, xy: ArrayLike) -> NDArray[np.bool_]:
+        """Return which points lie in the closed rectangle.
+
+        Parameters
+        ----------
+        xy : (n, 2) array
+            Points; nan is outside.
+
+        Returns
+        -------
+        (n,) bool array
+        """
+        points = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
+        lower, upper = np.array(self[:2]), np.array(self[2:])
+        inside: NDArray[np.bool_] = ((points >= lower) & (points <= upper)).all(axis=1)
+        return inside
+
+    def to_array(self) -> NDArray[np.float64]:
+        """Return ``[x_min, y_min, x_max, y_max]`` as a (4,) float64 array."""
+        return np.array(self, dtype=np.float64)
+
+    def side_coordinate(self, side: int) -> float:
+        """Return the coordinate that all points of `side` share: y for bottom and top, x for right and left."""
+        return (self.y_min, self.x_max, self.y_max, self.x_min)[side]
+
+    def side_length(self, side: int) -> float:
+        """Return the length of `side`."""
+        return self.width if side in (BOTTOM, TOP) else self.height
