@@ -13,7 +13,7 @@ Json       ``--json``               the result as one JSON object on standard ou
 DryRun     ``--dry-run``            say what would be done, and do nothing
 ========== ======================== =====================================================
 
-``-v/--verbose``, ``-q/--quiet``, ``--color`` and ``--no-progress`` are added to every verb by :mod:`prf.shell.app`, so
+``-v/--verbose``, ``-q/--quiet``, ``--color`` and ``--no-progress`` are added to every verb (:mod:`prf.shell.flags`), so
 that no verb can forget one; a verb must not declare them.
 """
 

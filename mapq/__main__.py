@@ -1,0 +1,5 @@
+"""``python -m mapq``."""
+
+from mapq.cli import main
+
+main()

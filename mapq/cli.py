@@ -1,0 +1,24 @@
+"""The command line `mapq`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from mapq import __version__
+from prf.shell.app import make_app
+from prf.shell.run import run_app
+
+HELP = """How plausible a point cloud map is, plane patch by plane patch.
+
+The verbs arrive with a later release; so far there are only --help and --version.
+"""
+
+VERBS: dict[str, str] = {}
+
+app = make_app("mapq", __version__, HELP, "mapq.commands", VERBS)
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Run `mapq` with `args` (default: the process's) and exit."""
+    sys.exit(run_app(app, "mapq", args))

@@ -1,0 +1,5 @@
+"""``python -m prf``."""
+
+from prf.cli import main
+
+main()

@@ -1,0 +1,25 @@
+"""The command line `prf`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from prf import __version__
+from prf.shell.app import make_app
+from prf.shell.run import run_app
+
+HELP = """Polygonal maps from range readings: posterior, best map, answers with probabilities.
+
+Readings come as CARMEN logs or as tables; .gz is read as is and - is standard input.
+"""
+
+VERBS: dict[str, str] = {}
+"""Verb to its summary: the first line of the docstring of ``prf/commands/<verb>.py``, as a test compares."""
+
+app = make_app("prf", __version__, HELP, "prf.commands", VERBS)
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Run `prf` with `args` (default: the process's) and exit."""
+    sys.exit(run_app(app, "prf", args))

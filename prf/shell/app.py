@@ -1,0 +1,116 @@
+"""A tool's command: verbs imported only when they are called, and the flags and exit codes that all of them share."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping, Sequence
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from prf.shell.errors import EXIT_OK
+from prf.shell.flags import common_flags
+
+EXIT_CODES = """Exit codes:
+  0    done
+  1    the check said no
+  2    usage or configuration error
+  3    bad or missing input
+  4    output exists or cannot be written
+  70   internal error (rerun with -vv for the traceback)
+  130  interrupted (143 by SIGTERM), after a checkpoint where the verb keeps one"""
+
+_CONTEXT: dict[str, Any] = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
+
+
+class LazyGroup(TyperGroup):
+    """Lists its verbs from a table and imports only the one that is called.
+
+    Attributes
+    ----------
+    package : str
+        Verb ``ros-map`` is function ``ros_map`` of module ``<package>.ros_map``.
+    verbs : mapping
+        Verb to the one-line summary that ``--help`` lists.
+    version : str
+        What ``--version`` prints.
+    """
+
+    package: str
+    verbs: Mapping[str, str]
+    version: str
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the verbs in the order of the table."""
+        return list(self.verbs)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Import and return the command of a verb, None if there is no such verb."""
+        if cmd_name not in self.verbs:
+            return None
+        function_name = cmd_name.replace("-", "_")
+        module = importlib.import_module(f"{self.package}.{function_name}")
+        return make_command(getattr(module, function_name), module.EXAMPLES)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the table of verbs without importing any."""
+        if self.verbs:
+            with formatter.section("Commands"):
+                formatter.write_dl(list(self.verbs.items()))
+
+
+def make_app(name: str, version: str, help_text: str, package: str, verbs: Mapping[str, str]) -> LazyGroup:
+    """Return the command of a tool (see :class:`LazyGroup` for the parameters)."""
+    app = typer.Typer(
+        name=name, cls=LazyGroup, rich_markup_mode=None, pretty_exceptions_enable=False, context_settings=_CONTEXT
+    )
+    app.callback(invoke_without_command=True, help=help_text, epilog=_verbatim(EXIT_CODES))(_root)
+    group = typer.main.get_command(app)
+    assert isinstance(group, LazyGroup)
+    group.package, group.verbs, group.version = package, verbs, version
+    group.commands.update(dict.fromkeys(verbs))  # type: ignore[arg-type] # names are all that "did you mean" reads
+    group.params.extend(common_flags())
+    return group
+
+
+def make_command(function: Callable[..., None], examples: Sequence[str]) -> Any:
+    """Return the command of one verb: its own options, the flags of every verb, examples and exit codes.
+
+    Parameters
+    ----------
+    function : callable
+        Its name is the verb, its docstring the help text.
+    examples : sequence of str
+        Command lines that run.
+    """
+    lines = _verbatim("\n".join(["Examples:", *(f"  {line}" for line in examples)]))
+    app = typer.Typer(add_completion=False, rich_markup_mode=None)
+    app.command(epilog=f"{lines}\n\n{_verbatim(EXIT_CODES)}", context_settings=_CONTEXT)(function)
+    command = typer.main.get_command(app)
+    command.params.extend(common_flags())
+    return command
+
+
+def _print_version(ctx: typer.Context, wanted: bool) -> None:
+    if wanted:
+        group: Any = ctx.command
+        typer.echo(f"{ctx.info_name} {group.version}")
+        raise typer.Exit(EXIT_OK)
+
+
+def _root(
+    ctx: typer.Context,
+    _version: Annotated[
+        bool, typer.Option("--version", "-V", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Answer a call without a verb with the help text, as a usage error."""
+    if ctx.invoked_subcommand is None:
+        typer.echo(ctx.get_help(), err=True)
+        raise typer.Exit(2)
+
+
+def _verbatim(lines: str) -> str:
+    """Return a help paragraph with the formatter's mark against rewrapping."""
+    return f"\b\n{lines}"

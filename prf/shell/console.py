@@ -1,0 +1,107 @@
+"""What goes to which stream: the result to standard output, everything else to standard error.
+
+Library code logs through ``logging.getLogger(__name__)``; the handler that :func:`configure` installs shows it.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import IO
+
+LOGGERS = ("prf", "mapq")
+"""Only our own packages' messages are shown; a library's chatter is none of the user's business."""
+
+
+class ColorChoice(StrEnum):
+    """When to use colour."""
+
+    auto = "auto"
+    always = "always"
+    never = "never"
+
+
+@dataclass
+class Settings:
+    """How much to say and how, as the flags of this command have it.
+
+    Attributes
+    ----------
+    verbosity : int
+        -1 errors only (``-q``), 0 notes and warnings, 1 details (``-v``), 2 also tracebacks (``-vv``).
+    color : ColorChoice
+    progress : bool
+        False under ``--no-progress``.
+    """
+
+    verbosity: int = 0
+    color: ColorChoice = ColorChoice.auto
+    progress: bool = True
+
+
+settings = Settings()
+"""Of this process; set by :mod:`prf.shell.flags`."""
+
+
+class _Handler(logging.Handler):
+    """Writes to the standard error of the moment, so that a progress bar can stay below the messages."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        prefix = f"{record.levelname.lower()}: " if record.levelno >= logging.WARNING else ""
+        print(prefix + record.getMessage(), file=sys.stderr)
+
+
+def reset() -> None:
+    """Go back to what holds without flags, as a tool does when it starts."""
+    settings.verbosity, settings.color, settings.progress = 0, ColorChoice.auto, True
+    configure()
+
+
+def configure() -> None:
+    """Send our loggers to standard error at the level that `settings` asks for."""
+    level = {-1: logging.ERROR, 0: logging.INFO}.get(max(settings.verbosity, -1), logging.DEBUG)
+    for name in LOGGERS:
+        logger = logging.getLogger(name)
+        logger.handlers = [_Handler()]
+        logger.propagate = False
+        logger.setLevel(level)
+
+
+def emit(text: str) -> None:
+    """Print the result (or a line of it) on standard output."""
+    print(text)
+
+
+def is_terminal(stream: IO[str]) -> bool:
+    """Return whether `stream` is a terminal that a person looks at."""
+    return not stream.closed and stream.isatty()
+
+
+def use_color(stream: IO[str]) -> bool:
+    """Return whether to write colour to `stream`.
+
+    ``--color always|never`` wins, then ``NO_COLOR``, then ``FORCE_COLOR`` (both count when not empty), then
+    ``TERM=dumb``; else colour goes to terminals only.
+    """
+    if settings.color is not ColorChoice.auto:
+        return settings.color is ColorChoice.always
+    if os.environ.get("NO_COLOR"):
+        return False
+    if os.environ.get("FORCE_COLOR"):
+        return True
+    return os.environ.get("TERM") != "dumb" and is_terminal(stream)
+
+
+def show_progress() -> bool:
+    """Return whether progress may be shown at all (a bar on a terminal, plain lines elsewhere)."""
+    return settings.progress and settings.verbosity >= 0
+
+
+def report_error(message: str) -> None:
+    """Print ``error: message`` as exactly one line on standard error, whatever the message holds."""
+    line = " ".join(message.split())
+    label = "\x1b[1;31merror:\x1b[0m" if use_color(sys.stderr) else "error:"
+    print(f"{label} {line}", file=sys.stderr)

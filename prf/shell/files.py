@@ -1,0 +1,183 @@
+"""Files that are whole or absent: written beside their place, then moved into it; ``-`` stands for the streams."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any, BinaryIO
+
+from prf.shell.console import is_terminal
+from prf.shell.errors import InputError, OutputError, OutputExists
+
+STREAM = "-"
+
+
+def refuse_existing(path: str | os.PathLike[str], force: bool) -> None:
+    """Raise :class:`OutputExists` if `path` stands and `force` is not given; streams and devices never "exist"."""
+    target = Path(path)
+    stands = target.is_file() or target.is_dir() or target.is_symlink()
+    if os.fspath(path) != STREAM and stands and not force:
+        raise OutputExists(f"{path} already exists. Use --force to overwrite.")
+
+
+@contextmanager
+def open_input(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+    """Open `path` for reading bytes; ``-`` is standard input.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it is a folder, or it may not be read.
+    """
+    if os.fspath(path) == STREAM:
+        yield sys.stdin.buffer
+        return
+    try:
+        stream = open(path, "rb")  # noqa: SIM115 - closed below; errors of the block itself are not errors of opening
+    except OSError as error:
+        raise InputError(f"{path}: {_reason(error)}.") from error
+    with stream:
+        yield stream
+
+
+@contextmanager
+def open_output(path: str | os.PathLike[str], binary: bool = False) -> Iterator[IO[Any]]:
+    """Open `path` for an atomic write; ``-`` is standard output.
+
+    Raises
+    ------
+    OutputError
+        If a binary result would go to a terminal, or the file cannot be written.
+    """
+    if os.fspath(path) != STREAM:
+        with atomic_write(path, binary=binary) as stream:
+            yield stream
+        return
+    if binary and is_terminal(sys.stdout):
+        raise OutputError("standard output is a terminal and the result is binary. Name a file with -o, or use a pipe.")
+    yield sys.stdout.buffer if binary else sys.stdout
+
+
+@contextmanager
+def atomic_write(path: str | os.PathLike[str], binary: bool = False) -> Iterator[IO[Any]]:
+    """Write `path` whole or not at all; an exception inside leaves the old file as it was.
+
+    Parameters
+    ----------
+    path : path
+        A symbolic link is followed; a device or a pipe (``/dev/stdout``) is written directly.
+    binary : bool
+        Bytes instead of UTF-8 text with Unix line ends.
+
+    Yields
+    ------
+    file object
+
+    Raises
+    ------
+    OutputError
+        If the folder does not exist, or is not writable, or the disk is full.
+    """
+    target = Path(os.path.realpath(path))
+    mode = "wb" if binary else "w"
+    text = {} if binary else {"encoding": "utf-8", "newline": "\n"}
+    if target.exists() and not target.is_file() and not target.is_dir():
+        with open(target, mode, **text) as device:  # type: ignore[call-overload]
+            yield device
+        return
+    with _reported(path):
+        descriptor, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent)
+    try:
+        with _reported(path), open(descriptor, mode, **text) as stream:  # type: ignore[call-overload]
+            yield stream
+            stream.flush()
+            os.fsync(stream.fileno())
+            os.chmod(name, _permissions(target, 0o666))
+            os.replace(name, target)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+@contextmanager
+def atomic_directory(path: str | os.PathLike[str], force: bool = False) -> Iterator[Path]:
+    """Fill a new folder, then move it to `path` whole; an exception inside leaves `path` as it was.
+
+    Parameters
+    ----------
+    path : path
+    force : bool
+        Replace what stands there.
+
+    Yields
+    ------
+    Path
+        The folder to write into, beside `path`.
+
+    Raises
+    ------
+    OutputExists
+        If `path` stands and `force` is not given.
+    OutputError
+        If it cannot be made.
+    """
+    refuse_existing(path, force)
+    target = Path(os.path.realpath(path))
+    with _reported(path):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        work = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent))
+    try:
+        with _reported(path):
+            yield work
+            os.chmod(work, _permissions(target, 0o777))
+            _move_into_place(work, target)
+    except BaseException:
+        shutil.rmtree(work, ignore_errors=True)
+        raise
+
+
+def _move_into_place(work: Path, target: Path) -> None:
+    """Replace `target` by `work`; a folder cannot be replaced in one call, so the old one steps aside first."""
+    if not target.exists():
+        os.replace(work, target)
+        return
+    aside = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".old.tmp", dir=target.parent))
+    os.replace(target, aside / target.name)
+    try:
+        os.replace(work, target)
+    except OSError:
+        os.replace(aside / target.name, target)
+        raise
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
+
+
+def _permissions(target: Path, default: int) -> int:
+    """Return the mode that `target` has or, new, would get from `default` and the umask (mkstemp gives 0600)."""
+    if target.exists():
+        return target.stat().st_mode & 0o777
+    umask = os.umask(0)
+    os.umask(umask)
+    return default & ~umask
+
+
+@contextmanager
+def _reported(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Turn the system's refusal to write `path` into an :class:`OutputError`; a closed pipe stays what it is."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({_reason(error)}).") from error
+
+
+def _reason(error: OSError) -> str:
+    """Return the system's words for `error`, starting small as the rest of our messages do."""
+    words = error.strerror or str(error)
+    return words[:1].lower() + words[1:]

@@ -1,0 +1,65 @@
+"""One writer an output: the second process is refused, not interleaved."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from prf.shell.errors import OutputError
+
+
+@contextmanager
+def exclusive(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Hold the output `path` (file or folder, existing or not) for this process.
+
+    The lock file ``.<name>.lock`` stands beside the output. The kernel drops the lock with the process, so a killed run
+    never leaves an output locked.
+
+    Raises
+    ------
+    OutputError
+        If another process holds it, or the lock file cannot be made.
+    """
+    target = Path(path).resolve()
+    lock_path = target.with_name(f".{target.name}.lock")
+    descriptor = _acquire(lock_path, target)
+    try:
+        yield
+    finally:
+        # Unlinked while still held: whoever opened the old file sees in _acquire that it is no longer on disk.
+        lock_path.unlink(missing_ok=True)
+        os.close(descriptor)
+
+
+def _acquire(lock_path: Path, target: Path) -> int:
+    """Return the descriptor of the locked file that stands at `lock_path`."""
+    while True:
+        try:
+            lock_path.parent.mkdir(parents=True, exist_ok=True)
+            descriptor = os.open(lock_path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        except OSError as error:
+            raise OutputError(f"{target}: cannot be written ({error.strerror}).") from error
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            holder = os.pread(descriptor, 20, 0).decode(errors="replace").strip() or "unknown"
+            os.close(descriptor)
+            raise OutputError(
+                f"{target}: another process (pid {holder}) is writing it. Wait for it, or choose another output."
+            ) from None
+        if _is_current(descriptor, lock_path):
+            os.ftruncate(descriptor, 0)
+            os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
+            return descriptor
+        os.close(descriptor)
+
+
+def _is_current(descriptor: int, lock_path: Path) -> bool:
+    """Return whether the open file is still the one at `lock_path`."""
+    try:
+        return os.path.samestat(os.fstat(descriptor), os.stat(lock_path))
+    except FileNotFoundError:
+        return False

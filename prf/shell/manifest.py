@@ -1,0 +1,56 @@
+"""What a result was made from: digests of the inputs, versions of the programs, the machine."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import sys
+from collections.abc import Iterable
+from datetime import UTC, datetime
+from importlib import metadata
+from typing import Any
+
+from prf.shell.errors import InputError
+
+_PACKAGES = {"prf": "prf-mapq", "numpy": "numpy", "numba": "numba", "scipy": "scipy"}
+
+
+def describe_input(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return ``{"path", "sha256", "bytes"}`` of an input file; standard input (``-``) has no digest (null).
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    if os.fspath(path) == "-":
+        return {"path": "-", "sha256": None, "bytes": None}
+    try:
+        with open(path, "rb") as stream:
+            digest = hashlib.file_digest(stream, "sha256").hexdigest()
+            return {"path": os.fspath(path), "sha256": digest, "bytes": stream.tell()}
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}.") from error
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of python and of the packages that a result depends on; imports none of them."""
+    found = {"python": platform.python_version()}
+    for name, distribution in _PACKAGES.items():
+        try:
+            found[name] = metadata.version(distribution)
+        except metadata.PackageNotFoundError:
+            found[name] = "unknown"
+    return found
+
+
+def describe_process(inputs: Iterable[str | os.PathLike[str]] = ()) -> dict[str, Any]:
+    """Return the part of a manifest that every result has: versions, platform, command, created, inputs."""
+    return {
+        "versions": versions(),
+        "platform": {"system": platform.system(), "machine": platform.machine(), "cores": os.cpu_count()},
+        "command": [os.path.basename(sys.argv[0]), *sys.argv[1:]],
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "inputs": [describe_input(path) for path in inputs],
+    }

@@ -1,0 +1,82 @@
+"""The one place where errors end: one line on standard error, and the exit code that goes with it."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import Any
+
+import typer
+
+from prf.shell import console, signals
+from prf.shell.errors import EXIT_BROKEN_PIPE, EXIT_INTERNAL, EXIT_OK, PrfError
+
+
+def run_app(command: Any, name: str, args: Sequence[str] | None = None) -> int:
+    """Run a tool and return its exit code.
+
+    Parameters
+    ----------
+    command : command
+        From :func:`prf.shell.app.make_app`.
+    name : str
+        The tool, as help texts and errors call it.
+    args : sequence of str, optional
+        Instead of ``sys.argv[1:]``.
+    """
+    console.reset()
+    signals.exit_on_sigterm()
+    try:
+        code = command.main(args, prog_name=name, standalone_mode=False)
+        sys.stdout.flush()
+    except PrfError as error:
+        _show_traceback()
+        console.report_error(str(error))
+        return error.exit_code
+    except typer.TyperException as error:
+        return _report_usage(error, name)
+    except (KeyboardInterrupt, typer.Abort):
+        return 130
+    except (BrokenPipeError, SystemExit) as error:
+        return _code_of_exit(error)
+    except Exception as error:
+        return _report_internal(error)
+    return code if isinstance(code, int) else EXIT_OK
+
+
+def _show_traceback() -> bool:
+    wanted = console.settings.verbosity >= 2
+    if wanted:
+        traceback.print_exc()
+    return wanted
+
+
+def _report_usage(error: Any, name: str) -> int:
+    """Report what typer found wrong with the command line."""
+    context = getattr(error, "ctx", None)
+    path = context.command_path if context is not None else name
+    message = error.format_message().replace("Value error, ", "").rstrip(".")
+    stop = "" if message.endswith("?") else "."
+    console.report_error(f"{message}{stop} See '{path} --help'.")
+    return int(error.exit_code)
+
+
+def _report_internal(error: Exception) -> int:
+    """Report a fault of ours."""
+    hint = "" if _show_traceback() else " Please rerun with -vv and report the traceback."
+    console.report_error(f"internal error: {type(error).__name__}: {error}.{hint}")
+    return EXIT_INTERNAL
+
+
+def _code_of_exit(error: BaseException) -> int:
+    """Return the code of an explicit exit; a reader that closed the pipe is no reason to complain.
+
+    Typer turns a broken pipe into ``SystemExit(1)``, which with us would mean "the check said no".
+    """
+    if isinstance(error, BrokenPipeError) or isinstance(error.__context__, BrokenPipeError):
+        # Python flushes standard output once more at its end, and would complain then.
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - stays open to the end
+        return EXIT_BROKEN_PIPE
+    return error.code if isinstance(error, SystemExit) and isinstance(error.code, int) else EXIT_OK

@@ -1,0 +1,83 @@
+"""Signals as a flag that a long run polls, so that Ctrl-C ends it after a checkpoint and not in the middle of one."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import NoReturn
+
+from prf.shell.errors import Interrupted
+
+logger = logging.getLogger(__name__)
+
+_STOPPING = (signal.SIGINT, signal.SIGTERM)
+
+
+class StopFlag:
+    """Set by the first SIGINT or SIGTERM; a driver polls it between steps.
+
+    Attributes
+    ----------
+    signal_number : int
+        The signal that came, 0 while none has.
+    """
+
+    def __init__(self) -> None:
+        self.signal_number = 0
+
+    @property
+    def requested(self) -> bool:
+        """Whether the run has been asked to stop."""
+        return self.signal_number != 0
+
+    def raise_if_requested(self, message: str) -> None:
+        """Raise :class:`Interrupted` (exit code 130 or 143) if the run has been asked to stop.
+
+        Parameters
+        ----------
+        message : str
+            What was kept and how to go on, e.g. ``interrupted; continue with --resume demo/office``.
+        """
+        if self.requested:
+            raise Interrupted(message, self.signal_number)
+
+
+@contextmanager
+def graceful_stop() -> Iterator[StopFlag]:
+    """Turn the first SIGINT or SIGTERM into a :class:`StopFlag`; the second acts at once.
+
+    Outside the main thread, where Python cannot install handlers, the flag stays unset.
+    """
+    flag = StopFlag()
+    if threading.current_thread() is not threading.main_thread():
+        yield flag
+        return
+    before = {number: signal.getsignal(number) for number in _STOPPING}
+
+    def request(number: int, _frame: FrameType | None) -> None:
+        flag.signal_number = number
+        for each, handler in before.items():
+            signal.signal(each, handler)
+        logger.info("stopping in good order; once more to stop at once")
+
+    for number in _STOPPING:
+        signal.signal(number, request)
+    try:
+        yield flag
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _exit_terminated(number: int, _frame: FrameType | None) -> NoReturn:
+    raise SystemExit(128 + number)
+
+
+def exit_on_sigterm() -> None:
+    """Let SIGTERM end the program through its ``finally`` clauses (temporary files go), with exit code 143."""
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, _exit_terminated)
