@@ -1,0 +1,1 @@
+"""Compiled cores: numba code that sees nothing but itself, numpy and numba."""
