@@ -8,12 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from prf.kernels.constants import BOTTOM, INTERIOR, LEFT, RIGHT, TOP
 from prf.shell.errors import ConfigError
 
-INTERIOR = -1
-"""Side of a vertex that lies on no side."""
-BOTTOM, RIGHT, TOP, LEFT = 0, 1, 2, 3
-"""Sides counter-clockwise: y = y_min, x = x_max, y = y_max, x = x_min. Corner i lies between sides i and (i + 1) % 4."""
+__all__ = ["BOTTOM", "INTERIOR", "LEFT", "RIGHT", "SIDES", "SIDE_NAMES", "TOP", "Window"]
+
+SIDES = (BOTTOM, RIGHT, TOP, LEFT)
+"""Counter-clockwise: y = y_min, x = x_max, y = y_max, x = x_min. Corner i lies between sides i and (i + 1) % 4.
+
+A vertex that lies on no side is ``INTERIOR``.
+"""
 SIDE_NAMES = ("bottom", "right", "top", "left")
 
 
@@ -81,7 +85,7 @@ class Window(NamedTuple):
         """
         points = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
         lower, upper = np.array(self[:2]), np.array(self[2:])
-        inside: NDArray[np.bool_] = ((points >= lower) & (points <= upper)).all(axis=1)
+        inside: NDArray[np.bool_] = np.all((points >= lower) & (points <= upper), axis=1)
         return inside
 
     def to_array(self) -> NDArray[np.float64]:

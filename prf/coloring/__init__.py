@@ -1,5 +1,24 @@
 """Polygonal colorings: the discontinuity graph as arrays, its validity, its colours, its polygons, its files."""
 
+from prf.coloring.colours import black_areas, black_at, black_at_draws
+from prf.coloring.geojson import feature_lines, from_feature, read_geojsonl, to_feature, write_geojsonl
 from prf.coloring.graph import Coloring, Draws
+from prf.coloring.polygons import from_polygons, occupied_polygons
+from prf.coloring.validity import check, violations
 
-__all__ = ["Coloring", "Draws"]
+__all__ = [
+    "Coloring",
+    "Draws",
+    "black_areas",
+    "black_at",
+    "black_at_draws",
+    "check",
+    "feature_lines",
+    "from_feature",
+    "from_polygons",
+    "occupied_polygons",
+    "read_geojsonl",
+    "to_feature",
+    "violations",
+    "write_geojsonl",
+]

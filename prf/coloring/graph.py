@@ -143,7 +143,7 @@ class Draws:
         """Return the summed edge length of each draw, (n,)."""
         ends = self.xy[self.global_edges()]
         lengths = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
-        return np.bincount(self.draw_of_edge(), lengths, len(self))
+        return np.bincount(self.draw_of_edge(), lengths, len(self)).astype(np.float64)
 
     def draw_of_edge(self) -> NDArray[np.int64]:
         """Return the number of the draw that owns each edge, (sum of n_edges,)."""

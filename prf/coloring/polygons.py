@@ -1,0 +1,139 @@
+"""The black region of a coloring as polygons, and back."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import MultiPolygon
+from shapely.geometry.base import BaseGeometry
+
+from prf.coloring.colours import black_at
+from prf.coloring.graph import Coloring
+from prf.coloring.validity import check
+from prf.window import BOTTOM, INTERIOR, LEFT, RIGHT, SIDES, TOP, Window
+
+SNAP = 1e-9
+"""Share of the window's extent within which a vertex that clipping computed is put on the side: GEOS rounds."""
+
+
+def occupied_polygons(coloring: Coloring) -> MultiPolygon:
+    """Return the black region inside the window.
+
+    The edges and the border split at boundary vertices bound the faces. Two faces that share an edge differ in
+    colour, so the black faces make a valid MultiPolygon as they are, holes kept, every vertex of the graph exact.
+
+    Parameters
+    ----------
+    coloring : Coloring
+        Valid (:func:`prf.coloring.check`).
+
+    Returns
+    -------
+    shapely.MultiPolygon
+    """
+    lines = np.concatenate([coloring.xy[coloring.edges], _border(coloring)])
+    faces = shapely.get_parts(shapely.polygonize(shapely.linestrings(lines)))
+    inside = shapely.get_coordinates(shapely.point_on_surface(faces))
+    return MultiPolygon(list(faces[black_at(coloring, inside)]))
+
+
+def from_polygons(occupied: BaseGeometry, window: Window) -> Coloring:
+    """Return the coloring of `window` that is black on `occupied`.
+
+    Parameters
+    ----------
+    occupied : shapely Polygon or MultiPolygon
+        Clipped to the window; overlapping parts are united. Parts of rings along the border are not edges.
+    window : Window
+
+    Returns
+    -------
+    Coloring
+
+    Raises
+    ------
+    InputError
+        If the region is no polygonal coloring: polygons that touch at a point, or a corner that touches the border.
+    """
+    region = shapely.union_all(shapely.get_parts(occupied))
+    box = shapely.box(*window)
+    if not shapely.covers(box, region):
+        region = shapely.intersection(region, box)
+    polygons = shapely.get_parts(region)
+    polygons = polygons[(shapely.get_dimensions(polygons) == 2) & ~shapely.is_empty(polygons)]
+    ends = _snapped(_ring_segments(polygons), window)
+    along = np.zeros(len(ends), dtype=np.bool_)
+    for side in SIDES:
+        along |= (ends[:, :, 1 - side % 2] == window.side_coordinate(side)).all(axis=1)
+    coloring = from_segments(ends[~along], window)
+    if len(polygons):
+        inside = shapely.get_coordinates(shapely.point_on_surface(polygons[shapely.area(polygons).argmax()]))
+        coloring = coloring._replace(anchor_black=not black_at(coloring, inside)[0])
+    check(coloring)
+    return coloring
+
+
+def from_segments(ends: NDArray[np.float64], window: Window, anchor_black: bool = False) -> Coloring:
+    """Return the coloring whose edges are `ends`; equal coordinates are one vertex, those on the border lie on a side.
+
+    Parameters
+    ----------
+    ends : (n_edges, 2, 2) float64 array
+        Start and end of each edge. Validity is not checked.
+    window : Window
+    anchor_black : bool
+
+    Returns
+    -------
+    Coloring
+    """
+    xy, first, index = np.unique(ends.reshape(-1, 2), axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    rank = np.argsort(order)
+    edges = rank[index.reshape(-1, 2)].astype(np.int32)
+    xy = np.ascontiguousarray(xy[order])
+    return Coloring(window, xy, sides_of(xy, window), edges, anchor_black)
+
+
+def sides_of(xy: NDArray[np.float64], window: Window) -> NDArray[np.int8]:
+    """Return the side on which each of (n, 2) points lies exactly, or INTERIOR; a corner takes the lower number."""
+    on = [xy[:, 1 - side % 2] == window.side_coordinate(side) for side in SIDES]
+    sides: NDArray[np.int8] = np.select(on, SIDES, INTERIOR).astype(np.int8)
+    return sides
+
+
+def _border(coloring: Coloring) -> NDArray[np.float64]:
+    """Return the border as (n, 2, 2) segments, split at the boundary vertices."""
+    window = coloring.window
+    x0, y0, x1, y1 = window
+    corners = {BOTTOM: (x1, y0), RIGHT: (x1, y1), TOP: (x0, y1), LEFT: (x0, y0)}
+    points = [np.array([corners[LEFT]])]
+    for side in SIDES:
+        on = coloring.xy[coloring.side == side]
+        along = on[:, side % 2] * (1 if side in (BOTTOM, RIGHT) else -1)
+        points += [on[np.argsort(along)], np.array([corners[side]])]
+    ring = np.concatenate(points)
+    pieces = np.stack([ring[:-1], ring[1:]], axis=1)
+    proper: NDArray[np.float64] = pieces[(pieces[:, 0] != pieces[:, 1]).any(axis=1)]
+    return proper
+
+
+def _ring_segments(polygons: NDArray[np.object_]) -> NDArray[np.float64]:
+    """Return all segments of all rings, (n, 2, 2)."""
+    rings = shapely.get_rings(polygons)
+    xy, ring = shapely.get_coordinates(rings, return_index=True)
+    same = ring[:-1] == ring[1:]
+    return np.stack([xy[:-1][same], xy[1:][same]], axis=1)
+
+
+def _snapped(ends: NDArray[np.float64], window: Window) -> NDArray[np.float64]:
+    """Put coordinates within rounding of a side exactly on it; drop segments that this makes points."""
+    snapped = ends.copy()
+    tolerance = SNAP * max(window.width, window.height)
+    for side in SIDES:
+        value = window.side_coordinate(side)
+        along = snapped[:, :, 1 - side % 2]
+        along[np.abs(along - value) <= tolerance] = value
+    proper: NDArray[np.float64] = snapped[(snapped[:, 0] != snapped[:, 1]).any(axis=1)]
+    return proper
