@@ -14,7 +14,7 @@ help: ## list the targets
 setup: $(STAMP) ## make .venv with the project (editable) and all its extras
 
 $(STAMP): pyproject.toml constraints.txt
-	@./.ci/make-venv "$(PYTHON)" "$(VENV)"
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || ./.ci/make-venv "$(PYTHON)" "$(VENV)"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all]"
 	@touch $@
 

@@ -1,0 +1,141 @@
+"""What every verb of both tools promises; a new verb is under test as soon as it stands in the table."""
+
+from __future__ import annotations
+
+import ast
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import mapq.cli
+import prf.cli
+
+TOOLS = {"prf": prf.cli, "mapq": mapq.cli}
+VERBS = [(tool, verb) for tool, module in TOOLS.items() for verb in module.VERBS]
+HEAVY = ("numpy", "numba", "scipy", "matplotlib", "shapely", "arviz_stats", "maxflow")
+MISSING = "no-such-file.log"
+PROBE = """
+import sys
+from {tool}.cli import main
+try:
+    main({args!r})
+finally:
+    print(*sorted(set({heavy!r}) & set(sys.modules)), file=sys.stderr)
+"""
+
+
+def call(tool: str, *args: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run the tool as its own process, as a pipe sees it."""
+    root = str(Path(__file__).resolve().parents[2])
+    environment = {**os.environ, "PYTHONPATH": root}
+    environment.pop("FORCE_COLOR", None)
+    return subprocess.run(
+        [sys.executable, "-m", tool, *args], capture_output=True, text=True, env=environment, cwd=cwd or root
+    )
+
+
+def verb_command(tool: str, verb: str):  # type: ignore[no-untyped-def] # typer's vendored click has no public type
+    return TOOLS[tool].app.get_command(None, verb)
+
+
+def missing_input_args(tool: str, verb: str) -> list[str]:
+    """Return arguments that name a missing file wherever the verb asks for an input, and nothing else."""
+    args = []
+    for param in verb_command(tool, verb).params:
+        if param.param_type_name == "argument" and param.required:
+            args.append(MISSING)
+    names = {option for param in verb_command(tool, verb).params for option in param.opts}
+    for option in ("--laser", "--points"):
+        if option in names:
+            args += [option, MISSING]
+    return args
+
+
+def test_the_tables_and_the_files_agree(project_root: Path) -> None:
+    for tool, module in TOOLS.items():
+        files = {path.stem for path in (project_root / tool / "commands").glob("[!_]*.py")}
+        assert files == {verb.replace("-", "_") for verb in module.VERBS}
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+@pytest.mark.parametrize("flag", ["-h", "--help"])
+def test_tool_help(tool: str, flag: str) -> None:
+    done = call(tool, flag)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "Exit codes:" in done.stdout
+    for verb, summary in TOOLS[tool].VERBS.items():
+        assert verb in done.stdout
+        assert summary.split()[0] in done.stdout
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_tool_version(tool: str) -> None:
+    assert call(tool, "--version").stdout == f"{tool} {prf.__version__}\n"
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_tool_help_imports_nothing_heavy(tool: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", PROBE.format(tool=tool, args=["--help"], heavy=HEAVY)], capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "\n")
+
+
+@pytest.mark.parametrize(("tool", "verb"), VERBS)
+class TestVerb:
+    def test_summary_is_the_first_line_of_its_help(self, tool: str, verb: str) -> None:
+        assert verb_command(tool, verb).help.splitlines()[0] == TOOLS[tool].VERBS[verb]
+
+    def test_help_has_examples_and_exit_codes(self, tool: str, verb: str) -> None:
+        done = call(tool, verb, "--help")
+        assert (done.returncode, done.stderr) == (0, "")
+        examples = done.stdout.partition("Examples:")[2].partition("Exit codes:")[0]
+        assert 1 <= examples.count(f"{tool} {verb} ") <= 4
+        assert done.stdout == call(tool, verb, "-h").stdout
+
+    def test_help_imports_nothing_heavy(self, tool: str, verb: str) -> None:
+        code = PROBE.format(tool=tool, args=[verb, "--help"], heavy=HEAVY)
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+        assert (done.returncode, done.stderr) == (0, "\n")
+
+    def test_every_option_has_help_and_examples_use_only_options_that_exist(self, tool: str, verb: str) -> None:
+        params = verb_command(tool, verb).params
+        assert [param.name for param in params if not param.help] == []
+        known = {option for param in params for option in (*param.opts, *param.secondary_opts)}
+        shown = call(tool, verb, "--help").stdout.partition("Examples:")[2].partition("Exit codes:")[0]
+        own_lines = [line.split("|")[0] for line in shown.splitlines() if f"{tool} {verb} " in line]
+        used = {word for line in own_lines for word in line.split() if word.startswith("-") and word != "-"}
+        assert {word for word in used if not word[1:2].isdigit()} <= known
+
+    def test_unknown_flag_is_a_usage_error(self, tool: str, verb: str) -> None:
+        done = call(tool, verb, "--no-such-flag")
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr.startswith("error: ")
+        assert done.stderr.count("\n") == 1
+
+    def test_missing_input_is_one_line(self, tool: str, verb: str, tmp_path: Path) -> None:
+        args = missing_input_args(tool, verb)
+        if not args:
+            pytest.skip("the verb reads no file")
+        done = call(tool, verb, *args, cwd=tmp_path)
+        assert (done.returncode, done.stdout) == (3, ""), done.stderr
+        assert done.stderr.startswith("error: ")
+        assert MISSING in done.stderr
+        assert done.stderr.count("\n") == 1
+        assert list(tmp_path.iterdir()) == [], "a failed start leaves nothing behind"
+
+    def test_the_file_does_no_arithmetic(self, tool: str, verb: str, project_root: Path) -> None:
+        source = (project_root / tool / "commands" / f"{verb.replace('-', '_')}.py").read_text()
+        functions = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.FunctionDef)]
+        assert all((node.end_lineno or 0) - node.lineno < 60 for node in functions)
+        assert "import numpy" not in source
+
+
+def test_a_misspelt_verb_is_answered_with_the_right_one() -> None:
+    for tool, verb in VERBS:
+        done = call(tool, f"{verb}x")
+        assert done.returncode == 2
+        assert f"Did you mean '{verb}'" in done.stderr

@@ -1,0 +1,77 @@
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+
+import pytest
+
+from prf.shell import console, progress
+
+
+@pytest.fixture(autouse=True)
+def fresh() -> Iterator[None]:
+    console.reset()
+    yield
+    console.reset()
+
+
+class Clock:
+    """Stands in for the module `time`."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    stand_in = Clock()
+    monkeypatch.setattr(progress, "time", stand_in)
+    return stand_in
+
+
+def run(clock: Clock, n_updates: int, seconds_each: float) -> None:
+    with progress.progress(n_updates, "sampling") as bar:
+        for done in range(1, n_updates + 1):
+            clock.now += seconds_each
+            bar.update(done, steps_per_second="150k")
+
+
+def test_a_pipe_gets_a_plain_line_every_ten_seconds(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
+    run(clock, n_updates=50, seconds_each=0.5)
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.splitlines() == [
+        "sampling  40 %  steps per second 150k  elapsed 0:00:10  left 0:00:15",
+        "sampling  80 %  steps per second 150k  elapsed 0:00:20  left 0:00:05",
+    ]
+
+
+def test_without_a_total_there_is_no_time_left() -> None:
+    line = progress.plain_line("sampling", 10, None, 61.0, {"rhat": "1.20"})
+    assert line == "sampling  rhat 1.20  elapsed 0:01:01"
+
+
+@pytest.mark.parametrize(("verbosity", "wanted"), [(-1, True), (0, False)])
+def test_silent_when_asked(clock: Clock, capsys: pytest.CaptureFixture[str], verbosity: int, wanted: bool) -> None:
+    console.settings.verbosity, console.settings.progress = verbosity, wanted
+    run(clock, n_updates=50, seconds_each=1.0)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_terminal_gets_a_bar_on_stderr(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    terminal = Terminal()
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setattr("sys.stderr", terminal)
+    with progress.progress(10, "sampling") as bar:
+        bar.update(5, rhat="[1.20]")
+    assert "sampling" in terminal.getvalue()
+    assert "rhat [1.20]" in terminal.getvalue(), "fields are text, not markup"
+    assert capsys.readouterr().out == ""

@@ -1,0 +1,173 @@
+"""Every way in which a tool can end, seen from a process of its own (streams, signals and pipes are the process's)."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+VERB = '''
+"""A verb that ends as it is told."""
+from typing import Annotated
+import typer
+from prf.shell import errors
+from prf.shell.options import Seed
+
+EXAMPLES = ("tool finish well",)
+
+def finish(how: Annotated[str, typer.Argument(metavar="HOW", help="How.")], seed: Seed = None) -> None:
+    """End as told."""
+    if how in vars(errors):
+        raise vars(errors)[how]("scan.log:118: range -4.2 < 0.\\nRemove it.")
+    if how == "bug":
+        raise ZeroDivisionError("x / 0")
+    if how == "interrupt":
+        raise KeyboardInterrupt
+    if how == "wait":
+        import time
+        print("waiting", flush=True)
+        time.sleep(60)
+    if how == "flood":
+        while True:
+            print("row " * 1000)
+    print("well")
+'''
+TOOL = """
+import sys
+from prf.shell.app import make_app
+from prf.shell.run import run_app
+app = make_app("tool", "1.2", "A tool.", "verbs", {"finish": "End as told.", "ros-map": "Other."})
+sys.exit(run_app(app, "tool"))
+"""
+
+
+@pytest.fixture(scope="module")
+def tool(tmp_path_factory: pytest.TempPathFactory, project_root: Path) -> Path:
+    folder = tmp_path_factory.mktemp("tool")
+    (folder / "verbs").mkdir()
+    (folder / "verbs" / "__init__.py").touch()
+    (folder / "verbs" / "finish.py").write_text(VERB)
+    (folder / "tool.py").write_text(f"import sys; sys.path.insert(0, {str(project_root)!r})\n{TOOL}")
+    return folder / "tool.py"
+
+
+def call(tool: Path, *args: str) -> subprocess.CompletedProcess[str]:
+    environment = {name: value for name, value in os.environ.items() if name not in ("FORCE_COLOR", "NO_COLOR")}
+    return subprocess.run([sys.executable, str(tool), *args], capture_output=True, text=True, env=environment)
+
+
+def test_success_prints_only_the_result(tool: Path) -> None:
+    done = call(tool, "finish", "well")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "well\n", "")
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        ("CheckFailed", 1),
+        ("UsageError", 2),
+        ("ConfigError", 2),
+        ("InputError", 3),
+        ("OutputError", 4),
+        ("OutputExists", 4),
+        ("Interrupted", 130),
+    ],
+)
+def test_each_error_has_its_code_and_one_line(tool: Path, error: str, code: int) -> None:
+    done = call(tool, "finish", error)
+    assert done.returncode == code
+    assert done.stdout == ""
+    assert done.stderr == "error: scan.log:118: range -4.2 < 0. Remove it.\n"
+
+
+def test_a_bug_is_one_line_and_a_hint(tool: Path) -> None:
+    done = call(tool, "finish", "bug")
+    assert done.returncode == 70
+    assert done.stderr.count("\n") == 1
+    assert "ZeroDivisionError" in done.stderr
+    assert "-vv" in done.stderr
+
+
+@pytest.mark.parametrize("args", [("-vv", "finish", "bug"), ("finish", "-vv", "bug"), ("-v", "finish", "-v", "bug")])
+def test_the_traceback_comes_with_vv_wherever_it_stands(tool: Path, args: tuple[str, ...]) -> None:
+    done = call(tool, *args)
+    assert done.returncode == 70
+    assert "Traceback (most recent call last)" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (("finsh",), "Did you mean 'finish'? See 'tool --help'."),
+        (("finish",), "Missing argument 'HOW'. See 'tool finish --help'."),
+        (("finish", "well", "--sed", "1"), "--seed"),
+        (("finish", "well", "--seed", "-1"), "--seed"),
+        (("finish", "well", "--color", "alwys"), "'always'"),
+    ],
+)
+def test_usage_errors_are_one_line_that_helps(tool: Path, args: tuple[str, ...], words: str) -> None:
+    done = call(tool, *args)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.count("\n") == 1
+    assert words in done.stderr
+
+
+def test_color_of_the_error_follows_the_flag(tool: Path) -> None:
+    assert "\x1b[" in call(tool, "--color", "always", "finish", "InputError").stderr
+    assert "\x1b[" not in call(tool, "finish", "InputError").stderr
+
+
+def test_no_verb_prints_the_help_as_a_usage_error(tool: Path) -> None:
+    done = call(tool)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert "finish" in done.stderr
+
+
+def test_help_lists_verbs_that_are_not_even_there(tool: Path) -> None:
+    done = call(tool, "--help")
+    assert done.returncode == 0
+    assert "ros-map" in done.stdout, "verbs come from the table; nothing is imported for the list"
+
+
+@pytest.mark.parametrize("flag", ["--version", "-V"])
+def test_version(tool: Path, flag: str) -> None:
+    assert call(tool, flag).stdout == "tool 1.2\n"
+
+
+def test_keyboard_interrupt_is_quiet(tool: Path) -> None:
+    done = call(tool, "finish", "interrupt")
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_signals_from_outside(tool: Path, number: signal.Signals, code: int) -> None:
+    with subprocess.Popen(
+        [sys.executable, str(tool), "finish", "wait"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline() == "waiting\n"
+        time.sleep(0.05)
+        process.send_signal(number)
+        assert process.wait(timeout=30) == code
+        assert process.stderr.read() == ""
+
+
+def test_a_closed_pipe_is_no_reason_to_complain(tool: Path) -> None:
+    with subprocess.Popen(
+        [sys.executable, str(tool), "finish", "flood"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.read(10)
+        process.stdout.close()
+        assert process.wait(timeout=30) == 141
+        assert process.stderr.read() == b""

@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+import os
+import signal
+import threading
+
+import pytest
+
+from prf.shell.errors import Interrupted
+from prf.shell.signals import graceful_stop
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_first_signal_sets_the_flag(number: signal.Signals, code: int) -> None:
+    with graceful_stop() as stop:
+        assert not stop.requested
+        os.kill(os.getpid(), number)
+        assert stop.requested
+        with pytest.raises(Interrupted, match="kept") as caught:
+            stop.raise_if_requested("kept in demo/office")
+    assert caught.value.exit_code == code
+
+
+def test_second_signal_acts_at_once() -> None:
+    with graceful_stop() as stop:
+        os.kill(os.getpid(), signal.SIGINT)
+        assert stop.requested
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_handlers_are_put_back() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with graceful_stop():
+        assert signal.getsignal(signal.SIGINT) is not before
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_no_request_raises_nothing() -> None:
+    with graceful_stop() as stop:
+        assert stop.raise_if_requested("nothing came") is None
+
+
+def test_outside_the_main_thread_the_flag_stays_unset() -> None:
+    seen: list[bool] = []
+
+    def work() -> None:
+        with graceful_stop() as stop:
+            seen.append(stop.requested)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert seen == [False]
