@@ -14,7 +14,9 @@ HELP = """Polygonal maps from range readings: posterior, best map, answers with 
 Readings come as CARMEN logs or as tables; .gz is read as is and - is standard input.
 """
 
-VERBS: dict[str, str] = {}
+VERBS: dict[str, str] = {
+    "info": "Say what is in a log: scans, beams, extent, ranges, and what looks suspicious.",
+}
 """Verb to its summary: the first line of the docstring of ``prf/commands/<verb>.py``, as a test compares."""
 
 app = make_app("prf", __version__, HELP, "prf.commands", VERBS)
