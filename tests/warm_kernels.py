@@ -1,0 +1,71 @@
+"""Call every kernel that Python calls, once and on little data: ``python -m tests.warm_kernels``.
+
+`make test` runs it before pytest, so that the workers of pytest-xdist find machine code instead of compiling side by
+side. Prints one JSON object: cache hits and misses of each kernel that was called from Python.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from prf.arak import exact_draws
+from prf.cli import VERBS, app
+from prf.coloring import black_areas, black_at
+from prf.shell.run import run_app
+from prf.window import Window
+
+LOG = Path(__file__).resolve().parent.parent / "data" / "demo-office.log.gz"
+COMMANDS = (
+    "prior --scale 1 --window 0 0 1 1 --draws 3 --method exact --seed 1 -o exact.geojsonl",
+    "prior --scale 1 --window 0 0 1 1 --draws 3 --method mcmc --thin 50 --seed 1 -o mcmc.geojsonl",
+    f"sample --laser {LOG} --every-scan 10 --every-beam 12 --chains 2 --steps 2000 --resolution 1 --seed 1 -o run",
+    "query run --points points.csv",
+    "query run --points points.csv --square 0.5",
+    "query run --path points.csv --radius 0.2",
+)
+
+
+def run_commands() -> None:
+    """Run the verbs that there are in a folder of their own, and throw their results away."""
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
+        Path("points.csv").write_text("x,y\n5.0,7.0\n6.0,7.0\n")
+        for command in COMMANDS:
+            verb, *args = command.split()
+            if verb in VERBS:
+                code = run_app(app, "prf", [verb, *args, "-q"])
+                if code != 0:
+                    raise SystemExit(f"prf {command}: exit code {code}")
+
+
+def call_library() -> None:
+    """Call what no verb calls."""
+    draws = exact_draws(1.0, Window(0.0, 0.0, 1.0, 1.0), 3, np.random.default_rng(1))
+    black_areas(draws)
+    black_at(draws[0], [[0.5, 0.5]])
+
+
+def cache_counts() -> dict[str, tuple[int, int]]:
+    """Return (hits, misses) of each kernel that was called from Python, by its full name."""
+    counts = {}
+    for name, module in sorted(sys.modules.items()):
+        if name.startswith("prf.kernels."):
+            for kernel in vars(module).values():
+                stats = getattr(kernel, "stats", None)
+                if stats is not None and kernel.__module__ == name and kernel.signatures:
+                    hits, misses = sum(stats.cache_hits.values()), sum(stats.cache_misses.values())
+                    if hits or misses:
+                        counts[f"{name}.{kernel.__name__}"] = (hits, misses)
+    return counts
+
+
+if __name__ == "__main__":
+    run_commands()
+    call_library()
+    print(json.dumps(cache_counts(), indent=1))
