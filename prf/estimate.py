@@ -1,0 +1,165 @@
+"""What the draws say: how probably a point or a square is occupied, and a path free.
+
+Every estimate is a share of draws, so it is exact for the draws and its error is that of the chain. A path is judged
+on whole maps: the answer is the probability that all of it is free at once, which no image of cells can give.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from prf.coloring import Draws, black_at_draws
+from prf.kernels import query
+from prf.shell.errors import InputError, UsageError
+
+MOST_COLOURS = 64_000_000
+"""Points are answered in batches of at most this many colours (bytes), one a draw and point."""
+
+
+class PathEstimate(NamedTuple):
+    """Share of draws in which a path is free, and the number of draws that it stands on."""
+
+    p_free: float
+    n_draws: int
+
+
+def occupied_probability(draws: Draws, xy: ArrayLike, square: float = 0.0) -> NDArray[np.float64]:
+    """Return the share of draws in which each point, or the square round it, is occupied.
+
+    Parameters
+    ----------
+    draws : Draws
+        At least one draw.
+    xy : (n_points, 2) array
+        Points in metres.
+    square : float
+        Side of the axis-aligned closed square round each point in metres. 0 asks for the colour at the point itself;
+        a larger one for the share of draws in which the square is not completely white (Paskin & Thrun 2005, section
+        1.3.3). Beyond the window there is no coloring: a square across its border is judged by its part inside.
+
+    Returns
+    -------
+    (n_points,) float64
+        Probabilities; nan for a point outside the window.
+
+    Raises
+    ------
+    InputError
+        If there are no draws.
+    UsageError
+        If `square` is negative or not finite.
+    """
+    points = _points(xy)
+    _require_draws(draws)
+    if not 0.0 <= square < np.inf:
+        raise UsageError(f"square {square} m: the side of a square is a finite number >= 0.")
+    probability = np.full(len(points), np.nan)
+    inside = np.flatnonzero(draws.window.contains(points))
+    batch = max(1, MOST_COLOURS // len(draws))
+    for start in range(0, len(inside), batch):
+        chosen = inside[start : start + batch]
+        probability[chosen] = occupied_in_draws(draws, points[chosen], square).mean(axis=0)
+    return probability
+
+
+def occupied_in_draws(draws: Draws, xy: ArrayLike, square: float = 0.0) -> NDArray[np.bool_]:
+    """Return for each draw whether each point (square > 0: any part of the square round it) is black.
+
+    Parameters
+    ----------
+    draws : Draws
+        Colorings in one window.
+    xy : (n_points, 2) array
+        Points inside the window, in metres; what is said of a point outside has no meaning.
+    square : float
+        Side of the square in metres, 0 for the point itself.
+
+    Returns
+    -------
+    (n_draws, n_points) bool
+    """
+    points = _points(xy)
+    black = black_at_draws(draws, points)
+    if square == 0.0:
+        return black
+    order = np.argsort(points[:, 0], kind="stable")
+    marked = np.ascontiguousarray(black[:, order])
+    ragged = (draws.vertex_offsets, draws.xy, draws.edge_offsets, draws.edges)
+    query.draws_mark_squares(np.ascontiguousarray(points[order]), 0.5 * square, *ragged, marked)
+    black[:, order] = marked
+    return black
+
+
+def path_free(draws: Draws, path_xy: ArrayLike, radius: float) -> PathEstimate:
+    """Return the share of draws in which a disc can follow the whole path.
+
+    Parameters
+    ----------
+    draws : Draws
+        At least one draw.
+    path_xy : (n_points, 2) array
+        Corners of the path in metres, in order; one point asks whether the disc can stand there.
+    radius : float
+        Radius of the disc in metres, >= 0.
+
+    Returns
+    -------
+    PathEstimate
+        `p_free` is nan if a part of the path lies outside the window.
+
+    Raises
+    ------
+    InputError
+        If there are no draws, or the path has no point.
+    UsageError
+        If `radius` is negative or not finite.
+    """
+    path = _points(path_xy)
+    _require_draws(draws)
+    if len(path) == 0:
+        raise InputError("the path has no point.")
+    if not 0.0 <= radius < np.inf:
+        raise UsageError(f"radius {radius} m: the radius of a disc is a finite number >= 0.")
+    if not draws.window.contains(path).all():
+        return PathEstimate(float("nan"), len(draws))
+    return PathEstimate(float(path_free_in_draws(draws, path, radius).mean()), len(draws))
+
+
+def path_free_in_draws(draws: Draws, path_xy: ArrayLike, radius: float) -> NDArray[np.bool_]:
+    """Return for each draw whether a disc can follow the path: its start is white and every edge beyond `radius`.
+
+    Without an edge in reach the disc keeps the colour of its start, so these two conditions are enough. The window
+    is convex: a path with its corners inside lies inside. What the disc covers beyond the border is taken as free.
+
+    Parameters
+    ----------
+    draws : Draws
+        Colorings in one window.
+    path_xy : (n_points, 2) array
+        Corners of the path in metres, all inside the window, at least one.
+    radius : float
+        Radius of the disc in metres.
+
+    Returns
+    -------
+    (n_draws,) bool
+    """
+    path = _points(path_xy)
+    pieces = np.vstack((path, path)) if len(path) == 1 else path
+    clear = np.empty(len(draws), dtype=np.bool_)
+    ragged = (draws.vertex_offsets, draws.xy, draws.edge_offsets, draws.edges)
+    query.draws_clear_path(np.ascontiguousarray(pieces), float(radius), *ragged, clear)
+    return clear & ~black_at_draws(draws, path[:1])[:, 0]
+
+
+def _points(xy: ArrayLike) -> NDArray[np.float64]:
+    """Return `xy` as (n, 2) float64; an empty list is no point."""
+    return np.asarray(xy, dtype=np.float64).reshape(-1, 2)
+
+
+def _require_draws(draws: Draws) -> None:
+    if len(draws) == 0:
+        raise InputError("no draws yet: nothing can be estimated. Go on with prf sample --resume.")

@@ -1,0 +1,79 @@
+"""A polygonal map as GeoJSON: the occupied area as one Feature, which GIS programs open as it is."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from prf.coloring import Coloring, from_polygons, occupied_polygons
+from prf.run import names
+from prf.run.storage import load_object
+from prf.shell.errors import ConfigError, InputError
+from prf.shell.jsonout import dump_object
+from prf.window import Window
+
+
+def map_feature(coloring: Coloring, properties: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the Feature of a map: a MultiPolygon, with the window, sizes and `properties` as its properties."""
+    return {
+        "type": "Feature",
+        "geometry": shapely.geometry.mapping(occupied_polygons(coloring)),
+        "properties": {
+            **properties,
+            "n_edges": coloring.n_edges,
+            "n_vertices": coloring.n_vertices,
+            "frame": "metres",
+            "window": list(coloring.window),
+            "anchor_black": bool(coloring.anchor_black),
+        },
+    }
+
+
+def map_text(coloring: Coloring, properties: Mapping[str, Any]) -> str:
+    """Return the text of a map file; coordinates keep full double precision."""
+    return dump_object(names.SCHEMAS[names.MAP], map_feature(coloring, properties)) + "\n"
+
+
+def read_map_feature(path: str | os.PathLike[str]) -> tuple[Coloring, dict[str, Any]]:
+    """Return the coloring of a map that prf wrote, and its properties.
+
+    Parameters
+    ----------
+    path : path
+        map.geojson of a run, or any file of the same schema.
+
+    Returns
+    -------
+    coloring : Coloring
+    properties : dict
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged, of an unknown version, or its polygons are no coloring.
+    """
+    file = Path(path)
+    content = load_object(file, names.SCHEMAS[names.MAP])
+    try:
+        properties = dict(content["properties"])
+        window = Window.checked(*properties["window"])
+        coloring = from_polygons(_geometry(content["geometry"]), window)
+        if coloring.n_edges == 0:  # all of the window, or nothing: no ring says which
+            coloring = Coloring.empty(window, bool(properties["anchor_black"]))
+    except (KeyError, TypeError, ValueError, AttributeError, shapely.errors.ShapelyError) as error:
+        raise InputError(f"{file}: not a map that prf wrote ({type(error).__name__}: {error}).") from error
+    except (ConfigError, InputError) as error:
+        raise InputError(f"{file}: {error}") from error
+    return coloring, properties
+
+
+def _geometry(content: Mapping[str, Any]) -> BaseGeometry:
+    """Return the MultiPolygon of a Feature (shapely takes no empty coordinate list)."""
+    if content["type"] != "MultiPolygon":
+        raise ValueError(f"geometry {content['type']}, expected MultiPolygon")
+    return shapely.geometry.shape(content) if content["coordinates"] else shapely.MultiPolygon()

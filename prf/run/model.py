@@ -1,0 +1,145 @@
+"""What a RUN directory holds, as arrays in memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.coloring import Coloring, Draws
+from prf.shell.errors import InputError
+
+
+class PosteriorImage(NamedTuple):
+    """Occupancy image on square cells, estimated over every step after burn-in.
+
+    Attributes
+    ----------
+    occupancy : (ny, nx) float32
+        Share of steps in which the cell's centre is black; row 0 has the lowest y; nan where nothing is known.
+    square_occupancy : (ny, nx) float32
+        Share of steps in which the cell is not completely white.
+    origin : (2,) float64
+        Lower left corner of cell (0, 0) in metres.
+    resolution : float
+        Side of a cell in metres.
+    """
+
+    occupancy: NDArray[np.float32]
+    square_occupancy: NDArray[np.float32]
+    origin: NDArray[np.float64]
+    resolution: float
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Left, right, bottom and top of the image in metres."""
+        n_rows, n_columns = self.occupancy.shape
+        x, y = float(self.origin[0]), float(self.origin[1])
+        return x, x + n_columns * self.resolution, y, y + n_rows * self.resolution
+
+
+class Beams(NamedTuple):
+    """The beams that a run used, one row a beam.
+
+    Attributes
+    ----------
+    origin : (n, 2) float64
+        Sensor position in metres.
+    angle : (n,) float64
+        Direction in the world frame, radians counter-clockwise from +x.
+    range : (n,) float64
+        Measured distance in metres; inf for no return.
+    scan : (n,) int64
+        Number of the scan in its log; beams of one scan have one origin.
+    max_range : float
+        Distance in metres from which on a reading counts as no return.
+    """
+
+    origin: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    range: NDArray[np.float64]
+    scan: NDArray[np.int64]
+    max_range: float
+
+    def impacts(self) -> NDArray[np.float64]:
+        """Return the end points of the beams with a return, (n_returns, 2) in metres."""
+        hit = np.isfinite(self.range) & (self.range < self.max_range)
+        reach = self.range[hit, None]
+        direction = np.column_stack((np.cos(self.angle[hit]), np.sin(self.angle[hit])))
+        impacts: NDArray[np.float64] = self.origin[hit] + reach * direction
+        return impacts
+
+    def sensor_path(self) -> NDArray[np.float64]:
+        """Return the sensor's position scan by scan, (n_scans, 2), in the order of the scan numbers."""
+        _, first = np.unique(self.scan, return_index=True)
+        return self.origin[first]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A run of the sampler: draws from the posterior and what was estimated on the way.
+
+    A run may have been interrupted at any time, so it may have no draws; the other parts are None where the run
+    wrote none, or where the reader did not ask for them.
+
+    Attributes
+    ----------
+    manifest : dict
+        Content of manifest.json: schema, versions, configuration, seed, inputs, status, created.
+    draws : Draws
+        n recorded colorings, ragged.
+    chain : (n,) int32
+        Chain that recorded each draw.
+    step : (n,) int64
+        Step of its chain at which it was recorded, burn-in included.
+    functionals : dict of str to (n,) float64
+        Such as n_edges, total_length (m), log_prior, log_likelihood, one value a draw.
+    probe_xy : (n_probes, 2) float64
+        Points in metres whose colour is watched for convergence.
+    probe_black : (n, n_probes) bool
+        Colour of each probe point in each draw.
+    image : PosteriorImage or None
+    beams : Beams or None
+    best : Coloring or None
+        The map of highest log posterior that any chain met.
+    best_log_posterior : float
+        Its log posterior, up to a constant; nan if unknown.
+    diagnostics : dict or None
+        Content of diagnostics.json.
+    path : Path or None
+        Where the run was read from.
+    """
+
+    manifest: dict[str, Any]
+    draws: Draws
+    chain: NDArray[np.int32]
+    step: NDArray[np.int64]
+    functionals: dict[str, NDArray[np.float64]]
+    probe_xy: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    probe_black: NDArray[np.bool_] = field(default_factory=lambda: np.empty((0, 0), dtype=np.bool_))
+    image: PosteriorImage | None = None
+    beams: Beams | None = None
+    best: Coloring | None = None
+    best_log_posterior: float = float("nan")
+    diagnostics: dict[str, Any] | None = None
+    path: Path | None = None
+
+    @property
+    def n_chains(self) -> int:
+        """Number of chains that recorded a draw."""
+        return len(np.unique(self.chain))
+
+    @property
+    def name(self) -> str:
+        """Name of the run's folder, for messages and titles."""
+        return "run" if self.path is None else self.path.resolve().name
+
+    def missing(self, file: str) -> InputError:
+        """Return the error that says that `file` is not in this run."""
+        where = file if self.path is None else str(self.path / file)
+        return InputError(
+            f"{where}: no such file: the run ended before it was written. Go on with prf sample --resume."
+        )

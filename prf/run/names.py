@@ -1,0 +1,25 @@
+"""Files of a RUN directory, and the version of each that this program writes and reads."""
+
+from __future__ import annotations
+
+from prf import diagnostics
+
+MANIFEST = "manifest.json"
+DRAWS = "draws.npz"
+POSTERIOR = "posterior.npz"
+READINGS = "readings.npz"
+MAP = "map.geojson"
+DIAGNOSTICS = "diagnostics.json"
+CHECKPOINT = "checkpoint.npz"
+PICTURE = "posterior.png"
+
+SCHEMAS = {
+    MANIFEST: "prf.run/1",
+    DRAWS: "prf.draws/1",
+    POSTERIOR: "prf.posterior/1",
+    READINGS: "prf.readings/1",
+    MAP: "prf.map/1",
+    DIAGNOSTICS: diagnostics.SCHEMA,
+}
+FUNCTIONAL_PREFIX = "functional_"
+"""Arrays of draws.npz with this prefix hold one functional each."""

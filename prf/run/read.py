@@ -1,0 +1,163 @@
+"""Reading a RUN directory: every array is checked before a kernel sees it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.coloring import Coloring, Draws
+from prf.run import names
+from prf.run.mapfile import read_map_feature
+from prf.run.model import Beams, PosteriorImage, Run
+from prf.run.storage import damaged, load_arrays, load_object, take_array
+from prf.shell.errors import InputError
+from prf.window import Window
+
+PARTS = (names.POSTERIOR, names.READINGS, names.MAP, names.DIAGNOSTICS)
+"""Files beside manifest and draws; a run that was interrupted early may lack them."""
+
+
+def read_run(path: str | os.PathLike[str], parts: Collection[str] = PARTS) -> Run:
+    """Return the run in the directory `path`.
+
+    Parameters
+    ----------
+    path : path
+        A RUN directory.
+    parts : collection of str
+        File names of the parts to read besides manifest.json and draws.npz; a part that does not exist is None.
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    InputError
+        If `path` is no RUN directory, or a file that is read is damaged or of an unknown version.
+    """
+    folder = Path(path)
+    manifest = read_manifest(folder)
+    present = {name for name in parts if (folder / name).exists()}
+    fields: dict[str, Any] = read_draws(folder / names.DRAWS)
+    if names.POSTERIOR in present:
+        fields["image"] = read_image(folder / names.POSTERIOR)
+    if names.READINGS in present:
+        fields["beams"] = read_beams(folder / names.READINGS)
+    if names.MAP in present:
+        fields["best"], fields["best_log_posterior"] = read_best(folder / names.MAP)
+    if names.DIAGNOSTICS in present:
+        fields["diagnostics"] = load_object(folder / names.DIAGNOSTICS, names.SCHEMAS[names.DIAGNOSTICS])
+    return Run(manifest=manifest, path=folder, **fields)
+
+
+def is_run(path: str | os.PathLike[str]) -> bool:
+    """Return whether `path` is a directory with the manifest of a run, of whatever version."""
+    return (Path(path) / names.MANIFEST).is_file()
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Return the manifest of the RUN directory `folder` (InputError if there is none)."""
+    if not folder.exists():
+        raise InputError(f"{folder}: no such directory.")
+    if not folder.is_dir():
+        raise InputError(f"{folder}: not a directory; expected a RUN that prf sample wrote.")
+    if not is_run(folder):
+        raise InputError(f"{folder}: no {names.MANIFEST} in it; expected a RUN that prf sample wrote.")
+    return load_object(folder / names.MANIFEST, names.SCHEMAS[names.MANIFEST])
+
+
+def read_draws(path: Path) -> dict[str, Any]:
+    """Return the fields of :class:`Run` that draws.npz holds."""
+    arrays = load_arrays(path, names.SCHEMAS[names.DRAWS])
+    draws = _take_draws(path, arrays)
+    n = len(draws)
+    probe_xy = take_array(path, arrays, "probe_xy", np.float64, (None, 2))
+    prefix = names.FUNCTIONAL_PREFIX
+    return {
+        "draws": draws,
+        "chain": take_array(path, arrays, "chain", np.int32, (n,)),
+        "step": take_array(path, arrays, "step", np.int64, (n,)),
+        "functionals": {
+            name.removeprefix(prefix): take_array(path, arrays, name, np.float64, (n,))
+            for name in arrays
+            if name.startswith(prefix)
+        },
+        "probe_xy": probe_xy,
+        "probe_black": take_array(path, arrays, "probe_black", np.bool_, (n, len(probe_xy))),
+    }
+
+
+def read_image(path: Path) -> PosteriorImage:
+    """Return the image in posterior.npz."""
+    arrays = load_arrays(path, names.SCHEMAS[names.POSTERIOR])
+    occupancy = take_array(path, arrays, "occupancy", np.float32, (None, None))
+    return PosteriorImage(
+        occupancy,
+        take_array(path, arrays, "square_occupancy", np.float32, occupancy.shape),
+        take_array(path, arrays, "origin", np.float64, (2,)),
+        float(take_array(path, arrays, "resolution", np.float64, ())),
+    )
+
+
+def read_beams(path: Path) -> Beams:
+    """Return the beams in readings.npz."""
+    arrays = load_arrays(path, names.SCHEMAS[names.READINGS])
+    angle = take_array(path, arrays, "angle", np.float64, (None,))
+    n = len(angle)
+    return Beams(
+        take_array(path, arrays, "origin", np.float64, (n, 2)),
+        angle,
+        take_array(path, arrays, "range", np.float64, (n,)),
+        take_array(path, arrays, "scan", np.int64, (n,)),
+        float(take_array(path, arrays, "max_range", np.float64, ())),
+    )
+
+
+def read_best(path: Path) -> tuple[Coloring, float]:
+    """Return the best map in map.geojson and its log posterior (nan if the file does not say)."""
+    coloring, properties = read_map_feature(path)
+    value = properties.get("log_posterior")
+    return coloring, float(value) if isinstance(value, int | float) else float("nan")
+
+
+def _take_draws(path: Path, arrays: dict[str, NDArray[Any]]) -> Draws:
+    bounds = take_array(path, arrays, "window", np.float64, (4,))
+    if not (np.isfinite(bounds).all() and (bounds[:2] < bounds[2:]).all()):
+        raise damaged(path, f"window {bounds.tolist()}")
+    anchor_black = take_array(path, arrays, "anchor_black", np.bool_, (None,))
+    n = len(anchor_black)
+    xy = take_array(path, arrays, "xy", np.float64, (None, 2))
+    edges = take_array(path, arrays, "edges", np.int32, (None, 2))
+    draws = Draws(
+        Window(*bounds.tolist()),
+        _take_offsets(path, arrays, "vertex_offsets", n, len(xy)),
+        xy,
+        take_array(path, arrays, "side", np.int8, (len(xy),)),
+        _take_offsets(path, arrays, "edge_offsets", n, len(edges)),
+        edges,
+        anchor_black,
+    )
+    _check_edges(path, draws)
+    return draws
+
+
+def _take_offsets(path: Path, arrays: dict[str, NDArray[Any]], name: str, n: int, total: int) -> NDArray[np.int64]:
+    offsets = take_array(path, arrays, name, np.int64, (n + 1,))
+    if offsets[0] != 0 or offsets[-1] != total or (np.diff(offsets) < 0).any():
+        raise damaged(path, f"array {name} does not ascend from 0 to {total}")
+    return offsets
+
+
+def _check_edges(path: Path, draws: Draws) -> None:
+    """Refuse vertex numbers out of range: compiled code would read beyond its arrays."""
+    n_vertices = np.repeat(np.diff(draws.vertex_offsets), draws.n_edges)
+    if (draws.edges < 0).any() or (draws.edges >= n_vertices[:, None]).any():
+        raise damaged(path, "array edges names a vertex that its draw does not have")
+    if not np.isfinite(draws.xy).all():
+        raise damaged(path, "array xy has a value that is not finite")

@@ -1,0 +1,97 @@
+"""State of every file of a RUN directory, for ``prf inspect``: nothing here raises over a damaged file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from prf.run import names
+from prf.run.read import read_beams, read_best, read_draws, read_image, read_manifest
+from prf.run.storage import load_object
+from prf.shell.errors import PrfError
+
+
+class FileState(NamedTuple):
+    """State of one file: "ok", "missing" or "damaged"; what it holds, or why it cannot be read."""
+
+    name: str
+    state: str
+    bytes: int | None
+    schema: str | None
+    summary: str
+
+
+def inspect_files(path: str | os.PathLike[str]) -> list[FileState]:
+    """Return the state of every file that a RUN directory may hold, in the order of the documentation.
+
+    Raises
+    ------
+    InputError
+        If `path` is no RUN directory.
+    """
+    folder = Path(path)
+    if not (folder / names.MANIFEST).is_file():
+        read_manifest(folder)  # says what is wrong with the folder itself
+    return [_inspect(folder / name, summarise) for name, summarise in _SUMMARIES.items()]
+
+
+def _inspect(file: Path, summarise: Callable[[Path], str]) -> FileState:
+    schema = names.SCHEMAS.get(file.name)
+    if not file.is_file():
+        return FileState(file.name, "missing", None, schema, "")
+    size = file.stat().st_size
+    try:
+        return FileState(file.name, "ok", size, schema, summarise(file))
+    except PrfError as error:
+        return FileState(file.name, "damaged", size, schema, str(error).removeprefix(f"{file}: "))
+
+
+def _summarise_manifest(file: Path) -> str:
+    return f"status {load_object(file, names.SCHEMAS[names.MANIFEST]).get('status', 'unknown')}"
+
+
+def _summarise_draws(file: Path) -> str:
+    fields: dict[str, Any] = read_draws(file)
+    chains = len(set(fields["chain"].tolist()))
+    edges = fields["draws"].n_edges
+    middle = f", {edges.mean():.0f} edges on average" if len(edges) else ""
+    return f"{len(edges)} draws of {chains} chains{middle}; functionals {', '.join(fields['functionals']) or 'none'}"
+
+
+def _summarise_image(file: Path) -> str:
+    image = read_image(file)
+    n_rows, n_columns = image.occupancy.shape
+    return f"{n_columns} x {n_rows} cells of {image.resolution:g} m"
+
+
+def _summarise_beams(file: Path) -> str:
+    beams = read_beams(file)
+    return f"{len(beams.angle)} beams, {len(beams.impacts())} with a return below {beams.max_range:g} m"
+
+
+def _summarise_best(file: Path) -> str:
+    coloring, log_posterior = read_best(file)
+    return f"best map: {coloring.n_edges} edges, log posterior {log_posterior:.2f}"
+
+
+def _summarise_diagnostics(file: Path) -> str:
+    content = load_object(file, names.SCHEMAS[names.DIAGNOSTICS])
+    return str(content.get("reason", ""))
+
+
+def _summarise_nothing(file: Path) -> str:
+    return ""
+
+
+_SUMMARIES: dict[str, Callable[[Path], str]] = {
+    names.MANIFEST: _summarise_manifest,
+    names.DRAWS: _summarise_draws,
+    names.POSTERIOR: _summarise_image,
+    names.READINGS: _summarise_beams,
+    names.MAP: _summarise_best,
+    names.DIAGNOSTICS: _summarise_diagnostics,
+    names.CHECKPOINT: _summarise_nothing,
+    names.PICTURE: _summarise_nothing,
+}

@@ -1,0 +1,105 @@
+"""Arrays and JSON objects on disk, each with the name and version of its schema."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from prf.shell.errors import InputError
+
+_REMEDY = "Write it anew with prf sample, or restore it."
+
+
+def load_arrays(path: Path, schema: str) -> dict[str, NDArray[Any]]:
+    """Return all arrays of the .npz file `path`, whose array ``schema`` must be `schema`.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged, holds pickled objects, or is of another schema.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            if not isinstance(stored, np.lib.npyio.NpzFile):
+                raise InputError(f"{path}: not a .npz archive. {_REMEDY}")
+            arrays = {name: stored[name] for name in stored.files}
+    except OSError as error:
+        raise InputError(f"{path}: {_reason(error)}.") from error
+    except (ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
+        raise InputError(f"{path}: damaged ({_reason(error)}). {_REMEDY}") from error
+    check_schema(path, str(arrays.pop("schema", "")), schema)
+    return arrays
+
+
+def load_object(path: Path, schema: str) -> dict[str, Any]:
+    """Return the JSON object in `path`, whose ``schema`` must be `schema`; errors as :func:`load_arrays`."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: {_reason(error)}.") from error
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}:{error.lineno}: damaged ({error.msg}). {_REMEDY}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: damaged (not UTF-8 text). {_REMEDY}") from error
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: damaged (not a JSON object). {_REMEDY}")
+    check_schema(path, str(content.get("schema", "")), schema)
+    return content
+
+
+def check_schema(path: Path, found: str, expected: str) -> None:
+    """Refuse a file whose schema is not `expected`, telling another version from another kind of file."""
+    if found == expected:
+        return
+    kind, _, version = expected.rpartition("/")
+    if not found:
+        raise InputError(f"{path}: no schema: this is not a file that prf wrote. Expected {expected}.")
+    if found.startswith(f"{kind}/"):
+        raise InputError(
+            f"{path}: version {found.rpartition('/')[2]} of {kind} is not known to this prf, which reads version "
+            f"{version}. Use the prf that wrote it."
+        )
+    raise InputError(f"{path}: schema {found}, expected {expected}.")
+
+
+def take_array(
+    path: Path, arrays: dict[str, NDArray[Any]], name: str, dtype: DTypeLike, shape: tuple[int | None, ...]
+) -> NDArray[Any]:
+    """Return array `name` as C-contiguous `dtype`, checking that it is there and has `shape` (None: any length).
+
+    Raises
+    ------
+    InputError
+        If it is missing, or its shape or its kind of numbers differs.
+    """
+    if name not in arrays:
+        raise InputError(f"{path}: damaged (array {name} is missing). {_REMEDY}")
+    array = arrays[name]
+    fits = array.ndim == len(shape) and all(
+        expected in (None, n) for expected, n in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        wanted = "(" + ", ".join("n" if n is None else str(n) for n in shape) + ")"
+        raise InputError(f"{path}: damaged (array {name} has shape {array.shape}, not {wanted}). {_REMEDY}")
+    if not np.can_cast(array.dtype, dtype, casting="same_kind"):
+        raise InputError(f"{path}: damaged (array {name} is {array.dtype}, not {np.dtype(dtype)}). {_REMEDY}")
+    return np.ascontiguousarray(array, dtype=dtype).reshape(array.shape)
+
+
+def damaged(path: Path, what: str) -> InputError:
+    """Return the error for content that contradicts itself."""
+    return InputError(f"{path}: damaged ({what}). {_REMEDY}")
+
+
+def _reason(error: BaseException) -> str:
+    """Return what went wrong in one line, without numpy's advice to allow pickles."""
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror.lower()
+    text = " ".join(str(error).split())
+    return "holds pickled objects" if "pickle" in text else text or type(error).__name__

@@ -1,0 +1,69 @@
+"""Small runs whose maps are draws from the prior: no sampler is needed to test what comes after it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from prf.arak import exact_draws
+from prf.coloring import Draws
+from prf.estimate import occupied_probability
+from prf.run import Beams, PosteriorImage, Run
+from prf.window import Window
+
+WINDOW = Window(-10.0, -5.0, 30.0, 20.0)
+
+
+def random_draws(seed: int, n_draws: int, window: Window = WINDOW, scale: float = 0.2) -> Draws:
+    return exact_draws(scale, window, n_draws, np.random.default_rng(seed))
+
+
+def make_beams(window: Window, n_scans: int = 5, n_beams: int = 40) -> Beams:
+    rng = np.random.default_rng(7)
+    along = np.linspace(0.3, 0.7, n_scans)[:, None]
+    path = np.array(window[:2]) + along * np.array([window.width, window.height])
+    angle = np.tile(np.linspace(-np.pi, np.pi, n_beams, endpoint=False), n_scans)
+    measured = rng.uniform(0.05, 0.4, n_scans * n_beams) * min(window.width, window.height)
+    measured[::9] = np.inf
+    return Beams(
+        np.repeat(path, n_beams, axis=0),
+        angle,
+        measured,
+        np.repeat(10 * np.arange(n_scans, dtype=np.int64), n_beams),
+        0.8 * max(window.width, window.height),
+    )
+
+
+def make_image(draws: Draws, resolution: float) -> PosteriorImage:
+    window = draws.window
+    n_columns, n_rows = int(np.ceil(window.width / resolution)), int(np.ceil(window.height / resolution))
+    x = window.x_min + resolution * (np.arange(n_columns) + 0.5)
+    y = window.y_min + resolution * (np.arange(n_rows) + 0.5)
+    cells = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    point = occupied_probability(draws, cells).reshape(n_rows, n_columns)
+    square = occupied_probability(draws, cells, resolution).reshape(n_rows, n_columns)
+    origin = np.array([window.x_min, window.y_min])
+    return PosteriorImage(point.astype(np.float32), square.astype(np.float32), origin, resolution)
+
+
+def make_run(seed: int = 1, n_draws: int = 12, window: Window = WINDOW, resolution: float = 1.0) -> Run:
+    draws = random_draws(seed, n_draws, window)
+    rng = np.random.default_rng(seed)
+    probe_xy = rng.uniform(window[:2], window[2:], (3, 2))
+    return Run(
+        manifest={"status": "finished", "seed": seed, "configuration": {"scale": 0.1}},
+        draws=draws,
+        chain=(np.arange(n_draws) % 4).astype(np.int32),
+        step=(1000 * (np.arange(n_draws, dtype=np.int64) // 4 + 1)),
+        functionals={
+            "n_edges": draws.n_edges.astype(np.float64),
+            "total_length": draws.total_length(),
+            "log_posterior": rng.normal(size=n_draws),
+        },
+        probe_xy=probe_xy,
+        probe_black=rng.random((n_draws, 3)) < 0.5,
+        image=make_image(draws, resolution) if n_draws else None,
+        beams=make_beams(window),
+        best=draws[n_draws // 2] if n_draws else None,
+        best_log_posterior=-123.25,
+        diagnostics={"converged": True, "reason": "n_edges: R-hat 1.010, ESS 300"},
+    )

@@ -1,0 +1,139 @@
+"""Points, squares and paths over draws, against shapely on the occupied polygons of each draw."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from prf.coloring import Coloring, Draws, occupied_polygons
+from prf.estimate import occupied_in_draws, occupied_probability, path_free, path_free_in_draws
+from prf.shell.errors import InputError, UsageError
+from prf.window import Window
+from tests.factories import WINDOW, random_draws
+
+
+def random_points(seed: int, n: int) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(WINDOW[:2], WINDOW[2:], (n, 2))
+
+
+def squares_by_shapely(draws: Draws, xy: np.ndarray, square: float) -> np.ndarray:
+    half = 0.5 * square
+    boxes = shapely.box(xy[:, 0] - half, xy[:, 1] - half, xy[:, 0] + half, xy[:, 1] + half)
+    return np.array([shapely.intersects(occupied_polygons(draw), boxes) for draw in draws])
+
+
+def test_points_agree_with_shapely() -> None:
+    draws, xy = random_draws(1, 20), random_points(2, 300)
+    black = np.array([shapely.contains_xy(occupied_polygons(draw), xy) for draw in draws])
+    np.testing.assert_array_equal(occupied_in_draws(draws, xy), black)
+    np.testing.assert_allclose(occupied_probability(draws, xy), black.mean(axis=0), rtol=1e-14)
+
+
+@pytest.mark.parametrize("square", [1e-3, 0.2, 1.0, 7.0, 100.0])
+def test_squares_agree_with_shapely(square: float) -> None:
+    draws, xy = random_draws(3, 20), random_points(4, 300)
+    expected = squares_by_shapely(draws, xy, square)
+    np.testing.assert_array_equal(occupied_in_draws(draws, xy, square), expected)
+    np.testing.assert_allclose(occupied_probability(draws, xy, square), expected.mean(axis=0), rtol=1e-14)
+
+
+@given(st.integers(0, 10_000), st.floats(0.0, 5.0))
+def test_random_maps_agree_with_shapely(seed: int, square: float) -> None:
+    draws, xy = random_draws(seed, 2), random_points(seed, 50)
+    np.testing.assert_array_equal(occupied_in_draws(draws, xy, square), squares_by_shapely(draws, xy, square))
+
+
+def test_order_of_points_is_kept_and_the_outside_is_nan() -> None:
+    draws = random_draws(5, 10)
+    xy = np.vstack((random_points(6, 20), [[1e3, 0.0], [np.nan, 0.0]], random_points(7, 20)))
+    probability = occupied_probability(draws, xy)
+    assert np.flatnonzero(np.isnan(probability)).tolist() == [20, 21]
+    for i in (0, 19, 22, 41):
+        assert probability[i] == occupied_probability(draws, xy[i : i + 1])[0]
+    assert occupied_probability(draws, np.empty((0, 2))).shape == (0,)
+
+
+def test_batches_do_not_change_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    draws, xy = random_draws(5, 10), random_points(6, 100)
+    whole = occupied_probability(draws, xy, 0.5)
+    monkeypatch.setattr("prf.estimate.MOST_COLOURS", 70)
+    np.testing.assert_array_equal(occupied_probability(draws, xy, 0.5), whole)
+
+
+@pytest.mark.parametrize("black", [False, True])
+def test_without_edges_the_anchor_colours_all(black: bool) -> None:
+    draws = Draws.from_colorings([Coloring.empty(WINDOW, black)])
+    corners = [[WINDOW.x_min, WINDOW.y_min], [WINDOW.x_max, WINDOW.y_max], list(WINDOW.centre)]
+    for square in (0.0, 3.0):
+        np.testing.assert_array_equal(occupied_probability(draws, corners, square), [black] * 3)
+    assert path_free(draws, corners, 0.3) == (float(not black), 1)
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.2, 1.0])
+@pytest.mark.parametrize("n_corners", [1, 2, 6])
+def test_paths_agree_with_shapely(radius: float, n_corners: int) -> None:
+    draws = random_draws(8, 60, scale=0.05)
+    free = []
+    for seed in range(10):
+        path = random_points(seed, 1) + np.cumsum(np.random.default_rng(seed).normal(size=(n_corners, 2)), axis=0)
+        path = np.clip(path, WINDOW[:2], WINDOW[2:])
+        line = shapely.LineString(path) if n_corners > 1 else shapely.Point(path[0])
+        expected = [shapely.distance(occupied_polygons(draw), line) for draw in draws]
+        expected = [not (distance <= radius) for distance in expected]  # nan: nothing is occupied
+        np.testing.assert_array_equal(path_free_in_draws(draws, path, radius), expected)
+        assert path_free(draws, path, radius) == (np.mean(expected), 60)
+        free.append(np.mean(expected))
+    assert 0.05 < np.mean(free) < 0.95
+
+
+def test_a_path_is_judged_jointly_not_point_by_point() -> None:
+    window = Window(0.0, 0.0, 10.0, 10.0)
+    left = shapely.box(2.0, 4.0, 3.0, 6.0)
+    right = shapely.box(7.0, 4.0, 8.0, 6.0)
+    from prf.coloring import from_polygons
+
+    draws = Draws.from_colorings([from_polygons(left, window), from_polygons(right, window)])
+    points = [[2.5, 5.0], [7.5, 5.0]]
+    np.testing.assert_array_equal(occupied_probability(draws, points), [0.5, 0.5])
+    assert path_free(draws, [[1.0, 5.0], [9.0, 5.0]], 0.2).p_free == 0.0
+    assert path_free(draws, [[1.0, 5.0], [5.0, 5.0]], 0.2).p_free == 0.5
+    assert path_free(draws, [[2.5, 5.0]], 0.2).p_free == 0.5
+
+
+def test_a_path_that_leaves_the_window_is_unknown() -> None:
+    assert np.isnan(path_free(random_draws(1, 3), [[0.0, 0.0], [99.0, 0.0]], 0.1).p_free)
+
+
+@pytest.mark.parametrize("square", [-1.0, np.nan, np.inf])
+def test_wrong_values_are_named(square: float) -> None:
+    draws = random_draws(1, 2)
+    with pytest.raises(UsageError, match="square"):
+        occupied_probability(draws, [[0.0, 0.0]], square)
+    with pytest.raises(UsageError, match="radius"):
+        path_free(draws, [[0.0, 0.0]], square)
+
+
+def test_no_draw_and_no_path_are_named() -> None:
+    empty = Draws.from_colorings([], WINDOW)
+    with pytest.raises(InputError, match="no draws"):
+        occupied_probability(empty, [[0.0, 0.0]])
+    with pytest.raises(InputError, match="no draws"):
+        path_free(empty, [[0.0, 0.0]], 0.1)
+    with pytest.raises(InputError, match="no point"):
+        path_free(random_draws(1, 2), [], 0.1)
+
+
+@pytest.mark.parametrize("square", [0.0, 0.4])
+def test_compiled_and_plain_python_agree(square: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    from prf.kernels import query
+
+    draws, xy = random_draws(11, 3), random_points(12, 30)
+    compiled = occupied_in_draws(draws, xy, square), path_free_in_draws(draws, xy[:4], square)
+    for name in ("draws_mark_squares", "draws_clear_path"):
+        monkeypatch.setattr(query, name, getattr(query, name).py_func)
+    plain = occupied_in_draws(draws, xy, square), path_free_in_draws(draws, xy[:4], square)
+    for a, b in zip(compiled, plain, strict=True):
+        np.testing.assert_array_equal(a, b)
