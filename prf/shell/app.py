@@ -62,15 +62,17 @@ class LazyGroup(TyperGroup):
 
 def make_app(name: str, version: str, help_text: str, package: str, verbs: Mapping[str, str]) -> LazyGroup:
     """Return the command of a tool (see :class:`LazyGroup` for the parameters)."""
+    context = {**_CONTEXT, "auto_envvar_prefix": name.upper()}
     app = typer.Typer(
-        name=name, cls=LazyGroup, rich_markup_mode=None, pretty_exceptions_enable=False, context_settings=_CONTEXT
+        name=name, cls=LazyGroup, rich_markup_mode=None, pretty_exceptions_enable=False, context_settings=context
     )
-    app.callback(invoke_without_command=True, help=help_text, epilog=_verbatim(EXIT_CODES))(_root)
+    epilog = f"{_environment_rule(name)}\n\n{_verbatim(EXIT_CODES)}"
+    app.callback(invoke_without_command=True, help=help_text, epilog=epilog)(_root)
     group = typer.main.get_command(app)
     assert isinstance(group, LazyGroup)
     group.package, group.verbs, group.version = package, verbs, version
     group.commands.update(dict.fromkeys(verbs))  # type: ignore[arg-type] # names are all that "did you mean" reads
-    group.params.extend(common_flags())
+    _add_common_flags(group)
     return group
 
 
@@ -88,8 +90,20 @@ def make_command(function: Callable[..., None], examples: Sequence[str]) -> Any:
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
     app.command(epilog=f"{lines}\n\n{_verbatim(EXIT_CODES)}", context_settings=_CONTEXT)(function)
     command = typer.main.get_command(app)
-    command.params.extend(common_flags())
+    _add_common_flags(command)
     return command
+
+
+def _add_common_flags(command: Any) -> None:
+    """Append the flags of every verb; the name of each option's variable follows a rule and is not listed."""
+    command.params.extend(common_flags())
+    for param in command.params:
+        param.show_envvar = False
+
+
+def _environment_rule(name: str) -> str:
+    prefix = name.upper()
+    return f"An option --max-range of a verb can be set as {prefix}_VERB_MAX_RANGE in the environment; a flag wins."
 
 
 def _print_version(ctx: typer.Context, wanted: bool) -> None:

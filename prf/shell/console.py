@@ -80,6 +80,11 @@ def is_terminal(stream: IO[str]) -> bool:
     return not stream.closed and stream.isatty()
 
 
+def can_redraw(stream: IO[str]) -> bool:
+    """Return whether `stream` is a terminal on which a line can be drawn anew."""
+    return is_terminal(stream) and os.environ.get("TERM") != "dumb"
+
+
 def use_color(stream: IO[str]) -> bool:
     """Return whether to write colour to `stream`.
 
@@ -92,7 +97,7 @@ def use_color(stream: IO[str]) -> bool:
         return False
     if os.environ.get("FORCE_COLOR"):
         return True
-    return os.environ.get("TERM") != "dumb" and is_terminal(stream)
+    return can_redraw(stream)
 
 
 def show_progress() -> bool:

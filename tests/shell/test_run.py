@@ -32,6 +32,8 @@ def finish(how: Annotated[str, typer.Argument(metavar="HOW", help="How.")], seed
         import time
         print("waiting", flush=True)
         time.sleep(60)
+    if how == "seed":
+        print(seed)
     if how == "flood":
         while True:
             print("row " * 1000)
@@ -56,8 +58,9 @@ def tool(tmp_path_factory: pytest.TempPathFactory, project_root: Path) -> Path:
     return folder / "tool.py"
 
 
-def call(tool: Path, *args: str) -> subprocess.CompletedProcess[str]:
+def call(tool: Path, *args: str, **variables: str) -> subprocess.CompletedProcess[str]:
     environment = {name: value for name, value in os.environ.items() if name not in ("FORCE_COLOR", "NO_COLOR")}
+    environment |= variables
     return subprocess.run([sys.executable, str(tool), *args], capture_output=True, text=True, env=environment)
 
 
@@ -140,6 +143,12 @@ def test_help_lists_verbs_that_are_not_even_there(tool: Path) -> None:
 @pytest.mark.parametrize("flag", ["--version", "-V"])
 def test_version(tool: Path, flag: str) -> None:
     assert call(tool, flag).stdout == "tool 1.2\n"
+
+
+def test_the_environment_sets_an_option_and_a_flag_wins(tool: Path) -> None:
+    assert call(tool, "finish", "seed", TOOL_FINISH_SEED="7").stdout == "7\nwell\n"
+    assert call(tool, "finish", "seed", "--seed", "8", TOOL_FINISH_SEED="7").stdout == "8\nwell\n"
+    assert "TOOL_VERB_MAX_RANGE" in call(tool, "--help").stdout
 
 
 def test_keyboard_interrupt_is_quiet(tool: Path) -> None:
