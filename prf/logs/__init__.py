@@ -1,0 +1,11 @@
+"""Readers: one file a format, all of them returning `Readings`."""
+
+from __future__ import annotations
+
+from prf.logs.describe import LogSummary, describe
+from prf.logs.open import read_readings
+from prf.logs.readings import LogNotes, Readings, ScanTable
+from prf.logs.table import write_table
+from prf.logs.thin import thin
+
+__all__ = ["LogNotes", "LogSummary", "Readings", "ScanTable", "describe", "read_readings", "thin", "write_table"]

@@ -1,0 +1,239 @@
+"""CARMEN logs: ``FLASER``, ``RLASER`` and ``ROBOTLASER0`` to ``ROBOTLASER5`` lines.
+
+One message stands on a line, and the first field alone says which (comments may hold any of these words)::
+
+    FLASER n r1..rn laser_x laser_y laser_theta robot_x robot_y robot_theta time host logger_time
+    RLASER ...                                                                     likewise
+    ROBOTLASER1 type start_angle fov resolution max_range accuracy remission_mode n r1..rn m s1..sm
+        laser_x laser_y laser_theta robot_x robot_y robot_theta tv rv forward side [turn_axis] time host logger_time
+
+The laser pose is the pose of the scanner itself, so no ``PARAM robot_frontlaser_offset`` is added again. For the rear
+laser CARMEN's robot module writes laser_theta = robot_theta + pi (``construct_laser_message`` in robot_laser.c): the
+heading in the line already looks backwards, and the beams are laid out round it exactly as for the front laser.
+
+``FLASER`` and ``RLASER`` carry no angles. Beam 0 looks to the right (-pi/2), angles run counter-clockwise; the step is
+pi/n for n = 180 or 360 (the last beam of the half circle is left out) and pi/(n - 1) for n = 181 or 361. For any other
+n CARMEN assumes pi/(n - 1) (``carmen_laser_guess_angle_increment`` in readlog.c); so does this reader, with a remark.
+
+A range of exactly 0 is a scanner's error code (too near, blinded): dropped and counted. Numbers that mean "no return"
+(81.91, 51.1, 50 ...) stay as they are, since they cannot be told from ranges without the user's maximum.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from prf.logs.numbers import LARGEST_TIME, MEND, check_pose, check_ranges, parse_count, parse_floats, show
+from prf.logs.readings import FloatArray, LogNotes, Readings, ScanTable
+from prf.shell.errors import InputError
+
+ROBOT_LASERS = tuple(f"ROBOTLASER{i}" for i in range(6))
+
+RAW_LASERS = tuple(f"RAWLASER{i}" for i in range(6))
+
+LASERS = ("FLASER", "RLASER", "LASER3", "LASER4", "LASER5", "REMISSIONFLASER", "REMISSIONRLASER", "POSITIONLASER")
+BASE = ("PARAM", "SYNC", "ODOM", "TRUEPOS", "NEFF", "MARKER", "SONAR", "BUMPER", "ARM", "IMU", "SCANMARK", "NMEAGGA")
+COMMANDS = ("NMEARMC", "VECTORMOVE", "ROBOTVELOCITY", "FOLLOWTRAJECTORY", "BASEVELOCITY")
+KNOWN_KINDS = frozenset((*LASERS, *RAW_LASERS, *ROBOT_LASERS, *BASE, *COMMANDS))
+"""First fields of CARMEN's log format; NEFF is an addition of GMapping's."""
+
+MANY_KINDS = 20
+"""Odd kinds of line that are counted one by one; a damaged file may have thousands."""
+
+REST = "others"
+
+
+class _Scan(NamedTuple):
+    """One laser line; `bearing` is relative to the heading of `pose`, the laser's; `robot_heading` is the base's."""
+
+    kind: str
+    line: int
+    ranges: FloatArray
+    bearing: FloatArray
+    pose: FloatArray
+    time: float
+    robot_heading: float
+
+
+@dataclass
+class _Log:
+    """What has been gathered from the lines so far."""
+
+    scans: list[_Scan] = field(default_factory=list)
+    kinds: Counter[str] = field(default_factory=Counter)
+    odd: Counter[str] = field(default_factory=Counter)
+
+
+def read_carmen(data: bytes, source: str) -> Readings:
+    """Read the localized laser scans of a CARMEN log.
+
+    Parameters
+    ----------
+    data : bytes
+        The text of the log, decompressed.
+    source : str
+        Name of the log, for messages.
+
+    Returns
+    -------
+    Readings
+        Every beam whose range is not 0. Scans are numbered from 0 in the order of the file, all lasers together.
+
+    Raises
+    ------
+    InputError
+        For a laser line that is damaged (wrong count, not a number, negative range, pose that is not finite), and for
+        a log without such lines.
+    """
+    log = _Log()
+    for number, line in enumerate(data.splitlines(), 1):
+        fields = line.split()
+        if fields:
+            _read_line(fields, number, source, log)
+    if not log.scans:
+        raise InputError(_nothing(source, log))
+    return _assemble(log, source)
+
+
+def _read_line(fields: list[bytes], number: int, source: str, log: _Log) -> None:
+    if fields[0].startswith(b"#"):
+        log.kinds["comment"] += 1
+        return
+    kind = fields[0].decode("latin-1")
+    parse = _PARSERS.get(kind)
+    if parse is not None:
+        log.scans.append(parse(kind, fields, number, f"{source}:{number}"))
+    elif kind in KNOWN_KINDS:
+        log.kinds[kind] += 1
+    else:
+        shown = show(fields[0]).strip("'\"")
+        log.odd[shown if shown in log.odd or len(log.odd) < MANY_KINDS else REST] += 1
+
+
+def _parse_plain_laser(kind: str, fields: list[bytes], number: int, where: str) -> _Scan:
+    n = _beam_count(kind, fields, 1, where)
+    _check_length(kind, fields, (n + 11,), f"{n} readings", where)
+    values = parse_floats(fields[2 : n + 9], where)
+    return _scan(kind, number, where, values[:n], half_circle(n), values[n : n + 6], float(values[n + 6]))
+
+
+def _parse_robot_laser(kind: str, fields: list[bytes], number: int, where: str) -> _Scan:
+    n = _beam_count(kind, fields, 8, where)
+    if len(fields) <= n + 9:
+        _check_length(kind, fields, (n + 23,), f"{n} readings", where)
+    m = parse_count(fields[n + 9], where, "the number of remission values")
+    # The format page of CARMEN has turn_axis, some writers of the format leave it out.
+    _check_length(kind, fields, (n + m + 24, n + m + 23), f"{n} readings and {m} remission values", where)
+    start, _, step = parse_floats(fields[2:5], where)
+    within_circle = 0 < abs(step) * max(n - 1, 1) <= 2 * np.pi + 1e-6
+    if not (within_circle and abs(start) <= 2 * np.pi):
+        raise InputError(f"{where}: {n} beams from {start:g} in steps of {step:g} rad are no scan. {MEND}")
+    ranges = parse_floats(fields[9 : n + 9], where)
+    poses = parse_floats(fields[n + m + 10 : n + m + 16], where)
+    time = parse_floats(fields[-3:-2], where)
+    return _scan(kind, number, where, ranges, start + step * np.arange(n), poses, float(time[0]))
+
+
+_PARSERS: dict[str, Callable[[str, list[bytes], int, str], _Scan]] = {
+    "FLASER": _parse_plain_laser,
+    "RLASER": _parse_plain_laser,
+    **dict.fromkeys(ROBOT_LASERS, _parse_robot_laser),
+}
+
+
+def _beam_count(kind: str, fields: list[bytes], place: int, where: str) -> int:
+    if len(fields) <= place:
+        raise InputError(f"{where}: {kind} line ends before its number of readings. {MEND}")
+    n = parse_count(fields[place], where, "the number of readings")
+    if n == 0:
+        raise InputError(f"{where}: {kind} line without readings. {MEND}")
+    return n
+
+
+def _check_length(kind: str, fields: list[bytes], allowed: tuple[int, ...], announced: str, where: str) -> None:
+    if len(fields) not in allowed:
+        has = f"announces {announced}, which makes {allowed[0]} fields, but has {len(fields)}"
+        raise InputError(f"{where}: {kind} line {has}. {MEND}")
+
+
+def _scan(
+    kind: str, number: int, where: str, ranges: FloatArray, bearing: FloatArray, poses: FloatArray, time: float
+) -> _Scan:
+    check_ranges(ranges, where)
+    check_pose(poses[:3], where)
+    if not abs(time) <= LARGEST_TIME:
+        raise InputError(f"{where}: time stamp {time:g} is not finite. {MEND}")
+    return _Scan(kind, number, ranges, bearing, poses[:3], time, float(poses[5]))
+
+
+@lru_cache(maxsize=8)
+def half_circle(n: int) -> FloatArray:
+    """Return the (n,) bearings in radians of a scan over half a circle, right to left, by CARMEN's convention."""
+    steps = n if n in (180, 360) else max(n - 1, 1)
+    return -np.pi / 2 + np.arange(n, dtype=np.float64) * (np.pi / steps)
+
+
+def _assemble(log: _Log, source: str) -> Readings:
+    scans = log.scans
+    table = _scan_table(scans)
+    ranges = np.concatenate([scan.ranges for scan in scans])
+    usable = ranges > 0
+    if not usable.any():
+        raise InputError(f"{source}: every range is 0, which means no measurement. Look for a log with readings.")
+    heading = np.repeat(table.pose[:, 2], table.n_beams)
+    number = np.repeat(table.number, table.n_beams)
+    readings = Readings.from_arrays(
+        np.repeat(table.pose[:, :2], table.n_beams, axis=0),
+        heading + np.concatenate([scan.bearing for scan in scans]),
+        ranges,
+        scan=number,
+        time=np.repeat(table.time, table.n_beams),
+        source=source,
+        notes=LogNotes(
+            format="CARMEN",
+            scans=table,
+            devices=tuple(dict.fromkeys(scan.kind for scan in scans)),
+            n_zero_ranges=int(np.count_nonzero(~usable)),
+            lines=dict(log.kinds),
+            odd_lines=dict(log.odd),
+            remarks=_remarks(scans),
+        ),
+    )
+    return readings.select(usable)
+
+
+def _scan_table(scans: list[_Scan]) -> ScanTable:
+    devices = list(dict.fromkeys(scan.kind for scan in scans))
+    return ScanTable(
+        number=np.arange(len(scans)),
+        line=np.array([scan.line for scan in scans], dtype=np.int64),
+        n_beams=np.array([len(scan.ranges) for scan in scans], dtype=np.int64),
+        device=np.array([devices.index(scan.kind) for scan in scans], dtype=np.int64),
+        pose=np.array([scan.pose for scan in scans]),
+        time=np.array([scan.time for scan in scans]),
+    )
+
+
+def _remarks(scans: list[_Scan]) -> tuple[str, ...]:
+    remarks = []
+    guessed = sorted({len(scan.ranges) for scan in scans if scan.kind in ("FLASER", "RLASER")} - {180, 181, 360, 361})
+    if guessed:
+        counts = ", ".join(map(str, guessed[:5]))
+        remarks.append(f"laser lines of {counts} beams carry no angles: half a circle is assumed, both ends included")
+    turned = [np.cos(scan.pose[2] - scan.robot_heading) for scan in scans if scan.kind == "RLASER"]
+    if turned and min(turned) > 0:
+        remarks.append("the rear laser's heading is the robot's, where CARMEN writes it turned by pi; taken as it is")
+    return tuple(remarks)
+
+
+def _nothing(source: str, log: _Log) -> str:
+    counts = (log.kinds + log.odd).most_common(6)
+    found = ", ".join(f"{n} {kind}" for kind, n in counts) or "nothing"
+    why = "no FLASER, RLASER or ROBOTLASER line, the ones that carry a laser pose"
+    return f"{source}: CARMEN log with {why}; it has {found}. Use a log with corrected (localized) scans."

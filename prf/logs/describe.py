@@ -1,0 +1,147 @@
+"""What is in a log: counts, extent, ranges, and what looks suspicious, as `prf info` tells it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from prf.logs.readings import FloatArray, Readings, ScanTable
+from prf.logs.suspicions import Suspicion, find_suspicions
+
+MAX_RANGE_SHARE = 0.97
+"""Default maximum range over largest range: the numbers that mean "no return" in a log spread by less (51.05-51.16)."""
+
+FAR = 8.0
+"""Metres. What indoor mapping usually cuts ranges at; the share beyond says how much such a cut would cost."""
+
+
+class Extent(NamedTuple):
+    """A box round positions, metres."""
+
+    x_min: float
+    y_min: float
+    x_max: float
+    y_max: float
+
+
+@dataclass(frozen=True)
+class LogSummary:
+    """What is in a log.
+
+    Attributes
+    ----------
+    source, format : str
+        Name and format of the log.
+    devices : tuple of str
+        The kinds of scan in it.
+    n_scans, n_beams : int
+        Scans, and beams with a usable range.
+    beams_per_scan : tuple of int
+        Fewest and most beams that a scan has in the file.
+    path_extent, returns_extent : Extent or None
+        Round the sensor positions, and round the end points of the beams below the maximum range (None: no such beam).
+    path_length : float
+        Sum of the steps between successive scans of the first device, metres.
+    duration : float
+        Seconds from the smallest to the largest time stamp; nan if there are none.
+    largest_range, max_range : float
+        Largest finite range, and the maximum range that `prf sample` takes from it; nan if no range is finite.
+    share_no_return : float
+        Share of beams at or beyond the maximum range.
+    share_far : float
+        Share of beams, no returns included, of at least `FAR` metres.
+    n_zero_ranges : int
+        Beams dropped because their range is 0.
+    lines, odd_lines : dict of str to int
+        Lines passed over: of kinds that the format knows, and of others.
+    remarks : tuple of str
+        What the reader had to assume.
+    suspicions : tuple of Suspicion
+        What a person should look at before mapping.
+    """
+
+    source: str
+    format: str
+    devices: tuple[str, ...]
+    n_scans: int
+    n_beams: int
+    beams_per_scan: tuple[int, int]
+    path_extent: Extent
+    path_length: float
+    returns_extent: Extent | None
+    duration: float
+    largest_range: float
+    max_range: float
+    share_no_return: float
+    share_far: float
+    n_zero_ranges: int
+    lines: dict[str, int]
+    odd_lines: dict[str, int]
+    remarks: tuple[str, ...]
+    suspicions: tuple[Suspicion, ...]
+
+
+def describe(readings: Readings, path: str) -> LogSummary:
+    """Return what is in a log.
+
+    Parameters
+    ----------
+    readings : Readings
+        The whole log, as `read_readings` gives it.
+    path : str
+        Name of the log for the summary.
+    """
+    notes = readings.notes
+    scans = notes.scans
+    max_range = default_max_range(readings)
+    return LogSummary(
+        source=path,
+        format=notes.format,
+        devices=notes.devices,
+        n_scans=len(scans.number),
+        n_beams=readings.n_beams,
+        beams_per_scan=(int(scans.n_beams.min()), int(scans.n_beams.max())),
+        path_extent=_extent(scans.pose[:, :2]),
+        path_length=_path_length(scans),
+        returns_extent=_returns_extent(readings, max_range),
+        duration=_duration(scans.time),
+        largest_range=readings.largest_range,
+        max_range=max_range,
+        share_no_return=float(np.mean(~(readings.range < max_range))),
+        share_far=float(np.mean(readings.range >= FAR)),
+        n_zero_ranges=notes.n_zero_ranges,
+        lines=dict(notes.lines),
+        odd_lines=dict(notes.odd_lines),
+        remarks=notes.remarks,
+        suspicions=find_suspicions(readings),
+    )
+
+
+def default_max_range(readings: Readings) -> float:
+    """Return the maximum range taken if the user gives none: 0.97 x the largest range; nan if no range is finite."""
+    return MAX_RANGE_SHARE * readings.largest_range
+
+
+def _extent(xy: FloatArray) -> Extent:
+    (x_min, y_min), (x_max, y_max) = xy.min(axis=0), xy.max(axis=0)
+    return Extent(float(x_min), float(y_min), float(x_max), float(y_max))
+
+
+def _returns_extent(readings: Readings, max_range: float) -> Extent | None:
+    hit = readings.range < max_range
+    if not hit.any():
+        return None
+    direction = np.column_stack((np.cos(readings.angle[hit]), np.sin(readings.angle[hit])))
+    return _extent(readings.origin[hit] + readings.range[hit, None] * direction)
+
+
+def _path_length(scans: ScanTable) -> float:
+    steps = np.diff(scans.pose[scans.device == 0, :2], axis=0)
+    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
+
+def _duration(time: FloatArray) -> float:
+    known = time[np.isfinite(time)]
+    return float(known.max() - known.min()) if len(known) else float("nan")
