@@ -1,0 +1,190 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from prf.logs.carmen import half_circle, read_carmen
+from prf.shell.errors import InputError
+from tests.logs.samples import flaser, robot_laser
+
+
+def read(text: str):
+    return read_carmen(text.encode(), "a.log")
+
+
+def refusal(text: str) -> str:
+    with pytest.raises(InputError) as caught:
+        read(text)
+    return str(caught.value)
+
+
+class TestLines:
+    def test_only_the_first_field_names_the_message(self):
+        text = (
+            "# message formats defined: PARAM SYNC ODOM FLASER RLASER TRUEPOS\n"
+            "# FLASER num_readings [range_readings] x y theta odom_x odom_y odom_theta\n"
+            "##            (ODOM, FLASER, PARAM)\n"
+            "#PARAM simulator_num_readings 181 nohost 0\n"
+            "PARAM logger_comment FLASER 2 1 1 nohost 0\n"
+            "\n" + flaser([1, 2, 3])
+        )
+        readings = read(text)
+        assert readings.n_beams == 3
+        assert readings.notes.lines == {"comment": 4, "PARAM": 1}
+
+    def test_extras_of_other_tools_are_passed_over_and_counted(self):
+        text = "NEFF 15\nODOM 0 0 0 0 0 0 0.1 pippo 0.1\nPARAM robot_use_laser on nohost 0\nWHAT 3\n" + flaser([1, 2])
+        notes = read(text).notes
+        assert notes.lines == {"NEFF": 1, "ODOM": 1, "PARAM": 1}
+        assert notes.odd_lines == {"WHAT": 1}
+
+    def test_thousands_of_odd_kinds_are_counted_together(self):
+        odd = read(flaser([1]) + "".join(f"x{i} 1\n" for i in range(500))).notes.odd_lines
+        assert len(odd) == 21
+        assert sum(odd.values()) == 500
+
+    def test_windows_line_ends(self):
+        assert read(flaser([1, 2]).replace("\n", "\r\n") * 2).n_scans == 2
+
+
+class TestPoses:
+    def test_the_laser_pose_counts_not_the_robots(self):
+        readings = read(flaser([1, 1], pose=(3, 4, 0.5), robot=(9, 9, 9)))
+        np.testing.assert_array_equal(readings.origin, [[3, 4], [3, 4]])
+        np.testing.assert_allclose(readings.angle, [0.5 - np.pi / 2, 0.5 + np.pi / 2])
+
+    def test_no_offset_is_added_again(self):
+        with_offset = read("PARAM robot_frontlaser_offset -0.04 nohost 0\n" + flaser([1, 1]))
+        np.testing.assert_array_equal(with_offset.origin, read(flaser([1, 1])).origin)
+
+    def test_the_rear_lasers_heading_already_looks_backwards(self):
+        # CARMEN: laser_theta = odom_theta + pi, position = robot + offset along that heading.
+        line = flaser([1, 2, 3], pose=(-0.2, 0, np.pi), robot=(0, 0, 0), kind="RLASER")
+        readings = read(line)
+        np.testing.assert_allclose(np.cos(readings.angle), [0, -1, 0], atol=1e-12)
+        np.testing.assert_allclose(readings.origin[0], [-0.2, 0])
+        assert readings.notes.remarks == (
+            "laser lines of 3 beams carry no angles: half a circle is assumed, both ends included",
+        )
+
+    def test_a_rear_laser_with_the_robots_heading_is_remarked_on(self):
+        assert "rear laser" in " ".join(read(flaser([1] * 180, kind="RLASER")).notes.remarks)
+
+    def test_scans_are_numbered_over_all_lasers(self):
+        readings = read(flaser([1, 2]) + flaser([3], kind="RLASER") + flaser([4, 5]))
+        np.testing.assert_array_equal(readings.scan, [0, 0, 1, 2, 2])
+        np.testing.assert_array_equal(readings.beam, [0, 1, 0, 0, 1])
+        assert readings.notes.devices == ("FLASER", "RLASER")
+        np.testing.assert_array_equal(readings.notes.scans.line, [1, 2, 3])
+
+
+class TestAngles:
+    @pytest.mark.parametrize(("n", "step"), [(180, 1.0), (181, 1.0), (360, 0.5), (361, 0.5)])
+    def test_half_circle_in_degrees(self, n, step):
+        degrees = np.degrees(half_circle(n))
+        np.testing.assert_allclose(degrees, -90 + step * np.arange(n), atol=1e-9)
+        assert degrees[-1] == pytest.approx(90 - step * (n % 2 == 0))
+
+    def test_other_counts_span_the_half_circle_and_are_remarked_on(self):
+        readings = read(flaser([1] * 91))
+        np.testing.assert_allclose(np.degrees(readings.angle), -90 + 2 * np.arange(91), atol=1e-9)
+        assert "91 beams" in readings.notes.remarks[0]
+
+    def test_known_counts_need_no_remark(self):
+        assert read("".join(flaser([1] * n) for n in (180, 181, 360, 361))).notes.remarks == ()
+
+    def test_one_beam_looks_to_the_right(self):
+        assert read(flaser([1])).angle[0] == pytest.approx(-np.pi / 2)
+
+
+class TestRobotLaser:
+    @pytest.mark.parametrize("turn_axis", [(), (0.1,)])
+    @pytest.mark.parametrize("remissions", [(), (11, 12, 13)])
+    def test_the_line_has_its_own_angles(self, remissions, turn_axis):
+        readings = read(robot_laser([1, 2, 3], remissions=remissions, turn_axis=turn_axis))
+        np.testing.assert_allclose(readings.angle, [0.0, 0.25, 0.5])
+        np.testing.assert_array_equal(readings.range, [1, 2, 3])
+        np.testing.assert_array_equal(readings.origin[0], [1, 2])
+        np.testing.assert_array_equal(readings.time, [7.5] * 3)
+
+    def test_remission_values_are_not_read_as_numbers(self):
+        assert read(robot_laser([1, 2], remissions=("a", "b"))).n_beams == 2
+
+    @pytest.mark.parametrize("step", [0, 1.0, np.nan])
+    def test_steps_that_make_no_scan(self, step):
+        assert refusal(robot_laser([1] * 181, step=step)).startswith("a.log:1: 181 beams")
+
+    def test_a_count_that_does_not_fit(self):
+        line = robot_laser([1, 2, 3]).split()
+        assert "announces 3 readings and 0 remission values" in refusal(" ".join([*line, "7", "7"]))
+        assert "announces" in refusal(" ".join(line[:-3]))
+        assert "fields, but has 11" in refusal(" ".join(line[:11]))
+
+
+class TestRanges:
+    def test_no_return_numbers_stay_as_they_are(self):
+        readings = read(flaser([81.91, 51.16, 50, "inf"]))
+        np.testing.assert_array_equal(readings.range, [81.91, 51.16, 50, np.inf])
+        assert readings.largest_range == 81.91
+
+    def test_range_zero_is_dropped_and_counted_and_leaves_a_gap(self):
+        readings = read(flaser([1, 0, 0.0, 2]))
+        np.testing.assert_array_equal(readings.range, [1, 2])
+        np.testing.assert_array_equal(readings.beam, [0, 3])
+        assert readings.notes.n_zero_ranges == 2
+        assert readings.notes.scans.n_beams[0] == 4
+
+    def test_only_zeros_are_no_measurement(self):
+        assert "every range is 0" in refusal(flaser([0, 0]))
+
+    @pytest.mark.parametrize(
+        ("bad", "words"), [(-4.2, "range -4.2 (beam 1) is negative"), ("nan", "(beam 1) is not a number")]
+    )
+    def test_a_bad_range_is_named_with_line_and_beam(self, bad, words):
+        message = refusal(flaser([1, 2]) + "NEFF 3\n" + flaser([1, bad]))
+        assert message.startswith("a.log:3: ")
+        assert words in message
+        assert message.endswith("run again.")
+
+
+class TestDamage:
+    @pytest.mark.parametrize("announced", [1, 3, 10**8])
+    def test_wrong_count(self, announced):
+        assert "announces" in refusal(flaser([1, 2], announced=announced))
+
+    @pytest.mark.parametrize("announced", ["-1", "2.0", "x", "9" * 30, "٢"])
+    def test_no_count(self, announced):
+        assert "is not a count" in refusal(flaser([1, 2], announced=announced))
+
+    def test_no_readings(self):
+        assert "without readings" in refusal(flaser([]))
+        assert "ends before" in refusal("FLASER\n")
+
+    def test_a_line_that_was_cut_off(self):
+        text = flaser([1.5] * 180)
+        assert refusal(text + text[:300]).startswith("a.log:2: FLASER line announces 180")
+
+    @pytest.mark.parametrize("word", ["abc", "1_0", "0x1p3", "1,5", "--3"])
+    def test_a_word_for_a_number(self, word):
+        assert f"'{word}' is not a number" in refusal(flaser([1, word]))
+
+    @pytest.mark.parametrize("pose", [("nan", 0, 0), (0, "inf", 0), (0, 0, "-inf"), (1e300, 0, 0)])
+    def test_poses_that_are_none(self, pose):
+        assert "sensor pose" in refusal(flaser([1], pose=pose))
+
+    @pytest.mark.parametrize("time", ["nan", "inf", "1e300"])
+    def test_times_that_are_none(self, time):
+        assert "time stamp" in refusal(flaser([1], time=time))
+
+    def test_a_log_without_laser_poses_says_what_it_has(self):
+        message = refusal("PARAM a b nohost 0\n" + "RAWLASER1 0 0 0 0 0 0 0 1 1 0 3 host 3\n" * 2)
+        assert "2 RAWLASER1, 1 PARAM" in message
+
+
+class TestTime:
+    def test_the_scanners_clock_counts_and_ties_are_kept(self):
+        text = flaser([1], time="1.01893e+09") + flaser([1], time="1.01893e+09")
+        np.testing.assert_array_equal(read(text).time, [1.01893e9] * 2)
+        fields = flaser([1]).split()
+        fields[-1] = "99"
+        assert read(" ".join(fields)).time[0] == 5.0

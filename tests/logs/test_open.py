@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+import gzip
+import io
+
+import pytest
+
+from prf.logs import read_readings
+from prf.shell.errors import InputError
+from tests.logs.samples import flaser, save
+
+CARMEN = flaser([1, 2, 3])
+TABLE = "x,y,theta,range\n1,2,0.5,3\n"
+
+
+def refusal(path: str) -> str:
+    with pytest.raises(InputError) as caught:
+        read_readings(path)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("zipped", [False, True])
+@pytest.mark.parametrize(("content", "n_beams", "name"), [(CARMEN, 3, "CARMEN"), (TABLE, 1, "table")])
+@pytest.mark.parametrize("file_name", ["a.log", "a.csv", "a.gz", "a"])
+def test_the_content_decides_not_the_name(tmp_path, content, n_beams, name, zipped, file_name):
+    readings = read_readings(save(tmp_path, content, file_name, zipped))
+    assert (readings.n_beams, readings.notes.format) == (n_beams, name)
+    assert readings.source.endswith(file_name)
+
+
+@pytest.mark.parametrize("zipped", [False, True])
+def test_standard_input(monkeypatch, zipped):
+    data = gzip.compress(CARMEN.encode()) if zipped else CARMEN.encode()
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(data)))
+    readings = read_readings("-")
+    assert (readings.n_beams, readings.source) == (3, "standard input")
+
+
+def test_a_long_preamble_before_the_first_laser_line(tmp_path):
+    assert read_readings(save(tmp_path, "PARAM a b nohost 0\n" * 5000 + CARMEN)).n_beams == 3
+    assert read_readings(save(tmp_path, "STRANGE 1\n" * 500 + CARMEN)).n_beams == 3
+
+
+def test_a_byte_order_mark(tmp_path):
+    assert read_readings(save(tmp_path, b"\xef\xbb\xbf" + TABLE.encode())).n_beams == 1
+
+
+def test_two_gzip_members_are_one_log(tmp_path):
+    assert read_readings(save(tmp_path, gzip.compress(CARMEN.encode()) * 2)).n_scans == 2
+
+
+def test_sonar_comes_from_a_table(tmp_path):
+    assert read_readings(save(tmp_path, TABLE), "sonar").n_beams == 1
+    with pytest.raises(InputError, match="as a table"):
+        read_readings(save(tmp_path, CARMEN), "sonar")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "the file is empty"),
+        (b" \n\n", "the file is empty"),
+        (b"#ROSBAG V2.0\n\x45\0", "a ROS 1 bag."),
+        (b"#ROSRECORD V1.2\n", "a version before 1.0"),
+        (b"\x89MCAP0\r\n\0", "MCAP"),
+        (b"SQLite format 3\0", "SQLite"),
+        (b"## Player version 2.1.2 \n## File version 0.3.0 \n", "Player"),
+        (b"1106955333.287 rossum 6665 sonar 00 1106955333.276 16 +00.115\n", "Player"),
+        (b"Odometry -2.4 4.8 2.59 \nLaser 2 0.6 0.6\n", "unlocalized"),
+        (bytes(range(256)), "binary data"),
+        (gzip.compress(b"x"), "gzipped twice"),
+        (b'{"a": 1}', "JSON"),
+        (b"1,2,3,4\n", "without a header"),
+        (b"x;y;theta;range\n1;2;3;4\n", "not separated by commas"),
+        (b"7 7\n766\n1 0 3.3798 31 0 2 12 1\n", "text of an unknown format"),
+    ],
+)
+@pytest.mark.parametrize("zipped", [False, True])
+def test_what_cannot_be_read_is_named(tmp_path, content, words, zipped):
+    message = refusal(save(tmp_path, content, zipped=zipped or content[:2] == b"\x1f\x8b"))
+    assert words in message
+    assert "Accepted are CARMEN logs" in message
+    assert "\n" not in message
+
+
+def test_missing_file_and_folder(tmp_path):
+    assert "no such file" in refusal(str(tmp_path / "none.log"))
+    assert "folder" in refusal(str(tmp_path))
+
+
+def test_damaged_gzip(tmp_path):
+    whole = gzip.compress((CARMEN * 50).encode())
+    assert "cut off" in refusal(save(tmp_path, whole[:-20]))
+    assert "cut off" in refusal(save(tmp_path, whole[:5]))
+    spoiled = bytearray(whole)
+    spoiled[-6] ^= 0xFF
+    assert "damaged" in refusal(save(tmp_path, bytes(spoiled)))
+    assert "damaged" in refusal(save(tmp_path, b"\x1f\x8bnonsense"))

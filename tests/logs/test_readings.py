@@ -1,0 +1,62 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from prf.logs import Readings
+from prf.logs.readings import beam_numbers
+
+
+def test_scalars_stand_for_every_beam():
+    readings = Readings.from_arrays((1, 2), [0.1, 0.2, 0.3], [3, 4, np.inf], scan=7, cone=0.3)
+    assert readings.origin.shape == (3, 2)
+    np.testing.assert_array_equal(readings.scan, [7, 7, 7])
+    np.testing.assert_array_equal(readings.beam, [0, 1, 2])
+    assert (readings.n_beams, readings.n_scans, readings.largest_range) == (3, 1, 4.0)
+
+
+def test_arrays_have_the_promised_types_and_own_their_memory():
+    origin = np.zeros((2, 2))
+    readings = Readings.from_arrays(origin, [0, 0], [1, 2])
+    types = {
+        name: getattr(readings, name).dtype.str for name in ("origin", "angle", "range", "scan", "beam", "time", "cone")
+    }
+    assert types == {
+        "origin": "<f8",
+        "angle": "<f8",
+        "range": "<f8",
+        "scan": "<i8",
+        "beam": "<i4",
+        "time": "<f8",
+        "cone": "<f8",
+    }
+    origin[:] = 5
+    assert readings.origin.max() == 0
+
+
+def test_shapes_that_do_not_agree():
+    with pytest.raises(ValueError, match="shape"):
+        Readings.from_arrays(np.zeros((2, 2)), [0, 0, 0], [1, 2, 3])
+
+
+def test_no_finite_range():
+    assert np.isnan(Readings.from_arrays((0, 0), [0], [np.inf]).largest_range)
+
+
+@pytest.mark.parametrize("pick", [np.array([True, False, True]), np.array([2, 0])])
+def test_select(pick):
+    readings = Readings.from_arrays([[0, 0], [1, 1], [2, 2]], [0, 1, 2], [1, 2, 3], scan=[0, 0, 1])
+    some = readings.select(pick)
+    np.testing.assert_array_equal(some.range, readings.range[pick])
+    np.testing.assert_array_equal(some.origin, readings.origin[pick])
+    np.testing.assert_array_equal(some.beam, readings.beam[pick])
+    assert some.origin.flags.c_contiguous
+    assert some.notes is readings.notes
+
+
+@given(st.lists(st.integers(0, 5)))
+def test_beam_numbers_count_within_each_scan(scans):
+    expected = [scans[:i].count(scan) for i, scan in enumerate(scans)]
+    np.testing.assert_array_equal(beam_numbers(np.array(scans, dtype=np.int64)), expected)
