@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from prf.cli import app
+from prf.shell.run import run_app
+from tests.logs.samples import flaser, save
+
+JUMPY = "".join(flaser([1, 0, 81.83], (0.2 * i + 9 * (i > 5), 0, 0), time=i) for i in range(12)) + "ODD 1\n"
+
+
+def run(capsys, *args: str) -> tuple[int, str, str]:
+    code = run_app(app, "prf", ["info", *args])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_table_for_a_person(capsys, tmp_path):
+    code, out, err = run(capsys, save(tmp_path, JUMPY))
+    assert (code, err) == (0, "")
+    rows = [line.split(maxsplit=1) for line in out.splitlines()]
+    assert ["scans", "12 of 3 beams"] in rows
+    assert ["beams", "24 usable, 12 dropped (range 0)"] in rows
+    assert "largest range   81.83 m" in out
+    assert "the pose jumps before scan 6" in out
+    assert "passed over: 1 ODD" in out
+
+
+def test_json_is_one_object(capsys, tmp_path):
+    path = save(tmp_path, JUMPY, zipped=True)
+    code, out, err = run(capsys, path, "--json")
+    assert (code, err) == (0, "")
+    result = json.loads(out)
+    assert result["schema"] == "prf.info/1"
+    assert result["source"] == path
+    assert (result["n_scans"], result["n_beams"], result["n_zero_ranges"]) == (12, 24, 12)
+    assert result["max_range"] == pytest.approx(0.97 * 81.83)
+    assert result["path_extent"]["x_max"] == pytest.approx(11.2)
+    jump = next(s for s in result["suspicions"] if s["code"] == "pose-jump")
+    assert jump["scans"] == [6]
+
+
+def test_unknown_numbers_are_null(capsys, tmp_path):
+    code, out, _ = run(capsys, save(tmp_path, "x,y,theta,range\n1,2,0,\n"), "--json")
+    result = json.loads(out)
+    assert code == 0
+    assert [result[key] for key in ("duration", "largest_range", "max_range", "returns_extent")] == [None] * 4
+    code, out, _ = run(capsys, save(tmp_path, "x,y,theta,range\n1,2,0,\n"))
+    assert "duration        unknown" in out
+
+
+@pytest.mark.parametrize("content", ["", "x,y\n1,2\n", "FLASER 3 1 2\n"])
+def test_bad_input_is_one_line_and_exit_code_3(capsys, tmp_path, content):
+    code, out, err = run(capsys, save(tmp_path, content))
+    assert (code, out) == (3, "")
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+
+
+def test_nothing_suspicious_is_said(capsys, data_dir):
+    code, out, _ = run(capsys, str(data_dir / "demo-office.log.gz"))
+    assert code == 0
+    assert "suspicious      nothing that these checks see" in out
