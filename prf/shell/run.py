@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import traceback
@@ -11,7 +12,10 @@ from typing import Any
 import typer
 
 from prf.shell import console, signals
-from prf.shell.errors import EXIT_BROKEN_PIPE, EXIT_INTERNAL, EXIT_OK, PrfError
+from prf.shell.errors import EXIT_BROKEN_PIPE, EXIT_INTERNAL, EXIT_OK, OutputError, PrfError
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system answers when there is no room for a result, on standard output too."""
 
 
 def run_app(command: Any, name: str, args: Sequence[str] | None = None) -> int:
@@ -41,6 +45,8 @@ def run_app(command: Any, name: str, args: Sequence[str] | None = None) -> int:
         return 130
     except (BrokenPipeError, SystemExit) as error:
         return _code_of_exit(error)
+    except OSError as error:
+        return _report_full(error) if error.errno in _FULL else _report_internal(error)
     except Exception as error:
         return _report_internal(error)
     return code if isinstance(code, int) else EXIT_OK
@@ -76,7 +82,18 @@ def _code_of_exit(error: BaseException) -> int:
     Typer turns a broken pipe into ``SystemExit(1)``, which with us would mean "the check said no".
     """
     if isinstance(error, BrokenPipeError) or isinstance(error.__context__, BrokenPipeError):
-        # Python flushes standard output once more at its end, and would complain then.
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - stays open to the end
+        _abandon_stdout()
         return EXIT_BROKEN_PIPE
     return error.code if isinstance(error, SystemExit) and isinstance(error.code, int) else EXIT_OK
+
+
+def _report_full(error: OSError) -> int:
+    """Report a disk without room."""
+    _abandon_stdout()
+    console.report_error(f"the result cannot be written: {error.strerror}.")
+    return OutputError.exit_code
+
+
+def _abandon_stdout() -> None:
+    """Keep Python from flushing standard output once more at its end: it would complain a second time."""
+    sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - stays open to the end

@@ -180,3 +180,12 @@ def test_a_closed_pipe_is_no_reason_to_complain(tool: Path) -> None:
         process.stdout.close()
         assert process.wait(timeout=30) == 141
         assert process.stderr.read() == b""
+
+
+def test_a_full_disk_is_an_output_error(tool: Path) -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, str(tool), "finish", "well"], stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert done.returncode == 4
+    assert done.stderr == "error: the result cannot be written: No space left on device.\n"
