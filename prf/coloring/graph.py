@@ -161,7 +161,8 @@ class Draws:
 
     def take(self, indices: ArrayLike) -> Draws:
         """Return the draws at `indices` (integers or a boolean mask), in that order."""
-        chosen = np.arange(len(self))[np.asarray(indices)]
+        rows = np.asarray(indices)
+        chosen = np.arange(len(self))[rows if rows.size else rows.astype(np.intp)]
         return Draws.from_colorings([self[int(i)] for i in chosen], self.window)
 
     @classmethod

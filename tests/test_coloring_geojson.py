@@ -1,0 +1,120 @@
+"""DRAWS files: exact round trips, files of other programs, unreadable lines."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from prf.arak import exact_draws
+from prf.coloring import (
+    Coloring,
+    Draws,
+    feature_lines,
+    from_feature,
+    read_geojsonl,
+    to_feature,
+    violations,
+    write_geojsonl,
+)
+from prf.shell.errors import InputError, OutputError
+from prf.window import Window
+from tests.reference.slow_coloring import edge_set
+
+UNIT = Window(0.0, 0.0, 1.0, 1.0)
+ODD = Window(-0.1, 1.0 / 3.0, 2.7, 1.9)
+
+
+@pytest.mark.parametrize("window", [UNIT, ODD])
+def test_round_trip_keeps_every_bit(window: Window, tmp_path: Path) -> None:
+    draws = exact_draws(1.0, window, 200, np.random.default_rng(1))
+    write_geojsonl(tmp_path / "draws.geojsonl", draws)
+    back = read_geojsonl(tmp_path / "draws.geojsonl")
+    assert back.window == window
+    np.testing.assert_array_equal(back.anchor_black, draws.anchor_black)
+    for a, b in zip(draws, back, strict=True):
+        np.testing.assert_array_equal(a.segments(), b.segments())
+        assert a.n_vertices == b.n_vertices
+        assert violations(b) == []
+
+
+def test_the_form_is_that_of_the_contract() -> None:
+    draw = next(draw for draw in exact_draws(1.0, UNIT, 50, np.random.default_rng(2)) if draw.n_edges > 5)
+    (line,) = feature_lines(Draws.from_colorings([draw]))
+    feature = json.loads(line)
+    assert feature == to_feature(draw)
+    assert feature["type"] == "Feature"
+    assert feature["geometry"]["type"] == "MultiLineString"
+    assert np.array(feature["geometry"]["coordinates"]).shape == (draw.n_edges, 2, 2)
+    assert feature["properties"] == {"anchor_black": draw.anchor_black, "window": [0.0, 0.0, 1.0, 1.0]}
+    assert "\n" not in line
+
+
+def test_no_edge_is_an_empty_list() -> None:
+    feature = to_feature(Coloring.empty(UNIT, True))
+    assert feature["geometry"]["coordinates"] == []
+    assert from_feature(feature).anchor_black is True
+
+
+def test_a_file_without_windows_needs_one(tmp_path: Path) -> None:
+    feature = to_feature(exact_draws(1.0, UNIT, 1, np.random.default_rng(3))[0])
+    del feature["properties"]["window"]
+    path = tmp_path / "foreign.geojsonl"
+    path.write_text(f"{json.dumps(feature)}\n\n{json.dumps(feature)}")
+    draws = read_geojsonl(path, UNIT)
+    assert len(draws) == 2
+    assert edge_set(draws[0]) == edge_set(from_feature(feature, UNIT))
+    with pytest.raises(InputError, match=r"foreign\.geojsonl:1: .*window"):
+        read_geojsonl(path)
+
+
+def spoilt(**changes: Any) -> str:
+    feature = to_feature(Coloring.empty(UNIT))
+    for place, value in changes.items():
+        part, _, key = place.partition("_")
+        if key:
+            feature[part][key] = value
+        else:
+            feature[part] = value
+    return json.dumps(feature)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("{", "not JSON"),
+        ("\xff", "not JSON"),
+        ("[" * 100_000, "not JSON"),
+        ("[1]", "not a JSON object"),
+        ('{"type": "FeatureCollection"}', "not a GeoJSON Feature"),
+        (spoilt(geometry=None), "not a GeoJSON Feature"),
+        (spoilt(geometry_type="Point"), "must be 'MultiLineString'"),
+        (spoilt(properties_anchor_black=1), "anchor_black"),
+        (spoilt(properties_window=[0, 0, 1]), "window must be"),
+        (spoilt(properties_window=[0, 0, 0, 1]), "needs X0 < X1"),
+        (spoilt(properties_window=[0, 0, 2, 1]), "differs from"),
+        (spoilt(geometry_coordinates=5), "no list of coordinates"),
+        (spoilt(geometry_coordinates=[[[0, 0]]]), "edge 0 must have two points"),
+        (spoilt(geometry_coordinates=[[[0, 0], [1, "1"]]]), "edge 0 must have points"),
+        (spoilt(geometry_coordinates=[[[0, 0], [1, float("nan")]]]), "finite"),
+    ],
+)
+def test_an_unreadable_line_is_named(line: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "bad.geojsonl"
+    path.write_bytes(f"{spoilt()}\n{line}\n".encode("latin-1"))
+    with pytest.raises(InputError, match=r"bad\.geojsonl:2: ") as caught:
+        read_geojsonl(path)
+    assert message in str(caught.value)
+
+
+def test_missing_and_empty_files(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"none\.geojsonl"):
+        read_geojsonl(tmp_path / "none.geojsonl")
+    (tmp_path / "empty.geojsonl").write_text("\n")
+    with pytest.raises(InputError, match="holds no draw"):
+        read_geojsonl(tmp_path / "empty.geojsonl")
+    with pytest.raises(OutputError):
+        write_geojsonl(tmp_path / "no" / "folder.geojsonl", Draws.from_colorings([Coloring.empty(UNIT)]))

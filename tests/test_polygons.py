@@ -1,0 +1,111 @@
+"""Coloring to polygons and back; areas by three routes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from shapely import MultiPolygon, Point, Polygon, box
+
+from prf.arak import exact_draws
+from prf.coloring import Coloring, Draws, black_areas, black_at, from_polygons, occupied_polygons, violations
+from prf.shell.errors import InputError
+from prf.window import INTERIOR, Window
+from tests.reference.slow_coloring import edge_set, read_cf, slab_area
+
+UNIT = Window(0.0, 0.0, 1.0, 1.0)
+LARGE = Window(-20.0, 5.0, 20.0, 35.0)
+
+
+def assert_round_trip(coloring: Coloring) -> MultiPolygon:
+    polygons = occupied_polygons(coloring)
+    assert polygons.is_valid
+    back = from_polygons(polygons, coloring.window)
+    assert edge_set(back) == edge_set(coloring)
+    assert back.anchor_black == coloring.anchor_black
+    return polygons
+
+
+def test_small_draws_round_trip() -> None:
+    for draw in exact_draws(1.0, UNIT, 300, np.random.default_rng(1)):
+        polygons = assert_round_trip(draw)
+        assert polygons.area == pytest.approx(black_areas(Draws.from_colorings([draw]))[0], abs=1e-12)
+
+
+def test_areas_agree_with_slabs() -> None:
+    for draw in exact_draws(1.0, UNIT, 40, np.random.default_rng(2)):
+        assert occupied_polygons(draw).area == pytest.approx(slab_area(draw), abs=1e-12)
+
+
+def test_large_draws_round_trip() -> None:
+    draws = exact_draws(0.3, LARGE, 3, np.random.default_rng(3))
+    assert draws.n_edges.min() > 1000
+    for draw, area in zip(draws, black_areas(draws), strict=True):
+        polygons = assert_round_trip(draw)
+        assert polygons.area == pytest.approx(area, rel=1e-9)
+        xy = np.random.default_rng(4).uniform(LARGE[:2], LARGE[2:], (5000, 2))
+        np.testing.assert_array_equal(shapely.contains_xy(polygons, xy), black_at(draw, xy))
+
+
+def test_a_graph_of_another_program_round_trips(shared_data: Path) -> None:
+    assert_round_trip(read_cf(shared_data / "prf" / "arak" / "test.cf"))
+
+
+@pytest.mark.parametrize("black", [False, True])
+def test_one_colour(black: bool) -> None:
+    polygons = assert_round_trip(Coloring.empty(UNIT, black))
+    assert polygons.area == float(black)
+
+
+def test_holes_and_islands_are_kept() -> None:
+    ring = Polygon(box(0.1, 0.1, 0.9, 0.9).exterior, [box(0.2, 0.2, 0.8, 0.8).exterior])
+    coloring = from_polygons(MultiPolygon([ring, box(0.4, 0.3, 0.6, 0.45)]), UNIT)
+    assert (coloring.n_edges, coloring.anchor_black) == (12, False)
+    assert occupied_polygons(coloring).equals(MultiPolygon([ring, box(0.4, 0.3, 0.6, 0.45)]))
+
+
+def test_clipping_leaves_no_edge_along_the_border() -> None:
+    coloring = from_polygons(Point(1.0, 0.4).buffer(0.3), UNIT)
+    assert violations(coloring) == []
+    assert sorted(coloring.side[coloring.side != INTERIOR].tolist()) == [1, 1]
+    outline = Polygon([(-1.0, -1.0), (0.7, -1.0), (-0.5, 0.9)])
+    cut = from_polygons(outline, UNIT)
+    assert violations(cut) == []
+    assert occupied_polygons(cut).area == pytest.approx(shapely.intersection(outline, box(*UNIT)).area)
+
+
+def test_slanted_clips_land_exactly_on_the_sides() -> None:
+    rng = np.random.default_rng(5)
+    window = Window(-0.1, 0.3, 1.7, 1.9)
+    for _ in range(200):
+        triangle = Polygon(rng.uniform(-1.0, 3.0, (3, 2)))
+        coloring = from_polygons(triangle, window)
+        assert violations(coloring) == []
+        inside = shapely.intersection(triangle, box(*window)).area
+        assert occupied_polygons(coloring).area == pytest.approx(inside, abs=1e-9)
+
+
+def test_overlapping_parts_are_united() -> None:
+    coloring = from_polygons(MultiPolygon([box(0.1, 0.1, 0.5, 0.5), box(0.3, 0.3, 0.7, 0.7)]), UNIT)
+    assert occupied_polygons(coloring).area == pytest.approx(0.28)
+    assert coloring.n_edges == 8
+
+
+def test_nothing_and_outside_are_white() -> None:
+    for polygons in (MultiPolygon(), box(2.0, 2.0, 3.0, 3.0), box(1.0, 0.0, 2.0, 1.0)):
+        coloring = from_polygons(polygons, UNIT)
+        assert (coloring.n_edges, coloring.anchor_black) == (0, False)
+
+
+def test_the_anchor_may_lie_on_an_edge() -> None:
+    coloring = from_polygons(box(0.25, 0.25, 0.5, 0.75), UNIT)
+    assert black_at(coloring, [(0.3, 0.5), (0.7, 0.5)]).tolist() == [True, False]
+
+
+def test_polygons_that_touch_at_a_point_are_refused() -> None:
+    with pytest.raises(InputError, match="invalid coloring"):
+        from_polygons(MultiPolygon([box(0.1, 0.1, 0.5, 0.5), box(0.5, 0.5, 0.9, 0.9)]), UNIT)
+    with pytest.raises(InputError, match="invalid coloring"):
+        from_polygons(Polygon([(0.0, 0.5), (0.5, 0.3), (0.5, 0.7)]), UNIT)
