@@ -2,6 +2,7 @@
 
 from prf.run.mapfile import map_feature, map_text, read_map_feature
 from prf.run.model import Beams, PosteriorImage, Run
+from prf.run.points import read_points
 from prf.run.read import is_run, read_manifest, read_run
 from prf.run.state import FileState, inspect_files
 from prf.run.write import write_manifest, write_run
@@ -17,6 +18,7 @@ __all__ = [
     "map_text",
     "read_manifest",
     "read_map_feature",
+    "read_points",
     "read_run",
     "write_manifest",
     "write_run",

@@ -1,0 +1,137 @@
+"""Draw a picture of a run, or of draws from the prior."""
+
+from __future__ import annotations
+
+import logging
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from prf.shell.errors import UsageError
+from prf.shell.options import Force, Output
+
+logger = logging.getLogger(__name__)
+
+EXAMPLES = (
+    "prf render office -o posterior.png",
+    "prf render office --what draws --draws 6 -o draws.svg",
+    "prf render office --what beams --outline -o readings.png",
+    'prf render p1.geojsonl p10.geojsonl --caption "p = 1" --caption "p = 10" -o prior.png',
+)
+
+
+class What(StrEnum):
+    """What of a run to draw."""
+
+    posterior = "posterior"
+    squares = "squares"
+    best = "best"
+    draws = "draws"
+    beams = "beams"
+
+
+def render(
+    inputs: Annotated[
+        list[str],
+        typer.Argument(metavar="RUN|DRAWS...", help="A directory that prf sample wrote, or draws of prf prior."),
+    ],
+    what: Annotated[
+        What,
+        typer.Option(
+            "--what",
+            help="Of a run: probability that points are occupied, or squares not free; best map; some draws; readings.",
+        ),
+    ] = What.posterior,
+    draws: Annotated[
+        int | None, typer.Option("--draws", metavar="N", min=1, help="How many draws; of several DRAWS, of each.")
+    ] = None,
+    outline: Annotated[
+        bool | None, typer.Option("--outline/--no-outline", help="Edges of the best map (default: over the posterior).")
+    ] = None,
+    path: Annotated[
+        bool | None, typer.Option("--path/--no-path", help="Path of the sensor (default: over posterior and readings).")
+    ] = None,
+    beams: Annotated[bool, typer.Option("--beams", help="Beams over the posterior.")] = False,
+    title: Annotated[str | None, typer.Option("--title", metavar="TEXT", help="Instead of the default title.")] = None,
+    caption: Annotated[
+        list[str] | None, typer.Option("--caption", metavar="TEXT", help="Caption of a map of DRAWS; once for each.")
+    ] = None,
+    output: Output = None,
+    force: Force = False,
+) -> None:
+    """Draw a picture of a run, or of draws from the prior.
+
+    The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG in the current folder.
+    White is free, black occupied, mid-grey unknown.
+    """
+    from prf.render.style import picture_format
+    from prf.shell.files import STREAM, refuse_existing
+
+    is_run = Path(inputs[0]).is_dir()
+    if is_run and len(inputs) > 1:
+        raise UsageError("one RUN gives one picture; only DRAWS go side by side.")
+    name = Path(inputs[0]).resolve().name + f"-{what}" if is_run else Path(inputs[0]).stem
+    target = output or f"{'draws' if inputs[0] == STREAM else name}.png"
+    picture_format(target)
+    refuse_existing(target, force)
+    if is_run:
+        _render_run(inputs[0], target, what, draws or 4, outline, path, beams, title)
+    else:
+        _render_draws(inputs, target, draws, title, caption or [])
+    if target != STREAM:
+        logger.info("wrote %s", target)
+
+
+def _render_run(
+    source: str,
+    target: str,
+    what: What,
+    n_draws: int,
+    outline: bool | None,
+    path: bool | None,
+    beams: bool,
+    title: str | None,
+) -> None:
+    from prf import render
+    from prf.run import read_run
+
+    run = read_run(source)
+    if what is What.best:
+        render.render_best(run, target, path=bool(path), title=title)
+    elif what is What.draws:
+        render.render_draws(run, target, n_draws=n_draws, title=title)
+    elif what is What.beams:
+        render.render_beams(run, target, outline=bool(outline), path=path is not False, title=title)
+    else:
+        render.render_posterior(
+            run,
+            target,
+            squares=what is What.squares,
+            outline=outline is not False,
+            path=path is not False,
+            beams=beams,
+            title=title,
+        )
+
+
+def _render_draws(sources: list[str], target: str, n_draws: int | None, title: str | None, captions: list[str]) -> None:
+    from prf.coloring import check, read_geojsonl
+    from prf.render import render_maps
+    from prf.shell.errors import InputError
+
+    maps, names = [], []
+    for source in sources:
+        drawn = list(read_geojsonl(source))[: n_draws or (4 if len(sources) == 1 else 1)]
+        maps += drawn
+        stem = f"{Path(source).stem}, " if len(sources) > 1 else ""
+        names += [f"{stem}draw {number}" for number in range(1, len(drawn) + 1)]
+        for number, coloring in enumerate(drawn, 1):
+            try:
+                check(coloring)
+            except InputError as error:
+                raise InputError(f"{source}: draw {number}: {error}") from error
+    if captions and len(captions) != len(maps):
+        raise UsageError(f"{len(captions)} captions for {len(maps)} maps. Give one --caption a map, or none.")
+    render_maps(maps, captions or names, target, title=title)

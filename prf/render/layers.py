@@ -1,0 +1,93 @@
+"""Things drawn into axes of a window: filled maps, outlines, occupancy images, beams, sensor paths."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.coloring import Coloring, occupied_polygons
+from prf.render.style import BEAM, IMPACT, INK, OUTLINE, PATH, UNSEEN
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.image import AxesImage
+
+    from prf.run import Beams, PosteriorImage
+
+MOST_BEAMS = 4000
+"""More beams than this make a solid patch: they are thinned evenly before drawing."""
+
+
+def fill_map(axes: Axes, coloring: Coloring, colour: str = INK) -> None:
+    """Fill the occupied area, holes left white."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+    from shapely.geometry.polygon import orient
+
+    parts = []
+    for polygon in occupied_polygons(coloring).geoms:
+        turned = orient(polygon)  # rings of opposite sense: the fill rule then leaves the holes open
+        parts += [Path(np.asarray(ring.coords), closed=True) for ring in (turned.exterior, *turned.interiors)]
+    if parts:
+        outline = Path.make_compound_path(*parts)
+        axes.add_patch(PathPatch(outline, facecolor=colour, edgecolor="none", linewidth=0.0, zorder=2))
+
+
+def draw_outline(axes: Axes, coloring: Coloring, width: float = 1.0) -> None:
+    """Draw the edges of a map; parts of the window's border are none."""
+    from matplotlib.collections import LineCollection
+
+    lines = coloring.xy[coloring.edges]
+    axes.add_collection(
+        LineCollection(list(lines), colors=OUTLINE, linewidths=width, capstyle="round", zorder=3), autolim=False
+    )
+
+
+def draw_occupancy(axes: Axes, image: PosteriorImage, values: NDArray[np.float32]) -> AxesImage:
+    """Draw probabilities on the cells of `image`: 0 white, 0.5 mid-grey, 1 black."""
+    from matplotlib import colormaps
+
+    drawn = axes.imshow(
+        np.ma.masked_invalid(values),
+        cmap=colormaps["gray_r"].with_extremes(bad=UNSEEN),
+        vmin=0.0,
+        vmax=1.0,
+        extent=image.extent,
+        origin="lower",
+        aspect="auto",
+        zorder=1,
+    )
+    return drawn
+
+
+def draw_beams(axes: Axes, beams: Beams, width: float = 0.4, strength: float = 0.45) -> None:
+    """Draw the beams that returned, from sensor to impact."""
+    from matplotlib.collections import LineCollection
+
+    hit = np.flatnonzero(np.isfinite(beams.range) & (beams.range < beams.max_range))
+    hit = hit[:: max(1, -(-len(hit) // MOST_BEAMS))]
+    direction = np.column_stack((np.cos(beams.angle[hit]), np.sin(beams.angle[hit])))
+    ends = beams.origin[hit] + beams.range[hit, None] * direction
+    lines = np.stack((beams.origin[hit], ends), axis=1)
+    axes.add_collection(
+        LineCollection(list(lines), colors=BEAM, linewidths=width, alpha=strength, zorder=1.5), autolim=False
+    )
+
+
+def draw_impacts(axes: Axes, beams: Beams) -> None:
+    """Draw a small dot at the end of every beam that returned; the more there are, the smaller."""
+    impacts = beams.impacts()
+    size = float(np.clip(2.2 * (4000 / max(len(impacts), 1)) ** 0.5, 0.5, 3.0))
+    axes.plot(*impacts.T, linestyle="none", marker="o", markersize=size, markeredgewidth=0.0, color=IMPACT, zorder=2.5)
+
+
+def draw_path(axes: Axes, beams: Beams) -> None:
+    """Draw the sensor's positions, joined in the order of the scans, the first one ringed."""
+    path = beams.sensor_path()
+    dots = 2.4 if len(path) < 200 else 1.2
+    axes.plot(*path.T, color=PATH, linewidth=0.9, alpha=0.9, marker="o", markersize=dots, markeredgewidth=0.0, zorder=4)
+    axes.plot(
+        *path[:1].T, linestyle="none", marker="o", markersize=6.0, color="white", markeredgecolor=PATH, zorder=4.1
+    )

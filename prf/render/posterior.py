@@ -1,0 +1,93 @@
+"""The posterior as an image of probabilities, as in figure 4 (f) of Paskin & Thrun (2005)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from prf.render import layers, style
+from prf.render.style import Target
+from prf.run import Run, names
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
+
+    from prf.window import Window
+
+LEAST_BAR, MOST_BAR = 1.5, 3.6
+"""Inches of the colour bar: room for its label, and no taller than reads well."""
+
+
+def render_posterior(
+    run: Run,
+    target: Target,
+    *,
+    squares: bool = False,
+    outline: bool = True,
+    path: bool = True,
+    beams: bool = False,
+    title: str | None = None,
+) -> None:
+    """Draw how probably each point is occupied: white free, mid-grey unknown, black occupied.
+
+    Parameters
+    ----------
+    run : Run
+        With an image.
+    target : path or binary file
+        Where the picture goes.
+    squares : bool
+        Show how probably each cell is not completely white instead of the colour at its centre (section 1.3.3).
+    outline : bool
+        Draw the edges of the best map over it.
+    path : bool
+        Draw the sensor's path.
+    beams : bool
+        Draw the beams, thinly.
+    title : str, optional
+        Instead of the default one.
+
+    Raises
+    ------
+    InputError
+        If the run has no image yet.
+    """
+    if run.image is None:
+        raise run.missing(names.POSTERIOR)
+    window = run.draws.window
+    what = "Posterior of squares that are not free" if squares else "Posterior over polygonal maps"
+    page, axes = style.map_page(window, style.margins_of(window, right=1.35), title or what, _small_print(run))
+    values = run.image.square_occupancy if squares else run.image.occupancy
+    drawn = layers.draw_occupancy(axes, run.image, values)
+    style.show_window(axes, window)
+    if run.best is not None and outline:
+        layers.draw_outline(axes, run.best)
+    if run.beams is not None and beams:
+        layers.draw_beams(axes, run.beams)
+    if run.beams is not None and path:
+        layers.draw_path(axes, run.beams)
+    _add_colour_bar(page, drawn, window, "not free" if squares else "occupied")
+    style.save(page, target)
+
+
+def _small_print(run: Run) -> str:
+    parts = [
+        run.name,
+        f"{style.counted(len(run.draws), 'draw')} of {style.counted(run.n_chains, 'chain')}",
+        style.window_words(run.draws.window),
+    ]
+    status = run.manifest.get("status")
+    return "  ·  ".join(parts + ([str(status)] if status in ("interrupted", "not converged") else []))
+
+
+def _add_colour_bar(page: Figure, drawn: AxesImage, window: Window, event: str) -> None:
+    """Add the bar of probabilities right of the map, its middle at the map's middle; it may stand over a low map."""
+    margins = style.margins_of(window)
+    width, height = style.drawn_size(window)
+    tall = max(LEAST_BAR, min(height, MOST_BAR))
+    axes = style.add_axes(page, margins.left + width + 0.25, margins.bottom + 0.5 * (height - tall), 0.16, tall)
+    bar = page.colorbar(drawn, cax=axes)
+    bar.set_ticks([0.0, 0.25, 0.5, 0.75, 1.0], labels=["0", "", "0.5", "", "1"])
+    bar.set_label(f"probability: {event}", color=style.MUTED, fontsize=9)
+    bar.outline.set(color=style.FRAME, linewidth=0.8)
+    axes.tick_params(colors=style.MUTED, labelsize=8, color=style.FRAME, width=0.8, length=3)

@@ -1,0 +1,150 @@
+"""`prf query`: rows in, rows out; paths; every way to ask wrongly."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from prf.cli import app
+from prf.coloring import Draws
+from prf.estimate import occupied_probability, path_free
+from prf.run import Run, read_run, write_run
+from prf.shell.run import run_app
+from tests.factories import WINDOW, make_run
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("query") / "run"
+    write_run(path, make_run(n_draws=20))
+    return path
+
+
+def ask(*args: object) -> int:
+    return run_app(app, "prf", ["query", *map(str, args)])
+
+
+def rows(text: str) -> np.ndarray:
+    header, *lines = text.splitlines()
+    assert header == "x,y,p_occupied"
+    return np.array([[float(field) for field in line.split(",")] for line in lines])
+
+
+@pytest.mark.parametrize("square", [None, 0.0, 0.5])
+def test_points_in_input_order(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture, square: float) -> None:
+    xy = np.random.default_rng(1).uniform(-20.0, 40.0, (50, 2))
+    (tmp_path / "points.csv").write_text("x,y\n" + "".join(f"{x!r},{y!r}\n" for x, y in xy.tolist()))
+    extra = [] if square is None else ["--square", square]
+    assert ask(folder, "--points", tmp_path / "points.csv", *extra) == 0
+    answered = rows(capsys.readouterr().out)
+    np.testing.assert_array_equal(answered[:, :2], xy)
+    np.testing.assert_array_equal(answered[:, 2], occupied_probability(read_run(folder).draws, xy, square or 0.0))
+    assert np.isnan(answered[:, 2]).any()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x,y\n1.5,2\n3,4\n",
+        "1.5,2\n3,4\n",
+        "\ufeffname, Y ,x\r\na,2,1.5\r\nb,4,3\r\n",
+        "# two points\nx,y\n\n1.5, 2\n3,4",
+    ],
+)
+def test_forms_of_points(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture, text: str) -> None:
+    (tmp_path / "points.csv").write_bytes(text.encode())
+    assert ask(folder, "--points", tmp_path / "points.csv") == 0
+    np.testing.assert_array_equal(rows(capsys.readouterr().out)[:, :2], [[1.5, 2.0], [3.0, 4.0]])
+
+
+def test_standard_input(folder: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"x,y\n1,2\n")))
+    assert ask(folder, "--points", "-") == 0
+    assert capsys.readouterr().out.startswith("x,y,p_occupied\n1.0,2.0,")
+
+
+def test_json_has_null_for_the_outside(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    (tmp_path / "points.csv").write_text("x,y\n1,2\n999,0\n")
+    assert ask(folder, "--points", tmp_path / "points.csv", "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["schema"], answer["n_draws"]) == ("prf.query.points/1", 20)
+    assert answer["points"][1] == {"x": 999.0, "y": 0.0, "p_occupied": None}
+
+
+def test_path(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    (tmp_path / "path.csv").write_text("x,y\n1,2\n1.5,2.5\n")
+    assert ask(folder, "--path", tmp_path / "path.csv", "--radius", 0.1, "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    expected = path_free(read_run(folder).draws, [[1.0, 2.0], [1.5, 2.5]], 0.1)
+    assert answer == {"schema": "prf.query.path/1", "p_free": expected.p_free, "n_draws": 20}
+    assert 0.0 < expected.p_free < 1.0
+    assert ask(folder, "--path", tmp_path / "path.csv", "--radius", 0.1) == 0
+    assert capsys.readouterr().out == f"p_free   {expected.p_free}\nn_draws  20\n"
+
+
+def test_a_path_that_leaves_the_window_is_said_so(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    (tmp_path / "path.csv").write_text("x,y\n1,2\n999,2\n")
+    assert ask(folder, "--path", tmp_path / "path.csv", "--radius", 0.1, "--json") == 0
+    shown = capsys.readouterr()
+    assert json.loads(shown.out)["p_free"] is None
+    assert "leaves the window" in shown.err
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "message"),
+    [
+        ([], 2, "either --points"),
+        (["--points", "p.csv", "--path", "p.csv", "--radius", "1"], 2, "either --points"),
+        (["--path", "p.csv"], 2, "--radius"),
+        (["--points", "p.csv", "--radius", "1"], 2, "--radius"),
+        (["--path", "p.csv", "--radius", "1", "--square", "1"], 2, "--square"),
+        (["--points", "p.csv", "--square", "-1"], 2, "square -1"),
+        (["--path", "p.csv", "--radius", "nan"], 2, "radius nan"),
+        (["--points", "bad.csv"], 3, "bad.csv:3"),
+        (["--points", "nan.csv"], 3, "nan.csv:2"),
+        (["--points", "empty.csv"], 3, "empty.csv: no points"),
+        (["--path", "header.csv", "--radius", "1"], 3, "the path has no point"),
+        (["--points", "absent.csv"], 3, "absent.csv: no such file"),
+    ],
+)
+def test_wrong_questions(
+    folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture,
+    args: list[str],
+    code: int,
+    message: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("p.csv").write_text("x,y\n1,2\n")
+    Path("bad.csv").write_text("x,y\n1,2\n1,two\n")
+    Path("nan.csv").write_text("x,y\n1,nan\n")
+    Path("empty.csv").touch()
+    Path("header.csv").write_text("x,y\n")
+    assert ask(folder, *args) == code
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert message in shown.err
+    assert shown.err.count("\n") == 1
+
+
+def test_a_header_without_rows_is_answered_with_one(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    (tmp_path / "points.csv").write_text("x,y\n")
+    assert ask(folder, "--points", tmp_path / "points.csv") == 0
+    assert capsys.readouterr().out == "x,y,p_occupied\n"
+
+
+def test_a_run_without_draws(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    empty = Run({}, Draws.from_colorings([], WINDOW), np.empty(0, np.int32), np.empty(0, np.int64), {})
+    write_run(tmp_path / "run", empty)
+    (tmp_path / "points.csv").write_text("x,y\n1,2\n")
+    assert ask(tmp_path / "run", "--points", tmp_path / "points.csv") == 3
+    assert "no draws yet" in capsys.readouterr().err
