@@ -16,6 +16,10 @@ Readings come as CARMEN logs or as tables; .gz is read as is and - is standard i
 
 VERBS: dict[str, str] = {
     "info": "Say what is in a log: scans, beams, extent, ranges, and what looks suspicious.",
+    "prior": "Draw maps from the prior, exactly or by Markov chain.",
+    "query": "Ask a run how probably points, squares or a path are occupied or free.",
+    "inspect": "Show how a run was made, and the state of its files.",
+    "render": "Draw a picture of a run, or of draws from the prior.",
 }
 """Verb to its summary: the first line of the docstring of ``prf/commands/<verb>.py``, as a test compares."""
 

@@ -1,0 +1,117 @@
+"""Draw maps from the prior, exactly or by Markov chain."""
+
+from __future__ import annotations
+
+import logging
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from prf.shell.options import Force, Json, Output, Seed
+
+if TYPE_CHECKING:
+    from prf.coloring import Draws
+    from prf.laws import Comparison
+    from prf.window import Window
+
+logger = logging.getLogger(__name__)
+
+EXAMPLES = (
+    "prf prior --scale 1 --window 0 0 1 1 --draws 1000 --method exact --seed 1 -o draws.geojsonl",
+    "prf prior --scale 0.4 --window -5 -5 5 5 --draws 500 --method mcmc --seed 1 --json",
+    "prf prior --scale 0.1 --window 0 0 40 30 --draws 1 -o - | head -c 300",
+)
+
+
+class Method(StrEnum):
+    """How to draw."""
+
+    exact = "exact"
+    mcmc = "mcmc"
+
+
+def prior(
+    scale: Annotated[float, typer.Option("--scale", metavar="1/METRE", help="Scale parameter p of the Arak process.")],
+    window: Annotated[
+        tuple[float, float, float, float],
+        typer.Option("--window", metavar="X0 Y0 X1 Y1", help="The window, in metres."),
+    ],
+    draws: Annotated[int, typer.Option("--draws", metavar="N", min=1, help="How many draws.")],
+    method: Annotated[
+        Method,
+        typer.Option("--method", help="Independent draws by the particle system, or the sampler without readings."),
+    ] = Method.exact,
+    thin: Annotated[
+        int | None,
+        typer.Option("--thin", metavar="STEPS", min=1, help="Steps of the chain from draw to draw; chosen if absent."),
+    ] = None,
+    seed: Seed = None,
+    output: Output = None,
+    json: Json = False,
+    force: Force = False,
+) -> None:
+    """Draw maps from the prior, exactly or by Markov chain.
+
+    The output has one GeoJSON Feature a line: a MultiLineString with one two-point line an edge, and the property
+    anchor_black, the colour of the window's centre. The chain starts all white and discards a burn-in.
+    """
+    from prf.coloring import feature_lines
+    from prf.laws import compare
+    from prf.shell import console, jsonout
+    from prf.shell.errors import UsageError
+    from prf.shell.files import STREAM, open_output, refuse_existing
+    from prf.shell.seeds import resolve_seed
+    from prf.window import Window
+
+    if thin is not None and method is Method.exact:
+        raise UsageError("--thin is for --method mcmc: exact draws are independent.")
+    if json and output == STREAM:
+        raise UsageError("--json and -o - both want standard output. Name a file with -o.")
+    if output is not None:
+        refuse_existing(output, force)
+    used_seed = resolve_seed(seed)
+    drawn, used_thin = _draw(method, scale, Window.checked(*window), draws, thin, used_seed)
+    if output is not None:
+        with open_output(output) as stream:
+            stream.writelines(f"{line}\n" for line in feature_lines(drawn))
+    comparison = compare(drawn, scale)
+    if json:
+        settings = {
+            "method": method.value,
+            "scale": scale,
+            "window": list(window),
+            "seed": used_seed,
+            "thin": used_thin,
+        }
+        jsonout.emit_object("prf.prior/1", {**settings, **comparison._asdict(), "output": output})
+        return
+    # Standard output belongs to the draws if they go there.
+    say = logger.info if output == STREAM else console.emit
+    for line in _lines(comparison, used_seed, used_thin):
+        say(line)
+
+
+def _draw(
+    method: Method, scale: float, window: Window, n_draws: int, thin: int | None, seed: int
+) -> tuple[Draws, int | None]:
+    """Return the draws, and the steps between two draws of the chain (None for exact draws)."""
+    if method is Method.exact:
+        from prf.arak import exact_draws
+        from prf.shell.seeds import spawn_generators
+
+        return exact_draws(scale, window, n_draws, spawn_generators(seed, 1)[0]), None
+    from prf.prior_sampler import mcmc_draws
+
+    return mcmc_draws(scale, window, n_draws, thin, seed)
+
+
+def _lines(comparison: Comparison, seed: int, thin: int | None) -> list[str]:
+    """Return the table for a person."""
+    return [
+        f"draws       {comparison.n_draws}",
+        f"edges       mean {comparison.mean_edges:.4f}, by the exact law {comparison.expected_edges:.4f}",
+        f"length      mean {comparison.mean_length:.4f} m, by the exact law {comparison.expected_length:.4f} m",
+        f"seed        {seed}",
+        f"thin        {'independent draws' if thin is None else f'{thin} steps from draw to draw'}",
+    ]
