@@ -10,6 +10,7 @@ import pytest
 
 from prf.coloring import Coloring, Draws
 from prf.run import Run, inspect_files, read_map_feature, read_run, write_run
+from prf.run.names import SCHEMAS
 from prf.shell.errors import InputError, OutputError
 from prf.window import Window
 from tests.factories import WINDOW, make_run
@@ -218,3 +219,18 @@ def test_windows_far_from_the_origin_round_trip(tmp_path: Path) -> None:
     assert best is not None
     assert read is not None
     assert edge_set(read) == edge_set(best)
+
+
+def test_every_array_and_file_is_documented(folder: Path, project_root: Path) -> None:
+    text = (project_root / "docs" / "file-formats.md").read_text()
+    for name, schema in SCHEMAS.items():
+        section = text.partition(f"### {name}\n")[2].partition("\n##")[0]
+        assert f"`{name}` | `{schema}`" in text
+        if name.endswith(".npz"):
+            with np.load(folder / name) as stored:
+                for array in stored.files:
+                    documented = "functional_NAME" if array.startswith("functional_") else array
+                    assert f"| `{documented}` |" in section
+                    assert array == "schema" or f"| {stored[array].dtype} |" in section
+    for property_name in json.loads((folder / "map.geojson").read_text())["properties"]:
+        assert f"`{property_name}`" in text

@@ -111,7 +111,8 @@ def metre_axes(axes: Axes, width: float, height: float) -> None:
     axes.set_ylabel("y (m)", color=MUTED, fontsize=9)
     axes.tick_params(colors=MUTED, labelsize=8, color=FRAME, width=0.8, length=3)
     axes.ticklabel_format(style="plain", useOffset=False)
-    for axis, inches, needed in ((axes.xaxis, width, 0.7), (axes.yaxis, height, 0.35)):
+    digits = len(f"{max(map(abs, axes.get_xlim())):.0f}")
+    for axis, inches, needed in ((axes.xaxis, width, 0.5 + 0.07 * digits), (axes.yaxis, height, 0.35)):
         axis.set_major_locator(MaxNLocator(nbins=max(1, min(8, int(inches / needed))), steps=[1, 2, 5, 10]))
 
 
