@@ -65,5 +65,5 @@ def _flat(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
 
 def _file_lines(files: list[FileState]) -> Iterator[str]:
     for file in files:
-        size = "-" if file.bytes is None else f"{file.bytes:,}"
-        yield f"{file.name:<18}{file.state:<9}{size:>13} B  {file.summary}".rstrip()
+        size = "" if file.bytes is None else f"{file.bytes:,} B"
+        yield f"{file.name:<18}{file.state:<9}{size:>15}  {file.summary}".rstrip()
