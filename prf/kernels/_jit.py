@@ -31,6 +31,9 @@ FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "cache": True}
 ``fastmath`` stays off: it would drop the nan and inf that the predicates rely on, and change results with the CPU.
 """
 
+CORE_FLAGS: dict[str, Any] = {**FLAGS, "_nrt": False}
+"""Flags of the sampler's kernels: ``_nrt`` off leaves reference counts out."""
+
 KEPT_DIGESTS = 8
 """Caches of this many source states survive: enough to go back and forth between branches without compiling."""
 
@@ -50,7 +53,7 @@ def source_digest(folder: Path) -> str:
     # them would be served when they are asked for.
     boundscheck = os.environ.get("NUMBA_BOUNDSCHECK", "")
     versions = (numba.__version__, llvmlite.__version__, np.__version__, platform.machine(), sys.version)
-    digest.update(repr((sorted(FLAGS.items()), versions, boundscheck)).encode())
+    digest.update(repr((sorted(CORE_FLAGS.items()), versions, boundscheck)).encode())
     return digest.hexdigest()[:16]
 
 
@@ -139,8 +142,20 @@ def jit(function: _Function) -> _Function:
     return compiled
 
 
-def jit_inline(function: _Function) -> _Function:
-    """Compile `function` so that numba copies it into its callers (only where a measurement says that it pays)."""
+def core(function: _Function) -> _Function:
+    """Compile a part of the sampler that only other kernels call: calling it from Python crashes the interpreter.
+
+    Without reference counts (it must not allocate) a step is nine times faster: a chain is a tuple of some eighty
+    arrays, each of which would be counted at every call. Without an entry from Python and a cache file of its own
+    a cold start takes half the time; the cache file of the :func:`core_entry` that calls it holds its code.
+    """
+    flags = {**CORE_FLAGS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "cache": False}
+    compiled: _Function = numba.njit(**flags)(function)
+    return compiled
+
+
+def core_entry(function: _Function) -> _Function:
+    """Compile a part of the sampler that Python calls: as :func:`core`, with an entry and cached."""
     with _own_cache():
-        compiled: _Function = numba.njit(inline="always", **FLAGS)(function)
+        compiled: _Function = numba.njit(**CORE_FLAGS)(function)
     return compiled

@@ -1,0 +1,224 @@
+"""The beams of one chain: where each meets the map, and the dynamic index from cells to beams (section 2.2).
+
+The cells that a beam can ever pass are known from the start ("slots", in order along the beam). A slot is listed in
+its cell only as far as the beam now reaches, so that a change of the map behind the impact finds no beam to ask.
+All room is laid out once: a cell can never list more beams than have a slot there.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from prf.kernels import constants as c
+from prf.kernels._jit import core, core_entry
+from prf.kernels.edge_index import EdgeIndex
+from prf.kernels.geometry import ray_hit
+from prf.kernels.graph import Graph
+from prf.kernels.grid import Grid, exit_distance, walk
+from prf.kernels.laser import beam_log_likelihood
+
+
+class Beams(NamedTuple):
+    """Readings, their present impacts, and the index; slots are numbered over all beams."""
+
+    model: np.ndarray  # (N_LASER_MODEL,) f8
+    ray: np.ndarray  # (n, 8) f8 one cache line a beam: columns ORIGIN_X ... BEAM_LOG_LIKELIHOOD
+    impact_edge: np.ndarray  # (n,) i4 edge that the beam meets, or NONE
+    last_slot: np.ndarray  # (n,) i4 slot in which the impact lies: the last that is listed
+    next_beam: np.ndarray  # (n,) i4 beams that meet the same edge, linked
+    previous_beam: np.ndarray  # (n,) i4
+    first_beam: np.ndarray  # (edge capacity,) i4 head of that list
+    slot_start: np.ndarray  # (n + 1,) i8
+    slot_cell: np.ndarray  # (slots,) i4
+    slot_exit: np.ndarray  # (slots,) f4 distance at which the beam leaves the slot, rounded down
+    slot_place: np.ndarray  # (slots,) i4 place in the cell's list, NONE while not listed
+    cell_start: np.ndarray  # (n_cells + 1,) i8
+    cell_count: np.ndarray  # (n_cells,) i4
+    entries: np.ndarray  # (slots, 2) i4 beam and slot, listed by cell
+    mark: np.ndarray  # (n,) i8 place among the touched beams in the proposal of that mark
+    touched: np.ndarray  # (n,) i4 beams that the proposal touches
+    touched_edge: np.ndarray  # (n,) i4 their new impact: edge slot, or -2 - k for the new edge k, or NONE
+    touched_distance: np.ndarray  # (n,) f8
+    touched_log_likelihood: np.ndarray  # (n,) f8
+    n_touched: np.ndarray  # (1,) i8
+
+
+@core
+def list_slot(beams: Beams, beam: int, slot: int) -> None:
+    """List a slot in its cell."""
+    cell = beams.slot_cell[slot]
+    place = beams.cell_count[cell]
+    at = beams.cell_start[cell] + place
+    beams.entries[at, 0] = beam
+    beams.entries[at, 1] = slot
+    beams.slot_place[slot] = place
+    beams.cell_count[cell] = place + 1
+
+
+@core
+def unlist_slot(beams: Beams, slot: int) -> None:
+    """Strike a slot from its cell's list by moving the last entry into its place."""
+    cell = beams.slot_cell[slot]
+    place = beams.slot_place[slot]
+    last = beams.cell_count[cell] - 1
+    start = beams.cell_start[cell]
+    moved = beams.entries[start + last, 1]
+    beams.entries[start + place, 0] = beams.entries[start + last, 0]
+    beams.entries[start + place, 1] = moved
+    beams.slot_place[moved] = place
+    beams.slot_place[slot] = c.NONE
+    beams.cell_count[cell] = last
+
+
+@core
+def slot_at(beams: Beams, beam: int, distance: float, near: int) -> int:
+    """Slot of a beam in which it lies at `distance`, searched from the slot `near` on."""
+    slot = near
+    first = beams.slot_start[beam]
+    last = beams.slot_start[beam + 1] - 1
+    while slot > first and beams.slot_exit[slot - 1] >= distance:
+        slot -= 1
+    while slot < last and beams.slot_exit[slot] < distance:
+        slot += 1
+    return slot
+
+
+@core
+def link_beam(beams: Beams, beam: int, edge: int) -> None:
+    """Enter a beam into the list of those that meet `edge` (NONE: no list)."""
+    beams.impact_edge[beam] = edge
+    beams.previous_beam[beam] = c.NONE
+    beams.next_beam[beam] = c.NONE
+    if edge != c.NONE:
+        head = beams.first_beam[edge]
+        beams.next_beam[beam] = head
+        if head != c.NONE:
+            beams.previous_beam[head] = beam
+        beams.first_beam[edge] = beam
+
+
+@core
+def unlink_beam(beams: Beams, beam: int) -> None:
+    """Strike a beam from the list of those that meet its edge."""
+    edge = beams.impact_edge[beam]
+    if edge == c.NONE:
+        return
+    before = beams.previous_beam[beam]
+    after = beams.next_beam[beam]
+    if before == c.NONE:
+        beams.first_beam[edge] = after
+    else:
+        beams.next_beam[before] = after
+    if after != c.NONE:
+        beams.previous_beam[after] = before
+
+
+@core
+def first_hit(
+    graph: Graph, index: EdgeIndex, beams: Beams, beam: int, slot: int, limit: float, gone: np.ndarray, n_gone: int
+) -> tuple[int, float]:
+    """First edge that stays on a beam from `slot` on, before `limit`; (NONE, `limit`) if there is none."""
+    ray = beams.ray[beam]
+    ox = ray[c.ORIGIN_X]
+    oy = ray[c.ORIGIN_Y]
+    ux = ray[c.DIRECTION_X]
+    uy = ray[c.DIRECTION_Y]
+    best = limit
+    best_edge = c.NONE
+    for at in range(slot, beams.slot_start[beam + 1]):
+        cell = beams.slot_cell[at]
+        for place in range(index.cell_count[cell]):
+            edge = index.cell_edges[cell, place]
+            xy = graph.edge_xy[edge]
+            t = ray_hit(ox, oy, ux, uy, xy[0], xy[1], xy[2], xy[3])
+            if t < best:
+                stays = True
+                for k in range(n_gone):
+                    if gone[k] == edge:
+                        stays = False
+                if stays:
+                    best = t
+                    best_edge = edge
+        if best <= beams.slot_exit[at]:
+            break
+    return best_edge, best
+
+
+@core
+def trace_beam(graph: Graph, index: EdgeIndex, beams: Beams, beam: int) -> None:
+    """Find the impact of a beam from its origin on, and its log likelihood (lists are not touched)."""
+    reach = beams.ray[beam, c.REACH]
+    gone = index.neighbors
+    edge, distance = first_hit(graph, index, beams, beam, beams.slot_start[beam], reach, gone, 0)
+    if edge == c.NONE:
+        distance = math.inf
+    beams.impact_edge[beam] = edge
+    beams.ray[beam, c.DISTANCE] = distance
+    beams.ray[beam, c.BEAM_LOG_LIKELIHOOD] = beam_log_likelihood(beams.model, beams.ray[beam, c.RANGE], distance)
+
+
+@core
+def relist_beams(beams: Beams) -> float:
+    """Lay out the lists anew from the impacts, in the order of beams; return the sum of log likelihoods.
+
+    The order within a list decides the order of floating-point sums. Done at fixed steps it makes that order a
+    function of the impacts alone, which is what lets a resumed chain repeat an uninterrupted one bit for bit.
+    """
+    beams.cell_count[:] = 0
+    beams.first_beam[:] = c.NONE
+    total = 0.0
+    for beam in range(beams.ray.shape[0]):
+        first = beams.slot_start[beam]
+        beams.last_slot[beam] = slot_at(beams, beam, beams.ray[beam, c.DISTANCE], first)
+        for slot in range(first, beams.slot_start[beam + 1]):
+            beams.slot_place[slot] = c.NONE
+            if slot <= beams.last_slot[beam]:
+                list_slot(beams, beam, slot)
+        link_beam(beams, beam, beams.impact_edge[beam])
+        total += beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
+    return total
+
+
+@core_entry
+def count_slots(grid: Grid, ray: np.ndarray, path: np.ndarray, slot_start: np.ndarray) -> None:
+    """Fill `slot_start` (n + 1,) with the number of cells of each beam up to its reach, summed."""
+    slot_start[0] = 0
+    for beam in range(ray.shape[0]):
+        end_x = ray[beam, c.ORIGIN_X] + ray[beam, c.REACH] * ray[beam, c.DIRECTION_X]
+        end_y = ray[beam, c.ORIGIN_Y] + ray[beam, c.REACH] * ray[beam, c.DIRECTION_Y]
+        n = walk(grid, ray[beam, c.ORIGIN_X], ray[beam, c.ORIGIN_Y], end_x, end_y, path)
+        slot_start[beam + 1] = slot_start[beam] + n
+
+
+@core_entry
+def fill_slots(
+    grid: Grid,
+    ray: np.ndarray,
+    path: np.ndarray,
+    slot_start: np.ndarray,
+    slot_cell: np.ndarray,
+    slot_exit: np.ndarray,
+    cell_start: np.ndarray,
+) -> None:
+    """Fill the cells and exits of all slots, and `cell_start` (n_cells + 1,) with the room of each cell.
+
+    Exits are lowered by a hair: a slot may then be listed, or searched, one cell too far, never one too short.
+    """
+    cell_start[:] = 0
+    for beam in range(ray.shape[0]):
+        ox = ray[beam, c.ORIGIN_X]
+        oy = ray[beam, c.ORIGIN_Y]
+        ux = ray[beam, c.DIRECTION_X]
+        uy = ray[beam, c.DIRECTION_Y]
+        reach = ray[beam, c.REACH]
+        n = walk(grid, ox, oy, ox + reach * ux, oy + reach * uy, path)
+        latest = 0.0
+        for k in range(n):
+            slot = slot_start[beam] + k
+            slot_cell[slot] = path[k]
+            latest = max(latest, exit_distance(grid, path[k], ox, oy, ux, uy) * (1.0 - 1e-6) - 1e-9)
+            slot_exit[slot] = latest if k < n - 1 else reach
+            cell_start[path[k] + 1] += 1
+    for cell in range(cell_start.size - 1):
+        cell_start[cell + 1] += cell_start[cell]

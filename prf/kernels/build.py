@@ -1,0 +1,80 @@
+"""Filling and summing of a chain's arrays from nothing: at the start, when room grows, and at fixed steps."""
+
+import math
+
+import numpy as np
+
+from prf.kernels import constants as c
+from prf.kernels._jit import core, core_entry
+from prf.kernels.beams import relist_beams, trace_beam
+from prf.kernels.chain import Chain
+from prf.kernels.edge_index import EdgeIndex, index_edge
+from prf.kernels.graph import Graph, add_edge, add_vertex, classify_vertex, vertex_sine_now
+from prf.kernels.grid import Grid, cell_at
+
+
+@core_entry
+def fill_graph(graph: Graph, n_vertices: int, edges: np.ndarray) -> None:
+    """Bring the first `n_vertices` slots, whose places stand, and the given edges (n, 2) to life."""
+    for v in range(n_vertices):
+        add_vertex(graph, v)
+    for k in range(edges.shape[0]):
+        a = edges[k, 0]
+        b = edges[k, 1]
+        dx = graph.vertex_xy[b, 0] - graph.vertex_xy[a, 0]
+        dy = graph.vertex_xy[b, 1] - graph.vertex_xy[a, 1]
+        add_edge(graph, a, b, math.sqrt(dx * dx + dy * dy))
+    for v in range(n_vertices):
+        graph.vertex_sine[v] = vertex_sine_now(graph, v)
+        classify_vertex(graph, v)
+
+
+@core_entry
+def fill_index(graph: Graph, index: EdgeIndex) -> bool:
+    """Enter all edges into an empty index; stop and return False when a cell is short of room."""
+    for i in range(graph.counts[c.EDGES]):
+        edge = graph.members[c.EDGES, i]
+        if index_edge(index, edge, graph.edge_xy[edge]):
+            return False
+    return True
+
+
+@core_entry
+def trace_all(chain: Chain) -> None:
+    """Find every beam's impact and log likelihood from its origin on."""
+    for beam in range(chain.beams.ray.shape[0]):
+        trace_beam(chain.graph, chain.index, chain.beams, beam)
+
+
+@core
+def log_prior(graph: Graph, scale: float) -> float:
+    """Log h of equations 1-3 from the cached lengths and sines."""
+    total = 0.0
+    length = 0.0
+    for i in range(graph.counts[c.EDGES]):
+        edge_length = graph.edge_length[graph.members[c.EDGES, i]]
+        total += math.log(scale / edge_length)
+        length += edge_length
+    for kind in (c.INTERIOR_VERTICES, c.BOUNDARY_VERTICES):
+        for i in range(graph.counts[kind]):
+            total += math.log(graph.vertex_sine[graph.members[kind, i]])
+    return total - 2.0 * scale * length
+
+
+@core_entry
+def resum(chain: Chain) -> None:
+    """Sum up length, log prior and log likelihood anew and lay out the lists of beams from the impacts alone."""
+    graph = chain.graph
+    length = 0.0
+    for i in range(graph.counts[c.EDGES]):
+        length += graph.edge_length[graph.members[c.EDGES, i]]
+    graph.sums[c.TOTAL_LENGTH] = length
+    graph.sums[c.LOG_PRIOR] = log_prior(graph, chain.tuning[c.SCALE])
+    graph.sums[c.LOG_LIKELIHOOD] = relist_beams(chain.beams)
+
+
+@core_entry
+def cells_of(grid: Grid, xy: np.ndarray, cells: np.ndarray) -> None:
+    """Write the cell of each point of `xy` (n, 2)."""
+    for k in range(xy.shape[0]):
+        cells[k] = cell_at(grid, xy[k, 0], xy[k, 1])

@@ -1,0 +1,114 @@
+"""The state of one chain, and how an accepted proposal becomes part of it."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from prf.kernels import constants as c
+from prf.kernels._jit import core
+from prf.kernels.beams import Beams
+from prf.kernels.edge_index import EdgeIndex, index_edge, unindex_edge
+from prf.kernels.geometry import inside_loop
+from prf.kernels.graph import (
+    Graph,
+    add_edge,
+    add_vertex,
+    classify_vertex,
+    other_end,
+    remove_edge,
+    remove_vertex,
+)
+from prf.kernels.image import Image, count_edge, recolor_inside
+from prf.kernels.proposal import (
+    N_AFFECTED,
+    N_LOOP,
+    N_NEW_EDGES,
+    N_NEW_VERTICES,
+    N_OLD_EDGES,
+    N_OLD_VERTICES,
+    Proposal,
+)
+from prf.kernels.sites import Sites
+from prf.kernels.touch import apply_touched, release_touched
+
+
+class Chain(NamedTuple):
+    """Everything that one chain reads and writes."""
+
+    graph: Graph
+    index: EdgeIndex
+    beams: Beams
+    sensors: Sites
+    image: Image
+    proposal: Proposal
+    tuning: np.ndarray  # (N_TUNING,) f8
+    odds: np.ndarray  # (N_MOVES,) f8 probability of each move
+    outcomes: np.ndarray  # (N_MOVES, N_OUTCOMES) i8
+
+
+@core
+def apply_edges(graph: Graph, index: EdgeIndex, proposal: Proposal) -> None:
+    """Let edges and vertices go and come, in the graph and in the edge index."""
+    for k in range(proposal.counts[N_OLD_EDGES]):
+        edge = proposal.old_edges[k]
+        unindex_edge(index, edge, graph.edge_xy[edge])
+        remove_edge(graph, edge)
+        graph.sums[c.TOTAL_LENGTH] -= graph.edge_length[edge]
+    graph.counts[c.FREE_VERTICES] -= proposal.counts[N_NEW_VERTICES]
+    for k in range(proposal.counts[N_NEW_VERTICES]):
+        add_vertex(graph, proposal.new_vertices[k])
+    for k in range(proposal.counts[N_OLD_VERTICES]):
+        remove_vertex(graph, proposal.old_vertices[k])
+    for k in range(proposal.counts[N_NEW_EDGES]):
+        length = proposal.new_length[k]
+        edge = add_edge(graph, proposal.new_edges[k, 0], proposal.new_edges[k, 1], length)
+        proposal.new_slot[k] = edge
+        graph.sums[c.TOTAL_LENGTH] += length
+        if index_edge(index, edge, graph.edge_xy[edge]):
+            graph.counts[c.NEEDS_ROOM] = 1
+    if min(graph.counts[c.FREE_EDGES], graph.counts[c.FREE_VERTICES]) < c.MOST_CHANGES:
+        graph.counts[c.NEEDS_ROOM] = 1
+
+
+@core
+def refresh_vertices(graph: Graph, proposal: Proposal) -> None:
+    """Store the new angles, and bring the sets of triangles up to date round the change."""
+    for k in range(proposal.counts[N_AFFECTED]):
+        v = proposal.affected[k]
+        graph.vertex_sine[v] = proposal.affected_sine[k]
+        classify_vertex(graph, v)
+        for side in range(2):
+            edge = graph.vertex_edges[v, side]
+            if edge != c.NONE:
+                classify_vertex(graph, other_end(graph, edge, v))
+
+
+@core
+def update_image(chain: Chain, step: int) -> None:
+    """Let the image follow the edges that go and come and the recoloured loop (before slots change hands)."""
+    proposal = chain.proposal
+    for k in range(proposal.counts[N_OLD_EDGES]):
+        count_edge(chain.image, chain.graph.edge_xy[proposal.old_edges[k]], -1, step)
+    for k in range(proposal.counts[N_NEW_EDGES]):
+        count_edge(chain.image, proposal.new_xy[k], 1, step)
+    recolor_inside(chain.image, proposal.loop, proposal.counts[N_LOOP], step)
+
+
+@core
+def apply(chain: Chain, log_prior_change: float, log_likelihood_change: float) -> None:
+    """Make an accepted proposal the state of the chain."""
+    graph = chain.graph
+    proposal = chain.proposal
+    if chain.image.black.size > 0:
+        update_image(chain, graph.counts[c.STEP])
+    release_touched(chain.beams)
+    apply_edges(graph, chain.index, proposal)
+    refresh_vertices(graph, proposal)
+    apply_touched(chain.beams, proposal)
+    window = graph.window
+    if inside_loop(
+        0.5 * (window[0] + window[2]), 0.5 * (window[1] + window[3]), proposal.loop, proposal.counts[N_LOOP]
+    ):
+        graph.counts[c.ANCHOR_BLACK] = 1 - graph.counts[c.ANCHOR_BLACK]
+    graph.sums[c.LOG_PRIOR] += log_prior_change
+    graph.sums[c.LOG_LIKELIHOOD] += log_likelihood_change

@@ -1,0 +1,88 @@
+"""Integer names of sides, sets, counters, moves and columns that the kernels share (frozen at compile time)."""
+
+INTERIOR = -1
+BOTTOM = 0
+RIGHT = 1
+TOP = 2
+LEFT = 3
+
+NONE = -1
+"""No edge, no vertex, no beam."""
+
+# Sets that a move samples from uniformly; rows of ``Graph.members`` and ``Graph.positions``.
+EDGES = 0
+INTERIOR_VERTICES = 1
+BOUNDARY_VERTICES = 2
+TRIANGLE_VERTICES = 3  # vertices of closed 3-loops: three members a triangle
+BOUNDARY_APEXES = 4  # interior vertices whose two neighbours lie on the same side
+CORNER_CUTS = 5  # edges that join adjacent sides
+N_SETS = 6
+
+# Entries of ``Graph.counts`` after the sizes of the sets.
+FREE_VERTICES = 6
+FREE_EDGES = 7
+ANCHOR_BLACK = 8
+NEEDS_ROOM = 9
+STEP = 10
+N_COUNTS = 11
+
+# Entries of ``Graph.sums``.
+TOTAL_LENGTH = 0
+LOG_PRIOR = 1
+LOG_LIKELIHOOD = 2
+N_SUMS = 3
+
+MOST_CHANGES = 8
+"""No proposal removes or adds more edges or vertices than this."""
+
+# Moves (paper, figure 2), in the order of the table of move probabilities.
+TRIANGLE_BIRTH = 0
+TRIANGLE_DEATH = 1
+BOUNDARY_BIRTH = 2
+BOUNDARY_DEATH = 3
+CORNER_BIRTH = 4
+CORNER_DEATH = 5
+SPLIT = 6
+MERGE = 7
+MOVE_INTERIOR = 8
+MOVE_BOUNDARY = 9
+PAST_CORNER = 10
+RECOLOR = 11
+LOCAL_RECOLOR = 12
+SLIDE = 13
+N_MOVES = 14
+
+# Columns of the table of outcomes.
+PROPOSED = 0
+VALID = 1  # passed legality and the crossing check
+ACCEPTED = 2
+N_OUTCOMES = 3
+
+# Entries of the tuning array.
+SCALE = 0  # p, 1/m
+LOCAL_SHARE = 1  # share of births whose further vertices lie near the first
+BIRTH_REACH = 2  # median distance of those, m
+SPLIT_REACH = 3  # median distance of a split's new vertex from the edge, m
+MOVE_REACH = 4  # median displacement of a vertex move, m
+N_TUNING = 5
+
+# Columns of ``Laser.ray``.
+ORIGIN_X = 0
+ORIGIN_Y = 1
+DIRECTION_X = 2
+DIRECTION_Y = 3
+REACH = 4  # no obstacle is met beyond this distance: window border or max range
+RANGE = 5  # the reading, inf for no return
+DISTANCE = 6  # to the first obstacle in the current map, inf for none
+BEAM_LOG_LIKELIHOOD = 7
+
+# Entries of the laser model's array.
+MAX_RANGE = 0
+NOISE = 1
+NOISE_RELATIVE = 2
+HIT = 3
+OUTLIER_DENSITY = 4  # w_outlier / max_range
+MISS = 5
+LOG_OUTLIER = 6  # log density of a return without an obstacle in reach
+LOG_MISS = 7  # log probability of no return without an obstacle in reach
+N_LASER_MODEL = 8

@@ -1,0 +1,72 @@
+"""Predicates of the plane on plain floats. Degenerate contacts count as crossings: they have probability zero."""
+
+import math
+
+import numpy as np
+
+from prf.kernels._jit import core
+
+
+@core
+def orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> float:
+    """Twice the signed area of the triangle a, b, c (positive: counter-clockwise)."""
+    return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+
+
+@core
+def segments_meet(
+    ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float
+) -> bool:
+    """Whether the closed segments ab and cd have a point in common."""
+    if max(ax, bx) < min(cx, dx) or max(cx, dx) < min(ax, bx):
+        return False
+    if max(ay, by) < min(cy, dy) or max(cy, dy) < min(ay, by):
+        return False
+    if orientation(ax, ay, bx, by, cx, cy) * orientation(ax, ay, bx, by, dx, dy) > 0.0:
+        return False
+    return orientation(cx, cy, dx, dy, ax, ay) * orientation(cx, cy, dx, dy, bx, by) <= 0.0
+
+
+@core
+def ray_hit(
+    ox: float, oy: float, ux: float, uy: float, ax: float, ay: float, bx: float, by: float
+) -> float:
+    """Distance along the ray o + t u to the segment ab, inf if the ray misses it.
+
+    Each end is classed by the side of the ray's line on which it lies, half open, so that a ray through a vertex
+    meets exactly one of two edges that continue each other there: no light leaks between them.
+    """
+    vx = ax - ox
+    vy = ay - oy
+    side_a = ux * vy - uy * vx
+    side_b = ux * (by - oy) - uy * (bx - ox)
+    if (side_a < 0.0) == (side_b < 0.0):
+        return math.inf
+    t = (vx * (by - ay) - vy * (bx - ax)) / (side_b - side_a)
+    if t > 0.0:
+        return t
+    return math.inf
+
+
+@core
+def inside_loop(x: float, y: float, loop: np.ndarray, n: int) -> bool:
+    """Whether the closed polygon of the first `n` rows of `loop` (n, 2) winds round (x, y) an odd number of times."""
+    odd = False
+    k = n - 1
+    for i in range(n):
+        yi = loop[i, 1]
+        yk = loop[k, 1]
+        if (yi > y) != (yk > y) and x < loop[i, 0] + (y - yi) / (yk - yi) * (loop[k, 0] - loop[i, 0]):
+            odd = not odd
+        k = i
+    return odd
+
+
+@core
+def sine_of_angle(vx: float, vy: float, ax: float, ay: float, bx: float, by: float) -> float:
+    """Sine of the angle at v between the segments va and vb."""
+    px = ax - vx
+    py = ay - vy
+    qx = bx - vx
+    qy = by - vy
+    return abs(px * qy - py * qx) / math.sqrt((px * px + py * py) * (qx * qx + qy * qy))

@@ -1,0 +1,192 @@
+"""The discontinuity graph of one chain: slots for vertices and edges, and the sets that moves sample from."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from prf.kernels import constants as c
+from prf.kernels._jit import core
+from prf.kernels.geometry import sine_of_angle
+
+
+class Graph(NamedTuple):
+    """Arrays of one map; a slot is a row that a vertex or an edge keeps as long as it lives."""
+
+    window: np.ndarray  # (4,) x_min, y_min, x_max, y_max
+    vertex_xy: np.ndarray  # (capacity, 2) f8
+    vertex_side: np.ndarray  # (capacity,) i4 side of a boundary vertex, or INTERIOR
+    vertex_edges: np.ndarray  # (capacity, 2) i4 edges that end there, NONE where there is none
+    vertex_sine: np.ndarray  # (capacity,) f8 sin(phi_v) of equation 1
+    edge_vertices: np.ndarray  # (capacity, 2) i4
+    edge_xy: np.ndarray  # (capacity, 4) f8 both ends, for tests that should touch one cache line
+    edge_length: np.ndarray  # (capacity,) f8
+    members: np.ndarray  # (N_SETS, capacity) i4
+    positions: np.ndarray  # (N_SETS, capacity) i4 place of a slot in `members`, NONE outside
+    free_vertices: np.ndarray  # (capacity,) i4 stack
+    free_edges: np.ndarray  # (capacity,) i4 stack
+    counts: np.ndarray  # (N_COUNTS,) i8 sizes of the sets, of the stacks, anchor colour, step
+    sums: np.ndarray  # (N_SUMS,) f8 length, log prior, log likelihood
+
+
+@core
+def set_add(graph: Graph, kind: int, slot: int) -> None:
+    """Add a slot to a set; nothing happens if it is there."""
+    if graph.positions[kind, slot] == c.NONE:
+        n = graph.counts[kind]
+        graph.members[kind, n] = slot
+        graph.positions[kind, slot] = n
+        graph.counts[kind] = n + 1
+
+
+@core
+def set_remove(graph: Graph, kind: int, slot: int) -> None:
+    """Remove a slot from a set by moving the last member into its place; nothing happens if it is not there."""
+    place = graph.positions[kind, slot]
+    if place != c.NONE:
+        n = graph.counts[kind] - 1
+        last = graph.members[kind, n]
+        graph.members[kind, place] = last
+        graph.positions[kind, last] = place
+        graph.positions[kind, slot] = c.NONE
+        graph.counts[kind] = n
+
+
+@core
+def pick(graph: Graph, kind: int, rng: np.random.Generator) -> int:
+    """Uniform member of a set that is not empty."""
+    return graph.members[kind, int(rng.random() * graph.counts[kind])]
+
+
+@core
+def other_end(graph: Graph, edge: int, vertex: int) -> int:
+    """The end of `edge` that is not `vertex`."""
+    if graph.edge_vertices[edge, 0] == vertex:
+        return graph.edge_vertices[edge, 1]
+    return graph.edge_vertices[edge, 0]
+
+
+@core
+def are_adjacent(graph: Graph, a: int, b: int) -> bool:
+    """Whether an edge joins the vertices a and b."""
+    for k in range(2):
+        edge = graph.vertex_edges[a, k]
+        if edge != c.NONE and other_end(graph, edge, a) == b:
+            return True
+    return False
+
+
+@core
+def on_one_side(graph: Graph, a: int, b: int) -> bool:
+    """Whether both vertices lie on the same side of the window."""
+    return graph.vertex_side[a] != c.INTERIOR and graph.vertex_side[a] == graph.vertex_side[b]
+
+
+@core
+def sine_at_border(side: int, vx: float, vy: float, ax: float, ay: float, length: float) -> float:
+    """Sine of the angle between the edge va of given length and the side on which v lies."""
+    if side == c.BOTTOM or side == c.TOP:
+        return abs(ay - vy) / length
+    return abs(ax - vx) / length
+
+
+@core
+def vertex_sine_now(graph: Graph, v: int) -> float:
+    """sin(phi_v) from the edges that end in v."""
+    vx = graph.vertex_xy[v, 0]
+    vy = graph.vertex_xy[v, 1]
+    first = graph.vertex_edges[v, 0]
+    a = other_end(graph, first, v)
+    ax = graph.vertex_xy[a, 0]
+    ay = graph.vertex_xy[a, 1]
+    if graph.vertex_side[v] != c.INTERIOR:
+        return sine_at_border(graph.vertex_side[v], vx, vy, ax, ay, graph.edge_length[first])
+    b = other_end(graph, graph.vertex_edges[v, 1], v)
+    return sine_of_angle(vx, vy, ax, ay, graph.vertex_xy[b, 0], graph.vertex_xy[b, 1])
+
+
+@core
+def attach(graph: Graph, v: int, edge: int) -> None:
+    """Enter `edge` among those that end in v."""
+    if graph.vertex_edges[v, 0] == c.NONE:
+        graph.vertex_edges[v, 0] = edge
+    else:
+        graph.vertex_edges[v, 1] = edge
+
+
+@core
+def detach(graph: Graph, v: int, edge: int) -> None:
+    """Strike `edge` from those that end in v; the first place stays the occupied one."""
+    if graph.vertex_edges[v, 0] == edge:
+        graph.vertex_edges[v, 0] = graph.vertex_edges[v, 1]
+    graph.vertex_edges[v, 1] = c.NONE
+
+
+@core
+def add_vertex(graph: Graph, v: int) -> None:
+    """Bring the slot v, whose coordinates and side stand already, to life."""
+    graph.vertex_edges[v, 0] = c.NONE
+    graph.vertex_edges[v, 1] = c.NONE
+    set_add(graph, c.INTERIOR_VERTICES if graph.vertex_side[v] == c.INTERIOR else c.BOUNDARY_VERTICES, v)
+
+
+@core
+def remove_vertex(graph: Graph, v: int) -> None:
+    """Take v out of every set and give its slot back."""
+    set_remove(graph, c.INTERIOR_VERTICES, v)
+    set_remove(graph, c.BOUNDARY_VERTICES, v)
+    set_remove(graph, c.TRIANGLE_VERTICES, v)
+    set_remove(graph, c.BOUNDARY_APEXES, v)
+    graph.free_vertices[graph.counts[c.FREE_VERTICES]] = v
+    graph.counts[c.FREE_VERTICES] += 1
+
+
+@core
+def add_edge(graph: Graph, a: int, b: int, length: float) -> int:
+    """Join a and b by a new edge and return its slot."""
+    graph.counts[c.FREE_EDGES] -= 1
+    edge = graph.free_edges[graph.counts[c.FREE_EDGES]]
+    graph.edge_vertices[edge, 0] = a
+    graph.edge_vertices[edge, 1] = b
+    graph.edge_xy[edge, 0] = graph.vertex_xy[a, 0]
+    graph.edge_xy[edge, 1] = graph.vertex_xy[a, 1]
+    graph.edge_xy[edge, 2] = graph.vertex_xy[b, 0]
+    graph.edge_xy[edge, 3] = graph.vertex_xy[b, 1]
+    graph.edge_length[edge] = length
+    attach(graph, a, edge)
+    attach(graph, b, edge)
+    set_add(graph, c.EDGES, edge)
+    if graph.vertex_side[a] != c.INTERIOR and graph.vertex_side[b] != c.INTERIOR:
+        if (graph.vertex_side[a] - graph.vertex_side[b]) % 2 != 0:
+            set_add(graph, c.CORNER_CUTS, edge)
+    return edge
+
+
+@core
+def remove_edge(graph: Graph, edge: int) -> None:
+    """Strike an edge and give its slot back."""
+    detach(graph, graph.edge_vertices[edge, 0], edge)
+    detach(graph, graph.edge_vertices[edge, 1], edge)
+    set_remove(graph, c.EDGES, edge)
+    set_remove(graph, c.CORNER_CUTS, edge)
+    graph.free_edges[graph.counts[c.FREE_EDGES]] = edge
+    graph.counts[c.FREE_EDGES] += 1
+
+
+@core
+def classify_vertex(graph: Graph, v: int) -> None:
+    """Bring the membership of v in the sets of triangles and of boundary triangles up to date."""
+    in_triangle = False
+    is_apex = False
+    if graph.vertex_side[v] == c.INTERIOR:
+        a = other_end(graph, graph.vertex_edges[v, 0], v)
+        b = other_end(graph, graph.vertex_edges[v, 1], v)
+        in_triangle = are_adjacent(graph, a, b)
+        is_apex = on_one_side(graph, a, b)
+    if in_triangle:
+        set_add(graph, c.TRIANGLE_VERTICES, v)
+    else:
+        set_remove(graph, c.TRIANGLE_VERTICES, v)
+    if is_apex:
+        set_add(graph, c.BOUNDARY_APEXES, v)
+    else:
+        set_remove(graph, c.BOUNDARY_APEXES, v)

@@ -1,0 +1,6 @@
+"""Moves of figure 2 of the paper: one reversible pair a file.
+
+A move fills the proposal and returns whether it is legal, and the log of
+(probability of choosing the reverse move x density of its proposal) / (the same of this move):
+the part of the Hastings ratio that is not the target.
+"""

@@ -1,0 +1,130 @@
+"""Random places in the window and on its sides, with their densities."""
+
+import math
+
+import numpy as np
+
+from prf.kernels import constants as c
+from prf.kernels._jit import core
+
+
+@core
+def random_reach(rng: np.random.Generator, median: float) -> float:
+    """Distance with density median / (median + r)^2: flat near zero, and no scale is out of reach."""
+    u = rng.random()
+    return median * u / (1.0 - u)
+
+
+@core
+def reach_density(r: float, median: float) -> float:
+    """Density of :func:`random_reach` at r >= 0."""
+    return median / ((median + r) * (median + r))
+
+
+@core
+def near_density(distance: float, median: float) -> float:
+    """Density in the plane of a point at a :func:`random_reach` in a uniform direction."""
+    return reach_density(distance, median) / (2.0 * math.pi * distance)
+
+
+@core
+def side_length(window: np.ndarray, side: int) -> float:
+    """Length of a side of the window (4,)."""
+    if side == c.BOTTOM or side == c.TOP:
+        return window[2] - window[0]
+    return window[3] - window[1]
+
+
+@core
+def perimeter(window: np.ndarray) -> float:
+    """Length of the window's border."""
+    return 2.0 * (window[2] - window[0] + window[3] - window[1])
+
+
+@core
+def area(window: np.ndarray) -> float:
+    """Area of the window."""
+    return (window[2] - window[0]) * (window[3] - window[1])
+
+
+@core
+def side_point(window: np.ndarray, side: int, position: float) -> tuple[float, float]:
+    """Point of a side at `position`, its coordinate along the side; the other coordinate is exactly the side's."""
+    if side == c.BOTTOM:
+        return position, window[1]
+    if side == c.TOP:
+        return position, window[3]
+    if side == c.LEFT:
+        return window[0], position
+    return window[2], position
+
+
+@core
+def side_start(window: np.ndarray, side: int) -> float:
+    """Smallest coordinate along a side."""
+    if side == c.BOTTOM or side == c.TOP:
+        return window[0]
+    return window[1]
+
+
+@core
+def position_on_side(side: int, x: float, y: float) -> float:
+    """Coordinate along the side of a point of it."""
+    if side == c.BOTTOM or side == c.TOP:
+        return x
+    return y
+
+
+@core
+def is_on_side(window: np.ndarray, side: int, position: float) -> bool:
+    """Whether a coordinate along the side lies strictly inside it."""
+    start = side_start(window, side)
+    return start < position < start + side_length(window, side)
+
+
+@core
+def is_inside(window: np.ndarray, x: float, y: float) -> bool:
+    """Whether the point lies strictly inside the window."""
+    return window[0] < x < window[2] and window[1] < y < window[3]
+
+
+@core
+def random_side(window: np.ndarray, rng: np.random.Generator) -> int:
+    """Side with probability in proportion to its length."""
+    u = rng.random() * perimeter(window)
+    for side in range(3):
+        u -= side_length(window, side)
+        if u < 0.0:
+            return side
+    return 3
+
+
+@core
+def random_position(window: np.ndarray, side: int, rng: np.random.Generator) -> float:
+    """Uniform coordinate along a side."""
+    return side_start(window, side) + rng.random() * side_length(window, side)
+
+
+@core
+def corner_between(window: np.ndarray, side: int, other: int) -> tuple[float, float]:
+    """Corner of the window in which two adjacent sides meet."""
+    x = window[2] if side == c.RIGHT or other == c.RIGHT else window[0]
+    y = window[3] if side == c.TOP or other == c.TOP else window[1]
+    return x, y
+
+
+@core
+def distance_to_corner(window: np.ndarray, side: int, other: int, position: float) -> float:
+    """Distance of a point of `side` from the corner in which it meets the adjacent side `other`."""
+    x, y = corner_between(window, side, other)
+    return abs(position - position_on_side(side, x, y))
+
+
+@core
+def position_from_corner(window: np.ndarray, side: int, other: int, distance: float) -> float:
+    """Coordinate along `side` at a distance from the corner in which it meets `other`."""
+    x, y = corner_between(window, side, other)
+    corner = position_on_side(side, x, y)
+    if corner > side_start(window, side):
+        return corner - distance
+    return corner + distance

@@ -1,0 +1,94 @@
+"""Figure 2 (d): an edge is split by a new vertex, and the reverse, a vertex whose two edges merge into one."""
+
+import math
+
+import numpy as np
+
+from prf.kernels import constants as c
+from prf.kernels._jit import core
+from prf.kernels.graph import Graph, are_adjacent, on_one_side, other_end, pick
+from prf.kernels.moves.placing import is_inside, random_reach, reach_density
+from prf.kernels.proposal import Proposal, drop_edge, drop_vertex, join, place_vertex, turn_at_vertex
+
+
+@core
+def split_density(graph: Graph, tuning: np.ndarray, u: int, w: int, x: float, y: float) -> float:
+    """Density g of the new vertex at (x, y) when the edge uw is split.
+
+    Its foot is uniform on the edge, its distance to either side a random reach; 0 where the foot is off the edge.
+    """
+    ux = graph.vertex_xy[u, 0]
+    uy = graph.vertex_xy[u, 1]
+    ex = graph.vertex_xy[w, 0] - ux
+    ey = graph.vertex_xy[w, 1] - uy
+    square = ex * ex + ey * ey
+    foot = ((x - ux) * ex + (y - uy) * ey) / square
+    if not 0.0 < foot < 1.0:
+        return 0.0
+    length = math.sqrt(square)
+    offset = abs(ex * (y - uy) - ey * (x - ux)) / length
+    return 0.5 * reach_density(offset, tuning[c.SPLIT_REACH]) / length
+
+
+@core
+def propose_split(
+    graph: Graph, proposal: Proposal, tuning: np.ndarray, odds: np.ndarray, rng: np.random.Generator
+) -> tuple[bool, float]:
+    """Propose to split a uniform edge."""
+    edges = graph.counts[c.EDGES]
+    if edges == 0:
+        return False, 0.0
+    edge = pick(graph, c.EDGES, rng)
+    u = graph.edge_vertices[edge, 0]
+    w = graph.edge_vertices[edge, 1]
+    ux = graph.vertex_xy[u, 0]
+    uy = graph.vertex_xy[u, 1]
+    ex = graph.vertex_xy[w, 0] - ux
+    ey = graph.vertex_xy[w, 1] - uy
+    foot = rng.random()
+    offset = random_reach(rng, tuning[c.SPLIT_REACH]) / graph.edge_length[edge]
+    if rng.random() < 0.5:
+        offset = -offset
+    x = ux + foot * ex - offset * ey
+    y = uy + foot * ey + offset * ex
+    density = split_density(graph, tuning, u, w, x, y)
+    if density == 0.0 or not is_inside(graph.window, x, y):
+        return False, 0.0
+    v = place_vertex(graph, proposal, x, y, c.INTERIOR)
+    drop_edge(proposal, edge)
+    join(graph, proposal, u, v)
+    join(graph, proposal, v, w)
+    for vertex in (u, v, w):
+        turn_at_vertex(graph, proposal, vertex)
+    forward = odds[c.SPLIT] * density / edges
+    return True, math.log(odds[c.MERGE] / ((graph.counts[c.INTERIOR_VERTICES] + 1) * forward))
+
+
+@core
+def propose_merge(
+    graph: Graph, proposal: Proposal, tuning: np.ndarray, odds: np.ndarray, rng: np.random.Generator
+) -> tuple[bool, float]:
+    """Propose to replace the two edges of a uniform interior vertex by one.
+
+    Illegal where that would double an edge (the neighbours are adjacent) or lay one along a side.
+    """
+    interior = graph.counts[c.INTERIOR_VERTICES]
+    if interior == 0:
+        return False, 0.0
+    v = pick(graph, c.INTERIOR_VERTICES, rng)
+    u = other_end(graph, graph.vertex_edges[v, 0], v)
+    w = other_end(graph, graph.vertex_edges[v, 1], v)
+    if are_adjacent(graph, u, w) or on_one_side(graph, u, w):
+        return False, 0.0
+    density = split_density(graph, tuning, u, w, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1])
+    if density == 0.0:
+        return False, 0.0
+    drop_edge(proposal, graph.vertex_edges[v, 0])
+    drop_edge(proposal, graph.vertex_edges[v, 1])
+    drop_vertex(proposal, v)
+    join(graph, proposal, u, w)
+    for vertex in (u, v, w):
+        turn_at_vertex(graph, proposal, vertex)
+    edges_after = graph.counts[c.EDGES] - 1
+    backward = odds[c.SPLIT] * density / edges_after
+    return True, math.log(backward * interior / odds[c.MERGE])

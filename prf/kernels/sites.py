@@ -1,0 +1,47 @@
+"""Sites whose colour matters: sensors, which must stand in white. A grid finds those that a loop may enclose."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from prf.kernels._jit import core
+from prf.kernels.geometry import inside_loop
+from prf.kernels.grid import Grid, axis_index
+
+
+class Sites(NamedTuple):
+    """Distinct sensor positions, sorted by cell."""
+
+    grid: Grid
+    xy: np.ndarray  # (n, 2) f8
+    cell_start: np.ndarray  # (n_cells + 1,) i8
+
+
+@core
+def loop_box(loop: np.ndarray, n: int) -> tuple[float, float, float, float]:
+    """Bounding box of the first n rows of `loop`."""
+    x_min = x_max = loop[0, 0]
+    y_min = y_max = loop[0, 1]
+    for k in range(1, n):
+        x_min = min(x_min, loop[k, 0])
+        x_max = max(x_max, loop[k, 0])
+        y_min = min(y_min, loop[k, 1])
+        y_max = max(y_max, loop[k, 1])
+    return x_min, y_min, x_max, y_max
+
+
+@core
+def any_inside(sites: Sites, loop: np.ndarray, n: int) -> bool:
+    """Whether a site would be recoloured by the loop of `n` corners."""
+    x_min, y_min, x_max, y_max = loop_box(loop, n)
+    grid = sites.grid
+    i0 = axis_index((x_min - grid.x0) / grid.cell, grid.nx)
+    i1 = axis_index((x_max - grid.x0) / grid.cell, grid.nx)
+    k0 = axis_index((y_min - grid.y0) / grid.cell, grid.ny)
+    k1 = axis_index((y_max - grid.y0) / grid.cell, grid.ny)
+    for k in range(k0, k1 + 1):
+        # Cells of one row follow each other, and so do their sites.
+        for site in range(sites.cell_start[i0 + grid.nx * k], sites.cell_start[i1 + grid.nx * k + 1]):
+            if inside_loop(sites.xy[site, 0], sites.xy[site, 1], loop, n):
+                return True
+    return False

@@ -1,0 +1,122 @@
+"""One Metropolis-Hastings step, and runs of many."""
+
+import math
+
+import numpy as np
+
+from prf.kernels import constants as c
+from prf.kernels._jit import core, core_entry
+from prf.kernels.chain import Chain, apply
+from prf.kernels.crossing import is_valid
+from prf.kernels.moves import boundary_triangle, corner_cut, interior_triangle, move_vertex, recolor, split_edge
+from prf.kernels.proposal import N_LOOP, clear, log_prior_change
+from prf.kernels.sites import any_inside
+from prf.kernels.touch import log_likelihood_change, touch_beams
+
+DONE = 0
+NEEDS_ROOM = 1
+STOPPED = 2
+
+
+@core
+def choose_move(odds: np.ndarray, rng: np.random.Generator) -> int:
+    """Move drawn with probabilities `odds`."""
+    u = rng.random()
+    for move in range(c.N_MOVES - 1):
+        u -= odds[move]
+        if u < 0.0:
+            return move
+    return c.N_MOVES - 1
+
+
+@core
+def propose_vertex_move(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, float]:
+    """Fill the proposal of a move that keeps the numbers of edges and vertices."""
+    if move == c.MOVE_INTERIOR:
+        return move_vertex.propose_interior(chain.graph, chain.proposal, chain.tuning, rng)
+    if move == c.SLIDE:
+        return move_vertex.propose_slide(chain.graph, chain.proposal, rng)
+    if move == c.MOVE_BOUNDARY:
+        return move_vertex.propose_boundary(chain.graph, chain.proposal, chain.tuning, rng)
+    if move == c.PAST_CORNER:
+        return move_vertex.propose_past_corner(chain.graph, chain.proposal, chain.tuning, rng)
+    if move == c.RECOLOR:
+        return recolor.propose_global(chain.graph, chain.proposal, rng)
+    return recolor.propose_local(chain.graph, chain.index, chain.proposal, rng)
+
+
+@core
+def propose(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, float]:
+    """Fill the proposal; return whether it is legal and the log ratio of proposals (see ``moves``)."""
+    graph, proposal, tuning, odds = chain.graph, chain.proposal, chain.tuning, chain.odds
+    clear(proposal)
+    if move == c.TRIANGLE_BIRTH:
+        return interior_triangle.propose_birth(graph, proposal, tuning, odds, rng)
+    if move == c.TRIANGLE_DEATH:
+        return interior_triangle.propose_death(graph, proposal, tuning, odds, rng)
+    if move == c.BOUNDARY_BIRTH:
+        return boundary_triangle.propose_birth(graph, proposal, tuning, odds, rng)
+    if move == c.BOUNDARY_DEATH:
+        return boundary_triangle.propose_death(graph, proposal, tuning, odds, rng)
+    if move == c.CORNER_BIRTH:
+        return corner_cut.propose_birth(graph, proposal, tuning, odds, rng)
+    if move == c.CORNER_DEATH:
+        return corner_cut.propose_death(graph, proposal, tuning, odds, rng)
+    if move == c.SPLIT:
+        return split_edge.propose_split(graph, proposal, tuning, odds, rng)
+    if move == c.MERGE:
+        return split_edge.propose_merge(graph, proposal, tuning, odds, rng)
+    return propose_vertex_move(chain, move, rng)
+
+
+@core
+def evaluate(chain: Chain, move: int, log_proposal_ratio: float, log_u: float) -> tuple[bool, float, float]:
+    """Decide on a legal proposal; return the decision and the changes of log prior and log likelihood.
+
+    The threshold `log_u` is drawn before, so that what cannot be reached is not computed. A comparison with nan
+    is false: such a proposal is rejected.
+    """
+    graph, proposal = chain.graph, chain.proposal
+    if not is_valid(graph, chain.index, proposal):
+        return False, 0.0, 0.0
+    chain.outcomes[move, c.VALID] += 1
+    if move == c.LOCAL_RECOLOR:
+        log_proposal_ratio += recolor.local_log_ratio(graph, chain.index, proposal)
+    prior = log_prior_change(graph, proposal, chain.tuning[c.SCALE])
+    if chain.beams.ray.shape[0] == 0:
+        return log_u < prior + log_proposal_ratio, prior, 0.0
+    if any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
+        return False, 0.0, 0.0
+    touch_beams(graph, chain.index, chain.beams, proposal)
+    likelihood = log_likelihood_change(chain.beams)
+    return log_u < prior + likelihood + log_proposal_ratio, prior, likelihood
+
+
+@core
+def step(chain: Chain, rng: np.random.Generator) -> bool:
+    """One step: choose a move, propose, decide, apply. An illegal proposal is a rejection and counts as a step."""
+    chain.graph.counts[c.STEP] += 1
+    move = choose_move(chain.odds, rng)
+    chain.outcomes[move, c.PROPOSED] += 1
+    legal, log_proposal_ratio = propose(chain, move, rng)
+    if not legal:
+        return False
+    log_u = math.log(1.0 - rng.random())
+    accepted, prior, likelihood = evaluate(chain, move, log_proposal_ratio, log_u)
+    if accepted:
+        apply(chain, prior, likelihood)
+        chain.outcomes[move, c.ACCEPTED] += 1
+    return accepted
+
+
+@core_entry
+def run(chain: Chain, rng: np.random.Generator, until: int, stop: np.ndarray) -> int:
+    """Step until the step counter reaches `until`; leave early for room (NEEDS_ROOM) or when `stop[0]` is set."""
+    counts = chain.graph.counts
+    while counts[c.STEP] < until:
+        if counts[c.NEEDS_ROOM] != 0:
+            return NEEDS_ROOM
+        if stop[0] != 0:
+            return STOPPED
+        step(chain, rng)
+    return DONE

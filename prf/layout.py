@@ -1,0 +1,205 @@
+"""Arrays of a chain: laid out for a map, grown when they run short, read back as a coloring."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.coloring import Coloring, black_at
+from prf.kernels import constants as c
+from prf.kernels.build import cells_of, fill_graph, fill_index
+from prf.kernels.chain import Chain
+from prf.kernels.edge_index import EdgeIndex
+from prf.kernels.graph import Graph
+from prf.kernels.grid import Grid, most_cells
+from prf.kernels.image import Image, count_all_edges
+from prf.kernels.proposal import N_PROPOSAL_COUNTS, Proposal
+from prf.kernels.sites import Sites
+from prf.window import Window
+
+Floats = NDArray[np.float64]
+
+
+def make_graph(coloring: Coloring, capacity: int) -> Graph:
+    """Return the graph of a coloring with room for `capacity` vertices and edges."""
+    graph = Graph(
+        window=np.array(coloring.window, np.float64),
+        vertex_xy=np.zeros((capacity, 2)),
+        vertex_side=np.zeros(capacity, np.int32),
+        vertex_edges=np.full((capacity, 2), c.NONE, np.int32),
+        vertex_sine=np.ones(capacity),
+        edge_vertices=np.zeros((capacity, 2), np.int32),
+        edge_xy=np.zeros((capacity, 4)),
+        edge_length=np.zeros(capacity),
+        members=np.zeros((c.N_SETS, capacity), np.int32),
+        positions=np.full((c.N_SETS, capacity), c.NONE, np.int32),
+        free_vertices=np.arange(capacity, dtype=np.int32)[::-1].copy(),
+        free_edges=np.arange(capacity, dtype=np.int32)[::-1].copy(),
+        counts=np.zeros(c.N_COUNTS, np.int64),
+        sums=np.zeros(c.N_SUMS),
+    )
+    n_vertices = len(coloring.xy)
+    graph.counts[c.FREE_VERTICES] = capacity - n_vertices
+    graph.counts[c.FREE_EDGES] = capacity
+    graph.counts[c.ANCHOR_BLACK] = int(coloring.anchor_black)
+    graph.vertex_xy[:n_vertices] = coloring.xy
+    graph.vertex_side[:n_vertices] = coloring.side
+    fill_graph(graph, n_vertices, coloring.edges)
+    return graph
+
+
+def make_index(graph: Graph, grid: Grid, room: int) -> EdgeIndex:
+    """Return the index of the graph's edges, with at least `room` places a cell."""
+    capacity = len(graph.edge_length)
+    while True:
+        index = EdgeIndex(
+            grid=grid,
+            cell_count=np.zeros(grid.nx * grid.ny, np.int32),
+            cell_edges=np.zeros((grid.nx * grid.ny, room), np.int32),
+            path=np.zeros(most_cells(grid), np.int32),
+            neighbors=np.zeros(capacity, np.int32),
+            marks=np.zeros(capacity, np.int64),
+            mark=np.zeros(1, np.int64),
+        )
+        if fill_index(graph, index):
+            return index
+        room *= 2
+
+
+def make_proposal(grid: Grid) -> Proposal:
+    """Return empty scratch arrays."""
+    most = c.MOST_CHANGES
+    return Proposal(
+        counts=np.zeros(N_PROPOSAL_COUNTS, np.int64),
+        old_edges=np.zeros(most, np.int32),
+        new_edges=np.zeros((most, 2), np.int32),
+        new_xy=np.zeros((most, 4)),
+        new_length=np.zeros(most),
+        new_slot=np.zeros(most, np.int32),
+        old_vertices=np.zeros(most, np.int32),
+        new_vertices=np.zeros(most, np.int32),
+        loop=np.zeros((2 * most, 2)),
+        affected=np.zeros(4 * most, np.int32),
+        affected_sine=np.zeros(4 * most),
+        cells=np.zeros((most, most_cells(grid)), np.int32),
+        n_cells=np.zeros(most, np.int64),
+    )
+
+
+def make_sites(grid: Grid, origin: Floats) -> Sites:
+    """Return the distinct positions (n, 2), sorted by cell."""
+    xy = np.unique(origin.reshape(-1, 2), axis=0)
+    cells = np.zeros(len(xy), np.int64)
+    cells_of(grid, xy, cells)
+    order = np.argsort(cells, kind="stable")
+    starts = np.searchsorted(cells[order], np.arange(grid.nx * grid.ny + 1))
+    return Sites(grid, np.ascontiguousarray(xy[order]), starts.astype(np.int64))
+
+
+def image_grid(window: Window, resolution: float) -> Grid:
+    """Return the grid of square pixels that covers the window from its lower left corner."""
+    nx = max(1, int(np.ceil(window.width / resolution - 1e-9)))
+    ny = max(1, int(np.ceil(window.height / resolution - 1e-9)))
+    return Grid(float(window.x_min), float(window.y_min), float(resolution), nx, ny)
+
+
+def pixel_centres(grid: Grid) -> Floats:
+    """Return the centres (nx * ny, 2) of the pixels, row by row from the lowest."""
+    x = grid.x0 + (np.arange(grid.nx) + 0.5) * grid.cell
+    y = grid.y0 + (np.arange(grid.ny) + 0.5) * grid.cell
+    return np.stack([np.tile(x, grid.ny), np.repeat(y, grid.nx)], axis=1)
+
+
+def make_image(coloring: Coloring, graph: Graph, resolution: float | None) -> Image:
+    """Return the occupancy image of a chain at its start, or an empty one."""
+    grid = Grid(0.0, 0.0, 1.0, 0, 0) if resolution is None else image_grid(coloring.window, resolution)
+    n = grid.nx * grid.ny
+    black = np.zeros(0, np.uint8) if n == 0 else black_at(coloring, pixel_centres(grid)).astype(np.uint8)
+    image = Image(
+        grid=grid,
+        black=black,
+        n_edges=np.zeros(n, np.int32),
+        black_since=np.zeros(n, np.int64),
+        black_time=np.zeros(n, np.int64),
+        mixed_since=np.zeros(n, np.int64),
+        mixed_time=np.zeros(n, np.int64),
+        path=np.zeros(most_cells(grid), np.int32),
+        crossings=np.zeros(2 * c.MOST_CHANGES),
+    )
+    if n > 0:
+        count_all_edges(graph, image)
+    return image
+
+
+def read_coloring(graph: Graph) -> Coloring:
+    """Return the map of a chain, vertices and edges in the order of the chain's sets."""
+    interior = graph.members[c.INTERIOR_VERTICES, : graph.counts[c.INTERIOR_VERTICES]]
+    boundary = graph.members[c.BOUNDARY_VERTICES, : graph.counts[c.BOUNDARY_VERTICES]]
+    slots = np.concatenate([interior, boundary])
+    number = np.zeros(len(graph.edge_length), np.int32)
+    number[slots] = np.arange(len(slots), dtype=np.int32)
+    edges = graph.members[c.EDGES, : graph.counts[c.EDGES]]
+    return Coloring(
+        window=Window(*graph.window.tolist()),
+        xy=graph.vertex_xy[slots],
+        side=graph.vertex_side[slots].astype(np.int8),
+        edges=number[graph.edge_vertices[edges]].reshape(-1, 2),
+        anchor_black=bool(graph.counts[c.ANCHOR_BLACK]),
+    )
+
+
+def lengthen(array: NDArray[Any], axis: int, size: int, fill: int) -> NDArray[Any]:
+    """Return a copy of `array` that is `size` long along `axis`, new places holding `fill`."""
+    shape = list(array.shape)
+    shape[axis] = size
+    longer = np.full(shape, fill, array.dtype)
+    longer[tuple(slice(n) for n in array.shape)] = array
+    return longer
+
+
+def grow_graph(graph: Graph, capacity: int) -> Graph:
+    """Return the graph with more slots; the new ones lie below the free ones, so that the order of use stays."""
+    old = len(graph.edge_length)
+    rows = {
+        name: lengthen(getattr(graph, name), 0, capacity, fill)
+        for name, fill in (
+            ("vertex_xy", 0),
+            ("vertex_side", 0),
+            ("vertex_edges", c.NONE),
+            ("vertex_sine", 1),
+            ("edge_vertices", 0),
+            ("edge_xy", 0),
+            ("edge_length", 0),
+        )
+    }
+    counts = graph.counts.copy()
+    fresh = np.arange(capacity - 1, old - 1, -1, dtype=np.int32)
+    stacks = {}
+    for name, size in (("free_vertices", c.FREE_VERTICES), ("free_edges", c.FREE_EDGES)):
+        stacks[name] = lengthen(np.concatenate([fresh, getattr(graph, name)[: counts[size]]]), 0, capacity, 0)
+        counts[size] += capacity - old
+    return graph._replace(
+        members=lengthen(graph.members, 1, capacity, 0),
+        positions=lengthen(graph.positions, 1, capacity, c.NONE),
+        counts=counts,
+        **rows,
+        **stacks,
+    )
+
+
+def grow(chain: Chain) -> Chain:
+    """Return the chain with room for twice as many edges and twice as many edges a cell, its state unchanged."""
+    capacity = 2 * len(chain.graph.edge_length)
+    index = chain.index
+    chain.graph.counts[c.NEEDS_ROOM] = 0
+    return chain._replace(
+        graph=grow_graph(chain.graph, capacity),
+        index=index._replace(
+            cell_edges=lengthen(index.cell_edges, 1, 2 * index.cell_edges.shape[1], 0),
+            neighbors=lengthen(index.neighbors, 0, capacity, 0),
+            marks=lengthen(index.marks, 0, capacity, 0),
+        ),
+        beams=chain.beams._replace(first_beam=lengthen(chain.beams.first_beam, 0, capacity, c.NONE)),
+    )

@@ -1,0 +1,142 @@
+"""Prior and sensors together: what a chain samples from, and the state of a chain at a given map."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.coloring import Coloring
+from prf.kernels import constants as c
+from prf.kernels.build import resum, trace_all
+from prf.kernels.chain import Chain
+from prf.kernels.grid import make_grid
+from prf.layout import make_graph, make_image, make_index, make_proposal, make_sites
+from prf.sensors.laser import LaserModel, make_beams, make_rays
+from prf.window import Window
+
+Floats = NDArray[np.float64]
+
+DEFAULT_ODDS = {
+    c.TRIANGLE_BIRTH: 0.04,
+    c.TRIANGLE_DEATH: 0.04,
+    c.BOUNDARY_BIRTH: 0.02,
+    c.BOUNDARY_DEATH: 0.02,
+    c.CORNER_BIRTH: 0.005,
+    c.CORNER_DEATH: 0.005,
+    c.SPLIT: 0.12,
+    c.MERGE: 0.12,
+    c.MOVE_INTERIOR: 0.22,
+    c.MOVE_BOUNDARY: 0.04,
+    c.PAST_CORNER: 0.01,
+    c.RECOLOR: 0.02,
+    c.LOCAL_RECOLOR: 0.14,
+    c.SLIDE: 0.2,
+}
+"""Probability of each move; births and deaths equal, so that these cancel in the ratios."""
+
+FIRST_CAPACITY = 256
+FIRST_CELL_ROOM = 24
+
+
+@dataclasses.dataclass(frozen=True)
+class LaserData:
+    """Laser beams and the model of their readings.
+
+    Attributes
+    ----------
+    origin : (n, 2) array
+        Sensor positions, metres.
+    angle : (n,) array
+        Directions in the world frame, radians.
+    readings : (n,) array
+        Metres; inf: no return.
+    model : LaserModel
+    """
+
+    origin: Floats
+    angle: Floats
+    readings: Floats
+    model: LaserModel
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """What a chain is built with, besides the map it starts from.
+
+    Attributes
+    ----------
+    window : Window
+    scale : float
+        Scale parameter p of the Arak process, 1/m.
+    laser : LaserData or None
+        None draws from the prior.
+    resolution : float or None
+        Side of the squares of the occupancy image in metres; None keeps no image.
+    cell : float or None
+        Side of the cells of the indexes in metres; None chooses it.
+    local_share, birth_reach, split_reach, move_reach : float or None
+        Tuning of the proposals (``prf.kernels.constants``), metres; None chooses it from the scale.
+    """
+
+    window: Window
+    scale: float
+    laser: LaserData | None = None
+    resolution: float | None = None
+    cell: float | None = None
+    local_share: float = 0.8
+    birth_reach: float | None = None
+    split_reach: float | None = None
+    move_reach: float | None = None
+
+    def tuning(self) -> Floats:
+        """Return the tuning array of the kernels."""
+        tuning = np.zeros(c.N_TUNING)
+        tuning[c.SCALE] = self.scale
+        tuning[c.LOCAL_SHARE] = self.local_share
+        tuning[c.BIRTH_REACH] = self.birth_reach or 0.1 / self.scale
+        tuning[c.SPLIT_REACH] = self.split_reach or 0.02 / self.scale
+        tuning[c.MOVE_REACH] = self.move_reach or 0.01 / self.scale
+        return tuning
+
+    def cell_size(self) -> float:
+        """Return the side of the cells of the indexes, metres."""
+        if self.cell is not None:
+            return self.cell
+        longest = max(self.window.width, self.window.height)
+        share = 0.04 if self.laser is not None else 0.1
+        return max(share / self.scale, longest / 1000.0)
+
+
+def make_chain(settings: Settings, coloring: Coloring) -> Chain:
+    """Build the state of a chain at `coloring`.
+
+    Every sensor must stand in white there; :func:`prf.sampler` starts from the empty map, where all do.
+    """
+    window = settings.window
+    grid = make_grid(*window, settings.cell_size())
+    capacity = max(FIRST_CAPACITY, 2 * (len(coloring.xy) + c.MOST_CHANGES))
+    graph = make_graph(coloring, capacity)
+    laser = settings.laser
+    if laser is None:
+        model, origin = LaserModel(1.0), np.zeros((0, 2))
+        ray = np.zeros((0, 8))
+    else:
+        model, origin = laser.model, laser.origin
+        ray = make_rays(window, model, origin, laser.angle, laser.readings)
+    odds = np.array([DEFAULT_ODDS[move] for move in range(c.N_MOVES)])
+    chain = Chain(
+        graph=graph,
+        index=make_index(graph, grid, FIRST_CELL_ROOM),
+        beams=make_beams(grid, model, ray, capacity),
+        sensors=make_sites(grid, origin),
+        image=make_image(coloring, graph, settings.resolution),
+        proposal=make_proposal(grid),
+        tuning=settings.tuning(),
+        odds=odds / odds.sum(),
+        outcomes=np.zeros((c.N_MOVES, c.N_OUTCOMES), np.int64),
+    )
+    trace_all(chain)
+    resum(chain)
+    return chain

@@ -1,0 +1,165 @@
+"""Twins of everything that the kernels keep up to date by increments, computed from the map alone."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.arak import log_density
+from prf.coloring import Coloring, black_at
+from prf.kernels import constants as c
+from prf.kernels.brute import impacts_from_scratch
+from prf.kernels.chain import Chain
+from prf.layout import make_graph, make_image, make_index, pixel_centres, read_coloring
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.integer]
+
+TOLERANCE = 1e-9
+"""Relative to 1 + the magnitude: sums in another order differ by rounding."""
+
+
+class Impacts(NamedTuple):
+    """Where every beam meets the map: edge slots (n,), distances (n,) in metres, log likelihoods (n,) and their sum."""
+
+    edge: Ints
+    distance: Floats
+    log_likelihood: Floats
+    total: float
+
+
+def recompute_log_prior(chain: Chain) -> float:
+    """Return log h of the map (equations 1-3), without any cached term."""
+    return log_density(read_coloring(chain.graph), float(chain.tuning[c.SCALE]))
+
+
+def recompute_impacts(chain: Chain) -> Impacts:
+    """Return the impacts of all beams by asking every edge."""
+    beams = chain.beams
+    n = len(beams.ray)
+    edge, distance, log_likelihood = np.zeros(n, np.int32), np.zeros(n), np.zeros(n)
+    total = impacts_from_scratch(chain.graph, beams.model, beams.ray, edge, distance, log_likelihood)
+    return Impacts(edge, distance, log_likelihood, total)
+
+
+def recompute_sets(coloring: Coloring) -> list[int]:
+    """Return the sizes of the sets that moves sample from, counted on the bare graph."""
+    neighbors: list[set[int]] = [set() for _ in coloring.xy]
+    for a, b in coloring.edges.tolist():
+        neighbors[a].add(b)
+        neighbors[b].add(a)
+    side = coloring.side.tolist()
+    interior = [v for v in range(len(side)) if side[v] == c.INTERIOR]
+    pairs = [sorted(neighbors[v]) for v in interior]
+    adjacent = [1 for a, b in coloring.edges.tolist() if side[a] >= 0 and side[b] >= 0 and (side[a] - side[b]) % 2]
+    return [
+        len(coloring.edges),
+        len(interior),
+        len(side) - len(interior),
+        sum(b in neighbors[a] for a, b in pairs),
+        sum(side[a] >= 0 and side[a] == side[b] for a, b in pairs),
+        len(adjacent),
+    ]
+
+
+def recompute_edge_cells(chain: Chain) -> list[list[int]]:
+    """Return the sorted edges of every cell, from a fresh index."""
+    fresh = make_index(chain.graph, chain.index.grid, chain.index.cell_edges.shape[1])
+    return cell_lists(fresh.cell_edges, fresh.cell_count)
+
+
+def cell_lists(cell_edges: Ints, cell_count: Ints) -> list[list[int]]:
+    """Return the sorted edges of every cell of an index."""
+    return [sorted(row[:n].tolist()) for row, n in zip(cell_edges, cell_count, strict=True)]
+
+
+def recompute_listed(chain: Chain) -> NDArray[np.bool_]:
+    """Return which slots of beams should be listed: those up to the impact."""
+    beams = chain.beams
+    n_slots = np.diff(beams.slot_start)
+    beam = np.repeat(np.arange(len(n_slots)), n_slots)
+    before = np.concatenate([[np.float32(-1.0)], beams.slot_exit[:-1]])
+    before[beams.slot_start[:-1][n_slots > 0]] = -1.0
+    listed: NDArray[np.bool_] = before < beams.ray[beam, c.DISTANCE]
+    return listed
+
+
+def listed_now(chain: Chain) -> NDArray[np.bool_]:
+    """Return which slots of beams are found in the list of their cell, each at the place that it claims."""
+    beams = chain.beams
+    listed = np.zeros(len(beams.slot_cell), bool)
+    for cell in np.flatnonzero(beams.cell_count):
+        start = beams.cell_start[cell]
+        slots = beams.entries[start : start + beams.cell_count[cell], 1]
+        right = (beams.slot_cell[slots] == cell) & (beams.slot_place[slots] == np.arange(len(slots)))
+        owner = beams.entries[start : start + beams.cell_count[cell], 0]
+        right &= (beams.slot_start[owner] <= slots) & (slots < beams.slot_start[owner + 1])
+        listed[slots[right]] = True
+    return listed
+
+
+def beams_by_edge(chain: Chain) -> dict[int, list[int]]:
+    """Return the beams linked to each edge, sorted."""
+    beams = chain.beams
+    linked = {}
+    for edge in np.flatnonzero(beams.first_beam != c.NONE).tolist():
+        row, beam = [], int(beams.first_beam[edge])
+        while beam != c.NONE:
+            row.append(beam)
+            beam = int(beams.next_beam[beam])
+        linked[edge] = sorted(row)
+    return linked
+
+
+def differences(chain: Chain) -> list[str]:
+    """Return the names of the incremental quantities that differ from their twins (none: all hold)."""
+    graph, coloring = chain.graph, read_coloring(chain.graph)
+    impacts = recompute_impacts(chain)
+    by_edge: dict[int, list[int]] = {}
+    for beam in np.flatnonzero(impacts.edge != c.NONE).tolist():
+        by_edge.setdefault(int(impacts.edge[beam]), []).append(beam)
+    holds = {
+        "log prior": is_close(graph.sums[c.LOG_PRIOR], recompute_log_prior(chain)),
+        "log likelihood": is_close(graph.sums[c.LOG_LIKELIHOOD], impacts.total),
+        "total length": is_close(graph.sums[c.TOTAL_LENGTH], coloring.total_length()),
+        "impact edges": np.array_equal(impacts.edge, chain.beams.impact_edge),
+        "impact distances": np.array_equal(impacts.distance, chain.beams.ray[:, c.DISTANCE]),
+        "beam log likelihoods": np.array_equal(impacts.log_likelihood, chain.beams.ray[:, c.BEAM_LOG_LIKELIHOOD]),
+        "beams by edge": by_edge == beams_by_edge(chain),
+        "beam index": np.array_equal(recompute_listed(chain), listed_now(chain)),
+        "edge index": recompute_edge_cells(chain) == cell_lists(chain.index.cell_edges, chain.index.cell_count),
+        "sets": recompute_sets(coloring) == graph.counts[: c.N_SETS].tolist(),
+        "sines": sines_hold(chain, coloring),
+        "sensors in white": not black_at(coloring, chain.sensors.xy).any(),
+        "image": image_holds(chain, coloring),
+    }
+    return [name for name, held in holds.items() if not held]
+
+
+def is_close(value: float, twin: float) -> bool:
+    """Whether a sum by increments equals its twin up to rounding."""
+    return abs(value - twin) <= TOLERANCE * (1.0 + abs(twin))
+
+
+def sines_hold(chain: Chain, coloring: Coloring) -> bool:
+    """Whether the cached sines and lengths equal those of a fresh graph."""
+    fresh = make_graph(coloring, 2 * len(coloring.xy) + c.MOST_CHANGES)
+    graph = chain.graph
+    slots = np.concatenate(
+        [graph.members[kind, : graph.counts[kind]] for kind in (c.INTERIOR_VERTICES, c.BOUNDARY_VERTICES)]
+    )
+    edges = graph.members[c.EDGES, : graph.counts[c.EDGES]]
+    sines = np.allclose(graph.vertex_sine[slots], fresh.vertex_sine[: len(slots)], rtol=1e-9, atol=0.0)
+    return sines and np.allclose(graph.edge_length[edges], coloring.edge_lengths(), rtol=1e-12, atol=0.0)
+
+
+def image_holds(chain: Chain, coloring: Coloring) -> bool:
+    """Whether the pixels' colours and edge counts equal those of a fresh image."""
+    image = chain.image
+    if image.black.size == 0:
+        return True
+    fresh = make_image(coloring, chain.graph, image.grid.cell)
+    colours = black_at(coloring, pixel_centres(image.grid))
+    return np.array_equal(colours, image.black) and np.array_equal(fresh.n_edges, image.n_edges)

@@ -1,0 +1,153 @@
+"""Laser range finder: the parameters of its likelihood, and its beams laid out for a chain (paper, section 2.2)."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.kernels import constants as c
+from prf.kernels.beams import Beams, count_slots, fill_slots
+from prf.kernels.grid import Grid, most_cells
+from prf.shell.errors import ConfigError
+from prf.window import Window
+
+Floats = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class LaserModel:
+    """Parameters of the density of a reading given the distance to the first obstacle.
+
+    Parameters
+    ----------
+    max_range : float
+        Metres. A reading at or above it is "no return".
+    noise : float
+        Standard deviation in metres.
+    noise_relative : float
+        Standard deviation as a share of the distance; the larger of the two counts.
+    outlier_probability : float
+        Weight of the uniform density on [0, max_range].
+    miss_probability : float
+        Weight of "no return" although an obstacle stands in reach.
+    """
+
+    max_range: float
+    noise: float = 0.03
+    noise_relative: float = 0.01
+    outlier_probability: float = 0.05
+    miss_probability: float = 0.02
+
+    def __post_init__(self) -> None:
+        """Refuse parameters that make no density."""
+        for name in ("max_range", "noise"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ConfigError(f"{name.replace('_', '-')} {value}: must be a positive number of metres")
+        if not (math.isfinite(self.noise_relative) and self.noise_relative >= 0.0):
+            raise ConfigError(f"noise-relative {self.noise_relative}: must not be negative")
+        for name in ("outlier_probability", "miss_probability"):
+            value = getattr(self, name)
+            if not 0.0 <= value < 1.0:
+                raise ConfigError(f"{name.replace('_', '-')} {value}: must lie in [0, 1)")
+        if self.outlier_probability == 0.0:
+            raise ConfigError("outlier-probability 0: no map could explain a stray reading; use a small positive one")
+        if self.outlier_probability + self.miss_probability >= 1.0:
+            raise ConfigError("outlier-probability + miss-probability: their sum must stay below 1")
+
+    @property
+    def hit_probability(self) -> float:
+        """Weight of the Gaussian round the distance to the first obstacle."""
+        return 1.0 - self.outlier_probability - self.miss_probability
+
+    def to_array(self) -> Floats:
+        """Return the parameters as the kernels take them, (N_LASER_MODEL,)."""
+        model = np.zeros(c.N_LASER_MODEL)
+        model[c.MAX_RANGE] = self.max_range
+        model[c.NOISE] = self.noise
+        model[c.NOISE_RELATIVE] = self.noise_relative
+        model[c.HIT] = self.hit_probability
+        model[c.OUTLIER_DENSITY] = self.outlier_probability / self.max_range
+        model[c.MISS] = self.miss_probability
+        model[c.LOG_OUTLIER] = math.log(self.outlier_probability / self.max_range)
+        model[c.LOG_MISS] = math.log(self.miss_probability + self.hit_probability)
+        return model
+
+
+def window_exit(window: Window, origin: Floats, direction: Floats) -> Floats:
+    """Return the distance (n,) at which rays from inside the window leave it.
+
+    Parameters
+    ----------
+    window : Window
+    origin, direction : (n, 2) arrays
+        Metres; unit vectors.
+    """
+    corner = np.where(direction > 0.0, [window.x_max, window.y_max], [window.x_min, window.y_min])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = np.where(direction != 0.0, (corner - origin) / direction, np.inf)
+    return np.asarray(distance.min(axis=1), dtype=np.float64)
+
+
+def make_rays(window: Window, model: LaserModel, origin: Floats, angle: Floats, readings: Floats) -> Floats:
+    """Return the (n, 8) array of beams that the kernels keep, with no impact yet.
+
+    Parameters
+    ----------
+    window : Window
+    model : LaserModel
+    origin : (n, 2) array
+        Sensor positions inside the window, metres.
+    angle : (n,) array
+        Directions in the world frame, radians.
+    readings : (n,) array
+        Metres; inf or at least the maximum range: no return.
+    """
+    ray = np.zeros((len(angle), 8))
+    ray[:, c.ORIGIN_X : c.ORIGIN_Y + 1] = origin
+    ray[:, c.DIRECTION_X] = np.cos(angle)
+    ray[:, c.DIRECTION_Y] = np.sin(angle)
+    direction = ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
+    ray[:, c.REACH] = np.minimum(window_exit(window, ray[:, :2], direction), model.max_range)
+    ray[:, c.RANGE] = np.where(readings < model.max_range, readings, np.inf)
+    ray[:, c.DISTANCE] = np.inf
+    return ray
+
+
+def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int) -> Beams:
+    """Lay out beams and the index of their cells, with room for the longest lists that can come to be."""
+    n = len(ray)
+    n_cells = grid.nx * grid.ny
+    path = np.empty(most_cells(grid), np.int32)
+    slot_start = np.zeros(n + 1, np.int64)
+    count_slots(grid, ray, path, slot_start)
+    n_slots = int(slot_start[-1])
+    slot_cell = np.empty(n_slots, np.int32)
+    slot_exit = np.empty(n_slots, np.float32)
+    cell_start = np.zeros(n_cells + 1, np.int64)
+    fill_slots(grid, ray, path, slot_start, slot_cell, slot_exit, cell_start)
+    return Beams(
+        model=model.to_array(),
+        ray=ray.copy(),
+        impact_edge=np.full(n, c.NONE, np.int32),
+        last_slot=np.zeros(n, np.int32),
+        next_beam=np.full(n, c.NONE, np.int32),
+        previous_beam=np.full(n, c.NONE, np.int32),
+        first_beam=np.full(edge_capacity, c.NONE, np.int32),
+        slot_start=slot_start,
+        slot_cell=slot_cell,
+        slot_exit=slot_exit,
+        slot_place=np.full(n_slots, c.NONE, np.int32),
+        cell_start=cell_start,
+        cell_count=np.zeros(n_cells, np.int32),
+        entries=np.zeros((n_slots, 2), np.int32),
+        mark=np.zeros(n, np.int64),
+        touched=np.zeros(n, np.int32),
+        touched_edge=np.zeros(n, np.int32),
+        touched_distance=np.zeros(n),
+        touched_log_likelihood=np.zeros(n),
+        n_touched=np.zeros(1, np.int64),
+    )
