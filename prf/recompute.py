@@ -161,5 +161,7 @@ def image_holds(chain: Chain, coloring: Coloring) -> bool:
     if image.black.size == 0:
         return True
     fresh = make_image(coloring, chain.graph, image.grid.cell)
-    colours = black_at(coloring, pixel_centres(image.grid))
-    return np.array_equal(colours, image.black) and np.array_equal(fresh.n_edges, image.n_edges)
+    centres = pixel_centres(image.grid)
+    inside = coloring.window.contains(centres)
+    colours = black_at(coloring, centres)
+    return np.array_equal(colours[inside], image.black[inside]) and np.array_equal(fresh.n_edges, image.n_edges)

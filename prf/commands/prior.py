@@ -101,7 +101,7 @@ def _draw(
         from prf.shell.seeds import spawn_generators
 
         return exact_draws(scale, window, n_draws, spawn_generators(seed, 1)[0]), None
-    from prf.prior_sampler import mcmc_draws
+    from prf.sampler.prior import mcmc_draws
 
     return mcmc_draws(scale, window, n_draws, thin, seed)
 

@@ -13,10 +13,6 @@ from prf.kernels.proposal import N_LOOP, clear, log_prior_change
 from prf.kernels.sites import any_inside
 from prf.kernels.touch import log_likelihood_change, touch_beams
 
-DONE = 0
-NEEDS_ROOM = 1
-STOPPED = 2
-
 
 @core
 def choose_move(odds: np.ndarray, rng: np.random.Generator) -> int:
@@ -110,13 +106,11 @@ def step(chain: Chain, rng: np.random.Generator) -> bool:
 
 
 @core_entry
-def run(chain: Chain, rng: np.random.Generator, until: int, stop: np.ndarray) -> int:
-    """Step until the step counter reaches `until`; leave early for room (NEEDS_ROOM) or when `stop[0]` is set."""
+def run(chain: Chain, rng: np.random.Generator, until: int) -> bool:
+    """Step until the step counter reaches `until`; False if the chain needs room first (:func:`prf.layout.grow`)."""
     counts = chain.graph.counts
     while counts[c.STEP] < until:
         if counts[c.NEEDS_ROOM] != 0:
-            return NEEDS_ROOM
-        if stop[0] != 0:
-            return STOPPED
+            return False
         step(chain, rng)
-    return DONE
+    return True

@@ -1,0 +1,79 @@
+"""One chain in Python's hands: advanced block by block, its draws and image recorded."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.coloring import Coloring
+from prf.kernels import constants as c
+from prf.kernels.build import resum
+from prf.kernels.step import run
+from prf.layout import grow
+from prf.posterior import Settings, make_chain
+from prf.sampler.record import FIRST_THIN, ImageTimes, Record
+
+SHORTEST_BLOCK = 5 * FIRST_THIN
+
+
+def block_length(n_beams: int) -> int:
+    """Return the steps after which sums and lists are laid out anew.
+
+    That costs time in proportion to the beams, so the steps grow with them; they depend on nothing else, because
+    they decide the order of floating-point sums.
+    """
+    length = SHORTEST_BLOCK
+    while length < n_beams:
+        length *= 2
+    return length
+
+
+class ChainSampler:
+    """A chain, its generator and what it has recorded.
+
+    Parameters
+    ----------
+    settings : Settings
+        With a resolution: the image is what probe colours are read from.
+    rng : numpy.random.Generator
+        Of this chain alone.
+    probes : (n_probes,) int array
+        Pixels whose colour is followed.
+    start : Coloring, optional
+        Map to start from, in which every sensor stands in white; the empty map if absent (as in the paper).
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        rng: np.random.Generator,
+        probes: NDArray[np.int64],
+        start: Coloring | None = None,
+    ) -> None:
+        self.settings = settings
+        self.rng = rng
+        self.chain = make_chain(settings, start if start is not None else Coloring.empty(settings.window))
+        self.record = Record(probes)
+        self.times = ImageTimes(self.chain.image.black.size)
+        self.block = block_length(len(self.chain.beams.ray))
+
+    @property
+    def step(self) -> int:
+        """Steps made."""
+        return int(self.chain.graph.counts[c.STEP])
+
+    def advance(self) -> None:
+        """Run one block, recording on the way; at its end the state is a function of map and impacts alone."""
+        end = self.step + self.block
+        while self.step < end:
+            spacing = self.record.thin
+            self.run_to(min(end, self.times.next_start, self.step - self.step % spacing + spacing))
+            if self.step == self.times.next_start:
+                self.times.rotate(self.chain.image, self.step)
+            self.record.take(self.chain)
+        resum(self.chain)
+
+    def run_to(self, step: int) -> None:
+        """Run up to `step`, making room on the way."""
+        while not run(self.chain, self.rng, step):
+            self.chain = grow(self.chain)

@@ -1,0 +1,104 @@
+"""When to stop: after steps, after seconds, or when the chains agree."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from prf.diagnostics import MAX_RHAT, MIN_ESS, Diagnosis, converged
+from prf.sampler.several import Sampler
+
+LONGEST = 1800.0
+"""Seconds after which a run without a goal of its own gives up on agreement."""
+CHECK_GROWTH = 1.1
+"""Agreement is checked at steps that grow by this factor: the cost stays a small share, and the steps at which a run
+can stop do not depend on the clock or on the number of threads."""
+
+Status = Literal["running", "converged", "not converged", "finished", "interrupted"]
+
+
+@dataclass(frozen=True)
+class StopRule:
+    """The goal of a run: `steps` a chain, or `seconds` of sampling, or agreement if both are None."""
+
+    steps: int | None = None
+    seconds: float | None = None
+    limit: float = LONGEST
+
+
+class Progress(NamedTuple):
+    """State of a run after a round.
+
+    Attributes
+    ----------
+    step : int
+        Steps that each chain has made.
+    seconds : float
+        Since the start of sampling, in this process.
+    steps_per_second : float
+        Over all chains.
+    share : float
+        Of the goal that is reached, in [0, 1]; of the time limit when agreement is the goal.
+    diagnoses : dict of str to Diagnosis or None
+        The latest check of agreement.
+    status : str
+        "running" until the last round.
+    """
+
+    step: int
+    seconds: float
+    steps_per_second: float
+    share: float
+    diagnoses: dict[str, Diagnosis] | None
+    status: Status
+
+
+def drive(sampler: Sampler, rule: StopRule) -> Iterator[Progress]:
+    """Advance the chains round by round until the goal is reached; yield after every round.
+
+    Steps are rounded up to whole rounds. Whoever iterates may leave at any time: after a round the chains are in a
+    state that a checkpoint can hold.
+    """
+    start = time.monotonic()
+    first_step = sampler.step
+    diagnoses: dict[str, Diagnosis] | None = None
+    status = goal_status(sampler, rule, 0.0, None)
+    while status == "running":
+        sampler.advance()
+        if is_check(sampler):
+            diagnoses = sampler.diagnose()
+        seconds = time.monotonic() - start
+        status = goal_status(sampler, rule, seconds, diagnoses if is_check(sampler) else None)
+        speed = (sampler.step - first_step) * len(sampler.chains) / max(seconds, 1e-9)
+        yield Progress(sampler.step, seconds, speed, share_done(sampler, rule, seconds), diagnoses, status)
+
+
+def is_check(sampler: Sampler) -> bool:
+    """Whether agreement is checked after the present round."""
+    block = sampler.step // sampler.block
+    check = 1
+    while check < block:
+        check = max(check + 1, int(check * CHECK_GROWTH))
+    return check == block
+
+
+def share_done(sampler: Sampler, rule: StopRule, seconds: float) -> float:
+    """Return the share of the goal that is reached."""
+    if rule.steps is not None:
+        return min(1.0, sampler.step / max(rule.steps, 1))
+    return min(1.0, seconds / max(rule.seconds if rule.seconds is not None else rule.limit, 1e-9))
+
+
+def goal_status(
+    sampler: Sampler, rule: StopRule, seconds: float, checked: dict[str, Diagnosis] | None
+) -> Status:
+    """Return "running", or how the run ends here."""
+    if rule.steps is not None:
+        return "finished" if sampler.step >= rule.steps else "running"
+    if rule.seconds is not None:
+        return "finished" if seconds >= rule.seconds else "running"
+    if checked is not None and converged(checked, MAX_RHAT, MIN_ESS):
+        return "converged"
+    return "not converged" if seconds >= rule.limit else "running"

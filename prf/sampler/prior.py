@@ -1,0 +1,61 @@
+"""Draws from the prior by the Markov chain: the sampler without readings, to be held against the exact laws."""
+
+from __future__ import annotations
+
+import math
+
+from prf.arak import checked_scale
+from prf.coloring import Coloring, Draws
+from prf.kernels.build import resum
+from prf.kernels.step import run
+from prf.laws import expected_edges
+from prf.layout import grow, read_coloring
+from prf.posterior import Settings, make_chain
+from prf.shell.seeds import spawn_generators
+from prf.window import Window
+
+THIN_PER_EDGE = 50
+"""Steps between draws for each edge to be expected: about the autocorrelation time of the number of edges."""
+BURN_IN_DRAWS = 40
+"""Burn-in in units of the chosen spacing."""
+
+
+def chosen_thin(scale: float, window: Window) -> int:
+    """Return the spacing of draws that is used unless one is given, in steps."""
+    return math.ceil(THIN_PER_EDGE * (10.0 + expected_edges(scale, window)))
+
+
+def mcmc_draws(
+    scale: float, window: Window, n_draws: int, thin: int | None = None, seed: int = 0
+) -> tuple[Draws, int]:
+    """Draw maps from the Arak prior by one Markov chain from the all white map.
+
+    Parameters
+    ----------
+    scale : float
+        p, 1/m.
+    window : Window
+    n_draws : int
+    thin : int, optional
+        Steps between draws; chosen if absent.
+    seed : int
+
+    Returns
+    -------
+    draws : Draws
+    thin : int
+        The steps between draws.
+    """
+    settings = Settings(window, checked_scale(scale))
+    chain = make_chain(settings, Coloring.empty(window))
+    rng = spawn_generators(seed, 1)[0]
+    spacing = thin if thin is not None else chosen_thin(scale, window)
+    until = BURN_IN_DRAWS * chosen_thin(scale, window)
+    colorings = []
+    for _ in range(n_draws):
+        while not run(chain, rng, until):
+            chain = grow(chain)
+        resum(chain)
+        colorings.append(read_coloring(chain.graph))
+        until += spacing
+    return Draws.from_colorings(colorings, window), spacing

@@ -1,0 +1,183 @@
+"""Several chains side by side: rounds in threads, pooled estimates, agreement."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.coloring import Draws
+from prf.diagnostics import Diagnosis, diagnose
+from prf.kernels import constants as c
+from prf.layout import image_grid, pixel_centres
+from prf.posterior import Settings
+from prf.sampler.chain import ChainSampler
+from prf.sampler.record import FUNCTIONALS, Draw, burn_in
+
+PROBES_PER_AXIS = 4
+
+MOVE_NAMES = (
+    "triangle birth",
+    "triangle death",
+    "boundary triangle birth",
+    "boundary triangle death",
+    "corner cut birth",
+    "corner cut death",
+    "split edge",
+    "merge edges",
+    "move interior vertex",
+    "move boundary vertex",
+    "move vertex past corner",
+    "recolor quadrilateral",
+    "recolor local quadrilateral",
+    "slide vertex",
+)
+"""Names of the moves in the order of their table."""
+
+
+class Sample(NamedTuple):
+    """Draws of all chains after burn-in, chain by chain.
+
+    Attributes
+    ----------
+    draws : Draws
+    chain : (n,) int32 array
+    step : (n,) int64 array
+    functionals : dict of str to (n,) array
+    probe_black : (n, n_probes) bool array
+    """
+
+    draws: Draws
+    chain: NDArray[np.int32]
+    step: NDArray[np.int64]
+    functionals: dict[str, NDArray[np.float64]]
+    probe_black: NDArray[np.bool_]
+
+
+class Sampler:
+    """Chains of one posterior that advance in step.
+
+    Parameters
+    ----------
+    settings : Settings
+    generators : list of numpy.random.Generator
+        One a chain, independent.
+    threads : int
+        Threads at most; they change no result.
+    """
+
+    def __init__(self, settings: Settings, generators: list[np.random.Generator], threads: int) -> None:
+        self.settings = settings
+        self.probe_pixels = probe_pixels(settings)
+        self.chains = [ChainSampler(settings, rng, self.probe_pixels) for rng in generators]
+        self._pool = ThreadPoolExecutor(max(1, min(threads, len(self.chains))))
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Let the threads go."""
+        self._pool.shutdown()
+
+    @property
+    def step(self) -> int:
+        """Steps that each chain has made."""
+        return self.chains[0].step
+
+    @property
+    def burn_in(self) -> int:
+        """Steps at the start of each chain that are left out."""
+        return burn_in(self.step)
+
+    @property
+    def block(self) -> int:
+        """Steps of one round."""
+        return self.chains[0].block
+
+    @property
+    def probe_xy(self) -> NDArray[np.float64]:
+        """Points (n_probes, 2) in metres whose colour is followed."""
+        assert self.settings.resolution is not None
+        return pixel_centres(image_grid(self.settings.window, self.settings.resolution))[self.probe_pixels]
+
+    def advance(self) -> None:
+        """Run one block in every chain."""
+        for future in [self._pool.submit(chain.advance) for chain in self.chains]:
+            future.result()
+
+    def recorded(self) -> list[list[Draw]]:
+        """Return the draws of each chain after burn-in."""
+        return [chain.record.since(self.burn_in) for chain in self.chains]
+
+    def diagnose(self) -> dict[str, Diagnosis]:
+        """Return R-hat and ESS of every functional and of the colour at every probe point."""
+        recorded = self.recorded()
+        values = np.array([[draw.functionals for draw in draws] for draws in recorded])
+        colours = np.array([[draw.probe_black for draw in draws] for draws in recorded])
+        if values.size == 0:
+            return diagnose({name: np.zeros((len(recorded), 0)) for name in FUNCTIONALS})
+        named: dict[str, NDArray[Any]] = {name: values[:, :, i] for i, name in enumerate(FUNCTIONALS)}
+        for i, (x, y) in enumerate(self.probe_xy):
+            named[f"colour at ({x:.2f}, {y:.2f})"] = colours[:, :, i]
+        return diagnose(named)
+
+    def sample(self) -> Sample:
+        """Return the draws of all chains after burn-in."""
+        recorded = self.recorded()
+        flat = [draw for draws in recorded for draw in draws]
+        values = np.array([draw.functionals for draw in flat]).reshape(len(flat), len(FUNCTIONALS))
+        return Sample(
+            draws=Draws.from_colorings([draw.coloring for draw in flat], self.settings.window),
+            chain=np.repeat(np.arange(len(recorded), dtype=np.int32), [len(draws) for draws in recorded]),
+            step=np.array([draw.step for draw in flat], np.int64),
+            functionals={name: values[:, i].copy() for i, name in enumerate(FUNCTIONALS)},
+            probe_black=np.array([draw.probe_black for draw in flat], np.bool_).reshape(len(flat), -1),
+        )
+
+    def occupancy(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the shares of steps after burn-in, over all chains, in which each pixel is black and is mixed.
+
+        Two arrays (ny, nx), the lowest row first; nan where the centre of a pixel lies outside the window, and
+        everywhere before the first step after burn-in.
+        """
+        totals = [chain.times.total(chain.chain.image, self.step) for chain in self.chains]
+        grid = self.chains[0].chain.image.grid
+        steps = (self.step - self.burn_in) * len(self.chains)
+        inside = self.settings.window.contains(pixel_centres(grid)) & (steps > 0)
+        shares = []
+        for which in range(2):
+            share = np.full(grid.nx * grid.ny, np.nan, np.float32)
+            share[inside] = sum(total[which][inside] for total in totals) / max(steps, 1)
+            shares.append(share.reshape(grid.ny, grid.nx))
+        return shares[0], shares[1]
+
+    def best(self) -> Draw | None:
+        """Return the recorded map of highest log posterior of all chains."""
+        best = [chain.record.best for chain in self.chains if chain.record.best is not None]
+        return max(best, key=lambda draw: draw.functionals[-1], default=None)
+
+    def outcomes(self) -> NDArray[np.int64]:
+        """Return (n_moves, 3) counts over all chains: proposed, valid, accepted."""
+        total: NDArray[np.int64] = np.sum([chain.chain.outcomes for chain in self.chains], axis=0)
+        return total
+
+    def log_posterior(self) -> float:
+        """Return the mean log posterior of the present maps, up to a constant."""
+        sums = [chain.chain.graph.sums for chain in self.chains]
+        return float(np.mean([s[c.LOG_PRIOR] + s[c.LOG_LIKELIHOOD] for s in sums]))
+
+
+def probe_pixels(settings: Settings) -> NDArray[np.int64]:
+    """Return the pixels (n,) in the middle of a 4 x 4 division of the window."""
+    assert settings.resolution is not None
+    grid = image_grid(settings.window, settings.resolution)
+    share = (np.arange(PROBES_PER_AXIS) + 0.5) / PROBES_PER_AXIS
+    ix = (share * settings.window.width / grid.cell).astype(np.int64)
+    iy = (share * settings.window.height / grid.cell).astype(np.int64)
+    return np.unique((ix[None, :] + grid.nx * iy[:, None]).ravel())
