@@ -159,3 +159,8 @@ def core_entry(function: _Function) -> _Function:
     with _own_cache():
         compiled: _Function = numba.njit(**CORE_FLAGS)(function)
     return compiled
+
+
+def is_compiled(kernel: str) -> bool:
+    """Return whether the cache holds machine code of the entry `kernel` (``module.function``) for these sources."""
+    return any(CACHE_FOLDER.rglob(f"{kernel}-*.nbi"))

@@ -31,12 +31,13 @@ def fill_graph(graph: Graph, n_vertices: int, edges: np.ndarray) -> None:
 
 @core_entry
 def fill_index(graph: Graph, index: EdgeIndex) -> bool:
-    """Enter all edges into an empty index; stop and return False when a cell is short of room."""
+    """Enter all edges into an empty index; return False if a cell is, or would be, short of room."""
+    has_room = True
     for i in range(graph.counts[c.EDGES]):
         edge = graph.members[c.EDGES, i]
         if index_edge(index, edge, graph.edge_xy[edge]):
-            return False
-    return True
+            has_room = False
+    return has_room
 
 
 @core_entry
@@ -63,8 +64,15 @@ def log_prior(graph: Graph, scale: float) -> float:
 
 @core_entry
 def resum(chain: Chain) -> None:
-    """Sum up length, log prior and log likelihood anew and lay out the lists of beams from the impacts alone."""
+    """Sum up length, log prior and log likelihood anew and lay out both indexes anew.
+
+    Orders within the lists of cells decide which neighbour a random number picks and how sums are rounded. After
+    this they follow from the graph and the impacts alone.
+    """
     graph = chain.graph
+    chain.index.cell_count[:] = 0
+    if not fill_index(graph, chain.index):
+        graph.counts[c.NEEDS_ROOM] = 1
     length = 0.0
     for i in range(graph.counts[c.EDGES]):
         length += graph.edge_length[graph.members[c.EDGES, i]]

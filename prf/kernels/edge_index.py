@@ -29,7 +29,8 @@ def index_edge(index: EdgeIndex, edge: int, xy: np.ndarray) -> bool:
     for k in range(n):
         cell = index.path[k]
         count = index.cell_count[cell]
-        index.cell_edges[cell, count] = edge
+        if count < index.cell_edges.shape[1]:
+            index.cell_edges[cell, count] = edge
         index.cell_count[cell] = count + 1
         fullest = max(fullest, count + 1)
     return fullest + c.MOST_CHANGES > index.cell_edges.shape[1]

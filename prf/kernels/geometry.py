@@ -14,9 +14,7 @@ def orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy: float
 
 
 @core
-def segments_meet(
-    ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float
-) -> bool:
+def segments_meet(ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float) -> bool:
     """Whether the closed segments ab and cd have a point in common."""
     if max(ax, bx) < min(cx, dx) or max(cx, dx) < min(ax, bx):
         return False
@@ -28,9 +26,7 @@ def segments_meet(
 
 
 @core
-def ray_hit(
-    ox: float, oy: float, ux: float, uy: float, ax: float, ay: float, bx: float, by: float
-) -> float:
+def ray_hit(ox: float, oy: float, ux: float, uy: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Distance along the ray o + t u to the segment ab, inf if the ray misses it.
 
     Each end is classed by the side of the ray's line on which it lies, half open, so that a ray through a vertex

@@ -103,7 +103,7 @@ def recolor_inside(image: Image, loop: np.ndarray, n: int, step: int) -> None:
 
 @core_entry
 def count_all_edges(graph: Graph, image: Image) -> None:
-    """Count the edges in every pixel from nothing."""
+    """Count the edges in every pixel from nothing; times must be settled up to the graph's step."""
     image.n_edges[:] = 0
     for i in range(graph.counts[c.EDGES]):
-        count_edge(image, graph.edge_xy[graph.members[c.EDGES, i]], 1, 0)
+        count_edge(image, graph.edge_xy[graph.members[c.EDGES, i]], 1, graph.counts[c.STEP])

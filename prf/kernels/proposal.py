@@ -12,8 +12,8 @@ import numpy as np
 
 from prf.kernels import constants as c
 from prf.kernels._jit import core
-from prf.kernels.graph import Graph, other_end, sine_at_border
 from prf.kernels.geometry import sine_of_angle
+from prf.kernels.graph import Graph, other_end, sine_at_border
 
 # Entries of ``Proposal.counts``.
 N_OLD_EDGES = 0

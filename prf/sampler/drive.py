@@ -61,6 +61,7 @@ def drive(sampler: Sampler, rule: StopRule) -> Iterator[Progress]:
     Steps are rounded up to whole rounds. Whoever iterates may leave at any time: after a round the chains are in a
     state that a checkpoint can hold.
     """
+    sampler.compile()
     start = time.monotonic()
     first_step = sampler.step
     diagnoses: dict[str, Diagnosis] | None = None
@@ -91,9 +92,7 @@ def share_done(sampler: Sampler, rule: StopRule, seconds: float) -> float:
     return min(1.0, seconds / max(rule.seconds if rule.seconds is not None else rule.limit, 1e-9))
 
 
-def goal_status(
-    sampler: Sampler, rule: StopRule, seconds: float, checked: dict[str, Diagnosis] | None
-) -> Status:
+def goal_status(sampler: Sampler, rule: StopRule, seconds: float, checked: dict[str, Diagnosis] | None) -> Status:
     """Return "running", or how the run ends here."""
     if rule.steps is not None:
         return "finished" if sampler.step >= rule.steps else "running"

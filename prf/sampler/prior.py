@@ -25,9 +25,7 @@ def chosen_thin(scale: float, window: Window) -> int:
     return math.ceil(THIN_PER_EDGE * (10.0 + expected_edges(scale, window)))
 
 
-def mcmc_draws(
-    scale: float, window: Window, n_draws: int, thin: int | None = None, seed: int = 0
-) -> tuple[Draws, int]:
+def mcmc_draws(scale: float, window: Window, n_draws: int, thin: int | None = None, seed: int = 0) -> tuple[Draws, int]:
     """Draw maps from the Arak prior by one Markov chain from the all white map.
 
     Parameters

@@ -106,6 +106,10 @@ class Sampler:
         assert self.settings.resolution is not None
         return pixel_centres(image_grid(self.settings.window, self.settings.resolution))[self.probe_pixels]
 
+    def compile(self) -> None:
+        """Have the kernels compiled, or read from their cache, without making a step."""
+        self.chains[0].run_to(self.step)
+
     def advance(self) -> None:
         """Run one block in every chain."""
         for future in [self._pool.submit(chain.advance) for chain in self.chains]:

@@ -99,9 +99,7 @@ def neighbors_after(index: EdgeIndex, proposal: Proposal, k: int) -> int:
 
 
 @core
-def propose_local(
-    graph: Graph, index: EdgeIndex, proposal: Proposal, rng: np.random.Generator
-) -> tuple[bool, float]:
+def propose_local(graph: Graph, index: EdgeIndex, proposal: Proposal, rng: np.random.Generator) -> tuple[bool, float]:
     """(i): a uniform edge e and a uniform f in N(e); its ratio needs :func:`local_log_ratio` once cells are known."""
     if graph.counts[c.EDGES] < 2:
         return False, 0.0

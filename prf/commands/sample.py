@@ -1,0 +1,232 @@
+"""Draw the posterior over polygonal maps from localized laser readings."""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from prf.shell.options import Force, Json, Output, Seed, Threads
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from prf.run import Run
+    from prf.sampler.drive import Progress
+    from prf.sampler.session import Session
+
+logger = logging.getLogger(__name__)
+
+EXAMPLES = (
+    "prf sample --laser data/demo-office.log.gz -o office --time-budget 30",
+    "prf sample --laser intel.log.gz --every-scan 10 --scale 0.1 --seed 1",
+    "prf sample --resume office --steps 5000000",
+)
+
+
+def sample(
+    laser: Annotated[
+        str | None, typer.Option("--laser", metavar="LOG", help="Localized laser readings; - is standard input.")
+    ] = None,
+    output: Output = None,
+    scale: Annotated[
+        float | None, typer.Option("--scale", metavar="1/METRE", help="Scale parameter p of the prior.  [0.1]")
+    ] = None,
+    window: Annotated[
+        tuple[float, float, float, float] | None,
+        typer.Option("--window", metavar="X0 Y0 X1 Y1", help="Metres.  [all sensors and 99.5 % of the returns + 1 m]"),
+    ] = None,
+    max_range: Annotated[
+        float | None,
+        typer.Option("--max-range", metavar="METRES", help="No return from here on.  [0.97 x the largest range]"),
+    ] = None,
+    every_scan: Annotated[
+        int | None, typer.Option("--every-scan", metavar="K", min=1, help="Scans 0, K, 2K ...")
+    ] = None,
+    every_beam: Annotated[
+        int | None, typer.Option("--every-beam", metavar="K", min=1, help="Beams 0, K, 2K ...")
+    ] = None,
+    scans: Annotated[str | None, typer.Option("--scans", metavar="START:STOP:STEP", help="Only these scans.")] = None,
+    skip_scans: Annotated[
+        str | None, typer.Option("--skip-scans", metavar="START:STOP:STEP", help="All but these scans.")
+    ] = None,
+    noise: Annotated[
+        float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range.  [0.03]")
+    ] = None,
+    noise_relative: Annotated[
+        float | None,
+        typer.Option("--noise-relative", metavar="SHARE", help="The same as a share of the distance.  [0.01]"),
+    ] = None,
+    outlier_probability: Annotated[
+        float | None, typer.Option("--outlier-probability", metavar="SHARE", help="Stray readings.  [0.05]")
+    ] = None,
+    miss_probability: Annotated[
+        float | None, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.  [0.02]")
+    ] = None,
+    chains: Annotated[int | None, typer.Option("--chains", metavar="N", min=1, help="Chains.  [4]")] = None,
+    resolution: Annotated[
+        float | None,
+        typer.Option("--resolution", metavar="METRES", help="Side of a pixel of the image.  [fits the window]"),
+    ] = None,
+    steps: Annotated[
+        int | None,
+        typer.Option("--steps", metavar="N", min=1, help="Steps a chain in total, burn-in included; whole rounds."),
+    ] = None,
+    time_budget: Annotated[
+        float | None, typer.Option("--time-budget", metavar="SECONDS", min=0.0, help="Sampling time.")
+    ] = None,
+    resume: Annotated[
+        str | None, typer.Option("--resume", metavar="RUN", help="Go on with this run from its checkpoint.")
+    ] = None,
+    seed: Seed = None,
+    threads: Threads = 0,
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """Draw the posterior over polygonal maps from localized laser readings.
+
+    Without --steps and --time-budget it stops when the chains agree (R-hat < 1.05 and ESS > 100 for every functional),
+    or after 30 minutes, saying that they do not. Ctrl-C keeps what was sampled; --resume goes on from there, and gives
+    the same draws as a run that was never stopped.
+    """
+    from prf.sampler.drive import StopRule
+    from prf.shell.errors import UsageError
+    from prf.shell.lock import exclusive
+
+    if steps is not None and time_budget is not None:
+        raise UsageError("--steps and --time-budget: give one of them.")
+    if laser is None and resume is None:
+        raise UsageError("Nothing to sample: give --laser LOG, or --resume RUN.")
+    asked = {
+        "scale": scale,
+        "window": window,
+        "max_range": max_range,
+        "every_scan": every_scan,
+        "every_beam": every_beam,
+        "scans": scans,
+        "skip_scans": skip_scans,
+        "noise": noise,
+        "noise_relative": noise_relative,
+        "outlier_probability": outlier_probability,
+        "miss_probability": miss_probability,
+        "chains": chains,
+        "resolution": resolution,
+    }
+    folder = _folder(laser, output, resume, force)
+    with exclusive(folder):
+        session = _open(laser, folder, resume is not None, asked, seed, threads)
+        with session.sampler:
+            run, progress = _carry_out(session, StopRule(steps, time_budget))
+    _report(run, progress, folder, session, json)
+
+
+def _folder(laser: str | None, output: str | None, resume: str | None, force: bool) -> Path:
+    """Return the RUN directory, refused where it would overwrite one."""
+    from pathlib import Path
+
+    from prf.sampler.output import default_output
+    from prf.shell.errors import UsageError
+    from prf.shell.files import STREAM, refuse_existing
+
+    if resume is not None:
+        if output is not None:
+            raise UsageError("--resume goes on in the run's own directory: leave -o out.")
+        return Path(resume)
+    if output == STREAM:
+        raise UsageError("-o -: a run is a directory. Name one.")
+    folder = Path(output) if output is not None else default_output(laser or STREAM)
+    refuse_existing(folder, force)
+    return folder
+
+
+def _open(
+    laser: str | None, folder: Path, resumed: bool, asked: dict[str, Any], seed: int | None, threads: int
+) -> Session:
+    """Return the session, and say what it is about."""
+    import os
+
+    from prf.sampler import session as sessions
+    from prf.sampler.config import SampleConfig
+    from prf.shell.seeds import resolve_seed
+
+    n_threads = threads or len(os.sched_getaffinity(0))
+    given = {name: value for name, value in asked.items() if value is not None}
+    if resumed:
+        session = sessions.resume(folder, laser, given, seed, n_threads)
+        logger.info(f"resuming at step {session.sampler.step}")
+    else:
+        assert laser is not None
+        used_seed = resolve_seed(seed)
+        prepared = sessions.read_prepared(laser, SampleConfig(**given))
+        if prepared.n_outside:
+            logger.warning(f"{prepared.n_outside} readings dropped: their sensors stand outside the window")
+        if sessions.needs_compiling():
+            logger.info("compiling kernels (once; about half a minute) ...")
+        session = sessions.start(laser, prepared, folder, used_seed, n_threads)
+    beams, window = session.output.beams, session.sampler.settings.window
+    logger.info(
+        f"{len(beams.range)} beams, window {window.width:.1f} x {window.height:.1f} m, "
+        f"{len(session.sampler.chains)} chains, seed {session.output.seed}"
+    )
+    return session
+
+
+def _carry_out(session: Session, rule: Any) -> tuple[Run, Progress]:
+    """Sample with progress; Ctrl-C ends it in good order."""
+    from prf.shell.progress import progress as show_progress
+    from prf.shell.signals import graceful_stop
+
+    with graceful_stop() as stop, show_progress(1.0, "sampling") as reporter:
+        run, end = session.carry_out(
+            rule,
+            lambda progress: reporter.update(progress.share, **_fields(session, progress)),
+            lambda: stop.requested,
+        )
+    if end.status == "interrupted":
+        stop.raise_if_requested(
+            f"interrupted after {end.step} steps; {session.output.folder} is valid. "
+            f"Continue with: prf sample --resume {session.output.folder}"
+        )
+    return run, end
+
+
+def _fields(session: Session, progress: Progress) -> dict[str, str]:
+    """Return what the progress bar shows beside the share."""
+    fields = {
+        "step": f"{progress.step:,}",
+        "steps/s": f"{progress.steps_per_second:,.0f}",
+        "log posterior": f"{session.sampler.log_posterior():,.0f}",
+    }
+    if progress.diagnoses:
+        from prf.diagnostics import converged
+
+        fields["worst"] = converged(progress.diagnoses).reason
+    return fields
+
+
+def _report(run: Run, progress: Progress, folder: Path, session: Session, json: bool) -> None:
+    """Print what came of it."""
+    from prf.shell import console, jsonout
+
+    assert run.diagnostics is not None
+    result = {
+        "run": str(folder),
+        "status": progress.status,
+        "steps": progress.step,
+        "draws": len(run.draws),
+        "chains": len(session.sampler.chains),
+        "seconds": progress.seconds,
+        "steps_per_second": progress.steps_per_second,
+        "seed": session.output.seed,
+        "converged": run.diagnostics["converged"],
+        "reason": run.diagnostics["reason"],
+        "log_posterior": run.best_log_posterior,
+    }
+    if json:
+        jsonout.emit_object("prf.sample/1", result)
+        return
+    agree = "the chains agree" if result["converged"] else f"the chains do not agree yet ({result['reason']})"
+    console.emit(f"{progress.status}: {agree}")
+    console.emit(f"{result['draws']} draws of {result['chains']} chains, {progress.step:,} steps each, {folder}/")
+    console.emit(f"picture {folder}/posterior.png, best map {folder}/map.geojson")

@@ -1,0 +1,147 @@
+"""Checkpoints: all that decides a chain's future, so that a resumed run repeats an uninterrupted one bit for bit."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.coloring import Coloring, Draws
+from prf.kernels import constants as c
+from prf.kernels.build import resum, trace_all
+from prf.kernels.image import count_all_edges, settle_all
+from prf.layout import make_index
+from prf.run import names
+from prf.sampler.chain import ChainSampler
+from prf.sampler.record import Draw
+from prf.sampler.several import Sampler
+from prf.shell.errors import InputError
+from prf.shell.files import atomic_write
+
+SCHEMA = "prf.checkpoint/1"
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def save_checkpoint(folder: str | os.PathLike[str], sampler: Sampler) -> None:
+    """Write the state of all chains into the RUN directory `folder`."""
+    arrays: Arrays = {"schema": np.array(SCHEMA)}
+    for i, chain in enumerate(sampler.chains):
+        arrays |= {f"chain{i}.{name}": array for name, array in chain_arrays(chain).items()}
+    with atomic_write(Path(folder) / names.CHECKPOINT, binary=True) as stream:
+        np.savez(stream, **arrays)
+
+
+def load_checkpoint(folder: str | os.PathLike[str], sampler: Sampler) -> None:
+    """Put the chains of a fresh sampler into the state that was saved.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged, of an unknown version or of another run.
+    """
+    path = Path(folder) / names.CHECKPOINT
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no checkpoint to resume from.") from None
+    except (OSError, ValueError, EOFError, KeyError) as error:
+        raise InputError(f"{path}: damaged ({error}). Sample anew with --force.") from error
+    schema = str(arrays.get("schema"))
+    if schema != SCHEMA:
+        raise InputError(f"{path}: schema {schema!r} is unknown to this version, which reads {SCHEMA!r}.")
+    try:
+        for i, chain in enumerate(sampler.chains):
+            prefix = f"chain{i}."
+            restore(chain, {name[len(prefix) :]: array for name, array in arrays.items() if name.startswith(prefix)})
+    except (KeyError, ValueError, IndexError) as error:
+        raise InputError(f"{path}: does not fit this run ({error}). Sample anew with --force.") from error
+
+
+def chain_arrays(sampler: ChainSampler) -> Arrays:
+    """Return what decides the future of a chain, and what it has recorded."""
+    chain, times = sampler.chain, sampler.times
+    settle_all(chain.image, sampler.step)
+    arrays: Arrays = {f"graph.{name}": getattr(chain.graph, name) for name in chain.graph._fields}
+    arrays |= {
+        "outcomes": chain.outcomes,
+        "generator": np.array(json.dumps(sampler.rng.bit_generator.state)),
+        "image.black": chain.image.black,
+        "image.black_time": chain.image.black_time,
+        "image.mixed_time": chain.image.mixed_time,
+        "times.starts": np.array([times.start, times.previous_start]),
+        "times.previous_black": times.previous_black,
+        "times.previous_mixed": times.previous_mixed,
+        "record.thin": np.array(sampler.record.thin),
+    }
+    arrays |= draw_arrays("draws", sampler.record.draws, sampler)
+    best = [sampler.record.best] if sampler.record.best is not None else []
+    return arrays | draw_arrays("best", best, sampler)
+
+
+def draw_arrays(prefix: str, draws: list[Draw], sampler: ChainSampler) -> Arrays:
+    """Return draws as ragged arrays."""
+    stored = Draws.from_colorings([draw.coloring for draw in draws], sampler.settings.window)
+    n_functionals = 0 if not draws else len(draws[0].functionals)
+    return {
+        f"{prefix}.vertex_offsets": stored.vertex_offsets,
+        f"{prefix}.xy": stored.xy,
+        f"{prefix}.side": stored.side,
+        f"{prefix}.edge_offsets": stored.edge_offsets,
+        f"{prefix}.edges": stored.edges,
+        f"{prefix}.anchor_black": stored.anchor_black,
+        f"{prefix}.step": np.array([draw.step for draw in draws], np.int64),
+        f"{prefix}.functionals": np.array([draw.functionals for draw in draws]).reshape(len(draws), n_functionals),
+        f"{prefix}.probe_black": np.array([draw.probe_black for draw in draws], np.bool_).reshape(len(draws), -1)
+        if draws
+        else np.zeros((0, 0), np.bool_),
+    }
+
+
+def restore_draws(prefix: str, arrays: Arrays, sampler: ChainSampler) -> list[Draw]:
+    """Return the draws that :func:`draw_arrays` stored."""
+    parts = ("vertex_offsets", "xy", "side", "edge_offsets", "edges", "anchor_black")
+    stored = Draws(sampler.settings.window, *(arrays[f"{prefix}.{part}"] for part in parts))
+    steps = arrays[f"{prefix}.step"].tolist()
+    functionals, probe_black = arrays[f"{prefix}.functionals"], arrays[f"{prefix}.probe_black"]
+    colorings = [Coloring(*coloring) for coloring in stored]
+    return [Draw(steps[i], colorings[i], functionals[i], probe_black[i]) for i in range(len(steps))]
+
+
+def restore(sampler: ChainSampler, arrays: Arrays) -> None:
+    """Put a fresh chain into a stored state: the graph as it was, all that follows from it computed anew."""
+    chain = sampler.chain
+    graph = chain.graph._replace(**{name: arrays[f"graph.{name}"] for name in chain.graph._fields})
+    capacity = len(graph.edge_length)
+    sampler.chain = chain._replace(
+        graph=graph,
+        index=make_index(graph, chain.index.grid, chain.index.cell_edges.shape[1]),
+        beams=chain.beams._replace(first_beam=np.full(capacity, c.NONE, np.int32)),
+        outcomes=arrays["outcomes"],
+    )
+    trace_all(sampler.chain)
+    resum(sampler.chain)
+    restore_image(sampler, arrays)
+    sampler.rng.bit_generator.state = json.loads(str(arrays["generator"]))
+    sampler.record.thin = int(arrays["record.thin"])
+    sampler.record.draws = restore_draws("draws", arrays, sampler)
+    sampler.record.best = next(iter(restore_draws("best", arrays, sampler)), None)
+
+
+def restore_image(sampler: ChainSampler, arrays: Arrays) -> None:
+    """Put the image of a restored chain and its epochs into the stored state."""
+    image, times = sampler.chain.image, sampler.times
+    image.black[:] = arrays["image.black"]
+    image.black_since[:] = sampler.step
+    image.mixed_since[:] = sampler.step
+    count_all_edges(sampler.chain.graph, image)
+    image.black_time[:] = arrays["image.black_time"]
+    image.mixed_time[:] = arrays["image.mixed_time"]
+    times.start, times.previous_start = (int(start) for start in arrays["times.starts"])
+    times.previous_black = arrays["times.previous_black"]
+    times.previous_mixed = arrays["times.previous_mixed"]

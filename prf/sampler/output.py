@@ -1,0 +1,110 @@
+"""From the state of a sampler to the RUN directory."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from prf.diagnostics import acceptance, document
+from prf.kernels import constants as c
+from prf.render import render_posterior
+from prf.run import Beams, PosteriorImage, Run, names, write_run
+from prf.sampler.checkpoint import save_checkpoint
+from prf.sampler.config import SampleConfig
+from prf.sampler.drive import Progress
+from prf.sampler.several import MOVE_NAMES, Sampler
+
+
+@dataclasses.dataclass(frozen=True)
+class Output:
+    """Where and with what a run is written.
+
+    Attributes
+    ----------
+    folder : Path
+    process : dict
+        Versions, platform, command, inputs (:func:`prf.shell.manifest.describe_process`).
+    config : SampleConfig
+        Resolved.
+    seed : int
+    beams : Beams
+    """
+
+    folder: Path
+    process: dict[str, Any]
+    config: SampleConfig
+    seed: int
+    beams: Beams
+
+    def write(self, sampler: Sampler, progress: Progress, seconds_before: float, picture: bool) -> Run:
+        """Write checkpoint and RUN as the chains stand; `picture` draws posterior.png too.
+
+        `seconds_before` is the time of sampling in earlier processes of a resumed run.
+        """
+        run = self.make_run(sampler, progress, seconds_before)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        save_checkpoint(self.folder, sampler)
+        write_run(self.folder, run)
+        if picture:
+            render_posterior(dataclasses.replace(run, path=self.folder), self.folder / names.PICTURE)
+        return run
+
+    def make_run(self, sampler: Sampler, progress: Progress, seconds_before: float) -> Run:
+        """Return the RUN as the chains stand."""
+        sample = sampler.sample()
+        best = sampler.best()
+        return Run(
+            manifest=self.manifest(sampler, progress, seconds_before),
+            draws=sample.draws,
+            chain=sample.chain,
+            step=sample.step,
+            functionals=sample.functionals,
+            probe_xy=sampler.probe_xy,
+            probe_black=sample.probe_black,
+            image=make_image(sampler),
+            beams=self.beams,
+            best=best.coloring if best is not None else None,
+            best_log_posterior=float(best.functionals[-1]) if best is not None else float("nan"),
+            diagnostics=make_diagnostics(sampler, progress),
+        )
+
+    def manifest(self, sampler: Sampler, progress: Progress, seconds_before: float) -> dict[str, Any]:
+        """Return what the manifest says besides its schema."""
+        return {
+            **self.process,
+            "status": progress.status,
+            "configuration": dataclasses.asdict(self.config),
+            "seed": self.seed,
+            "steps": sampler.step,
+            "burn_in": sampler.burn_in,
+            "seconds": round(seconds_before + progress.seconds, 3),
+        }
+
+
+def make_image(sampler: Sampler) -> PosteriorImage:
+    """Return the occupancy image of all chains."""
+    grid = sampler.chains[0].chain.image.grid
+    occupancy, squares = sampler.occupancy()
+    return PosteriorImage(occupancy, squares, np.array([grid.x0, grid.y0]), grid.cell)
+
+
+def make_diagnostics(sampler: Sampler, progress: Progress) -> dict[str, Any]:
+    """Return agreement, acceptance by move and speed."""
+    outcomes = sampler.outcomes()
+    return document(
+        sampler.diagnose(),
+        acceptance=acceptance(list(MOVE_NAMES), outcomes[:, c.PROPOSED], outcomes[:, c.ACCEPTED]),
+        steps_per_second=progress.steps_per_second,
+    )
+
+
+def default_output(log: str | os.PathLike[str]) -> Path:
+    """Return the RUN directory for a log whose output was not named: its stem in the working directory."""
+    name = Path(os.fspath(log)).name
+    for suffix in (".gz", ".log", ".csv", ".txt", ".clf"):
+        name = name.removesuffix(suffix)
+    return Path((name if name not in ("", "-") else "laser") + ".run")

@@ -1,0 +1,143 @@
+"""A run from its start, or from its checkpoint, to its end: sampling with checkpoints on the way."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from prf.kernels import step
+from prf.kernels._jit import is_compiled
+from prf.logs import read_readings, thin
+from prf.run import Run, read_run
+from prf.sampler.checkpoint import load_checkpoint
+from prf.sampler.config import Prepared, SampleConfig, make_settings, prepare
+from prf.sampler.drive import Progress, StopRule, drive
+from prf.sampler.output import Output
+from prf.sampler.several import Sampler
+from prf.shell.errors import ConfigError, InputError
+from prf.shell.manifest import describe_input, describe_process
+from prf.shell.seeds import spawn_generators
+
+CHECKPOINT_SECONDS = 60.0
+"""Sampling between two checkpoints: what a killed run loses at most."""
+
+PROCESS_KEYS = ("versions", "platform", "command", "created", "inputs")
+
+
+@dataclasses.dataclass(frozen=True)
+class Session:
+    """A sampler and where it writes.
+
+    Attributes
+    ----------
+    sampler : Sampler
+    output : Output
+    seconds_before : float
+        Sampling in earlier processes of a resumed run.
+    n_outside : int
+        Readings dropped because their sensor stands outside the window.
+    """
+
+    sampler: Sampler
+    output: Output
+    seconds_before: float = 0.0
+    n_outside: int = 0
+
+    def carry_out(
+        self, rule: StopRule, on_progress: Callable[[Progress], None], stop_requested: Callable[[], bool]
+    ) -> tuple[Run, Progress]:
+        """Sample until `rule` is met or `stop_requested` says so, then write the RUN; return it and the end."""
+        written = time.monotonic()
+        progress = Progress(self.sampler.step, 0.0, 0.0, 1.0, None, "finished")
+        for progress in drive(self.sampler, rule):
+            on_progress(progress)
+            if stop_requested() and progress.status == "running":
+                progress = progress._replace(status="interrupted")
+                break
+            if time.monotonic() - written > CHECKPOINT_SECONDS:
+                self.output.write(self.sampler, progress, self.seconds_before, picture=False)
+                written = time.monotonic()
+        return self.output.write(self.sampler, progress, self.seconds_before, picture=True), progress
+
+
+def read_prepared(log: str, config: SampleConfig) -> Prepared:
+    """Read a laser log, thin it and resolve `config` for it."""
+    readings = thin(read_readings(log), config.every_scan, config.every_beam, config.scans, config.skip_scans)
+    return prepare(config, readings)
+
+
+def start(log: str, prepared: Prepared, folder: Path, seed: int, threads: int) -> Session:
+    """Return a fresh session on a prepared log."""
+    sampler = Sampler(prepared.settings, spawn_generators(seed, prepared.config.chains), threads)
+    output = Output(folder, describe_process([log]), prepared.config, seed, prepared.beams)
+    return Session(sampler, output, n_outside=prepared.n_outside)
+
+
+def resume(folder: Path, log: str | None, asked: dict[str, Any], seed: int | None, threads: int) -> Session:
+    """Return a session that goes on from the checkpoint in `folder`.
+
+    Parameters
+    ----------
+    folder : Path
+        RUN directory.
+    log : str or None
+        The log, if the user names it again: it must be the same file.
+    asked : dict
+        Fields of :class:`SampleConfig` that the user gives again: they must be the same.
+    seed : int or None
+        Likewise.
+    threads : int
+
+    Raises
+    ------
+    ConfigError
+        If the configuration differs.
+    InputError
+        If the log differs, or the run cannot be read.
+    """
+    run = read_run(folder)
+    if run.beams is None:
+        raise InputError(f"{folder}: readings.npz is missing. Sample anew with --force.")
+    config = stored_config(run, folder)
+    refuse_changes(config, {**asked, "seed": seed}, int(run.manifest["seed"]))
+    if log is not None:
+        refuse_other_log(run, log)
+    sampler = Sampler(make_settings(config, run.beams), spawn_generators(run.manifest["seed"], config.chains), threads)
+    load_checkpoint(folder, sampler)
+    process = {key: run.manifest[key] for key in PROCESS_KEYS if key in run.manifest}
+    output = Output(folder, process, config, int(run.manifest["seed"]), run.beams)
+    return Session(sampler, output, seconds_before=float(run.manifest.get("seconds", 0.0)))
+
+
+def stored_config(run: Run, folder: Path) -> SampleConfig:
+    """Return the configuration of a run."""
+    try:
+        return SampleConfig.from_dict(run.manifest["configuration"])
+    except (KeyError, TypeError) as error:
+        raise InputError(f"{folder}/manifest.json: configuration is damaged ({error}). Sample anew.") from error
+
+
+def refuse_changes(config: SampleConfig, asked: dict[str, Any], seed: int) -> None:
+    """Raise ConfigError naming the first field that is asked for with another value than the run has."""
+    stored = {**dataclasses.asdict(config), "seed": seed}
+    for name, value in asked.items():
+        if value is not None and value != stored[name]:
+            flag = "--" + name.replace("_", "-")
+            raise ConfigError(f"{flag} {value}: the run to resume has {stored[name]}. Leave it out, or sample anew.")
+
+
+def refuse_other_log(run: Run, log: str | os.PathLike[str]) -> None:
+    """Raise InputError if `log` is not the file that the run was made from."""
+    found = describe_input(log)
+    known = [given.get("sha256") for given in run.manifest.get("inputs", [])]
+    if found["sha256"] not in known:
+        raise InputError(f"{log}: not the log that the run was made from. Leave --laser out, or sample anew.")
+
+
+def needs_compiling() -> bool:
+    """Return whether the first step will compile the kernels, which takes some seconds."""
+    return not is_compiled(f"step.{step.run.__name__}")
