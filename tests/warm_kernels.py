@@ -18,6 +18,8 @@ import numpy as np
 from prf.arak import exact_draws
 from prf.cli import VERBS, app
 from prf.coloring import black_areas, black_at
+from prf.posterior import Settings, make_chain
+from prf.recompute import recompute_impacts
 from prf.shell.run import run_app
 from prf.window import Window
 
@@ -49,6 +51,7 @@ def call_library() -> None:
     draws = exact_draws(1.0, Window(0.0, 0.0, 1.0, 1.0), 3, np.random.default_rng(1))
     black_areas(draws)
     black_at(draws[0], [[0.5, 0.5]])
+    recompute_impacts(make_chain(Settings(draws.window, 1.0), draws[0]))
 
 
 def cache_counts() -> dict[str, tuple[int, int]]:

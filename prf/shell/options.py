@@ -10,7 +10,6 @@ Force      ``-f/--force``           overwrite an output that exists
 Seed       ``--seed``               seed of every random number; drawn and printed if absent
 Threads    ``--threads``            threads to use, 0 = one a core; never changes a result
 Json       ``--json``               the result as one JSON object on standard output
-DryRun     ``--dry-run``            say what would be done, and do nothing
 ========== ======================== =====================================================
 
 ``-v/--verbose``, ``-q/--quiet``, ``--color`` and ``--no-progress`` are added to every verb (:mod:`prf.shell.flags`), so
@@ -35,4 +34,3 @@ Threads = Annotated[
     int, typer.Option("--threads", metavar="N", min=0, help="Threads, 0 = one a core; never changes a result.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")]
-DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be done, and do nothing.")]
