@@ -36,8 +36,8 @@ check: setup ## lint, format, types, import contracts, spelling
 	$(BIN)/lint-imports
 	$(BIN)/codespell
 
-bench: setup ## time the sampler against its slow twin in one run
-	$(PYTEST) benchmarks
+bench: setup ## steps per second of the sampler beside its slow twins, in one run
+	$(BIN)/python -m benchmarks.step_rate
 
 clean: ## remove .venv, what the demo made, and caches
 	rm -rf $(VENV) demo .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks .coverage build dist
