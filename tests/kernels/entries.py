@@ -1,0 +1,84 @@
+"""Doors into kernels that only other kernels call: cached like the project's own, vectorised over rows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from prf.kernels._jit import core_entry
+from prf.kernels.geometry import inside_loop, ray_hit, segments_meet, sine_of_angle
+from prf.kernels.grid import Grid, cell_at, exit_distance, walk
+from prf.kernels.image import Image, count_edge, recolor_inside
+from prf.kernels.laser import beam_log_likelihood
+from prf.kernels.sites import Sites, any_inside
+
+
+@core_entry
+def walk_segments(grid: Grid, segments: np.ndarray, cells: np.ndarray, n_cells: np.ndarray) -> None:
+    """Write the cells of each segment (n, 4) into a row of `cells`, their number into `n_cells`."""
+    for k in range(segments.shape[0]):
+        n_cells[k] = walk(grid, segments[k, 0], segments[k, 1], segments[k, 2], segments[k, 3], cells[k])
+
+
+@core_entry
+def cells_at(grid: Grid, xy: np.ndarray, cells: np.ndarray) -> None:
+    for k in range(xy.shape[0]):
+        cells[k] = cell_at(grid, xy[k, 0], xy[k, 1])
+
+
+@core_entry
+def exits(grid: Grid, cell: int, rays: np.ndarray, distance: np.ndarray) -> None:
+    """Rows of `rays`: origin and direction."""
+    for k in range(rays.shape[0]):
+        distance[k] = exit_distance(grid, cell, rays[k, 0], rays[k, 1], rays[k, 2], rays[k, 3])
+
+
+@core_entry
+def log_likelihoods(model: np.ndarray, reading: np.ndarray, distance: np.ndarray, found: np.ndarray) -> None:
+    for k in range(reading.size):
+        found[k] = beam_log_likelihood(model, reading[k], distance[k])
+
+
+@core_entry
+def hit_table(rays: np.ndarray, segments: np.ndarray, distance: np.ndarray) -> None:
+    """Distance (n_rays, n_segments) along every ray to every segment."""
+    for i in range(rays.shape[0]):
+        for k in range(segments.shape[0]):
+            a = segments[k]
+            distance[i, k] = ray_hit(rays[i, 0], rays[i, 1], rays[i, 2], rays[i, 3], a[0], a[1], a[2], a[3])
+
+
+@core_entry
+def meet_table(one: np.ndarray, two: np.ndarray, met: np.ndarray) -> None:
+    for k in range(one.shape[0]):
+        p = one[k]
+        q = two[k]
+        met[k] = segments_meet(p[0], p[1], p[2], p[3], q[0], q[1], q[2], q[3])
+
+
+@core_entry
+def inside_table(xy: np.ndarray, loop: np.ndarray, found: np.ndarray) -> None:
+    for k in range(xy.shape[0]):
+        found[k] = inside_loop(xy[k, 0], xy[k, 1], loop, loop.shape[0])
+
+
+@core_entry
+def sines(corners: np.ndarray, found: np.ndarray) -> None:
+    """Rows of `corners`: v, a, b."""
+    for k in range(corners.shape[0]):
+        p = corners[k]
+        found[k] = sine_of_angle(p[0], p[1], p[2], p[3], p[4], p[5])
+
+
+@core_entry
+def encloses_site(sites: Sites, loop: np.ndarray) -> bool:
+    return any_inside(sites, loop, loop.shape[0])
+
+
+@core_entry
+def recolor(image: Image, loop: np.ndarray, step: int) -> None:
+    recolor_inside(image, loop, loop.shape[0], step)
+
+
+@core_entry
+def change_edge(image: Image, xy: np.ndarray, change: int, step: int) -> None:
+    count_edge(image, xy, change, step)

@@ -1,0 +1,90 @@
+"""The laser as it is written down, in plain numpy and shapely: density, impacts, readings at random. No kernels."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy import special, stats
+
+from prf.coloring import Coloring
+from prf.window import Window
+
+Floats = NDArray[np.float64]
+
+
+class Sensor(NamedTuple):
+    """Parameters of the contract, by their short names."""
+
+    max: float
+    noise: float = 0.03
+    relative: float = 0.01
+    outlier: float = 0.05
+    miss: float = 0.02
+
+    @property
+    def hit(self) -> float:
+        return 1.0 - self.outlier - self.miss
+
+    def spread(self, d: float) -> float:
+        return max(self.noise, self.relative * d)
+
+
+def density(sensor: Sensor, r: Floats, d: float) -> Floats:
+    """Density of returns r < max: w_hit [d < max] N(r; d, s^2) / Phi(d/s) + w_outlier / max."""
+    flat = np.full(np.shape(r), sensor.outlier / sensor.max)
+    if d >= sensor.max:
+        return flat
+    s = sensor.spread(d)
+    return flat + sensor.hit * stats.norm.pdf(r, d, s) / stats.norm.cdf(d / s)
+
+
+def mass_of_no_return(sensor: Sensor, d: float) -> float:
+    """w_miss + w_hit ([d >= max] + [d < max] Phi((d - max)/s) / Phi(d/s))."""
+    if d >= sensor.max:
+        return sensor.miss + sensor.hit
+    s = sensor.spread(d)
+    return sensor.miss + sensor.hit * float(stats.norm.cdf((d - sensor.max) / s) / stats.norm.cdf(d / s))
+
+
+def log_likelihood(sensor: Sensor, r: float, d: float) -> float:
+    if r < sensor.max:
+        return math.log(float(density(sensor, np.array(r), d)))
+    return math.log(mass_of_no_return(sensor, d))
+
+
+def draw_readings(sensor: Sensor, distance: Floats, rng: np.random.Generator) -> Floats:
+    """Readings (n,), inf for no return, by inverting the distribution of the normal cut at 0."""
+    kind = rng.random(len(distance))
+    u = rng.random(len(distance))
+    s = np.maximum(sensor.noise, sensor.relative * np.where(np.isfinite(distance), distance, 0.0))
+    with np.errstate(invalid="ignore"):
+        from_zero = special.ndtr(-distance / s)
+        seen = distance + s * special.ndtri(from_zero + u * (1.0 - from_zero))
+    seen = np.where((distance < sensor.max) & (seen < sensor.max), seen, np.inf)
+    reading = np.where(kind < sensor.outlier, u * sensor.max, seen)
+    return np.where((kind >= sensor.outlier) & (kind < sensor.outlier + sensor.miss), np.inf, reading)
+
+
+def exit_by_shapely(window: Window, origin: Floats, direction: Floats) -> float:
+    """Distance at which a ray from inside leaves the window."""
+    far = origin + 3.0 * (window.width + window.height) * direction
+    inside = shapely.intersection(shapely.LineString([origin, far]), shapely.box(*window))
+    return float(np.hypot(*(np.array(inside.coords) - origin).T).max())
+
+
+def impacts(coloring: Coloring, origin: Floats, angle: Floats, max_range: float) -> Floats:
+    """Distance (n,) to the nearest edge that the ray meets inside the window and within `max_range`, inf for none."""
+    edges = shapely.linestrings(coloring.xy[coloring.edges]) if coloring.n_edges else np.array([])
+    found = np.full(len(angle), np.inf)
+    for i, (start, turn) in enumerate(zip(origin, angle, strict=True)):
+        direction = np.array([math.cos(turn), math.sin(turn)])
+        reach = min(exit_by_shapely(coloring.window, start, direction), max_range)
+        met = shapely.intersection(edges, shapely.LineString([start, start + reach * direction]))
+        places = shapely.get_coordinates(met[~shapely.is_empty(met)] if len(edges) else [])
+        if len(places):
+            found[i] = float(np.hypot(*(places - start).T).min())
+    return found
