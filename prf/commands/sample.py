@@ -24,61 +24,85 @@ EXAMPLES = (
     "prf sample --resume office --steps 5000000",
 )
 
+Laser = Annotated[
+    str | None, typer.Option("--laser", metavar="LOG", help="Localized laser readings; - is standard input.")
+]
+Scale = Annotated[
+    float | None, typer.Option("--scale", metavar="1/METRE", help="Scale parameter p of the prior.  [0.1]")
+]
+WindowOption = Annotated[
+    tuple[float, float, float, float] | None,
+    typer.Option("--window", metavar="X0 Y0 X1 Y1", help="Metres.  [all sensors and 99.5 % of the returns + 1 m]"),
+]
+MaxRange = Annotated[
+    float | None,
+    typer.Option("--max-range", metavar="METRES", help="No return from here on.  [0.97 x the largest range]"),
+]
+EveryScan = Annotated[int | None, typer.Option("--every-scan", metavar="K", min=1, help="Scans 0, K, 2K ...")]
+EveryBeam = Annotated[int | None, typer.Option("--every-beam", metavar="K", min=1, help="Beams 0, K, 2K ...")]
+Scans = Annotated[str | None, typer.Option("--scans", metavar="START:STOP:STEP", help="Only these scans.")]
+SkipScans = Annotated[str | None, typer.Option("--skip-scans", metavar="START:STOP:STEP", help="All but these scans.")]
+Noise = Annotated[
+    float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range.  [0.03]")
+]
+NoiseRelative = Annotated[
+    float | None, typer.Option("--noise-relative", metavar="SHARE", help="The same as a share of the distance.  [0.01]")
+]
+OutlierProbability = Annotated[
+    float | None, typer.Option("--outlier-probability", metavar="SHARE", help="Stray readings.  [0.05]")
+]
+MissProbability = Annotated[
+    float | None, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.  [0.02]")
+]
+Chains = Annotated[int | None, typer.Option("--chains", metavar="N", min=1, help="Chains.  [4]")]
+Resolution = Annotated[
+    float | None,
+    typer.Option("--resolution", metavar="METRES", help="Side of a pixel of the image.  [fits the window]"),
+]
+Steps = Annotated[
+    int | None,
+    typer.Option("--steps", metavar="N", min=1, help="Steps a chain in total, burn-in included; whole rounds."),
+]
+TimeBudget = Annotated[float | None, typer.Option("--time-budget", metavar="SECONDS", min=0.0, help="Sampling time.")]
+Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Go on with this run from its checkpoint.")]
+
+SCIENCE = (
+    "scale",
+    "window",
+    "max_range",
+    "every_scan",
+    "every_beam",
+    "scans",
+    "skip_scans",
+    "noise",
+    "noise_relative",
+    "outlier_probability",
+    "miss_probability",
+    "chains",
+    "resolution",
+)
+"""Options that make the configuration of a run; what is not given is resolved from the log."""
+
 
 def sample(
-    laser: Annotated[
-        str | None, typer.Option("--laser", metavar="LOG", help="Localized laser readings; - is standard input.")
-    ] = None,
+    laser: Laser = None,
     output: Output = None,
-    scale: Annotated[
-        float | None, typer.Option("--scale", metavar="1/METRE", help="Scale parameter p of the prior.  [0.1]")
-    ] = None,
-    window: Annotated[
-        tuple[float, float, float, float] | None,
-        typer.Option("--window", metavar="X0 Y0 X1 Y1", help="Metres.  [all sensors and 99.5 % of the returns + 1 m]"),
-    ] = None,
-    max_range: Annotated[
-        float | None,
-        typer.Option("--max-range", metavar="METRES", help="No return from here on.  [0.97 x the largest range]"),
-    ] = None,
-    every_scan: Annotated[
-        int | None, typer.Option("--every-scan", metavar="K", min=1, help="Scans 0, K, 2K ...")
-    ] = None,
-    every_beam: Annotated[
-        int | None, typer.Option("--every-beam", metavar="K", min=1, help="Beams 0, K, 2K ...")
-    ] = None,
-    scans: Annotated[str | None, typer.Option("--scans", metavar="START:STOP:STEP", help="Only these scans.")] = None,
-    skip_scans: Annotated[
-        str | None, typer.Option("--skip-scans", metavar="START:STOP:STEP", help="All but these scans.")
-    ] = None,
-    noise: Annotated[
-        float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range.  [0.03]")
-    ] = None,
-    noise_relative: Annotated[
-        float | None,
-        typer.Option("--noise-relative", metavar="SHARE", help="The same as a share of the distance.  [0.01]"),
-    ] = None,
-    outlier_probability: Annotated[
-        float | None, typer.Option("--outlier-probability", metavar="SHARE", help="Stray readings.  [0.05]")
-    ] = None,
-    miss_probability: Annotated[
-        float | None, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.  [0.02]")
-    ] = None,
-    chains: Annotated[int | None, typer.Option("--chains", metavar="N", min=1, help="Chains.  [4]")] = None,
-    resolution: Annotated[
-        float | None,
-        typer.Option("--resolution", metavar="METRES", help="Side of a pixel of the image.  [fits the window]"),
-    ] = None,
-    steps: Annotated[
-        int | None,
-        typer.Option("--steps", metavar="N", min=1, help="Steps a chain in total, burn-in included; whole rounds."),
-    ] = None,
-    time_budget: Annotated[
-        float | None, typer.Option("--time-budget", metavar="SECONDS", min=0.0, help="Sampling time.")
-    ] = None,
-    resume: Annotated[
-        str | None, typer.Option("--resume", metavar="RUN", help="Go on with this run from its checkpoint.")
-    ] = None,
+    scale: Scale = None,
+    window: WindowOption = None,
+    max_range: MaxRange = None,
+    every_scan: EveryScan = None,
+    every_beam: EveryBeam = None,
+    scans: Scans = None,
+    skip_scans: SkipScans = None,
+    noise: Noise = None,
+    noise_relative: NoiseRelative = None,
+    outlier_probability: OutlierProbability = None,
+    miss_probability: MissProbability = None,
+    chains: Chains = None,
+    resolution: Resolution = None,
+    steps: Steps = None,
+    time_budget: TimeBudget = None,
+    resume: Resume = None,
     seed: Seed = None,
     threads: Threads = 0,
     force: Force = False,
@@ -90,6 +114,8 @@ def sample(
     or after 30 minutes, saying that they do not. Ctrl-C keeps what was sampled; --resume goes on from there, and gives
     the same draws as a run that was never stopped.
     """
+    asked = {name: value for name, value in locals().items() if name in SCIENCE and value is not None}
+
     from prf.sampler.drive import StopRule
     from prf.shell.errors import UsageError
     from prf.shell.lock import exclusive
@@ -98,21 +124,6 @@ def sample(
         raise UsageError("--steps and --time-budget: give one of them.")
     if laser is None and resume is None:
         raise UsageError("Nothing to sample: give --laser LOG, or --resume RUN.")
-    asked = {
-        "scale": scale,
-        "window": window,
-        "max_range": max_range,
-        "every_scan": every_scan,
-        "every_beam": every_beam,
-        "scans": scans,
-        "skip_scans": skip_scans,
-        "noise": noise,
-        "noise_relative": noise_relative,
-        "outlier_probability": outlier_probability,
-        "miss_probability": miss_probability,
-        "chains": chains,
-        "resolution": resolution,
-    }
     folder = _folder(laser, output, resume, force)
     with exclusive(folder):
         session = _open(laser, folder, resume is not None, asked, seed, threads)
@@ -151,14 +162,13 @@ def _open(
     from prf.shell.seeds import resolve_seed
 
     n_threads = threads or len(os.sched_getaffinity(0))
-    given = {name: value for name, value in asked.items() if value is not None}
     if resumed:
-        session = sessions.resume(folder, laser, given, seed, n_threads)
+        session = sessions.resume(folder, laser, asked, seed, n_threads)
         logger.info(f"resuming at step {session.sampler.step}")
     else:
         assert laser is not None
         used_seed = resolve_seed(seed)
-        prepared = sessions.read_prepared(laser, SampleConfig(**given))
+        prepared = sessions.read_prepared(laser, SampleConfig(**asked))
         if prepared.n_outside:
             logger.warning(f"{prepared.n_outside} readings dropped: their sensors stand outside the window")
         if sessions.needs_compiling():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import zipfile
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from prf.shell.errors import InputError
+from prf.shell.files import atomic_write
 
 _REMEDY = "Write it anew with prf sample, or restore it."
 
@@ -35,6 +37,13 @@ def load_arrays(path: Path, schema: str) -> dict[str, NDArray[Any]]:
         raise InputError(f"{path}: damaged ({_reason(error)}). {_REMEDY}") from error
     check_schema(path, str(arrays.pop("schema", "")), schema)
     return arrays
+
+
+def save_arrays(path: Path, schema: str, arrays: Mapping[str, Any], compressed: bool = False) -> None:
+    """Write an .npz file with its schema, whole or not at all; only images are worth compressing."""
+    save: Any = np.savez_compressed if compressed else np.savez
+    with atomic_write(path, binary=True) as stream:
+        save(stream, schema=np.str_(schema), **arrays)
 
 
 def load_object(path: Path, schema: str) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import numpy as np
 from prf.run import names
 from prf.run.mapfile import map_text
 from prf.run.model import Beams, PosteriorImage, Run
+from prf.run.storage import save_arrays
 from prf.shell.errors import OutputError
 from prf.shell.files import atomic_write
 from prf.shell.jsonout import dump_object
@@ -62,8 +63,9 @@ def write_draws(folder: Path, run: Run) -> None:
     """Write draws.npz: the draws, where each comes from, functionals and probe colours."""
     draws = run.draws
     functionals = {names.FUNCTIONAL_PREFIX + name: values for name, values in run.functionals.items()}
-    _write_arrays(
+    save_arrays(
         folder / names.DRAWS,
+        names.SCHEMAS[names.DRAWS],
         {
             "window": draws.window.to_array(),
             "vertex_offsets": draws.vertex_offsets.astype(np.int64),
@@ -89,7 +91,7 @@ def write_image(folder: Path, image: PosteriorImage) -> None:
         "origin": np.asarray(image.origin, dtype=np.float64),
         "resolution": np.float64(image.resolution),
     }
-    _write_arrays(folder / names.POSTERIOR, arrays, compressed=True)
+    save_arrays(folder / names.POSTERIOR, names.SCHEMAS[names.POSTERIOR], arrays, compressed=True)
 
 
 def write_beams(folder: Path, beams: Beams) -> None:
@@ -102,7 +104,7 @@ def write_beams(folder: Path, beams: Beams) -> None:
         "scan": beams.scan.astype(np.int64),
         "max_range": np.float64(beams.max_range),
     }
-    _write_arrays(folder / names.READINGS, arrays, compressed=True)
+    save_arrays(folder / names.READINGS, names.SCHEMAS[names.READINGS], arrays, compressed=True)
 
 
 def write_best(folder: Path, run: Run) -> None:
@@ -118,10 +120,3 @@ def write_object(path: Path, content: Mapping[str, Any]) -> None:
     without_schema = {key: value for key, value in content.items() if key != "schema"}
     with atomic_write(path) as stream:
         stream.write(dump_object(names.SCHEMAS[path.name], without_schema, indent=2) + "\n")
-
-
-def _write_arrays(path: Path, arrays: Mapping[str, Any], compressed: bool = False) -> None:
-    """Write an .npz file with its schema; only the images compress well enough to be worth the time."""
-    save: Any = np.savez_compressed if compressed else np.savez
-    with atomic_write(path, binary=True) as stream:
-        save(stream, schema=np.str_(names.SCHEMAS[path.name]), **arrays)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -16,27 +15,25 @@ from prf.kernels.build import resum, trace_all
 from prf.kernels.image import count_all_edges, settle_all
 from prf.layout import make_index
 from prf.run import names
+from prf.run.storage import damaged, load_arrays, save_arrays
 from prf.sampler.chain import ChainSampler
 from prf.sampler.record import Draw
 from prf.sampler.several import Sampler
-from prf.shell.errors import InputError
-from prf.shell.files import atomic_write
 
 SCHEMA = "prf.checkpoint/1"
 
 Arrays = dict[str, NDArray[Any]]
 
 
-def save_checkpoint(folder: str | os.PathLike[str], sampler: Sampler) -> None:
+def save_checkpoint(folder: Path, sampler: Sampler) -> None:
     """Write the state of all chains into the RUN directory `folder`."""
-    arrays: Arrays = {"schema": np.array(SCHEMA)}
+    arrays: Arrays = {}
     for i, chain in enumerate(sampler.chains):
         arrays |= {f"chain{i}.{name}": array for name, array in chain_arrays(chain).items()}
-    with atomic_write(Path(folder) / names.CHECKPOINT, binary=True) as stream:
-        np.savez(stream, **arrays)
+    save_arrays(folder / names.CHECKPOINT, SCHEMA, arrays)
 
 
-def load_checkpoint(folder: str | os.PathLike[str], sampler: Sampler) -> None:
+def load_checkpoint(folder: Path, sampler: Sampler) -> None:
     """Put the chains of a fresh sampler into the state that was saved.
 
     Raises
@@ -44,23 +41,14 @@ def load_checkpoint(folder: str | os.PathLike[str], sampler: Sampler) -> None:
     InputError
         If the file is missing, damaged, of an unknown version or of another run.
     """
-    path = Path(folder) / names.CHECKPOINT
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no checkpoint to resume from.") from None
-    except (OSError, ValueError, EOFError, KeyError) as error:
-        raise InputError(f"{path}: damaged ({error}). Sample anew with --force.") from error
-    schema = str(arrays.get("schema"))
-    if schema != SCHEMA:
-        raise InputError(f"{path}: schema {schema!r} is unknown to this version, which reads {SCHEMA!r}.")
+    path = folder / names.CHECKPOINT
+    arrays = load_arrays(path, SCHEMA)
     try:
         for i, chain in enumerate(sampler.chains):
             prefix = f"chain{i}."
             restore(chain, {name[len(prefix) :]: array for name, array in arrays.items() if name.startswith(prefix)})
-    except (KeyError, ValueError, IndexError) as error:
-        raise InputError(f"{path}: does not fit this run ({error}). Sample anew with --force.") from error
+    except (KeyError, ValueError, IndexError, TypeError) as error:
+        raise damaged(path, f"does not fit this run: {error}") from error
 
 
 def chain_arrays(sampler: ChainSampler) -> Arrays:

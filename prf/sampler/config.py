@@ -101,7 +101,7 @@ def prepare(config: SampleConfig, readings: Readings) -> Prepared:
         If a parameter is out of its range.
     """
     max_range = config.max_range if config.max_range is not None else default_max_range(readings)
-    if not math.isfinite(max_range):
+    if config.max_range is None and not math.isfinite(max_range):
         raise InputError(f"{readings.source}: no reading has a finite range. Give --max-range.")
     model = LaserModel(
         max_range, config.noise, config.noise_relative, config.outlier_probability, config.miss_probability
@@ -114,7 +114,7 @@ def prepare(config: SampleConfig, readings: Readings) -> Prepared:
     origin, angle = readings.origin[inside], readings.angle[inside]
     beams = Beams(origin, angle, ranges[inside], readings.scan[inside], max_range)
     resolution = config.resolution if config.resolution is not None else chosen_resolution(window)
-    resolved = dataclasses.replace(config, window=tuple(window), max_range=max_range, resolution=resolution)
+    resolved = dataclasses.replace(config, window=(*window,), max_range=max_range, resolution=resolution)
     return Prepared(make_settings(resolved, beams, model), beams, resolved, int((~inside).sum()))
 
 

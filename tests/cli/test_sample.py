@@ -1,0 +1,196 @@
+"""The verb `sample`: its directory, resuming, refusals, interruption."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from prf.cli import app
+from prf.coloring import violations
+from prf.run import read_run
+from prf.shell.run import run_app
+
+QUICK = ("--every-scan", "8", "--every-beam", "6", "--chains", "2", "--resolution", "0.5")
+RESULTS = ("draws.npz", "posterior.npz", "readings.npz", "map.geojson")
+
+
+def run(*args: str) -> int:
+    return run_app(app, "prf", ["sample", *args])
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    source = Path(__file__).resolve().parents[2] / "data" / "demo-office.log.gz"
+    copy = tmp_path_factory.mktemp("log") / "office.log.gz"
+    copy.write_bytes(source.read_bytes())
+    return copy
+
+
+@pytest.fixture(scope="module")
+def office(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs") / "office"
+    assert run("--laser", str(log), *QUICK, "--steps", "60000", "--seed", "5", "-o", str(folder), "-q") == 0
+    return folder
+
+
+def test_a_run_has_every_file_and_valid_maps(office: Path) -> None:
+    found = read_run(office)
+    assert found.manifest["configuration"]["chains"] == 2
+    assert found.manifest["seed"] == 5
+    assert found.manifest["steps"] == 60_000
+    assert found.manifest["burn_in"] == 16_000
+    assert set(found.chain) == {0, 1}
+    assert found.step.min() > 16_000
+    assert not any(violations(draw) for draw in found.draws)
+    assert found.best is not None
+    assert found.image is not None
+    assert found.image.resolution == 0.5
+    assert (office / "posterior.png").stat().st_size > 10_000
+    assert (office / "checkpoint.npz").is_file()
+
+
+def test_functionals_are_those_of_the_draws(office: Path) -> None:
+    found = read_run(office)
+    np.testing.assert_array_equal(found.functionals["n_edges"], found.draws.n_edges)
+    np.testing.assert_allclose(found.functionals["total_length"], found.draws.total_length(), rtol=1e-9)
+    total = found.functionals["log_prior"] + found.functionals["log_likelihood"]
+    np.testing.assert_allclose(found.functionals["log_posterior"], total, rtol=1e-12)
+
+
+def test_resuming_gives_what_an_uninterrupted_run_gives(log: Path, office: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "office"
+    args = ("--laser", str(log), *QUICK, "--seed", "5", "-o", str(folder), "-q", "--threads", "1")
+    assert run(*args, "--steps", "20000") == 0
+    assert run("--resume", str(folder), "--steps", "60000", "-q") == 0
+    for name in RESULTS:
+        assert (folder / name).read_bytes() == (office / name).read_bytes(), name
+
+
+def test_nothing_is_left_to_do_for_a_run_that_has_its_steps(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = (office / "draws.npz").read_bytes()
+    assert run("--resume", str(office), "--steps", "1000", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["steps"] == 60_000
+    assert (office / "draws.npz").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "words"),
+    [
+        (["--scale", "0.3"], 2, "--scale 0.3"),
+        (["--seed", "6"], 2, "--seed 6"),
+        (["--laser", "OTHER"], 3, "not the log"),
+        (["-o", "elsewhere"], 2, "leave -o out"),
+    ],
+)
+def test_resuming_with_something_else_is_refused(
+    office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], args: list[str], code: int, words: str
+) -> None:
+    other = tmp_path / "other.csv"
+    other.write_text("x,y,theta,range\n0,0,0,1\n")
+    given = [str(other) if arg == "OTHER" else arg for arg in args]
+    assert run("--resume", str(office), *given) == code
+    error = capsys.readouterr().err.strip()
+    assert words in error
+    assert "\n" not in error
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "words"),
+    [
+        (["--window", "3", "0", "1", "1"], 2, "window"),
+        (["--window", "100", "100", "110", "110"], 3, "no sensor stands inside"),
+        (["--scale", "-1"], 2, "scale"),
+        (["--noise", "0"], 2, "noise"),
+        (["--outlier-probability", "0"], 2, "outlier-probability"),
+        (["--miss-probability", "1.5"], 2, "miss-probability"),
+        (["--max-range", "nan"], 2, "max-range"),
+        (["--max-range", "-3"], 2, "max-range"),
+        (["--resolution", "1e-9"], 2, "--resolution"),
+        (["--steps", "10", "--time-budget", "1"], 2, "one of them"),
+        (["--scans", "a:b"], 2, "--scans"),
+        (["--every-scan", "1", "--scans", "900:901"], 3, ""),
+    ],
+)
+def test_bad_options_end_in_one_line(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], args: list[str], code: int, words: str
+) -> None:
+    assert run("--laser", str(log), "-o", str(tmp_path / "run"), *args) == code
+    error = capsys.readouterr().err.strip().splitlines()
+    assert len(error) == 1
+    assert error[0].startswith("error: ")
+    assert words in error[0]
+    assert not (tmp_path / "run").exists()
+
+
+def test_an_existing_run_is_kept_unless_forced(log: Path, office: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--laser", str(log), "-o", str(office)) == 4
+    assert "--force" in capsys.readouterr().err
+
+
+def test_sensors_outside_the_window_are_dropped_and_counted(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "part"
+    window = ("--window", "0", "0", "11", "14")
+    assert run("--laser", str(log), *QUICK, *window, "--steps", "100", "-o", str(folder)) == 0
+    assert "readings dropped" in capsys.readouterr().err
+    beams = read_run(folder).beams
+    assert beams is not None
+    assert beams.origin[:, 0].max() < 11.0
+
+
+def test_a_table_without_returns_leaves_free_space(tmp_path: Path) -> None:
+    table = tmp_path / "free.csv"
+    table.write_text("x,y,theta,range\n" + "".join(f"0,0,{angle / 10},\n" for angle in range(63)))
+    folder = tmp_path / "free"
+    args = ("--max-range", "5", "--window", "-4", "-4", "4", "4", "--chains", "1", "--steps", "40000", "--seed", "1")
+    assert run("--laser", str(table), *args, "-o", str(folder), "-q") == 0
+    image = read_run(folder).image
+    assert image is not None
+    assert np.nanmean(image.occupancy[20:30, 20:30]) < 0.05
+    assert run("--laser", str(table), "-o", str(tmp_path / "none")) == 3
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_leaves_a_run_to_go_on_with(log: Path, tmp_path: Path, number: signal.Signals, code: int) -> None:
+    folder = tmp_path / "run"
+    args = ["--laser", str(log), *QUICK, "--seed", "1", "-o", str(folder), "--time-budget", "300"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "prf", "sample", *args],
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"LC_ALL": "C"},
+    )
+    assert process.stderr is not None
+    line = process.stderr.readline()
+    while "chains, seed" not in line:
+        line = process.stderr.readline()
+    time.sleep(2.0)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=120)
+    assert process.returncode == code, errors
+    assert "prf sample --resume" in errors
+    assert read_run(folder).manifest["status"] == "interrupted"
+    steps = read_run(folder).manifest["steps"]
+    assert run("--resume", str(folder), "--steps", str(steps + 10_000), "-q") == 0
+
+
+def test_a_damaged_checkpoint_is_named(office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "copy"
+    folder.mkdir()
+    for path in office.iterdir():
+        (folder / path.name).write_bytes(path.read_bytes())
+    (folder / "checkpoint.npz").write_bytes((office / "checkpoint.npz").read_bytes()[:5000])
+    assert run("--resume", str(folder), "--steps", "70000") == 3
+    assert "checkpoint.npz: damaged" in capsys.readouterr().err
+    (folder / "checkpoint.npz").unlink()
+    assert run("--resume", str(folder), "--steps", "70000") == 3
+    assert "checkpoint.npz: no such file" in capsys.readouterr().err
