@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -102,59 +101,6 @@ def atomic_write(path: str | os.PathLike[str], binary: bool = False) -> Iterator
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
-
-
-@contextmanager
-def atomic_directory(path: str | os.PathLike[str], force: bool = False) -> Iterator[Path]:
-    """Fill a new folder, then move it to `path` whole; an exception inside leaves `path` as it was.
-
-    Parameters
-    ----------
-    path : path
-    force : bool
-        Replace what stands there.
-
-    Yields
-    ------
-    Path
-        The folder to write into, beside `path`.
-
-    Raises
-    ------
-    OutputExists
-        If `path` stands and `force` is not given.
-    OutputError
-        If it cannot be made.
-    """
-    refuse_existing(path, force)
-    target = Path(os.path.realpath(path))
-    with _reported(path):
-        target.parent.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent))
-    try:
-        with _reported(path):
-            yield work
-            os.chmod(work, _permissions(target, 0o777))
-            _move_into_place(work, target)
-    except BaseException:
-        shutil.rmtree(work, ignore_errors=True)
-        raise
-
-
-def _move_into_place(work: Path, target: Path) -> None:
-    """Replace `target` by `work`; a folder cannot be replaced in one call, so the old one steps aside first."""
-    if not target.exists():
-        os.replace(work, target)
-        return
-    aside = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".old.tmp", dir=target.parent))
-    os.replace(target, aside / target.name)
-    try:
-        os.replace(work, target)
-    except OSError:
-        os.replace(aside / target.name, target)
-        raise
-    finally:
-        shutil.rmtree(aside, ignore_errors=True)
 
 
 def _permissions(target: Path, default: int) -> int:

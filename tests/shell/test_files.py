@@ -81,36 +81,6 @@ class TestAtomicWrite:
         assert names(tmp_path) == ["a"]
 
 
-class TestAtomicDirectory:
-    def fill(self, path: Path, text: str, force: bool = False) -> None:
-        with files.atomic_directory(path, force=force) as work:
-            (work / "file").write_text(text)
-
-    def test_makes_it_with_its_parents(self, tmp_path: Path) -> None:
-        self.fill(tmp_path / "x" / "run", "1")
-        assert (tmp_path / "x" / "run" / "file").read_text() == "1"
-        assert names(tmp_path / "x") == ["run"]
-
-    def test_refuses_what_stands_and_replaces_it_by_force(self, tmp_path: Path) -> None:
-        run = tmp_path / "run"
-        self.fill(run, "1")
-        (run / "stale").touch()
-        with pytest.raises(OutputExists, match="--force"):
-            self.fill(run, "2")
-        self.fill(run, "3", force=True)
-        assert names(run) == ["file"]
-        assert (run / "file").read_text() == "3"
-        assert names(tmp_path) == ["run"]
-
-    def test_failure_inside_keeps_the_old_folder(self, tmp_path: Path) -> None:
-        run = tmp_path / "run"
-        self.fill(run, "1")
-        with pytest.raises(ZeroDivisionError), files.atomic_directory(run, force=True) as work:
-            write_and_fail(work / "file")
-        assert (run / "file").read_text() == "1"
-        assert names(tmp_path) == ["run"]
-
-
 class TestStreams:
     def test_dash_reads_standard_input(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"abc")))
