@@ -9,7 +9,7 @@ from typing import IO
 import pytest
 
 from prf.shell import files
-from prf.shell.errors import InputError, OutputError, OutputExists
+from prf.shell.errors import InputError, OutputError
 
 
 def write_and_fail(path: Path) -> None:
