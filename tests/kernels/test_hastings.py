@@ -1,0 +1,103 @@
+"""The Hastings ratio of every move: held to a slow reference that enumerates the proposals, and to its way back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from prf.coloring import Coloring
+from prf.kernels import constants as c
+from prf.kernels.grid import Grid
+from prf.window import INTERIOR, Window
+from tests.reference.hastings import NAMES, TOLERANCE, Findings, examine
+from tests.reference.plain_map import cells_passed
+from tests.reference.proposals import Plan, log_proposal_density
+
+SEED = 20050726
+N_STATES = 14
+"""States of each of the five cases."""
+
+
+@pytest.fixture(scope="module")
+def findings() -> dict[str, Findings]:
+    return examine(N_STATES, SEED)
+
+
+@pytest.mark.parametrize("move", NAMES)
+def test_ratio_is_that_of_the_reference(move: str, findings: dict[str, Findings]) -> None:
+    assert findings[move].valid >= 50
+    assert findings[move].reference_error < TOLERANCE
+
+
+@pytest.mark.parametrize("move", NAMES)
+def test_ratio_of_the_way_back_is_the_inverse(move: str, findings: dict[str, Findings]) -> None:
+    assert findings[move].antisymmetry_error < TOLERANCE
+
+
+@pytest.mark.parametrize("move", NAMES)
+def test_what_is_applied_is_valid_and_what_is_refused_crosses(move: str, findings: dict[str, Findings]) -> None:
+    assert findings[move].problems == []
+
+
+def test_refusals_and_ways_without_return_were_seen(findings: dict[str, Findings]) -> None:
+    deaths = {"triangle death", "boundary death", "corner death"}
+    assert {move for move in NAMES if findings[move].refused == 0} == deaths
+    assert {move for move in NAMES if findings[move].one_way > 0} == {"local recolor"}
+
+
+WINDOW = Window(0.0, 0.0, 2.0, 1.0)
+GRID = Grid(-0.03, -0.03, 0.1, 21, 11)
+
+
+def plan(**changes: float) -> Plan:
+    tuning = {"scale": 1.0, "local": 0.0, "birth_reach": 0.1, "split_reach": 0.1, "move_reach": 0.1, **changes}
+    return Plan(**tuning, odds=np.ones(c.N_MOVES), grid=GRID)
+
+
+def loop(*points: tuple[float, float]) -> Coloring:
+    n = len(points)
+    edges = np.array([(k, (k + 1) % n) for k in range(n)], np.int32)
+    return Coloring(WINDOW, np.array(points), np.full(n, INTERIOR, np.int8), edges, False)
+
+
+def by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]]:
+    empty = Coloring.empty(WINDOW)
+    triangle = loop((0.2, 0.2), (0.5, 0.2), (0.2, 0.6))
+    quadrangle = loop((0.2, 0.2), (0.5, 0.2), (0.6, 0.6), (0.2, 0.6))
+    near = {r: 0.1 / (0.1 + r) ** 2 / (2.0 * math.pi * r) for r in (0.3, 0.4, 0.5)}
+    local = 2.0 / 2.0 * (near[0.3] * near[0.4] + near[0.3] * near[0.5] + near[0.4] * near[0.5])
+    yield "uniform birth", c.TRIANGLE_BIRTH, empty, triangle, plan(), 6.0 / 2.0**3
+    yield "local birth", c.TRIANGLE_BIRTH, empty, triangle, plan(local=1.0), local
+    yield "mixed birth", c.TRIANGLE_BIRTH, empty, triangle, plan(local=0.8), 0.2 * 6.0 / 2.0**3 + 0.8 * local
+    yield "death", c.TRIANGLE_DEATH, triangle, empty, plan(), 1.0
+    yield "no way", c.TRIANGLE_DEATH, triangle, quadrangle, plan(), 0.0
+    yield "anchor", c.TRIANGLE_DEATH, triangle, empty._replace(anchor_black=True), plan(), 0.0
+    moved = loop((0.2, 0.2), (0.5, 0.2), (0.2, 0.7))
+    yield "slide", c.SLIDE, triangle, moved, plan(), 0.5 / 3.0 / (1.5 * 0.4) / 0.5
+    yield "slide back", c.SLIDE, moved, triangle, plan(), 0.5 / 3.0 / (1.5 * 0.5) / 0.4
+    yield "too far a slide", c.SLIDE, triangle, loop((0.2, 0.2), (0.5, 0.2), (0.2, 0.39)), plan(), 0.0
+    offset = 0.1 / math.hypot(0.3, 0.4)
+    split = loop((0.2, 0.2), (0.5, 0.2), (0.35 + 0.8 * offset / 2, 0.4 + 0.6 * offset / 2), (0.2, 0.6))
+    density = 0.1 / (0.1 + offset / 2) ** 2 / (2.0 * 0.5)
+    yield "split", c.SPLIT, triangle, split, plan(), density / 3.0
+    yield "merge", c.MERGE, split, triangle, plan(), 0.25
+    yield "merge of a triangle", c.MERGE, triangle, empty, plan(), 0.0
+
+
+@pytest.mark.parametrize("name", [example[0] for example in by_hand()])
+def test_reference_by_hand(name: str) -> None:
+    (example,) = [example for example in by_hand() if example[0] == name]
+    move, x, y, plan, density = example[1:]
+    expected = math.log(density) if density else -math.inf
+    assert log_proposal_density(move, x, y, plan) == pytest.approx(expected, abs=1e-12)
+
+
+def test_cells_by_hand() -> None:
+    grid = Grid(0.0, 0.0, 1.0, 4, 3)
+    assert cells_passed(grid, (0.5, 0.5), (2.5, 0.6)) == {(0, 0), (1, 0), (2, 0)}
+    assert cells_passed(grid, (0.5, 0.75), (1.5, 1.25)) == {(0, 0), (1, 1)}, "through a corner of cells"
+    assert cells_passed(grid, (1.75, 0.5), (0.5, 1.6)) == {(1, 0), (1, 1), (0, 1)}
+    assert cells_passed(grid, (2.5, 0.1), (2.5, 2.9)) == {(2, 0), (2, 1), (2, 2)}

@@ -1,0 +1,241 @@
+"""Every move of the sampler on random maps, its ratio held to the slow reference and to the ratio of its way back.
+
+``python -m tests.reference.hastings STATES SEED`` prints what was found as JSON, for checks of altered sources in a
+process of their own (with NUMBA_DISABLE_JIT=1 the kernels need no compilation).
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+import prf
+from prf.arak import exact_draws
+from prf.coloring import Coloring, violations
+from prf.kernels import constants as c
+from prf.kernels._jit import core_entry
+from prf.kernels.chain import Chain, apply
+from prf.kernels.crossing import is_valid
+from prf.kernels.moves.recolor import local_log_ratio
+from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, log_prior_change
+from prf.kernels.step import evaluate, propose, run
+from prf.layout import grow, read_coloring
+from prf.posterior import Settings, make_chain
+from prf.window import Window
+from tests.reference.plain_map import anchor_changes, plain_map
+from tests.reference.proposals import REVERSE, Plan, log_acceptance_ratio, log_proposal_density
+from tests.reference.scripted import SCRIPTS, scripted
+
+TOLERANCE = 1e-9
+NAMES = (
+    "triangle birth",
+    "triangle death",
+    "boundary birth",
+    "boundary death",
+    "corner birth",
+    "corner death",
+    "split",
+    "merge",
+    "move interior",
+    "move boundary",
+    "past corner",
+    "recolor",
+    "local recolor",
+    "slide",
+)
+TRIES = 50
+"""Attempts at a move in one state, until one is valid."""
+
+CASES = (
+    Settings(Window(0.0, 0.0, 1.0, 1.0), 1.0, cell=0.2),
+    Settings(Window(3.0, -1.5, 5.0, -0.5), 0.7, cell=0.07, local_share=0.5, birth_reach=0.4, split_reach=0.1),
+    Settings(Window(-0.5, 10.0, 0.5, 13.0), 0.5, local_share=0.9, move_reach=0.2),
+    Settings(Window(-5.0, -5.0, 5.0, 5.0), 0.12, cell=1.7),
+    Settings(Window(0.0, 0.0, 1.5, 1.0), 1.1, cell=0.05, birth_reach=0.02),
+)
+
+
+@core_entry
+def attempt(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, bool, bool, float]:
+    """Propose, and apply what is valid; return (legal, valid, whether `evaluate` decides by log R, log R)."""
+    graph, proposal = chain.graph, chain.proposal
+    legal, of_proposals = propose(chain, move, rng)
+    if not legal or not is_valid(graph, chain.index, proposal):
+        return legal, False, True, -math.inf
+    prior = log_prior_change(graph, proposal, chain.tuning[c.SCALE])
+    ratio = prior + of_proposals
+    if move == c.LOCAL_RECOLOR:
+        ratio += local_log_ratio(graph, chain.index, proposal)
+    middle = max(ratio, -1e300)
+    margin = TOLERANCE * max(1.0, abs(middle))
+    decided = True
+    for side in (-1, 1):
+        accepted = evaluate(chain, move, of_proposals, middle + side * margin)[0]
+        decided = decided and accepted == (side < 0 and ratio == middle)
+    if ratio == middle:
+        apply(chain, prior, 0.0)
+    return True, True, decided, ratio
+
+
+@dataclass
+class Findings:
+    """What attempts at one move showed."""
+
+    illegal: int = 0
+    refused: int = 0
+    valid: int = 0
+    one_way: int = 0
+    reference_error: float = 0.0
+    antisymmetry_error: float = 0.0
+    problems: list[str] = field(default_factory=list)
+
+
+class Lab(NamedTuple):
+    """Settings, odds that differ from move to move, and what they mean to the reference."""
+
+    settings: Settings
+    plan: Plan
+
+    def chain_at(self, coloring: Coloring) -> Chain:
+        return make_chain(self.settings, coloring)._replace(odds=self.plan.odds)
+
+
+def make_lab(settings: Settings, rng: np.random.Generator) -> Lab:
+    chain = make_chain(settings, Coloring.empty(settings.window))
+    odds = rng.dirichlet(np.full(c.N_MOVES, 4.0))
+    reaches = [float(chain.tuning[k]) for k in (c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH)]
+    return Lab(settings, Plan(settings.scale, settings.local_share, *reaches, odds, chain.index.grid))
+
+
+def states(lab: Lab, n: int, rng: np.random.Generator) -> Iterator[Chain]:
+    """Yield chains at exact draws of 5 to 40 edges that made some steps and some births more."""
+    settings = lab.settings
+    draws = [d for d in exact_draws(settings.scale, settings.window, 5 * n, rng) if 5 <= d.n_edges <= 40]
+    for draw in draws[:n]:
+        chain = lab.chain_at(draw)
+        while not run(chain, rng, 50):
+            chain = grow(chain)
+        for birth in (c.TRIANGLE_BIRTH, c.TRIANGLE_BIRTH, c.BOUNDARY_BIRTH, c.CORNER_BIRTH):
+            for _ in range(TRIES):
+                chain = with_room(chain)
+                if attempt(chain, birth, rng)[1]:
+                    break
+        yield with_room(chain)
+
+
+def with_room(chain: Chain) -> Chain:
+    return grow(chain) if chain.graph.counts[c.NEEDS_ROOM] else chain
+
+
+def proposed_coloring(chain: Chain) -> Coloring:
+    """The map that the chain's proposal would make of its map, which it has not become; anchor by the reference."""
+    graph, proposal = chain.graph, chain.proposal
+    gone = proposal.old_edges[: proposal.counts[N_OLD_EDGES]]
+    stay = np.setdiff1d(graph.members[c.EDGES, : graph.counts[c.EDGES]], gone)
+    edges = np.concatenate([graph.edge_vertices[stay], proposal.new_edges[: proposal.counts[N_NEW_EDGES]]])
+    slots, number = np.unique(edges, return_inverse=True)
+    x = read_coloring(graph)
+    y = Coloring(
+        x.window,
+        graph.vertex_xy[slots],
+        graph.vertex_side[slots].astype(np.int8),
+        number.reshape(-1, 2).astype(np.int32),
+        x.anchor_black,
+    )
+    return y._replace(anchor_black=x.anchor_black ^ anchor_changes(plain_map(x), plain_map(y)))
+
+
+def relative_error(found: float, expected: float) -> float:
+    if found == expected:
+        return 0.0
+    error = abs(found - expected) / max(1.0, abs(expected))
+    return math.inf if math.isnan(error) else error
+
+
+def is_same_map(a: Coloring, b: Coloring) -> bool:
+    """Whether two maps agree but for rounding."""
+    if (a.n_edges, a.n_vertices, a.anchor_black) != (b.n_edges, b.n_vertices, b.anchor_black):
+        return False
+    first = a.segments()[:, None]
+    second = np.stack([b.segments(), b.segments()[:, [2, 3, 0, 1]]])
+    same = (np.abs(first - second[:, None]) < 1e-9 * max(a.window.width, a.window.height)).all(axis=-1).any(axis=0)
+    return bool(same.any(axis=0).all() and same.any(axis=1).all())
+
+
+def log_ratio_back(lab: Lab, move: int, x: Coloring, y: Coloring) -> float:
+    """Log R(y -> x) of a chain built at y whose reverse move is made to propose x; nan if that cannot be done."""
+    back = REVERSE.get(move, move)
+    chain = lab.chain_at(y)
+    for numbers in SCRIPTS[back](chain, plain_map(y), plain_map(x), lab.plan):
+        trial = copy.deepcopy(chain)
+        _, is_proposed, _, ratio = attempt(trial, back, scripted(numbers))
+        if is_proposed and is_same_map(read_coloring(trial.graph), x):
+            return ratio
+    return math.nan
+
+
+def check_valid(lab: Lab, move: int, x: Coloring, chain: Chain, ratio: float, found: Findings) -> None:
+    """Hold an applied proposal to the rules of a map, to the reference and to its way back."""
+    y = read_coloring(chain.graph)
+    found.problems += violations(y)
+    error = relative_error(ratio, log_acceptance_ratio(move, x, y, lab.plan))
+    found.reference_error = max(found.reference_error, error)
+    error = relative_error(-log_ratio_back(lab, move, x, y), ratio)
+    found.antisymmetry_error = max(found.antisymmetry_error, error)
+
+
+def check_unapplied(lab: Lab, move: int, x: Coloring, chain: Chain, valid: bool, found: Findings) -> None:
+    """A refused map crosses itself; a valid one with R = 0 has no way back."""
+    y = proposed_coloring(chain)
+    broken = violations(y)
+    if valid:
+        found.one_way += 1
+        found.problems += broken
+        if log_proposal_density(move, y, x, lab.plan) != -math.inf:
+            found.problems.append("R = 0 although there is a way back")
+    else:
+        found.refused += 1
+        if not any("cross or touch" in line for line in broken):
+            found.problems.append(f"refused without a crossing: {broken}")
+
+
+def try_move(lab: Lab, move: int, start: Chain, rng: np.random.Generator, found: Findings) -> None:
+    """Attempt one move from the same state until it is applied."""
+    x = read_coloring(start.graph)
+    for _ in range(TRIES):
+        chain = copy.deepcopy(start)
+        legal, valid, decided, ratio = attempt(chain, move, rng)
+        if not decided:
+            found.problems.append(f"`evaluate` does not decide by log R = {ratio}")
+        if not legal:
+            found.illegal += 1
+        elif ratio == -math.inf:
+            check_unapplied(lab, move, x, chain, valid, found)
+        else:
+            found.valid += 1
+            return check_valid(lab, move, x, chain, ratio, found)
+    return None
+
+
+def examine(n_states: int, seed: int) -> dict[str, Findings]:
+    """Attempt every move in `n_states` states of each case."""
+    rng = np.random.default_rng(seed)
+    findings = {name: Findings() for name in NAMES}
+    for settings in CASES:
+        lab = make_lab(settings, rng)
+        for chain in states(lab, n_states, rng):
+            for move, name in enumerate(NAMES):
+                try_move(lab, move, chain, rng, findings[name])
+    return findings
+
+
+if __name__ == "__main__":
+    found = examine(int(sys.argv[1]), int(sys.argv[2]))
+    print(json.dumps({"package": prf.__file__, "moves": {name: asdict(move) for name, move in found.items()}}))

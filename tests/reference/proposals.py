@@ -1,0 +1,242 @@
+"""Slow reference of the moves: every way in which a move could have proposed a given map, and the density of each.
+
+Written from ``docs/moves.md`` and equations 1 to 3 of the paper alone. Each function of `WAYS` runs through all picks
+that the move can make at x - ordered triples, sides, edges, vertices, rejoinings - with continuous choices taken from
+the vertices that are new in y, and yields the edges that go, the edges that come and the density of that pick. What
+leads to y is summed up. Densities are with respect to area for an interior vertex and length for a boundary vertex;
+the slide, whose new vertex lies on a ray, with respect to the share ``r dr`` of the area along it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.coloring import Coloring
+from prf.kernels import constants as c
+from prf.kernels.grid import Grid
+from tests.reference.plain_map import (
+    Edges,
+    PlainMap,
+    Point,
+    anchor_changes,
+    chain,
+    closed,
+    corner_between,
+    foot_and_offset,
+    plain_map,
+    sharing_cells,
+)
+from tests.reference.slow_coloring import slow_log_density
+
+Way = tuple[Edges, Edges, float]
+NOTHING: Edges = frozenset()
+REVERSE = {
+    c.TRIANGLE_BIRTH: c.TRIANGLE_DEATH,
+    c.BOUNDARY_BIRTH: c.BOUNDARY_DEATH,
+    c.CORNER_BIRTH: c.CORNER_DEATH,
+    c.SPLIT: c.MERGE,
+}
+REVERSE |= {back: move for move, back in REVERSE.items()}
+
+
+class Plan(NamedTuple):
+    """What the proposals depend on besides the map."""
+
+    scale: float
+    local: float
+    birth_reach: float
+    split_reach: float
+    move_reach: float
+    odds: NDArray[np.float64]
+    grid: Grid
+
+
+def reach(r: float, m: float) -> float:
+    """Density of a distance with median m."""
+    return m / (m + r) ** 2
+
+
+def near(a: Point, b: Point, m: float) -> float:
+    """Density in the plane of a point b at such a distance from a, in a uniform direction."""
+    return reach(math.dist(a, b), m) / (2.0 * math.pi * math.dist(a, b))
+
+
+def new_points(x: PlainMap, y: PlainMap, on_border: bool) -> list[Point]:
+    return [v for v in (y.boundary() if on_border else y.interior()) if v not in x.side]
+
+
+def triangle_birth(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    area, m = x.window.area, plan.birth_reach
+    for u, v, w in itertools.permutations(new_points(x, y, False), 3):
+        uniform = 1.0 / area**3
+        local = 1.0 / area * near(u, v, m) * near(u, w, m)
+        yield NOTHING, closed(u, v, w), (1.0 - plan.local) * uniform + plan.local * local
+
+
+def triangle_death(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    loops = set()
+    for v in x.interior():
+        a, b = x.neighbors(v)
+        if frozenset((a, b)) in x.edges:
+            loops.add(closed(a, b, v))
+    for loop in loops:
+        yield loop, NOTHING, 1.0 / len(loops)
+
+
+def boundary_birth(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    m = plan.birth_reach
+    for u, v in itertools.permutations(new_points(x, y, True), 2):
+        if not y.same_side(u, v):
+            continue
+        length = x.window.side_length(y.side[u])
+        first = length / x.window.perimeter / length
+        for apex in new_points(x, y, False):
+            uniform = first / length / x.window.area
+            local = first * 0.5 * reach(math.dist(u, v), m) * near(u, apex, m)
+            yield NOTHING, chain(u, apex, v), (1.0 - plan.local) * uniform + plan.local * local
+
+
+def boundary_death(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    apexes = [v for v in x.interior() if x.same_side(*x.neighbors(v))]
+    for v in apexes:
+        yield frozenset(x.edges_at(v)), NOTHING, 1.0 / len(apexes)
+
+
+def corner_birth(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    m = plan.birth_reach
+    for side, (u, v) in itertools.product(range(4), itertools.permutations(new_points(x, y, True), 2)):
+        if (y.side[u], y.side[v]) != (side, (side + 1) % 4):
+            continue
+        corner = corner_between(x.window, y.side[u], y.side[v])
+        assert corner is not None
+        uniform = 1.0 / (x.window.side_length(y.side[u]) * x.window.side_length(y.side[v]))
+        local = reach(math.dist(corner, u), m) * reach(math.dist(corner, v), m)
+        yield NOTHING, chain(u, v), 0.25 * ((1.0 - plan.local) * uniform + plan.local * local)
+
+
+def corner_death(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    ends = {edge: [x.side[v] for v in edge] for edge in x.edges}
+    cuts = [edge for edge, (s, t) in ends.items() if min(s, t) >= 0 and (s - t) % 4 in (1, 3)]
+    for edge in cuts:
+        yield frozenset([edge]), NOTHING, 1.0 / len(cuts)
+
+
+def split(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    for edge, v in itertools.product(x.edges, new_points(x, y, False)):
+        u, w = edge
+        foot, offset = foot_and_offset(v, u, w)
+        if 0.0 < foot < 1.0:
+            density = reach(offset, plan.split_reach) / (2.0 * math.dist(u, w))
+            yield frozenset([edge]), chain(u, v, w), density / len(x.edges)
+
+
+def merge(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    for v in x.interior():
+        a, b = x.neighbors(v)
+        is_legal = frozenset((a, b)) not in x.edges and not x.same_side(a, b)
+        if is_legal and 0.0 < foot_and_offset(v, a, b)[0] < 1.0:
+            yield frozenset(x.edges_at(v)), chain(a, b), 1.0 / len(x.interior())
+
+
+def move_interior(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    for v, moved in itertools.product(x.interior(), new_points(x, y, False)):
+        a, b = x.neighbors(v)
+        yield frozenset(x.edges_at(v)), chain(a, moved, b), near(v, moved, plan.move_reach) / len(x.interior())
+
+
+def move_boundary(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    for v, moved in itertools.product(x.boundary(), new_points(x, y, True)):
+        if x.side[v] == y.side[moved]:
+            (a,) = x.neighbors(v)
+            uniform = 1.0 / x.window.side_length(x.side[v])
+            local = 0.5 * reach(math.dist(v, moved), plan.move_reach)
+            density = (1.0 - plan.local) * uniform + plan.local * local
+            yield frozenset(x.edges_at(v)), chain(a, moved), density / len(x.boundary())
+
+
+def past_corner(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    for v, moved in itertools.product(x.boundary(), new_points(x, y, True)):
+        (a,) = x.neighbors(v)
+        corner = corner_between(x.window, x.side[v], y.side[moved])
+        if corner is not None and x.side[a] != y.side[moved]:
+            uniform = 1.0 / x.window.side_length(y.side[moved])
+            local = reach(math.dist(corner, moved), plan.birth_reach)
+            density = (1.0 - plan.local) * uniform + plan.local * local
+            yield frozenset(x.edges_at(v)), chain(a, moved), 0.5 * density / len(x.boundary())
+
+
+def rejoinings(x: PlainMap, e: frozenset[Point], f: frozenset[Point]) -> Iterator[Edges]:
+    """The legal ones of the two ways to rejoin the ends of two edges."""
+    (a, b), (u, v) = sorted(e), sorted(f)
+    for new in (frozenset(map(frozenset, ((a, u), (b, v)))), frozenset(map(frozenset, ((a, v), (b, u))))):
+        if not e & f and not new & x.edges and not any(x.same_side(*edge) for edge in new):
+            yield new
+
+
+def recolor(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    n = len(x.edges)
+    for e, f in itertools.permutations(x.edges, 2):
+        for new in rejoinings(x, e, f):
+            yield frozenset((e, f)), new, 0.5 / (n * (n - 1))
+
+
+def local_recolor(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    near_by = sharing_cells(x.edges, plan.grid)
+    for e in x.edges:
+        for f in near_by[e]:
+            for new in rejoinings(x, e, f):
+                yield frozenset((e, f)), new, 0.5 / (len(x.edges) * len(near_by[e]))
+
+
+def slide(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    for v, moved in itertools.product(x.interior(), new_points(x, y, False)):
+        for u in x.neighbors(v):
+            r, new_r = math.dist(u, v), math.dist(u, moved)
+            aside = (v[0] - u[0]) * (moved[1] - u[1]) - (v[1] - u[1]) * (moved[0] - u[0])
+            ahead = (v[0] - u[0]) * (moved[0] - u[0]) + (v[1] - u[1]) * (moved[1] - u[1])
+            if ahead > 0.0 and abs(aside) < 1e-9 * r * new_r and 0.5 * r <= new_r <= 2.0 * r:
+                density = 0.5 / len(x.interior()) / (1.5 * r) / new_r
+                (w,) = (w for w in x.neighbors(v) if w != u)
+                yield frozenset(x.edges_at(v)), chain(u, moved, w), density
+
+
+WAYS: dict[int, Callable[[PlainMap, PlainMap, Plan], Iterator[Way]]] = {
+    c.TRIANGLE_BIRTH: triangle_birth,
+    c.TRIANGLE_DEATH: triangle_death,
+    c.BOUNDARY_BIRTH: boundary_birth,
+    c.BOUNDARY_DEATH: boundary_death,
+    c.CORNER_BIRTH: corner_birth,
+    c.CORNER_DEATH: corner_death,
+    c.SPLIT: split,
+    c.MERGE: merge,
+    c.MOVE_INTERIOR: move_interior,
+    c.MOVE_BOUNDARY: move_boundary,
+    c.PAST_CORNER: past_corner,
+    c.RECOLOR: recolor,
+    c.LOCAL_RECOLOR: local_recolor,
+    c.SLIDE: slide,
+}
+
+
+def log_proposal_density(move: int, x: Coloring, y: Coloring, plan: Plan) -> float:
+    """Log of odds[move] q(x -> y), -inf where the move at x cannot propose y."""
+    start, end = plain_map(x), plain_map(y)
+    goes, comes = start.edges - end.edges, end.edges - start.edges
+    ways = [density for old, new, density in WAYS[move](start, end, plan) if (old, new) == (goes, comes)]
+    flips = start.anchor_black != end.anchor_black
+    if not ways or flips != anchor_changes(start, end):
+        return -math.inf
+    return math.log(plan.odds[move] * math.fsum(ways))
+
+
+def log_acceptance_ratio(move: int, x: Coloring, y: Coloring, plan: Plan) -> float:
+    """Log R(x -> y) for the prior: log h(y) - log h(x) + log q(y -> x) - log q(x -> y)."""
+    back = log_proposal_density(REVERSE.get(move, move), y, x, plan)
+    there = log_proposal_density(move, x, y, plan)
+    return slow_log_density(y, plan.scale) - slow_log_density(x, plan.scale) + back - there

@@ -1,0 +1,218 @@
+"""A numpy Generator that returns chosen numbers, in compiled code too, and the numbers that make a move propose a map.
+
+A kernel draws ``rng.random()`` in a fixed order; each function here solves that order for a given result. A script that
+no longer fits its kernel does not reach its map, which the tests notice.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from prf.kernels import constants as c
+from prf.kernels.chain import Chain
+from prf.window import Window
+from tests.reference.plain_map import PlainMap, Point, foot_and_offset, other
+from tests.reference.proposals import Plan, new_points
+
+LAST = 1.0 - 2.0**-20
+"""A number above every probability in the kernels: not local, the second of two ways."""
+WORDS = 624
+
+
+def scripted(numbers: Sequence[float]) -> np.random.Generator:
+    """Return a Generator whose next ``random()`` are `numbers` in [0, 1): its 19937 bits of state hold them.
+
+    MT19937 puts each word of its state through an invertible tempering and makes a double of 27 and 26 bits.
+    """
+    key = np.zeros(WORDS, np.uint32)
+    for k, number in enumerate(numbers):
+        bits = int(number * 2.0**53)
+        key[2 * k] = _untempered((bits >> 26) << 5)
+        key[2 * k + 1] = _untempered((bits & (2**26 - 1)) << 6)
+    generator = np.random.MT19937()
+    generator.state = {"bit_generator": "MT19937", "state": {"key": key, "pos": 0}}
+    return np.random.Generator(generator)
+
+
+def _untempered(word: int) -> int:
+    """Invert the tempering of Matsumoto and Nishimura (1998)."""
+    word ^= word >> 18
+    word ^= (word << 15) & 0xEFC60000
+    low = word
+    for _ in range(4):
+        low = word ^ ((low << 7) & 0x9D2C5680)
+    word = low & 0xFFFFFFFF
+    high = word
+    for _ in range(2):
+        high = word ^ (high >> 11)
+    return high
+
+
+Script = Callable[[Chain, PlainMap, PlainMap, Plan], Iterator[list[float]]]
+"""Numbers that make the move at x propose y; several lists where the order of a list in the kernel is not known."""
+
+
+def vertex_slot(chain: Chain, v: Point) -> int:
+    (alive,) = np.nonzero((chain.graph.positions[c.INTERIOR_VERTICES : c.BOUNDARY_VERTICES + 1] != c.NONE).any(axis=0))
+    (found,) = np.nonzero((chain.graph.vertex_xy[alive] == v).all(axis=1))
+    return int(alive[found[0]])
+
+
+def edge_slot(chain: Chain, edge: frozenset[Point]) -> int:
+    u, w = (vertex_slot(chain, v) for v in edge)
+    for slot in chain.graph.vertex_edges[u]:
+        if slot != c.NONE and set(chain.graph.edge_vertices[slot].tolist()) == {u, w}:
+            return int(slot)
+    raise LookupError(f"no edge {sorted(edge)}")
+
+
+def pick(chain: Chain, kind: int, slot: int) -> float:
+    """The number with which a kernel picks `slot` from a set."""
+    return (chain.graph.positions[kind, slot] + 0.5) / chain.graph.counts[kind]
+
+
+def pick_vertex(chain: Chain, kind: int, v: Point) -> float:
+    return pick(chain, kind, vertex_slot(chain, v))
+
+
+def end_points(chain: Chain, edge: frozenset[Point]) -> tuple[Point, Point]:
+    """Ends of an edge in the order of its slot."""
+    first, last = chain.graph.vertex_xy[chain.graph.edge_vertices[edge_slot(chain, edge)]]
+    return (float(first[0]), float(first[1])), (float(last[0]), float(last[1]))
+
+
+def reached(r: float, m: float) -> float:
+    return r / (m + r)
+
+
+def across(window: Window, v: Point) -> list[float]:
+    return [(v[0] - window.x_min) / window.width, (v[1] - window.y_min) / window.height]
+
+
+def along(window: Window, side: int, v: Point) -> float:
+    return across(window, v)[side % 2]
+
+
+def gone_vertex(x: PlainMap, y: PlainMap) -> Point:
+    (v,) = x.side.keys() - y.side.keys()
+    return v
+
+
+def triangle_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    yield [LAST, *(share for v in new_points(x, y, False) for share in across(x.window, v))]
+
+
+def triangle_death(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    for v in x.side.keys() - y.side.keys():
+        yield [pick_vertex(chain, c.TRIANGLE_VERTICES, v)]
+
+
+def boundary_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    u, v = new_points(x, y, True)
+    (apex,) = new_points(x, y, False)
+    side, window = y.side[u], x.window
+    before = sum(window.side_length(s) for s in range(side))
+    middle = (before + 0.5 * window.side_length(side)) / window.perimeter
+    yield [LAST, middle, along(window, side, u), along(window, side, v), *across(window, apex)]
+
+
+def boundary_death(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    (apex,) = [v for v in x.interior() if v not in y.side]
+    yield [pick_vertex(chain, c.BOUNDARY_APEXES, apex)]
+
+
+def corner_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    u, v = new_points(x, y, True)
+    if (y.side[u] + 1) % 4 != y.side[v]:
+        u, v = v, u
+    yield [LAST, (y.side[u] + 0.5) / 4.0, along(x.window, y.side[u], u), along(x.window, y.side[v], v)]
+
+
+def corner_death(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    (edge,) = x.edges - y.edges
+    yield [pick(chain, c.CORNER_CUTS, edge_slot(chain, edge))]
+
+
+def split(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    (edge,) = x.edges - y.edges
+    (v,) = new_points(x, y, False)
+    u, w = end_points(chain, edge)
+    foot, offset = foot_and_offset(v, u, w)
+    is_left = (w[0] - u[0]) * (v[1] - u[1]) > (w[1] - u[1]) * (v[0] - u[0])
+    picked = pick(chain, c.EDGES, edge_slot(chain, edge))
+    yield [picked, foot, reached(offset, plan.split_reach), LAST if is_left else 0.0]
+
+
+def merge(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    yield [pick_vertex(chain, c.INTERIOR_VERTICES, gone_vertex(x, y))]
+
+
+def move_interior(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    v, (moved,) = gone_vertex(x, y), new_points(x, y, False)
+    direction = math.atan2(moved[1] - v[1], moved[0] - v[0]) / (2.0 * math.pi) % 1.0
+    picked = pick_vertex(chain, c.INTERIOR_VERTICES, v)
+    yield [picked, reached(math.dist(v, moved), plan.move_reach), direction]
+
+
+def move_boundary(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    v, (moved,) = gone_vertex(x, y), new_points(x, y, True)
+    yield [pick_vertex(chain, c.BOUNDARY_VERTICES, v), LAST, along(x.window, y.side[moved], moved)]
+
+
+def past_corner(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    v, (moved,) = gone_vertex(x, y), new_points(x, y, True)
+    turn = 0.0 if (x.side[v] + 1) % 4 == y.side[moved] else LAST
+    yield [pick_vertex(chain, c.BOUNDARY_VERTICES, v), turn, LAST, along(x.window, y.side[moved], moved)]
+
+
+def rejoining(chain: Chain, e: frozenset[Point], f: frozenset[Point], y: PlainMap) -> float:
+    a, _ = end_points(chain, e)
+    p, _ = end_points(chain, f)
+    return LAST if frozenset((a, p)) in y.edges else 0.0
+
+
+def recolor(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    e, f = x.edges - y.edges
+    n = len(x.edges)
+    i, k = (int(chain.graph.positions[c.EDGES, edge_slot(chain, edge)]) for edge in (e, f))
+    yield [(i + 0.5) / n, (k - (k > i) + 0.5) / (n - 1), rejoining(chain, e, f, y)]
+
+
+def local_recolor(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    e, f = x.edges - y.edges
+    n = len(x.edges)
+    for place in range(n):
+        picked = pick(chain, c.EDGES, edge_slot(chain, e))
+        yield [picked, (place + 0.5) / n, rejoining(chain, e, f, y)]
+
+
+def slide(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    v, (moved,) = gone_vertex(x, y), new_points(x, y, False)
+    slot = vertex_slot(chain, v)
+    for k, edge in enumerate(x.edges_at(v)):
+        u = other(edge, v)
+        stretch = math.dist(u, moved) / math.dist(u, v)
+        k = 0 if chain.graph.vertex_edges[slot, 0] == edge_slot(chain, edge) else 1
+        if 0.5 <= stretch < 2.0:
+            yield [pick(chain, c.INTERIOR_VERTICES, slot), LAST if k else 0.0, (stretch - 0.5) / 1.5]
+
+
+SCRIPTS: dict[int, Script] = {
+    c.TRIANGLE_BIRTH: triangle_birth,
+    c.TRIANGLE_DEATH: triangle_death,
+    c.BOUNDARY_BIRTH: boundary_birth,
+    c.BOUNDARY_DEATH: boundary_death,
+    c.CORNER_BIRTH: corner_birth,
+    c.CORNER_DEATH: corner_death,
+    c.SPLIT: split,
+    c.MERGE: merge,
+    c.MOVE_INTERIOR: move_interior,
+    c.MOVE_BOUNDARY: move_boundary,
+    c.PAST_CORNER: past_corner,
+    c.RECOLOR: recolor,
+    c.LOCAL_RECOLOR: local_recolor,
+    c.SLIDE: slide,
+}

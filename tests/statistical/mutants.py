@@ -1,0 +1,86 @@
+"""Copies of the package with one deliberate mistake in a kernel, and checks of them in processes of their own."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+ROOT = Path(__file__).resolve().parents[2]
+Replacement = tuple[str, str, str]
+
+
+class Mutant(NamedTuple):
+    """Mistake: (file below ``prf/kernels/moves``, text that stands there exactly once, text in its place), ..."""
+
+    name: str
+    replacements: tuple[Replacement, ...]
+
+
+SLIDE_END = """* (graph.vertex_xy[v, 1] - graph.vertex_xy[u, 1])
+    if not is_inside(graph.window, x, y):
+        return False, 0.0
+    move_interior_to(graph, proposal, v, x, y)
+    return True, {}
+"""
+TRIANGLE_LOCAL = "2.0 * (near_uv * near_wu + near_uv * near_vw + near_vw * near_wu) / surface"
+NO_COUNTS = ("recolor.py", "return math.log(after / before)", "return 0.0")
+
+INTACT = Mutant("intact", ())
+SLIDE = Mutant(
+    "slide with the factor r / r'",
+    (("move_vertex.py", SLIDE_END.format("0.0"), SLIDE_END.format("-math.log(stretch)")),),
+)
+NO_WAY_BACK = Mutant(
+    "local recolour without counts and without the test of the reverse pair",
+    (NO_COUNTS, ("recolor.py", "return -math.inf", "return 0.0")),
+)
+COUNTS = Mutant("local recolour without counts", (NO_COUNTS,))
+BIRTH = Mutant(
+    "triangle birth without the number of its orders",
+    (
+        ("interior_triangle.py", "uniform = 6.0 /", "uniform = 1.0 /"),
+        ("interior_triangle.py", TRIANGLE_LOCAL, "near_uv * near_wu / surface"),
+    ),
+)
+MERGE = Mutant(
+    "merge that ignores the changed number of edges",
+    (("split_edge.py", "edges_after = graph.counts[c.EDGES] - 1", "edges_after = graph.counts[c.EDGES]"),),
+)
+
+
+def altered_copy(folder: Path, mutant: Mutant) -> Path:
+    """Copy the package into `folder` and make the mistake there; AssertionError where the text is not there once."""
+    package = folder / "prf"
+    shutil.copytree(ROOT / "prf", package, ignore=shutil.ignore_patterns("__pycache__"))
+    for file, old, new in mutant.replacements:
+        path = package / "kernels" / "moves" / file
+        source = path.read_text()
+        assert source.count(old) == 1, f"{mutant.name}: {file} has {source.count(old)} times {old!r}"
+        path.write_text(source.replace(old, new))
+    return package
+
+
+def run_check(folder: Path, mutant: Mutant, module: str, *arguments: str, compiled: bool) -> Any:
+    """Run ``python -m module arguments`` on an altered copy and return the JSON that it prints.
+
+    Its compiled kernels get a cache in `folder`. The copy comes first on the path, the tests are the project's.
+    """
+    package = altered_copy(folder, mutant)
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)]),
+        "PYTHONDONTWRITEBYTECODE": "1",
+        "PRF_CACHE_DIR": str(folder / "cache"),
+        "NUMBA_DISABLE_JIT": "0" if compiled else "1",
+    }
+    command = [sys.executable, "-m", module, *arguments]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert Path(found["package"]).is_relative_to(package), "the check ran on another package"
+    return found

@@ -1,0 +1,82 @@
+"""Negative controls: each mistake in a move is caught by the check that is meant for it, and the intact copy passes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.reference.hastings import NAMES, TOLERANCE
+from tests.statistical import mutants
+
+SEED = 20050726
+SUSPECTS = {
+    mutants.SLIDE: {"slide"},
+    mutants.NO_WAY_BACK: {"local recolor"},
+    mutants.COUNTS: {"local recolor"},
+    mutants.BIRTH: {"triangle birth", "triangle death"},
+    mutants.MERGE: {"merge"},
+}
+
+
+def by_name(*chosen: mutants.Mutant) -> Any:
+    return pytest.mark.parametrize("mutant", chosen, ids=[mutant.name for mutant in chosen])
+
+
+def wrong_moves(found: dict[str, Any]) -> set[str]:
+    """Moves whose ratio is not that of the reference, or that misbehave."""
+    return {
+        name
+        for name, move in found["moves"].items()
+        if move["valid"] == 0 or move["problems"] or not move["reference_error"] < TOLERANCE
+    }
+
+
+@by_name(mutants.INTACT, *SUSPECTS)
+def test_hastings_check_names_the_wrong_move(mutant: mutants.Mutant, tmp_path: Path) -> None:
+    found = mutants.run_check(tmp_path, mutant, "tests.reference.hastings", "2", str(SEED), compiled=False)
+    assert set(found["moves"]) == set(NAMES)
+    assert wrong_moves(found) == SUSPECTS.get(mutant, set())
+
+
+def test_antisymmetry_alone_passes_a_wrong_slide(tmp_path: Path) -> None:
+    found = mutants.run_check(tmp_path, mutants.SLIDE, "tests.reference.hastings", "2", str(SEED), compiled=False)
+    slide = found["moves"]["slide"]
+    assert slide["antisymmetry_error"] < TOLERANCE
+    assert slide["reference_error"] > 0.1
+
+
+OFTEN_LOCAL = "LOCAL_RECOLOR=1.5"
+"""Three steps of five are local recolourings: their mistakes are not drowned by the moves that are right."""
+
+
+def worst(found: dict[str, Any]) -> list[tuple[str, float]]:
+    return sorted(found["z"].items(), key=lambda item: -abs(item[1]))[:5]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("odds", [(), (OFTEN_LOCAL,)], ids=["default odds", "often local"])
+def test_intact_copy_obeys_the_laws(odds: tuple[str, ...], tmp_path: Path) -> None:
+    arguments = ("tests.statistical.prior_chain", "20000000", str(SEED), *odds)
+    found = mutants.run_check(tmp_path, mutants.INTACT, *arguments, compiled=True)
+    assert found["relative_error_edges"] < 0.01
+    assert len(found["z"]) > 60
+    # Some 140 numbers in both runs, each beyond 4.5 by chance in 1 of 150,000 (1 of 53,000 with 100 batches).
+    assert abs(worst(found)[0][1]) < 4.5, (SEED, worst(found))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("mutant", "steps", "odds"),
+    [
+        pytest.param(mutants.SLIDE, 4_000_000, (), id=mutants.SLIDE.name),
+        pytest.param(mutants.NO_WAY_BACK, 4_000_000, (OFTEN_LOCAL,), id=mutants.NO_WAY_BACK.name),
+        pytest.param(mutants.BIRTH, 4_000_000, (), id=mutants.BIRTH.name),
+        pytest.param(mutants.MERGE, 20_000_000, (), id=mutants.MERGE.name),
+    ],
+)
+def test_laws_catch_the_mistake(mutant: mutants.Mutant, steps: int, odds: tuple[str, ...], tmp_path: Path) -> None:
+    arguments = ("tests.statistical.prior_chain", str(steps), str(SEED), *odds)
+    found = mutants.run_check(tmp_path, mutant, *arguments, compiled=True)
+    assert abs(worst(found)[0][1]) > 6.0, (SEED, worst(found))
