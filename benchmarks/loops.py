@@ -18,7 +18,7 @@ from prf.kernels.laser import beam_log_likelihood
 from prf.kernels.moves import recolor
 from prf.kernels.proposal import N_LOOP, N_OLD_EDGES, log_prior_change
 from prf.kernels.sites import any_inside
-from prf.kernels.step import choose_move, evaluate, propose
+from prf.kernels.step import choose_move, evaluate, propose, step
 from prf.kernels.touch import (
     NEW_EDGE,
     log_likelihood_change,
@@ -193,6 +193,18 @@ def run_static(chain: Chain, rng: np.random.Generator, until: int) -> bool:
             move_touched(chain)
             chain.outcomes[move, c.ACCEPTED] += 1
     return True
+
+
+@bench
+def count_touching(chain: Chain, rng: np.random.Generator, n: int, counts: np.ndarray) -> None:
+    """Add to `counts` (2,) how many of `n` steps are accepted, and how many of these change the impact of a beam."""
+    for _ in range(n):
+        if chain.graph.counts[c.NEEDS_ROOM] != 0:
+            return
+        if step(chain, rng):
+            counts[0] += 1
+            if chain.beams.n_touched[0] > 0:
+                counts[1] += 1
 
 
 @bench

@@ -205,25 +205,42 @@ def to_stage(chain: Chain, n_proposals: int, stage: int) -> Callable[[], float]:
     return lambda: loops.run_to_stage(chain, rng, n_proposals, stage)
 
 
+def share_touching(starts: list[Chain], n_steps: int) -> float:
+    """Return the share of accepted steps that change the impact of at least one beam."""
+    counts = np.zeros(2, np.int64)
+    for snapshot in starts:
+        loops.count_touching(worlds.copy(snapshot), np.random.default_rng(7), n_steps, counts)
+    return float(counts[1] / counts[0])
+
+
 def rival_moves(chain: Chain, rng: np.random.Generator, n_steps: int) -> dict[str, Any]:
     """Return the acceptance of (h) against (i) and of (e) against (j) on the map that a chain has come to.
 
     The four are made a fifth of all proposals each: none of their ratios depends on the odds, and the paper's (h) is
-    accepted too rarely to be counted otherwise.
+    accepted too rarely to be counted otherwise. A second run gives (e) the median displacement of (j).
     """
     rivals = [c.RECOLOR, c.LOCAL_RECOLOR, c.MOVE_INTERIOR, c.SLIDE]
     others = [move for move in range(c.N_MOVES) if move not in rivals]
     chain.odds[others] *= 0.2 / chain.odds[others].sum()
     chain.odds[rivals] = 0.2
-    resum(chain)
-    before, n_edges = chain.outcomes.copy(), []
-    for _ in range(10):
+    runs = []
+    for reach in (float(chain.tuning[c.MOVE_REACH]), slide_displacement(chain)):
+        chain.tuning[c.MOVE_REACH] = reach
         chain = worlds.advance(chain, rng, n_steps // 10)
-        n_edges.append(int(chain.graph.counts[c.EDGES]))
-    moves = outcomes_by_move(chain.outcomes - before)
-    return {
-        "n_edges": n_edges,
-        "n_beams": len(chain.beams.ray),
-        "steps": n_steps,
-        "moves": {worlds.MOVES[move]: moves[worlds.MOVES[move]] for move in rivals},
-    }
+        resum(chain)
+        before, n_edges = chain.outcomes.copy(), []
+        for _ in range(10):
+            chain = worlds.advance(chain, rng, n_steps // 10)
+            n_edges.append(int(chain.graph.counts[c.EDGES]))
+        moves = outcomes_by_move(chain.outcomes - before)
+        table = {worlds.MOVES[move]: moves[worlds.MOVES[move]] for move in rivals}
+        runs.append({"move_reach": reach, "n_edges": n_edges, "steps": n_steps, "moves": table})
+    return {"n_beams": len(chain.beams.ray), "runs": runs}
+
+
+def slide_displacement(chain: Chain) -> float:
+    """Return the median distance by which a slide displaces a vertex on the present map, metres."""
+    graph = chain.graph
+    length = graph.edge_length[graph.members[c.EDGES, : graph.counts[c.EDGES]]]
+    stretch = np.linspace(0.5, 2.0, 301)
+    return float(np.median(np.abs(stretch - 1.0)[:, None] * length[None, :]))

@@ -21,6 +21,7 @@ def speed(result: dict[str, Any]) -> Iterator[str]:
     span = f"{at['slowest_round']:,.0f} to {at['fastest_round']:,.0f}"
     yield f"steps per second           {at['steps_per_second']:10,.0f}   ({span})"
     yield f"accepted steps per second  {at['accepted_per_second']:10,.0f}   ({at['acceptance']:.1%} of the steps)"
+    yield f"of these with a beam's impact changed  {result['share_touching']:.1%}"
     ratio = result["with_recording"]["ratio_to_bare_kernel"]
     yield f"with image and draws       {ratio:10.2f} x   the speed of the bare kernel"
 
@@ -67,11 +68,12 @@ def stages(result: dict[str, Any]) -> Iterator[str]:
 def rivals(result: dict[str, Any]) -> Iterator[str]:
     """Yield (h) against (i) and (e) against (j)."""
     found = result["rivals"]
-    yield ""
-    yield f"{found['source']}: {found['n_beams']} beams, {min(found['n_edges'])} to {max(found['n_edges'])} edges"
-    yield "move                           proposed     valid  accepted  accepted if valid"
-    for name, row in found["moves"].items():
-        yield (
-            f"{name:26} {row['proposed']:12,} {row['valid']:9.1%} {row['acceptance']:9.3%}"
-            f" {row['acceptance_if_valid']:18.2%}"
-        )
+    for run in found["runs"]:
+        yield ""
+        yield f"{found['source']}: {found['n_beams']} beams, {min(run['n_edges'])} to {max(run['n_edges'])} edges"
+        yield f"(e) displaces by {run['move_reach']:.2f} m, median  proposed     valid  accepted  accepted if valid"
+        for name, row in run["moves"].items():
+            yield (
+                f"{name:26} {row['proposed']:16,} {row['valid']:9.1%} {row['acceptance']:9.3%}"
+                f" {row['acceptance_if_valid']:18.2%}"
+            )

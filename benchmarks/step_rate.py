@@ -24,7 +24,7 @@ from benchmarks import measure, report, worlds
 BURN_IN = 1_500_000
 STEPS = 1_000_000
 LARGE_BURN_IN = 3_000_000
-LARGE_STEPS = 3_000_000
+LARGE_STEPS = 2_000_000
 SNAPSHOTS = 12
 
 
@@ -67,6 +67,7 @@ def measure_all(seed: int) -> dict[str, Any]:
         "equilibrium": measure.equilibrium(chain, rng, STEPS),
     }
     starts = worlds.snapshots(chain, rng, SNAPSHOTS, BURN_IN // SNAPSHOTS // 2)
+    result["share_touching"] = measure.share_touching(starts, 20_000)
     say("races against the twins")
     result["agreement"] = measure.agreement(worlds.copy(starts[0]), 400)
     result["twins"] = measure.twins(starts)
