@@ -17,7 +17,7 @@ from tests.reference.plain_map import cells_passed
 from tests.reference.proposals import Plan, log_proposal_density
 
 SEED = 20050726
-N_STATES = 14
+N_STATES = 18
 """States of each of the five cases."""
 
 
