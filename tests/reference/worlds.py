@@ -1,0 +1,52 @@
+"""Small worlds with a laser in them: maps drawn exactly from the prior, readings drawn from the written density."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from prf.arak import exact_draws
+from prf.coloring import Coloring, black_at
+from prf.posterior import LaserData
+from prf.sensors.laser import LaserModel
+from prf.window import Window
+from tests.reference.beams import Sensor, draw_readings, impacts
+
+
+class World(NamedTuple):
+    """A map and what a laser read in it."""
+
+    coloring: Coloring
+    data: LaserData
+
+
+def model_of(sensor: Sensor) -> LaserModel:
+    return LaserModel(sensor.max, sensor.noise, sensor.relative, sensor.outlier, sensor.miss)
+
+
+def draw_world(
+    scale: float, window: Window, sensor: Sensor, n_sensors: int, n_beams: int, rng: np.random.Generator
+) -> World:
+    """Sensors uniform in the window, then maps until all stand in white, then beams all round and their readings."""
+    place = rng.uniform(window[:2], window[2:], (n_sensors, 2))
+    while True:
+        coloring = exact_draws(scale, window, 1, rng)[0]
+        if not black_at(coloring, place).any():
+            break
+    angle = np.concatenate(
+        [rng.uniform(-np.pi, np.pi) + 2.0 * np.pi / n_beams * np.arange(n_beams) for _ in range(n_sensors)]
+    )
+    origin = np.repeat(place, n_beams, axis=0)
+    readings = draw_readings(sensor, impacts(coloring, origin, angle, sensor.max), rng)
+    return World(coloring, LaserData(origin, angle, readings, model_of(sensor)))
+
+
+def office(data_dir: Path, every_scan: int, every_beam: int) -> tuple[Window, LaserData]:
+    """The demo log, thinned, in the window of the demo office."""
+    from prf.logs.open import read_readings
+    from prf.logs.thin import thin
+
+    readings = thin(read_readings(str(data_dir / "demo-office.log.gz")), every_scan=every_scan, every_beam=every_beam)
+    return Window(-1.0, -1.0, 23.0, 15.0), LaserData(readings.origin, readings.angle, readings.range, LaserModel(29.0))

@@ -1,0 +1,128 @@
+"""Settings and the state that a chain starts from; and the chain as compiled and as plain Python."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from prf.arak import exact_draws, log_density
+from prf.coloring import Coloring
+from prf.kernels import constants as c
+from prf.kernels.build import resum
+from prf.kernels.step import run
+from prf.layout import grow
+from prf.posterior import DEFAULT_ODDS, Settings, make_chain
+from prf.recompute import differences
+from prf.window import Window
+from tests.reference.beams import Sensor, impacts, log_likelihood
+from tests.reference.chain_state import digest, structural_faults
+from tests.reference.worlds import draw_world
+
+UNIT = Window(0.0, 0.0, 1.0, 1.0)
+ROOM = Window(0.0, 0.0, 10.0, 10.0)
+NEAR = Sensor(6.0)
+
+
+def short_runs() -> dict[str, dict[str, str]]:
+    """Digests of chains with few readings, and of one without: all that a step reads and writes."""
+    found = {}
+    for name, seed, at_truth in (("from white", 1, False), ("from the truth", 2, True)):
+        world = draw_world(0.2, ROOM, NEAR, 2, 12, np.random.default_rng(seed))
+        start = world.coloring if at_truth else Coloring.empty(ROOM)
+        chain = make_chain(Settings(ROOM, 0.2, world.data, resolution=1.0, cell=1.0), start)
+        rng = np.random.default_rng(seed)
+        for until in (700, 1400):
+            while not run(chain, rng, until):
+                chain = grow(chain)
+            resum(chain)
+        found[name] = digest(chain, rng)
+    chain, rng = make_chain(Settings(UNIT, 1.0), exact_draws(1.0, UNIT, 1, np.random.default_rng(3))[0]), None
+    rng = np.random.default_rng(3)
+    run(chain, rng, 2000)
+    found["prior"] = digest(chain, rng)
+    return found
+
+
+def test_the_compiled_chain_is_that_of_plain_python_bit_for_bit(project_root: Path) -> None:
+    code = "import json; from tests.test_posterior import short_runs; print(json.dumps(short_runs()))"
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(project_root)}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
+    assert json.loads(done.stdout) == short_runs()
+
+
+def test_moves_and_their_reverses_are_chosen_alike() -> None:
+    assert set(DEFAULT_ODDS) == set(range(c.N_MOVES))
+    assert sum(DEFAULT_ODDS.values()) == pytest.approx(1.0)
+    for birth in (c.TRIANGLE_BIRTH, c.BOUNDARY_BIRTH, c.CORNER_BIRTH, c.SPLIT):
+        assert DEFAULT_ODDS[birth] == DEFAULT_ODDS[birth + 1]
+    assert min(DEFAULT_ODDS.values()) > 0.0
+
+
+def test_moves_are_chosen_with_their_odds() -> None:
+    chain = make_chain(Settings(UNIT, 1.0), Coloring.empty(UNIT))
+    n = 200_000
+    run(chain, np.random.default_rng(4), n)
+    share = np.array([DEFAULT_ODDS[move] for move in range(c.N_MOVES)])
+    z = (chain.outcomes[:, c.PROPOSED] / n - share) / np.sqrt(share * (1.0 - share) / n)
+    assert np.abs(z).max() < 4.5, z
+
+
+def test_tuning_follows_the_scale_unless_it_is_given() -> None:
+    assert Settings(UNIT, 0.5).tuning() == pytest.approx([0.5, 0.8, 0.2, 0.04, 0.02])
+    given = Settings(UNIT, 0.5, local_share=0.1, birth_reach=1.0, split_reach=2.0, move_reach=3.0)
+    assert given.tuning() == pytest.approx([0.5, 0.1, 1.0, 2.0, 3.0])
+
+
+def test_cells_follow_the_scale_but_never_number_millions() -> None:
+    world = draw_world(0.2, ROOM, NEAR, 1, 4, np.random.default_rng(5))
+    assert Settings(ROOM, 0.1).cell_size() == pytest.approx(1.0)
+    assert Settings(ROOM, 0.1, world.data).cell_size() == pytest.approx(0.4)
+    assert Settings(ROOM, 0.1, world.data, cell=2.5).cell_size() == 2.5
+    assert Settings(Window(0.0, 0.0, 4000.0, 10.0), 1.0).cell_size() == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize("at_truth", [False, True], ids=["from white", "from the truth"])
+def test_the_start_has_the_sums_of_the_written_model(at_truth: bool) -> None:
+    """Prior by its own function, likelihood by shapely and scipy."""
+    world = draw_world(0.3, ROOM, NEAR, 3, 40, np.random.default_rng(6))
+    start = world.coloring if at_truth else Coloring.empty(ROOM)
+    chain = make_chain(Settings(ROOM, 0.3, world.data, resolution=0.5), start)
+    distance = impacts(start, world.data.origin, world.data.angle, NEAR.max)
+    expected = sum(log_likelihood(NEAR, r, d) for r, d in zip(world.data.readings, distance, strict=True))
+    assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(expected, rel=1e-9)
+    assert chain.graph.sums[c.LOG_PRIOR] == pytest.approx(log_density(start, 0.3), rel=1e-12, abs=1e-12)
+    assert chain.graph.sums[c.TOTAL_LENGTH] == pytest.approx(start.total_length())
+    assert differences(chain) == structural_faults(chain) == []
+    assert len(chain.sensors.xy) == 3
+    assert chain.graph.counts[c.STEP] == chain.graph.counts[c.NEEDS_ROOM] == 0
+
+
+def test_the_sums_of_a_run_are_those_of_the_written_model() -> None:
+    """After 30,000 steps on readings, from the map alone."""
+    from prf.layout import read_coloring
+
+    world = draw_world(0.3, ROOM, NEAR, 3, 40, np.random.default_rng(7))
+    chain = make_chain(Settings(ROOM, 0.3, world.data), Coloring.empty(ROOM))
+    rng = np.random.default_rng(7)
+    while not run(chain, rng, 30_000):
+        chain = grow(chain)
+    coloring = read_coloring(chain.graph)
+    distance = impacts(coloring, world.data.origin, world.data.angle, NEAR.max)
+    expected = sum(log_likelihood(NEAR, r, d) for r, d in zip(world.data.readings, distance, strict=True))
+    assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(expected, rel=1e-8)
+    assert chain.graph.sums[c.LOG_PRIOR] == pytest.approx(log_density(coloring, 0.3), rel=1e-9)
+    assert expected > 1.2 * len(distance) * math.log(0.95)
+
+
+def test_no_readings_give_no_likelihood() -> None:
+    chain = make_chain(Settings(UNIT, 1.0), exact_draws(1.0, UNIT, 1, np.random.default_rng(8))[0])
+    run(chain, np.random.default_rng(9), 5000)
+    assert chain.graph.sums[c.LOG_LIKELIHOOD] == 0.0
+    assert chain.image.black.size == 0

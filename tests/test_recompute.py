@@ -1,0 +1,268 @@
+"""Increments equal their twins after every accepted step; and the comparison sees every sort of damage."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from prf.arak import exact_draws
+from prf.coloring import Coloring
+from prf.kernels import constants as c
+from prf.kernels.build import resum
+from prf.kernels.chain import Chain
+from prf.kernels.step import run
+from prf.layout import grow, read_coloring
+from prf.posterior import Settings, make_chain
+from prf.recompute import differences
+from prf.window import Window
+from tests.reference.beams import Sensor
+from tests.reference.chain_state import structural_faults
+from tests.reference.worlds import draw_world, office
+
+ROOM = Window(0.0, 0.0, 10.0, 10.0)
+NEAR = Sensor(6.0)
+
+
+def states(chain: Chain, rng: np.random.Generator, n_steps: int) -> Iterator[Chain]:
+    """The chain after each accepted step."""
+    first = int(chain.graph.counts[c.STEP])
+    accepted = int(chain.outcomes[:, c.ACCEPTED].sum())
+    for step in range(first + 1, first + n_steps + 1):
+        while not run(chain, rng, step):
+            chain = grow(chain)
+        now = int(chain.outcomes[:, c.ACCEPTED].sum())
+        if now > accepted:
+            yield chain
+        accepted = now
+
+
+def follow(chain: Chain, rng: np.random.Generator, n_steps: int) -> tuple[Chain, int]:
+    """Hold the chain to its twins after each accepted step; return it and the number of those."""
+    now, n_accepted = chain, 0
+    for now in states(chain, rng, n_steps):
+        n_accepted += 1
+        assert differences(now) == [], f"step {now.graph.counts[c.STEP]}"
+        assert structural_faults(now) == [], f"step {now.graph.counts[c.STEP]}"
+    return now, n_accepted
+
+
+def world_chain(seed: int, at_truth: bool, cell: float | None = 1.0) -> Chain:
+    """Cells larger than those a chain would choose: the twins then cost a tenth."""
+    rng = np.random.default_rng(seed)
+    world = draw_world(0.3, ROOM, NEAR, 3, 40, rng)
+    start = world.coloring if at_truth else Coloring.empty(ROOM)
+    return make_chain(Settings(ROOM, 0.3, world.data, resolution=0.5, cell=cell), start)
+
+
+def test_twins_agree_from_a_draw_of_the_prior() -> None:
+    """No readings: the moves that recolour much are accepted far more often here than under a likelihood."""
+    start = exact_draws(0.4, ROOM, 1, np.random.default_rng(0))[0]
+    chain = make_chain(Settings(ROOM, 0.4, resolution=0.5, cell=1.0), start)
+    _, n_accepted = follow(chain, np.random.default_rng(0), 3000)
+    assert n_accepted > 600
+
+
+@pytest.mark.parametrize("at_truth", [False, True], ids=["from white", "from the truth"])
+def test_twins_agree_on_readings(at_truth: bool) -> None:
+    chain, n_accepted = follow(world_chain(1, at_truth), np.random.default_rng(1), 1500)
+    assert n_accepted > 150
+    if at_truth:
+        assert np.isfinite(chain.beams.ray[:, c.DISTANCE]).mean() > 0.3
+
+
+def test_twins_agree_after_many_steps_without_new_sums() -> None:
+    chain = world_chain(2, False)
+    rng = np.random.default_rng(2)
+    while not run(chain, rng, 300_000):
+        chain = grow(chain)
+    assert differences(chain) == []
+    assert structural_faults(chain) == []
+    resum(chain)
+    assert differences(chain) == []
+
+
+@pytest.mark.parametrize("cell", [None, 0.31, 7.0], ids=["chosen", "small", "large"])
+def test_twins_agree_whatever_the_cells(cell: float | None) -> None:
+    follow(world_chain(3, True, cell), np.random.default_rng(3), 200)
+
+
+def test_every_move_is_accepted_on_the_way() -> None:
+    """The short runs above would show little if some move never came through."""
+    chain = make_chain(Settings(ROOM, 0.4), exact_draws(0.4, ROOM, 1, np.random.default_rng(0))[0])
+    assert run(chain, np.random.default_rng(0), 3000)
+    assert (chain.outcomes[:, c.ACCEPTED] > 0).sum() >= c.N_MOVES - 2, chain.outcomes
+    assert chain.outcomes[:, c.PROPOSED].sum() == 3000
+    assert (np.diff(chain.outcomes, axis=1) <= 0).all()
+
+
+@pytest.mark.slow
+def test_twins_agree_after_every_accepted_step_of_a_long_run(data_dir: Path) -> None:
+    """100,000 steps on the demo log, every 3rd scan and 6th beam, the image followed."""
+    window, data = office(data_dir, 3, 6)
+    chain = make_chain(Settings(window, 0.1, data, resolution=1.0, cell=1.0), Coloring.empty(window))
+    chain, n_accepted = follow(chain, np.random.default_rng(4), 100_000)
+    print(f"{n_accepted} accepted steps, {len(data.angle)} beams, {chain.graph.counts[c.EDGES]} edges at the end")
+    assert n_accepted > 10_000
+    assert (chain.outcomes[:, c.ACCEPTED] > 0).all()
+
+
+@pytest.fixture
+def sound() -> Chain:
+    """A chain on readings with triangles and corner cuts in its map."""
+    start, rng = world_chain(5, False), np.random.default_rng(5)
+    for chain in states(start, rng, 60_000):
+        counts = chain.graph.counts
+        if (
+            counts[c.STEP] > 3000
+            and counts[c.TRIANGLE_VERTICES]
+            and counts[c.CORNER_CUTS]
+            and counts[c.BOUNDARY_APEXES]
+        ):
+            break
+    assert differences(chain) == []
+    assert structural_faults(chain) == []
+    return chain
+
+
+def hit_beam(chain: Chain) -> int:
+    return int(np.flatnonzero(chain.beams.impact_edge != c.NONE)[0])
+
+
+def shift_sum(entry: int) -> Callable[[Chain], None]:
+    def damage(chain: Chain) -> None:
+        chain.graph.sums[entry] += 1e-5
+
+    return damage
+
+
+def shift_impact(chain: Chain) -> None:
+    chain.beams.ray[hit_beam(chain), c.DISTANCE] *= 1.0 + 1e-12
+
+
+def shift_beam_likelihood(chain: Chain) -> None:
+    chain.beams.ray[0, c.BEAM_LOG_LIKELIHOOD] += 1e-12
+
+
+def swap_impact_edge(chain: Chain) -> None:
+    beam = hit_beam(chain)
+    others = chain.graph.members[c.EDGES, : chain.graph.counts[c.EDGES]]
+    chain.beams.impact_edge[beam] = others[others != chain.beams.impact_edge[beam]][0]
+
+
+def lose_link(chain: Chain) -> None:
+    edge = chain.beams.impact_edge[hit_beam(chain)]
+    chain.beams.first_beam[edge] = chain.beams.next_beam[chain.beams.first_beam[edge]]
+
+
+def unlist_beam(chain: Chain) -> None:
+    cell = int(np.flatnonzero(chain.beams.cell_count)[0])
+    chain.beams.cell_count[cell] -= 1
+
+
+def move_listed_beam(chain: Chain) -> None:
+    cell = int(np.flatnonzero(chain.beams.cell_count > 1)[0])
+    start = chain.beams.cell_start[cell]
+    chain.beams.entries[start] = chain.beams.entries[start + 1]
+
+
+def name_wrong_beam(chain: Chain) -> None:
+    cell = int(np.flatnonzero(chain.beams.cell_count)[0])
+    entry = chain.beams.entries[chain.beams.cell_start[cell]]
+    entry[0] = (entry[0] + 1) % len(chain.beams.ray)
+
+
+def unindex_an_edge(chain: Chain) -> None:
+    cell = int(np.flatnonzero(chain.index.cell_count)[0])
+    chain.index.cell_count[cell] -= 1
+
+
+def count_a_set_wrong(chain: Chain) -> None:
+    chain.graph.counts[c.TRIANGLE_VERTICES] -= 1
+
+
+def bend_a_sine(chain: Chain) -> None:
+    vertex = chain.graph.members[c.INTERIOR_VERTICES, 0]
+    chain.graph.vertex_sine[vertex] *= 1.0 + 1e-6
+
+
+def stretch_a_length(chain: Chain) -> None:
+    chain.graph.edge_length[chain.graph.members[c.EDGES, 0]] *= 1.0 + 1e-9
+
+
+def turn_a_pixel(chain: Chain) -> None:
+    chain.image.black[0] = 1 - chain.image.black[0]
+
+
+def count_an_edge_twice(chain: Chain) -> None:
+    chain.image.n_edges[3] += 1
+
+
+def turn_the_anchor(chain: Chain) -> None:
+    chain.graph.counts[c.ANCHOR_BLACK] = 1 - chain.graph.counts[c.ANCHOR_BLACK]
+
+
+DAMAGES: list[tuple[Callable[[Chain], None], list[str]]] = [
+    (shift_sum(c.LOG_PRIOR), ["log prior"]),
+    (shift_sum(c.LOG_LIKELIHOOD), ["log likelihood"]),
+    (shift_sum(c.TOTAL_LENGTH), ["total length"]),
+    (swap_impact_edge, ["impact edges"]),
+    (shift_impact, ["impact distances"]),
+    (shift_beam_likelihood, ["beam log likelihoods"]),
+    (lose_link, ["beams by edge"]),
+    (unlist_beam, ["beam index"]),
+    (move_listed_beam, ["beam index"]),
+    (name_wrong_beam, ["beam index"]),
+    (unindex_an_edge, ["edge index"]),
+    (count_a_set_wrong, ["sets"]),
+    (bend_a_sine, ["sines"]),
+    (stretch_a_length, ["sines"]),
+    (turn_the_anchor, ["sensors in white", "image"]),
+    (turn_a_pixel, ["image"]),
+    (count_an_edge_twice, ["image"]),
+]
+
+
+def test_every_twin_is_damaged_below(sound: Chain, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever adds a quantity to the comparison adds its damage here."""
+    import prf.recompute
+
+    monkeypatch.setattr(prf.recompute, "is_close", lambda value, twin: False)
+    monkeypatch.setattr(prf.recompute.np, "array_equal", lambda a, b: False)
+    monkeypatch.setattr(prf.recompute, "beams_by_edge", lambda chain: None)
+    monkeypatch.setattr(prf.recompute, "recompute_edge_cells", lambda chain: None)
+    monkeypatch.setattr(prf.recompute, "recompute_sets", lambda coloring: [])
+    monkeypatch.setattr(prf.recompute, "sines_hold", lambda chain, coloring: False)
+    monkeypatch.setattr(prf.recompute, "black_at", lambda coloring, xy: np.ones(1, bool))
+    monkeypatch.setattr(prf.recompute, "image_holds", lambda chain, coloring: False)
+    assert set(differences(sound)) == {name for _, names in DAMAGES for name in names}
+
+
+@pytest.mark.parametrize(("damage", "names"), DAMAGES, ids=lambda value: getattr(value, "__name__", None))
+def test_damage_is_seen_and_named(sound: Chain, damage: Callable[[Chain], None], names: list[str]) -> None:
+    damage(sound)
+    assert differences(sound) == names
+
+
+def test_a_map_that_moved_without_its_sums_is_seen(sound: Chain) -> None:
+    """An edge moved behind the back of every increment."""
+    vertex = sound.graph.members[c.INTERIOR_VERTICES, 0]
+    before = read_coloring(sound.graph)
+    sound.graph.vertex_xy[vertex] += 1e-4
+    assert not np.array_equal(before.xy, read_coloring(sound.graph).xy)
+    assert {"log prior", "total length", "sines"} <= set(differences(sound))
+    assert structural_faults(sound) == ["ends of edges"]
+
+
+def test_members_mixed_up_are_seen(sound: Chain) -> None:
+    graph = sound.graph
+    right = graph.members[c.TRIANGLE_VERTICES, 0]
+    interior = graph.members[c.INTERIOR_VERTICES, : graph.counts[c.INTERIOR_VERTICES]].tolist()
+    triangles = graph.members[c.TRIANGLE_VERTICES, : graph.counts[c.TRIANGLE_VERTICES]].tolist()
+    graph.members[c.TRIANGLE_VERTICES, 0] = next(v for v in interior if v not in triangles)
+    assert {"triangle vertices", "positions"} == set(structural_faults(sound))
+    graph.members[c.TRIANGLE_VERTICES, 0] = right
+    graph.free_edges[0] = graph.members[c.EDGES, 0]
+    assert structural_faults(sound) == ["free edges"]
