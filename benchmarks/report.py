@@ -13,7 +13,7 @@ def table(result: dict[str, Any]) -> str:
 
 
 def speed(result: dict[str, Any]) -> Iterator[str]:
-    """Yield speed at equilibrium."""
+    """Yield speed after burn-in."""
     at = result["equilibrium"]
     yield f"{result['machine']['cpu']}; one core, CPU time"
     yield f"{result['n_beams']} beams, {at['n_edges']} edges, after {result['burn_in']} steps from the empty map"

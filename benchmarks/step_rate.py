@@ -54,7 +54,7 @@ def measure_all(seed: int) -> dict[str, Any]:
     assert settings.laser is not None
     say(f"burning in: {BURN_IN} steps")
     chain, rng = measure.burnt_in(settings, BURN_IN, seed)
-    say("speed at equilibrium")
+    say("speed after burn-in")
     result: dict[str, Any] = {
         "schema": "prf.benchmark.step_rate/1",
         "machine": machine(),
