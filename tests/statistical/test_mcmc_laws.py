@@ -1,0 +1,106 @@
+"""Draws of the Markov chain obey every exact law of the prior, and births balance deaths in every pair of moves."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from prf.coloring import Coloring, Draws, violations
+from prf.kernels import constants as c
+from prf.kernels.build import resum
+from prf.kernels.step import run
+from prf.layout import grow
+from prf.posterior import Settings, make_chain
+from prf.sampler import mcmc_draws
+from prf.window import Window
+from tests.statistical.laws import LawScores, law_scores
+
+SEED = 20050726
+UNIT = Window(0.0, 0.0, 1.0, 1.0)
+OBLONG = Window(3.0, -1.5, 5.0, -0.5)
+ROOM = Window(-5.0, -5.0, 5.0, 5.0)
+CASES = [pytest.param(1.0, UNIT, id="unit"), pytest.param(0.5, OBLONG, id="oblong"), pytest.param(0.4, ROOM, id="room")]
+N_CHAINS = 4
+FAST = {1.0: (600, 20), 0.5: (600, 20), 0.4: (200, 25)}
+FULL = {1.0: (8000, 40), 0.5: (12_000, 40), 0.4: (3000, 100)}
+"""Draws of each chain at the spacing that the sampler chooses, and how many make a batch.
+
+The autocorrelation time of the number of edges is 2 to 8 draws, that of the black share of the room about 20.
+"""
+PAIRS = [(c.TRIANGLE_BIRTH, c.TRIANGLE_DEATH), (c.BOUNDARY_BIRTH, c.BOUNDARY_DEATH), (c.CORNER_BIRTH, c.CORNER_DEATH)]
+PAIRS.append((c.SPLIT, c.MERGE))
+
+
+def scores_of_chains(scale: float, window: Window, n_draws: int, batch: int) -> tuple[LawScores, Draws]:
+    """Chains of different seeds in two threads; the scores do not depend on the threads."""
+    with ThreadPoolExecutor(2) as pool:
+        chains = list(pool.map(lambda k: mcmc_draws(scale, window, n_draws, seed=SEED + k)[0], range(N_CHAINS)))
+    draws = Draws.concatenate(chains)
+    ids = np.repeat(np.arange(N_CHAINS), n_draws)
+    return law_scores(draws, scale, window, chain_ids=ids, batch=batch), draws
+
+
+def report(scores: LawScores, limit: float, n_batches: int) -> str:
+    false_alarms = len(scores.z) * 2.0 * stats.t.sf(limit, n_batches - 1)
+    return (
+        f"seed {SEED}, {len(scores.z)} laws in {n_batches} batches, |z| < {limit} fails by chance once in "
+        f"{1 / false_alarms:.0f}; n_edges to {100 * scores.relative_error_edges:.2f} %: {scores.worst()}"
+    )
+
+
+@pytest.mark.parametrize(("scale", "window"), CASES)
+def test_the_chain_obeys_the_laws(scale: float, window: Window) -> None:
+    n_draws, batch = FAST[scale]
+    scores, draws = scores_of_chains(scale, window, n_draws, batch)
+    assert not any(violations(draws[i]) for i in range(0, len(draws), len(draws) // 50))
+    assert not scores.beyond(4.5), report(scores, 4.5, N_CHAINS * n_draws // batch)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("scale", "window"), CASES)
+def test_long_chains_obey_the_laws(scale: float, window: Window) -> None:
+    n_draws, batch = FULL[scale]
+    scores, _ = scores_of_chains(scale, window, n_draws, batch)
+    summary = report(scores, 4.0, N_CHAINS * n_draws // batch)
+    print(summary)
+    assert scores.relative_error_edges < 0.004
+    assert not scores.beyond(4.0), summary
+
+
+def surplus_of_births(scale: float, window: Window, n_batches: int, length: int, seed: int) -> np.ndarray:
+    """Accepted births less accepted deaths (n_batches, n_pairs) in batches of `length` steps, after a burn-in."""
+    chain = make_chain(Settings(window, scale), Coloring.empty(window))
+    rng = np.random.default_rng(seed)
+    accepted = []
+    for batch in range(n_batches + 1):
+        until = 200_000 + batch * length
+        while not run(chain, rng, until):
+            chain = grow(chain)
+        resum(chain)
+        accepted.append(chain.outcomes[:, c.ACCEPTED].copy())
+    births, deaths = (np.array(accepted)[:, [pair[k] for pair in PAIRS]] for k in range(2))
+    return np.diff(births - deaths, axis=0)
+
+
+@pytest.mark.parametrize(("scale", "window"), CASES)
+def test_births_are_as_frequent_as_deaths(scale: float, window: Window) -> None:
+    """Detailed balance without any law: each pair of moves balances by itself, though others make and break loops."""
+    surplus = surplus_of_births(scale, window, 100, 10_000, SEED)
+    error = surplus.std(axis=0, ddof=1) / np.sqrt(len(surplus))
+    z = surplus.mean(axis=0) / error
+    assert (error > 0).all()
+    assert np.abs(z).max() < 4.5, f"seed {SEED}, |z| < 4.5 fails by chance once in 36,000: {z}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("scale", "window"), CASES)
+def test_births_are_as_frequent_as_deaths_in_a_long_run(scale: float, window: Window) -> None:
+    with ThreadPoolExecutor(2) as pool:
+        parts = list(pool.map(lambda k: surplus_of_births(scale, window, 200, 50_000, SEED + k), range(2)))
+    surplus = np.concatenate(parts)
+    z = surplus.mean(axis=0) / (surplus.std(axis=0, ddof=1) / np.sqrt(len(surplus)))
+    print(f"seed {SEED}: {dict(zip(('triangle', 'boundary', 'corner', 'split'), z.round(2).tolist(), strict=True))}")
+    assert np.abs(z).max() < 4.0, z
