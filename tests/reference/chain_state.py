@@ -69,9 +69,7 @@ def digest(chain: Chain, rng: np.random.Generator) -> dict[str, str]:
         "index": np.concatenate(
             [row[:m] for row, m in zip(chain.index.cell_edges, chain.index.cell_count, strict=True)]
         ),
-        "image": np.concatenate(
-            [chain.image.black, chain.image.n_edges, chain.image.black_time, chain.image.mixed_time]
-        ),
+        "image": image_state(chain),
         "outcomes": chain.outcomes,
     }
     found = {
@@ -79,3 +77,11 @@ def digest(chain: Chain, rng: np.random.Generator) -> dict[str, str]:
     }
     found["generator"] = hashlib.sha256(repr(rng.bit_generator.state).encode()).hexdigest()[:16]
     return found
+
+
+def image_state(chain: Chain) -> np.ndarray:
+    """Colours, counts and times of the pixels, the times up to the present step whenever they were last added up."""
+    image, step = chain.image, int(chain.graph.counts[c.STEP])
+    black = image.black_time + (image.black != 0) * (step - image.black_since)
+    mixed = image.mixed_time + ((image.black != 0) | (image.n_edges > 0)) * (step - image.mixed_since)
+    return np.concatenate([image.black, image.n_edges, black, mixed])

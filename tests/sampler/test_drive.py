@@ -1,0 +1,147 @@
+"""When a run ends: after steps, after seconds, on agreement, or at the limit; and where agreement is checked."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from prf.posterior import Settings
+from prf.sampler import Progress, Sampler, StopRule, drive
+from prf.sampler.drive import is_check
+from prf.shell.seeds import spawn_generators
+from prf.window import Window
+
+UNIT = Window(0.0, 0.0, 1.0, 1.0)
+MODULE = importlib.import_module("prf.sampler.drive")  # the package gives this name to the function
+
+
+@pytest.fixture
+def sampler() -> Iterator[Sampler]:
+    with Sampler(Settings(UNIT, 1.0, resolution=0.25), spawn_generators(1, 2), 1) as chains:
+        yield chains
+
+
+class Clock:
+    """Says one second more whenever it is asked."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        self.now += 1.0
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    made = Clock()
+    monkeypatch.setattr(MODULE.time, "monotonic", made)
+    return made
+
+
+@pytest.mark.parametrize(("steps", "ends"), [(1, 10_000), (10_000, 10_000), (25_000, 30_000)])
+def test_steps_are_rounded_up_to_whole_rounds(sampler: Sampler, steps: int, ends: int) -> None:
+    rounds = list(drive(sampler, StopRule(steps=steps)))
+    assert [found.step for found in rounds] == list(range(10_000, ends + 1, 10_000))
+    assert [found.status for found in rounds] == ["running"] * (len(rounds) - 1) + ["finished"]
+    assert rounds[-1].share == 1.0
+    assert sampler.step == ends
+
+
+def test_a_goal_that_is_reached_already_does_nothing(sampler: Sampler) -> None:
+    assert list(drive(sampler, StopRule(steps=0))) == []
+    list(drive(sampler, StopRule(steps=20_000)))
+    assert list(drive(sampler, StopRule(steps=20_000))) == []
+    assert [found.step for found in drive(sampler, StopRule(steps=30_000))] == [30_000]
+
+
+def test_a_run_in_two_parts_is_the_run_in_one(sampler: Sampler) -> None:
+    list(drive(sampler, StopRule(steps=20_000)))
+    list(drive(sampler, StopRule(steps=50_000)))
+    with Sampler(Settings(UNIT, 1.0, resolution=0.25), spawn_generators(1, 2), 1) as whole:
+        list(drive(whole, StopRule(steps=50_000)))
+    one, two = sampler.sample(), whole.sample()
+    assert np.array_equal(one.draws.xy, two.draws.xy)
+    assert all(
+        np.array_equal(a, b, equal_nan=True) for a, b in zip(sampler.occupancy(), whole.occupancy(), strict=True)
+    )
+
+
+def test_seconds_are_those_of_the_clock(sampler: Sampler, clock: Clock) -> None:
+    rounds = list(drive(sampler, StopRule(seconds=3.0)))
+    assert [found.seconds for found in rounds] == [1.0, 2.0, 3.0]
+    assert [found.status for found in rounds] == ["running", "running", "finished"]
+    assert [found.share for found in rounds] == pytest.approx([1 / 3, 2 / 3, 1.0])
+    assert [found.steps_per_second for found in rounds] == pytest.approx([20_000.0] * 3)
+
+
+def test_speed_leaves_out_the_steps_of_an_earlier_run(sampler: Sampler, clock: Clock) -> None:
+    list(drive(sampler, StopRule(steps=50_000)))
+    (found,) = drive(sampler, StopRule(steps=60_000))
+    assert found.steps_per_second == pytest.approx(20_000.0)
+
+
+def test_without_a_goal_it_stops_on_agreement(sampler: Sampler, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def agree_later(diagnoses: dict[str, object], rhat: float, ess: float) -> bool:
+        asked.append((sampler.step, rhat, ess))
+        return sampler.step >= 40_000
+
+    monkeypatch.setattr(MODULE, "converged", agree_later)
+    rounds = list(drive(sampler, StopRule()))
+    assert rounds[-1].status == "converged"
+    assert rounds[-1].step == 40_000
+    assert rounds[-1].diagnoses is not None
+    assert asked == [(10_000 * k, 1.05, 100.0) for k in range(1, 5)]
+
+
+def test_chains_that_agree_stop_by_themselves(sampler: Sampler) -> None:
+    """No readings, a small window: agreement comes within seconds, on the real measure."""
+    *_, last = drive(sampler, StopRule(limit=120.0))
+    assert isinstance(last, Progress)
+    assert last.status == "converged"
+    assert last.diagnoses is not None
+    assert all(found.agrees() for found in last.diagnoses.values())
+
+
+def test_without_agreement_it_stops_at_the_limit(
+    sampler: Sampler, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(MODULE, "converged", lambda diagnoses, rhat, ess: False)
+    rounds = list(drive(sampler, StopRule(limit=4.0)))
+    assert [found.status for found in rounds] == ["running"] * 3 + ["not converged"]
+    assert [found.share for found in rounds] == pytest.approx([0.25, 0.5, 0.75, 1.0])
+
+
+def test_agreement_does_not_end_a_run_with_a_goal(
+    sampler: Sampler, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(MODULE, "converged", lambda diagnoses, rhat, ess: True)
+    assert list(drive(sampler, StopRule(steps=30_000)))[-1].step == 30_000
+    assert list(drive(sampler, StopRule(seconds=2.0)))[-1].seconds == 2.0
+
+
+def test_checks_come_at_growing_distances(sampler: Sampler, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every round at first, then each at least 1 and about a tenth later than the one before; no clock asked."""
+    checked = []
+    for block in range(1, 2001):
+        monkeypatch.setattr(type(sampler), "step", property(lambda self, block=block: 10_000 * block))
+        if is_check(sampler):
+            checked.append(block)
+    assert checked[:12] == list(range(1, 13))
+    gaps = np.diff(checked)
+    assert (gaps >= 1).all()
+    late = np.array(checked[:-1]) >= 20
+    assert (gaps[late] <= 0.1 * np.array(checked[:-1])[late]).all()
+    assert (gaps[late] > 0.1 * np.array(checked[:-1])[late] - 1.0).all()
+
+
+def test_whoever_leaves_early_leaves_the_chains_between_rounds(sampler: Sampler) -> None:
+    for found in drive(sampler, StopRule(steps=100_000)):
+        if found.step == 20_000:
+            break
+    assert {chain.step for chain in sampler.chains} == {20_000}

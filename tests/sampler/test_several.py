@@ -1,0 +1,208 @@
+"""Chains side by side: results that know nothing of threads or of one another, and what is pooled from them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import prf.sampler.chain
+import prf.sampler.record
+from prf.coloring import Coloring, Draws, black_at, violations
+from prf.kernels import constants as c
+from prf.layout import pixel_centres
+from prf.posterior import Settings
+from prf.sampler import Sampler
+from prf.sampler.record import FUNCTIONALS
+from prf.sampler.several import MOVE_NAMES, probe_pixels
+from prf.shell.seeds import spawn_generators
+from prf.window import Window
+from tests.reference.beams import Sensor
+from tests.reference.chain_state import digest
+from tests.reference.worlds import World, draw_world
+
+ROOM = Window(0.0, 0.0, 10.0, 10.0)
+UNEVEN = Window(-1.0, 2.0, 3.3, 5.1)
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return draw_world(0.2, ROOM, Sensor(6.0), 2, 30, np.random.default_rng(1))
+
+
+def run_chains(world: World, n_chains: int, threads: int, blocks: int = 3) -> Sampler:
+    with Sampler(Settings(ROOM, 0.2, world.data, 0.5), spawn_generators(7, n_chains), threads) as sampler:
+        for _ in range(blocks):
+            sampler.advance()
+    return sampler
+
+
+def digests(sampler: Sampler) -> list[dict[str, str]]:
+    return [digest(chain.chain, chain.rng) for chain in sampler.chains]
+
+
+@pytest.fixture(scope="module")
+def four(world: World) -> Sampler:
+    return run_chains(world, 4, 1)
+
+
+def same_draws(one: Draws, two: Draws) -> bool:
+    names = ("vertex_offsets", "xy", "side", "edge_offsets", "edges", "anchor_black")
+    return all(np.array_equal(getattr(one, name), getattr(two, name)) for name in names)
+
+
+@pytest.mark.parametrize("threads", [2, 3, 16])
+def test_threads_change_no_result(world: World, four: Sampler, threads: int) -> None:
+    other = run_chains(world, 4, threads)
+    assert digests(other) == digests(four)
+    one, two = four.sample(), other.sample()
+    assert same_draws(one.draws, two.draws)
+    assert np.array_equal(one.step, two.step)
+    assert all(np.array_equal(one.functionals[name], two.functionals[name]) for name in FUNCTIONALS)
+    assert all(np.array_equal(a, b) for a, b in zip(four.occupancy(), other.occupancy(), strict=True))
+    assert other.diagnose() == four.diagnose()
+
+
+def test_a_fifth_chain_leaves_the_first_four_alone(world: World, four: Sampler) -> None:
+    assert digests(run_chains(world, 5, 2))[:4] == digests(four)
+
+
+def test_chains_differ_from_one_another(four: Sampler) -> None:
+    assert len({found["vertices"] for found in digests(four)}) == 4
+
+
+def test_the_sample_holds_what_the_chains_recorded_after_burn_in(four: Sampler) -> None:
+    sample = four.sample()
+    assert four.step == 30_000
+    assert four.burn_in == 8000
+    assert sample.step.min() == 10_000
+    assert sample.step.max() == 30_000
+    n = len(sample.draws)
+    assert len(sample.chain) == len(sample.step) == n == 4 * 11
+    assert sample.chain.tolist() == sorted(sample.chain.tolist())
+    assert np.array_equal(sample.functionals["n_edges"], sample.draws.n_edges)
+    assert sample.functionals["total_length"] == pytest.approx(sample.draws.total_length())
+    total = sample.functionals["log_prior"] + sample.functionals["log_likelihood"]
+    assert sample.functionals["log_posterior"] == pytest.approx(total)
+    for i in range(0, n, 7):
+        assert violations(sample.draws[i]) == []
+        assert sample.probe_black[i].tolist() == black_at(sample.draws[i], four.probe_xy).tolist()
+
+
+def test_no_sensor_ever_stands_in_black(world: World, four: Sampler) -> None:
+    for coloring in four.sample().draws:
+        assert not black_at(coloring, world.data.origin).any()
+
+
+def test_the_best_map_has_the_highest_log_posterior_of_all_draws(four: Sampler) -> None:
+    best = four.best()
+    assert best is not None
+    recorded = [draw for chain in four.chains for draw in chain.record.draws]
+    assert best.functionals[-1] == max(draw.functionals[-1] for draw in recorded)
+    assert any(best is draw for draw in recorded)
+
+
+def test_before_the_first_draw_there_is_no_best_map_and_no_image(world: World) -> None:
+    sampler = run_chains(world, 2, 1, blocks=0)
+    assert sampler.best() is None
+    assert len(sampler.sample().draws) == 0
+    assert sampler.sample().probe_black.shape[0] == 0
+    assert np.isnan(sampler.occupancy()).all()
+    assert set(sampler.diagnose()) >= set(FUNCTIONALS)
+    assert not any(found.agrees() for found in sampler.diagnose().values())
+
+
+def test_occupancy_is_the_mean_over_chains(four: Sampler) -> None:
+    shares = four.occupancy()
+    for which in range(2):
+        totals = [chain.times.total(chain.chain.image, four.step)[which] for chain in four.chains]
+        expected = np.sum(totals, axis=0) / (4 * (four.step - four.burn_in))
+        assert shares[which].ravel() == pytest.approx(expected, abs=1e-6)
+        assert shares[which].shape == (20, 20)
+        assert shares[which].min() >= 0.0
+        assert shares[which].max() <= 1.0
+    assert (shares[1] >= shares[0]).all()
+
+
+def test_occupancy_agrees_with_the_draws(four: Sampler) -> None:
+    """Few draws, all steps: they estimate the same thing, so that a mirrored or shifted image would show."""
+    image = four.occupancy()[0].ravel()
+    centres = pixel_centres(four.chains[0].chain.image.grid)
+    draws = four.sample().draws
+    share = np.mean([black_at(coloring, centres) for coloring in draws], axis=0)
+    assert np.corrcoef(image, share)[0, 1] > 0.97
+    assert np.abs(image - share).mean() < 0.05
+
+
+def test_occupancy_is_unknown_outside_the_window() -> None:
+    """The window ends within the last column and row of pixels, before their centres."""
+    settings = Settings(UNEVEN, 0.5, resolution=1.0)
+    with Sampler(settings, spawn_generators(1, 2), 1) as sampler:
+        sampler.advance()
+    for share in sampler.occupancy():
+        assert share.shape == (4, 5)
+        assert share.dtype == np.float32
+        assert np.isnan(share[:, 4]).all()
+        assert np.isnan(share[3]).all()
+        assert np.isfinite(share[:3, :4]).all()
+
+
+def test_the_prior_alone_is_black_half_of_the_time() -> None:
+    with Sampler(Settings(Window(0.0, 0.0, 1.0, 1.0), 1.0, resolution=0.25), spawn_generators(2, 4), 2) as sampler:
+        for _ in range(40):
+            sampler.advance()
+    black, mixed = sampler.occupancy()
+    assert np.abs(black - 0.5).max() < 0.15
+    assert mixed.min() > 0.6
+
+
+def test_probes_lie_in_the_middle_of_sixteen_parts() -> None:
+    settings = Settings(ROOM, 0.2, resolution=0.5)
+    with Sampler(settings, spawn_generators(1, 1), 1) as sampler:
+        xy = sampler.probe_xy
+    assert len(xy) == 16
+    middle = np.array([1.25, 3.75, 6.25, 8.75])
+    assert np.abs(np.unique(xy[:, 0]) - middle).max() <= 0.25
+    assert np.abs(np.unique(xy[:, 1]) - middle).max() <= 0.25
+    assert len(probe_pixels(Settings(ROOM, 0.2, resolution=8.0))) <= 4
+    assert UNEVEN.contains(xy_of(Settings(UNEVEN, 0.5, resolution=1.0))).all()
+
+
+def xy_of(settings: Settings) -> np.ndarray:
+    with Sampler(settings, spawn_generators(1, 1), 1) as sampler:
+        return sampler.probe_xy
+
+
+def test_outcomes_add_up_over_chains(four: Sampler) -> None:
+    outcomes = four.outcomes()
+    assert outcomes.shape == (len(MOVE_NAMES), c.N_OUTCOMES) == (c.N_MOVES, 3)
+    assert outcomes[:, c.PROPOSED].sum() == 4 * four.step
+    assert (outcomes[:, c.ACCEPTED] <= outcomes[:, c.VALID]).all()
+    assert (outcomes[:, c.VALID] <= outcomes[:, c.PROPOSED]).all()
+
+
+def test_agreement_is_asked_of_functionals_and_probes(four: Sampler) -> None:
+    diagnoses = four.diagnose()
+    assert set(FUNCTIONALS) <= set(diagnoses)
+    assert sum(name.startswith("colour at (") for name in diagnoses) == len(four.probe_xy)
+    assert four.log_posterior() == pytest.approx(
+        np.mean([chain.chain.graph.sums[[c.LOG_PRIOR, c.LOG_LIKELIHOOD]].sum() for chain in four.chains])
+    )
+
+
+def test_names_follow_the_numbers_of_moves() -> None:
+    assert MOVE_NAMES[c.TRIANGLE_BIRTH] == "triangle birth"
+    assert MOVE_NAMES[c.MERGE] == "merge edges"
+    assert MOVE_NAMES[c.PAST_CORNER] == "move vertex past corner"
+    assert MOVE_NAMES[c.LOCAL_RECOLOR] == "recolor local quadrilateral"
+    assert MOVE_NAMES[c.SLIDE] == "slide vertex"
+
+
+def test_an_error_in_a_chain_is_raised(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    with Sampler(Settings(ROOM, 0.2, world.data, 0.5), spawn_generators(7, 2), 2) as sampler:
+        monkeypatch.setattr(prf.sampler.chain, "resum", None)
+        with pytest.raises(TypeError):
+            sampler.advance()
+
+
+def test_draws_of_no_chain_in_no_map() -> None:
+    assert len(Draws.from_colorings([], Coloring.empty(ROOM).window)) == 0
