@@ -55,22 +55,22 @@ def run_to_stage(chain: Chain, rng: np.random.Generator, n: int, stage: int) -> 
         if not legal:
             continue
         total += ratio - math.log(1.0 - rng.random())
-        if stage == PROPOSE or not is_valid(graph, chain.index, proposal):
+        if stage == PROPOSE or not is_valid(graph, chain.edge_index, proposal):
             continue
         chain.outcomes[move, c.VALID] += 1
         if stage == CROSSING:
             continue
         if move == c.LOCAL_RECOLOR:
-            total += recolor.local_log_ratio(graph, chain.index, proposal)
+            total += recolor.local_log_ratio(graph, chain.edge_index, proposal)
         total += log_prior_change(graph, proposal, chain.tuning[c.SCALE])
         if stage == PRIOR or any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
             continue
         if stage == SENSORS:
             continue
         if stage == FREED:
-            touch_freed_beams(graph, chain.index, chain.beams, proposal)
+            touch_freed_beams(graph, chain.edge_index, chain.beams, proposal)
             continue
-        touch_beams(graph, chain.index, chain.beams, proposal)
+        touch_beams(graph, chain.edge_index, chain.beams, proposal)
         if stage == CUT:
             continue
         total += log_likelihood_change(chain.beams)
@@ -81,7 +81,7 @@ def run_to_stage(chain: Chain, rng: np.random.Generator, n: int, stage: int) -> 
 def apply_map(chain: Chain, prior: float, likelihood: float) -> None:
     """Apply a proposal to the map alone: the reference keeps nothing about beams."""
     graph, proposal = chain.graph, chain.proposal
-    apply_edges(graph, chain.index, proposal)
+    apply_edges(graph, chain.edge_index, proposal)
     refresh_vertices(graph, proposal)
     window = graph.window
     x, y = 0.5 * (window[0] + window[2]), 0.5 * (window[1] + window[3])
@@ -100,7 +100,7 @@ def log_likelihood_from_scratch(chain: Chain) -> float:
     for beam in range(beams.ray.shape[0]):
         edge, distance = nearest_new_edge(beams, proposal, beam)
         start = beams.slot_start[beam]
-        old, nearer = first_hit(chain.graph, chain.index, beams, beam, start, distance, proposal.old_edges, n_old)
+        old, nearer = first_hit(chain.graph, chain.edge_index, beams, beam, start, distance, proposal.old_edges, n_old)
         if old != c.NONE:
             distance = nearer
         elif edge == c.NONE:
@@ -120,11 +120,11 @@ def step_from_scratch(chain: Chain, rng: np.random.Generator) -> None:
     if not legal:
         return
     log_u = math.log(1.0 - rng.random())
-    if not is_valid(graph, chain.index, proposal):
+    if not is_valid(graph, chain.edge_index, proposal):
         return
     chain.outcomes[move, c.VALID] += 1
     if move == c.LOCAL_RECOLOR:
-        ratio += recolor.local_log_ratio(graph, chain.index, proposal)
+        ratio += recolor.local_log_ratio(graph, chain.edge_index, proposal)
     prior = log_prior_change(graph, proposal, chain.tuning[c.SCALE])
     if any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
         return
@@ -213,11 +213,11 @@ def next_touching(chain: Chain, rng: np.random.Generator) -> float:
     proposal = chain.proposal
     while True:
         legal, _ = propose(chain, choose_move(chain.odds, rng), rng)
-        if not legal or not is_valid(chain.graph, chain.index, proposal):
+        if not legal or not is_valid(chain.graph, chain.edge_index, proposal):
             continue
         if any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
             continue
-        touch_beams(chain.graph, chain.index, chain.beams, proposal)
+        touch_beams(chain.graph, chain.edge_index, chain.beams, proposal)
         return log_likelihood_change(chain.beams)
 
 

@@ -192,11 +192,11 @@ def grow_graph(graph: Graph, capacity: int) -> Graph:
 def grow(chain: Chain) -> Chain:
     """Return the chain with room for twice as many edges and twice as many edges a cell, its state unchanged."""
     capacity = 2 * len(chain.graph.edge_length)
-    index = chain.index
+    index = chain.edge_index
     chain.graph.counts[c.NEEDS_ROOM] = 0
     return chain._replace(
         graph=grow_graph(chain.graph, capacity),
-        index=index._replace(
+        edge_index=index._replace(
             cell_edges=lengthen(index.cell_edges, 1, 2 * index.cell_edges.shape[1], 0),
             neighbors=lengthen(index.neighbors, 0, capacity, 0),
             marks=lengthen(index.marks, 0, capacity, 0),

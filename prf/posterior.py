@@ -33,8 +33,10 @@ DEFAULT_ODDS = {
     c.RECOLOR: 0.02,
     c.LOCAL_RECOLOR: 0.14,
     c.SLIDE: 0.2,
+    c.CUT_WALL: 0.05,
+    c.MEND_WALL: 0.05,
 }
-"""Probability of each move; births and deaths equal, so that these cancel in the ratios."""
+"""Weight of each move; births and deaths equal, so that these cancel in the ratios."""
 
 FIRST_CAPACITY = 256
 FIRST_CELL_ROOM = 24
@@ -76,7 +78,7 @@ class Settings:
         Side of the squares of the occupancy image in metres; None keeps no image.
     cell : float or None
         Side of the cells of the indexes in metres; None chooses it.
-    local_share, birth_reach, split_reach, move_reach : float or None
+    local_share, birth_reach, split_reach, move_reach, cut_reach : float or None
         Tuning of the proposals (``prf.kernels.constants``), metres; None chooses it from the scale.
     """
 
@@ -89,6 +91,7 @@ class Settings:
     birth_reach: float | None = None
     split_reach: float | None = None
     move_reach: float | None = None
+    cut_reach: float | None = None
 
     def tuning(self) -> Floats:
         """Return the tuning array of the kernels."""
@@ -98,6 +101,7 @@ class Settings:
         tuning[c.BIRTH_REACH] = self.birth_reach or 0.1 / self.scale
         tuning[c.SPLIT_REACH] = self.split_reach or 0.02 / self.scale
         tuning[c.MOVE_REACH] = self.move_reach or 0.01 / self.scale
+        tuning[c.CUT_REACH] = self.cut_reach or 0.001 / self.scale
         return tuning
 
     def cell_size(self) -> float:
@@ -128,7 +132,7 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
     odds = np.array([DEFAULT_ODDS[move] for move in range(c.N_MOVES)])
     chain = Chain(
         graph=graph,
-        index=make_index(graph, grid, FIRST_CELL_ROOM),
+        edge_index=make_index(graph, grid, FIRST_CELL_ROOM),
         beams=make_beams(grid, model, ray, capacity),
         sensors=make_sites(grid, origin),
         image=make_image(coloring, graph, settings.resolution),

@@ -66,7 +66,7 @@ def recompute_sets(coloring: Coloring) -> list[int]:
 
 def recompute_edge_cells(chain: Chain) -> list[list[int]]:
     """Return the sorted edges of every cell, from a fresh index."""
-    fresh = make_index(chain.graph, chain.index.grid, chain.index.cell_edges.shape[1])
+    fresh = make_index(chain.graph, chain.edge_index.grid, chain.edge_index.cell_edges.shape[1])
     return cell_lists(fresh.cell_edges, fresh.cell_count)
 
 
@@ -129,7 +129,8 @@ def differences(chain: Chain) -> list[str]:
         "beam log likelihoods": np.array_equal(impacts.log_likelihood, chain.beams.ray[:, c.BEAM_LOG_LIKELIHOOD]),
         "beams by edge": by_edge == beams_by_edge(chain),
         "beam index": np.array_equal(recompute_listed(chain), listed_now(chain)),
-        "edge index": recompute_edge_cells(chain) == cell_lists(chain.index.cell_edges, chain.index.cell_count),
+        "edge index": recompute_edge_cells(chain)
+        == cell_lists(chain.edge_index.cell_edges, chain.edge_index.cell_count),
         "sets": recompute_sets(coloring) == graph.counts[: c.N_SETS].tolist(),
         "sines": sines_hold(chain, coloring),
         "sensors in white": not black_at(coloring, chain.sensors.xy).any(),

@@ -113,7 +113,7 @@ def test_a_crowded_map_gets_the_room_it_needs() -> None:
     """A start with more edges a cell than the first room holds."""
     coloring = exact_draws(12.0, Window(0.0, 0.0, 1.0, 1.0), 1, np.random.default_rng(7))[0]
     chain = make_chain(Settings(coloring.window, 12.0, cell=1.0), coloring)
-    assert chain.index.cell_count.max() > prf.posterior.FIRST_CELL_ROOM
+    assert chain.edge_index.cell_count.max() > prf.posterior.FIRST_CELL_ROOM
     assert differences(chain) == structural_faults(chain) == []
     run(chain, np.random.default_rng(8), 2000)
     assert differences(chain) == structural_faults(chain) == []

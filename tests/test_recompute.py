@@ -175,8 +175,8 @@ def name_wrong_beam(chain: Chain) -> None:
 
 
 def unindex_an_edge(chain: Chain) -> None:
-    cell = int(np.flatnonzero(chain.index.cell_count)[0])
-    chain.index.cell_count[cell] -= 1
+    cell = int(np.flatnonzero(chain.edge_index.cell_count)[0])
+    chain.edge_index.cell_count[cell] -= 1
 
 
 def count_a_set_wrong(chain: Chain) -> None:

@@ -44,7 +44,7 @@ def fill_index(graph: Graph, index: EdgeIndex) -> bool:
 def trace_all(chain: Chain) -> None:
     """Find every beam's impact and log likelihood from its origin on."""
     for beam in range(chain.beams.ray.shape[0]):
-        trace_beam(chain.graph, chain.index, chain.beams, beam)
+        trace_beam(chain.graph, chain.edge_index, chain.beams, beam)
 
 
 @core
@@ -70,8 +70,8 @@ def resum(chain: Chain) -> None:
     this they follow from the graph and the impacts alone.
     """
     graph = chain.graph
-    chain.index.cell_count[:] = 0
-    if not fill_index(graph, chain.index):
+    chain.edge_index.cell_count[:] = 0
+    if not fill_index(graph, chain.edge_index):
         graph.counts[c.NEEDS_ROOM] = 1
     length = 0.0
     for i in range(graph.counts[c.EDGES]):

@@ -36,7 +36,7 @@ class Chain(NamedTuple):
     """Everything that one chain reads and writes."""
 
     graph: Graph
-    index: EdgeIndex
+    edge_index: EdgeIndex
     beams: Beams
     sensors: Sites
     image: Image
@@ -102,7 +102,7 @@ def apply(chain: Chain, log_prior_change: float, log_likelihood_change: float) -
     if chain.image.black.size > 0:
         update_image(chain, graph.counts[c.STEP])
     release_touched(chain.beams)
-    apply_edges(graph, chain.index, proposal)
+    apply_edges(graph, chain.edge_index, proposal)
     refresh_vertices(graph, proposal)
     apply_touched(chain.beams, proposal)
     window = graph.window

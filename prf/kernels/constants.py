@@ -35,7 +35,7 @@ N_SUMS = 3
 MOST_CHANGES = 8
 """No proposal removes or adds more edges or vertices than this."""
 
-# Moves (paper, figure 2), in the order of the table of move probabilities.
+# Moves in the order of the table of move probabilities: those of figure 2 of the paper, then ours.
 TRIANGLE_BIRTH = 0
 TRIANGLE_DEATH = 1
 BOUNDARY_BIRTH = 2
@@ -50,7 +50,9 @@ PAST_CORNER = 10
 RECOLOR = 11
 LOCAL_RECOLOR = 12
 SLIDE = 13
-N_MOVES = 14
+CUT_WALL = 14
+MEND_WALL = 15
+N_MOVES = 16
 
 # Columns of the table of outcomes.
 PROPOSED = 0
@@ -64,7 +66,8 @@ LOCAL_SHARE = 1  # share of births whose further vertices lie near the first
 BIRTH_REACH = 2  # median distance of those, m
 SPLIT_REACH = 3  # median distance of a split's new vertex from the edge, m
 MOVE_REACH = 4  # median displacement of a vertex move, m
-N_TUNING = 5
+CUT_REACH = 5  # median distance of the corners of a cut from the lines of the wall, m
+N_TUNING = 6
 
 # Columns of ``Laser.ray``.
 ORIGIN_X = 0

@@ -155,9 +155,9 @@ def add_edge(graph: Graph, a: int, b: int, length: float) -> int:
     attach(graph, a, edge)
     attach(graph, b, edge)
     set_add(graph, c.EDGES, edge)
-    if graph.vertex_side[a] != c.INTERIOR and graph.vertex_side[b] != c.INTERIOR:
-        if (graph.vertex_side[a] - graph.vertex_side[b]) % 2 != 0:
-            set_add(graph, c.CORNER_CUTS, edge)
+    on_border = graph.vertex_side[a] != c.INTERIOR and graph.vertex_side[b] != c.INTERIOR
+    if on_border and (graph.vertex_side[a] - graph.vertex_side[b]) % 2 != 0:
+        set_add(graph, c.CORNER_CUTS, edge)
     return edge
 
 

@@ -8,7 +8,15 @@ from prf.kernels import constants as c
 from prf.kernels._jit import core, core_entry
 from prf.kernels.chain import Chain, apply
 from prf.kernels.crossing import is_valid
-from prf.kernels.moves import boundary_triangle, corner_cut, interior_triangle, move_vertex, recolor, split_edge
+from prf.kernels.moves import (
+    boundary_triangle,
+    corner_cut,
+    cut_wall,
+    interior_triangle,
+    move_vertex,
+    recolor,
+    split_edge,
+)
 from prf.kernels.proposal import N_LOOP, clear, log_prior_change
 from prf.kernels.sites import any_inside
 from prf.kernels.touch import log_likelihood_change, touch_beams
@@ -38,7 +46,7 @@ def propose_vertex_move(chain: Chain, move: int, rng: np.random.Generator) -> tu
         return move_vertex.propose_past_corner(chain.graph, chain.proposal, chain.tuning, rng)
     if move == c.RECOLOR:
         return recolor.propose_global(chain.graph, chain.proposal, rng)
-    return recolor.propose_local(chain.graph, chain.index, chain.proposal, rng)
+    return recolor.propose_local(chain.graph, chain.edge_index, chain.proposal, rng)
 
 
 @core
@@ -62,7 +70,24 @@ def propose(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, fl
         return split_edge.propose_split(graph, proposal, tuning, odds, rng)
     if move == c.MERGE:
         return split_edge.propose_merge(graph, proposal, tuning, odds, rng)
+    if move == c.CUT_WALL:
+        return cut_wall.propose_cut(graph, chain.edge_index, proposal, tuning, odds, rng)
+    if move == c.MEND_WALL:
+        return cut_wall.propose_mend(graph, chain.edge_index, proposal, tuning, odds, rng)
     return propose_vertex_move(chain, move, rng)
+
+
+@core
+def log_ratio_of_cells(chain: Chain, move: int) -> float:
+    """The part of the log ratio of proposals that needs the cells of the new edges; -inf where no move leads back."""
+    graph, index, proposal = chain.graph, chain.edge_index, chain.proposal
+    if move == c.LOCAL_RECOLOR:
+        return recolor.local_log_ratio(graph, index, proposal)
+    if move == c.CUT_WALL:
+        return cut_wall.cut_returns(graph, index, proposal, chain.odds)
+    if move == c.MEND_WALL:
+        return cut_wall.mend_returns(graph, index, proposal, chain.tuning, chain.odds)
+    return 0.0
 
 
 @core
@@ -73,17 +98,18 @@ def evaluate(chain: Chain, move: int, log_proposal_ratio: float, log_u: float) -
     is false: such a proposal is rejected.
     """
     graph, proposal = chain.graph, chain.proposal
-    if not is_valid(graph, chain.index, proposal):
+    if not is_valid(graph, chain.edge_index, proposal):
         return False, 0.0, 0.0
     chain.outcomes[move, c.VALID] += 1
-    if move == c.LOCAL_RECOLOR:
-        log_proposal_ratio += recolor.local_log_ratio(graph, chain.index, proposal)
+    log_proposal_ratio += log_ratio_of_cells(chain, move)
+    if log_proposal_ratio == -math.inf:
+        return False, 0.0, 0.0
     prior = log_prior_change(graph, proposal, chain.tuning[c.SCALE])
     if chain.beams.ray.shape[0] == 0:
         return log_u < prior + log_proposal_ratio, prior, 0.0
     if any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
         return False, 0.0, 0.0
-    touch_beams(graph, chain.index, chain.beams, proposal)
+    touch_beams(graph, chain.edge_index, chain.beams, proposal)
     likelihood = log_likelihood_change(chain.beams)
     return log_u < prior + likelihood + log_proposal_ratio, prior, likelihood
 

@@ -108,7 +108,7 @@ def restore(sampler: ChainSampler, arrays: Arrays) -> None:
     capacity = len(graph.edge_length)
     sampler.chain = chain._replace(
         graph=graph,
-        index=make_index(graph, chain.index.grid, chain.index.cell_edges.shape[1]),
+        edge_index=make_index(graph, chain.edge_index.grid, chain.edge_index.cell_edges.shape[1]),
         beams=chain.beams._replace(first_beam=np.full(capacity, c.NONE, np.int32)),
         outcomes=arrays["outcomes"],
     )

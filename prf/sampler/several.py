@@ -34,6 +34,8 @@ MOVE_NAMES = (
     "recolor quadrilateral",
     "recolor local quadrilateral",
     "slide vertex",
+    "cut wall",
+    "mend wall",
 )
 """Names of the moves in the order of their table."""
 

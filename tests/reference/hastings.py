@@ -67,12 +67,12 @@ def attempt(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, bo
     """Propose, and apply what is valid; return (legal, valid, whether `evaluate` decides by log R, log R)."""
     graph, proposal = chain.graph, chain.proposal
     legal, of_proposals = propose(chain, move, rng)
-    if not legal or not is_valid(graph, chain.index, proposal):
+    if not legal or not is_valid(graph, chain.edge_index, proposal):
         return legal, False, True, -math.inf
     prior = log_prior_change(graph, proposal, chain.tuning[c.SCALE])
     ratio = prior + of_proposals
     if move == c.LOCAL_RECOLOR:
-        ratio += local_log_ratio(graph, chain.index, proposal)
+        ratio += local_log_ratio(graph, chain.edge_index, proposal)
     middle = max(ratio, -1e300)
     margin = TOLERANCE * max(1.0, abs(middle))
     decided = True
@@ -111,7 +111,7 @@ def make_lab(settings: Settings, rng: np.random.Generator) -> Lab:
     chain = make_chain(settings, Coloring.empty(settings.window))
     odds = rng.dirichlet(np.full(c.N_MOVES, 4.0))
     reaches = [float(chain.tuning[k]) for k in (c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH)]
-    return Lab(settings, Plan(settings.scale, settings.local_share, *reaches, odds, chain.index.grid))
+    return Lab(settings, Plan(settings.scale, settings.local_share, *reaches, odds, chain.edge_index.grid))
 
 
 def states(lab: Lab, n: int, rng: np.random.Generator) -> Iterator[Chain]:

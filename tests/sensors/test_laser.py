@@ -126,7 +126,7 @@ def test_impacts_are_those_of_shapely(window: Window, scale: float, max_range: f
 
 def round_sensors(window: Window, cell: float, chain: Chain) -> tuple[np.ndarray, np.ndarray]:
     """Sensors on round coordinates, and on borders and corners of the very cells, looking along axes and diagonals."""
-    grid = chain.index.grid
+    grid = chain.edge_index.grid
     i, k = np.meshgrid(np.arange(1, grid.nx - 1), np.arange(1, grid.ny - 1))
     corners = np.stack([grid.x0 + i.ravel() * grid.cell, grid.y0 + k.ravel() * grid.cell], axis=1)
     lattice = np.stack(

@@ -9,7 +9,7 @@ from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, are_adjacent, on_one_side, pick
 from prf.kernels.grid import walk
-from prf.kernels.proposal import Proposal, drop_edge, join, turn_at_vertex
+from prf.kernels.proposal import N_OLD_EDGES, Proposal, drop_edge, join, turn_at_vertex
 
 
 @core
@@ -60,12 +60,22 @@ def note_neighbor(index: EdgeIndex, n: int, edge: int) -> int:
 
 
 @core
+def mark_edges_at(graph: Graph, index: EdgeIndex, v: int) -> None:
+    """Keep the edges that end in v out of the list of neighbours in work."""
+    for k in range(2):
+        edge = graph.vertex_edges[v, k]
+        if edge != c.NONE:
+            index.marks[edge] = index.mark[0]
+
+
+@core
 def neighbors_now(graph: Graph, index: EdgeIndex, edge: int) -> int:
-    """List N(edge), the other edges that share a cell with it, in ``index.neighbors``; return their number."""
+    """List N(edge) in ``index.neighbors``: the edges that share a cell, but no vertex, with it; return their number."""
     xy = graph.edge_xy[edge]
     n_cells = walk(index.grid, xy[0], xy[1], xy[2], xy[3], index.path)
     index.mark[0] += 1
-    index.marks[edge] = index.mark[0]
+    mark_edges_at(graph, index, graph.edge_vertices[edge, 0])
+    mark_edges_at(graph, index, graph.edge_vertices[edge, 1])
     n = 0
     for k in range(n_cells):
         cell = index.path[k]
@@ -85,11 +95,19 @@ def new_edges_share_cell(proposal: Proposal) -> bool:
 
 
 @core
-def neighbors_after(index: EdgeIndex, proposal: Proposal, k: int) -> int:
-    """Number of edges that stay and share a cell with the new edge k."""
+def begin_list_after(graph: Graph, index: EdgeIndex, proposal: Proposal, k: int) -> None:
+    """Begin a list of neighbours of the new edge k: without the edges that go and those that share a vertex with k."""
     index.mark[0] += 1
-    index.marks[proposal.old_edges[0]] = index.mark[0]
-    index.marks[proposal.old_edges[1]] = index.mark[0]
+    for old in range(proposal.counts[N_OLD_EDGES]):
+        index.marks[proposal.old_edges[old]] = index.mark[0]
+    mark_edges_at(graph, index, proposal.new_edges[k, 0])
+    mark_edges_at(graph, index, proposal.new_edges[k, 1])
+
+
+@core
+def neighbors_after(graph: Graph, index: EdgeIndex, proposal: Proposal, k: int) -> int:
+    """Number of edges that stay and share a cell, but no vertex, with the new edge k."""
+    begin_list_after(graph, index, proposal, k)
     n = 0
     for i in range(proposal.n_cells[k]):
         cell = proposal.cells[k, i]
@@ -121,6 +139,6 @@ def local_log_ratio(graph: Graph, index: EdgeIndex, proposal: Proposal) -> float
         return -math.inf
     before = 1.0 / neighbors_now(graph, index, proposal.old_edges[0])
     before += 1.0 / neighbors_now(graph, index, proposal.old_edges[1])
-    after = 1.0 / (neighbors_after(index, proposal, 0) + 1)
-    after += 1.0 / (neighbors_after(index, proposal, 1) + 1)
+    after = 1.0 / (neighbors_after(graph, index, proposal, 0) + 1)
+    after += 1.0 / (neighbors_after(graph, index, proposal, 1) + 1)
     return math.log(after / before)
