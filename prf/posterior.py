@@ -25,16 +25,16 @@ DEFAULT_ODDS = {
     c.BOUNDARY_DEATH: 0.02,
     c.CORNER_BIRTH: 0.005,
     c.CORNER_DEATH: 0.005,
-    c.SPLIT: 0.12,
-    c.MERGE: 0.12,
-    c.MOVE_INTERIOR: 0.22,
+    c.SPLIT: 0.1,
+    c.MERGE: 0.1,
+    c.MOVE_INTERIOR: 0.2,
     c.MOVE_BOUNDARY: 0.04,
     c.PAST_CORNER: 0.01,
     c.RECOLOR: 0.02,
-    c.LOCAL_RECOLOR: 0.14,
-    c.SLIDE: 0.2,
-    c.CUT_WALL: 0.05,
-    c.MEND_WALL: 0.05,
+    c.LOCAL_RECOLOR: 0.1,
+    c.SLIDE: 0.19,
+    c.CUT_WALL: 0.08,
+    c.MEND_WALL: 0.08,
 }
 """Weight of each move; births and deaths equal, so that these cancel in the ratios."""
 
@@ -101,7 +101,7 @@ class Settings:
         tuning[c.BIRTH_REACH] = self.birth_reach or 0.1 / self.scale
         tuning[c.SPLIT_REACH] = self.split_reach or 0.02 / self.scale
         tuning[c.MOVE_REACH] = self.move_reach or 0.01 / self.scale
-        tuning[c.CUT_REACH] = self.cut_reach or 0.001 / self.scale
+        tuning[c.CUT_REACH] = self.cut_reach or 0.0005 / self.scale
         return tuning
 
     def cell_size(self) -> float:
