@@ -53,12 +53,12 @@ def structural_faults(chain: Chain) -> list[str]:
 
 
 def digest(chain: Chain, rng: np.random.Generator) -> dict[str, str]:
-    """Digest of everything that decides how a chain goes on, by part."""
+    """Digest of everything that decides how a chain goes on, by part; the room of its arrays does not."""
     graph, n = chain.graph, chain.graph.counts
     slots = np.concatenate([graph.members[k, : n[k]] for k in (c.INTERIOR_VERTICES, c.BOUNDARY_VERTICES)])
     edges = graph.members[c.EDGES, : n[c.EDGES]]
     parts = {
-        "counts": n[[k for k in range(c.N_COUNTS) if k not in (c.FREE_VERTICES, c.FREE_EDGES)]],
+        "counts": n[[k for k in range(c.N_COUNTS) if k not in (c.FREE_VERTICES, c.FREE_EDGES, c.NEEDS_ROOM)]],
         "sums": graph.sums,
         "vertices": np.concatenate(
             [graph.vertex_xy[slots].ravel(), graph.vertex_sine[slots], graph.vertex_side[slots]]
