@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from prf.coloring import Coloring
+from prf.coloring import Coloring, violations
 from prf.kernels import constants as c
 from prf.kernels.grid import Grid
 from prf.window import INTERIOR, Window
@@ -45,7 +45,7 @@ def test_what_is_applied_is_valid_and_what_is_refused_crosses(move: str, finding
 def test_refusals_and_ways_without_return_were_seen(findings: dict[str, Findings]) -> None:
     deaths = {"triangle death", "boundary death", "corner death"}
     assert {move for move in NAMES if findings[move].refused == 0} == deaths
-    assert {move for move in NAMES if findings[move].one_way > 0} == {"local recolor"}
+    assert {move for move in NAMES if findings[move].one_way > 0} == {"local recolor", "cut wall", "mend wall"}
 
 
 WINDOW = Window(0.0, 0.0, 2.0, 1.0)
@@ -53,7 +53,15 @@ GRID = Grid(-0.03, -0.03, 0.1, 21, 11)
 
 
 def plan(**changes: float) -> Plan:
-    tuning = {"scale": 1.0, "local": 0.0, "birth_reach": 0.1, "split_reach": 0.1, "move_reach": 0.1, **changes}
+    tuning = {
+        "scale": 1.0,
+        "local": 0.0,
+        "birth_reach": 0.1,
+        "split_reach": 0.1,
+        "move_reach": 0.1,
+        "cut_reach": 0.1,
+        **changes,
+    }
     return Plan(**tuning, odds=np.ones(c.N_MOVES), grid=GRID)
 
 
@@ -61,6 +69,48 @@ def loop(*points: tuple[float, float]) -> Coloring:
     n = len(points)
     edges = np.array([(k, (k + 1) % n) for k in range(n)], np.int32)
     return Coloring(WINDOW, np.array(points), np.full(n, INTERIOR, np.int8), edges, False)
+
+
+def rails(*loops: list[tuple[float, float]]) -> Coloring:
+    parts = [loop(*points) for points in loops]
+    start = np.cumsum([0, *(part.n_vertices for part in parts)])
+    edges = np.concatenate([part.edges + n for part, n in zip(parts, start, strict=False)])
+    xy = np.concatenate([part.xy for part in parts])
+    return Coloring(WINDOW, xy, np.full(len(xy), INTERIOR, np.int8), edges.astype(np.int32), False)
+
+
+def cut_wall(p: float, q: float, s: float, t: float) -> Coloring:
+    """The wall between y = 0.7 and y = 0.76, cut at these abscissae: q and t lie on the faces, p and s off them."""
+    west = [(0.2, 0.76), (0.2, 0.7), (p, 0.71), (s, 0.75)]
+    east = [(1.8, 0.7), (1.8, 0.76), (t, 0.76), (q, 0.7)]
+    return rails(west, east)
+
+
+def walls_by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]]:
+    wall = loop((0.2, 0.7), (1.8, 0.7), (1.8, 0.76), (0.2, 0.76))
+    cut = cut_wall(0.8, 1.0, 0.83, 1.02)
+
+    def reach(r: float) -> float:
+        return 0.1 / (0.1 + r) ** 2
+
+    aside = reach(0.01) ** 2 * reach(0.0) ** 2 * reach(0.03) * reach(0.02) / 2.0**6
+    density = (reach(0.2) + reach(0.19)) / 1.6 * aside
+    yield "cut", c.CUT_WALL, wall, cut, plan(), density / 4.0
+    yield "mend", c.MEND_WALL, cut, wall, plan(), 0.5 / 8.0 * (1.0 / 3.0 + 1.0 / 3.0)
+    # From the middle of the west jamb the block ends at 1.17, from that of the east one it begins at 0.77.
+    uneven = cut_wall(0.8, 1.15, 0.8, 1.18)
+    yield "mend from unequal jambs", c.MEND_WALL, uneven, wall, plan(), 0.5 / 8.0 * (1.0 / 2.0 + 1.0 / 3.0)
+    # The block of the west jamb ends at 1.17: it meets the slanted east jamb, whose own begins at 0.87.
+    one_sided = cut_wall(0.8, 1.1, 0.8, 1.4)
+    yield "mend from one jamb", c.MEND_WALL, one_sided, wall, plan(), 0.5 / 8.0 / 2.0
+    yield "too wide a gap to mend", c.MEND_WALL, cut_wall(0.8, 1.4, 0.8, 1.4), wall, plan(), 0.0
+    aside = reach(0.01) ** 2 * reach(0.0) ** 4 / 2.0**6
+    yield "wide cut", c.CUT_WALL, wall, cut_wall(0.8, 1.4, 0.8, 1.4), plan(), 2.0 * reach(0.6) / 1.6 * aside / 4.0
+    overlap = rails(
+        [(0.2, 0.76), (0.2, 0.7), (1.0, 0.7), (0.8, 0.75)], [(1.8, 0.7), (1.8, 0.76), (1.75, 0.76), (0.9, 0.69)]
+    )
+    assert not violations(overlap)
+    yield "cut out of order", c.CUT_WALL, wall, overlap, plan(), 0.0
 
 
 def by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]]:
@@ -85,6 +135,7 @@ def by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]]:
     yield "split", c.SPLIT, triangle, split, plan(), density / 3.0
     yield "merge", c.MERGE, split, triangle, plan(), 0.25
     yield "merge of a triangle", c.MERGE, triangle, empty, plan(), 0.0
+    yield from walls_by_hand()
 
 
 @pytest.mark.parametrize("name", [example[0] for example in by_hand()])

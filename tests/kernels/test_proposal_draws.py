@@ -21,13 +21,13 @@ from prf.kernels.chain import Chain
 from prf.kernels.proposal import N_NEW_VERTICES
 from prf.layout import read_coloring
 from prf.window import INTERIOR
-from tests.reference.hastings import CASES, NAMES, Lab, attempt, make_lab, states
-from tests.reference.plain_map import PlainMap, Point, corner_between, foot_and_offset, plain_map
+from tests.reference.hastings import CASES, NAMES, Lab, attempt, make_lab, states, tries
+from tests.reference.plain_map import PlainMap, Point, corner_between, foot_and_offset, plain_map, sharing_cells
 from tests.reference.proposals import Plan, log_proposal_density, new_points
-from tests.reference.scripted import LAST, SCRIPTS, across, along, gone_vertex, reached, scripted
+from tests.reference.scripted import LAST, SCRIPTS, across, along, edge_slot, gone_vertex, pick, reached, scripted
 
 SEED = 20050726
-STEP = 1e-6
+STEP = 1e-4
 
 
 class Branch(NamedTuple):
@@ -112,6 +112,23 @@ def past_corner(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[
     yield Branch(plan.local * picked, local, [3])
 
 
+def cut_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
+    near_by = sharing_cells(x.edges, plan.grid)
+    scripts = list(SCRIPTS[c.CUT_WALL](chain, x, y, plan))
+    for first in x.edges - y.edges:
+        picked = pick(chain, c.EDGES, edge_slot(chain, first))
+        ways = (numbers for numbers in scripts if numbers[0] == picked and leads_to(chain, numbers, x, y))
+        signs = 0.5**6
+        yield Branch(signs / (len(x.edges) * len(near_by[first])), next(ways), [2, 3, 4, 6, 8, 10, 12, 14])
+
+
+def leads_to(chain: Chain, numbers: list[float], x: PlainMap, y: PlainMap) -> bool:
+    """Whether a cut with these numbers takes the faces that y lacks: they may pick another second face."""
+    trial = copy.deepcopy(chain)
+    attempt(trial, c.CUT_WALL, scripted(numbers))
+    return not (x.edges - y.edges) & plain_map(read_coloring(trial.graph)).edges
+
+
 BRANCHES: dict[int, Callable[[Chain, PlainMap, PlainMap, Plan], Iterator[Branch]]] = {
     c.TRIANGLE_BIRTH: triangle_birth,
     c.BOUNDARY_BIRTH: boundary_birth,
@@ -120,6 +137,7 @@ BRANCHES: dict[int, Callable[[Chain, PlainMap, PlainMap, Plan], Iterator[Branch]
     c.MOVE_INTERIOR: move_interior,
     c.MOVE_BOUNDARY: move_boundary,
     c.PAST_CORNER: past_corner,
+    c.CUT_WALL: cut_wall,
 }
 
 
@@ -151,8 +169,8 @@ def density(start: Chain, move: int, branch: Branch, target: PlainMap) -> float:
 
 def proposals(lab: Lab, move: int, rng: np.random.Generator) -> Iterator[tuple[Chain, Chain]]:
     for start in states(lab, 3, rng):
-        for _ in range(30):
-            chain = copy.deepcopy(start)
+        chain = copy.deepcopy(start)
+        for _ in range(tries(move)):
             if attempt(chain, move, rng)[1]:
                 yield start, chain
                 break

@@ -23,9 +23,8 @@ from prf.kernels import constants as c
 from prf.kernels._jit import core_entry
 from prf.kernels.chain import Chain, apply
 from prf.kernels.crossing import is_valid
-from prf.kernels.moves.recolor import local_log_ratio
 from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, log_prior_change
-from prf.kernels.step import evaluate, propose, run
+from prf.kernels.step import evaluate, log_ratio_of_cells, propose, run
 from prf.layout import grow, read_coloring
 from prf.posterior import Settings, make_chain
 from prf.window import Window
@@ -49,16 +48,27 @@ NAMES = (
     "recolor",
     "local recolor",
     "slide",
+    "cut wall",
+    "mend wall",
 )
 TRIES = 50
-"""Attempts at a move in one state, until one is valid."""
+WALL_TRIES = 600
+"""Attempts at a move in one state, until one is valid; at a cut or a mend, of which few are."""
 
 CASES = (
-    Settings(Window(0.0, 0.0, 1.0, 1.0), 1.0, cell=0.2),
-    Settings(Window(3.0, -1.5, 5.0, -0.5), 0.7, cell=0.07, local_share=0.5, birth_reach=0.4, split_reach=0.1),
+    Settings(Window(0.0, 0.0, 1.0, 1.0), 1.0, cell=0.2, cut_reach=0.03),
+    Settings(
+        Window(3.0, -1.5, 5.0, -0.5),
+        0.7,
+        cell=0.07,
+        local_share=0.5,
+        birth_reach=0.4,
+        split_reach=0.1,
+        cut_reach=0.02,
+    ),
     Settings(Window(-0.5, 10.0, 0.5, 13.0), 0.5, local_share=0.9, move_reach=0.2),
-    Settings(Window(-5.0, -5.0, 5.0, 5.0), 0.12, cell=1.7),
-    Settings(Window(0.0, 0.0, 1.5, 1.0), 1.1, cell=0.05, birth_reach=0.02),
+    Settings(Window(-5.0, -5.0, 5.0, 5.0), 0.12, cell=1.7, cut_reach=0.3),
+    Settings(Window(0.0, 0.0, 1.5, 1.0), 1.1, cell=0.05, birth_reach=0.02, cut_reach=0.01),
 )
 
 
@@ -70,9 +80,7 @@ def attempt(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, bo
     if not legal or not is_valid(graph, chain.edge_index, proposal):
         return legal, False, True, -math.inf
     prior = log_prior_change(graph, proposal, chain.tuning[c.SCALE])
-    ratio = prior + of_proposals
-    if move == c.LOCAL_RECOLOR:
-        ratio += local_log_ratio(graph, chain.edge_index, proposal)
+    ratio = prior + of_proposals + log_ratio_of_cells(chain, move)
     middle = max(ratio, -1e300)
     margin = TOLERANCE * max(1.0, abs(middle))
     decided = True
@@ -110,22 +118,26 @@ class Lab(NamedTuple):
 def make_lab(settings: Settings, rng: np.random.Generator) -> Lab:
     chain = make_chain(settings, Coloring.empty(settings.window))
     odds = rng.dirichlet(np.full(c.N_MOVES, 4.0))
-    reaches = [float(chain.tuning[k]) for k in (c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH)]
+    reaches = [float(chain.tuning[k]) for k in (c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH, c.CUT_REACH)]
     return Lab(settings, Plan(settings.scale, settings.local_share, *reaches, odds, chain.edge_index.grid))
 
 
+def tries(move: int) -> int:
+    return WALL_TRIES if move in (c.CUT_WALL, c.MEND_WALL) else TRIES
+
+
 def states(lab: Lab, n: int, rng: np.random.Generator) -> Iterator[Chain]:
-    """Yield chains at exact draws of 5 to 40 edges that made some steps and some births more."""
+    """Yield chains at exact draws of 5 to 40 edges that made some steps, some births more and a cut."""
     settings = lab.settings
     draws = [d for d in exact_draws(settings.scale, settings.window, 5 * n, rng) if 5 <= d.n_edges <= 40]
     for draw in draws[:n]:
         chain = lab.chain_at(draw)
         while not run(chain, rng, 50):
             chain = grow(chain)
-        for birth in (c.TRIANGLE_BIRTH, c.TRIANGLE_BIRTH, c.BOUNDARY_BIRTH, c.CORNER_BIRTH):
-            for _ in range(TRIES):
+        for move in (c.TRIANGLE_BIRTH, c.TRIANGLE_BIRTH, c.BOUNDARY_BIRTH, c.CORNER_BIRTH, c.CUT_WALL):
+            for _ in range(tries(move)):
                 chain = with_room(chain)
-                if attempt(chain, birth, rng)[1]:
+                if attempt(chain, move, rng)[1]:
                     break
         yield with_room(chain)
 
@@ -209,8 +221,8 @@ def check_unapplied(lab: Lab, move: int, x: Coloring, chain: Chain, valid: bool,
 def try_move(lab: Lab, move: int, start: Chain, rng: np.random.Generator, found: Findings) -> None:
     """Attempt one move from the same state until it is applied."""
     x = read_coloring(start.graph)
-    for _ in range(TRIES):
-        chain = copy.deepcopy(start)
+    chain = copy.deepcopy(start)
+    for _ in range(tries(move)):
         legal, valid, decided, ratio = attempt(chain, move, rng)
         if not decided:
             found.problems.append(f"`evaluate` does not decide by log R = {ratio}")

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from prf.coloring import Coloring
 from prf.kernels.grid import Grid
@@ -77,23 +78,40 @@ def corner_between(window: Window, s: int, t: int) -> Point | None:
 def cells_passed(grid: Grid, a: Point, b: Point) -> frozenset[tuple[int, int]]:
     """Cells (ix, iy) with which the segment ab has more than a point in common: clipped against every square."""
     ix, iy = np.meshgrid(np.arange(grid.nx), np.arange(grid.ny))
-    enter, leave = np.zeros(ix.shape), np.ones(ix.shape)
-    for start, end, low in ((a[0], b[0], grid.x0 + ix * grid.cell), (a[1], b[1], grid.y0 + iy * grid.cell)):
-        high = low + grid.cell
+    low_x, low_y = grid.x0 + ix * grid.cell, grid.y0 + iy * grid.cell
+    passed = passes(a, b, (low_x, low_y), (low_x + grid.cell, low_y + grid.cell))
+    return frozenset(zip(ix[passed].tolist(), iy[passed].tolist(), strict=True))
+
+
+def passes(a: Point, b: Point, lows: tuple[ArrayLike, ArrayLike], highs: tuple[ArrayLike, ArrayLike]) -> NDArray:
+    """Whether the segment ab has more than a point in common with each of the rectangles from `lows` to `highs`."""
+    shape = np.shape(lows[0])
+    enter, leave = np.zeros(shape), np.ones(shape)
+    for start, end, low, high in zip(a, b, lows, highs, strict=True):
         if start == end:
             leave = np.where((low < start) & (start < high), leave, -1.0)
         else:
             first, second = (low - start) / (end - start), (high - start) / (end - start)
             enter = np.maximum(enter, np.minimum(first, second))
             leave = np.minimum(leave, np.maximum(first, second))
-    passed = enter < leave
-    return frozenset(zip(ix[passed].tolist(), iy[passed].tolist(), strict=True))
+    return enter < leave
 
 
 def sharing_cells(edges: Iterable[Edge], grid: Grid) -> dict[Edge, list[Edge]]:
-    """For each edge the other edges that pass through a cell that it passes through."""
+    """N: for each edge those that pass through a cell that it passes through and share no vertex with it."""
     cells = {edge: cells_passed(grid, *sorted(edge)) for edge in edges}
-    return {e: [f for f in cells if f != e and cells[e] & cells[f]] for e in cells}
+    return {e: [f for f in cells if not e & f and cells[e] & cells[f]] for e in cells}
+
+
+def round_the_middle(edges: Iterable[Edge], grid: Grid, jamb: Edge) -> list[Edge]:
+    """M: the edges that share no vertex with the jamb and pass through the 7 x 7 cells round the cell of its middle."""
+    a, b = jamb
+    lows, highs = [], []
+    for start, end, origin, n in ((a[0], b[0], grid.x0, grid.nx), (a[1], b[1], grid.y0, grid.ny)):
+        cell = math.floor((0.5 * (start + end) - origin) / grid.cell)
+        lows.append(origin + max(cell - 3, 0) * grid.cell)
+        highs.append(origin + min(cell + 4, n) * grid.cell)
+    return [edge for edge in edges if not edge & jamb and passes(*sorted(edge), tuple(lows), tuple(highs))]
 
 
 def anchor_changes(x: PlainMap, y: PlainMap) -> bool:
@@ -120,8 +138,8 @@ def _left(a: Point, b: Point, c: Point) -> bool:
 
 
 def foot_and_offset(v: Point, u: Point, w: Point) -> tuple[float, float]:
-    """Foot of v on the line uw, as a share of uw, and the distance of v from that line."""
+    """Foot of v on the line uw, as a share of uw, and the distance of v from that line, positive on its left."""
     length = math.dist(u, w)
     along = ((v[0] - u[0]) * (w[0] - u[0]) + (v[1] - u[1]) * (w[1] - u[1])) / length**2
     across = ((w[0] - u[0]) * (v[1] - u[1]) - (w[1] - u[1]) * (v[0] - u[0])) / length
-    return along, abs(across)
+    return along, across

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from prf.coloring import Coloring
 from prf.kernels import constants as c
 from prf.kernels.grid import Grid
+from prf.window import INTERIOR
 from tests.reference.plain_map import (
     Edges,
     PlainMap,
@@ -30,6 +31,7 @@ from tests.reference.plain_map import (
     corner_between,
     foot_and_offset,
     plain_map,
+    round_the_middle,
     sharing_cells,
 )
 from tests.reference.slow_coloring import slow_log_density
@@ -41,6 +43,7 @@ REVERSE = {
     c.BOUNDARY_BIRTH: c.BOUNDARY_DEATH,
     c.CORNER_BIRTH: c.CORNER_DEATH,
     c.SPLIT: c.MERGE,
+    c.CUT_WALL: c.MEND_WALL,
 }
 REVERSE |= {back: move for move, back in REVERSE.items()}
 
@@ -53,6 +56,7 @@ class Plan(NamedTuple):
     birth_reach: float
     split_reach: float
     move_reach: float
+    cut_reach: float
     odds: NDArray[np.float64]
     grid: Grid
 
@@ -132,7 +136,7 @@ def split(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
         u, w = edge
         foot, offset = foot_and_offset(v, u, w)
         if 0.0 < foot < 1.0:
-            density = reach(offset, plan.split_reach) / (2.0 * math.dist(u, w))
+            density = reach(abs(offset), plan.split_reach) / (2.0 * math.dist(u, w))
             yield frozenset([edge]), chain(u, v, w), density / len(x.edges)
 
 
@@ -206,6 +210,52 @@ def slide(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
                 yield frozenset(x.edges_at(v)), chain(u, moved, w), density
 
 
+def corners_density(e: tuple[Point, Point], f: tuple[Point, Point], corners: tuple[Point, ...], plan: Plan) -> float:
+    """D(e) of the corners p, q, s, t between the faces e = ab and f = ru; 0 where they are not drawn so.
+
+    Along e the order is a, p, q, b, and along f it is r, s, t, u.
+    """
+    p, q, s, t = corners
+    lengths = math.dist(*e), math.dist(*f)
+    (on_p, off_p), (on_q, off_q) = foot_and_offset(p, *e), foot_and_offset(q, *e)
+    (on_s, off_s), (on_t, off_t) = foot_and_offset(s, *f), foot_and_offset(t, *f)
+    if not (0.0 < on_p < on_q < 1.0 and 0.0 < on_s < on_t < 1.0):
+        return 0.0
+    slips = [(foot - foot_and_offset(v, *f)[0]) * lengths[1] for foot, v in ((on_s, p), (on_t, q))]
+    aside = math.prod(0.5 * reach(abs(distance), plan.cut_reach) for distance in (off_p, off_q, off_s, off_t, *slips))
+    return reach((on_q - on_p) * lengths[0], plan.birth_reach) / lengths[0] * aside
+
+
+def cut_wall(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    near_by = sharing_cells(x.edges, plan.grid)
+    corners = new_points(x, y, False)
+    for e in x.edges - y.edges:  # Faces that stay lead elsewhere.
+        a, b = sorted(e)
+        for f in near_by[e]:
+            for (r, u), (p, q, s, t) in itertools.product(
+                itertools.permutations(f), itertools.permutations(corners, 4)
+            ):
+                density = corners_density((a, b), (r, u), (p, q, s, t), plan)
+                if density > 0.0:
+                    density /= len(x.edges) * len(near_by[e])
+                    yield frozenset((e, f)), chain(a, p, s, r) | chain(b, q, t, u), density
+
+
+def mend_wall(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    for j in x.edges - y.edges:  # Jambs that stay lead elsewhere.
+        p, s = j
+        partners = round_the_middle(x.edges, plan.grid, j)
+        for q, t in (ends for k in partners for ends in itertools.permutations(k)):
+            corners = {p, q, s, t}
+            if any(x.side[v] != INTERIOR for v in corners):
+                continue
+            (a,), (r,), (b,), (u,) = (set(x.neighbors(v)) - {w} for v, w in ((p, s), (s, p), (q, t), (t, q)))
+            faces = frozenset(map(frozenset, ((a, b), (r, u))))
+            is_legal = len({a, b, r, u} - corners) == 4 and not faces & x.edges
+            if is_legal and not any(x.same_side(*face) for face in faces):
+                yield chain(a, p, s, r) | chain(b, q, t, u), faces, 0.5 / (len(x.edges) * len(partners))
+
+
 WAYS: dict[int, Callable[[PlainMap, PlainMap, Plan], Iterator[Way]]] = {
     c.TRIANGLE_BIRTH: triangle_birth,
     c.TRIANGLE_DEATH: triangle_death,
@@ -221,6 +271,8 @@ WAYS: dict[int, Callable[[PlainMap, PlainMap, Plan], Iterator[Way]]] = {
     c.RECOLOR: recolor,
     c.LOCAL_RECOLOR: local_recolor,
     c.SLIDE: slide,
+    c.CUT_WALL: cut_wall,
+    c.MEND_WALL: mend_wall,
 }
 
 

@@ -6,8 +6,9 @@ no longer fits its kernel does not reach its map, which the tests notice.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -141,9 +142,8 @@ def split(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[f
     (v,) = new_points(x, y, False)
     u, w = end_points(chain, edge)
     foot, offset = foot_and_offset(v, u, w)
-    is_left = (w[0] - u[0]) * (v[1] - u[1]) > (w[1] - u[1]) * (v[0] - u[0])
     picked = pick(chain, c.EDGES, edge_slot(chain, edge))
-    yield [picked, foot, reached(offset, plan.split_reach), LAST if is_left else 0.0]
+    yield [picked, foot, reached(abs(offset), plan.split_reach), LAST if offset > 0.0 else 0.0]
 
 
 def merge(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
@@ -200,6 +200,44 @@ def slide(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[f
             yield [pick(chain, c.INTERIOR_VERTICES, slot), LAST if k else 0.0, (stretch - 0.5) / 1.5]
 
 
+def outer(x: PlainMap, jamb: Iterable[Point]) -> list[Point]:
+    """The neighbours of a jamb's corners along the walls, in the order of the corners."""
+    p, s = jamb
+    return [u for v, w in ((p, s), (s, p)) for u in x.neighbors(v) if u != w]
+
+
+def signed(distance: float, m: float) -> list[float]:
+    return [reached(abs(distance), m), 0.0 if distance > 0.0 else LAST]
+
+
+def cut_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    m = plan.cut_reach
+    for e, f in itertools.permutations(x.edges - y.edges):
+        (a, b), face = end_points(chain, e), end_points(chain, f)
+        (p,), (q,) = ([w for w in y.neighbors(v) if w not in x.side] for v in (a, b))
+        (s,), (t,) = ([w for w in y.neighbors(v) if w not in x.side] for v in (p, q))
+        feet = [foot_and_offset(v, a, b) for v in (p, q)]
+        gap = (feet[1][0] - feet[0][0]) * math.dist(a, b)
+        numbers = [feet[0][0], reached(gap, plan.birth_reach), *signed(feet[0][1], m), *signed(feet[1][1], m)]
+        far = [foot_and_offset(v, *face) for v in (s, t)]
+        shadows = [foot_and_offset(v, *face)[0] for v in (p, q)]
+        for (foot, _), shadow in zip(far, shadows, strict=True):
+            numbers += signed((foot - shadow) * math.dist(*face), m)
+        numbers += [*signed(far[0][1], m), *signed(far[1][1], m)]
+        for place in range(len(x.edges)):
+            yield [pick(chain, c.EDGES, edge_slot(chain, e)), (place + 0.5) / len(x.edges), *numbers]
+
+
+def mend_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    jambs = [edge for edge in x.edges if not edge & y.side.keys()]
+    for j, k in itertools.permutations(jambs):
+        a, _ = outer(x, end_points(chain, j))
+        b, _ = outer(x, end_points(chain, k))
+        pairing = LAST if frozenset((a, b)) in y.edges else 0.0
+        for place in range(len(x.edges)):
+            yield [pick(chain, c.EDGES, edge_slot(chain, j)), (place + 0.5) / len(x.edges), pairing]
+
+
 SCRIPTS: dict[int, Script] = {
     c.TRIANGLE_BIRTH: triangle_birth,
     c.TRIANGLE_DEATH: triangle_death,
@@ -215,4 +253,6 @@ SCRIPTS: dict[int, Script] = {
     c.RECOLOR: recolor,
     c.LOCAL_RECOLOR: local_recolor,
     c.SLIDE: slide,
+    c.CUT_WALL: cut_wall,
+    c.MEND_WALL: mend_wall,
 }

@@ -30,6 +30,8 @@ SLIDE_END = """* (graph.vertex_xy[v, 1] - graph.vertex_xy[u, 1])
 TRIANGLE_LOCAL = "2.0 * (near_uv * near_wu + near_uv * near_vw + near_vw * near_wu) / surface"
 NO_COUNTS = ("recolor.py", "return math.log(after / before)", "return 0.0")
 
+SECOND_FACE = "corners_density(graph, tuning, r, u, s, t, p, q, a, b)"
+
 INTACT = Mutant("intact", ())
 SLIDE = Mutant(
     "slide with the factor r / r'",
@@ -50,6 +52,24 @@ BIRTH = Mutant(
 MERGE = Mutant(
     "merge that ignores the changed number of edges",
     (("split_edge.py", "edges_after = graph.counts[c.EDGES] - 1", "edges_after = graph.counts[c.EDGES]"),),
+)
+CUT_COUNTS = Mutant(
+    "cut without the partner counts",
+    (
+        ("cut_wall.py", "density += 1.0 / partners_after(graph, index, proposal, FIRST_JAMB)", "density += 1.0"),
+        ("cut_wall.py", "density += 1.0 / partners_after(graph, index, proposal, SECOND_JAMB)", "density += 1.0"),
+    ),
+)
+MEND_EDGES = Mutant(
+    "mend that ignores the changed number of edges",
+    (("cut_wall.py", "edges_after = graph.counts[c.EDGES] - 4", "edges_after = graph.counts[c.EDGES]"),),
+)
+ONE_FACE = Mutant(
+    "cut that could have begun at one face alone",
+    (
+        ("cut_wall.py", "forward += corners_density(", "forward += 0.0 * corners_density("),
+        ("cut_wall.py", f"density += {SECOND_FACE} / n_second", "density += 0.0"),
+    ),
 )
 
 

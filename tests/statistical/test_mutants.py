@@ -17,6 +17,9 @@ SUSPECTS = {
     mutants.COUNTS: {"local recolor"},
     mutants.BIRTH: {"triangle birth", "triangle death"},
     mutants.MERGE: {"merge"},
+    mutants.CUT_COUNTS: {"cut wall"},
+    mutants.MEND_EDGES: {"mend wall"},
+    mutants.ONE_FACE: {"cut wall", "mend wall"},
 }
 
 
