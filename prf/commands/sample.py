@@ -174,6 +174,7 @@ def _open(
         if sessions.needs_compiling():
             logger.info("compiling kernels (once; about half a minute) ...")
         session = sessions.start(laser, prepared, folder, used_seed, n_threads)
+        session.sampler.compile()
     beams, window = session.output.beams, session.sampler.settings.window
     logger.info(
         f"{len(beams.range)} beams, window {window.width:.1f} x {window.height:.1f} m, "
