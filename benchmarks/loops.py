@@ -15,10 +15,9 @@ from prf.kernels.chain import Chain, apply_edges, refresh_vertices
 from prf.kernels.crossing import is_valid
 from prf.kernels.geometry import inside_loop
 from prf.kernels.laser import beam_log_likelihood
-from prf.kernels.moves import recolor
 from prf.kernels.proposal import N_LOOP, N_OLD_EDGES, log_prior_change
 from prf.kernels.sites import any_inside
-from prf.kernels.step import choose_move, evaluate, propose, step
+from prf.kernels.step import choose_move, evaluate, log_ratio_of_cells, propose, step
 from prf.kernels.touch import (
     NEW_EDGE,
     log_likelihood_change,
@@ -60,9 +59,10 @@ def run_to_stage(chain: Chain, rng: np.random.Generator, n: int, stage: int) -> 
         chain.outcomes[move, c.VALID] += 1
         if stage == CROSSING:
             continue
-        if move == c.LOCAL_RECOLOR:
-            total += recolor.local_log_ratio(graph, chain.edge_index, proposal)
-        total += log_prior_change(graph, proposal, chain.tuning[c.SCALE])
+        ratio = log_ratio_of_cells(chain, move)
+        if ratio == -math.inf:
+            continue
+        total += ratio + log_prior_change(graph, proposal, chain.tuning[c.SCALE])
         if stage == PRIOR or any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
             continue
         if stage == SENSORS:
@@ -123,8 +123,9 @@ def step_from_scratch(chain: Chain, rng: np.random.Generator) -> None:
     if not is_valid(graph, chain.edge_index, proposal):
         return
     chain.outcomes[move, c.VALID] += 1
-    if move == c.LOCAL_RECOLOR:
-        ratio += recolor.local_log_ratio(graph, chain.edge_index, proposal)
+    ratio += log_ratio_of_cells(chain, move)
+    if ratio == -math.inf:
+        return
     prior = log_prior_change(graph, proposal, chain.tuning[c.SCALE])
     if any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
         return

@@ -41,6 +41,8 @@ CHANGES: dict[str, dict[str, float]] = {
     "split reach x 3": {"split_reach": 3.0},
     "birth reach x 0.3": {"birth_reach": 0.3},
     "birth reach x 3": {"birth_reach": 3.0},
+    "cut reach x 0.3": {"cut_reach": 0.3},
+    "cut reach x 3": {"cut_reach": 3.0},
     "local share 0.95": {"local_share": 0.95},
 }
 
@@ -48,7 +50,12 @@ CHANGES: dict[str, dict[str, float]] = {
 def changed(settings: Settings, change: dict[str, float]) -> Settings:
     """Return settings whose reaches are multiples of the defaults, other fields as given."""
     tuning = settings.tuning()
-    defaults = {"move_reach": c.MOVE_REACH, "split_reach": c.SPLIT_REACH, "birth_reach": c.BIRTH_REACH}
+    defaults = {
+        "move_reach": c.MOVE_REACH,
+        "split_reach": c.SPLIT_REACH,
+        "birth_reach": c.BIRTH_REACH,
+        "cut_reach": c.CUT_REACH,
+    }
     values = {
         name: float(tuning[defaults[name]]) * value if name in defaults else value for name, value in change.items()
     }
@@ -112,6 +119,11 @@ def rows(contenders: dict[str, Contender]) -> list[dict[str, Any]]:
     return found
 
 
+def label(name: str) -> str:
+    """Return a move's name in six letters."""
+    return "".join(word[:3] for word in name.split()[:2])
+
+
 def main() -> None:
     """Run and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -126,7 +138,7 @@ def main() -> None:
             f"{row['name']:18} {row['steps_per_second']:8,.0f} {row['accepted_per_second']:11,.0f} |"
             f" {ess[0]:12.2f} {ess[1]:6.2f} {ess[2]:8.2f} | {jump[0]:16.2f} {jump[1]:6.2f} {jump[2]:8.2f}"
         )
-    print("\nacceptance            " + " ".join(f"{name[1:2]}{name[4:7]:>4}" for name in worlds.MOVES.values()))
+    print("\nacceptance            " + " ".join(f"{label(name):>6}" for name in worlds.MOVES.values()))
     for row in found:
         print(f"{row['name']:20} " + " ".join(f"{share:6.2%}" for share in row["acceptance"]))
 

@@ -42,6 +42,8 @@ MOVES = {
     c.RECOLOR: "(h) recolour",
     c.LOCAL_RECOLOR: "(i) local recolour",
     c.SLIDE: "(j) slide",
+    c.CUT_WALL: "cut wall",
+    c.MEND_WALL: "mend wall",
 }
 
 Loop = Callable[[Chain, np.random.Generator, int], bool]
