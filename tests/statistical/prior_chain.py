@@ -1,7 +1,8 @@
-"""A long chain on the prior of the unit square, p = 1, and the z-scores of the exact laws.
+"""A long chain on the prior of the unit square and the z-scores of the exact laws.
 
-``python -m tests.statistical.prior_chain STEPS SEED MOVE=ODDS ...`` prints them as JSON; odds replace the defaults, so
-that a doubtful move acts more often. Cells of 0.2 m let the local recolouring find neighbours.
+``python -m tests.statistical.prior_chain STEPS SEED MOVE=ODDS ... setting=NUMBER ...`` prints them as JSON; odds
+replace the defaults, so that a doubtful move acts more often. Settings are p = 1, unless given, and those of the
+sampler, but cells of 0.2 m, which let the local recolouring find neighbours.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import json
 import sys
 
 import numpy as np
+from numpy.typing import NDArray
 
 import prf
 from prf.coloring import Coloring, Draws
@@ -26,10 +28,10 @@ BURN_IN = 200_000
 N_BATCHES = 100
 
 
-def prior_draws(steps: int, seed: int, odds: dict[int, float]) -> Draws:
-    """Return every `THIN`-th map of one chain from the empty map, after the burn-in."""
+def prior_draws(steps: int, seed: int, settings: Settings, odds: dict[int, float]) -> tuple[Draws, NDArray[np.int64]]:
+    """Return every `THIN`-th map of one chain from the empty map, after the burn-in, and the outcomes of its moves."""
     rng = np.random.default_rng(seed)
-    chain = make_chain(Settings(UNIT, 1.0, cell=0.2), Coloring.empty(UNIT))
+    chain = make_chain(settings, Coloring.empty(UNIT))
     for move, share in odds.items():
         chain.odds[move] = share
     chain.odds[:] /= chain.odds.sum()
@@ -38,18 +40,22 @@ def prior_draws(steps: int, seed: int, odds: dict[int, float]) -> Draws:
         while not run(chain, rng, until):
             chain = grow(chain)
         maps.append(read_coloring(chain.graph))
-    return Draws.from_colorings(maps, UNIT)
+    return Draws.from_colorings(maps, UNIT), chain.outcomes
 
 
 if __name__ == "__main__":
     steps, seed = int(sys.argv[1]), int(sys.argv[2])
-    odds = {getattr(c, name): float(share) for name, share in (text.split("=") for text in sys.argv[3:])}
-    draws = prior_draws(steps, seed, odds)
-    scores = law_scores(draws, 1.0, UNIT, batch=len(draws) // N_BATCHES)
+    numbers = {name: float(number) for name, number in (text.split("=") for text in sys.argv[3:])}
+    odds = {getattr(c, name): share for name, share in numbers.items() if name.isupper()}
+    changes = {name: number for name, number in numbers.items() if name.islower()}
+    settings = Settings(UNIT, **{"scale": 1.0, "cell": 0.2, **changes})
+    draws, outcomes = prior_draws(steps, seed, settings, odds)
+    scores = law_scores(draws, settings.scale, UNIT, batch=len(draws) // N_BATCHES)
     found = {
         "package": prf.__file__,
         "z": scores.z,
         "relative_error_edges": scores.relative_error_edges,
         "mean_edges": float(draws.n_edges.mean()),
+        "accepted": outcomes[:, c.ACCEPTED].tolist(),
     }
     print(json.dumps(found))
