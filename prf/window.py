@@ -71,13 +71,15 @@ class Window(NamedTuple):
         """The anchor point p0 of every coloring in this window."""
         return 0.5 * (self.x_min + self.x_max), 0.5 * (self.y_min + self.y_max)
 
-    def contains(self, xy: ArrayLike) -> NDArray[np.bool_]:
-        """Return which points lie in the closed rectangle.
+    def contains(self, xy: ArrayLike, strictly: bool = False) -> NDArray[np.bool_]:
+        """Return which points lie in the rectangle.
 
         Parameters
         ----------
         xy : (n, 2) array
             Points; nan is outside.
+        strictly : bool
+            Leave the border out: there a point has no colour of its own.
 
         Returns
         -------
@@ -85,7 +87,9 @@ class Window(NamedTuple):
         """
         points = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
         lower, upper = np.array(self[:2]), np.array(self[2:])
-        inside: NDArray[np.bool_] = np.all((points >= lower) & (points <= upper), axis=1)
+        above = points > lower if strictly else points >= lower
+        below = points < upper if strictly else points <= upper
+        inside: NDArray[np.bool_] = np.all(above & below, axis=1)
         return inside
 
     def to_array(self) -> NDArray[np.float64]:

@@ -81,7 +81,7 @@ class Prepared(NamedTuple):
     config : SampleConfig
         Nothing in it is None but what was not asked for.
     n_outside : int
-        Readings dropped because their sensor stands outside the window.
+        Readings dropped because their sensor does not stand inside the window.
     """
 
     settings: Settings
@@ -108,7 +108,7 @@ def prepare(config: SampleConfig, readings: Readings) -> Prepared:
     )
     ranges = np.where(readings.range < max_range, readings.range, np.inf)
     window = chosen_window(config, readings.origin, readings.angle, ranges)
-    inside = window.contains(readings.origin)
+    inside = window.contains(readings.origin, strictly=True)
     if not inside.any():
         raise InputError(f"{readings.source}: no sensor stands inside the window. Check --window.")
     origin, angle = readings.origin[inside], readings.angle[inside]

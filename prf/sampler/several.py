@@ -143,7 +143,7 @@ class Sampler:
             chain=np.repeat(np.arange(len(recorded), dtype=np.int32), [len(draws) for draws in recorded]),
             step=np.array([draw.step for draw in flat], np.int64),
             functionals={name: values[:, i].copy() for i, name in enumerate(FUNCTIONALS)},
-            probe_black=np.array([draw.probe_black for draw in flat], np.bool_).reshape(len(flat), -1),
+            probe_black=np.array([draw.probe_black for draw in flat], np.bool_).reshape(len(flat), len(self.probe_pixels)),
         )
 
     def occupancy(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
