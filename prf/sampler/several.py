@@ -137,13 +137,14 @@ class Sampler:
         """Return the draws of all chains after burn-in."""
         recorded = self.recorded()
         flat = [draw for draws in recorded for draw in draws]
+        colours = np.array([draw.probe_black for draw in flat], np.bool_)
         values = np.array([draw.functionals for draw in flat]).reshape(len(flat), len(FUNCTIONALS))
         return Sample(
             draws=Draws.from_colorings([draw.coloring for draw in flat], self.settings.window),
             chain=np.repeat(np.arange(len(recorded), dtype=np.int32), [len(draws) for draws in recorded]),
             step=np.array([draw.step for draw in flat], np.int64),
             functionals={name: values[:, i].copy() for i, name in enumerate(FUNCTIONALS)},
-            probe_black=np.array([draw.probe_black for draw in flat], np.bool_).reshape(len(flat), len(self.probe_pixels)),
+            probe_black=colours.reshape(len(flat), len(self.probe_pixels)),
         )
 
     def occupancy(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
