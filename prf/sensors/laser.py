@@ -16,6 +16,9 @@ from prf.window import Window
 
 Floats = NDArray[np.float64]
 
+MOST_SLOTS = 2**31
+"""Slots are numbered by 32-bit integers."""
+
 
 @dataclasses.dataclass(frozen=True)
 class LaserModel:
@@ -118,13 +121,23 @@ def make_rays(window: Window, model: LaserModel, origin: Floats, angle: Floats, 
 
 
 def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int) -> Beams:
-    """Lay out beams and the index of their cells, with room for the longest lists that can come to be."""
+    """Lay out beams and the index of their cells, with room for the longest lists that can come to be.
+
+    Raises
+    ------
+    ConfigError
+        If there are too many beams for the size of the window.
+    """
     n = len(ray)
     n_cells = grid.nx * grid.ny
     path = np.empty(most_cells(grid), np.int32)
     slot_start = np.zeros(n + 1, np.int64)
     count_slots(grid, ray, path, slot_start)
     n_slots = int(slot_start[-1])
+    if n_slots >= MOST_SLOTS:
+        raise ConfigError(
+            f"{n} beams pass {n_slots} cells, too many for one index. Thin them: --every-scan, --every-beam."
+        )
     slot_cell = np.empty(n_slots, np.int32)
     slot_exit = np.empty(n_slots, np.float32)
     cell_start = np.zeros(n_cells + 1, np.int64)
