@@ -66,8 +66,8 @@ def test_twins_agree_from_a_draw_of_the_prior() -> None:
     """No readings: the moves that recolour much are accepted far more often here than under a likelihood."""
     start = exact_draws(0.25, ROOM, 1, np.random.default_rng(0))[0]
     chain = make_chain(Settings(ROOM, 0.25, resolution=0.5, cell=1.0), start)
-    _, n_accepted = follow(chain, np.random.default_rng(0), 3000)
-    assert n_accepted > 600
+    _, n_accepted = follow(chain, np.random.default_rng(0), 1500)
+    assert n_accepted > 300
 
 
 @pytest.mark.parametrize("at_truth", [False, True], ids=["from white", "from the truth"])
@@ -160,7 +160,8 @@ def test_twins_agree_after_every_accepted_step_of_a_long_run(data_dir: Path) -> 
     chain, n_accepted = follow(chain, np.random.default_rng(4), 100_000)
     print(f"{n_accepted} accepted steps, {len(data.angle)} beams, {chain.graph.counts[c.EDGES]} edges at the end")
     assert n_accepted > 10_000
-    assert (chain.outcomes[:, c.ACCEPTED] > 0).all()
+    # Of walls a handful are cut in so many steps: the test above is theirs.
+    assert (chain.outcomes[: c.CUT_WALL, c.ACCEPTED] > 0).all(), chain.outcomes
 
 
 @pytest.fixture

@@ -29,8 +29,12 @@ N_SENSORS, N_BEAMS, N_POINTS = 3, 40, 100
 BINS = np.linspace(0.0, 1.0, 6)
 LIMIT = 3.5
 """Five bins beyond it by chance: once in 430 for normal sums."""
-STAGES = (800_000, 1_600_000, 3_200_000)
-"""Steps at which four chains are asked whether they agree (R-hat < 1.05 for all that the tool watches)."""
+Stages = tuple[tuple[int, float], ...]
+STAGES: Stages = ((800_000, 1.05), (1_600_000, 1.05), (3_200_000, 1.2), (6_400_000, 1.2), (12_800_000, 1.2))
+"""Steps at which four chains are asked whether they agree, and the R-hat (worst of all that is watched) that will do.
+
+When to stop depends on the chains alone, never on the truth, so it cannot favour right answers.
+"""
 
 
 class Answer(NamedTuple):
@@ -59,15 +63,15 @@ def worst_rhat(sampler: Sampler) -> float:
     return max((found.rhat for found in sampler.diagnose().values() if found.state != "constant"), default=1.0)
 
 
-def answer(number: int, data: LaserData, world: World, scale: float, stages: tuple[int, ...]) -> Answer:
+def answer(number: int, data: LaserData, world: World, scale: float, stages: Stages) -> Answer:
     """Sample the posterior of one world, in one thread, and ask for the colours of random points."""
     settings = Settings(ROOM, scale, data, resolution=0.5)
     with Sampler(settings, spawn_generators(SEED + number, 4), 1) as sampler:
-        for steps in stages:
+        for steps, enough in stages:
             while sampler.step < steps:
                 sampler.advance()
             rhat = worst_rhat(sampler)
-            if rhat < 1.05:
+            if rhat < enough:
                 break
         draws = sampler.sample().draws
     points = np.random.default_rng([SEED, number, 1]).uniform(ROOM[:2], ROOM[2:], (N_POINTS, 2))
@@ -101,7 +105,7 @@ def report(found: Calibration, answers: list[Answer]) -> str:
 
 
 def run_worlds(
-    n_worlds: int, stages: tuple[int, ...], scale: float = SCALE, repeat: int = 1
+    n_worlds: int, stages: Stages, scale: float = SCALE, repeat: int = 1
 ) -> tuple[Calibration, list[Answer]]:
     """Two worlds at a time. `scale` and `repeat` (times that each reading is counted) are right by default."""
 
@@ -120,7 +124,7 @@ def run_worlds(
 
 @pytest.mark.slow
 def test_probabilities_are_the_shares_observed() -> None:
-    found, answers = run_worlds(60, STAGES)
+    found, answers = run_worlds(40, STAGES)
     summary = report(found, answers)
     print(summary)
     assert np.abs(found.z).max() < LIMIT, summary
@@ -131,7 +135,7 @@ def test_probabilities_are_the_shares_observed() -> None:
 
 @pytest.mark.slow
 def test_a_wrong_prior_is_caught() -> None:
-    found, answers = run_worlds(60, STAGES[:1], scale=4.0 * SCALE)
+    found, answers = run_worlds(40, STAGES[:1], scale=4.0 * SCALE)
     summary = report(found, answers)
     print(summary)
     assert np.abs(found.z).max() > LIMIT, summary
