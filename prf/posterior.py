@@ -78,7 +78,9 @@ class Settings:
         Side of the squares of the occupancy image in metres; None keeps no image.
     cell : float or None
         Side of the cells of the indexes in metres; None chooses it.
-    local_share, birth_reach, split_reach, move_reach, cut_reach : float or None
+    local_share : float
+        Share of births whose further vertices lie near the first.
+    birth_reach, split_reach, move_reach, cut_reach : float or None
         Tuning of the proposals (``prf.kernels.constants``), metres; None chooses it from the scale.
     """
 

@@ -33,7 +33,12 @@ def query(
         ),
     ] = None,
     path: Annotated[
-        str | None, typer.Option("--path", metavar="FILE.csv", help="Corners of a path, x,y; - is standard input.")
+        str | None,
+        typer.Option(
+            "--path",
+            metavar="FILE.csv",
+            help="Corners of a path, x,y; beyond the window is free.",
+        ),
     ] = None,
     radius: Annotated[
         float | None, typer.Option("--radius", metavar="METRES", help="Radius of the disc that follows the path.")

@@ -63,7 +63,9 @@ Steps = Annotated[
     int | None,
     typer.Option("--steps", metavar="N", min=1, help="Steps a chain in total, burn-in included; whole rounds."),
 ]
-TimeBudget = Annotated[float | None, typer.Option("--time-budget", metavar="SECONDS", min=0.0, help="Sampling time.")]
+TimeBudget = Annotated[
+    float | None, typer.Option("--time-budget", metavar="SECONDS", min=0.0, help="Sampling in this call.")
+]
 Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Go on with this run from its checkpoint.")]
 
 SCIENCE = (
@@ -136,13 +138,16 @@ def _folder(laser: str | None, output: str | None, resume: str | None, force: bo
     """Return the RUN directory, refused where it would overwrite one."""
     from pathlib import Path
 
+    from prf.run import is_run
     from prf.sampler.output import default_output
-    from prf.shell.errors import UsageError
+    from prf.shell.errors import InputError, UsageError
     from prf.shell.files import STREAM, refuse_existing
 
     if resume is not None:
         if output is not None:
             raise UsageError("--resume goes on in the run's own directory: leave -o out.")
+        if not is_run(resume):
+            raise InputError(f"{resume}: no run to resume is there.")
         return Path(resume)
     if output == STREAM:
         raise UsageError("-o -: a run is a directory. Name one.")
@@ -240,4 +245,4 @@ def _report(run: Run, progress: Progress, folder: Path, session: Session, json: 
     agree = "the chains agree" if result["converged"] else f"the chains do not agree yet ({result['reason']})"
     console.emit(f"{progress.status}: {agree}")
     console.emit(f"{result['draws']} draws of {result['chains']} chains, {progress.step:,} steps each, {folder}/")
-    console.emit(f"picture {folder}/posterior.png, best map {folder}/map.geojson")
+    console.emit(f"picture {folder}/posterior.png" + (f", best map {folder}/map.geojson" if run.best else ""))

@@ -69,7 +69,7 @@ MOVE_REACH = 4  # median displacement of a vertex move, m
 CUT_REACH = 5  # median distance of the corners of a cut from the lines of the wall, m
 N_TUNING = 6
 
-# Columns of ``Laser.ray``.
+# Columns of ``Beams.ray``.
 ORIGIN_X = 0
 ORIGIN_Y = 1
 DIRECTION_X = 2

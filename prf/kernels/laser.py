@@ -40,5 +40,5 @@ def beam_log_likelihood(model: np.ndarray, reading: float, distance: float) -> f
             return model[c.LOG_OUTLIER]
         peak = math.exp(-0.5 * z * z) / (s * ROOT_TWO_PI * normal_cdf(distance / s))
         return math.log(model[c.HIT] * peak + model[c.OUTLIER_DENSITY])
-    beyond = normal_cdf((distance - maximum) / s) / normal_cdf(distance / s)
-    return math.log(model[c.MISS] + model[c.HIT] * beyond)
+    missed = model[c.MISS] + model[c.HIT] * normal_cdf((distance - maximum) / s) / normal_cdf(distance / s)
+    return math.log(missed) if missed > 0.0 else -math.inf

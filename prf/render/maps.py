@@ -151,4 +151,13 @@ def _draw_panel(axes: Axes, coloring: Coloring, caption: str, cell: float, width
     layers.fill_map(axes, coloring)
     style.scale_bar(axes, window, width, below=0.2 if width > 0.7 * cell else 0.37)
     below: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points"}
-    axes.annotate(caption, (0.0, 0.0), (0.0, -14.4), va="center_baseline", fontsize=9.5, color=style.INK, **below)
+    axes.annotate(
+        caption,
+        (0.0, 0.0),
+        (0.0, -14.4),
+        va="center_baseline",
+        fontsize=9.5,
+        color=style.INK,
+        parse_math=False,
+        **below,
+    )

@@ -147,8 +147,8 @@ def scale_bar(axes: Axes, window: Window, width: float, below: float) -> None:
 def add_title(axes: Axes, title: str, subtitle: str) -> None:
     """Write a title and a line of small print over the left end of the axes."""
     over: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "baseline", "ha": "left"}
-    axes.annotate(title, (0.0, 1.0), (0.0, 23.0), fontsize=12.5, fontweight="bold", color=INK, **over)
-    axes.annotate(subtitle, (0.0, 1.0), (0.0, 8.0), fontsize=8.5, color=MUTED, **over)
+    axes.annotate(title, (0.0, 1.0), (0.0, 23.0), fontsize=12.5, fontweight="bold", color=INK, parse_math=False, **over)
+    axes.annotate(subtitle, (0.0, 1.0), (0.0, 8.0), fontsize=8.5, color=MUTED, parse_math=False, **over)
 
 
 def window_words(window: Window) -> str:

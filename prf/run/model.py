@@ -104,7 +104,7 @@ class Run:
     image : PosteriorImage or None
     beams : Beams or None
     best : Coloring or None
-        The map of highest log posterior that any chain met.
+        The map of highest log posterior among the states that any chain recorded.
     best_log_posterior : float
         Its log posterior, up to a constant; nan if unknown.
     diagnostics : dict or None

@@ -14,6 +14,8 @@ from prf.posterior import Settings, make_chain
 from prf.sampler.record import FIRST_THIN, ImageTimes, Record
 
 SHORTEST_BLOCK = 5 * FIRST_THIN
+LONGEST_BLOCK = 4 * SHORTEST_BLOCK
+"""A round must not keep Ctrl-C, the clock and the progress waiting for long."""
 
 
 def block_length(n_beams: int) -> int:
@@ -23,7 +25,7 @@ def block_length(n_beams: int) -> int:
     they decide the order of floating-point sums.
     """
     length = SHORTEST_BLOCK
-    while length < n_beams:
+    while length < min(n_beams, LONGEST_BLOCK):
         length *= 2
     return length
 

@@ -19,22 +19,23 @@ from prf.run.storage import damaged, load_arrays, save_arrays
 from prf.sampler.chain import ChainSampler
 from prf.sampler.record import Draw
 from prf.sampler.several import Sampler
+from prf.shell.errors import InputError
 
 SCHEMA = "prf.checkpoint/1"
 
 Arrays = dict[str, NDArray[Any]]
 
 
-def save_checkpoint(folder: Path, sampler: Sampler) -> None:
-    """Write the state of all chains into the RUN directory `folder`."""
-    arrays: Arrays = {}
+def save_checkpoint(folder: Path, sampler: Sampler, identity: str) -> None:
+    """Write the state of all chains into the RUN directory `folder`; `identity` says of which run."""
+    arrays: Arrays = {"run": np.array(identity)}
     for i, chain in enumerate(sampler.chains):
         arrays |= {f"chain{i}.{name}": array for name, array in chain_arrays(chain).items()}
     save_arrays(folder / names.CHECKPOINT, SCHEMA, arrays)
 
 
-def load_checkpoint(folder: Path, sampler: Sampler) -> None:
-    """Put the chains of a fresh sampler into the state that was saved.
+def load_checkpoint(folder: Path, sampler: Sampler, identity: str) -> None:
+    """Put the chains of a fresh sampler into the state that was saved for the run `identity`.
 
     Raises
     ------
@@ -43,6 +44,8 @@ def load_checkpoint(folder: Path, sampler: Sampler) -> None:
     """
     path = folder / names.CHECKPOINT
     arrays = load_arrays(path, SCHEMA)
+    if str(arrays.pop("run", "")) != identity:
+        raise InputError(f"{path}: belongs to a run of other readings or configuration. Sample anew with --force.")
     try:
         for i, chain in enumerate(sampler.chains):
             prefix = f"chain{i}."

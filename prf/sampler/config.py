@@ -24,7 +24,8 @@ MARGIN = 1.0
 """Metres between them and the border of the default window."""
 PIXELS_ACROSS = 500
 """The default resolution is the next of 1, 2, 5, 10 ... that needs no more pixels along the longer side."""
-MOST_PIXELS = 50_000_000
+MOST_PIXELS = 4_000_000
+"""Each takes some 50 bytes a chain, in memory and in checkpoints."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,7 +80,7 @@ class Prepared(NamedTuple):
     beams : Beams
         The readings that are used.
     config : SampleConfig
-        Nothing in it is None but what was not asked for.
+        Resolved: window, max_range and resolution are numbers.
     n_outside : int
         Readings dropped because their sensor does not stand inside the window.
     """

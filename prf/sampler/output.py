@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import json
 import os
 from pathlib import Path
 from typing import Any
@@ -17,6 +19,7 @@ from prf.sampler.checkpoint import save_checkpoint
 from prf.sampler.config import SampleConfig
 from prf.sampler.drive import Progress
 from prf.sampler.several import MOVE_NAMES, Sampler
+from prf.shell.errors import OutputError
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,12 +49,35 @@ class Output:
         `seconds_before` is the time of sampling in earlier processes of a resumed run.
         """
         run = self.make_run(sampler, progress, seconds_before)
-        self.folder.mkdir(parents=True, exist_ok=True)
-        save_checkpoint(self.folder, sampler)
         write_run(self.folder, run)
+        save_checkpoint(self.folder, sampler, self.identity())
         if picture:
             render_posterior(dataclasses.replace(run, path=self.folder), self.folder / names.PICTURE)
         return run
+
+    def make_way(self) -> None:
+        """Take away what an older run left in the directory, so that no file of it can pass for one of this run.
+
+        Raises
+        ------
+        OutputError
+            If a plain file is in the way, or what stands there cannot be removed.
+        """
+        if self.folder.exists() and not self.folder.is_dir():
+            raise OutputError(f"{self.folder}: a file is in the way. Choose another directory.")
+        for name in (names.MANIFEST, names.CHECKPOINT, names.PICTURE, *names.SCHEMAS):
+            try:
+                (self.folder / name).unlink(missing_ok=True)
+            except OSError as error:
+                raise OutputError(f"{self.folder / name}: cannot be removed ({error.strerror}).") from error
+
+    def identity(self) -> str:
+        """Return a digest of configuration, seed and readings: a checkpoint of another run is refused by it."""
+        asked = json.dumps([dataclasses.asdict(self.config), self.seed], sort_keys=True)
+        digest = hashlib.sha256(asked.encode())
+        for array in (self.beams.origin, self.beams.angle, self.beams.range):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()
 
     def make_run(self, sampler: Sampler, progress: Progress, seconds_before: float) -> Run:
         """Return the RUN as the chains stand."""

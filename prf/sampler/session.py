@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import logging
+import math
 import os
 import time
 from collections.abc import Callable
@@ -12,20 +14,23 @@ from typing import Any
 from prf.kernels import step
 from prf.kernels._jit import is_compiled
 from prf.logs import read_readings, thin
-from prf.run import Run, read_run
+from prf.logs.describe import default_max_range
+from prf.run import Run, names, read_run
 from prf.sampler.checkpoint import load_checkpoint
 from prf.sampler.config import Prepared, SampleConfig, make_settings, prepare
 from prf.sampler.drive import Progress, StopRule, drive
 from prf.sampler.output import Output
 from prf.sampler.several import Sampler
 from prf.shell.errors import ConfigError, InputError
-from prf.shell.manifest import describe_input, describe_process
+from prf.shell.manifest import describe_input, describe_process, versions
 from prf.shell.seeds import spawn_generators
 
 CHECKPOINT_SECONDS = 60.0
 """Sampling between two checkpoints: what a killed run loses at most."""
 
-PROCESS_KEYS = ("versions", "platform", "command", "created", "inputs")
+PROCESS_KEYS = ("versions", "platform", "command", "created", "inputs", "n_beams", "n_outside")
+
+logger = logging.getLogger(__name__)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,21 +43,24 @@ class Session:
     output : Output
     seconds_before : float
         Sampling in earlier processes of a resumed run.
-    n_outside : int
-        Readings dropped because their sensor stands outside the window.
+    is_resumed : bool
+        Whether the directory holds the run already.
     """
 
     sampler: Sampler
     output: Output
     seconds_before: float = 0.0
-    n_outside: int = 0
+    is_resumed: bool = False
 
     def carry_out(
         self, rule: StopRule, on_progress: Callable[[Progress], None], stop_requested: Callable[[], bool]
     ) -> tuple[Run, Progress]:
         """Sample until `rule` is met or `stop_requested` says so, then write the RUN; return it and the end."""
+        if not self.is_resumed:
+            self.output.make_way()
         written = time.monotonic()
-        progress = Progress(self.sampler.step, 0.0, 0.0, 1.0, None, "finished")
+        first_step = self.sampler.step
+        progress = Progress(first_step, 0.0, 0.0, 1.0, None, "finished")
         for progress in drive(self.sampler, rule):
             on_progress(progress)
             if stop_requested() and progress.status == "running":
@@ -61,20 +69,26 @@ class Session:
             if time.monotonic() - written > CHECKPOINT_SECONDS:
                 self.output.write(self.sampler, progress, self.seconds_before, picture=False)
                 written = time.monotonic()
+        if self.is_resumed and self.sampler.step == first_step:
+            return read_run(self.output.folder), progress
         return self.output.write(self.sampler, progress, self.seconds_before, picture=True), progress
 
 
 def read_prepared(log: str, config: SampleConfig) -> Prepared:
     """Read a laser log, thin it and resolve `config` for it."""
-    readings = thin(read_readings(log), config.every_scan, config.every_beam, config.scans, config.skip_scans)
-    return prepare(config, readings)
+    readings = read_readings(log)
+    if config.max_range is None and math.isfinite(default_max_range(readings)):
+        # Of the whole log: what is left after thinning may hold no "no return" at all.
+        config = dataclasses.replace(config, max_range=default_max_range(readings))
+    kept = thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
+    return prepare(config, kept)
 
 
 def start(log: str, prepared: Prepared, folder: Path, seed: int, threads: int) -> Session:
     """Return a fresh session on a prepared log."""
     sampler = Sampler(prepared.settings, spawn_generators(seed, prepared.config.chains), threads)
-    output = Output(folder, describe_process([log]), prepared.config, seed, prepared.beams)
-    return Session(sampler, output, n_outside=prepared.n_outside)
+    process = {**describe_process([log]), "n_beams": len(prepared.beams.range), "n_outside": prepared.n_outside}
+    return Session(sampler, Output(folder, process, prepared.config, seed, prepared.beams))
 
 
 def resume(folder: Path, log: str | None, asked: dict[str, Any], seed: int | None, threads: int) -> Session:
@@ -99,25 +113,27 @@ def resume(folder: Path, log: str | None, asked: dict[str, Any], seed: int | Non
     InputError
         If the log differs, or the run cannot be read.
     """
-    run = read_run(folder)
+    run = read_run(folder, parts=(names.READINGS,))
     if run.beams is None:
         raise InputError(f"{folder}: readings.npz is missing. Sample anew with --force.")
-    config = stored_config(run, folder)
-    refuse_changes(config, {**asked, "seed": seed}, int(run.manifest["seed"]))
+    config, stored_seed = stored_config(run, folder)
+    refuse_changes(config, {**asked, "seed": seed}, stored_seed)
     if log is not None:
         refuse_other_log(run, log)
-    sampler = Sampler(make_settings(config, run.beams), spawn_generators(run.manifest["seed"], config.chains), threads)
-    load_checkpoint(folder, sampler)
+    if run.manifest.get("versions") != versions():
+        logger.warning("this run was begun with other versions of the packages: bit for bit may not hold")
+    sampler = Sampler(make_settings(config, run.beams), spawn_generators(stored_seed, config.chains), threads)
     process = {key: run.manifest[key] for key in PROCESS_KEYS if key in run.manifest}
-    output = Output(folder, process, config, int(run.manifest["seed"]), run.beams)
-    return Session(sampler, output, seconds_before=float(run.manifest.get("seconds", 0.0)))
+    output = Output(folder, process, config, stored_seed, run.beams)
+    load_checkpoint(folder, sampler, output.identity())
+    return Session(sampler, output, float(run.manifest.get("seconds", 0.0)), is_resumed=True)
 
 
-def stored_config(run: Run, folder: Path) -> SampleConfig:
-    """Return the configuration of a run."""
+def stored_config(run: Run, folder: Path) -> tuple[SampleConfig, int]:
+    """Return the configuration and the seed of a run."""
     try:
-        return SampleConfig.from_dict(run.manifest["configuration"])
-    except (KeyError, TypeError) as error:
+        return SampleConfig.from_dict(run.manifest["configuration"]), int(run.manifest["seed"])
+    except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{folder}/manifest.json: configuration is damaged ({error}). Sample anew.") from error
 
 

@@ -11,21 +11,23 @@ from datetime import UTC, datetime
 from importlib import metadata
 from typing import Any
 
+from prf import __version__
 from prf.shell.errors import InputError
 
-_PACKAGES = {"prf": "prf-mapq", "numpy": "numpy", "numba": "numba", "scipy": "scipy"}
+_PACKAGES = {"numpy": "numpy", "numba": "numba", "scipy": "scipy"}
 
 
 def describe_input(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return ``{"path", "sha256", "bytes"}`` of an input file; standard input (``-``) has no digest (null).
+    """Return ``{"path", "sha256", "bytes"}`` of an input file; ``-`` and pipes have no digest (null).
 
     Raises
     ------
     InputError
         If the file cannot be read.
     """
-    if os.fspath(path) == "-":
-        return {"path": "-", "sha256": None, "bytes": None}
+    if os.fspath(path) == "-" or (os.path.exists(path) and not os.path.isfile(path)):
+        # A stream has been read by now and cannot be read again.
+        return {"path": os.fspath(path), "sha256": None, "bytes": None}
     try:
         with open(path, "rb") as stream:
             digest = hashlib.file_digest(stream, "sha256").hexdigest()
@@ -36,7 +38,7 @@ def describe_input(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Return the versions of python and of the packages that a result depends on; imports none of them."""
-    found = {"python": platform.python_version()}
+    found = {"python": platform.python_version(), "prf": __version__}
     for name, distribution in _PACKAGES.items():
         try:
             found[name] = metadata.version(distribution)

@@ -194,3 +194,43 @@ def test_a_damaged_checkpoint_is_named(office: Path, tmp_path: Path, capsys: pyt
     (folder / "checkpoint.npz").unlink()
     assert run("--resume", str(folder), "--steps", "70000") == 3
     assert "checkpoint.npz: no such file" in capsys.readouterr().err
+
+
+def test_a_checkpoint_of_another_run_is_refused(
+    log: Path, office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other"
+    assert run("--laser", str(log), *QUICK, "--steps", "100", "--seed", "6", "-o", str(other), "-q") == 0
+    (other / "checkpoint.npz").write_bytes((office / "checkpoint.npz").read_bytes())
+    assert run("--resume", str(other), "--steps", "70000") == 3
+    assert "other readings or configuration" in capsys.readouterr().err
+
+
+def test_force_leaves_nothing_of_the_older_run(log: Path, office: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "w$x^$"
+    folder.mkdir()
+    for path in office.iterdir():
+        (folder / path.name).write_bytes(path.read_bytes())
+    assert run("--laser", str(log), *QUICK, "--time-budget", "0", "-o", str(folder), "-f", "-q") == 0
+    assert not (folder / "map.geojson").exists()
+    assert len(read_run(folder).draws) == 0
+
+
+def test_a_file_in_the_way_of_a_run_is_named_before_sampling(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("mine")
+    assert run("--laser", str(log), *QUICK, "-o", str(tmp_path / "file"), "-f", "-q") == 4
+    assert "in the way" in capsys.readouterr().err
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_the_maximum_range_is_that_of_the_whole_log(tmp_path: Path) -> None:
+    table = tmp_path / "far.csv"
+    table.write_text("x,y,theta,range,scan\n0,0,0,2,0\n0,0,1,3,0\n0,0,2,40,1\n")
+    folder = tmp_path / "far"
+    args = ("--every-scan", "2", "--chains", "1", "--steps", "100", "-q")
+    assert run("--laser", str(table), *args, "-o", str(folder)) == 0
+    found = read_run(folder).manifest
+    assert found["configuration"]["max_range"] == pytest.approx(0.97 * 40.0)
+    assert (found["n_beams"], found["n_outside"]) == (2, 0)
