@@ -12,9 +12,9 @@ from shapely.geometry.base import BaseGeometry
 
 from prf.coloring import Coloring, from_polygons, occupied_polygons
 from prf.run import names
-from prf.run.storage import load_object
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.jsonout import dump_object
+from prf.shell.storage import load_object
 from prf.window import Window
 
 

@@ -14,8 +14,8 @@ from prf.coloring import Coloring, Draws
 from prf.run import names
 from prf.run.mapfile import read_map_feature
 from prf.run.model import Beams, PosteriorImage, Run
-from prf.run.storage import damaged, load_arrays, load_object, take_array
 from prf.shell.errors import InputError
+from prf.shell.storage import damaged, load_arrays, load_object, take_array
 from prf.window import Window
 
 PARTS = (names.POSTERIOR, names.READINGS, names.MAP, names.DIAGNOSTICS)

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 from prf.run import names
 from prf.run.read import read_beams, read_best, read_draws, read_image, read_manifest
-from prf.run.storage import load_object
 from prf.shell.errors import PrfError
+from prf.shell.storage import load_object
 
 
 class FileState(NamedTuple):

@@ -12,10 +12,10 @@ import numpy as np
 from prf.run import names
 from prf.run.mapfile import map_text
 from prf.run.model import Beams, PosteriorImage, Run
-from prf.run.storage import save_arrays
 from prf.shell.errors import OutputError
 from prf.shell.files import atomic_write
 from prf.shell.jsonout import dump_object
+from prf.shell.storage import save_arrays
 
 
 def write_run(path: str | os.PathLike[str], run: Run) -> None:

@@ -15,11 +15,11 @@ from prf.kernels.build import resum, trace_all
 from prf.kernels.image import count_all_edges, settle_all
 from prf.layout import make_index
 from prf.run import names
-from prf.run.storage import damaged, load_arrays, save_arrays
 from prf.sampler.chain import ChainSampler
 from prf.sampler.record import Draw
 from prf.sampler.several import Sampler
 from prf.shell.errors import InputError
+from prf.shell.storage import damaged, load_arrays, save_arrays
 
 SCHEMA = "prf.checkpoint/1"
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from prf.kernels import step
-from prf.kernels._jit import is_compiled
+from prf.kernels._jit import CACHE
 from prf.logs import read_readings, thin
 from prf.logs.describe import default_max_range
 from prf.run import Run, names, read_run
@@ -156,4 +156,4 @@ def refuse_other_log(run: Run, log: str | os.PathLike[str]) -> None:
 
 def needs_compiling() -> bool:
     """Return whether the first step will compile the kernels, which takes some seconds."""
-    return not is_compiled(f"step.{step.run.__name__}")
+    return not CACHE.is_compiled(f"step.{step.run.__name__}")

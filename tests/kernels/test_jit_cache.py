@@ -12,6 +12,7 @@ import numba
 import pytest
 
 from prf.kernels import _jit
+from prf.shell import kernel_cache
 
 CALLEE = """
 from toy.kernels._jit import jit
@@ -29,10 +30,10 @@ def scaled(x: float) -> float:
     return factor() * x
 """
 CALL = """
-from toy.kernels._jit import CACHE_FOLDER
+from toy.kernels._jit import CACHE
 from toy.kernels.caller import scaled
 value = scaled(11.0)
-print(value, sum(scaled.stats.cache_hits.values()), CACHE_FOLDER)
+print(value, sum(scaled.stats.cache_hits.values()), CACHE.folder)
 """
 
 
@@ -52,7 +53,8 @@ def kernels(tmp_path: Path) -> Path:
 def call(kernels: Path, **environment: str) -> tuple[float, int, Path]:
     """Call the caller in a new process: its value, its cache hits, and the folder that it used."""
     root = kernels.parents[1]
-    variables = {**os.environ, "PRF_CACHE_DIR": str(root / "cache"), **environment}
+    project = Path(kernel_cache.__file__).parents[2]
+    variables = {**os.environ, "PYTHONPATH": str(project), "PRF_CACHE_DIR": str(root / "cache"), **environment}
     done = subprocess.run(
         [sys.executable, "-c", CALL], cwd=root, env=variables, capture_output=True, text=True, check=True
     )
@@ -103,7 +105,7 @@ def test_a_temporary_folder_that_others_may_write_is_not_trusted(kernels: Path, 
 
 def test_old_caches_are_removed_and_strangers_stay(kernels: Path, tmp_path: Path) -> None:
     root = tmp_path / "cache"
-    long_ago = time.time() - 2 * _jit.PRUNE_AGE
+    long_ago = time.time() - 2 * kernel_cache.PRUNE_AGE
     for number in range(12):
         (root / f"{number:016x}").mkdir(parents=True)
         os.utime(root / f"{number:016x}", (long_ago + number, long_ago + number))
@@ -111,7 +113,7 @@ def test_old_caches_are_removed_and_strangers_stay(kernels: Path, tmp_path: Path
     os.utime(root / "mine", (0, 0))
     current = call(kernels)[2]
     left = sorted(path.name for path in root.iterdir())
-    newest = [f"{number:016x}" for number in range(12 - _jit.KEPT_DIGESTS + 1, 12)]
+    newest = [f"{number:016x}" for number in range(12 - kernel_cache.KEPT_DIGESTS + 1, 12)]
     assert left == sorted([*newest, current.name, "mine"])
 
 
@@ -124,4 +126,4 @@ def test_other_users_of_numba_keep_their_cache_folder() -> None:
         return 1.0
 
     assert config["CACHE_DIR"] == before
-    assert Path(one.stats.cache_path).is_relative_to(_jit.CACHE_FOLDER)  # type: ignore[attr-defined]
+    assert Path(one.stats.cache_path).is_relative_to(_jit.CACHE.folder)  # type: ignore[attr-defined]

@@ -15,7 +15,7 @@ from numpy.typing import DTypeLike, NDArray
 from prf.shell.errors import InputError
 from prf.shell.files import atomic_write
 
-_REMEDY = "Write it anew with prf sample, or restore it."
+_REMEDY = "Write it anew, or restore it."
 
 
 def load_arrays(path: Path, schema: str) -> dict[str, NDArray[Any]]:
@@ -68,11 +68,12 @@ def check_schema(path: Path, found: str, expected: str) -> None:
         return
     kind, _, version = expected.rpartition("/")
     if not found:
-        raise InputError(f"{path}: no schema: this is not a file that prf wrote. Expected {expected}.")
+        tool = kind.partition(".")[0]
+        raise InputError(f"{path}: no schema: this is not a file that {tool} wrote. Expected {expected}.")
     if found.startswith(f"{kind}/"):
         raise InputError(
-            f"{path}: version {found.rpartition('/')[2]} of {kind} is not known to this prf, which reads version "
-            f"{version}. Use the prf that wrote it."
+            f"{path}: version {found.rpartition('/')[2]} of {kind} is not known to this release, which reads version "
+            f"{version}. Use the release that wrote it."
         )
     raise InputError(f"{path}: schema {found}, expected {expected}.")
 

@@ -1,0 +1,1 @@
+"""Reading and writing clouds, patches, results and models."""

@@ -1,0 +1,1 @@
+"""Numba only here; a kernel sees nothing but numpy and other kernels."""
