@@ -13,9 +13,9 @@ from prf.cli import app
 from prf.coloring import Coloring, Draws, black_at, write_geojsonl
 from prf.render import render_beams, render_best, render_draws, render_maps, render_posterior
 from prf.render.maps import columns_for, spread
-from prf.render.style import DPI, drawn_size, margins_of, round_length
 from prf.run import Run, write_run
 from prf.shell.errors import InputError, UsageError
+from prf.shell.pictures import DPI, drawn_size, margins_of, round_length
 from prf.shell.run import run_app
 from prf.window import Window
 from tests.factories import WINDOW, make_run, random_draws

@@ -66,8 +66,8 @@ def render(
     The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG in the current folder.
     White is free, black occupied, mid-grey unknown.
     """
-    from prf.render.style import picture_format
     from prf.shell.files import STREAM, refuse_existing
+    from prf.shell.pictures import picture_format
 
     is_run = Path(inputs[0]).is_dir()
     if is_run and len(inputs) > 1:

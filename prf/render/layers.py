@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.coloring import Coloring, occupied_polygons
-from prf.render.style import BEAM, IMPACT, INK, OUTLINE, PATH, UNSEEN
+from prf.shell.pictures import BEAM, IMPACT, INK, OUTLINE, PATH, UNSEEN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

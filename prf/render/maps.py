@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from prf.coloring import Coloring
-from prf.render import layers, style
-from prf.render.style import Target
+from prf.render import layers
 from prf.run import Run, names
+from prf.shell import pictures as style
 from prf.shell.errors import InputError, UsageError
+from prf.shell.pictures import Target
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

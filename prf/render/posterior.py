@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from prf.render import layers, style
-from prf.render.style import Target
+from prf.render import layers
 from prf.run import Run, names
+from prf.shell import pictures as style
+from prf.shell.pictures import Target
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

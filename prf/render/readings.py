@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from prf.render import layers, style
-from prf.render.style import Target
+from prf.render import layers
 from prf.run import Run, names
+from prf.shell import pictures as style
+from prf.shell.pictures import Target
 
 
 def render_beams(
