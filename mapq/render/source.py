@@ -1,0 +1,119 @@
+"""What to draw of a file: a result with its labels, patches with theirs or in colours of their own, a bare cloud."""
+
+from __future__ import annotations
+
+from pathlib import PurePath
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.cloud import PointCloud
+from mapq.io import is_patches, read_cloud, read_patches
+from mapq.patches import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.render.colours import Scheme, label_colours, patch_colours, probability_colours
+from prf.shell.errors import InputError
+
+Colour = Literal["label", "probability", "patch", "field"]
+"""What the colour of a point shows."""
+
+
+class Picture(NamedTuple):
+    """Points and their colours, with the words over them.
+
+    Attributes
+    ----------
+    xyz : (n, 3) float64
+        World coordinates, metres.
+    scheme : Scheme
+    title, subtitle : str
+    """
+
+    xyz: NDArray[np.float64]
+    scheme: Scheme
+    title: str
+    subtitle: str
+
+
+class _Points(NamedTuple):
+    """What of a file a picture may need: the cloud, the patch of each point, its label, its probability if known."""
+
+    cloud: PointCloud
+    patch: NDArray[np.int32]
+    label: NDArray[np.uint8]
+    probability: NDArray[np.float32] | None
+
+
+def read_picture(path: str, colour: Colour | None = None, field: str | None = None, bin_columns: int = 4) -> Picture:
+    """Read what `path` holds and colour its points.
+
+    Parameters
+    ----------
+    path : str
+        A result of ``mapq classify``, a PATCHES file, or a cloud.
+    colour : Colour, optional
+        Default: labels where there are any, else patches.
+    field : str, optional
+        For colour ``field``: a 0/1 point field, 1 shown as suspicious.
+    bin_columns : int
+        Columns of a KITTI ``.bin``.
+
+    Raises
+    ------
+    InputError
+        If the file has not what the colour needs.
+    """
+    points = _read_points(path, bin_columns)
+    chosen: Colour = colour or ("label" if np.any(points.label != UNLABELLED) else "patch")
+    scheme = _scheme(path, points, chosen, field)
+    n_patches = int(points.patch.max(initial=NO_PATCH)) + 1
+    words = f"{PurePath(path).name}  ·  {len(points.cloud):,} points  ·  {n_patches:,} patches"
+    if chosen == "label":
+        shown = _patch_labels(points, n_patches)
+        words += f"  ·  {np.count_nonzero(shown == SUSPICIOUS):,} suspicious"
+    titles = {
+        "label": "Plausible and suspicious patches",
+        "probability": "Probability that a patch is suspicious",
+        "patch": "Plane patches",
+        "field": f"Field {field}",
+    }
+    return Picture(points.cloud.world(), scheme, titles[chosen], words)
+
+
+def _read_points(path: str, bin_columns: int) -> _Points:
+    if is_patches(path):
+        patches = read_patches(path)
+        label = np.append(patches.label, np.uint8(UNLABELLED))[patches.patch]
+        return _Points(patches.cloud, patches.patch, label, None)
+    cloud = read_cloud(path, bin_columns=bin_columns)
+    none = np.full(len(cloud), NO_PATCH, np.int32)
+    patch = np.asarray(cloud.fields.get("patch", none)).astype(np.int32)
+    label = np.asarray(cloud.fields.get("suspicious", none)).astype(np.uint8)  # -1 becomes 255: unlabelled
+    return _Points(cloud, patch, label, cloud.fields.get("p_suspicious"))
+
+
+def _scheme(path: str, points: _Points, colour: Colour, field: str | None) -> Scheme:
+    if colour == "label":
+        return label_colours(points.label, points.patch)
+    if colour == "patch":
+        return patch_colours(points.patch)
+    if colour == "probability":
+        if points.probability is None:
+            raise InputError(
+                f"{path}: no field p_suspicious. Draw a result of mapq classify, or choose another colour."
+            )
+        return probability_colours(points.probability, points.patch)
+    if field not in points.cloud.fields:
+        known = ", ".join(points.cloud.fields) or "none"
+        raise InputError(f"{path}: no point field {field!r} (fields: {known}). Choose one with --field.")
+    marked = np.asarray(points.cloud.fields[field])
+    label = np.where(marked == 1, SUSPICIOUS, np.where(marked == 0, PLAUSIBLE, UNLABELLED)).astype(np.uint8)
+    return label_colours(label, np.zeros(len(label), np.int32))
+
+
+def _patch_labels(points: _Points, n_patches: int) -> NDArray[np.uint8]:
+    """Return the label (n_patches,) of each patch, from its points."""
+    label = np.full(n_patches, UNLABELLED, np.uint8)
+    inside = points.patch != NO_PATCH
+    label[points.patch[inside]] = points.label[inside]
+    return label
