@@ -1,0 +1,165 @@
+"""The score of a labelling: terms of nodes, of pairs, and of the labels of pairs."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.graph import PatchFeatures
+from mapq.model import FULL, NONE, PLAUSIBILITY, Model, Scaling
+from prf.shell.errors import InputError
+
+
+class Inputs(NamedTuple):
+    """What the field of one map is linear in.
+
+    Attributes
+    ----------
+    node : (m, k) float64
+        Standardised node features f.
+    pairs : (e, 2) int64
+    edge : (e, q) float64
+        Standardised edge features h.
+    position : (e,) float64
+        Where x_ij lies in the range of the model, 0 to 1.
+    """
+
+    node: NDArray[np.float64]
+    pairs: NDArray[np.int64]
+    edge: NDArray[np.float64]
+    position: NDArray[np.float64]
+
+
+class Field(NamedTuple):
+    """A binary field with labels y = +1 (suspicious) and -1 (plausible), whose score is to be made as large as can be.
+
+    score(y) = sum_i theta_i y_i + sum_ij coupling_ij y_i y_j
+
+    Attributes
+    ----------
+    theta : (m,) float64
+    pairs : (e, 2) int64
+    coupling : (e,) float64
+        Not negative in a field that a graph cut can solve.
+    """
+
+    theta: NDArray[np.float64]
+    pairs: NDArray[np.int64]
+    coupling: NDArray[np.float64]
+
+    def score(self, y: NDArray[np.float64]) -> float:
+        """Return the score of labels (m,) in {-1, +1}."""
+        first, second = self.pairs[:, 0], self.pairs[:, 1]
+        return float(self.theta @ y + self.coupling @ (y[first] * y[second]))
+
+
+def edge_columns(features: PatchFeatures, names: tuple[str, ...], x_range: tuple[float, float]) -> NDArray[np.float64]:
+    """Return named edge features (e, q), x_ij cut to its range.
+
+    Raises
+    ------
+    InputError
+        If there is no feature of that name.
+    """
+    columns = np.empty((len(features.pairs), len(names)))
+    for index, name in enumerate(names):
+        if name == PLAUSIBILITY:
+            columns[:, index] = np.clip(features.plausibility, *x_range)
+        else:
+            columns[:, index] = features.edge[:, _position(name, features.edge_names, "edge")]
+    return columns
+
+
+def node_columns(features: PatchFeatures, names: tuple[str, ...]) -> NDArray[np.float64]:
+    """Return named node features (m, k); errors as :func:`edge_columns`."""
+    return features.node[:, [_position(name, features.node_names, "node") for name in names]]
+
+
+def require_finite(features: PatchFeatures) -> None:
+    """Raise InputError if a feature is not a number: no label could be made of it."""
+    named = (
+        *zip(features.node_names, features.node.T, strict=True),
+        *zip(features.edge_names, features.edge.T, strict=True),
+        (PLAUSIBILITY, features.plausibility),
+    )
+    for name, column in named:
+        n_bad = int(np.count_nonzero(~np.isfinite(column)))
+        if n_bad:
+            raise InputError(f"feature {name} is not finite in {n_bad} of {len(column)} places. Look at mapq features.")
+
+
+def make_inputs(
+    features: PatchFeatures, edge_model: str, node: Scaling, edge: Scaling, x_range: tuple[float, float]
+) -> Inputs:
+    """Return the standardised inputs of one map; without edges if the model has none."""
+    require_finite(features)
+    scaled = node.apply(node_columns(features, node.names))
+    if edge_model == NONE:
+        return Inputs(scaled, np.empty((0, 2), np.int64), np.empty((0, len(edge.names))), np.empty(0))
+    low, high = x_range
+    span = high - low if high > low else 1.0
+    position = (np.clip(features.plausibility, low, high) - low) / span
+    columns = edge.apply(edge_columns(features, edge.names, x_range))
+    return Inputs(scaled, features.pairs.astype(np.int64), columns, position)
+
+
+def unary_design(inputs: Inputs, edge_model: str) -> NDArray[np.float64]:
+    """Return the columns (m, p) whose product with the first p weights is theta.
+
+    A pair gives half of its field u0 + u.h to each of its patches: (y_i + y_j) / 2 (u0 + u.h).
+    """
+    n_patches = len(inputs.node)
+    columns = [np.ones((n_patches, 1)), inputs.node]
+    if edge_model == FULL:
+        per_edge = 0.5 * np.column_stack([np.ones(len(inputs.pairs)), inputs.edge])
+        columns.append(sum_over_pairs(inputs.pairs, per_edge, n_patches))
+    return np.hstack(columns)
+
+
+def label_design(inputs: Inputs, edge_model: str, y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the columns (m, 2 or 0) of the coupling's weights, given labels y (m,): +1, -1, or 0 where unknown."""
+    n_patches = len(inputs.node)
+    if edge_model == NONE:
+        return np.empty((n_patches, 0))
+    first, second = inputs.pairs.T
+    parts = np.column_stack([1.0 - inputs.position, inputs.position])
+    to_first = _sum_at(first, y[second, None] * parts, n_patches)
+    return to_first + _sum_at(second, y[first, None] * parts, n_patches)
+
+
+def coupling(inputs: Inputs, edge_model: str, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return v0 + v1 x_ij (e,), written with its values at both ends so that it cannot be negative by rounding."""
+    if edge_model == NONE:
+        return np.empty(0)
+    at_low, at_high = weights[-2:]
+    return np.asarray(at_low * (1.0 - inputs.position) + at_high * inputs.position)
+
+
+def make_field(inputs: Inputs, edge_model: str, weights: NDArray[np.float64]) -> Field:
+    """Return the field that `weights` make of a map."""
+    design = unary_design(inputs, edge_model)
+    return Field(design @ weights[: design.shape[1]], inputs.pairs, coupling(inputs, edge_model, weights))
+
+
+def model_inputs(features: PatchFeatures, model: Model) -> Inputs:
+    """Return the inputs of a map as `model` standardises them."""
+    return make_inputs(features, model.edge_model, model.node, model.edge, model.x_range)
+
+
+def sum_over_pairs(pairs: NDArray[np.int64], values: NDArray[np.float64], n_patches: int) -> NDArray[np.float64]:
+    """Return for each patch the sum (m, q) of the values (e, q) of its pairs."""
+    return _sum_at(pairs[:, 0], values, n_patches) + _sum_at(pairs[:, 1], values, n_patches)
+
+
+def _sum_at(index: NDArray[np.int64], values: NDArray[np.float64], n_patches: int) -> NDArray[np.float64]:
+    if len(index) == 0:
+        return np.zeros((n_patches, values.shape[1]))
+    return np.column_stack([np.bincount(index, column, n_patches) for column in values.T])
+
+
+def _position(name: str, names: tuple[str, ...], kind: str) -> int:
+    if name not in names:
+        raise InputError(f"there is no {kind} feature {name}; these features have {', '.join(names) or 'none'}.")
+    return names.index(name)

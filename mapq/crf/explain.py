@@ -1,0 +1,154 @@
+"""Why a patch has its label: the terms of its log-odds given its neighbours' labels."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.crf.energy import (
+    Inputs,
+    coupling,
+    edge_columns,
+    make_field,
+    model_inputs,
+    node_columns,
+)
+from mapq.graph import PatchFeatures
+from mapq.model import FULL, NONE, Model
+from mapq.patches import SUSPICIOUS
+
+BASE = "base"
+"""The bias of nodes: what is said of a patch of which nothing is known."""
+NEIGHBOURS = "neighbours"
+"""The bias of pairs, times the number of neighbours."""
+NEIGHBOUR_LABEL = "neighbour label"
+"""The coupling with a neighbour, which pulls towards its label."""
+
+NO_OTHER = -1
+
+
+class Terms(NamedTuple):
+    """Terms of the log-odds of patches being suspicious, given the labels of their neighbours.
+
+    In nats; positive speaks for suspicious. The terms of a patch sum to ``log P(suspicious) - log P(plausible)`` in the
+    random field given its neighbours' labels, which is twice the sum of its scores.
+
+    Attributes
+    ----------
+    patch : (t,) int64
+        Ascending; the terms of a patch by size, largest first.
+    name : (t,) int64
+        Index into `names`.
+    value : (t,) float64
+        The feature in its own unit; for `BASE` 1, for `NEIGHBOURS` their number, for `NEIGHBOUR_LABEL` the neighbour's
+        label, 1 = suspicious.
+    contribution : (t,) float64
+    other : (t,) int64
+        The neighbour, or `NO_OTHER`.
+    names : tuple of str
+    """
+
+    patch: NDArray[np.int64]
+    name: NDArray[np.int64]
+    value: NDArray[np.float64]
+    contribution: NDArray[np.float64]
+    other: NDArray[np.int64]
+    names: tuple[str, ...]
+
+    def starts(self, n_patches: int) -> NDArray[np.int64]:
+        """Return where the terms of each patch begin, and where the last ones end (n_patches + 1,)."""
+        return np.searchsorted(self.patch, np.arange(n_patches + 1))
+
+
+class _Block(NamedTuple):
+    """Terms of one name."""
+
+    patch: NDArray[np.int64]
+    name: str
+    value: NDArray[np.float64]
+    contribution: NDArray[np.float64]
+    other: NDArray[np.int64]
+
+
+def explain(features: PatchFeatures, model: Model, label: NDArray[np.uint8]) -> Terms:
+    """Return the terms that led to labels (m,) of the patches of a map."""
+    inputs = model_inputs(features, model)
+    blocks = _node_blocks(features, inputs, model)
+    if model.edge_model == FULL:
+        blocks += _field_blocks(features, inputs, model)
+    if model.edge_model != NONE:
+        blocks.append(_coupling_block(inputs, model, label))
+    names = tuple(dict.fromkeys(block.name for block in blocks))
+    patch = np.concatenate([block.patch for block in blocks])
+    name = np.concatenate([np.full(len(block.patch), names.index(block.name)) for block in blocks])
+    contribution = np.concatenate([block.contribution for block in blocks])
+    other = np.concatenate([block.other for block in blocks])
+    order = np.lexsort((other, name, -np.abs(contribution), patch))
+    value = np.concatenate([block.value for block in blocks])
+    return Terms(patch[order], name[order], value[order], contribution[order], other[order], names)
+
+
+def local_log_odds(features: PatchFeatures, model: Model, label: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Return the log-odds (m,) of each patch being suspicious, given the labels (m,) of all others, in nats."""
+    field = make_field(model_inputs(features, model), model.edge_model, model.weights)
+    y = np.where(label == SUSPICIOUS, 1.0, -1.0)
+    first, second = field.pairs.T
+    pull = np.bincount(first, field.coupling * y[second], len(y)) + np.bincount(
+        second, field.coupling * y[first], len(y)
+    )
+    return np.asarray(2.0 * (field.theta + pull))
+
+
+def _node_blocks(features: PatchFeatures, inputs: Inputs, model: Model) -> list[_Block]:
+    n_patches = len(inputs.node)
+    patch, nobody = np.arange(n_patches), np.full(n_patches, NO_OTHER)
+    blocks = [_Block(patch, BASE, np.ones(n_patches), np.full(n_patches, 2.0 * model.weights[0]), nobody)]
+    raw = node_columns(features, model.node.names)
+    for index, name in enumerate(model.node.names):
+        contribution = 2.0 * model.weights[1 + index] * inputs.node[:, index]
+        blocks.append(_Block(patch, name, raw[:, index], contribution, nobody))
+    return blocks
+
+
+def _field_blocks(features: PatchFeatures, inputs: Inputs, model: Model) -> list[_Block]:
+    """Return the field of pairs: half of a pair's score goes to each patch, and log-odds are twice a score."""
+    n_patches = len(inputs.node)
+    first = 1 + len(model.node.names)
+    degree = np.bincount(inputs.pairs.ravel(), minlength=n_patches).astype(np.float64)
+    has_pairs = np.flatnonzero(degree)
+    nobody = np.full(len(has_pairs), NO_OTHER)
+    blocks = [_Block(has_pairs, NEIGHBOURS, degree[has_pairs], model.weights[first] * degree[has_pairs], nobody)]
+    raw = edge_columns(features, model.edge.names, (-np.inf, np.inf))
+    for index, name in enumerate(model.edge.names):
+        contribution = model.weights[first + 1 + index] * inputs.edge[:, index]
+        blocks.append(_both_ways(inputs, name, raw[:, index], raw[:, index], contribution, contribution))
+    return blocks
+
+
+def _coupling_block(inputs: Inputs, model: Model, label: NDArray[np.uint8]) -> _Block:
+    pull = 2.0 * coupling(inputs, model.edge_model, model.weights)
+    is_suspicious = (label == SUSPICIOUS).astype(np.float64)
+    of_first, of_second = is_suspicious[inputs.pairs.T]
+    to_first, to_second = pull * (2.0 * of_second - 1.0), pull * (2.0 * of_first - 1.0)
+    return _both_ways(inputs, NEIGHBOUR_LABEL, of_second, of_first, to_first, to_second)
+
+
+def _both_ways(
+    inputs: Inputs,
+    name: str,
+    value_first: NDArray[np.float64],
+    value_second: NDArray[np.float64],
+    to_first: NDArray[np.float64],
+    to_second: NDArray[np.float64],
+) -> _Block:
+    """Return the terms of pairs, once for each of the two patches."""
+    first, second = inputs.pairs.T
+    return _Block(
+        np.concatenate([first, second]),
+        name,
+        np.concatenate([value_first, value_second]),
+        np.concatenate([to_first, to_second]),
+        np.concatenate([second, first]),
+    )

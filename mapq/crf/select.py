@@ -1,0 +1,157 @@
+"""The strength of the regularisation and the temperature, by cross-validation over regions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.crf.energy import make_field
+from mapq.crf.infer import solve
+from mapq.crf.marginals import fit_temperature, log_loss, probabilities
+from mapq.crf.regions import assign_folds
+from mapq.crf.train import Prepared, TrainingMap, TrainSettings, fit_weights, prepare, require_labels, signs
+from mapq.model import Model
+from mapq.patches import SUSPICIOUS, UNLABELLED
+
+STRENGTHS = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+"""Regularisation strengths that are tried."""
+FALLBACK = 1.0
+"""Strength and temperature where the labels do not suffice for a cross-validation."""
+
+
+class HeldOut(NamedTuple):
+    """What models said of patches on which they were not trained.
+
+    Attributes
+    ----------
+    truth, label : (n,) uint8
+    probability : (n,) float32
+    """
+
+    truth: NDArray[np.uint8]
+    label: NDArray[np.uint8]
+    probability: NDArray[np.float32]
+
+
+class Trained(NamedTuple):
+    """A model and how it was chosen.
+
+    Attributes
+    ----------
+    model : Model
+        Without feature settings and training summary, which the caller knows.
+    regularisation : float
+    scores : dict of float to float
+        Strength to mean held-out log-loss, in nats; empty where there was no cross-validation.
+    held_out : HeldOut or None
+        Of the chosen strength; None where there was no cross-validation.
+    n_folds : int
+        0 where there was no cross-validation.
+    """
+
+    model: Model
+    regularisation: float
+    scores: dict[float, float]
+    held_out: HeldOut | None
+    n_folds: int
+
+
+class _Trial(NamedTuple):
+    """Held-out patches as models of one strength see them."""
+
+    y: NDArray[np.float64]
+    label: NDArray[np.uint8]
+    difference: NDArray[np.float64]
+    temperature: float
+
+    @property
+    def score(self) -> float:
+        return log_loss(self.difference, self.y, self.temperature)
+
+
+def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) -> Trained:
+    """Return the model of maximum pseudo-likelihood over all maps.
+
+    Each fold leaves out whole regions: their labels are hidden, the rest trains, and a graph cut labels them with no
+    label given, as it will on a new map. The strength of least held-out log-loss is taken, the larger of two alike,
+    and with it the temperature that was best for these patches. The scaling is that of all patches: it sees no label.
+
+    Raises
+    ------
+    InputError
+        If no patch has a label, or all have the same.
+    """
+    settings = settings or TrainSettings()
+    require_labels(maps)
+    prepared = prepare(maps, settings)
+    labels = [training_map.label for training_map in maps]
+    folds = _usable_folds(maps, settings.n_folds)
+    strengths = STRENGTHS if settings.regularisation is None else (settings.regularisation,)
+    trials = {strength: _try(prepared, labels, folds, settings, strength) for strength in strengths} if folds else {}
+    scores = {strength: trial.score for strength, trial in trials.items()}
+    chosen = min(scores, key=lambda s: (scores[s], -s)) if scores else settings.regularisation or FALLBACK
+    trial = trials.get(chosen)
+    model = Model(
+        settings.edge_model,
+        {},
+        prepared.node,
+        prepared.edge,
+        prepared.x_range,
+        fit_weights(prepared, labels, settings, chosen),
+        trial.temperature if trial else FALLBACK,
+    )
+    return Trained(model, chosen, scores, _held_out(trial) if trial else None, len(folds))
+
+
+def _usable_folds(maps: Sequence[TrainingMap], n_folds: int) -> list[list[NDArray[np.bool_]]]:
+    """Return for each fold the labelled patches (m,) of each map that it leaves out.
+
+    A fold without which only one label is left cannot be trained on and is passed over.
+    """
+    known = [training_map.label != UNLABELLED for training_map in maps]
+    regions, n_regions = [], 0
+    for training_map, labelled in zip(maps, known, strict=True):
+        regions.append(training_map.region[labelled] + n_regions)
+        n_regions += int(training_map.region.max(initial=-1)) + 1
+    labels = np.concatenate([m.label[labelled] for m, labelled in zip(maps, known, strict=True)])
+    _, region = np.unique(np.concatenate(regions), return_inverse=True)
+    fold = assign_folds(region, labels == SUSPICIOUS, n_folds)
+    ends = np.cumsum([np.count_nonzero(labelled) for labelled in known])[:-1]
+    usable = []
+    for index in np.unique(fold):
+        if len(np.unique(labels[fold != index])) == 2:
+            masks = [labelled.copy() for labelled in known]
+            for mask, part in zip(masks, np.split(fold == index, ends), strict=True):
+                mask[mask] = part
+            usable.append(masks)
+    return usable
+
+
+def _try(
+    prepared: Prepared,
+    labels: Sequence[NDArray[np.uint8]],
+    folds: Sequence[Sequence[NDArray[np.bool_]]],
+    settings: TrainSettings,
+    strength: float,
+) -> _Trial:
+    """Return what models trained without each fold say of it."""
+    y, found, differences = [], [], []
+    for held_out in folds:
+        visible = [np.where(mask, UNLABELLED, label) for mask, label in zip(held_out, labels, strict=True)]
+        weights = fit_weights(prepared, visible, settings, strength)
+        for inputs, mask, label in zip(prepared.inputs, held_out, labels, strict=True):
+            if mask.any():
+                cut = solve(make_field(inputs, settings.edge_model, weights), mask)
+                y.append(signs(label[mask]))
+                found.append(cut.label[mask])
+                differences.append(cut.difference[mask])
+    truth, difference = np.concatenate(y), np.concatenate(differences)
+    return _Trial(truth, np.concatenate(found), difference, fit_temperature(difference, truth))
+
+
+def _held_out(trial: _Trial) -> HeldOut:
+    truth = (trial.y > 0.0).astype(np.uint8)
+    return HeldOut(truth, trial.label, probabilities(trial.difference, trial.label, trial.temperature))

@@ -1,0 +1,155 @@
+"""Training by regularised maximum pseudo-likelihood over several maps, some of whose patches may have no label."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.crf.energy import Inputs, edge_columns, label_design, make_inputs, node_columns, require_finite, unary_design
+from mapq.crf.likelihood import Problem, fit
+from mapq.crf.scaling import fit_range, fit_scaling
+from mapq.graph import PatchFeatures
+from mapq.model import FULL, NONE, PLAUSIBILITY, Scaling, parameter_names
+from mapq.patches import SUSPICIOUS, UNLABELLED
+from prf.shell.errors import InputError
+
+
+class TrainingMap(NamedTuple):
+    """A map with labels.
+
+    Attributes
+    ----------
+    features : PatchFeatures
+    label : (m,) uint8
+        `PLAUSIBLE`, `SUSPICIOUS` or `UNLABELLED`.
+    region : (m,) int64
+        Part of the map that a patch is in, numbered from 0: cross-validation keeps regions whole.
+    """
+
+    features: PatchFeatures
+    label: NDArray[np.uint8]
+    region: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class TrainSettings:
+    """How to train.
+
+    Attributes
+    ----------
+    edge_model : str
+        One of `mapq.model.EDGE_MODELS`.
+    edge_features : tuple of str
+        Columns h of the field.
+    regularisation : float or None
+        Precision of the Gaussian prior of each standardised weight but the bias of nodes; None: by cross-validation.
+    balanced : bool
+        Weigh both labels alike instead of each patch.
+    n_folds : int
+        Of the cross-validation.
+    """
+
+    edge_model: str = FULL
+    edge_features: tuple[str, ...] = (PLAUSIBILITY,)
+    regularisation: float | None = None
+    balanced: bool = False
+    n_folds: int = 5
+
+
+class Prepared(NamedTuple):
+    """Maps in the form that the weights are linear in.
+
+    Attributes
+    ----------
+    node, edge : Scaling
+    x_range : (float, float)
+    inputs : list of Inputs
+        One a map.
+    unary : list of (m, p) float64
+        As :func:`mapq.crf.energy.unary_design` has them; they depend on no label.
+    """
+
+    node: Scaling
+    edge: Scaling
+    x_range: tuple[float, float]
+    inputs: list[Inputs]
+    unary: list[NDArray[np.float64]]
+
+
+def prepare(maps: Sequence[TrainingMap], settings: TrainSettings) -> Prepared:
+    """Return the standardisation that all patches of the maps ask for, labelled or not, and the maps in it.
+
+    Raises
+    ------
+    InputError
+        If a feature is not finite, or a map lacks a feature that another has.
+    """
+    for training_map in maps:
+        require_finite(training_map.features)
+    node_names = maps[0].features.node_names
+    x_range = fit_range(np.concatenate([m.features.plausibility for m in maps]))
+    node = fit_scaling(np.vstack([node_columns(m.features, node_names) for m in maps]), node_names)
+    edge_names = settings.edge_features if settings.edge_model == FULL else ()
+    edge = fit_scaling(np.vstack([edge_columns(m.features, edge_names, x_range) for m in maps]), edge_names)
+    inputs = [make_inputs(m.features, settings.edge_model, node, edge, x_range) for m in maps]
+    return Prepared(node, edge, x_range, inputs, [unary_design(each, settings.edge_model) for each in inputs])
+
+
+def signs(label: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Return labels (m,) as +1 suspicious, -1 plausible, 0 without."""
+    y = np.where(label == SUSPICIOUS, 1.0, -1.0)
+    return np.where(label == UNLABELLED, 0.0, y)
+
+
+def make_problem(
+    prepared: Prepared, labels: Sequence[NDArray[np.uint8]], settings: TrainSettings, regularisation: float
+) -> Problem:
+    """Return the training problem of the patches that have a label.
+
+    A patch without a label has no term of its own. As a neighbour it counts as label 0, half way between both: the
+    coupling with it drops out, the field of the pair, which depends on no label, stays. That keeps the objective
+    convex, which summing over the labels it could have would not.
+    """
+    rows, signs_of = [], []
+    for inputs, unary, label in zip(prepared.inputs, prepared.unary, labels, strict=True):
+        y = signs(label)
+        known = y != 0.0
+        rows.append(np.hstack([unary, label_design(inputs, settings.edge_model, y)])[known])
+        signs_of.append(y[known])
+    y = np.concatenate(signs_of)
+    n_weights = rows[0].shape[1]
+    precision = np.full(n_weights, regularisation)
+    precision[0] = 0.0
+    bounded = () if settings.edge_model == NONE else (n_weights - 2, n_weights - 1)
+    return Problem(np.vstack(rows), y, _importance(y, settings.balanced), precision, bounded)
+
+
+def fit_weights(
+    prepared: Prepared, labels: Sequence[NDArray[np.uint8]], settings: TrainSettings, regularisation: float
+) -> NDArray[np.float64]:
+    """Return the weights of maximum regularised pseudo-likelihood, in the order of the model's parameter names."""
+    weights = fit(make_problem(prepared, labels, settings, regularisation))
+    assert len(weights) == len(parameter_names(settings.edge_model, prepared.node.names, prepared.edge.names))
+    return weights
+
+
+def require_labels(maps: Sequence[TrainingMap]) -> None:
+    """Raise InputError unless there are labels of both kinds."""
+    labels = np.concatenate([m.label for m in maps]) if maps else np.empty(0, np.uint8)
+    labels = labels[labels != UNLABELLED]
+    if len(labels) == 0:
+        raise InputError("no patch has a label. Label some with: mapq label PATCHES --from-field NAME")
+    if len(np.unique(labels)) == 1:
+        only = "suspicious" if labels[0] == SUSPICIOUS else "plausible"
+        raise InputError(f"all {len(labels)} labelled patches are {only}. Label patches of both kinds, or add a map.")
+
+
+def _importance(y: NDArray[np.float64], balanced: bool) -> NDArray[np.float64]:
+    if not balanced:
+        return np.ones(len(y))
+    share = np.where(y > 0.0, np.mean(y > 0.0), np.mean(y < 0.0))
+    return np.asarray(0.5 / share)

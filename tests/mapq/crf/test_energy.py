@@ -1,0 +1,118 @@
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from mapq.crf import classify, explain, local_log_odds
+from mapq.crf.energy import make_field, model_inputs
+from mapq.crf.explain import BASE, NEIGHBOUR_LABEL, NEIGHBOURS
+from mapq.model import EDGE_MODELS, SYMMETRIC
+from prf.shell.errors import InputError
+from tests.reference.mapq_crf import draw_features, draw_model, slow_score
+
+CASES = list(itertools.product(EDGE_MODELS, range(5)))
+
+
+def draw(edge_model, seed, n_patches=7, n_pairs=12):
+    rng = np.random.default_rng(seed)
+    return draw_features(rng, n_patches, n_pairs), draw_model(rng, edge_model)
+
+
+def as_labels(y):
+    return ((np.array(y) + 1) // 2).astype(np.uint8)
+
+
+@pytest.mark.parametrize(("edge_model", "seed"), CASES)
+def test_the_field_scores_as_the_definition(edge_model, seed):
+    features, model = draw(edge_model, seed)
+    field = make_field(model_inputs(features, model), edge_model, model.weights)
+    for y in itertools.product([-1, 1], repeat=7):
+        assert field.score(np.array(y, float)) == pytest.approx(slow_score(features, model, list(y)), abs=1e-9)
+
+
+@pytest.mark.parametrize(("edge_model", "seed"), CASES)
+def test_the_labelling_is_the_best_by_the_definition(edge_model, seed):
+    features, model = draw(edge_model, seed)
+    labelling = classify(features, model)
+    best = max(itertools.product([-1, 1], repeat=7), key=lambda y: slow_score(features, model, list(y)))
+    np.testing.assert_array_equal(labelling.label, as_labels(best))
+    np.testing.assert_array_equal(labelling.probability > 0.5, labelling.label == 1)
+    np.testing.assert_allclose(labelling.probability, 1.0 / (1.0 + np.exp(-0.7 * labelling.difference)), atol=1e-6)
+
+
+@pytest.mark.parametrize(("edge_model", "seed"), CASES)
+def test_terms_sum_to_the_log_odds_given_the_neighbours(edge_model, seed):
+    features, model = draw(edge_model, seed)
+    label = np.random.default_rng(seed).integers(0, 2, 7).astype(np.uint8)
+    terms = explain(features, model, label)
+    sums = np.bincount(terms.patch, terms.contribution, 7)
+    np.testing.assert_allclose(sums, local_log_odds(features, model, label), atol=1e-12)
+    for patch in range(7):
+        y = (2 * label.astype(int) - 1).tolist()
+        up, down = [*y[:patch], 1, *y[patch + 1 :]], [*y[:patch], -1, *y[patch + 1 :]]
+        expected = slow_score(features, model, up) - slow_score(features, model, down)
+        assert sums[patch] == pytest.approx(expected, abs=1e-9)
+
+
+def test_terms_come_largest_first_with_values_in_their_own_unit():
+    features, model = draw("full", 3)
+    label = np.array([1, 0, 1, 0, 1, 0, 1], np.uint8)
+    terms = explain(features, model, label)
+    starts = terms.starts(7)
+    assert (starts[0], starts[-1]) == (0, len(terms.patch))
+    for begin, end in itertools.pairwise(starts):
+        assert (np.diff(np.abs(terms.contribution[begin:end])) <= 0).all()
+    degree = np.bincount(features.pairs.ravel(), minlength=7)
+    for patch, name, value, other in zip(terms.patch, terms.name, terms.value, terms.other, strict=True):
+        match terms.names[name]:
+            case "base":
+                assert (value, other) == (1.0, -1)
+            case "neighbours":
+                assert (value, other) == (degree[patch], -1)
+            case "neighbour label":
+                assert value == label[other]
+            case ("fit" | "tilt" | "thickness") as feature:
+                assert (value, other) == (features.node[patch, features.node_names.index(feature)], -1)
+            case "plausibility":
+                pair = sorted((patch, other))
+                assert value == features.plausibility[(features.pairs == pair).all(axis=1)][0]
+    assert {BASE, NEIGHBOURS, NEIGHBOUR_LABEL, "plausibility", "overlap", "fit"} <= set(terms.names)
+
+
+def test_the_symmetric_model_turns_round_with_its_nodes():
+    features, model = draw(SYMMETRIC, 8)
+    weights = model.weights.copy()
+    weights[:-2] *= -1
+    turned = type(model)(SYMMETRIC, {}, model.node, model.edge, model.x_range, weights)
+    labels = classify(features, model).label, classify(features, turned).label
+    np.testing.assert_array_equal(labels[0], 1 - labels[1])
+
+
+def test_coupling_stays_non_negative_far_outside_the_range_seen():
+    features, model = draw("full", 4)
+    wild = features._replace(plausibility=np.linspace(-1e6, 1e6, len(features.pairs)))
+    field = make_field(model_inputs(wild, model), "full", model.weights)
+    assert (field.coupling >= 0.0).all()
+
+
+@pytest.mark.parametrize("n_patches", [0, 1, 2])
+@pytest.mark.parametrize("edge_model", EDGE_MODELS)
+def test_few_patches_and_no_pairs(n_patches, edge_model):
+    features, model = draw(edge_model, 1, n_patches, 0)
+    labelling = classify(features, model)
+    terms = explain(features, model, labelling.label)
+    assert len(labelling.label) == len(labelling.probability) == n_patches
+    np.testing.assert_allclose(np.bincount(terms.patch, terms.contribution, n_patches), labelling.difference, atol=1e-9)
+
+
+def test_features_that_lack_a_name_or_a_number_are_refused():
+    features, model = draw("full", 2)
+    with pytest.raises(InputError, match="no node feature fit; these features have a, b, c"):
+        classify(features._replace(node_names=("a", "b", "c")), model)
+    with pytest.raises(InputError, match="no edge feature overlap"):
+        classify(features._replace(edge_names=("separation", "x")), model)
+    features.node[3, 1] = np.nan
+    with pytest.raises(InputError, match="feature tilt is not finite in 1 of 7 places"):
+        classify(features, model)

@@ -1,0 +1,237 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import Bounds, check_grad, minimize
+
+from mapq.crf import TrainSettings, classify, train
+from mapq.crf.likelihood import Problem, fit, gradient, hessian, objective
+from mapq.crf.scaling import fit_range, fit_scaling
+from mapq.crf.train import TrainingMap, fit_weights, make_problem, prepare, signs
+from mapq.model import EDGE_MODELS, FULL, NONE, SYMMETRIC, Model
+from mapq.patches import UNLABELLED
+from prf.shell.errors import InputError
+from tests.mapq.crf.worlds import draw_map
+from tests.reference.mapq_crf import draw_features, slow_log_pseudo_likelihood
+
+
+def draw_problem(seed: int, n_patches: int = 60) -> Problem:
+    """Return a problem in which either bound, both or none holds the optimum."""
+    rng = np.random.default_rng(seed)
+    design = np.column_stack([np.ones(n_patches), rng.normal(size=(n_patches, 4))])
+    truth = rng.normal(size=5) * [0.5, 1, 1, 1, 1]
+    y = np.where(rng.random(n_patches) < 1 / (1 + np.exp(-2 * design @ truth)), 1.0, -1.0)
+    y[:2] = 1.0, -1.0
+    precision = np.array([0.0, *[rng.choice([0.1, 1.0, 10.0])] * 4])
+    return Problem(design, y, rng.uniform(0.5, 2.0, n_patches), precision, (3, 4))
+
+
+def pseudo_model(maps, settings, regularisation):
+    prepared = prepare(maps, settings)
+    weights = fit_weights(prepared, [m.label for m in maps], settings, regularisation)
+    return Model(settings.edge_model, {}, prepared.node, prepared.edge, prepared.x_range, weights)
+
+
+@pytest.mark.parametrize("edge_model", EDGE_MODELS)
+def test_the_objective_is_the_pseudo_likelihood_by_its_definition(edge_model):
+    rng = np.random.default_rng(2)
+    maps = []
+    for n_patches, n_pairs in ((9, 14), (5, 4), (1, 0)):
+        label = rng.integers(0, 2, n_patches).astype(np.uint8)
+        maps.append(TrainingMap(draw_features(rng, n_patches, n_pairs), label, np.zeros(n_patches, int)))
+    names = ("plausibility", "overlap") if edge_model == FULL else ()
+    settings = TrainSettings(edge_model, names)
+    prepared = prepare(maps, settings)
+    problem = make_problem(prepared, [m.label for m in maps], settings, 0.0)
+    weights = rng.normal(size=problem.design.shape[1])
+    model = Model(edge_model, {}, prepared.node, prepared.edge, prepared.x_range, weights)
+    assert objective(problem, weights) == pytest.approx(-slow_log_pseudo_likelihood(maps, model), rel=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_gradient_and_hessian_are_the_differences(seed):
+    problem = draw_problem(seed)
+    weights = np.random.default_rng(seed).normal(size=5)
+    assert check_grad(lambda w: objective(problem, w), lambda w: gradient(problem, w), weights) < 1e-4
+    step = 1e-6
+    for index, row in enumerate(hessian(problem, weights)):
+        shift = step * np.eye(5)[index]
+        slope = (gradient(problem, weights + shift) - gradient(problem, weights - shift)) / (2 * step)
+        np.testing.assert_allclose(row, slope, atol=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_optimum_is_that_of_a_generic_solver(seed):
+    problem = draw_problem(seed)
+    found = fit(problem)
+    bounds = Bounds([-np.inf] * 3 + [0.0] * 2, [np.inf] * 5)
+    other = minimize(
+        lambda w: objective(problem, w),
+        np.full(5, 0.1),
+        jac=lambda w: gradient(problem, w),
+        method="trust-constr",
+        bounds=bounds,
+        options={"gtol": 1e-9, "xtol": 1e-12, "maxiter": 2000},
+    )
+    assert (found[3:] >= 0.0).all()
+    assert objective(problem, found) <= other.fun + 1e-9
+    np.testing.assert_allclose(found, other.x, atol=2e-3)
+    slope = gradient(problem, found)
+    free = np.array([True, True, True, *(found[3:] > 0.0)])
+    assert np.abs(slope[free]).max() < 1e-5
+    assert (slope[~free] >= -1e-9).all(), "a weight at its bound would like to leave the box"
+
+
+def test_those_problems_meet_every_face_of_the_box():
+    faces = {tuple(fit(draw_problem(seed))[3:] > 0.0) for seed in range(12)}
+    assert len(faces) == 4
+
+
+def test_separable_labels_give_finite_weights():
+    x = np.linspace(-1.0, 1.0, 40)
+    problem = Problem(
+        np.column_stack([np.ones(40), x]), np.where(x > 0, 1.0, -1.0), np.ones(40), np.array([0.0, 1e-4]), ()
+    )
+    weights = fit(problem)
+    assert np.isfinite(weights).all()
+    assert weights[1] > 3.0
+    assert np.abs(gradient(problem, weights)).max() < 1e-6
+
+
+def test_an_unlabelled_patch_counts_as_label_zero_for_its_neighbours():
+    rng = np.random.default_rng(3)
+    features = draw_features(rng, 12, 25)
+    label = rng.integers(0, 2, 12).astype(np.uint8)
+    label[4] = UNLABELLED
+    settings = TrainSettings(FULL, ("plausibility",))
+    prepared = prepare([TrainingMap(features, label, np.zeros(12, int))], settings)
+    problem = make_problem(prepared, [label], settings, 1.0)
+    assert len(problem.y) == 11
+    half = [make_problem(prepared, [np.where(label == UNLABELLED, y, label)], settings, 1.0) for y in (0, 1)]
+    kept = np.arange(12) != 4
+    np.testing.assert_allclose(problem.design, 0.5 * (half[0].design + half[1].design)[kept])
+    assert signs(label)[4] == 0.0
+
+
+@pytest.mark.parametrize("edge_model", EDGE_MODELS)
+def test_it_finds_regions_that_only_pairs_betray_unless_symmetric(edge_model):
+    """Without a node signal the symmetric form can only say "same": it is no better than calling all plausible."""
+    trained = train([draw_map(seed, node_signal=0.0) for seed in (1, 2)], TrainSettings(edge_model))
+    test_map = draw_map(3, 600, node_signal=0.0)
+    label = classify(test_map.features, trained.model).label
+    recall = label[test_map.label == 1].mean()
+    accuracy = (label == test_map.label).mean()
+    if edge_model == FULL:
+        assert recall > 0.7
+        assert accuracy > 0.9
+    else:
+        assert recall < 0.1
+
+
+def test_edges_beat_nodes_alone_and_regularisation_is_chosen():
+    maps = [draw_map(seed, node_signal=1.0, share_unlabelled=0.2) for seed in (1, 2)]
+    full, alone = train(maps), train(maps, TrainSettings(NONE))
+    assert min(full.scores.values()) < 0.7 * min(alone.scores.values())
+    assert full.scores[full.regularisation] == min(full.scores.values())
+    assert full.n_folds == 5
+    n_labelled = sum(int((m.label != UNLABELLED).sum()) for m in maps)
+    assert len(full.held_out.truth) == n_labelled, "each labelled patch is held out once"
+    assert (full.held_out.truth == full.held_out.label).mean() > 0.9
+
+
+def test_training_repeats_and_does_not_depend_on_the_order_of_pairs():
+    maps = [draw_map(1), draw_map(2)]
+    first, again = train(maps), train(maps)
+    np.testing.assert_array_equal(first.model.weights, again.model.weights)
+    order = np.random.default_rng(0).permutation(len(maps[0].features.pairs))
+    one = maps[0].features
+    turned = one._replace(pairs=one.pairs[order], edge=one.edge[order], plausibility=one.plausibility[order])
+    shuffled = train([maps[0]._replace(features=turned), maps[1]])
+    np.testing.assert_allclose(shuffled.model.weights, first.model.weights, rtol=1e-7)
+
+
+def test_balance_finds_more_of_the_rare_label():
+    maps = [draw_map(seed, node_signal=0.5) for seed in (1, 2)]
+    plain = train(maps, TrainSettings(NONE, balanced=False))
+    balanced = train(maps, TrainSettings(NONE, balanced=True))
+    assert balanced.held_out.label.mean() > plain.held_out.label.mean() + 0.1
+
+
+def test_a_given_strength_is_kept():
+    trained = train([draw_map(1)], TrainSettings(regularisation=7.0))
+    assert trained.regularisation == 7.0
+    assert list(trained.scores) == [7.0]
+
+
+def test_labels_too_few_for_folds_still_train():
+    one = draw_map(1)
+    label = np.full(300, UNLABELLED, np.uint8)
+    label[[np.flatnonzero(one.label == 1)[0], np.flatnonzero(one.label == 0)[0]]] = 1, 0
+    trained = train([one._replace(label=label)])
+    assert (trained.n_folds, trained.scores, trained.held_out) == (0, {}, None)
+    assert (trained.regularisation, trained.model.temperature) == (1.0, 1.0)
+    assert np.isfinite(trained.model.weights).all()
+
+
+@pytest.mark.parametrize(
+    ("label", "message"), [(UNLABELLED, "mapq label PATCHES"), (0, "are plausible"), (1, "are suspicious")]
+)
+def test_labels_that_cannot_train_are_refused(label, message):
+    with pytest.raises(InputError, match=message):
+        train([draw_map(1)._replace(label=np.full(300, label, np.uint8))])
+
+
+@pytest.mark.parametrize("edge_model", EDGE_MODELS)
+def test_maps_without_pairs_and_empty_maps_train_along(edge_model):
+    rng = np.random.default_rng(1)
+    lone = draw_features(rng, 1, 0)._replace(node_names=("fit", "tilt", "thickness"))
+    some = draw_features(rng, 30, 40)
+    label = rng.integers(0, 2, 30).astype(np.uint8)
+    maps = [
+        TrainingMap(lone, np.ones(1, np.uint8), np.zeros(1, int)),
+        TrainingMap(draw_features(rng, 0, 0), np.empty(0, np.uint8), np.empty(0, int)),
+        TrainingMap(some, label, np.arange(30) // 5),
+    ]
+    trained = train(maps, TrainSettings(edge_model))
+    assert np.isfinite(trained.model.weights).all()
+    assert classify(some, trained.model).label.shape == (30,)
+
+
+def test_constant_features_weigh_nothing():
+    one = draw_map(1)
+    node = np.column_stack([one.features.node, np.full(300, 0.1)])
+    features = one.features._replace(node=node, node_names=("fit", "tilt", "same"))
+    model = train([one._replace(features=features)]).model
+    assert model.node.scale[2] == 1.0
+    assert model.weights[model.parameter_names.index("node.same")] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_scaling_is_robust_and_keeps_rare_values_apart():
+    column = np.concatenate([np.ones(95), np.linspace(-1.0, 0.0, 5)])[:, None]
+    scaling = fit_scaling(column, ("x",))
+    assert scaling.median[0] == 1.0
+    scaled = scaling.apply(column)[:, 0]
+    assert scaled.min() >= -5.0
+    assert len(np.unique(scaled[95:])) >= 4
+    assert np.abs(fit_scaling(np.r_[np.arange(99.0), 1e12][:, None], ("x",)).median[0] - 49.5) < 1
+    low, high = fit_range(np.r_[np.linspace(-1, 1, 999), -1e9])
+    assert -10.0 < low < -0.9
+    assert high == 1.0
+
+
+def test_the_symmetric_model_has_no_field():
+    names = train([draw_map(1)], TrainSettings(SYMMETRIC)).model.parameter_names
+    assert names == ("node.bias", "node.fit", "node.tilt", "coupling.at_x_min", "coupling.at_x_max")
+
+
+def test_pseudo_likelihood_is_highest_at_the_weights_found():
+    maps = [draw_map(4, 60)]
+    settings = TrainSettings()
+    model = pseudo_model(maps, settings, 1e-6)
+    best = slow_log_pseudo_likelihood(maps, model)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        weights = model.weights + 0.05 * rng.normal(size=len(model.weights))
+        weights[-2:] = np.maximum(weights[-2:], 0.0)
+        other = Model(FULL, {}, model.node, model.edge, model.x_range, weights)
+        assert slow_log_pseudo_likelihood(maps, other) < best

@@ -1,0 +1,108 @@
+"""The random field over patches by its definition: every labelling scored by loops over patches and pairs."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+
+from mapq.crf import TrainingMap
+from mapq.crf.energy import Field
+from mapq.graph import PatchFeatures
+from mapq.model import FULL, NONE, Model, Scaling, parameter_names
+
+NODE_NAMES = ("fit", "tilt", "thickness")
+EDGE_NAMES = ("separation", "overlap")
+
+
+def draw_pairs(rng: np.random.Generator, n_patches: int, n_pairs: int) -> np.ndarray:
+    """Return up to `n_pairs` different pairs, smaller number first, ascending."""
+    found = set()
+    for _ in range(n_pairs if n_patches > 1 else 0):
+        found.add(tuple(sorted(rng.choice(n_patches, 2, replace=False).tolist())))
+    return np.array(sorted(found), np.int32).reshape(-1, 2)
+
+
+def draw_features(rng: np.random.Generator, n_patches: int, n_pairs: int) -> PatchFeatures:
+    """Return features without any sense."""
+    pairs = draw_pairs(rng, n_patches, n_pairs)
+    node = rng.normal(size=(n_patches, len(NODE_NAMES))) * [1.0, 0.1, 30.0] + [5.0, 0.0, -4.0]
+    edge = rng.exponential(size=(len(pairs), len(EDGE_NAMES)))
+    return PatchFeatures("safe", node, pairs, edge, rng.uniform(-1.0, 1.0, len(pairs)), NODE_NAMES, EDGE_NAMES, 0)
+
+
+def draw_model(rng: np.random.Generator, edge_model: str = FULL, edge_names: tuple[str, ...] | None = None) -> Model:
+    """Return a model with weights of all sizes, coupling of several units at one end or none."""
+    names = ("plausibility", "overlap") if edge_names is None else edge_names
+    names = names if edge_model == FULL else ()
+    node = Scaling(NODE_NAMES, rng.normal(size=3), rng.uniform(0.1, 2.0, 3))
+    edge = Scaling(names, rng.normal(size=len(names)), rng.uniform(0.1, 2.0, len(names)))
+    weights = rng.normal(size=len(parameter_names(edge_model, NODE_NAMES, names)))
+    if edge_model != NONE:
+        weights[-2:] = np.maximum(weights[-2:], 0.0)
+    return Model(edge_model, {}, node, edge, (-0.8, 0.7), weights, 0.7)
+
+
+def slow_score(features: PatchFeatures, model: Model, y: list[int]) -> float:
+    """Return the score of labels +1 and -1, as the definition has it: v0 and v1, raw features scaled one by one."""
+    weight = dict(zip(model.parameter_names, model.weights.tolist(), strict=True))
+    total = 0.0
+    for i, label in enumerate(y):
+        value = weight["node.bias"]
+        for name in model.node.names:
+            raw = features.node[i, features.node_names.index(name)]
+            value += weight[f"node.{name}"] * _scaled(model.node, name, raw)
+        total += label * value
+    if model.edge_model == NONE:
+        return total
+    low, high = model.x_range
+    v1 = (weight["coupling.at_x_max"] - weight["coupling.at_x_min"]) / (high - low)
+    v0 = weight["coupling.at_x_min"] - v1 * low
+    for number, (i, j) in enumerate(features.pairs.tolist()):
+        x = min(max(float(features.plausibility[number]), low), high)
+        if model.edge_model == FULL:
+            field = weight["field.bias"]
+            for name in model.edge.names:
+                raw = x if name == "plausibility" else features.edge[number, features.edge_names.index(name)]
+                field += weight[f"field.{name}"] * _scaled(model.edge, name, raw)
+            total += 0.5 * (y[i] + y[j]) * field
+        total += y[i] * y[j] * (v0 + v1 * x)
+    return total
+
+
+def slow_log_pseudo_likelihood(maps: list[TrainingMap], model: Model) -> float:
+    """Return the sum over all patches of log P(label | all other labels), from scores of whole labellings."""
+    total = 0.0
+    for training_map in maps:
+        y = [1 if label else -1 for label in training_map.label.tolist()]
+        for i, label in enumerate(y):
+            same = slow_score(training_map.features, model, y)
+            other = slow_score(training_map.features, model, [*y[:i], -label, *y[i + 1 :]])
+            total += -math.log1p(math.exp(other - same))
+    return total
+
+
+def enumerate_field(field: Field) -> tuple[np.ndarray, np.ndarray]:
+    """Return the scores (2**m,) of all labellings (2**m, m)."""
+    labellings = np.array(list(itertools.product([-1.0, 1.0], repeat=len(field.theta))))
+    first, second = field.pairs.T
+    return labellings @ field.theta + (labellings[:, first] * labellings[:, second]) @ field.coupling, labellings
+
+
+def best_labellings(field: Field, tolerance: float = 1e-9) -> np.ndarray:
+    """Return all labellings (k, m) of highest score."""
+    scores, labellings = enumerate_field(field)
+    return labellings[scores >= scores.max() - tolerance]
+
+
+def slow_differences(field: Field) -> np.ndarray:
+    """Return best score with each patch suspicious minus best score with it plausible."""
+    scores, labellings = enumerate_field(field)
+    return np.array([scores[column > 0].max() - scores[column < 0].max() for column in labellings.T])
+
+
+def _scaled(scaling: Scaling, name: str, raw: float) -> float:
+    index = scaling.names.index(name)
+    value = (raw - float(scaling.median[index])) / float(scaling.scale[index])
+    return min(max(value, -scaling.clip), scaling.clip)
