@@ -9,12 +9,11 @@ from mapq import __version__
 from prf.shell.app import make_app
 from prf.shell.run import run_app
 
-HELP = """How plausible a point cloud map is, plane patch by plane patch.
+HELP = "How plausible a point cloud map is, plane patch by plane patch."
 
-The verbs arrive with a later release; so far there are only --help and --version.
-"""
-
-VERBS: dict[str, str] = {}
+VERBS: dict[str, str] = {
+    "inspect": "Say what is in a file: a cloud, PATCHES, a RESULT, or a model.",
+}
 
 app = make_app("mapq", __version__, HELP, "mapq.commands", VERBS)
 

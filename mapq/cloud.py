@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -57,8 +58,11 @@ class PointCloud:
         return len(self.xyz)
 
     def world(self) -> NDArray[np.float64]:
-        """Return the coordinates (n, 3) as the file has them, in float64."""
-        return self.xyz + self.shift
+        """Return the coordinates (n, 3) as the file has them, in float64, to the last bit."""
+        world = self.xyz.copy()
+        moved = self.shift != 0.0  # adding 0 to the others would turn -0 into 0
+        world[:, moved] += self.shift[moved]
+        return world
 
     def finite(self) -> NDArray[np.bool_]:
         """Return which points (n,) have three finite coordinates."""
@@ -75,18 +79,29 @@ class PointCloud:
 
 
 def choose_shift(world: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the shift (3,) for world coordinates (n, 3): whole kilometres where all lie far from the origin, else 0.
+    """Return the shift (3,) for world coordinates (n, 3): whole kilometres on each axis far from the origin, else 0.
 
-    Subtracting it is exact, and so is adding it back: a coordinate and the shift are multiples of the coordinate's
-    last bit, and their difference is smaller than the coordinate.
+    Subtracting it and adding it again gives every finite coordinate back to the last bit. Where all points of an axis
+    lie on one side of the origin, that holds by itself (below 2^56 m): shift and coordinate are multiples of the
+    coordinate's last bit, and their difference is smaller than the coordinate. Where some do not, such as the points
+    (0, 0, 0) that many sensors write for "no return" into a survey grid, the median's kilometre is tried, and kept if
+    it is exact for the points at hand.
     """
-    shift = np.zeros(3)
-    kept = world[np.isfinite(world).all(axis=1)]
-    if len(kept) == 0:
-        return shift
-    low, high = kept.min(axis=0), kept.max(axis=0)
-    for axis in range(3):
-        nearest = 0.0 if low[axis] <= 0.0 <= high[axis] else min(abs(low[axis]), abs(high[axis]))
-        if nearest > SHIFT_ABOVE:
-            shift[axis] = np.copysign(1000.0 * np.floor(nearest / 1000.0), low[axis])
-    return shift
+    return np.array([_axis_shift(column[np.isfinite(column)]) for column in world.T])
+
+
+def _axis_shift(values: NDArray[np.float64]) -> float:
+    """Return the shift of one axis, from its finite coordinates (n,)."""
+    if len(values) == 0:
+        return 0.0
+    low, high = float(values.min()), float(values.max())
+    if max(abs(low), abs(high)) <= SHIFT_ABOVE:
+        return 0.0
+    nearest = low if low > 0.0 else min(high, 0.0)
+    for candidate in (nearest, float(np.median(values))):
+        if abs(candidate) > SHIFT_ABOVE:
+            shift = math.copysign(1000.0 * math.floor(abs(candidate) / 1000.0), candidate)
+            back = (values - shift) + shift
+            if np.array_equal(back.view(np.int64), np.ascontiguousarray(values).view(np.int64)):
+                return shift
+    return 0.0

@@ -1,0 +1,112 @@
+"""Say what is in a file: a cloud, PATCHES, a RESULT, or a model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mapq.commands._options import BinColumns
+from prf.shell.options import Json
+
+if TYPE_CHECKING:
+    from mapq.io.describe import CloudSummary, Description, FieldSummary, PatchSummary
+
+EXAMPLES = (
+    "mapq inspect map.pcd",
+    "mapq inspect map.patches --json",
+    "mapq inspect scan.bin --bin-columns 3",
+)
+
+
+def inspect(
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE",
+            help="A cloud (PLY, PCD, XYZ/TXT/CSV, .npy, .npz, KITTI .bin; also gzipped), PATCHES, a RESULT or a model; "
+            "- is standard input.",
+        ),
+    ],
+    bin_columns: BinColumns = 4,
+    json: Json = False,
+) -> None:
+    """Say what is in a file: a cloud, PATCHES, a RESULT, or a model.
+
+    The kind is recognised from the content. Of points it shows extent, fields and spacing (median distance to the
+    nearest neighbour, on a sample); of patches the counts, labels and parameters; of a model what stands in it.
+    """
+    from mapq.io.describe import describe
+    from prf.shell import console, jsonout
+
+    summary = describe(file, bin_columns)
+    if json:
+        jsonout.emit_object("mapq.inspect/1", jsonout.jsonable(summary))
+    else:
+        rows = list(_rows(summary))
+        width = max(16, *(len(name) + 2 for name, _ in rows))
+        for name, value in rows:
+            console.emit(f"{name:<{width}}{value}".rstrip())
+
+
+def _rows(summary: Description) -> Iterator[tuple[str, str]]:
+    yield "file", summary.path
+    yield "kind", f"{summary.kind} ({summary.format})"
+    if summary.cloud is not None:
+        yield from _cloud_rows(summary.cloud)
+    if summary.patches is not None:
+        yield from _patch_rows(summary.patches)
+    yield from _flat(summary.content)
+
+
+def _cloud_rows(cloud: CloudSummary) -> Iterator[tuple[str, str]]:
+    missing = cloud.n_points - cloud.n_finite
+    size = " x ".join(f"{high - low:.2f}" for low, high in zip(cloud.low, cloud.high, strict=True))
+    sides = ", ".join(
+        f"{axis} {low:.2f} to {high:.2f}" for axis, low, high in zip("xyz", cloud.low, cloud.high, strict=True)
+    )
+    yield "points", f"{cloud.n_points:,}" + (f", {missing:,} of them without coordinates" if missing else "")
+    yield "extent", f"{size} m, {sides}"
+    yield "coordinates", cloud.coordinate_type
+    if cloud.shift.any():
+        yield "shift", " ".join(f"{value:.0f}" for value in cloud.shift) + " m, taken off before all work"
+    yield "spacing", "unknown" if _is_nan(cloud.spacing) else f"{cloud.spacing:.4g} m, median to the nearest neighbour"
+    for number, field in enumerate(cloud.fields):
+        yield "" if number else "fields", _field_line(field)
+    if not cloud.fields:
+        yield "fields", "none"
+
+
+def _field_line(field: FieldSummary) -> str:
+    values = "no finite values" if _is_nan(field.low) else f"{field.low:g} to {field.high:g}"
+    return f"{field.name}  {field.type}{f' x {field.n_values}' if field.n_values > 1 else ''}  {values}"
+
+
+def _patch_rows(patches: PatchSummary) -> Iterator[tuple[str, str]]:
+    median = "" if _is_nan(patches.points_per_patch) else f", {patches.points_per_patch:g} a patch (median)"
+    yield "patches", f"{patches.n_patches:,}"
+    yield "in patches", f"{patches.n_points_in_patches:,} points{median}"
+    yield "labels", _counts(patches.labels)
+    if patches.label_sources:
+        yield "labels set", _counts(patches.label_sources)
+
+
+def _flat(value: Mapping[str, Any], name: str = "") -> Iterator[tuple[str, str]]:
+    """Yield dotted names and values of JSON."""
+    for key, item in value.items():
+        full = f"{name}.{key}" if name else str(key)
+        if isinstance(item, Mapping):
+            yield from _flat(item, full)
+        elif isinstance(item, list):
+            yield full, " ".join(map(str, item))
+        else:
+            yield full, "-" if item is None else str(item)
+
+
+def _counts(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{n:,} {kind}" for kind, n in counts.items())
+
+
+def _is_nan(value: float) -> bool:
+    return value != value

@@ -1,0 +1,242 @@
+"""What is in a file of `mapq`, whatever its kind, as `mapq inspect` tells it."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from mapq.cloud import PointCloud
+from mapq.io.clouds import parse_cloud, read_bytes, source_of
+from mapq.io.fields import Array
+from mapq.io.patches import holds_patches, parse_patches
+from mapq.patches import FROM_FIELD, FROM_HAND, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
+from prf.shell.errors import InputError
+from prf.shell.files import STREAM
+
+RESULT_FIELDS = ("patch", "suspicious", "p_suspicious")
+"""The fields that make a cloud a RESULT."""
+
+SAMPLE = 2000
+"""Points whose nearest neighbour is looked for: enough for the median to within a few per cent."""
+
+MOST_SHOWN = 64
+"""A list of JSON longer than this, or of objects, is told by its length."""
+
+
+class FieldSummary(NamedTuple):
+    """A field of a cloud: numbers a point, and the range of the finite values (nan where there are none)."""
+
+    name: str
+    type: str
+    n_values: int
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class CloudSummary:
+    """What is in a cloud.
+
+    Attributes
+    ----------
+    n_points, n_finite : int
+        All points, and those with three finite coordinates.
+    low, high : (3,) float64
+        The box round the finite points, in world coordinates.
+    shift : (3,) float64
+        Subtracted before all work.
+    coordinate_type : str
+    fields : tuple of FieldSummary
+    spacing : float
+        Median distance of a point to its nearest neighbour, on a sample; nan for one point.
+    """
+
+    n_points: int
+    n_finite: int
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    shift: NDArray[np.float64]
+    coordinate_type: str
+    fields: tuple[FieldSummary, ...]
+    spacing: float
+
+
+@dataclass(frozen=True)
+class PatchSummary:
+    """What a cloud is cut into: counts of patches and points, by label; for PATCHES where the labels come from."""
+
+    n_patches: int
+    n_points_in_patches: int
+    points_per_patch: float
+    labels: Mapping[str, int]
+    label_sources: Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class Description:
+    """What is in a file.
+
+    Attributes
+    ----------
+    path, kind, format : str
+        Name, ``cloud``, ``patches``, ``result`` or ``model``, and the format or schema.
+    cloud : CloudSummary or None
+        None for a JSON file.
+    patches : PatchSummary or None
+        For PATCHES and RESULT.
+    content : mapping
+        Parameters and report of PATCHES, the JSON of a model or the one beside a RESULT; long lists are told by their
+        length.
+    """
+
+    path: str
+    kind: str
+    format: str
+    cloud: CloudSummary | None
+    patches: PatchSummary | None
+    content: Mapping[str, Any]
+
+
+def describe(path: str, bin_columns: int = 4) -> Description:
+    """Return what is in a cloud, a PATCHES file, a RESULT, or a JSON file of a model or result.
+
+    Parameters
+    ----------
+    path : str
+        The file, recognised by its content; ``-`` is standard input.
+    bin_columns : {3, 4}
+        As for :func:`mapq.io.read_cloud`.
+
+    Raises
+    ------
+    InputError
+        If it is missing, damaged, or none of these.
+    """
+    data = read_bytes(path)
+    if data.lstrip()[:1] == b"{":
+        content = _parse_object(data, source_of(path))
+        schema = content["schema"]
+        return Description(path, schema.partition("/")[0].removeprefix("mapq."), schema, None, None, _brief(content))
+    if holds_patches(io.BytesIO(data)):
+        patches = parse_patches(data, path)
+        content = {"parameters": patches.parameters, "report": patches.report}
+        return Description(path, "patches", "mapq.patches/1", _cloud(patches.cloud), _patches(patches), _brief(content))
+    format_name, cloud = parse_cloud(data, path, bin_columns)
+    if not _is_result(cloud):
+        return Description(path, "cloud", format_name, _cloud(cloud), None, {})
+    return Description(path, "result", format_name, _cloud(cloud), _result(cloud), _beside(path))
+
+
+def median_spacing(xyz: NDArray[np.float64]) -> float:
+    """Return the median distance to the nearest neighbour, on at most `SAMPLE` of the points (n, 3), all finite.
+
+    Which points are asked depends on their coordinates alone, not on their order.
+    """
+    if len(xyz) < 2:
+        return float("nan")
+    mixed = np.zeros(len(xyz), np.uint64)
+    for column in xyz.T:
+        mixed = (mixed ^ np.ascontiguousarray(column).view(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
+        mixed ^= mixed >> np.uint64(29)
+    chosen = np.argpartition(mixed, SAMPLE)[:SAMPLE] if len(xyz) > SAMPLE else np.arange(len(xyz))
+    tree = cKDTree(xyz, balanced_tree=False, compact_nodes=False)
+    return float(np.median(tree.query(xyz[chosen], k=2)[0][:, 1]))
+
+
+def _cloud(cloud: PointCloud) -> CloudSummary:
+    finite = cloud.finite()
+    xyz = cloud.xyz[finite]
+    return CloudSummary(
+        n_points=len(cloud),
+        n_finite=len(xyz),
+        low=xyz.min(axis=0) + cloud.shift,
+        high=xyz.max(axis=0) + cloud.shift,
+        shift=cloud.shift,
+        coordinate_type=np.dtype(cloud.coordinate_type).name,
+        fields=tuple(_field(name, values) for name, values in cloud.fields.items()),
+        spacing=median_spacing(xyz),
+    )
+
+
+def _field(name: str, values: Array) -> FieldSummary:
+    known = values[np.isfinite(values)]
+    low, high = (known.min().item(), known.max().item()) if known.size else (np.nan, np.nan)
+    n_values = int(np.prod(values.shape[1:]))
+    return FieldSummary(name, values.dtype.name, n_values, low, high)
+
+
+def _patches(patches: Patches) -> PatchSummary:
+    kinds = {"plausible": PLAUSIBLE, "suspicious": SUSPICIOUS, "unlabelled": UNLABELLED}
+    sources = {"by hand": FROM_HAND, "from a field": FROM_FIELD}
+    return PatchSummary(
+        n_patches=len(patches),
+        n_points_in_patches=int(patches.counts.sum()),
+        points_per_patch=float(np.median(patches.counts)) if len(patches) else float("nan"),
+        labels={name: int(np.count_nonzero(patches.label == value)) for name, value in kinds.items()},
+        label_sources={name: int(np.count_nonzero(patches.label_source == value)) for name, value in sources.items()},
+    )
+
+
+def _is_result(cloud: PointCloud) -> bool:
+    if not set(RESULT_FIELDS) <= set(cloud.fields):
+        return False
+    plain = all(cloud.fields[name].ndim == 1 for name in RESULT_FIELDS)
+    return plain and cloud.fields["patch"].dtype.kind in "iu"
+
+
+def _result(cloud: PointCloud) -> PatchSummary:
+    inside = cloud.fields["patch"] != NO_PATCH
+    numbers, first, counts = np.unique(cloud.fields["patch"][inside], return_index=True, return_counts=True)
+    label = cloud.fields["suspicious"][inside][first]
+    return PatchSummary(
+        n_patches=len(numbers),
+        n_points_in_patches=int(counts.sum()),
+        points_per_patch=float(np.median(counts)) if len(counts) else float("nan"),
+        labels={
+            "plausible": int(np.count_nonzero(label == PLAUSIBLE)),
+            "suspicious": int(np.count_nonzero(label == SUSPICIOUS)),
+        },
+        label_sources={},
+    )
+
+
+def _beside(path: str) -> dict[str, Any]:
+    """Return the JSON beside a RESULT, empty if there is none."""
+    if path == STREAM:
+        return {}
+    beside = Path(path).with_suffix(".json")
+    return _brief(_parse_object(beside.read_bytes(), str(beside))) if beside.is_file() else {}
+
+
+def _parse_object(data: bytes, source: str) -> dict[str, Any]:
+    try:
+        content = json.loads(data.decode("utf-8"))
+    except json.JSONDecodeError as error:
+        raise InputError(f"{source}:{error.lineno}: damaged JSON ({error.msg}). Write it anew.") from None
+    except (UnicodeDecodeError, RecursionError):
+        raise InputError(f"{source}: damaged JSON. Write it anew.") from None
+    schema = content.get("schema") if isinstance(content, dict) else None
+    if not isinstance(schema, str) or not schema.startswith(("mapq.model/", "mapq.result/")):
+        raise InputError(f"{source}: JSON that is neither a model nor a result of mapq (schema {str(schema)[:40]}).")
+    return dict(content)
+
+
+def _brief(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return JSON whose long lists, and lists of objects, are told by their length."""
+    return {key: _brief_value(value) for key, value in content.items()}
+
+
+def _brief_value(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return _brief(value)
+    if isinstance(value, list) and (len(value) > MOST_SHOWN or any(isinstance(item, Mapping | list) for item in value)):
+        return f"{len(value)} entries"
+    return value

@@ -1,0 +1,75 @@
+"""KITTI's .bin: float32, little endian, point after point, without a header.
+
+How many columns there are, the file does not say.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.io.fields import LARGEST_COORDINATE, Array
+from prf.shell.errors import InputError
+
+NAMES = ("x", "y", "z", "intensity")
+
+ENOUGH_POINTS = 200
+"""With fewer, the spread of the columns says too little about how many there are."""
+
+ALIKE, UNLIKE = 0.1, 0.5
+"""Natural logarithms. Columns that are mixed up have the same typical size within the first; coordinates and
+intensity, or height and range, differ by more than the second."""
+
+
+def read_kitti(data: bytes, source: str, n_columns: int) -> dict[str, Array]:
+    """Return the columns x, y, z and, if there are four, intensity.
+
+    The number of columns is the caller's to say, since a file of 3 columns often divides into 4 as well; but content
+    that speaks clearly for the other number is refused.
+
+    Parameters
+    ----------
+    data : bytes
+        The file.
+    source : str
+        Its name, for messages.
+    n_columns : {3, 4}
+
+    Raises
+    ------
+    InputError
+        If the size does not fit, the content speaks for the other number, or the values are no coordinates.
+    """
+    other = 7 - n_columns
+    if len(data) % (4 * n_columns):
+        remedy = f" It divides by {4 * other}: --bin-columns {other}?" if len(data) % (4 * other) == 0 else ""
+        raise InputError(
+            f"{source}: {len(data)} bytes are no whole number of points of {n_columns} float32 columns.{remedy}"
+        )
+    values = np.frombuffer(data, "<f4")
+    _check_values(values, source)
+    fits_both = len(data) % (4 * other) == 0 and len(values) >= 4 * ENOUGH_POINTS
+    if fits_both and _spread(values, n_columns) < ALIKE and _spread(values, other) > UNLIKE:
+        raise InputError(
+            f"{source}: read with {n_columns} columns, all of them mix x, y and z; the file has {other}. "
+            f"Use --bin-columns {other}."
+        )
+    columns = values.reshape(-1, n_columns)
+    return {name: columns[:, i] for i, name in enumerate(NAMES[:n_columns])}
+
+
+def _check_values(values: NDArray[np.float32], source: str) -> None:
+    """Refuse bytes that are no float32 coordinates, such as integers or text: those read as tiny or huge numbers."""
+    size = np.abs(values)
+    strange = (size > LARGEST_COORDINATE) | ((size < 1e-20) & (size > 0))
+    if np.count_nonzero(strange) > 0.01 * len(values):
+        raise InputError(f"{source}: the content is no float32 coordinates, so this is no .bin of KITTI.")
+
+
+def _spread(values: NDArray[np.float32], n_columns: int) -> float:
+    """Return by how much the typical sizes of the columns differ, as a natural logarithm."""
+    size = np.abs(values.reshape(-1, n_columns))
+    typical = [float(np.median(column[np.isfinite(column)])) if np.isfinite(column).any() else 0.0 for column in size.T]
+    if min(typical) <= 0.0:
+        return float("inf") if max(typical) > 0.0 else 0.0
+    return float(np.log(max(typical) / min(typical)))

@@ -1,0 +1,161 @@
+"""The PATCHES file: a cloud with all its fields, cut into plane patches, with their labels."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from mapq.cloud import PointCloud
+from mapq.io.clouds import read_bytes
+from mapq.io.fields import Array
+from mapq.io.npy import ARCHIVE_ERRORS, ZIP_MAGIC, parse_archive, parse_array
+from mapq.patches import FROM_FIELD, FROM_HAND, FROM_NOBODY, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
+from prf.shell.errors import InputError
+from prf.shell.jsonout import jsonable
+from prf.shell.storage import check_schema, damaged, save_arrays, take_array
+
+SCHEMA = "mapq.patches/1"
+
+_TYPES: dict[str, type[np.float32 | np.float64]] = {"float32": np.float32, "float64": np.float64}
+
+
+def write_patches(path: str | os.PathLike[str], patches: Patches) -> None:
+    """Write patches with all points and fields, whole or not at all.
+
+    Arrays are stored as they are, to the last bit; numbers of `parameters` and `report` that are not finite become
+    null.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    cloud = patches.cloud
+    arrays: dict[str, Any] = {
+        "xyz": cloud.xyz,
+        "shift": cloud.shift,
+        "coordinate_type": np.str_(np.dtype(cloud.coordinate_type).name),
+        "source": np.str_(cloud.source),
+        "field_names": _text(list(cloud.fields)),
+        **{f"field_{number}": values for number, values in enumerate(cloud.fields.values())},
+        **{name: getattr(patches, name) for name in ("patch", "normal", "centroid", "label", "label_source")},
+        "parameters": _text(patches.parameters),
+        "report": _text(patches.report),
+    }
+    save_arrays(Path(path), SCHEMA, arrays)
+
+
+def read_patches(path: str | os.PathLike[str]) -> Patches:
+    """Read a PATCHES file.
+
+    Raises
+    ------
+    InputError
+        If it is missing, damaged, of another schema or version, or contradicts itself.
+    """
+    return parse_patches(read_bytes(os.fspath(path)), path)
+
+
+def parse_patches(data: bytes, path: str | os.PathLike[str]) -> Patches:
+    """Return the patches in the bytes of a PATCHES file; `path` and errors as :func:`read_patches`."""
+    file = Path(path)
+    if not data.startswith(ZIP_MAGIC):
+        raise InputError(f"{path}: this is no PATCHES file. Make one with mapq segment.")
+    arrays = {name: values.copy() for name, values in parse_archive(data, str(path)).items()}
+    check_schema(file, str(arrays.pop("schema", "")), SCHEMA)
+    cloud = _take_cloud(file, arrays)
+    normal = take_array(file, arrays, "normal", np.float64, (None, 3))
+    n_patches = len(normal)
+    patches = Patches(
+        cloud,
+        take_array(file, arrays, "patch", np.int32, (len(cloud),)),
+        normal,
+        take_array(file, arrays, "centroid", np.float64, (n_patches, 3)),
+        take_array(file, arrays, "label", np.uint8, (n_patches,)),
+        take_array(file, arrays, "label_source", np.uint8, (n_patches,)),
+        _take_json(file, arrays, "parameters", dict),
+        _take_json(file, arrays, "report", dict),
+    )
+    _check(file, patches)
+    return patches
+
+
+def is_patches(path: str | os.PathLike[str]) -> bool:
+    """Return whether a file is a PATCHES file, of whatever version; False where there is no file, or a damaged one."""
+    try:
+        with open(path, "rb") as stream:
+            return holds_patches(stream)
+    except OSError:
+        return False
+
+
+def holds_patches(stream: BinaryIO) -> bool:
+    """Return whether a seekable stream is a PATCHES file; see :func:`is_patches`."""
+    if stream.read(4) not in ZIP_MAGIC:
+        return False
+    try:
+        with zipfile.ZipFile(stream) as archive:
+            schema = parse_array(archive.read("schema.npy"), "schema")
+    except (InputError, KeyError, *ARCHIVE_ERRORS):
+        return False
+    return str(schema).rpartition("/")[0] == SCHEMA.rpartition("/")[0]
+
+
+def _text(value: Any) -> np.str_:
+    return np.str_(json.dumps(jsonable(value), allow_nan=False))
+
+
+def _take_cloud(file: Path, arrays: dict[str, Array]) -> PointCloud:
+    xyz = take_array(file, arrays, "xyz", np.float64, (None, 3))
+    shift = take_array(file, arrays, "shift", np.float64, (3,))
+    if not np.isfinite(shift).all():
+        raise damaged(file, "shift is not finite")
+    kind = str(arrays.get("coordinate_type", ""))
+    if kind not in _TYPES:
+        raise damaged(file, f"coordinate_type is {kind[:24]!r}")
+    names = _take_json(file, arrays, "field_names", list)
+    if len(set(map(str, names))) < len(names):
+        raise damaged(file, "a field stands twice")
+    fields = {str(name): _take_field(file, arrays, number, len(xyz)) for number, name in enumerate(names)}
+    return PointCloud(xyz, shift, fields, _TYPES[kind], str(arrays.get("source", "")))
+
+
+def _take_field(file: Path, arrays: dict[str, Array], number: int, n_points: int) -> Array:
+    values = arrays.get(f"field_{number}")
+    if values is None or values.ndim == 0 or len(values) != n_points:
+        raise damaged(file, f"array field_{number} is missing or has not {n_points} rows")
+    return values
+
+
+def _take_json(file: Path, arrays: dict[str, Array], name: str, kind: type) -> Any:
+    try:
+        value = json.loads(str(arrays.get(name, "")))
+    except (json.JSONDecodeError, RecursionError):
+        value = None
+    if not isinstance(value, kind):
+        raise damaged(file, f"{name} is no JSON {'object' if kind is dict else 'list'}")
+    return value
+
+
+def _check(file: Path, patches: Patches) -> None:
+    """Refuse content that contradicts itself."""
+    n_patches, patch = len(patches), patches.patch
+    if len(patch) and (patch.min() < NO_PATCH or patch.max() >= n_patches):
+        raise damaged(file, f"patch numbers are not within {NO_PATCH} and {n_patches - 1}")
+    if n_patches and patches.counts.min() == 0:
+        raise damaged(file, f"patch {int(patches.counts.argmin())} has no points")
+    if not patches.cloud.finite()[patch != NO_PATCH].all():
+        raise damaged(file, "a point of a patch is not finite")
+    if not np.allclose(np.linalg.norm(patches.normal, axis=1), 1.0, atol=1e-6):
+        raise damaged(file, "a normal is not of length 1")
+    if not np.isfinite(patches.centroid).all():
+        raise damaged(file, "a centroid is not finite")
+    if not np.isin(patches.label, (PLAUSIBLE, SUSPICIOUS, UNLABELLED)).all():
+        raise damaged(file, "a label is neither 0 nor 1 nor 255")
+    if not np.isin(patches.label_source, (FROM_NOBODY, FROM_FIELD, FROM_HAND)).all():
+        raise damaged(file, "a label_source is neither 0 nor 1 nor 2")
