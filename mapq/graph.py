@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +20,14 @@ class PatchGraph(NamedTuple):
         Each pair of neighbours once, the smaller number first, in ascending order.
     separation : (n_pairs,) float64
         Shortest distance between the points of the two patches, in metres (rho of equation 9).
+    middle : (n_pairs, 3) float64
+        Middle of the closest points of the two patches.
     """
 
     n_patches: int
     pairs: NDArray[np.int32]
     separation: NDArray[np.float64]
+    middle: NDArray[np.float64]
 
 
 class PatchFeatures(NamedTuple):
@@ -43,6 +48,11 @@ class PatchFeatures(NamedTuple):
     node_names, edge_names : tuple of str
     n_clipped : int
         Values of the literal reading that were not finite, or too large, and were cut.
+    shape : (n_patches, n_shape) float64
+        What people ask of a patch, named by `shape_names`: counts, metres, m², degrees. Not seen by the random field.
+    shape_names : tuple of str
+    parameters : mapping
+        What the features were computed with, estimates included: numbers in metres, the up direction.
     """
 
     reading: str
@@ -53,3 +63,6 @@ class PatchFeatures(NamedTuple):
     node_names: tuple[str, ...]
     edge_names: tuple[str, ...]
     n_clipped: int
+    shape: NDArray[np.float64] = np.zeros((0, 0))
+    shape_names: tuple[str, ...] = ()
+    parameters: Mapping[str, Any] = MappingProxyType({})

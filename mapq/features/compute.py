@@ -1,0 +1,107 @@
+"""`patch_features`: from patches to what the random field sees."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.features import literal
+from mapq.features.edge import EDGE_NAMES, edge_features
+from mapq.features.neighbours import find_neighbours
+from mapq.features.node import NODE_NAMES, SHAPE_NAMES, node_features, shape_table
+from mapq.features.settings import FeatureSettings
+from mapq.features.shape import PatchShapes, measure_shapes
+from mapq.graph import PatchFeatures, PatchGraph
+from mapq.patches import Patches
+from prf.shell.progress import Reporter
+
+N_STEPS = 3
+"""What `progress` counts to: patches measured, neighbours found, pairs measured."""
+
+Floats = NDArray[np.float64]
+
+
+def patch_features(
+    patches: Patches, settings: FeatureSettings | None = None, progress: Reporter | None = None
+) -> PatchFeatures:
+    """Return the neighbourhood graph of the patches with the features of its nodes and edges.
+
+    Parameters
+    ----------
+    patches : Patches
+    settings : FeatureSettings
+    progress : Reporter
+        Told the steps done, of `N_STEPS`.
+
+    Notes
+    -----
+    Section 3.2 of the paper. The safe reading is finite for every patch with a point, and changes with neither the
+    order of the points nor a shift of the map.
+    """
+    settings = settings or FeatureSettings()
+    shapes = measure_shapes(patches, settings)
+    _tell(progress, 1)
+    graph = find_neighbours(shapes, settings)
+    _tell(progress, 2)
+    found = _safe(shapes, graph, settings) if settings.reading == "safe" else _literal(shapes, graph, settings)
+    _tell(progress, 3)
+    return found
+
+
+def _safe(shapes: PatchShapes, graph: PatchGraph, settings: FeatureSettings) -> PatchFeatures:
+    edge, plausibility = edge_features(shapes, graph, settings)
+    node = node_features(shapes, settings)
+    return _features(shapes, graph, settings, node, edge, plausibility, NODE_NAMES, 0)
+
+
+def _literal(shapes: PatchShapes, graph: PatchGraph, settings: FeatureSettings) -> PatchFeatures:
+    hulls = literal.measure_hulls(shapes)
+    node, n_node = literal.cut(literal.literal_nodes(shapes, hulls))
+    edge, n_edge = literal.cut(literal.literal_edges(shapes, graph, hulls, settings))
+    plausibility = 1.0 - edge[:, 1] * (edge[:, 2] + edge[:, 3])
+    return _features(shapes, graph, settings, node, edge, plausibility, literal.NODE_NAMES, n_node + n_edge)
+
+
+def _features(
+    shapes: PatchShapes,
+    graph: PatchGraph,
+    settings: FeatureSettings,
+    node: Floats,
+    edge: Floats,
+    plausibility: Floats,
+    node_names: tuple[str, ...],
+    n_clipped: int,
+) -> PatchFeatures:
+    return PatchFeatures(
+        reading=settings.reading,
+        node=node,
+        pairs=graph.pairs,
+        edge=edge,
+        plausibility=plausibility,
+        node_names=node_names,
+        edge_names=EDGE_NAMES,
+        n_clipped=n_clipped,
+        shape=shape_table(shapes),
+        shape_names=SHAPE_NAMES,
+        parameters=_parameters(shapes, settings),
+    )
+
+
+def _parameters(shapes: PatchShapes, settings: FeatureSettings) -> dict[str, object]:
+    """Return what the features were computed with, estimates included."""
+    return {
+        "reading": settings.reading,
+        "n_neighbours": settings.n_neighbours,
+        "radius": settings.radius,
+        "tau": settings.tau,
+        "eps": settings.eps,
+        "noise": shapes.noise(settings),
+        "spacing": settings.spacing,
+        "up": shapes.up.tolist(),
+        "plain_overlap": settings.plain_overlap,
+    }
+
+
+def _tell(progress: Reporter | None, step: int) -> None:
+    if progress is not None:
+        progress.update(step)

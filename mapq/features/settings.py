@@ -1,0 +1,67 @@
+"""What the features depend on, apart from the patches."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from prf.shell.errors import ConfigError
+
+Reading = Literal["safe", "literal"]
+"""How equations 6 to 13 are read: bounded and in metres, or as printed."""
+
+
+@dataclass(frozen=True)
+class FeatureSettings:
+    """Parameters of the neighbourhood and of the features.
+
+    Attributes
+    ----------
+    reading : {"safe", "literal"}
+    n_neighbours : int
+        Closest patches that each patch is joined to; the paper has four.
+    radius : float
+        Metres (s of the paper, which gives no value): patches farther apart are no neighbours.
+    tau : float
+        Metres (tau of equation 10, no value either): weights fall to 1/e over it.
+    eps : float
+        Metres: what a sensor cannot resolve; keeps logarithms finite where patches are exact planes.
+    noise : float or None
+        Metres: standard deviation of points from their surface. None: the median over the patches. Never below `eps`.
+    spacing : float or None
+        Metres between points. None: for each pair that of its sparser patch.
+    up : (3,) tuple or None
+        Direction of the z axis of equation 7. None: as the segmentation had it, else z.
+    plain_overlap : bool
+        Count every shared cell as overlap (D8 of the paper's equation 11 and no more), also where noise explains the
+        offset, and however far apart the planes are there.
+    """
+
+    reading: Reading = "safe"
+    n_neighbours: int = 4
+    radius: float = 3.0
+    tau: float = 1.0
+    eps: float = 0.01
+    noise: float | None = None
+    spacing: float | None = None
+    up: tuple[float, float, float] | None = None
+    plain_overlap: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse values that no map could be measured with.
+
+        Raises
+        ------
+        ConfigError
+        """
+        if self.reading not in ("safe", "literal"):
+            raise ConfigError(f"features: reading '{self.reading}' is unknown. Give safe or literal.")
+        if self.n_neighbours < 1:
+            raise ConfigError(f"features: {self.n_neighbours} neighbours. Give at least 1.")
+        for name in ("radius", "tau", "eps", "noise", "spacing"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise ConfigError(f"features: {name} {value} m. Give a length above 0.")
+        if self.up is not None and not 0 < math.hypot(*self.up) < math.inf:
+            raise ConfigError(f"features: up {self.up} is no direction.")

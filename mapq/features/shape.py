@@ -1,0 +1,212 @@
+"""`PatchShapes`: each patch measured on its own, in metres; what nodes, edges and people need."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.features.settings import FeatureSettings
+from mapq.kernels.boxes import Trees, make_boxes
+from mapq.kernels.occupied import occupied_cells
+from mapq.kernels.order import spans
+from mapq.kernels.overlap import Planes
+from mapq.patches import Patches
+
+SMALLEST_CELL = 0.01
+"""Metres: finer than any map's points, and above 0 for patches whose points coincide."""
+N_CELL_SIZES = 8
+"""Cell sizes that are tried, each the root of two times the last."""
+LEVEL = 0.3
+"""Sine of the tilt below which a plane has no clear horizontal direction, and its longest one is taken instead."""
+CURVE_BITS = 21
+"""Bits an axis along the space-filling curve; three times that fits 64 bits."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PatchShapes:
+    """Patches measured one by one.
+
+    Attributes
+    ----------
+    points : (k, 3) float64
+        Finite points of all patches, patch after patch, in an order that does not depend on that of the file.
+    start : (m + 1,) int64
+        Points of patch i are ``points[start[i]:start[i + 1]]``.
+    normal, centre : (m, 3) float64
+        Unit normal as segmented, mean of the points.
+    mse : (m,) float64
+        Mean squared distance from the plane of best fit, in m² (smallest eigenvalue of the biased covariance).
+    thickness : (m,) float64
+        95 % minus 5 % quantile of the signed distance from the plane, in metres.
+    across, along : (m, 3) float64
+        Unit vectors in the plane: horizontal and upwards; in level planes the longest direction and its normal.
+    width, height : (m,) float64
+        Extent across and along, in metres.
+    cell, area : (m,) float64
+        Side of the smallest cells that leave no holes between points, and area of those occupied, in metres and m².
+    up : (3,) float64
+    """
+
+    points: Floats
+    start: NDArray[np.int64]
+    normal: Floats
+    centre: Floats
+    mse: Floats
+    thickness: Floats
+    across: Floats
+    along: Floats
+    width: Floats
+    height: Floats
+    cell: Floats
+    area: Floats
+    up: Floats
+
+    def __len__(self) -> int:
+        """Return the number of patches."""
+        return len(self.normal)
+
+    @cached_property
+    def counts(self) -> NDArray[np.int64]:
+        """Number of finite points (m,) of each patch."""
+        return np.diff(self.start)
+
+    @cached_property
+    def up_cosine(self) -> Floats:
+        """Return |up . n| (m,), 0 for upright planes and 1 for level ones."""
+        return np.asarray(np.minimum(np.abs(self.normal @ self.up), 1.0))
+
+    @cached_property
+    def spacing(self) -> Floats:
+        """Mean distance (m,) of points in each patch, in metres: root of the area a point has."""
+        return np.asarray(np.sqrt(self.area / np.maximum(self.counts, 1)))
+
+    @cached_property
+    def trees(self) -> Trees:
+        """Boxes over the points."""
+        return Trees(self.points, self.start, *make_boxes(self.points, self.start))
+
+    @cached_property
+    def planes(self) -> Planes:
+        """What kernels need of the planes."""
+        return Planes(self.normal, self.centre, self.across, self.cell, self.area)
+
+    def noise(self, settings: FeatureSettings) -> float:
+        """Return the standard deviation of points from their surface, in metres, given or estimated."""
+        found = np.median(np.sqrt(self.mse)) if settings.noise is None and len(self) else settings.noise or 0.0
+        return max(float(found), settings.eps)
+
+
+def measure_shapes(patches: Patches, settings: FeatureSettings | None = None) -> PatchShapes:
+    """Measure each patch on its own.
+
+    Parameters
+    ----------
+    patches : Patches
+    settings : FeatureSettings
+        Only the up direction is read.
+    """
+    up = up_direction(patches, settings or FeatureSettings())
+    points, patch, start = ordered_points(patches)
+    normal = np.ascontiguousarray(patches.normal, dtype=np.float64).reshape(-1, 3)
+    centre = group_means(points, patch, len(normal))
+    relative = points - centre[patch]
+    values, vectors = np.linalg.eigh(covariances(relative, patch, len(normal)))
+    thickness = spans(np.einsum("ij,ij->i", relative, normal[patch]), start, 0.05, 0.95)
+    across = horizontal_directions(normal, vectors[:, :, 2], up)
+    along = np.cross(normal, across)
+    u = np.einsum("ij,ij->i", relative, across[patch])
+    v = np.einsum("ij,ij->i", relative, along[patch])
+    cell, area, extent = occupied_cells(u, v, start, SMALLEST_CELL, N_CELL_SIZES)
+    mse = np.maximum(values[:, 0], 0.0)
+    width, height = np.ascontiguousarray(extent.T)
+    return PatchShapes(points, start, normal, centre, mse, thickness, across, along, width, height, cell, area, up)
+
+
+def up_direction(patches: Patches, settings: FeatureSettings) -> Floats:
+    """Return the unit vector (3,) that points up: of the settings, else of the segmentation, else z."""
+    given: Any = settings.up if settings.up is not None else patches.parameters.get("up")
+    up = np.array([0.0, 0.0, 1.0] if given is None else given, dtype=np.float64)
+    return np.asarray(up / np.linalg.norm(up))
+
+
+def ordered_points(patches: Patches) -> tuple[Floats, NDArray[np.int64], NDArray[np.int64]]:
+    """Return the finite points (k, 3) of all patches, the patch (k,) of each, and where (m + 1,) each patch begins.
+
+    Patch after patch, along a space-filling curve, ties by coordinates: the order follows from the points alone.
+    """
+    kept = np.flatnonzero((patches.patch >= 0) & patches.cloud.finite())
+    points, patch = patches.cloud.xyz[kept], patches.patch[kept].astype(np.int64)
+    place = curve_places(points)
+    order = np.lexsort((place, patch))
+    tied = np.zeros(len(order), np.bool_)
+    same = (place[order[1:]] == place[order[:-1]]) & (patch[order[1:]] == patch[order[:-1]])
+    tied[1:] |= same
+    tied[:-1] |= same
+    some = order[tied]
+    x, y, z = points[some].T
+    order[tied] = some[np.lexsort((z, y, x, place[some], patch[some]))]
+    start = np.zeros(len(patches) + 1, np.int64)
+    np.cumsum(np.bincount(patch, minlength=len(patches)), out=start[1:])
+    return np.ascontiguousarray(points[order]), patch[order], start
+
+
+def curve_places(points: Floats) -> NDArray[np.uint64]:
+    """Return the place (k,) of each point along the Z-order curve (Morton 1966) through their box."""
+    if len(points) == 0:
+        return np.zeros(0, np.uint64)
+    low = points.min(axis=0)
+    side = max(float((points.max(axis=0) - low).max()), SMALLEST_CELL)
+    steps = ((points - low) * ((2**CURVE_BITS - 1) / side)).astype(np.uint64)
+    place = np.zeros(len(points), np.uint64)
+    for axis in range(3):
+        place |= _spread(steps[:, axis]) << np.uint64(axis)
+    return place
+
+
+def _spread(bits: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Put two zero bits before each of the 21 lowest bits."""
+    for shift, mask in (
+        (32, 0x1F00000000FFFF),
+        (16, 0x1F0000FF0000FF),
+        (8, 0x100F00F00F00F00F),
+        (4, 0x10C30C30C30C30C3),
+        (2, 0x1249249249249249),
+    ):
+        bits = (bits | bits << np.uint64(shift)) & np.uint64(mask)
+    return bits
+
+
+def group_means(values: Floats, group: NDArray[np.int64], n_groups: int) -> Floats:
+    """Return the mean (n_groups, 3) of the rows of each group, 0 for an empty one, summed in the order of the rows."""
+    sums = np.stack([np.bincount(group, values[:, axis], n_groups) for axis in range(3)], axis=1)
+    return np.asarray(sums / np.maximum(np.bincount(group, minlength=n_groups), 1)[:, None])
+
+
+def covariances(relative: Floats, group: NDArray[np.int64], n_groups: int) -> Floats:
+    """Return the biased covariance (n_groups, 3, 3) of each group, of coordinates relative to its mean."""
+    out = np.zeros((n_groups, 3, 3))
+    count = np.maximum(np.bincount(group, minlength=n_groups), 1)
+    for a in range(3):
+        for b in range(a, 3):
+            out[:, a, b] = np.bincount(group, relative[:, a] * relative[:, b], n_groups) / count
+            out[:, b, a] = out[:, a, b]
+    return out
+
+
+def horizontal_directions(normal: Floats, longest: Floats, up: Floats) -> Floats:
+    """Return a unit vector (m, 3) in each plane: horizontal, or in level planes along the longest direction (m, 3)."""
+    wanted = np.cross(up, normal)
+    level = np.linalg.norm(wanted, axis=1) < LEVEL
+    wanted[level] = longest[level]
+    flat = wanted - np.einsum("ij,ij->i", wanted, normal)[:, None] * normal
+    length = np.linalg.norm(flat, axis=1)
+    lost = length < LEVEL
+    flat[lost] = np.cross(normal[lost], np.eye(3)[np.argmin(np.abs(normal[lost]), axis=1)])
+    length[lost] = np.linalg.norm(flat[lost], axis=1)
+    return np.asarray(flat / length[:, None])

@@ -1,0 +1,128 @@
+"""Which patches come closest to each patch, by their closest points."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.kernels._jit import jit, part
+from mapq.kernels.boxes import LEAF, Trees, box_gap, leaf_count
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+STACK = 256
+"""Pairs of boxes that can wait: one a level of both trees, and 64 levels hold more points than memory does."""
+
+
+@jit
+def near_boxes(low: Floats, high: Floats, order: Ints, radius: float) -> Ints:
+    """Pairs (n, 2) of boxes not farther apart than `radius`; `order` sorts the boxes (m, 3) by their lower x."""
+    out = np.empty((0, 2), np.int64)
+    for writing in range(2):
+        n_pairs = 0
+        for a in range(len(order)):
+            i = order[a]
+            for b in range(a + 1, len(order)):
+                j = order[b]
+                if low[j, 0] > high[i, 0] + radius:
+                    break
+                if box_gap(low, high, i, j) <= radius * radius:
+                    if writing == 1:
+                        out[n_pairs, 0], out[n_pairs, 1] = min(i, j), max(i, j)
+                    n_pairs += 1
+        if writing == 0:
+            out = np.empty((n_pairs, 2), np.int64)
+    return out
+
+
+@part
+def closest_in_leaves(points: Floats, a: int, a_end: int, b: int, b_end: int, best: Floats, bound: float) -> float:
+    """Closest points of two runs; writes their middle to `best` where they are not farther apart than `bound`."""
+    for p in range(a, a_end):
+        for q in range(b, b_end):
+            x, y, z = points[p, 0] - points[q, 0], points[p, 1] - points[q, 1], points[p, 2] - points[q, 2]
+            squared = x * x + y * y + z * z
+            if squared < bound or (squared == bound and best[0] != best[0]):
+                bound = squared
+                for axis in range(3):
+                    best[axis] = 0.5 * (points[p, axis] + points[q, axis])
+    return bound
+
+
+@part
+def box_size(low: Floats, high: Floats, node: int) -> float:
+    """Longest side of a box."""
+    return max(high[node, 0] - low[node, 0], max(high[node, 1] - low[node, 1], high[node, 2] - low[node, 2]))
+
+
+@part
+def closest_points(trees: Trees, i: int, j: int, bound: float, best: Floats, stack: Ints) -> float:
+    """Squared distance of the closest points of patches i and j if within `bound`, their middle in `best` (else nan).
+
+    Walks both trees at once, nearer halves first, and leaves out what lies farther apart than the best so far.
+    """
+    points, start, low, high, root = trees
+    best[:] = np.nan
+    leaves_i, leaves_j = leaf_count(start[i + 1] - start[i]), leaf_count(start[j + 1] - start[j])
+    stack[0, 0], stack[0, 1] = 1, 1
+    height = 1
+    while height > 0:
+        height -= 1
+        a, b = stack[height, 0], stack[height, 1]
+        if box_gap(low, high, root[i] + a - 1, root[j] + b - 1) > bound:
+            continue
+        if a >= leaves_i and b >= leaves_j:
+            p, q = start[i] + (a - leaves_i) * LEAF, start[j] + (b - leaves_j) * LEAF
+            bound = closest_in_leaves(
+                points, p, min(p + LEAF, start[i + 1]), q, min(q + LEAF, start[j + 1]), best, bound
+            )
+            continue
+        halve_first = b >= leaves_j or (
+            a < leaves_i and box_size(low, high, root[i] + a - 1) >= box_size(low, high, root[j] + b - 1)
+        )
+        a2, b2 = (2 * a, b) if halve_first else (a, 2 * b)
+        a3, b3 = (2 * a + 1, b) if halve_first else (a, 2 * b + 1)
+        gap2 = box_gap(low, high, root[i] + a2 - 1, root[j] + b2 - 1)
+        gap3 = box_gap(low, high, root[i] + a3 - 1, root[j] + b3 - 1)
+        if gap2 < gap3:
+            a2, b2, a3, b3 = a3, b3, a2, b2
+        stack[height, 0], stack[height, 1] = a2, b2
+        stack[height + 1, 0], stack[height + 1, 1] = a3, b3
+        height += 2
+    return bound
+
+
+@part
+def insert(nearest: Floats, i: int, value: float) -> None:
+    """Put a distance into row i of ascending distances, dropping the largest."""
+    k = nearest.shape[1] - 1
+    if value >= nearest[i, k]:
+        return
+    while k > 0 and nearest[i, k - 1] > value:
+        nearest[i, k] = nearest[i, k - 1]
+        k -= 1
+    nearest[i, k] = value
+
+
+@jit
+def closest_patches(trees: Trees, pairs: Ints, n_neighbours: int, radius: float) -> tuple[Floats, Floats]:
+    """Distance (n,) and middle (n, 3) of the closest points of each pair, nan where it cannot matter.
+
+    A pair matters if it is within `radius` and among the `n_neighbours` closest, ties included, of one of its patches.
+    `pairs` should come closest boxes first: then the distances known so far rule out most of the rest.
+    """
+    squared, middle = np.full(len(pairs), np.nan), np.full((len(pairs), 3), np.nan)
+    nearest = np.full((len(trees.start) - 1, n_neighbours), radius * radius)
+    stack = np.empty((STACK, 2), np.int64)
+    best = np.empty(3)
+    for k in range(len(pairs)):
+        i, j = pairs[k, 0], pairs[k, 1]
+        bound = max(nearest[i, n_neighbours - 1], nearest[j, n_neighbours - 1])
+        found = closest_points(trees, i, j, bound, best, stack)
+        if best[0] == best[0]:
+            squared[k] = found
+            middle[k] = best
+            insert(nearest, i, found)
+            insert(nearest, j, found)
+    return np.sqrt(squared), middle

@@ -1,0 +1,63 @@
+"""Order statistics: what percentiles need, without sorting."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.kernels._jit import jit, part
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@part
+def select(values: Floats, n: int, k: int) -> float:
+    """Value of rank k (from 0) among the first n (Hoare 1961); reorders them so that none before rank k is larger."""
+    low, high = 0, n - 1
+    while low < high:
+        pivot = values[(low + high) // 2]
+        a, b = low, high
+        while a <= b:
+            while values[a] < pivot:
+                a += 1
+            while values[b] > pivot:
+                b -= 1
+            if a <= b:
+                values[a], values[b] = values[b], values[a]
+                a += 1
+                b -= 1
+        if k <= b:
+            high = b
+        elif k >= a:
+            low = a
+        else:
+            break
+    return values[k]
+
+
+@part
+def quantile(values: Floats, n: int, share: float) -> float:
+    """Quantile of the first n >= 1 values, linear between ranks (type 7 of Hyndman and Fan 1996); reorders them."""
+    rank = share * (n - 1)
+    k = min(int(rank), n - 1)
+    below = select(values, n, k)
+    if k + 1 >= n or rank == k:
+        return below
+    above = values[k + 1]
+    for index in range(k + 2, n):
+        above = min(above, values[index])
+    return below + (rank - k) * (above - below)
+
+
+@jit
+def spans(values: Floats, start: Ints, low: float, high: float) -> Floats:
+    """Distance (m,) between two quantiles of each group ``values[start[i]:start[i + 1]]``; 0 for an empty one."""
+    n_groups = len(start) - 1
+    out = np.zeros(n_groups)
+    for i in range(n_groups):
+        n = start[i + 1] - start[i]
+        if n > 0:
+            group = values[start[i] : start[i + 1]].copy()
+            out[i] = quantile(group, n, high) - quantile(group, n, low)
+    return out
