@@ -12,6 +12,7 @@ from prf.shell.run import run_app
 HELP = "How plausible a point cloud map is, plane patch by plane patch."
 
 VERBS: dict[str, str] = {
+    "render": "Draw a map in plan view and in 3D, plausible blue and suspicious red.",
     "inspect": "Say what is in a file: a cloud, PATCHES, a RESULT, or a model.",
 }
 

@@ -103,7 +103,7 @@ def _scheme(path: str, points: _Points, colour: Colour, field: str | None) -> Sc
                 f"{path}: no field p_suspicious. Draw a result of mapq classify, or choose another colour."
             )
         return probability_colours(points.probability, points.patch)
-    if field not in points.cloud.fields:
+    if field is None or field not in points.cloud.fields:
         known = ", ".join(points.cloud.fields) or "none"
         raise InputError(f"{path}: no point field {field!r} (fields: {known}). Choose one with --field.")
     marked = np.asarray(points.cloud.fields[field])

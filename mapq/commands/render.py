@@ -1,0 +1,97 @@
+"""Draw a map in plan view and in 3D, plausible blue and suspicious red."""
+
+from __future__ import annotations
+
+import logging
+from enum import StrEnum
+from pathlib import PurePath
+from typing import Annotated
+
+import typer
+
+from prf.shell.options import Force, Output
+
+logger = logging.getLogger(__name__)
+
+EXAMPLES = (
+    "mapq render city.classified.ply -o city.png",
+    "mapq render city.classified.ply --colour probability --view plan -o city.pdf",
+    "mapq render city.patches --colour patch --azimuth 30 --elevation 50 -o patches.png",
+)
+
+
+class View(StrEnum):
+    """How to look at the map."""
+
+    both = "both"
+    plan = "plan"
+    three_d = "3d"
+
+
+class Colour(StrEnum):
+    """What the colour of a point shows."""
+
+    label = "label"
+    probability = "probability"
+    patch = "patch"
+    field = "field"
+
+
+def render(
+    file: Annotated[
+        str,
+        typer.Argument(metavar="RESULT|PATCHES|CLOUD", help="What mapq classify or mapq segment wrote, or a cloud."),
+    ],
+    colour: Annotated[
+        Colour | None,
+        typer.Option("--colour", help="What the colour shows.  [label where there are labels, else patch]"),
+    ] = None,
+    field: Annotated[
+        str | None,
+        typer.Option(
+            "--field", metavar="NAME", help="For --colour field: a 0/1 point field, 1 is drawn as suspicious."
+        ),
+    ] = None,
+    view: Annotated[View, typer.Option("--view", help="Plan view, 3D view, or one above the other.")] = View.both,
+    azimuth: Annotated[
+        float, typer.Option("--azimuth", metavar="DEG", help="3D view: where the viewer stands, from x to y.")
+    ] = -60.0,
+    elevation: Annotated[
+        float, typer.Option("--elevation", metavar="DEG", min=-90.0, max=90.0, help="3D view: above the horizon.")
+    ] = 35.0,
+    title: Annotated[str | None, typer.Option("--title", metavar="TEXT", help="Instead of the default title.")] = None,
+    bin_columns: Annotated[
+        int, typer.Option("--bin-columns", metavar="3|4", min=3, max=4, help="Columns of a KITTI .bin cloud.")
+    ] = 4,
+    output: Output = None,
+    force: Force = False,
+) -> None:
+    """Draw a map in plan view and in 3D, plausible blue and suspicious red.
+
+    The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG in the current folder.
+    """
+    from mapq.render import render_views
+    from mapq.render.source import read_picture
+    from prf.shell.errors import UsageError
+    from prf.shell.files import STREAM, refuse_existing
+    from prf.shell.pictures import picture_format
+
+    if (colour is Colour.field) != (field is not None):
+        raise UsageError("--colour field and --field NAME go together.")
+    target = output or f"{PurePath(file).stem if file != STREAM else 'map'}.png"
+    picture_format(target)
+    refuse_existing(target, force)
+    picture = read_picture(file, colour.value if colour is not None else None, field, bin_columns)
+    views = ("plan", "3d") if view is View.both else (view.value,)
+    render_views(
+        picture.xyz,
+        picture.scheme,
+        target,
+        title=title or picture.title,
+        subtitle=picture.subtitle,
+        views=views,
+        azimuth=azimuth,
+        elevation=elevation,
+    )
+    if target != STREAM:
+        logger.info("wrote %s", target)
