@@ -12,8 +12,10 @@ from prf.shell.run import run_app
 HELP = "How plausible a point cloud map is, plane patch by plane patch."
 
 VERBS: dict[str, str] = {
+    "features": "Show the features of every patch and of every pair of neighbours.",
     "render": "Draw a map in plan view and in 3D, plausible blue and suspicious red.",
     "inspect": "Say what is in a file: a cloud, PATCHES, a RESULT, or a model.",
+    "simulate": "Make a map with known errors: an urban world, driven through and rendered from odometry.",
 }
 
 app = make_app("mapq", __version__, HELP, "mapq.commands", VERBS)

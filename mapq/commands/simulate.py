@@ -1,0 +1,136 @@
+"""Make a map with known errors: an urban world, driven through and rendered from odometry."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from prf.shell.options import Force, Json, Output, Seed
+
+if TYPE_CHECKING:
+    from mapq.simulate import Report
+
+logger = logging.getLogger(__name__)
+
+EXAMPLES = (
+    "mapq simulate -o map.ply --seed 1",
+    "mapq simulate -o small.ply --size small --seed 1 --json",
+    "mapq simulate -o clean.ply --size small --seed 1 --drift 0",
+)
+
+
+def simulate(
+    size: Annotated[
+        str,
+        typer.Option(
+            "--size",
+            metavar="small|medium|large",
+            help="A world of about 30 000, 300 000 or 650 000 points; the options below change parts of it.",
+        ),
+    ] = "medium",
+    points: Annotated[int | None, typer.Option("--points", metavar="N", help="Points of the map, about.")] = None,
+    blocks: Annotated[
+        int | None, typer.Option("--blocks", metavar="N", help="Blocks that the robot rounds, one after the other.")
+    ] = None,
+    loops: Annotated[
+        int | None, typer.Option("--loops", metavar="N", help="How often the robot rounds each block.")
+    ] = None,
+    drift: Annotated[
+        float | None,
+        typer.Option("--drift", metavar="FACTOR", help="Drift of odometry, times the usual; 0 gives a clean map."),
+    ] = None,
+    look_alikes: Annotated[
+        float | None,
+        typer.Option(
+            "--look-alikes",
+            metavar="FACTOR",
+            help="True walls close to each other (gaps, fences, garden walls), times the usual; 0 for none.",
+        ),
+    ] = None,
+    clutter: Annotated[
+        float | None, typer.Option("--clutter", metavar="FACTOR", help="Cars, trees, people, times the usual.")
+    ] = None,
+    noise: Annotated[
+        float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range (0.015).")
+    ] = None,
+    max_range: Annotated[
+        float | None, typer.Option("--max-range", metavar="METRES", help="Longest range of the laser (35).")
+    ] = None,
+    disagreement: Annotated[
+        float | None,
+        typer.Option(
+            "--disagreement",
+            metavar="METRES",
+            help="Suspicious is where passes disagree by more than this along the normal (0.2).",
+        ),
+    ] = None,
+    seed: Seed = None,
+    output: Output = None,
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """Make a map with known errors: an urban world, driven through and rendered from odometry.
+
+    A street lined with offices, a block rounded twice, a pathway under an archway; a 2D laser that nods. The point
+    field `truth` is 1 where passes over one true surface disagree in the map; docs/simulator.md tells the fields.
+    """
+    from mapq.io import write_ply
+    from mapq.simulate import Settings, simulate_with_report
+    from prf.shell import console, jsonout
+    from prf.shell.errors import UsageError
+    from prf.shell.files import STREAM, refuse_existing
+    from prf.shell.progress import progress
+    from prf.shell.seeds import resolve_seed
+
+    if output is None:
+        raise UsageError("the map has no name. Give one with -o MAP.ply.")
+    if json and output == STREAM:
+        raise UsageError("--json and -o - both want standard output. Name a file with -o.")
+    refuse_existing(output, force)
+    changes = {
+        "points": points,
+        "blocks": blocks,
+        "loops": loops,
+        "drift": drift,
+        "look_alikes": look_alikes,
+        "clutter": clutter,
+        "noise": noise,
+        "max_range": max_range,
+        "disagreement": disagreement,
+    }
+    settings, used_seed = Settings.of_size(size, changes), resolve_seed(seed)
+    with progress(1.0, "casting beams") as bar:
+        simulation = simulate_with_report(settings, used_seed, bar.update)
+    write_ply(output, simulation.cloud)
+    if json:
+        content = {"output": output, "seed": used_seed, "settings": settings.as_dict()}
+        jsonout.emit_object("mapq.simulate/1", {**content, **simulation.report._asdict()})
+        return
+    # Standard output belongs to the map if it goes there.
+    say = logger.info if output == STREAM else console.emit
+    for name, value in _rows(simulation.report, output, used_seed):
+        say(f"{name:<16}{value}")
+
+
+def _rows(report: Report, output: str, seed: int) -> Iterator[tuple[str, str]]:
+    """Yield the table for a person."""
+    kinds = ", ".join(f"{n:,} {kind.replace('_', ' ')}" for kind, n in report.points_by_kind.items() if n > 0)
+    yield "map", output
+    yield "points", f"{report.points:,}: {kinds}"
+    yield "drive", f"{report.path_length:.0f} m in {report.duration:.0f} s, {report.passes} passes"
+    yield "final drift", f"{report.final_drift:.2f} m, {report.final_drift_deg:.2f} degrees"
+    yield (
+        "suspicious",
+        f"{report.suspicious_points:.1%} of the points, {report.suspicious_wall_points:.1%} of those on vertical "
+        f"surfaces, {report.suspicious_cells:.1%} of the cells of these",
+    )
+    yield "surfaces", f"{report.surfaces:,} vertical ones with 20 points or more"
+    yield (
+        "look-alikes",
+        f"{report.look_alike_surfaces:.1%} of these surfaces, {report.look_alike_points:.1%} of the points on "
+        "vertical surfaces",
+    )
+    yield "seed", str(seed)

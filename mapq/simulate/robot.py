@@ -1,0 +1,119 @@
+"""The robot's way through the world, and where it is at any time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.simulate.layout import LANE, Plan
+from mapq.simulate.scene import Frame
+
+Vector = NDArray[np.float64]
+
+STEP = 0.05
+"""Metres between two poses of a trajectory; between them the robot moves evenly."""
+
+
+class Trajectory(NamedTuple):
+    """Where the robot is.
+
+    Attributes
+    ----------
+    distance : (n,) float64
+        Driven so far, in metres.
+    xy : (n, 2) float64
+    heading : (n,) float64
+        Radians, without jumps of a turn.
+    pass_starts : (k,) float64
+        Driven distance at which each pass but the first begins.
+    """
+
+    distance: Vector
+    xy: Vector
+    heading: Vector
+    pass_starts: Vector
+
+    @property
+    def length(self) -> float:
+        """Length of the path in metres."""
+        return float(self.distance[-1])
+
+    def at(self, distance: Vector) -> tuple[Vector, Vector]:
+        """Return positions (n, 2) and headings (n,) at driven distances (n,)."""
+        x, y, heading = (
+            np.interp(distance, self.distance, values) for values in (self.xy[:, 0], self.xy[:, 1], self.heading)
+        )
+        return np.stack([x, y], axis=1), heading
+
+
+class Waypoint(NamedTuple):
+    """A corner of the path before it is rounded; a new pass may begin there."""
+
+    xy: Vector
+    begins_pass: bool = False
+
+
+def block_waypoints(plan: Plan, frame: Frame, loops: int, rng: np.random.Generator) -> list[Waypoint]:
+    """Return the way along the street, `loops` times round the block, and down the pathway, in the world's frame.
+
+    Laps keep to the right lane, each a little differently. A lap begins where the street meets the ring; the pass
+    after the last lap is the pathway.
+    """
+    along = (plan.bend - plan.start) / np.hypot(*(plan.bend - plan.start))
+    aside = LANE * np.array([along[1], -along[0]])
+    points = [Waypoint(plan.start), Waypoint(plan.bend + aside)]
+    for lap in range(loops):
+        corners = plan.ring(0.5 * plan.width + LANE + rng.uniform(-0.4, 0.4))
+        if lap > 0:
+            points.append(Waypoint(corners[0], True))
+        points += [Waypoint(corner) for corner in corners[1:]]
+    points.append(Waypoint(plan.exit_point(0.0, -LANE), True))
+    points += [Waypoint(plan.exit_point(f * plan.exit_length, 0.0)) for f in (0.35, 1.0)]
+    return [Waypoint(frame.place(point.xy), point.begins_pass) for point in points]
+
+
+def drive_along(waypoints: Sequence[Waypoint], rng: np.random.Generator) -> Trajectory:
+    """Return the trajectory along the waypoints with rounded corners and a slight swaying of the heading."""
+    corners = np.array([point.xy for point in waypoints])
+    pieces, marks, length = [corners[:1]], [], 0.0
+    for k in range(1, len(corners)):
+        arc = corners[k : k + 1]
+        if k < len(corners) - 1:
+            arc = _rounded(corners[k - 1], corners[k], corners[k + 1], rng.uniform(2.5, 4.0))
+        length += float(np.hypot(*(arc[0] - pieces[-1][-1])))
+        within = float(np.hypot(*np.diff(arc, axis=0).T).sum())
+        if waypoints[k].begins_pass:
+            marks.append(length + 0.5 * within)
+        length += within
+        pieces.append(arc)
+    line = np.concatenate(pieces)
+    steps = np.hypot(*np.diff(line, axis=0).T)
+    kept = np.concatenate([[True], steps > 1e-9])
+    line, driven = line[kept], np.concatenate([[0.0], np.cumsum(steps[steps > 1e-9])])
+    distance = np.arange(0.0, driven[-1], STEP)
+    xy = np.stack([np.interp(distance, driven, line[:, axis]) for axis in (0, 1)], axis=1)
+    tangent = np.gradient(xy, axis=0)
+    heading = np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0]))
+    sway = 0.015 * np.sin(2.0 * np.pi * distance / rng.uniform(5.0, 9.0) + rng.uniform(0.0, 6.0))
+    return Trajectory(distance, xy, heading + sway, np.array(marks))
+
+
+def _rounded(before: Vector, corner: Vector, after: Vector, radius: float) -> Vector:
+    """Return points (n, 2) of the arc that replaces a corner."""
+    a, b = before - corner, after - corner
+    la, lb = np.hypot(*a), np.hypot(*b)
+    a, b = a / la, b / lb
+    turn = np.pi - np.arccos(np.clip(a @ b, -1.0, 1.0))
+    if turn < 1e-6:
+        return corner[None]
+    cut = min(radius * np.tan(0.5 * turn), 0.45 * la, 0.45 * lb)
+    radius = cut / np.tan(0.5 * turn)
+    middle = corner + (a + b) / np.hypot(*(a + b)) * (radius / np.cos(0.5 * turn))
+    first = corner + cut * a - middle
+    sign = 1.0 if a[1] * b[0] - a[0] * b[1] > 0.0 else -1.0
+    angles = sign * np.linspace(0.0, turn, max(3, int(radius * turn / STEP)))
+    c, s = np.cos(angles), np.sin(angles)
+    return np.asarray(middle + np.stack([c * first[0] - s * first[1], s * first[0] + c * first[1]], axis=1))

@@ -1,0 +1,158 @@
+"""What a simulated map is made of: sizes of the world, the robot's laser, its drift, and the rule of truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from types import MappingProxyType
+from typing import Any
+
+from prf.shell.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Everything but the seed.
+
+    Attributes
+    ----------
+    points : int
+        Points of the map, about: beams are left out at random until so many return.
+    blocks, loops : int
+        Blocks that the robot rounds one after the other, and how often it rounds each.
+    street_length : float
+        Metres of the street lined with offices before each block (region A of figure 4).
+    block_length, block_depth : float
+        Sides of a block in metres; each block varies by a tenth.
+    street_width : float
+        Metres from facade to facade.
+    path_length : float
+        Metres of the pathway after each block, with the archway (region F).
+    frontage : (2,) float
+        Shortest and longest facade in metres.
+    height : (2,) float
+        Lowest and highest building in metres.
+    look_alikes : float
+        How much true geometry looks like an error of the map: gaps between neighbours, fences along facades,
+        free-standing walls seen from both sides. 0 none, 1 default, at most 3.
+    clutter : float
+        How many cars, trees, lamp posts and people; 0 none, 1 default, at most 3.
+    speed : float
+        Of the robot, in m/s.
+    max_range, noise : float
+        Of the laser: longest range, and standard deviation of a range, both in metres.
+    drift : float
+        Factor on the three errors of odometry below; 0 gives a clean map.
+    yaw_bias, yaw_walk : float
+        Heading error in degrees per 100 m: size of the constant part (its sign varies), and standard deviation of
+        the random walk after 100 m.
+    scale_walk : float
+        Standard deviation of the wandering error of driven length, in per cent.
+    disagreement : float
+        Metres along the normal by which passes over a surface must disagree for it to be suspicious.
+    cell : float
+        Side in metres of the cells of each true surface in which passes are compared.
+    visit_gap : float
+        Seconds without seeing a cell after which seeing it again is another pass.
+    visit_points : int
+        Points that a pass must have in a cell to count.
+    """
+
+    points: int = 300_000
+    blocks: int = 1
+    loops: int = 2
+    street_length: float = 85.0
+    block_length: float = 52.0
+    block_depth: float = 44.0
+    street_width: float = 14.0
+    path_length: float = 55.0
+    frontage: tuple[float, float] = (8.0, 30.0)
+    height: tuple[float, float] = (6.0, 15.0)
+    look_alikes: float = 1.0
+    clutter: float = 1.0
+    speed: float = 1.0
+    max_range: float = 35.0
+    noise: float = 0.015
+    drift: float = 1.0
+    yaw_bias: float = 0.7
+    yaw_walk: float = 0.35
+    scale_walk: float = 0.4
+    disagreement: float = 0.2
+    cell: float = 1.0
+    visit_gap: float = 25.0
+    visit_points: int = 3
+
+    def __post_init__(self) -> None:
+        """Refuse values outside their domain."""
+        for name, (low, high) in _DOMAIN.items():
+            value = getattr(self, name)
+            for number in value if isinstance(value, tuple) else (value,):
+                if not low <= number <= high:
+                    flag = name.replace("_", "-")
+                    raise UsageError(f"--{flag} {number:g} is outside [{low:g}, {high:g}]. Choose a value inside.")
+
+    @classmethod
+    def of_size(cls, size: str, changes: Mapping[str, Any] = MappingProxyType({})) -> Settings:
+        """Return the settings of a named size, with the values of `changes` that are not None.
+
+        Raises
+        ------
+        UsageError
+            If there is no such size, or a value is outside its domain.
+        """
+        if size not in SIZES:
+            raise UsageError(f"--size {size} is none of {', '.join(SIZES)}.")
+        given = {name: value for name, value in changes.items() if value is not None}
+        return cls(**{**SIZES[size], **given})
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return every setting by its name."""
+        return {item.name: getattr(self, item.name) for item in fields(self)}
+
+
+SIZES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {
+        "small": {
+            "points": 30_000,
+            "street_length": 24.0,
+            "block_length": 20.0,
+            "block_depth": 18.0,
+            "street_width": 11.0,
+            "path_length": 24.0,
+            "frontage": (7.0, 14.0),
+            "height": (5.0, 8.0),
+            # A lap is shorter; the second must still end as far from the first.
+            "yaw_bias": 1.6,
+            "yaw_walk": 0.8,
+        },
+        "medium": {},
+        "large": {"blocks": 2, "points": 650_000},
+    }
+)
+"""Named sizes; medium is the size of the map of figure 4."""
+
+_DOMAIN: Mapping[str, tuple[float, float]] = {
+    "points": (100, 50_000_000),
+    "blocks": (1, 8),
+    "loops": (1, 5),
+    "street_length": (20.0, 1000.0),
+    "block_length": (18.0, 500.0),
+    "block_depth": (16.0, 500.0),
+    "street_width": (9.0, 40.0),
+    "path_length": (22.0, 1000.0),
+    "frontage": (5.0, 100.0),
+    "height": (4.0, 60.0),
+    "look_alikes": (0.0, 3.0),
+    "clutter": (0.0, 3.0),
+    "speed": (0.1, 10.0),
+    "max_range": (5.0, 200.0),
+    "noise": (0.0, 0.2),
+    "drift": (0.0, 10.0),
+    "yaw_bias": (0.0, 20.0),
+    "yaw_walk": (0.0, 20.0),
+    "scale_walk": (0.0, 20.0),
+    "disagreement": (0.02, 10.0),
+    "cell": (0.2, 10.0),
+    "visit_gap": (2.0, 1000.0),
+    "visit_points": (1, 1000),
+}

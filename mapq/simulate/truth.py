@@ -1,0 +1,124 @@
+"""Which points are suspicious: passes over one cell of a true surface that disagree along its normal in the map."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.simulate.scene import NO_SURFACE
+from mapq.simulate.settings import Settings
+
+Vector = NDArray[np.float64]
+
+
+class Truth(NamedTuple):
+    """What is true of each point.
+
+    Attributes
+    ----------
+    suspicious : (n,) bool
+    disagreement : (n,) float64
+        Metres between the point's pass and the pass that disagrees with it most, in the point's cell; 0 where one
+        pass alone saw the cell.
+    cell : (n,) int64
+        Number of the point's cell, -1 for points that belong to none.
+    """
+
+    suspicious: NDArray[np.bool_]
+    disagreement: Vector
+    cell: NDArray[np.int64]
+
+
+class Seen(NamedTuple):
+    """Points with all that the rule asks for.
+
+    Attributes
+    ----------
+    hits : (n, 3) float64
+        Where the beams met the world.
+    moved : (n, 2) float64
+        By how much drift displaced each point, horizontally.
+    time : (n,) float64
+    surface, thing : (n,) int32
+        True planar surface, or else the thing without planes; both -1 for what moves and for mixed ranges.
+    normal : (n, 3) float64
+        Of the surface; anything for points without one.
+    """
+
+    hits: Vector
+    moved: Vector
+    time: Vector
+    surface: NDArray[np.int32]
+    thing: NDArray[np.int32]
+    normal: Vector
+
+
+def judge(seen: Seen, settings: Settings) -> Truth:
+    """Return the truth of every point.
+
+    In a cell, points of which no two neighbours in time lie more than `settings.visit_gap` apart are one visit; a
+    visit with `settings.visit_points` points or more counts. A point is suspicious if its visit is displaced from
+    one that counts by more than `settings.disagreement`: along the normal for planar surfaces, horizontally for
+    things without planes. What drift moved together with all other visits, or what was seen once, is plausible.
+    """
+    cell = cells_of(seen, settings.cell)
+    some = np.flatnonzero(cell >= 0)
+    order = some[np.lexsort((seen.time[some], cell[some]))]
+    is_new_cell = np.diff(cell[order], prepend=-1) != 0
+    is_new = is_new_cell | (np.diff(seen.time[order], prepend=0.0) > settings.visit_gap)
+    visit = np.cumsum(is_new) - 1
+    n_visits = int(visit[-1]) + 1 if len(visit) else 0
+    counts = np.bincount(visit, minlength=n_visits)
+    planar = seen.surface[order] != NO_SURFACE
+    along = np.einsum("ij,ij->i", seen.moved[order], seen.normal[order, :2])
+    # A displacement along the normal is a number; one without a normal a vector.
+    moved = np.where(planar[:, None], np.stack([along, np.zeros(len(order))], axis=1), seen.moved[order])
+    mean = np.stack([np.bincount(visit, moved[:, k], n_visits) for k in (0, 1)], axis=1) / counts[:, None]
+    worst = _worst(cell[order][is_new], mean, counts >= settings.visit_points)
+    disagreement = np.zeros(len(cell))
+    disagreement[order] = worst[visit]
+    return Truth(disagreement > settings.disagreement, disagreement, cell)
+
+
+def cells_of(seen: Seen, side: float) -> NDArray[np.int64]:
+    """Return the cell (n,) of each point: squares of a planar surface, cubes of a thing without planes, else -1.
+
+    Cells are numbered from 0 in the order of surfaces, then of things, and of their place.
+    """
+    n = seen.normal
+    flat = np.abs(n[:, 2]) > 0.999
+    level = np.where(flat[:, None], [1.0, 0.0], np.stack([-n[:, 1], n[:, 0]], axis=1))
+    level = level / np.maximum(np.hypot(level[:, 0], level[:, 1]), 1e-12)[:, None]
+    across = np.column_stack([level, np.zeros(len(n))])
+    upward = np.cross(n, across)
+    planar = seen.surface != NO_SURFACE
+    place = np.where(
+        planar[:, None],
+        np.column_stack(
+            [np.einsum("ij,ij->i", seen.hits, across), np.einsum("ij,ij->i", seen.hits, upward), np.zeros(len(n))]
+        ),
+        seen.hits,
+    )
+    index = np.floor(place / side).astype(np.int64)
+    key = np.column_stack([~planar, np.where(planar, seen.surface, seen.thing), index])
+    cell = np.full(len(n), -1, np.int64)
+    some = planar | (seen.thing >= 0)
+    if some.any():
+        cell[some] = np.unique(key[some], axis=0, return_inverse=True)[1].ravel()
+    return cell
+
+
+def _worst(cell: NDArray[np.int64], mean: Vector, counted: NDArray[np.bool_]) -> Vector:
+    """Return for each visit the largest distance to another visit of its cell that counts."""
+    worst = np.zeros(len(cell))
+    lag = 1
+    while True:
+        same = np.flatnonzero(cell[lag:] == cell[: len(cell) - lag]) if lag < len(cell) else np.zeros(0, np.int64)
+        if len(same) == 0:
+            return worst
+        apart = np.hypot(*(mean[same + lag] - mean[same]).T)
+        for one, other in ((same, same + lag), (same + lag, same)):
+            worst[one] = np.maximum(worst[one], np.where(counted[other], apart, 0.0))
+        lag += 1
