@@ -11,7 +11,7 @@ from mapq.graph import PatchGraph
 from mapq.kernels.crossing import crossings
 from mapq.kernels.overlap import overlaps
 
-EDGE_NAMES = ("separation", "weight", "overlap", "crossing", "angle", "offset", "overlap_area")
+EDGE_NAMES = ("separation", "weight", "overlap", "crossing", "angle_deg", "offset", "overlap_area")
 
 Floats = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ def edge_features(shapes: PatchShapes, graph: PatchGraph, settings: FeatureSetti
     overlap (equation 11): A, the share of the smaller patch on top of which the other lies at an offset that noise does
     not explain; see :func:`mapq.kernels.overlap.overlaps`.
     crossing (equation 12): R, how centrally they cross; see :func:`mapq.kernels.crossing.crossings`.
-    angle, offset, overlap_area: acute angle of the planes in degrees, median distance of the planes over the shared
+    angle_deg, offset, overlap_area: acute angle of the planes in degrees, median distance of the planes over the shared
     cells in metres, and area of these in m².
     x_ij = 1 - W (A + R) (equation 13), in [-1, 1]; high is plausible.
     """

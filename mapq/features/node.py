@@ -9,7 +9,7 @@ from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes
 
 NODE_NAMES = ("fit", "tilt", "thickness")
-SHAPE_NAMES = ("n_points", "rms", "thickness", "area", "width", "height", "tilt")
+SHAPE_NAMES = ("n_points", "rms_m", "thickness_m", "area_m2", "width_m", "height_m", "tilt_deg")
 """What people ask of a patch: a count, metres, m², and degrees."""
 
 

@@ -15,6 +15,7 @@ from mapq.kernels.occupied import occupied_cells
 from mapq.kernels.order import spans
 from mapq.kernels.overlap import Planes
 from mapq.patches import Patches
+from prf.shell.errors import InputError
 
 SMALLEST_CELL = 0.01
 """Metres: finer than any map's points, and above 0 for patches whose points coincide."""
@@ -129,10 +130,22 @@ def measure_shapes(patches: Patches, settings: FeatureSettings | None = None) ->
 
 
 def up_direction(patches: Patches, settings: FeatureSettings) -> Floats:
-    """Return the unit vector (3,) that points up: of the settings, else of the segmentation, else z."""
+    """Return the unit vector (3,) that points up: of the settings, else of the segmentation, else z.
+
+    Raises
+    ------
+    InputError
+        If the segmentation's is no direction.
+    """
     given: Any = settings.up if settings.up is not None else patches.parameters.get("up")
-    up = np.array([0.0, 0.0, 1.0] if given is None else given, dtype=np.float64)
-    return np.asarray(up / np.linalg.norm(up))
+    try:
+        up = np.array([0.0, 0.0, 1.0] if given is None else given, dtype=np.float64).reshape(3)
+    except (TypeError, ValueError):
+        up = np.zeros(3)
+    length = float(np.linalg.norm(up))
+    if not 0.0 < length < np.inf:
+        raise InputError(f"patches: parameter up, {given}, is no direction. Give three numbers, not all 0.")
+    return np.asarray(up / length)
 
 
 def ordered_points(patches: Patches) -> tuple[Floats, NDArray[np.int64], NDArray[np.int64]]:

@@ -1,0 +1,138 @@
+"""Show the features of every patch and of every pair of neighbours."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from prf.shell.options import Json
+
+if TYPE_CHECKING:
+    from mapq.features.table import Table
+    from mapq.graph import PatchFeatures
+
+logger = logging.getLogger(__name__)
+
+EXAMPLES = (
+    "mapq features map.patches",
+    "mapq features map.patches --csv --only edges > pairs.csv",
+    "mapq features map.patches --json --radius 2 --tau 0.5",
+)
+N_LEAST = 15
+"""Pairs that the table for a person shows."""
+
+
+class Reading(StrEnum):
+    """How equations 6 to 13 are read."""
+
+    safe = "safe"
+    literal = "literal"
+
+
+class Only(StrEnum):
+    """Which of the tables to show."""
+
+    nodes = "nodes"
+    edges = "edges"
+
+
+def features(
+    patches: Annotated[str, typer.Argument(metavar="PATCHES", help="What mapq segment wrote; - is standard input.")],
+    reading: Annotated[
+        Reading, typer.Option("--features", help="Bounded features in metres, or the equations as printed.")
+    ] = Reading.safe,
+    radius: Annotated[
+        float, typer.Option("--radius", metavar="METRES", help="Patches farther apart are no neighbours.")
+    ] = 3.0,
+    tau: Annotated[
+        float, typer.Option("--tau", metavar="METRES", help="Distance over which a pair's weight falls to 1/e.")
+    ] = 1.0,
+    neighbours: Annotated[
+        int, typer.Option("--neighbours", metavar="N", help="Closest patches that each patch is joined to.")
+    ] = 4,
+    noise: Annotated[
+        float | None,
+        typer.Option("--noise", metavar="METRES", help="Deviation of points from a surface; default: estimated."),
+    ] = None,
+    plain_overlap: Annotated[
+        bool, typer.Option("--plain-overlap", help="Count overlap also where noise explains it, or planes part.")
+    ] = False,
+    csv: Annotated[
+        bool, typer.Option("--csv", help="Print CSV: a row a patch, an empty line, then a row a pair.")
+    ] = False,
+    only: Annotated[Only | None, typer.Option("--only", help="Show the patches (nodes) or the pairs (edges).")] = None,
+    json: Json = False,
+) -> None:
+    """Show the features of every patch and of every pair of neighbours.
+
+    Nodes: how well a patch's points make a plane (equations 6-8), and its size. Edges: how a patch lies to the closest
+    ones (equations 9-12), and the plausibility x_ij of that (equation 13), low where walls are doubled or cross.
+    """
+    from mapq.features import FeatureSettings, patch_features
+    from mapq.io import read_patches
+    from prf.shell.errors import UsageError
+    from prf.shell.progress import progress
+
+    if csv and json:
+        raise UsageError("--csv and --json do not go together.")
+    settings = FeatureSettings(reading.value, neighbours, radius, tau, noise=noise, plain_overlap=plain_overlap)
+    with progress(3, "features") as reporter:
+        found = patch_features(read_patches(patches), settings, reporter)
+    if found.n_clipped:
+        logger.warning("%s: %d values were infinite, undefined or beyond 1e6 and were cut.", patches, found.n_clipped)
+    _show(found, _tables(found, only), csv, json)
+
+
+def _tables(found: PatchFeatures, only: Only | None) -> dict[str, Table]:
+    from mapq.features.table import edge_table, node_table
+
+    makers = {"nodes": node_table, "edges": edge_table}
+    return {name: make(found) for name, make in makers.items() if only is None or name == only.value}
+
+
+def _show(found: PatchFeatures, tables: dict[str, Table], csv: bool, json: bool) -> None:
+    from mapq.features.table import csv_lines, records
+    from prf.shell import console, jsonout
+
+    if json:
+        units = {name: dict(zip(table.names, table.units, strict=True)) for name, table in tables.items()}
+        content = {name: records(table) for name, table in tables.items()}
+        head = {"parameters": found.parameters, "n_patches": len(found.node), "n_pairs": len(found.pairs)}
+        jsonout.emit_object("mapq.features/1", {**head, "n_clipped": found.n_clipped, "units": units, **content})
+    elif csv:
+        console.emit("\n\n".join("\n".join(csv_lines(table)) for table in tables.values()))
+    else:
+        for line in _lines(found, tables):
+            console.emit(line)
+
+
+def _lines(found: PatchFeatures, tables: dict[str, Table]) -> Iterator[str]:
+    """Yield the table for a person."""
+    from mapq.features.table import summed_up
+
+    used = found.parameters
+    yield f"{'reading':<16}{found.reading}"
+    yield f"{'patches':<16}{len(found.node)}"
+    yield f"{'pairs':<16}{len(found.pairs)}, the {used['n_neighbours']} closest of each within {used['radius']:g} m"
+    yield f"{'tau':<16}{used['tau']:g} m"
+    yield f"{'noise':<16}{used['noise']:.3g} m"
+    for name, table in tables.items():
+        yield f"\n{name:<18}{'5 %':>12}{'median':>12}{'95 %':>12}  unit"
+        for column, unit, values in summed_up(table):
+            numbers = "".join(f"{value:>12.4g}" for value in values)
+            yield f"{column:<18}{numbers}  {'' if unit == '1' else unit}".rstrip()
+    if "edges" in tables and len(found.pairs):
+        yield from _least_lines(found, tables["edges"])
+
+
+def _least_lines(found: PatchFeatures, table: Table) -> Iterator[str]:
+    from mapq.features.table import least_plausible
+
+    yield "\nleast plausible pairs"
+    yield "".join(f"{name:>13}" for name in table.names)
+    for row in least_plausible(found, N_LEAST):
+        yield "".join(f"{value:>13.4g}" if isinstance(value, float) else f"{value:>13}" for value in row)

@@ -1,0 +1,107 @@
+"""Features as tables: a row a patch, or a pair."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.graph import PatchFeatures
+
+UNITS = {
+    "safe": {
+        "patch": "number",
+        "n_points": "count",
+        "rms_m": "m",
+        "thickness_m": "m",
+        "area_m2": "m2",
+        "width_m": "m",
+        "height_m": "m",
+        "tilt_deg": "degrees",
+        "fit": "-log(m2)",
+        "tilt": "1",
+        "thickness": "-log(m)",
+        "i": "number",
+        "j": "number",
+        "separation": "m",
+        "weight": "1",
+        "overlap": "1",
+        "crossing": "1",
+        "angle_deg": "degrees",
+        "offset": "m",
+        "overlap_area": "m2",
+        "plausibility": "1",
+    }
+}
+UNITS["literal"] = {**UNITS["safe"], "inverse_mse": "1/m2", "inverse_up_cosine": "1", "volume_per_area": "m"}
+SHARES = (0.05, 0.5, 0.95)
+"""Quantiles that sum up a column for a person."""
+
+
+class Table(NamedTuple):
+    """Rows of numbers.
+
+    Attributes
+    ----------
+    names : tuple of str
+    units : tuple of str
+    columns : list of (n,) arrays
+        Patch numbers and counts are integers, all else float64.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    columns: list[NDArray[Any]]
+
+    def rows(self) -> Iterator[tuple[int | float, ...]]:
+        """Yield the rows as Python numbers."""
+        return zip(*(column.tolist() for column in self.columns), strict=True)
+
+
+def node_table(features: PatchFeatures) -> Table:
+    """Return a row a patch: its number, what people ask of it, its node features."""
+    count = features.shape[:, 0].astype(np.int64)
+    numbers = np.arange(len(features.node))
+    names = ("patch", *features.shape_names, *features.node_names)
+    return _table(features, names, [numbers, count, *features.shape[:, 1:].T, *features.node.T])
+
+
+def edge_table(features: PatchFeatures) -> Table:
+    """Return a row a pair: both numbers, its edge features, its plausibility."""
+    names = ("i", "j", *features.edge_names, "plausibility")
+    return _table(features, names, [*features.pairs.T, *features.edge.T, features.plausibility])
+
+
+def _table(features: PatchFeatures, names: tuple[str, ...], columns: list[NDArray[Any]]) -> Table:
+    units = UNITS[features.reading]
+    return Table(names, tuple(units[name] for name in names), columns)
+
+
+def csv_lines(table: Table) -> Iterator[str]:
+    """Yield the header and the rows as CSV, numbers to their last bit."""
+    yield ",".join(table.names)
+    for row in table.rows():
+        yield ",".join(map(repr, row))
+
+
+def records(table: Table) -> list[dict[str, int | float]]:
+    """Return the rows as mappings from name to value."""
+    return [dict(zip(table.names, row, strict=True)) for row in table.rows()]
+
+
+def summed_up(table: Table) -> list[tuple[str, str, list[float]]]:
+    """Return name, unit and the quantiles `SHARES` of each column of measures; nothing for an empty table."""
+    found = []
+    for name, unit, column in zip(*table, strict=True):
+        if unit != "number" and len(column):
+            found.append((name, unit, [float(value) for value in np.quantile(column, SHARES)]))
+    return found
+
+
+def least_plausible(features: PatchFeatures, n: int) -> list[tuple[int | float, ...]]:
+    """Return the n rows of the edge table with the lowest plausibility, lowest first, ties by number."""
+    order = np.argsort(features.plausibility, kind="stable")[:n]
+    table = edge_table(features)
+    return list(table._replace(columns=[column[order] for column in table.columns]).rows())
