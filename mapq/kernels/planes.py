@@ -1,0 +1,104 @@
+"""The plane of a set of points: moments, and the smallest eigenvalue of a symmetric 3 x 3 matrix."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.kernels._jit import part
+
+MOMENTS = 10
+"""Numbers that tell the plane of a set: how many, sums of x y z, sums of xx xy xz yy yz zz."""
+
+
+@part
+def add_moments(sums: NDArray[np.float64], x: float, y: float, z: float) -> None:
+    """Add one point, given relative to the set's own origin so that the squares stay small."""
+    sums[0] += 1.0
+    sums[1] += x
+    sums[2] += y
+    sums[3] += z
+    sums[4] += x * x
+    sums[5] += x * y
+    sums[6] += x * z
+    sums[7] += y * y
+    sums[8] += y * z
+    sums[9] += z * z
+
+
+@part
+def fit_plane(sums: NDArray[np.float64], plane: NDArray[np.float64], spread: NDArray[np.float64]) -> None:
+    """Write the plane (nx, ny, nz, d with n . p = d) of a set, and its variances in ascending order (biased).
+
+    Eigenvalues by the trigonometric formula (Smith 1961), the eigenvector as the longest cross product of two rows of
+    A - lambda 1. A set without a plane (all on a line, or in a point) gets some plane that holds it.
+    """
+    n = sums[0]
+    cx, cy, cz = sums[1] / n, sums[2] / n, sums[3] / n
+    xx, xy, xz = sums[4] / n - cx * cx, sums[5] / n - cx * cy, sums[6] / n - cx * cz
+    yy, yz, zz = sums[7] / n - cy * cy, sums[8] / n - cy * cz, sums[9] / n - cz * cz
+    mean = (xx + yy + zz) / 3.0
+    a, b, c = xx - mean, yy - mean, zz - mean
+    off = xy * xy + xz * xz + yz * yz
+    p = np.sqrt((a * a + b * b + c * c + 2.0 * off) / 6.0)
+    if p > 0.0:
+        determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
+        angle = np.arccos(min(max(0.5 * determinant / (p * p * p), -1.0), 1.0)) / 3.0
+        spread[2] = mean + 2.0 * p * np.cos(angle)
+        smallest = mean + 2.0 * p * np.cos(angle + 2.0 * np.pi / 3.0)
+    else:
+        spread[2] = smallest = mean
+    spread[1] = max(3.0 * mean - spread[2] - smallest, 0.0)
+    normal_of(xx - smallest, xy, xz, yy - smallest, yz, zz - smallest, plane)
+    nx, ny, nz = plane[0], plane[1], plane[2]
+    quadratic = nx * (xx * nx + 2.0 * (xy * ny + xz * nz)) + ny * (yy * ny + 2.0 * yz * nz) + nz * zz * nz
+    spread[0] = max(quadratic, 0.0)
+    plane[3] = nx * cx + ny * cy + nz * cz
+
+
+@part
+def normal_of(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, plane: NDArray[np.float64]) -> None:
+    """Write the unit vector that a symmetric matrix of rank two (or less) takes to zero; its largest entry positive."""
+    best = 0.0
+    scale = max(max(abs(xx), abs(yy)), abs(zz))
+    plane[0], plane[1], plane[2] = 0.0, 0.0, 1.0
+    for pair in range(3):
+        if pair == 0:
+            nx, ny, nz = xy * yz - xz * yy, xz * xy - xx * yz, xx * yy - xy * xy
+        elif pair == 1:
+            nx, ny, nz = xy * zz - xz * yz, xz * xz - xx * zz, xx * yz - xy * xz
+        else:
+            nx, ny, nz = yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz
+        squared = nx * nx + ny * ny + nz * nz
+        if squared > best:
+            best = squared
+            length = np.sqrt(squared)
+            plane[0], plane[1], plane[2] = nx / length, ny / length, nz / length
+    if best <= (1e-13 * scale) ** 4 and scale > 0.0:
+        across_line(xx, xy, xz, yy, yz, zz, plane)
+    largest = plane[0]
+    for axis in range(1, 3):
+        if abs(plane[axis]) > abs(largest):
+            largest = plane[axis]
+    if largest < 0.0:
+        plane[0], plane[1], plane[2] = -plane[0], -plane[1], -plane[2]
+
+
+@part
+def across_line(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, plane: NDArray[np.float64]) -> None:
+    """Write a unit vector across the line whose points have these second moments."""
+    ux, uy, uz = xx, xy, xz
+    if yy > xx and yy >= zz:
+        ux, uy, uz = xy, yy, yz
+    elif zz > xx:
+        ux, uy, uz = xz, yz, zz
+    # Across the line and, where that leaves a choice, across the axis that the line is farthest from.
+    if abs(ux) <= abs(uy) and abs(ux) <= abs(uz):
+        plane[0], plane[1], plane[2] = 0.0, uz, -uy
+    elif abs(uy) <= abs(uz):
+        plane[0], plane[1], plane[2] = -uz, 0.0, ux
+    else:
+        plane[0], plane[1], plane[2] = uy, -ux, 0.0
+    length = np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
+    if length > 0.0:
+        plane[0], plane[1], plane[2] = plane[0] / length, plane[1] / length, plane[2] / length

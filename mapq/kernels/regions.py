@@ -1,0 +1,206 @@
+"""What is done to regions once they have grown: their planes, points that change sides, and who touches whom."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.kernels._jit import jit, part
+from mapq.kernels.planes import MOMENTS, add_moments, fit_plane
+
+FREE = -1
+MIN_TOUCHING = 3
+"""A point that no region holds joins one only beside so many of its members: a single one may be a stray itself."""
+
+
+@jit
+def sum_regions(
+    xyz: NDArray[np.float64], region: NDArray[np.int32], origin: NDArray[np.float64], sums: NDArray[np.float64]
+) -> None:
+    """Write the moments (m, 10) of each region about the first of its points, which goes to `origin` (m, 3)."""
+    sums[:] = 0.0
+    for i in range(len(xyz)):
+        r = region[i]
+        if r == FREE:
+            continue
+        if sums[r, 0] == 0.0:
+            origin[r] = xyz[i]
+        add_moments(sums[r], xyz[i, 0] - origin[r, 0], xyz[i, 1] - origin[r, 1], xyz[i, 2] - origin[r, 2])
+
+
+@jit
+def fit_regions(
+    origin: NDArray[np.float64], sums: NDArray[np.float64], planes: NDArray[np.float64], spread: NDArray[np.float64]
+) -> None:
+    """Write the planes (m, 6) of regions, normal and centroid, and their variances (m, 3), ascending.
+
+    A region of fewer than three points gets a normal of nan, which nothing fits.
+    """
+    plane, variance = np.empty(4), np.empty(3)
+    for r in range(len(sums)):
+        if sums[r, 0] < 3.0:
+            planes[r] = np.nan
+            spread[r] = np.nan
+            continue
+        fit_plane(sums[r], plane, variance)
+        for axis in range(3):
+            planes[r, axis] = plane[axis]
+            planes[r, 3 + axis] = origin[r, axis] + sums[r, 1 + axis] / sums[r, 0]
+            spread[r, axis] = variance[axis]
+
+
+@part
+def off_plane(xyz: NDArray[np.float64], i: int, plane: NDArray[np.float64]) -> float:
+    """Return the distance of point i to a plane; nan if there is none."""
+    dx, dy, dz = xyz[i, 0] - plane[3], xyz[i, 1] - plane[4], xyz[i, 2] - plane[5]
+    return abs(dx * plane[0] + dy * plane[1] + dz * plane[2])
+
+
+@part
+def faces(normal: NDArray[np.float32], i: int, plane: NDArray[np.float64], cos_angle: float) -> bool:
+    """Return whether point i faces as a plane does; a point without a normal does."""
+    cosine = abs(normal[i, 0] * plane[0] + normal[i, 1] * plane[1] + normal[i, 2] * plane[2])
+    return not cosine < cos_angle
+
+
+@jit
+def change_sides(
+    xyz: NDArray[np.float64],
+    neighbours: NDArray[np.int32],
+    normal: NDArray[np.float32],
+    planes: NDArray[np.float64],
+    cos_angle: float,
+    max_distance: float,
+    region: NDArray[np.int32],
+    out: NDArray[np.int32],
+) -> int:
+    """Give each point the nearest plane among the regions round it, its own included; return how many changed.
+
+    Nearest among the planes within `max_distance` that it faces; none if there is no such plane. All look at the
+    regions of before, so that the order of the points does not matter.
+    """
+    n_changed = 0
+    for i in range(len(xyz)):
+        own = region[i]
+        best, nearest = FREE, np.inf
+        if own != FREE and off_plane(xyz, i, planes[own]) <= max_distance:
+            best, nearest = own, off_plane(xyz, i, planes[own])
+        last = own
+        for j in neighbours[i]:
+            if j < 0:
+                break
+            r = region[j]
+            if r == last or r == FREE or r == own:
+                continue
+            last = r
+            distance = off_plane(xyz, i, planes[r])
+            if distance <= max_distance and (distance < nearest or (distance == nearest and r < best)):
+                if faces(normal, i, planes[r], cos_angle) and touching(neighbours[i], region, r):
+                    best, nearest = r, distance
+        out[i] = best
+        n_changed += best != own
+    return n_changed
+
+
+@part
+def touching(neighbours: NDArray[np.int32], region: NDArray[np.int32], r: int) -> bool:
+    """Return whether enough of the neighbours belong to region r."""
+    count = 0
+    for j in neighbours:
+        if j < 0:
+            break
+        count += region[j] == r
+    return count >= MIN_TOUCHING
+
+
+@jit
+def walk_regions(
+    xyz: NDArray[np.float64],
+    neighbours: NDArray[np.int32],
+    normal: NDArray[np.float32],
+    planes: NDArray[np.float64],
+    cos_angle: float,
+    max_distance: float,
+    region: NDArray[np.int32],
+    members: NDArray[np.int64],
+    start: NDArray[np.int64],
+    piece: NDArray[np.int32],
+    pairs: NDArray[np.int32],
+) -> tuple[int, int]:
+    """Walk over each region, and on over points of others that lie on its plane and face as it does.
+
+    Two copies of a wall that cross share the points along the crossing; whoever does not own them is cut in two there,
+    but walks across. Writes the `piece` that each point belongs to (connected under such walks, pieces numbered region
+    by region) and each pair (region, other region walked on). Returns how many pieces and how many pairs there are;
+    more pairs than fit are counted but not written.
+    """
+    n_regions = len(start) - 1
+    queue = np.empty(len(xyz), np.int32)
+    stamp = np.full(len(xyz), FREE, np.int32)
+    met = np.full(n_regions, FREE, np.int32)
+    n_pieces, n_pairs = 0, 0
+    for r in range(n_regions):
+        for first in members[start[r] : start[r + 1]]:
+            if piece[first] != FREE:
+                continue
+            piece[first] = n_pieces
+            queue[0] = first
+            head, tail = 0, 1
+            while head < tail:
+                i = queue[head]
+                head += 1
+                for j in neighbours[i]:
+                    if j < 0:
+                        break
+                    other = region[j]
+                    if other == r:
+                        if piece[j] != FREE:
+                            continue
+                        piece[j] = n_pieces
+                    elif other == FREE or stamp[j] == n_pieces:
+                        continue
+                    else:
+                        if not off_plane(xyz, j, planes[r]) <= max_distance:
+                            continue
+                        if not faces(normal, j, planes[r], cos_angle):
+                            continue
+                        stamp[j] = n_pieces
+                        if met[other] != r:
+                            met[other] = r
+                            if n_pairs < len(pairs):
+                                pairs[n_pairs, 0], pairs[n_pairs, 1] = r, other
+                            n_pairs += 1
+                    queue[tail] = j
+                    tail += 1
+            n_pieces += 1
+    return n_pieces, n_pairs
+
+
+@jit
+def join_rest(
+    xyz: NDArray[np.float64],
+    cell: NDArray[np.int32],
+    neighbours: NDArray[np.int32],
+    planes: NDArray[np.float64],
+    max_distance: float,
+    region: NDArray[np.int32],
+    out: NDArray[np.int32],
+) -> None:
+    """Give each point (u,) the nearest plane among the regions of its cell's representative and its neighbours.
+
+    ``cell[i]`` is the representative of point i, by which `neighbours` and `region` count.
+    """
+    for i in range(len(xyz)):
+        best, nearest = FREE, max_distance
+        own = region[cell[i]]
+        if own != FREE and off_plane(xyz, i, planes[own]) <= nearest:
+            best, nearest = own, off_plane(xyz, i, planes[own])
+        for j in neighbours[cell[i]]:
+            if j < 0:
+                break
+            r = region[j]
+            if r != FREE and r != own:
+                distance = off_plane(xyz, i, planes[r])
+                if distance < nearest or (distance == nearest and r < best):
+                    best, nearest = r, distance
+        out[i] = best

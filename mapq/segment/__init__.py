@@ -1,0 +1,99 @@
+"""Plane patches of a point cloud by region growing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.cloud import PointCloud
+from mapq.patches import Patches
+from mapq.segment.core import make_core
+from mapq.segment.finish import keep_patches
+from mapq.segment.parameters import choose_parameters
+from mapq.segment.points import Points, sort_points
+from mapq.segment.regions import find_regions, spread_out
+from mapq.segment.settings import SegmentSettings as SegmentSettings
+from prf.shell.errors import InputError
+
+STAGES = ("sorting", "estimating", "neighbours and normals", "growing", "finishing")
+FEWEST_POINTS = 3
+
+
+def segment(
+    cloud: PointCloud,
+    settings: SegmentSettings | None = None,
+    progress: Callable[[int, str], None] | None = None,
+) -> Patches:
+    """Cut a cloud into plane patches.
+
+    The same patches with the same numbers come out for any order of the points.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        Points without three finite coordinates belong to no patch.
+    settings : SegmentSettings, optional
+        What is None is estimated from the cloud; all values used are in the result's `parameters`.
+    progress : callable, optional
+        Called with the number of stages done and the name of the next (:data:`STAGES`).
+
+    Returns
+    -------
+    Patches
+        Largest first, unlabelled. There may be none: then the report has a warning.
+
+    Raises
+    ------
+    InputError
+        If fewer than three distinct points are finite, or all lie on one line.
+    UsageError
+        If a setting is outside its domain.
+    """
+    settings = settings or SegmentSettings()
+    settings.check()
+    tell = progress or _silent
+    tell(0, STAGES[0])
+    points = sort_points(cloud)
+    _refuse_lines(points, cloud)
+    tell(1, STAGES[1])
+    chosen = choose_parameters(points, settings)
+    tell(2, STAGES[2])
+    core = make_core(points, chosen)
+    tell(3, STAGES[3])
+    region = find_regions(core, chosen)
+    tell(4, STAGES[4])
+    kept = keep_patches(points, spread_out(points, core, chosen, region), chosen)
+    report = {
+        "points": len(cloud),
+        "points_not_finite": points.n_not_finite,
+        "points_far_outside": points.n_far,
+        "points_repeated": len(cloud) - points.n_not_finite - points.n_far - len(points.xyz),
+        **kept.report,
+    }
+    patch = np.where(points.number >= 0, kept.patch[points.number], -1).astype(np.int32)
+    normal, centroid = kept.planes[:, :3].copy(), kept.planes[:, 3:].copy()
+    return Patches.unlabelled(cloud, patch, normal, centroid, chosen.described(), report)
+
+
+def _silent(done: int, stage: str) -> None:
+    """Say nothing."""
+
+
+def _refuse_lines(points: Points, cloud: PointCloud) -> None:
+    """Raise if there is no plane to be had."""
+    name = cloud.source or "the cloud"
+    if len(points.xyz) < FEWEST_POINTS:
+        raise InputError(
+            f"{name}: {len(points.xyz)} distinct finite points of {len(cloud)}; a plane needs {FEWEST_POINTS}."
+        )
+    if _on_one_line(points.xyz):
+        raise InputError(f"{name}: all {len(points.xyz)} points lie on one line; there is no plane in it.")
+
+
+def _on_one_line(xyz: NDArray[np.float64]) -> bool:
+    """Return whether all points lie on one line, as far as their numbers can tell."""
+    offset = xyz - xyz.mean(axis=0)
+    spread = np.linalg.eigvalsh(offset.T @ offset / len(xyz))
+    return bool(spread[1] <= 1e-12 * spread[2])

@@ -1,0 +1,91 @@
+"""From regions to patches: what is too small or too far from vertical goes, the rest is numbered, largest first."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.segment.parameters import Parameters
+from mapq.segment.points import Points
+from mapq.segment.regions import Fits, fit
+
+CELL_IN_SPACING = 2.0
+"""Side of the cells by which areas are counted: a cell on a surface holds four points, so few stay empty."""
+
+
+class Kept(NamedTuple):
+    """Patches among distinct points: number (u,), plane (m, 6) and the report's part on them."""
+
+    patch: NDArray[np.int32]
+    planes: NDArray[np.float64]
+    report: dict[str, Any]
+
+
+def keep_patches(points: Points, region: NDArray[np.int32], chosen: Parameters) -> Kept:
+    """Return the regions that are patches, largest first (ties: by their first point), and what was dropped."""
+    fits = fit(points.xyz, region)
+    large = is_large(fits, chosen)
+    upright = is_upright(fits.planes, chosen)
+    copies = points.multiplicity()
+    n_points = np.bincount(region[region >= 0], weights=copies[region >= 0], minlength=len(large)).astype(np.int64)
+    tilted = large & ~upright
+    chosen_regions = np.flatnonzero(large & upright)
+    first = _first_points(region, len(large))
+    order = chosen_regions[np.lexsort((first[chosen_regions], -n_points[chosen_regions]))]
+    number = np.full(len(large) + 1, -1, np.int32)
+    number[order] = np.arange(len(order))
+    small = ~large & (fits.sums[:, 0] > 0)
+    areas = region_areas(points.xyz, region, fits, CELL_IN_SPACING * chosen.spacing)
+    report = {
+        "patches": len(order),
+        "points_in_patches": int(n_points[order].sum()),
+        "area": float(areas[order].sum()),
+        "dropped_for_tilt": _tally(tilted, n_points, areas),
+        "dropped_as_small": _tally(small, n_points, areas),
+    }
+    return Kept(number[region], fits.planes[order], report)
+
+
+def is_large(fits: Fits, chosen: Parameters) -> NDArray[np.bool_]:
+    """Return which regions (m,) have points and width enough."""
+    width = np.sqrt(12.0 * np.nan_to_num(fits.spread[:, 1]))
+    return np.asarray((fits.sums[:, 0] >= max(chosen.min_points, 3)) & (width >= chosen.min_extent))
+
+
+def is_upright(planes: NDArray[np.float64], chosen: Parameters) -> NDArray[np.bool_]:
+    """Return which planes (m,) are within the tilt allowed from vertical."""
+    off_vertical = np.degrees(np.arcsin(np.clip(np.abs(planes[:, :3] @ chosen.up), 0.0, 1.0)))
+    return np.asarray(~(off_vertical > chosen.max_tilt))
+
+
+def region_areas(xyz: NDArray[np.float64], region: NDArray[np.int32], fits: Fits, cell: float) -> NDArray[np.float64]:
+    """Return the area (m,) of each region in square metres: cells of its plane that hold a point."""
+    has_plane = np.append(fits.sums[:, 0] >= 3, False)
+    members = np.flatnonzero(has_plane[region])
+    planes = fits.planes[region[members]]
+    offset = xyz[members] - planes[:, 3:]
+    axis = np.argmin(np.abs(planes[:, :3]), axis=1)
+    u = np.cross(planes[:, :3], np.eye(3)[axis])
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    v = np.cross(planes[:, :3], u)
+    column = np.floor(np.einsum("ij,ij->i", offset, u) / cell).astype(np.int64)
+    line = np.floor(np.einsum("ij,ij->i", offset, v) / cell).astype(np.int64)
+    cells = np.unique(np.column_stack([region[members], column, line]), axis=0)
+    return np.bincount(cells[:, 0], minlength=len(fits.planes)) * cell * cell
+
+
+def _first_points(region: NDArray[np.int32], n_regions: int) -> NDArray[np.int64]:
+    first = np.full(n_regions, len(region), np.int64)
+    members = np.flatnonzero(region >= 0)[::-1]
+    first[region[members]] = members
+    return first
+
+
+def _tally(which: NDArray[np.bool_], n_points: NDArray[np.int64], areas: NDArray[np.float64]) -> dict[str, int | float]:
+    return {
+        "patches": int(np.count_nonzero(which)),
+        "points": int(n_points[which].sum()),
+        "area": float(areas[which].sum()),
+    }
