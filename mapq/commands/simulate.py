@@ -31,7 +31,7 @@ def simulate(
             help="A world of about 30 000, 300 000 or 650 000 points; the options below change parts of it.",
         ),
     ] = "medium",
-    points: Annotated[int | None, typer.Option("--points", metavar="N", help="Points of the map, about.")] = None,
+    n_points: Annotated[int | None, typer.Option("--n-points", metavar="N", help="Points of the map, about.")] = None,
     blocks: Annotated[
         int | None, typer.Option("--blocks", metavar="N", help="Blocks that the robot rounds, one after the other.")
     ] = None,
@@ -91,7 +91,7 @@ def simulate(
         raise UsageError("--json and -o - both want standard output. Name a file with -o.")
     refuse_existing(output, force)
     changes = {
-        "points": points,
+        "n_points": n_points,
         "blocks": blocks,
         "loops": loops,
         "drift": drift,

@@ -67,46 +67,52 @@ def in_hole(value: float, first: float, period: float, width: float, end: float)
     return offset - np.floor(offset / period) * period < width
 
 
-@part
-def hit_wall(w: Any, o: Any, d: Any) -> Any:
-    """Distance to a wall along the beam, inf without a hit or through a hole."""
-    across = d[0] * w[3] - d[1] * w[2]
-    if abs(across) < 1e-12:
-        return np.inf
-    px, py = w[0] - o[0], w[1] - o[1]
-    distance = (px * w[3] - py * w[2]) / across
-    if distance <= 0.0:
-        return np.inf
-    u = (px * d[1] - py * d[0]) / across
-    z = o[2] + distance * d[2]
-    if u < 0.0 or u > w[4] or z < w[5] or z > w[6]:
-        return np.inf
-    if in_hole(u, w[7], w[8], w[9], w[10]) and in_hole(z, w[11], w[12], w[13], w[14]):
-        return np.inf
-    return distance
+# Each kind has a loop of its own over the items of a cell, as a call for each item would count references to the
+# arrays each time (4 x slower). `best` and `found` are the distance and the number of the nearest item so far.
 
 
 @part
-def hit_sheet(s: Any, o: Any, d: Any) -> Any:
-    """Distance to a parallelogram along the beam, inf without a hit."""
-    across = s[3] * d[0] + s[4] * d[1] + s[5] * d[2]
-    if abs(across) < 1e-12:
-        return np.inf
-    rx, ry, rz = o[0] - s[0], o[1] - s[1], o[2] - s[2]
-    distance = -(s[3] * rx + s[4] * ry + s[5] * rz) / across
-    if distance <= 0.0:
-        return np.inf
-    x, y, z = rx + distance * d[0], ry + distance * d[1], rz + distance * d[2]
-    u = s[6] * x + s[7] * y + s[8] * z
-    v = s[9] * x + s[10] * y + s[11] * z
-    if u < 0.0 or u > 1.0 or v < 0.0 or v > 1.0:
-        return np.inf
-    return distance
+def nearest_wall(w: Any, items: Any, span: Any, o: Any, d: Any, best: float, found: int) -> Any:
+    """Nearest hit of the walls ``items[span[0]:span[1]]``, if it is nearer than `best`; holes let beams through."""
+    for place in range(span[0], span[1]):
+        k = items[place]
+        across = d[0] * w[k, 3] - d[1] * w[k, 2]
+        px, py = w[k, 0] - o[0], w[k, 1] - o[1]
+        # A beam along the wall gives inf or nan, which fail every comparison.
+        distance = (px * w[k, 3] - py * w[k, 2]) / across
+        if not 0.0 < distance < best:
+            continue
+        u = (px * d[1] - py * d[0]) / across
+        z = o[2] + distance * d[2]
+        if u < 0.0 or u > w[k, 4] or z < w[k, 5] or z > w[k, 6]:
+            continue
+        if in_hole(u, w[k, 7], w[k, 8], w[k, 9], w[k, 10]) and in_hole(z, w[k, 11], w[k, 12], w[k, 13], w[k, 14]):
+            continue
+        best, found = distance, k
+    return best, found
+
+
+@part
+def nearest_sheet(s: Any, items: Any, span: Any, base: int, o: Any, d: Any, best: float, found: int) -> Any:
+    """Nearest hit of parallelograms, of which the first has number `base`."""
+    for place in range(span[0], span[1]):
+        k = items[place] - base
+        across = s[k, 3] * d[0] + s[k, 4] * d[1] + s[k, 5] * d[2]
+        rx, ry, rz = o[0] - s[k, 0], o[1] - s[k, 1], o[2] - s[k, 2]
+        distance = -(s[k, 3] * rx + s[k, 4] * ry + s[k, 5] * rz) / across
+        if not 0.0 < distance < best:
+            continue
+        x, y, z = rx + distance * d[0], ry + distance * d[1], rz + distance * d[2]
+        u = s[k, 6] * x + s[k, 7] * y + s[k, 8] * z
+        v = s[k, 9] * x + s[k, 10] * y + s[k, 11] * z
+        if 0.0 <= u <= 1.0 and 0.0 <= v <= 1.0:
+            best, found = distance, items[place]
+    return best, found
 
 
 @part
 def hit_cylinder(rx: float, ry: float, radius: float, z0: float, z1: float, oz: float, d: Any) -> Any:
-    """Distance to the near side of a vertical cylinder; (rx, ry) is the beam's origin seen from the axis."""
+    """Distance to the near side of a vertical cylinder, else inf; (rx, ry) is the beam's origin seen from the axis."""
     a = d[0] * d[0] + d[1] * d[1]
     b = rx * d[0] + ry * d[1]
     c = rx * rx + ry * ry - radius * radius
@@ -121,75 +127,102 @@ def hit_cylinder(rx: float, ry: float, radius: float, z0: float, z1: float, oz: 
 
 
 @part
-def hit_blob(e: Any, o: Any, d: Any, draw: float) -> Any:
-    """Distance to a return in foliage: exponential depth behind the near surface, inf if the beam passes through."""
-    rx, ry = (o[0] - e[0]) / e[3], (o[1] - e[1]) / e[3]
-    rz = (o[2] - e[2]) / e[4]
-    dx, dy, dz = d[0] / e[3], d[1] / e[3], d[2] / e[4]
-    a = dx * dx + dy * dy + dz * dz
-    b = rx * dx + ry * dy + rz * dz
-    disc = b * b - a * (rx * rx + ry * ry + rz * rz - 1.0)
-    if disc <= 0.0:
-        return np.inf
-    root = np.sqrt(disc)
-    near, far = max((-b - root) / a, 0.0), (-b + root) / a
-    distance = near - np.log(1.0 - draw) / e[5]
-    if distance >= far:
-        return np.inf
-    return distance
+def nearest_post(p: Any, items: Any, span: Any, base: int, o: Any, d: Any, best: float, found: int) -> Any:
+    """Nearest hit of posts, of which the first has number `base`."""
+    for place in range(span[0], span[1]):
+        k = items[place] - base
+        distance = hit_cylinder(o[0] - p[k, 0], o[1] - p[k, 1], p[k, 2], p[k, 3], p[k, 4], o[2], d)
+        if distance < best:
+            best, found = distance, items[place]
+    return best, found
 
 
 @part
-def hit_box(m: Any, rx: float, ry: float, oz: float, d: Any) -> Any:
-    """Distance to an upright box centred on the axis from which (rx, ry) is seen; inf from inside."""
-    lx, ly = rx * m[11] + ry * m[12], ry * m[11] - rx * m[12]
-    dx, dy = d[0] * m[11] + d[1] * m[12], d[1] * m[11] - d[0] * m[12]
-    near, far = 0.0, np.inf
-    for axis in range(3):
-        if axis == 0:
-            low, high, start, step = -m[7], m[7], lx, dx
-        elif axis == 1:
-            low, high, start, step = -m[8], m[8], ly, dy
-        else:
-            low, high, start, step = m[9], m[10], oz, d[2]
-        if abs(step) < 1e-12:
-            if start < low or start > high:
-                return np.inf
+def own_draw(draw: float, k: int) -> Any:
+    """Draw in [0, 1) of one volume of foliage, from the beam's one."""
+    moved = draw + GOLDEN * (k + 1)
+    return moved - np.floor(moved)
+
+
+@part
+def nearest_leaf(e: Any, items: Any, span: Any, base: int, o: Any, d: Any, draw: float, best: float, found: int) -> Any:
+    """Nearest return in foliage: at exponential depth behind the near surface, unless the beam leaves before."""
+    for place in range(span[0], span[1]):
+        k = items[place] - base
+        rx, ry, rz = (o[0] - e[k, 0]) / e[k, 3], (o[1] - e[k, 1]) / e[k, 3], (o[2] - e[k, 2]) / e[k, 4]
+        dx, dy, dz = d[0] / e[k, 3], d[1] / e[k, 3], d[2] / e[k, 4]
+        a = dx * dx + dy * dy + dz * dz
+        b = rx * dx + ry * dy + rz * dz
+        disc = b * b - a * (rx * rx + ry * ry + rz * rz - 1.0)
+        if disc <= 0.0:
             continue
-        first, last = (low - start) / step, (high - start) / step
-        near, far = max(near, min(first, last)), min(far, max(first, last))
-    if near >= far or near <= 0.0:
-        return np.inf
-    return near
+        root = np.sqrt(disc)
+        distance = max((-b - root) / a, 0.0) - np.log(1.0 - own_draw(draw, k)) / e[k, 5]
+        if distance < best and distance < (-b + root) / a:
+            best, found = distance, items[place]
+    return best, found
 
 
 @part
-def hit_item(scene: Any, item: int, o: Any, d: Any, draw: float) -> Any:
-    """Distance to a still item by its number."""
-    if item < len(scene.walls):
-        return hit_wall(scene.walls[item], o, d)
-    item -= len(scene.walls)
-    if item < len(scene.sheets):
-        return hit_sheet(scene.sheets[item], o, d)
-    item -= len(scene.sheets)
-    if item < len(scene.posts):
-        p = scene.posts[item]
-        return hit_cylinder(o[0] - p[0], o[1] - p[1], p[2], p[3], p[4], o[2], d)
-    item -= len(scene.posts)
-    own = draw + GOLDEN * (item + 1)
-    return hit_blob(scene.blobs[item], o, d, own - np.floor(own))
+def enter_slab(start: float, step: float, low: float, high: float) -> Any:
+    """(first, last) distance at which a beam is between two planes; an empty interval if it never is."""
+    if abs(step) < 1e-12:
+        return (-np.inf, np.inf) if low <= start <= high else (np.inf, -np.inf)
+    a, b = (low - start) / step, (high - start) / step
+    return min(a, b), max(a, b)
 
 
 @part
-def hit_mover(m: Any, o: Any, d: Any, time: float) -> Any:
-    """Distance to what moves, where it is at `time`."""
-    if time < m[5] or time > m[6]:
-        return np.inf
-    rx = o[0] - m[1] - m[3] * (time - m[5])
-    ry = o[1] - m[2] - m[4] * (time - m[5])
-    if m[0] == 0.0:
-        return hit_cylinder(rx, ry, m[7], m[9], m[10], o[2], d)
-    return hit_box(m, rx, ry, o[2], d)
+def nearest_mover(m: Any, base: int, o: Any, d: Any, time: float, best: float, found: int) -> Any:
+    """Nearest hit of what moves, where it is at `time`; a box is not seen from inside."""
+    for k in range(len(m)):
+        since = time - m[k, 5]
+        if since < 0.0 or time > m[k, 6]:
+            continue
+        rx, ry = o[0] - m[k, 1] - m[k, 3] * since, o[1] - m[k, 2] - m[k, 4] * since
+        if m[k, 0] == 0.0:
+            distance = hit_cylinder(rx, ry, m[k, 7], m[k, 9], m[k, 10], o[2], d)
+        else:
+            c, s = m[k, 11], m[k, 12]
+            x0, x1 = enter_slab(rx * c + ry * s, d[0] * c + d[1] * s, -m[k, 7], m[k, 7])
+            y0, y1 = enter_slab(ry * c - rx * s, d[1] * c - d[0] * s, -m[k, 8], m[k, 8])
+            z0, z1 = enter_slab(o[2], d[2], m[k, 9], m[k, 10])
+            distance = max(x0, y0, z0)
+            if distance >= min(x1, y1, z1) or distance <= 0.0:
+                continue
+        if distance < best:
+            best, found = distance, base + k
+    return best, found
+
+
+@part
+def first_from(items: Any, first: int, last: int, number: int) -> Any:
+    """Place of the first item of a cell with this number or a higher one."""
+    while first < last and items[first] < number:
+        first += 1
+    return first
+
+
+@part
+def nearest_in_cell(scene: Any, cell: int, o: Any, d: Any, draw: float, best: float, found: int) -> Any:
+    """Nearest hit of a cell's items, which are in ascending order and so kind after kind."""
+    items = scene.cell_items
+    a, end = scene.cell_start[cell], scene.cell_start[cell + 1]
+    sheets = len(scene.walls)
+    posts = sheets + len(scene.sheets)
+    blobs = posts + len(scene.posts)
+    b = first_from(items, a, end, sheets)
+    c = first_from(items, b, end, posts)
+    e = first_from(items, c, end, blobs)
+    if a < b:
+        best, found = nearest_wall(scene.walls, items, (a, b), o, d, best, found)
+    if b < c:
+        best, found = nearest_sheet(scene.sheets, items, (b, c), sheets, o, d, best, found)
+    if c < e:
+        best, found = nearest_post(scene.posts, items, (c, e), posts, o, d, best, found)
+    if e < end:
+        best, found = nearest_leaf(scene.blobs, items, (e, end), blobs, o, d, draw, best, found)
+    return best, found
 
 
 @part
@@ -216,10 +249,8 @@ def cast_still(scene: Any, o: Any, d: Any, draw: float, limit: float) -> Any:
     best, found = limit, NOTHING
     while 0 <= i < nx and 0 <= j < ny:
         cell = j * nx + i
-        for k in range(scene.cell_start[cell], scene.cell_start[cell + 1]):
-            distance = hit_item(scene, scene.cell_items[k], o, d, draw)
-            if distance < best:
-                best, found = distance, scene.cell_items[k]
+        if scene.cell_start[cell] < scene.cell_start[cell + 1]:
+            best, found = nearest_in_cell(scene, cell, o, d, draw, best, found)
         if best <= min(to_x, to_y):
             break
         if to_x < to_y:
@@ -240,20 +271,16 @@ def cast_beams(
     Origins (n, 3) inside the grid, unit directions (n, 3), times (n,), draws (n,) in [0, 1) for the foliage; fills
     ranges (n,) and items (n,). The ground is the plane z = 0.
     """
-    n_still = len(scene.walls) + len(scene.sheets) + len(scene.posts) + len(scene.blobs)
+    movers = len(scene.walls) + len(scene.sheets) + len(scene.posts) + len(scene.blobs)
     for b in range(len(origins)):
-        o, d = origins[b], directions[b]
-        limit = max_range
-        ground = False
-        if d[2] < 0.0 and -o[2] / d[2] < limit:
-            limit = -o[2] / d[2]
-            ground = True
-        best, found = cast_still(scene, o, d, draws[b], limit)
-        if found == NOTHING and ground:
-            found = n_still + len(scene.movers)
-        for m in range(len(scene.movers)):
-            distance = hit_mover(scene.movers[m], o, d, times[b])
-            if distance < best:
-                best, found = distance, n_still + m
+        o = (origins[b, 0], origins[b, 1], origins[b, 2])
+        d = (directions[b, 0], directions[b, 1], directions[b, 2])
+        best, found = max_range, NOTHING
+        if d[2] < 0.0 and -o[2] / d[2] < max_range:
+            best, found = -o[2] / d[2], movers + len(scene.movers)
+        distance, item = cast_still(scene, o, d, draws[b], best)
+        if item != NOTHING:
+            best, found = distance, item
+        best, found = nearest_mover(scene.movers, movers, o, d, times[b], best, found)
         ranges[b] = best if found != NOTHING else np.inf
         items[b] = found

@@ -112,7 +112,7 @@ def _wanted_beams(world: World, way: Trajectory, settings: Settings, rng: np.ran
     n_all = count_beams(way, settings.speed)
     probe = make_beams(choose_beams(n_all, PROBE, rng), way, settings.speed)
     share = len(observe(world, probe, settings, rng).time) / len(probe.time)
-    return choose_beams(n_all, round(settings.points / max(share, 0.01)), rng)
+    return choose_beams(n_all, round(settings.n_points / max(share, 0.01)), rng)
 
 
 def _render(world: World, returns: Returns, way: Trajectory, believed: Trajectory, settings: Settings) -> Simulation:

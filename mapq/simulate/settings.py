@@ -16,7 +16,7 @@ class Settings:
 
     Attributes
     ----------
-    points : int
+    n_points : int
         Points of the map, about: beams are left out at random until so many return.
     blocks, loops : int
         Blocks that the robot rounds one after the other, and how often it rounds each.
@@ -58,7 +58,7 @@ class Settings:
         Points that a pass must have in a cell to count.
     """
 
-    points: int = 300_000
+    n_points: int = 300_000
     blocks: int = 1
     loops: int = 2
     street_length: float = 85.0
@@ -113,7 +113,7 @@ class Settings:
 SIZES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "small": {
-            "points": 30_000,
+            "n_points": 30_000,
             "street_length": 24.0,
             "block_length": 20.0,
             "block_depth": 18.0,
@@ -126,13 +126,13 @@ SIZES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
             "yaw_walk": 0.8,
         },
         "medium": {},
-        "large": {"blocks": 2, "points": 650_000},
+        "large": {"blocks": 2, "n_points": 650_000},
     }
 )
 """Named sizes; medium is the size of the map of figure 4."""
 
 _DOMAIN: Mapping[str, tuple[float, float]] = {
-    "points": (100, 50_000_000),
+    "n_points": (100, 50_000_000),
     "blocks": (1, 8),
     "loops": (1, 5),
     "street_length": (20.0, 1000.0),
