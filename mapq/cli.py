@@ -12,6 +12,10 @@ from prf.shell.run import run_app
 HELP = "How plausible a point cloud map is, plane patch by plane patch."
 
 VERBS: dict[str, str] = {
+    "label": "Label patches plausible or suspicious by the majority of a point field.",
+    "train": "Train the random field on labelled patches of one or several maps.",
+    "classify": "Label the patches of a map plausible or suspicious, and say why.",
+    "evaluate": "Compare inferred labels with the truth: confusion matrix, scores, calibration.",
     "features": "Show the features of every patch and of every pair of neighbours.",
     "render": "Draw a map in plan view and in 3D, plausible blue and suspicious red.",
     "inspect": "Say what is in a file: a cloud, PATCHES, a RESULT, or a model.",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,9 +11,19 @@ from numpy.typing import NDArray
 
 from mapq.crf.energy import make_field
 from mapq.crf.infer import solve
+from mapq.crf.likelihood import objective
 from mapq.crf.marginals import fit_temperature, log_loss, probabilities
 from mapq.crf.regions import assign_folds
-from mapq.crf.train import Prepared, TrainingMap, TrainSettings, fit_weights, prepare, require_labels, signs
+from mapq.crf.train import (
+    Prepared,
+    TrainingMap,
+    TrainSettings,
+    fit_weights,
+    make_problem,
+    prepare,
+    require_labels,
+    signs,
+)
 from mapq.model import Model
 from mapq.patches import SUSPICIOUS, UNLABELLED
 
@@ -50,6 +61,8 @@ class Trained(NamedTuple):
         Of the chosen strength; None where there was no cross-validation.
     n_folds : int
         0 where there was no cross-validation.
+    pseudo_log_likelihood : float
+        Mean log-probability of a training label given all others, in nats.
     """
 
     model: Model
@@ -57,6 +70,7 @@ class Trained(NamedTuple):
     scores: dict[float, float]
     held_out: HeldOut | None
     n_folds: int
+    pseudo_log_likelihood: float
 
 
 class _Trial(NamedTuple):
@@ -94,16 +108,12 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
     scores = {strength: trial.score for strength, trial in trials.items()}
     chosen = min(scores, key=lambda s: (scores[s], -s)) if scores else settings.regularisation or FALLBACK
     trial = trials.get(chosen)
-    model = Model(
-        settings.edge_model,
-        {},
-        prepared.node,
-        prepared.edge,
-        prepared.x_range,
-        fit_weights(prepared, labels, settings, chosen),
-        trial.temperature if trial else FALLBACK,
-    )
-    return Trained(model, chosen, scores, _held_out(trial) if trial else None, len(folds))
+    weights = fit_weights(prepared, labels, settings, chosen)
+    temperature = trial.temperature if trial else FALLBACK
+    model = Model(settings.edge_model, {}, prepared.node, prepared.edge, prepared.x_range, weights, temperature)
+    plain = make_problem(prepared, labels, replace(settings, balanced=False), 0.0)
+    likelihood = -objective(plain, weights) / len(plain.y)
+    return Trained(model, chosen, scores, _held_out(trial) if trial else None, len(folds), likelihood)
 
 
 def _usable_folds(maps: Sequence[TrainingMap], n_folds: int) -> list[list[NDArray[np.bool_]]]:

@@ -1,0 +1,137 @@
+"""Label the patches of a map plausible or suspicious, and say why."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mapq.commands._options import BinColumns
+from prf.shell.options import Force, Json, Output
+
+if TYPE_CHECKING:
+    from mapq.assess import Result
+    from mapq.patches import Patches
+
+logger = logging.getLogger(__name__)
+
+EXAMPLES = (
+    "mapq classify city.patches -o city.classified.ply",
+    "mapq classify map.pcd --model city.model.json --json",
+    "mapq classify map.ply --fail-over 0.05",
+)
+
+N_WORST = 10
+"""Suspicious patches that the table lists."""
+N_REASONS = 3
+"""Terms that it names for each."""
+
+
+def classify(
+    file: Annotated[
+        str,
+        typer.Argument(metavar="PATCHES|CLOUD", help="What mapq segment wrote, or a cloud, which is segmented first."),
+    ],
+    model: Annotated[
+        str | None,
+        typer.Option("--model", metavar="MODEL", help="What mapq train wrote; the model of the package if absent."),
+    ] = None,
+    bin_columns: BinColumns = 4,
+    max_tilt: Annotated[
+        float | None,
+        typer.Option(
+            "--max-tilt", metavar="DEG", help="For a CLOUD: drop patches farther from vertical; 90 keeps all."
+        ),
+    ] = None,
+    up: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option("--up", metavar="X Y Z", help="For a CLOUD: the vertical.  [0 0 1]"),
+    ] = None,
+    fail_over: Annotated[
+        float | None,
+        typer.Option(
+            "--fail-over", metavar="SHARE", min=0.0, max=1.0, help="Exit 1 if more of the area is suspicious."
+        ),
+    ] = None,
+    output: Output = None,
+    json: Json = False,
+    force: Force = False,
+) -> None:
+    """Label the patches of a map plausible or suspicious, and say why.
+
+    RESULT.ply has all points with all their fields, and patch, suspicious (0, 1, 255 = no patch), p_suspicious and
+    colours: plausible blue, suspicious red. RESULT.json beside it has each patch with the terms that led to its label,
+    largest first. Default output: the name of the input with .classified.ply.
+    """
+    from mapq.assess import assess
+    from mapq.io.models import read_default_model, read_model
+    from mapq.io.results import SCHEMA, refuse_existing_result, write_result
+    from prf.shell import console, jsonout
+    from prf.shell.errors import CheckFailed
+    from prf.shell.manifest import describe_process
+
+    target = output or f"{PurePath(file).stem if file != '-' else 'map'}.classified.ply"
+    refuse_existing_result(target, force)
+    used = read_model(model) if model is not None else None
+    patches = _patches(file, bin_columns, max_tilt, up)
+    result = assess(patches, used or read_default_model())
+    if not len(patches):
+        logger.warning("%s: no plane patch was found, so nothing is labelled", file)
+    head = {**describe_process([file]), "model": model or "default", **result.head()}
+    rows = list(result.patch_rows())
+    write_result(target, result.cloud(), head, rows)
+    if json:
+        jsonout.emit_object(SCHEMA, {"output": target, **head, "patches": rows})
+    else:
+        for line in _lines(result, target):
+            console.emit(line)
+    share = result.counts()["share_of_area"]
+    if fail_over is not None and share > fail_over:
+        raise CheckFailed(f"{share:.1%} of the area of patches is suspicious, more than {fail_over:.1%}.")
+
+
+def _patches(file: str, bin_columns: int, max_tilt: float | None, up: tuple[float, float, float] | None) -> Patches:
+    """Return the patches of the file, segmented now if it is a cloud."""
+    from mapq.assess import read_input
+    from mapq.patches import Patches
+    from mapq.segment import STAGES, SegmentSettings, segment
+    from prf.shell.errors import UsageError
+    from prf.shell.progress import progress
+
+    chosen: dict[str, Any] = {name: value for name, value in (("max_tilt", max_tilt), ("up", up)) if value is not None}
+    found = read_input(file, bin_columns)
+    if isinstance(found, Patches):
+        if chosen:
+            raise UsageError(f"{file} is segmented already: --max-tilt and --up are for clouds.")
+        return found
+    with progress(len(STAGES), "segmenting") as reporter:
+        return segment(found, SegmentSettings(**chosen), lambda done, stage: reporter.update(done, stage=stage))
+
+
+def _lines(result: Result, target: str) -> Iterator[str]:
+    """Return the table for a person."""
+    counts = result.counts()
+    yield f"patches         {counts['n_suspicious']} of {counts['n_patches']} suspicious{_percent(counts, 'patches')}"
+    yield f"area            {counts['area_suspicious']:.1f} of {counts['area']:.1f} m2{_percent(counts, 'area')}"
+    yield (
+        f"points          {counts['n_points_suspicious']:,} of {counts['n_points_in_patches']:,} in patches"
+        f"{_percent(counts, 'points')}; {counts['n_points']:,} in all"
+    )
+    worst = result.worst(N_WORST)
+    if worst:
+        yield "most surely suspicious, with what speaks for it (log-odds):"
+    for patch in worst:
+        x, y, z = result.world_centroid(patch)
+        p = result.labelling.probability[patch]
+        yield f"  patch {patch:<6} p {p:.3f}  {result.area[patch]:.1f} m2 at {x:.1f} {y:.1f} {z:.1f}"
+        for reason in result.reasons(patch, N_REASONS):
+            yield f"      {reason}"
+    yield f"result          {target} and .json"
+
+
+def _percent(counts: dict[str, Any], of: str) -> str:
+    share = counts[f"share_of_{of}"]
+    return "" if share != share else f" ({share:.1%})"

@@ -1,0 +1,70 @@
+"""Compare inferred labels with the truth: confusion matrix, scores, calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from prf.shell.options import Json
+
+if TYPE_CHECKING:
+    from mapq.evaluate import Scores
+
+EXAMPLES = (
+    "mapq evaluate city.classified.ply --truth-field truth",
+    "mapq evaluate city.patches --model city.model.json --json",
+)
+
+
+def evaluate(
+    file: Annotated[
+        str, typer.Argument(metavar="RESULT|PATCHES", help="What mapq classify wrote, or patches to be classified.")
+    ],
+    model: Annotated[
+        str | None,
+        typer.Option("--model", metavar="MODEL", help="For PATCHES: the model; the one of the package if absent."),
+    ] = None,
+    truth_field: Annotated[
+        str | None,
+        typer.Option(
+            "--truth-field",
+            metavar="NAME",
+            help="Point field with the truth: 1 suspicious, 0 plausible, 255 not known. If absent: the labels of "
+            "PATCHES, else field truth.",
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Compare inferred labels with the truth: confusion matrix, scores, calibration.
+
+    The truth of a patch is that of most of its points (a tie is suspicious). Suspicious is the positive label: recall
+    is the share of suspicious patches that were found, specificity the share of plausible ones that were let pass.
+    """
+    from mapq.evaluate import read_labelled, score_labels
+    from mapq.io.models import read_model
+    from prf.shell import console, jsonout
+
+    labelled = read_labelled(file, read_model(model) if model is not None else None, truth_field)
+    scores = score_labels(labelled.label, labelled.truth, labelled.probability)
+    if json:
+        jsonout.emit_object("mapq.evaluate/1", {"file": file, "truth": labelled.truth_from, **scores._asdict()})
+        return
+    for line in _lines(scores, labelled.truth_from):
+        console.emit(line)
+
+
+def _lines(scores: Scores, truth_from: str) -> Iterator[str]:
+    """Return the table for a person."""
+    (pp, ps), (sp, ss) = scores.confusion
+    yield f"{'truth':<20}{truth_from}"
+    without = f", {scores.n_without_truth} more have no truth" if scores.n_without_truth else ""
+    yield f"{'patches':<20}{scores.n}{without}"
+    yield f"{'inferred':<20}{'plausible':>11}{'suspicious':>12}   in truth"
+    yield f"{'  plausible':<20}{pp:>11}{ps:>12}"
+    yield f"{'  suspicious':<20}{sp:>11}{ss:>12}"
+    for name, value in scores._asdict().items():
+        if isinstance(value, float):
+            shown = "undefined" if value != value else f"{value:.4f}"
+            yield f"{name.replace('_', ' '):<20}{shown}"

@@ -1,0 +1,180 @@
+"""Train the random field on labelled patches of one or several maps."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterator
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from prf.shell.options import Force, Json, Output, Seed
+
+if TYPE_CHECKING:
+    from mapq.crf import Model, Trained
+    from mapq.evaluate import Scores
+
+logger = logging.getLogger(__name__)
+
+EXAMPLES = (
+    "mapq train city.patches -o city.model.json",
+    "mapq train north.patches south.patches --class-weight balanced -o both.model.json",
+    "mapq train city.patches --edge-model none --json -o nodes.model.json",
+)
+
+
+class Objective(StrEnum):
+    """What training makes as large as can be."""
+
+    pl = "pl"
+
+
+class EdgeModel(StrEnum):
+    """What pairs of neighbours contribute."""
+
+    full = "full"
+    symmetric = "symmetric"
+    none = "none"
+
+
+class Reading(StrEnum):
+    """How equations 6 to 13 of the paper are read."""
+
+    safe = "safe"
+    literal = "literal"
+
+
+class ClassWeight(StrEnum):
+    """How patches of the two labels are weighed."""
+
+    none = "none"
+    balanced = "balanced"
+
+
+def train(
+    patches: Annotated[
+        list[str], typer.Argument(metavar="PATCHES...", help="Labelled patches, as mapq label leaves them.")
+    ],
+    output: Output = None,
+    objective: Annotated[Objective, typer.Option("--objective", help="pl: maximum pseudo-likelihood.")] = Objective.pl,
+    edge_model: Annotated[
+        EdgeModel,
+        typer.Option(
+            "--edge-model",
+            help="full: pairs may speak for a label; symmetric: for equal labels only, as in the paper; none: alone.",
+        ),
+    ] = EdgeModel.full,
+    edge_feature: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--edge-feature",
+            metavar="NAME",
+            help="Edge feature that speaks for a label, repeatable; plausibility (x_ij) if absent.",
+        ),
+    ] = None,
+    features: Annotated[
+        Reading, typer.Option("--features", help="Bounded features in metres, or the paper's formulas as printed.")
+    ] = Reading.safe,
+    regularisation: Annotated[
+        float | None,
+        typer.Option(
+            "--regularisation", metavar="X", help="Precision of each weight's prior; cross-validated if absent."
+        ),
+    ] = None,
+    class_weight: Annotated[
+        ClassWeight, typer.Option("--class-weight", help="balanced: both labels weigh the same in sum.")
+    ] = ClassWeight.none,
+    radius: Annotated[
+        float | None, typer.Option("--radius", metavar="METRES", help="Patches farther apart are no neighbours.")
+    ] = None,
+    tau: Annotated[
+        float | None, typer.Option("--tau", metavar="METRES", help="The weight of a pair falls to 1/e over it.")
+    ] = None,
+    neighbours: Annotated[
+        int | None, typer.Option("--neighbours", metavar="N", min=1, help="Closest patches that a patch is joined to.")
+    ] = None,
+    max_patches: Annotated[
+        int | None,
+        typer.Option("--max-patches", metavar="N", min=2, help="Train on so many labelled patches, in whole regions."),
+    ] = None,
+    seed: Seed = None,
+    json: Json = False,
+    force: Force = False,
+) -> None:
+    """Train the random field on labelled patches of one or several maps.
+
+    Without --regularisation the strength is chosen by cross-validation over regions of the maps, which also calibrates
+    the probabilities. The seed draws the regions of --max-patches; nothing else is random. Default output: model.json.
+    """
+    from mapq.crf import TrainSettings
+    from mapq.features import FeatureSettings
+    from mapq.io.models import SCHEMA, model_content, write_model
+    from mapq.training import train_files
+    from prf.shell import jsonout
+    from prf.shell.errors import UsageError
+    from prf.shell.files import STREAM, refuse_existing
+    from prf.shell.progress import progress
+    from prf.shell.seeds import resolve_seed
+
+    target = output or "model.json"
+    if json and target == STREAM:
+        raise UsageError("--json and -o - both want standard output. Name a file with -o.")
+    if regularisation is not None and not 0.0 < regularisation < math.inf:
+        raise UsageError(f"--regularisation {regularisation} is not above 0: separable labels would have no optimum.")
+    refuse_existing(target, force)
+    given = {"radius": radius, "tau": tau, "n_neighbours": neighbours}
+    chosen: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    settings = TrainSettings(
+        edge_model.value,
+        tuple(edge_feature) if edge_feature else TrainSettings().edge_features,
+        regularisation,
+        class_weight is ClassWeight.balanced,
+    )
+    used_seed = resolve_seed(seed) if max_patches is not None else 0
+    with progress(len(patches), "maps") as reporter:
+        reading = FeatureSettings(reading=features.value, **chosen)
+        model, trained, scores = train_files(patches, settings, reading, max_patches, used_seed, reporter)
+    write_model(target, model)
+    if json:
+        jsonout.emit_object(SCHEMA, {**model_content(model), "output": target})
+        return
+    _show(model, trained, scores, target == STREAM)
+
+
+def _show(model: Model, trained: Trained, scores: Scores | None, output_is_model: bool) -> None:
+    from prf.shell import console
+
+    # Standard output belongs to the model if it goes there.
+    say = logger.info if output_is_model else console.emit
+    for line in (*_weights(model), *_held_out(trained, scores)):
+        say(line)
+
+
+def _weights(model: Model) -> Iterator[str]:
+    """Return the table of weights for a person."""
+    scales = {f"node.{name}": row for name, *row in _scaling_rows(model.node)}
+    scales |= {f"field.{name}": row for name, *row in _scaling_rows(model.edge)}
+    yield f"{'weight':<24}{'standardised':>12}{'median':>12}{'scale':>12}"
+    for name, weight in zip(model.parameter_names, model.weights.tolist(), strict=True):
+        row = "".join(f"{number:>12.4g}" for number in scales.get(name, ()))
+        yield f"{name:<24}{weight:>+12.4f}{row}"
+    yield f"{'x_ij':<24}from {model.x_range[0]:.4g} to {model.x_range[1]:.4g}; the coupling is linear between"
+
+
+def _scaling_rows(scaling: object) -> Iterator[tuple[str, float, float]]:
+    names, median, scale = (getattr(scaling, name) for name in ("names", "median", "scale"))
+    yield from zip(names, median.tolist(), scale.tolist(), strict=True)
+
+
+def _held_out(trained: Trained, scores: Scores | None) -> Iterator[str]:
+    """Return how well the model did on regions that it had not seen."""
+    yield f"{'regularisation':<24}{trained.regularisation:g}"
+    yield f"{'temperature':<24}{trained.model.temperature:.4g}"
+    if scores is None:
+        yield "held out                none: too few regions with labels of both kinds; p is not calibrated"
+        return
+    yield f"{'held out':<24}{scores.n} patches in {trained.n_folds} folds, {scores.base_rate:.1%} suspicious"
+    for name in ("accuracy", "balanced_accuracy", "precision", "recall", "f1", "mcc", "auc", "ece", "log_loss"):
+        yield f"  {name.replace('_', ' '):<22}{getattr(scores, name):.3f}"

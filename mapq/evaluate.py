@@ -1,0 +1,191 @@
+"""How well labels and probabilities agree with a truth: confusion matrix, scores, calibration."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import rankdata
+
+from mapq import assess
+from mapq.cloud import PointCloud
+from mapq.io import is_patches, read_cloud, read_patches
+from mapq.labels import majority_labels, truth_values
+from mapq.model import Model
+from mapq.patches import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
+from prf.shell.errors import InputError, UsageError
+
+TRUTH_FIELD = "truth"
+"""Point field that is taken for the truth where none is named."""
+N_BINS = 10
+"""Of the expected calibration error: equal steps of the probability."""
+
+
+class Scores(NamedTuple):
+    """How well labels agree with the truth; suspicious is positive, nan where a ratio has nothing to divide by.
+
+    Attributes
+    ----------
+    n : int
+        Patches with a label and a truth.
+    n_without_truth : int
+        Patches left out because nothing says what they are.
+    confusion : ((int, int), (int, int))
+        Rows inferred, columns truth; plausible, then suspicious.
+    accuracy, precision, recall, specificity, f1, mcc, balanced_accuracy : float
+        Recall is the share of suspicious patches that are called so, specificity that of plausible ones.
+    base_rate : float
+        Share of suspicious patches in truth.
+    ece : float
+        Expected calibration error: mean difference of probability and share of suspicious over `N_BINS` bins.
+    auc : float
+        Probability that a suspicious patch has a higher p than a plausible one, ties half.
+    log_loss, brier : float
+        Mean negative log-probability of the truth in nats, p within 1e-6 of 0 and 1 cut; mean squared error of p.
+    """
+
+    n: int
+    n_without_truth: int
+    confusion: tuple[tuple[int, int], tuple[int, int]]
+    accuracy: float
+    precision: float
+    recall: float
+    specificity: float
+    f1: float
+    mcc: float
+    balanced_accuracy: float
+    base_rate: float
+    ece: float
+    auc: float
+    log_loss: float
+    brier: float
+
+
+class Labelled(NamedTuple):
+    """Patches with what was inferred and what is true.
+
+    Attributes
+    ----------
+    label, truth : (m,) uint8
+        `UNLABELLED` where not known.
+    probability : (m,) float
+        Of being suspicious.
+    truth_from : str
+        Where the truth comes from, for people.
+    """
+
+    label: NDArray[np.uint8]
+    truth: NDArray[np.uint8]
+    probability: NDArray[np.floating]
+    truth_from: str
+
+
+def score_labels(label: NDArray[np.uint8], truth: NDArray[np.uint8], probability: NDArray[np.floating]) -> Scores:
+    """Return the scores of labels (m,) with probabilities (m,) against the truth (m,), 255 = not known."""
+    known = (truth != UNLABELLED) & (label != UNLABELLED)
+    inferred, true, p = label[known] == SUSPICIOUS, truth[known] == SUSPICIOUS, probability[known].astype(np.float64)
+    counts = np.bincount(2 * inferred.astype(np.int64) + true, minlength=4).reshape(2, 2)
+    (pp, ps), (sp, ss) = counts.tolist()
+    recall, specificity = _ratio(ss, ps + ss), _ratio(pp, pp + sp)
+    cut = np.clip(p, 1e-6, 1.0 - 1e-6)
+    n = int(np.count_nonzero(known))
+    return Scores(
+        n=n,
+        n_without_truth=int(np.count_nonzero((truth == UNLABELLED) & (label != UNLABELLED))),
+        confusion=((pp, ps), (sp, ss)),
+        accuracy=_ratio(pp + ss, n),
+        precision=_ratio(ss, sp + ss),
+        recall=recall,
+        specificity=specificity,
+        f1=_ratio(2 * ss, 2 * ss + ps + sp),
+        mcc=_ratio(pp * ss - ps * sp, math.sqrt((pp + ps) * (sp + ss) * (pp + sp) * (ps + ss))),
+        balanced_accuracy=0.5 * (recall + specificity),
+        base_rate=_ratio(ps + ss, n),
+        ece=calibration_error(p, true),
+        auc=area_under_curve(p, true),
+        log_loss=_ratio(-float(np.log(np.where(true, cut, 1.0 - cut)).sum()), n),
+        brier=_ratio(float(((p - true) ** 2).sum()), n),
+    )
+
+
+def calibration_error(p: NDArray[np.float64], true: NDArray[np.bool_]) -> float:
+    """Return the mean over patches (n,) of |mean p - share of suspicious| of the bin of p that each is in."""
+    bins = np.minimum((p * N_BINS).astype(np.int64), N_BINS - 1)
+    gaps = np.bincount(bins, p - true, N_BINS)
+    return _ratio(float(np.abs(gaps).sum()), len(p))
+
+
+def area_under_curve(p: NDArray[np.float64], true: NDArray[np.bool_]) -> float:
+    """Return the area under the receiver operating characteristic (Mann-Whitney U over the number of pairs)."""
+    n_true = int(np.count_nonzero(true))
+    n_pairs = n_true * (len(true) - n_true)
+    ranks = rankdata(p)
+    return _ratio(float(ranks[true].sum()) - 0.5 * n_true * (n_true + 1), n_pairs)
+
+
+def read_labelled(path: str, model: Model | None, truth_field: str | None) -> Labelled:
+    """Return what was inferred of the patches of a RESULT or PATCHES file, and what is true of them.
+
+    A result carries its labels; PATCHES are classified with `model` (None: the one that ships with the package). The
+    truth of a patch is that of most of its points in `truth_field`; without one it is the labels stored in PATCHES,
+    else point field `TRUTH_FIELD`.
+
+    Raises
+    ------
+    InputError
+        If the file is neither, or there is no truth.
+    UsageError
+        If a model is given for a result.
+    """
+    if is_patches(path):
+        patches = read_patches(path)
+        truth, truth_from = _patches_truth(patches, path, truth_field)
+        found = assess.assess(patches, model)
+        return Labelled(found.labelling.label, truth, found.labelling.probability, truth_from)
+    if model is not None:
+        raise UsageError(f"{path} is not a PATCHES file, so it has labels of a model already. Leave out --model.")
+    return _read_result(path, truth_field)
+
+
+def _read_result(path: str, truth_field: str | None) -> Labelled:
+    cloud = read_cloud(path)
+    missing = [name for name in ("patch", "suspicious", "p_suspicious") if name not in cloud.fields]
+    if missing:
+        raise InputError(
+            f"{path}: neither PATCHES nor a result: no point field {', '.join(missing)}. Run mapq classify on it."
+        )
+    patch = np.asarray(cloud.fields["patch"]).astype(np.int32)
+    n_patches = int(patch.max(initial=NO_PATCH)) + 1
+    name = truth_field or TRUTH_FIELD
+    if name not in cloud.fields:
+        raise _no_truth(path, cloud)
+    truth, _ = majority_labels(patch, n_patches, truth_values(cloud, name, patch, path))
+    inside = patch != NO_PATCH
+    label = np.full(n_patches, UNLABELLED, np.uint8)
+    label[patch[inside]] = cloud.fields["suspicious"][inside]
+    probability = np.full(n_patches, np.nan)
+    probability[patch[inside]] = cloud.fields["p_suspicious"][inside]
+    return Labelled(label, truth, probability, f"point field {name}")
+
+
+def _patches_truth(patches: Patches, path: str, truth_field: str | None) -> tuple[NDArray[np.uint8], str]:
+    if truth_field is None and np.isin(patches.label, (PLAUSIBLE, SUSPICIOUS)).any():
+        return patches.label, "labels of the patches"
+    name = truth_field or TRUTH_FIELD
+    if name not in patches.cloud.fields:
+        raise _no_truth(path, patches.cloud)
+    values = truth_values(patches.cloud, name, patches.patch, path)
+    return majority_labels(patches.patch, len(patches), values)[0], f"point field {name}"
+
+
+def _no_truth(path: str, cloud: PointCloud) -> InputError:
+    known = ", ".join(cloud.fields) or "none"
+    return InputError(
+        f"{path}: nothing says what is true. Name a 0/1 point field with --truth-field (fields: {known})."
+    )
+
+
+def _ratio(part: float, whole: float) -> float:
+    return part / whole if whole else math.nan

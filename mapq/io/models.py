@@ -1,0 +1,151 @@
+"""The model file: readable JSON of schema ``mapq.model/1``, docs/results.md lists its keys."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.model import EDGE_MODELS, FULL, Model, Scaling
+from prf.shell.errors import InputError
+from prf.shell.files import open_output
+from prf.shell.jsonout import dump_object
+from prf.shell.storage import damaged, load_object
+
+SCHEMA = "mapq.model/1"
+DEFAULT = ("models", "default.json")
+"""Place in the package of the model that is used where none is named."""
+
+
+def write_model(path: str | os.PathLike[str], model: Model) -> None:
+    """Write a model, whole or not at all; ``-`` is standard output.
+
+    Numbers are written in full: reading gives the same model to the last bit. The coupling is written as its values at
+    both ends of the range of x, so no rounding can make it negative between them.
+    """
+    with open_output(path) as stream:
+        stream.write(dump_object(SCHEMA, model_content(model), indent=2) + "\n")
+
+
+def model_content(model: Model) -> dict[str, Any]:
+    """Return a model as the JSON object of its file, without the schema."""
+    parameters: dict[str, dict[str, float]] = {}
+    for name, weight in zip(model.parameter_names, model.weights.tolist(), strict=True):
+        group, _, key = name.partition(".")
+        parameters.setdefault(group, {})[key] = weight
+    return {
+        "edge_model": model.edge_model,
+        "parameters": parameters,
+        "temperature": model.temperature,
+        "x_min": model.x_range[0],
+        "x_max": model.x_range[1],
+        "node_scaling": _scaling_content(model.node),
+        "edge_scaling": _scaling_content(model.edge),
+        "features": dict(model.features),
+        "training": dict(model.training),
+    }
+
+
+def read_model(path: str | os.PathLike[str]) -> Model:
+    """Read a model file.
+
+    Raises
+    ------
+    InputError
+        If it is missing, damaged, of another version, lacks a key, holds a number that is not finite, or breaks a
+        constraint: a negative coupling, a scale or temperature that is not positive.
+    """
+    return _parse(Path(path), load_object(Path(path), SCHEMA))
+
+
+def read_default_model() -> Model:
+    """Read the model that ships with the package.
+
+    Raises
+    ------
+    InputError
+        If it does not.
+    """
+    with resources.as_file(resources.files("mapq").joinpath(*DEFAULT)) as path:
+        if not path.is_file():
+            raise InputError("no model ships with this installation. Train one with mapq train, name it with --model.")
+        return read_model(path)
+
+
+def _scaling_content(scaling: Scaling) -> dict[str, Any]:
+    rows = zip(scaling.names, scaling.median.tolist(), scaling.scale.tolist(), strict=True)
+    return {
+        "clip": scaling.clip,
+        "columns": {name: {"median": median, "scale": scale} for name, median, scale in rows},
+    }
+
+
+def _parse(path: Path, content: Mapping[str, Any]) -> Model:
+    edge_model = _take(path, content, "edge_model", str)
+    if edge_model not in EDGE_MODELS:
+        raise damaged(path, f"edge_model is {edge_model!r}, not {', '.join(EDGE_MODELS)}")
+    node = _parse_scaling(path, content, "node_scaling")
+    edge = _parse_scaling(path, content, "edge_scaling")
+    x_range = _number(path, content, "x_min"), _number(path, content, "x_max")
+    if x_range[0] > x_range[1]:
+        raise damaged(path, f"x_min {x_range[0]} is above x_max {x_range[1]}")
+    if edge_model != FULL and edge.names:
+        raise damaged(path, f"edge_scaling has columns, but edge_model {edge_model} has no field")
+    temperature = _number(path, content, "temperature")
+    if temperature <= 0.0:
+        raise damaged(path, f"temperature is {temperature}, not above 0")
+    blank = Model(edge_model, {}, node, edge, x_range, np.zeros(0))
+    weights = _parse_weights(path, _take(path, content, "parameters", dict), blank)
+    features, training = _take(path, content, "features", dict), _take(path, content, "training", dict)
+    return Model(edge_model, features, node, edge, x_range, weights, temperature, training)
+
+
+def _parse_weights(path: Path, parameters: Mapping[str, Any], model: Model) -> NDArray[np.float64]:
+    weights = []
+    for name in model.parameter_names:
+        group, _, key = name.partition(".")
+        weights.append(_number(path, _take(path, parameters, group, dict, "parameters."), key, f"parameters.{group}."))
+        if group == "coupling" and weights[-1] < 0.0:
+            raise damaged(path, f"parameters.{name} is {weights[-1]}, but the coupling must not be negative")
+    n_found = sum(len(group) if isinstance(group, dict) else 1 for group in parameters.values())
+    if n_found != len(weights):
+        raise damaged(path, f"parameters are {n_found}, but edge_model {model.edge_model} has {len(weights)}")
+    return np.array(weights)
+
+
+def _parse_scaling(path: Path, content: Mapping[str, Any], key: str) -> Scaling:
+    scaling = _take(path, content, key, dict)
+    columns = _take(path, scaling, "columns", dict, f"{key}.")
+    median, scale = [], []
+    for name in columns:
+        where = f"{key}.columns.{name}."
+        column = _take(path, columns, name, dict, f"{key}.columns.")
+        median.append(_number(path, column, "median", where))
+        scale.append(_number(path, column, "scale", where))
+    clip = _number(path, scaling, "clip", f"{key}.")
+    if clip <= 0.0 or min(scale, default=1.0) <= 0.0:
+        raise damaged(path, f"{key}: clip and scales must be above 0")
+    return Scaling(tuple(columns), np.array(median), np.array(scale), clip)
+
+
+def _take(path: Path, content: Mapping[str, Any], key: str, kind: type, where: str = "") -> Any:
+    if key not in content:
+        raise damaged(path, f"{where}{key} is missing")
+    if not isinstance(content[key], kind):
+        raise damaged(path, f"{where}{key} is not {'text' if kind is str else 'an object'}")
+    return content[key]
+
+
+def _number(path: Path, content: Mapping[str, Any], key: str, where: str = "") -> float:
+    if key not in content:
+        raise damaged(path, f"{where}{key} is missing")
+    value = content[key]
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise damaged(path, f"{where}{key} is {value!r}, not a finite number")
+    return float(value)

@@ -1,0 +1,112 @@
+"""A result: a PLY with the label of every point, and beside it a JSON with the patches and why; docs/results.md."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.cloud import PointCloud
+from mapq.io.ply_write import write_ply
+from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from prf.shell.errors import UsageError
+from prf.shell.files import STREAM, atomic_write, refuse_existing
+from prf.shell.jsonout import dump_object, jsonable
+
+SCHEMA = "mapq.result/1"
+
+PATCH, LABEL, PROBABILITY = "patch", "suspicious", "p_suspicious"
+RESULT_FIELDS = (PATCH, LABEL, PROBABILITY)
+"""The fields that make a cloud a result."""
+COLOURS = ("red", "green", "blue")
+ORIGINAL = "original_"
+"""Before the names of the colours that the points had."""
+
+_RGB = {PLAUSIBLE: (31, 98, 184), SUSPICIOUS: (214, 26, 28), UNLABELLED: (140, 148, 153)}
+
+
+def json_beside(path: str) -> str:
+    """Return the name of the JSON of the result `path`: the same name with .json.
+
+    Raises
+    ------
+    UsageError
+        If `path` is standard output, or that name itself.
+    """
+    beside = str(Path(path).with_suffix(".json")) if path != STREAM else STREAM
+    if beside in (path, STREAM):
+        raise UsageError("a result is two files, a PLY and a JSON of the same name. Name the PLY with -o RESULT.ply.")
+    return beside
+
+
+def refuse_existing_result(path: str, force: bool) -> None:
+    """Raise :class:`OutputExists` if either file of the result stands and `force` is not given."""
+    for name in (path, json_beside(path)):
+        refuse_existing(name, force)
+
+
+def result_cloud(
+    cloud: PointCloud,
+    patch: NDArray[np.int32],
+    label: NDArray[np.uint8],
+    probability: NDArray[np.float32],
+) -> PointCloud:
+    """Return the cloud with the fields of a result.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        Colours that it has are kept under `ORIGINAL` names. Fields of an earlier result, its colours included, are
+        replaced.
+    patch : (n,) int32
+    label, probability : (m,)
+        Of each patch; points without one get 255 and nan.
+    """
+    fields = dict(cloud.fields)
+    if set(RESULT_FIELDS) <= set(fields):
+        for name in (*RESULT_FIELDS, *COLOURS):
+            fields.pop(name, None)
+    fields = {ORIGINAL + name if name in COLOURS else name: values for name, values in fields.items()}
+    labels = np.append(label, np.uint8(UNLABELLED))[patch]
+    table = np.zeros((256, 3), np.uint8)
+    for kind, rgb in _RGB.items():
+        table[kind] = rgb
+    fields[PATCH] = patch
+    fields[LABEL] = labels
+    fields[PROBABILITY] = np.append(probability, np.float32(np.nan))[patch].astype(np.float32)
+    fields |= {name: table[labels, index] for index, name in enumerate(COLOURS)}
+    return replace(cloud, fields=fields)
+
+
+def write_result(path: str, cloud: PointCloud, head: Mapping[str, Any], patches: Iterable[Mapping[str, Any]]) -> None:
+    """Write both files of a result, each whole or not at all.
+
+    The JSON is on the disk under another name before the PLY is written, and takes its place after it: an error on the
+    way leaves both old files, or none.
+
+    Raises
+    ------
+    OutputError
+        If one of them cannot be written.
+    """
+    with atomic_write(json_beside(path)) as stream:
+        stream.writelines(result_lines(head, patches))
+        stream.flush()
+        os.fsync(stream.fileno())
+        write_ply(path, cloud)
+
+
+def result_lines(head: Mapping[str, Any], patches: Iterable[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield the JSON of a result, a patch a line."""
+    yield dump_object(SCHEMA, head)[:-1] + ', "patches": ['
+    separator = "\n"
+    for patch in patches:
+        yield separator + json.dumps(jsonable(patch), allow_nan=False, ensure_ascii=False)
+        separator = ",\n"
+    yield "\n]}\n"

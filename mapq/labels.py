@@ -1,0 +1,109 @@
+"""Labels of patches from a field of their points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.cloud import PointCloud
+from mapq.patches import FROM_FIELD, FROM_HAND, FROM_NOBODY, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
+from prf.shell.errors import InputError
+
+
+class LabelCounts(NamedTuple):
+    """What labelling from a field did.
+
+    Attributes
+    ----------
+    n_patches, n_suspicious, n_plausible, n_unlabelled : int
+        After labelling.
+    n_ties : int
+        Patches with as many points of either kind, which became suspicious.
+    n_kept : int
+        Patches whose label was set by hand and stays.
+    """
+
+    n_patches: int
+    n_suspicious: int
+    n_plausible: int
+    n_unlabelled: int
+    n_ties: int
+    n_kept: int
+
+
+def majority_labels(
+    patch: NDArray[np.int32], n_patches: int, values: NDArray[Any]
+) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """Return the label (m,) that most points of each patch have, and which patches tie.
+
+    Parameters
+    ----------
+    patch : (n,) int32
+        Patch of each point, `NO_PATCH` for none.
+    n_patches : int
+    values : (n,) array
+        1 suspicious, 0 plausible; other values do not count. A tie is suspicious: only what is definitely plausible
+        shall be called so. A patch without a point that counts is `UNLABELLED`.
+    """
+    inside = patch != NO_PATCH
+    suspicious = np.bincount(patch[inside & (values == SUSPICIOUS)], minlength=n_patches)
+    plausible = np.bincount(patch[inside & (values == PLAUSIBLE)], minlength=n_patches)
+    label = np.where(suspicious >= plausible, SUSPICIOUS, PLAUSIBLE)
+    known = suspicious + plausible > 0
+    return np.where(known, label, UNLABELLED).astype(np.uint8), known & (suspicious == plausible)
+
+
+def truth_values(cloud: PointCloud, name: str, patch: NDArray[np.int32], where: str) -> NDArray[Any]:
+    """Return the 0/1 point field `name` (n,) of file `where`; 255 is a point without a label.
+
+    Raises
+    ------
+    InputError
+        If there is no such field, it is not one number a point, or a point of a patch has another value or nan.
+    """
+    if name not in cloud.fields:
+        known = ", ".join(cloud.fields) or "none"
+        raise InputError(f"{where}: no point field {name}; there are {known}.")
+    values = np.asarray(cloud.fields[name])
+    if values.ndim != 1:
+        raise InputError(f"{where}: field {name} has {values.shape[1]} numbers a point; a label is one.")
+    strange = ~np.isin(values, (PLAUSIBLE, SUSPICIOUS, UNLABELLED)) & (patch != NO_PATCH)
+    if strange.any():
+        example = values[strange][0]
+        raise InputError(
+            f"{where}: field {name} is neither 0 nor 1 nor 255 at {np.count_nonzero(strange)} points of patches "
+            f"(e.g. {example}). Give 1 where suspicious, 0 where plausible, 255 where not known."
+        )
+    return values
+
+
+def label_from_field(
+    patches: Patches, name: str, where: str, overwrite_hand: bool = False
+) -> tuple[Patches, LabelCounts]:
+    """Return the patches of file `where` labelled by the majority of a point field, and what that did.
+
+    Labels set by hand stay unless `overwrite_hand`; labels of an earlier field are replaced, also by none.
+
+    Raises
+    ------
+    InputError
+        As :func:`truth_values`.
+    """
+    values = truth_values(patches.cloud, name, patches.patch, where)
+    label, ties = majority_labels(patches.patch, len(patches), values)
+    source = np.where(label == UNLABELLED, FROM_NOBODY, FROM_FIELD).astype(np.uint8)
+    kept = (patches.label_source == FROM_HAND) & (not overwrite_hand)
+    label, source = np.where(kept, patches.label, label), np.where(kept, patches.label_source, source)
+    n_suspicious, n_plausible = (int(np.count_nonzero(label == kind)) for kind in (SUSPICIOUS, PLAUSIBLE))
+    counts = LabelCounts(
+        len(patches),
+        n_suspicious,
+        n_plausible,
+        len(patches) - n_suspicious - n_plausible,
+        int(np.count_nonzero(ties & ~kept)),
+        int(np.count_nonzero(kept)),
+    )
+    return replace(patches, label=label, label_source=source), counts

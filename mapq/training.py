@@ -1,0 +1,154 @@
+"""From labelled PATCHES files to a model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.crf import Trained, TrainingMap, TrainSettings, split_regions, train
+from mapq.evaluate import Scores, score_labels
+from mapq.features import FeatureSettings, patch_features
+from mapq.io import read_patches
+from mapq.model import Model
+from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
+from prf.shell.manifest import describe_process
+from prf.shell.progress import Reporter
+
+N_REGIONS = 20
+"""Into so many regions the labelled patches of all maps are cut for cross-validation, about."""
+SMALLEST_REGION = 8
+"""Patches: smaller regions would part neighbours wherever they are cut."""
+PIECES = 10
+"""A limited number of patches is drawn as so many regions or a few more: each a place with its neighbours."""
+
+
+def train_files(
+    paths: Sequence[str],
+    settings: TrainSettings | None = None,
+    features: FeatureSettings | None = None,
+    max_patches: int | None = None,
+    seed: int = 0,
+    progress: Reporter | None = None,
+) -> tuple[Model, Trained, Scores | None]:
+    """Return the model that labelled PATCHES files teach, how it was chosen, and its held-out scores.
+
+    Parameters
+    ----------
+    paths : sequence of str
+    settings : TrainSettings
+    features : FeatureSettings
+        Stored in the model: it measures other maps in the same way.
+    max_patches : int, optional
+        Use about so many labelled patches only: whole regions, drawn with `seed`, the last one in part.
+    seed : int
+    progress : Reporter
+        Told the number of maps read and measured.
+
+    Raises
+    ------
+    InputError
+        If a file is no PATCHES file, or there are not labels of both kinds.
+    """
+    settings, features = settings or TrainSettings(), features or FeatureSettings()
+    maps = []
+    for number, path in enumerate(paths):
+        maps.append(read_patches(path))
+        if progress is not None:
+            progress.update(number + 0.5)
+    labels = [patches.label for patches in maps]
+    if max_patches is not None:
+        labels = draw_labels(maps, max_patches, seed)
+    training_maps = []
+    regions = regions_of(maps, labels, region_size(labels, N_REGIONS))
+    for number, (patches, label, region) in enumerate(zip(maps, labels, regions, strict=True)):
+        training_maps.append(TrainingMap(patch_features(patches, features), label, region))
+        if progress is not None:
+            progress.update(number + 1)
+    trained = train(training_maps, settings)
+    scores = None
+    if trained.held_out is not None:
+        scores = score_labels(trained.held_out.label, trained.held_out.truth, trained.held_out.probability)
+    drawn = {} if max_patches is None else {"max_patches": max_patches, "seed": seed}
+    summary = {**summarise(paths, maps, labels, trained, settings, scores), **drawn}
+    return replace(trained.model, features=asdict(features), training=summary), trained, scores
+
+
+def region_size(labels: Sequence[NDArray[np.uint8]], n_regions: int) -> int:
+    """Return the number of labelled patches a region may have, for about `n_regions` regions over all maps."""
+    n_labelled = sum(int(np.count_nonzero(label != UNLABELLED)) for label in labels)
+    return max(SMALLEST_REGION, -(-n_labelled // n_regions))
+
+
+def regions_of(
+    maps: Sequence[Patches], labels: Sequence[NDArray[np.uint8]], max_patches: int
+) -> list[NDArray[np.int64]]:
+    """Return the region (m,) of the labelled patches of each map; patches without a label are in region 0."""
+    regions = []
+    for patches, label in zip(maps, labels, strict=True):
+        region = np.zeros(len(patches), np.int64)
+        known = label != UNLABELLED
+        region[known] = split_regions(patches.centroid[known], max_patches)
+        regions.append(region)
+    return regions
+
+
+def draw_labels(maps: Sequence[Patches], n_most: int, seed: int) -> list[NDArray[np.uint8]]:
+    """Return the labels of each map with all but `n_most` hidden: those of regions drawn at random."""
+    labels = [patches.label.copy() for patches in maps]
+    regions = regions_of(maps, labels, max(SMALLEST_REGION, n_most // PIECES))
+    pieces = []
+    for number, (label, region) in enumerate(zip(labels, regions, strict=True)):
+        known = np.flatnonzero(label != UNLABELLED)
+        pieces += [(number, known[region[known] == index]) for index in np.unique(region[known])]
+    left = n_most
+    for place in np.random.default_rng(seed).permutation(len(pieces)).tolist():
+        number, members = pieces[place]
+        labels[number][members[left:]] = UNLABELLED
+        left = max(0, left - len(members))
+    return labels
+
+
+def summarise(
+    paths: Sequence[str],
+    maps: Sequence[Patches],
+    labels: Sequence[NDArray[np.uint8]],
+    trained: Trained,
+    settings: TrainSettings,
+    scores: Scores | None,
+) -> dict[str, Any]:
+    """Return what the model file says of its training."""
+    process = describe_process(paths)
+    held_out = {
+        "n_folds": trained.n_folds,
+        "log_loss_by_regularisation": {f"{strength:g}": loss for strength, loss in trained.scores.items()},
+        **(scores._asdict() if scores is not None else {}),
+    }
+    return {
+        "versions": process["versions"],
+        "created": process["created"],
+        "objective": "pl",
+        "regularisation": trained.regularisation,
+        "class_weight": "balanced" if settings.balanced else "none",
+        "n_patches": sum(int(np.count_nonzero(label != UNLABELLED)) for label in labels),
+        "n_suspicious": sum(int(np.count_nonzero(label == SUSPICIOUS)) for label in labels),
+        "pseudo_log_likelihood": trained.pseudo_log_likelihood,
+        "held_out": held_out,
+        "maps": [_map_row(*each) for each in zip(process["inputs"], maps, labels, strict=True)],
+    }
+
+
+def _map_row(given: dict[str, Any], patches: Patches, label: NDArray[np.uint8]) -> dict[str, Any]:
+    """Return what is kept of a map: its name and digest, counts, and how it was segmented."""
+    return {
+        "name": PurePath(given["path"]).name,
+        "sha256": given["sha256"],
+        "n_patches": len(patches),
+        "n_plausible": int(np.count_nonzero(label == PLAUSIBLE)),
+        "n_suspicious": int(np.count_nonzero(label == SUSPICIOUS)),
+        "segmentation": dict(patches.parameters),
+    }
