@@ -21,6 +21,7 @@ VERBS: dict[str, str] = {
     "query": "Ask a run how probably points, squares or a path are occupied or free.",
     "inspect": "Show how a run was made, and the state of its files.",
     "render": "Draw a picture of a run, or of draws from the prior.",
+    "export": "Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF.",
 }
 """Verb to its summary: the first line of the docstring of ``prf/commands/<verb>.py``, as a test compares."""
 

@@ -1,0 +1,116 @@
+"""Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from prf.shell.options import Force, Json, Output
+
+if TYPE_CHECKING:
+    from prf.export import Exported
+
+logger = logging.getLogger(__name__)
+
+EXAMPLES = (
+    "prf export office --format ros-map",
+    "prf export office -o office.dxf",
+    "prf export office --draw 0 --format geojson -o - | head -c 300",
+    "prf export office/map.geojson --format svg -o office.svg",
+)
+
+
+class Format(StrEnum):
+    """What to write."""
+
+    geojson = "geojson"
+    ros_map = "ros-map"
+    svg = "svg"
+    dxf = "dxf"
+    netcdf = "netcdf"
+
+
+class Mode(StrEnum):
+    """How map_server is to read the image of a ROS map."""
+
+    trinary = "trinary"
+    scale = "scale"
+    raw = "raw"
+
+
+def export(
+    source: Annotated[
+        str, typer.Argument(metavar="RUN|MAP", help="A directory that prf sample wrote, or a map in GeoJSON.")
+    ],
+    format: Annotated[
+        Format | None, typer.Option("--format", help="What to write; else the suffix of the output says.")
+    ] = None,
+    draw: Annotated[
+        int | None,
+        typer.Option("--draw", metavar="K", help="Draw number K, from 0, instead of the best map or the posterior."),
+    ] = None,
+    mode: Annotated[
+        Mode | None, typer.Option("--mode", help="ros-map: three values (default), or probabilities in two ways.")
+    ] = None,
+    unknown: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            "--unknown",
+            metavar="LOW HIGH",
+            help="ros-map: cells of these probabilities are unknown (trinary: 0.196 0.65, else none).",
+        ),
+    ] = None,
+    squares: Annotated[
+        bool, typer.Option("--squares", help="ros-map: whether any part of a cell is occupied, not its centre.")
+    ] = False,
+    resolution: Annotated[
+        float | None,
+        typer.Option("--resolution", metavar="METRES", help="ros-map of a MAP or a draw: cell size (MAP: 0.05)."),
+    ] = None,
+    output: Output = None,
+    json: Json = False,
+    force: Force = False,
+) -> None:
+    """Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF.
+
+    geojson, svg and dxf take the polygons of the best map, ros-map the posterior probability of each cell, netcdf the
+    values that were watched in every draw, for ArviZ. ros-map writes two files, a yaml file and the image it names.
+    dxf and netcdf need libraries: pip install 'prf-mapq[dxf,netcdf]'.
+    """
+    from prf.export import Options, export_source
+    from prf.shell import console, jsonout
+    from prf.shell.errors import UsageError
+    from prf.shell.files import STREAM
+
+    if json and output == STREAM:
+        raise UsageError("--json and -o - both want standard output. Name a file with -o.")
+    options = Options(format, draw, mode, unknown, squares, resolution)
+    done = export_source(source, output, options, force)
+    for note in done.notes:
+        logger.warning(note)
+    if json:
+        content = {"format": done.format, "files": [file._asdict() for file in done.files], **done.facts}
+        jsonout.emit_object("prf.export/1", content)
+        return
+    # Standard output belongs to the map if it goes there.
+    say = logger.info if output == STREAM else console.emit
+    for line in _lines(done):
+        say(line)
+
+
+def _lines(done: Exported) -> Iterator[str]:
+    """Return the table for a person."""
+    rows = [("wrote", f"{file.path}, {file.bytes:,} B") for file in done.files]
+    rows += [(name.removeprefix("n_").replace("_", " "), _words(value)) for name, value in done.facts.items()]
+    width = max(len(name) for name, _ in rows) + 2
+    return (f"{name:<{width}}{value}" for name, value in rows)
+
+
+def _words(value: object) -> str:
+    if isinstance(value, int):
+        return f"{value:,}"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

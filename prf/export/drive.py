@@ -1,0 +1,133 @@
+"""One export from its start to its files."""
+
+from __future__ import annotations
+
+import os
+from contextlib import ExitStack
+from pathlib import PurePath
+from typing import Any, NamedTuple
+
+from prf.export import formats
+from prf.export.cells import cells_of
+from prf.export.dxf import dxf_text
+from prf.export.formats import Options
+from prf.export.geojson import geojson_text
+from prf.export.netcdf import netcdf_bytes
+from prf.export.ros_map import ros_map
+from prf.export.shapes import counts, oriented_polygons
+from prf.export.source import Source, read_source, require_existing, stem_of
+from prf.export.svg import paper_ratio, svg_text
+from prf.shell.files import open_output, refuse_existing
+
+
+class File(NamedTuple):
+    """A file that was written, and its size."""
+
+    path: str
+    bytes: int
+
+
+class Exported(NamedTuple):
+    """What was written: format, files, figures about the content, and what its user should know."""
+
+    format: str
+    files: tuple[File, ...]
+    facts: dict[str, Any]
+    notes: tuple[str, ...]
+
+
+class _Content(NamedTuple):
+    parts: tuple[str | bytes, ...]
+    facts: dict[str, Any]
+    notes: tuple[str, ...] = ()
+
+
+def export_source(path: str | os.PathLike[str], output: str | None, options: Options, force: bool = False) -> Exported:
+    """Write a run, or one map, in the form of another program.
+
+    Parameters
+    ----------
+    path : path
+        RUN directory or map in GeoJSON.
+    output : str or None
+        Where to; None: named after the source, in the working directory. ``-`` is standard output.
+    options : Options
+    force : bool
+        Overwrite what stands.
+
+    Returns
+    -------
+    Exported
+
+    Raises
+    ------
+    InputError
+        If the source cannot be read, or lacks what the format needs.
+    UsageError
+        If the options do not go together, or the format needs a library that is not installed.
+    OutputError
+        If the output stands already, or cannot be written.
+    """
+    require_existing(path)
+    name = formats.resolve_format(options.format, output)
+    formats.check_options(name, options)
+    targets = formats.targets(name, output, stem_of(path), options.mode or formats.TRINARY)
+    for target in targets:
+        refuse_existing(target, force)
+    content = _content(name, read_source(path), options, targets)
+    _write(targets, content.parts)
+    sizes = [len(part.encode() if isinstance(part, str) else part) for part in content.parts]
+    return Exported(name, tuple(map(File, targets, sizes)), content.facts, content.notes)
+
+
+def _content(name: str, source: Source, options: Options, targets: tuple[str, ...]) -> _Content:
+    if name == formats.NETCDF:
+        return _netcdf(source)
+    if name == formats.ROS_MAP:
+        return _ros_map(source, options, PurePath(targets[1]).name)
+    chosen = source.choose_map(options.draw)
+    area, window = oriented_polygons(chosen.coloring), chosen.coloring.window
+    facts = {"map": chosen.title, **counts(area)._asdict()}
+    if name == formats.GEOJSON:
+        return _Content((geojson_text(chosen, area),), facts)
+    if name == formats.DXF:
+        return _Content((dxf_text(area, window, chosen.title),), facts)
+    return _Content((svg_text(area, window, chosen.title),), {**facts, "scale": f"1:{paper_ratio(window):g}"})
+
+
+def _ros_map(source: Source, options: Options, image_name: str) -> _Content:
+    mode = options.mode or formats.TRINARY
+    cells = cells_of(source, options)
+    made = ros_map(cells, mode, options.unknown, image_name)
+    n_rows, n_columns = cells.probability.shape
+    facts = {"mode": mode, "n_columns": n_columns, "n_rows": n_rows, "resolution": cells.resolution}
+    return _Content(
+        (made.yaml, made.image), {**facts, **made.counts}, () if mode == formats.TRINARY else (_served(mode),)
+    )
+
+
+def _served(mode: str) -> str:
+    return (
+        f"mode {mode} is served as probabilities in per cent: a costmap that takes only 100 for an obstacle "
+        "needs a lower lethal_threshold, such as 65."
+    )
+
+
+def _netcdf(source: Source) -> _Content:
+    run = source.require_run("chains")
+    content, chains = netcdf_bytes(run)
+    n_chains, n_draws = chains.rows.shape
+    facts = {"n_chains": n_chains, "n_draws_per_chain": n_draws, "n_draws_left_out": chains.n_left_out}
+    note = f"chains of uneven length: {chains.n_left_out} of {len(run.chain)} draws left out, beyond the shortest one."
+    return _Content((content,), facts, (note,) if chains.n_left_out else ())
+
+
+def _write(targets: tuple[str, ...], parts: tuple[str | bytes, ...]) -> None:
+    """Write all files before the first takes its place; the last one does so first.
+
+    The yaml file comes first here: it must not be there before the image that it names.
+    """
+    with ExitStack() as stack:
+        for target, part in zip(targets, parts, strict=True):
+            stream = stack.enter_context(open_output(target, binary=isinstance(part, bytes)))
+            stream.write(part)

@@ -1,0 +1,155 @@
+"""What the chains watched, as netCDF in the groups that ArviZ expects (InferenceData: posterior and sample_stats).
+
+Draws are maps of varying size, for which ArviZ has no place; what stands here has one value, or one for each probe
+point, a draw.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf import __version__
+from prf.export.extras import require
+from prf.run import Run
+from prf.shell.errors import InputError
+
+SCHEMA = "prf.netcdf/1"
+ENGINE = "h5netcdf"
+UNITS = {"n_edges": "1", "total_length": "m", "log_prior": "nat", "log_likelihood": "nat", "lp": "nat"}
+LARGEST_INTEGER = 2**63 - 1
+DIMENSIONS = ("chain", "draw")
+
+
+class Chains(NamedTuple):
+    """Draws in a rectangle.
+
+    Attributes
+    ----------
+    numbers : (n_chains,) int array
+        Numbers of the chains that recorded a draw.
+    rows : (n_chains, n_draws) int array
+        Number of each draw in the run, by step.
+    n_left_out : int
+        Draws beyond the length of the shortest chain.
+    """
+
+    numbers: NDArray[np.int32]
+    rows: NDArray[np.int64]
+    n_left_out: int
+
+
+def align_chains(run: Run) -> Chains:
+    """Return the first draws of every chain, as many as the shortest one has.
+
+    All chains record at the same steps, so that the first draws belong together and the longer ones ran on alone.
+
+    Raises
+    ------
+    InputError
+        If the run has no draws.
+    """
+    if len(run.chain) == 0:
+        raise InputError(f"{run.name}: no draws yet: nothing can be exported. Go on with prf sample --resume.")
+    numbers = np.unique(run.chain)
+    by_step = np.argsort(run.step, kind="stable")
+    rows = [by_step[run.chain[by_step] == number] for number in numbers]
+    shortest = min(map(len, rows))
+    aligned = np.array([row[:shortest] for row in rows], dtype=np.int64)
+    return Chains(numbers, aligned, len(run.chain) - aligned.size)
+
+
+def netcdf_bytes(run: Run) -> tuple[bytes, Chains]:
+    """Return a netCDF 4 file, and which draws it holds.
+
+    Raises
+    ------
+    InputError
+        If the run has no draws.
+    UsageError
+        If xarray, h5netcdf or h5py is not installed.
+    """
+    xarray = require("xarray", "netcdf")
+    for module in (ENGINE, "h5py"):
+        require(module, "netcdf")
+    chains = align_chains(run)
+    provenance = _provenance(run)
+    coordinates = {"chain": chains.numbers, "draw": np.arange(chains.rows.shape[1])}
+    groups = {
+        None: xarray.Dataset(attrs={**provenance, **_attributes(run, chains)}),
+        "posterior": xarray.Dataset(
+            _posterior(run, chains.rows), {**coordinates, **_probe_coordinates(run)}, provenance
+        ),
+        "sample_stats": xarray.Dataset(
+            _sample_stats(run, chains.rows), coordinates, {**provenance, **_acceptance(run)}
+        ),
+    }
+    # HDF5 wants a file of its own to seek in; the folder goes with its content.
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "run.nc"
+        for name, group in groups.items():
+            group.to_netcdf(file, mode="a" if file.exists() else "w", group=name, engine=ENGINE)
+        return file.read_bytes(), chains
+
+
+def _posterior(run: Run, rows: NDArray[np.int64]) -> dict[str, Any]:
+    variables = {name: _variable(name, values, rows) for name, values in run.functionals.items()}
+    words = {"long_name": "1 where the map is black at the probe point", "units": "1"}
+    variables["probe_black"] = ((*DIMENSIONS, "probe"), run.probe_black[rows].astype(np.int8), words)
+    return variables
+
+
+def _probe_coordinates(run: Run) -> dict[str, Any]:
+    return {f"probe_{axis}": ("probe", run.probe_xy[:, i], {"units": "m"}) for i, axis in enumerate("xy")}
+
+
+def _sample_stats(run: Run, rows: NDArray[np.int64]) -> dict[str, Any]:
+    steps = {"long_name": "step of the chain, burn-in included", "units": "1"}
+    stats: dict[str, Any] = {"step": (DIMENSIONS, run.step[rows], steps)}
+    if {"log_prior", "log_likelihood"} <= run.functionals.keys():
+        total = run.functionals["log_prior"] + run.functionals["log_likelihood"]
+        stats["lp"] = _variable("lp", total, rows)
+    return stats
+
+
+def _variable(name: str, values: NDArray[np.float64], rows: NDArray[np.int64]) -> tuple[Any, ...]:
+    return DIMENSIONS, values[rows], {"units": UNITS[name]} if name in UNITS else {}
+
+
+def _provenance(run: Run) -> dict[str, str]:
+    """Return what ArviZ wants to read of every group."""
+    return {
+        "created_at": str(run.manifest.get("created", "")),
+        "inference_library": "prf",
+        "inference_library_version": str(_version(run)),
+    }
+
+
+def _attributes(run: Run, chains: Chains) -> dict[str, Any]:
+    """Return the attributes of the file: a nested value as JSON text, as netCDF has no other place for it."""
+    kept = ("status", "seed", "steps", "burn_in", "seconds", "configuration", "inputs", "versions", "command")
+    found = {key: _attribute(run.manifest[key]) for key in kept if run.manifest.get(key) is not None}
+    return {"schema": SCHEMA, "prf_version": str(_version(run)), **found, "n_draws_left_out": chains.n_left_out}
+
+
+def _version(run: Run) -> object:
+    """Return the version of prf that made the run, or this one's if the manifest does not say."""
+    versions = run.manifest.get("versions")
+    return versions.get("prf", __version__) if isinstance(versions, dict) else __version__
+
+
+def _attribute(value: object) -> object:
+    if isinstance(value, int) and abs(value) > LARGEST_INTEGER:
+        return str(value)
+    return value if isinstance(value, int | float | str) else json.dumps(value, allow_nan=False)
+
+
+def _acceptance(run: Run) -> dict[str, str]:
+    """Return the counts of proposed and accepted moves over all chains: they have no draw to belong to."""
+    counts = (run.diagnostics or {}).get("acceptance")
+    return {} if counts is None else {"acceptance": json.dumps(counts)}

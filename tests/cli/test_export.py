@@ -1,0 +1,213 @@
+"""`prf export`: names and formats, streams, what stands already, every way to ask wrongly."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+import shapely
+
+from prf.cli import app
+from prf.commands.export import Format, Mode
+from prf.export import FORMATS
+from prf.export.formats import IMAGE_SUFFIX
+from prf.run import read_map_feature, read_run, write_run
+from prf.shell.run import run_app
+from tests.factories import make_run
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("export") / "office.run"
+    write_run(path, make_run(n_draws=8))
+    return path
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def call(*args: object) -> int:
+    return run_app(app, "prf", ["export", *map(str, args)])
+
+
+def files(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def test_the_options_offer_what_the_library_writes() -> None:
+    assert {*Format} == {*FORMATS}
+    assert {*Mode} == {*IMAGE_SUFFIX}
+
+
+@pytest.mark.parametrize(
+    ("format", "names"),
+    [
+        ("geojson", {"office.geojson"}),
+        ("ros-map", {"office.yaml", "office.pgm"}),
+        ("svg", {"office.svg"}),
+        ("dxf", {"office.dxf"}),
+        ("netcdf", {"office.nc"}),
+    ],
+)
+def test_default_names_come_from_the_source(
+    folder: Path, here: Path, capsys: pytest.CaptureFixture, format: str, names: set[str]
+) -> None:
+    assert call(folder, "--format", format, "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert files(here) == names
+    assert (answer["schema"], answer["format"]) == ("prf.export/1", format)
+    assert {file["path"]: file["bytes"] for file in answer["files"]} == {
+        name: (here / name).stat().st_size for name in names
+    }
+    assert call(folder, "--format", format) == 4
+    assert "already exists" in capsys.readouterr().err
+    assert call(folder, "--format", format, "--force") == 0
+
+
+@pytest.mark.parametrize(
+    ("output", "names"),
+    [
+        ("a.json", {"a.json"}),
+        ("a.SVG", {"a.SVG"}),
+        ("a.dxf", {"a.dxf"}),
+        ("a.nc", {"a.nc"}),
+        ("a.v1.yaml", {"a.v1.yaml", "a.v1.pgm"}),
+        ("a.yml", {"a.yml", "a.pgm"}),
+        ("a.pgm", {"a.yaml", "a.pgm"}),
+    ],
+)
+def test_the_suffix_names_the_format(folder: Path, here: Path, output: str, names: set[str]) -> None:
+    assert call(folder, "-o", output) == 0
+    assert files(here) == names
+
+
+def test_a_ros_map_takes_a_stem_too(folder: Path, here: Path) -> None:
+    assert call(folder, "--format", "ros-map", "--mode", "scale", "-o", "floor.2") == 0
+    assert files(here) == {"floor.2.yaml", "floor.2.png"}
+    assert "image: floor.2.png" in (here / "floor.2.yaml").read_text()
+
+
+def test_either_file_of_a_pair_is_in_the_way(folder: Path, here: Path, capsys: pytest.CaptureFixture) -> None:
+    (here / "a.pgm").write_text("mine")
+    assert call(folder, "-o", "a.yaml") == 4
+    assert "a.pgm already exists" in capsys.readouterr().err
+    assert (files(here), (here / "a.pgm").read_text()) == ({"a.pgm"}, "mine")
+
+
+def test_a_pair_is_written_whole_or_not_at_all(folder: Path, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (here / "a.yaml").write_text("old")
+    (here / "a.pgm").write_text("old")
+    monkeypatch.setattr("os.fsync", lambda descriptor: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    assert call(folder, "-o", "a.yaml", "-f") == 4
+    assert files(here) == {"a.yaml", "a.pgm"}
+    assert {(here / name).read_text() for name in files(here)} == {"old"}
+
+
+def test_figures_for_a_person(folder: Path, here: Path, capsys: pytest.CaptureFixture) -> None:
+    assert call(folder, "-o", "a.geojson") == 0
+    shown = capsys.readouterr().out
+    shape = shapely.geometry.shape(json.loads((here / "a.geojson").read_text())["geometry"])
+    corners = sum(len(r.coords) - 1 for p in shape.geoms for r in (p.exterior, *p.interiors))
+    assert f"a.geojson, {(here / 'a.geojson').stat().st_size:,} B" in shown
+    assert f"vertices  {corners:,}\n" in shown
+    assert f"polygons  {len(shape.geoms)}\n" in shown
+
+
+@pytest.mark.parametrize("format", ["geojson", "svg", "dxf"])
+def test_text_goes_to_standard_output(folder: Path, here: Path, capsys: pytest.CaptureFixture, format: str) -> None:
+    assert call(folder, "--format", format, "-o", "-") == 0
+    shown = capsys.readouterr()
+    assert call(folder, "--format", format, "-o", "file") == 0
+    assert "vertices" in shown.err
+    if format != "dxf":  # which holds the time of writing
+        assert shown.out == (here / "file").read_text()
+    assert shown.out.startswith({"geojson": '{"schema"', "svg": "<?xml", "dxf": "  0\nSECTION"}[format])
+
+
+def test_a_draw_instead_of_the_best_map(folder: Path, here: Path, capsys: pytest.CaptureFixture) -> None:
+    run = read_run(folder)
+    for number, draw in ((2, run.draws[2]), (-1, run.draws[7])):
+        assert call(folder, "-o", "draw.geojson", "--draw", number, "-f", "--json") == 0
+        read, properties = read_map_feature(here / "draw.geojson")
+        assert sorted(read.edge_lengths()) == sorted(draw.edge_lengths())
+        assert (properties["draw"], properties["chain"]) == (number % 8, run.chain[number])
+        assert json.loads(capsys.readouterr().out)["map"] == f"office.run, draw {number % 8}"
+
+
+def test_a_map_instead_of_a_run(folder: Path, here: Path, capsys: pytest.CaptureFixture) -> None:
+    assert call(folder / "map.geojson", "--format", "geojson") == 0
+    assert read_map_feature(here / "map.geojson")[1] == read_map_feature(folder / "map.geojson")[1]
+    assert call(folder / "map.geojson", "--format", "netcdf") == 3
+    assert "one map has no chains" in capsys.readouterr().err
+    assert call(folder / "map.geojson", "--format", "svg", "--draw", 0) == 3
+    assert "one map has no draws" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("mode", ["scale", "raw"])
+def test_modes_that_a_costmap_may_misread_say_so(
+    folder: Path, here: Path, capsys: pytest.CaptureFixture, mode: str
+) -> None:
+    assert call(folder, "-o", "a.yaml", "--mode", mode) == 0
+    assert "lethal_threshold" in capsys.readouterr().err
+    assert f"mode: {mode}" in (here / "a.yaml").read_text()
+
+
+@pytest.mark.parametrize(("format", "module"), [("dxf", "ezdxf"), ("netcdf", "xarray"), ("netcdf", "h5netcdf")])
+def test_a_missing_library_is_named_with_its_extra(
+    folder: Path, here: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, format: str, module: str
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    assert call(folder, "--format", format) == 2
+    error = capsys.readouterr().err
+    assert f"needs {module}" in error
+    assert f"pip install 'prf-mapq[{format}]'" in error
+    assert files(here) == set()
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "message"),
+    [
+        ([], 2, "no format asked for"),
+        (["-o", "a.txt"], 2, "a.txt: its suffix names no format"),
+        (["-o", "-"], 2, "-: its suffix names no format"),
+        (["--format", "ros-map", "-o", "-"], 2, "pair of files"),
+        (["--format", "netcdf", "-o", "-"], 2, "binary"),
+        (["-o", "a.pgm", "--mode", "scale"], 2, "a .png file"),
+        (["-o", "a.svg", "--mode", "raw"], 2, "--mode is for"),
+        (["-o", "a.svg", "--unknown", "0", "1"], 2, "--unknown is for"),
+        (["-o", "a.svg", "--squares"], 2, "--squares is for"),
+        (["-o", "a.svg", "--resolution", "1"], 2, "--resolution is for"),
+        (["-o", "a.nc", "--draw", "1"], 2, "--draw is for maps"),
+        (["-o", "a.svg", "--draw", "8"], 2, "draws 0 to 7"),
+        (["-o", "a.svg", "--draw", "-9"], 2, "draws 0 to 7"),
+        (["-o", "a.yaml", "--unknown", "0.7", "0.2"], 2, "lower one first"),
+        (["-o", "a.yaml", "--unknown", "nan", "0.2"], 2, "lower one first"),
+        (["-o", "a.yaml", "--draw", "0", "--resolution", "nan"], 2, "positive number"),
+        (["-o", "a.yaml", "--draw", "0", "--resolution", "-1"], 2, "positive number"),
+        (["--format", "geojson", "-o", "-", "--json"], 2, "both want standard output"),
+        (["-o", "no/such/folder/a.svg"], 4, "cannot be written"),
+    ],
+)
+def test_wrong_questions(
+    folder: Path, here: Path, capsys: pytest.CaptureFixture, args: list[str], code: int, message: str
+) -> None:
+    assert call(folder, *args) == code
+    shown = capsys.readouterr()
+    assert message in shown.err
+    assert (shown.out, shown.err.count("\n"), files(here)) == ("", 1, set())
+
+
+def test_what_is_neither_run_nor_map(here: Path, capsys: pytest.CaptureFixture) -> None:
+    (here / "empty").mkdir()
+    (here / "notes.txt").write_text("hello")
+    assert call("empty", "-o", "a.svg") == 3
+    assert "expected a RUN" in capsys.readouterr().err
+    assert call("notes.txt", "-o", "a.svg") == 3
+    assert "notes.txt" in capsys.readouterr().err
+    assert call("absent", "-o", "a.svg") == 3
+    assert "absent: no such file" in capsys.readouterr().err

@@ -1,0 +1,199 @@
+"""ROS maps: what map_server makes of them is what the posterior says, in every mode and in both releases of ROS."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from prf.coloring import black_at
+from prf.export import Options, export_source
+from prf.export.cells import Cells
+from prf.export.images import pgm_bytes, png_bytes
+from prf.export.ros_map import ros_map
+from prf.layout import image_grid, pixel_centres
+from prf.run import read_run, write_run
+from prf.shell.errors import InputError, UsageError
+from prf.window import Window
+from tests.export import map_server
+from tests.factories import make_run
+
+ROS = pytest.mark.parametrize("ros", [1, 2])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a run whose window is no multiple of a cell: centres of the last row and column lie outside."""
+    path = tmp_path_factory.mktemp("ros") / "office"
+    write_run(path, make_run(n_draws=40, window=Window(-10.3, -5.2, 20.1, 9.2)))
+    return path
+
+
+@pytest.fixture
+def ramp() -> Cells:
+    """Return every probability from 0 to 1, rows of different content, and cells of which nothing is known."""
+    probability = np.linspace(0.0, 1.0, 1001)[:1000].reshape(10, 100).astype(np.float32)
+    probability[3, 7] = probability[9, 0] = np.nan
+    probability[0, 99] = 1.0
+    return Cells(probability, np.array([-12.25, 1e-5]), 0.05)
+
+
+def serve(cells: Cells, mode: str, folder: Path, unknown: tuple[float, float] | None = None, ros: int = 2):
+    image = folder / ("map.png" if mode == "scale" else "map.pgm")
+    made = ros_map(cells, mode, unknown, image.name)
+    image.write_bytes(made.image)
+    (folder / "map.yaml").write_text(made.yaml)
+    return map_server.load(folder / "map.yaml", ros), made
+
+
+@ROS
+def test_trinary_round_trip(ramp: Cells, tmp_path: Path, ros: int) -> None:
+    served, made = serve(ramp, "trinary", tmp_path, ros=ros)
+    p = ramp.probability.astype(float)
+    expected = np.where(p > 0.65, 100, np.where(p < 0.196, 0, -1))
+    np.testing.assert_array_equal(served.data, expected)
+    assert set(np.unique(expected)) == {-1, 0, 100}
+    assert made.counts == {
+        "n_free": (expected == 0).sum(),
+        "n_occupied": (expected == 100).sum(),
+        "n_unknown": (expected == -1).sum(),
+    }
+    assert (served.resolution, served.origin) == (0.05, [-12.25, 0.00001, 0.0])
+
+
+def test_thresholds_and_pixels_are_those_that_keep_unknown_cells_unknown(ramp: Cells, tmp_path: Path) -> None:
+    served, made = serve(ramp, "trinary", tmp_path)
+    content = map_server.read_yaml(tmp_path / "map.yaml")
+    assert (content["free_thresh"], content["occupied_thresh"], content["negate"]) == ("0.196", "0.65", "0")
+    assert set(np.unique(map_server.read_pgm(tmp_path / "map.pgm")[0])) == {0, 205, 254}
+    # The threshold that others write turns every unknown cell into free space: the reader sees it.
+    (tmp_path / "map.yaml").write_text(made.yaml.replace("0.196", "0.25"))
+    mistaken = map_server.load(tmp_path / "map.yaml")
+    assert (served.data == -1).any()
+    assert not (mistaken.data == -1).any()
+
+
+@ROS
+@pytest.mark.parametrize("band", [(0.5, 0.5), (0.0, 0.25), (0.05, 0.95), (0.0, 1.0)])
+def test_the_unknown_band_is_the_users(ramp: Cells, tmp_path: Path, band: tuple[float, float], ros: int) -> None:
+    served, _ = serve(ramp, "trinary", tmp_path, band, ros)
+    p = ramp.probability.astype(float)
+    np.testing.assert_array_equal(served.data, np.where(p > band[1], 100, np.where(p < band[0], 0, -1)))
+
+
+@ROS
+@pytest.mark.parametrize(("mode", "error"), [("scale", {2: 0.71, 1: 2.2}), ("raw", {2: 0.51, 1: 0.51})])
+@pytest.mark.parametrize("band", [None, (0.4, 0.6)])
+def test_scale_and_raw_serve_every_probability(
+    ramp: Cells, tmp_path: Path, mode: str, error: dict[int, float], band: tuple[float, float] | None, ros: int
+) -> None:
+    served, made = serve(ramp, mode, tmp_path, band, ros)
+    p = ramp.probability.astype(float)
+    unknown = np.isnan(p) if band is None else np.isnan(p) | ((p >= band[0]) & (p <= band[1]))
+    np.testing.assert_array_equal(served.data == -1, unknown)
+    assert np.abs(served.data - 100.0 * p)[~unknown].max() <= error[ros]
+    assert served.data.max() in (99, 100)  # ROS 1 interpolates up to 99
+    assert made.counts == {"n_unknown": unknown.sum()}
+
+
+def test_pixels_of_scale_hold_the_probability_whatever_the_thresholds(ramp: Cells, tmp_path: Path) -> None:
+    serve(ramp, "scale", tmp_path)
+    shade, opacity = map_server.read_png(tmp_path / "map.png")
+    known = opacity[::-1] == 255
+    np.testing.assert_allclose((1.0 - shade / 255.0)[::-1][known], ramp.probability[known], atol=0.5 / 255.0 + 1e-6)
+
+
+def test_other_readers_see_the_same_pixels(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    grey, opaque = rng.integers(0, 256, (7, 11), dtype=np.uint8), rng.random((7, 11)) < 0.5
+    (tmp_path / "a.pgm").write_bytes(pgm_bytes(grey))
+    (tmp_path / "a.png").write_bytes(png_bytes(grey, opaque))
+    np.testing.assert_array_equal(imread(tmp_path / "a.pgm"), grey)
+    seen = np.rint(255.0 * imread(tmp_path / "a.png")).astype(int)
+    np.testing.assert_array_equal(seen[..., 0], grey)
+    np.testing.assert_array_equal(seen[..., 3] == 255, opaque)
+
+
+@ROS
+@pytest.mark.parametrize("squares", [False, True])
+def test_a_run_from_its_directory_to_the_server(folder: Path, tmp_path: Path, squares: bool, ros: int) -> None:
+    done = export_source(folder, str(tmp_path / "office.yaml"), Options(format="ros-map", squares=squares))
+    served = map_server.load(tmp_path / "office.yaml", ros)
+    image = read_run(folder).image
+    p = (image.square_occupancy if squares else image.occupancy).astype(float)
+    np.testing.assert_array_equal(served.data, np.where(p > 0.65, 100, np.where(p < 0.196, 0, -1)))
+    assert (served.resolution, served.origin) == (image.resolution, [*image.origin.tolist(), 0.0])
+    assert np.isnan(p[-1]).all(), "the window ends before the last row's centres"
+    assert [Path(file.path).name for file in done.files] == ["office.yaml", "office.pgm"]
+    assert [file.bytes for file in done.files] == [Path(file.path).stat().st_size for file in done.files]
+
+
+def test_one_map_has_its_colours_where_the_server_says(folder: Path, tmp_path: Path) -> None:
+    run = read_run(folder)
+    export_source(folder / "map.geojson", str(tmp_path / "best.pgm"), Options(format="ros-map", resolution=0.17))
+    served = map_server.load(tmp_path / "best.yaml")
+    height, width = served.data.shape
+    x = served.origin[0] + served.resolution * (np.arange(width) + 0.5)
+    y = served.origin[1] + served.resolution * (np.arange(height) + 0.5)
+    centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    inside = run.draws.window.contains(centres)
+    data = served.data.ravel()
+    np.testing.assert_array_equal(data[inside] == 100, black_at(run.best, centres[inside]))
+    assert (data[~inside] == -1).all()
+    assert {0, 100} <= set(data[inside].tolist()) <= {0, 100}
+
+
+def test_a_draw_takes_the_cells_of_the_run(folder: Path, tmp_path: Path) -> None:
+    run = read_run(folder)
+    export_source(folder, str(tmp_path / "last.yaml"), Options(format="ros-map", draw=-1))
+    served = map_server.load(tmp_path / "last.yaml")
+    window = run.draws.window
+    centres = pixel_centres(image_grid(window, run.image.resolution))
+    inside = window.contains(centres)
+    np.testing.assert_array_equal(served.data.ravel()[inside] == 100, black_at(run.draws[-1], centres[inside]))
+
+
+def test_thin_walls_are_seen_with_squares_only(tmp_path: Path) -> None:
+    """A wall of a centimetre between the centres of cells."""
+    import json
+
+    wall = [[[0.0, 1.02], [0.0, 1.03], [4.0, 1.03], [4.0, 1.02], [0.0, 1.02]]]
+    feature = {
+        "schema": "prf.map/1",
+        "type": "Feature",
+        "geometry": {"type": "MultiPolygon", "coordinates": [[ring[::-1] for ring in wall]]},
+        "properties": {"window": [-1.0, 0.0, 5.0, 2.0], "anchor_black": False},
+    }
+    (tmp_path / "wall.geojson").write_text(json.dumps(feature))
+    seen = []
+    for squares in (False, True):
+        export_source(
+            tmp_path / "wall.geojson",
+            str(tmp_path / f"{squares}.yaml"),
+            Options(format="ros-map", squares=squares, resolution=0.1),
+        )
+        seen.append((map_server.load(tmp_path / f"{squares}.yaml").data == 100).sum())
+    assert seen[0] == 0
+    assert 40 <= seen[1] <= 42
+
+
+@pytest.mark.parametrize("name", ["map 1.yaml", "ü.yaml", "1.yaml", "a'b.yaml"])
+def test_odd_names_are_quoted(folder: Path, tmp_path: Path, name: str) -> None:
+    export_source(folder, str(tmp_path / name), Options(format="ros-map"))
+    line = (tmp_path / name).read_text().splitlines()[0]
+    assert line == f'image: "{Path(name).stem}.pgm"'
+    map_server.load(tmp_path / name)
+
+
+def test_what_a_ros_map_cannot_be_made_from(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="has cells of 1 m"):
+        export_source(folder, str(tmp_path / "a.yaml"), Options(format="ros-map", resolution=0.1))
+    with pytest.raises(UsageError, match="more than"):
+        export_source(folder, str(tmp_path / "a.yaml"), Options(format="ros-map", resolution=1e-3, draw=0))
+    early = make_run(n_draws=0)
+    write_run(tmp_path / "early", early)
+    with pytest.raises(InputError, match=r"posterior\.npz: no such file"):
+        export_source(tmp_path / "early", str(tmp_path / "a.yaml"), Options(format="ros-map"))
+    assert [path.name for path in tmp_path.iterdir()] == ["early"]
