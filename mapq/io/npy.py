@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import io
 import struct
+import warnings
 import zipfile
 import zlib
 
@@ -19,6 +20,13 @@ LONGEST_HEADER = 1 << 16
 
 ARCHIVE_ERRORS = (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, RuntimeError, struct.error)
 """What the standard library raises for a damaged archive."""
+
+
+HEADER_ERRORS = (
+    *(ValueError, TypeError, LookupError, SyntaxError, OverflowError, RecursionError, MemoryError),
+    struct.error,
+)
+"""What taking a damaged header for Python's literals and numpy's types raises."""
 
 
 def read_npy(data: bytes, source: str) -> dict[str, Array]:
@@ -92,7 +100,7 @@ def parse_array(data: bytes, source: str) -> Array:
     """
     try:
         dtype, fortran, shape, start = _array_header(data)
-    except (ValueError, SyntaxError, TypeError, KeyError, RecursionError, MemoryError, struct.error) as error:
+    except HEADER_ERRORS as error:
         raise InputError(f"{source}: not an array of numpy, or damaged ({type(error).__name__}).") from None
     if dtype.hasobject:
         raise InputError(f"{source}: holds pickled objects, which are not read. Save plain numbers.")
@@ -118,7 +126,10 @@ def _array_header(data: bytes) -> tuple[np.dtype[np.generic], bool, tuple[int, .
     start = (12 if wide else 10) + length
     if length > LONGEST_HEADER or start > len(data):
         raise ValueError("header is cut off")
-    head = ast.literal_eval(data[start - length : start].decode("utf-8" if data[6] > 2 else "latin-1").strip())
+    text = data[start - length : start].decode("utf-8" if data[6] > 2 else "latin-1").strip()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of escapes in a damaged header
+        head = ast.literal_eval(text)
     shape = tuple(head["shape"])
     if not all(isinstance(n, int) and 0 <= n < 1 << 62 for n in shape) or len(shape) > 32:
         raise ValueError("shape")

@@ -14,7 +14,7 @@ import lzf  # type: ignore[import-not-found]
 import numpy as np
 
 from mapq.io.fields import Array, axes_of, columns_of, refuse_doubles
-from mapq.io.rows import Layout, parse_rows
+from mapq.io.rows import Layout, as_count, parse_rows
 from prf.shell.errors import InputError
 
 LONGEST_HEADER = 1 << 16
@@ -126,9 +126,10 @@ def _n_points(entries: dict[str, list[str]], source: str) -> int:
 
 
 def _number(text: str, key: str, source: str) -> int:
-    if not text.isdigit() or len(text) > 15:
+    number = as_count(text)
+    if number is None:
         raise InputError(f"{source}: {key} {text[:24]!r} of the PCD header is not a count. Mend the header.")
-    return int(text)
+    return number
 
 
 def _check_size(header: Header, size: int, source: str) -> None:
@@ -193,7 +194,10 @@ def _decompress(data: bytes, header: Header, source: str) -> bytes:
     if size == needed == packed_size:
         return packed  # pypcd4 before 1.4 did not compress where it did not pay
     if size != needed or size > LZF_RATIO * packed_size:
-        raise InputError(f"{source}: damaged: {size} bytes are promised, {needed} needed. Copy or download it again.")
+        raise InputError(
+            f"{source}: damaged: {header.n_points} points of {header.dtype.itemsize} bytes are promised, the "
+            f"compressed data hold {size} bytes. Copy or download it again."
+        )
     try:
         raw: bytes | None = lzf.decompress(packed, size)
     except ValueError:

@@ -15,7 +15,7 @@ import numpy as np
 from plyfile import PlyData, PlyParseError  # type: ignore[import-untyped]
 
 from mapq.io.fields import Array, axes_of, columns_of, refuse_doubles
-from mapq.io.rows import Layout, parse_rows
+from mapq.io.rows import Layout, as_count, parse_rows
 from prf.shell.errors import InputError
 
 logger = logging.getLogger(__name__)
@@ -128,9 +128,10 @@ def parse_header(data: bytes, source: str) -> Header:
 
 
 def _count(text: str, where: str) -> int:
-    if not text.isdigit() or len(text) > 15:
+    count = as_count(text)
+    if count is None:
         raise InputError(f"{where}: {text[:24]!r} is not a count. Write the file anew.")
-    return int(text)
+    return count
 
 
 def _check_size(header: Header, size: int, source: str) -> None:

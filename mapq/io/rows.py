@@ -92,7 +92,12 @@ def is_number(text: str) -> bool:
         float(text)
     except ValueError:
         return False
-    return "_" not in text
+    return "_" not in text and text.isascii()
+
+
+def as_count(text: str) -> int | None:
+    """Return a field as a whole number of at least 0, None if it is none (or has more than 15 digits)."""
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 16 else None
 
 
 def _fault(body: bytes, layout: Layout, source: str, first_line: int) -> InputError | None:
@@ -130,7 +135,7 @@ def _fits(value: str, dtype: np.dtype[np.generic]) -> bool:
         return is_number(value)
     limits = np.iinfo(dtype.str)
     try:
-        return "_" not in value and limits.min <= int(value) <= limits.max
+        return is_number(value) and limits.min <= int(value) <= limits.max
     except ValueError:
         return False
 

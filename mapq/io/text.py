@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mapq.io.fields import Array, axes_of, columns_of, refuse_doubles
-from mapq.io.rows import Layout, is_number, parse_rows, split_row
+from mapq.io.rows import Layout, as_count, is_number, parse_rows, split_row
 from prf.shell.errors import InputError
 
 logger = logging.getLogger(__name__)
@@ -92,9 +92,10 @@ def _read_head(data: bytes, source: str) -> _Head:
             said = _header_names(text.lstrip("#/")) or said
             continue
         fields = split_row(text, delimiter_of(text))
-        if len(fields) == 1 and fields[0].isdigit() and len(fields[0]) < 16 and names is None:
+        number = as_count(fields[0]) if len(fields) == 1 and names is None else None
+        if number is not None:
             _refuse_ptx(count, source)
-            count = int(fields[0])
+            count = number
         elif names is None and not any(map(is_number, fields)):
             names = _header_names(text)
             if names is None:

@@ -1,0 +1,169 @@
+"""Whatever stands in a file, reading it ends in a cloud that holds what it promises, or in an `InputError`."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import re
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mapq.cloud import PointCloud
+from mapq.io import read_cloud, read_patches, write_patches, write_ply
+from mapq.io.describe import describe
+from prf.shell.errors import InputError
+from tests.mapq.io.samples import patches, pcd, ply, table, text_rows
+
+LISTS = b"ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty list uchar int seen\n" + b"".join(
+    b"property float %c\n" % axis for axis in b"xyz"
+)
+LISTS += b"end_header\n" + (b"\x02" + bytes(8) + np.ones(3, "<f4").tobytes()) * 2
+
+
+def stored(save, *args, **arrays) -> bytes:
+    stream = io.BytesIO()
+    save(stream, *args, **arrays)
+    return stream.getvalue()
+
+
+ROWS = table(20)
+FILES = {
+    "le.ply": ply(ROWS),
+    "be.ply": ply(ROWS, ">"),
+    "text.ply": ply(ROWS, ""),
+    "lists.ply": LISTS,
+    "text.pcd": pcd(ROWS, "ascii"),
+    "binary.pcd": pcd(ROWS),
+    "packed.pcd": pcd(np.repeat(ROWS, 3), "binary_compressed"),
+    "a.xyz": text_rows(ROWS).encode(),
+    "a.csv": b"// made\n# by hand\nx , y,z,i\n" + text_rows(ROWS[["x", "y", "z", "field_u1"]], delimiter=",").encode(),
+    "plain.npy": stored(np.save, np.ones((20, 4), np.float32)),
+    "rows.npy": stored(np.save, ROWS),
+    "a.npz": stored(np.savez, xyz=np.ones((20, 3)), label=np.arange(20)),
+    "0.bin": np.random.default_rng(0).normal(size=(20, 4)).astype("<f4").tobytes(),
+    "a.gz": gzip.compress(text_rows(ROWS).encode(), mtime=0),
+}
+LARGEST = 20_000_000
+"""Bytes. What reading any of these small files may take at most, damaged or not."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("damaged")
+
+
+def check(path: str) -> None:
+    try:
+        cloud = read_cloud(path)
+    except InputError as error:
+        assert "\n" not in str(error)  # noqa: PT017 - nothing need be raised
+        return
+    check_promises(cloud)
+
+
+def check_promises(cloud: PointCloud) -> None:
+    n = len(cloud)
+    assert n > 0
+    assert cloud.finite().any()
+    assert cloud.xyz.dtype == np.float64
+    assert cloud.xyz.flags.c_contiguous
+    assert cloud.xyz.flags.writeable
+    assert np.isfinite(cloud.shift).all()
+    for name, values in cloud.fields.items():
+        assert isinstance(name, str)
+        assert values.shape[0] == n
+        assert values.flags.c_contiguous
+        assert values.flags.writeable
+        assert values.dtype.kind in "biuf"
+        assert values.dtype.isnative
+    write_ply("/dev/null", cloud)
+
+
+@st.composite
+def damaged(draw):
+    name = draw(st.sampled_from(sorted(FILES)))
+    data = FILES[name]
+    numbers = [match.span() for match in re.finditer(rb"\d+", data[:600])]
+    for _ in range(draw(st.integers(0, 3))):
+        if numbers and draw(st.booleans()):
+            start, end = draw(st.sampled_from(numbers))
+            piece = str(draw(st.integers(-1, 300) | st.integers(10**9, 10**13))).encode()
+        else:
+            start = draw(st.integers(0, len(data)))
+            end = start + draw(st.integers(0, 12))
+            piece = draw(
+                st.binary(max_size=6) | st.sampled_from([b"\n", b"nan", b"1e999", b",", b" ", b"-", b"#", b"//"])
+            )
+        data = data[:start] + piece + data[end:]
+    return name, data[: draw(st.integers(0, len(data)))] if draw(st.booleans()) else data
+
+
+def test_the_whole_files_are_read(folder):
+    for name, data in FILES.items():
+        (folder / name).write_bytes(data)
+        assert len(read_cloud(str(folder / name))) == (2 if name == "lists.ply" else 60 if name == "packed.pcd" else 20)
+
+
+@settings(max_examples=300)
+@given(file=damaged())
+def test_damaged_files(folder, file):
+    name, data = file
+    (folder / name).write_bytes(data)
+    check(str(folder / name))
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_cut(folder, name):
+    data = FILES[name]
+    for end in range(0, len(data), max(1, len(data) // 60)):
+        (folder / name).write_bytes(data[:end])
+        check(str(folder / name))
+
+
+@pytest.mark.parametrize("name", [name for name in FILES if not name.endswith(("gz", "bin"))])
+def test_no_promise_costs_memory(folder, name):
+    data = FILES[name]
+    tracemalloc.start()
+    try:
+        for match in re.finditer(rb"\d+", data[:500]):
+            for number in (b"4000000000", b"1000000000000", b"999999999999999"):
+                (folder / name).write_bytes(data[: match.start()] + number + data[match.end() :])
+                check(str(folder / name))
+        assert tracemalloc.get_traced_memory()[1] < LARGEST
+    finally:
+        tracemalloc.stop()
+
+
+@given(data=st.binary(max_size=300) | st.text(max_size=200).map(str.encode))
+def test_anything(folder, data):
+    for name in ("a.txt", "a.bin"):
+        (folder / name).write_bytes(data)
+        check(str(folder / name))
+
+
+@given(text=st.text(alphabet="xyz 0123456789.-+einf\n,;#/\t", max_size=200))
+def test_anything_like_a_table(folder, text):
+    for head in ("", "x,y,z\n", "3\n", "1 2 3\n"):
+        (folder / "a.txt").write_text(head + text)
+        check(str(folder / "a.txt"))
+
+
+@settings(max_examples=150)
+@given(cut=st.booleans(), place=st.floats(0, 1), piece=st.binary(min_size=1, max_size=8))
+def test_damaged_patches(folder, cut, place, piece):
+    whole = folder / "whole.patches"
+    if not whole.exists():
+        write_patches(whole, patches())
+    data = whole.read_bytes()
+    at = int(place * (len(data) - 1))
+    path = folder / "damaged.patches"
+    path.write_bytes(data[:at] if cut else data[:at] + piece + data[at + len(piece) :])
+    for read in (read_patches, lambda name: describe(str(name))):
+        try:
+            read(path)
+        except InputError as error:
+            assert "\n" not in str(error)  # noqa: PT017 - nothing need be raised

@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+import io
+import logging
+import sys
+
+import numpy as np
+import pytest
+
+from mapq.io import read_cloud
+from tests.mapq.io.samples import refusal, save, text_rows
+
+ROWS = np.random.default_rng(0).normal(0, 1e5, (20, 5))
+ROWS[3, 4] = np.nan
+
+
+def as_text(delimiter: str, newline: str) -> str:
+    return text_rows(ROWS.view("f8,f8,f8,f8,f8").reshape(-1), newline, delimiter)
+
+
+@pytest.mark.parametrize("zipped", [False, True])
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+@pytest.mark.parametrize("delimiter", [",", ";", " ", "\t", " , ", "   ", "\t; "])
+@pytest.mark.parametrize("header", [None, "plain", "comment", "quoted", "bom"])
+def test_layouts(tmp_path, header, delimiter, newline, zipped):
+    sign = delimiter.strip() or " "
+    names = {"quoted": '"x";"y";"z";"r i";"e"'.replace(";", sign) if sign != " " else '"x" "y" "z" "r_i" "e"'}
+    plain = f" {sign} ".join("xyzie")
+    head = {None: "", "plain": plain, "comment": f"# made by hand\n\n// {plain}", "bom": "\ufeff" + plain} | names
+    text = (head[header] + "\n" if header else "") + as_text(delimiter, newline)
+    cloud = read_cloud(save(tmp_path, "a.txt", text, zipped))
+    assert np.array_equal(cloud.world(), ROWS[:, :3])
+    wanted = {None: ["column_4", "column_5"], "quoted": ["r i" if sign != " " else "r_i", "e"]}
+    assert list(cloud.fields) == wanted.get(header, ["i", "e"])
+    for values, column in zip(cloud.fields.values(), ROWS.T[3:], strict=True):
+        assert np.array_equal(values, column, equal_nan=True)
+
+
+def test_three_columns_any_name_and_no_last_line_end(tmp_path):
+    for name in ("a.xyz", "a.csv", "points", "a.log"):
+        assert read_cloud(save(tmp_path, name, "1 2 3\n\n4 5 6")).xyz.tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+def test_standard_input(monkeypatch):
+    class Stdin:
+        buffer = io.BytesIO(b"x,y,z\n1,2,3\n")
+
+    monkeypatch.setattr(sys, "stdin", Stdin)
+    cloud = read_cloud("-")
+    assert (len(cloud), cloud.source) == (1, "standard input")
+
+
+def test_comments_anywhere(tmp_path):
+    text = "# a\n//b\n1 2 3 # first\n# c\n4 5 6//second\n  // d\n7 8 9\n"
+    assert len(read_cloud(save(tmp_path, "a.txt", text))) == 3
+    text = "# x y z of the scan\n1 2 3\n"  # names nothing, since the rows have three columns
+    assert read_cloud(save(tmp_path, "a.txt", text)).fields == {}
+
+
+def test_header_of_cloudcompare(tmp_path):
+    cloud = read_cloud(save(tmp_path, "a.asc", "//X Y Z R G B Scalar_field\n1 2 3 255 0 7 nan\n"))
+    assert list(cloud.fields) == ["R", "G", "B", "Scalar_field"]
+    assert cloud.xyz.tolist() == [[1, 2, 3]]
+
+
+def test_columns_in_any_order(tmp_path):
+    cloud = read_cloud(save(tmp_path, "a.csv", "time,z,y,x\n9,3,2,1\n"))
+    assert cloud.xyz.tolist() == [[1, 2, 3]]
+    assert list(cloud.fields) == ["time"]
+
+
+def test_count_in_the_first_line(tmp_path):
+    assert len(read_cloud(save(tmp_path, "a.pts", "2\n1 2 3 0.5 1 2 3\n4 5 6 0.5 1 2 3\n"))) == 2
+    assert "promises 3 points, 2 follow" in refusal(read_cloud, save(tmp_path, "a.pts", "3\n1 2 3\n4 5 6\n"))
+
+
+def test_delimiter_at_the_end_of_each_row(tmp_path):
+    for head in ("", "x,y,z\n", "x,y,z,\n"):
+        assert read_cloud(save(tmp_path, "a.csv", head + "1,2,3,\n4,5,6,\n")).fields == {}
+
+
+def test_columns_of_words_are_dropped_with_a_warning(tmp_path, caplog):
+    with caplog.at_level(logging.WARNING):
+        cloud = read_cloud(save(tmp_path, "a.csv", "x,y,z,class,id\n1,2,3,car,5\n4,5,6,tree,6\n"))
+    assert "column class is dropped" in caplog.text
+    assert {name: values.tolist() for name, values in cloud.fields.items()} == {"id": [5, 6]}
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("", "the file is empty"),
+        (" \n\n", "the file is empty"),
+        ("# only\n// comments\n", "no points"),
+        ("x,y,z\n", "no points"),
+        ("a,b,c\n1,2,3\n", ":1: no fields x, y, z; there are a, b, c"),
+        ("1 2\n3 4\n", "no fields x, y, z"),
+        ("x,y,z,z2,z2\n1,2,3,4,5\n", "field z2 stands twice"),
+        ("x,y,z\n1,2,3,4\n", ":2: 4 columns under a header of 3"),
+        ("1 2 3\n4 5\n", ":2: 2 columns, but 3 before"),
+        ("1 2 3\n\n# more\n4 5 6 7\n", ":4: 4 columns, but 3 before"),
+        ("x y z\n1 2 3\n4 5 six\n", ":3: z is 'six', not a number"),
+        ("x y z\n1 2 3\n4 5 1_0\n", ":3: z is '1_0', not a number"),
+        ("1,2,3\n4,,6\n", ":2: y is '', not a number. Write nan"),
+        ("1;2;3\n1,5;2;3\n", ":2: x is '1,5', not a number. Decimals need a point"),
+        ("car 1 2 3\n", ":1: x is 'car', not a number"),
+        ("10\n20\n1 2 3\n", "PTX"),
+        ("nan nan nan\nnan 1 2\n", "all 2 points are nan or infinite"),
+        ("1 2 3\n1 2 1e30\n", "z of point 1 is 1e+30, beyond 1e+09 m"),
+        ("{}", "this is a JSON document"),
+        ("<html>", "this is an XML or HTML document"),
+        ("1 2 3\n4 5 6\0", "binary data of an unknown kind"),
+        ("\ufeff1 2 3".encode("utf-16"), "UTF-16"),
+        ("Tall trees\nare no points\n", "no fields x, y, z"),
+    ],
+)
+def test_refusals(tmp_path, text, line):
+    assert line in refusal(read_cloud, save(tmp_path, "a.txt", text))
+
+
+def test_not_finite_points_are_rows(tmp_path):
+    cloud = read_cloud(save(tmp_path, "a.txt", "1 2 3\nnan nan nan\ninf 2 -inf\n"))
+    assert cloud.finite().tolist() == [True, False, False]
