@@ -57,9 +57,12 @@ def pair_spacing(shapes: PatchShapes, graph: PatchGraph, settings: FeatureSettin
 
 
 def smaller_first(shapes: PatchShapes, graph: PatchGraph) -> NDArray[np.int64]:
-    """Return the pairs (n, 2), the patch with fewer points first."""
+    """Return the pairs (n, 2), the patch with fewer points first, of equals that of less area, then by place."""
+    order = np.lexsort((-shapes.size_rank, shapes.area, shapes.counts))
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
     pairs = graph.pairs.astype(np.int64)
-    swap = shapes.counts[pairs[:, 0]] > shapes.counts[pairs[:, 1]]
+    swap = rank[pairs[:, 0]] > rank[pairs[:, 1]]
     pairs[swap] = pairs[swap, ::-1]
     return np.ascontiguousarray(pairs)
 

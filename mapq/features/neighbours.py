@@ -31,7 +31,7 @@ def find_neighbours(shapes: PatchShapes, settings: FeatureSettings) -> PatchGrap
     distance, middle = closest_patches(trees, pairs, settings.n_neighbours, settings.radius)
     known = np.isfinite(distance)
     pairs, distance, middle = pairs[known], distance[known], middle[known]
-    kept = closest_of_each(pairs, distance, place_ranks(shapes), settings.n_neighbours)
+    kept = closest_of_each(pairs, distance, shapes.size_rank, settings.n_neighbours)
     kept = kept[np.lexsort((pairs[kept, 1], pairs[kept, 0]))]
     return PatchGraph(n_patches, pairs[kept].astype(np.int32), distance[kept], middle[kept])
 
@@ -44,14 +44,6 @@ def closest_of_each(pairs: Ints, distance: Floats, rank: Ints, n_neighbours: int
     sorted_one = one[order]
     place = np.arange(len(order)) - np.searchsorted(sorted_one, sorted_one)
     return np.unique(order[place < n_neighbours] % max(len(pairs), 1))
-
-
-def place_ranks(shapes: PatchShapes) -> Ints:
-    """Return the rank (m,) of each patch by size, then by place, so that ties do not depend on numbering."""
-    x, y, z = shapes.centre.T
-    rank = np.empty(len(shapes), np.int64)
-    rank[np.lexsort((z, y, x, -shapes.counts))] = np.arange(len(shapes))
-    return rank
 
 
 def _gaps(low: Floats, high: Floats, pairs: Ints) -> Floats:

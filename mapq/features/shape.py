@@ -88,6 +88,14 @@ class PatchShapes:
         return np.asarray(np.sqrt(self.area / np.maximum(self.counts, 1)))
 
     @cached_property
+    def size_rank(self) -> NDArray[np.int64]:
+        """Return the rank (m,) of each patch, largest first, of equals by place: so nothing depends on numbering."""
+        x, y, z = self.centre.T
+        rank = np.empty(len(self), np.int64)
+        rank[np.lexsort((z, y, x, -self.counts))] = np.arange(len(self))
+        return rank
+
+    @cached_property
     def trees(self) -> Trees:
         """Boxes over the points."""
         return Trees(self.points, self.start, *make_boxes(self.points, self.start))

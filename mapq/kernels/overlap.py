@@ -114,6 +114,12 @@ def mark_near(
 
 
 @part
+def plane_distance(planes: Planes, i: int, point: Floats) -> float:
+    """Signed distance of a point from the plane of patch i."""
+    return dot(planes.normal[i], point - planes.centre[i])
+
+
+@part
 def plane_heights(planes: Planes, i: int, origin: Floats, frame: Floats) -> tuple[float, float, float]:
     """(h, p, q): over (u, v) of the frame the plane of patch i has the height h + p u + q v."""
     upright = dot(planes.normal[i], frame[2])
@@ -173,7 +179,8 @@ def overlaps(
     """Overlap A, shared area and offset (n, 3) of each pair of patches, the one with fewer points first.
 
     A is nought from 45 degrees on, and falls with cos(2 angle) up to there. The offset is the median over the shared
-    cells, or where there are none that of the planes where the patches come closest, along the bisecting normal.
+    cells, or where there are none that of the planes where the patches come closest, along the bisecting normal; from
+    45 degrees on, where that normal loses its meaning, the distance of the closest points' middle to the farther plane.
     """
     out = np.zeros((len(pairs), 3))
     frame, stack = np.zeros((3, 3)), np.empty(128, np.int64)
@@ -184,11 +191,12 @@ def overlaps(
         cosine = bisect(planes, i, j, frame)
         one, other = plane_heights(planes, i, origin, frame), plane_heights(planes, j, origin, frame)
         gap = (one[0] - other[0], one[1] - other[1], one[2] - other[2])
-        ray = middle[k] - origin
-        out[k, 2] = abs(gap[0] + gap[1] * dot(ray, frame[0]) + gap[2] * dot(ray, frame[1]))
         facing = 2.0 * cosine * cosine - 1.0
         if facing <= 0.0:
+            out[k, 2] = max(abs(plane_distance(planes, i, middle[k])), abs(plane_distance(planes, j, middle[k])))
             continue
+        ray = middle[k] - origin
+        out[k, 2] = abs(gap[0] + gap[1] * dot(ray, frame[0]) + gap[2] * dot(ray, frame[1]))
         cell = max(planes.cell[i], planes.cell[j])
         raster = make_raster(trees, i, origin, frame, cell)
         n_cells = (2 * raster.half_u + 1) * (2 * raster.half_v + 1)

@@ -1,0 +1,114 @@
+from __future__ import annotations
+
+import csv
+import inspect
+import io
+import json
+
+import pytest
+
+from mapq.cli import app
+from mapq.commands import features as command
+from mapq.features import FeatureSettings, patch_features
+from mapq.io import write_patches
+from prf.shell.run import run_app
+from tests.mapq.factories import make_patches, sample_patches, wall
+
+CORNER = [wall((-5, 0), (5, 0)), wall((-5, 0.3), (5, 0.3)), wall((5, 0), (5, 8))]
+
+
+@pytest.fixture
+def path(tmp_path) -> str:
+    write_patches(tmp_path / "map.patches", sample_patches(CORNER, density=10))
+    return str(tmp_path / "map.patches")
+
+
+def run(capsys, *args: str) -> tuple[int, str, str]:
+    code = run_app(app, "mapq", ["features", *args])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_json_holds_every_patch_and_pair(capsys, path):
+    code, out, err = run(capsys, path, "--json")
+    assert (code, err) == (0, "")
+    result = json.loads(out)
+    expected = patch_features(sample_patches(CORNER, density=10))
+    assert result["schema"] == "mapq.features/1"
+    assert (result["n_patches"], result["n_pairs"], result["n_clipped"]) == (3, 3, 0)
+    assert [row["fit"] for row in result["nodes"]] == expected.node[:, 0].tolist()
+    assert [row["plausibility"] for row in result["edges"]] == expected.plausibility.tolist()
+    assert [[row["i"], row["j"]] for row in result["edges"]] == expected.pairs.tolist()
+    for part in ("nodes", "edges"):
+        assert list(result["units"][part]) == list(result[part][0])
+    assert result["parameters"]["radius"] == 3.0
+
+
+def test_csv_has_a_block_for_each(capsys, path):
+    code, out, err = run(capsys, path, "--csv")
+    assert (code, err) == (0, "")
+    nodes, edges = (list(csv.DictReader(io.StringIO(block))) for block in out.split("\n\n"))
+    assert [row["patch"] for row in nodes] == ["0", "1", "2"]
+    assert [(row["i"], row["j"]) for row in edges] == [("0", "1"), ("0", "2"), ("1", "2")]
+    expected = patch_features(sample_patches(CORNER, density=10))
+    assert [float(row["plausibility"]) for row in edges] == expected.plausibility.tolist()
+    assert [int(row["n_points"]) for row in nodes] == expected.shape[:, 0].tolist()
+
+
+@pytest.mark.parametrize(("only", "first"), [("nodes", "patch,n_points"), ("edges", "i,j,separation")])
+def test_one_table_alone(capsys, path, only, first):
+    code, out, _ = run(capsys, path, "--csv", "--only", only)
+    assert code == 0
+    assert out.startswith(first)
+    assert "\n\n" not in out
+    result = json.loads(run(capsys, path, "--json", "--only", only)[1])
+    assert {"nodes", "edges"} & set(result) == {only}
+
+
+def test_table_for_a_person(capsys, path):
+    code, out, err = run(capsys, path)
+    assert (code, err) == (0, "")
+    rows = [line.split() for line in out.splitlines()]
+    assert ["patches", "3"] in rows
+    assert any(row[:1] == ["thickness_m"] and row[-1] == "m" for row in rows)
+    assert rows[-3][:2] == ["0", "1"], "the double wall is the least plausible"
+
+
+def test_flags_reach_the_features(capsys, path):
+    args = ("--radius", "2", "--tau", "0.5", "--neighbours", "1", "--noise", "0.05", "--plain-overlap")
+    used = json.loads(run(capsys, path, "--json", *args)[1])["parameters"]
+    assert (used["radius"], used["tau"], used["n_neighbours"], used["noise"]) == (2.0, 0.5, 1, 0.05)
+    assert used["plain_overlap"] is True
+
+
+def test_defaults_are_those_of_the_library():
+    flags = inspect.signature(command.features).parameters
+    plain = FeatureSettings()
+    for flag, name in (("radius", "radius"), ("tau", "tau"), ("neighbours", "n_neighbours"), ("noise", "noise")):
+        assert flags[flag].default == getattr(plain, name)
+    assert flags["reading"].default.value == plain.reading
+
+
+def test_literal_reading_says_what_it_cut(capsys, path):
+    code, out, err = run(capsys, path, "--features", "literal", "--json")
+    result = json.loads(out)
+    assert code == 0
+    assert result["n_clipped"] > 0
+    assert f"{result['n_clipped']} values" in err
+    assert "inverse_mse" in result["nodes"][0]
+
+
+def test_a_map_without_patches(capsys, tmp_path):
+    write_patches(tmp_path / "none.patches", make_patches([], [], loose=4))
+    path = str(tmp_path / "none.patches")
+    assert "patches         0" in run(capsys, path)[1]
+    assert json.loads(run(capsys, path, "--json")[1])["edges"] == []
+    assert len(run(capsys, path, "--csv")[1].splitlines()) == 3
+
+
+@pytest.mark.parametrize("args", [("--csv", "--json"), ("--radius", "-1"), ("--neighbours", "0"), ("--tau", "nan")])
+def test_usage_errors(capsys, path, args):
+    code, out, err = run(capsys, path, *args)
+    assert (code, out) == (2, "")
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1

@@ -1,0 +1,173 @@
+"""Pairs of rectangles: table 1 of the paper, and equations 9 to 13 against brute force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mapq.features import FeatureSettings, measure_shapes, patch_features
+from tests.mapq.factories import Rectangle, make_patches, sample_patches, turn, wall
+from tests.reference.mapq_features import safe_crossing, safe_overlap
+
+LONG = wall((-5, 0), (5, 0))
+
+
+def crossing_wall(degrees: float, middle: float = 0.0, length: float = 10.0) -> Rectangle:
+    """Return a wall whose middle stands on `LONG`, turned by an angle."""
+    c, s = np.cos(np.radians(degrees)) * length / 2, np.sin(np.radians(degrees)) * length / 2
+    return wall((middle - c, -s), (middle + c, s))
+
+
+PLAUSIBLE = {
+    "parallel, far": [LONG, wall((-5, 2.5), (5, 2.5))],
+    "corner": [LONG, wall((5, 0), (5, 10))],
+    "corner of 60 degrees": [LONG, wall((5, 0), (0, 8.66))],
+    "corner of 30 degrees": [LONG, wall((5, 0), (-3.66, 5))],
+    "corner of 120 degrees": [LONG, wall((5, 0), (10, 8.66))],
+    "bend of 10 degrees": [LONG, wall((5, 0), (14.85, 1.74))],
+    "T": [LONG, wall((0, 0), (0, 10))],
+    "wall on the ground": [LONG, Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), 30, 30)],
+    "neither parallel nor meeting": [LONG, wall((0, 1), (6, 4.5))],
+    "upright to it, not meeting": [LONG, wall((0, 1), (0, 8))],
+    "fragments side by side": [LONG, wall((5, 0), (15, 0))],
+    "fragments above one another": [LONG, wall((-5, 0), (5, 0), foot=4)],
+    "fragments that interleave": [LONG, wall((-4, 0.01), (6, 0.01))],
+    "window in a recess": [wall((-5, 0), (0, 0)), wall((0, 0.25), (2, 0.25))],
+}
+SUSPICIOUS = {
+    "parallel, 0.1 m": [LONG, wall((-5, 0.1), (5, 0.1))],
+    "parallel, 0.3 m, also as the two sides of a wall": [LONG, wall((-5, 0.3), (5, 0.3))],
+    "parallel, half beside one another": [LONG, wall((0, 0.3), (10, 0.3))],
+    "parallel, short by long": [LONG, wall((-1, 0.3), (1, 0.3))],
+    "parallel, 1 m": [LONG, wall((-5, 1), (5, 1))],
+    "X": [LONG, crossing_wall(90)],
+    "X, not in the middle": [LONG, crossing_wall(90, 2.0)],
+    **{f"X of {angle} degrees": [LONG, crossing_wall(angle)] for angle in (1, 2, 3, 5, 10, 20, 45)},
+    "X of 3 degrees, not in the middle": [LONG, crossing_wall(3, 3.0)],
+}
+
+
+def x_of(rectangles: list[Rectangle], settings: FeatureSettings | None = None, seed: int = 0) -> float:
+    features = patch_features(sample_patches(rectangles, seed), settings)
+    assert features.pairs.tolist() == [[0, 1]]
+    return float(features.plausibility[0])
+
+
+def edge_of(rectangles: list[Rectangle], name: str, settings: FeatureSettings | None = None) -> float:
+    features = patch_features(sample_patches(rectangles), settings)
+    return float(features.edge[0, features.edge_names.index(name)])
+
+
+class TestTable1:
+    @pytest.mark.parametrize("name", PLAUSIBLE)
+    def test_plausible_pairs(self, name):
+        assert x_of(PLAUSIBLE[name]) > 0.85
+
+    @pytest.mark.parametrize("name", SUSPICIOUS)
+    def test_suspicious_pairs(self, name):
+        assert x_of(SUSPICIOUS[name]) < 0.7
+
+    def test_crossing_copies_of_one_wall_are_the_worst(self):
+        assert x_of(SUSPICIOUS["X of 3 degrees"]) < min(x_of(SUSPICIOUS["X"]), x_of(SUSPICIOUS["parallel, 0.1 m"]))
+
+    def test_nothing_depends_on_how_the_pair_lies(self):
+        for rectangles in (*SUSPICIOUS.values(), *PLAUSIBLE.values()):
+            patches = sample_patches(rectangles)
+            rotated = make_patches(
+                [patches.cloud.xyz[patches.patch == k] @ turn(33.0).T for k in (0, 1)], patches.normal @ turn(33.0).T
+            )
+            one, two = patch_features(patches), patch_features(rotated)
+            assert one.plausibility == pytest.approx(two.plausibility, abs=1e-6)
+
+
+class TestOverlap:
+    @pytest.mark.parametrize("plain", [False, True])
+    @pytest.mark.parametrize("name", [*SUSPICIOUS, "corner of 30 degrees", "fragments that interleave", "T"])
+    def test_is_that_of_a_fine_grid(self, name, plain):
+        one, other = {**SUSPICIOUS, **PLAUSIBLE}[name]
+        shapes = [(np.array(r.middle), r.axes, r.width, r.height) for r in (one, other)]
+        expected = safe_overlap(*shapes, tau=1.0, noise=0.02, plain=plain, steps=120)
+        settings = FeatureSettings(noise=0.02, plain_overlap=plain, radius=20.0)
+        assert edge_of([one, other], "overlap", settings) == pytest.approx(expected, abs=0.05)
+
+    def test_windows_do_not_count(self):
+        rng = np.random.default_rng(0)
+        front = LONG.sample(rng, 200.0)
+        hole = (np.abs(front[:, 0]) < 3) & (np.abs(front[:, 2] - 2) < 1.5)
+        behind = wall((-2.5, 0.3), (2.5, 0.3), height=2.0, foot=1.0)
+        patches = make_patches([front[~hole], behind.sample(rng, 200.0)], [LONG.axes[2], behind.axes[2]])
+        features = patch_features(patches)
+        assert features.edge[0, features.edge_names.index("overlap")] == 0.0
+
+    def test_scan_lines_make_no_holes(self):
+        heights = np.arange(0.1, 4.0, 0.25)
+        along = np.arange(-5, 5, 0.02)
+        lines = np.array([(x, y, z) for y in (0.0, 0.3) for z in heights + 0.4 * y for x in along])
+        normal = [0.0, 1.0, 0.0]
+        patches = make_patches([lines[lines[:, 1] == 0], lines[lines[:, 1] > 0]], [normal, normal])
+        features = patch_features(patches, FeatureSettings(noise=0.02))
+        assert features.edge[0, features.edge_names.index("overlap")] > 0.9
+
+    def test_offset_and_area_in_metres(self):
+        rectangles = SUSPICIOUS["parallel, half beside one another"]
+        assert edge_of(rectangles, "offset") == pytest.approx(0.3, abs=0.005)
+        assert edge_of(rectangles, "overlap_area") == pytest.approx(20.0, rel=0.05)
+        assert edge_of(PLAUSIBLE["corner"], "overlap_area") == 0.0
+        assert edge_of(PLAUSIBLE["corner"], "offset") == pytest.approx(0.0, abs=0.1)
+
+
+class TestCrossing:
+    @pytest.mark.parametrize("name", [*PLAUSIBLE, *SUSPICIOUS])
+    def test_is_that_of_brute_force(self, name):
+        patches = sample_patches({**SUSPICIOUS, **PLAUSIBLE}[name])
+        settings = FeatureSettings(noise=0.02, spacing=0.1)
+        features = patch_features(patches, settings)
+        points = [patches.cloud.xyz[patches.patch == k] for k in (0, 1)]
+        n, m = patches.normal
+        parallel = np.linalg.norm(np.cross(n, m)) < 1e-6
+        expected = 0.0 if parallel else safe_crossing(points[0], n, points[1], m, 0.1, 0.02)
+        assert features.edge[0, features.edge_names.index("crossing")] == pytest.approx(expected, abs=1e-9)
+
+    def test_walls_at_different_heights_do_not_cross(self):
+        assert edge_of([LONG, wall((0, -5), (0, 5), foot=5)], "crossing") == 0.0
+
+    def test_a_line_that_noise_does_not_fix_is_no_crossing(self):
+        assert edge_of([LONG, crossing_wall(0.2)], "crossing") == 0.0
+
+
+class TestWeight:
+    def test_falls_with_the_distance_beyond_the_spacing(self):
+        features = patch_features(sample_patches(SUSPICIOUS["parallel, 1 m"]), FeatureSettings(tau=0.5, spacing=0.2))
+        shapes = measure_shapes(sample_patches(SUSPICIOUS["parallel, 1 m"]))
+        separation, weight = features.edge[0, :2]
+        assert 0.6 < separation < 0.8
+        assert weight == pytest.approx(np.exp(-separation / 0.5))
+        assert shapes.spacing == pytest.approx(60**-0.5, rel=0.1)
+
+    def test_touching_patches_weigh_one(self):
+        assert edge_of(PLAUSIBLE["corner"], "weight") == 1.0
+
+
+@given(
+    st.integers(0, 10**6),
+    st.floats(-180, 180),
+    st.floats(0.05, 12),
+    st.floats(0.05, 6),
+    st.sampled_from([0.0, 0.02, 0.3]),
+    st.booleans(),
+)
+def test_every_pair_is_finite_and_within_its_range(seed, degrees, width, height, noise, plain):
+    rng = np.random.default_rng(seed)
+    axis = turn(degrees) @ [1.0, 0.0, rng.normal(0, 0.3)]
+    other = Rectangle(tuple(rng.normal(0, 1, 3)), tuple(axis), tuple(rng.normal(size=3)), width, height)
+    patches = sample_patches([LONG, other], seed, density=rng.choice([0.2, 5.0, 40.0]), noise=noise)
+    features = patch_features(patches, FeatureSettings(plain_overlap=plain, radius=20.0))
+    assert np.isfinite(features.node).all()
+    assert np.isfinite(features.edge).all()
+    assert np.isfinite(features.shape).all()
+    columns = dict(zip(features.edge_names, features.edge.T, strict=True))
+    for name in ("weight", "overlap", "crossing"):
+        assert ((columns[name] >= 0) & (columns[name] <= 1)).all()
+    assert (np.abs(features.plausibility) <= 1).all()

@@ -1,0 +1,83 @@
+"""The neighbourhood against all pairs of all points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mapq.features import FeatureSettings, measure_shapes
+from mapq.features.neighbours import find_neighbours
+from tests.mapq.factories import make_patches, shuffled
+from tests.reference.mapq_features import neighbours
+
+
+def draw_clusters(seed: int, n_patches: int, whole: bool) -> list[np.ndarray]:
+    """Return small clouds of 1 to 60 points; on whole metres many distances are equal."""
+    rng = np.random.default_rng(seed)
+    clusters = []
+    for _ in range(n_patches):
+        points = rng.uniform(-6, 6, 3) + rng.normal(size=(rng.integers(1, 60), 3)) * rng.uniform(0.05, 2, 3)
+        clusters.append(np.round(points) if whole else points)
+    return clusters
+
+
+def graph_of(points: list[np.ndarray], settings: FeatureSettings):
+    return find_neighbours(measure_shapes(make_patches(points, [[0.0, 1.0, 0.0]] * len(points))), settings)
+
+
+@given(
+    st.integers(0, 10**6), st.integers(1, 9), st.booleans(), st.integers(1, 5), st.sampled_from([0.3, 1.0, 2.0, 9.0])
+)
+def test_neighbours_are_those_of_brute_force(seed, n_patches, whole, n_neighbours, radius):
+    points = draw_clusters(seed, n_patches, whole)
+    graph = graph_of(points, FeatureSettings(n_neighbours=n_neighbours, radius=radius))
+    expected = neighbours(points, n_neighbours, radius)
+    assert list(map(tuple, graph.pairs.tolist())) == sorted(expected)
+    assert graph.separation == pytest.approx([expected[pair] for pair in sorted(expected)], rel=1e-12, abs=1e-15)
+
+
+def test_large_patches_go_through_many_boxes():
+    rng = np.random.default_rng(3)
+    points = [rng.uniform(-4, 4, (900, 3)) * [1, 0.02, 1] + [0, 1.1 * k, 0] for k in range(6)]
+    expected = neighbours(points, 2, 1.5)
+    graph = graph_of(points, FeatureSettings(n_neighbours=2, radius=1.5))
+    assert list(map(tuple, graph.pairs.tolist())) == sorted(expected)
+    assert graph.separation == pytest.approx([expected[pair] for pair in sorted(expected)], rel=1e-12)
+
+
+def test_middle_lies_between_the_closest_points():
+    graph = graph_of([np.array([[0.0, 0, 0], [-5, 0, 0]]), np.array([[1.0, 0, 0], [7, 0, 0]])], FeatureSettings())
+    assert graph.middle.tolist() == [[0.5, 0.0, 0.0]]
+
+
+def test_equally_close_ones_follow_from_their_size_and_place_and_not_from_their_numbers():
+    shape = np.array([[0.0, 0, 0], [0, 0, 1], [0, 0, 2]])
+    around = [shape + np.array(to) for to in ((0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))]
+    large = np.vstack([shape, shape + np.array([0, 0, 0.5])]) + np.array([0.6, 0.8, 0])
+    points = [*around, large]
+    for order in (range(6), [3, 1, 5, 0, 2, 4]):
+        graph = graph_of([points[k] for k in order], FeatureSettings(n_neighbours=2, radius=1.0))
+        named = {tuple(sorted((order[i], order[j]))) for i, j in graph.pairs.tolist()}
+        assert {(0, 5), (0, 2)} <= named, "the largest, then the one with the smallest x"
+        assert (0, 4) in named, "one that has no other"
+
+
+def test_the_order_of_points_changes_nothing():
+    patches = make_patches(draw_clusters(5, 8, False), [[0.0, 1.0, 0.0]] * 8, loose=20)
+    one = find_neighbours(measure_shapes(patches), FeatureSettings())
+    two = find_neighbours(measure_shapes(shuffled(patches)), FeatureSettings())
+    for a, b in zip(one, two, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_points_without_coordinates_are_passed_over():
+    patches = make_patches([np.zeros((3, 3)), np.ones((3, 3))], [[0.0, 1.0, 0.0]] * 2)
+    xyz = patches.cloud.xyz.copy()
+    xyz[4, 1] = np.nan
+    broken = replace(patches, cloud=replace(patches.cloud, xyz=xyz))
+    graph = find_neighbours(measure_shapes(broken), FeatureSettings())
+    assert graph.separation == pytest.approx([3**0.5])

@@ -1,0 +1,155 @@
+"""Equations 6 to 13 of the paper by brute force, written from its text: all pairs of points, hulls, quantiles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+Floats = NDArray[np.float64]
+
+
+def rho(one: Floats, other: Floats) -> float:
+    """Equation 9: the distance of the closest points."""
+    return float(np.linalg.norm(one[:, None] - other, axis=2).min())
+
+
+def neighbours(patches: Sequence[Floats], n_neighbours: int, radius: float) -> dict[tuple[int, int], float]:
+    """Section 3: each patch's closest others within the radius, largest first among equals, then by their mean."""
+    found = {}
+    for i, one in enumerate(patches):
+        near = []
+        for j, other in enumerate(patches):
+            if i != j and rho(one, other) <= radius:
+                near.append((rho(one, other), -len(other), *other.mean(axis=0), j))
+        for distance, *_, j in sorted(near)[:n_neighbours]:
+            found[min(i, j), max(i, j)] = distance
+    return found
+
+
+def mean_squared_error(points: Floats) -> float:
+    """The denominator of equation 6, of the plane of least squares."""
+    centred = points - points.mean(axis=0)
+    return float(np.linalg.svd(centred, compute_uv=False)[-1] ** 2 / len(points)) if len(points) >= 3 else 0.0
+
+
+def spread(points: Floats, normal: Floats) -> float:
+    """P95 - P5 of the signed distances from the plane."""
+    low, high = np.percentile((points - points.mean(axis=0)) @ normal, [5, 95])
+    return float(high - low)
+
+
+def hull_size(points: Floats) -> float:
+    """Volume or area of the convex hull, 0 where it is flat."""
+    try:
+        return float(ConvexHull(points).volume)
+    except QhullError:
+        return 0.0
+
+
+def literal_node(points: Floats, normal: Floats) -> list[float]:
+    """Equations 6, 7 and 8 as printed."""
+    cosine = normal[2] if normal[2] != 0 else math.copysign(1e-300, normal[2])
+    return [1 / mean_squared_error(points), 1 / cosine, hull_size(points) / hull_size(points[:, :2])]
+
+
+def literal_edge(one: Floats, other: Floats, normals: tuple[Floats, Floats], tau: float) -> tuple[float, ...]:
+    """rho, W, A, R and x of equations 9 to 13 as printed; shadows are plain, denominators in the XY plane."""
+    n, m = normals
+    distance = rho(one, other)
+    weight = math.exp(-distance / tau)
+    shadow = max(in_plane_area(one, n), in_plane_area(other, m)) * abs(float(n @ m))
+    overlap = shadow / min(hull_size(one[:, :2]), hull_size(other[:, :2]))
+    crossing = min(edge_ratio(one, n, other, m), edge_ratio(other, m, one, n))
+    return distance, weight, overlap, crossing, 1 - weight * (overlap + crossing)
+
+
+def in_plane_area(points: Floats, normal: Floats) -> float:
+    """Area of the hull of the points in the plane with this normal."""
+    _, _, axes = np.linalg.svd(normal[None])
+    return hull_size(points @ axes[1:].T)
+
+
+def line_of_planes(p: Floats, n: Floats, q: Floats, m: Floats) -> tuple[Floats, Floats]:
+    """A point and the direction of the line in which planes through p and q meet."""
+    direction = np.cross(n, m)
+    point = np.linalg.lstsq(np.stack([n, m]), np.array([n @ p, m @ q]))[0]
+    return point, direction / np.linalg.norm(direction)
+
+
+def places(points: Floats, n: Floats, others: Floats, m: Floats) -> tuple[Floats, Floats]:
+    """Places of points in their own plane: across the line of intersection, and along it (from a point of it)."""
+    middle = points.mean(axis=0)
+    point, direction = line_of_planes(middle, n, others.mean(axis=0), m)
+    flat = points - ((points - middle) @ n)[:, None] * n
+    return (flat - point) @ np.cross(n, direction), (flat - point) @ direction
+
+
+def edge_ratio(points: Floats, n: Floats, others: Floats, m: Floats) -> float:
+    """r_ij of figure 2a: distance of the nearer edge from the line over that of the farther."""
+    across, _ = places(points, n, others, m)
+    edges = sorted([abs(across.min()), abs(across.max())])
+    return float(edges[0] / edges[1])
+
+
+def safe_crossing(one: Floats, n: Floats, other: Floats, m: Floats, spacing: float, noise: float) -> float:
+    """R where both patches lie on both sides of the line and side by side along it, else 0; see docs/features.md."""
+    slack = spacing + 2 * noise / float(np.linalg.norm(np.cross(n, m)))
+    own, their = places(one, n, other, m), places(other, m, one, n)
+    origin, direction = line_of_planes(one.mean(axis=0), n, other.mean(axis=0), m)
+    back, _ = line_of_planes(other.mean(axis=0), m, one.mean(axis=0), n)
+    swap = -1.0  # the direction of the line turns round when the planes are swapped
+    along = [own[1], swap * their[1] + (back - origin) @ direction]
+    if min(_ratio(own[0], slack), _ratio(their[0], slack)) == 0:
+        return 0.0
+    low = max(np.quantile(s, 0.02) for s in along)
+    high = min(np.quantile(s, 0.98) for s in along)
+    if high - low <= spacing:
+        return 0.0
+    shared = [(s >= low) & (s <= high) for s in along]
+    return min(_ratio(own[0][shared[0]], slack), _ratio(their[0][shared[1]], slack))
+
+
+def _ratio(across: Floats, slack: float) -> float:
+    if len(across) == 0:
+        return 0.0
+    edges = sorted([-np.quantile(across, 0.02) - slack, np.quantile(across, 0.98) - slack])
+    return float(edges[0] / edges[1]) if edges[0] > 0 else 0.0
+
+
+def safe_overlap(
+    one: tuple[Floats, Floats, float, float],
+    other: tuple[Floats, Floats, float, float],
+    tau: float,
+    noise: float,
+    plain: bool = False,
+    steps: int = 300,
+) -> float:
+    """A of two exact rectangles (middle, axes as rows, width, height) by a fine grid on the plane between them."""
+    (c, axes, w, h), (d, others, v, g) = one, other
+    n, m = axes[2], others[2] * (1.0 if axes[2] @ others[2] >= 0 else -1.0)
+    between = (n + m) / np.linalg.norm(n + m)
+    across = np.cross(between, [0.31, 0.52, 0.79])
+    across /= np.linalg.norm(across)
+    along = np.cross(between, across)
+    reach = math.hypot(w, h)
+    ticks = (np.arange(steps) + 0.5) / steps * 2 * reach - reach
+    u, y = np.meshgrid(ticks, ticks)
+    base = c + u.reshape(-1, 1) * across + y.reshape(-1, 1) * along
+    p = base + ((c - base) @ n / (between @ n))[:, None] * between
+    q = base + ((d - base) @ m / (between @ m))[:, None] * between
+    both = _inside(p - c, axes, w, h) & _inside(q - d, others, v, g)
+    offsets = np.linalg.norm(p - q, axis=1)[both]
+    explained = np.exp(-0.5 * (offsets / (2 * noise)) ** 2)
+    weights = (1 - explained) * np.exp(-(offsets - offsets.min(initial=math.inf)) / tau)
+    counted = len(offsets) if plain else float(weights.sum())
+    half = math.cos(0.5 * math.acos(min(1.0, float(n @ m))))
+    area = counted * (2 * reach / steps) ** 2 / half
+    return max(0.0, 2 * float(n @ m) ** 2 - 1) * area / min(w * h, v * g)
+
+
+def _inside(ray: Floats, axes: Floats, width: float, height: float) -> NDArray[np.bool_]:
+    return (np.abs(ray @ axes[0]) <= 0.5 * width) & (np.abs(ray @ axes[1]) <= 0.5 * height)
