@@ -17,7 +17,9 @@ from mapq.io.text import read_text
 from prf.shell.errors import InputError, UsageError
 from prf.shell.files import STREAM, open_input
 
-GZIP_MAGIC = b"\x1f\x8b"
+GZIP_MAGIC = b"\x1f\x8b\x08"
+"""With the only method that there is: two bytes alone begin one in 65,536 files of plain float32."""
+
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 """UTF-8's, which spreadsheets put before a CSV header."""
 

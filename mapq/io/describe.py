@@ -17,6 +17,7 @@ from mapq.cloud import PointCloud
 from mapq.io.clouds import parse_cloud, read_bytes, source_of
 from mapq.io.fields import Array
 from mapq.io.patches import holds_patches, parse_patches
+from mapq.io.recognise import end_of
 from mapq.patches import FROM_FIELD, FROM_HAND, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.errors import InputError
 from prf.shell.files import STREAM
@@ -121,7 +122,7 @@ def describe(path: str, bin_columns: int = 4) -> Description:
         If it is missing, damaged, or none of these.
     """
     data = read_bytes(path)
-    if data.lstrip()[:1] == b"{":
+    if data[:64].lstrip().startswith(b"{") and end_of(path) != ".bin":
         content = _parse_object(data, source_of(path))
         schema = content["schema"]
         return Description(path, schema.partition("/")[0].removeprefix("mapq."), schema, None, None, _brief(content))

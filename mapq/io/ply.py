@@ -156,9 +156,10 @@ def _least_bytes(element: Element, format_name: str) -> int:
 
 
 def _read_ascii(data: bytes, header: Header, before: list[Element], vertex: Element, source: str) -> Array:
-    body, line = data[header.end :], header.n_lines + 1
-    for _ in range(sum(element.n_rows for element in before)):
-        body, line = body[body.find(b"\n") + 1 :], line + 1
+    start, n_before = header.end, sum(element.n_rows for element in before)
+    for _ in range(n_before):
+        start = data.find(b"\n", start) + 1 or len(data)
+    body, line = data[start:], header.n_lines + 1 + n_before
     width = len(vertex.properties)
     layout = Layout(vertex.dtype("="), width, tuple(range(width)))
     rows = parse_rows(body, layout, source, line, vertex.n_rows) if vertex.n_rows else np.empty(0, layout.dtype)

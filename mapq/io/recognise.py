@@ -76,8 +76,7 @@ def recognise(data: bytes, name: str, source: str) -> Format:
     InputError
         If no reader takes it; the line says what it looks like and what is read.
     """
-    suffix = re.sub(r"\.gz$", "", name.lower()).rpartition(".")
-    end = "." + suffix[2] if suffix[1] else ""
+    end = end_of(name)
     if not data.strip():
         raise InputError(f"{source}: the file is empty. {ACCEPTED}")
     known = _by_content(data)
@@ -89,6 +88,12 @@ def recognise(data: bytes, name: str, source: str) -> Format:
     if looks_like:
         raise InputError(f"{source}: {looks_like}. {ACCEPTED}")
     return "text"
+
+
+def end_of(name: str) -> str:
+    """Return the end of a file's name that tells its kind, such as ``.ply`` of ``A.PLY.gz``; empty without a point."""
+    _, point, end = re.sub(r"\.gz$", "", name.lower()).rpartition(".")
+    return point + end if point else ""
 
 
 def _by_content(data: bytes) -> Format | None:

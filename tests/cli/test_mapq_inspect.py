@@ -162,6 +162,11 @@ def test_bad_input_is_one_line_and_exit_code_3(capsys, tmp_path, name, content):
     assert err.count("\n") == 1
 
 
+def test_floats_that_begin_like_json_or_gzip(tmp_path):
+    for begin in (b"{\0\0\x41", b"\x1f\x8b\0\x41"):
+        assert describe(save(tmp_path, "0.bin", begin + np.ones(7, "<f4").tobytes())).cloud.n_points == 2
+
+
 def test_columns_of_kitti(capsys, tmp_path):
     path = save(tmp_path, "0.bin", np.ones((4, 3), "<f4").tobytes())
     assert "points          4" in run(capsys, path, "--bin-columns", "3")[1]
