@@ -24,7 +24,7 @@ SCAN_RATE = 75.0
 MOUNT = 1.3
 """Height of the laser in metres."""
 
-NOD_MIDDLE, NOD_REACH, NOD_PERIOD = 14.0, 44.0, 2.6
+NOD_MIDDLE, NOD_REACH, NOD_PERIOD = 16.0, 42.0, 1.4
 """The scan plane's pitch: its middle and its reach in degrees (up is positive), and seconds of one nod."""
 
 SPOT = 0.25
@@ -40,6 +40,13 @@ LOST = 0.01
 """Share of returns lost for no reason, and beside it: those of glass, and of surfaces met at a grazing angle."""
 
 GLASS_LOST, GRAZING = 0.35, 0.04
+
+EVEN_RANGE = 12.0
+"""Metres; a nearer return is kept with a chance that falls with the square of its range.
+
+Beams fan out, so this leaves surfaces about equally dense, as thinning by voxels does in practice; without it half of a
+map is the ground and the walls within arm's reach.
+"""
 
 
 class Beams(NamedTuple):
@@ -113,9 +120,9 @@ def _directions(heading: Vector, pitch: Vector, angle: Vector) -> Vector:
 
 
 def observe(world: World, beams: Beams, settings: Settings, rng: np.random.Generator) -> Returns:
-    """Cast the beams and return those that come back, with noise, mixed ranges and losses."""
+    """Cast the beams and return those that come back and are kept, with noise, mixed ranges and losses."""
     n = len(beams.time)
-    draws, noise, chance, luck = rng.random(n), rng.standard_normal(n), rng.random((n, 2)), rng.random(n)
+    draws, noise, chance, luck = rng.random(n), rng.standard_normal(n), rng.random((n, 3)), rng.random(n)
     ranges, items = _cast(world, beams, draws, settings.max_range)
     mixed = np.zeros(n, bool)
     some = np.flatnonzero((chance[:, 0] < MIXED_CHANCE) & np.isfinite(ranges))
@@ -127,7 +134,8 @@ def observe(world: World, beams: Beams, settings: Settings, rng: np.random.Gener
     seen = ranges.copy()
     share = 0.1 + 0.8 * (luck[some[at_edge]] * 97.0 % 1.0)
     seen[some[at_edge]] += share * (other[at_edge] - ranges[some[at_edge]])
-    kept = np.isfinite(ranges) & ~_lost(world, beams, items, luck)
+    even = chance[:, 2] * EVEN_RANGE**2 < ranges**2
+    kept = np.isfinite(ranges) & even & ~_lost(world, beams, items, luck)
     measured = beams.origins + (seen + settings.noise * noise)[:, None] * beams.directions
     hits = beams.origins + np.where(kept, ranges, 0.0)[:, None] * beams.directions
     return Returns(beams.time[kept], beams.origins[kept], hits[kept], measured[kept], items[kept], mixed[kept])

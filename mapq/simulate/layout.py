@@ -194,7 +194,7 @@ def _add_garden(builder: SceneBuilder, plan: Plan, corner: int, rng: np.random.G
 
 def _add_arch(builder: SceneBuilder, plan: Plan, rng: np.random.Generator) -> None:
     """Add the archway over the pathway."""
-    along = plan.exit_length * rng.uniform(0.5, 0.62)
+    along = plan.exit_length * rng.uniform(0.62, 0.7)
     a, b = (plan.exit_point(along, side * 0.5 * PATHWAY) for side in (1.0, -1.0))
     line = Line.facing(a, b, plan.exit_direction)
     free = rng.uniform(3.6, 4.8)

@@ -58,14 +58,14 @@ class Settings:
         Points that a pass must have in a cell to count.
     """
 
-    n_points: int = 300_000
+    n_points: int = 320_000
     blocks: int = 1
     loops: int = 2
-    street_length: float = 85.0
-    block_length: float = 52.0
-    block_depth: float = 44.0
+    street_length: float = 70.0
+    block_length: float = 44.0
+    block_depth: float = 37.0
     street_width: float = 14.0
-    path_length: float = 55.0
+    path_length: float = 60.0
     frontage: tuple[float, float] = (8.0, 30.0)
     height: tuple[float, float] = (6.0, 15.0)
     look_alikes: float = 1.0
@@ -126,7 +126,7 @@ SIZES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
             "yaw_walk": 0.8,
         },
         "medium": {},
-        "large": {"blocks": 2, "n_points": 650_000},
+        "large": {"blocks": 2, "n_points": 640_000},
     }
 )
 """Named sizes; medium is the size of the map of figure 4."""

@@ -23,7 +23,7 @@ from mapq.simulate.settings import Settings
 GAP_CHANCE = 0.4
 """Chance of a narrow gap between two neighbours, times `look_alikes`."""
 
-RAILING_CHANCE = 0.35
+RAILING_CHANCE = 0.45
 """Chance of a fence in front of a building, times `look_alikes`."""
 
 
