@@ -63,7 +63,7 @@ def closest_points(trees: Trees, i: int, j: int, bound: float, best: Floats, sta
     Walks both trees at once, nearer halves first, and leaves out what lies farther apart than the best so far.
     """
     points, start, low, high, root = trees
-    best[:] = np.nan
+    best[0] = np.nan
     leaves_i, leaves_j = leaf_count(start[i + 1] - start[i]), leaf_count(start[j + 1] - start[j])
     stack[0, 0], stack[0, 1] = 1, 1
     height = 1
@@ -112,17 +112,22 @@ def closest_patches(trees: Trees, pairs: Ints, n_neighbours: int, radius: float)
     A pair matters if it is within `radius` and among the `n_neighbours` closest, ties included, of one of its patches.
     `pairs` should come closest boxes first: then the distances known so far rule out most of the rest.
     """
-    squared, middle = np.full(len(pairs), np.nan), np.full((len(pairs), 3), np.nan)
-    nearest = np.full((len(trees.start) - 1, n_neighbours), radius * radius)
+    distance, middle = np.empty(len(pairs)), np.empty((len(pairs), 3))
+    nearest = np.empty((len(trees.start) - 1, n_neighbours))
+    for i in range(len(nearest)):
+        for k in range(n_neighbours):
+            nearest[i, k] = radius * radius
     stack = np.empty((STACK, 2), np.int64)
     best = np.empty(3)
     for k in range(len(pairs)):
         i, j = pairs[k, 0], pairs[k, 1]
         bound = max(nearest[i, n_neighbours - 1], nearest[j, n_neighbours - 1])
         found = closest_points(trees, i, j, bound, best, stack)
-        if best[0] == best[0]:
-            squared[k] = found
-            middle[k] = best
+        known = best[0] == best[0]
+        distance[k] = np.sqrt(found) if known else np.nan
+        for axis in range(3):
+            middle[k, axis] = best[axis] if known else np.nan
+        if known:
             insert(nearest, i, found)
             insert(nearest, j, found)
-    return np.sqrt(squared), middle
+    return distance, middle

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from mapq.kernels._jit import jit, part
 from mapq.kernels.boxes import Trees
 from mapq.kernels.order import quantile
-from mapq.kernels.overlap import Planes, dot
+from mapq.kernels.overlap import Planes, cross, dot, dot_from, normalise
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -30,9 +30,9 @@ def line_places(trees: Trees, planes: Planes, i: int, j: int, line: Floats, sine
     cosine = dot(ni, nj)
     for k in range(n):
         point = trees.points[trees.start[i] + k]
-        height = dot(nj, point - planes.centre[j]) - cosine * dot(ni, point - planes.centre[i])
+        height = dot_from(nj, point, planes.centre[j]) - cosine * dot_from(ni, point, planes.centre[i])
         t[k] = height / sine
-        s[k] = dot(line, point - planes.centre[i])
+        s[k] = dot_from(line, point, planes.centre[i])
     return n
 
 
@@ -58,32 +58,6 @@ def edge_ratio(t: Floats, n: int, slack: float) -> float:
 
 
 @part
-def ratio_between(
-    trees: Trees,
-    planes: Planes,
-    pair: Ints,
-    line: Floats,
-    sine: float,
-    slack: float,
-    t: Floats,
-    s: Floats,
-    span: Floats,
-) -> float:
-    """Smaller edge ratio of both patches, each over the stretch of the line along which both lie (span: from, to)."""
-    ratio = 1.0
-    shift = dot(line, planes.centre[pair[0]] - planes.centre[pair[1]])
-    for side in range(2):
-        i, j = pair[side], pair[1 - side]
-        move = shift if side == 1 else 0.0
-        n = line_places(trees, planes, i, j, line, sine, t, s)
-        n = keep_between(t, s, n, span[0] + move, span[1] + move)
-        ratio = min(ratio, edge_ratio(t, n, slack))
-        if ratio == 0.0:
-            break
-    return ratio
-
-
-@part
 def crossing(
     trees: Trees,
     planes: Planes,
@@ -95,20 +69,30 @@ def crossing(
     t: Floats,
     s: Floats,
 ) -> float:
-    """R of one pair, the patch with fewer points first: it alone settles most pairs."""
+    """R of one pair: the smaller edge ratio of both, over the stretch of the line along which both lie.
+
+    First each patch as a whole, which settles most pairs, then the part of it along the common stretch; the patch with
+    fewer points first.
+    """
     slack = spacing + 2.0 * noise / sine
-    span = np.array([-np.inf, np.inf])
-    shift = dot(line, planes.centre[pair[0]] - planes.centre[pair[1]])
-    for side in range(2):
-        n = line_places(trees, planes, pair[side], pair[1 - side], line, sine, t, s)
-        if edge_ratio(t, n, slack) == 0.0:
-            return 0.0
+    shift = dot_from(line, planes.centre[pair[0]], planes.centre[pair[1]])
+    low, high, smallest = -np.inf, np.inf, 1.0
+    for step in range(4):
+        side = step % 2
         move = shift if side == 1 else 0.0
-        span[0] = max(span[0], quantile(s, n, LOW) - move)
-        span[1] = min(span[1], quantile(s, n, HIGH) - move)
-    if span[1] - span[0] <= spacing:
-        return 0.0
-    return ratio_between(trees, planes, pair, line, sine, slack, t, s, span)
+        n = line_places(trees, planes, pair[side], pair[1 - side], line, sine, t, s)
+        if step >= 2:
+            n = keep_between(t, s, n, low + move, high + move)
+        ratio = edge_ratio(t, n, slack)
+        if ratio == 0.0:
+            return 0.0
+        if step < 2:
+            low, high = max(low, quantile(s, n, LOW) - move), min(high, quantile(s, n, HIGH) - move)
+        else:
+            smallest = min(smallest, ratio)
+        if high - low <= spacing:
+            return 0.0
+    return smallest
 
 
 @jit
@@ -123,12 +107,9 @@ def crossings(trees: Trees, planes: Planes, pairs: Ints, spacing: Floats, noise:
         longest = max(longest, trees.start[i + 1] - trees.start[i])
     t, s, line = np.zeros(longest), np.zeros(longest), np.zeros(3)
     for k in range(len(pairs)):
-        ni, nj = planes.normal[pairs[k, 0]], planes.normal[pairs[k, 1]]
-        for axis in range(3):
-            b, c = (axis + 1) % 3, (axis + 2) % 3
-            line[axis] = ni[b] * nj[c] - ni[c] * nj[b]
+        cross(planes.normal[pairs[k, 0]], planes.normal[pairs[k, 1]], line)
         sine = np.sqrt(dot(line, line))
         if sine > PARALLEL:
-            line /= sine
+            normalise(line)
             out[k] = crossing(trees, planes, pairs[k], line, sine, spacing[k], noise, t, s)
     return out

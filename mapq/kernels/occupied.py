@@ -53,8 +53,9 @@ def count_cells(u: Floats, v: Floats, box: Floats, cell: float, marks: Bytes, cl
     """How many cells of side `cell` hold points; box: middle and length in u, then in v."""
     half_u, half_v = half_count(box[1], cell), half_count(box[3], cell)
     n_columns, n_rows = 2 * half_u + 1, 2 * half_v + 1
-    marks[: n_rows * n_columns] = 0
     n_set = 0
+    for k in range(n_rows * n_columns):
+        marks[k] = 0
     for k in range(len(u)):
         column = min(max(cell_of(u[k], box[0], cell, half_u), 0), n_columns - 1)
         row = min(max(cell_of(v[k], box[2], cell, half_v), 0), n_rows - 1)
@@ -95,19 +96,29 @@ def choose_cell(u: Floats, v: Floats, box: Floats, smallest: float, n_sizes: int
     return best
 
 
+@part
+def middle_and_length(values: Floats, box: Floats, first: int) -> None:
+    """Write where values lie to ``box[first]``, and how far they reach to the next."""
+    low, high = np.inf, -np.inf
+    for k in range(len(values)):
+        low, high = min(low, values[k]), max(high, values[k])
+    box[first], box[first + 1] = 0.5 * (low + high), high - low
+
+
 @jit
 def occupied_cells(u: Floats, v: Floats, start: Ints, smallest: float, n_sizes: int) -> tuple[Floats, Floats, Floats]:
     """Cell size (m,), occupied area (m,) and extents (m, 2) of each patch, points given in its plane, in metres."""
     n_patches = len(start) - 1
-    cells, areas, lengths = np.full(n_patches, smallest), np.zeros(n_patches), np.zeros((n_patches, 2))
+    cells, areas, lengths = np.zeros(n_patches), np.zeros(n_patches), np.zeros((n_patches, 2))
     marks = np.zeros(1024, np.uint8)
     box = np.zeros(4)
     for i in range(n_patches):
+        cells[i] = smallest
         if start[i + 1] == start[i]:
             continue
         a, b = u[start[i] : start[i + 1]], v[start[i] : start[i + 1]]
-        box[0], box[1] = 0.5 * (a.min() + a.max()), a.max() - a.min()
-        box[2], box[3] = 0.5 * (b.min() + b.max()), b.max() - b.min()
+        middle_and_length(a, box, 0)
+        middle_and_length(b, box, 2)
         finest = first_cell(box, len(a), smallest)
         needed = (2 * half_count(box[1], finest) + 1) * (2 * half_count(box[3], finest) + 1)
         if needed > len(marks):

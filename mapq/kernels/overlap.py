@@ -44,18 +44,40 @@ def dot(a: Floats, b: Floats) -> float:
 
 
 @part
+def dot_from(a: Floats, point: Floats, origin: Floats) -> float:
+    """Scalar product of a and the ray from `origin` to `point`."""
+    return a[0] * (point[0] - origin[0]) + a[1] * (point[1] - origin[1]) + a[2] * (point[2] - origin[2])
+
+
+@part
+def cross(a: Floats, b: Floats, out: Floats) -> None:
+    """Vector product."""
+    for axis in range(3):
+        one, two = (axis + 1) % 3, (axis + 2) % 3
+        out[axis] = a[one] * b[two] - a[two] * b[one]
+
+
+@part
+def normalise(a: Floats) -> None:
+    """Make a unit vector of a."""
+    length = np.sqrt(dot(a, a))
+    for axis in range(3):
+        a[axis] /= length
+
+
+@part
 def bisect(planes: Planes, i: int, j: int, frame: Floats) -> float:
     """Cosine of the acute angle of two planes; frame (3, 3): two axes in the plane that bisects it, and its normal."""
-    ni, nj = planes.normal[i], planes.normal[j]
-    cosine = dot(ni, nj)
+    cosine = dot(planes.normal[i], planes.normal[j])
     sign = -1.0 if cosine < 0.0 else 1.0
-    frame[2] = ni + sign * nj
-    frame[2] /= np.sqrt(dot(frame[2], frame[2]))
-    frame[0] = planes.across[i] - dot(planes.across[i], frame[2]) * frame[2]
-    frame[0] /= np.sqrt(dot(frame[0], frame[0]))
     for axis in range(3):
-        b, c = (axis + 1) % 3, (axis + 2) % 3
-        frame[1, axis] = frame[2, b] * frame[0, c] - frame[2, c] * frame[0, b]
+        frame[2, axis] = planes.normal[i, axis] + sign * planes.normal[j, axis]
+    normalise(frame[2])
+    height = dot(planes.across[i], frame[2])
+    for axis in range(3):
+        frame[0, axis] = planes.across[i, axis] - height * frame[2, axis]
+    normalise(frame[0])
+    cross(frame[2], frame[0], frame[1])
     return min(abs(cosine), 1.0)
 
 
@@ -64,8 +86,7 @@ def make_raster(trees: Trees, i: int, origin: Floats, frame: Floats, cell: float
     """Cells over the shadow of patch i."""
     low_u, high_u, low_v, high_v = np.inf, -np.inf, np.inf, -np.inf
     for k in range(trees.start[i], trees.start[i + 1]):
-        ray = trees.points[k] - origin
-        u, v = dot(ray, frame[0]), dot(ray, frame[1])
+        u, v = dot_from(frame[0], trees.points[k], origin), dot_from(frame[1], trees.points[k], origin)
         low_u, high_u, low_v, high_v = min(low_u, u), max(high_u, u), min(low_v, v), max(high_v, v)
     half_u, half_v = half_count(high_u - low_u, cell), half_count(high_v - low_v, cell)
     return Raster(0.5 * (low_u + high_u), 0.5 * (low_v + high_v), cell, half_u, half_v)
@@ -78,9 +99,7 @@ def mark(
     """Set `bit` of the cells that points fall into."""
     n_columns = 2 * raster.half_u + 1
     for k in range(first, last):
-        x, y, z = points[k, 0] - origin[0], points[k, 1] - origin[1], points[k, 2] - origin[2]
-        u = x * frame[0, 0] + y * frame[0, 1] + z * frame[0, 2]
-        v = x * frame[1, 0] + y * frame[1, 1] + z * frame[1, 2]
+        u, v = dot_from(frame[0], points[k], origin), dot_from(frame[1], points[k], origin)
         column = cell_of(u, raster.u, raster.cell, raster.half_u)
         row = cell_of(v, raster.v, raster.cell, raster.half_v)
         if 0 <= column < n_columns and 0 <= row <= 2 * raster.half_v:
@@ -116,14 +135,14 @@ def mark_near(
 @part
 def plane_distance(planes: Planes, i: int, point: Floats) -> float:
     """Signed distance of a point from the plane of patch i."""
-    return dot(planes.normal[i], point - planes.centre[i])
+    return dot_from(planes.normal[i], point, planes.centre[i])
 
 
 @part
 def plane_heights(planes: Planes, i: int, origin: Floats, frame: Floats) -> tuple[float, float, float]:
     """(h, p, q): over (u, v) of the frame the plane of patch i has the height h + p u + q v."""
     upright = dot(planes.normal[i], frame[2])
-    level = dot(planes.normal[i], planes.centre[i] - origin) / upright
+    level = dot_from(planes.normal[i], planes.centre[i], origin) / upright
     return level, -dot(planes.normal[i], frame[0]) / upright, -dot(planes.normal[i], frame[1]) / upright
 
 
@@ -195,14 +214,15 @@ def overlaps(
         if facing <= 0.0:
             out[k, 2] = max(abs(plane_distance(planes, i, middle[k])), abs(plane_distance(planes, j, middle[k])))
             continue
-        ray = middle[k] - origin
-        out[k, 2] = abs(gap[0] + gap[1] * dot(ray, frame[0]) + gap[2] * dot(ray, frame[1]))
+        u, v = dot_from(frame[0], middle[k], origin), dot_from(frame[1], middle[k], origin)
+        out[k, 2] = abs(gap[0] + gap[1] * u + gap[2] * v)
         cell = max(planes.cell[i], planes.cell[j])
         raster = make_raster(trees, i, origin, frame, cell)
         n_cells = (2 * raster.half_u + 1) * (2 * raster.half_v + 1)
         if n_cells > len(marks):
             marks, offsets = np.zeros(2 * n_cells, np.uint8), np.zeros(2 * n_cells)
-        marks[:n_cells] = 0
+        for cell_number in range(n_cells):
+            marks[cell_number] = 0
         mark(trees.points, trees.start[i], trees.start[i + 1], origin, frame, raster, 1, marks)
         mark_near(trees, i, j, reach, origin, frame, raster, marks, stack)
         mark_closed(marks, 2 * raster.half_v + 1, 2 * raster.half_u + 1, 1, 4)
