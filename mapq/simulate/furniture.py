@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.simulate.building import Line
 from mapq.simulate.kinds import Kind
+from mapq.simulate.line import Line
 from mapq.simulate.scene import SceneBuilder
 
 Vector = NDArray[np.float64]

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.simulate.building import Line, draw_windows
-from mapq.simulate.building import add_facade as add_closing_facade
+from mapq.simulate.facade import add_facade, draw_windows
 from mapq.simulate.furniture import add_archway, add_bush, add_garden_wall
+from mapq.simulate.line import Line, crossing, left_of, rotated, unit
 from mapq.simulate.scene import Frame, SceneBuilder
 from mapq.simulate.settings import Settings
 from mapq.simulate.street import Row, add_row
@@ -57,12 +57,12 @@ class Plan(NamedTuple):
     @property
     def exit_direction(self) -> Vector:
         """Unit vector along the pathway: on along the block's last side."""
-        return _unit(self.corners[0] - self.corners[3])
+        return unit(self.corners[0] - self.corners[3])
 
     def exit_point(self, along: float, left: float) -> Vector:
         """Return the point so far along the pathway's middle, from the ring's corner, and so far to the left."""
         d = self.exit_direction
-        return np.asarray(self.ring(0.5 * self.width)[0] + along * d + left * _left(d))
+        return np.asarray(self.ring(0.5 * self.width)[0] + along * d + left * left_of(d))
 
 
 def draw_plan(settings: Settings, rng: np.random.Generator) -> Plan:
@@ -71,11 +71,11 @@ def draw_plan(settings: Settings, rng: np.random.Generator) -> Plan:
     corners = np.array([(0.0, 0.0), (length, 0.0), (length, depth), (0.0, depth)])
     corners += np.clip(rng.normal(0.0, 0.015 * length, (4, 2)), -0.03 * length, 0.03 * length)
     width = settings.street_width * rng.uniform(0.95, 1.08)
-    south = _unit(corners[1] - corners[0])
+    south = unit(corners[1] - corners[0])
     joint = offset_corners(corners, 0.5 * width)[0]
     bend = joint - 0.5 * settings.street_length * south
     turn = rng.uniform(-0.1, 0.1)
-    start = bend - 0.5 * settings.street_length * _rotated(south, turn)
+    start = bend - 0.5 * settings.street_length * rotated(south, turn)
     building = min(rng.uniform(9.0, 12.0), 0.42 * min(length, depth))
     return Plan(
         corners,
@@ -91,7 +91,7 @@ def draw_plan(settings: Settings, rng: np.random.Generator) -> Plan:
 def _draw_gardens(settings: Settings, largest: float, rng: np.random.Generator) -> Vector:
     """Return the sides of the gardens (4,) at the block's corners; at least one where there are look-alikes."""
     sides = np.minimum(rng.uniform(7.0, 10.0, 4), largest)
-    wanted = rng.random(4) < 0.45 * settings.look_alikes
+    wanted = rng.random(4) < 0.6 * settings.look_alikes
     if settings.look_alikes > 0.0 and not wanted.any():
         wanted[rng.integers(4)] = True
     return np.where(wanted, sides, 0.0)
@@ -110,7 +110,7 @@ def add_block(
     if is_last:
         ends = [plan.exit_point(plan.exit_length + 9.0, side * 0.5 * PATHWAY) for side in (1.0, -1.0)]
         closing = Line.facing(ends[0], ends[1], plan.exit_direction)
-        add_closing_facade(builder, closing, (0.0, 9.0), draw_windows(rng), rng)
+        add_facade(builder, closing, (0.0, 9.0), draw_windows(rng), rng)
 
 
 def _block_rows(plan: Plan) -> list[Row]:
@@ -121,8 +121,8 @@ def _block_rows(plan: Plan) -> list[Row]:
         gardens = plan.gardens[side], plan.gardens[(side + 1) % 4]
         covered = plan.depth if side % 2 else 0.0
         trims = [garden if garden > 0.0 else covered for garden in gardens]
-        along = _unit(b - a)
-        line = Line.facing(a + trims[0] * along, b - trims[1] * along, _left(along))
+        along = unit(b - a)
+        line = Line.facing(a + trims[0] * along, b - trims[1] * along, left_of(along))
         if line.length > 2.0:
             ends = [garden > 0.0 or covered == 0.0 for garden in gardens]
             rows.append(Row(line, plan.depth, (ends[0], ends[1]), True))
@@ -133,33 +133,33 @@ def _street_rows(plan: Plan) -> list[Row]:
     """Return the rows on both sides of the street that arrives (region A), in two pieces with a bend."""
     half = 0.5 * plan.width
     joint = plan.ring(half)[0]
-    before, after = _unit(plan.bend - plan.start), _unit(joint - plan.bend)
+    before, after = unit(plan.bend - plan.start), unit(joint - plan.bend)
     west, east = plan.ring(plan.width)[[3, 0]]
     ends = {
-        1.0: _crossing(joint + half * _left(after), after, west, east - west),
-        -1.0: _crossing(joint - half * _left(after), after, plan.exit_point(0.0, -0.5 * PATHWAY), plan.exit_direction),
+        1.0: crossing(joint + half * left_of(after), after, west, east - west),
+        -1.0: crossing(joint - half * left_of(after), after, plan.exit_point(0.0, -0.5 * PATHWAY), plan.exit_direction),
     }
     rows = []
     for side in (1.0, -1.0):
-        first = plan.start + side * half * _left(before)
-        middle = _crossing(first, before, joint + side * half * _left(after), after)
-        rows.append(Row(Line.facing(first, middle, side * _left(before)), plan.depth, (False, False), True))
-        rows.append(Row(Line.facing(middle, ends[side], side * _left(after)), plan.depth, (False, True), True))
+        first = plan.start + side * half * left_of(before)
+        middle = crossing(first, before, joint + side * half * left_of(after), after)
+        rows.append(Row(Line.facing(first, middle, side * left_of(before)), plan.depth, (False, False), True))
+        rows.append(Row(Line.facing(middle, ends[side], side * left_of(after)), plan.depth, (False, True), True))
     return rows
 
 
 def _outer_rows(plan: Plan) -> list[Row]:
     """Return the rows on the outside of the streets round the block."""
     outer = plan.ring(plan.width)
-    south = _unit(outer[1] - outer[0])
-    first = _crossing(outer[0], south, plan.exit_point(0.0, 0.5 * PATHWAY), plan.exit_direction)
+    south = unit(outer[1] - outer[0])
+    first = crossing(outer[0], south, plan.exit_point(0.0, 0.5 * PATHWAY), plan.exit_direction)
     joint = plan.ring(0.5 * plan.width)[0]
-    north_edge = _crossing(joint + 0.5 * plan.width * _left(south), south, outer[3], outer[0] - outer[3])
-    last = north_edge + plan.depth * _unit(outer[3] - outer[0])
+    north_edge = crossing(joint + 0.5 * plan.width * left_of(south), south, outer[3], outer[0] - outer[3])
+    last = north_edge + plan.depth * unit(outer[3] - outer[0])
     marks = ((first, outer[1]), (outer[1], outer[2]), (outer[2], outer[3]), (outer[3], last))
     rows = []
     for k, (a, b) in enumerate(marks):
-        line = Line.facing(a, b, -_left(_unit(b - a)))
+        line = Line.facing(a, b, -left_of(unit(b - a)))
         if line.length > 4.0:
             rows.append(Row(line, plan.depth, (k == 0, False), True))
     return rows
@@ -172,7 +172,7 @@ def _pathway_rows(plan: Plan) -> list[Row]:
     for side in (1.0, -1.0):
         a, b = plan.exit_point(first, side * 0.5 * PATHWAY), plan.exit_point(last, side * 0.5 * PATHWAY)
         if last - first > 4.0:
-            line = Line.facing(a, b, side * _left(plan.exit_direction))
+            line = Line.facing(a, b, side * left_of(plan.exit_direction))
             rows.append(Row(line, plan.depth, (False, False), False))
     return rows
 
@@ -180,8 +180,8 @@ def _pathway_rows(plan: Plan) -> list[Row]:
 def _add_garden(builder: SceneBuilder, plan: Plan, corner: int, rng: np.random.Generator) -> None:
     """Add a garden at a corner with walls across the robot's way: it sees one face before the turn, the other after."""
     at, side = plan.corners[corner], plan.gardens[corner]
-    along = _unit(plan.corners[(corner + 1) % 4] - at)
-    back = _unit(plan.corners[corner - 1] - at)
+    along = unit(plan.corners[(corner + 1) % 4] - at)
+    back = unit(plan.corners[corner - 1] - at)
     inset = rng.uniform(0.6, 1.4)
     for height in (rng.uniform(1.7, 2.4), rng.uniform(1.0, 1.5))[: 1 + int(rng.random() < 0.5)]:
         a = at + inset * back + 0.6 * along
@@ -206,24 +206,5 @@ def _add_arch(builder: SceneBuilder, plan: Plan, rng: np.random.Generator) -> No
 def offset_corners(corners: Vector, distance: float) -> Vector:
     """Return the corners of a counter-clockwise polygon whose sides are moved outward by `distance`."""
     sides = np.roll(corners, -1, axis=0) - corners
-    moved = [a - distance * _left(_unit(s)) for a, s in zip(corners, sides, strict=True)]
-    return np.array([_crossing(moved[k - 1], sides[k - 1], moved[k], sides[k]) for k in range(len(corners))])
-
-
-def _crossing(a: Vector, da: Vector, b: Vector, db: Vector) -> Vector:
-    """Return where the line through `a` along `da` meets the line through `b` along `db`."""
-    factor = ((b[0] - a[0]) * db[1] - (b[1] - a[1]) * db[0]) / (da[0] * db[1] - da[1] * db[0])
-    return np.asarray(a + factor * da)
-
-
-def _unit(vector: Vector) -> Vector:
-    return np.asarray(vector / np.hypot(*vector))
-
-
-def _left(vector: Vector) -> Vector:
-    return np.array([-vector[1], vector[0]])
-
-
-def _rotated(vector: Vector, angle: float) -> Vector:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
+    moved = [a - distance * left_of(unit(s)) for a, s in zip(corners, sides, strict=True)]
+    return np.array([crossing(moved[k - 1], sides[k - 1], moved[k], sides[k]) for k in range(len(corners))])

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapq.simulate.building import Line, add_building
+from mapq.simulate.building import add_building
 from mapq.simulate.furniture import (
     PAVEMENT,
     add_bush,
@@ -17,13 +17,14 @@ from mapq.simulate.furniture import (
     add_railing,
     add_tree,
 )
+from mapq.simulate.line import Line
 from mapq.simulate.scene import SceneBuilder
 from mapq.simulate.settings import Settings
 
-GAP_CHANCE = 0.4
+GAP_CHANCE = 0.5
 """Chance of a narrow gap between two neighbours, times `look_alikes`."""
 
-RAILING_CHANCE = 0.45
+RAILING_CHANCE = 0.6
 """Chance of a fence in front of a building, times `look_alikes`."""
 
 

@@ -1,0 +1,195 @@
+"""Facades of offices: windows one by one, in ribbons or in bays, all recessed, and doors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from mapq.simulate.kinds import Kind
+from mapq.simulate.line import Line
+from mapq.simulate.scene import SceneBuilder
+
+
+class Style(Enum):
+    """How the windows of a facade are arranged."""
+
+    GRID = 0
+    RIBBONS = 1
+    BAYS = 2
+
+
+@dataclass(frozen=True)
+class Windows:
+    """The grid of windows of one building.
+
+    Attributes
+    ----------
+    pitch, width : float
+        From window to window along the facade, and of one window, in metres.
+    storey, sill, height : float
+        Of a storey, of the parapet below the window, and of the window.
+    recess : float
+        How far the pane lies behind the facade.
+    style : Style
+        Of the storeys above the ground.
+    """
+
+    pitch: float
+    width: float
+    storey: float
+    sill: float
+    height: float
+    recess: float
+    style: Style
+
+
+def draw_windows(rng: np.random.Generator) -> Windows:
+    """Return the windows of one building."""
+    pitch = rng.uniform(2.2, 4.2)
+    storey = rng.uniform(3.0, 3.8)
+    return Windows(
+        pitch,
+        pitch * rng.uniform(0.45, 0.72),
+        storey,
+        rng.uniform(0.7, 1.1),
+        storey * rng.uniform(0.42, 0.55),
+        rng.uniform(0.15, 0.4),
+        Style(int(rng.integers(len(Style)))),
+    )
+
+
+def add_facade(
+    builder: SceneBuilder, line: Line, z: tuple[float, float], windows: Windows, rng: np.random.Generator
+) -> None:
+    """Add a facade with as many windows as fit, and a door where it stands on the ground."""
+    columns = int((line.length - 0.8) / windows.pitch)
+    storeys = int((z[1] - z[0]) / windows.storey)
+    if columns < 1 or storeys < 1:
+        builder.wall(line.start, line.end, z, Kind.FACADE)
+        return
+    upper = z[0]
+    if z[0] == 0.0:
+        upper = windows.storey
+        _add_ground_floor(builder, line, windows, columns, rng)
+    if upper > z[1] - 1e-9:
+        return
+    if windows.style is Style.RIBBONS:
+        _add_ribbons(builder, line, (upper, z[1]), windows)
+    elif windows.style is Style.BAYS:
+        _add_bays(builder, line, (upper, z[1]), windows, columns)
+    else:
+        margin = 0.5 * (line.length - columns * windows.pitch)
+        _add_windows(builder, line, (upper, z[1]), windows, builder.surface(line.inward), (margin, columns))
+
+
+def _add_ground_floor(
+    builder: SceneBuilder, line: Line, windows: Windows, columns: int, rng: np.random.Generator
+) -> None:
+    """Add the storey on the ground, with a door in place of one window."""
+    surface = builder.surface(line.inward)
+    margin = 0.5 * (line.length - columns * windows.pitch)
+    door = int(rng.integers(columns))
+    first, last = margin + door * windows.pitch, margin + (door + 1) * windows.pitch
+    top = windows.storey
+    _add_door(builder, line.piece(first, last), windows, surface)
+    _add_windows(builder, line.piece(0.0, first), (0.0, top), windows, surface, (margin, door))
+    _add_windows(builder, line.piece(last, line.length), (0.0, top), windows, surface, (0.0, columns - door - 1))
+
+
+def _add_ribbons(builder: SceneBuilder, line: Line, z: tuple[float, float], windows: Windows) -> None:
+    """Add storeys of which each has one window from end to end; the walls between them do not touch each other."""
+    behind = line.shifted(windows.recess)
+    low = z[0]
+    for storey in range(int((z[1] - z[0]) / windows.storey + 1e-9)):
+        sill = z[0] + storey * windows.storey + windows.sill
+        lintel = sill + windows.height
+        builder.wall(line.start, line.end, (low, sill), Kind.FACADE)
+        builder.wall(behind.start, behind.end, (sill, lintel), Kind.RECESS)
+        for edge in (sill, lintel):
+            _add_ledge(builder, line, edge, windows.recess)
+        low = lintel
+    builder.wall(line.start, line.end, (low, z[1]), Kind.FACADE)
+
+
+def _add_bays(builder: SceneBuilder, line: Line, z: tuple[float, float], windows: Windows, columns: int) -> None:
+    """Add storeys of which pilasters stand out, with bays of wall and glass between them."""
+    margin = 0.5 * (line.length - columns * windows.pitch)
+    last = 0.0
+    for column in range(columns):
+        first = margin + column * windows.pitch + 0.5 * (windows.pitch - windows.width)
+        bay = line.piece(first, first + windows.width)
+        pilaster = line.piece(last, first)
+        builder.wall(pilaster.start, pilaster.end, z, Kind.FACADE)
+        _add_pane(builder, bay, z, windows.recess)
+        _add_jambs(builder, bay, z, windows.recess)
+        last = first + windows.width
+    rest = line.piece(last, line.length)
+    builder.wall(rest.start, rest.end, z, Kind.FACADE)
+    _add_ledge(builder, line, z[0], windows.recess)
+
+
+def _add_door(builder: SceneBuilder, line: Line, windows: Windows, surface: int) -> None:
+    """Add one column of the ground floor with a door instead of a window."""
+    first = 0.5 * (line.length - windows.width)
+    height = min(2.3, windows.storey - 0.2)
+    holes = ((first, line.length, windows.width, first + windows.width), (0.0, height + 1.0, height, height))
+    builder.wall(line.start, line.end, (0.0, windows.storey), Kind.FACADE, surface, holes)
+    _add_recess(builder, line.piece(first, first + windows.width), (0.0, height), windows.recess)
+
+
+def _add_windows(
+    builder: SceneBuilder,
+    line: Line,
+    z: tuple[float, float],
+    windows: Windows,
+    surface: int,
+    columns: tuple[float, int],
+) -> None:
+    """Add a part of a facade with storeys of windows; `columns`: where the first one begins, and how many."""
+    margin, n_columns = columns
+    n_storeys = int((z[1] - z[0]) / windows.storey + 1e-9)
+    if n_columns < 1 or n_storeys < 1:
+        builder.wall(line.start, line.end, z, Kind.FACADE, surface)
+        return
+    first = margin + 0.5 * (windows.pitch - windows.width)
+    low = z[0] + windows.sill
+    across = (first, windows.pitch, windows.width, first + n_columns * windows.pitch - 1e-6)
+    upward = (low, windows.storey, windows.height, low + n_storeys * windows.storey - 1e-6)
+    builder.wall(line.start, line.end, z, Kind.FACADE, surface, (across, upward))
+    for column in range(n_columns):
+        u = first + column * windows.pitch
+        opening = line.piece(u, u + windows.width)
+        bottoms = [low + storey * windows.storey for storey in range(n_storeys)]
+        for bottom in bottoms:
+            _add_pane(builder, opening, (bottom, bottom + windows.height), windows.recess)
+        _add_jambs(builder, opening, (bottoms[0], bottoms[-1] + windows.height), windows.recess)
+    for storey in range(n_storeys):
+        bottom = low + storey * windows.storey
+        for edge in (bottom, bottom + windows.height):
+            _add_ledge(builder, line, edge, windows.recess)
+
+
+def _add_recess(builder: SceneBuilder, opening: Line, z: tuple[float, float], recess: float) -> None:
+    """Add what is behind one hole: a pane or a door, its two sides, and its lintel."""
+    _add_pane(builder, opening, z, recess)
+    _add_jambs(builder, opening, z, recess)
+    _add_ledge(builder, opening, z[1], recess)
+
+
+def _add_pane(builder: SceneBuilder, opening: Line, z: tuple[float, float], recess: float) -> None:
+    pane = opening.shifted(recess)
+    builder.wall(pane.start, pane.end, z, Kind.RECESS)
+
+
+def _add_jambs(builder: SceneBuilder, opening: Line, z: tuple[float, float], recess: float) -> None:
+    """Add the two sides of the openings of one column, in one piece: behind the facade nobody sees it."""
+    for corner in (opening.start, opening.end):
+        builder.wall(corner, corner + recess * opening.inward, z, Kind.REVEAL)
+
+
+def _add_ledge(builder: SceneBuilder, line: Line, z: float, recess: float) -> None:
+    """Add the sills or the lintels of a storey."""
+    along, inward = np.array([*(line.end - line.start), 0.0]), np.array([*(recess * line.inward), 0.0])
+    builder.sheet(np.array([*line.start, z]), along, inward, Kind.REVEAL)
