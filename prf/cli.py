@@ -18,9 +18,10 @@ VERBS: dict[str, str] = {
     "sample": "Draw the posterior over polygonal maps from localized laser readings.",
     "info": "Say what is in a log: scans, beams, extent, ranges, and what looks suspicious.",
     "prior": "Draw maps from the prior, exactly or by Markov chain.",
-    "query": "Ask a run how probably points, squares or a path are occupied or free.",
+    "query": "Ask a run or a grid how probably points, squares or a path are occupied or free.",
     "inspect": "Show how a run was made, and the state of its files.",
-    "render": "Draw a picture of a run, or of draws from the prior.",
+    "grid": "Build an occupancy grid, the baseline, from localized readings.",
+    "render": "Draw a picture of a run, of a grid, or of draws from the prior.",
     "export": "Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF.",
 }
 """Verb to its summary: the first line of the docstring of ``prf/commands/<verb>.py``, as a test compares."""

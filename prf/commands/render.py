@@ -1,4 +1,4 @@
-"""Draw a picture of a run, or of draws from the prior."""
+"""Draw a picture of a run, of a grid, or of draws from the prior."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ logger = logging.getLogger(__name__)
 EXAMPLES = (
     "prf render office -o posterior.png",
     "prf render office --what draws --draws 6 -o draws.svg",
-    "prf render office --what beams --outline -o readings.png",
+    "prf render office.grid.npz -o grid.png",
     'prf render p1.geojsonl p10.geojsonl --caption "p = 1" --caption "p = 10" -o prior.png',
 )
 
@@ -35,7 +35,7 @@ class What(StrEnum):
 def render(
     inputs: Annotated[
         list[str],
-        typer.Argument(metavar="RUN|DRAWS...", help="A directory that prf sample wrote, or draws of prf prior."),
+        typer.Argument(metavar="RUN|GRID|DRAWS...", help="What prf sample, prf grid or prf prior wrote."),
     ],
     what: Annotated[
         What,
@@ -61,7 +61,7 @@ def render(
     output: Output = None,
     force: Force = False,
 ) -> None:
-    """Draw a picture of a run, or of draws from the prior.
+    """Draw a picture of a run, of a grid, or of draws from the prior.
 
     The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG in the current folder.
     White is free, black occupied, mid-grey unknown.
@@ -69,15 +69,19 @@ def render(
     from prf.shell.files import STREAM, refuse_existing
     from prf.shell.pictures import picture_format
 
-    is_run = Path(inputs[0]).is_dir()
-    if is_run and len(inputs) > 1:
-        raise UsageError("one RUN gives one picture; only DRAWS go side by side.")
+    is_run, is_grid = Path(inputs[0]).is_dir(), _is_grid(inputs[0])
+    if (is_run or is_grid) and len(inputs) > 1:
+        raise UsageError("one RUN or GRID gives one picture; only DRAWS go side by side.")
+    if is_grid and (what is not What.posterior or draws or outline or path or beams):
+        raise UsageError("a GRID has cells only: leave --what, --draws, --outline, --path and --beams out.")
     name = Path(inputs[0]).resolve().name + f"-{what}" if is_run else Path(inputs[0]).stem
     target = output or f"{'draws' if inputs[0] == STREAM else name}.png"
     picture_format(target)
     refuse_existing(target, force)
     if is_run:
         _render_run(inputs[0], target, what, draws or 4, outline, path, beams, title)
+    elif is_grid:
+        _render_grid(inputs[0], target, title)
     else:
         _render_draws(inputs, target, draws, title, caption or [])
     if target != STREAM:
@@ -114,6 +118,20 @@ def _render_run(
             beams=beams,
             title=title,
         )
+
+
+def _is_grid(source: str) -> bool:
+    from prf import occupancy
+
+    return occupancy.is_grid(source)
+
+
+def _render_grid(source: str, target: str, title: str | None) -> None:
+    from prf import occupancy, render
+
+    grid = occupancy.read_grid(source)
+    words = f"{Path(source).stem}  ·  {grid.settings.get('method', 'unknown method')}"
+    render.render_cells(grid.image(), target, title=title or "Occupancy grid", words=words)
 
 
 def _render_draws(sources: list[str], target: str, n_draws: int | None, title: str | None, captions: list[str]) -> None:

@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from prf.render import layers
-from prf.run import Run, names
+from prf.run import PosteriorImage, Run, names
 from prf.shell import pictures as style
 from prf.shell.pictures import Target
+from prf.window import Window
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
-
-    from prf.window import Window
 
 LEAST_BAR, MOST_BAR = 1.5, 3.6
 """Inches of the colour bar: room for its label, and no taller than reads well."""
@@ -68,6 +67,28 @@ def render_posterior(
     if run.beams is not None and path:
         layers.draw_path(axes, run.beams)
     _add_colour_bar(page, drawn, window, "not free" if squares else "occupied")
+    style.save(page, target)
+
+
+def render_cells(image: PosteriorImage, target: Target, *, title: str, words: str = "") -> None:
+    """Draw probabilities cell by cell: white free, mid-grey unknown, black occupied.
+
+    Parameters
+    ----------
+    image : PosteriorImage
+        Its occupancy is drawn.
+    target : path or binary file
+        Where the picture goes.
+    title, words : str
+        Over the picture: a title, and what the small print begins with.
+    """
+    left, right, bottom, top = image.extent
+    window = Window(left, bottom, right, top)
+    small = "  ·  ".join([*([words] if words else []), f"cells of {image.resolution:g} m", style.window_words(window)])
+    page, axes = style.map_page(window, style.margins_of(window, right=1.35), title, small)
+    drawn = layers.draw_occupancy(axes, image, image.occupancy)
+    style.show_window(axes, window)
+    _add_colour_bar(page, drawn, window, "occupied")
     style.save(page, target)
 
 

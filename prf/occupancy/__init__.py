@@ -1,0 +1,20 @@
+"""Occupancy grids, the baseline: cells that know nothing of one another (paper, section 1.2)."""
+
+from prf.occupancy.build import BuiltGrid, build_grid
+from prf.occupancy.config import GridConfig
+from prf.occupancy.files import SCHEMA, is_grid, read_grid, write_grid
+from prf.occupancy.model import OccupancyGrid
+from prf.occupancy.query import occupied_probability, path_free
+
+__all__ = [
+    "SCHEMA",
+    "BuiltGrid",
+    "GridConfig",
+    "OccupancyGrid",
+    "build_grid",
+    "is_grid",
+    "occupied_probability",
+    "path_free",
+    "read_grid",
+    "write_grid",
+]

@@ -1,0 +1,171 @@
+"""From readings to a grid: every cell is updated on its own by every reading (inverse sensor models).
+
+Laser beams: the cell in which a beam ends is hit, those before it are missed. Sonar cones: cells within half the
+thickness of the range are hit, nearer ones in the cone are missed (Thrun, Burgard & Fox 2005, table 9.2).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.kernels.grid import Grid, most_cells
+from prf.kernels.occupancy import Cells, update_beams, update_cones
+from prf.logs import Readings, thin
+from prf.logs.describe import default_max_range
+from prf.occupancy.config import GridConfig
+from prf.occupancy.model import OccupancyGrid
+from prf.sampler.config import SampleConfig, chosen_window
+from prf.sensors.laser import window_exit
+from prf.shell.errors import ConfigError, InputError
+from prf.window import Window
+
+Floats = NDArray[np.float64]
+
+MOST_CELLS = 100_000_000
+"""Each takes 20 bytes while the grid is built."""
+
+
+class BuiltGrid(NamedTuple):
+    """A grid, and how many readings it stands on.
+
+    Attributes
+    ----------
+    grid : OccupancyGrid
+    n_beams : int
+        Readings used.
+    n_outside : int
+        Readings dropped because their sensor does not stand inside the window.
+    """
+
+    grid: OccupancyGrid
+    n_beams: int
+    n_outside: int
+
+
+class _Rays(NamedTuple):
+    """Readings of one kind of sensor: inf where there was no return below `max_range`."""
+
+    origin: Floats
+    angle: Floats
+    range: Floats
+    cone: Floats
+    max_range: float
+
+    def select(self, mask: NDArray[np.bool_]) -> _Rays:
+        return _Rays(self.origin[mask], self.angle[mask], self.range[mask], self.cone[mask], self.max_range)
+
+
+def build_grid(
+    laser: Readings | None, sonar: Readings | None, config: GridConfig, process: dict[str, Any] | None = None
+) -> BuiltGrid:
+    """Build the grid of whole logs; laser readings are entered first, each log in its own order.
+
+    Parameters
+    ----------
+    laser, sonar : Readings or None
+        Not thinned yet; at least one of them.
+    config : GridConfig
+    process : dict, optional
+        What to keep with the grid beside its settings: versions, digests.
+
+    Raises
+    ------
+    InputError
+        If no reading is left, or no maximum range can be found.
+    ConfigError
+        If the window is none, or has too many cells.
+    """
+    beams = _rays(laser, config, config.max_range)
+    cones = _rays(sonar, config, config.sonar_max_range)
+    window = _window(config, beams, cones)
+    n_all = len(beams.range) + len(cones.range)
+    beams = beams.select(window.contains(beams.origin, strictly=True))
+    cones = cones.select(window.contains(cones.origin, strictly=True))
+    n_used = len(beams.range) + len(cones.range)
+    if n_used == 0:
+        raise InputError("no sensor stands inside the window. Check --window.")
+    cells = _empty_cells(window, config)
+    if config.no_return == "ignore":
+        beams = beams.select(np.isfinite(beams.range))
+    _enter_beams(cells, beams)
+    update_cones(cells, _cone_rows(cones, config))
+    settings = {**dataclasses.asdict(config), "window": [*window], "max_range": beams.max_range}
+    return BuiltGrid(_finished(cells, config, settings, process or {}), n_used, n_all - n_used)
+
+
+def _rays(readings: Readings | None, config: GridConfig, max_range: float | None) -> _Rays:
+    if readings is None:
+        none = np.empty(0)
+        return _Rays(np.empty((0, 2)), none, none, none, math.nan)
+    # Of the whole log: what is left after thinning may hold no "no return" at all.
+    limit = default_max_range(readings) if max_range is None else max_range
+    if not math.isfinite(limit):
+        raise InputError(f"{readings.source}: no reading has a finite range. Give --max-range.")
+    kept = thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
+    distance = np.where(kept.range < limit, kept.range, np.inf)
+    return _Rays(kept.origin, kept.angle, distance, kept.cone, limit)
+
+
+def _window(config: GridConfig, *parts: _Rays) -> Window:
+    """Return the window asked for, or the one that `prf sample` takes, for the readings of all sensors."""
+    origin, angle, distance = (np.concatenate([part[field] for part in parts]) for field in range(3))
+    return chosen_window(SampleConfig(window=config.window), origin, angle, distance)
+
+
+def _empty_cells(window: Window, config: GridConfig) -> Cells:
+    # A hair less, so that 3 m hold 30 cells of 0.1 m and not 31.
+    nx, ny = (max(1, math.ceil(side / config.resolution - 1e-9)) for side in (window.width, window.height))
+    if nx * ny > MOST_CELLS:
+        raise ConfigError(f"--resolution {config.resolution}: more than {MOST_CELLS} cells. Give a larger one.")
+    grid = Grid(window.x_min, window.y_min, config.resolution, nx, ny)
+    return Cells(
+        grid=grid,
+        hits=np.zeros(nx * ny, np.int32),
+        misses=np.zeros(nx * ny, np.int32),
+        log_odds=np.zeros(nx * ny),
+        steps=config.steps(),
+        path=np.empty(most_cells(grid), np.int32),
+    )
+
+
+def _enter_beams(cells: Cells, beams: _Rays) -> None:
+    """Enter laser beams, each up to its end, its maximum range or the border of the grid."""
+    grid = cells.grid
+    border = Window(grid.x0, grid.y0, grid.x0 + grid.nx * grid.cell, grid.y0 + grid.ny * grid.cell)
+    direction = np.stack([np.cos(beams.angle), np.sin(beams.angle)], axis=1)
+    leaves = window_exit(border, beams.origin, direction)
+    length = np.minimum(np.minimum(beams.range, beams.max_range), leaves)
+    segments = np.hstack([beams.origin, beams.origin + length[:, None] * direction])
+    update_beams(cells, segments, np.ascontiguousarray(beams.range <= length))
+
+
+def _cone_rows(cones: _Rays, config: GridConfig) -> Floats:
+    """Return what the kernel wants to know of each cone, (n, 7)."""
+    opening = np.where(cones.cone > 0.0, cones.cone, config.sonar_cone)
+    returned = np.isfinite(cones.range)
+    near = np.minimum(cones.range, cones.max_range) - 0.5 * config.sonar_thickness
+    far = np.where(returned, near + config.sonar_thickness, 0.0)
+    columns = [np.cos(cones.angle), np.sin(cones.angle), np.cos(0.5 * opening), near, far]
+    return np.ascontiguousarray(np.column_stack([cones.origin, *columns]))
+
+
+def _finished(cells: Cells, config: GridConfig, settings: dict[str, Any], process: dict[str, Any]) -> OccupancyGrid:
+    shape = cells.grid.ny, cells.grid.nx
+    if config.method == "count":
+        probability = (cells.hits + 0.5) / (cells.hits + cells.misses + 1.0)
+    else:
+        probability = 1.0 / (1.0 + np.exp(-cells.log_odds))
+    return OccupancyGrid(
+        probability.astype(np.float32).reshape(shape),
+        cells.hits.reshape(shape),
+        cells.misses.reshape(shape),
+        np.array([cells.grid.x0, cells.grid.y0]),
+        cells.grid.cell,
+        settings,
+        process,
+    )

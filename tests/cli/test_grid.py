@@ -1,0 +1,127 @@
+"""`prf grid`, and the verbs that take a GRID where they take a RUN."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from prf.cli import app
+from prf.occupancy import occupied_probability, path_free, read_grid
+from prf.shell.run import run_app
+
+THIN = ("--every-scan", "4", "--every-beam", "3")
+
+
+def run(*args: object) -> int:
+    return run_app(app, "prf", [*map(str, args)])
+
+
+@pytest.fixture(scope="module")
+def log() -> Path:
+    return Path(__file__).resolve().parents[2] / "data" / "demo-office.log.gz"
+
+
+@pytest.fixture(scope="module")
+def office(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("grid") / "office.npz"
+    assert run("grid", "--laser", log, *THIN, "-o", file, "-q") == 0
+    return file
+
+
+@pytest.fixture
+def points(tmp_path: Path) -> Path:
+    (tmp_path / "points.csv").write_text("x,y\n5.0,7.0\n6.0,7.0\n")
+    return tmp_path / "points.csv"
+
+
+def test_a_grid_of_a_log(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run("grid", "--laser", log, *THIN, "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["schema"] == "prf.grid.built/1"
+    assert told["grid"] == "demo-office.grid.npz"
+    grid = read_grid(told["grid"])
+    assert list(grid.occupancy.shape) == told["shape"]
+    assert told["window"] == list(grid.window)
+    assert (told["n_outside"], told["method"], grid.settings["every_scan"]) == (0, "count", 4)
+    assert grid.hits.sum() <= told["n_beams"]
+    assert len(grid.process["inputs"][0]["sha256"]) == 64
+    assert run("grid", "--laser", log, *THIN) == 4
+    assert "--force" in capsys.readouterr().err
+    assert run("grid", "--laser", log, *THIN, "-f", "--method", "log-odds", "--resolution", 0.5) == 0
+    assert "0.5 m" in capsys.readouterr().out
+    assert read_grid(told["grid"]).occupancy.max() <= 1.0 / (1.0 + np.exp(-3.5)) + 1e-6
+
+
+def test_sonar_alone_and_with_a_laser(log: Path, tmp_path: Path) -> None:
+    table = tmp_path / "ring.csv"
+    table.write_text("x,y,theta,range,cone\n5,7,0,1.5,0.4\n5,7,1,,0.4\n5,7,2,2.5,0.4\n")
+    assert run("grid", "--sonar", table, "-o", tmp_path / "s.npz", "-q") == 0
+    assert read_grid(tmp_path / "s.npz").hits.sum() > 5
+    assert run("grid", "--sonar", table, "--laser", log, *THIN, "-o", tmp_path / "b.npz", "-q") == 0
+    assert len(read_grid(tmp_path / "b.npz").process["inputs"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "words"),
+    [
+        ([], 2, "--laser LOG, --sonar LOG"),
+        (["--laser", "LOG", "-o", "-"], 2, "-o -"),
+        (["--laser", "LOG", "--resolution", "-1"], 2, "--resolution"),
+        (["--laser", "LOG", "--method", "magic"], 2, "--method"),
+        (["--laser", "LOG", "--window", "3", "0", "1", "1"], 2, "window"),
+        (["--laser", "LOG", "--window", "100", "100", "110", "110"], 3, "no sensor stands inside"),
+        (["--laser", "LOG", "--scans", "900:901"], 3, "no reading is left"),
+        (["--sonar", "LOG"], 3, "sonar"),
+        (["--laser", "absent.log"], 3, "absent.log"),
+        (["--laser", "LOG", "-o", "no/such/folder.npz"], 4, "cannot be written"),
+    ],
+)
+def test_bad_options_end_in_one_line(
+    log: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture,
+    args: list[str],
+    code: int,
+    words: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run("grid", *[str(log) if arg == "LOG" else arg for arg in args]) == code
+    error = capsys.readouterr().err.strip().splitlines()
+    assert len(error) == 1
+    assert words in error[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_query_takes_a_grid(office: Path, points: Path, capsys: pytest.CaptureFixture) -> None:
+    grid, xy = read_grid(office), [[5.0, 7.0], [6.0, 7.0]]
+    assert run("query", office, "--points", points, "--square", 0.2) == 0
+    rows = capsys.readouterr().out.splitlines()[1:]
+    assert [float(row.split(",")[2]) for row in rows] == occupied_probability(grid, xy, 0.2).tolist()
+    assert run("query", office, "--points", points, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["n_draws"] is None
+    assert run("query", office, "--path", points, "--radius", 0.3) == 0
+    assert capsys.readouterr().out == f"p_free   {path_free(grid, xy, 0.3)!r}\n"
+    assert run("query", office, "--path", points, "--radius", 0.3, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["p_free"] == path_free(grid, xy, 0.3)
+
+
+def test_render_takes_a_grid(office: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    assert run("render", office, "-o", tmp_path / "grid.png") == 0
+    assert (tmp_path / "grid.png").stat().st_size > 10_000
+    assert run("render", office, "-o", tmp_path / "best.png", "--what", "best") == 2
+    assert run("render", office, office, "-o", tmp_path / "two.png") == 2
+    assert "GRID" in capsys.readouterr().err
+
+
+def test_a_damaged_grid_is_named(tmp_path: Path, points: Path, capsys: pytest.CaptureFixture) -> None:
+    (tmp_path / "cut.npz").write_bytes(b"PK\x03\x04cut")
+    for args in (["query", "--points", points], ["render", "-o", tmp_path / "x.png"]):
+        assert run(args[0], tmp_path / "cut.npz", *args[1:]) == 3
+        assert "cut.npz: damaged" in capsys.readouterr().err
