@@ -21,6 +21,7 @@ VERBS: dict[str, str] = {
     "query": "Ask a run or a grid how probably points, squares or a path are occupied or free.",
     "inspect": "Show how a run was made, and the state of its files.",
     "grid": "Build an occupancy grid, the baseline, from localized readings.",
+    "score": "Score how well a map predicts held-out readings.",
     "render": "Draw a picture of a run, of a grid, or of draws from the prior.",
     "export": "Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF.",
 }

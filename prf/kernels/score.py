@@ -1,0 +1,150 @@
+"""Held-out beams against finished maps: first edges on many beams, and first hits among the cells of a grid."""
+
+import math
+
+import numpy as np
+
+from prf.kernels import constants as c
+from prf.kernels._jit import core, core_entry, jit
+from prf.kernels.geometry import ray_hit
+from prf.kernels.grid import Grid, axis_index, exit_distance, walk
+from prf.kernels.laser import ROOT_TWO_PI, WHOLE, beam_log_likelihood, normal_cdf
+
+REACH = 4
+"""Column of a ray after its origin and its unit direction: the distance up to which it can meet anything."""
+
+UNKNOWN = 0.5
+"""Probability outside the grid."""
+
+
+@core
+def count_edges(grid: Grid, segments: np.ndarray, path: np.ndarray, start: np.ndarray) -> None:
+    """Set ``start`` (n_cells + 1,), zeros so far: where each cell's list of the edges that pass it begins."""
+    for e in range(segments.shape[0]):
+        n = walk(grid, segments[e, 0], segments[e, 1], segments[e, 2], segments[e, 3], path)
+        for k in range(n):
+            start[path[k] + 1] += 1
+    for cell in range(start.size - 1):
+        start[cell + 1] += start[cell]
+
+
+@core
+def list_edges(
+    grid: Grid, segments: np.ndarray, path: np.ndarray, start: np.ndarray, filled: np.ndarray, listed: np.ndarray
+) -> None:
+    """Fill the lists that :func:`count_edges` laid out; `filled` (n_cells,) begins as zeros."""
+    for e in range(segments.shape[0]):
+        n = walk(grid, segments[e, 0], segments[e, 1], segments[e, 2], segments[e, 3], path)
+        for k in range(n):
+            cell = path[k]
+            listed[start[cell] + filled[cell]] = e
+            filled[cell] += 1
+
+
+@core
+def first_edge(
+    grid: Grid, ray: np.ndarray, segments: np.ndarray, path: np.ndarray, start: np.ndarray, listed: np.ndarray
+) -> float:
+    """Distance to the first edge on a ray before its reach, inf if there is none."""
+    ox, oy, ux, uy = ray[0], ray[1], ray[2], ray[3]
+    best = math.inf
+    n = walk(grid, ox, oy, ox + ray[REACH] * ux, oy + ray[REACH] * uy, path)
+    for k in range(n):
+        cell = path[k]
+        for i in range(start[cell], start[cell + 1]):
+            s = segments[listed[i]]
+            best = min(best, ray_hit(ox, oy, ux, uy, s[0], s[1], s[2], s[3]))
+        if best < exit_distance(grid, cell, ox, oy, ux, uy):
+            break
+    return best if best < ray[REACH] else math.inf
+
+
+@jit
+def trace_rays(grid: Grid, rays: np.ndarray, segments: np.ndarray, path: np.ndarray, distance: np.ndarray) -> None:
+    """Set ``distance`` (n,) to the first of the segments (n_edges, 4) on each ray (n, 5), inf for none."""
+    start = np.zeros(grid.nx * grid.ny + 1, np.int64)
+    count_edges(grid, segments, path, start)
+    listed = np.empty(start[-1], np.int32)
+    list_edges(grid, segments, path, start, np.zeros(grid.nx * grid.ny, np.int64), listed)
+    for beam in range(rays.shape[0]):
+        distance[beam] = first_edge(grid, rays[beam], segments, path, start, listed)
+
+
+@core_entry
+def add_densities(
+    model: np.ndarray, readings: np.ndarray, distance: np.ndarray, occupied: np.ndarray, total: np.ndarray
+) -> None:
+    """Add the density of each reading given its distance to ``total`` (n,); an occupied sensor leaves the outliers."""
+    for beam in range(readings.size):
+        if occupied[beam]:
+            total[beam] += model[c.OUTLIER_DENSITY]
+        else:
+            total[beam] += math.exp(beam_log_likelihood(model, readings[beam], distance[beam]))
+
+
+@core
+def cell_probability(grid: Grid, occupancy: np.ndarray, x: float, y: float) -> float:
+    """Probability that the cell of (x, y) is occupied."""
+    u = (x - grid.x0) / grid.cell
+    v = (y - grid.y0) / grid.cell
+    if not (0.0 <= u < grid.nx and 0.0 <= v < grid.ny):
+        return UNKNOWN
+    return occupancy[axis_index(v, grid.ny), axis_index(u, grid.nx)]
+
+
+@core
+def cdf_integral(z: float) -> float:
+    """Integral of Phi from -inf to z."""
+    return z * normal_cdf(z) + math.exp(-0.5 * z * z) / ROOT_TWO_PI
+
+
+@core
+def blurred_bin(reading: float, near: float, far: float, s: float) -> float:
+    """Density of a reading whose obstacle is uniform on [near, far]: the noise of deviation s, cut at 0."""
+    spread = normal_cdf((far - reading) / s) - normal_cdf((near - reading) / s)
+    if near > WHOLE * s:
+        return spread / (far - near)
+    return spread / (s * (cdf_integral(far / s) - cdf_integral(near / s)))
+
+
+@core
+def grid_beam(
+    grid: Grid, occupancy: np.ndarray, model: np.ndarray, width: float, ray: np.ndarray, reading: float
+) -> tuple[float, float]:
+    """Density of a return, and distance of the first bin more likely occupied than not (inf: none).
+
+    Bins of `width` along the ray take the probability of the cell at their middle; the weight of bin k is
+    p_k prod_{j < k} (1 - p_j), and the reading spreads round an obstacle anywhere in its bin.
+    """
+    maximum = model[c.MAX_RANGE]
+    density = model[c.OUTLIER_DENSITY]
+    first = math.inf
+    unmet = 1.0
+    for k in range(math.ceil(maximum / width)):
+        near = k * width
+        far = min(near + width, maximum)
+        middle = 0.5 * (near + far)
+        s = max(model[c.NOISE], model[c.NOISE_RELATIVE] * middle)
+        p = cell_probability(grid, occupancy, ray[0] + middle * ray[2], ray[1] + middle * ray[3])
+        if first == math.inf and p > 0.5:
+            first = middle
+        if near - WHOLE * s < reading < far + WHOLE * s:
+            density += model[c.HIT] * p * unmet * blurred_bin(reading, near, far, s)
+        unmet *= 1.0 - p
+    return density, first
+
+
+@core_entry
+def grid_beams(
+    grid: Grid,
+    occupancy: np.ndarray,
+    model: np.ndarray,
+    width: float,
+    rays: np.ndarray,
+    readings: np.ndarray,
+    density: np.ndarray,
+    first: np.ndarray,
+) -> None:
+    """Set ``density`` and ``first`` (n,) of every beam: see :func:`grid_beam`."""
+    for beam in range(readings.size):
+        density[beam], first[beam] = grid_beam(grid, occupancy, model, width, rays[beam], readings[beam])

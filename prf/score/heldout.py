@@ -1,0 +1,112 @@
+"""Held-out readings, and the sensor model by which they are scored."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.logs import Readings, thin
+from prf.logs.describe import default_max_range
+from prf.sensors.laser import LaserModel, window_exit
+from prf.shell.errors import InputError
+from prf.window import Window
+
+Floats = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class ScoreConfig:
+    """How to score. Units: metres.
+
+    Attributes
+    ----------
+    max_range : float or None
+        Readings at or above it are no returns and are not scored; default 0.97 of the log's largest range.
+    noise, noise_relative, outlier_probability, miss_probability : float
+        See :class:`prf.sensors.laser.LaserModel`.
+    every_scan, every_beam : int
+    scans, skip_scans : str or None
+        As in :func:`prf.logs.thin`.
+    """
+
+    max_range: float | None = None
+    noise: float = 0.05
+    noise_relative: float = 0.0
+    outlier_probability: float = 0.05
+    miss_probability: float = 0.0
+    every_scan: int = 1
+    every_beam: int = 1
+    scans: str | None = None
+    skip_scans: str | None = None
+
+
+class HeldOut(NamedTuple):
+    """Beams with a return, one row each, and what was left out.
+
+    Attributes
+    ----------
+    origin, direction : (n, 2) float64
+        Sensor positions in metres, unit vectors.
+    range : (n,) float64
+        Metres, below the maximum range of `model`.
+    model : LaserModel
+    n_no_return : int
+        Beams without return, which are not scored.
+    """
+
+    origin: Floats
+    direction: Floats
+    range: Floats
+    model: LaserModel
+    n_no_return: int
+
+    def select(self, mask: NDArray[np.bool_]) -> HeldOut:
+        """Return the beams that `mask` (n,) picks."""
+        return self._replace(origin=self.origin[mask], direction=self.direction[mask], range=self.range[mask])
+
+    def returns(self) -> Floats:
+        """Return the ends of the beams, (n, 2) in metres."""
+        return self.origin + self.range[:, None] * self.direction
+
+    def rays(self, window: Window | None) -> Floats:
+        """Return the (n, 5) rays of the kernels; they reach to the maximum range, or where they leave the window."""
+        reach = np.full(len(self.range), self.model.max_range)
+        if window is not None:
+            reach = np.minimum(reach, window_exit(window, self.origin, self.direction))
+        return np.ascontiguousarray(np.column_stack([self.origin, self.direction, reach]))
+
+
+def hold_out(readings: Readings, config: ScoreConfig) -> HeldOut:
+    """Return the beams to score.
+
+    Parameters
+    ----------
+    readings : Readings
+        The whole log.
+    config : ScoreConfig
+
+    Raises
+    ------
+    InputError
+        If no beam with a return is left.
+    ConfigError
+        If a parameter of the sensor model is out of its range.
+    """
+    max_range = default_max_range(readings) if config.max_range is None else config.max_range
+    if config.max_range is None and not math.isfinite(max_range):
+        raise InputError(f"{readings.source}: no reading has a finite range. There is nothing to score.")
+    model = LaserModel(
+        max_range, config.noise, config.noise_relative, config.outlier_probability, config.miss_probability
+    )
+    kept = thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
+    returned = kept.range < max_range
+    if not returned.any():
+        raise InputError(f"{readings.source}: no beam has a return below {max_range:g} m. There is nothing to score.")
+    direction = np.stack([np.cos(kept.angle), np.sin(kept.angle)], axis=1)
+    return HeldOut(
+        kept.origin[returned], direction[returned], kept.range[returned], model, int(np.count_nonzero(~returned))
+    )

@@ -1,0 +1,212 @@
+"""The three kinds of map that can be scored, seen alike: draws of a RUN, cells of a GRID, polygons of a file."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from prf import estimate
+from prf.coloring import Coloring, Draws, black_at_draws
+from prf.kernels.score import add_densities, grid_beams
+from prf.occupancy import OccupancyGrid, is_grid, read_grid
+from prf.occupancy import occupied_probability as cells_occupied
+from prf.run import names, read_run
+from prf.score.heldout import HeldOut
+from prf.score.polygons import OccupiedArea, read_occupied_area
+from prf.score.trace import first_edges
+from prf.shell.errors import InputError
+from prf.window import Window
+
+Floats = NDArray[np.float64]
+
+SQUARE = 0.2
+"""Side in metres of the squares that are asked for in polygonal maps, where a point on a wall has no colour."""
+BIN = 0.1
+"""Metres of a beam that take the probability of one cell."""
+
+
+class Prediction(NamedTuple):
+    """What a map says of beams.
+
+    Attributes
+    ----------
+    density : (n,) float64
+        Predictive density of each reading, 1/m.
+    distance : (n,) float64
+        Distance to the first obstacle in the best map; inf for none before the maximum range, 0 in occupied space,
+        nan if there is no best map.
+    share_occupied : float
+        Share of pairs of a draw and a beam in which the sensor stands in occupied space.
+    """
+
+    density: Floats
+    distance: Floats
+    share_occupied: float
+
+
+class ScoredMap(Protocol):
+    """What a score needs of a map."""
+
+    @property
+    def kind(self) -> str:
+        """Return run, grid or map."""
+
+    @property
+    def window(self) -> Window | None:
+        """Where the map is known; None: everywhere."""
+
+    @property
+    def n_draws(self) -> int:
+        """How many maps there are."""
+
+    def predict(self, beams: HeldOut) -> Prediction:
+        """Return what it says of beams whose sensors stand inside the window."""
+
+    def occupied(self, xy: Floats) -> Floats:
+        """Return the probability of points (n, 2), nan outside the window."""
+
+
+class DrawsMap:
+    """The draws of a RUN, every one a possible map, and its best map.
+
+    Parameters
+    ----------
+    draws : Draws
+        At least one.
+    best : Coloring or None
+    """
+
+    kind = "run"
+
+    def __init__(self, draws: Draws, best: Coloring | None) -> None:
+        if len(draws) == 0:
+            raise InputError("no draws yet: nothing can be scored. Go on with prf sample --resume.")
+        self.draws = draws
+        self.best = best
+        self.window: Window = draws.window
+        self.n_draws = len(draws)
+
+    def predict(self, beams: HeldOut) -> Prediction:
+        """Return the density averaged over draws, and the distances of the best map."""
+        rays, model = beams.rays(self.window), beams.model.to_array()
+        sensors, sensor = np.unique(beams.origin, axis=0, return_inverse=True)
+        black = np.ascontiguousarray(black_at_draws(self.draws, sensors)[:, sensor.reshape(-1)])
+        total = np.zeros(len(rays))
+        for draw, occupied in zip(self.draws, black, strict=True):
+            distance = first_edges(rays, draw.segments(), self.window)
+            add_densities(model, beams.range, distance, occupied, total)
+        return Prediction(total / self.n_draws, self._best_distance(beams, rays), float(black.mean()))
+
+    def occupied(self, xy: Floats) -> Floats:
+        """Return the share of draws in which the square round each point is not completely white."""
+        return estimate.occupied_probability(self.draws, xy, SQUARE)
+
+    def _best_distance(self, beams: HeldOut, rays: Floats) -> Floats:
+        if self.best is None:
+            return np.full(len(rays), np.nan)
+        black = black_at_draws(Draws.from_colorings([self.best]), beams.origin)[0]
+        return np.where(black, 0.0, first_edges(rays, self.best.segments(), self.window))
+
+
+class PolygonMap:
+    """One map as polygons of occupied area.
+
+    Parameters
+    ----------
+    area : OccupiedArea
+    """
+
+    kind = "map"
+    n_draws = 1
+
+    def __init__(self, area: OccupiedArea) -> None:
+        self.region = area.region
+        self.window = area.window
+        shapely.prepare(self.region)
+
+    def predict(self, beams: HeldOut) -> Prediction:
+        """Return density and distances of the one map."""
+        rays = beams.rays(self.window)
+        black = shapely.contains_xy(self.region, beams.origin)
+        distance = first_edges(rays, self._segments(), self._frame(rays))
+        density = np.zeros(len(rays))
+        add_densities(beams.model.to_array(), beams.range, distance, black, density)
+        return Prediction(density, np.where(black, 0.0, distance), float(black.mean()))
+
+    def occupied(self, xy: Floats) -> Floats:
+        """Return 1 where the square round a point is not completely white, 0 elsewhere."""
+        low, high = xy - 0.5 * SQUARE, xy + 0.5 * SQUARE
+        met = shapely.intersects(self.region, shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
+        known = np.ones(len(xy), np.bool_) if self.window is None else self.window.contains(xy)
+        return np.where(known, met.astype(np.float64), np.nan)
+
+    def _segments(self) -> Floats:
+        """Return the sides of all polygons, (n, 4); those along the window's border are no obstacle."""
+        rings = shapely.get_rings(shapely.get_parts(self.region))
+        xy, ring = shapely.get_coordinates(rings, return_index=True)
+        follows = ring[:-1] == ring[1:]
+        segments = np.hstack([xy[:-1][follows], xy[1:][follows]])
+        if self.window is None:
+            return np.ascontiguousarray(segments)
+        window = self.window
+        hair = 1e-9 * max(window.width, window.height)
+        low, high = np.array(window[:2]), np.array(window[2:])
+        ends = segments.reshape(-1, 2, 2)
+        at_border = (np.abs(ends - low) <= hair, np.abs(ends - high) <= hair)
+        along = np.any([near.all(axis=1).any(axis=1) for near in at_border], axis=0)
+        return np.ascontiguousarray(segments[~along])
+
+    def _frame(self, rays: Floats) -> Window:
+        """Return a box round everything that is traced."""
+        if self.window is not None:
+            return self.window
+        ends = np.vstack([rays[:, :2], rays[:, :2] + rays[:, 4:] * rays[:, 2:4], shapely.get_coordinates(self.region)])
+        return Window(*(ends.min(axis=0) - 1.0).tolist(), *(ends.max(axis=0) + 1.0).tolist())
+
+
+class GridMap:
+    """The cells of a GRID.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+    """
+
+    kind = "grid"
+    n_draws = 1
+
+    def __init__(self, grid: OccupancyGrid) -> None:
+        self.grid = grid
+        self.window: Window = grid.window
+
+    def predict(self, beams: HeldOut) -> Prediction:
+        """Return the density that first hits among the cells give, and the distance of the first likely one."""
+        density, distance = np.empty(len(beams.range)), np.empty(len(beams.range))
+        occupancy = self.grid.occupancy.astype(np.float64)
+        model = beams.model.to_array()
+        grid_beams(self.grid.cells, occupancy, model, BIN, beams.rays(None), beams.range, density, distance)
+        at_sensor = cells_occupied(self.grid, beams.origin) > 0.5
+        return Prediction(density, np.where(at_sensor, 0.0, distance), float(at_sensor.mean()))
+
+    def occupied(self, xy: Floats) -> Floats:
+        """Return the probability of the cell of each point."""
+        return cells_occupied(self.grid, xy)
+
+
+def open_map(path: str | os.PathLike[str]) -> ScoredMap:
+    """Return the map at `path`: a RUN directory, a GRID file, or else GeoJSON.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it is damaged.
+    """
+    if Path(path).is_dir():
+        run = read_run(path, parts=(names.MAP,))
+        return DrawsMap(run.draws, run.best)
+    return GridMap(read_grid(path)) if is_grid(path) else PolygonMap(read_occupied_area(path))

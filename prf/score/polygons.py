@@ -1,0 +1,117 @@
+"""Occupied area from a GeoJSON file of whatever program."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from prf.run import names
+from prf.shell.errors import ConfigError, InputError
+from prf.shell.files import open_input
+from prf.window import Window
+
+MAP_SCHEMA = names.SCHEMAS[names.MAP]
+
+
+class OccupiedArea(NamedTuple):
+    """Occupied area, and the window within which it is known (None: free wherever there is no polygon)."""
+
+    region: BaseGeometry
+    window: Window | None
+
+
+def read_occupied_area(path: str | os.PathLike[str]) -> OccupiedArea:
+    """Read every Polygon and MultiPolygon of a GeoJSON file: a geometry, a Feature or a FeatureCollection.
+
+    Parameters
+    ----------
+    path : path
+        ``-`` is standard input. The property ``window``, ``[x_min, y_min, x_max, y_max]``, of the first object that
+        has it says where the map is known.
+
+    Returns
+    -------
+    OccupiedArea
+        Overlapping polygons united, clipped to the window.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, is no GeoJSON, or holds anything but valid polygons.
+    """
+    content = _load(path)
+    try:
+        polygons = [polygon for geometry in _geometries(content) for polygon in _polygons(geometry)]
+        window = next((Window.checked(*bounds) for bounds in _windows(content)), None)
+    except (InputError, ConfigError) as error:
+        raise InputError(f"{path}: {error}") from error
+    except (KeyError, TypeError, ValueError, AttributeError, shapely.errors.ShapelyError) as error:
+        reason = " ".join(str(error).split())
+        raise InputError(
+            f"{path}: not a GeoJSON map ({type(error).__name__}: {reason}). Give polygons of the occupied area."
+        ) from error
+    region = shapely.union_all(shapely.force_2d(np.array(polygons, dtype=object)))
+    if window is not None and not shapely.covers(shapely.box(*window), region):
+        region = shapely.intersection(region, shapely.box(*window))
+    return OccupiedArea(region, window)
+
+
+def _load(path: str | os.PathLike[str]) -> Mapping[str, Any]:
+    with open_input(path) as stream:
+        data = stream.read()
+    try:
+        content = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: neither a RUN, a GRID nor GeoJSON ({' '.join(str(error).split())}).") from error
+    if not isinstance(content, Mapping):
+        raise InputError(f"{path}: not a GeoJSON object. Give polygons of the occupied area.")
+    schema = str(content.get("schema", ""))
+    if schema.startswith("prf.") and schema != MAP_SCHEMA:
+        raise InputError(f"{path}: schema {schema}, expected {MAP_SCHEMA} or GeoJSON of another program.")
+    return content
+
+
+def _geometries(content: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """Yield the geometries of a GeoJSON object."""
+    kind = content["type"]
+    if kind == "FeatureCollection":
+        for feature in content["features"]:
+            yield from _geometries(feature)
+    elif kind == "GeometryCollection":
+        for geometry in content["geometries"]:
+            yield from _geometries(geometry)
+    elif kind == "Feature":
+        if content["geometry"] is not None:
+            yield from _geometries(content["geometry"])
+    else:
+        yield content
+
+
+def _polygons(geometry: Mapping[str, Any]) -> Iterator[BaseGeometry]:
+    """Yield the polygons of a geometry, each of them valid."""
+    if geometry["type"] not in ("Polygon", "MultiPolygon"):
+        raise InputError(f"geometry {geometry['type']}: a map is made of Polygon and MultiPolygon.")
+    if not geometry["coordinates"]:
+        return
+    with np.errstate(invalid="ignore"):  # a nan is told below
+        parts = shapely.get_parts(shapely.geometry.shape(geometry))
+    for polygon in parts:
+        if not np.isfinite(shapely.get_coordinates(polygon)).all():
+            raise InputError("a coordinate is not finite.")
+        if not shapely.is_valid(polygon):
+            raise InputError(f"a polygon is not valid ({shapely.is_valid_reason(polygon)}). Repair it.")
+        yield polygon
+
+
+def _windows(content: Mapping[str, Any]) -> Iterator[Any]:
+    """Yield the properties ``window`` of an object and of its Features."""
+    for holder in (content, *content.get("features", [])):
+        properties = holder.get("properties")
+        if isinstance(properties, Mapping) and properties.get("window") is not None:
+            yield properties["window"]

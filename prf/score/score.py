@@ -1,0 +1,80 @@
+"""All scores of one map against one held-out log."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.score.heldout import HeldOut
+from prf.score.maps import Prediction, ScoredMap
+from prf.score.points import classification_scores, draw_points
+from prf.shell.errors import InputError
+from prf.shell.seeds import spawn_generators
+
+NEAR = 0.2
+"""Metres within which a distance counts as right."""
+
+
+def score(scored: ScoredMap, held_out: HeldOut, seed: int) -> dict[str, Any]:
+    """Return every score of a map.
+
+    Parameters
+    ----------
+    scored : ScoredMap
+    held_out : HeldOut
+        Beams whose sensor stands outside the window of the map are dropped and counted.
+    seed : int
+        Of the free points.
+
+    Returns
+    -------
+    dict
+        Names and definitions stand in docs/scores.md; nan where a score is not defined.
+
+    Raises
+    ------
+    InputError
+        If no sensor stands inside the window.
+    """
+    inside = _known(scored, held_out)
+    if not inside.any():
+        raise InputError("no held-out sensor stands inside the window of the map. Are both in one frame?")
+    beams = held_out.select(inside)
+    prediction = scored.predict(beams)
+    points = draw_points(beams, spawn_generators(seed, 1)[0])
+    return {
+        "kind": scored.kind,
+        "n_draws": scored.n_draws,
+        "n_beams": len(beams.range),
+        "n_outside": int(np.count_nonzero(~inside)),
+        "n_no_return": held_out.n_no_return,
+        "beam_nll": -float(np.log(prediction.density).mean()),
+        **classification_scores(scored.occupied(points.xy), points.occupied),
+        **distance_scores(prediction, beams),
+        "sensor_occupied": prediction.share_occupied,
+        "n_points": len(points.occupied),
+        "max_range": beams.model.max_range,
+        "seed": seed,
+    }
+
+
+def distance_scores(prediction: Prediction, beams: HeldOut) -> dict[str, float]:
+    """Return ``within_0.2m``, ``rmse`` in metres, and ``no_obstacle``, the share of beams that meet none."""
+    error = np.abs(beams.range - prediction.distance)
+    met = prediction.distance < beams.model.max_range
+    if np.isnan(prediction.distance).any():
+        return dict.fromkeys(("within_0.2m", "rmse", "no_obstacle"), math.nan)
+    return {
+        "within_0.2m": float(np.mean(error < NEAR)),
+        "rmse": float(np.sqrt(np.mean(error[met] ** 2))) if met.any() else math.nan,
+        "no_obstacle": float(np.mean(~met)),
+    }
+
+
+def _known(scored: ScoredMap, held_out: HeldOut) -> NDArray[np.bool_]:
+    if scored.window is None:
+        return np.ones(len(held_out.range), np.bool_)
+    return scored.window.contains(held_out.origin, strictly=True)

@@ -1,0 +1,109 @@
+"""`prf score` of a RUN, a GRID and a map of polygons."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from prf.cli import app
+from prf.run import map_text, write_run
+from prf.shell.run import run_app
+from tests.factories import make_run
+
+KEYS = ("n_beams", "beam_nll", "auc", "nll", "brier", "within_0.2m", "rmse", "n_draws", "no_obstacle", "seed")
+
+
+def run(*args: object) -> int:
+    return run_app(app, "prf", [*map(str, args)])
+
+
+@pytest.fixture(scope="module")
+def log() -> Path:
+    return Path(__file__).resolve().parents[2] / "data" / "demo-office.log.gz"
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("held") / "held.csv"
+    rows = "".join(f"{x},1.0,{angle / 4},{1 + angle % 7}\n" for x in (2.0, 12.0, -50.0) for angle in range(25))
+    file.write_text("x,y,theta,range\n" + rows)
+    return file
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("score")
+    write_run(path / "run", make_run(n_draws=8))
+    best = make_run(n_draws=8).best
+    assert best is not None
+    (path / "map.geojson").write_text(map_text(best, {}))
+    return path
+
+
+@pytest.mark.parametrize(("name", "kind", "n_draws"), [("run", "run", 8), ("map.geojson", "map", 1)])
+def test_scores_of_polygonal_maps(
+    folder: Path, table: Path, capsys: pytest.CaptureFixture, name: str, kind: str, n_draws: int
+) -> None:
+    args = ("score", folder / name, "--laser", table, "--max-range", 20, "--seed", 4)
+    assert run(*args, "--json") == 0
+    shown = capsys.readouterr()
+    told = json.loads(shown.out)
+    assert (told["schema"], told["kind"], told["n_draws"]) == ("prf.score/1", kind, n_draws)
+    assert all(told[key] is not None for key in KEYS)
+    assert (told["n_beams"], told["n_outside"], told["seed"]) == (50, 25, 4)
+    assert "25 beams dropped" in shown.err
+    assert run(*args) == 0
+    assert f"n_beams          {told['n_beams']}" in capsys.readouterr().out
+
+
+def test_held_out_scans_of_the_log_that_a_grid_was_made_from(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    assert run("grid", "--laser", log, "--skip-scans", "2::5", "-o", tmp_path / "grid.npz", "-q") == 0
+    assert run("score", tmp_path / "grid.npz", "--laser", log, "--scans", "2::5", "--json", "--seed", 1) == 0
+    told = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert told["kind"] == "grid"
+    assert told["auc"] > 0.9
+    assert told["within_0.2m"] > 0.4
+    assert told["beam_nll"] < 3.0
+
+
+def test_without_a_seed_one_is_drawn_and_told(folder: Path, table: Path, capsys: pytest.CaptureFixture) -> None:
+    assert run("score", folder / "map.geojson", "--laser", table, "--json", "-q") == 0
+    assert isinstance(json.loads(capsys.readouterr().out)["seed"], int)
+
+
+def test_a_run_that_has_no_best_map_yet(tmp_path: Path, table: Path, capsys: pytest.CaptureFixture) -> None:
+    write_run(tmp_path / "run", make_run(n_draws=3))
+    (tmp_path / "run" / "map.geojson").unlink()
+    assert run("score", tmp_path / "run", "--laser", table, "--json") == 0
+    shown = capsys.readouterr()
+    assert json.loads(shown.out)["rmse"] is None
+    assert "no best map yet" in shown.err
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "words"),
+    [
+        (["absent", "--laser", "HELD"], 3, "absent"),
+        (["RUN", "--laser", "absent.csv"], 3, "absent.csv"),
+        (["HELD", "--laser", "HELD"], 3, "neither a RUN, a GRID nor GeoJSON"),
+        (["RUN"], 2, "--laser"),
+        (["RUN", "--laser", "HELD", "--noise", "0"], 2, "noise"),
+        (["RUN", "--laser", "HELD", "--outlier-probability", "0"], 2, "outlier-probability"),
+        (["RUN", "--laser", "HELD", "--max-range", "0.5"], 3, "no beam has a return"),
+        (["RUN", "--laser", "HELD", "--scans", "x"], 2, "--scans"),
+        (["RUN", "--laser", "HELD", "--scans", "2:"], 3, "stands inside the window"),
+    ],
+)
+def test_bad_questions_end_in_one_line(
+    folder: Path, table: Path, capsys: pytest.CaptureFixture, args: list[str], code: int, words: str
+) -> None:
+    names = {"RUN": str(folder / "run"), "HELD": str(table)}
+    assert run("score", *[names.get(arg, arg) for arg in args]) == code
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.count("\n") == 1
+    assert words in shown.err

@@ -1,0 +1,277 @@
+"""Scores: closed forms, densities that integrate to one, slow twins, and what three kinds of map have in common."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from prf.coloring import Coloring, Draws, from_polygons, occupied_polygons
+from prf.logs import Readings
+from prf.occupancy import OccupancyGrid
+from prf.score import (
+    DrawsMap,
+    GridMap,
+    HeldOut,
+    OccupiedArea,
+    PolygonMap,
+    ScoreConfig,
+    classification_scores,
+    draw_points,
+    hold_out,
+    ranking_area,
+    score,
+)
+from prf.score.trace import first_edges
+from prf.sensors.laser import LaserModel
+from prf.shell.errors import ConfigError, InputError
+from prf.window import Window
+from tests.factories import WINDOW, random_draws
+from tests.reference.beams import impacts
+from tests.reference.slow_score import grid_density, pair_count_area
+from tests.test_occupancy import random_grid
+
+ROOM = Window(0.0, 0.0, 10.0, 10.0)
+WALL = shapely.box(7.0, 2.0, 7.5, 8.0)
+
+
+def held(origin: object, angle: object, ranges: object, **options: float) -> HeldOut:
+    return hold_out(Readings.from_arrays(origin, angle, ranges), ScoreConfig(**{"max_range": 8.0, **options}))
+
+
+def random_beams(seed: int, window: Window, n: int = 300, max_range: float = 12.0) -> HeldOut:
+    rng = np.random.default_rng(seed)
+    return held(
+        rng.uniform(window[:2], window[2:], (n, 2)),
+        rng.uniform(-4.0, 4.0, n),
+        rng.uniform(0.1, max_range, n),
+        max_range=max_range,
+    )
+
+
+def peak(r: float, d: float, s: float = 0.05) -> float:
+    return float(stats.norm.pdf(r, d, s) / stats.norm.cdf(d / s))
+
+
+class TestOneWall:
+    def test_one_beam(self) -> None:
+        beams = held([2.0, 5.0], [0.0], [5.02])
+        coloring = from_polygons(WALL, ROOM)
+        found = score(DrawsMap(Draws.from_colorings([coloring]), coloring), beams, 1)
+        assert found["beam_nll"] == pytest.approx(-math.log(0.95 * peak(5.02, 5.0) + 0.05 / 8.0), rel=1e-12)
+        assert (found["within_0.2m"], found["no_obstacle"]) == (1.0, 0.0)
+        assert found["rmse"] == pytest.approx(0.02)
+        assert (found["n_beams"], found["n_points"], found["n_draws"]) == (1, 3, 1)
+        assert (found["auc"], found["brier"], found["nll"]) == (1.0, 0.0, pytest.approx(-math.log(0.999)))
+
+    def test_draws_are_averaged_before_the_logarithm(self) -> None:
+        walls = [WALL, shapely.box(6.0, 2.0, 7.5, 8.0), shapely.box(1.0, 4.0, 3.0, 6.0)]  # the last covers the sensor
+        colorings = [*(from_polygons(wall, ROOM) for wall in walls), Coloring.empty(ROOM)]
+        found = score(DrawsMap(Draws.from_colorings(colorings), colorings[1]), held([2.0, 5.0], [0.0], [5.02]), 1)
+        flat = 0.05 / 8.0
+        densities = [0.95 * peak(5.02, 5.0) + flat, 0.95 * peak(5.02, 4.0) + flat, flat, flat]
+        assert found["beam_nll"] == pytest.approx(-math.log(np.mean(densities)), rel=1e-12)
+        assert found["rmse"] == pytest.approx(1.02)
+        assert found["sensor_occupied"] == 0.25
+
+    def test_an_occupied_sensor_is_at_its_obstacle(self) -> None:
+        found = score(PolygonMap(OccupiedArea(WALL, ROOM)), held([7.2, 5.0], [0.0], [2.0]), 1)
+        assert found["beam_nll"] == pytest.approx(-math.log(0.05 / 8.0))
+        assert (found["rmse"], found["sensor_occupied"]) == (2.0, 1.0)
+
+    def test_a_beam_past_the_wall_meets_nothing(self) -> None:
+        found = score(PolygonMap(OccupiedArea(WALL, ROOM)), held([2.0, 9.0], [0.0], [5.0]), 1)
+        assert found["beam_nll"] == pytest.approx(-math.log(0.05 / 8.0))
+        assert (found["within_0.2m"], found["no_obstacle"]) == (0.0, 1.0)
+        assert math.isnan(found["rmse"])
+
+    def test_the_border_of_the_window_is_no_obstacle(self) -> None:
+        area = OccupiedArea(shapely.box(7.0, 0.0, 10.0, 10.0), ROOM)
+        beams = held([[2.0, 5.0], [2.0, 5.0]], [0.0, math.pi], [5.0, 2.0])
+        for scored in (PolygonMap(area), draws_of([from_polygons(area.region, ROOM)])):
+            np.testing.assert_array_equal(scored.predict(beams).distance, [5.0, np.inf])
+        free = PolygonMap(OccupiedArea(shapely.box(0.0, 0.0, 1.0, 10.0), None))
+        np.testing.assert_array_equal(free.predict(beams).distance, [np.inf, 1.0])
+
+
+def draws_of(colorings: list[Coloring]) -> DrawsMap:
+    return DrawsMap(Draws.from_colorings(colorings), colorings[0])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_first_edges_agree_with_shapely(seed: int) -> None:
+    coloring, beams = random_draws(seed, 1)[0], random_beams(seed, WINDOW, 200)
+    expected = impacts(coloring, beams.origin, np.arctan2(*beams.direction.T[::-1]), 12.0)
+    found = first_edges(beams.rays(WINDOW), coloring.segments(), WINDOW)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_compiled_and_plain_python_agree(monkeypatch: pytest.MonkeyPatch) -> None:
+    from prf.score import trace
+
+    coloring, beams = random_draws(4, 1)[0], random_beams(4, WINDOW, 30)
+    compiled = first_edges(beams.rays(WINDOW), coloring.segments(), WINDOW)
+    monkeypatch.setattr(trace, "trace_rays", every_edge)
+    np.testing.assert_array_equal(first_edges(beams.rays(WINDOW), coloring.segments(), WINDOW), compiled)
+
+
+def every_edge(_: object, rays: np.ndarray, segments: np.ndarray, __: object, distance: np.ndarray) -> None:
+    """Distances by asking every edge, in the arithmetic of the kernels."""
+    from tests.kernels.entries import hit_table
+
+    table = np.empty((len(rays), len(segments)))
+    hit_table(rays[:, :4].copy(), segments, table)
+    nearest = table.min(axis=1)
+    distance[:] = np.where(nearest < rays[:, 4], nearest, np.inf)
+
+
+@given(st.integers(0, 1000))
+def test_equal_draws_score_as_their_map(seed: int) -> None:
+    coloring, beams = random_draws(seed, 1)[0], random_beams(seed, WINDOW, 100)
+    one = score(PolygonMap(OccupiedArea(occupied_polygons(coloring), WINDOW)), beams, 3)
+    many = score(DrawsMap(Draws.from_colorings([coloring] * 5), coloring), beams, 3)
+    for name, value in one.items():
+        if name not in ("kind", "n_draws"):
+            assert many[name] == pytest.approx(value, rel=1e-9, nan_ok=True), name
+
+
+class TestDensity:
+    @pytest.mark.parametrize(("noise", "relative"), [(0.05, 0.0), (0.3, 0.0), (0.02, 0.1)])
+    def test_returns_and_no_return_of_a_map_come_to_one(self, noise: float, relative: float) -> None:
+        area = PolygonMap(OccupiedArea(shapely.box(2.4, 4.0, 3.0, 6.0), None))
+        r = np.linspace(0.0, 3.0, 60_001)[:-1] + 2.5e-5
+        total = predicted_mass(area, r, 3.0, noise, relative)
+        s = max(noise, relative * 0.4)
+        silent = 0.95 * stats.norm.cdf((0.4 - 3.0) / s) / stats.norm.cdf(0.4 / s)
+        assert total + silent == pytest.approx(1.0, abs=1e-6)
+
+    @pytest.mark.parametrize("seed", range(3))
+    def test_grids_agree_with_quadrature_and_come_to_one(self, seed: int) -> None:
+        grid = random_grid(seed)
+        sparse = OccupancyGrid(grid.occupancy**4, grid.hits, grid.misses, grid.origin, grid.resolution)
+        origin, angle, limit, noise = np.array([-0.6, 2.3]), 0.5, 5.03, 0.07
+        some = np.array([0.01, 0.05, 0.4, 2.0, 3.33, 5.0])
+        expected, silent = grid_density(sparse, origin, angle, some, noise, 0.05, limit)
+        beams = held(origin, np.full(6, angle), some, max_range=limit, noise=noise)
+        np.testing.assert_allclose(GridMap(sparse).predict(beams).density, expected, rtol=1e-9)
+        r = np.linspace(0.0, limit, 60_001)[:-1] + 0.5 * limit / 60_000
+        beams = held(origin, np.full(len(r), angle), r, max_range=limit, noise=noise)
+        assert GridMap(sparse).predict(beams).density.mean() * limit + silent == pytest.approx(1.0, abs=1e-6)
+
+
+def predicted_mass(scored: PolygonMap, r: np.ndarray, limit: float, noise: float, relative: float) -> float:
+    beams = held([2.0, 5.0], np.zeros(len(r)), r, max_range=limit, noise=noise, noise_relative=relative)
+    return float(scored.predict(beams).density.mean() * limit)
+
+
+class TestGrid:
+    def grid(self, p: float) -> GridMap:
+        occupancy = np.zeros((20, 100), np.float32)
+        occupancy[:, 50] = p
+        none = np.zeros((20, 100), np.int32)
+        return GridMap(OccupancyGrid(occupancy, none, none, np.zeros(2), 0.1))
+
+    def test_the_first_likely_cell_is_the_obstacle(self) -> None:
+        beams = held([1.0, 1.0], [0.0, math.pi], [4.1, 0.9])
+        np.testing.assert_allclose(self.grid(0.6).predict(beams).distance, [4.05, np.inf])
+        assert np.isinf(self.grid(0.5).predict(beams).distance[0])
+        np.testing.assert_allclose(self.grid(1.0).predict(held([5.05, 1.0], [0.0], [1.0])).distance, [0.0])
+
+    def test_one_wall(self) -> None:
+        beams = held([1.0, 1.0], [0.0], [4.04])
+        bin_mass = stats.norm.cdf((4.1 - 4.04) / 0.05) - stats.norm.cdf((4.0 - 4.04) / 0.05)
+        expected = 0.95 * 0.6 * bin_mass / 0.1 + 0.05 / 8.0
+        assert self.grid(0.6).predict(beams).density[0] == pytest.approx(expected, rel=1e-6)
+
+    def test_beyond_the_grid_nothing_is_known(self) -> None:
+        beams = held([9.9, 1.0], [0.0], [0.35])
+        weights = 0.5 ** np.arange(1, 4)  # the first bin lies in the grid, where the cell is free
+        edges = np.array([0.1, 0.2, 0.3, 0.4])
+        mass = np.diff(stats.norm.cdf((edges - 0.35) / 0.05))
+        rest = sum(
+            0.5 ** (k + 1) * float(np.diff(stats.norm.cdf((np.array([0.1, 0.2]) + 0.1 * k - 0.35) / 0.05))[0])
+            for k in range(3, 8)
+        )
+        expected = 0.95 * ((weights * mass).sum() + rest) / 0.1 + 0.05 / 8.0
+        assert self.grid(1.0).predict(beams).density[0] == pytest.approx(expected, rel=0.01)
+
+
+class TestPoints:
+    def test_points_of_a_beam(self) -> None:
+        beams = held([1.0, 2.0], [0.0, math.pi / 2], [1.9, 7.0])
+        points = draw_points(beams, np.random.default_rng(1))
+        np.testing.assert_allclose(points.xy[:2], [[2.9, 2.0], [1.0, 9.0]])
+        assert points.occupied.tolist() == [True, True, False, False, False]
+        np.testing.assert_allclose(points.xy[2:, 0], 1.0)
+        assert (points.xy[2:, 1] < 2.0 + 0.95 * 7.0).all()
+
+    def test_free_points_fill_their_part_of_the_beam_evenly(self) -> None:
+        beams = held(np.zeros((4000, 2)), np.zeros(4000), np.full(4000, 4.0))
+        along = draw_points(beams, np.random.default_rng(2)).xy[4000:, 0]
+        assert len(along) == 8000
+        # False-alarm rate 1e-4.
+        assert stats.kstest(along, "uniform", (0.0, 3.8)).pvalue > 1e-4
+        assert stats.kstest(along, "uniform", (0.0, 4.0)).pvalue < 1e-4
+
+    @given(st.integers(0, 1000), st.integers(1, 5))
+    def test_ranking_area_counts_pairs(self, seed: int, n_levels: int) -> None:
+        rng = np.random.default_rng(seed)
+        values, positive = rng.integers(0, n_levels, 40) / n_levels, rng.random(40) < 0.4
+        if 0 < positive.sum() < 40:
+            assert ranking_area(values, positive) == pytest.approx(pair_count_area(values, positive))
+        assert math.isnan(ranking_area(values, np.ones(40, np.bool_)))
+
+    def test_probabilities_are_clipped_for_the_logarithm_only(self) -> None:
+        found = classification_scores(np.array([0.0, 1.0, np.nan]), np.array([True, False, True]))
+        assert found["nll"] == pytest.approx(-(2.0 * math.log(0.001) + math.log(0.5)) / 3.0)
+        assert found["brier"] == pytest.approx(2.25 / 3.0)
+
+    def test_squares_count_in_polygonal_maps(self) -> None:
+        xy = np.array([[6.91, 5.0], [6.89, 5.0], [6.91, 1.91], [6.89, 1.91], [99.0, 0.0]])
+        for scored in (PolygonMap(OccupiedArea(WALL, ROOM)), draws_of([from_polygons(WALL, ROOM)])):
+            np.testing.assert_array_equal(scored.occupied(xy), [1.0, 0.0, 1.0, 0.0, np.nan])
+        assert PolygonMap(OccupiedArea(WALL, None)).occupied(xy)[-1] == 0.0
+
+    def test_the_seed_decides_the_free_points(self) -> None:
+        beams, scored = random_beams(1, WINDOW), GridMap(random_grid(1, (60, 80)))
+        assert score(scored, beams, 1) == score(scored, beams, 1)
+        assert score(scored, beams, 1)["nll"] != score(scored, beams, 2)["nll"]
+
+
+class TestHoldOut:
+    def test_beams_without_return_are_counted_and_left_out(self) -> None:
+        beams = held([1.0, 1.0], [0.0, 1.0, 2.0], [1.0, 8.0, np.inf])
+        assert (len(beams.range), beams.n_no_return) == (1, 2)
+
+    def test_sensors_outside_the_window_are_counted_and_left_out(self) -> None:
+        beams = held([[2.0, 5.0], [-2.0, 5.0]], [0.0, 0.0], [5.0, 5.0])
+        found = score(PolygonMap(OccupiedArea(WALL, ROOM)), beams, 1)
+        assert (found["n_beams"], found["n_outside"]) == (1, 1)
+        assert score(PolygonMap(OccupiedArea(WALL, None)), beams, 1)["n_beams"] == 2
+        with pytest.raises(InputError, match="one frame"):
+            score(PolygonMap(OccupiedArea(WALL, ROOM)), held([-2.0, 5.0], [0.0], [5.0]), 1)
+
+    def test_what_cannot_be_scored(self) -> None:
+        with pytest.raises(InputError, match="no beam has a return"):
+            held([1.0, 1.0], [0.0], [9.0])
+        with pytest.raises(InputError, match="finite range"):
+            hold_out(Readings.from_arrays([1.0, 1.0], [0.0], [np.inf]), ScoreConfig())
+        with pytest.raises(ConfigError, match="outlier-probability"):
+            held([1.0, 1.0], [0.0], [1.0], outlier_probability=0.0)
+        with pytest.raises(InputError, match="no draws"):
+            DrawsMap(Draws.from_colorings([], ROOM), None)
+
+    def test_a_run_without_a_best_map_lacks_its_scores_only(self) -> None:
+        coloring = from_polygons(WALL, ROOM)
+        found = score(DrawsMap(Draws.from_colorings([coloring]), None), held([2.0, 5.0], [0.0], [5.0]), 1)
+        assert math.isnan(found["within_0.2m"])
+        assert math.isfinite(found["beam_nll"])
+
+    def test_the_model_is_that_of_the_options(self) -> None:
+        beams = held([1.0, 1.0], [0.0], [1.0], noise=0.1, noise_relative=0.02, miss_probability=0.1)
+        assert beams.model == LaserModel(8.0, 0.1, 0.02, 0.05, 0.1)
