@@ -10,6 +10,9 @@ from mapq.features.shape import PatchShapes
 from mapq.graph import PatchGraph
 from mapq.kernels.closest import closest_patches, near_boxes
 
+MOST_PAIRS = 1_000_000
+"""Pairs of boxes that are looked at in one go: 16 bytes each, and as much again for what is measured."""
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -21,19 +24,27 @@ def find_neighbours(shapes: PatchShapes, settings: FeatureSettings) -> PatchGrap
     meters", by closest points and not by centroids; that of two patches one has the other among its closest is enough.
     Equally close ones are taken largest first, then by their place.
     """
-    n_patches = len(shapes)
-    trees = shapes.trees
-    filled = np.flatnonzero(shapes.counts > 0)
-    low, high = trees.low[trees.root[filled]], trees.high[trees.root[filled]]
-    candidates = near_boxes(low, high, np.argsort(low[:, 0], kind="stable"), settings.radius)
-    candidates = candidates[np.argsort(_gaps(low, high, candidates), kind="stable")]
-    pairs = filled[candidates]
-    distance, middle = closest_patches(trees, pairs, settings.n_neighbours, settings.radius)
-    known = np.isfinite(distance)
-    pairs, distance, middle = pairs[known], distance[known], middle[known]
+    pairs, distance, middle = measure_candidates(shapes, settings)
     kept = closest_of_each(pairs, distance, shapes.size_rank, settings.n_neighbours)
     kept = kept[np.lexsort((pairs[kept, 1], pairs[kept, 0]))]
-    return PatchGraph(n_patches, pairs[kept].astype(np.int32), distance[kept], middle[kept])
+    return PatchGraph(len(shapes), pairs[kept].astype(np.int32), distance[kept], middle[kept])
+
+
+def measure_candidates(shapes: PatchShapes, settings: FeatureSettings) -> tuple[Ints, Floats, Floats]:
+    """Return pairs (n, 2), among them all neighbours, with distance (n,) and middle (n, 3) of their closest points."""
+    trees = shapes.trees
+    low, high = trees.low[trees.root], trees.high[trees.root]
+    nearest = np.full((len(shapes), settings.n_neighbours), settings.radius**2)
+    order = np.argsort(low[:, 0], kind="stable")
+    found, place = [(np.zeros((0, 2), np.int64), np.zeros(0), np.zeros((0, 3)))], 0
+    while place < len(order):
+        pairs, place = near_boxes(low, high, order, place, nearest, settings.radius, MOST_PAIRS)
+        pairs = pairs[np.argsort(_gaps(low, high, pairs), kind="stable")]
+        distance, middle = closest_patches(trees, pairs, nearest)
+        known = np.isfinite(distance)
+        found.append((pairs[known], distance[known], middle[known]))
+    pairs, distance, middle = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return pairs, distance, middle
 
 
 def closest_of_each(pairs: Ints, distance: Floats, rank: Ints, n_neighbours: int) -> Ints:

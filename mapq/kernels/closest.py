@@ -16,24 +16,27 @@ STACK = 256
 
 
 @jit
-def near_boxes(low: Floats, high: Floats, order: Ints, radius: float) -> Ints:
-    """Pairs (n, 2) of boxes not farther apart than `radius`; `order` sorts the boxes (m, 3) by their lower x."""
-    out = np.empty((0, 2), np.int64)
-    for writing in range(2):
-        n_pairs = 0
-        for a in range(len(order)):
-            i = order[a]
-            for b in range(a + 1, len(order)):
-                j = order[b]
-                if low[j, 0] > high[i, 0] + radius:
-                    break
-                if box_gap(low, high, i, j) <= radius * radius:
-                    if writing == 1:
-                        out[n_pairs, 0], out[n_pairs, 1] = min(i, j), max(i, j)
-                    n_pairs += 1
-        if writing == 0:
-            out = np.empty((n_pairs, 2), np.int64)
-    return out
+def near_boxes(
+    low: Floats, high: Floats, order: Ints, first: int, nearest: Floats, radius: float, limit: int
+) -> tuple[Ints, int]:
+    """Pairs (n, 2) of patches whose boxes may be close enough to matter, and the place in `order` from which to go on.
+
+    `order` sorts the boxes (m, 3) by their lower x. Stops when `limit` pairs are found, so that memory stays bounded
+    however the boxes overlap. See :func:`closest_patches` for what matters, and for `nearest`.
+    """
+    out = np.empty((limit + len(order), 2), np.int64)
+    n_pairs, k = 0, nearest.shape[1] - 1
+    while first < len(order) and n_pairs < limit:
+        i = order[first]
+        for place in range(first + 1, len(order)):
+            j = order[place]
+            if low[j, 0] > high[i, 0] + radius:
+                break
+            if box_gap(low, high, i, j) <= max(nearest[i, k], nearest[j, k]):
+                out[n_pairs, 0], out[n_pairs, 1] = min(i, j), max(i, j)
+                n_pairs += 1
+        first += 1
+    return out[:n_pairs], first
 
 
 @part
@@ -106,23 +109,20 @@ def insert(nearest: Floats, i: int, value: float) -> None:
 
 
 @jit
-def closest_patches(trees: Trees, pairs: Ints, n_neighbours: int, radius: float) -> tuple[Floats, Floats]:
+def closest_patches(trees: Trees, pairs: Ints, nearest: Floats) -> tuple[Floats, Floats]:
     """Distance (n,) and middle (n, 3) of the closest points of each pair, nan where it cannot matter.
 
-    A pair matters if it is within `radius` and among the `n_neighbours` closest, ties included, of one of its patches.
+    nearest: squared distances (m, k) of the k closest of each patch among all pairs so far, ascending, filled up with
+    the squared radius; brought up to date. A pair matters if it is among these of one of its patches, ties included.
     `pairs` should come closest boxes first: then the distances known so far rule out most of the rest.
     """
     distance, middle = np.empty(len(pairs)), np.empty((len(pairs), 3))
-    nearest = np.empty((len(trees.start) - 1, n_neighbours))
-    for i in range(len(nearest)):
-        for k in range(n_neighbours):
-            nearest[i, k] = radius * radius
     stack = np.empty((STACK, 2), np.int64)
     best = np.empty(3)
+    last = nearest.shape[1] - 1
     for k in range(len(pairs)):
         i, j = pairs[k, 0], pairs[k, 1]
-        bound = max(nearest[i, n_neighbours - 1], nearest[j, n_neighbours - 1])
-        found = closest_points(trees, i, j, bound, best, stack)
+        found = closest_points(trees, i, j, max(nearest[i, last], nearest[j, last]), best, stack)
         known = best[0] == best[0]
         distance[k] = np.sqrt(found) if known else np.nan
         for axis in range(3):

@@ -49,6 +49,15 @@ def test_large_patches_go_through_many_boxes():
     assert graph.separation == pytest.approx([expected[pair] for pair in sorted(expected)], rel=1e-12)
 
 
+def test_pairs_looked_at_bit_by_bit_are_the_same(monkeypatch):
+    points = draw_clusters(11, 30, False)
+    settings = FeatureSettings(n_neighbours=3)
+    whole = graph_of(points, settings)
+    monkeypatch.setattr("mapq.features.neighbours.MOST_PAIRS", 5)
+    for one, other in zip(whole, graph_of(points, settings), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 def test_middle_lies_between_the_closest_points():
     graph = graph_of([np.array([[0.0, 0, 0], [-5, 0, 0]]), np.array([[1.0, 0, 0], [7, 0, 0]])], FeatureSettings())
     assert graph.middle.tolist() == [[0.5, 0.0, 0.0]]
