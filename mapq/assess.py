@@ -25,11 +25,15 @@ from mapq.patches import SUSPICIOUS, Patches
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.progress import Reporter
 
-AREA = "area"
+AREA = "area_m2"
 """Name of the area of a patch, in m², among the shape measures."""
 
-MEASURES = {"fit": ("rms", "m"), "tilt": ("tilt", "degrees"), "thickness": ("thickness", "m")}
-"""Node feature to the shape measure that says the same to people, and its unit."""
+MEASURES = {
+    "fit": ("rms_m", "rms %.3g m"),
+    "tilt": ("tilt_deg", "%.3g degrees from vertical"),
+    "thickness": ("thickness_m", "%.3g m"),
+}
+"""Node feature to the shape measure that says the same to people, and how to say it."""
 
 LABELS = ("plausible", "suspicious")
 DECIMALS = 9
@@ -84,8 +88,8 @@ class Result:
             "n_points_in_patches": n_points,
             "n_points_suspicious": int(counts[bad].sum()),
             "share_of_points": _share(float(counts[bad].sum()), n_points),
-            "area": area,
-            "area_suspicious": float(self.area[bad].sum()),
+            "area_m2": area,
+            "area_suspicious_m2": float(self.area[bad].sum()),
             "share_of_area": _share(float(self.area[bad].sum()), area),
         }
 
@@ -106,14 +110,14 @@ class Result:
 
     def _reason(self, patch: int, row: dict[str, Any]) -> str:
         name, value, gain = row["name"], row["value"], f"{row['contribution']:+.2f}"
-        measure, unit = MEASURES.get(name, ("", ""))
+        measure, words = MEASURES.get(name, ("", ""))
         if name == NEIGHBOUR_LABEL:
             return f"{gain}  neighbour {row['other']} is {LABELS[int(value)]}"
         if "other" in row:
             return f"{gain}  {name} {value:.2f} with patch {row['other']}"
         if measure in self.features.shape_names:
-            metres = self.features.shape[patch, self.features.shape_names.index(measure)]
-            return f"{gain}  {name}: {measure} {metres:.3g} {unit}"
+            known = self.features.shape[patch, self.features.shape_names.index(measure)]
+            return f"{gain}  {name}: {words % known}"
         return f"{gain}  {name} {value:.3g}"
 
     def head(self) -> dict[str, Any]:

@@ -125,14 +125,18 @@ def summarise(
     process = describe_process(paths)
     held_out = {
         "n_folds": trained.n_folds,
-        "log_loss_by_regularisation": {f"{strength:g}": loss for strength, loss in trained.scores.items()},
+        "tried": [
+            {"regularisation": strength.weights, "coupling_regularisation": strength.coupling, "log_loss": loss}
+            for strength, loss in trained.scores.items()
+        ],
         **(scores._asdict() if scores is not None else {}),
     }
     return {
         "versions": process["versions"],
         "created": process["created"],
         "objective": "pl",
-        "regularisation": trained.regularisation,
+        "regularisation": trained.strength.weights,
+        "coupling_regularisation": trained.strength.coupling,
         "class_weight": "balanced" if settings.balanced else "none",
         "n_patches": sum(int(np.count_nonzero(label != UNLABELLED)) for label in labels),
         "n_suspicious": sum(int(np.count_nonzero(label == SUSPICIOUS)) for label in labels),

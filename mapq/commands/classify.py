@@ -115,7 +115,7 @@ def _lines(result: Result, target: str) -> Iterator[str]:
     """Return the table for a person."""
     counts = result.counts()
     yield f"patches         {counts['n_suspicious']} of {counts['n_patches']} suspicious{_percent(counts, 'patches')}"
-    yield f"area            {counts['area_suspicious']:.1f} of {counts['area']:.1f} m2{_percent(counts, 'area')}"
+    yield f"area            {counts['area_suspicious_m2']:.1f} of {counts['area_m2']:.1f} m2{_percent(counts, 'area')}"
     yield (
         f"points          {counts['n_points_suspicious']:,} of {counts['n_points_in_patches']:,} in patches"
         f"{_percent(counts, 'points')}; {counts['n_points']:,} in all"

@@ -71,7 +71,7 @@ def train(
         typer.Option(
             "--edge-feature",
             metavar="NAME",
-            help="Edge feature that speaks for a label, repeatable; plausibility (x_ij) if absent.",
+            help="Edge feature that speaks for a label, repeatable; all for every one; plausibility (x_ij) if absent.",
         ),
     ] = None,
     features: Annotated[
@@ -81,6 +81,12 @@ def train(
         float | None,
         typer.Option(
             "--regularisation", metavar="X", help="Precision of each weight's prior; cross-validated if absent."
+        ),
+    ] = None,
+    coupling_regularisation: Annotated[
+        float | None,
+        typer.Option(
+            "--coupling-regularisation", metavar="X", help="The same, of the coupling; cross-validated if absent."
         ),
     ] = None,
     class_weight: Annotated[
@@ -121,8 +127,9 @@ def train(
     target = output or "model.json"
     if json and target == STREAM:
         raise UsageError("--json and -o - both want standard output. Name a file with -o.")
-    if regularisation is not None and not 0.0 < regularisation < math.inf:
-        raise UsageError(f"--regularisation {regularisation} is not above 0: separable labels would have no optimum.")
+    for strength in (regularisation, coupling_regularisation):
+        if strength is not None and not 0.0 < strength < math.inf:
+            raise UsageError(f"a regularisation of {strength} is not above 0: separable labels would have no optimum.")
     refuse_existing(target, force)
     given = {"radius": radius, "tau": tau, "n_neighbours": neighbours}
     chosen: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
@@ -130,6 +137,7 @@ def train(
         edge_model.value,
         tuple(edge_feature) if edge_feature else TrainSettings().edge_features,
         regularisation,
+        coupling_regularisation,
         class_weight is ClassWeight.balanced,
     )
     used_seed = resolve_seed(seed) if max_patches is not None else 0
@@ -170,7 +178,7 @@ def _scaling_rows(scaling: object) -> Iterator[tuple[str, float, float]]:
 
 def _held_out(trained: Trained, scores: Scores | None) -> Iterator[str]:
     """Return how well the model did on regions that it had not seen."""
-    yield f"{'regularisation':<24}{trained.regularisation:g}"
+    yield f"{'regularisation':<24}{trained.strength.weights:g}, of the coupling {trained.strength.coupling:g}"
     yield f"{'temperature':<24}{trained.model.temperature:.4g}"
     if scores is None:
         yield "held out                none: too few regions with labels of both kinds; p is not calibrated"

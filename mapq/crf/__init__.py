@@ -9,6 +9,7 @@ from mapq.crf.regions import split_regions as split_regions
 from mapq.crf.select import HeldOut as HeldOut
 from mapq.crf.select import Trained as Trained
 from mapq.crf.select import train as train
+from mapq.crf.train import Strength as Strength
 from mapq.crf.train import TrainingMap as TrainingMap
 from mapq.crf.train import TrainSettings as TrainSettings
 from mapq.model import Model as Model

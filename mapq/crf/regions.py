@@ -31,7 +31,9 @@ def split_regions(centroid: NDArray[np.float64], max_patches: int) -> NDArray[np
 
 
 def assign_folds(region: NDArray[np.int64], suspicious: NDArray[np.bool_], n_folds: int) -> NDArray[np.int64]:
-    """Return the fold (n,) of each patch: whole regions, dealt so that folds get alike many suspicious patches.
+    """Return the fold (n,) of each patch: whole regions, dealt so that folds have alike many patches of either label.
+
+    Regions are dealt largest first, each to the fold that has least of what the region has, the smallest of equals.
 
     Parameters
     ----------
@@ -42,13 +44,13 @@ def assign_folds(region: NDArray[np.int64], suspicious: NDArray[np.bool_], n_fol
         At most; fewer if there are fewer regions.
     """
     n_regions = int(region.max()) + 1 if len(region) else 0
-    n_suspicious = np.bincount(region[suspicious], minlength=n_regions)
-    n_patches = np.bincount(region, minlength=n_regions)
-    loads = [[0, 0, fold] for fold in range(max(1, min(n_folds, n_regions)))]
+    counts = np.column_stack([np.bincount(region[kind], minlength=n_regions) for kind in (suspicious, ~suspicious)])
+    shares = counts / np.maximum(counts.sum(axis=0), 1)
+    loads = np.zeros((max(1, min(n_folds, n_regions)), 2))
     fold_of = np.zeros(n_regions, np.int64)
-    for index in np.lexsort((np.arange(n_regions), -n_patches, -n_suspicious)).tolist():
-        lightest = min(loads)
-        fold_of[index] = lightest[2]
-        lightest[0] += int(n_suspicious[index])
-        lightest[1] += int(n_patches[index])
+    for index in np.lexsort((np.arange(n_regions), -shares.sum(axis=1))).tolist():
+        overlap = np.round(loads @ shares[index], 12)
+        fold = int(np.lexsort((np.arange(len(loads)), loads.sum(axis=1), overlap))[0])
+        fold_of[index] = fold
+        loads[fold] += shares[index]
     return fold_of[region]

@@ -16,6 +16,7 @@ from mapq.crf.marginals import fit_temperature, log_loss, probabilities
 from mapq.crf.regions import assign_folds
 from mapq.crf.train import (
     Prepared,
+    Strength,
     TrainingMap,
     TrainSettings,
     fit_weights,
@@ -24,13 +25,15 @@ from mapq.crf.train import (
     require_labels,
     signs,
 )
-from mapq.model import Model
+from mapq.model import NONE, Model
 from mapq.patches import SUSPICIOUS, UNLABELLED
 
-STRENGTHS = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+STRENGTHS = (0.1, 1.0, 10.0, 100.0)
 """Regularisation strengths that are tried."""
-FALLBACK = 1.0
-"""Strength and temperature where the labels do not suffice for a cross-validation."""
+COUPLING_FACTORS = (1.0, 10.0, 100.0, 1e3, 1e4)
+"""Strengths of the coupling that are tried with each of them, as multiples."""
+FALLBACK = Strength(1.0, 100.0)
+"""Where the labels do not suffice for a cross-validation; the temperature is 1 then."""
 
 
 class HeldOut(NamedTuple):
@@ -54,8 +57,8 @@ class Trained(NamedTuple):
     ----------
     model : Model
         Without feature settings and training summary, which the caller knows.
-    regularisation : float
-    scores : dict of float to float
+    strength : Strength
+    scores : dict of Strength to float
         Strength to mean held-out log-loss, in nats; empty where there was no cross-validation.
     held_out : HeldOut or None
         Of the chosen strength; None where there was no cross-validation.
@@ -66,8 +69,8 @@ class Trained(NamedTuple):
     """
 
     model: Model
-    regularisation: float
-    scores: dict[float, float]
+    strength: Strength
+    scores: dict[Strength, float]
     held_out: HeldOut | None
     n_folds: int
     pseudo_log_likelihood: float
@@ -90,7 +93,7 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
     """Return the model of maximum pseudo-likelihood over all maps.
 
     Each fold leaves out whole regions: their labels are hidden, the rest trains, and a graph cut labels them with no
-    label given, as it will on a new map. The strength of least held-out log-loss is taken, the larger of two alike,
+    label given, as it will on a new map. The strength of least held-out log-loss is taken, the greater of two alike,
     and with it the temperature that was best for these patches. The scaling is that of all patches: it sees no label.
 
     Raises
@@ -103,17 +106,34 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
     prepared = prepare(maps, settings)
     labels = [training_map.label for training_map in maps]
     folds = _usable_folds(maps, settings.n_folds)
-    strengths = STRENGTHS if settings.regularisation is None else (settings.regularisation,)
-    trials = {strength: _try(prepared, labels, folds, settings, strength) for strength in strengths} if folds else {}
+    strengths = _strengths(settings) if folds else []
+    trials = {strength: _try(prepared, labels, folds, settings, strength) for strength in strengths}
     scores = {strength: trial.score for strength, trial in trials.items()}
-    chosen = min(scores, key=lambda s: (scores[s], -s)) if scores else settings.regularisation or FALLBACK
+    chosen = min(scores, key=lambda s: (scores[s], -s.coupling, -s.weights)) if scores else _fallback(settings)
     trial = trials.get(chosen)
     weights = fit_weights(prepared, labels, settings, chosen)
-    temperature = trial.temperature if trial else FALLBACK
+    temperature = trial.temperature if trial else 1.0
     model = Model(settings.edge_model, {}, prepared.node, prepared.edge, prepared.x_range, weights, temperature)
-    plain = make_problem(prepared, labels, replace(settings, balanced=False), 0.0)
+    plain = make_problem(prepared, labels, replace(settings, balanced=False), Strength(0.0, 0.0))
     likelihood = -objective(plain, weights) / len(plain.y)
     return Trained(model, chosen, scores, _held_out(trial) if trial else None, len(folds), likelihood)
+
+
+def _strengths(settings: TrainSettings) -> list[Strength]:
+    """Return the strengths to try; what the settings give is not varied, nor the coupling where there is none."""
+    tried = STRENGTHS if settings.regularisation is None else (settings.regularisation,)
+    if settings.edge_model == NONE:
+        return [Strength(weights, weights) for weights in tried]
+    if settings.coupling_regularisation is not None:
+        return [Strength(weights, settings.coupling_regularisation) for weights in tried]
+    return [Strength(weights, weights * factor) for weights in tried for factor in COUPLING_FACTORS]
+
+
+def _fallback(settings: TrainSettings) -> Strength:
+    weights, coupling = settings.regularisation, settings.coupling_regularisation
+    return Strength(
+        FALLBACK.weights if weights is None else weights, FALLBACK.coupling if coupling is None else coupling
+    )
 
 
 def _usable_folds(maps: Sequence[TrainingMap], n_folds: int) -> list[list[NDArray[np.bool_]]]:
@@ -145,7 +165,7 @@ def _try(
     labels: Sequence[NDArray[np.uint8]],
     folds: Sequence[Sequence[NDArray[np.bool_]]],
     settings: TrainSettings,
-    strength: float,
+    strength: Strength,
 ) -> _Trial:
     """Return what models trained without each fold say of it."""
     y, found, differences = [], [], []

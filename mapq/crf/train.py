@@ -17,6 +17,9 @@ from mapq.model import FULL, NONE, PLAUSIBILITY, Scaling, parameter_names
 from mapq.patches import SUSPICIOUS, UNLABELLED
 from prf.shell.errors import InputError
 
+ALL = "all"
+"""Stands for every edge feature that there is."""
+
 
 class TrainingMap(NamedTuple):
     """A map with labels.
@@ -44,9 +47,11 @@ class TrainSettings:
     edge_model : str
         One of `mapq.model.EDGE_MODELS`.
     edge_features : tuple of str
-        Columns h of the field.
+        Columns h of the field; `ALL` alone for x_ij and every other edge feature.
     regularisation : float or None
         Precision of the Gaussian prior of each standardised weight but the bias of nodes; None: by cross-validation.
+    coupling_regularisation : float or None
+        The same of the coupling's weights.
     balanced : bool
         Weigh both labels alike instead of each patch.
     n_folds : int
@@ -56,8 +61,24 @@ class TrainSettings:
     edge_model: str = FULL
     edge_features: tuple[str, ...] = (PLAUSIBILITY,)
     regularisation: float | None = None
+    coupling_regularisation: float | None = None
     balanced: bool = False
     n_folds: int = 5
+
+
+class Strength(NamedTuple):
+    """How strongly weights are drawn to 0: precisions of their Gaussian priors.
+
+    Pseudo-likelihood sees the true labels of neighbours, which inference does not, and so trusts the coupling too much:
+    it has a strength of its own.
+
+    Attributes
+    ----------
+    weights, coupling : float
+    """
+
+    weights: float
+    coupling: float
 
 
 class Prepared(NamedTuple):
@@ -93,10 +114,19 @@ def prepare(maps: Sequence[TrainingMap], settings: TrainSettings) -> Prepared:
     node_names = maps[0].features.node_names
     x_range = fit_range(np.concatenate([m.features.plausibility for m in maps]))
     node = fit_scaling(np.vstack([node_columns(m.features, node_names) for m in maps]), node_names)
-    edge_names = settings.edge_features if settings.edge_model == FULL else ()
+    edge_names = field_names(settings, maps[0].features)
     edge = fit_scaling(np.vstack([edge_columns(m.features, edge_names, x_range) for m in maps]), edge_names)
     inputs = [make_inputs(m.features, settings.edge_model, node, edge, x_range) for m in maps]
     return Prepared(node, edge, x_range, inputs, [unary_design(each, settings.edge_model) for each in inputs])
+
+
+def field_names(settings: TrainSettings, features: PatchFeatures) -> tuple[str, ...]:
+    """Return the names of the columns h of the field."""
+    if settings.edge_model != FULL:
+        return ()
+    if settings.edge_features == (ALL,):
+        return (PLAUSIBILITY, *features.edge_names)
+    return tuple(dict.fromkeys(settings.edge_features))
 
 
 def signs(label: NDArray[np.uint8]) -> NDArray[np.float64]:
@@ -106,7 +136,7 @@ def signs(label: NDArray[np.uint8]) -> NDArray[np.float64]:
 
 
 def make_problem(
-    prepared: Prepared, labels: Sequence[NDArray[np.uint8]], settings: TrainSettings, regularisation: float
+    prepared: Prepared, labels: Sequence[NDArray[np.uint8]], settings: TrainSettings, strength: Strength
 ) -> Problem:
     """Return the training problem of the patches that have a label.
 
@@ -122,17 +152,18 @@ def make_problem(
         signs_of.append(y[known])
     y = np.concatenate(signs_of)
     n_weights = rows[0].shape[1]
-    precision = np.full(n_weights, regularisation)
-    precision[0] = 0.0
     bounded = () if settings.edge_model == NONE else (n_weights - 2, n_weights - 1)
+    precision = np.full(n_weights, strength.weights)
+    precision[0] = 0.0
+    precision[list(bounded)] = strength.coupling
     return Problem(np.vstack(rows), y, _importance(y, settings.balanced), precision, bounded)
 
 
 def fit_weights(
-    prepared: Prepared, labels: Sequence[NDArray[np.uint8]], settings: TrainSettings, regularisation: float
+    prepared: Prepared, labels: Sequence[NDArray[np.uint8]], settings: TrainSettings, strength: Strength
 ) -> NDArray[np.float64]:
     """Return the weights of maximum regularised pseudo-likelihood, in the order of the model's parameter names."""
-    weights = fit(make_problem(prepared, labels, settings, regularisation))
+    weights = fit(make_problem(prepared, labels, settings, strength))
     assert len(weights) == len(parameter_names(settings.edge_model, prepared.node.names, prepared.edge.names))
     return weights
 

@@ -42,3 +42,11 @@ def test_folds_keep_regions_whole_and_share_suspicious_patches():
 def test_no_more_folds_than_regions():
     assert set(assign_folds(np.array([0, 0, 1]), np.array([True, False, True]), 5)) == {0, 1}
     assert len(assign_folds(np.empty(0, int), np.empty(0, bool), 5)) == 0
+
+
+def test_regions_of_one_label_are_dealt_over_folds_too():
+    region = np.repeat(np.arange(8), 8)
+    suspicious = region % 2 == 0
+    fold = assign_folds(region, suspicious, 4)
+    for index in range(4):
+        assert suspicious[fold == index].mean() == 0.5

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import Bounds, check_grad, minimize
 
-from mapq.crf import TrainSettings, classify, train
+from mapq.crf import Strength, TrainSettings, classify, train
 from mapq.crf.likelihood import Problem, fit, gradient, hessian, objective
 from mapq.crf.scaling import fit_range, fit_scaling
 from mapq.crf.train import TrainingMap, fit_weights, make_problem, prepare, signs
@@ -28,7 +28,7 @@ def draw_problem(seed: int, n_patches: int = 60) -> Problem:
 
 def pseudo_model(maps, settings, regularisation):
     prepared = prepare(maps, settings)
-    weights = fit_weights(prepared, [m.label for m in maps], settings, regularisation)
+    weights = fit_weights(prepared, [m.label for m in maps], settings, Strength(regularisation, regularisation))
     return Model(settings.edge_model, {}, prepared.node, prepared.edge, prepared.x_range, weights)
 
 
@@ -42,7 +42,7 @@ def test_the_objective_is_the_pseudo_likelihood_by_its_definition(edge_model):
     names = ("plausibility", "overlap") if edge_model == FULL else ()
     settings = TrainSettings(edge_model, names)
     prepared = prepare(maps, settings)
-    problem = make_problem(prepared, [m.label for m in maps], settings, 0.0)
+    problem = make_problem(prepared, [m.label for m in maps], settings, Strength(0.0, 0.0))
     weights = rng.normal(size=problem.design.shape[1])
     model = Model(edge_model, {}, prepared.node, prepared.edge, prepared.x_range, weights)
     assert objective(problem, weights) == pytest.approx(-slow_log_pseudo_likelihood(maps, model), rel=1e-10)
@@ -105,9 +105,11 @@ def test_an_unlabelled_patch_counts_as_label_zero_for_its_neighbours():
     label[4] = UNLABELLED
     settings = TrainSettings(FULL, ("plausibility",))
     prepared = prepare([TrainingMap(features, label, np.zeros(12, int))], settings)
-    problem = make_problem(prepared, [label], settings, 1.0)
+    problem = make_problem(prepared, [label], settings, Strength(1.0, 1.0))
     assert len(problem.y) == 11
-    half = [make_problem(prepared, [np.where(label == UNLABELLED, y, label)], settings, 1.0) for y in (0, 1)]
+    half = [
+        make_problem(prepared, [np.where(label == UNLABELLED, y, label)], settings, Strength(1.0, 1.0)) for y in (0, 1)
+    ]
     kept = np.arange(12) != 4
     np.testing.assert_allclose(problem.design, 0.5 * (half[0].design + half[1].design)[kept])
     assert signs(label)[4] == 0.0
@@ -132,7 +134,7 @@ def test_edges_beat_nodes_alone_and_regularisation_is_chosen():
     maps = [draw_map(seed, node_signal=1.0, share_unlabelled=0.2) for seed in (1, 2)]
     full, alone = train(maps), train(maps, TrainSettings(NONE))
     assert min(full.scores.values()) < 0.7 * min(alone.scores.values())
-    assert full.scores[full.regularisation] == min(full.scores.values())
+    assert full.scores[full.strength] == min(full.scores.values())
     assert full.n_folds == 5
     n_labelled = sum(int((m.label != UNLABELLED).sum()) for m in maps)
     assert len(full.held_out.truth) == n_labelled, "each labelled patch is held out once"
@@ -159,8 +161,11 @@ def test_balance_finds_more_of_the_rare_label():
 
 def test_a_given_strength_is_kept():
     trained = train([draw_map(1)], TrainSettings(regularisation=7.0))
-    assert trained.regularisation == 7.0
-    assert list(trained.scores) == [7.0]
+    assert trained.strength.weights == 7.0
+    assert {strength.weights for strength in trained.scores} == {7.0}
+    both = train([draw_map(1)], TrainSettings(regularisation=7.0, coupling_regularisation=3.0))
+    assert list(both.scores) == [Strength(7.0, 3.0)]
+    assert list(train([draw_map(1)], TrainSettings(NONE, regularisation=2.0)).scores) == [Strength(2.0, 2.0)]
 
 
 def test_labels_too_few_for_folds_still_train():
@@ -169,7 +174,9 @@ def test_labels_too_few_for_folds_still_train():
     label[[np.flatnonzero(one.label == 1)[0], np.flatnonzero(one.label == 0)[0]]] = 1, 0
     trained = train([one._replace(label=label)])
     assert (trained.n_folds, trained.scores, trained.held_out) == (0, {}, None)
-    assert (trained.regularisation, trained.model.temperature) == (1.0, 1.0)
+    assert (trained.strength, trained.model.temperature) == (Strength(1.0, 100.0), 1.0)
+    given = train([one._replace(label=label)], TrainSettings(regularisation=5.0))
+    assert given.strength == Strength(5.0, 100.0)
     assert np.isfinite(trained.model.weights).all()
 
 
@@ -235,3 +242,12 @@ def test_pseudo_likelihood_is_highest_at_the_weights_found():
         weights[-2:] = np.maximum(weights[-2:], 0.0)
         other = Model(FULL, {}, model.node, model.edge, model.x_range, weights)
         assert slow_log_pseudo_likelihood(maps, other) < best
+
+
+def test_all_edge_features_can_speak():
+    one = draw_map(1)
+    model = train([one], TrainSettings(edge_features=("all",))).model
+    assert model.edge.names == ("plausibility", "w")
+    assert {"field.plausibility", "field.w"} <= set(model.parameter_names)
+    with pytest.raises(InputError, match="no edge feature gap"):
+        train([one], TrainSettings(edge_features=("gap",)))

@@ -1,0 +1,137 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mapq.io import read_cloud, write_patches
+from tests.cli.mapq_samples import call, call_json, save_cloud, save_model, save_patches
+from tests.mapq.factories import make_patches
+from tests.mapq.labelled import draw_patches
+
+
+def test_the_result_has_both_files_and_the_contract_s_fields(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path, model = save_patches(tmp_path), save_model(tmp_path)
+    code, out, err = call(capsys, "classify", path, "--model", model)
+    assert (code, err) == (0, "")
+    assert "patches         16 of 32 suspicious (50.0%)" in out
+    assert "with patch" in out
+    cloud = read_cloud("walls1.classified.ply")
+    label, p, patch = (cloud.fields[name] for name in ("suspicious", "p_suspicious", "patch"))
+    assert (patch.dtype, label.dtype, p.dtype) == (np.int32, np.uint8, np.float32)
+    np.testing.assert_array_equal(p > 0.5, label == 1)
+    assert {"red", "green", "blue", "truth", "intensity"} <= set(cloud.fields)
+    content = json.loads(Path("walls1.classified.json").read_text())
+    assert content["schema"] == "mapq.result/1"
+    assert content["counts"]["n_suspicious"] == 16
+    for row in content["patches"]:
+        points = patch == row["patch"]
+        assert row["n_points"] == points.sum()
+        assert (label[points] == (row["label"] == "suspicious")).all()
+        assert p[points][0] == pytest.approx(row["p_suspicious"], abs=1e-7)
+        np.testing.assert_allclose(row["centroid"], cloud.world()[points].mean(axis=0), atol=1e-4)
+        assert sum(term["contribution"] for term in row["terms"]) == pytest.approx(row["log_odds"], abs=1e-6)
+
+
+def test_json_is_the_json_of_the_result(capsys, tmp_path):
+    target = tmp_path / "r.ply"
+    result = call_json(capsys, "classify", save_patches(tmp_path), "--model", save_model(tmp_path), "-o", target)
+    assert result.pop("output") == str(target)
+    assert result == json.loads((tmp_path / "r.json").read_text())
+
+
+def test_a_cloud_is_segmented_first(capsys, tmp_path):
+    path, target = save_cloud(tmp_path), tmp_path / "r.ply"
+    result = call_json(capsys, "classify", path, "--model", save_model(tmp_path), "-o", target, "--max-tilt", 20)
+    assert result["counts"]["n_points"] == len(draw_patches(1).cloud)
+    assert result["segmentation"]["parameters"]["max_tilt"] == 20
+
+
+def test_a_result_can_be_classified_anew(capsys, tmp_path):
+    model, first, second = save_model(tmp_path), tmp_path / "a.ply", tmp_path / "b.ply"
+    assert call(capsys, "classify", save_patches(tmp_path), "--model", model, "-o", first)[0] == 0
+    assert call(capsys, "classify", first, "--model", model, "-o", second)[0] == 0
+    assert set(read_cloud(str(first)).fields) == set(read_cloud(str(second)).fields)
+
+
+@pytest.mark.parametrize(("share", "code"), [(0.4, 1), (0.6, 0)])
+def test_fail_over_says_no_after_the_result_is_written(capsys, tmp_path, share, code):
+    target = tmp_path / "r.ply"
+    args = ["classify", save_patches(tmp_path), "--model", save_model(tmp_path), "-o", target, "--fail-over", share]
+    found, out, err = call(capsys, *args)
+    assert found == code
+    assert out
+    assert ("of the area of patches is suspicious" in err) == (code == 1)
+    assert target.exists()
+
+
+def test_no_patches_are_a_result_with_a_warning(capsys, tmp_path):
+    path, target = tmp_path / "none.patches", tmp_path / "r.ply"
+    write_patches(path, make_patches([], np.empty((0, 3)), loose=5))
+    code, out, err = call(capsys, "classify", path, "--model", save_model(tmp_path), "-o", target)
+    assert code == 0
+    assert "no plane patch was found" in err
+    assert "0 of 0 suspicious" in out
+    assert json.loads((tmp_path / "r.json").read_text())["counts"]["share_of_area"] is None
+    assert read_cloud(str(target)).fields["suspicious"].tolist() == [255] * 5
+
+
+@pytest.mark.parametrize("stands", ["r.ply", "r.json"])
+def test_either_file_of_a_result_is_not_overwritten(capsys, tmp_path, stands):
+    (tmp_path / stands).write_text("mine")
+    args = ["classify", save_patches(tmp_path), "--model", save_model(tmp_path), "-o", tmp_path / "r.ply"]
+    code, out, err = call(capsys, *args)
+    assert (code, out, err.count("\n")) == (4, "", 1)
+    assert (tmp_path / stands).read_text() == "mine"
+    assert call(capsys, *args, "-f")[0] == 0
+
+
+def test_a_ply_that_cannot_be_written_leaves_no_json(capsys, tmp_path, monkeypatch):
+    from mapq.io import results
+    from prf.shell.errors import OutputError
+
+    def fail(path, cloud):
+        raise OutputError("disk full")
+
+    monkeypatch.setattr(results, "write_ply", fail)
+    path, model = save_patches(tmp_path), save_model(tmp_path)
+    before = set(tmp_path.iterdir())
+    assert call(capsys, "classify", path, "--model", model, "-o", tmp_path / "r.ply")[0] == 4
+    assert set(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "message"),
+    [
+        (["-o", "-"], 2, "two files"),
+        (["-o", "r.json"], 2, "two files"),
+        (["-o", "r.ply", "--max-tilt", "10"], 2, "segmented already"),
+        (["-o", "r.ply", "--up", "0", "1", "0"], 2, "segmented already"),
+        (["-o", "no/such/folder/r.ply"], 4, "no such file or directory"),
+    ],
+)
+def test_options_that_make_no_sense(capsys, tmp_path, monkeypatch, options, code, message):
+    monkeypatch.chdir(tmp_path)
+    found, out, err = call(capsys, "classify", save_patches(tmp_path), "--model", save_model(tmp_path), *options)
+    assert (found, out, err.count("\n")) == (code, "", 1)
+    assert message in err
+
+
+def test_a_model_that_is_none_is_one_line(capsys, tmp_path):
+    code, _, err = call(
+        capsys, "classify", save_patches(tmp_path), "--model", save_patches(tmp_path, 2), "-o", tmp_path / "r.ply"
+    )
+    assert (code, err.count("\n")) == (3, 1)
+    assert "walls2.patches" in err
+
+
+def test_without_a_model_that_ships_it_says_what_to_do(capsys, tmp_path, monkeypatch):
+    from mapq.io import models
+
+    monkeypatch.setattr(models, "DEFAULT", ("models", "absent.json"))
+    code, _, err = call(capsys, "classify", save_patches(tmp_path), "-o", tmp_path / "r.ply")
+    assert (code, err.count("\n")) == (3, 1)
+    assert "mapq train" in err

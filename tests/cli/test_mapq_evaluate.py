@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mapq.io import read_cloud, write_ply
+from tests.cli.mapq_samples import call, call_json, save_cloud, save_model, save_patches
+
+KEYS = {"n", "accuracy", "confusion", "precision", "recall", "f1", "mcc", "ece", "auc"}
+
+
+@pytest.fixture
+def result(capsys, tmp_path):
+    target = tmp_path / "r.ply"
+    assert call(capsys, "classify", save_patches(tmp_path), "--model", save_model(tmp_path), "-o", target)[0] == 0
+    return target
+
+
+def test_a_result_is_compared_with_its_field_truth(capsys, result):
+    scores = call_json(capsys, "evaluate", result)
+    assert scores["schema"] == "mapq.evaluate/1"
+    assert set(scores) >= KEYS | {"balanced_accuracy", "base_rate"}
+    assert (scores["n"], scores["confusion"], scores["accuracy"]) == (32, [[16, 0], [0, 16]], 1.0)
+
+
+def test_rows_are_inferred_and_columns_truth(capsys, result):
+    cloud = read_cloud(str(result))
+    patch = cloud.fields["patch"]
+    wrong = np.where(np.isin(patch, np.flatnonzero(np.arange(32) % 4 == 0)), 0, cloud.fields["truth"])
+    write_ply(result, cloud.with_fields(other=wrong.astype(np.uint8)))
+    scores = call_json(capsys, "evaluate", result, "--truth-field", "other")
+    label = np.array([cloud.fields["suspicious"][patch == number][0] for number in range(32)])
+    truth = np.array([wrong[patch == number][0] for number in range(32)])
+    expected = [[int(((label == row) & (truth == column)).sum()) for column in (0, 1)] for row in (0, 1)]
+    assert scores["confusion"] == expected
+    assert expected[1][0] > 0
+    assert scores["precision"] == expected[1][1] / sum(expected[1])
+
+
+def test_patches_are_classified_and_compared_with_their_labels(capsys, tmp_path):
+    model = save_model(tmp_path)
+    stored = call_json(capsys, "evaluate", save_patches(tmp_path), "--model", model)
+    assert (stored["truth"], stored["accuracy"]) == ("labels of the patches", 1.0)
+    field = call_json(capsys, "evaluate", save_patches(tmp_path, labelled=False), "--model", model)
+    assert (field["truth"], field["accuracy"]) == ("point field truth", 1.0)
+    named = call_json(capsys, "evaluate", save_patches(tmp_path), "--model", model, "--truth-field", "truth")
+    assert named["truth"] == "point field truth"
+
+
+def test_the_table_has_the_matrix_and_every_score(capsys, result):
+    code, out, err = call(capsys, "evaluate", result)
+    assert (code, err) == (0, "")
+    rows = [line.split() for line in out.splitlines()]
+    assert ["plausible", "16", "0"] in rows
+    assert ["suspicious", "0", "16"] in rows
+    assert ["balanced", "accuracy", "1.0000"] in rows
+
+
+@pytest.mark.parametrize(
+    ("make", "options", "code", "message"),
+    [
+        (save_cloud, [], 3, "neither PATCHES nor a result"),
+        (save_patches, ["--truth-field", "wrong"], 3, "--truth-field"),
+        (save_patches, ["--truth-field", "intensity"], 3, "neither 0 nor 1 nor 255"),
+        (save_cloud, ["--model"], 2, "Leave out --model"),
+    ],
+)
+def test_what_cannot_be_compared_is_one_line(capsys, tmp_path, make, options, code, message):
+    model = save_model(tmp_path)
+    options = (
+        [*options, model] if options == ["--model"] else ["--model", model, *options] if make is save_patches else []
+    )
+    found, out, err = call(capsys, "evaluate", make(tmp_path), *options)
+    assert (found, out, err.count("\n")) == (code, "", 1)
+    assert message in err

@@ -1,0 +1,115 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from mapq.io.models import read_model
+from tests.cli.mapq_samples import call, call_json, save_patches
+
+
+def test_weights_and_held_out_scores_are_printed(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    paths = [save_patches(tmp_path, seed) for seed in (1, 2)]
+    code, out, _ = call(capsys, "train", *paths)
+    assert code == 0
+    rows = {line.split()[0]: line.split()[1:] for line in out.splitlines()}
+    model = read_model("model.json")
+    for name, weight in zip(model.parameter_names, model.weights, strict=True):
+        assert float(rows[name][0]) == pytest.approx(weight, abs=6e-5)
+    assert float(rows["accuracy"][0]) > 0.9
+    assert "64 patches in 5 folds, 50.0% suspicious" in out
+
+
+def test_options_reach_the_model(capsys, tmp_path):
+    path, target = save_patches(tmp_path), tmp_path / "m.json"
+    options = [
+        "--features",
+        "literal",
+        "--regularisation",
+        3,
+        "--coupling-regularisation",
+        4,
+        "--edge-feature",
+        "overlap",
+    ]
+    more = ["--radius", 2.5, "--tau", 0.7, "--neighbours", 3, "--class-weight", "balanced", "--objective", "pl"]
+    result = call_json(capsys, "train", path, "-o", target, *options, *more)
+    assert result["schema"] == "mapq.model/1"
+    assert result["output"] == str(target)
+    features = result["features"]
+    assert [features[key] for key in ("reading", "radius", "tau", "n_neighbours")] == ["literal", 2.5, 0.7, 3]
+    training = result["training"]
+    kept = [training[key] for key in ("regularisation", "coupling_regularisation", "class_weight", "objective")]
+    assert kept == [3.0, 4.0, "balanced", "pl"]
+    assert set(result["parameters"]["field"]) == {"bias", "overlap"}
+    stored = json.loads(target.read_text())
+    del result["output"]
+    assert stored == result
+
+
+@pytest.mark.parametrize("edge_model", ["full", "symmetric", "none"])
+def test_every_edge_model_trains(capsys, tmp_path, edge_model):
+    target = tmp_path / "m.json"
+    assert call(capsys, "train", save_patches(tmp_path), "-o", target, "--edge-model", edge_model)[0] == 0
+    assert read_model(target).edge_model == edge_model
+
+
+def test_max_patches_prints_its_seed_in_the_model(capsys, tmp_path):
+    path = save_patches(tmp_path)
+    drawn = call_json(capsys, "train", path, "-o", tmp_path / "a", "--max-patches", 20)["training"]
+    again = call_json(capsys, "train", path, "-o", tmp_path / "b", "--max-patches", 20, "--seed", drawn["seed"])
+    assert again["training"]["held_out"] == drawn["held_out"]
+    assert drawn["n_patches"] == 20
+
+
+def test_the_model_may_go_to_standard_output(capsys, tmp_path):
+    code, out, err = call(capsys, "train", save_patches(tmp_path), "-o", "-")
+    assert code == 0
+    assert json.loads(out)["schema"] == "mapq.model/1"
+    assert "node.bias" in err
+
+
+def test_an_output_that_stands_is_refused_before_the_work(capsys, tmp_path):
+    target = tmp_path / "m.json"
+    target.write_text("mine")
+    code, _, err = call(capsys, "train", tmp_path / "absent", "-o", target)
+    assert (code, err.count("\n")) == (4, 1)
+    assert target.read_text() == "mine"
+    assert call(capsys, "train", save_patches(tmp_path), "-o", target, "--force")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "message"),
+    [
+        (["--regularisation", "0"], 2, "not above 0"),
+        (["--objective", "max-margin"], 2, "max-margin"),
+        (["--edge-feature", "colour"], 3, "no edge feature colour"),
+        (["--radius", "-1"], 2, "radius"),
+        (["--json", "-o", "-"], 2, "both want standard output"),
+    ],
+)
+def test_options_that_make_no_sense(capsys, tmp_path, options, code, message):
+    where = [] if "-o" in options else ["-o", tmp_path / "m.json"]
+    found, out, err = call(capsys, "train", save_patches(tmp_path), *where, *options)
+    assert (found, out, err.count("\n")) == (code, "", 1)
+    assert message in err
+    assert not (tmp_path / "m.json").exists()
+
+
+def test_patches_without_labels_are_sent_to_label(capsys, tmp_path):
+    code, _, err = call(capsys, "train", save_patches(tmp_path, labelled=False), "-o", tmp_path / "m.json")
+    assert code == 3
+    assert "mapq label" in err
+
+
+def test_labels_of_one_kind_are_refused(capsys, tmp_path):
+    path = save_patches(tmp_path)
+    from mapq.io import read_patches, write_patches
+
+    patches = read_patches(path)
+    patches.label[:] = 0
+    write_patches(path, patches)
+    code, _, err = call(capsys, "train", path, "-o", tmp_path / "m.json")
+    assert (code, err.count("\n")) == (3, 1)
+    assert "all 32 labelled patches are plausible" in err

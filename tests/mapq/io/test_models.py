@@ -1,0 +1,116 @@
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from mapq.io.models import SCHEMA, read_model, write_model
+from mapq.model import EDGE_MODELS
+from prf.shell.errors import InputError
+from tests.reference.mapq_crf import draw_model
+
+
+def saved(tmp_path, edge_model="full"):
+    path = tmp_path / "m.json"
+    write_model(path, draw_model(np.random.default_rng(1), edge_model))
+    return path
+
+
+@pytest.mark.parametrize("edge_model", EDGE_MODELS)
+def test_what_is_written_is_read(edge_model, tmp_path):
+    model = draw_model(np.random.default_rng(1), edge_model)
+    found = read_model(saved(tmp_path, edge_model))
+    assert found.parameter_names == model.parameter_names
+    for name in ("edge_model", "x_range", "temperature", "features", "training"):
+        assert getattr(found, name) == getattr(model, name)
+    np.testing.assert_array_equal(found.weights, model.weights)
+    for one, other in ((found.node, model.node), (found.edge, model.edge)):
+        assert (one.names, one.clip) == (other.names, other.clip)
+        np.testing.assert_array_equal(one.median, other.median)
+        np.testing.assert_array_equal(one.scale, other.scale)
+
+
+def test_the_file_is_readable(tmp_path):
+    content = json.loads(saved(tmp_path).read_text())
+    assert content["schema"] == SCHEMA == "mapq.model/1"
+    assert set(content["parameters"]) == {"node", "field", "coupling"}
+    assert set(content["parameters"]["node"]) == {"bias", "fit", "tilt", "thickness"}
+    assert set(content["parameters"]["coupling"]) == {"at_x_min", "at_x_max"}
+    assert set(content["node_scaling"]["columns"]["fit"]) == {"median", "scale"}
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "message"),
+    [
+        ("schema", "mapq.model/2", "version 2 of mapq.model is not known"),
+        ("schema", "mapq.result/1", "schema mapq.result/1, expected"),
+        ("edge_model", "potts", "edge_model is 'potts'"),
+        ("edge_model", "none", "edge_scaling has columns"),
+        ("edge_model", None, "edge_model is not text"),
+        ("temperature", 0, "temperature is 0.0, not above 0"),
+        ("temperature", "hot", "temperature is 'hot', not a finite number"),
+        ("temperature", True, "not a finite number"),
+        ("x_min", 2.0, "x_min 2.0 is above x_max"),
+        ("x_max", float("nan"), "x_max is nan"),
+        ("parameters.coupling.at_x_min", -1e-9, "coupling must not be negative"),
+        ("parameters.node.fit", float("inf"), "parameters.node.fit is inf"),
+        ("parameters.node.more", 1.0, "parameters are 10, but edge_model full has 9"),
+        ("parameters.extra", {"a": 1}, "parameters are 10"),
+        ("parameters", [], "parameters is not an object"),
+        ("node_scaling.clip", -5, "clip and scales must be above 0"),
+        ("node_scaling.columns.fit.scale", 0.0, "clip and scales must be above 0"),
+        ("edge_scaling.columns.overlap", 3, "edge_scaling.columns.overlap is not an object"),
+        ("features", "safe", "features is not an object"),
+    ],
+)
+def test_content_that_is_no_model_is_one_line(place, value, message, tmp_path):
+    path = saved(tmp_path)
+    content = json.loads(path.read_text())
+    at = content
+    *way, last = place.split(".")
+    for key in way:
+        at = at[key]
+    at[last] = value
+    path.write_text(json.dumps(content))
+    with pytest.raises(InputError) as error:
+        read_model(path)
+    assert message in str(error.value)
+    assert str(path) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        "schema",
+        "edge_model",
+        "parameters",
+        "parameters.node.fit",
+        "parameters.coupling",
+        "temperature",
+        "x_min",
+        "node_scaling.clip",
+        "node_scaling.columns.fit.median",
+        "features",
+        "training",
+    ],
+)
+def test_a_missing_key_is_named(place, tmp_path):
+    path = saved(tmp_path)
+    content = json.loads(path.read_text())
+    at = content
+    *way, last = place.split(".")
+    for key in way:
+        at = at[key]
+    del at[last]
+    path.write_text(json.dumps(content))
+    with pytest.raises(InputError, match="no schema" if place == "schema" else f"{last} is missing"):
+        read_model(path)
+
+
+def test_a_file_that_is_cut_off_is_damaged(tmp_path):
+    path = saved(tmp_path)
+    path.write_text(path.read_text()[:200])
+    with pytest.raises(InputError, match="damaged"):
+        read_model(path)

@@ -1,0 +1,140 @@
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from mapq.assess import assess, read_input
+from mapq.cloud import PointCloud
+from mapq.crf import local_log_odds
+from mapq.features import FeatureSettings
+from mapq.io import read_cloud, write_patches, write_ply
+from mapq.io.results import result_cloud
+from mapq.model import EDGE_MODELS, Model, Scaling, parameter_names
+from mapq.patches import Patches
+from tests.mapq.factories import make_patches, sample_patches, shuffled, wall
+from tests.mapq.labelled import draw_patches
+
+NODE_NAMES = ("fit", "tilt", "thickness")
+
+
+def make_model(edge_model: str = "full") -> Model:
+    """Return a model in which a low x_ij and a thick patch are suspicious."""
+    names = ("plausibility",) if edge_model == "full" else ()
+    node = Scaling(NODE_NAMES, np.array([7.0, 1.0, 2.5]), np.array([1.0, 0.1, 0.5]))
+    edge = Scaling(names, np.ones(len(names)), np.full(len(names), 0.2))
+    weights = {"node.bias": -0.8, "node.thickness": -0.3, "field.plausibility": -0.7, "coupling.at_x_min": 0.4}
+    names_of_all = parameter_names(edge_model, NODE_NAMES, names)
+    values = np.array([weights.get(name, 0.0) for name in names_of_all])
+    return Model(edge_model, asdict(FeatureSettings()), node, edge, (-1.0, 1.0), values, 0.8)
+
+
+@pytest.fixture(scope="module")
+def result():
+    return assess(draw_patches(1), make_model())
+
+
+def test_double_walls_are_suspicious_with_reasons(result):
+    np.testing.assert_array_equal(result.labelling.label, draw_patches(1).label)
+    worst = result.worst(5)
+    assert len(worst) == 5
+    assert all(result.labelling.label[patch] == 1 for patch in worst)
+    reasons = result.reasons(worst[0], 3)
+    assert any("plausibility" in reason and "with patch" in reason for reason in reasons)
+
+
+def test_counts_are_shares_of_patches_points_and_area(result):
+    counts = result.counts()
+    bad = result.labelling.label == 1
+    assert (counts["n_patches"], counts["n_suspicious"]) == (32, 16)
+    assert counts["share_of_points"] == result.patches.counts[bad].sum() / counts["n_points_in_patches"]
+    assert counts["area_suspicious_m2"] == pytest.approx(counts["share_of_area"] * counts["area_m2"])
+    assert counts["area_m2"] == pytest.approx(32 * 40.0, rel=0.3)
+
+
+def test_rows_have_terms_that_sum_to_the_log_odds(result):
+    rows = list(result.patch_rows())
+    odds = local_log_odds(result.features, result.model, result.labelling.label)
+    for row, expected in zip(rows, odds, strict=True):
+        sizes = [abs(term["contribution"]) for term in row["terms"]]
+        assert sizes == sorted(sizes, reverse=True)
+        assert sum(term["contribution"] for term in row["terms"]) == pytest.approx(expected, abs=1e-7)
+        assert row["log_odds"] == pytest.approx(expected, abs=1e-7)
+        assert row["terms"] == result.term_rows(row["patch"])
+        assert all((term["name"] in ("plausibility", "neighbour label")) == ("other" in term) for term in row["terms"])
+    assert set(rows[0]) >= {"patch", "label", "p_suspicious", "n_points", "centroid", "normal", "area_m2", "rms_m"}
+
+
+def test_points_carry_their_patchs_result(result):
+    cloud = result.cloud()
+    patch, label = cloud.fields["patch"], cloud.fields["suspicious"]
+    assert (patch.dtype, label.dtype, cloud.fields["p_suspicious"].dtype) == (np.int32, np.uint8, np.float32)
+    np.testing.assert_array_equal(label, result.labelling.label[patch])
+    np.testing.assert_array_equal(cloud.fields["p_suspicious"], result.labelling.probability[patch])
+    np.testing.assert_array_equal(cloud.fields["intensity"], np.arange(len(cloud)))
+    np.testing.assert_array_equal(cloud.fields["red"] > cloud.fields["blue"], label == 1)
+
+
+def test_the_order_of_points_changes_nothing(result):
+    again = assess(shuffled(draw_patches(1)), make_model())
+    np.testing.assert_array_equal(result.labelling.label, again.labelling.label)
+    np.testing.assert_array_equal(result.labelling.difference, again.labelling.difference)
+    assert list(result.patch_rows())[5]["terms"] == list(again.patch_rows())[5]["terms"]
+
+
+@pytest.mark.parametrize("edge_model", EDGE_MODELS)
+@pytest.mark.parametrize("n_walls", [1, 2])
+def test_few_patches(edge_model, n_walls):
+    walls = [wall((0, 50.0 * number), (10, 50.0 * number)) for number in range(n_walls)]
+    found = assess(sample_patches(walls), make_model(edge_model))
+    assert len(list(found.patch_rows())) == n_walls
+    assert len(found.features.pairs) == 0
+
+
+@pytest.mark.parametrize("edge_model", EDGE_MODELS)
+def test_no_patches(edge_model):
+    found = assess(make_patches([], np.empty((0, 3)), loose=4), make_model(edge_model))
+    counts = found.counts()
+    assert (counts["n_patches"], counts["n_points"], list(found.patch_rows())) == (0, 4, [])
+    assert math.isnan(counts["share_of_area"])
+    cloud = found.cloud()
+    assert cloud.fields["suspicious"].tolist() == [255] * 4
+    assert cloud.fields["patch"].tolist() == [-1] * 4
+    assert np.isnan(cloud.fields["p_suspicious"]).all()
+
+
+def test_colours_of_the_cloud_are_kept_once():
+    xyz = np.arange(9.0).reshape(3, 3)
+    colours = {name: np.arange(3, dtype=np.uint8) + index for index, name in enumerate(("red", "green", "blue"))}
+    cloud = PointCloud(xyz, np.zeros(3), {"time": np.arange(3.0), **colours})
+    patch, p = np.array([0, -1, 1], np.int32), np.array([0.2, 0.9], np.float32)
+    once = result_cloud(cloud, patch, np.array([0, 1], np.uint8), p)
+    assert once.fields["suspicious"].tolist() == [0, 255, 1]
+    names = ["time", "original_red", "original_green", "original_blue", "patch", "suspicious", "p_suspicious"]
+    assert list(once.fields) == [*names, "red", "green", "blue"]
+    twice = result_cloud(once, patch[::-1].copy(), np.array([1, 1], np.uint8), p)
+    assert set(twice.fields) == set(once.fields)
+    np.testing.assert_array_equal(twice.fields["original_red"], colours["red"])
+    assert twice.fields["suspicious"].tolist() == [1, 255, 1]
+
+
+def test_input_is_told_by_its_content(tmp_path):
+    patches = draw_patches(1, 6)
+    write_patches(tmp_path / "a", patches)
+    write_ply(tmp_path / "b.ply", patches.cloud)
+    found = read_input(str(tmp_path / "a"))
+    assert isinstance(found, Patches)
+    np.testing.assert_array_equal(found.patch, patches.patch)
+    assert isinstance(read_input(str(tmp_path / "b.ply")), PointCloud)
+    assert len(read_cloud(str(tmp_path / "b.ply"))) == len(patches.cloud)
+
+
+def test_patches_far_from_the_origin_have_world_coordinates():
+    patches = draw_patches(1, 6)
+    shift = np.array([431000.0, 5411000.0, 0.0])
+    far = replace(patches, cloud=replace(patches.cloud, shift=shift))
+    near_rows, far_rows = (list(assess(each, make_model()).patch_rows()) for each in (patches, far))
+    np.testing.assert_allclose(np.subtract(far_rows[3]["centroid"], near_rows[3]["centroid"]), shift, atol=1e-5)
+    assert near_rows[3]["terms"] == far_rows[3]["terms"]

@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mapq.assess import assess, feature_settings
+from mapq.crf import TrainSettings
+from mapq.features import FeatureSettings
+from mapq.io import write_patches
+from mapq.io.models import read_model, write_model
+from mapq.patches import UNLABELLED
+from mapq.training import draw_labels, train_files
+from prf.shell.errors import InputError
+from tests.mapq.labelled import draw_patches
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("maps")
+    paths = []
+    for seed in (1, 2):
+        path = folder / f"{seed}.patches"
+        write_patches(path, draw_patches(seed))
+        paths.append(str(path))
+    return paths
+
+
+def test_double_walls_are_learnt_and_found_on_another_map(files, tmp_path):
+    model, trained, scores = train_files(files)
+    assert scores.accuracy > 0.9
+    write_model(tmp_path / "m.json", model)
+    other = draw_patches(3)
+    label = assess(other, read_model(tmp_path / "m.json")).labelling.label
+    assert (label == other.label).mean() > 0.95
+    assert trained.n_folds == 5
+
+
+def test_the_coupling_needs_a_strength_of_its_own(files):
+    """Neighbours in pairs always agree, so pseudo-likelihood leaves all to the coupling, and a map without labels dark.
+
+    Held-out patches, labelled by the graph cut as a new map is, show it: the cross-validation holds the coupling back.
+    """
+    alike = train_files(files, TrainSettings(regularisation=1.0, coupling_regularisation=1.0))[2]
+    chosen, trained, scores = train_files(files, TrainSettings(regularisation=1.0))
+    assert alike.recall < 0.5
+    assert scores.recall > 0.9
+    assert trained.strength.coupling > 1.0
+    assert chosen.training["coupling_regularisation"] == trained.strength.coupling
+
+
+def test_the_summary_says_what_was_trained_on(files):
+    features = FeatureSettings(radius=2.5)
+    model, trained, scores = train_files(files, TrainSettings(regularisation=1.0), features)
+    summary = model.training
+    assert summary["n_patches"] == 64
+    assert summary["n_suspicious"] == 32
+    assert [row["name"] for row in summary["maps"]] == ["1.patches", "2.patches"]
+    assert all(len(row["sha256"]) == 64 for row in summary["maps"])
+    assert summary["regularisation"] == trained.strength.weights == 1.0
+    assert summary["held_out"]["accuracy"] == scores.accuracy
+    assert summary["class_weight"] == "none"
+    assert summary["pseudo_log_likelihood"] < 0.0
+    assert feature_settings(model) == features
+
+
+def test_training_repeats(files):
+    first, again = (train_files(files)[0] for _ in range(2))
+    np.testing.assert_array_equal(first.weights, again.weights)
+    assert first.temperature == again.temperature
+
+
+def test_a_limited_number_of_patches_is_drawn_in_places():
+    maps = [draw_patches(1), draw_patches(2)]
+    labels = draw_labels(maps, 20, seed=3)
+    assert sum(int((label != UNLABELLED).sum()) for label in labels) == 20
+    for patches, label in zip(maps, labels, strict=True):
+        known = label != UNLABELLED
+        np.testing.assert_array_equal(label[known], patches.label[known])
+    assert any(len(a) and (a != b).any() for a, b in zip(labels, draw_labels(maps, 20, seed=4), strict=True))
+    np.testing.assert_array_equal(labels[0], draw_labels(maps, 20, seed=3)[0])
+    everything = draw_labels(maps, 1000, seed=1)
+    np.testing.assert_array_equal(everything[1], maps[1].label)
+
+
+def test_max_patches_stands_in_the_model(files):
+    summary = train_files(files, max_patches=40, seed=5)[0].training
+    assert (summary["max_patches"], summary["seed"], summary["n_patches"]) == (40, 5, 40)
+
+
+def test_maps_without_labels_are_refused(tmp_path):
+    path = str(tmp_path / "bare.patches")
+    write_patches(path, draw_patches(1, labelled=False))
+    with pytest.raises(InputError, match="mapq label"):
+        train_files([path])
+
+
+def test_settings_of_features_that_are_strange_are_refused(files):
+    model = train_files(files, TrainSettings(regularisation=1.0))[0]
+    for change, message in (
+        ({"colour": 1}, "colour is not known"),
+        ({"radius": "wide"}, "cannot be used"),
+        ({"radius": -1.0}, "cannot be used"),
+        ({"up": 3}, "cannot be used"),
+    ):
+        with pytest.raises(InputError, match=message):
+            feature_settings(replace(model, features={**model.features, **change}))
+    short = {name: value for name, value in model.features.items() if name != "tau"}
+    with pytest.raises(InputError, match="tau is missing"):
+        feature_settings(replace(model, features=short))
