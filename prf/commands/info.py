@@ -10,6 +10,7 @@ import typer
 from prf.shell.options import Json
 
 if TYPE_CHECKING:
+    from prf.logs import Kind
     from prf.logs.describe import Extent, LogSummary
 
 EXAMPLES = (
@@ -19,12 +20,24 @@ EXAMPLES = (
 )
 
 
-def info(
-    log: Annotated[
-        str, typer.Argument(metavar="LOG", help="A CARMEN log or a CSV table, also gzipped; - is standard input.")
-    ],
-    json: Json = False,
-) -> None:
+Log = Annotated[
+    str,
+    typer.Argument(
+        metavar="LOG", help="CARMEN or Player log, ROS bag or CSV table, also gzipped; - is standard input."
+    ),
+]
+Sonar = Annotated[bool, typer.Option("--sonar", help="The sonar readings.  [laser if there are any, else sonar]")]
+Topic = Annotated[
+    str | None,
+    typer.Option("--topic", metavar="NAME", help="Topic of a bag, device of a Player log.  [the only one]"),
+]
+Frame = Annotated[
+    str | None,
+    typer.Option("--frame", metavar="NAME", help="Frame or odometry topic that poses are taken in.  [map]"),
+]
+
+
+def info(log: Log, sonar: Sonar = False, topic: Topic = None, frame: Frame = None, json: Json = False) -> None:
     """Say what is in a log: scans, beams, extent, ranges, and what looks suspicious.
 
     Suspicious are poses that jump, clocks that do not run, ranges that are error codes, lines of unknown kinds. Whether
@@ -33,7 +46,8 @@ def info(
     from prf.logs import describe, read_readings
     from prf.shell import console, jsonout
 
-    summary = describe(read_readings(log), log)
+    kind: Kind | None = "sonar" if sonar else None
+    summary = describe(read_readings(log, kind, topic=topic, frame=frame), log)
     if json:
         jsonout.emit_object("prf.info/1", jsonout.jsonable(summary))
     else:
@@ -57,8 +71,14 @@ def _rows(summary: LogSummary) -> Iterator[tuple[str, str]]:
     fewest, most = summary.beams_per_scan
     yield "log", summary.source
     yield "format", f"{summary.format} ({', '.join(summary.devices)})"
+    yield "kind", summary.kind
     yield "scans", f"{summary.n_scans} of {fewest if fewest == most else f'{fewest} to {most}'} beams"
-    yield "beams", f"{summary.n_beams} usable, {summary.n_zero_ranges} dropped (range 0)"
+    invalid = f", {summary.n_invalid} dropped (no number, or too short)" if summary.n_invalid else ""
+    yield "beams", f"{summary.n_beams} usable, {summary.n_zero_ranges} dropped (range 0){invalid}"
+    if summary.kind == "sonar":
+        yield "cone", " to ".join(f"{cone:.3f}" for cone in sorted(set(summary.cones))) + " rad"
+        yield "ring", _ring(summary.ring)
+    yield "poses", summary.poses
     yield "path", f"{summary.path_length:.1f} m long, {_extent(summary.path_extent)}"
     yield "returns", _extent(summary.returns_extent)
     yield "duration", "unknown" if _is_nan(summary.duration) else f"{summary.duration:,.1f} s"
@@ -74,6 +94,12 @@ def _extent(extent: Extent | None) -> str:
         return "none"
     x, y = (extent.x_min, extent.x_max), (extent.y_min, extent.y_max)
     return f"{x[1] - x[0]:.1f} x {y[1] - y[0]:.1f} m, x {x[0]:.1f} to {x[1]:.1f}, y {y[0]:.1f} to {y[1]:.1f}"
+
+
+def _ring(ring: tuple[tuple[float, float, float], ...]) -> str:
+    """Return where the transducers sit on the robot."""
+    sites = ", ".join(f"({x:.3f} {y:.3f} {heading:.3f})" for x, y, heading in ring)
+    return f"{len(ring)} transducers at x y heading {sites}" if ring else "not in the log"
 
 
 def _counts(counts: Mapping[str, int]) -> str:

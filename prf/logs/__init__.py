@@ -4,8 +4,21 @@ from __future__ import annotations
 
 from prf.logs.describe import LogSummary, describe
 from prf.logs.open import read_readings
-from prf.logs.readings import LogNotes, Readings, ScanTable
+from prf.logs.readings import Kind, LogNotes, NoReadings, Readings, ScanTable
+from prf.logs.rings import CONE
 from prf.logs.table import write_table
 from prf.logs.thin import thin
 
-__all__ = ["LogNotes", "LogSummary", "Readings", "ScanTable", "describe", "read_readings", "thin", "write_table"]
+__all__ = [
+    "CONE",
+    "Kind",
+    "LogNotes",
+    "LogSummary",
+    "NoReadings",
+    "Readings",
+    "ScanTable",
+    "describe",
+    "read_readings",
+    "thin",
+    "write_table",
+]

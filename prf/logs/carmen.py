@@ -17,6 +17,8 @@ n CARMEN assumes pi/(n - 1) (``carmen_laser_guess_angle_increment`` in readlog.c
 
 A range of exactly 0 is a scanner's error code (too near, blinded): dropped and counted. Numbers that mean "no return"
 (81.91, 51.1, 50 ...) stay as they are, since they cannot be told from ranges without the user's maximum.
+
+``SONAR`` lines have a reader of their own, :mod:`prf.logs.carmen_sonar`.
 """
 
 from __future__ import annotations
@@ -29,16 +31,31 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.logs.numbers import LARGEST_TIME, MEND, check_pose, check_ranges, parse_count, parse_floats, show
-from prf.logs.readings import FloatArray, LogNotes, Readings, ScanTable
-from prf.shell.errors import InputError
+from prf.logs.numbers import MEND, check_pose, check_ranges, check_time, parse_count, parse_floats, show
+from prf.logs.readings import FloatArray, LogNotes, NoReadings, Readings
+from prf.logs.scans import Scan, assemble
+from prf.shell.errors import ConfigError, InputError
 
 ROBOT_LASERS = tuple(f"ROBOTLASER{i}" for i in range(6))
 
 RAW_LASERS = tuple(f"RAWLASER{i}" for i in range(6))
 
 LASERS = ("FLASER", "RLASER", "LASER3", "LASER4", "LASER5", "REMISSIONFLASER", "REMISSIONRLASER", "POSITIONLASER")
-BASE = ("PARAM", "SYNC", "ODOM", "TRUEPOS", "NEFF", "MARKER", "SONAR", "BUMPER", "ARM", "IMU", "SCANMARK", "NMEAGGA")
+BASE = (
+    "PARAM",
+    "SYNC",
+    "ODOM",
+    "TRUEPOS",
+    "GLOBALPOS",
+    "NEFF",
+    "MARKER",
+    "SONAR",
+    "BUMPER",
+    "ARM",
+    "IMU",
+    "SCANMARK",
+    "NMEAGGA",
+)
 COMMANDS = ("NMEARMC", "VECTORMOVE", "ROBOTVELOCITY", "FOLLOWTRAJECTORY", "BASEVELOCITY")
 KNOWN_KINDS = frozenset((*LASERS, *RAW_LASERS, *ROBOT_LASERS, *BASE, *COMMANDS))
 """First fields of CARMEN's log format; NEFF is an addition of GMapping's."""
@@ -49,8 +66,8 @@ MANY_KINDS = 20
 REST = "others"
 
 
-class _Scan(NamedTuple):
-    """One laser line; `bearing` is relative to the heading of `pose`, the laser's; `robot_heading` is the base's."""
+class LaserLine(NamedTuple):
+    """One laser line; `bearing` is relative to the heading of `pose`, the laser's; `robot` is the pose of the base."""
 
     kind: str
     line: int
@@ -58,19 +75,19 @@ class _Scan(NamedTuple):
     bearing: FloatArray
     pose: FloatArray
     time: float
-    robot_heading: float
+    robot: FloatArray
 
 
 @dataclass
 class _Log:
     """What has been gathered from the lines so far."""
 
-    scans: list[_Scan] = field(default_factory=list)
+    scans: list[LaserLine] = field(default_factory=list)
     kinds: Counter[str] = field(default_factory=Counter)
     odd: Counter[str] = field(default_factory=Counter)
 
 
-def read_carmen(data: bytes, source: str) -> Readings:
+def read_carmen(data: bytes, source: str, device: str | None = None) -> Readings:
     """Read the localized laser scans of a CARMEN log.
 
     Parameters
@@ -79,6 +96,8 @@ def read_carmen(data: bytes, source: str) -> Readings:
         The text of the log, decompressed.
     source : str
         Name of the log, for messages.
+    device : str, optional
+        Only the lines of this kind, say FLASER; default all lasers.
 
     Returns
     -------
@@ -89,7 +108,9 @@ def read_carmen(data: bytes, source: str) -> Readings:
     ------
     InputError
         For a laser line that is damaged (wrong count, not a number, negative range, pose that is not finite), and for
-        a log without such lines.
+        a log without such lines (then :class:`NoReadings`).
+    ConfigError
+        If the log has laser lines, but none of `device`.
     """
     log = _Log()
     for number, line in enumerate(data.splitlines(), 1):
@@ -97,8 +118,8 @@ def read_carmen(data: bytes, source: str) -> Readings:
         if fields:
             _read_line(fields, number, source, log)
     if not log.scans:
-        raise InputError(_nothing(source, log))
-    return _assemble(log, source)
+        raise NoReadings(_nothing(source, log))
+    return _assemble(_only(log.scans, device, source), log, source)
 
 
 def _read_line(fields: list[bytes], number: int, source: str, log: _Log) -> None:
@@ -106,7 +127,7 @@ def _read_line(fields: list[bytes], number: int, source: str, log: _Log) -> None
         log.kinds["comment"] += 1
         return
     kind = fields[0].decode("latin-1")
-    parse = _PARSERS.get(kind)
+    parse = LASER_PARSERS.get(kind)
     if parse is not None:
         log.scans.append(parse(kind, fields, number, f"{source}:{number}"))
     elif kind in KNOWN_KINDS:
@@ -116,14 +137,14 @@ def _read_line(fields: list[bytes], number: int, source: str, log: _Log) -> None
         log.odd[shown if shown in log.odd or len(log.odd) < MANY_KINDS else REST] += 1
 
 
-def _parse_plain_laser(kind: str, fields: list[bytes], number: int, where: str) -> _Scan:
+def _parse_plain_laser(kind: str, fields: list[bytes], number: int, where: str) -> LaserLine:
     n = _beam_count(kind, fields, 1, where)
     _check_length(kind, fields, (n + 11,), f"{n} readings", where)
     values = parse_floats(fields[2 : n + 9], where)
-    return _scan(kind, number, where, values[:n], half_circle(n), values[n : n + 6], float(values[n + 6]))
+    return _laser_line(kind, number, where, values[:n], half_circle(n), values[n : n + 6], float(values[n + 6]))
 
 
-def _parse_robot_laser(kind: str, fields: list[bytes], number: int, where: str) -> _Scan:
+def _parse_robot_laser(kind: str, fields: list[bytes], number: int, where: str) -> LaserLine:
     n = _beam_count(kind, fields, 8, where)
     if len(fields) <= n + 9:
         _check_length(kind, fields, (n + 23,), f"{n} readings", where)
@@ -137,14 +158,15 @@ def _parse_robot_laser(kind: str, fields: list[bytes], number: int, where: str) 
     ranges = parse_floats(fields[9 : n + 9], where)
     poses = parse_floats(fields[n + m + 10 : n + m + 16], where)
     time = parse_floats(fields[-3:-2], where)
-    return _scan(kind, number, where, ranges, start + step * np.arange(n), poses, float(time[0]))
+    return _laser_line(kind, number, where, ranges, start + step * np.arange(n), poses, float(time[0]))
 
 
-_PARSERS: dict[str, Callable[[str, list[bytes], int, str], _Scan]] = {
+LASER_PARSERS: dict[str, Callable[[str, list[bytes], int, str], LaserLine]] = {
     "FLASER": _parse_plain_laser,
     "RLASER": _parse_plain_laser,
     **dict.fromkeys(ROBOT_LASERS, _parse_robot_laser),
 }
+"""By the first field of a line: parser of its (kind, fields, line number, file:line)."""
 
 
 def _beam_count(kind: str, fields: list[bytes], place: int, where: str) -> int:
@@ -162,14 +184,13 @@ def _check_length(kind: str, fields: list[bytes], allowed: tuple[int, ...], anno
         raise InputError(f"{where}: {kind} line {has}. {MEND}")
 
 
-def _scan(
+def _laser_line(
     kind: str, number: int, where: str, ranges: FloatArray, bearing: FloatArray, poses: FloatArray, time: float
-) -> _Scan:
+) -> LaserLine:
     check_ranges(ranges, where)
     check_pose(poses[:3], where)
-    if not abs(time) <= LARGEST_TIME:
-        raise InputError(f"{where}: time stamp {time:g} is not finite. {MEND}")
-    return _Scan(kind, number, ranges, bearing, poses[:3], time, float(poses[5]))
+    check_time(time, where)
+    return LaserLine(kind, number, ranges, bearing, poses[:3], time, poses[3:])
 
 
 @lru_cache(maxsize=8)
@@ -179,54 +200,29 @@ def half_circle(n: int) -> FloatArray:
     return -np.pi / 2 + np.arange(n, dtype=np.float64) * (np.pi / steps)
 
 
-def _assemble(log: _Log, source: str) -> Readings:
-    scans = log.scans
-    table = _scan_table(scans)
-    ranges = np.concatenate([scan.ranges for scan in scans])
-    usable = ranges > 0
-    if not usable.any():
-        raise InputError(f"{source}: every range is 0, which means no measurement. Look for a log with readings.")
-    heading = np.repeat(table.pose[:, 2], table.n_beams)
-    number = np.repeat(table.number, table.n_beams)
-    readings = Readings.from_arrays(
-        np.repeat(table.pose[:, :2], table.n_beams, axis=0),
-        heading + np.concatenate([scan.bearing for scan in scans]),
-        ranges,
-        scan=number,
-        time=np.repeat(table.time, table.n_beams),
-        source=source,
-        notes=LogNotes(
-            format="CARMEN",
-            scans=table,
-            devices=tuple(dict.fromkeys(scan.kind for scan in scans)),
-            n_zero_ranges=int(np.count_nonzero(~usable)),
-            lines=dict(log.kinds),
-            odd_lines=dict(log.odd),
-            remarks=_remarks(scans),
-        ),
-    )
-    return readings.select(usable)
+def _only(scans: list[LaserLine], device: str | None, source: str) -> list[LaserLine]:
+    kinds = tuple(dict.fromkeys(scan.kind for scan in scans))
+    if device is not None and device not in kinds:
+        raise ConfigError(f"--topic {device}: {source} has {', '.join(kinds)}.")
+    return scans if device is None else [scan for scan in scans if scan.kind == device]
 
 
-def _scan_table(scans: list[_Scan]) -> ScanTable:
-    devices = list(dict.fromkeys(scan.kind for scan in scans))
-    return ScanTable(
-        number=np.arange(len(scans)),
-        line=np.array([scan.line for scan in scans], dtype=np.int64),
-        n_beams=np.array([len(scan.ranges) for scan in scans], dtype=np.int64),
-        device=np.array([devices.index(scan.kind) for scan in scans], dtype=np.int64),
-        pose=np.array([scan.pose for scan in scans]),
-        time=np.array([scan.time for scan in scans]),
-    )
+def _assemble(lines: list[LaserLine], log: _Log, source: str) -> Readings:
+    scans = [
+        Scan(scan.kind, scan.line, scan.time, scan.pose, scan.pose[:2], scan.pose[2] + scan.bearing, scan.ranges)
+        for scan in lines
+    ]
+    notes = LogNotes(format="CARMEN", lines=dict(log.kinds), odd_lines=dict(log.odd), remarks=_remarks(lines))
+    return assemble(scans, source, notes)
 
 
-def _remarks(scans: list[_Scan]) -> tuple[str, ...]:
+def _remarks(scans: list[LaserLine]) -> tuple[str, ...]:
     remarks = []
     guessed = sorted({len(scan.ranges) for scan in scans if scan.kind in ("FLASER", "RLASER")} - {180, 181, 360, 361})
     if guessed:
         counts = ", ".join(map(str, guessed[:5]))
         remarks.append(f"laser lines of {counts} beams carry no angles: half a circle is assumed, both ends included")
-    turned = [np.cos(scan.pose[2] - scan.robot_heading) for scan in scans if scan.kind == "RLASER"]
+    turned = [np.cos(scan.pose[2] - scan.robot[2]) for scan in scans if scan.kind == "RLASER"]
     if turned and min(turned) > 0:
         remarks.append("the rear laser's heading is the robot's, where CARMEN writes it turned by pi; taken as it is")
     return tuple(remarks)

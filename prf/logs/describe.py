@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.logs.readings import FloatArray, Readings, ScanTable
+from prf.logs.readings import FloatArray, Kind, Readings, ScanTable
 from prf.logs.suspicions import Suspicion, find_suspicions
 
 MAX_RANGE_SHARE = 0.97
@@ -34,8 +34,16 @@ class LogSummary:
     ----------
     source, format : str
         Name and format of the log.
+    kind : {"laser", "sonar"}
+        What the readings are: sonar's if any has an opening angle.
     devices : tuple of str
-        The kinds of scan in it.
+        The kinds of scan in it: kinds of line, devices or topics.
+    poses : str
+        Where the poses come from.
+    ring : tuple of (x, y, heading)
+        Where the transducers of a sonar ring sit on the robot, metres and radians; empty if the log does not say.
+    cones : tuple of float
+        Smallest and largest opening angle, radians.
     n_scans, n_beams : int
         Scans, and beams with a usable range.
     beams_per_scan : tuple of int
@@ -47,15 +55,18 @@ class LogSummary:
     duration : float
         Seconds from the smallest to the largest time stamp; nan if there are none.
     largest_range, max_range : float
-        Largest finite range, and the maximum range that `prf sample` takes from it; nan if no range is finite.
+        Largest finite range of the log, cut at the sensors' own maximum, and the maximum range that `prf sample` takes
+        from it; nan if no range is finite.
     share_no_return : float
         Share of beams at or beyond the maximum range.
     share_far : float
         Share of beams, no returns included, of at least `FAR` metres.
     n_zero_ranges : int
         Beams dropped because their range is 0.
+    n_invalid : int
+        Beams dropped because their range is no number or below the sensor's own minimum.
     lines, odd_lines : dict of str to int
-        Lines passed over: of kinds that the format knows, and of others.
+        Lines (of a bag: messages, by topic) passed over: of kinds that the format knows, and of others.
     remarks : tuple of str
         What the reader had to assume.
     suspicions : tuple of Suspicion
@@ -64,7 +75,11 @@ class LogSummary:
 
     source: str
     format: str
+    kind: Kind
     devices: tuple[str, ...]
+    poses: str
+    ring: tuple[tuple[float, float, float], ...]
+    cones: tuple[float, float]
     n_scans: int
     n_beams: int
     beams_per_scan: tuple[int, int]
@@ -77,6 +92,7 @@ class LogSummary:
     share_no_return: float
     share_far: float
     n_zero_ranges: int
+    n_invalid: int
     lines: dict[str, int]
     odd_lines: dict[str, int]
     remarks: tuple[str, ...]
@@ -99,7 +115,11 @@ def describe(readings: Readings, path: str) -> LogSummary:
     return LogSummary(
         source=path,
         format=notes.format,
+        kind="sonar" if readings.cone.any() else "laser",
         devices=notes.devices,
+        poses=notes.poses,
+        ring=notes.ring,
+        cones=(float(readings.cone.min()), float(readings.cone.max())),
         n_scans=len(scans.number),
         n_beams=readings.n_beams,
         beams_per_scan=(int(scans.n_beams.min()), int(scans.n_beams.max())),
@@ -107,11 +127,12 @@ def describe(readings: Readings, path: str) -> LogSummary:
         path_length=_path_length(scans),
         returns_extent=_returns_extent(readings, max_range),
         duration=_duration(scans.time),
-        largest_range=readings.largest_range,
+        largest_range=largest_range(readings),
         max_range=max_range,
         share_no_return=float(np.mean(~(readings.range < max_range))),
         share_far=float(np.mean(readings.range >= FAR)),
         n_zero_ranges=notes.n_zero_ranges,
+        n_invalid=notes.n_invalid,
         lines=dict(notes.lines),
         odd_lines=dict(notes.odd_lines),
         remarks=notes.remarks,
@@ -121,7 +142,12 @@ def describe(readings: Readings, path: str) -> LogSummary:
 
 def default_max_range(readings: Readings) -> float:
     """Return the maximum range taken if the user gives none: 0.97 x the largest range; nan if no range is finite."""
-    return MAX_RANGE_SHARE * readings.largest_range
+    return MAX_RANGE_SHARE * largest_range(readings)
+
+
+def largest_range(readings: Readings) -> float:
+    """Return the largest finite range that the log holds, cut at the sensors' own maximum; nan if none is finite."""
+    return float(np.fmax(readings.largest_range, readings.notes.sensor_max))
 
 
 def _extent(xy: FloatArray) -> Extent:

@@ -78,6 +78,13 @@ def check_pose(pose: FloatArray, where: str) -> None:
         )
 
 
+def check_time(time: float, where: str) -> float:
+    """Return a time stamp in seconds, refused if it is not finite or lies beyond `LARGEST_TIME`."""
+    if not abs(time) <= LARGEST_TIME:
+        raise InputError(f"{where}: time stamp {time:g} is not finite. {MEND}")
+    return time
+
+
 def show(text: bytes) -> str:
     """Return a text field for a message: quoted, short, one line."""
     shown = text[:24].decode("ascii", "backslashreplace")

@@ -5,31 +5,66 @@ from __future__ import annotations
 import gzip
 import zlib
 from pathlib import Path
-from typing import Literal
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
+from prf.logs.bag_readings import read_bag
 from prf.logs.carmen import read_carmen
-from prf.logs.readings import Readings
-from prf.logs.recognise import ACCEPTED, recognise
+from prf.logs.carmen_sonar import read_carmen_sonar
+from prf.logs.player_readings import read_player
+from prf.logs.readings import Kind, NoReadings, Readings
+from prf.logs.recognise import ACCEPTED, BAG_SUFFIXES, bag_suffix, recognise
+from prf.logs.rings import CONE
 from prf.logs.table import read_table
-from prf.shell.errors import InputError
+from prf.shell.errors import ConfigError, InputError
 from prf.shell.files import STREAM, open_input
 
 GZIP_MAGIC = b"\x1f\x8b"
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 """UTF-8's, which spreadsheets put before a CSV header."""
 
-Kind = Literal["laser", "sonar"]
+METADATA = "metadata.yaml"
+"""What makes a folder a ROS 2 bag."""
+
+HEAD = 64
+"""Bytes that tell a bag."""
 
 
-def read_readings(path: str, kind: Kind = "laser") -> Readings:
+class _Choice(NamedTuple):
+    """Which readings of a log are asked for."""
+
+    kind: Kind | None
+    topic: str | None
+    frame: str | None
+    cone: float
+
+
+def read_readings(
+    path: str,
+    kind: Kind | None = "laser",
+    *,
+    topic: str | None = None,
+    frame: str | None = None,
+    cone: float = CONE,
+) -> Readings:
     """Read the readings of one kind of sensor from a log; the format is recognised from the content.
 
     Parameters
     ----------
     path : str
-        A CARMEN log or a table, gzipped or not, whatever its name; ``-`` is standard input.
-    kind : {"laser", "sonar"}
-        Which readings to take. Sonar comes from a table; the CARMEN reader knows lasers.
+        A CARMEN or Player log or a table, gzipped or not, or a ROS bag, whatever its name; ``-`` is standard input. A
+        ROS 2 bag may be its folder or one file.
+    kind : {"laser", "sonar"} or None
+        Which readings to take; None: laser if there are any, else sonar. Rows of a table are laser's if their cone is
+        0, sonar's if not; a table with rows of one sort only is taken as it is.
+    topic : str, optional
+        Whose readings: a topic of a bag, a device of a Player log (``laser:1``), a kind of line of a CARMEN log
+        (``RLASER``). Needed for a bag with several laser topics.
+    frame : str, optional
+        In what frame: one of a bag's frames or an odometry topic (default ``map``), the position device of a Player log
+        (``position2d:1``), the kind of line that gives the robot's pose at CARMEN sonar readings (``ODOM``).
+    cone : float, optional
+        Full opening angle in radians of sonar readings whose log has none.
 
     Returns
     -------
@@ -40,23 +75,83 @@ def read_readings(path: str, kind: Kind = "laser") -> Readings:
     ------
     InputError
         If the file is missing, damaged, of another format, or has no readings of this kind.
+    ConfigError
+        If `topic` or `frame` is needed and missing, or is not in the log.
     """
+    choice = _Choice(kind, topic, frame, cone)
     source = "standard input" if path == STREAM else path
-    data = _decompress(_read_bytes(path), source).removeprefix(BYTE_ORDER_MARK)
-    if recognise(data, source) == "table":
-        return read_table(data, source)
-    if kind == "sonar":
-        raise InputError(
-            f"{source}: a CARMEN log gives laser readings only. Give sonar readings as a table x,y,theta,range,cone."
-        )
-    return read_carmen(data, source)
-
-
-def _read_bytes(path: str) -> bytes:
     if path != STREAM and Path(path).is_dir():
-        raise InputError(f"{path}: this is a folder, perhaps a ROS 2 bag. {ACCEPTED}")
+        bag = _bag_in(Path(path))
+        return _read_bag_file(bag, "" if bag.is_dir() else bag.suffix, source, choice)
     with open_input(path) as stream:
-        return stream.read()
+        head = stream.read(HEAD)
+        if path != STREAM and bag_suffix(head):
+            return _read_bag_file(Path(path), bag_suffix(head), source, choice)
+        data = _decompress(head + stream.read(), source)
+    if bag_suffix(data[:HEAD]):
+        with TemporaryDirectory() as folder:
+            copy = Path(folder) / "log"
+            copy.write_bytes(data)
+            return _read_bag_file(copy, bag_suffix(data[:HEAD]), source, choice)
+    return _read_text(data.removeprefix(BYTE_ORDER_MARK), source, choice)
+
+
+def _read_text(data: bytes, source: str, choice: _Choice) -> Readings:
+    match recognise(data, source):
+        case "table":
+            return _read_table(data, source, choice)
+        case "player":
+            return read_player(data, source, choice.kind, choice.cone, choice.topic, choice.frame)
+        case "carmen":
+            return _read_carmen(data, source, choice)
+
+
+def _read_table(data: bytes, source: str, choice: _Choice) -> Readings:
+    for flag, value in (("--topic", choice.topic), ("--frame", choice.frame)):
+        if value is not None:
+            raise ConfigError(f"{flag} {value}: {source} is a table, which has one sensor and one frame. Leave it out.")
+    return read_table(data, source, choice.kind, choice.cone)
+
+
+def _read_carmen(data: bytes, source: str, choice: _Choice) -> Readings:
+    if choice.kind != "sonar":
+        try:
+            return read_carmen(data, source, choice.topic)
+        except NoReadings as error:
+            if choice.kind == "laser":
+                raise
+            without_laser = error
+    try:
+        return read_carmen_sonar(data, source, choice.cone, choice.frame)
+    except NoReadings:
+        if choice.kind is None:
+            raise without_laser from None
+        raise
+
+
+def _bag_in(folder: Path) -> Path:
+    """Return what to open of a folder: itself if it is a ROS 2 bag, or the only bag file in it."""
+    if (folder / METADATA).is_file():
+        return folder
+    files = [file for suffix in BAG_SUFFIXES for file in sorted(folder.glob(f"*{suffix}"))]
+    if len(files) != 1:
+        has = f"{len(files)} bag files" if files else "no bag file"
+        raise InputError(f"{folder}: this is a folder without {METADATA} and with {has}. {ACCEPTED}")
+    return files[0]
+
+
+def _read_bag_file(file: Path, suffix: str, source: str, choice: _Choice) -> Readings:
+    """Read a bag under a name that tells its format; `suffix` is empty for a folder."""
+    if file.suffix == suffix:
+        return _read_bag(file, source, choice)
+    with TemporaryDirectory() as folder:
+        named = Path(folder) / f"log{suffix}"
+        named.symlink_to(file.resolve())
+        return _read_bag(named, source, choice)
+
+
+def _read_bag(path: Path, source: str, choice: _Choice) -> Readings:
+    return read_bag(path, source, choice.kind, choice.cone, choice.topic, choice.frame)
 
 
 def _decompress(data: bytes, source: str) -> bytes:

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from prf.shell.errors import InputError
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+Kind = Literal["laser", "sonar"]
+
+
+class NoReadings(InputError):  # noqa: N818 - reads as what happened
+    """A sound log without readings of the kind that was asked for."""
 
 
 class ScanTable(NamedTuple):
@@ -21,13 +30,14 @@ class ScanTable(NamedTuple):
     number : (n_scans,) int64
         Scan number, as in `Readings.scan`.
     line : (n_scans,) int64
-        Line of the file, from 1, on which the scan begins.
+        Line of the file, from 1, on which the scan begins; in a bag, which of the sensors' messages it is.
     n_beams : (n_scans,) int64
         Beams in the file, those with an unusable range included.
     device : (n_scans,) int64
         Which sensor made the scan, an index into `LogNotes.devices`.
     pose : (n_scans, 3) float64
-        Sensor position in metres and heading in radians; nan where the format has no heading.
+        Position in metres and heading in radians of the sensor, of the robot for a ring of sonars; heading nan where
+        the format has none.
     time : (n_scans,) float64
         Seconds; nan where unknown.
     """
@@ -59,6 +69,15 @@ class LogNotes:
         Names of the sensors, in the order of their first scan.
     n_zero_ranges : int
         Beams dropped because their range is exactly 0: an error code of the scanner, neither a hit nor a miss.
+    n_invalid : int
+        Beams dropped because their range is no number, or below the least that the sensor itself claims to measure.
+    sensor_max : float
+        The sensors' own maximum range, where the log states it and has finite readings at or above it: these are inf
+        in `Readings`. nan otherwise.
+    poses : str
+        Where the poses come from, for a person.
+    ring : tuple of (x, y, heading)
+        Where the transducers of a sonar ring sit on the robot, metres and radians; empty for other sensors.
     lines : mapping of str to int
         How many lines of each kind were passed over, kinds that the format knows.
     odd_lines : mapping of str to int
@@ -71,6 +90,10 @@ class LogNotes:
     scans: ScanTable = field(default_factory=_no_scans)
     devices: tuple[str, ...] = ()
     n_zero_ranges: int = 0
+    n_invalid: int = 0
+    sensor_max: float = math.nan
+    poses: str = "in the log"
+    ring: tuple[tuple[float, float, float], ...] = ()
     lines: Mapping[str, int] = field(default_factory=dict)
     odd_lines: Mapping[str, int] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()

@@ -11,19 +11,24 @@ from prf.logs.numbers import is_number
 from prf.logs.table import REQUIRED, column_names
 from prf.shell.errors import InputError
 
-Format = Literal["carmen", "table"]
+Format = Literal["carmen", "player", "table"]
 
-ACCEPTED = "Accepted are CARMEN logs with laser poses and CSV tables with the columns x,y,theta,range, also gzipped."
+ACCEPTED = (
+    "Accepted are CARMEN logs with laser poses, Player logs, ROS bags, and CSV tables with the columns "
+    "x,y,theta,range; also gzipped."
+)
+
+BAG_MAGICS = ((b"#ROSBAG V2.0", ".bag"), (b"\x89MCAP", ".mcap"), (b"SQLite format 3\0", ".db3"))
+"""How bags begin, and the ends of name under which their reader knows them."""
+
+BAG_SUFFIXES = tuple(suffix for _, suffix in BAG_MAGICS)
 
 LINES_TRIED = 2000
-"""A CARMEN log may begin with hundreds of lines that an older tool wrote; a known first field comes within these."""
+"""A text log may begin with hundreds of lines that an older tool wrote; a known first field comes within these."""
 
 MAGICS = (
-    (b"#ROSBAG V2.0", "a ROS 1 bag"),
-    (b"#ROSBAG", "a ROS 1 bag of an old version"),
-    (b"#ROSRECORD", "a ROS 1 bag of a version before 1.0"),
-    (b"\x89MCAP", "a ROS 2 bag (MCAP)"),
-    (b"SQLite format 3", "an SQLite file, perhaps a ROS 2 bag"),
+    (b"#ROSBAG", "a ROS 1 bag of an old version, which rosbag fix can convert"),
+    (b"#ROSRECORD", "a ROS 1 bag of a version before 1.3, which rosbag fix can convert"),
     (b"\x1f\x8b", "a file that was gzipped twice"),
     (b"BZh", "a bzip2 archive"),
     (b"\xfd7zXZ", "an xz archive"),
@@ -40,13 +45,18 @@ MAGICS = (
     (b"<", "an XML or HTML document"),
 )
 
-_PLAYER = re.compile(rb"^## Player version|^\d+\.\d+ \S+ \d+ (laser|sonar|position2?d?) \d+", re.MULTILINE)
+_PLAYER = re.compile(rb"^## Player version|^\d+\.\d+ \S+ \d+ (laser|sonar|position(2d)?) \d+", re.MULTILINE)
 _ODOMETRY = re.compile(rb"^Odometry\s+[-+\d.e]+\s+[-+\d.e]+\s+[-+\d.e]+\s*$", re.MULTILINE)
 _CARMEN_HEADER = re.compile(rb"^#+\s*message formats defined:", re.MULTILINE)
 
 
+def bag_suffix(head: bytes) -> str:
+    """Return the end of name that fits a bag beginning with `head`, or "" if it is no bag."""
+    return next((suffix for magic, suffix in BAG_MAGICS if head.startswith(magic)), "")
+
+
 def recognise(data: bytes, source: str) -> Format:
-    """Return the format of decompressed content.
+    """Return the format of decompressed content that is no bag.
 
     Parameters
     ----------
@@ -65,6 +75,8 @@ def recognise(data: bytes, source: str) -> Format:
         head = _head(data)
         if _is_table(head):
             return "table"
+        if _PLAYER.search(head):
+            return "player"
         if _is_carmen(head):
             return "carmen"
         looks_like = _text_of(head)
@@ -109,8 +121,6 @@ def _is_carmen(head: bytes) -> bool:
 
 def _text_of(head: bytes) -> str:
     """Return what unreadable text looks like."""
-    if _PLAYER.search(head):
-        return "this is a log of the Player server"
     if _ODOMETRY.search(head):
         return (
             "this is an unlocalized log: its scans come with odometry, not with corrected sensor poses. "

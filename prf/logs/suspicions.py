@@ -27,6 +27,8 @@ STILL = 20
 """Scans in a row at one and the same pose that are worth a remark."""
 LARGEST_SANE_RANGE = 1000.0
 """Metres. Some drivers write the largest float for "no return", which makes a default maximum range of no use."""
+LARGEST_USUAL_RANGE = 100.0
+"""Metres. Half of the returns beyond it are a log in millimetres or centimetres."""
 LARGEST_SANE_ANGLE = 4 * np.pi
 """Radians. Beyond it headings are counted over turns at best, in degrees at worst."""
 DAY = 86400.0
@@ -155,12 +157,20 @@ def _beam_counts(scans: ScanTable) -> Iterator[Suspicion]:
 def _ranges(readings: Readings) -> Iterator[Suspicion]:
     zero, largest = readings.notes.n_zero_ranges, readings.largest_range
     if zero:
-        share = zero / (zero + readings.n_beams)
+        share = zero / (zero + readings.notes.n_invalid + readings.n_beams)
         yield Suspicion("zero-range", f"{zero} beams ({share:.2%}) have range 0, an error code: dropped")
     if np.isnan(largest):
         yield Suspicion("no-return", "no beam has a finite range: there is no maximum range to take from this log")
     elif largest > LARGEST_SANE_RANGE:
         yield Suspicion("largest-range", f"the largest range is {largest:g} m: give the maximum range yourself")
+    if readings.notes.n_invalid:
+        share = readings.notes.n_invalid / (readings.notes.n_invalid + zero + readings.n_beams)
+        text = f"{readings.notes.n_invalid} beams ({share:.2%}) have a range that is no number or too short: dropped"
+        yield Suspicion("invalid-range", text)
+    finite = readings.range[np.isfinite(readings.range)]
+    usual = float(np.quantile(finite, 0.5, method="lower")) if len(finite) else 0.0
+    if usual > LARGEST_USUAL_RANGE:
+        yield Suspicion("range-unit", f"half of the ranges are above {usual:g} m: are they in millimetres?")
 
 
 def _angles(readings: Readings) -> Iterator[Suspicion]:

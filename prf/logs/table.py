@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from prf.logs.numbers import LARGEST_COORDINATE, LARGEST_TIME, MEND, is_number, show
-from prf.logs.readings import FloatArray, IntArray, LogNotes, Readings, ScanTable, beam_numbers
+from prf.logs.readings import FloatArray, IntArray, Kind, LogNotes, Readings, ScanTable, beam_numbers
+from prf.logs.rings import CONE
 from prf.shell.errors import InputError
 from prf.shell.files import open_output
 
@@ -35,7 +36,7 @@ class _Rows(NamedTuple):
     columns: dict[str, FloatArray]
 
 
-def read_table(data: bytes, source: str) -> Readings:
+def read_table(data: bytes, source: str, kind: Kind | None = None, cone: float = CONE) -> Readings:
     """Read a table of beams.
 
     Parameters
@@ -44,6 +45,10 @@ def read_table(data: bytes, source: str) -> Readings:
         The text of the table, decompressed.
     source : str
         Name of the table, for messages.
+    kind : {"laser", "sonar"} or None
+        Which rows to take if some have a cone and some have none (or 0); with rows of one sort only, all.
+    cone : float
+        Cone in radians of a sonar's table without such a column.
 
     Returns
     -------
@@ -62,7 +67,18 @@ def read_table(data: bytes, source: str) -> Readings:
         raise InputError(f"{source}: table without a row below its header. Give at least one beam.")
     rows = _parse(lines[1:], places, header.count(b",") + 1, source)
     _check(rows)
-    return _assemble(rows, extra=header.count(b",") + 1 - len(places))
+    if kind == "sonar" and "cone" not in places:
+        rows.columns["cone"] = np.full(len(rows.line), cone)
+    readings = _assemble(rows, extra=header.count(b",") + 1 - len(places))
+    return readings if kind is None else _only(readings, kind)
+
+
+def _only(readings: Readings, kind: Kind) -> Readings:
+    """Return the rows of one kind of sensor, if there are two."""
+    is_sonar = readings.cone > 0
+    if is_sonar.all() or not is_sonar.any():
+        return readings
+    return readings.select(is_sonar if kind == "sonar" else ~is_sonar)
 
 
 def write_table(path: str | os.PathLike[str], readings: Readings) -> None:

@@ -6,6 +6,7 @@ import pytest
 
 from prf.cli import app
 from prf.shell.run import run_app
+from tests.logs.bags import START, Maker, Note, drive
 from tests.logs.samples import flaser, save
 
 JUMPY = "".join(flaser([1, 0, 81.83], (0.2 * i + 9 * (i > 5), 0, 0), time=i) for i in range(12)) + "ODD 1\n"
@@ -49,6 +50,45 @@ def test_unknown_numbers_are_null(capsys, tmp_path):
     assert [result[key] for key in ("duration", "largest_range", "max_range", "returns_extent")] == [None] * 4
     code, out, _ = run(capsys, save(tmp_path, "x,y,theta,range\n1,2,0,\n"))
     assert "duration        unknown" in out
+
+
+SONAR = "PARAM robot_sonar_offsets 0.1 0 0.5 0.1 0 -0.5 nohost 0\nSONAR 2 1.5 2.5 1 2 0.5 1 2 0.5 3.5 host 3.5\n"
+
+
+def test_sonar_with_its_ring(capsys, tmp_path):
+    both = save(tmp_path, JUMPY + SONAR)
+    code, out, _ = run(capsys, both)
+    assert code == 0
+    assert "kind            laser" in out
+    assert "1 SONAR" in out
+    for args in ((both, "--sonar"), (save(tmp_path, SONAR, "only.log"),)):
+        code, out, _ = run(capsys, *args)
+        assert code == 0
+        assert "kind            sonar" in out
+        assert "cone            0.349 rad" in out
+        assert "ring            2 transducers at x y heading (0.100 0.000 0.500), (0.100 0.000 -0.500)" in out
+    _, out, _ = run(capsys, both, "--sonar", "--json")
+    result = json.loads(out)
+    assert (result["kind"], result["n_beams"], len(result["ring"])) == ("sonar", 2, 2)
+
+
+def test_topic_and_frame_of_a_bag(capsys, tmp_path):
+    make = Maker("ros1")
+    scans = [Note(topic, START + 1, make.scan(START + 1, [1, 2, float("nan")])) for topic in ("/front", "/rear")]
+    path = str(make.write(tmp_path / "a.bag", drive(make) + scans))
+    code, out, err = run(capsys, path)
+    assert (code, out) == (2, "")
+    assert "/front, /rear" in err
+    code, out, _ = run(capsys, path, "--topic", "/rear", "--frame", "odom")
+    assert code == 0
+    assert "format          ROS 1 bag (/rear)" in out
+    assert "beams           2 usable, 0 dropped (range 0), 1 dropped (no number, or too short)" in out
+    assert "poses           tf from odom, interpolated in time" in out
+    assert "1 /front" in out
+    code, _, err = run(capsys, path, "--topic", "/rear", "--frame", "nowhere")
+    assert code == 3
+    assert "'nowhere'" in err
+    assert err.count("\n") == 1
 
 
 @pytest.mark.parametrize("content", ["", "x,y\n1,2\n", "FLASER 3 1 2\n"])

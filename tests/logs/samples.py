@@ -40,3 +40,27 @@ def save(folder: Path, content: str | bytes, name: str = "some.log", zipped: boo
     path = folder / name
     path.write_bytes(gzip.compress(data) if zipped else data)
     return str(path)
+
+
+def player(
+    interface: str, payload: Sequence[object], time: float = 0.0, kind: str = "001 001", index: str = "00"
+) -> str:
+    """Return a line of Player 2.x."""
+    return f"{time:014.3f} 16777343 6665 {interface} {index} {kind} {' '.join(map(str, payload))}\n"
+
+
+def player1(interface: str, payload: Sequence[object], time: float = 0.0, index: str = "00") -> str:
+    """Return a line of Player 1.x, logged a tenth of a second after its data were taken."""
+    return f"{time + 0.1:014.3f} rossum 6665 {interface} {index} {time:014.3f} {' '.join(map(str, payload))}\n"
+
+
+def position(x: float, y: float, heading: float, time: float = 0.0, **where: str) -> str:
+    return player("position2d", (x, y, heading, 0, 0, 0, 0), time, **where)
+
+
+def player_laser(
+    ranges: Sequence[object], time: float = 0.0, low: float = -0.5, step: float = 0.5, top: float = 8.0, **where: str
+) -> str:
+    pairs = [field for distance in ranges for field in (distance, 7)]
+    high = low + step * (len(ranges) - 1)
+    return player("laser", ("0000", low, high, step, top, len(ranges), *pairs), time, **where)

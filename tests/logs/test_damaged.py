@@ -9,12 +9,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prf.logs import Readings, describe, read_readings
+from prf.logs import Kind, Readings, describe, read_readings
 from prf.shell.errors import InputError
-from tests.logs.samples import flaser, robot_laser
+from tests.logs.samples import flaser, player, player_laser, position, robot_laser
 
 CARMEN = ("# FLASER\nPARAM a b nohost 0\n" + flaser([1.5, 0, 81.83]) + "NEFF 3\n" + robot_laser([1, 2])).encode()
 TABLE = b"x,y,theta,range,cone,t,scan\n1,2,0.5,3,0,1,0\n1.5,2,0.5,inf,0,,0\n2,2,0,,0.1,2,1\n"
+PLAYER = (
+    player("laser", (0.1, 0, 0, 0.1, 0.1), kind="004 001")
+    + position(0, 0, 0, 1)
+    + player_laser([1, 2], 1.5)
+    + player("sonar", (8, *[1.0] * 8), 1.6)
+    + position(1, 0, 0, 2)
+).encode()
+SONAR = b"ODOM 0 0 0 0 0 0 1 h 1\nSONAR 0.3 2 1 2 0.1 0 0.5 0.1 0 -0.5 1.5 h 1.5\nODOM 1 0 0 0 0 0 2 h 2\n"
 ZIPPED = gzip.compress(CARMEN, mtime=0)
 
 pieces = st.sampled_from(
@@ -40,7 +48,7 @@ pieces = st.sampled_from(
 
 @st.composite
 def damaged(draw):
-    data = draw(st.sampled_from([CARMEN, TABLE, ZIPPED]))
+    data = draw(st.sampled_from([CARMEN, TABLE, ZIPPED, PLAYER, SONAR]))
     for _ in range(draw(st.integers(1, 3))):
         start = draw(st.integers(0, len(data)))
         end = start + draw(st.integers(0, 12))
@@ -48,9 +56,9 @@ def damaged(draw):
     return data[: draw(st.integers(0, len(data)))] if draw(st.booleans()) else data
 
 
-def check(path: str) -> None:
+def check(path: str, kind: Kind | None = None) -> None:
     try:
-        readings = read_readings(path)
+        readings = read_readings(path, kind)
     except InputError as error:
         assert "\n" not in str(error)  # noqa: PT017 - nothing need be raised
         return
@@ -79,10 +87,10 @@ def place(tmp_path_factory):
     return tmp_path_factory.mktemp("damaged") / "a.log"
 
 
-@given(data=damaged())
-def test_damaged_logs(place, data):
+@given(data=damaged(), kind=st.sampled_from([None, "laser", "sonar"]))
+def test_damaged_logs(place, data, kind):
     place.write_bytes(data)
-    check(str(place))
+    check(str(place), kind)
 
 
 @given(data=st.binary() | st.text().map(str.encode))

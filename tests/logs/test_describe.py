@@ -88,6 +88,10 @@ class TestSuspicions:
         text = drive(straight(4)) + flaser([1.0, 1.0], (2, 0, 0), time=9) + flaser([1.0] * 3, (2.5, 0, 0), time=10)
         assert found(text) == {"beam-count": (4,)}
 
+    def test_ranges_in_millimetres(self):
+        assert "range-unit" in found(flaser([1410, 1500, 900], (0.5, 0, 0)))
+        assert "range-unit" not in found(flaser([81.83, 1.5, 81.83], (0.5, 0, 0)))
+
     def test_ranges_of_zero_and_ranges_that_no_laser_has(self):
         assert found(flaser([0, 1, 3.4e38])) == {"zero-range": (), "largest-range": ()}
 

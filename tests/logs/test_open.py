@@ -5,11 +5,13 @@ import io
 
 import pytest
 
-from prf.logs import read_readings
-from prf.shell.errors import InputError
-from tests.logs.samples import flaser, save
+from prf.logs import NoReadings, read_readings
+from prf.shell.errors import ConfigError, InputError
+from tests.logs.samples import flaser, player_laser, position, save
 
 CARMEN = flaser([1, 2, 3])
+SONAR = "SONAR 2 1.5 2.5 1 2 0.5 1 2 0.5 3.5 host 3.5\nPARAM robot_sonar_offsets 0.1 0 0.5 0.1 0 -0.5 nohost 0\n"
+PLAYER = "## Player version 2.1.2\n" + position(1, 2, 0, 1) + player_laser([1, 2], 1)
 TABLE = "x,y,theta,range\n1,2,0.5,3\n"
 
 
@@ -20,7 +22,9 @@ def refusal(path: str) -> str:
 
 
 @pytest.mark.parametrize("zipped", [False, True])
-@pytest.mark.parametrize(("content", "n_beams", "name"), [(CARMEN, 3, "CARMEN"), (TABLE, 1, "table")])
+@pytest.mark.parametrize(
+    ("content", "n_beams", "name"), [(CARMEN, 3, "CARMEN"), (TABLE, 1, "table"), (PLAYER, 2, "Player")]
+)
 @pytest.mark.parametrize("file_name", ["a.log", "a.csv", "a.gz", "a"])
 def test_the_content_decides_not_the_name(tmp_path, content, n_beams, name, zipped, file_name):
     readings = read_readings(save(tmp_path, content, file_name, zipped))
@@ -50,9 +54,28 @@ def test_two_gzip_members_are_one_log(tmp_path):
 
 
 def test_sonar_comes_from_a_table(tmp_path):
-    assert read_readings(save(tmp_path, TABLE), "sonar").n_beams == 1
-    with pytest.raises(InputError, match="as a table"):
+    assert read_readings(save(tmp_path, TABLE), "sonar", cone=0.2).cone.tolist() == [0.2]
+    with pytest.raises(NoReadings, match="without SONAR lines"):
         read_readings(save(tmp_path, CARMEN), "sonar")
+
+
+def test_any_kind(tmp_path):
+    assert read_readings(save(tmp_path, CARMEN + SONAR), None).notes.devices == ("FLASER",)
+    assert read_readings(save(tmp_path, SONAR), None).notes.devices == ("SONAR",)
+    with pytest.raises(NoReadings, match="FLASER"):
+        read_readings(save(tmp_path, "PARAM a b nohost 0\n"), None)
+    with pytest.raises(NoReadings, match="FLASER"):
+        read_readings(save(tmp_path, SONAR), "laser")
+
+
+def test_topic_and_frame_where_there_are_none(tmp_path):
+    for options in ({"topic": "/scan"}, {"frame": "map"}):
+        with pytest.raises(ConfigError, match="is a table"):
+            read_readings(save(tmp_path, TABLE), **options)
+    with pytest.raises(ConfigError, match=r"--topic RLASER: .* has FLASER"):
+        read_readings(save(tmp_path, CARMEN), topic="RLASER")
+    both = CARMEN + flaser([4, 5], kind="RLASER")
+    assert read_readings(save(tmp_path, both), topic="RLASER").range.tolist() == [4, 5]
 
 
 @pytest.mark.parametrize(
@@ -60,12 +83,8 @@ def test_sonar_comes_from_a_table(tmp_path):
     [
         (b"", "the file is empty"),
         (b" \n\n", "the file is empty"),
-        (b"#ROSBAG V2.0\n\x45\0", "a ROS 1 bag."),
-        (b"#ROSRECORD V1.2\n", "a version before 1.0"),
-        (b"\x89MCAP0\r\n\0", "MCAP"),
-        (b"SQLite format 3\0", "SQLite"),
-        (b"## Player version 2.1.2 \n## File version 0.3.0 \n", "Player"),
-        (b"1106955333.287 rossum 6665 sonar 00 1106955333.276 16 +00.115\n", "Player"),
+        (b"#ROSBAG V1.0\n\x45\0", "of an old version"),
+        (b"#ROSRECORD V1.2\n", "a version before 1.3"),
         (b"Odometry -2.4 4.8 2.59 \nLaser 2 0.6 0.6\n", "unlocalized"),
         (bytes(range(256)), "binary data"),
         (gzip.compress(b"x"), "gzipped twice"),
@@ -80,6 +99,23 @@ def test_what_cannot_be_read_is_named(tmp_path, content, words, zipped):
     message = refusal(save(tmp_path, content, zipped=zipped or content[:2] == b"\x1f\x8b"))
     assert words in message
     assert "Accepted are CARMEN logs" in message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"#ROSBAG V2.0\n\x45\0", "the bag is damaged"),
+        (b"\x89MCAP0\r\n\0", "the bag is damaged"),
+        (b"SQLite format 3\0", "the bag is damaged"),
+        (b"## Player version 2.1.2 \n## File version 0.3.0 \n", "Player log without laser readings; it has 2 comment"),
+        (b"1106955333.287 rossum 6665 laser 00 1106955333.276 16 +00.115\n", "ends before its number of readings"),
+    ],
+)
+@pytest.mark.parametrize("zipped", [False, True])
+def test_what_is_recognised_but_empty_or_damaged(tmp_path, content, words, zipped):
+    message = refusal(save(tmp_path, content, zipped=zipped))
+    assert words in message
     assert "\n" not in message
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from prf.logs import describe, read_readings
 from prf.logs.carmen import half_circle
-from prf.shell.errors import InputError
+from prf.shell.errors import InputError, PrfError
 
 # name: scans, beams a scan, width and height of the path in metres, largest range
 LOGS = {
@@ -66,15 +68,91 @@ def occupied_cells(readings, angle) -> int:
     ("path", "words"),
     [
         ("unlocalized/loop5.log.gz", "unlocalized"),
-        ("player/mydata2021_03_02_17_13_30.log.gz", "Player"),
-        ("ros1/trace0.bag", "ROS 1 bag"),
-        ("ros1/scan_tools-laser_scan_splitter-demo.bag", "before 1.0"),
-        ("tof4/olsson-demo.log", "ROS 1 bag"),
+        ("ros1/scan_tools-laser_scan_splitter-demo.bag", "before 1.3"),
+        ("ros1/scan_tools-laser_scan_matcher-demo.bag", "of a version that cannot be read"),
+        ("ros1/simpath2.bag", "'map'.*'odom'.*--frame odom"),
         ("ros1/meeting.pgm", "PGM"),
+        ("tof4/olsson-demo.log", r"/crazyflie2/state_ranger_qxyzw \(RawData\)"),
         ("maps/intel_map.png", "PNG"),
         ("arak/test.cf", "unknown format"),
+        ("sonar/corridor8/poses.txt", "unknown format"),
     ],
 )
 def test_what_is_no_log_of_ours_is_refused(shared_data, path, words):
     with pytest.raises(InputError, match=words):
         read_readings(str(shared_data / "prf" / path))
+
+
+READ = re.compile(r"carmen/.*|player/.*|ros1/trace0\.bag")
+
+
+def test_every_file_is_read_or_refused_in_one_line(shared_data):
+    folder = shared_data / "prf"
+    for path in sorted(folder.rglob("*")):
+        name = str(path.relative_to(folder))
+        if path.is_dir() or name.startswith("carmen/"):
+            continue
+        if READ.match(name):
+            assert read_readings(str(path), None).n_beams > 0
+        else:
+            with pytest.raises(PrfError) as caught:
+                read_readings(str(path), None)
+            assert "\n" not in str(caught.value)
+
+
+def test_player(shared_data):
+    readings = read_readings(str(shared_data / "prf/player/mydata2021_03_02_17_13_30.log.gz"))
+    summary = describe(readings, "player")
+    assert (summary.n_scans, readings.n_beams) == (731, 731 * 361)
+    assert summary.poses == "position2d:0, interpolated in time"
+    assert summary.largest_range == 8.0
+    assert summary.max_range == pytest.approx(7.76)
+    assert summary.remarks[0].startswith("the poses of position2d:0")
+    # A simulated robot: turned by a degree, its walls would blur.
+    turned = readings.angle + np.radians(1.0)
+    assert occupied_cells(readings, readings.angle) < 0.9 * occupied_cells(readings, turned)
+
+
+def test_bag_of_a_real_robot(shared_data):
+    path = str(shared_data / "prf/ros1/trace0.bag")
+    readings = read_readings(path)
+    summary = describe(readings, path)
+    assert (summary.n_scans, summary.beams_per_scan) == (958, (726, 726))
+    # 26 % are nan, 8 % codes such as 0.006, below range_min.
+    assert summary.n_invalid / (958 * 726) == pytest.approx(0.345, abs=0.005)
+    assert readings.range.min() >= 0.0199
+    assert summary.largest_range <= 5.6
+    # The robot comes back to the corridor where it began: localized its walls are single, by odometry alone double.
+    assert return_gap(readings) < 0.1
+    assert return_gap(read_readings(path, frame="odom")) > 0.2
+
+
+def return_gap(readings) -> float:
+    """Return the median distance from end points of the last 100 scans to the nearest of the first 100, metres."""
+    first, last = (readings.select(part) for part in (readings.scan < 100, readings.scan >= 858))
+    distance, _ = cKDTree(end_points(first)).query(end_points(last)[::10])
+    return float(np.median(distance))
+
+
+def end_points(readings):
+    hit = readings.select(np.isfinite(readings.range))
+    return hit.origin + hit.range[:, None] * np.column_stack((np.cos(hit.angle), np.sin(hit.angle)))
+
+
+def test_simulated_bag_against_its_true_map(shared_data):
+    folder = shared_data / "prf/ros1"
+    pixels = read_pgm(folder / "meeting.pgm")
+    readings = read_readings(str(folder / "simpath2.bag"), frame="/base_pose_ground_truth")
+    assert describe(readings, "simpath2").largest_range == pytest.approx(5.6)
+    row, column = np.nonzero(pixels < 128)
+    walls = np.column_stack(((column - 301.0) * 0.05 * 1.0337, (296.3 - row) * 0.05 * 1.0305))
+    distance, _ = cKDTree(walls).query(end_points(readings)[::20])
+    assert np.mean(distance < 0.1) > 0.9
+
+
+def read_pgm(path: Path):
+    data = path.read_bytes()
+    match = re.match(rb"P5\s(?:#[^\n]*\n)*(\d+)\s+(\d+)\s+255\s", data)
+    assert match is not None
+    width, height = int(match[1]), int(match[2])
+    return np.frombuffer(data[match.end() :], dtype=np.uint8).reshape(height, width)

@@ -92,6 +92,26 @@ class TestRefusals:
         assert refusal(text + "1,2,3,z\n").startswith("a.csv:9:")
 
 
+class TestKinds:
+    MIXED = "x,y,theta,range,cone\n1,2,0,3,0\n1,2,0,4,0.3\n"
+
+    @pytest.mark.parametrize(("kind", "ranges"), [("laser", [3]), ("sonar", [4]), (None, [3, 4])])
+    def test_the_cone_tells_them_apart(self, kind, ranges):
+        assert read_table(self.MIXED.encode(), "a.csv", kind).range.tolist() == ranges
+
+    @pytest.mark.parametrize("cone", [0, 0.3])
+    def test_rows_of_one_sort_are_taken_as_they_are(self, cone):
+        text = f"x,y,theta,range,cone\n1,2,0,3,{cone}\n".encode()
+        for kind in ("laser", "sonar"):
+            assert read_table(text, "a.csv", kind).cone.tolist() == [cone]
+
+    def test_a_sonar_table_without_the_column_gets_the_cone_asked_for(self):
+        text = b"x,y,theta,range\n1,2,0,3\n"
+        assert read_table(text, "a.csv", "sonar").cone.tolist() == [0.349]
+        assert read_table(text, "a.csv", "sonar", 0.5).cone.tolist() == [0.5]
+        assert read_table(text, "a.csv", "laser").cone.tolist() == [0]
+
+
 finite = st.floats(-1e6, 1e6)
 rows = st.lists(
     st.tuples(
@@ -113,7 +133,7 @@ def test_round_trip_is_exact(tmp_path_factory, some):
     written = Readings.from_arrays(np.column_stack((x, y)), angle, ranges, scan=scan, time=time, cone=cone)
     path = tmp_path_factory.getbasetemp() / "round.csv"
     write_table(path, written)
-    read_back = read_readings(str(path))
+    read_back = read_readings(str(path), None)
     for name in ("origin", "angle", "range", "scan", "beam", "time", "cone"):
         before, after = getattr(written, name), getattr(read_back, name)
         np.testing.assert_array_equal(after, before)

@@ -1,0 +1,126 @@
+"""ROS 1 and ROS 2 bags: opening one, and its messages with their times.
+
+`rosbags` does the reading. Types are taken from the bag, so custom ones and those of `tf2_msgs` need no ROS; only ROS 2
+bags from before Iron carry none, and there the standard types of Humble hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from prf.shell.errors import InputError
+
+if TYPE_CHECKING:
+    from rosbags.highlevel import AnyReader
+
+
+class Message(NamedTuple):
+    """One message.
+
+    Attributes
+    ----------
+    topic : str
+    received : float
+        When it was recorded, seconds.
+    body : object
+        Its fields, as `rosbags` makes them.
+    """
+
+    topic: str
+    received: float
+    body: Any
+
+
+class Topic(NamedTuple):
+    """What is published under one name: message type, say ``sensor_msgs/msg/LaserScan``, and number of messages."""
+
+    type: str
+    n_messages: int
+
+
+class Bag:
+    """An open bag.
+
+    Parameters
+    ----------
+    reader : AnyReader
+        Open.
+    source : str
+        Name of the bag, for messages.
+    """
+
+    def __init__(self, reader: AnyReader, source: str) -> None:
+        self._reader = reader
+        self.source = source
+        self.format = "ROS 2 bag" if reader.is2 else "ROS 1 bag"
+        self.topics: dict[str, Topic] = {}
+        # Several publishers of one topic, usual for /tf, are several connections.
+        for connection in sorted(reader.connections, key=lambda connection: connection.topic):
+            count = connection.msgcount + self.topics.get(connection.topic, Topic("", 0)).n_messages
+            self.topics[connection.topic] = Topic(connection.msgtype, count)
+
+    def of_type(self, *types: str) -> list[str]:
+        """Return the topics of any of these message types that hold messages, by name."""
+        return [name for name, topic in self.topics.items() if topic.type in types and topic.n_messages]
+
+    def messages(self, topics: Collection[str]) -> Iterator[Message]:
+        """Yield the messages of some topics in the order of recording.
+
+        Raises
+        ------
+        InputError
+            If the bag turns out to be damaged.
+        """
+        connections = [connection for connection in self._reader.connections if connection.topic in topics]
+        if not connections:
+            return
+        with _told(self.source):
+            stream = self._reader.messages(connections)
+            for connection, nanoseconds, raw in stream:
+                body = self._reader.deserialize(raw, connection.msgtype)
+                yield Message(connection.topic, nanoseconds / 1e9, body)
+
+
+@contextmanager
+def open_bag(path: Path, source: str) -> Iterator[Bag]:
+    """Open a bag: a .bag, .mcap or .db3 file, or the folder of a ROS 2 bag with its metadata.yaml.
+
+    Raises
+    ------
+    InputError
+        If it is damaged or of a version that cannot be read.
+    """
+    from rosbags.highlevel import AnyReader  # noqa: PLC0415 - who reads no bag need not wait for it
+    from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
+
+    with _told(source):
+        reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+        reader.open()
+    try:
+        yield Bag(reader, source)
+    finally:
+        reader.close()
+
+
+def seconds(stamp: Any, received: float) -> float:
+    """Return the time in a message's header in seconds, or when it was received if the header has none (0)."""
+    time = float(stamp.sec) + stamp.nanosec / 1e9
+    return time if time > 0 else received
+
+
+@contextmanager
+def _told(source: str) -> Iterator[None]:
+    """Turn whatever `rosbags` stumbles on, bare assertions among it, into one line."""
+    try:
+        yield
+    except (InputError, GeneratorExit, MemoryError):
+        raise
+    except Exception as error:
+        words = " ".join(str(error).split())[:120] or type(error).__name__
+        raise InputError(
+            f"{source}: the bag is damaged, or of a version that cannot be read ({words}). "
+            "Record it anew, or mend it (rosbag reindex or fix, ros2 bag reindex)."
+        ) from error

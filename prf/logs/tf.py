@@ -1,0 +1,169 @@
+"""The tree of coordinate frames in a bag (tf), and the pose of a frame in another at given times."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.logs.bag import Message, seconds
+from prf.logs.readings import FloatArray
+from prf.logs.track import HOLD
+
+STATIC = "tf_static"
+"""End of the name of the topic whose transforms hold for ever."""
+
+UNIT = 0.01
+"""How far the length of a quaternion may be from 1; tf itself passes over those that are farther."""
+
+
+class Rigid(NamedTuple):
+    """Rigid motions, one a row.
+
+    Attributes
+    ----------
+    shift : (m, 3) float64
+        Metres.
+    turn : (m, 4) float64
+        Unit quaternions x y z w.
+    known : (m,) bool
+        Whether the bag has this motion.
+    """
+
+    shift: FloatArray
+    turn: FloatArray
+    known: NDArray[np.bool_]
+
+
+@dataclass
+class _Edge:
+    """Poses of a child frame in its parent."""
+
+    is_static: bool = False
+    time: list[float] = field(default_factory=list)
+    pose: list[tuple[float, ...]] = field(default_factory=list)
+
+
+class Tree:
+    """Frames and the motions between parent and child; a child may have several parents, from several sources."""
+
+    def __init__(self) -> None:
+        self._edges: dict[tuple[str, str], _Edge] = {}
+
+    def add(self, parent: str, child: str, time: float, transform: tuple[Any, Any], is_static: bool) -> None:
+        """Take up one transform (translation, rotation), unless it has a value that is not sound."""
+        shift, turn = transform
+        pose = (shift.x, shift.y, shift.z, turn.x, turn.y, turn.z, turn.w)
+        length = float(np.linalg.norm(pose[3:]))
+        if np.all(np.isfinite(pose)) and abs(length - 1.0) <= UNIT:
+            edge = self._edges.setdefault((parent, child), _Edge(is_static))
+            edge.time.append(time)
+            edge.pose.append(pose)
+
+    def add_messages(self, messages: Iterable[Message]) -> None:
+        """Take up all transforms of tf messages."""
+        for message in messages:
+            for item in message.body.transforms:
+                time = seconds(item.header.stamp, message.received)
+                is_static = message.topic.endswith(STATIC)
+                transform = (item.transform.translation, item.transform.rotation)
+                self.add(frame_name(item.header.frame_id), frame_name(item.child_frame_id), time, transform, is_static)
+
+    def parents(self, frame: str) -> list[str]:
+        """Return the frames in which `frame` has a pose."""
+        return [parent for parent, child in self._edges if child == frame]
+
+    def roots_above(self, frame: str) -> list[str]:
+        """Return the frames at the top, to which going from child to parent leads from `frame`."""
+        reached, roots = [frame], []
+        for name in reached:
+            above = self.parents(name)
+            reached += [parent for parent in above if parent not in reached]
+            if not above and name != frame:
+                roots.append(name)
+        return roots
+
+    def chain(self, fixed: str, frame: str) -> list[tuple[str, str]] | None:
+        """Return the (parent, child) pairs from `fixed` to `frame`, each may be walked either way; None if none."""
+        came_from: dict[str, str] = {fixed: fixed}
+        queue = deque([fixed])
+        while queue and frame not in came_from:
+            here = queue.popleft()
+            for parent, child in self._edges:
+                there = child if parent == here else parent if child == here else here
+                if there not in came_from:
+                    came_from[there] = here
+                    queue.append(there)
+        if frame not in came_from:
+            return None
+        steps: list[tuple[str, str]] = []
+        while frame != fixed:
+            steps.insert(0, (came_from[frame], frame))
+            frame = came_from[frame]
+        return steps
+
+    def poses(self, fixed: str, frame: str, time: FloatArray) -> Rigid | None:
+        """Return the poses of `frame` in `fixed` at m times, interpolated; None if the tree does not join them."""
+        steps = self.chain(fixed, frame)
+        if steps is None:
+            return None
+        m = len(time)
+        total = Rigid(np.zeros((m, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (m, 1)), np.ones(m, dtype=bool))
+        for here, there in steps:
+            if (here, there) in self._edges:
+                total = _joined(total, _at(self._edges[here, there], time))
+            else:
+                total = _joined(total, _inverse(_at(self._edges[there, here], time)))
+        return total
+
+
+def frame_name(name: str) -> str:
+    """Return a frame's name without the leading slash that old bags give it."""
+    return name.lstrip("/")
+
+
+def turned(turn: FloatArray, vector: FloatArray) -> FloatArray:
+    """Return vectors (3,) or (m, 3) turned by (m, 4) unit quaternions."""
+    axis, w = turn[:, :3], turn[:, 3:]
+    cross = 2.0 * np.cross(axis, vector)
+    result: FloatArray = vector + w * cross + np.cross(axis, cross)
+    return result
+
+
+def _at(edge: _Edge, time: FloatArray) -> Rigid:
+    """Return the motion of one edge at m times: positions linearly, turns along the chord (steps are small)."""
+    stamps, pose = np.array(edge.time), np.array(edge.pose)
+    pose[:, 3:] /= np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
+    m = len(time)
+    if edge.is_static or (pose == pose[0]).all():
+        last = np.tile(pose[-1], (m, 1))
+        return Rigid(last[:, :3], last[:, 3:], np.ones(m, dtype=bool))
+    order = np.argsort(stamps, kind="stable")
+    stamps, pose = stamps[order], pose[order]
+    # Of equal time stamps the last one recorded counts.
+    last_of = np.r_[np.diff(stamps) > 0, True]
+    stamps, pose = stamps[last_of], pose[last_of]
+    # A quaternion and its negative are one turn: successive ones must not change sign.
+    flips = np.r_[1.0, np.where(np.sum(pose[1:, 3:] * pose[:-1, 3:], axis=1) < 0, -1.0, 1.0)]
+    pose[:, 3:] *= np.cumprod(flips)[:, None]
+    found = np.column_stack([np.interp(time, stamps, column) for column in pose.T])
+    found[:, 3:] /= np.linalg.norm(found[:, 3:], axis=1, keepdims=True)
+    known = (time >= stamps[0] - HOLD) & (time <= stamps[-1] + HOLD)
+    return Rigid(found[:, :3], found[:, 3:], known)
+
+
+def _joined(outer: Rigid, inner: Rigid) -> Rigid:
+    a, b = outer.turn, inner.turn
+    xyz = a[:, 3:] * b[:, :3] + b[:, 3:] * a[:, :3] + np.cross(a[:, :3], b[:, :3])
+    w = a[:, 3] * b[:, 3] - np.sum(a[:, :3] * b[:, :3], axis=1)
+    shift = outer.shift + turned(outer.turn, inner.shift)
+    return Rigid(shift, np.column_stack((xyz, w)), outer.known & inner.known)
+
+
+def _inverse(motion: Rigid) -> Rigid:
+    back = motion.turn * np.array([-1.0, -1.0, -1.0, 1.0])
+    return Rigid(-turned(back, motion.shift), back, motion.known)
