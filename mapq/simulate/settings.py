@@ -74,8 +74,8 @@ class Settings:
     max_range: float = 35.0
     noise: float = 0.015
     drift: float = 1.0
-    yaw_bias: float = 0.7
-    yaw_walk: float = 0.35
+    yaw_bias: float = 0.6
+    yaw_walk: float = 0.3
     scale_walk: float = 0.4
     disagreement: float = 0.2
     cell: float = 1.0
@@ -122,8 +122,8 @@ SIZES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
             "frontage": (7.0, 14.0),
             "height": (5.0, 8.0),
             # A lap is shorter; the second must still end as far from the first.
-            "yaw_bias": 1.6,
-            "yaw_walk": 0.8,
+            "yaw_bias": 1.4,
+            "yaw_walk": 0.7,
         },
         "medium": {},
         "large": {"blocks": 2, "n_points": 640_000},

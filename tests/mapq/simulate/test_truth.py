@@ -1,0 +1,84 @@
+"""The rule of truth on points made by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mapq.simulate.settings import Settings
+from mapq.simulate.truth import Seen, judge
+
+SETTINGS = Settings(disagreement=0.2, cell=1.0, visit_gap=25.0, visit_points=3)
+
+
+def seen(visits: list[tuple[float, tuple[float, float], int]], surface: int = 0, normal=(0.0, 1.0, 0.0)) -> Seen:  # type: ignore[no-untyped-def]
+    """Return points of one cell of a wall along x: each visit has a time, a displacement and a number of points."""
+    time = np.concatenate([t + 0.1 * np.arange(n) for t, _, n in visits])
+    moved = np.concatenate([np.tile(m, (n, 1)) for _, m, n in visits]).astype(float)
+    n = len(time)
+    hits = np.column_stack([np.linspace(0.2, 0.8, n), np.zeros(n), np.full(n, 0.5)])
+    surfaces = np.full(n, surface, np.int32)
+    things = np.where(surfaces < 0, 7, -1).astype(np.int32)
+    return Seen(hits, moved, time, surfaces, things, np.tile(normal, (n, 1)))
+
+
+def suspicious(points: Seen) -> list[bool]:
+    return judge(points, SETTINGS).suspicious.tolist()
+
+
+def test_passes_that_disagree_along_the_normal_are_both_suspicious() -> None:
+    points = seen([(0.0, (0.0, 0.0), 3), (60.0, (0.0, 0.25), 4)])
+    truth = judge(points, SETTINGS)
+    assert truth.suspicious.all()
+    np.testing.assert_allclose(truth.disagreement, 0.25)
+
+
+def test_a_displacement_along_the_wall_is_plausible() -> None:
+    assert not any(suspicious(seen([(0.0, (0.0, 0.0), 3), (60.0, (2.0, 0.1), 4)])))
+
+
+def test_seen_once_or_within_the_gap_is_plausible_however_displaced() -> None:
+    assert not any(suspicious(seen([(0.0, (0.0, 3.0), 9)])))
+    assert not any(suspicious(seen([(0.0, (0.0, 0.0), 3), (20.0, (0.0, 0.5), 3)])))
+
+
+def test_what_moved_together_is_plausible() -> None:
+    assert not any(suspicious(seen([(0.0, (0.5, 1.0), 5), (60.0, (0.5, 1.1), 5)])))
+
+
+def test_a_pass_of_few_points_accuses_nobody_but_is_judged() -> None:
+    assert suspicious(seen([(0.0, (0.0, 0.0), 3), (60.0, (0.0, 0.5), 2)])) == [False] * 3 + [True] * 2
+
+
+def test_of_three_passes_those_far_from_any_other_are_suspicious() -> None:
+    points = seen([(0.0, (0.0, 0.0), 3), (60.0, (0.0, 0.15), 3), (120.0, (0.0, 0.3), 3)])
+    truth = judge(points, SETTINGS)
+    assert truth.suspicious.tolist() == [True] * 3 + [False] * 3 + [True] * 3
+    np.testing.assert_allclose(truth.disagreement, [0.3] * 3 + [0.15] * 3 + [0.3] * 3)
+
+
+def test_flat_ground_never_disagrees_and_things_do_in_any_direction() -> None:
+    visits = [(0.0, (0.0, 0.0), 3), (60.0, (0.5, 0.0), 3)]
+    assert not any(suspicious(seen(visits, normal=(0.0, 0.0, 1.0))))
+    assert all(suspicious(seen(visits, surface=-1)))
+
+
+def test_cells_are_apart_and_what_moves_has_none() -> None:
+    one = seen([(0.0, (0.0, 0.0), 3), (60.0, (0.0, 0.5), 3)])
+    shifted = one._replace(hits=one.hits + np.where(one.time > 30.0, 1.0, 0.0)[:, None] * (1.0, 0.0, 0.0))
+    assert not any(suspicious(shifted))
+    moving = one._replace(surface=np.full(6, -1, np.int32), thing=np.full(6, -1, np.int32))
+    truth = judge(moving, SETTINGS)
+    assert not truth.suspicious.any()
+    assert (truth.cell == -1).all()
+
+
+@pytest.mark.parametrize("turn", [0.3, 1.2, 2.9])
+def test_the_order_of_the_points_and_the_direction_of_the_wall_do_not_matter(turn: float) -> None:
+    normal = np.array([np.cos(turn), np.sin(turn)])
+    points = seen([(0.0, (0.0, 0.0), 3), (60.0, tuple(0.25 * normal), 3)], normal=(*normal, 0.0))
+    points = points._replace(hits=np.zeros((6, 3)))
+    order = np.random.default_rng(1).permutation(6)
+    mixed = Seen(*(values[order] for values in points))
+    assert all(suspicious(points))
+    np.testing.assert_allclose(judge(mixed, SETTINGS).disagreement, judge(points, SETTINGS).disagreement[order])
