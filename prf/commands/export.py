@@ -20,7 +20,7 @@ EXAMPLES = (
     "prf export office --format ros-map",
     "prf export office -o office.dxf",
     "prf export office --draw 0 --format geojson -o - | head -c 300",
-    "prf export office/map.geojson --format svg -o office.svg",
+    "prf export data/demo-office.geojson --format ros-map --resolution 0.1 -o plan.yaml",
 )
 
 
@@ -44,7 +44,7 @@ class Mode(StrEnum):
 
 def export(
     source: Annotated[
-        str, typer.Argument(metavar="RUN|MAP", help="A directory that prf sample wrote, or a map in GeoJSON.")
+        str, typer.Argument(metavar="RUN|GRID|MAP", help="From prf sample or prf grid, or polygons in GeoJSON.")
     ],
     format: Annotated[
         Format | None, typer.Option("--format", help="What to write; else the suffix of the output says.")
@@ -78,8 +78,8 @@ def export(
     """Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF.
 
     geojson, svg and dxf take the polygons of the best map, ros-map the posterior probability of each cell, netcdf the
-    values that were watched in every draw, for ArviZ. ros-map writes two files, a yaml file and the image it names.
-    dxf and netcdf need libraries: pip install 'prf-mapq[dxf,netcdf]'.
+    values that were watched in every draw, for ArviZ. ros-map writes two files, a yaml file and the image it names; it
+    is the one format for a GRID. dxf and netcdf need libraries: pip install 'prf-mapq[dxf,netcdf]'.
     """
     from prf.export import Options, export_source
     from prf.shell import console, jsonout

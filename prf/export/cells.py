@@ -1,4 +1,4 @@
-"""Probabilities on square cells, of a run or of one map."""
+"""Probabilities on square cells, of a run, a grid or one map."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from prf.estimate import occupied_probability
 from prf.export.formats import Options
 from prf.export.source import Source
 from prf.layout import image_grid, pixel_centres
+from prf.occupancy import OccupancyGrid
 from prf.run import names
 from prf.shell.errors import UsageError
 
@@ -39,7 +40,7 @@ class Cells(NamedTuple):
 
 
 def cells_of(source: Source, options: Options) -> Cells:
-    """Return the posterior image of a run, or one map as cells of probability 0 and 1.
+    """Return the posterior image of a run, the cells of a grid, or one map as cells of probability 0 and 1.
 
     Parameters
     ----------
@@ -52,9 +53,11 @@ def cells_of(source: Source, options: Options) -> Cells:
     InputError
         If the run has no image yet, or no such map.
     UsageError
-        If a resolution is asked for the posterior image, which has its own, or one of too many cells.
+        If something is asked of cells that they cannot give, or for too many cells.
     """
     run = source.run
+    if source.grid is not None and options.draw is None:
+        return _cells_of_grid(source.grid, options)
     if run is None or options.draw is not None:
         own = RESOLUTION if run is None or run.image is None else run.image.resolution
         chosen = source.choose_map(options.draw)
@@ -67,6 +70,14 @@ def cells_of(source: Source, options: Options) -> Cells:
         )
     probability = run.image.square_occupancy if options.squares else run.image.occupancy
     return Cells(probability, run.image.origin, run.image.resolution)
+
+
+def _cells_of_grid(grid: OccupancyGrid, options: Options) -> Cells:
+    """Return the cells of a grid, nan where no reading came: 0.5 may also be what the readings say."""
+    if options.squares or options.resolution is not None:
+        raise UsageError(f"a GRID has cells of {grid.resolution:g} m only: leave --squares and --resolution out.")
+    probability = np.where(grid.hits + grid.misses > 0, grid.occupancy, np.nan)
+    return Cells(probability, grid.origin, grid.resolution)
 
 
 def rasterise(coloring: Coloring, resolution: float, squares: bool) -> Cells:

@@ -43,12 +43,12 @@ class _Content(NamedTuple):
 
 
 def export_source(path: str | os.PathLike[str], output: str | None, options: Options, force: bool = False) -> Exported:
-    """Write a run, or one map, in the form of another program.
+    """Write a run, a grid or one map in the form of another program.
 
     Parameters
     ----------
     path : path
-        RUN directory or map in GeoJSON.
+        RUN directory, GRID file or map in GeoJSON.
     output : str or None
         Where to; None: named after the source, in the working directory. ``-`` is standard output.
     options : Options

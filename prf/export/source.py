@@ -1,20 +1,26 @@
-"""What an export starts from: a run, or one map in a file."""
+"""What an export starts from: a run, an occupancy grid, or one map in a file."""
 
 from __future__ import annotations
 
+import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from prf.coloring import Coloring
+from prf.coloring import Coloring, from_polygons
+from prf.occupancy import OccupancyGrid, is_grid, read_grid
 from prf.run import Run, names, read_map_feature, read_run
+from prf.score import read_occupied_area
 from prf.shell.errors import InputError, UsageError
+from prf.window import Window
 
 PARTS = (names.POSTERIOR, names.MAP, names.DIAGNOSTICS)
 KEPT = ("log_posterior", "draw", "chain", "step")
 """Properties of a map in a file that an export of it has too; the rest follows from the map."""
-STEM_SUFFIXES = (".run", ".geojson", ".json")
+STEM_SUFFIXES = (".run", ".npz", ".grid", ".geojson", ".json")
+MARGIN = 1.0
+"""Metres of free space round the polygons of another program, which have no window."""
 
 
 class Map(NamedTuple):
@@ -27,25 +33,27 @@ class Map(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A run or a map.
+    """A run, a grid or a map; the others are None.
 
     Attributes
     ----------
     path : Path
     run : Run or None
-        None where the source is one map.
+    grid : OccupancyGrid or None
     map : Map or None
-        The best map of the run, None if it has none yet; or the map.
+        Also the best map of the run, if it has one yet.
     """
 
     path: Path
-    run: Run | None
-    map: Map | None
+    run: Run | None = None
+    grid: OccupancyGrid | None = None
+    map: Map | None = None
 
     def require_run(self, what: str) -> Run:
-        """Return the run (InputError if the source is one map, which has not `what`)."""
+        """Return the run (InputError if the source is a grid or one map, which has not `what`)."""
         if self.run is None:
-            raise InputError(f"{self.path}: one map has no {what}. Give the RUN directory that prf sample wrote.")
+            kind = "one map" if self.grid is None else "a grid"
+            raise InputError(f"{self.path}: {kind} has no {what}. Give the RUN directory that prf sample wrote.")
         return self.run
 
     def choose_map(self, draw: int | None) -> Map:
@@ -54,7 +62,7 @@ class Source:
         Raises
         ------
         InputError
-            If the source is one map and a draw is asked for, or the run has no best map yet.
+            If the source is no run and a draw is asked for, is a grid, or is a run that has no best map yet.
         UsageError
             If the run has no such draw.
         """
@@ -62,7 +70,7 @@ class Source:
             return _draw_of(self.require_run("draws"), draw)
         if self.map is not None:
             return self.map
-        raise self.require_run("best map").missing(names.MAP)
+        raise self.require_run("polygons").missing(names.MAP)
 
 
 def stem_of(path: str | os.PathLike[str]) -> str:
@@ -80,22 +88,38 @@ def require_existing(path: str | os.PathLike[str]) -> None:
 
 
 def read_source(path: str | os.PathLike[str]) -> Source:
-    """Return the run in the directory, or the map in the file, `path`.
+    """Return the run in the directory, or the grid or the map in the file, `path`.
 
     Raises
     ------
     InputError
-        If it is neither, damaged, or of an unknown version.
+        If it is none of them, damaged, or of an unknown version.
     """
     place = Path(path)
-    stem = stem_of(place)
+    if is_grid(place):
+        return Source(place, grid=read_grid(place))
     if not place.is_dir():
-        coloring, properties = read_map_feature(place)
-        kept: dict[str, Any] = {key: properties[key] for key in KEPT if key in properties}
-        return Source(place, None, Map(coloring, kept, stem))
+        return Source(place, map=_read_map(place))
     run = read_run(place, PARTS)
-    best = None if run.best is None else Map(run.best, {"log_posterior": run.best_log_posterior}, f"{stem}, best map")
-    return Source(place, run, best)
+    title = f"{stem_of(place)}, best map"
+    best = None if run.best is None else Map(run.best, {"log_posterior": run.best_log_posterior}, title)
+    return Source(place, run=run, map=best)
+
+
+def _read_map(file: Path) -> Map:
+    """Return the map of a GeoJSON file: as it is if prf wrote it, else in the window that it names or one round it."""
+    area = read_occupied_area(file)
+    if json.loads(file.read_bytes()).get("schema") == names.SCHEMAS[names.MAP]:
+        coloring, properties = read_map_feature(file)
+        kept: dict[str, Any] = {key: properties[key] for key in KEPT if key in properties}
+        return Map(coloring, kept, stem_of(file))
+    if area.window is None and area.region.is_empty:
+        raise InputError(f"{file}: neither a polygon nor a window. Give polygons of the occupied area.")
+    window = area.window or Window(*area.region.buffer(MARGIN, join_style="mitre").bounds)
+    try:
+        return Map(from_polygons(area.region, window), {}, stem_of(file))
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error
 
 
 def _draw_of(run: Run, number: int) -> Map:

@@ -6,13 +6,16 @@ import json
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import shapely
 
 from prf.cli import app
+from prf.coloring import occupied_polygons
 from prf.commands.export import Format, Mode
 from prf.export import FORMATS
 from prf.export.formats import IMAGE_SUFFIX
+from prf.occupancy import OccupancyGrid, write_grid
 from prf.run import read_map_feature, read_run, write_run
 from prf.shell.run import run_app
 from tests.factories import make_run
@@ -146,6 +149,55 @@ def test_a_map_instead_of_a_run(folder: Path, here: Path, capsys: pytest.Capture
     assert "one map has no chains" in capsys.readouterr().err
     assert call(folder / "map.geojson", "--format", "svg", "--draw", 0) == 3
     assert "one map has no draws" in capsys.readouterr().err
+
+
+def test_polygons_of_another_program(data_dir: Path, here: Path, capsys: pytest.CaptureFixture) -> None:
+    plan = data_dir / "demo-office.geojson"
+    assert call(plan, "--format", "geojson", "-o", "plan.geojson") == 0
+    drawn = shapely.union_all(shapely.from_geojson(plan.read_text()))
+    coloring, _ = read_map_feature(here / "plan.geojson")
+    assert occupied_polygons(coloring).symmetric_difference(drawn).area == pytest.approx(0.0, abs=1e-9)
+    assert coloring.window == pytest.approx(shapely.box(*drawn.bounds).buffer(1.0, join_style="mitre").bounds)
+    for format in FORMATS[1:-1]:
+        assert call(plan, "--format", format) == 0
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ('{"type": "FeatureCollection", "features": []}', "neither a polygon nor a window"),
+        (
+            '{"type": "MultiPolygon", "coordinates": '
+            "[[[[0, 0], [1, 0], [1, 1], [0, 0]]], [[[1, 1], [2, 1], [2, 2], [1, 1]]]]}",
+            "touch.geojson: ",
+        ),
+        ('{"type": "Point", "coordinates": [0, 0]}', "geometry Point"),
+        ('{"schema": "prf.map/2", "type": "Feature"}', "prf.map/2"),
+    ],
+)
+def test_polygons_that_are_no_map(here: Path, capsys: pytest.CaptureFixture, content: str, message: str) -> None:
+    (here / "touch.geojson").write_text(content)
+    assert call("touch.geojson", "--format", "svg") == 3
+    error = capsys.readouterr().err
+    assert message in error
+    assert (error.count("\n"), files(here)) == (1, {"touch.geojson"})
+
+
+def test_a_grid_is_a_ros_map_only(here: Path, capsys: pytest.CaptureFixture) -> None:
+    cells = np.zeros((3, 4), np.int32)
+    write_grid("room.grid.npz", OccupancyGrid(np.full((3, 4), 0.5, np.float32), cells, cells, np.zeros(2), 0.1))
+    assert call("room.grid.npz", "--format", "ros-map", "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["n_unknown"], [file["path"] for file in answer["files"]]) == (12, ["room.yaml", "room.pgm"])
+    for args, code, message in (
+        (["--format", "geojson"], 3, "a grid has no polygons"),
+        (["--format", "netcdf"], 3, "a grid has no chains"),
+        (["--format", "ros-map", "--draw", "0"], 3, "a grid has no draws"),
+        (["--format", "ros-map", "--squares"], 2, "a GRID has cells of 0.1 m only"),
+        (["--format", "ros-map", "--resolution", "1"], 2, "a GRID has cells of 0.1 m only"),
+    ):
+        assert call("room.grid.npz", *args, "-f") == code
+        assert message in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("mode", ["scale", "raw"])

@@ -14,6 +14,7 @@ from prf.export.cells import Cells
 from prf.export.images import pgm_bytes, png_bytes
 from prf.export.ros_map import ros_map
 from prf.layout import image_grid, pixel_centres
+from prf.occupancy import OccupancyGrid, write_grid
 from prf.run import read_run, write_run
 from prf.shell.errors import InputError, UsageError
 from prf.window import Window
@@ -153,6 +154,27 @@ def test_a_draw_takes_the_cells_of_the_run(folder: Path, tmp_path: Path) -> None
     centres = pixel_centres(image_grid(window, run.image.resolution))
     inside = window.contains(centres)
     np.testing.assert_array_equal(served.data.ravel()[inside] == 100, black_at(run.draws[-1], centres[inside]))
+
+
+@ROS
+@pytest.mark.parametrize("mode", ["trinary", "scale", "raw"])
+def test_a_grid_serves_what_was_seen(tmp_path: Path, mode: str, ros: int) -> None:
+    rng = np.random.default_rng(4)
+    hits, misses = rng.integers(0, 3, (2, 6, 9), dtype=np.int32)
+    occupancy = ((hits + 0.5) / (hits + misses + 1.0)).astype(np.float32)
+    grid = OccupancyGrid(occupancy, hits, misses, np.array([-3.5, 2.0]), 0.1)
+    write_grid(tmp_path / "room.grid.npz", grid)
+    export_source(tmp_path / "room.grid.npz", str(tmp_path / "room.yaml"), Options(format="ros-map", mode=mode))
+    served = map_server.load(tmp_path / "room.yaml", ros)
+    seen = hits + misses > 0
+    assert (seen & (occupancy == 0.5)).any(), "seen, and still one half"
+    if mode == "trinary":
+        expected = np.where(occupancy > 0.65, 100, np.where(occupancy < 0.196, 0, -1))
+        np.testing.assert_array_equal(served.data, expected)
+    else:
+        np.testing.assert_array_equal(served.data >= 0, seen)
+        assert np.abs(served.data - 100.0 * occupancy)[seen].max() < 2.2
+    assert (served.resolution, served.origin) == (0.1, [-3.5, 2.0, 0.0])
 
 
 def test_thin_walls_are_seen_with_squares_only(tmp_path: Path) -> None:
