@@ -119,7 +119,7 @@ def _read_map(file: Path) -> Map:
     try:
         return Map(from_polygons(area.region, window), {}, stem_of(file))
     except InputError as error:
-        raise InputError(f"{file}: {error}") from error
+        raise InputError(f"{file}: {error}. Part polygons that touch at a point.") from error
 
 
 def _draw_of(run: Run, number: int) -> Map:

@@ -169,7 +169,7 @@ def test_polygons_of_another_program(data_dir: Path, here: Path, capsys: pytest.
         (
             '{"type": "MultiPolygon", "coordinates": '
             "[[[[0, 0], [1, 0], [1, 1], [0, 0]]], [[[1, 1], [2, 1], [2, 2], [1, 1]]]]}",
-            "touch.geojson: ",
+            "Part polygons that touch at a point",
         ),
         ('{"type": "Point", "coordinates": [0, 0]}', "geometry Point"),
         ('{"schema": "prf.map/2", "type": "Feature"}', "prf.map/2"),
