@@ -80,7 +80,7 @@ def classify(
     result = assess(patches, used or read_default_model())
     if not len(patches):
         logger.warning("%s: no plane patch was found, so nothing is labelled", file)
-    head = {**describe_process([file]), "model": model or "default", **result.head()}
+    head = {**describe_process([file, *([model] if model else [])]), "model": model or "default", **result.head()}
     rows = list(result.patch_rows())
     write_result(target, result.cloud(), head, rows)
     if json:
