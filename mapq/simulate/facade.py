@@ -69,26 +69,25 @@ def add_facade(
     if columns < 1 or storeys < 1:
         builder.wall(line.start, line.end, z, Kind.FACADE)
         return
-    upper = z[0]
+    upper, plane = z[0], None
     if z[0] == 0.0:
-        upper = windows.storey
-        _add_ground_floor(builder, line, windows, columns, rng)
+        upper, plane = windows.storey, builder.surface(line.inward)
+        _add_ground_floor(builder, line, windows, plane, columns, rng)
     if upper > z[1] - 1e-9:
         return
     if windows.style is Style.RIBBONS:
-        _add_ribbons(builder, line, (upper, z[1]), windows)
+        _add_ribbons(builder, line, (upper, z[1]), windows, plane)
     elif windows.style is Style.BAYS:
-        _add_bays(builder, line, (upper, z[1]), windows, columns)
+        _add_bays(builder, line, (upper, z[1]), windows, plane, columns)
     else:
         margin = 0.5 * (line.length - columns * windows.pitch)
-        _add_windows(builder, line, (upper, z[1]), windows, builder.surface(line.inward), (margin, columns))
+        _add_windows(builder, line, (upper, z[1]), windows, plane, (margin, columns))
 
 
 def _add_ground_floor(
-    builder: SceneBuilder, line: Line, windows: Windows, columns: int, rng: np.random.Generator
+    builder: SceneBuilder, line: Line, windows: Windows, surface: int, columns: int, rng: np.random.Generator
 ) -> None:
     """Add the storey on the ground, with a door in place of one window."""
-    surface = builder.surface(line.inward)
     margin = 0.5 * (line.length - columns * windows.pitch)
     door = int(rng.integers(columns))
     first, last = margin + door * windows.pitch, margin + (door + 1) * windows.pitch
@@ -98,14 +97,19 @@ def _add_ground_floor(
     _add_windows(builder, line.piece(last, line.length), (0.0, top), windows, surface, (0.0, columns - door - 1))
 
 
-def _add_ribbons(builder: SceneBuilder, line: Line, z: tuple[float, float], windows: Windows) -> None:
-    """Add storeys of which each has one window from end to end; the walls between them do not touch each other."""
+def _add_ribbons(
+    builder: SceneBuilder, line: Line, z: tuple[float, float], windows: Windows, plane: int | None
+) -> None:
+    """Add storeys of which each has one window from end to end; the walls between them do not touch each other.
+
+    `plane` is the surface of the storey below, if there is one: what touches it belongs to it.
+    """
     behind = line.shifted(windows.recess)
     low = z[0]
     for storey in range(int((z[1] - z[0]) / windows.storey + 1e-9)):
         sill = z[0] + storey * windows.storey + windows.sill
         lintel = sill + windows.height
-        builder.wall(line.start, line.end, (low, sill), Kind.FACADE)
+        builder.wall(line.start, line.end, (low, sill), Kind.FACADE, plane if storey == 0 else None)
         builder.wall(behind.start, behind.end, (sill, lintel), Kind.RECESS)
         for edge in (sill, lintel):
             _add_ledge(builder, line, edge, windows.recess)
@@ -113,7 +117,9 @@ def _add_ribbons(builder: SceneBuilder, line: Line, z: tuple[float, float], wind
     builder.wall(line.start, line.end, (low, z[1]), Kind.FACADE)
 
 
-def _add_bays(builder: SceneBuilder, line: Line, z: tuple[float, float], windows: Windows, columns: int) -> None:
+def _add_bays(
+    builder: SceneBuilder, line: Line, z: tuple[float, float], windows: Windows, plane: int | None, columns: int
+) -> None:
     """Add storeys of which pilasters stand out, with bays of wall and glass between them."""
     margin = 0.5 * (line.length - columns * windows.pitch)
     last = 0.0
@@ -121,12 +127,12 @@ def _add_bays(builder: SceneBuilder, line: Line, z: tuple[float, float], windows
         first = margin + column * windows.pitch + 0.5 * (windows.pitch - windows.width)
         bay = line.piece(first, first + windows.width)
         pilaster = line.piece(last, first)
-        builder.wall(pilaster.start, pilaster.end, z, Kind.FACADE)
+        builder.wall(pilaster.start, pilaster.end, z, Kind.FACADE, plane)
         _add_pane(builder, bay, z, windows.recess)
         _add_jambs(builder, bay, z, windows.recess)
         last = first + windows.width
     rest = line.piece(last, line.length)
-    builder.wall(rest.start, rest.end, z, Kind.FACADE)
+    builder.wall(rest.start, rest.end, z, Kind.FACADE, plane)
     _add_ledge(builder, line, z[0], windows.recess)
 
 
@@ -144,7 +150,7 @@ def _add_windows(
     line: Line,
     z: tuple[float, float],
     windows: Windows,
-    surface: int,
+    surface: int | None,
     columns: tuple[float, int],
 ) -> None:
     """Add a part of a facade with storeys of windows; `columns`: where the first one begins, and how many."""

@@ -17,7 +17,7 @@ from mapq.simulate.street import Row, add_row
 Vector = NDArray[np.float64]
 
 LANE = 1.2
-"""Metres to the right of the middle of a street on which the robot drives."""
+"""Metres to the right of the middle of a wide street on which the robot drives."""
 
 PATHWAY = 8.0
 """Width of the pathway behind the block, in metres."""
@@ -53,6 +53,11 @@ class Plan(NamedTuple):
     def ring(self, distance: float) -> Vector:
         """Return the corners (4, 2) of the block, `distance` metres farther out."""
         return offset_corners(self.corners, distance)
+
+    @property
+    def lane(self) -> float:
+        """How far to the right of a street's middle the robot drives: it keeps clear of cars beside the kerb."""
+        return min(LANE, max(0.5 * self.width - 5.0, 0.0))
 
     @property
     def exit_direction(self) -> Vector:

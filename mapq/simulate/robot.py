@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.simulate.layout import LANE, Plan
+from mapq.simulate.layout import Plan
 from mapq.simulate.scene import Frame
 
 Vector = NDArray[np.float64]
@@ -63,14 +63,14 @@ def block_waypoints(plan: Plan, frame: Frame, loops: int, rng: np.random.Generat
     after the last lap is the pathway.
     """
     along = (plan.bend - plan.start) / np.hypot(*(plan.bend - plan.start))
-    aside = LANE * np.array([along[1], -along[0]])
+    aside = plan.lane * np.array([along[1], -along[0]])
     points = [Waypoint(plan.start), Waypoint(plan.bend + aside)]
     for lap in range(loops):
-        corners = plan.ring(0.5 * plan.width + LANE + rng.uniform(-0.4, 0.4))
+        corners = plan.ring(0.5 * plan.width + plan.lane + rng.uniform(-0.3, 0.3))
         if lap > 0:
             points.append(Waypoint(corners[0], True))
         points += [Waypoint(corner) for corner in corners[1:]]
-    points.append(Waypoint(plan.exit_point(0.0, -LANE), True))
+    points.append(Waypoint(plan.exit_point(0.0, -plan.lane), True))
     points += [Waypoint(plan.exit_point(f * plan.exit_length, 0.0)) for f in (0.35, 1.0)]
     return [Waypoint(frame.place(point.xy), point.begins_pass) for point in points]
 

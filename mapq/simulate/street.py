@@ -24,6 +24,9 @@ from mapq.simulate.settings import Settings
 GAP_CHANCE = 0.5
 """Chance of a narrow gap between two neighbours, times `look_alikes`."""
 
+PARKING_WIDTH = 10.5
+"""Metres of a street's width below which no car parks: the robot must pass between two of them."""
+
 RAILING_CHANCE = 0.6
 """Chance of a fence in front of a building, times `look_alikes`."""
 
@@ -106,7 +109,7 @@ def _add_furniture(builder: SceneBuilder, row: Row, settings: Settings, rng: np.
     beds = row.line.shifted(-0.4)
     along = row.line.along
     for u in np.arange(3.5, row.line.length - 3.5, 5.6):
-        if rng.random() < 0.4 * settings.clutter:
+        if settings.street_width >= PARKING_WIDTH and rng.random() < 0.4 * settings.clutter:
             heading = along if rng.random() < 0.5 else -along
             add_parked_car(builder, lane.start + (u + rng.uniform(-0.4, 0.4)) * along, heading, rng)
     for u in np.arange(5.0, row.line.length - 2.0, 11.0):

@@ -1,0 +1,92 @@
+"""The verb `mapq simulate`: its map, its numbers, its refusals."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mapq.cli import app
+from mapq.io import read_cloud
+from mapq.simulate import Settings, simulate
+from prf.shell.run import run_app
+
+ARGS = ("simulate", "--size", "small", "--n-points", "4000")
+
+
+def run(*args: str) -> int:
+    return run_app(app, "mapq", [*ARGS, *args])
+
+
+def test_the_map_and_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "map.ply"
+    assert run("--seed", "2", "-o", str(path)) == 0
+    cloud = read_cloud(str(path))
+    made = simulate(Settings.of_size("small", {"n_points": 4000}), 2)
+    np.testing.assert_array_equal(cloud.world(), made.world())
+    for name, values in made.fields.items():
+        np.testing.assert_array_equal(cloud.fields[name], values)
+        assert cloud.fields[name].dtype == values.dtype
+    table = capsys.readouterr().out
+    assert f"points          {len(cloud):,}: " in table
+    assert f"{made.fields['truth'].mean():.1%} of the points" in table
+    assert table.endswith("seed            2\n")
+
+
+def test_the_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
+    for name, seed in (("a.ply", "3"), ("b.ply", "3"), ("c.ply", "4")):
+        assert run("--seed", seed, "-o", str(tmp_path / name), "-q") == 0
+    contents = [(tmp_path / name).read_bytes() for name in ("a.ply", "b.ply", "c.ply")]
+    assert contents[0] == contents[1] != contents[2]
+
+
+def test_json_options_and_the_seed_that_was_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "map.ply"
+    options = ("--drift", "0", "--look-alikes", "0", "--clutter", "0.5", "--loops", "1", "--json", "-o", str(path))
+    assert run(*options) == 0
+    first = json.loads(capsys.readouterr().out)
+    assert first["schema"] == "mapq.simulate/1"
+    assert (first["output"], first["passes"], first["final_drift"]) == (str(path), 2, 0.0)
+    assert (first["suspicious_points"], first["look_alike_surfaces"]) == (0.0, 0.0)
+    assert first["settings"]["loops"] == 1
+    assert sum(first["points_by_kind"].values()) == first["points"]
+    assert run(*options, "--seed", str(first["seed"]), "-f") == 0
+    assert json.loads(capsys.readouterr().out) == first
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "message"),
+    [
+        ([], 2, "-o"),
+        (["-o", "-", "--json"], 2, "standard output"),
+        (["-o", "map.ply", "--size", "huge"], 2, "--size"),
+        (["-o", "map.ply", "--drift", "-1"], 2, "--drift"),
+        (["-o", "map.ply", "--noise", "1"], 2, "--noise"),
+        (["-o", "map.ply", "--drift", "nan"], 2, "--drift"),
+        (["-o", "no/such/folder/map.ply"], 4, "no/such/folder"),
+    ],
+)
+def test_refusals(
+    args: list[str],
+    code: int,
+    message: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(*args) == code
+    streams = capsys.readouterr()
+    assert streams.out == ""
+    assert message in streams.err
+    assert streams.err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_existing_file_is_kept_without_force(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "map.ply"
+    path.write_text("mine")
+    assert run("-o", str(path)) == 4
+    assert path.read_text() == "mine"
