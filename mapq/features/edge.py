@@ -25,7 +25,7 @@ def edge_features(shapes: PatchShapes, graph: PatchGraph, settings: FeatureSetti
     not explain; see :func:`mapq.kernels.overlap.overlaps`.
     crossing (equation 12): R, how centrally they cross; see :func:`mapq.kernels.crossing.crossings`.
     angle_deg, offset, overlap_area: acute angle of the planes in degrees, median distance of the planes over the shared
-    cells in metres, and area of these in m².
+    area in metres, and that area in m².
     x_ij = 1 - W (A + R) (equation 13), in [-1, 1]; high is plausible.
     """
     noise = shapes.noise(settings)

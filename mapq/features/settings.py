@@ -34,8 +34,8 @@ class FeatureSettings:
     up : (3,) tuple or None
         Direction of the z axis of equation 7. None: as the segmentation had it, else z.
     plain_overlap : bool
-        Count every shared cell as overlap (D8 of the paper's equation 11 and no more), also where noise explains the
-        offset, and however far apart the planes are there.
+        Count all of the shared area as overlap (equation 11 and no more), also where noise explains the offset, and
+        however far apart the planes are there.
     """
 
     reading: Reading = "safe"

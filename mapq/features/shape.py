@@ -50,7 +50,7 @@ class PatchShapes:
     width, height : (m,) float64
         Extent across and along, in metres.
     cell, area : (m,) float64
-        Side of the smallest cells that leave no holes between points, and area of those occupied, in metres and m².
+        Side of the smallest cells that leave no holes between points, and area that they cover, in metres and m².
     up : (3,) float64
     """
 

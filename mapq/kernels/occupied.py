@@ -15,6 +15,10 @@ STEP = 2.0**0.5
 """Ratio between the cell sizes that are tried."""
 
 
+GROWTH = 1.05
+"""Ratio of areas at two sizes below which there are no holes left to be filled."""
+
+
 @part
 def cell_of(x: float, middle: float, cell: float, half: int) -> int:
     """Column of x in a row of ``2 half + 1`` cells centred on `middle`, so that a mirrored patch has mirrored cells."""
@@ -28,12 +32,11 @@ def half_count(length: float, cell: float) -> int:
 
 
 @part
-def mark_closed(marks: Bytes, n_rows: int, n_columns: int, bit: int, closed_bit: int) -> int:
-    """Set `closed_bit` where `bit` is set, or is on both sides in the row or the column; return how many are set.
+def mark_closed(marks: Bytes, n_rows: int, n_columns: int, bit: int, closed_bit: int) -> None:
+    """Set `closed_bit` where `bit` is set, or is on both sides in the row or the column.
 
     Fills the single cells that chance left empty without growing the outline.
     """
-    n_set = 0
     for row in range(n_rows):
         for column in range(n_columns):
             k = row * n_columns + column
@@ -44,56 +47,75 @@ def mark_closed(marks: Bytes, n_rows: int, n_columns: int, bit: int, closed_bit:
                 there = marks[k - n_columns] & bit != 0 and marks[k + n_columns] & bit != 0
             if there:
                 marks[k] |= closed_bit
+
+
+@part
+def count_blocks(marks: Bytes, n_rows: int, n_columns: int, bits: int, wide: int) -> int:
+    """How many cells (wide 0), or corners of four cells (wide 1), are such that all their cells have all `bits`.
+
+    Corners measure area without the half cell by which occupied cells reach over an outline: w x h cells have
+    (w - 1) (h - 1) of them. Single rows and scattered cells have none.
+    """
+    n_set = 0
+    for row in range(n_rows - wide):
+        for column in range(n_columns - wide):
+            if block(marks, row * n_columns + column, n_columns, wide) & bits == bits:
                 n_set += 1
     return n_set
 
 
 @part
-def count_cells(u: Floats, v: Floats, box: Floats, cell: float, marks: Bytes, closed: bool) -> int:
-    """How many cells of side `cell` hold points; box: middle and length in u, then in v."""
+def block(marks: Bytes, k: int, n_columns: int, wide: int) -> int:
+    """Bits that cell k and, if wide is 1, its neighbours to the right, above, and between, have in common."""
+    above = k + wide * n_columns
+    return marks[k] & marks[k + wide] & marks[above] & marks[above + wide]
+
+
+@part
+def mark_cells(u: Floats, v: Floats, box: Floats, cell: float, marks: Bytes) -> tuple[int, int]:
+    """Set bit 1 of the cells that hold points, and bit 2 once closed; rows and columns. box: as `first_cell`."""
     half_u, half_v = half_count(box[1], cell), half_count(box[3], cell)
     n_columns, n_rows = 2 * half_u + 1, 2 * half_v + 1
-    n_set = 0
     for k in range(n_rows * n_columns):
         marks[k] = 0
     for k in range(len(u)):
         column = min(max(cell_of(u[k], box[0], cell, half_u), 0), n_columns - 1)
         row = min(max(cell_of(v[k], box[2], cell, half_v), 0), n_rows - 1)
-        if marks[row * n_columns + column] == 0:
-            marks[row * n_columns + column] = 1
-            n_set += 1
-    if closed:
-        return mark_closed(marks, n_rows, n_columns, 1, 2)
-    return n_set
+        marks[row * n_columns + column] = 1
+    mark_closed(marks, n_rows, n_columns, 1, 2)
+    return n_rows, n_columns
 
 
 @part
 def first_cell(box: Floats, n: int, smallest: float) -> float:
-    """Smallest size worth trying: four cells a point if the points filled their box evenly."""
+    """Smallest size worth trying: four cells a point if they filled their box (middle and length in u, in v) evenly."""
     thin = max(box[1], box[3]) / n
     area = max(box[1], thin) * max(box[3], thin)
     return max(0.5 * np.sqrt(area / n), smallest)
 
 
 @part
-def choose_cell(u: Floats, v: Floats, box: Floats, smallest: float, n_sizes: int, marks: Bytes) -> float:
-    """Smallest size at which the occupied area grows slower than the root of the size, else the one of least growth.
+def choose_cell(u: Floats, v: Floats, box: Floats, smallest: float, marks: Bytes, inner: Floats) -> float:
+    """Smallest size at which cells leave no holes between points; the mean spacing where no cells have corners.
 
-    While cells are finer than the sampling, the area grows with the square of their size (single points) or in
-    proportion (scan lines); once they are hole-free, only along the outline.
+    The area within corners is nought while cells are finer than the sampling, rises steeply and then stays. The size is
+    that from which it grows by less than `GROWTH`, once it is half of what it ever gets.
     """
-    cell = first_cell(box, len(u), smallest)
-    count = count_cells(u, v, box, cell, marks, False)
-    best, least = cell, np.inf
-    for _ in range(n_sizes):
-        wider = count_cells(u, v, box, cell * STEP, marks, False)
-        growth = 2.0 + np.log(wider / count) / np.log(STEP)
-        if growth < least - 1e-9:
-            best, least = cell, growth
-        if growth <= 0.5:
+    finest = first_cell(box, len(u), smallest)
+    cell, most = finest, 0.0
+    for k in range(len(inner)):
+        n_rows, n_columns = mark_cells(u, v, box, cell, marks)
+        inner[k] = cell * cell * count_blocks(marks, n_rows, n_columns, 2, 1)
+        most = max(most, inner[k])
+        cell *= STEP
+    if most == 0.0:
+        return 2.0 * finest
+    cell = finest
+    for k in range(len(inner) - 1):
+        if inner[k] >= 0.5 * most and inner[k + 1] <= GROWTH * inner[k]:
             break
-        cell, count = cell * STEP, wider
-    return best
+        cell *= STEP
+    return cell
 
 
 @part
@@ -111,7 +133,7 @@ def occupied_cells(u: Floats, v: Floats, start: Ints, smallest: float, n_sizes: 
     n_patches = len(start) - 1
     cells, areas, lengths = np.zeros(n_patches), np.zeros(n_patches), np.zeros((n_patches, 2))
     marks = np.zeros(1024, np.uint8)
-    box = np.zeros(4)
+    box, inner = np.zeros(4), np.zeros(n_sizes)
     for i in range(n_patches):
         cells[i] = smallest
         if start[i + 1] == start[i]:
@@ -123,7 +145,9 @@ def occupied_cells(u: Floats, v: Floats, start: Ints, smallest: float, n_sizes: 
         needed = (2 * half_count(box[1], finest) + 1) * (2 * half_count(box[3], finest) + 1)
         if needed > len(marks):
             marks = np.zeros(2 * needed, np.uint8)
-        cells[i] = choose_cell(a, b, box, smallest, n_sizes, marks)
-        areas[i] = cells[i] ** 2 * count_cells(a, b, box, cells[i], marks, True)
+        cells[i] = choose_cell(a, b, box, smallest, marks, inner)
+        n_rows, n_columns = mark_cells(a, b, box, cells[i], marks)
+        n_set = count_blocks(marks, n_rows, n_columns, 2, 1)
+        areas[i] = cells[i] ** 2 * (n_set if n_set > 0 else count_blocks(marks, n_rows, n_columns, 2, 0))
         lengths[i, 0], lengths[i, 1] = box[1], box[3]
     return cells, areas, lengths

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mapq.kernels._jit import jit, part
 from mapq.kernels.boxes import LEAF, Trees, leaf_count
-from mapq.kernels.occupied import cell_of, half_count, mark_closed
+from mapq.kernels.occupied import block, cell_of, count_blocks, half_count, mark_closed
 from mapq.kernels.order import quantile
 
 Floats = NDArray[np.float64]
@@ -147,19 +147,21 @@ def plane_heights(planes: Planes, i: int, origin: Floats, frame: Floats) -> tupl
 
 
 @part
-def shared_offsets(raster: Raster, marks: Bytes, gap: tuple[float, float, float], reach: float, offsets: Floats) -> int:
-    """How many cells hold both patches with their planes not farther apart than `reach`; `offsets` takes the distances.
+def shared_offsets(
+    raster: Raster, marks: Bytes, wide: int, gap: tuple[float, float, float], reach: float, offsets: Floats
+) -> int:
+    """How many blocks hold both patches with their planes within `reach` of one another; `offsets` takes the distances.
 
     gap: the distance of the planes over (u, v) is ``|g + p u + q v|``.
     """
     n_columns = 2 * raster.half_u + 1
     n_shared = 0
-    for row in range(2 * raster.half_v + 1):
-        v = raster.v + (row - raster.half_v) * raster.cell
-        for column in range(n_columns):
-            u = raster.u + (column - raster.half_u) * raster.cell
+    for row in range(2 * raster.half_v + 1 - wide):
+        v = raster.v + (row + 0.5 * wide - raster.half_v) * raster.cell
+        for column in range(n_columns - wide):
+            u = raster.u + (column + 0.5 * wide - raster.half_u) * raster.cell
             offset = abs(gap[0] + gap[1] * u + gap[2] * v)
-            if marks[row * n_columns + column] & 12 == 12 and offset <= reach:
+            if offset <= reach and block(marks, row * n_columns + column, n_columns, wide) & 12 == 12:
                 offsets[n_shared] = offset
                 n_shared += 1
     return n_shared
@@ -167,7 +169,7 @@ def shared_offsets(raster: Raster, marks: Bytes, gap: tuple[float, float, float]
 
 @part
 def doubled(offsets: Floats, n: int, tau: float, noise: float, plain: bool) -> float:
-    """How many of n shared cells count as a double surface.
+    """How many of n shared blocks count as a double surface.
 
     Fewer where noise explains the offset (half of it does at 2.4 standard deviations), and, exp(-x / tau), where the
     planes are by x farther apart than where they are closest: there another weight would be due than that of the pair.
@@ -198,7 +200,7 @@ def overlaps(
     """Overlap A, shared area and offset (n, 3) of each pair of patches, the one with fewer points first.
 
     A is nought from 45 degrees on, and falls with cos(2 angle) up to there. The offset is the median over the shared
-    cells, or where there are none that of the planes where the patches come closest, along the bisecting normal; from
+    area, or where there are none that of the planes where the patches come closest, along the bisecting normal; from
     45 degrees on, where that normal loses its meaning, the distance of the closest points' middle to the farther plane.
     """
     out = np.zeros((len(pairs), 3))
@@ -225,13 +227,16 @@ def overlaps(
             marks[cell_number] = 0
         mark(trees.points, trees.start[i], trees.start[i + 1], origin, frame, raster, 1, marks)
         mark_near(trees, i, j, reach, origin, frame, raster, marks, stack)
-        mark_closed(marks, 2 * raster.half_v + 1, 2 * raster.half_u + 1, 1, 4)
-        mark_closed(marks, 2 * raster.half_v + 1, 2 * raster.half_u + 1, 2, 8)
-        n_shared = shared_offsets(raster, marks, gap, reach, offsets)
+        n_rows, n_columns = 2 * raster.half_v + 1, 2 * raster.half_u + 1
+        mark_closed(marks, n_rows, n_columns, 1, 4)
+        mark_closed(marks, n_rows, n_columns, 2, 8)
+        wide = 1 if count_blocks(marks, n_rows, n_columns, 4, 1) > 0 else 0
+        n_shared = shared_offsets(raster, marks, wide, gap, reach, offsets)
         if n_shared > 0:
-            per_cell = cell * cell / np.sqrt(0.5 * (1.0 + cosine))
-            area = facing * per_cell * doubled(offsets, n_shared, tau, noise, plain)
-            out[k, 0] = min(1.0, area / max(min(planes.area[i], planes.area[j]), cell * cell))
-            out[k, 1] = n_shared * per_cell
+            per_block = cell * cell / np.sqrt(0.5 * (1.0 + cosine))
+            smaller = min(count_blocks(marks, n_rows, n_columns, 4, wide) * per_block, planes.area[j])
+            area = facing * per_block * doubled(offsets, n_shared, tau, noise, plain)
+            out[k, 0] = min(1.0, area / max(smaller, cell * cell))
+            out[k, 1] = n_shared * per_block
             out[k, 2] = quantile(offsets, n_shared, 0.5)
     return out
