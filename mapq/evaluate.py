@@ -156,7 +156,10 @@ def _read_result(path: str, truth_field: str | None) -> Labelled:
         raise InputError(
             f"{path}: neither PATCHES nor a result: no point field {', '.join(missing)}. Run mapq classify on it."
         )
-    patch = np.asarray(cloud.fields["patch"]).astype(np.int32)
+    patch = np.nan_to_num(np.asarray(cloud.fields["patch"]), nan=NO_PATCH).astype(np.int64)
+    if patch.ndim != 1 or patch.min() < NO_PATCH or patch.max() >= len(patch):
+        raise InputError(f"{path}: field patch is not a patch number, from 0 or -1 for none. Run mapq classify again.")
+    patch = patch.astype(np.int32)
     n_patches = int(patch.max(initial=NO_PATCH)) + 1
     name = truth_field or TRUTH_FIELD
     if name not in cloud.fields:

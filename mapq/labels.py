@@ -35,7 +35,7 @@ class LabelCounts(NamedTuple):
 
 
 def majority_labels(
-    patch: NDArray[np.int32], n_patches: int, values: NDArray[Any]
+    patch: NDArray[np.integer], n_patches: int, values: NDArray[Any]
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
     """Return the label (m,) that most points of each patch have, and which patches tie.
 
@@ -56,7 +56,7 @@ def majority_labels(
     return np.where(known, label, UNLABELLED).astype(np.uint8), known & (suspicious == plausible)
 
 
-def truth_values(cloud: PointCloud, name: str, patch: NDArray[np.int32], where: str) -> NDArray[Any]:
+def truth_values(cloud: PointCloud, name: str, patch: NDArray[np.integer], where: str) -> NDArray[Any]:
     """Return the 0/1 point field `name` (n,) of file `where`; 255 is a point without a label.
 
     Raises

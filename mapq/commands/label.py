@@ -42,7 +42,10 @@ def label(
     from mapq.labels import label_from_field
     from prf.shell import console, jsonout
     from prf.shell.errors import UsageError
+    from prf.shell.files import STREAM
 
+    if patches == STREAM:
+        raise UsageError("labels are stored in PATCHES itself, which standard input has no place for. Name a file.")
     found = read_patches(patches)
     if from_field is None:
         raise UsageError("name a point field with --from-field. Labelling by hand comes with a later release.")

@@ -11,6 +11,8 @@ from typing import Any, NamedTuple
 import maxflow
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from mapq.crf.energy import Field
 from mapq.patches import PLAUSIBLE, SUSPICIOUS
@@ -60,11 +62,15 @@ def solve(field: Field, wanted: NDArray[np.bool_] | None = None) -> Cut:
     coupled = np.zeros(n_patches, np.bool_)
     coupled[field.pairs[weight > 0].ravel()] = True
     if coupled.any():
-        number = np.cumsum(coupled) - 1
-        pairs, kept = number[field.pairs[weight > 0]], weight[weight > 0]
-        sources, found = _cut(theta[coupled], pairs, kept, wanted[coupled])
-        label[coupled] = np.where(sources, SUSPICIOUS, PLAUSIBLE)
-        halves[coupled] = found
+        pairs, kept = field.pairs[weight > 0], weight[weight > 0]
+        nodes = _in_reach(np.flatnonzero(coupled), pairs)
+        number = np.empty(n_patches, np.int64)
+        number[nodes] = np.arange(len(nodes))
+        pairs = np.sort(number[pairs], axis=1)
+        order = np.lexsort((pairs[:, 1], pairs[:, 0]))
+        sources, found = _cut(theta[nodes], pairs[order], kept[order], wanted[nodes])
+        label[nodes] = np.where(sources, SUSPICIOUS, PLAUSIBLE)
+        halves[nodes] = found
     return Cut(label, np.where(wanted, 2.0 * unit * halves, np.nan))
 
 
@@ -87,6 +93,19 @@ def _unit(field: Field) -> float:
     total = 2.0 * float(np.abs(field.theta).sum() + field.coupling.sum()) + len(field.theta) + len(field.coupling)
     bits = FLOW_BITS - 2 - int(np.ceil(np.log2(max(total, 1.0))))
     return float(2.0 ** -min(bits, FINEST_BITS))
+
+
+def _in_reach(nodes: NDArray[np.int64], pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the nodes (c,) in an order in which neighbours are close to each other in memory (Cuthill and McKee 1969).
+
+    It changes no result; a million patches in random order take half the time with it.
+    """
+    number = np.zeros(int(nodes[-1]) + 1, np.int64)
+    number[nodes] = np.arange(len(nodes))
+    first, second = number[pairs].T
+    shape = (len(nodes), len(nodes))
+    links = coo_matrix((np.ones(len(pairs), np.int8), (first, second)), shape=shape).tocsr()
+    return np.asarray(nodes[reverse_cuthill_mckee(links + links.T, symmetric_mode=True)])
 
 
 def _cut(

@@ -73,3 +73,16 @@ def test_what_cannot_be_compared_is_one_line(capsys, tmp_path, make, options, co
     found, out, err = call(capsys, "evaluate", make(tmp_path), *options)
     assert (found, out, err.count("\n")) == (code, "", 1)
     assert message in err
+
+
+@pytest.mark.parametrize("value", [-2, 10**6])
+def test_numbers_that_are_no_patches_are_refused(capsys, result, value):
+    cloud = read_cloud(str(result))
+    patch = cloud.fields["patch"].astype(np.float32)
+    write_ply(result, cloud.with_fields(patch=patch))
+    assert call_json(capsys, "evaluate", result)["accuracy"] == 1.0
+    patch[3] = value
+    write_ply(result, cloud.with_fields(patch=patch))
+    code, _, err = call(capsys, "evaluate", result)
+    assert (code, err.count("\n")) == (3, 1)
+    assert "field patch" in err

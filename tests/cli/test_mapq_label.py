@@ -45,3 +45,8 @@ def test_a_field_that_is_no_label_changes_nothing(capsys, tmp_path, field, messa
     assert message in err
     assert str(path) in err
     assert path.read_bytes() == before
+
+
+def test_standard_input_has_no_place_for_labels(capsys):
+    code, _, err = call(capsys, "label", "-", "--from-field", "truth")
+    assert (code, err.count("\n")) == (2, 1)
