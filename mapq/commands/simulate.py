@@ -28,7 +28,7 @@ def simulate(
         typer.Option(
             "--size",
             metavar="small|medium|large",
-            help="A world of about 30 000, 320 000 or 640 000 points; the options below change parts of it.",
+            help="A world of about 30 000, 340 000 or 680 000 points; the options below change parts of it.",
         ),
     ] = "medium",
     n_points: Annotated[int | None, typer.Option("--n-points", metavar="N", help="Points of the map, about.")] = None,

@@ -47,14 +47,14 @@ class Windows:
 
 def draw_windows(rng: np.random.Generator) -> Windows:
     """Return the windows of one building."""
-    pitch = rng.uniform(2.2, 4.2)
+    pitch = rng.uniform(2.6, 4.4)
     storey = rng.uniform(3.0, 3.8)
     return Windows(
         pitch,
-        pitch * rng.uniform(0.45, 0.72),
+        pitch * rng.uniform(0.52, 0.78),
         storey,
-        rng.uniform(0.7, 1.1),
-        storey * rng.uniform(0.42, 0.55),
+        rng.uniform(0.6, 0.95),
+        storey * rng.uniform(0.48, 0.62),
         rng.uniform(0.15, 0.4),
         Style(int(rng.integers(len(Style)))),
     )

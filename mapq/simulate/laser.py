@@ -39,7 +39,7 @@ MIXED_STEP = (0.15, 4.0)
 LOST = 0.01
 """Share of returns lost for no reason, and beside it: those of glass, and of surfaces met at a grazing angle."""
 
-GLASS_LOST, GRAZING = 0.35, 0.04
+GLASS_LOST, GRAZING = 0.2, 0.04
 
 EVEN_RANGE = 12.0
 """Metres; a nearer return is kept with a chance that falls with the square of its range.

@@ -58,7 +58,7 @@ class Settings:
         Points that a pass must have in a cell to count.
     """
 
-    n_points: int = 320_000
+    n_points: int = 340_000
     blocks: int = 1
     loops: int = 2
     street_length: float = 70.0
@@ -126,7 +126,7 @@ SIZES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
             "yaw_walk": 0.7,
         },
         "medium": {},
-        "large": {"blocks": 2, "n_points": 640_000},
+        "large": {"blocks": 2, "n_points": 680_000},
     }
 )
 """Named sizes; medium is the size of the map of figure 4."""

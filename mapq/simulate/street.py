@@ -74,8 +74,8 @@ def _lots(length: float, settings: Settings, rng: np.random.Generator) -> Iterat
     shortest, longest = settings.frontage
     start = 0.0
     while length - start > 0.5:
-        # Squared: short facades are the more common ones.
-        size = shortest + (longest - shortest) * rng.random() ** 2
+        # Cubed: short facades are the more common ones.
+        size = shortest + (longest - shortest) * rng.random() ** 3
         if start + size + 0.7 * shortest > length:
             size = length - start
         yield start, start + size
