@@ -16,10 +16,9 @@ def add_building(
     depth: float,
     height: float,
     open_sides: tuple[bool, bool],
-    gaps: tuple[bool, bool],
     rng: np.random.Generator,
-) -> None:
-    """Add a building behind its front line.
+) -> tuple[int | None, int | None]:
+    """Add a building behind its front line, and return the surfaces of its two blank side walls, None for an open one.
 
     Parameters
     ----------
@@ -29,8 +28,6 @@ def add_building(
         In metres.
     open_sides : pair of bool
         Whether the side at the line's start, and at its end, faces a street and has windows.
-    gaps : pair of bool
-        Whether a narrow gap separates that side from a neighbour: two walls close to each other, and true.
     rng : Generator
     """
     windows = draw_windows(rng)
@@ -44,10 +41,12 @@ def add_building(
         add_facade(builder, front.shifted(inset), (lower, height), windows, rng)
         flat = np.array([*(front.inward * inset), 0.0])
         builder.sheet(np.array([*front.start, lower]), np.array([*(front.end - front.start), 0.0]), flat, Kind.ROOF)
-    for end, is_open, is_gap in zip((0, 1), open_sides, gaps, strict=True):
+    sides: list[int | None] = [None, None]
+    for end, is_open in enumerate(open_sides):
         corners = (front.start, back.start) if end == 0 else (front.end, back.end)
         if is_open:
             inward = front.along if end == 0 else -front.along
             add_facade(builder, Line(*corners, inward), (0.0, height), windows, rng)
         else:
-            builder.wall(*corners, (0.0, height), Kind.SIDE_WALL, look_alike=is_gap)
+            sides[end] = builder.wall(*corners, (0.0, height), Kind.SIDE_WALL)
+    return sides[0], sides[1]

@@ -13,7 +13,7 @@ from mapq.simulate.drift import odometry
 from mapq.simulate.kinds import MOVING, Kind
 from mapq.simulate.laser import Returns, choose_beams, count_beams, make_beams, observe
 from mapq.simulate.layout import Plan, add_block, draw_plan
-from mapq.simulate.report import Report, summarise
+from mapq.simulate.report import Report, find_look_alikes, summarise
 from mapq.simulate.robot import Trajectory, block_waypoints, drive_along
 from mapq.simulate.scene import NO_SURFACE, Frame, SceneBuilder, World
 from mapq.simulate.settings import Settings
@@ -154,7 +154,7 @@ def _fields(
 ) -> dict[str, NDArray[np.generic]]:
     """Return the fields of the map's points."""
     kind = np.where(returns.mixed, np.uint8(Kind.MIXED), world.kind[returns.items])
-    look_alike = (seen.surface >= 0) & world.look_alike[np.maximum(seen.surface, 0)]
+    look_alike = (seen.surface >= 0) & find_look_alikes(world, seen.surface)[np.maximum(seen.surface, 0)]
     return {
         "truth": truth.suspicious.astype(np.uint8),
         "surface": seen.surface,

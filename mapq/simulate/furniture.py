@@ -34,14 +34,15 @@ def add_railing(builder: SceneBuilder, line: Line, rng: np.random.Generator) -> 
         pitch, bar = 0.2, 0.17
     across = (0.0, pitch, pitch - bar, line.length)
     upward = (0.12, height, height - 0.2, height - 0.08)
-    builder.wall(line.start, line.end, (0.0, height), Kind.RAILING, holes=(across, upward), look_alike=True)
+    fence = builder.wall(line.start, line.end, (0.0, height), Kind.RAILING, holes=(across, upward))
+    builder.look_alike(fence, fence)
 
 
 def add_garden_wall(builder: SceneBuilder, line: Line, height: float, thickness: float) -> None:
     """Add a free-standing wall that a robot sees from both sides: two faces, two ends and a top."""
     other = line.shifted(thickness)
-    for face in (line, other):
-        builder.wall(face.start, face.end, (0.0, height), Kind.GARDEN_WALL, look_alike=True)
+    faces = [builder.wall(face.start, face.end, (0.0, height), Kind.GARDEN_WALL) for face in (line, other)]
+    builder.look_alike(faces[0], faces[1])
     for a, b in ((line.start, other.start), (line.end, other.end)):
         builder.wall(a, b, (0.0, height), Kind.GARDEN_WALL)
     across = np.array([*(thickness * line.inward), 0.0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
 from mapq.simulate.kinds import Kind
@@ -15,6 +16,10 @@ from mapq.simulate.truth import Truth
 
 UPRIGHT = 0.1
 """Largest upward component of the normal of what counts as a vertical surface."""
+
+
+SEEN = 20
+"""Points from which on a surface counts as seen."""
 
 
 class Report(NamedTuple):
@@ -74,11 +79,20 @@ def summarise(
         _share(truth.suspicious),
         _share(truth.suspicious[upright]),
         len(bad_cells) / max(len(np.unique(truth.cell[upright])), 1),
-        int(np.count_nonzero(sizes >= 20)),
+        int(np.count_nonzero(sizes >= SEEN)),
         _share(cloud.fields["look_alike"][upright]),
-        _share(world.look_alike[sizes >= 20]),
+        _share(find_look_alikes(world, surface)[sizes >= SEEN]),
         {kind.name.lower(): int(kinds[kind]) for kind in Kind},
     )
+
+
+def find_look_alikes(world: World, surface: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Return which surfaces (n_surfaces,) look like an error and are none, given the surface (n,) of each point.
+
+    Of two walls close to each other both must be seen: one face of a gap between buildings is a wall like any other.
+    """
+    seen = np.bincount(surface[surface != NO_SURFACE], minlength=len(world.normal)) >= SEEN
+    return np.asarray((world.partner != NO_SURFACE) & seen & seen[world.partner])
 
 
 def _share(flags: np.ndarray) -> float:

@@ -66,8 +66,9 @@ class World(NamedTuple):
         :class:`~mapq.simulate.kinds.Kind`.
     normal : (n_surfaces, 3) float64
         Unit normal of each surface.
-    look_alike : (n_surfaces,) bool
-        Surfaces that look like an error of the map and are none.
+    partner : (n_surfaces,) int32
+        The surface near which one looks like an error of the map if both are seen (a fence: itself); else
+        `NO_SURFACE`.
     """
 
     scene: Scene
@@ -75,7 +76,7 @@ class World(NamedTuple):
     thing: NDArray[np.int32]
     kind: NDArray[np.uint8]
     normal: NDArray[np.float64]
-    look_alike: NDArray[np.bool_]
+    partner: NDArray[np.int32]
 
 
 class _Items:
@@ -102,7 +103,7 @@ class SceneBuilder:
         self._walls, self._sheets, self._posts = _Items(15), _Items(12), _Items(5)
         self._blobs, self._movers = _Items(6), _Items(13)
         self._normals: list[Sequence[float]] = [UP]
-        self._look_alike = [False]
+        self._partner = [NO_SURFACE]
         self._n_things = 0
 
     def thing(self) -> int:
@@ -110,14 +111,18 @@ class SceneBuilder:
         self._n_things += 1
         return self._n_things - 1
 
-    def surface(self, normal: Sequence[float] | Vector, look_alike: bool = False) -> int:
+    def surface(self, normal: Sequence[float] | Vector) -> int:
         """Return the number of a new planar surface with this normal (2 or 3 components, of the block's frame)."""
         n = np.asarray(normal, np.float64)
         turned = self.frame.turn(n[:2])
         whole = np.array([*turned, n[2] if len(n) == 3 else 0.0])
         self._normals.append(whole / np.linalg.norm(whole))
-        self._look_alike.append(look_alike)
+        self._partner.append(NO_SURFACE)
         return len(self._normals) - 1
+
+    def look_alike(self, one: int, other: int) -> None:
+        """Note two surfaces that are near each other and both true; a fence before a facade stands for itself."""
+        self._partner[one], self._partner[other] = other, one
 
     def wall(
         self,
@@ -127,13 +132,12 @@ class SceneBuilder:
         kind: Kind,
         surface: int | None = None,
         holes: tuple[Sequence[float], Sequence[float]] = (NO_HOLES, NO_HOLES),
-        look_alike: bool = False,
     ) -> int:
         """Add a vertical rectangle from `a` to `b` (2,) and return its surface, a new one if None is given."""
         along = b - a
         length = float(np.hypot(*along))
         if surface is None:
-            surface = self.surface((-along[1], along[0]), look_alike)
+            surface = self.surface((-along[1], along[0]))
         start, direction = self.frame.place(a), self.frame.turn(along / length)
         self._walls.add((*start, *direction, length, *z, *holes[0], *holes[1]), surface, -1, kind)
         return surface
@@ -196,7 +200,7 @@ class SceneBuilder:
             tags[:, 1],
             tags[:, 2].astype(np.uint8),
             np.array(self._normals, np.float64),
-            np.array(self._look_alike),
+            np.array(self._partner, np.int32),
         )
 
 

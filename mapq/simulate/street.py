@@ -57,13 +57,16 @@ def add_row(builder: SceneBuilder, row: Row, settings: Settings, rng: np.random.
     if row.is_street:
         add_pavement(builder, row.line)
     lots = list(_lots(row.line.length, settings, rng))
+    before = None
     for k, (first, last) in enumerate(lots):
         is_first, is_last = k == 0, k == len(lots) - 1
         open_sides = (is_first and row.open_ends[0], is_last and row.open_ends[1])
-        gaps = (not is_first and first > lots[k - 1][1], not is_last and last < lots[k + 1][0])
         front = _front(row.line.piece(first, last), rng)
         height = rng.uniform(*settings.height)
-        add_building(builder, front, row.depth * rng.uniform(0.85, 1.0), height, open_sides, gaps, rng)
+        side, after = add_building(builder, front, row.depth * rng.uniform(0.85, 1.0), height, open_sides, rng)
+        if before is not None and side is not None and first > lots[k - 1][1]:
+            builder.look_alike(before, side)
+        before = after
         if rng.random() < RAILING_CHANCE * settings.look_alikes:
             _add_fence(builder, front, rng)
     _add_furniture(builder, row, settings, rng)
