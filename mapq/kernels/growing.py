@@ -14,21 +14,6 @@ REFIT_GROWTH = 1.1
 young plane lean, and each point still costs less for refits than for its neighbours."""
 
 
-@jit
-def cut_gaps(xyz: NDArray[np.float64], neighbours: NDArray[np.int32], max_gap: float) -> None:
-    """End each list of neighbours, nearest first, before the first one farther away than `max_gap`."""
-    limit = max_gap * max_gap
-    for i in range(len(xyz)):
-        for c in range(neighbours.shape[1]):
-            j = neighbours[i, c]
-            if j < 0:
-                break
-            dx, dy, dz = xyz[j, 0] - xyz[i, 0], xyz[j, 1] - xyz[i, 1], xyz[j, 2] - xyz[i, 2]
-            if dx * dx + dy * dy + dz * dz > limit:
-                neighbours[i, c:] = -1
-                break
-
-
 @part
 def grow_one(
     xyz: NDArray[np.float64],

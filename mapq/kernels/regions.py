@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.kernels._jit import jit, part
-from mapq.kernels.planes import MOMENTS, add_moments, fit_plane
+from mapq.kernels.planes import add_moments, fit_plane
 
 FREE = -1
+PLANE_BITS = 40
+"""Of the number of a cell in a plane: 20 for its column, 20 for its row; the region's number stands above them."""
 MIN_TOUCHING = 3
 """A point that no region holds joins one only beside so many of its members: a single one may be a stray itself."""
 
@@ -94,9 +96,10 @@ def change_sides(
                 continue
             last = r
             distance = off_plane(xyz, i, planes[r])
-            if distance <= max_distance and (distance < nearest or (distance == nearest and r < best)):
-                if faces(normal, i, planes[r], cos_angle) and touching(neighbours[i], region, r):
-                    best, nearest = r, distance
+            if not distance <= max_distance or distance > nearest or (distance == nearest and r > best):
+                continue
+            if faces(normal, i, planes[r], cos_angle) and touching(neighbours[i], region, r):
+                best, nearest = r, distance
         out[i] = best
         n_changed += best != own
     return n_changed
@@ -111,6 +114,26 @@ def touching(neighbours: NDArray[np.int32], region: NDArray[np.int32], r: int) -
             break
         count += region[j] == r
     return count >= MIN_TOUCHING
+
+
+@jit
+def count_support(
+    neighbours: NDArray[np.int32], region: NDArray[np.int32], own: NDArray[np.int64], free: NDArray[np.int64]
+) -> None:
+    """Count the neighbours of each region's points that are in the region too, and those in none.
+
+    Points all through a volume leave most of the neighbours of any slice of it in no region.
+    """
+    own[:] = 0
+    free[:] = 0
+    for i in range(len(region)):
+        r = region[i]
+        if r != FREE:
+            for j in neighbours[i]:
+                if j < 0:
+                    break
+                own[r] += region[j] == r
+                free[r] += region[j] == FREE
 
 
 @jit
@@ -204,3 +227,32 @@ def join_rest(
                 if distance < nearest or (distance == nearest and r < best):
                     best, nearest = r, distance
         out[i] = best
+
+
+@jit
+def number_plane_cells(
+    xyz: NDArray[np.float64],
+    region: NDArray[np.int32],
+    planes: NDArray[np.float64],
+    cell: float,
+    key: NDArray[np.int64],
+) -> None:
+    """Write for each point the number of its cell in its region's plane, -1 where there is no plane.
+
+    The cells' axes are the plane's horizontal and what is across that; for a plane across z, x and y.
+    """
+    half = 1 << (PLANE_BITS // 2 - 1)
+    for i in range(len(xyz)):
+        r = region[i]
+        key[i] = -1
+        if r == FREE or np.isnan(planes[r, 0]):
+            continue
+        nx, ny, nz = planes[r, 0], planes[r, 1], planes[r, 2]
+        flat = np.hypot(nx, ny)
+        ux, uy = (-ny / flat, nx / flat) if flat > 0.1 else (1.0, 0.0)
+        dx, dy, dz = xyz[i, 0] - planes[r, 3], xyz[i, 1] - planes[r, 4], xyz[i, 2] - planes[r, 5]
+        u = dx * ux + dy * uy
+        v = -dx * nz * uy + dy * nz * ux + dz * (nx * uy - ny * ux)
+        column = min(max(np.int64(np.floor(u / cell)) + half, 0), 2 * half - 1)
+        line = min(max(np.int64(np.floor(v / cell)) + half, 0), 2 * half - 1)
+        key[i] = (np.int64(r) << PLANE_BITS) | (column << (PLANE_BITS // 2)) | line

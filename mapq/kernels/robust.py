@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from mapq.kernels._jit import jit, part
 from mapq.kernels.planes import MOMENTS, add_moments, fit_plane
 
-REFITS = 3
+REFITS = 2
+CLEAN_SHARE = 0.9
+"""Score by point, about 1.7 where all lie on the plane, from which on a clean neighbour's plane is taken."""
 NARROW = 0.25
 """Squared sine of the angle at the point below which two neighbours say too little about a plane (30 degrees)."""
 
@@ -20,15 +22,43 @@ NARROW = 0.25
 @part
 def local_points(xyz: NDArray[np.float64], i: int, neighbours: NDArray[np.int32], local: NDArray[np.float64]) -> int:
     """Copy a point and its neighbours relative to the point; return how many."""
-    local[0] = 0.0
+    local[:, 0] = 0.0
     n_local = 1
     for j in neighbours:
         if j < 0:
             break
         for axis in range(3):
-            local[n_local, axis] = xyz[j, axis] - xyz[i, axis]
+            local[axis, n_local] = xyz[j, axis] - xyz[i, axis]
         n_local += 1
     return n_local
+
+
+@part
+def widen(i: int, neighbours: NDArray[np.int32], size: int, wide: NDArray[np.int32], n_inner: int) -> int:
+    """List the neighbours of point i and then theirs, each once, the farthest neighbours' first; return how many."""
+    n_wide = 0
+    for j in neighbours[i]:
+        if j < 0:
+            break
+        wide[n_wide] = j
+        n_wide += 1
+    n_own = n_wide
+    for c in range(n_own - 1, -1, -1):
+        for rank in range(n_inner):
+            j = neighbours[wide[c], rank]
+            if n_wide == size:
+                return n_wide
+            if j < 0:
+                break
+            known = j == i
+            for other in range(n_wide):
+                known |= wide[other] == j
+            if not known:
+                wide[n_wide] = j
+                n_wide += 1
+    for c in range(n_wide, size):
+        wide[c] = -1
+    return n_wide
 
 
 @part
@@ -37,10 +67,11 @@ def candidate(local: NDArray[np.float64], n_local: int, turn: int, plane: NDArra
     n_others = n_local - 1
     a = turn % n_others
     b = (a + n_others // 3 + (turn // n_others) * (1 + n_others // 5)) % n_others
-    u, v = local[1 + a], local[1 + b]
-    nx, ny, nz = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+    ux, uy, uz = local[0, 1 + a], local[1, 1 + a], local[2, 1 + a]
+    vx, vy, vz = local[0, 1 + b], local[1, 1 + b], local[2, 1 + b]
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     squared = nx * nx + ny * ny + nz * nz
-    lengths = (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]) * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    lengths = (ux * ux + uy * uy + uz * uz) * (vx * vx + vy * vy + vz * vz)
     if squared <= NARROW * lengths:
         return False
     length = np.sqrt(squared)
@@ -51,8 +82,24 @@ def candidate(local: NDArray[np.float64], n_local: int, turn: int, plane: NDArra
 @part
 def residuals(local: NDArray[np.float64], n_local: int, plane: NDArray[np.float64], out: NDArray[np.float64]) -> None:
     """Write the distances of the local points to a plane."""
+    nx, ny, nz, d = plane
     for c in range(n_local):
-        out[c] = abs(plane[0] * local[c, 0] + plane[1] * local[c, 1] + plane[2] * local[c, 2] - plane[3])
+        out[c] = abs(nx * local[0, c] + ny * local[1, c] + nz * local[2, c] - d)
+
+
+@part
+def count_near(local: NDArray[np.float64], n_local: int, plane: NDArray[np.float64], band: float) -> int:
+    """Return how many points lie within `band` of a plane through the point, those within half of it counted twice.
+
+    Whole numbers, because their sums need no order: the loop becomes vector instructions.
+    """
+    nx, ny, nz = plane[0], plane[1], plane[2]
+    near, half = band * band, 0.25 * band * band
+    score = 0
+    for c in range(n_local):
+        r = nx * local[0, c] + ny * local[1, c] + nz * local[2, c]
+        score += np.int64(r * r <= near) + np.int64(r * r <= half)
+    return score
 
 
 @part
@@ -69,7 +116,7 @@ def fit_within(
     sums[:] = 0.0
     for c in range(n_local):
         if residual[c] <= limit:
-            add_moments(sums, local[c, 0], local[c, 1], local[c, 2])
+            add_moments(sums, local[0, c], local[1, c], local[2, c])
     if sums[0] >= 3.0:
         fit_plane(sums, plane, spread)
     return np.int64(sums[0])
@@ -98,20 +145,23 @@ def trimmed_residuals(
     neighbours: NDArray[np.int32],
     turns: int,
     scale: NDArray[np.float64],
+    thickness: NDArray[np.float64],
     residual: NDArray[np.float64],
 ) -> None:
     """Write each point's distances (s, k + 1) to the plane that holds half of its neighbourhood best, and their scale.
 
     Least quantile of squares (Rousseeuw 1984) over the candidates, then refits to the nearest half. The scale is the
-    root mean square of that half, nan where there is no plane. It needs no noise to be known, so noise can be
-    estimated by it, and half of the points may belong to another surface.
+    root mean square of that half, its thickness the variance across by that along the short side; both are nan where
+    there is no plane. It needs no noise to be known, so noise can be estimated by it, and half of the points may belong
+    to another surface.
     """
     k = neighbours.shape[1]
-    local, values, order = np.empty((k + 1, 3)), np.empty(k + 1), np.empty(k + 1)
+    local, values, order = np.empty((3, k + 1)), np.empty(k + 1), np.empty(k + 1)
     plane, best, sums, spread = np.empty(4), np.empty(4), np.empty(MOMENTS), np.empty(3)
     for s in range(len(points)):
         n_local = local_points(xyz, points[s], neighbours[s], local)
         scale[s] = np.nan
+        thickness[s] = np.nan
         residual[s] = np.nan
         kept, lowest = n_local // 2, np.inf
         if kept < 4:
@@ -134,47 +184,97 @@ def trimmed_residuals(
         for c in range(kept):
             total += order[c] * order[c]
         scale[s] = np.sqrt(total / kept)
+        thickness[s] = spread[0] / spread[1]
         residual[s, :n_local] = values[:n_local]
+
+
+@part
+def try_clean(
+    local: NDArray[np.float64],
+    n_local: int,
+    around: NDArray[np.int32],
+    thick: NDArray[np.bool_],
+    normal: NDArray[np.float32],
+    band: float,
+    plane: NDArray[np.float64],
+    best: NDArray[np.float64],
+) -> int:
+    """Write the best of the planes through the point that face as neighbours with one surface do; return its score."""
+    highest = 0
+    for j in around:
+        if j < 0:
+            break
+        if not thick[j]:
+            plane[0], plane[1], plane[2], plane[3] = normal[j, 0], normal[j, 1], normal[j, 2], 0.0
+            score = count_near(local, n_local, plane, band)
+            if score > highest:
+                highest = score
+                best[:] = plane
+                if score >= n_local:
+                    break
+    return highest
+
+
+@part
+def try_turns(
+    local: NDArray[np.float64],
+    n_local: int,
+    turns: int,
+    fewest: float,
+    band: float,
+    plane: NDArray[np.float64],
+    best: NDArray[np.float64],
+) -> int:
+    """Write the best of the planes through the point and two others; return its score, or 0 if half of them show none."""
+    highest = 0
+    for turn in range(turns if n_local > 4 else 0):
+        if turn == turns // 2 and highest < fewest:
+            return 0
+        if candidate(local, n_local, turn, plane):
+            score = count_near(local, n_local, plane, band)
+            if score > highest:
+                highest = score
+                best[:] = plane
+    return highest
 
 
 @jit
 def robust_normals(
     xyz: NDArray[np.float64],
-    points: NDArray[np.int64],
+    thick: NDArray[np.bool_],
     neighbours: NDArray[np.int32],
+    size: int,
     turns: int,
     band: float,
     min_share: float,
     normal: NDArray[np.float32],
     variance: NDArray[np.float32],
 ) -> None:
-    """Write normals (n, 3) of some points anew, from those of their neighbours that lie near one plane with them.
+    """Write the normals (n, 3) of thick neighbourhoods anew, from those points that lie near one plane with the point.
 
-    The best candidate has the most points within `band` (weighted 1 - (r / band)^2: MSAC, Torr and Zisserman 2000). A
-    point of which less than `min_share` of the neighbourhood lies on its plane gets nan: there is none. `variance`
-    gets the variance across the plane.
+    A plane that half of the neighbours lie on is taken if one of them, whose own neighbourhood is not thick, faces so.
+    Else the best candidate among the neighbours and, up to `size`, theirs has the most points within `band`, those
+    within half of it counted twice. A point of which less than `min_share` of those around lies on its plane gets nan:
+    there is none. `variance` gets the variance across the plane.
     """
-    k = neighbours.shape[1]
-    local, values = np.empty((k + 1, 3)), np.empty(k + 1)
+    local, values, wide = np.empty((3, size + 1)), np.empty(size + 1), np.empty(size, np.int32)
     plane, best, sums, spread = np.empty(4), np.empty(4), np.empty(MOMENTS), np.empty(3)
-    for s in range(len(points)):
-        i = points[s]
-        n_local = local_points(xyz, i, neighbours[s], local)
-        highest = 0.0
-        for turn in range(turns if n_local > 4 else 0):
-            if candidate(local, n_local, turn, plane):
-                score = 0.0
-                for c in range(n_local):
-                    r = plane[0] * local[c, 0] + plane[1] * local[c, 1] + plane[2] * local[c, 2]
-                    score += max(1.0 - r * r / (band * band), 0.0)
-                if score > highest:
-                    highest = score
-                    best[:] = plane
+    for i in range(len(xyz)):
+        if not thick[i]:
+            continue
+        n_local = local_points(xyz, i, neighbours[i], local)
+        fewest = max(min_share * n_local, 4.0)
+        score = try_clean(local, n_local, neighbours[i], thick, normal, band, plane, best)
+        if score < CLEAN_SHARE * n_local:
+            widen(i, neighbours, size, wide, neighbours.shape[1] // 2)
+            n_local = local_points(xyz, i, wide, local)
+            fewest = max(min_share * n_local, 4.0)
+            score = try_turns(local, n_local, turns, fewest, band, plane, best)
         n_near = 0
-        for _ in range(REFITS if highest > 0.0 else 0):
+        for _ in range(REFITS if score >= fewest else 0):
             residuals(local, n_local, best, values)
             n_near = fit_within(local, values, n_local, band, sums, best, spread)
-        if n_near < max(min_share * n_local, 4.0) or abs(best[3]) > band:
+        if n_near < fewest or abs(best[3]) > band:
             normal[i] = np.nan
             variance[i] = np.nan
             continue

@@ -19,6 +19,7 @@ from prf.shell.errors import InputError
 
 STAGES = ("sorting", "estimating", "neighbours and normals", "growing", "finishing")
 FEWEST_POINTS = 3
+MANY_POINTS = 10_000
 
 
 def segment(
@@ -93,7 +94,9 @@ def _refuse_lines(points: Points, cloud: PointCloud) -> None:
 
 
 def _on_one_line(xyz: NDArray[np.float64]) -> bool:
-    """Return whether all points lie on one line, as far as their numbers can tell."""
+    """Return whether all points lie on one line, as far as their numbers can tell; a few usually show that not."""
+    if len(xyz) > MANY_POINTS and not _on_one_line(xyz[:: len(xyz) // MANY_POINTS + 1]):
+        return False
     offset = xyz - xyz.mean(axis=0)
     spread = np.linalg.eigvalsh(offset.T @ offset / len(xyz))
     return bool(spread[1] <= 1e-12 * spread[2])

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.kernels.regions import PLANE_BITS, number_plane_cells
 from mapq.segment.parameters import Parameters
 from mapq.segment.points import Points
 from mapq.segment.regions import Fits, fit
@@ -62,18 +63,12 @@ def is_upright(planes: NDArray[np.float64], chosen: Parameters) -> NDArray[np.bo
 
 def region_areas(xyz: NDArray[np.float64], region: NDArray[np.int32], fits: Fits, cell: float) -> NDArray[np.float64]:
     """Return the area (m,) of each region in square metres: cells of its plane that hold a point."""
-    has_plane = np.append(fits.sums[:, 0] >= 3, False)
-    members = np.flatnonzero(has_plane[region])
-    planes = fits.planes[region[members]]
-    offset = xyz[members] - planes[:, 3:]
-    axis = np.argmin(np.abs(planes[:, :3]), axis=1)
-    u = np.cross(planes[:, :3], np.eye(3)[axis])
-    u /= np.linalg.norm(u, axis=1, keepdims=True)
-    v = np.cross(planes[:, :3], u)
-    column = np.floor(np.einsum("ij,ij->i", offset, u) / cell).astype(np.int64)
-    line = np.floor(np.einsum("ij,ij->i", offset, v) / cell).astype(np.int64)
-    cells = np.unique(np.column_stack([region[members], column, line]), axis=0)
-    return np.bincount(cells[:, 0], minlength=len(fits.planes)) * cell * cell
+    key = np.empty(len(xyz), np.int64)
+    number_plane_cells(xyz, region, fits.planes, cell, key)
+    cells = np.sort(key[key >= 0])
+    new = np.ones(len(cells), bool)
+    new[1:] = cells[1:] != cells[:-1]
+    return np.bincount(cells[new] >> PLANE_BITS, minlength=len(fits.planes)) * float(cell * cell)
 
 
 def _first_points(region: NDArray[np.int32], n_regions: int) -> NDArray[np.int64]:

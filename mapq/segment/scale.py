@@ -7,24 +7,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.kernels.cells import LEVELS
+from mapq.kernels.cells import LEVELS, pick_one_a_cell
 from mapq.kernels.neighbours import find_neighbours
 from mapq.kernels.normals import estimate_normals
 from mapq.kernels.robust import trimmed_residuals
 from mapq.segment.points import Points
 
-SAMPLE = 4000
+SAMPLE = 3000
 """Points that estimates look at, every so many along the curve: their standard error is about 2 %."""
-WIDE = 32
+WIDEST = 48
+"""Neighbours of the sample: so many tell a plane with others beside it from a ball."""
+WIDE = 28
 """Neighbours when half of them may belong to another surface."""
-TURNS = 64
+TURNS = 32
 """Candidate planes of a robust fit."""
-FLAT, LONG = 0.1, 0.03
-"""A neighbourhood shows a plane if its variance across is below `FLAT` times that along its short side (the normal is
-then good to 4-5 degrees), and that above `LONG` times that along its long side (else it may be one scan line)."""
-ENOUGH_FLAT, NEARLY_BEST = 0.6, 0.85
-"""Shares of flat neighbourhoods: so many and no coarser level is looked at; else the finest level nearly as good as
-the best one is taken."""
+THIN = 0.03
+"""A neighbourhood shows a plane if the nearest half of it has at most this thickness; half a ball has 0.1 or more."""
+WIDTH_IN_NOISE, WIDTH_IN_LENGTH = 2.0, 0.22
+"""And if its short side is wider than the noise and not too short for its length, else it may be one scan line. Both
+are standard deviations; a half disc, at the edge of a wall, has a width of 0.5 of its length."""
+ENOUGH_FLAT, FEW_LINES, NEARLY_BEST = 0.5, 0.05, 0.9
+"""Shares of neighbourhoods: with so many that show a plane and so few that are too narrow no coarser level is looked
+at; else the finest level nearly as good as the best one is taken."""
 FEWEST = 200
 """Representatives below which a level is too coarse to try."""
 CUT, KEPT_STD = 2.0, 0.8796
@@ -42,8 +46,8 @@ class Scale(NamedTuple):
         Metres between points, median and 90th percentile over the sample; as if they lay on a square grid.
     noise : float
         Standard deviation in metres across surfaces.
-    flat_share : float
-        Share of the sample whose neighbourhoods show a plane.
+    flat_share, narrow_share : float
+        Shares of the sample whose neighbourhoods show a plane; and that are too narrow to show one.
     """
 
     level: int
@@ -51,6 +55,7 @@ class Scale(NamedTuple):
     wide_spacing: float
     noise: float
     flat_share: float
+    narrow_share: float
 
 
 def find_scale(points: Points, n_neighbours: int, resolution: float | None) -> Scale:
@@ -61,11 +66,12 @@ def find_scale(points: Points, n_neighbours: int, resolution: float | None) -> S
     if resolution is not None:
         return measure(points, level_of(points, resolution), n_neighbours)
     found = [measure(points, LEVELS + 1, n_neighbours)]
-    if found[0].flat_share < ENOUGH_FLAT:
-        per_level = np.cumsum(np.bincount(points.first_level, minlength=LEVELS + 2))
-        for level in range(LEVELS, 0, -1):
-            if FEWEST <= per_level[level] < 0.8 * per_level[min(found[-1].level, LEVELS + 1)]:
-                found.append(measure(points, level, n_neighbours))
+    per_level = np.cumsum(np.bincount(points.first_level, minlength=LEVELS + 2))
+    for level in range(LEVELS, 0, -1):
+        if found[-1].flat_share >= ENOUGH_FLAT and found[-1].narrow_share <= FEW_LINES:
+            return found[-1]
+        if FEWEST <= per_level[level] < 0.8 * per_level[found[-1].level]:
+            found.append(measure(points, level, n_neighbours))
     best = max(scale.flat_share for scale in found)
     return next(scale for scale in found if scale.flat_share >= NEARLY_BEST * best)
 
@@ -83,8 +89,10 @@ def cell_side(points: Points, level: int) -> float:
 
 
 def representatives(points: Points, level: int) -> NDArray[np.int64]:
-    """Return one point of each cell of a level, in order."""
-    return np.flatnonzero(points.first_level <= level)
+    """Return one point of each cell of a level, in order; all points above the finest level."""
+    if level > LEVELS:
+        return np.arange(len(points.xyz))
+    return pick_one_a_cell(points.code, points.first_level, level)
 
 
 def neighbours_of(
@@ -93,14 +101,14 @@ def neighbours_of(
     frame: NDArray[np.float64],
     wanted: NDArray[np.bool_],
     n_neighbours: int,
-) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """Return the nearest neighbours (w, k) of the points wanted, and the distance (w,) of the last."""
+    max_gap: float = np.inf,
+) -> NDArray[np.int32]:
+    """Return the nearest neighbours (w, k) of the points wanted, none beyond `max_gap`; -1 fills up."""
     before = np.zeros(len(xyz) + 1, np.int32)
     np.cumsum(wanted, out=before[1:])
     neighbours = np.empty((int(before[-1]), n_neighbours), np.int32)
-    reach = np.full(len(neighbours), -1.0, np.float32)
-    find_neighbours(xyz, code, frame, before, neighbours, reach)
-    return neighbours, reach
+    find_neighbours(xyz, code, frame, before, max_gap, neighbours)
+    return neighbours
 
 
 def measure(points: Points, level: int, n_neighbours: int) -> Scale:
@@ -110,28 +118,39 @@ def measure(points: Points, level: int, n_neighbours: int) -> Scale:
     sample = np.unique(np.linspace(0, len(xyz) - 1, SAMPLE).astype(np.int64))
     wanted = np.zeros(len(xyz), bool)
     wanted[sample] = True
-    n_wide = min(max(WIDE, n_neighbours), len(xyz) - 1)
-    neighbours, _ = neighbours_of(xyz, code, points.frame, wanted, n_wide)
+    n_wide = min(max(WIDEST, n_neighbours), len(xyz) - 1)
+    neighbours = neighbours_of(xyz, code, points.frame, wanted, n_wide)
     normal, spread = np.empty((len(sample), 3), np.float32), np.empty((len(sample), 3), np.float32)
     estimate_normals(xyz, sample, neighbours[:, :n_neighbours].copy(), normal, spread)
-    flat = (spread[:, 0] <= FLAT * spread[:, 1]) & (spread[:, 1] >= LONG * spread[:, 2])
-    last = neighbours[:, min(n_neighbours, n_wide) - 1]
-    reach = np.linalg.norm(xyz[last] - xyz[sample], axis=1)[flat if flat.any() else slice(None)]
-    spacing, wide = np.quantile(reach * np.sqrt(np.pi / min(n_neighbours, n_wide)), (0.5, 0.9))
-    noise = _noise(xyz, sample, neighbours)
-    return Scale(level, float(spacing), float(wide), noise, float(np.mean(flat)))
+    scale, thickness = np.empty(len(sample)), np.empty(len(sample))
+    residual = np.empty((len(sample), n_wide + 1))
+    trimmed_residuals(xyz, sample, neighbours, TURNS, scale, thickness, residual)
+    noise = raise_noise(scale, residual)
+    width, length = np.sqrt(spread[:, 1]), np.sqrt(spread[:, 2])
+    narrow = ~((width > WIDTH_IN_NOISE * noise) & (width > WIDTH_IN_LENGTH * length))
+    flat = ~narrow & (thickness <= THIN)
+    n_last = min(n_neighbours, n_wide)
+    reach = np.linalg.norm(xyz[neighbours[:, n_last - 1]] - xyz[sample], axis=1)[flat if flat.any() else slice(None)]
+    spacing, wide = np.quantile(reach * np.sqrt(np.pi / n_last), (0.5, 0.9))
+    return Scale(level, float(spacing), float(wide), noise, float(np.mean(flat)), float(np.mean(narrow)))
 
 
-def _noise(xyz: NDArray[np.float64], sample: NDArray[np.int64], neighbours: NDArray[np.int32]) -> float:
+def raise_noise(scale: NDArray[np.float64], residual: NDArray[np.float64]) -> float:
     """Return the standard deviation of points about the planes through their neighbourhoods.
 
-    Half of a neighbourhood may be another copy of the surface, so planes come from robust fits; the scale of their
-    residuals is raised from below until it agrees with the residuals within two of it, which stops at the gap between
-    two copies.
+    Parameters
+    ----------
+    scale : (s,) float64
+        Scale of each neighbourhood's residuals, nan where there is no plane.
+    residual : (s, k) float64
+        Distances of the neighbourhood's points to its plane.
+
+    Notes
+    -----
+    Half of a neighbourhood may be another copy of the surface, so planes come from robust fits. The standard deviation
+    is raised from below until it agrees with the residuals within two of it; between two copies 5 standard deviations
+    apart or more there is a gap at which that stops.
     """
-    scale = np.empty(len(sample))
-    residual = np.empty((len(sample), neighbours.shape[1] + 1))
-    trimmed_residuals(xyz, sample, neighbours, TURNS, scale, residual)
     known = np.isfinite(scale)
     if not known.any():
         return 0.0
