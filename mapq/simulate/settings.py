@@ -122,8 +122,10 @@ SIZES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
             "frontage": (7.0, 14.0),
             "height": (5.0, 8.0),
             # A lap is shorter; the second must still end as far from the first.
-            "yaw_bias": 1.4,
-            "yaw_walk": 0.7,
+            "yaw_bias": 1.1,
+            "yaw_walk": 0.5,
+            # Sparser, so that a pass still has its points in most cells.
+            "cell": 2.0,
         },
         "medium": {},
         "large": {"blocks": 2, "n_points": 680_000},
