@@ -12,6 +12,7 @@ from prf.shell.run import run_app
 HELP = "How plausible a point cloud map is, plane patch by plane patch."
 
 VERBS: dict[str, str] = {
+    "segment": "Cut a cloud into plane patches by region growing.",
     "label": "Label patches plausible or suspicious by the majority of a point field.",
     "train": "Train the random field on labelled patches of one or several maps.",
     "classify": "Label the patches of a map plausible or suspicious, and say why.",

@@ -34,7 +34,7 @@ def gather_bits(code: np.uint64) -> int:
     bits = (bits | (bits >> np.uint64(4))) & np.uint64(0x100F00F00F00F00F)
     bits = (bits | (bits >> np.uint64(8))) & np.uint64(0x1F0000FF0000FF)
     bits = (bits | (bits >> np.uint64(16))) & np.uint64(0x1F00000000FFFF)
-    return np.int64((bits | (bits >> np.uint64(32))) & np.uint64(0x1FFFFF))
+    return int((bits | (bits >> np.uint64(32))) & np.uint64(0x1FFFFF))
 
 
 @jit
@@ -57,7 +57,7 @@ def number_cells(xyz: NDArray[np.float64], low: NDArray[np.float64], side: float
     for i in range(len(xyz)):
         number = np.uint64(0)
         for axis in range(3):
-            index = np.int64((xyz[i, axis] - low[axis]) / side * n_cells)
+            index = int((xyz[i, axis] - low[axis]) / side * n_cells)
             number = (number << np.uint64(1)) | spread_bits(min(max(index, 0), n_cells - 1))
         code[i] = number
     return code

@@ -145,8 +145,9 @@ def scan(
     n_best = 0
     worst = np.inf
     for c in range(n_near):
-        if near[3, c] <= worst and np.int64(near[4, c]) != i:
-            n_best = insert(best, index, n_best, near[3, c], np.int64(near[4, c]))
+        j = int(near[4, c])
+        if near[3, c] <= worst and j != i:
+            n_best = insert(best, index, n_best, near[3, c], j)
             if n_best == len(best):
                 worst = best[n_best - 1]
     return n_best
@@ -213,7 +214,7 @@ def walk_tree(
         for axis in range(3):
             cell = gather_bits(code[low] >> np.uint64(2 - axis)) >> (LEVELS - level)
             beyond = xyz[i, axis] > frame[axis] + (2 * cell + 1) * width
-            towards = 2 * towards + np.int64(beyond)
+            towards = 2 * towards + int(beyond)
         for far in range(7, -1, -1):
             octant = far ^ towards
             if start[octant + 1] > start[octant]:
@@ -232,25 +233,6 @@ def write_row(
     neighbours: NDArray[np.int32],
 ) -> None:
     """Write one point's list up to the squared distance `max_d2`."""
-    k = neighbours.shape[1]
-    n_kept = 0
-    while n_kept < n_best and best[n_kept] <= max_d2:
-        neighbours[r, n_kept] = index[n_kept]
-        n_kept += 1
-    neighbours[r, n_kept:] = -1
-
-
-@part
-def write_row(
-    r: int,
-    n_best: int,
-    best: NDArray[np.float64],
-    index: NDArray[np.int64],
-    max_d2: float,
-    neighbours: NDArray[np.int32],
-) -> None:
-    """Write one point's list up to the squared distance `max_d2`."""
-    k = neighbours.shape[1]
     n_kept = 0
     while n_kept < n_best and best[n_kept] <= max_d2:
         neighbours[r, n_kept] = index[n_kept]

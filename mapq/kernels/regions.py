@@ -253,6 +253,6 @@ def number_plane_cells(
         dx, dy, dz = xyz[i, 0] - planes[r, 3], xyz[i, 1] - planes[r, 4], xyz[i, 2] - planes[r, 5]
         u = dx * ux + dy * uy
         v = -dx * nz * uy + dy * nz * ux + dz * (nx * uy - ny * ux)
-        column = min(max(np.int64(np.floor(u / cell)) + half, 0), 2 * half - 1)
-        line = min(max(np.int64(np.floor(v / cell)) + half, 0), 2 * half - 1)
+        column = min(max(int(np.floor(u / cell)) + half, 0), 2 * half - 1)
+        line = min(max(int(np.floor(v / cell)) + half, 0), 2 * half - 1)
         key[i] = (np.int64(r) << PLANE_BITS) | (column << (PLANE_BITS // 2)) | line

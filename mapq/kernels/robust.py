@@ -98,7 +98,7 @@ def count_near(local: NDArray[np.float64], n_local: int, plane: NDArray[np.float
     score = 0
     for c in range(n_local):
         r = nx * local[0, c] + ny * local[1, c] + nz * local[2, c]
-        score += np.int64(r * r <= near) + np.int64(r * r <= half)
+        score += int(r * r <= near) + int(r * r <= half)
     return score
 
 
@@ -119,7 +119,7 @@ def fit_within(
             add_moments(sums, local[0, c], local[1, c], local[2, c])
     if sums[0] >= 3.0:
         fit_plane(sums, plane, spread)
-    return np.int64(sums[0])
+    return int(sums[0])
 
 
 @part
@@ -225,7 +225,7 @@ def try_turns(
     plane: NDArray[np.float64],
     best: NDArray[np.float64],
 ) -> int:
-    """Write the best of the planes through the point and two others; return its score, or 0 if half of them show none."""
+    """Write the best of the planes through the point and two others; return its score, 0 if half of them show none."""
     highest = 0
     for turn in range(turns if n_local > 4 else 0):
         if turn == turns // 2 and highest < fewest:

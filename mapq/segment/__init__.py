@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,8 +12,13 @@ from mapq.segment.finish import keep_patches
 from mapq.segment.parameters import choose_parameters
 from mapq.segment.points import Points, sort_points
 from mapq.segment.regions import find_regions, spread_out
+from mapq.segment.score import SegmentationScore as SegmentationScore
+from mapq.segment.score import score_segmentation as score_segmentation
+from mapq.segment.score import truth_of as truth_of
 from mapq.segment.settings import SegmentSettings as SegmentSettings
+from mapq.segment.warnings import warnings_of
 from prf.shell.errors import InputError
+from prf.shell.progress import Reporter
 
 STAGES = ("sorting", "estimating", "neighbours and normals", "growing", "finishing")
 FEWEST_POINTS = 3
@@ -25,7 +28,7 @@ MANY_POINTS = 10_000
 def segment(
     cloud: PointCloud,
     settings: SegmentSettings | None = None,
-    progress: Callable[[int, str], None] | None = None,
+    progress: Reporter | None = None,
 ) -> Patches:
     """Cut a cloud into plane patches.
 
@@ -37,8 +40,8 @@ def segment(
         Points without three finite coordinates belong to no patch.
     settings : SegmentSettings, optional
         What is None is estimated from the cloud; all values used are in the result's `parameters`.
-    progress : callable, optional
-        Called with the number of stages done and the name of the next (:data:`STAGES`).
+    progress : Reporter, optional
+        Told the number of stages done and the name of the next (:data:`STAGES`).
 
     Returns
     -------
@@ -54,32 +57,34 @@ def segment(
     """
     settings = settings or SegmentSettings()
     settings.check()
-    tell = progress or _silent
-    tell(0, STAGES[0])
+    _tell(progress, 0)
     points = sort_points(cloud)
     _refuse_lines(points, cloud)
-    tell(1, STAGES[1])
+    _tell(progress, 1)
     chosen = choose_parameters(points, settings)
-    tell(2, STAGES[2])
+    _tell(progress, 2)
     core = make_core(points, chosen)
-    tell(3, STAGES[3])
+    _tell(progress, 3)
     region = find_regions(core, chosen)
-    tell(4, STAGES[4])
+    _tell(progress, 4)
     kept = keep_patches(points, spread_out(points, core, chosen, region), chosen)
     report = {
         "points": len(cloud),
         "points_not_finite": points.n_not_finite,
         "points_far_outside": points.n_far,
         "points_repeated": len(cloud) - points.n_not_finite - points.n_far - len(points.xyz),
+        "points_looked_at": len(core.xyz),
         **kept.report,
+        "warnings": warnings_of(chosen, points.n_far, kept.report),
     }
     patch = np.where(points.number >= 0, kept.patch[points.number], -1).astype(np.int32)
     normal, centroid = kept.planes[:, :3].copy(), kept.planes[:, 3:].copy()
     return Patches.unlabelled(cloud, patch, normal, centroid, chosen.described(), report)
 
 
-def _silent(done: int, stage: str) -> None:
-    """Say nothing."""
+def _tell(progress: Reporter | None, done: int) -> None:
+    if progress is not None:
+        progress.update(done, stage=STAGES[done])
 
 
 def _refuse_lines(points: Points, cloud: PointCloud) -> None:

@@ -29,7 +29,7 @@ class Core(NamedTuple):
     Attributes
     ----------
     xyz : (c, 3) float64
-    index : (c,) int64
+    place : (c,) int64
         Their places among all points.
     neighbours : (c, k) int32
         Nearest first, none farther than the gap; -1 fills up.
@@ -42,7 +42,7 @@ class Core(NamedTuple):
     """
 
     xyz: NDArray[np.float64]
-    index: NDArray[np.int64]
+    place: NDArray[np.int64]
     neighbours: NDArray[np.int32]
     normal: NDArray[np.float32]
     variance: NDArray[np.float32]
@@ -51,9 +51,9 @@ class Core(NamedTuple):
 
 def make_core(points: Points, chosen: Parameters) -> Core:
     """Return the representatives at the chosen level with their neighbours and normals."""
-    index = representatives(points, chosen.level)
+    place = representatives(points, chosen.level)
     whole = chosen.level > LEVELS
-    xyz, code = (points.xyz, points.code) if whole else (points.xyz[index], points.code[index])
+    xyz, code = (points.xyz, points.code) if whole else (points.xyz[place], points.code[place])
     everyone = np.ones(len(xyz), bool)
     neighbours = neighbours_of(xyz, code, points.frame, everyone, chosen.neighbours, chosen.max_gap)
     normal, spread = np.empty((len(xyz), 3), np.float32), np.empty((len(xyz), 3), np.float32)
@@ -65,7 +65,7 @@ def make_core(points: Points, chosen: Parameters) -> Core:
         robust_normals(xyz, thick, neighbours, size, TURNS, band, MIN_SHARE, normal, variance)
     rough = variance > chosen.max_variation * (variance + spread[:, 1] + spread[:, 2])
     normal[rough] = np.nan
-    return Core(xyz, index, neighbours, normal, variance, thick)
+    return Core(xyz, place, neighbours, normal, variance, thick)
 
 
 def _is_thick(spread: NDArray[np.float32], chosen: Parameters) -> NDArray[np.bool_]:

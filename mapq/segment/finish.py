@@ -68,7 +68,8 @@ def region_areas(xyz: NDArray[np.float64], region: NDArray[np.int32], fits: Fits
     cells = np.sort(key[key >= 0])
     new = np.ones(len(cells), bool)
     new[1:] = cells[1:] != cells[:-1]
-    return np.bincount(cells[new] >> PLANE_BITS, minlength=len(fits.planes)) * float(cell * cell)
+    n_cells = np.bincount(cells[new] >> PLANE_BITS, minlength=len(fits.planes))
+    return np.asarray(n_cells * (cell * cell), np.float64)
 
 
 def _first_points(region: NDArray[np.int32], n_regions: int) -> NDArray[np.int64]:

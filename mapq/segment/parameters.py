@@ -23,13 +23,14 @@ EXTENT_IN_SPACING = 5.0
 
 
 class Parameters(NamedTuple):
-    """What a segmentation uses: metres and degrees; see :class:`SegmentSettings` for the words."""
+    """What a segmentation uses: metres and degrees; see :class:`SegmentSettings` and :class:`Scale` for the words."""
 
     level: int
     resolution: float
     spacing: float
     noise: float
     flat_share: float
+    narrow_share: float
     neighbours: int
     max_angle: float
     max_distance: float
@@ -43,7 +44,7 @@ class Parameters(NamedTuple):
     def described(self) -> dict[str, Any]:
         """Return them as :class:`mapq.patches.Patches` keeps them."""
         values = {**self._asdict(), "up": self.up.tolist()}
-        del values["level"], values["flat_share"]
+        del values["level"]
         return values
 
 
@@ -58,6 +59,7 @@ def choose_parameters(points: Points, settings: SegmentSettings) -> Parameters:
         spacing=scale.spacing,
         noise=noise,
         flat_share=scale.flat_share,
+        narrow_share=scale.narrow_share,
         neighbours=settings.neighbours,
         max_angle=_given(settings.max_angle, _angle(scale, noise, settings.neighbours)),
         max_distance=_given(settings.max_distance, max_distance),

@@ -11,7 +11,7 @@ from mapq.cloud import PointCloud
 from mapq.kernels.cells import LEVELS, find_bounds, first_levels, number_cells
 
 FAR = 100.0
-"""Times the extent of the middle 98 % of the points: what lies farther out is left out if cells are too coarse for all."""
+"""Times the extent of the middle 98 % of the points: farther out is left out where cells are too coarse otherwise."""
 COUNTED_LEVEL = 8
 """Its cells are counted by a table of 16 MB; finer ones are foreseen from it, as on a surface: a quarter a level."""
 BEST_FILL = 8.0
@@ -87,7 +87,7 @@ def _sorted(cloud: PointCloud, kept: NDArray[np.int64], finite: NDArray[np.bool_
 
 
 def _root_side(xyz: NDArray[np.float64], low: NDArray[np.float64], extent: float) -> float:
-    """Return the side of the root cell, from the extent to twice that, at which cells of some level hold `BEST_FILL`."""
+    """Return the side of the root, from the extent to twice that, at which cells of some level hold `BEST_FILL`."""
     shift = np.uint64(3 * (LEVELS - COUNTED_LEVEL))
     filled = np.zeros(8**COUNTED_LEVEL, bool)
     filled[number_cells(xyz, low, extent) >> shift] = True

@@ -22,8 +22,8 @@ MERGE_RMS = 0.6
 LOOSE = 2.0
 """Times the angle limit, for points that a region reaches once it is whole: their normals may be mixed."""
 MIN_SUPPORT = 0.4
-"""Share of its points' neighbours that a region holds, of those that no other holds. A wall has 0.9, beside clutter 0.6;
-a slice through the crown of a tree 0.2 to 0.3."""
+"""Share of its points' neighbours that a region holds, of those that no other holds. A wall has 0.9, in clutter 0.6, a
+slice through the crown of a tree 0.2 to 0.3."""
 SWEEPS = 2
 ROUNDS = 3
 
@@ -161,7 +161,7 @@ def walk(
 
 def spread_out(points: Points, core: Core, chosen: Parameters, region: NDArray[np.int32]) -> NDArray[np.int32]:
     """Return the region (u,) of every point, those of the core's included."""
-    if len(core.index) == len(points.xyz):
+    if len(core.place) == len(points.xyz):
         return region
     cell = (np.cumsum(points.first_level <= chosen.level) - 1).astype(np.int32)
     out = np.empty(len(points.xyz), np.int32)

@@ -1,0 +1,182 @@
+"""Cut a cloud into plane patches by region growing."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mapq.commands._options import BinColumns
+from prf.shell.options import Force, Json, Output
+
+if TYPE_CHECKING:
+    from mapq.patches import Patches
+    from mapq.segment import SegmentationScore, SegmentSettings
+
+logger = logging.getLogger(__name__)
+
+EXAMPLES = (
+    "mapq segment map.ply",
+    "mapq segment map.pcd -o walls.patches --max-tilt 15 --json",
+    "mapq segment city.ply --max-tilt 90 --truth-field plane",
+)
+STREAM = "-"
+LENGTHS = ("resolution", "spacing", "noise", "max_distance", "max_gap", "min_extent")
+
+
+def segment(
+    cloud: Annotated[
+        str, typer.Argument(metavar="CLOUD", help="PLY, PCD, XYZ, CSV, npy, npz or KITTI .bin, also .gz.")
+    ],
+    output: Output = None,
+    neighbours: Annotated[int, typer.Option("--neighbours", metavar="N", help="Neighbours of each point.")] = 16,
+    resolution: Annotated[
+        float | None,
+        typer.Option("--resolution", metavar="METRES", help="Look first at one point of each cell so wide; 0: at all."),
+    ] = None,
+    noise: Annotated[
+        float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of points off their surface.")
+    ] = None,
+    max_angle: Annotated[
+        float | None, typer.Option("--max-angle", metavar="DEG", help="Between a point's normal and its patch's.")
+    ] = None,
+    max_distance: Annotated[
+        float | None, typer.Option("--max-distance", metavar="METRES", help="From a point to its patch's plane.")
+    ] = None,
+    max_gap: Annotated[
+        float | None, typer.Option("--max-gap", metavar="METRES", help="Patches end at wider gaps.")
+    ] = None,
+    max_variation: Annotated[
+        float | None, typer.Option("--max-variation", metavar="SHARE", help="Of normals that count: 0 plane, 1/3 ball.")
+    ] = None,
+    min_points: Annotated[int, typer.Option("--min-points", metavar="N", help="Smaller patches are dropped.")] = 50,
+    min_extent: Annotated[
+        float | None, typer.Option("--min-extent", metavar="METRES", help="Narrower patches are dropped.")
+    ] = None,
+    max_tilt: Annotated[
+        float, typer.Option("--max-tilt", metavar="DEG", help="Planes farther from vertical are dropped; 90 keeps all.")
+    ] = 30.0,
+    up: Annotated[
+        tuple[float, float, float], typer.Option("--up", metavar="X Y Z", help="The vertical, of any length.")
+    ] = (0.0, 0.0, 1.0),
+    truth_field: Annotated[
+        str | None,
+        typer.Option("--truth-field", metavar="NAME", help="Score against this point field: planes, negative none."),
+    ] = None,
+    min_iou: Annotated[
+        float, typer.Option("--min-iou", metavar="SHARE", min=0.5, max=1.0, help="Overlap that counts as a match.")
+    ] = 0.75,
+    bin_columns: BinColumns = 4,
+    json: Json = False,
+    force: Force = False,
+) -> None:
+    """Cut a cloud into plane patches by region growing.
+
+    Lengths and angles that are not given are estimated from the spacing and the noise of the points, and printed. The
+    patches do not depend on the order of the points. Without -o they go beside CLOUD: its stem + .patches.
+    """
+    from mapq.segment import SegmentSettings
+    from prf.shell.files import refuse_existing
+
+    target = output or _beside(cloud)
+    refuse_existing(target, force)
+    settings = SegmentSettings(
+        neighbours=neighbours,
+        resolution=resolution,
+        noise=noise,
+        max_angle=max_angle,
+        max_distance=max_distance,
+        max_gap=max_gap,
+        max_variation=max_variation,
+        min_points=min_points,
+        min_extent=min_extent,
+        max_tilt=max_tilt,
+        up=up,
+    )
+    settings.check()
+    patches, score = _run(cloud, bin_columns, settings, truth_field, min_iou)
+    _write(target, patches)
+    _show(cloud, target, patches, score, json)
+
+
+def _beside(cloud: str) -> str:
+    from prf.shell.errors import UsageError
+
+    if cloud == STREAM:
+        raise UsageError("a cloud from standard input has no name to put .patches to. Name the output with -o.")
+    path = Path(cloud)
+    return str(path.with_name(path.name.removesuffix(".gz")).with_suffix(".patches"))
+
+
+def _run(
+    cloud: str, bin_columns: int, settings: SegmentSettings, truth_field: str | None, min_iou: float
+) -> tuple[Patches, SegmentationScore | None]:
+    from mapq.io import read_cloud
+    from mapq.segment import STAGES, score_segmentation, segment, truth_of
+    from prf.shell.progress import progress
+
+    read = read_cloud(cloud, bin_columns)
+    truth = truth_of(read, truth_field) if truth_field else None
+    with progress(len(STAGES), "segmenting") as reporter:
+        patches = segment(read, settings, reporter)
+    return patches, None if truth is None else score_segmentation(patches.patch, truth, min_iou)
+
+
+def _write(target: str, patches: Patches) -> None:
+    from mapq.io import write_patches
+
+    for warning in patches.report["warnings"]:
+        logger.warning(warning)
+    write_patches(target, patches)
+
+
+def _show(cloud: str, target: str, patches: Patches, score: SegmentationScore | None, json: bool) -> None:
+    from prf.shell import console, jsonout
+
+    if json and target != STREAM:
+        head = {"cloud": cloud, "output": target, "parameters": patches.parameters, "report": patches.report}
+        scored = {} if score is None else {"score": score._asdict()}
+        jsonout.emit_object("mapq.segment/1", {**head, "n_points": patches.counts, **scored})
+        return
+    # Standard output belongs to the patches if they go there.
+    say = logger.info if target == STREAM else console.emit
+    for line in (*_lines(cloud, target, patches), *_score_lines(score)):
+        say(line)
+
+
+def _lines(cloud: str, target: str, patches: Patches) -> Iterator[str]:
+    """Yield the table for a person."""
+    report, used = patches.report, patches.parameters
+    yield f"{'cloud':<16}{cloud}"
+    yield f"{'points':<16}{report['points']}, {report['points_not_finite']} not finite, {_others(report)}"
+    for name in LENGTHS:
+        yield f"{name.replace('_', ' '):<16}{used[name]:.3g} m"
+    yield f"{'max angle':<16}{used['max_angle']:.3g} degrees"
+    yield f"{'max variation':<16}{used['max_variation']:.3g}"
+    yield f"{'neighbours':<16}{used['neighbours']}"
+    yield f"{'min points':<16}{used['min_points']}"
+    yield f"{'max tilt':<16}{used['max_tilt']:g} degrees from vertical, up {used['up']}"
+    yield f"{'patches':<16}{report['patches']} of {report['points_in_patches']} points, {report['area']:.1f} m2"
+    yield f"{'largest':<16}{', '.join(str(n) for n in patches.counts[:8].tolist()) or 'none'}"
+    for name, why in (("dropped_for_tilt", "too far from vertical"), ("dropped_as_small", "too small")):
+        dropped = report[name]
+        yield f"{'dropped':<16}{dropped['patches']} {why}: {dropped['points']} points, {dropped['area']:.1f} m2"
+    yield f"{'output':<16}{target}"
+
+
+def _others(report: Mapping[str, Any]) -> str:
+    looked = "all" if report["points_looked_at"] == report["points"] else report["points_looked_at"]
+    return f"{report['points_repeated']} repeated, {looked} looked at first"
+
+
+def _score_lines(score: SegmentationScore | None) -> Iterator[str]:
+    if score is None:
+        return
+    yield f"{'true planes':<16}{score.n_planes}, {score.n_matched} matched"
+    for name in ("precision", "recall", "mean_iou", "mean_dice"):
+        yield f"{name.replace('_', ' '):<16}{getattr(score, name):.3f}"
+    for name in ("over_segmented", "under_segmented", "missed", "noise"):
+        yield f"{name.replace('_', ' '):<16}{getattr(score, name)}"
