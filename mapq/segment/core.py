@@ -12,12 +12,15 @@ from mapq.kernels.normals import estimate_normals
 from mapq.kernels.robust import robust_normals
 from mapq.segment.parameters import Parameters
 from mapq.segment.points import Points
-from mapq.segment.scale import TURNS, WIDE, neighbours_of, representatives
+from mapq.segment.sample import TURNS, neighbours_of
+from mapq.segment.scale import representatives
 
 THICK = 1.5
 """Times the noise: a thicker neighbourhood holds more than one surface. One plane looks so in 1 place of 500."""
 BAND = 2.5
 """Times the noise: what a robust plane counts as near."""
+WIDE = 28
+"""Points about a point when half of them may belong to another surface."""
 MIN_SHARE = 0.3
 """Of a wide neighbourhood that must lie on a robust plane. Two copies of a wall have half each; in the crown of a tree
 the best plane reaches a third by luck."""

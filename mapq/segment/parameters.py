@@ -50,7 +50,7 @@ class Parameters(NamedTuple):
 
 def choose_parameters(points: Points, settings: SegmentSettings) -> Parameters:
     """Return all parameters: those given, the others from spacing and noise of the cloud."""
-    scale = find_scale(points, settings.neighbours, settings.resolution)
+    scale = find_scale(points, settings)
     noise = _given(settings.noise, scale.noise)
     max_distance = max(DISTANCE_IN_NOISE * noise, DISTANCE_IN_SPACING * scale.spacing)
     return Parameters(

@@ -1,0 +1,87 @@
+"""A sample of a cloud's neighbourhoods, looked at without knowing its scale."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.kernels.neighbours import find_neighbours
+from mapq.kernels.normals import estimate_normals
+from mapq.kernels.robust import trimmed_residuals
+from mapq.segment.noise import pooled_noise
+
+SAMPLE = 3000
+"""Points that estimates look at, every so many along the curve: their standard error is about 2 %."""
+WIDEST = 48
+"""Neighbours of the sample: so many tell a plane with others beside it from a ball."""
+TURNS = 32
+"""Candidate planes of a robust fit."""
+THIN = 0.03
+"""A neighbourhood shows a plane if the nearest half of it has at most this thickness; half a ball has 0.05 or more."""
+WIDTH_IN_NOISE, WIDTH_IN_LENGTH = 2.0, 0.22
+"""And if its short side is wider than the noise and not too short for its length, else it may be one scan line. Both
+are standard deviations; a half disc, at the edge of a wall, has a width of 0.5 of its length."""
+
+
+class Sample(NamedTuple):
+    """Neighbourhoods of some points.
+
+    Attributes
+    ----------
+    spacing : (s,) float64
+        Metres between points, as if they lay on a square grid.
+    normal : (s, 3) float32
+        Of the plane through the point and its neighbours, whether it is one or not.
+    flat, narrow : (s,) bool
+        Whether the neighbourhood shows a plane; whether it is too narrow to show one.
+    scale : (s,) float64
+        Root mean square in metres of the half that a plane fits best.
+    residual : (s, k) float64
+        Distances to that plane, nan where there are fewer.
+    """
+
+    spacing: NDArray[np.float64]
+    normal: NDArray[np.float32]
+    flat: NDArray[np.bool_]
+    narrow: NDArray[np.bool_]
+    scale: NDArray[np.float64]
+    residual: NDArray[np.float64]
+
+
+def look_at(
+    xyz: NDArray[np.float64], code: NDArray[np.uint64], frame: NDArray[np.float64], n_neighbours: int
+) -> Sample:
+    """Return the neighbourhoods of a sample of sorted points."""
+    place = np.unique(np.linspace(0, len(xyz) - 1, SAMPLE).astype(np.int64))
+    wanted = np.zeros(len(xyz), bool)
+    wanted[place] = True
+    n_wide = min(max(WIDEST, n_neighbours), len(xyz) - 1)
+    n_own = min(n_neighbours, n_wide)
+    neighbours = neighbours_of(xyz, code, frame, wanted, n_wide)
+    normal, spread = np.empty((len(place), 3), np.float32), np.empty((len(place), 3), np.float32)
+    estimate_normals(xyz, place, neighbours[:, :n_own].copy(), normal, spread)
+    scale, thickness = np.empty(len(place)), np.empty(len(place))
+    residual = np.empty((len(place), n_wide + 1))
+    trimmed_residuals(xyz, place, neighbours, TURNS, scale, thickness, residual)
+    width, length = np.sqrt(spread[:, 1]), np.sqrt(spread[:, 2])
+    narrow = ~((width > WIDTH_IN_NOISE * pooled_noise(scale, residual)) & (width > WIDTH_IN_LENGTH * length))
+    reach = np.linalg.norm(xyz[neighbours[:, n_own - 1]] - xyz[place], axis=1)
+    return Sample(reach * np.sqrt(np.pi / n_own), normal, ~narrow & (thickness <= THIN), narrow, scale, residual)
+
+
+def neighbours_of(
+    xyz: NDArray[np.float64],
+    code: NDArray[np.uint64],
+    frame: NDArray[np.float64],
+    wanted: NDArray[np.bool_],
+    n_neighbours: int,
+    max_gap: float = np.inf,
+) -> NDArray[np.int32]:
+    """Return the nearest neighbours (w, k) of the points wanted, none beyond `max_gap`; -1 fills up."""
+    before = np.zeros(len(xyz) + 1, np.int32)
+    np.cumsum(wanted, out=before[1:])
+    neighbours = np.empty((int(before[-1]), n_neighbours), np.int32)
+    find_neighbours(xyz, code, frame, before, max_gap, neighbours)
+    return neighbours
