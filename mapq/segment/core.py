@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.kernels.cells import LEVELS
 from mapq.kernels.normals import estimate_normals
 from mapq.kernels.robust import robust_normals
 from mapq.segment.parameters import Parameters
@@ -54,9 +53,7 @@ class Core(NamedTuple):
 
 def make_core(points: Points, chosen: Parameters) -> Core:
     """Return the representatives at the chosen level with their neighbours and normals."""
-    place = representatives(points, chosen.level)
-    whole = chosen.level > LEVELS
-    xyz, code = (points.xyz, points.code) if whole else (points.xyz[place], points.code[place])
+    place, xyz, code = representatives(points, chosen.level)
     everyone = np.ones(len(xyz), bool)
     neighbours = neighbours_of(xyz, code, points.frame, everyone, chosen.neighbours, chosen.max_gap)
     normal, spread = np.empty((len(xyz), 3), np.float32), np.empty((len(xyz), 3), np.float32)

@@ -25,7 +25,7 @@ MIN_SUPPORT = 0.4
 """Share of its points' neighbours that a region holds, of those that no other holds. A wall has 0.9, in clutter 0.6, a
 slice through the crown of a tree 0.2 to 0.3."""
 SWEEPS = 2
-ROUNDS = 3
+ROUNDS = 2
 
 
 class Fits(NamedTuple):

@@ -16,7 +16,7 @@ SAMPLE = 3000
 """Points that estimates look at, every so many along the curve: their standard error is about 2 %."""
 WIDEST = 48
 """Neighbours of the sample: so many tell a plane with others beside it from a ball."""
-TURNS = 32
+TURNS = 28
 """Candidate planes of a robust fit."""
 THIN = 0.03
 """A neighbourhood shows a plane if the nearest half of it has at most this thickness; half a ball has 0.05 or more."""

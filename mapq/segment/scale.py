@@ -70,8 +70,8 @@ def measure(points: Points, level: int, settings: SegmentSettings) -> Scale:
 
     What is measured are neighbourhoods as the patches that will be kept: upright ones under a limit of tilt.
     """
-    place = representatives(points, level)
-    sample = look_at(points.xyz[place], points.code[place], points.frame, settings.neighbours)
+    _, xyz, code = representatives(points, level)
+    sample = look_at(xyz, code, points.frame, settings.neighbours)
     ours = sample.narrow | upright(sample, settings)
     flat = ours & sample.flat
     if np.count_nonzero(flat) < ENOUGH:
@@ -103,8 +103,11 @@ def cell_side(points: Points, level: int) -> float:
     return 0.0 if level > LEVELS else float(points.frame[3] / 2.0**level)
 
 
-def representatives(points: Points, level: int) -> NDArray[np.int64]:
-    """Return one point of each cell of a level, in order; all points above the finest level."""
+def representatives(
+    points: Points, level: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.uint64]]:
+    """Return one point of each cell of a level, in order, with coordinates and numbers; all above the finest level."""
     if level > LEVELS:
-        return np.arange(len(points.xyz))
-    return pick_one_a_cell(points.code, points.first_level, level)
+        return np.arange(len(points.xyz)), points.xyz, points.code
+    place = pick_one_a_cell(points.code, points.first_level, level)
+    return place, points.xyz[place], points.code[place]
