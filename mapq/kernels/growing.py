@@ -33,7 +33,7 @@ def grow_one(
     """Grow one region from `seed`; return its size, the length of `queue` that lists it."""
     plane[0], plane[1], plane[2], plane[3] = normal[seed, 0], normal[seed, 1], normal[seed, 2], 0.0
     sums[:] = 0.0
-    x0, y0, z0 = xyz[seed]
+    x0, y0, z0 = xyz[seed, 0], xyz[seed, 1], xyz[seed, 2]
     queue[0] = seed
     region[seed] = number
     n_members, head, refit_at = 1, 0, 8.0

@@ -28,7 +28,7 @@ def translate(
 @part
 def mean_square(sums: NDArray[np.float64], plane: NDArray[np.float64]) -> float:
     """Return the mean squared distance of a set to a plane."""
-    nx, ny, nz, d = plane
+    nx, ny, nz, d = plane[0], plane[1], plane[2], plane[3]
     quadratic = nx * nx * sums[4] + ny * ny * sums[7] + nz * nz * sums[9]
     quadratic += 2.0 * (nx * ny * sums[5] + nx * nz * sums[6] + ny * nz * sums[8])
     linear = nx * sums[1] + ny * sums[2] + nz * sums[3]
@@ -67,7 +67,8 @@ def pair_rms(
     pairs: NDArray[np.int32], parent: NDArray[np.int32], origin: NDArray[np.float64], sums: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return :func:`joint_rms` of each pair of regions as they are now; inf for pairs that are one already."""
-    out = np.full(len(pairs), np.inf)
+    out = np.empty(len(pairs))
+    out[:] = np.inf
     work, plane, spread = np.empty((2, MOMENTS)), np.empty(4), np.empty(3)
     for p in range(len(pairs)):
         a, b = root_of(parent, pairs[p, 0]), root_of(parent, pairs[p, 1])
@@ -97,7 +98,8 @@ def unite(
         a, b = min(a, b), max(a, b)
         if joint_rms(a, b, origin, sums, work, plane, spread) <= max_rms:
             parent[b] = a
-            sums[a] = work[1]
+            for c in range(MOMENTS):
+                sums[a, c] = work[1, c]
             n_united += 1
     return n_united
 

@@ -73,8 +73,8 @@ def divide(
     for x in range(3):
         for y in range(3):
             for z in range(3):
-                source = blocks[depth, px + x - 1, py + y - 1, pz + z - 1]
-                split(code, source[0], source[1], depth + 2, start)
+                sx, sy, sz = px + x - 1, py + y - 1, pz + z - 1
+                split(code, blocks[depth, sx, sy, sz, 0], blocks[depth, sx, sy, sz, 1], depth + 2, start)
                 for octant in range(8):
                     gx, gy, gz = 2 * x + (octant >> 2) - 1, 2 * y + ((octant >> 1) & 1) - 1, 2 * z + (octant & 1) - 1
                     if min(gx, gy, gz) >= 0 and max(gx, gy, gz) <= 3:
@@ -134,7 +134,7 @@ def scan(
     Candidates within the bound are first moved together without a branch, to the last rows of `near` and `number`,
     which halves the time.
     """
-    x, y, z = xyz[i]
+    x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
     n_near = 0
     for c in range(total):
         dx, dy, dz = near[0, c] - x, near[1, c] - y, near[2, c] - z
@@ -198,7 +198,7 @@ def walk_tree(
     top = 1
     while top > 0:
         top -= 1
-        low, high, level = stack[top]
+        low, high, level = stack[top, 0], stack[top, 1], stack[top, 2]
         if distance_to_cell(xyz, i, code[low], level, frame) > (best[size - 1] if n_best == size else max_d2):
             continue
         if high - low <= LEAF or level == LEVELS:
@@ -236,7 +236,8 @@ def write_row(
     while n_kept < n_best and best[n_kept] <= max_d2:
         neighbours[r, n_kept] = index[n_kept]
         n_kept += 1
-    neighbours[r, n_kept:] = -1
+    for c in range(n_kept, neighbours.shape[1]):
+        neighbours[r, c] = -1
 
 
 @part
@@ -270,7 +271,8 @@ def search_leaf(
     """
     k = neighbours.shape[1]
     octant = octants[depth] - 1
-    low, high = blocks[depth, 1 + (octant >> 2), 1 + ((octant >> 1) & 1), 1 + (octant & 1)]
+    px, py, pz = 1 + (octant >> 2), 1 + ((octant >> 1) & 1), 1 + (octant & 1)
+    low, high = blocks[depth, px, py, pz, 0], blocks[depth, px, py, pz, 1]
     n_open = before[high] - before[low]
     for above in range(min(2, depth + 1)):
         at = depth - above
@@ -287,7 +289,7 @@ def search_leaf(
             bound = min(last[3] + np.sqrt(dx * dx + dy * dy + dz * dz), max_gap)
             n_best = scan(xyz, i, bound * bound * BRINK, near, number, total, best, index)
             if n_best == k:
-                last[:3] = xyz[i]
+                last[0], last[1], last[2] = xyz[i, 0], xyz[i, 1], xyz[i, 2]
                 last[3] = np.sqrt(best[k - 1])
             border = margin(xyz, i, code, at + 1, frame)
             if border >= max_gap or (n_best == k and best[k - 1] <= border * border):
@@ -317,8 +319,10 @@ def find_neighbours(
     start = np.empty(9, np.int64)
     stack = np.empty((8 * LEVELS, 3), np.int64)
     near, number = np.empty((4, CROWD)), np.empty((2, CROWD), np.int64)
-    last = np.array([0.0, 0.0, 0.0, np.inf])
-    neighbours[:, 0] = OPEN
+    last = np.zeros(4)
+    last[3] = np.inf
+    for r in range(len(neighbours)):
+        neighbours[r, 0] = OPEN
     split(code, 0, len(code), 1, start)
     for octant in range(8):
         blocks[0, 1 + (octant >> 2), 1 + ((octant >> 1) & 1), 1 + (octant & 1), 0] = start[octant]
@@ -331,7 +335,7 @@ def find_neighbours(
             continue
         octants[depth] += 1
         px, py, pz = 1 + (octant >> 2), 1 + ((octant >> 1) & 1), 1 + (octant & 1)
-        low, high = blocks[depth, px, py, pz]
+        low, high = blocks[depth, px, py, pz, 0], blocks[depth, px, py, pz, 1]
         if before[high] == before[low]:
             continue
         if high - low > LEAF and depth + 1 < LEVELS:

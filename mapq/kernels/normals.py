@@ -32,8 +32,9 @@ def estimate_normals(
                 break
             add_moments(sums, xyz[j, 0] - xyz[i, 0], xyz[j, 1] - xyz[i, 1], xyz[j, 2] - xyz[i, 2])
         if sums[0] < 3.0:
-            normal[s] = np.nan
-            spread[s] = np.nan
+            for axis in range(3):
+                normal[s, axis] = np.nan
+                spread[s, axis] = np.nan
             continue
         fit_plane(sums, plane, variance)
         for axis in range(3):

@@ -10,6 +10,9 @@ from mapq.kernels._jit import part
 MOMENTS = 10
 """Numbers that tell the plane of a set: how many, sums of x y z, sums of xx xy xz yy yz zz."""
 
+NO_WIDTH = 1e-28
+"""Squared cross product, by the fourth power of the entries, that rounding alone makes of parallel rows."""
+
 
 @part
 def add_moments(sums: NDArray[np.float64], x: float, y: float, z: float) -> None:
@@ -74,7 +77,7 @@ def normal_of(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, 
             best = squared
             length = np.sqrt(squared)
             plane[0], plane[1], plane[2] = nx / length, ny / length, nz / length
-    if best <= (1e-13 * scale) ** 4 and scale > 0.0:
+    if best <= NO_WIDTH * scale**4 and scale > 0.0:
         across_line(xx, xy, xz, yy, yz, zz, plane)
     largest = plane[0]
     for axis in range(1, 3):

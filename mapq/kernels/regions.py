@@ -26,7 +26,8 @@ def sum_regions(
         if r == FREE:
             continue
         if sums[r, 0] == 0.0:
-            origin[r] = xyz[i]
+            for axis in range(3):
+                origin[r, axis] = xyz[i, axis]
         add_moments(sums[r], xyz[i, 0] - origin[r, 0], xyz[i, 1] - origin[r, 1], xyz[i, 2] - origin[r, 2])
 
 
@@ -41,8 +42,8 @@ def fit_regions(
     plane, variance = np.empty(4), np.empty(3)
     for r in range(len(sums)):
         if sums[r, 0] < 3.0:
-            planes[r] = np.nan
-            spread[r] = np.nan
+            for axis in range(3):
+                planes[r, axis] = planes[r, 3 + axis] = spread[r, axis] = np.nan
             continue
         fit_plane(sums[r], plane, variance)
         for axis in range(3):
@@ -159,8 +160,9 @@ def walk_regions(
     """
     n_regions = len(start) - 1
     queue = np.empty(len(xyz), np.int32)
-    stamp = np.full(len(xyz), FREE, np.int32)
-    met = np.full(n_regions, FREE, np.int32)
+    stamp, met = np.empty(len(xyz), np.int32), np.empty(n_regions, np.int32)
+    stamp[:] = FREE
+    met[:] = FREE
     n_pieces, n_pairs = 0, 0
     for r in range(n_regions):
         for first in members[start[r] : start[r + 1]]:

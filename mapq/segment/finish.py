@@ -12,6 +12,8 @@ from mapq.segment.parameters import Parameters
 from mapq.segment.points import Points
 from mapq.segment.regions import Fits, fit
 
+WIDTH_IN_THICKNESS = 4.0
+"""Standard deviations along the short side by those across: less is a slab of points, not a surface."""
 CELL_IN_SPACING = 2.0
 """Side of the cells by which areas are counted: a cell on a surface holds four points, so few stay empty."""
 
@@ -50,9 +52,10 @@ def keep_patches(points: Points, region: NDArray[np.int32], chosen: Parameters) 
 
 
 def is_large(fits: Fits, chosen: Parameters) -> NDArray[np.bool_]:
-    """Return which regions (m,) have points and width enough."""
-    width = np.sqrt(12.0 * np.nan_to_num(fits.spread[:, 1]))
-    return np.asarray((fits.sums[:, 0] >= max(chosen.min_points, 3)) & (width >= chosen.min_extent))
+    """Return which regions (m,) have points and width enough, and are no slabs."""
+    thickness, side = np.sqrt(np.nan_to_num(fits.spread[:, 0])), np.sqrt(np.nan_to_num(fits.spread[:, 1]))
+    wide = (np.sqrt(12.0) * side >= chosen.min_extent) & (side >= WIDTH_IN_THICKNESS * thickness)
+    return np.asarray(wide & (fits.sums[:, 0] >= max(chosen.min_points, 3)))
 
 
 def is_upright(planes: NDArray[np.float64], chosen: Parameters) -> NDArray[np.bool_]:

@@ -103,9 +103,7 @@ def cell_side(points: Points, level: int) -> float:
     return 0.0 if level > LEVELS else float(points.frame[3] / 2.0**level)
 
 
-def representatives(
-    points: Points, level: int
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.uint64]]:
+def representatives(points: Points, level: int) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.uint64]]:
     """Return one point of each cell of a level, in order, with coordinates and numbers; all above the finest level."""
     if level > LEVELS:
         return np.arange(len(points.xyz)), points.xyz, points.code

@@ -1,0 +1,132 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mapq.cli import app
+from mapq.cloud import PointCloud
+from mapq.io import read_patches, write_ply
+from prf.shell.run import run_app
+from tests.reference.mapq_segment import cloud_of, ground, wall
+
+
+def run(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[int, str, str]:
+    code = run_app(app, "mapq", ["segment", *args])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+@pytest.fixture
+def map_ply(tmp_path: Path) -> str:
+    cloud, truth = cloud_of(*(wall(np.random.default_rng(i), 6, 4, offset=0.3 * i) for i in range(2)))
+    path = tmp_path / "map.ply"
+    write_ply(str(path), cloud.with_fields(plane=truth.astype(np.int32)))
+    return str(path)
+
+
+def test_table_for_a_person_and_the_file_beside_the_cloud(capsys, map_ply):
+    code, out, err = run(capsys, map_ply)
+    assert (code, err) == (0, "")
+    rows = dict(
+        line.split(maxsplit=1) for line in out.splitlines() if line.split()[0] in ("patches", "output", "noise")
+    )
+    assert rows["patches"].startswith("2 of ")
+    assert rows["output"] == map_ply.replace(".ply", ".patches")
+    for name in ("spacing", "max distance", "max gap", "max angle", "min extent", "dropped", "max tilt"):
+        assert f"\n{name}" in out
+    patches = read_patches(rows["output"])
+    assert len(patches) == 2
+    assert "plane" in patches.cloud.fields
+
+
+def test_an_output_that_stands_is_refused_without_force(capsys, map_ply):
+    assert run(capsys, map_ply)[0] == 0
+    code, out, err = run(capsys, map_ply)
+    assert (code, out) == (4, "")
+    assert "already exists" in err
+    assert run(capsys, map_ply, "-f")[0] == 0
+
+
+def test_json_with_scores_in_the_fields_words(capsys, map_ply, tmp_path):
+    output = str(tmp_path / "out.patches")
+    code, out, _ = run(capsys, map_ply, "-o", output, "--truth-field", "plane", "--json", "--noise", "0.03")
+    result = json.loads(out)
+    assert code == 0
+    assert (result["schema"], result["output"]) == ("mapq.segment/1", output)
+    assert result["parameters"]["noise"] == 0.03
+    assert result["report"]["patches"] == len(result["n_points"]) == 2
+    assert (result["score"]["precision"], result["score"]["recall"]) == (1.0, 1.0)
+    assert {"mean_iou", "mean_dice", "over_segmented", "under_segmented", "missed", "noise"} <= set(result["score"])
+    assert len(result["score"]["iou"]) == 2
+
+
+def test_scores_in_the_table(capsys, map_ply):
+    out = run(capsys, map_ply, "--truth-field", "plane")[1]
+    assert "true planes     2, 2 matched" in out
+    assert "over segmented  0" in out
+
+
+def test_no_patches_is_a_result_with_a_warning(capsys, tmp_path):
+    path = tmp_path / "ground.ply"
+    write_ply(str(path), PointCloud.from_world(ground(np.random.default_rng(1))))
+    code, out, err = run(capsys, str(path))
+    assert code == 0
+    assert "warning: no patches: all 1 found are tilted too far from vertical" in err
+    assert "patches         0 of 0 points" in out
+    assert len(read_patches(str(path.with_suffix(".patches")))) == 0
+
+
+def test_the_name_of_a_zipped_cloud_loses_both_ends(capsys, tmp_path):
+    path = tmp_path / "scan.xyz"
+    np.savetxt(path, wall(np.random.default_rng(1), 4, 3))
+    import gzip
+
+    zipped = tmp_path / "scan.xyz.gz"
+    zipped.write_bytes(gzip.compress(path.read_bytes()))
+    assert run(capsys, str(zipped))[0] == 0
+    assert (tmp_path / "scan.patches").is_file()
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "words"),
+    [
+        (["-"], 2, "Name the output with -o"),
+        (["MAP", "--max-angle", "0"], 2, "--max-angle must be above 0"),
+        (["MAP", "--neighbours", "2"], 2, "--neighbours must be from 3 to 64"),
+        (["MAP", "--up", "0", "0", "0"], 2, "--up must not be 0 0 0"),
+        (["MAP", "--truth-field", "walls"], 3, "no field 'walls'; it has: plane"),
+        (["LINE"], 3, "lie on one line"),
+        (["FEW"], 3, "2 distinct finite points of 3; a plane needs 3"),
+    ],
+)
+def test_mistakes_are_one_line(capsys, map_ply, tmp_path, args, code, words):
+    (tmp_path / "line.xyz").write_text("".join(f"{i} {2 * i} 0\n" for i in range(30)))
+    (tmp_path / "few.xyz").write_text("0 0 0\n1 0 0\n1 0 0\n")
+    names = {"MAP": map_ply, "LINE": str(tmp_path / "line.xyz"), "FEW": str(tmp_path / "few.xyz")}
+    found, out, err = run(capsys, *(names.get(arg, arg) for arg in args))
+    assert (found, out) == (code, "")
+    assert words in err
+    assert err.count("\n") == 1
+    assert not list(tmp_path.glob("*.patches"))
+
+
+@pytest.mark.parametrize(
+    ("name", "columns", "fewest"),
+    [
+        ("dxmcu_map/pcd/0.pcd", "4", 40),
+        ("newer_college_01/planes_000000.bin", "3", 8),
+        ("na_localization_maps/fenchalu/cloud_map.pcd", "4", 15),
+        ("pcl_data/region_growing_tutorial.pcd", "4", 20),
+        ("small_gicp_pair/target.ply", "4", 8),
+    ],
+)
+def test_real_clouds(capsys, shared_data, tmp_path, name, columns, fewest):
+    path = shared_data / "mapq" / name
+    code, out, _ = run(capsys, str(path), "-o", str(tmp_path / "p"), "--bin-columns", columns, "--json")
+    report = json.loads(out)["report"]
+    assert code == 0
+    assert report["patches"] >= fewest
+    assert report["warnings"] == []
