@@ -66,6 +66,19 @@ def faces(normal: NDArray[np.float32], i: int, plane: NDArray[np.float64], cos_a
     return not cosine < cos_angle
 
 
+@part
+def fits(
+    xyz: NDArray[np.float64],
+    normal: NDArray[np.float32],
+    i: int,
+    plane: NDArray[np.float64],
+    cos_angle: float,
+    max_distance: float,
+) -> bool:
+    """Return whether point i lies on a plane and faces as it does."""
+    return off_plane(xyz, i, plane) <= max_distance and faces(normal, i, plane, cos_angle)
+
+
 @jit
 def change_sides(
     xyz: NDArray[np.float64],
@@ -184,17 +197,15 @@ def walk_regions(
                         piece[j] = n_pieces
                     elif other == FREE or stamp[j] == n_pieces:
                         continue
-                    else:
-                        if not off_plane(xyz, j, planes[r]) <= max_distance:
-                            continue
-                        if not faces(normal, j, planes[r], cos_angle):
-                            continue
+                    elif fits(xyz, normal, j, planes[r], cos_angle, max_distance):
                         stamp[j] = n_pieces
                         if met[other] != r:
                             met[other] = r
                             if n_pairs < len(pairs):
                                 pairs[n_pairs, 0], pairs[n_pairs, 1] = r, other
                             n_pairs += 1
+                    else:
+                        continue
                     queue[tail] = j
                     tail += 1
             n_pieces += 1
