@@ -108,7 +108,7 @@ def _patches(file: str, bin_columns: int, max_tilt: float | None, up: tuple[floa
             raise UsageError(f"{file} is segmented already: --max-tilt and --up are for clouds.")
         return found
     with progress(len(STAGES), "segmenting") as reporter:
-        return segment(found, SegmentSettings(**chosen), lambda done, stage: reporter.update(done, stage=stage))
+        return segment(found, SegmentSettings(**chosen), reporter)
 
 
 def _lines(result: Result, target: str) -> Iterator[str]:

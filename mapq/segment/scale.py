@@ -18,6 +18,9 @@ ENOUGH_FLAT, FEW_LINES, NEARLY_BEST = 0.5, 0.05, 0.9
 at; else the finest level nearly as good as the best one is taken."""
 FEWEST = 200
 """Representatives below which a level is too coarse to try."""
+COARSEST = 8.0
+"""Times the spacing of all points: coarser levels are not tried, as anything looks flat from far enough away. Lines of
+a scanner may be the square of this times as far apart as the points along them."""
 TILT_MARGIN = 15.0
 """Degrees by which a neighbourhood may be farther from vertical than the patches that are kept, to count as theirs."""
 ENOUGH = 100
@@ -60,7 +63,10 @@ def find_scale(points: Points, settings: SegmentSettings) -> Scale:
         if found[-1].flat_share >= ENOUGH_FLAT and found[-1].narrow_share <= FEW_LINES:
             return found[-1]
         if FEWEST <= per_level[level] < 0.8 * per_level[found[-1].level]:
-            found.append(measure(points, level, settings))
+            coarser = measure(points, level, settings)
+            if coarser.spacing > COARSEST * found[0].spacing:
+                break
+            found.append(coarser)
     best = max(scale.flat_share for scale in found)
     return next(scale for scale in found if scale.flat_share >= NEARLY_BEST * best)
 
