@@ -17,6 +17,7 @@ from prf.kernels.grid import Grid, most_cells
 from prf.kernels.image import Image, count_all_edges
 from prf.kernels.proposal import N_PROPOSAL_COUNTS, Proposal
 from prf.kernels.sites import Sites
+from prf.sensors.sonar import make_sight
 from prf.window import Window
 
 Floats = NDArray[np.float64]
@@ -202,4 +203,5 @@ def grow(chain: Chain) -> Chain:
             marks=lengthen(index.marks, 0, capacity, 0),
         ),
         beams=chain.beams._replace(first_beam=lengthen(chain.beams.first_beam, 0, capacity, c.NONE)),
+        cones=chain.cones._replace(sight=make_sight(capacity + c.MOST_CHANGES)),
     )

@@ -14,6 +14,7 @@ from prf.kernels.chain import Chain
 from prf.kernels.grid import make_grid
 from prf.layout import make_graph, make_image, make_index, make_proposal, make_sites
 from prf.sensors.laser import LaserModel, make_beams, make_rays
+from prf.sensors.sonar import SonarModel, make_cones, make_poses
 from prf.window import Window
 
 Floats = NDArray[np.float64]
@@ -64,6 +65,30 @@ class LaserData:
 
 
 @dataclasses.dataclass(frozen=True)
+class SonarData:
+    """Sonar readings and their model.
+
+    Attributes
+    ----------
+    origin : (n, 2) array
+        Sensor positions, metres.
+    angle : (n,) array
+        Directions in the world frame, radians.
+    cone : (n,) array
+        Full fields of view, radians.
+    readings : (n,) array
+        Metres; inf: no return.
+    model : SonarModel
+    """
+
+    origin: Floats
+    angle: Floats
+    cone: Floats
+    readings: Floats
+    model: SonarModel
+
+
+@dataclasses.dataclass(frozen=True)
 class Settings:
     """What a chain is built with, besides the map it starts from.
 
@@ -73,7 +98,6 @@ class Settings:
     scale : float
         Scale parameter p of the Arak process, 1/m.
     laser : LaserData or None
-        None draws from the prior.
     resolution : float or None
         Side of the squares of the occupancy image in metres; None keeps no image.
     cell : float or None
@@ -82,6 +106,8 @@ class Settings:
         Share of births whose further vertices lie near the first.
     birth_reach, split_reach, move_reach, cut_reach : float or None
         Tuning of the proposals (``prf.kernels.constants``), metres; None chooses it from the scale.
+    sonar : SonarData or None
+        Without laser and sonar the chain draws from the prior.
     """
 
     window: Window
@@ -94,6 +120,7 @@ class Settings:
     split_reach: float | None = None
     move_reach: float | None = None
     cut_reach: float | None = None
+    sonar: SonarData | None = None
 
     def tuning(self) -> Floats:
         """Return the tuning array of the kernels."""
@@ -111,7 +138,7 @@ class Settings:
         if self.cell is not None:
             return self.cell
         longest = max(self.window.width, self.window.height)
-        share = 0.04 if self.laser is not None else 0.1
+        share = 0.1 if self.laser is None and self.sonar is None else 0.04
         return max(share / self.scale, longest / 1000.0)
 
 
@@ -124,19 +151,17 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
     grid = make_grid(*window, settings.cell_size())
     capacity = max(FIRST_CAPACITY, 2 * (len(coloring.xy) + c.MOST_CHANGES))
     graph = make_graph(coloring, capacity)
-    laser = settings.laser
-    if laser is None:
-        model, origin = LaserModel(1.0), np.zeros((0, 2))
-        ray = np.zeros((0, 8))
-    else:
-        model, origin = laser.model, laser.origin
-        ray = make_rays(window, model, origin, laser.angle, laser.readings)
+    laser = settings.laser or LaserData(*_nothing(), LaserModel(1.0))
+    ray = make_rays(window, laser.model, laser.origin, laser.angle, laser.readings)
+    sonar = settings.sonar or SonarData(*_nothing(), np.zeros(0), SonarModel())
+    pose = make_poses(sonar.model, sonar.origin, sonar.angle, sonar.cone, sonar.readings)
     odds = np.array([DEFAULT_ODDS[move] for move in range(c.N_MOVES)])
     chain = Chain(
         graph=graph,
         edge_index=make_index(graph, grid, FIRST_CELL_ROOM),
-        beams=make_beams(grid, model, ray, capacity),
-        sensors=make_sites(grid, origin),
+        beams=make_beams(grid, laser.model, ray, capacity),
+        cones=make_cones(grid, sonar.model, pose, capacity),
+        sensors=make_sites(grid, np.concatenate([laser.origin, sonar.origin])),
         image=make_image(coloring, graph, settings.resolution),
         proposal=make_proposal(grid),
         tuning=settings.tuning(),
@@ -146,3 +171,8 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
     trace_all(chain)
     resum(chain)
     return chain
+
+
+def _nothing() -> tuple[Floats, Floats, Floats]:
+    """Return origins, angles and readings of no sensor."""
+    return np.zeros((0, 2)), np.zeros(0), np.zeros(0)

@@ -9,9 +9,13 @@ from numpy.typing import NDArray
 
 from prf.arak import log_density
 from prf.coloring import Coloring, black_at
+from prf.kernels import cones as cone_columns
 from prf.kernels import constants as c
+from prf.kernels.beams import Beams
 from prf.kernels.brute import impacts_from_scratch
+from prf.kernels.build import trace_all
 from prf.kernels.chain import Chain
+from prf.kernels.cones import Cones
 from prf.layout import make_graph, make_image, make_index, pixel_centres, read_coloring
 
 Floats = NDArray[np.float64]
@@ -42,6 +46,26 @@ def recompute_impacts(chain: Chain) -> Impacts:
     edge, distance, log_likelihood = np.zeros(n, np.int32), np.zeros(n), np.zeros(n)
     total = impacts_from_scratch(chain.graph, beams.model, beams.ray, edge, distance, log_likelihood)
     return Impacts(edge, distance, log_likelihood, total)
+
+
+def recompute_cones(chain: Chain) -> Floats:
+    """Return poses, extents and log likelihoods (n, N_POSE) of all sonar readings, each sensed from scratch."""
+    fresh = chain.cones._replace(
+        pose=chain.cones.pose.copy(), last_slot=chain.cones.last_slot.copy(), sight=chain.cones.sight
+    )
+    untouched = chain.beams._replace(ray=chain.beams.ray.copy(), impact_edge=chain.beams.impact_edge.copy())
+    trace_all(chain._replace(cones=fresh, beams=untouched))
+    return fresh.pose
+
+
+def recompute_listed_cones(chain: Chain) -> NDArray[np.bool_]:
+    """Return which slots of cones should be listed: the first, and those that are entered within the extent."""
+    cones = chain.cones
+    n_slots = np.diff(cones.slot_start)
+    cone = np.repeat(np.arange(len(n_slots)), n_slots)
+    listed: NDArray[np.bool_] = cones.slot_near <= cones.pose[cone, cone_columns.EXTENT]
+    listed[cones.slot_start[:-1][n_slots > 0]] = True
+    return listed
 
 
 def recompute_sets(coloring: Coloring) -> list[int]:
@@ -86,16 +110,15 @@ def recompute_listed(chain: Chain) -> NDArray[np.bool_]:
     return listed
 
 
-def listed_now(chain: Chain) -> NDArray[np.bool_]:
-    """Return which slots of beams are found in the list of their cell, each at the place that it claims."""
-    beams = chain.beams
-    listed = np.zeros(len(beams.slot_cell), bool)
-    for cell in np.flatnonzero(beams.cell_count):
-        start = beams.cell_start[cell]
-        slots = beams.entries[start : start + beams.cell_count[cell], 1]
-        right = (beams.slot_cell[slots] == cell) & (beams.slot_place[slots] == np.arange(len(slots)))
-        owner = beams.entries[start : start + beams.cell_count[cell], 0]
-        right &= (beams.slot_start[owner] <= slots) & (slots < beams.slot_start[owner + 1])
+def listed_now(readings: Beams | Cones) -> NDArray[np.bool_]:
+    """Return which slots of beams or cones are found in the list of their cell, each at the place that it claims."""
+    listed = np.zeros(len(readings.slot_cell), bool)
+    for cell in np.flatnonzero(readings.cell_count):
+        start = readings.cell_start[cell]
+        slots = readings.entries[start : start + readings.cell_count[cell], 1]
+        right = (readings.slot_cell[slots] == cell) & (readings.slot_place[slots] == np.arange(len(slots)))
+        owner = readings.entries[start : start + readings.cell_count[cell], 0]
+        right &= (readings.slot_start[owner] <= slots) & (slots < readings.slot_start[owner + 1])
         listed[slots[right]] = True
     return listed
 
@@ -116,19 +139,22 @@ def beams_by_edge(chain: Chain) -> dict[int, list[int]]:
 def differences(chain: Chain) -> list[str]:
     """Return the names of the incremental quantities that differ from their twins (none: all hold)."""
     graph, coloring = chain.graph, read_coloring(chain.graph)
-    impacts = recompute_impacts(chain)
+    impacts, cones = recompute_impacts(chain), recompute_cones(chain)
+    total = impacts.total + float(cones[:, cone_columns.CONE_LOG_LIKELIHOOD].sum())
     by_edge: dict[int, list[int]] = {}
     for beam in np.flatnonzero(impacts.edge != c.NONE).tolist():
         by_edge.setdefault(int(impacts.edge[beam]), []).append(beam)
     holds = {
         "log prior": is_close(graph.sums[c.LOG_PRIOR], recompute_log_prior(chain)),
-        "log likelihood": is_close(graph.sums[c.LOG_LIKELIHOOD], impacts.total),
+        "log likelihood": is_close(graph.sums[c.LOG_LIKELIHOOD], total),
         "total length": is_close(graph.sums[c.TOTAL_LENGTH], coloring.total_length()),
         "impact edges": np.array_equal(impacts.edge, chain.beams.impact_edge),
         "impact distances": np.array_equal(impacts.distance, chain.beams.ray[:, c.DISTANCE]),
         "beam log likelihoods": np.array_equal(impacts.log_likelihood, chain.beams.ray[:, c.BEAM_LOG_LIKELIHOOD]),
         "beams by edge": by_edge == beams_by_edge(chain),
-        "beam index": np.array_equal(recompute_listed(chain), listed_now(chain)),
+        "beam index": np.array_equal(recompute_listed(chain), listed_now(chain.beams)),
+        "cones": np.array_equal(cones, chain.cones.pose),
+        "cone index": np.array_equal(recompute_listed_cones(chain), listed_now(chain.cones)),
         "edge index": recompute_edge_cells(chain)
         == cell_lists(chain.edge_index.cell_edges, chain.edge_index.cell_count),
         "sets": recompute_sets(coloring) == graph.counts[: c.N_SETS].tolist(),

@@ -8,6 +8,7 @@ from prf.kernels import constants as c
 from prf.kernels._jit import core, core_entry
 from prf.kernels.beams import relist_beams, trace_beam
 from prf.kernels.chain import Chain
+from prf.kernels.cones import relist_cones, sense_now
 from prf.kernels.edge_index import EdgeIndex, index_edge
 from prf.kernels.graph import Graph, add_edge, add_vertex, classify_vertex, vertex_sine_now
 from prf.kernels.grid import Grid, cell_at
@@ -42,9 +43,11 @@ def fill_index(graph: Graph, index: EdgeIndex) -> bool:
 
 @core_entry
 def trace_all(chain: Chain) -> None:
-    """Find every beam's impact and log likelihood from its origin on."""
+    """Find every beam's impact, every cone's extent, and the log likelihoods of both, from scratch."""
     for beam in range(chain.beams.ray.shape[0]):
         trace_beam(chain.graph, chain.edge_index, chain.beams, beam)
+    for cone in range(chain.cones.pose.shape[0]):
+        sense_now(chain.graph, chain.edge_index, chain.cones, cone, chain.proposal)
 
 
 @core
@@ -78,7 +81,7 @@ def resum(chain: Chain) -> None:
         length += graph.edge_length[graph.members[c.EDGES, i]]
     graph.sums[c.TOTAL_LENGTH] = length
     graph.sums[c.LOG_PRIOR] = log_prior(graph, chain.tuning[c.SCALE])
-    graph.sums[c.LOG_LIKELIHOOD] = relist_beams(chain.beams)
+    graph.sums[c.LOG_LIKELIHOOD] = relist_beams(chain.beams) + relist_cones(chain.cones)
 
 
 @core_entry

@@ -7,6 +7,8 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.beams import Beams
+from prf.kernels.cone_touch import apply_cones
+from prf.kernels.cones import Cones
 from prf.kernels.edge_index import EdgeIndex, index_edge, unindex_edge
 from prf.kernels.geometry import inside_loop
 from prf.kernels.graph import (
@@ -38,6 +40,7 @@ class Chain(NamedTuple):
     graph: Graph
     edge_index: EdgeIndex
     beams: Beams
+    cones: Cones
     sensors: Sites
     image: Image
     proposal: Proposal
@@ -105,6 +108,7 @@ def apply(chain: Chain, log_prior_change: float, log_likelihood_change: float) -
     apply_edges(graph, chain.edge_index, proposal)
     refresh_vertices(graph, proposal)
     apply_touched(chain.beams, proposal)
+    apply_cones(chain.cones)
     window = graph.window
     if inside_loop(
         0.5 * (window[0] + window[2]), 0.5 * (window[1] + window[3]), proposal.loop, proposal.counts[N_LOOP]

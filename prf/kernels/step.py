@@ -7,6 +7,7 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core, core_entry
 from prf.kernels.chain import Chain, apply
+from prf.kernels.cone_touch import sonar_change, touch_cones
 from prf.kernels.crossing import is_valid
 from prf.kernels.moves import (
     boundary_triangle,
@@ -105,12 +106,15 @@ def evaluate(chain: Chain, move: int, log_proposal_ratio: float, log_u: float) -
     if log_proposal_ratio == -math.inf:
         return False, 0.0, 0.0
     prior = log_prior_change(graph, proposal, chain.tuning[c.SCALE])
-    if chain.beams.ray.shape[0] == 0:
+    if chain.sensors.xy.shape[0] == 0:
         return log_u < prior + log_proposal_ratio, prior, 0.0
     if any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
         return False, 0.0, 0.0
     touch_beams(graph, chain.edge_index, chain.beams, proposal)
     likelihood = log_likelihood_change(chain.beams)
+    if chain.cones.pose.shape[0] > 0:
+        touch_cones(graph, chain.edge_index, chain.cones, proposal)
+        likelihood += sonar_change(graph, chain.edge_index, chain.cones, proposal)
     return log_u < prior + likelihood + log_proposal_ratio, prior, likelihood
 
 

@@ -1,0 +1,269 @@
+"""The sonar readings of one chain: their cones, present likelihoods, and the dynamic index from cells to cones.
+
+The cells that a cone can ever touch are known from the start ("slots", nearest first). A slot is listed in its cell
+while it lies within the cone's extent: up to its farthest contact where the whole field of view is covered, else up to
+its maximum range (section 2.3). A change of the map beyond finds no cone to ask.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from prf.kernels import constants as c
+from prf.kernels._jit import core, core_entry
+from prf.kernels.edge_index import EdgeIndex
+from prf.kernels.graph import Graph
+from prf.kernels.grid import Grid, axis_index
+from prf.kernels.proposal import N_NEW_EDGES, Proposal, goes
+from prf.kernels.sonar import SONAR_MAX, sonar_log_likelihood
+from prf.kernels.visibility import N_LINES, Sight, see_edge, sweep
+
+# Columns of ``Cones.pose``; the first four place the sonar.
+POSE_X = 0
+POSE_Y = 1
+POSE_COS = 2
+POSE_SIN = 3
+HALF = 4  # half of the field of view, radians
+READING = 5  # m; inf for no return
+EXTENT = 6  # up to where the map matters now, m
+CONE_LOG_LIKELIHOOD = 7
+N_POSE = 8
+
+SLACK = 1.0 + 1e-6
+"""Extents are raised by a hair: rounding may then ask a cone in vain, but never forget one."""
+
+
+class Cones(NamedTuple):
+    """Sonar readings and their index; slots are numbered over all cones."""
+
+    model: np.ndarray  # (N_SONAR_MODEL,) f8
+    pose: np.ndarray  # (n, N_POSE) f8
+    last_slot: np.ndarray  # (n,) i4 last slot that is listed
+    slot_start: np.ndarray  # (n + 1,) i8
+    slot_cell: np.ndarray  # (slots,) i4
+    slot_near: np.ndarray  # (slots,) f4 distance at which the cone enters the slot, rounded down; ascending in a cone
+    slot_place: np.ndarray  # (slots,) i4 place in the cell's list, NONE while not listed
+    cell_start: np.ndarray  # (n_cells + 1,) i8
+    cell_count: np.ndarray  # (n_cells,) i4
+    entries: np.ndarray  # (slots, 2) i4 cone and slot, listed by cell
+    mark: np.ndarray  # (n,) i8 the proposal that last asked the cone
+    proposals: np.ndarray  # (1,) i8 number of the proposal in work
+    touched: np.ndarray  # (n,) i4 cones whose likelihood the proposal may change
+    touched_extent: np.ndarray  # (n,) f8
+    touched_log_likelihood: np.ndarray  # (n,) f8
+    n_touched: np.ndarray  # (1,) i8
+    sight: Sight
+
+
+@core
+def list_cone(cones: Cones, cone: int, slot: int) -> None:
+    """List a slot in its cell."""
+    cell = cones.slot_cell[slot]
+    place = cones.cell_count[cell]
+    at = cones.cell_start[cell] + place
+    cones.entries[at, 0] = cone
+    cones.entries[at, 1] = slot
+    cones.slot_place[slot] = place
+    cones.cell_count[cell] = place + 1
+
+
+@core
+def unlist_cone(cones: Cones, slot: int) -> None:
+    """Strike a slot from its cell's list by moving the last entry into its place."""
+    cell = cones.slot_cell[slot]
+    place = cones.slot_place[slot]
+    last = cones.cell_count[cell] - 1
+    start = cones.cell_start[cell]
+    moved = cones.entries[start + last, 1]
+    cones.entries[start + place, 0] = cones.entries[start + last, 0]
+    cones.entries[start + place, 1] = moved
+    cones.slot_place[moved] = place
+    cones.slot_place[slot] = c.NONE
+    cones.cell_count[cell] = last
+
+
+@core
+def last_within(cones: Cones, cone: int, extent: float, near: int) -> int:
+    """Last slot that a cone enters within `extent`, searched from the slot `near` on."""
+    slot = near
+    first = cones.slot_start[cone]
+    last = cones.slot_start[cone + 1] - 1
+    while slot > first and cones.slot_near[slot] > extent:
+        slot -= 1
+    while slot < last and cones.slot_near[slot + 1] <= extent:
+        slot += 1
+    return slot
+
+
+@core
+def see_indexed(
+    graph: Graph, index: EdgeIndex, cones: Cones, cone: int, first: int, end: int, gone: Proposal, with_change: bool
+) -> None:
+    """Enter the edges of the slots from `first` to before `end` that stay and were not entered yet."""
+    pose = cones.pose[cone]
+    for slot in range(first, end):
+        cell = cones.slot_cell[slot]
+        for place in range(index.cell_count[cell]):
+            edge = index.cell_edges[cell, place]
+            if index.marks[edge] == index.mark[0]:
+                continue
+            index.marks[edge] = index.mark[0]
+            if with_change and goes(gone, edge):
+                continue
+            a = graph.edge_vertices[edge, 0]
+            b = graph.edge_vertices[edge, 1]
+            see_edge(
+                cones.sight,
+                pose,
+                pose[HALF],
+                cones.model[SONAR_MAX],
+                graph.edge_xy[edge],
+                corner_at(graph, a),
+                corner_at(graph, b),
+            )
+
+
+@core
+def corner_at(graph: Graph, vertex: int) -> int:
+    """The vertex if it lies inside the window, NONE on its border: there the window ends, not a wall."""
+    return vertex if graph.vertex_side[vertex] == c.INTERIOR else c.NONE
+
+
+@core
+def see_new(graph: Graph, cones: Cones, cone: int, proposal: Proposal) -> None:
+    """Enter the edges that come."""
+    pose = cones.pose[cone]
+    for k in range(proposal.counts[N_NEW_EDGES]):
+        a = corner_at(graph, proposal.new_edges[k, 0])
+        b = corner_at(graph, proposal.new_edges[k, 1])
+        see_edge(cones.sight, pose, pose[HALF], cones.model[SONAR_MAX], proposal.new_xy[k], a, b)
+
+
+@core
+def sense(
+    graph: Graph, index: EdgeIndex, cones: Cones, cone: int, proposal: Proposal, with_change: bool
+) -> tuple[float, float]:
+    """Extent and log likelihood of a cone in the present map, or in that which the proposal would make.
+
+    The near slots are asked first: where they cover the field of view, the far ones cannot be seen.
+    """
+    reach = cones.model[SONAR_MAX]
+    first = cones.slot_start[cone]
+    end = cones.slot_start[cone + 1]
+    near = cones.last_slot[cone] + 1
+    index.mark[0] += 1
+    cones.sight.counts[N_LINES] = 0
+    if with_change:
+        see_new(graph, cones, cone, proposal)
+    see_indexed(graph, index, cones, cone, first, near, proposal, with_change)
+    extent = min(reach, SLACK * sweep(cones.sight, cones.pose[cone, HALF], reach))
+    if near < end and cones.slot_near[near] <= extent:
+        see_indexed(graph, index, cones, cone, near, end, proposal, with_change)
+        extent = min(reach, SLACK * sweep(cones.sight, cones.pose[cone, HALF], reach))
+    return extent, sonar_log_likelihood(cones.model, cones.sight, cones.pose[cone, READING])
+
+
+@core
+def sense_now(graph: Graph, index: EdgeIndex, cones: Cones, cone: int, proposal: Proposal) -> None:
+    """Find extent and log likelihood of a cone from scratch (lists are not touched)."""
+    cones.last_slot[cone] = cones.slot_start[cone + 1] - 1
+    extent, log_likelihood = sense(graph, index, cones, cone, proposal, False)
+    cones.pose[cone, EXTENT] = extent
+    cones.pose[cone, CONE_LOG_LIKELIHOOD] = log_likelihood
+
+
+@core
+def relist_cones(cones: Cones) -> float:
+    """Lay out the lists anew from the extents, in the order of cones; return the sum of log likelihoods."""
+    cones.cell_count[:] = 0
+    total = 0.0
+    for cone in range(cones.pose.shape[0]):
+        first = cones.slot_start[cone]
+        cones.last_slot[cone] = last_within(cones, cone, cones.pose[cone, EXTENT], first)
+        for slot in range(first, cones.slot_start[cone + 1]):
+            cones.slot_place[slot] = c.NONE
+            if slot <= cones.last_slot[cone]:
+                list_cone(cones, cone, slot)
+        total += cones.pose[cone, CONE_LOG_LIKELIHOOD]
+    return total
+
+
+@core
+def enters_cell(grid: Grid, pose: np.ndarray, reach: float, ix: int, iy: int) -> float:
+    """Distance at which a cone enters a cell, a hair less; inf if it surely does not."""
+    x = grid.x0 + ix * grid.cell - pose[POSE_X]
+    y = grid.y0 + iy * grid.cell - pose[POSE_Y]
+    near_x = max(x, -(x + grid.cell), 0.0)
+    near_y = max(y, -(y + grid.cell), 0.0)
+    near = math.sqrt(near_x * near_x + near_y * near_y)
+    if near > reach:
+        return math.inf
+    centre_x = x + 0.5 * grid.cell
+    centre_y = y + 0.5 * grid.cell
+    distance = math.sqrt(centre_x * centre_x + centre_y * centre_y)
+    radius = 0.75 * grid.cell  # half a diagonal, and a little for what rounding puts into a cell's neighbour
+    if distance > radius:
+        along = pose[POSE_COS] * centre_x + pose[POSE_SIN] * centre_y
+        across = pose[POSE_COS] * centre_y - pose[POSE_SIN] * centre_x
+        if abs(math.atan2(across, along)) > pose[HALF] + math.asin(radius / distance):
+            return math.inf
+    return max(0.0, near * (1.0 - 1e-6) - 1e-9)
+
+
+@core
+def cells_of_cone(grid: Grid, pose: np.ndarray, reach: float, cells: np.ndarray, near: np.ndarray) -> int:
+    """Write the cells of a cone, nearest first, and where it enters them; return their number."""
+    i0 = axis_index((pose[POSE_X] - reach - grid.x0) / grid.cell, grid.nx)
+    i1 = axis_index((pose[POSE_X] + reach - grid.x0) / grid.cell, grid.nx)
+    k0 = axis_index((pose[POSE_Y] - reach - grid.y0) / grid.cell, grid.ny)
+    k1 = axis_index((pose[POSE_Y] + reach - grid.y0) / grid.cell, grid.ny)
+    n = 0
+    for iy in range(k0, k1 + 1):
+        for ix in range(i0, i1 + 1):
+            entry = enters_cell(grid, pose, reach, ix, iy)
+            if entry == math.inf:
+                continue
+            place = n
+            while place > 0 and near[place - 1] > entry:
+                near[place] = near[place - 1]
+                cells[place] = cells[place - 1]
+                place -= 1
+            near[place] = entry
+            cells[place] = ix + grid.nx * iy
+            n += 1
+    return n
+
+
+@core_entry
+def count_cone_slots(
+    grid: Grid, pose: np.ndarray, reach: float, cells: np.ndarray, near: np.ndarray, slot_start: np.ndarray
+) -> None:
+    """Fill `slot_start` (n + 1,) with the number of cells of each cone, summed."""
+    slot_start[0] = 0
+    for cone in range(pose.shape[0]):
+        slot_start[cone + 1] = slot_start[cone] + cells_of_cone(grid, pose[cone], reach, cells, near)
+
+
+@core_entry
+def fill_cone_slots(
+    grid: Grid,
+    pose: np.ndarray,
+    reach: float,
+    cells: np.ndarray,
+    near: np.ndarray,
+    slot_start: np.ndarray,
+    slot_cell: np.ndarray,
+    slot_near: np.ndarray,
+    cell_start: np.ndarray,
+) -> None:
+    """Fill the cells and entries of all slots, and `cell_start` (n_cells + 1,) with the room of each cell."""
+    cell_start[:] = 0
+    for cone in range(pose.shape[0]):
+        n = cells_of_cone(grid, pose[cone], reach, cells, near)
+        for k in range(n):
+            slot_cell[slot_start[cone] + k] = cells[k]
+            slot_near[slot_start[cone] + k] = near[k] * (1.0 - 1e-6)
+            cell_start[cells[k] + 1] += 1
+    for cell in range(cell_start.size - 1):
+        cell_start[cell + 1] += cell_start[cell]

@@ -1,0 +1,102 @@
+"""Log likelihood of a sonar reading, given the features in its cone (section 2.3, as the documentation reads it)."""
+
+import math
+
+import numpy as np
+
+from prf.kernels._jit import core
+from prf.kernels.laser import normal_cdf
+from prf.kernels.visibility import BEARING, CORNER, DEPTH, KIND, N_FEATURES, PROJECTION, SUBTENDED, Sight
+
+# Entries of the sonar model's array.
+SONAR_MAX = 0  # maximum range, m
+SONAR_NOISE = 1  # m
+SONAR_NOISE_RELATIVE = 2
+CORNER_BIAS = 3  # log odds of a return from a corner at no distance
+CORNER_DISTANCE = 4  # loss of log odds a metre
+SURFACE_BIAS = 5  # log odds of a return from a surface at no distance, face on, seen under no angle
+SURFACE_DISTANCE = 6  # loss of log odds a metre
+SURFACE_OBLIQUE = 7  # loss of log odds a radian away from face on
+SURFACE_SUBTENDED = 8  # gain of log odds a radian of the field of view
+OUTLIER_UNIFORM = 9  # share of stray readings that are uniform
+OUTLIER_SHORT = 10  # share that are exponential
+SHORT_RATE = 11  # of the exponential, 1/m
+N_SONAR_MODEL = 12
+
+ROOT_TWO_PI = math.sqrt(2.0 * math.pi)
+
+
+@core
+def return_probability(model: np.ndarray, feature: np.ndarray) -> float:
+    """q_f: probability that a feature alone would return the pulse (logistic)."""
+    if feature[KIND] == CORNER:
+        odds = model[CORNER_BIAS] - model[CORNER_DISTANCE] * feature[DEPTH]
+    else:
+        oblique = 0.5 * math.pi - feature[PROJECTION]
+        odds = model[SURFACE_BIAS] - model[SURFACE_DISTANCE] * feature[DEPTH]
+        odds += model[SURFACE_SUBTENDED] * feature[SUBTENDED] - model[SURFACE_OBLIQUE] * oblique
+    return 1.0 / (1.0 + math.exp(-odds))
+
+
+@core
+def sort_features(sight: Sight) -> None:
+    """Rank the features by depth, ties by bearing and kind (insertion sort: they are few)."""
+    for i in range(1, sight.counts[N_FEATURES]):
+        moved = sight.rank[i]
+        place = i
+        while place > 0 and feature_before(sight.feature[moved], sight.feature[sight.rank[place - 1]]):
+            sight.rank[place] = sight.rank[place - 1]
+            place -= 1
+        sight.rank[place] = moved
+
+
+@core
+def feature_before(one: np.ndarray, other: np.ndarray) -> bool:
+    """Total order of features."""
+    if one[DEPTH] != other[DEPTH]:
+        return one[DEPTH] < other[DEPTH]
+    if one[BEARING] != other[BEARING]:
+        return one[BEARING] < other[BEARING]
+    return one[KIND] < other[KIND]
+
+
+@core
+def hit_density(model: np.ndarray, reading: float, depth: float) -> float:
+    """Density at a reading (inf: probability of no return) of a pulse that came back from `depth`.
+
+    A Gaussian cut at 0 and renormalised; its mass beyond the maximum range is no return.
+    """
+    s = max(model[SONAR_NOISE], model[SONAR_NOISE_RELATIVE] * depth)
+    positive = normal_cdf(depth / s)
+    if reading >= model[SONAR_MAX]:
+        return normal_cdf((depth - model[SONAR_MAX]) / s) / positive
+    z = (reading - depth) / s
+    return math.exp(-0.5 * z * z) / (s * ROOT_TWO_PI * positive)
+
+
+@core
+def stray_density(model: np.ndarray, reading: float) -> float:
+    """Density at a reading (inf: probability of no return) of a pulse that no feature returned."""
+    if reading >= model[SONAR_MAX]:
+        missed = 1.0 - model[OUTLIER_UNIFORM] - model[OUTLIER_SHORT]
+        return missed + model[OUTLIER_SHORT] * math.exp(-model[SHORT_RATE] * model[SONAR_MAX])
+    short = model[SHORT_RATE] * math.exp(-model[SHORT_RATE] * reading)
+    return model[OUTLIER_UNIFORM] / model[SONAR_MAX] + model[OUTLIER_SHORT] * short
+
+
+@core
+def sonar_log_likelihood(model: np.ndarray, sight: Sight, reading: float) -> float:
+    """Log density of a reading (metres; the maximum range or more: no return) given the features of `sight`.
+
+    Feature f returns the pulse with probability r_f = q_f prod over closer g of (1 - q_g); with what is left none does.
+    """
+    sort_features(sight)
+    left = 1.0
+    density = 0.0
+    for i in range(sight.counts[N_FEATURES]):
+        feature = sight.feature[sight.rank[i]]
+        q = return_probability(model, feature)
+        density += left * q * hit_density(model, reading, feature[DEPTH])
+        left *= 1.0 - q
+    density += left * stray_density(model, reading)
+    return math.log(density) if density > 0.0 else -math.inf

@@ -1,0 +1,295 @@
+"""What a sonar sees: visible parts of edges and visible corners in its cone, by a radial sweep (Lee 1978; section 2.3).
+
+Everything is in the frame of the sonar: it stands at the origin and looks along x. Edges are clipped to the cone and to
+its reach; as edges do not cross, the order of two of them along a ray is the same at all angles that both span.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from prf.kernels import constants as c
+from prf.kernels._jit import core
+
+# Columns of ``Sight.feature``.
+DEPTH = 0  # distance to its closest visible point, m
+PROJECTION = 1  # angle between the line of sight and the wall there, radians: pi/2 is face on; corners: 0
+SUBTENDED = 2  # angle that it fills, radians; corners: 0
+KIND = 3  # SURFACE or CORNER
+BEARING = 4  # of the closest visible point, radians
+N_FEATURE = 5
+
+SURFACE = 0.0
+CORNER = 1.0
+
+# Entries of ``Sight.counts``.
+N_LINES = 0
+N_FEATURES = 1
+N_SIGHT_COUNTS = 2
+
+HIDDEN = 1.0 - 1e-9
+"""A corner is hidden by what stands before this share of its distance: not by the edges that meet in it."""
+
+
+class Sight(NamedTuple):
+    """Scratch of one chain: edges clipped to a cone, and the features found."""
+
+    line: np.ndarray  # (room, 4) f8 ends a, b of the clipped edges, b counter-clockwise of a
+    angle: np.ndarray  # (room, 2) f8 of both ends
+    corner: np.ndarray  # (room, 2) i4 interior vertex at either end; NONE where the edge is cut or meets the border
+    event: np.ndarray  # (2 room,) i4 ends in order of angle: 2 line for its beginning, 2 line + 1 for its end
+    active: np.ndarray  # (room,) i4 lines that span the present angle, nearest first
+    feature: np.ndarray  # (4 room, N_FEATURE) f8
+    rank: np.ndarray  # (4 room,) i4 features, nearest first
+    counts: np.ndarray  # (N_SIGHT_COUNTS,) i8
+
+
+@core
+def clip_half_plane(along: float, change: float, low: float, high: float) -> tuple[float, float]:
+    """Part of [low, high] in which along + t change >= 0; empty if the second bound is below the first."""
+    if change > 0.0:
+        return max(low, -along / change), high
+    if change < 0.0:
+        return low, min(high, along / -change)
+    return (low, high) if along >= 0.0 else (1.0, 0.0)
+
+
+@core
+def clip_disc(ax: float, ay: float, dx: float, dy: float, reach: float, low: float, high: float) -> tuple[float, float]:
+    """Part of [low, high] in which |a + t d| <= reach; empty if the second bound is below the first."""
+    square = dx * dx + dy * dy
+    half = (ax * dx + ay * dy) / square
+    root = half * half - (ax * ax + ay * ay - reach * reach) / square
+    if root <= 0.0:
+        return 1.0, 0.0
+    width = math.sqrt(root)
+    return max(low, -half - width), min(high, -half + width)
+
+
+@core
+def see_edge(
+    sight: Sight, pose: np.ndarray, half: float, reach: float, xy: np.ndarray, first: int, second: int
+) -> None:
+    """Enter the part of an edge with ends `xy` (4,) that lies in the cone of `pose` (x, y, cos, sin), if any.
+
+    `first` and `second` are the vertices at its ends, NONE on the border: there the window ends, not the wall.
+    """
+    ax = (xy[0] - pose[0]) * pose[2] + (xy[1] - pose[1]) * pose[3]
+    ay = (xy[1] - pose[1]) * pose[2] - (xy[0] - pose[0]) * pose[3]
+    bx = (xy[2] - pose[0]) * pose[2] + (xy[3] - pose[1]) * pose[3]
+    by = (xy[3] - pose[1]) * pose[2] - (xy[2] - pose[0]) * pose[3]
+    cosine = math.cos(half)
+    sine = math.sin(half)
+    low, high = clip_half_plane(ax * sine + ay * cosine, (bx - ax) * sine + (by - ay) * cosine, 0.0, 1.0)
+    low, high = clip_half_plane(ax * sine - ay * cosine, (bx - ax) * sine - (by - ay) * cosine, low, high)
+    if low >= high:
+        return
+    low, high = clip_disc(ax, ay, bx - ax, by - ay, reach, low, high)
+    if low >= high:
+        return
+    enter_line(sight, half, ax, ay, bx, by, low, high, first, second)
+
+
+@core
+def enter_line(
+    sight: Sight,
+    half: float,
+    ax: float,
+    ay: float,
+    bx: float,
+    by: float,
+    low: float,
+    high: float,
+    first: int,
+    second: int,
+) -> None:
+    """Store the part [low, high] of the line ab, the end of smaller angle first; a line seen end on is left out."""
+    px = ax + low * (bx - ax) if low > 0.0 else ax
+    py = ay + low * (by - ay) if low > 0.0 else ay
+    qx = ax + high * (bx - ax) if high < 1.0 else bx
+    qy = ay + high * (by - ay) if high < 1.0 else by
+    p = min(max(math.atan2(py, px), -half), half)
+    q = min(max(math.atan2(qy, qx), -half), half)
+    if p == q:
+        return
+    n = sight.counts[N_LINES]
+    swap = 1 if q < p else 0
+    sight.line[n, 2 * swap] = px
+    sight.line[n, 2 * swap + 1] = py
+    sight.line[n, 2 - 2 * swap] = qx
+    sight.line[n, 3 - 2 * swap] = qy
+    sight.angle[n, swap] = p
+    sight.angle[n, 1 - swap] = q
+    sight.corner[n, swap] = first if low <= 0.0 else c.NONE
+    sight.corner[n, 1 - swap] = second if high >= 1.0 else c.NONE
+    sight.counts[N_LINES] = n + 1
+
+
+@core
+def depth_at(sight: Sight, line: int, angle: float) -> float:
+    """Distance along the ray at `angle` to a line that spans it."""
+    ax = sight.line[line, 0]
+    ay = sight.line[line, 1]
+    dx = sight.line[line, 2] - ax
+    dy = sight.line[line, 3] - ay
+    return (ax * dy - ay * dx) / (math.cos(angle) * dy - math.sin(angle) * dx)
+
+
+@core
+def is_nearer(sight: Sight, one: int, other: int) -> bool:
+    """Whether line `one` stands before line `other`, asked in the middle of the angles that both span."""
+    low = max(sight.angle[one, 0], sight.angle[other, 0])
+    high = min(sight.angle[one, 1], sight.angle[other, 1])
+    middle = 0.5 * (low + high)
+    return depth_at(sight, one, middle) < depth_at(sight, other, middle)
+
+
+@core
+def event_before(sight: Sight, one: int, other: int) -> bool:
+    """Order of events: by angle, beginnings before ends, then by number so that the order is total."""
+    angle = sight.angle[one // 2, one % 2]
+    other_angle = sight.angle[other // 2, other % 2]
+    if angle != other_angle:
+        return angle < other_angle
+    if one % 2 != other % 2:
+        return one % 2 < other % 2
+    return one < other
+
+
+@core
+def sink(sight: Sight, root: int, n: int) -> None:
+    """Restore the heap order of the first `n` events below `root`."""
+    event = sight.event
+    while 2 * root + 1 < n:
+        child = 2 * root + 1
+        if child + 1 < n and event_before(sight, event[child], event[child + 1]):
+            child += 1
+        if not event_before(sight, event[root], event[child]):
+            return
+        event[root], event[child] = event[child], event[root]
+        root = child
+
+
+@core
+def sort_events(sight: Sight) -> int:
+    """Sort the ends of all lines by angle (heapsort: no room needed); return their number."""
+    n = 2 * sight.counts[N_LINES]
+    for i in range(n):
+        sight.event[i] = i
+    for root in range(n // 2 - 1, -1, -1):
+        sink(sight, root, n)
+    for last in range(n - 1, 0, -1):
+        sight.event[0], sight.event[last] = sight.event[last], sight.event[0]
+        sink(sight, 0, last)
+    return n
+
+
+@core
+def insert_active(sight: Sight, n_active: int, line: int) -> None:
+    """Enter a line among the `n_active` ones in order of distance (binary search)."""
+    low = 0
+    high = n_active
+    while low < high:
+        middle = (low + high) // 2
+        if is_nearer(sight, line, sight.active[middle]):
+            high = middle
+        else:
+            low = middle + 1
+    for place in range(n_active, low, -1):
+        sight.active[place] = sight.active[place - 1]
+    sight.active[low] = line
+
+
+@core
+def remove_active(sight: Sight, n_active: int, line: int) -> None:
+    """Strike a line from the `n_active` ones."""
+    place = 0
+    while sight.active[place] != line:
+        place += 1
+    for later in range(place, n_active - 1):
+        sight.active[later] = sight.active[later + 1]
+
+
+@core
+def add_feature(sight: Sight, depth: float, projection: float, subtended: float, kind: float, bearing: float) -> None:
+    """Store a feature."""
+    n = sight.counts[N_FEATURES]
+    sight.feature[n, DEPTH] = depth
+    sight.feature[n, PROJECTION] = projection
+    sight.feature[n, SUBTENDED] = subtended
+    sight.feature[n, KIND] = kind
+    sight.feature[n, BEARING] = bearing
+    sight.rank[n] = n
+    sight.counts[N_FEATURES] = n + 1
+
+
+@core
+def add_surface(sight: Sight, line: int, low: float, high: float) -> float:
+    """Store the part of a line that is seen between two angles; return the distance of its farther end."""
+    ax = sight.line[line, 0]
+    ay = sight.line[line, 1]
+    dx = sight.line[line, 2] - ax
+    dy = sight.line[line, 3] - ay
+    length = math.sqrt(dx * dx + dy * dy)
+    foot = math.atan2(-dx * (ax * dy - ay * dx), dy * (ax * dy - ay * dx))
+    if foot < low or foot > high:
+        foot = low if depth_at(sight, line, low) < depth_at(sight, line, high) else high
+    sine = abs(math.cos(foot) * dy - math.sin(foot) * dx) / length
+    add_feature(sight, depth_at(sight, line, foot), math.asin(min(1.0, sine)), high - low, SURFACE, foot)
+    return max(depth_at(sight, line, low), depth_at(sight, line, high))
+
+
+@core
+def add_corner(sight: Sight, line: int, end: int, front: int) -> None:
+    """Store the corner at an end of a line if nothing stands before it and it is not stored already."""
+    vertex = sight.corner[line, end]
+    if vertex == c.NONE:
+        return
+    angle = sight.angle[line, end]
+    x = sight.line[line, 2 * end]
+    y = sight.line[line, 2 * end + 1]
+    depth = math.sqrt(x * x + y * y)
+    if depth_at(sight, front, angle) < HIDDEN * depth:
+        return
+    for i in range(sight.counts[N_FEATURES]):
+        at = sight.feature[i]
+        if at[KIND] == CORNER and at[BEARING] == angle and at[DEPTH] == depth:
+            return
+    add_feature(sight, depth, 0.0, 0.0, CORNER, angle)
+
+
+@core
+def sweep(sight: Sight, half: float, reach: float) -> float:
+    """Find the features of the lines entered; return up to where the map matters to this sonar.
+
+    That is the farthest visible point where the whole field of view is covered, else `reach`.
+    """
+    sight.counts[N_FEATURES] = 0
+    n = sort_events(sight)
+    extent = 0.0
+    n_active = 0
+    front = c.NONE
+    since = -half
+    i = 0
+    while i < n:
+        angle = sight.angle[sight.event[i] // 2, sight.event[i] % 2]
+        first = i
+        while i < n and sight.angle[sight.event[i] // 2, sight.event[i] % 2] == angle:
+            if sight.event[i] % 2 == 0:
+                insert_active(sight, n_active, sight.event[i] // 2)
+                n_active += 1
+            i += 1
+        for k in range(first, i):
+            add_corner(sight, sight.event[k] // 2, sight.event[k] % 2, sight.active[0])
+        for k in range(first, i):
+            if sight.event[k] % 2 == 1:
+                remove_active(sight, n_active, sight.event[k] // 2)
+                n_active -= 1
+        now = sight.active[0] if n_active > 0 else c.NONE
+        if now != front:
+            if angle > since:
+                extent = max(extent, add_surface(sight, front, since, angle) if front != c.NONE else reach)
+            front = now
+            since = angle
+    return extent if since >= half and n > 0 else reach

@@ -1,0 +1,181 @@
+"""Sonar: the parameters of its likelihood, and its cones laid out for a chain (paper, section 2.3)."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.kernels import cones as k
+from prf.kernels import constants as c
+from prf.kernels import sonar as m
+from prf.kernels.grid import Grid
+from prf.kernels.visibility import N_FEATURE, N_SIGHT_COUNTS, Sight
+from prf.sensors.laser import MOST_SLOTS
+from prf.shell.errors import ConfigError
+
+Floats = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class SonarModel:
+    """Parameters of the density of a sonar reading given the surfaces and corners in its cone.
+
+    The defaults suit the Polaroid ring of a Pioneer indoors.
+
+    Parameters
+    ----------
+    max_range : float
+        Metres. A reading at or above it is "no return".
+    noise, noise_relative : float
+        Standard deviation in metres, and as a share of the distance; the larger of the two counts.
+    corner_bias, corner_distance : float
+        Log odds that a corner at no distance returns a pulse; loss of log odds a metre.
+    surface_bias, surface_distance, surface_oblique, surface_subtended : float
+        Log odds that a surface at no distance, face on, returns a pulse; loss a metre; loss a radian away from
+        face on; gain a radian of the field of view that it fills.
+    uniform_probability, short_probability : float
+        Shares of the readings that no feature returned which are uniform on [0, max_range], and exponential;
+        the others are "no return".
+    short_length : float
+        Mean of the exponential, metres.
+    """
+
+    max_range: float = 3.5
+    noise: float = 0.03
+    noise_relative: float = 0.02
+    corner_bias: float = 0.5
+    corner_distance: float = 0.5
+    surface_bias: float = 4.0
+    surface_distance: float = 0.5
+    surface_oblique: float = 8.0
+    surface_subtended: float = 6.0
+    uniform_probability: float = 0.2
+    short_probability: float = 0.05
+    short_length: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Refuse parameters that make no density."""
+        for name in ("max_range", "noise", "short_length"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ConfigError(f"sonar {name.replace('_', '-')} {value}: must be a positive number of metres")
+        for field in dataclasses.fields(self):
+            if not math.isfinite(getattr(self, field.name)):
+                raise ConfigError(f"sonar {field.name.replace('_', '-')}: must be a number")
+        if self.noise_relative < 0.0:
+            raise ConfigError(f"sonar noise-relative {self.noise_relative}: must not be negative")
+        if not 0.0 < self.uniform_probability < 1.0:
+            raise ConfigError(
+                f"sonar uniform-probability {self.uniform_probability}: must lie in (0, 1), else no map could explain "
+                "a stray reading"
+            )
+        if not 0.0 <= self.short_probability < 1.0 - self.uniform_probability:
+            raise ConfigError("sonar short-probability + uniform-probability: their sum must stay below 1")
+
+    def to_array(self) -> Floats:
+        """Return the parameters as the kernels take them, (N_SONAR_MODEL,)."""
+        model = np.zeros(m.N_SONAR_MODEL)
+        model[m.SONAR_MAX] = self.max_range
+        model[m.SONAR_NOISE] = self.noise
+        model[m.SONAR_NOISE_RELATIVE] = self.noise_relative
+        model[m.CORNER_BIAS] = self.corner_bias
+        model[m.CORNER_DISTANCE] = self.corner_distance
+        model[m.SURFACE_BIAS] = self.surface_bias
+        model[m.SURFACE_DISTANCE] = self.surface_distance
+        model[m.SURFACE_OBLIQUE] = self.surface_oblique
+        model[m.SURFACE_SUBTENDED] = self.surface_subtended
+        model[m.OUTLIER_UNIFORM] = self.uniform_probability
+        model[m.OUTLIER_SHORT] = self.short_probability
+        model[m.SHORT_RATE] = 1.0 / self.short_length
+        return model
+
+
+def make_poses(model: SonarModel, origin: Floats, angle: Floats, cone: Floats, readings: Floats) -> Floats:
+    """Return the (n, N_POSE) array of cones that the kernels keep, with no extent yet.
+
+    Parameters
+    ----------
+    model : SonarModel
+    origin : (n, 2) array
+        Sensor positions inside the window, metres.
+    angle : (n,) array
+        Directions in the world frame, radians.
+    cone : (n,) array
+        Full fields of view, radians.
+    readings : (n,) array
+        Metres; inf or at least the maximum range: no return.
+
+    Raises
+    ------
+    ConfigError
+        If a field of view is not between 0 and pi.
+    """
+    if np.any(~(cone > 0.0) | ~(cone < math.pi)):
+        raise ConfigError("sonar cone: the field of view must lie between 0 and pi radians")
+    pose = np.zeros((len(angle), k.N_POSE))
+    pose[:, k.POSE_X : k.POSE_Y + 1] = origin
+    pose[:, k.POSE_COS] = np.cos(angle)
+    pose[:, k.POSE_SIN] = np.sin(angle)
+    pose[:, k.HALF] = 0.5 * cone
+    pose[:, k.READING] = np.where(readings < model.max_range, readings, np.inf)
+    pose[:, k.EXTENT] = model.max_range
+    return pose
+
+
+def make_sight(room: int) -> Sight:
+    """Return scratch for the edges and features in one cone, with room for this many edges."""
+    return Sight(
+        line=np.zeros((room, 4)),
+        angle=np.zeros((room, 2)),
+        corner=np.zeros((room, 2), np.int32),
+        event=np.zeros(2 * room, np.int32),
+        active=np.zeros(room, np.int32),
+        feature=np.zeros((4 * room, N_FEATURE)),
+        rank=np.zeros(4 * room, np.int32),
+        counts=np.zeros(N_SIGHT_COUNTS, np.int64),
+    )
+
+
+def make_cones(grid: Grid, model: SonarModel, pose: Floats, edge_capacity: int) -> k.Cones:
+    """Lay out cones and the index of their cells, with room for the longest lists that can come to be.
+
+    Raises
+    ------
+    ConfigError
+        If there are too many readings for the size of the cells.
+    """
+    n, n_cells = len(pose), grid.nx * grid.ny
+    side = min(2 * math.ceil(model.max_range / grid.cell) + 3, max(grid.nx, grid.ny))
+    cells, near = np.empty(side * side, np.int32), np.empty(side * side)
+    slot_start = np.zeros(n + 1, np.int64)
+    k.count_cone_slots(grid, pose, model.max_range, cells, near, slot_start)
+    n_slots = int(slot_start[-1])
+    if n_slots >= MOST_SLOTS:
+        raise ConfigError(
+            f"{n} sonar readings pass {n_slots} cells, too many for one index. Thin them: --every-scan, --every-beam."
+        )
+    slot_cell, slot_near = np.empty(n_slots, np.int32), np.empty(n_slots, np.float32)
+    cell_start = np.zeros(n_cells + 1, np.int64)
+    k.fill_cone_slots(grid, pose, model.max_range, cells, near, slot_start, slot_cell, slot_near, cell_start)
+    return k.Cones(
+        model=model.to_array(),
+        pose=pose.copy(),
+        last_slot=np.zeros(n, np.int32),
+        slot_start=slot_start,
+        slot_cell=slot_cell,
+        slot_near=slot_near,
+        slot_place=np.full(n_slots, c.NONE, np.int32),
+        cell_start=cell_start,
+        cell_count=np.zeros(n_cells, np.int32),
+        entries=np.zeros((n_slots, 2), np.int32),
+        mark=np.zeros(n, np.int64),
+        proposals=np.zeros(1, np.int64),
+        touched=np.zeros(n, np.int32),
+        touched_extent=np.zeros(n),
+        touched_log_likelihood=np.zeros(n),
+        n_touched=np.zeros(1, np.int64),
+        sight=make_sight(edge_capacity + c.MOST_CHANGES),
+    )
