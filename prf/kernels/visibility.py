@@ -29,7 +29,10 @@ N_FEATURES = 1
 N_SIGHT_COUNTS = 2
 
 HIDDEN = 1.0 - 1e-9
-"""A corner is hidden by what stands before this share of its distance: not by the edges that meet in it."""
+"""A corner is hidden by what stands before this share of its distance."""
+
+SNAP = 1e-9
+"""Radians: an end nearer than this to the border of the cone lies on it."""
 
 
 class Sight(NamedTuple):
@@ -92,6 +95,14 @@ def see_edge(
 
 
 @core
+def snapped(angle: float, half: float) -> float:
+    """The angle, or that of the cone's border next to it, so that a line cut there covers the field of view."""
+    if angle < SNAP - half:
+        return -half
+    return half if angle > half - SNAP else angle
+
+
+@core
 def enter_line(
     sight: Sight,
     half: float,
@@ -109,8 +120,8 @@ def enter_line(
     py = ay + low * (by - ay) if low > 0.0 else ay
     qx = ax + high * (bx - ax) if high < 1.0 else bx
     qy = ay + high * (by - ay) if high < 1.0 else by
-    p = min(max(math.atan2(py, px), -half), half)
-    q = min(max(math.atan2(qy, qx), -half), half)
+    p = snapped(math.atan2(py, px), half)
+    q = snapped(math.atan2(qy, qx), half)
     if p == q:
         return
     n = sight.counts[N_LINES]
@@ -231,12 +242,12 @@ def add_surface(sight: Sight, line: int, low: float, high: float) -> float:
     ay = sight.line[line, 1]
     dx = sight.line[line, 2] - ax
     dy = sight.line[line, 3] - ay
-    length = math.sqrt(dx * dx + dy * dy)
     foot = math.atan2(-dx * (ax * dy - ay * dx), dy * (ax * dy - ay * dx))
     if foot < low or foot > high:
         foot = low if depth_at(sight, line, low) < depth_at(sight, line, high) else high
-    sine = abs(math.cos(foot) * dy - math.sin(foot) * dx) / length
-    add_feature(sight, depth_at(sight, line, foot), math.asin(min(1.0, sine)), high - low, SURFACE, foot)
+    across = abs(math.cos(foot) * dy - math.sin(foot) * dx)
+    along = abs(math.cos(foot) * dx + math.sin(foot) * dy)
+    add_feature(sight, depth_at(sight, line, foot), math.atan2(across, along), high - low, SURFACE, foot)
     return max(depth_at(sight, line, low), depth_at(sight, line, high))
 
 
@@ -250,7 +261,8 @@ def add_corner(sight: Sight, line: int, end: int, front: int) -> None:
     x = sight.line[line, 2 * end]
     y = sight.line[line, 2 * end + 1]
     depth = math.sqrt(x * x + y * y)
-    if depth_at(sight, front, angle) < HIDDEN * depth:
+    is_own = sight.corner[front, 0] == vertex or sight.corner[front, 1] == vertex
+    if not is_own and depth_at(sight, front, angle) < HIDDEN * depth:
         return
     for i in range(sight.counts[N_FEATURES]):
         at = sight.feature[i]

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from prf.kernels._jit import core_entry
+from prf.kernels.cones import HALF
 from prf.kernels.geometry import inside_loop, ray_hit, segments_meet, sine_of_angle
 from prf.kernels.grid import Grid, cell_at, exit_distance, walk
 from prf.kernels.image import Image, count_edge, recolor_inside
 from prf.kernels.laser import beam_log_likelihood
 from prf.kernels.sites import Sites, any_inside
+from prf.kernels.sonar import sonar_log_likelihood
+from prf.kernels.visibility import N_LINES, Sight, see_edge, sweep
 
 
 @core_entry
@@ -82,3 +85,19 @@ def recolor(image: Image, loop: np.ndarray, step: int) -> None:
 @core_entry
 def change_edge(image: Image, xy: np.ndarray, change: int, step: int) -> None:
     count_edge(image, xy, change, step)
+
+
+@core_entry
+def see_all(sight: Sight, segments: np.ndarray, corners: np.ndarray, pose: np.ndarray, reach: float) -> float:
+    """Features of all `segments` (n, 4), whose ends are the vertices `corners` (n, 2), left in `sight`; the extent."""
+    sight.counts[N_LINES] = 0
+    for k in range(segments.shape[0]):
+        see_edge(sight, pose, pose[HALF], reach, segments[k], corners[k, 0], corners[k, 1])
+    return sweep(sight, pose[HALF], reach)
+
+
+@core_entry
+def sonar_table(model: np.ndarray, sight: Sight, readings: np.ndarray, found: np.ndarray) -> None:
+    """Log likelihoods of readings given the features in `sight`."""
+    for k in range(readings.size):
+        found[k] = sonar_log_likelihood(model, sight, readings[k])
