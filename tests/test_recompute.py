@@ -11,6 +11,7 @@ import pytest
 
 from prf.arak import exact_draws
 from prf.coloring import Coloring, black_at
+from prf.kernels import cones
 from prf.kernels import constants as c
 from prf.kernels.build import resum
 from prf.kernels.chain import Chain
@@ -25,6 +26,8 @@ from prf.sensors.laser import LaserModel
 from prf.window import Window
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import structural_faults
+from tests.reference.slow_sonar import Ring
+from tests.reference.sonar_worlds import draw_data, draw_sonar_world, ring_all_round
 from tests.reference.worlds import draw_world, office
 
 ROOM = Window(0.0, 0.0, 10.0, 10.0)
@@ -62,6 +65,17 @@ def world_chain(seed: int, at_truth: bool, cell: float | None = 1.0) -> Chain:
     return make_chain(Settings(ROOM, 0.3, world.data, resolution=0.5, cell=cell), start)
 
 
+def sonar_chain(seed: int, at_truth: bool, with_laser: bool, view: float, cell: float | None = 1.0) -> Chain:
+    """Sonar of a short reach, so that walls come and go at its limit; with the laser of the same world or alone."""
+    rng = np.random.default_rng(seed)
+    world = draw_world(0.5, ROOM, NEAR, 3, 20, rng)
+    places = np.unique(world.data.origin, axis=0)
+    sonar = draw_data(world.coloring, Ring(4.0), ring_all_round(places, 12, view, rng), rng)
+    laser = world.data if with_laser else None
+    start = world.coloring if at_truth else Coloring.empty(ROOM)
+    return make_chain(Settings(ROOM, 0.5, laser, resolution=0.5, cell=cell, sonar=sonar), start)
+
+
 def test_twins_agree_from_a_draw_of_the_prior() -> None:
     """No readings: the moves that recolour much are accepted far more often here than under a likelihood."""
     start = exact_draws(0.25, ROOM, 1, np.random.default_rng(0))[0]
@@ -92,6 +106,52 @@ def test_twins_agree_after_many_steps_without_new_sums() -> None:
 @pytest.mark.parametrize("cell", [None, 0.31, 7.0], ids=["chosen", "small", "large"])
 def test_twins_agree_whatever_the_cells(cell: float | None) -> None:
     follow(world_chain(3, True, cell), np.random.default_rng(3), 200)
+
+
+@pytest.mark.parametrize("with_laser", [False, True], ids=["sonar", "laser and sonar"])
+@pytest.mark.parametrize("at_truth", [False, True], ids=["from white", "from the truth"])
+def test_twins_agree_on_sonar(at_truth: bool, with_laser: bool) -> None:
+    chain, n_accepted = follow(sonar_chain(11, at_truth, with_laser, 0.5), np.random.default_rng(11), 1500)
+    assert n_accepted > 100
+    if at_truth:
+        assert (chain.cones.pose[:, cones.EXTENT] < 4.0).mean() > 0.1
+
+
+@pytest.mark.parametrize("cell", [None, 0.23, 7.0], ids=["chosen", "small", "large"])
+@pytest.mark.parametrize("view", [0.02, 2.9], ids=["1 degree", "170 degrees"])
+def test_twins_agree_on_sonar_whatever_cells_and_cones(view: float, cell: float | None) -> None:
+    _, n_accepted = follow(sonar_chain(12, True, False, view, cell), np.random.default_rng(12), 300)
+    assert n_accepted > 10
+
+
+def test_twins_agree_on_sonar_after_many_steps_without_new_sums() -> None:
+    chain, rng = sonar_chain(13, False, True, 0.4), np.random.default_rng(13)
+    for step in range(5000, 100_001, 5000):
+        while not run(chain, rng, step):
+            chain = grow(chain)
+        assert differences(chain) == structural_faults(chain) == []
+    before = chain.cones.pose.copy()
+    resum(chain)
+    assert differences(chain) == []
+    assert np.array_equal(before, chain.cones.pose)
+
+
+def test_twins_agree_on_sonar_on_borders_of_cells_and_beside_the_border_of_the_window() -> None:
+    """Round places, round directions; cones that look out of the window or lie along a row of cells."""
+    places = np.array([[5.0, 5.0], [2.5, 8.0], [1e-9, 5.0], [10.0 - 1e-9, 9.0], [4.0, 1e-9]])
+    world = draw_sonar_world(0.3, ROOM, Ring(4.0), 1, 2, 0.5, np.random.default_rng(14))
+    turn = np.tile(np.arange(8) * np.pi / 4, len(places))
+    readings = np.random.default_rng(14).uniform(0.3, 5.0, len(turn))
+    data = dataclasses.replace(
+        world.data,
+        origin=np.repeat(places, 8, axis=0),
+        angle=turn,
+        cone=np.full(len(turn), np.pi / 4),
+        readings=readings,
+    )
+    chain = make_chain(Settings(ROOM, 0.3, cell=0.5, sonar=data), Coloring.empty(ROOM))
+    _, n_accepted = follow(chain, np.random.default_rng(14), 1000)
+    assert n_accepted > 50
 
 
 def rays_from(places: np.ndarray, n_beams: int, seed: int) -> LaserData:
@@ -167,7 +227,7 @@ def test_twins_agree_after_every_accepted_step_of_a_long_run(data_dir: Path) -> 
 @pytest.fixture
 def sound() -> Chain:
     """A chain on readings with triangles and corner cuts in its map."""
-    start, rng = world_chain(5, False), np.random.default_rng(5)
+    start, rng = sonar_chain(5, True, True, 0.5), np.random.default_rng(5)
     for chain in states(start, rng, 60_000):
         counts = chain.graph.counts
         if (
@@ -175,6 +235,7 @@ def sound() -> Chain:
             and counts[c.TRIANGLE_VERTICES]
             and counts[c.CORNER_CUTS]
             and counts[c.BOUNDARY_APEXES]
+            and (chain.cones.pose[:, cones.EXTENT] < 4.0).any()
         ):
             break
     assert differences(chain) == []
@@ -229,6 +290,27 @@ def name_wrong_beam(chain: Chain) -> None:
     entry[0] = (entry[0] + 1) % len(chain.beams.ray)
 
 
+def shift_cone_likelihood(chain: Chain) -> None:
+    chain.cones.pose[0, cones.CONE_LOG_LIKELIHOOD] += 1e-12
+
+
+def shift_extent(chain: Chain) -> None:
+    """By a hair, to where no other cell begins."""
+    cone = int(np.flatnonzero(chain.cones.pose[:, cones.EXTENT] < 4.0)[0])
+    chain.cones.pose[cone, cones.EXTENT] *= 1.0 + 1e-12
+
+
+def unlist_cone(chain: Chain) -> None:
+    cell = int(np.flatnonzero(chain.cones.cell_count)[0])
+    chain.cones.cell_count[cell] -= 1
+
+
+def name_wrong_cone(chain: Chain) -> None:
+    cell = int(np.flatnonzero(chain.cones.cell_count)[0])
+    entry = chain.cones.entries[chain.cones.cell_start[cell]]
+    entry[0] = (entry[0] + 1) % len(chain.cones.pose)
+
+
 def unindex_an_edge(chain: Chain) -> None:
     cell = int(np.flatnonzero(chain.edge_index.cell_count)[0])
     chain.edge_index.cell_count[cell] -= 1
@@ -270,6 +352,10 @@ DAMAGES: list[tuple[Callable[[Chain], None], list[str]]] = [
     (unlist_beam, ["beam index"]),
     (move_listed_beam, ["beam index"]),
     (name_wrong_beam, ["beam index"]),
+    (shift_cone_likelihood, ["cones"]),
+    (shift_extent, ["cones"]),
+    (unlist_cone, ["cone index"]),
+    (name_wrong_cone, ["cone index"]),
     (unindex_an_edge, ["edge index"]),
     (count_a_set_wrong, ["sets"]),
     (bend_a_sine, ["sines"]),

@@ -56,6 +56,12 @@ def data_of(ring: Ring, cones: list[Cone], readings: Floats) -> SonarData:
     return SonarData(rows[:, :2].copy(), rows[:, 2].copy(), rows[:, 3].copy(), readings, model_of(ring))
 
 
+def draw_data(coloring: Coloring, ring: Ring, cones: list[Cone], rng: np.random.Generator) -> SonarData:
+    """Readings at random from the written density."""
+    readings = [draw_reading(ring, features(coloring, cone, ring.max), rng) for cone in cones]
+    return data_of(ring, cones, np.array(readings))
+
+
 def draw_sonar_world(
     scale: float, window: Window, ring: Ring, n_sensors: int, n_cones: int, view: float, rng: np.random.Generator
 ) -> SonarWorld:
@@ -65,9 +71,7 @@ def draw_sonar_world(
         coloring = exact_draws(scale, window, 1, rng)[0]
         if not black_at(coloring, place).any():
             break
-    cones = ring_all_round(place, n_cones, view, rng)
-    readings = np.array([draw_reading(ring, features(coloring, cone, ring.max), rng) for cone in cones])
-    return SonarWorld(coloring, data_of(ring, cones, readings))
+    return SonarWorld(coloring, draw_data(coloring, ring, ring_all_round(place, n_cones, view, rng), rng))
 
 
 def random_office(window: Window, n_walls: int, n_boxes: int, rng: np.random.Generator) -> Coloring:
