@@ -17,12 +17,15 @@ from prf.coloring import Coloring
 from prf.kernels import constants as c
 from prf.kernels.build import resum
 from prf.kernels.step import run
-from prf.layout import grow
-from prf.posterior import DEFAULT_ODDS, Settings, make_chain
+from prf.layout import grow, read_coloring
+from prf.posterior import DEFAULT_ODDS, Settings, SonarData, make_chain
 from prf.recompute import differences
 from prf.window import Window
 from tests.reference.beams import Sensor, impacts, log_likelihood
 from tests.reference.chain_state import digest, structural_faults
+from tests.reference.slow_sonar import Cone, Ring, features
+from tests.reference.slow_sonar import log_likelihood as sonar_log_likelihood
+from tests.reference.sonar_worlds import data_of, draw_data, draw_sonar_world, ring_all_round
 from tests.reference.worlds import draw_world
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
@@ -39,6 +42,16 @@ def short_runs() -> dict[str, dict[str, str]]:
         chain = make_chain(Settings(ROOM, 0.2, world.data, resolution=1.0, cell=1.0), start)
         rng = np.random.default_rng(seed)
         for until in (700, 1400):
+            while not run(chain, rng, until):
+                chain = grow(chain)
+            resum(chain)
+        found[name] = digest(chain, rng)
+    for name, laser in (("sonar", None), ("laser and sonar", world.data)):
+        rng = np.random.default_rng(4)
+        sonar = draw_data(world.coloring, Ring(), ring_all_round(world.data.origin[::12], 8, 0.5, rng), rng)
+        start = world.coloring if laser else Coloring.empty(ROOM)
+        chain = make_chain(Settings(ROOM, 0.2, laser, resolution=1.0, cell=1.0, sonar=sonar), start)
+        for until in (400, 800):
             while not run(chain, rng, until):
                 chain = grow(chain)
             resum(chain)
@@ -107,8 +120,6 @@ def test_the_start_has_the_sums_of_the_written_model(at_truth: bool) -> None:
 
 def test_the_sums_of_a_run_are_those_of_the_written_model() -> None:
     """After 30,000 steps on readings, from the map alone."""
-    from prf.layout import read_coloring
-
     world = draw_world(0.3, ROOM, NEAR, 3, 40, np.random.default_rng(7))
     chain = make_chain(Settings(ROOM, 0.3, world.data), Coloring.empty(ROOM))
     rng = np.random.default_rng(7)
@@ -120,6 +131,40 @@ def test_the_sums_of_a_run_are_those_of_the_written_model() -> None:
     assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(expected, rel=1e-8)
     assert chain.graph.sums[c.LOG_PRIOR] == pytest.approx(log_density(coloring, 0.3), rel=1e-9)
     assert expected > 1.2 * len(distance) * math.log(0.95)
+
+
+def slow_sonar_sum(coloring: Coloring, ring: Ring, sonar: SonarData) -> float:
+    rows = zip(sonar.origin.tolist(), sonar.angle.tolist(), sonar.cone.tolist(), sonar.readings.tolist(), strict=True)
+    return sum(
+        sonar_log_likelihood(ring, features(coloring, Cone(*xy, angle, view), ring.max), reading)
+        for xy, angle, view, reading in rows
+    )
+
+
+def test_the_sums_of_a_run_with_sonar_are_those_of_the_written_model() -> None:
+    """At the truth and after 20,000 steps from white, from the map alone; the laser's part adds to it."""
+    rng = np.random.default_rng(10)
+    world = draw_sonar_world(0.4, ROOM, Ring(), 3, 12, 0.5, rng)
+    chain = make_chain(Settings(ROOM, 0.4, sonar=world.data), world.coloring)
+    assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(
+        slow_sonar_sum(world.coloring, Ring(), world.data), rel=1e-9
+    )
+    assert len(chain.sensors.xy) == 3
+    laser = draw_world(0.4, ROOM, NEAR, 2, 20, rng).data
+    chain = make_chain(Settings(ROOM, 0.4, laser, sonar=world.data), Coloring.empty(ROOM))
+    assert len(chain.sensors.xy) == 5
+    while not run(chain, rng, 20_000):
+        chain = grow(chain)
+    coloring = read_coloring(chain.graph)
+    distance = impacts(coloring, laser.origin, laser.angle, NEAR.max)
+    expected = sum(log_likelihood(NEAR, r, d) for r, d in zip(laser.readings, distance, strict=True))
+    expected += slow_sonar_sum(coloring, Ring(), world.data)
+    assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(expected, rel=1e-8)
+
+
+def test_cells_follow_the_scale_for_sonar_too() -> None:
+    sonar = data_of(Ring(), [Cone(5.0, 5.0, 0.0, 0.3)], np.ones(1))
+    assert Settings(ROOM, 0.1, sonar=sonar).cell_size() == pytest.approx(0.4)
 
 
 def test_no_readings_give_no_likelihood() -> None:

@@ -18,14 +18,14 @@ LONGEST_BLOCK = 4 * SHORTEST_BLOCK
 """A round must not keep Ctrl-C, the clock and the progress waiting for long."""
 
 
-def block_length(n_beams: int) -> int:
+def block_length(n_readings: int) -> int:
     """Return the steps after which sums and lists are laid out anew.
 
-    That costs time in proportion to the beams, so the steps grow with them; they depend on nothing else, because
+    That costs time in proportion to the readings, so the steps grow with them; they depend on nothing else, because
     they decide the order of floating-point sums.
     """
     length = SHORTEST_BLOCK
-    while length < min(n_beams, LONGEST_BLOCK):
+    while length < min(n_readings, LONGEST_BLOCK):
         length *= 2
     return length
 
@@ -57,7 +57,7 @@ class ChainSampler:
         self.chain = make_chain(settings, start if start is not None else Coloring.empty(settings.window))
         self.record = Record(probes)
         self.times = ImageTimes(self.chain.image.black.size)
-        self.block = block_length(len(self.chain.beams.ray))
+        self.block = block_length(len(self.chain.beams.ray) + len(self.chain.cones.pose))
 
     @property
     def step(self) -> int:
