@@ -1,4 +1,4 @@
-"""Draw the posterior over polygonal maps from localized laser readings."""
+"""Draw the posterior over polygonal maps from localized laser and sonar readings."""
 
 from __future__ import annotations
 
@@ -20,12 +20,23 @@ logger = logging.getLogger(__name__)
 
 EXAMPLES = (
     "prf sample --laser data/demo-office.log.gz -o office --time-budget 30",
+    "prf sample --sonar ring.csv --sonar-max-range 3.5 --scale 0.2",
     "prf sample --laser intel.log.gz --every-scan 10 --scale 0.1 --seed 1",
     "prf sample --resume office --steps 5000000",
 )
 
 Laser = Annotated[
     str | None, typer.Option("--laser", metavar="LOG", help="Localized laser readings; - is standard input.")
+]
+Sonar = Annotated[
+    str | None, typer.Option("--sonar", metavar="LOG", help="Localized sonar readings, alone or with a laser's.")
+]
+SonarMaxRange = Annotated[
+    float | None, typer.Option("--sonar-max-range", metavar="METRES", help="Sonar: no return from here on.  [3.5]")
+]
+SonarCone = Annotated[
+    float | None,
+    typer.Option("--sonar-cone", metavar="RAD", help="Full field of view, where the log has none.  [0.349]"),
 ]
 Scale = Annotated[
     float | None, typer.Option("--scale", metavar="1/METRE", help="Scale parameter p of the prior.  [0.1]")
@@ -80,6 +91,8 @@ SCIENCE = (
     "noise_relative",
     "outlier_probability",
     "miss_probability",
+    "sonar_max_range",
+    "sonar_cone",
     "chains",
     "resolution",
 )
@@ -88,6 +101,7 @@ SCIENCE = (
 
 def sample(
     laser: Laser = None,
+    sonar: Sonar = None,
     output: Output = None,
     scale: Scale = None,
     window: WindowOption = None,
@@ -100,6 +114,8 @@ def sample(
     noise_relative: NoiseRelative = None,
     outlier_probability: OutlierProbability = None,
     miss_probability: MissProbability = None,
+    sonar_max_range: SonarMaxRange = None,
+    sonar_cone: SonarCone = None,
     chains: Chains = None,
     resolution: Resolution = None,
     steps: Steps = None,
@@ -110,7 +126,7 @@ def sample(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Draw the posterior over polygonal maps from localized laser readings.
+    """Draw the posterior over polygonal maps from localized laser and sonar readings.
 
     Without --steps and --time-budget it stops when the chains agree (R-hat < 1.05 and ESS > 100 for every functional),
     or after 30 minutes, saying that they do not. Ctrl-C keeps what was sampled; --resume goes on from there, and gives
@@ -124,17 +140,16 @@ def sample(
 
     if steps is not None and time_budget is not None:
         raise UsageError("--steps and --time-budget: give one of them.")
-    if laser is None and resume is None:
-        raise UsageError("Nothing to sample: give --laser LOG, or --resume RUN.")
-    folder = _folder(laser, output, resume, force)
+    logs = {flag: log for flag, log in (("--laser", laser), ("--sonar", sonar)) if log is not None}
+    folder = _folder(logs, output, resume, force)
     with exclusive(folder):
-        session = _open(laser, folder, resume is not None, asked, seed, threads)
+        session = _open(logs, folder, resume is not None, asked, seed, threads)
         with session.sampler:
             run, progress = _carry_out(session, StopRule(steps, time_budget))
     _report(run, progress, folder, session, json)
 
 
-def _folder(laser: str | None, output: str | None, resume: str | None, force: bool) -> Path:
+def _folder(logs: dict[str, str], output: str | None, resume: str | None, force: bool) -> Path:
     """Return the RUN directory, refused where it would overwrite one."""
     from pathlib import Path
 
@@ -149,15 +164,19 @@ def _folder(laser: str | None, output: str | None, resume: str | None, force: bo
         if not is_run(resume):
             raise InputError(f"{resume}: no run to resume is there.")
         return Path(resume)
+    if not logs:
+        raise UsageError("Nothing to sample: give --laser LOG, --sonar LOG or both, or --resume RUN.")
+    if list(logs.values()) == [STREAM, STREAM]:
+        raise UsageError("--laser - --sonar -: standard input can be read once only.")
     if output == STREAM:
         raise UsageError("-o -: a run is a directory. Name one.")
-    folder = Path(output) if output is not None else default_output(laser or STREAM)
+    folder = Path(output) if output is not None else default_output(next(iter(logs.values())))
     refuse_existing(folder, force)
     return folder
 
 
 def _open(
-    laser: str | None, folder: Path, resumed: bool, asked: dict[str, Any], seed: int | None, threads: int
+    logs: dict[str, str], folder: Path, resumed: bool, asked: dict[str, Any], seed: int | None, threads: int
 ) -> Session:
     """Return the session, and say what it is about."""
     import os
@@ -168,24 +187,30 @@ def _open(
 
     n_threads = threads or len(os.sched_getaffinity(0))
     if resumed:
-        session = sessions.resume(folder, laser, asked, seed, n_threads)
+        session = sessions.resume(folder, logs, asked, seed, n_threads)
         logger.info(f"resuming at step {session.sampler.step}")
     else:
-        assert laser is not None
         used_seed = resolve_seed(seed)
-        prepared = sessions.read_prepared(laser, SampleConfig(**asked))
+        prepared = sessions.read_prepared(logs.get("--laser"), SampleConfig(**asked), logs.get("--sonar"))
         if prepared.n_outside:
             logger.warning(f"{prepared.n_outside} readings dropped: their sensors stand outside the window")
         if sessions.needs_compiling():
             logger.info("compiling kernels (once; about half a minute) ...")
-        session = sessions.start(laser, prepared, folder, used_seed, n_threads)
+        session = sessions.start(list(logs.values()), prepared, folder, used_seed, n_threads)
         session.sampler.compile()
-    beams, window = session.output.beams, session.sampler.settings.window
+    window = session.sampler.settings.window
     logger.info(
-        f"{len(beams.range)} beams, window {window.width:.1f} x {window.height:.1f} m, "
+        f"{_readings(session)}, window {window.width:.1f} x {window.height:.1f} m, "
         f"{len(session.sampler.chains)} chains, seed {session.output.seed}"
     )
     return session
+
+
+def _readings(session: Session) -> str:
+    """Return how many readings of each sensor the run uses, in words."""
+    beams, cones = session.output.beams, session.output.cones
+    parts = [f"{len(beams.range)} beams"] if beams is not None else []
+    return " and ".join(parts + ([f"{len(cones.range)} sonar readings"] if cones is not None else []))
 
 
 def _carry_out(session: Session, rule: Any) -> tuple[Run, Progress]:

@@ -14,10 +14,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.image import AxesImage
 
-    from prf.run import Beams, PosteriorImage
+    from prf.run import Beams, Cones, PosteriorImage
 
 MOST_BEAMS = 4000
 """More beams than this make a solid patch: they are thinned evenly before drawing."""
+
+ARC_POINTS = 9
 
 
 def fill_map(axes: Axes, coloring: Coloring, colour: str = INK) -> None:
@@ -83,7 +85,20 @@ def draw_impacts(axes: Axes, beams: Beams) -> None:
     axes.plot(*impacts.T, linestyle="none", marker="o", markersize=size, markeredgewidth=0.0, color=IMPACT, zorder=2.5)
 
 
-def draw_path(axes: Axes, beams: Beams) -> None:
+def draw_cones(axes: Axes, cones: Cones, width: float = 0.5, strength: float = 0.45) -> None:
+    """Draw an arc across the field of view at the distance of every sonar reading that returned."""
+    from matplotlib.collections import LineCollection
+
+    hit = np.flatnonzero(np.isfinite(cones.range) & (cones.range < cones.max_range))
+    hit = hit[:: max(1, -(-len(hit) // MOST_BEAMS))]
+    turn = cones.angle[hit, None] + cones.cone[hit, None] * np.linspace(-0.5, 0.5, ARC_POINTS)
+    arcs = cones.origin[hit, None] + cones.range[hit, None, None] * np.stack((np.cos(turn), np.sin(turn)), axis=-1)
+    axes.add_collection(
+        LineCollection(list(arcs), colors=IMPACT, linewidths=width, alpha=strength, zorder=1.6), autolim=False
+    )
+
+
+def draw_path(axes: Axes, beams: Beams | Cones) -> None:
     """Draw the sensor's positions, joined in the order of the scans, the first one ringed."""
     path = beams.sensor_path()
     dots = 2.4 if len(path) < 200 else 1.2

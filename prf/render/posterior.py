@@ -43,7 +43,7 @@ def render_posterior(
     path : bool
         Draw the sensor's path.
     beams : bool
-        Draw the beams, thinly.
+        Draw the beams of the laser and the arcs of the sonar, thinly.
     title : str, optional
         Instead of the default one.
 
@@ -64,8 +64,10 @@ def render_posterior(
         layers.draw_outline(axes, run.best)
     if run.beams is not None and beams:
         layers.draw_beams(axes, run.beams)
-    if run.beams is not None and path:
-        layers.draw_path(axes, run.beams)
+    if run.cones is not None and beams:
+        layers.draw_cones(axes, run.cones)
+    if run.sensors is not None and path:
+        layers.draw_path(axes, run.sensors)
     _add_colour_bar(page, drawn, window, "not free" if squares else "occupied")
     style.save(page, target)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from prf.render import layers
-from prf.run import Run, names
+from prf.run import Beams, Cones, Run, names
 from prf.shell import pictures as style
 from prf.shell.pictures import Target
 
@@ -13,12 +13,12 @@ from prf.shell.pictures import Target
 def render_beams(
     run: Run, target: Target, *, outline: bool = False, path: bool = True, title: str | None = None
 ) -> None:
-    """Draw beams, impacts and the sensor's path.
+    """Draw beams and impacts of the laser, arcs of the sonar, and the sensor's path.
 
     Parameters
     ----------
     run : Run
-        With beams.
+        With readings.
     target : path or binary file
     outline : bool
         Draw the edges of the best map over them.
@@ -30,25 +30,29 @@ def render_beams(
     Raises
     ------
     InputError
-        If the run has no beams.
+        If the run has no readings.
     """
-    if run.beams is None:
+    if run.sensors is None:
         raise run.missing(names.READINGS)
-    beams = run.beams
     window = run.draws.window
-    n_silent = int(np.count_nonzero(~(beams.range < beams.max_range)))
-    small = "  ·  ".join(
-        [
-            run.name,
-            f"{style.counted(len(beams.angle), 'beam')} in {style.counted(len(beams.sensor_path()), 'scan')}",
-            f"{n_silent:,} without return below {beams.max_range:.4g} m (not drawn)",
-        ]
-    )
+    small = "  ·  ".join([run.name, *(_words(part) for part in (run.beams, run.cones) if part is not None)])
     page, axes = style.map_page(window, style.margins_of(window), title or "Readings", small)
-    layers.draw_beams(axes, beams)
+    if run.beams is not None:
+        layers.draw_beams(axes, run.beams)
+    if run.cones is not None:
+        layers.draw_cones(axes, run.cones)
     if outline and run.best is not None:
         layers.draw_outline(axes, run.best)
-    layers.draw_impacts(axes, beams)
+    if run.beams is not None:
+        layers.draw_impacts(axes, run.beams)
     if path:
-        layers.draw_path(axes, beams)
+        layers.draw_path(axes, run.sensors)
     style.save(page, target)
+
+
+def _words(readings: Beams | Cones) -> str:
+    """Return how many readings of a sensor there are, and how many are not drawn."""
+    n, n_scans = len(readings.angle), style.counted(len(readings.sensor_path()), "scan")
+    n_silent = int(np.count_nonzero(~(readings.range < readings.max_range)))
+    what = style.counted(n, "sonar reading" if isinstance(readings, Cones) else "beam")
+    return f"{what} in {n_scans}  ·  {n_silent:,} without return below {readings.max_range:.4g} m (not drawn)"

@@ -64,6 +64,10 @@ class Beams(NamedTuple):
     scan: NDArray[np.int64]
     max_range: float
 
+    def select(self, mask: NDArray[np.bool_]) -> Beams:
+        """Return the beams that `mask` (n,) picks."""
+        return Beams(self.origin[mask], self.angle[mask], self.range[mask], self.scan[mask], self.max_range)
+
     def impacts(self) -> NDArray[np.float64]:
         """Return the end points of the beams with a return, (n_returns, 2) in metres."""
         hit = np.isfinite(self.range) & (self.range < self.max_range)
@@ -74,6 +78,43 @@ class Beams(NamedTuple):
 
     def sensor_path(self) -> NDArray[np.float64]:
         """Return the sensor's position scan by scan, (n_scans, 2), in the order of the scan numbers."""
+        _, first = np.unique(self.scan, return_index=True)
+        return self.origin[first]
+
+
+class Cones(NamedTuple):
+    """The sonar readings that a run used, one row a reading.
+
+    Attributes
+    ----------
+    origin : (n, 2) float64
+        Position of the transducer in metres.
+    angle : (n,) float64
+        Direction of its axis in the world frame, radians counter-clockwise from +x.
+    cone : (n,) float64
+        Full field of view, radians.
+    range : (n,) float64
+        Measured distance in metres; inf for no return.
+    scan : (n,) int64
+        Number of the scan in its log.
+    max_range : float
+        Distance in metres from which on a reading counts as no return.
+    """
+
+    origin: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    cone: NDArray[np.float64]
+    range: NDArray[np.float64]
+    scan: NDArray[np.int64]
+    max_range: float
+
+    def select(self, mask: NDArray[np.bool_]) -> Cones:
+        """Return the readings that `mask` (n,) picks."""
+        origin, angle, cone, ranges = (array[mask] for array in (self.origin, self.angle, self.cone, self.range))
+        return Cones(origin, angle, cone, ranges, self.scan[mask], self.max_range)
+
+    def sensor_path(self) -> NDArray[np.float64]:
+        """Return the position of the first transducer of every scan, (n_scans, 2), in the order of the scans."""
         _, first = np.unique(self.scan, return_index=True)
         return self.origin[first]
 
@@ -103,6 +144,9 @@ class Run:
         Colour of each probe point in each draw.
     image : PosteriorImage or None
     beams : Beams or None
+        None too where the run used no laser.
+    cones : Cones or None
+        None too where the run used no sonar.
     best : Coloring or None
         The map of highest log posterior among the states that any chain recorded.
     best_log_posterior : float
@@ -122,6 +166,7 @@ class Run:
     probe_black: NDArray[np.bool_] = field(default_factory=lambda: np.empty((0, 0), dtype=np.bool_))
     image: PosteriorImage | None = None
     beams: Beams | None = None
+    cones: Cones | None = None
     best: Coloring | None = None
     best_log_posterior: float = float("nan")
     diagnostics: dict[str, Any] | None = None
@@ -131,6 +176,11 @@ class Run:
     def n_chains(self) -> int:
         """Number of chains that recorded a draw."""
         return len(np.unique(self.chain))
+
+    @property
+    def sensors(self) -> Beams | Cones | None:
+        """The readings that show the sensor's path: the laser's if there are any."""
+        return self.beams if self.beams is not None else self.cones
 
     @property
     def name(self) -> str:

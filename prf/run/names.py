@@ -21,5 +21,7 @@ SCHEMAS = {
     MAP: "prf.map/1",
     DIAGNOSTICS: diagnostics.SCHEMA,
 }
+SONAR_PREFIX = "sonar_"
+"""Arrays of readings.npz with this prefix hold the sonar readings."""
 FUNCTIONAL_PREFIX = "functional_"
 """Arrays of draws.npz with this prefix hold one functional each."""

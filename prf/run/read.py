@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from prf.coloring import Coloring, Draws
 from prf.run import names
 from prf.run.mapfile import read_map_feature
-from prf.run.model import Beams, PosteriorImage, Run
+from prf.run.model import Beams, Cones, PosteriorImage, Run
 from prf.shell.errors import InputError
 from prf.shell.storage import damaged, load_arrays, load_object, take_array
 from prf.window import Window
@@ -48,7 +48,7 @@ def read_run(path: str | os.PathLike[str], parts: Collection[str] = PARTS) -> Ru
     if names.POSTERIOR in present:
         fields["image"] = read_image(folder / names.POSTERIOR)
     if names.READINGS in present:
-        fields["beams"] = read_beams(folder / names.READINGS)
+        fields["beams"], fields["cones"] = read_readings(folder / names.READINGS)
     if names.MAP in present:
         fields["best"], fields["best_log_posterior"] = read_best(folder / names.MAP)
     if names.DIAGNOSTICS in present:
@@ -105,9 +105,16 @@ def read_image(path: Path) -> PosteriorImage:
     )
 
 
-def read_beams(path: Path) -> Beams:
-    """Return the beams in readings.npz."""
+def read_readings(path: Path) -> tuple[Beams | None, Cones | None]:
+    """Return the beams and the sonar readings in readings.npz; None for a sensor that the run did not use."""
     arrays = load_arrays(path, names.SCHEMAS[names.READINGS])
+    beams = _take_beams(path, arrays)
+    if names.SONAR_PREFIX + "angle" not in arrays:
+        return beams, None
+    return (beams if len(beams.angle) > 0 else None), _take_cones(path, arrays)
+
+
+def _take_beams(path: Path, arrays: dict[str, NDArray[Any]]) -> Beams:
     angle = take_array(path, arrays, "angle", np.float64, (None,))
     n = len(angle)
     return Beams(
@@ -116,6 +123,20 @@ def read_beams(path: Path) -> Beams:
         take_array(path, arrays, "range", np.float64, (n,)),
         take_array(path, arrays, "scan", np.int64, (n,)),
         float(take_array(path, arrays, "max_range", np.float64, ())),
+    )
+
+
+def _take_cones(path: Path, arrays: dict[str, NDArray[Any]]) -> Cones:
+    prefix = names.SONAR_PREFIX
+    angle = take_array(path, arrays, prefix + "angle", np.float64, (None,))
+    n = len(angle)
+    return Cones(
+        take_array(path, arrays, prefix + "origin", np.float64, (n, 2)),
+        angle,
+        take_array(path, arrays, prefix + "cone", np.float64, (n,)),
+        take_array(path, arrays, prefix + "range", np.float64, (n,)),
+        take_array(path, arrays, prefix + "scan", np.int64, (n,)),
+        float(take_array(path, arrays, prefix + "max_range", np.float64, ())),
     )
 
 

@@ -7,8 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from prf.run import names
-from prf.run.read import read_beams, read_best, read_draws, read_image, read_manifest
+from prf.run.read import read_best, read_draws, read_image, read_manifest, read_readings
 from prf.shell.errors import PrfError
 from prf.shell.storage import load_object
 
@@ -66,9 +68,15 @@ def _summarise_image(file: Path) -> str:
     return f"{n_columns} x {n_rows} cells of {image.resolution:g} m"
 
 
-def _summarise_beams(file: Path) -> str:
-    beams = read_beams(file)
-    return f"{len(beams.angle)} beams, {len(beams.impacts())} with a return below {beams.max_range:g} m"
+def _summarise_readings(file: Path) -> str:
+    beams, cones = read_readings(file)
+    parts = []
+    if beams is not None:
+        parts.append(f"{len(beams.angle)} beams, {len(beams.impacts())} with a return below {beams.max_range:g} m")
+    if cones is not None:
+        n_returns = int(np.count_nonzero(cones.range < cones.max_range))
+        parts.append(f"{len(cones.angle)} sonar readings, {n_returns} with a return below {cones.max_range:g} m")
+    return "; ".join(parts)
 
 
 def _summarise_best(file: Path) -> str:
@@ -89,7 +97,7 @@ _SUMMARIES: dict[str, Callable[[Path], str]] = {
     names.MANIFEST: _summarise_manifest,
     names.DRAWS: _summarise_draws,
     names.POSTERIOR: _summarise_image,
-    names.READINGS: _summarise_beams,
+    names.READINGS: _summarise_readings,
     names.MAP: _summarise_best,
     names.DIAGNOSTICS: _summarise_diagnostics,
     names.CHECKPOINT: _summarise_nothing,

@@ -11,7 +11,7 @@ import numpy as np
 
 from prf.run import names
 from prf.run.mapfile import map_text
-from prf.run.model import Beams, PosteriorImage, Run
+from prf.run.model import Beams, Cones, PosteriorImage, Run
 from prf.shell.errors import OutputError
 from prf.shell.files import atomic_write
 from prf.shell.jsonout import dump_object
@@ -45,8 +45,8 @@ def write_run(path: str | os.PathLike[str], run: Run) -> None:
     write_draws(folder, run)
     if run.image is not None:
         write_image(folder, run.image)
-    if run.beams is not None:
-        write_beams(folder, run.beams)
+    if run.beams is not None or run.cones is not None:
+        write_readings(folder, run.beams, run.cones)
     if run.best is not None:
         write_best(folder, run)
     if run.diagnostics is not None:
@@ -94,16 +94,31 @@ def write_image(folder: Path, image: PosteriorImage) -> None:
     save_arrays(folder / names.POSTERIOR, names.SCHEMAS[names.POSTERIOR], arrays, compressed=True)
 
 
-def write_beams(folder: Path, beams: Beams) -> None:
-    """Write readings.npz; readings at or beyond the max range are written as inf."""
-    no_return = ~(beams.range < beams.max_range)
+def write_readings(folder: Path, beams: Beams | None, cones: Cones | None) -> None:
+    """Write readings.npz; readings at or beyond the max range are written as inf, no laser as no beams."""
+    if beams is None:
+        nothing = np.zeros(0)
+        beams = Beams(np.zeros((0, 2)), nothing, nothing, np.zeros(0, np.int64), np.nan)
     arrays = {
         "origin": beams.origin.astype(np.float64),
         "angle": beams.angle.astype(np.float64),
-        "range": np.where(no_return, np.inf, beams.range),
+        "range": np.where(beams.range < beams.max_range, beams.range, np.inf),
         "scan": beams.scan.astype(np.int64),
         "max_range": np.float64(beams.max_range),
     }
+    if cones is not None:
+        silent = ~(cones.range < cones.max_range)
+        arrays |= {
+            names.SONAR_PREFIX + name: values
+            for name, values in (
+                ("origin", cones.origin.astype(np.float64)),
+                ("angle", cones.angle.astype(np.float64)),
+                ("cone", cones.cone.astype(np.float64)),
+                ("range", np.where(silent, np.inf, cones.range)),
+                ("scan", cones.scan.astype(np.int64)),
+                ("max_range", np.float64(cones.max_range)),
+            )
+        }
     save_arrays(folder / names.READINGS, names.SCHEMAS[names.READINGS], arrays, compressed=True)
 
 

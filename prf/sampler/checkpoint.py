@@ -18,6 +18,7 @@ from prf.run import names
 from prf.sampler.chain import ChainSampler
 from prf.sampler.record import Draw
 from prf.sampler.several import Sampler
+from prf.sensors.sonar import make_sight
 from prf.shell.errors import InputError
 from prf.shell.storage import damaged, load_arrays, save_arrays
 
@@ -113,6 +114,7 @@ def restore(sampler: ChainSampler, arrays: Arrays) -> None:
         graph=graph,
         edge_index=make_index(graph, chain.edge_index.grid, chain.edge_index.cell_edges.shape[1]),
         beams=chain.beams._replace(first_beam=np.full(capacity, c.NONE, np.int32)),
+        cones=chain.cones._replace(sight=make_sight(capacity + c.MOST_CHANGES)),
         outcomes=arrays["outcomes"],
     )
     trace_all(sampler.chain)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from prf.arak import checked_scale
 from prf.logs import Readings
 from prf.logs.describe import default_max_range
-from prf.posterior import LaserData, Settings
-from prf.run import Beams
+from prf.posterior import LaserData, Settings, SonarData
+from prf.run import Beams, Cones
 from prf.sensors.laser import LaserModel
+from prf.sensors.sonar import SonarModel
 from prf.shell.errors import ConfigError, InputError
 from prf.window import Window
 
@@ -42,7 +43,13 @@ class SampleConfig:
         Readings at or above it are no returns; default 0.97 of the log's largest range.
     noise, noise_relative, outlier_probability, miss_probability : float
         See :class:`prf.sensors.laser.LaserModel`.
+    sonar_max_range : float
+        Sonar readings at or above it are no returns.
+    sonar_cone : float
+        Full field of view of sonars whose log has none, radians. Other parameters of the sonar have the values of
+        :class:`prf.sensors.sonar.SonarModel`.
     every_scan, every_beam : int
+        Of the laser and of the sonar.
     scans, skip_scans : str or None
         START:STOP:STEP.
     chains : int
@@ -57,6 +64,8 @@ class SampleConfig:
     noise_relative: float = 0.01
     outlier_probability: float = 0.05
     miss_probability: float = 0.02
+    sonar_max_range: float = SonarModel.max_range
+    sonar_cone: float = 0.349
     every_scan: int = 1
     every_beam: int = 1
     scans: str | None = None
@@ -72,27 +81,30 @@ class SampleConfig:
 
 
 class Prepared(NamedTuple):
-    """A log made ready for the sampler.
+    """Logs made ready for the sampler.
 
     Attributes
     ----------
     settings : Settings
-    beams : Beams
-        The readings that are used.
+    beams : Beams or None
+        The laser readings that are used.
+    cones : Cones or None
+        The sonar readings that are used.
     config : SampleConfig
-        Resolved: window, max_range and resolution are numbers.
+        Resolved: window, resolution and, with a laser, max_range are numbers.
     n_outside : int
         Readings dropped because their sensor does not stand inside the window.
     """
 
     settings: Settings
-    beams: Beams
+    beams: Beams | None
+    cones: Cones | None
     config: SampleConfig
     n_outside: int
 
 
-def prepare(config: SampleConfig, readings: Readings) -> Prepared:
-    """Resolve a configuration for the readings (thinned already) of a log.
+def prepare(config: SampleConfig, laser: Readings | None, sonar: Readings | None = None) -> Prepared:
+    """Resolve a configuration for the readings (thinned already) of a laser, a sonar or both.
 
     Raises
     ------
@@ -101,26 +113,68 @@ def prepare(config: SampleConfig, readings: Readings) -> Prepared:
     ConfigError
         If a parameter is out of its range.
     """
+    beams = None if laser is None else _beams(config, laser)
+    cones = None if sonar is None else _cones(config, sonar)
+    sensors = [part for part in (beams, cones) if part is not None]
+    origin, angle, ranges = (
+        np.concatenate([getattr(part, name) for part in sensors]) for name in ("origin", "angle", "range")
+    )
+    window = chosen_window(config, origin, angle, ranges)
+    inside = window.contains(origin, strictly=True)
+    if not inside.any():
+        source = " and ".join(log.source for log in (laser, sonar) if log is not None)
+        raise InputError(f"{source}: no sensor stands inside the window. Check --window.")
+    resolution = config.resolution if config.resolution is not None else chosen_resolution(window)
+    max_range = config.max_range if beams is None else beams.max_range
+    resolved = dataclasses.replace(config, window=(*window,), max_range=max_range, resolution=resolution)
+    kept_beams, kept_cones = _inside(beams, window), _inside(cones, window)
+    settings = make_settings(resolved, kept_beams, kept_cones)
+    return Prepared(settings, kept_beams, kept_cones, resolved, int((~inside).sum()))
+
+
+def _beams(config: SampleConfig, readings: Readings) -> Beams:
+    """Return the laser readings, inf where there was no return below the maximum range."""
     max_range = config.max_range if config.max_range is not None else default_max_range(readings)
     if config.max_range is None and not math.isfinite(max_range):
         raise InputError(f"{readings.source}: no reading has a finite range. Give --max-range.")
-    model = LaserModel(
-        max_range, config.noise, config.noise_relative, config.outlier_probability, config.miss_probability
-    )
+    laser_model(dataclasses.replace(config, max_range=max_range))
     ranges = np.where(readings.range < max_range, readings.range, np.inf)
-    window = chosen_window(config, readings.origin, readings.angle, ranges)
+    return Beams(readings.origin, readings.angle, ranges, readings.scan, max_range)
+
+
+def _cones(config: SampleConfig, readings: Readings) -> Cones:
+    """Return the sonar readings, inf where there was no return below the maximum range."""
+    if not 0.0 < config.sonar_cone < math.pi:
+        raise ConfigError(f"--sonar-cone {config.sonar_cone}: must lie between 0 and pi radians")
+    max_range = SonarModel(config.sonar_max_range).max_range
+    view = np.where(readings.cone > 0.0, readings.cone, config.sonar_cone)
+    if view.max() >= math.pi:
+        raise InputError(f"{readings.source}: a sonar cone of {view.max():g} radians. It must be narrower than pi.")
+    ranges = np.where(readings.range < max_range, readings.range, np.inf)
+    return Cones(readings.origin, readings.angle, view, ranges, readings.scan, max_range)
+
+
+Kept = TypeVar("Kept", Beams, Cones)
+
+
+def _inside(readings: Kept | None, window: Window) -> Kept | None:
+    """Return the readings whose sensor stands inside the window; None if there are none."""
+    if readings is None:
+        return None
     inside = window.contains(readings.origin, strictly=True)
-    if not inside.any():
-        raise InputError(f"{readings.source}: no sensor stands inside the window. Check --window.")
-    origin, angle = readings.origin[inside], readings.angle[inside]
-    beams = Beams(origin, angle, ranges[inside], readings.scan[inside], max_range)
-    resolution = config.resolution if config.resolution is not None else chosen_resolution(window)
-    resolved = dataclasses.replace(config, window=(*window,), max_range=max_range, resolution=resolution)
-    return Prepared(make_settings(resolved, beams, model), beams, resolved, int((~inside).sum()))
+    return readings.select(inside) if inside.any() else None
 
 
-def make_settings(config: SampleConfig, beams: Beams, model: LaserModel | None = None) -> Settings:
-    """Return the settings of a resolved configuration and its beams.
+def laser_model(config: SampleConfig) -> LaserModel:
+    """Return the laser's parameters of a configuration whose max_range is a number."""
+    assert config.max_range is not None
+    return LaserModel(
+        config.max_range, config.noise, config.noise_relative, config.outlier_probability, config.miss_probability
+    )
+
+
+def make_settings(config: SampleConfig, beams: Beams | None, cones: Cones | None = None) -> Settings:
+    """Return the settings of a resolved configuration and its readings.
 
     Raises
     ------
@@ -128,23 +182,19 @@ def make_settings(config: SampleConfig, beams: Beams, model: LaserModel | None =
         If the resolution is no positive number or asks for too many pixels.
     """
     assert config.window is not None
-    assert config.max_range is not None
     assert config.resolution is not None
-    if model is None:
-        model = LaserModel(
-            config.max_range,
-            config.noise,
-            config.noise_relative,
-            config.outlier_probability,
-            config.miss_probability,
-        )
     window = Window.checked(*config.window)
     if not (math.isfinite(config.resolution) and config.resolution > 0.0):
         raise ConfigError(f"--resolution {config.resolution}: must be a positive number of metres")
     if window.area / config.resolution**2 > MOST_PIXELS:
         raise ConfigError(f"--resolution {config.resolution}: more than {MOST_PIXELS} pixels. Give a larger one.")
-    laser = LaserData(beams.origin, beams.angle, beams.range, model)
-    return Settings(window, checked_scale(config.scale), laser, resolution=config.resolution)
+    laser = None if beams is None else LaserData(beams.origin, beams.angle, beams.range, laser_model(config))
+    sonar = (
+        None
+        if cones is None
+        else SonarData(cones.origin, cones.angle, cones.cone, cones.range, SonarModel(config.sonar_max_range))
+    )
+    return Settings(window, checked_scale(config.scale), laser, resolution=config.resolution, sonar=sonar)
 
 
 def chosen_window(

@@ -14,7 +14,7 @@ import numpy as np
 from prf.diagnostics import acceptance, document
 from prf.kernels import constants as c
 from prf.render import render_posterior
-from prf.run import Beams, PosteriorImage, Run, names, write_run
+from prf.run import Beams, Cones, PosteriorImage, Run, names, write_run
 from prf.sampler.checkpoint import save_checkpoint
 from prf.sampler.config import SampleConfig
 from prf.sampler.drive import Progress
@@ -34,14 +34,16 @@ class Output:
     config : SampleConfig
         Resolved.
     seed : int
-    beams : Beams
+    beams : Beams or None
+    cones : Cones or None
     """
 
     folder: Path
     process: dict[str, Any]
     config: SampleConfig
     seed: int
-    beams: Beams
+    beams: Beams | None
+    cones: Cones | None = None
 
     def write(self, sampler: Sampler, progress: Progress, seconds_before: float, picture: bool) -> Run:
         """Write checkpoint and RUN as the chains stand; `picture` draws posterior.png too.
@@ -75,8 +77,12 @@ class Output:
         """Return a digest of configuration, seed and readings: a checkpoint of another run is refused by it."""
         asked = json.dumps([dataclasses.asdict(self.config), self.seed], sort_keys=True)
         digest = hashlib.sha256(asked.encode())
-        for array in (self.beams.origin, self.beams.angle, self.beams.range):
-            digest.update(np.ascontiguousarray(array).tobytes())
+        if self.beams is not None:
+            for array in (self.beams.origin, self.beams.angle, self.beams.range):
+                digest.update(np.ascontiguousarray(array).tobytes())
+        if self.cones is not None:
+            for array in (self.cones.origin, self.cones.angle, self.cones.cone, self.cones.range):
+                digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()
 
     def make_run(self, sampler: Sampler, progress: Progress, seconds_before: float) -> Run:
@@ -93,6 +99,7 @@ class Output:
             probe_black=sample.probe_black,
             image=make_image(sampler),
             beams=self.beams,
+            cones=self.cones,
             best=best.coloring if best is not None else None,
             best_log_posterior=float(best.functionals[-1]) if best is not None else float("nan"),
             diagnostics=make_diagnostics(sampler, progress),

@@ -28,7 +28,7 @@ from prf.shell.seeds import spawn_generators
 CHECKPOINT_SECONDS = 60.0
 """Sampling between two checkpoints: what a killed run loses at most."""
 
-PROCESS_KEYS = ("versions", "platform", "command", "created", "inputs", "n_beams", "n_outside")
+PROCESS_KEYS = ("versions", "platform", "command", "created", "inputs", "n_beams", "n_cones", "n_outside")
 
 logger = logging.getLogger(__name__)
 
@@ -74,32 +74,44 @@ class Session:
         return self.output.write(self.sampler, progress, self.seconds_before, picture=True), progress
 
 
-def read_prepared(log: str, config: SampleConfig) -> Prepared:
-    """Read a laser log, thin it and resolve `config` for it."""
-    readings = read_readings(log)
-    if config.max_range is None and math.isfinite(default_max_range(readings)):
+def read_prepared(laser_log: str | None, config: SampleConfig, sonar_log: str | None = None) -> Prepared:
+    """Read the log of a laser, of a sonar or of both, thin them and resolve `config` for them."""
+    laser = read_readings(laser_log) if laser_log is not None else None
+    if laser is not None and config.max_range is None and math.isfinite(default_max_range(laser)):
         # Of the whole log: what is left after thinning may hold no "no return" at all.
-        config = dataclasses.replace(config, max_range=default_max_range(readings))
-    kept = thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
-    return prepare(config, kept)
+        config = dataclasses.replace(config, max_range=default_max_range(laser))
+    sonar = read_readings(sonar_log, "sonar", cone=config.sonar_cone) if sonar_log is not None else None
+    kept = [
+        thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
+        if readings is not None
+        else None
+        for readings in (laser, sonar)
+    ]
+    return prepare(config, *kept)
 
 
-def start(log: str, prepared: Prepared, folder: Path, seed: int, threads: int) -> Session:
-    """Return a fresh session on a prepared log."""
+def start(logs: list[str], prepared: Prepared, folder: Path, seed: int, threads: int) -> Session:
+    """Return a fresh session on prepared logs."""
     sampler = Sampler(prepared.settings, spawn_generators(seed, prepared.config.chains), threads)
-    process = {**describe_process([log]), "n_beams": len(prepared.beams.range), "n_outside": prepared.n_outside}
-    return Session(sampler, Output(folder, process, prepared.config, seed, prepared.beams))
+    beams, cones = prepared.beams, prepared.cones
+    counts = {
+        "n_beams": 0 if beams is None else len(beams.range),
+        "n_cones": 0 if cones is None else len(cones.range),
+        "n_outside": prepared.n_outside,
+    }
+    process = {**describe_process(logs), **counts}
+    return Session(sampler, Output(folder, process, prepared.config, seed, beams, cones))
 
 
-def resume(folder: Path, log: str | None, asked: dict[str, Any], seed: int | None, threads: int) -> Session:
+def resume(folder: Path, logs: dict[str, str], asked: dict[str, Any], seed: int | None, threads: int) -> Session:
     """Return a session that goes on from the checkpoint in `folder`.
 
     Parameters
     ----------
     folder : Path
         RUN directory.
-    log : str or None
-        The log, if the user names it again: it must be the same file.
+    logs : dict of str to str
+        Option to log, of those that the user names again: they must be the same files.
     asked : dict
         Fields of :class:`SampleConfig` that the user gives again: they must be the same.
     seed : int or None
@@ -114,17 +126,19 @@ def resume(folder: Path, log: str | None, asked: dict[str, Any], seed: int | Non
         If the log differs, or the run cannot be read.
     """
     run = read_run(folder, parts=(names.READINGS,))
-    if run.beams is None:
+    if run.sensors is None:
         raise InputError(f"{folder}: readings.npz is missing. Sample anew with --force.")
     config, stored_seed = stored_config(run, folder)
     refuse_changes(config, {**asked, "seed": seed}, stored_seed)
-    if log is not None:
-        refuse_other_log(run, log)
+    for flag, log in logs.items():
+        refuse_other_log(run, flag, log)
     if run.manifest.get("versions") != versions():
         logger.warning("this run was begun with other versions of the packages: bit for bit may not hold")
-    sampler = Sampler(make_settings(config, run.beams), spawn_generators(stored_seed, config.chains), threads)
+    sampler = Sampler(
+        make_settings(config, run.beams, run.cones), spawn_generators(stored_seed, config.chains), threads
+    )
     process = {key: run.manifest[key] for key in PROCESS_KEYS if key in run.manifest}
-    output = Output(folder, process, config, stored_seed, run.beams)
+    output = Output(folder, process, config, stored_seed, run.beams, run.cones)
     load_checkpoint(folder, sampler, output.identity())
     return Session(sampler, output, float(run.manifest.get("seconds", 0.0)), is_resumed=True)
 
@@ -146,12 +160,12 @@ def refuse_changes(config: SampleConfig, asked: dict[str, Any], seed: int) -> No
             raise ConfigError(f"{flag} {value}: the run to resume has {stored[name]}. Leave it out, or sample anew.")
 
 
-def refuse_other_log(run: Run, log: str | os.PathLike[str]) -> None:
-    """Raise InputError if `log` is not the file that the run was made from."""
+def refuse_other_log(run: Run, flag: str, log: str | os.PathLike[str]) -> None:
+    """Raise InputError if `log`, given by the option `flag`, is no file that the run was made from."""
     found = describe_input(log)
     known = [given.get("sha256") for given in run.manifest.get("inputs", [])]
     if found["sha256"] not in known:
-        raise InputError(f"{log}: not the log that the run was made from. Leave --laser out, or sample anew.")
+        raise InputError(f"{log}: not the log that the run was made from. Leave {flag} out, or sample anew.")
 
 
 def needs_compiling() -> bool:

@@ -61,19 +61,19 @@ class SonarModel:
         for name in ("max_range", "noise", "short_length"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
-                raise ConfigError(f"sonar {name.replace('_', '-')} {value}: must be a positive number of metres")
+                raise ConfigError(f"sonar-{name.replace('_', '-')} {value}: must be a positive number of metres")
         for field in dataclasses.fields(self):
             if not math.isfinite(getattr(self, field.name)):
-                raise ConfigError(f"sonar {field.name.replace('_', '-')}: must be a number")
+                raise ConfigError(f"sonar-{field.name.replace('_', '-')}: must be a number")
         if self.noise_relative < 0.0:
-            raise ConfigError(f"sonar noise-relative {self.noise_relative}: must not be negative")
+            raise ConfigError(f"sonar-noise-relative {self.noise_relative}: must not be negative")
         if not 0.0 < self.uniform_probability < 1.0:
             raise ConfigError(
-                f"sonar uniform-probability {self.uniform_probability}: must lie in (0, 1), else no map could explain "
+                f"sonar-uniform-probability {self.uniform_probability}: must lie in (0, 1), else no map could explain "
                 "a stray reading"
             )
         if not 0.0 <= self.short_probability < 1.0 - self.uniform_probability:
-            raise ConfigError("sonar short-probability + uniform-probability: their sum must stay below 1")
+            raise ConfigError("sonar-short-probability + sonar-uniform-probability: their sum must stay below 1")
 
     def to_array(self) -> Floats:
         """Return the parameters as the kernels take them, (N_SONAR_MODEL,)."""

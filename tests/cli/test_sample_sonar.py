@@ -1,0 +1,198 @@
+"""The verb `sample` with sonar: alone and with a laser, resumed, stored, drawn, refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from prf.cli import app
+from prf.kernels import constants as c
+from prf.logs import Readings
+from prf.logs.table import write_table
+from prf.run import read_run
+from prf.sampler.config import SampleConfig
+from prf.sampler.session import read_prepared
+from prf.shell.run import run_app
+from prf.window import Window
+from tests.reference.beams import Sensor
+from tests.reference.slow_sonar import Ring
+from tests.reference.sonar_worlds import draw_data, ring_all_round
+from tests.reference.worlds import draw_world
+
+ROOM = Window(0.0, 0.0, 10.0, 10.0)
+QUICK = ("--scale", "0.3", "--window", "0", "0", "10", "10", "--chains", "2", "--resolution", "0.5", "--max-range", "6")
+N_BEAMS, N_CONES = 60, 36
+
+
+def prf(*args: str) -> int:
+    return run_app(app, "prf", list(args))
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
+    """A laser's and a sonar's log of one world, as tables."""
+    folder = tmp_path_factory.mktemp("logs")
+    rng = np.random.default_rng(1)
+    world = draw_world(0.3, ROOM, Sensor(6.0), 3, N_BEAMS // 3, rng)
+    places = np.unique(world.data.origin, axis=0)
+    sonar = draw_data(world.coloring, Ring(), ring_all_round(places, N_CONES // 3, 0.4, rng), rng)
+    scan = np.repeat(np.arange(3), N_CONES // 3)
+    write_table(folder / "laser.csv", Readings.from_arrays(world.data.origin, world.data.angle, world.data.readings))
+    ring = Readings.from_arrays(sonar.origin, sonar.angle, sonar.readings, scan=scan, cone=sonar.cone)
+    write_table(folder / "ring.csv", ring)
+    return str(folder / "laser.csv"), str(folder / "ring.csv")
+
+
+@pytest.fixture(scope="module")
+def both(logs: tuple[str, str], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs") / "both"
+    args = ("--laser", logs[0], "--sonar", logs[1], *QUICK, "--steps", "60000", "--seed", "5", "-o", str(folder), "-q")
+    assert prf("sample", *args) == 0
+    return folder
+
+
+def test_a_run_with_both_sensors_says_and_keeps_what_it_used(both: Path, logs: tuple[str, str]) -> None:
+    run = read_run(both)
+    assert (run.manifest["n_beams"], run.manifest["n_cones"]) == (N_BEAMS, N_CONES)
+    assert [given["path"] for given in run.manifest["inputs"]] == list(logs)
+    assert run.manifest["configuration"]["sonar_max_range"] == 3.5
+    assert run.beams is not None
+    assert run.cones is not None
+    assert (len(run.beams.angle), len(run.cones.angle)) == (N_BEAMS, N_CONES)
+    assert run.cones.max_range == 3.5
+    assert run.cones.cone == pytest.approx(0.4)
+    assert np.unique(run.cones.scan).tolist() == [0, 1, 2]
+    assert run.functionals["log_likelihood"].std() > 0.0
+
+
+def test_resuming_with_sonar_gives_what_an_uninterrupted_run_gives(
+    logs: tuple[str, str], both: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "both"
+    args = ("--laser", logs[0], "--sonar", logs[1], *QUICK, "--seed", "5", "-o", str(folder), "-q", "--threads", "1")
+    assert prf("sample", *args, "--steps", "20000") == 0
+    assert prf("sample", "--resume", str(folder), "--sonar", logs[1], "--steps", "60000", "-q") == 0
+    for name in ("draws.npz", "posterior.npz", "readings.npz", "map.geojson"):
+        assert (folder / name).read_bytes() == (both / name).read_bytes(), name
+
+
+def test_resuming_with_another_sonar_is_refused(
+    both: Path, logs: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other.csv"
+    other.write_text("x,y,theta,range\n5,5,0,1\n")
+    assert prf("sample", "--resume", str(both), "--sonar", str(other)) == 3
+    assert "Leave --sonar out" in capsys.readouterr().err
+    assert prf("sample", "--resume", str(both), "--sonar-max-range", "3") == 2
+    assert "--sonar-max-range 3.0: the run to resume has 3.5" in capsys.readouterr().err
+
+
+def test_sonar_alone(logs: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "ring"
+    args = ("--scale", "0.3", "--chains", "2", "--resolution", "0.5", "--sonar-max-range", "3", "--every-scan", "2")
+    assert prf("sample", "--sonar", logs[1], *args, "--steps", "40000", "--seed", "1", "-o", str(folder)) == 0
+    assert f"{2 * N_CONES // 3} sonar readings, window" in capsys.readouterr().err
+    run = read_run(folder)
+    assert run.beams is None
+    assert run.cones is not None
+    assert run.cones.max_range == 3.0
+    assert run.manifest["n_beams"] == 0
+    assert run.manifest["configuration"]["max_range"] is None
+    window, hit = run.draws.window, np.isfinite(run.cones.range)
+    assert window.contains(run.cones.origin - 1.0).all()
+    assert window.contains(run.cones.origin + 1.0).all()
+    assert hit.any()
+    assert prf("sample", "--resume", str(folder), "--steps", "50000", "-q") == 0
+    assert prf("inspect", str(folder)) == 0
+    assert "sonar readings, " in capsys.readouterr().out
+    for what in ("posterior", "beams", "best"):
+        assert prf("render", str(folder), "--what", what, "--beams", "-o", str(tmp_path / f"{what}.png"), "-q") == 0
+
+
+def test_pictures_of_both_sensors(both: Path, tmp_path: Path) -> None:
+    assert prf("render", str(both), "--what", "beams", "--outline", "-o", str(tmp_path / "both.svg"), "-q") == 0
+    text = (tmp_path / "both.svg").read_text()
+    assert f"{N_CONES} sonar readings in 3 scans" in text
+
+
+def test_the_cone_of_the_log_goes_before_that_of_the_option(tmp_path: Path) -> None:
+    table = tmp_path / "ring.csv"
+    table.write_text("x,y,theta,range\n5,5,0,1\n5,5,1,2\n")
+    prepared = read_prepared(None, SampleConfig(sonar_cone=0.2), str(table))
+    assert prepared.cones is not None
+    assert prepared.cones.cone.tolist() == [0.2, 0.2]
+    table.write_text("x,y,theta,range,cone\n5,5,0,1,0.5\n5,5,1,2,0.6\n")
+    prepared = read_prepared(None, SampleConfig(sonar_cone=0.2), str(table))
+    assert prepared.cones is not None
+    assert prepared.cones.cone.tolist() == [0.5, 0.6]
+
+
+def test_sensors_outside_the_window_are_counted_together(logs: tuple[str, str]) -> None:
+    whole = read_prepared(*(logs[0], SampleConfig(max_range=6.0), logs[1]))
+    assert whole.n_outside == 0
+    assert whole.cones is not None
+    x = float(np.median(whole.cones.origin[:, 0])) + 1e-6
+    part = read_prepared(logs[0], SampleConfig(max_range=6.0, window=(-1.0, -1.0, x, 11.0)), logs[1])
+    assert part.beams is not None
+    assert part.cones is not None
+    assert part.n_outside == N_BEAMS + N_CONES - len(part.beams.angle) - len(part.cones.angle) > 0
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "words"),
+    [
+        (["--sonar-max-range", "0"], 2, "sonar-max-range"),
+        (["--sonar-max-range", "nan"], 2, "sonar-max-range"),
+        (["--sonar-cone", "0"], 2, "--sonar-cone"),
+        (["--sonar-cone", "3.2"], 2, "--sonar-cone"),
+        (["--window", "20", "20", "30", "30"], 3, "no sensor stands inside"),
+    ],
+)
+def test_bad_options_end_in_one_line(
+    logs: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str], args: list[str], code: int, words: str
+) -> None:
+    assert prf("sample", "--sonar", logs[1], "-o", str(tmp_path / "run"), *args) == code
+    error = capsys.readouterr().err.strip().splitlines()
+    assert len(error) == 1
+    assert words in error[0]
+    assert not (tmp_path / "run").exists()
+
+
+def test_bad_logs_end_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = tmp_path / "wide.csv"
+    table.write_text("x,y,theta,range,cone\n5,5,0,1,4\n")
+    assert prf("sample", "--sonar", str(table), "-o", str(tmp_path / "run")) == 3
+    assert "narrower than pi" in capsys.readouterr().err
+    assert prf("sample", "-o", str(tmp_path / "run")) == 2
+    assert "--sonar LOG" in capsys.readouterr().err
+    assert prf("sample", "--laser", "-", "--sonar", "-", "-o", str(tmp_path / "run")) == 2
+    assert "once" in capsys.readouterr().err
+
+
+def test_json_tells_of_a_run_with_sonar(both: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert prf("sample", "--resume", str(both), "--steps", "1000", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["steps"] == 60_000
+    assert prf("inspect", str(both), "--json") == 0
+    files = {file["name"]: file for file in json.loads(capsys.readouterr().out)["files"]}
+    assert f"{N_CONES} sonar readings" in files["readings.npz"]["summary"]
+
+
+def test_a_restored_chain_has_room_for_what_its_cones_see(both: Path) -> None:
+    """A grown graph brings more edges than a fresh chain has room for."""
+    from prf.layout import grow
+    from prf.sampler.checkpoint import chain_arrays, restore
+    from prf.sampler.config import make_settings
+    from prf.sampler.session import stored_config
+    from prf.sampler.several import Sampler
+    from prf.shell.seeds import spawn_generators
+
+    run = read_run(both)
+    config, seed = stored_config(run, both)
+    with Sampler(make_settings(config, run.beams, run.cones), spawn_generators(seed, 2), 1) as sampler:
+        one, two = sampler.chains
+        one.chain = grow(one.chain)
+        restore(two, chain_arrays(one))
+        assert len(two.chain.cones.sight.line) == len(two.chain.graph.edge_length) + c.MOST_CHANGES
