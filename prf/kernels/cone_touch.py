@@ -6,7 +6,6 @@ from prf.kernels._jit import core
 from prf.kernels.cones import (
     CONE_LOG_LIKELIHOOD,
     EXTENT,
-    HALF,
     Cones,
     last_within,
     list_cone,
@@ -17,7 +16,7 @@ from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph
 from prf.kernels.grid import walk
 from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal
-from prf.kernels.visibility import N_LINES, see_edge
+from prf.kernels.visibility import clip_edge
 
 
 @core
@@ -29,9 +28,8 @@ def touch_in_cell(cones: Cones, cell: int, xy: np.ndarray) -> None:
         if cones.mark[cone] == cones.proposals[0]:
             continue
         pose = cones.pose[cone]
-        cones.sight.counts[N_LINES] = 0
-        see_edge(cones.sight, pose, pose[HALF], pose[EXTENT], xy, -1, -1)
-        if cones.sight.counts[N_LINES] > 0:
+        low, high = clip_edge(pose, pose[EXTENT], xy, cones.sight.line[0])
+        if low < high:
             cones.mark[cone] = cones.proposals[0]
             cones.touched[cones.n_touched[0]] = cone
             cones.n_touched[0] += 1

@@ -17,14 +17,9 @@ from prf.kernels.graph import Graph
 from prf.kernels.grid import Grid, axis_index
 from prf.kernels.proposal import N_NEW_EDGES, Proposal, goes
 from prf.kernels.sonar import SONAR_MAX, sonar_log_likelihood
-from prf.kernels.visibility import N_LINES, Sight, see_edge, sweep
+from prf.kernels.visibility import BORDER, N_LINES, POSE_COS, POSE_SIN, POSE_X, POSE_Y, Sight, see_edge, sweep
 
-# Columns of ``Cones.pose``; the first four place the sonar.
-POSE_X = 0
-POSE_Y = 1
-POSE_COS = 2
-POSE_SIN = 3
-HALF = 4  # half of the field of view, radians
+# Columns of ``Cones.pose`` after those that place the sonar.
 READING = 5  # m; inf for no return
 EXTENT = 6  # up to where the map matters now, m
 CONE_LOG_LIKELIHOOD = 7
@@ -116,7 +111,6 @@ def see_indexed(
             see_edge(
                 cones.sight,
                 pose,
-                pose[HALF],
                 cones.model[SONAR_MAX],
                 graph.edge_xy[edge],
                 corner_at(graph, a),
@@ -137,7 +131,7 @@ def see_new(graph: Graph, cones: Cones, cone: int, proposal: Proposal) -> None:
     for k in range(proposal.counts[N_NEW_EDGES]):
         a = corner_at(graph, proposal.new_edges[k, 0])
         b = corner_at(graph, proposal.new_edges[k, 1])
-        see_edge(cones.sight, pose, pose[HALF], cones.model[SONAR_MAX], proposal.new_xy[k], a, b)
+        see_edge(cones.sight, pose, cones.model[SONAR_MAX], proposal.new_xy[k], a, b)
 
 
 @core
@@ -157,10 +151,10 @@ def sense(
     if with_change:
         see_new(graph, cones, cone, proposal)
     see_indexed(graph, index, cones, cone, first, near, proposal, with_change)
-    extent = min(reach, SLACK * sweep(cones.sight, cones.pose[cone, HALF], reach))
+    extent = min(reach, SLACK * sweep(cones.sight, cones.pose[cone, BORDER], reach))
     if near < end and cones.slot_near[near] <= extent:
         see_indexed(graph, index, cones, cone, near, end, proposal, with_change)
-        extent = min(reach, SLACK * sweep(cones.sight, cones.pose[cone, HALF], reach))
+        extent = min(reach, SLACK * sweep(cones.sight, cones.pose[cone, BORDER], reach))
     return extent, sonar_log_likelihood(cones.model, cones.sight, cones.pose[cone, READING])
 
 
@@ -206,7 +200,7 @@ def enters_cell(grid: Grid, pose: np.ndarray, reach: float, ix: int, iy: int) ->
     if distance > radius:
         along = pose[POSE_COS] * centre_x + pose[POSE_SIN] * centre_y
         across = pose[POSE_COS] * centre_y - pose[POSE_SIN] * centre_x
-        if abs(math.atan2(across, along)) > pose[HALF] + math.asin(radius / distance):
+        if abs(math.atan2(across, along)) > math.atan(pose[BORDER]) + math.asin(radius / distance):
             return math.inf
     return max(0.0, near * (1.0 - 1e-6) - 1e-9)
 

@@ -1,7 +1,8 @@
 """What a sonar sees: visible parts of edges and visible corners in its cone, by a radial sweep (Lee 1978; section 2.3).
 
 Everything is in the frame of the sonar: it stands at the origin and looks along x. Edges are clipped to the cone and to
-its reach; as edges do not cross, the order of two of them along a ray is the same at all angles that both span.
+its reach; as edges do not cross, the order of two of them along a ray is the same on all rays that meet both. A ray is
+named by its slope, the tangent of its angle: in order like the angle, as cones are narrower than pi, and found faster.
 """
 
 import math
@@ -12,12 +13,19 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 
+# The first columns of ``prf.kernels.cones.Cones.pose`` place the sonar.
+POSE_X = 0
+POSE_Y = 1
+POSE_COS = 2
+POSE_SIN = 3
+BORDER = 4  # tangent of half of the field of view
+
 # Columns of ``Sight.feature``.
 DEPTH = 0  # distance to its closest visible point, m
 PROJECTION = 1  # angle between the line of sight and the wall there, radians: pi/2 is face on; corners: 0
 SUBTENDED = 2  # angle that it fills, radians; corners: 0
 KIND = 3  # SURFACE or CORNER
-BEARING = 4  # of the closest visible point, radians
+BEARING = 4  # slope of the ray to the closest visible point
 N_FEATURE = 5
 
 SURFACE = 0.0
@@ -39,10 +47,10 @@ class Sight(NamedTuple):
     """Scratch of one chain: edges clipped to a cone, and the features found."""
 
     line: np.ndarray  # (room, 4) f8 ends a, b of the clipped edges, b counter-clockwise of a
-    angle: np.ndarray  # (room, 2) f8 of both ends
+    slope: np.ndarray  # (room, 2) f8 of the rays to both ends
     corner: np.ndarray  # (room, 2) i4 interior vertex at either end; NONE where the edge is cut or meets the border
-    event: np.ndarray  # (2 room,) i4 ends in order of angle: 2 line for its beginning, 2 line + 1 for its end
-    active: np.ndarray  # (room,) i4 lines that span the present angle, nearest first
+    event: np.ndarray  # (2 room,) i4 ends in order of slope: 2 line for its beginning, 2 line + 1 for its end
+    active: np.ndarray  # (room,) i4 lines that meet the present ray, nearest first
     feature: np.ndarray  # (4 room, N_FEATURE) f8
     rank: np.ndarray  # (4 room,) i4 features, nearest first
     counts: np.ndarray  # (N_SIGHT_COUNTS,) i8
@@ -71,98 +79,106 @@ def clip_disc(ax: float, ay: float, dx: float, dy: float, reach: float, low: flo
 
 
 @core
-def see_edge(
-    sight: Sight, pose: np.ndarray, half: float, reach: float, xy: np.ndarray, first: int, second: int
-) -> None:
-    """Enter the part of an edge with ends `xy` (4,) that lies in the cone of `pose` (x, y, cos, sin), if any.
+def clip_edge(pose: np.ndarray, reach: float, xy: np.ndarray, line: np.ndarray) -> tuple[float, float]:
+    """Part of an edge with ends `xy` (4,) that lies in the cone of `pose` and its reach, as bounds in [0, 1].
+
+    It is empty if the second bound is below the first. `line` (4,) takes the whole edge in the frame of the sonar.
+    """
+    ax = (xy[0] - pose[POSE_X]) * pose[POSE_COS] + (xy[1] - pose[POSE_Y]) * pose[POSE_SIN]
+    ay = (xy[1] - pose[POSE_Y]) * pose[POSE_COS] - (xy[0] - pose[POSE_X]) * pose[POSE_SIN]
+    bx = (xy[2] - pose[POSE_X]) * pose[POSE_COS] + (xy[3] - pose[POSE_Y]) * pose[POSE_SIN]
+    by = (xy[3] - pose[POSE_Y]) * pose[POSE_COS] - (xy[2] - pose[POSE_X]) * pose[POSE_SIN]
+    line[0] = ax
+    line[1] = ay
+    line[2] = bx
+    line[3] = by
+    border = pose[BORDER]
+    low, high = clip_half_plane(border * ax + ay, border * (bx - ax) + (by - ay), 0.0, 1.0)
+    low, high = clip_half_plane(border * ax - ay, border * (bx - ax) - (by - ay), low, high)
+    if low >= high:
+        return 1.0, 0.0
+    return clip_disc(ax, ay, bx - ax, by - ay, reach, low, high)
+
+
+@core
+def see_edge(sight: Sight, pose: np.ndarray, reach: float, xy: np.ndarray, first: int, second: int) -> None:
+    """Enter the part of an edge with ends `xy` (4,) that lies in the cone of `pose`, if any.
 
     `first` and `second` are the vertices at its ends, NONE on the border: there the window ends, not the wall.
     """
-    ax = (xy[0] - pose[0]) * pose[2] + (xy[1] - pose[1]) * pose[3]
-    ay = (xy[1] - pose[1]) * pose[2] - (xy[0] - pose[0]) * pose[3]
-    bx = (xy[2] - pose[0]) * pose[2] + (xy[3] - pose[1]) * pose[3]
-    by = (xy[3] - pose[1]) * pose[2] - (xy[2] - pose[0]) * pose[3]
-    cosine = math.cos(half)
-    sine = math.sin(half)
-    low, high = clip_half_plane(ax * sine + ay * cosine, (bx - ax) * sine + (by - ay) * cosine, 0.0, 1.0)
-    low, high = clip_half_plane(ax * sine - ay * cosine, (bx - ax) * sine - (by - ay) * cosine, low, high)
+    n = sight.counts[N_LINES]
+    line = sight.line[n]
+    low, high = clip_edge(pose, reach, xy, line)
     if low >= high:
         return
-    low, high = clip_disc(ax, ay, bx - ax, by - ay, reach, low, high)
-    if low >= high:
-        return
-    enter_line(sight, half, ax, ay, bx, by, low, high, first, second)
-
-
-@core
-def snapped(angle: float, half: float) -> float:
-    """The angle, or that of the cone's border next to it, so that a line cut there covers the field of view."""
-    if angle < SNAP - half:
-        return -half
-    return half if angle > half - SNAP else angle
-
-
-@core
-def enter_line(
-    sight: Sight,
-    half: float,
-    ax: float,
-    ay: float,
-    bx: float,
-    by: float,
-    low: float,
-    high: float,
-    first: int,
-    second: int,
-) -> None:
-    """Store the part [low, high] of the line ab, the end of smaller angle first; a line seen end on is left out."""
+    ax = line[0]
+    ay = line[1]
+    bx = line[2]
+    by = line[3]
     px = ax + low * (bx - ax) if low > 0.0 else ax
     py = ay + low * (by - ay) if low > 0.0 else ay
     qx = ax + high * (bx - ax) if high < 1.0 else bx
     qy = ay + high * (by - ay) if high < 1.0 else by
-    p = snapped(math.atan2(py, px), half)
-    q = snapped(math.atan2(qy, qx), half)
+    if not (px > 0.0 and qx > 0.0):
+        return
+    p = snapped(py / px, pose[BORDER])
+    q = snapped(qy / qx, pose[BORDER])
     if p == q:
         return
-    n = sight.counts[N_LINES]
     swap = 1 if q < p else 0
-    sight.line[n, 2 * swap] = px
-    sight.line[n, 2 * swap + 1] = py
-    sight.line[n, 2 - 2 * swap] = qx
-    sight.line[n, 3 - 2 * swap] = qy
-    sight.angle[n, swap] = p
-    sight.angle[n, 1 - swap] = q
+    line[2 * swap] = px
+    line[2 * swap + 1] = py
+    line[2 - 2 * swap] = qx
+    line[3 - 2 * swap] = qy
+    sight.slope[n, swap] = p
+    sight.slope[n, 1 - swap] = q
     sight.corner[n, swap] = first if low <= 0.0 else c.NONE
     sight.corner[n, 1 - swap] = second if high >= 1.0 else c.NONE
     sight.counts[N_LINES] = n + 1
 
 
 @core
-def depth_at(sight: Sight, line: int, angle: float) -> float:
-    """Distance along the ray at `angle` to a line that spans it."""
+def snapped(slope: float, border: float) -> float:
+    """The slope, or that of the cone's border next to it, so that a line cut there covers the field of view."""
+    if slope > border - SNAP * (1.0 + border * border):
+        return border
+    if slope < SNAP * (1.0 + border * border) - border:
+        return -border
+    return slope
+
+
+@core
+def ahead(sight: Sight, line: int, slope: float) -> float:
+    """Distance along the axis of the cone at which the ray of this slope meets a line that spans it."""
     ax = sight.line[line, 0]
     ay = sight.line[line, 1]
     dx = sight.line[line, 2] - ax
     dy = sight.line[line, 3] - ay
-    return (ax * dy - ay * dx) / (math.cos(angle) * dy - math.sin(angle) * dx)
+    return (ax * dy - ay * dx) / (dy - slope * dx)
+
+
+@core
+def depth_at(sight: Sight, line: int, slope: float) -> float:
+    """Distance along the ray of this slope to a line that spans it."""
+    return ahead(sight, line, slope) * math.sqrt(1.0 + slope * slope)
 
 
 @core
 def is_nearer(sight: Sight, one: int, other: int) -> bool:
-    """Whether line `one` stands before line `other`, asked in the middle of the angles that both span."""
-    low = max(sight.angle[one, 0], sight.angle[other, 0])
-    high = min(sight.angle[one, 1], sight.angle[other, 1])
+    """Whether line `one` stands before line `other`, asked in the middle of the slopes that both span."""
+    low = max(sight.slope[one, 0], sight.slope[other, 0])
+    high = min(sight.slope[one, 1], sight.slope[other, 1])
     middle = 0.5 * (low + high)
-    return depth_at(sight, one, middle) < depth_at(sight, other, middle)
+    return ahead(sight, one, middle) < ahead(sight, other, middle)
 
 
 @core
 def event_before(sight: Sight, one: int, other: int) -> bool:
-    """Order of events: by angle, beginnings before ends, then by number so that the order is total."""
-    angle = sight.angle[one // 2, one % 2]
-    other_angle = sight.angle[other // 2, other % 2]
-    if angle != other_angle:
-        return angle < other_angle
+    """Order of events: by slope, beginnings before ends, then by number so that the order is total."""
+    slope = sight.slope[one // 2, one % 2]
+    other_slope = sight.slope[other // 2, other % 2]
+    if slope != other_slope:
+        return slope < other_slope
     if one % 2 != other % 2:
         return one % 2 < other % 2
     return one < other
@@ -184,7 +200,7 @@ def sink(sight: Sight, root: int, n: int) -> None:
 
 @core
 def sort_events(sight: Sight) -> int:
-    """Sort the ends of all lines by angle (heapsort: no room needed); return their number."""
+    """Sort the ends of all lines by slope (heapsort: no room needed); return their number."""
     n = 2 * sight.counts[N_LINES]
     for i in range(n):
         sight.event[i] = i
@@ -237,18 +253,20 @@ def add_feature(sight: Sight, depth: float, projection: float, subtended: float,
 
 @core
 def add_surface(sight: Sight, line: int, low: float, high: float) -> float:
-    """Store the part of a line that is seen between two angles; return the distance of its farther end."""
-    ax = sight.line[line, 0]
-    ay = sight.line[line, 1]
-    dx = sight.line[line, 2] - ax
-    dy = sight.line[line, 3] - ay
-    foot = math.atan2(-dx * (ax * dy - ay * dx), dy * (ax * dy - ay * dx))
-    if foot < low or foot > high:
-        foot = low if depth_at(sight, line, low) < depth_at(sight, line, high) else high
-    across = abs(math.cos(foot) * dy - math.sin(foot) * dx)
-    along = abs(math.cos(foot) * dx + math.sin(foot) * dy)
-    add_feature(sight, depth_at(sight, line, foot), math.atan2(across, along), high - low, SURFACE, foot)
-    return max(depth_at(sight, line, low), depth_at(sight, line, high))
+    """Store the part of a line that is seen between two slopes; return the distance of its farther end."""
+    dx = sight.line[line, 2] - sight.line[line, 0]
+    dy = sight.line[line, 3] - sight.line[line, 1]
+    from_low = depth_at(sight, line, low)
+    from_high = depth_at(sight, line, high)
+    depth = min(from_low, from_high)
+    foot = low if from_low < from_high else high
+    if low * dy < -dx < high * dy or high * dy < -dx < low * dy:
+        foot = -dx / dy  # the ray that meets the line at a right angle
+        depth = depth_at(sight, line, foot)
+    projection = math.atan2(abs(dy - foot * dx), abs(dx + foot * dy))
+    subtended = math.atan2(high - low, 1.0 + low * high)
+    add_feature(sight, depth, projection, subtended, SURFACE, foot)
+    return max(from_low, from_high)
 
 
 @core
@@ -257,22 +275,22 @@ def add_corner(sight: Sight, line: int, end: int, front: int) -> None:
     vertex = sight.corner[line, end]
     if vertex == c.NONE:
         return
-    angle = sight.angle[line, end]
+    slope = sight.slope[line, end]
     x = sight.line[line, 2 * end]
     y = sight.line[line, 2 * end + 1]
-    depth = math.sqrt(x * x + y * y)
     is_own = sight.corner[front, 0] == vertex or sight.corner[front, 1] == vertex
-    if not is_own and depth_at(sight, front, angle) < HIDDEN * depth:
+    if not is_own and ahead(sight, front, slope) < HIDDEN * x:
         return
+    depth = math.sqrt(x * x + y * y)
     for i in range(sight.counts[N_FEATURES]):
         at = sight.feature[i]
-        if at[KIND] == CORNER and at[BEARING] == angle and at[DEPTH] == depth:
+        if at[KIND] == CORNER and at[BEARING] == slope and at[DEPTH] == depth:
             return
-    add_feature(sight, depth, 0.0, 0.0, CORNER, angle)
+    add_feature(sight, depth, 0.0, 0.0, CORNER, slope)
 
 
 @core
-def sweep(sight: Sight, half: float, reach: float) -> float:
+def sweep(sight: Sight, border: float, reach: float) -> float:
     """Find the features of the lines entered; return up to where the map matters to this sonar.
 
     That is the farthest visible point where the whole field of view is covered, else `reach`.
@@ -282,12 +300,12 @@ def sweep(sight: Sight, half: float, reach: float) -> float:
     extent = 0.0
     n_active = 0
     front = c.NONE
-    since = -half
+    since = -border
     i = 0
     while i < n:
-        angle = sight.angle[sight.event[i] // 2, sight.event[i] % 2]
+        slope = sight.slope[sight.event[i] // 2, sight.event[i] % 2]
         first = i
-        while i < n and sight.angle[sight.event[i] // 2, sight.event[i] % 2] == angle:
+        while i < n and sight.slope[sight.event[i] // 2, sight.event[i] % 2] == slope:
             if sight.event[i] % 2 == 0:
                 insert_active(sight, n_active, sight.event[i] // 2)
                 n_active += 1
@@ -300,8 +318,8 @@ def sweep(sight: Sight, half: float, reach: float) -> float:
                 n_active -= 1
         now = sight.active[0] if n_active > 0 else c.NONE
         if now != front:
-            if angle > since:
-                extent = max(extent, add_surface(sight, front, since, angle) if front != c.NONE else reach)
+            if slope > since:
+                extent = max(extent, add_surface(sight, front, since, slope) if front != c.NONE else reach)
             front = now
-            since = angle
-    return extent if since >= half and n > 0 else reach
+            since = slope
+    return extent if since >= border and n > 0 else reach

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from prf.kernels import cones as k
 from prf.kernels import constants as c
 from prf.kernels import sonar as m
+from prf.kernels import visibility as v
 from prf.kernels.grid import Grid
-from prf.kernels.visibility import N_FEATURE, N_SIGHT_COUNTS, Sight
 from prf.sensors.laser import MOST_SLOTS
 from prf.shell.errors import ConfigError
 
@@ -116,26 +116,26 @@ def make_poses(model: SonarModel, origin: Floats, angle: Floats, cone: Floats, r
     if np.any(~(cone > 0.0) | ~(cone < math.pi)):
         raise ConfigError("sonar cone: the field of view must lie between 0 and pi radians")
     pose = np.zeros((len(angle), k.N_POSE))
-    pose[:, k.POSE_X : k.POSE_Y + 1] = origin
-    pose[:, k.POSE_COS] = np.cos(angle)
-    pose[:, k.POSE_SIN] = np.sin(angle)
-    pose[:, k.HALF] = 0.5 * cone
+    pose[:, v.POSE_X : v.POSE_Y + 1] = origin
+    pose[:, v.POSE_COS] = np.cos(angle)
+    pose[:, v.POSE_SIN] = np.sin(angle)
+    pose[:, v.BORDER] = np.tan(0.5 * cone)
     pose[:, k.READING] = np.where(readings < model.max_range, readings, np.inf)
     pose[:, k.EXTENT] = model.max_range
     return pose
 
 
-def make_sight(room: int) -> Sight:
+def make_sight(room: int) -> v.Sight:
     """Return scratch for the edges and features in one cone, with room for this many edges."""
-    return Sight(
+    return v.Sight(
         line=np.zeros((room, 4)),
-        angle=np.zeros((room, 2)),
+        slope=np.zeros((room, 2)),
         corner=np.zeros((room, 2), np.int32),
         event=np.zeros(2 * room, np.int32),
         active=np.zeros(room, np.int32),
-        feature=np.zeros((4 * room, N_FEATURE)),
+        feature=np.zeros((4 * room, v.N_FEATURE)),
         rank=np.zeros(4 * room, np.int32),
-        counts=np.zeros(N_SIGHT_COUNTS, np.int64),
+        counts=np.zeros(v.N_SIGHT_COUNTS, np.int64),
     )
 
 

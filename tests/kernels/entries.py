@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from prf.kernels._jit import core_entry
-from prf.kernels.cones import HALF
 from prf.kernels.geometry import inside_loop, ray_hit, segments_meet, sine_of_angle
 from prf.kernels.grid import Grid, cell_at, exit_distance, walk
 from prf.kernels.image import Image, count_edge, recolor_inside
 from prf.kernels.laser import beam_log_likelihood
 from prf.kernels.sites import Sites, any_inside
 from prf.kernels.sonar import sonar_log_likelihood
-from prf.kernels.visibility import N_LINES, Sight, see_edge, sweep
+from prf.kernels.visibility import BORDER, N_LINES, Sight, see_edge, sweep
 
 
 @core_entry
@@ -92,8 +91,8 @@ def see_all(sight: Sight, segments: np.ndarray, corners: np.ndarray, pose: np.nd
     """Features of all `segments` (n, 4), whose ends are the vertices `corners` (n, 2), left in `sight`; the extent."""
     sight.counts[N_LINES] = 0
     for k in range(segments.shape[0]):
-        see_edge(sight, pose, pose[HALF], reach, segments[k], corners[k, 0], corners[k, 1])
-    return sweep(sight, pose[HALF], reach)
+        see_edge(sight, pose, reach, segments[k], corners[k, 0], corners[k, 1])
+    return sweep(sight, pose[BORDER], reach)
 
 
 @core_entry
