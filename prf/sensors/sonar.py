@@ -46,11 +46,11 @@ class SonarModel:
     max_range: float = 3.5
     noise: float = 0.03
     noise_relative: float = 0.02
-    corner_bias: float = 0.5
+    corner_bias: float = 1.0
     corner_distance: float = 0.5
-    surface_bias: float = 4.0
+    surface_bias: float = 2.4
     surface_distance: float = 0.5
-    surface_oblique: float = 8.0
+    surface_oblique: float = 16.0
     surface_subtended: float = 6.0
     uniform_probability: float = 0.2
     short_probability: float = 0.05

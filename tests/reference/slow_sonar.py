@@ -31,8 +31,8 @@ class Ring(NamedTuple):
     max: float = 3.5
     noise: float = 0.03
     relative: float = 0.02
-    corner: tuple[float, float] = (0.5, 0.5)  # bias, loss a metre
-    surface: tuple[float, float, float, float] = (4.0, 0.5, 8.0, 6.0)  # bias, loss a metre, a radian; gain a radian
+    corner: tuple[float, float] = (1.0, 0.5)  # bias, loss a metre
+    surface: tuple[float, float, float, float] = (2.4, 0.5, 16.0, 6.0)  # bias, loss a metre, a radian; gain a radian
     uniform: float = 0.2
     short: float = 0.05
     short_length: float = 0.5
