@@ -39,8 +39,9 @@ N_SIGHT_COUNTS = 2
 HIDDEN = 1.0 - 1e-9
 """A corner is hidden by what stands before this share of its distance."""
 
-SNAP = 1e-9
-"""Radians: an end nearer than this to the border of the cone lies on it."""
+GRAIN = 1e-9
+"""Radians, in the middle of the cone. Nothing thinner is told apart: an end nearer than this to the border of the cone
+lies on it, lines seen end on and gaps that rounding leaves are passed over. Their depths would be rounding, too."""
 
 
 class Sight(NamedTuple):
@@ -123,7 +124,7 @@ def see_edge(sight: Sight, pose: np.ndarray, reach: float, xy: np.ndarray, first
         return
     p = snapped(py / px, pose[BORDER])
     q = snapped(qy / qx, pose[BORDER])
-    if p == q:
+    if abs(q - p) < GRAIN:
         return
     swap = 1 if q < p else 0
     line[2 * swap] = px
@@ -140,9 +141,9 @@ def see_edge(sight: Sight, pose: np.ndarray, reach: float, xy: np.ndarray, first
 @core
 def snapped(slope: float, border: float) -> float:
     """The slope, or that of the cone's border next to it, so that a line cut there covers the field of view."""
-    if slope > border - SNAP * (1.0 + border * border):
+    if slope > border - GRAIN * (1.0 + border * border):
         return border
-    if slope < SNAP * (1.0 + border * border) - border:
+    if slope < GRAIN * (1.0 + border * border) - border:
         return -border
     return slope
 
@@ -318,7 +319,7 @@ def sweep(sight: Sight, border: float, reach: float) -> float:
                 n_active -= 1
         now = sight.active[0] if n_active > 0 else c.NONE
         if now != front:
-            if slope > since:
+            if slope - since > GRAIN:
                 extent = max(extent, add_surface(sight, front, since, slope) if front != c.NONE else reach)
             front = now
             since = slope

@@ -175,6 +175,7 @@ def scene(*polygons: list[tuple[float, float]]) -> Coloring:
 
 
 AHEAD = Cone(1.0, 4.0, 0.0, math.radians(60.0))
+WALL_FAR = [(7.0, -1.0), (7.5, -1.0), (7.5, 9.0), (7.0, 9.0)]
 WALL = [(3.0, -1.0), (3.5, -1.0), (3.5, 9.0), (3.0, 9.0)]
 
 
@@ -265,6 +266,17 @@ def test_a_wall_that_runs_straight_away_is_not_seen() -> None:
     sight, _ = see(scene([(2.0, 4.0), (3.0, 4.0), (2.5, 4.2)]), AHEAD, Ring())
     surfaces = [f for f in found_features(sight) if not f.is_corner]
     assert [f.subtended for f in surfaces] == pytest.approx([math.atan(0.2 / 1.5)])
+
+
+def test_walls_in_line_with_the_sonar_leave_no_gap() -> None:
+    """Rounding decides under which sliver of an angle an end of such a wall is seen: it must decide nothing else."""
+    rng = np.random.default_rng(8)
+    block = scene([(3.0, 3.0), (3.0, 2.0), (4.0, 2.0), (4.0, 3.0), (5.0, 3.0), (5.0, 5.0), (3.0, 5.0)], WALL_FAR)
+    for _ in range(300):
+        turn, gap = rng.uniform(-0.3, 0.3), rng.uniform(0.1, 2.5)
+        found = found_features(see(block, Cone(3.0 - gap, 3.0, turn, 1.5), Ring(8.0))[0])
+        assert all(math.isfinite(f.depth) and gap - 1e-9 < f.depth < 8.0 for f in found), found
+        assert all(f.is_corner or f.subtended > 1e-7 for f in found), found
 
 
 def test_readings_at_the_maximum_range_or_beyond_are_one_event() -> None:

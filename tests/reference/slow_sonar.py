@@ -21,8 +21,8 @@ Floats = NDArray[np.float64]
 Part = tuple[float, float]
 """Two bounds, the lower one first: of angles, or of places along an edge in [0, 1]."""
 
-SLIVER = 1e-13
-"""Radians: what rounding leaves between two shadows that meet in a corner."""
+SLIVER = 1e-9
+"""Radians: thinner parts are not seen, such as rounding leaves between two shadows that meet in a corner."""
 
 
 class Ring(NamedTuple):
@@ -94,7 +94,7 @@ def seen_alone(a: complex, b: complex, view: float, radius: float) -> Part | Non
     if ends[1] - ends[0] >= math.pi:  # it passes behind the sonar, and looks out on one side at most
         ends = [ends[1], math.pi] if ends[1] < 0.5 * view else [-math.pi, ends[0]]
     low, high = max(ends[0], -0.5 * view), min(ends[1], 0.5 * view)
-    return (low, high) if low < high else None
+    return (low, high) if high - low > SLIVER else None
 
 
 def without(parts: list[Part], shadow: Part) -> list[Part]:
