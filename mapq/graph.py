@@ -22,12 +22,15 @@ class PatchGraph(NamedTuple):
         Shortest distance between the points of the two patches, in metres (rho of equation 9).
     middle : (n_pairs, 3) float64
         Middle of the closest points of the two patches.
+    close : (n_pairs,) bool
+        Whether one is among the closest neighbours of the other, and not only among those watched for conflicts.
     """
 
     n_patches: int
     pairs: NDArray[np.int32]
     separation: NDArray[np.float64]
     middle: NDArray[np.float64]
+    close: NDArray[np.bool_]
 
 
 class PatchFeatures(NamedTuple):

@@ -50,16 +50,23 @@ def features(
     ] = 3.0,
     tau: Annotated[
         float, typer.Option("--tau", metavar="METRES", help="Distance over which a pair's weight falls to 1/e.")
-    ] = 1.0,
+    ] = 2.0,
     neighbours: Annotated[
         int, typer.Option("--neighbours", metavar="N", help="Closest patches that each patch is joined to.")
     ] = 4,
+    watched: Annotated[
+        int,
+        typer.Option("--watched", metavar="N", help="Of so many closest also join those that lie over or cross it."),
+    ] = 16,
+    tolerance: Annotated[
+        float, typer.Option("--tolerance", metavar="METRES", help="So far apart surfaces count half as doubled.")
+    ] = 0.05,
     noise: Annotated[
         float | None,
         typer.Option("--noise", metavar="METRES", help="Deviation of points from a surface; default: estimated."),
     ] = None,
     plain_overlap: Annotated[
-        bool, typer.Option("--plain-overlap", help="Count overlap also where noise explains it, or planes part.")
+        bool, typer.Option("--plain-overlap", help="Count overlap also within the tolerance, or where planes part.")
     ] = False,
     csv: Annotated[
         bool, typer.Option("--csv", help="Print CSV: a row a patch, an empty line, then a row a pair.")
@@ -79,7 +86,16 @@ def features(
 
     if csv and json:
         raise UsageError("--csv and --json do not go together.")
-    settings = FeatureSettings(reading.value, neighbours, radius, tau, noise=noise, plain_overlap=plain_overlap)
+    settings = FeatureSettings(
+        reading.value,
+        neighbours,
+        radius,
+        tau,
+        noise=noise,
+        n_watched=watched,
+        tolerance=tolerance,
+        plain_overlap=plain_overlap,
+    )
     with progress(3, "features") as reporter:
         found = patch_features(read_patches(patches), settings, reporter)
     if found.n_clipped:

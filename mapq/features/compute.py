@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from mapq.features import literal
 from mapq.features.edge import EDGE_NAMES, edge_features
-from mapq.features.neighbours import find_neighbours
+from mapq.features.neighbours import find_neighbours, take_pairs
 from mapq.features.node import NODE_NAMES, SHAPE_NAMES, node_features, shape_table
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes, measure_shapes
@@ -17,6 +17,9 @@ from prf.shell.progress import Reporter
 
 N_STEPS = 3
 """What `progress` counts to: patches measured, neighbours found, pairs measured."""
+
+CONFLICT = 0.05
+"""A + R of a pair above which watched patches are joined: less is what chance makes of the points."""
 
 Floats = NDArray[np.float64]
 
@@ -50,6 +53,9 @@ def patch_features(
 
 def _safe(shapes: PatchShapes, graph: PatchGraph, settings: FeatureSettings) -> PatchFeatures:
     edge, plausibility = edge_features(shapes, graph, settings)
+    conflict = edge[:, EDGE_NAMES.index("overlap")] + edge[:, EDGE_NAMES.index("crossing")] > CONFLICT
+    joined = graph.close | conflict
+    graph, edge, plausibility = take_pairs(graph, joined), edge[joined], plausibility[joined]
     node = node_features(shapes, settings)
     return _features(shapes, graph, settings, node, edge, plausibility, NODE_NAMES, 0)
 
@@ -92,10 +98,12 @@ def _parameters(shapes: PatchShapes, settings: FeatureSettings) -> dict[str, obj
     return {
         "reading": settings.reading,
         "n_neighbours": settings.n_neighbours,
+        "n_watched": settings.n_watched,
         "radius": settings.radius,
         "tau": settings.tau,
         "eps": settings.eps,
         "noise": shapes.noise(settings),
+        "tolerance": shapes.tolerance(settings),
         "spacing": settings.spacing,
         "up": shapes.up.tolist(),
         "plain_overlap": settings.plain_overlap,

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes
 from mapq.graph import PatchGraph
+from mapq.kernels.cover import overlaps
 from mapq.kernels.crossing import crossings
-from mapq.kernels.overlap import overlaps
 
 EDGE_NAMES = ("separation", "weight", "overlap", "crossing", "angle_deg", "offset", "overlap_area")
 
@@ -21,29 +21,29 @@ def edge_features(shapes: PatchShapes, graph: PatchGraph, settings: FeatureSetti
 
     separation (equation 9): distance of the closest points less the spacing of points, not below 0, in metres.
     weight (equation 10): W = exp(-separation / tau).
-    overlap (equation 11): A, the share of the smaller patch on top of which the other lies at an offset that noise does
-    not explain; see :func:`mapq.kernels.overlap.overlaps`.
+    overlap (equation 11): A, the area of either that the other covers at an offset beyond the tolerance, over the area
+    of the smaller one; see :func:`mapq.kernels.cover.overlaps`.
     crossing (equation 12): R, how centrally they cross; see :func:`mapq.kernels.crossing.crossings`.
     angle_deg, offset, overlap_area: acute angle of the planes in degrees, median distance of the planes over the shared
     area in metres, and that area in m².
     x_ij = 1 - W (A + R) (equation 13), in [-1, 1]; high is plausible.
     """
-    noise = shapes.noise(settings)
     spacing = pair_spacing(shapes, graph, settings)
     separation = np.maximum(graph.separation - spacing, 0.0)
     weight = np.exp(-separation / settings.tau)
     pairs = smaller_first(shapes, graph)
     lying = overlaps(
-        shapes.trees,
+        shapes.sheets,
         shapes.planes,
+        shapes.points,
+        shapes.start,
         pairs,
         graph.middle,
         settings.radius,
         settings.tau,
-        noise,
-        settings.plain_overlap,
+        0.0 if settings.plain_overlap else shapes.tolerance(settings),
     )
-    crossing = crossings(shapes.trees, shapes.planes, pairs, spacing, noise)
+    crossing = crossings(shapes.trees, shapes.planes, pairs, spacing, shapes.tolerance(settings))
     overlap, area, offset = lying.T
     columns = [separation, weight, overlap, crossing, angles(shapes, graph), offset, area]
     return np.column_stack(columns), 1.0 - weight * (overlap + crossing)

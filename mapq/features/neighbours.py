@@ -22,19 +22,29 @@ def find_neighbours(shapes: PatchShapes, settings: FeatureSettings) -> PatchGrap
 
     "The four closest plane patches to the current plane patch with respect to euclidean distance within a radius of s
     meters", by closest points and not by centroids; that of two patches one has the other among its closest is enough.
-    Equally close ones are taken largest first, then by their place.
+    Equally close ones are taken largest first, then by their place. In the safe reading those watched for conflicts
+    are returned as well, which only measuring them can tell.
     """
-    pairs, distance, middle = measure_candidates(shapes, settings)
-    kept = closest_of_each(pairs, distance, shapes.size_rank, settings.n_neighbours)
-    kept = kept[np.lexsort((pairs[kept, 1], pairs[kept, 0]))]
-    return PatchGraph(len(shapes), pairs[kept].astype(np.int32), distance[kept], middle[kept])
+    n_watched = settings.n_watched if settings.reading == "safe" else 0
+    pairs, distance, middle = measure_candidates(shapes, settings, max(settings.n_neighbours, n_watched))
+    watched = closest_of_each(pairs, distance, shapes.size_rank, max(settings.n_neighbours, n_watched))
+    close = np.zeros(len(pairs), np.bool_)
+    close[closest_of_each(pairs, distance, shapes.size_rank, settings.n_neighbours)] = True
+    kept = watched[np.lexsort((pairs[watched, 1], pairs[watched, 0]))]
+    return PatchGraph(len(shapes), pairs[kept].astype(np.int32), distance[kept], middle[kept], close[kept])
 
 
-def measure_candidates(shapes: PatchShapes, settings: FeatureSettings) -> tuple[Ints, Floats, Floats]:
-    """Return pairs (n, 2), among them all neighbours, with distance (n,) and middle (n, 3) of their closest points."""
+def take_pairs(graph: PatchGraph, some: NDArray[np.bool_]) -> PatchGraph:
+    """Return the graph with some of its pairs (a mask)."""
+    _, pairs, separation, middle, close = graph
+    return PatchGraph(graph.n_patches, pairs[some], separation[some], middle[some], close[some])
+
+
+def measure_candidates(shapes: PatchShapes, settings: FeatureSettings, n_closest: int) -> tuple[Ints, Floats, Floats]:
+    """Return pairs (n, 2), distance (n,) and middle (n, 3) of their closest points; all `n_closest` are there."""
     trees = shapes.trees
     low, high = trees.low[trees.root], trees.high[trees.root]
-    nearest = np.full((len(shapes), settings.n_neighbours), settings.radius**2)
+    nearest = np.full((len(shapes), n_closest), settings.radius**2)
     order = np.argsort(low[:, 0], kind="stable")
     found, place = [(np.zeros((0, 2), np.int64), np.zeros(0), np.zeros((0, 3)))], 0
     while place < len(order):

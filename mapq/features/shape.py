@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from mapq.features.settings import FeatureSettings
 from mapq.kernels.boxes import Trees, make_boxes
+from mapq.kernels.frames import Planes
 from mapq.kernels.occupied import occupied_cells
 from mapq.kernels.order import spans
-from mapq.kernels.overlap import Planes
+from mapq.kernels.sheets import Sheets, count_sheet_cells, fill_sheets
 from mapq.patches import Patches
 from prf.shell.errors import InputError
 
@@ -21,6 +22,8 @@ SMALLEST_CELL = 0.01
 """Metres: finer than any map's points, and above 0 for patches whose points coincide."""
 N_CELL_SIZES = 8
 """Cell sizes that are tried, each the root of two times the last."""
+TOLERANCE_IN_NOISE = 3.3
+"""Standard deviations: surfaces closer than this cannot be told from one rough surface."""
 LEVEL = 0.3
 """Sine of the tilt below which a plane has no clear horizontal direction, and its longest one is taken instead."""
 CURVE_BITS = 21
@@ -103,7 +106,16 @@ class PatchShapes:
     @cached_property
     def planes(self) -> Planes:
         """What kernels need of the planes."""
-        return Planes(self.normal, self.centre, self.across, self.cell, self.area)
+        return Planes(self.normal, self.centre, self.across, self.along, self.area)
+
+    @cached_property
+    def sheets(self) -> Sheets:
+        """The points of each patch sorted in its plane."""
+        return lay_out(self)
+
+    def tolerance(self, settings: FeatureSettings) -> float:
+        """Return the distance in metres from which surfaces count as doubled: the setting's, more where noise is."""
+        return max(settings.tolerance, TOLERANCE_IN_NOISE * self.noise(settings))
 
     def noise(self, settings: FeatureSettings) -> float:
         """Return the standard deviation of points from their surface, in metres, given or estimated."""
@@ -135,6 +147,24 @@ def measure_shapes(patches: Patches, settings: FeatureSettings | None = None) ->
     mse = np.maximum(values[:, 0], 0.0)
     width, height = np.ascontiguousarray(extent.T)
     return PatchShapes(points, start, normal, centre, mse, thickness, across, along, width, height, cell, area, up)
+
+
+def lay_out(shapes: PatchShapes) -> Sheets:
+    """Return the points of each patch in its plane, sorted into cells, with the gaps between them."""
+    n_points, n_patches = len(shapes.points), len(shapes)
+    patch = np.repeat(np.arange(n_patches), shapes.counts)
+    relative = shapes.points - shapes.centre[patch]
+    u = np.einsum("ij,ij->i", relative, shapes.across[patch])
+    v = np.einsum("ij,ij->i", relative, shapes.along[patch])
+    low, size = np.zeros((n_patches, 2)), np.zeros((n_patches, 2), np.int64)
+    base = np.zeros(n_patches + 1, np.int64)
+    count_sheet_cells(u, v, shapes.start, shapes.cell, low, size, base)
+    first = np.zeros(int(base[-1]) + 1, np.int64)
+    sorted_u, sorted_v, gap = np.zeros(n_points), np.zeros(n_points), np.zeros(n_points)
+    number = np.zeros(n_points, np.int64)
+    sheets = Sheets(sorted_u, sorted_v, gap, shapes.cell, low, size, base, first, number)
+    fill_sheets(sheets, u, v, shapes.start)
+    return sheets
 
 
 def up_direction(patches: Patches, settings: FeatureSettings) -> Floats:

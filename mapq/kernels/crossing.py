@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from mapq.kernels._jit import jit, part
 from mapq.kernels.boxes import Trees
+from mapq.kernels.frames import Planes, cross, dot, dot_from, normalise
 from mapq.kernels.order import quantile
-from mapq.kernels.overlap import Planes, cross, dot, dot_from, normalise
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -65,7 +65,7 @@ def crossing(
     line: Floats,
     sine: float,
     spacing: float,
-    noise: float,
+    beyond: float,
     t: Floats,
     s: Floats,
 ) -> float:
@@ -74,7 +74,7 @@ def crossing(
     First each patch as a whole, which settles most pairs, then the part of it along the common stretch; the patch with
     fewer points first.
     """
-    slack = spacing + 2.0 * noise / sine
+    slack = spacing + beyond / sine
     shift = dot_from(line, planes.centre[pair[0]], planes.centre[pair[1]])
     low, high, smallest = -np.inf, np.inf, 1.0
     for step in range(4):
@@ -96,10 +96,11 @@ def crossing(
 
 
 @jit
-def crossings(trees: Trees, planes: Planes, pairs: Ints, spacing: Floats, noise: float) -> Floats:
+def crossings(trees: Trees, planes: Planes, pairs: Ints, spacing: Floats, beyond: float) -> Floats:
     """R (n,) of each pair: 1 where the patches cross in their middles, 0 at an edge of either, or if they do not.
 
-    Slack for either edge is ``spacing + 2 noise / sine``: by so much the line, or a region growing over it, may be off.
+    Each must reach beyond the plane of the other by the distance `beyond`, on both sides: less than that noise, or a
+    region that grows over its edge, explains. The point spacing is slack too.
     """
     out = np.zeros(len(pairs))
     longest = 0
@@ -111,5 +112,5 @@ def crossings(trees: Trees, planes: Planes, pairs: Ints, spacing: Floats, noise:
         sine = np.sqrt(dot(line, line))
         if sine > PARALLEL:
             normalise(line)
-            out[k] = crossing(trees, planes, pairs[k], line, sine, spacing[k], noise, t, s)
+            out[k] = crossing(trees, planes, pairs[k], line, sine, spacing[k], beyond, t, s)
     return out

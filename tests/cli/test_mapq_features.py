@@ -76,7 +76,9 @@ def test_table_for_a_person(capsys, path):
 
 def test_flags_reach_the_features(capsys, path):
     args = ("--radius", "2", "--tau", "0.5", "--neighbours", "1", "--noise", "0.05", "--plain-overlap")
-    used = json.loads(run(capsys, path, "--json", *args)[1])["parameters"]
+    more = ("--watched", "2", "--tolerance", "0.3")
+    used = json.loads(run(capsys, path, "--json", *args, *more)[1])["parameters"]
+    assert (used["n_watched"], used["tolerance"]) == (2, 0.3)
     assert (used["radius"], used["tau"], used["n_neighbours"], used["noise"]) == (2.0, 0.5, 1, 0.05)
     assert used["plain_overlap"] is True
 
@@ -84,8 +86,9 @@ def test_flags_reach_the_features(capsys, path):
 def test_defaults_are_those_of_the_library():
     flags = inspect.signature(command.features).parameters
     plain = FeatureSettings()
-    for flag, name in (("radius", "radius"), ("tau", "tau"), ("neighbours", "n_neighbours"), ("noise", "noise")):
-        assert flags[flag].default == getattr(plain, name)
+    other = {"neighbours": "n_neighbours", "watched": "n_watched"}
+    for flag in ("radius", "tau", "neighbours", "watched", "tolerance", "noise"):
+        assert flags[flag].default == getattr(plain, other.get(flag, flag))
     assert flags["reading"].default.value == plain.reading
 
 
@@ -106,7 +109,9 @@ def test_a_map_without_patches(capsys, tmp_path):
     assert len(run(capsys, path, "--csv")[1].splitlines()) == 3
 
 
-@pytest.mark.parametrize("args", [("--csv", "--json"), ("--radius", "-1"), ("--neighbours", "0"), ("--tau", "nan")])
+@pytest.mark.parametrize(
+    "args", [("--csv", "--json"), ("--radius", "-1"), ("--neighbours", "0"), ("--tau", "nan"), ("--watched", "-1")]
+)
 def test_usage_errors(capsys, path, args):
     code, out, err = run(capsys, path, *args)
     assert (code, out) == (2, "")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,9 +96,9 @@ def edge_ratio(points: Floats, n: Floats, others: Floats, m: Floats) -> float:
     return float(edges[0] / edges[1])
 
 
-def safe_crossing(one: Floats, n: Floats, other: Floats, m: Floats, spacing: float, noise: float) -> float:
+def safe_crossing(one: Floats, n: Floats, other: Floats, m: Floats, spacing: float, beyond: float) -> float:
     """R where both patches lie on both sides of the line and side by side along it, else 0; see docs/features.md."""
-    slack = spacing + 2 * noise / float(np.linalg.norm(np.cross(n, m)))
+    slack = spacing + beyond / float(np.linalg.norm(np.cross(n, m)))
     own, their = places(one, n, other, m), places(other, m, one, n)
     origin, direction = line_of_planes(one.mean(axis=0), n, other.mean(axis=0), m)
     back, _ = line_of_planes(other.mean(axis=0), m, one.mean(axis=0), n)
@@ -120,36 +121,100 @@ def _ratio(across: Floats, slack: float) -> float:
     return float(edges[0] / edges[1]) if edges[0] > 0 else 0.0
 
 
-def safe_overlap(
+def sides(right: Floats, above: Floats) -> NDArray[np.int64]:
+    """Side of a place on which points lie: 0 right, 1 left, 2 above, 3 below, parted by the diagonals."""
+    level = np.abs(right) >= np.abs(above)
+    return np.where(level, np.where(right >= 0, 0, 1), np.where(above > 0, 2, 3))
+
+
+def point_gaps(places: Floats, cell: float) -> Floats:
+    """Gap (n,) of each point, given in the plane; see docs/features.md. Searched up to 1, 2, then 3 cells away."""
+    gaps = []
+    for place in places:
+        ray = places - place
+        distance = np.hypot(*ray.T)
+        for reach in (cell, 2 * cell, 3 * cell):
+            near = np.flatnonzero((distance > 0) & (distance < reach))
+            four = near[np.argsort(distance[near], kind="stable")[:4]]
+            gap = distance[four[3]] if len(four) == 4 else reach
+            across, along = np.linalg.eigvalsh(ray[four].T @ ray[four])
+            if across < 0.02 * along:
+                side = sides(*ray[near].T)
+                gap = sorted(distance[near][side == k].min(initial=reach) for k in range(4))[2]
+            if gap < reach:
+                break
+        gaps.append(gap)
+    return np.array(gaps)
+
+
+def is_covered(place: Floats, places: Floats, gaps: Floats, cell: float) -> bool:
+    """Whether points surround a place: on all four sides within two gaps of the closest, itself within a cell."""
+    ray = places - place
+    distance = np.hypot(*ray.T)
+    closest = int(np.argmin(distance))
+    reach = 2 * gaps[closest]
+    if distance[closest] >= min(cell, reach):
+        return False
+    near = (distance > 1e-6 * reach) & (distance < reach)
+    return len(np.unique(sides(*ray[near].T))) == 4
+
+
+class Sheet(NamedTuple):
+    """A patch: points (n, 3), their mean, unit vectors across, along and normal as rows, cell side, area."""
+
+    points: Floats
+    centre: Floats
+    axes: Floats
+    cell: float
+    area: float
+
+
+def safe_overlap(one: Sheet, other: Sheet, radius: float, tau: float, tolerance: float) -> tuple[float, float]:
+    """A and the covered area of two patches point by point; tolerance 0: all that is covered counts."""
+    cosine = float(one.axes[2] @ other.axes[2])
+    facing = max(0.0, 2 * cosine**2 - 1)
+    overlap = covered_area = 0.0
+    for own, their in ((one, other), (other, one)):
+        gaps, their_gaps, their_places = (
+            point_gaps((own.points - own.centre) @ own.axes[:2].T, own.cell),
+            point_gaps((their.points - their.centre) @ their.axes[:2].T, their.cell),
+            (their.points - their.centre) @ their.axes[:2].T,
+        )
+        ray = (own.points - their.centre) @ their.axes.T
+        covered = np.array([is_covered(place, their_places, their_gaps, their.cell) for place in ray[:, :2]])
+        areas = (own.area * gaps**2 / (gaps**2).sum())[covered]
+        offsets = np.abs(ray[covered, 2])
+        counts = np.ones(len(areas))
+        if tolerance > 0:
+            counts = (
+                1
+                / (1 + (tolerance / np.maximum(offsets, 1e-9)) ** 8)
+                * np.exp(-(offsets - offsets.min(initial=math.inf)) / tau)
+            )
+            counts[offsets > radius] = 0.0
+        overlap = max(overlap, min(1.0, facing * float(areas @ counts) / min(one.area, other.area)))
+        covered_area = max(covered_area, float(areas.sum()))
+    return overlap, covered_area if facing > 0 else 0.0
+
+
+def ideal_overlap(
     one: tuple[Floats, Floats, float, float],
     other: tuple[Floats, Floats, float, float],
     tau: float,
-    noise: float,
-    plain: bool = False,
+    tolerance: float,
     steps: int = 300,
 ) -> float:
-    """A of two exact rectangles (middle, axes as rows, width, height) by a fine grid on the plane between them."""
-    (c, axes, w, h), (d, others, v, g) = one, other
-    n, m = axes[2], others[2] * (1.0 if axes[2] @ others[2] >= 0 else -1.0)
-    between = (n + m) / np.linalg.norm(n + m)
-    across = np.cross(between, [0.31, 0.52, 0.79])
-    across /= np.linalg.norm(across)
-    along = np.cross(between, across)
-    reach = math.hypot(w, h)
-    ticks = (np.arange(steps) + 0.5) / steps * 2 * reach - reach
-    u, y = np.meshgrid(ticks, ticks)
-    base = c + u.reshape(-1, 1) * across + y.reshape(-1, 1) * along
-    p = base + ((c - base) @ n / (between @ n))[:, None] * between
-    q = base + ((d - base) @ m / (between @ m))[:, None] * between
-    both = _inside(p - c, axes, w, h) & _inside(q - d, others, v, g)
-    offsets = np.linalg.norm(p - q, axis=1)[both]
-    explained = np.exp(-0.5 * (offsets / (2 * noise)) ** 2)
-    weights = (1 - explained) * np.exp(-(offsets - offsets.min(initial=math.inf)) / tau)
-    counted = len(offsets) if plain else float(weights.sum())
-    half = math.cos(0.5 * math.acos(min(1.0, float(n @ m))))
-    area = counted * (2 * reach / steps) ** 2 / half
-    return max(0.0, 2 * float(n @ m) ** 2 - 1) * area / min(w * h, v * g)
-
-
-def _inside(ray: Floats, axes: Floats, width: float, height: float) -> NDArray[np.bool_]:
-    return (np.abs(ray @ axes[0]) <= 0.5 * width) & (np.abs(ray @ axes[1]) <= 0.5 * height)
+    """A of two exact rectangles (middle, axes as rows, width, height), of points without gaps: by a grid on each."""
+    facing = max(0.0, 2 * float(one[1][2] @ other[1][2]) ** 2 - 1)
+    largest = 0.0
+    for (c, axes, w, h), (d, others, v, g) in ((one, other), (other, one)):
+        ticks = (np.arange(steps) + 0.5) / steps - 0.5
+        u, y = np.meshgrid(ticks * w, ticks * h)
+        ray = (c + u.reshape(-1, 1) * axes[0] + y.reshape(-1, 1) * axes[1] - d) @ others.T
+        offsets = np.abs(ray[(np.abs(ray[:, 0]) <= 0.5 * v) & (np.abs(ray[:, 1]) <= 0.5 * g), 2])
+        counts = np.ones(len(offsets))
+        if tolerance > 0:
+            counts = np.exp(-(offsets - offsets.min(initial=math.inf)) / tau)
+            counts /= 1 + (tolerance / np.maximum(offsets, 1e-9)) ** 8
+        largest = max(largest, facing * float(counts.sum()) * w * h / steps**2 / min(w * h, v * g))
+    return min(1.0, largest)

@@ -28,6 +28,7 @@ POINTS = {
     "one point": np.zeros((1, 3)),
     "duplicates": np.zeros((9, 3)),
     "three points": np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 1]]),
+    "an upright line": np.linspace(0, 5, 40)[:, None] * [0, 0, 1.0],
     "a line": np.linspace(0, 5, 40)[:, None] * [1.0, 0, 0],
     "an exact plane": np.array([(x, 0.0, z) for x in np.arange(0, 3, 0.1) for z in np.arange(0, 2, 0.1)]),
 }
@@ -134,6 +135,8 @@ class TestSettings:
             {"tau": -1.0},
             {"eps": float("nan")},
             {"noise": float("inf")},
+            {"tolerance": 0.0},
+            {"n_watched": -1},
             {"up": (0.0, 0.0, 0.0)},
         ],
     )
@@ -150,9 +153,14 @@ class TestSettings:
 
     def test_what_was_used_comes_back(self, street):
         used = patch_features(street, FeatureSettings(radius=2.0)).parameters
-        assert (used["radius"], used["tau"], used["n_neighbours"]) == (2.0, 1.0, 4)
+        assert (used["radius"], used["tau"], used["n_neighbours"], used["n_watched"]) == (2.0, 2.0, 4, 16)
         assert used["noise"] == pytest.approx(0.02, rel=0.1)
         assert patch_features(street, FeatureSettings(noise=0.001)).parameters["noise"] == 0.01, "eps is the least"
+
+    @pytest.mark.parametrize(("noise", "given", "used"), [(0.01, 0.05, 0.05), (0.04, 0.05, 0.132), (0.04, 0.3, 0.3)])
+    def test_the_tolerance_is_never_below_what_noise_hides(self, street, noise, given, used):
+        found = patch_features(street, FeatureSettings(noise=noise, tolerance=given)).parameters["tolerance"]
+        assert found == pytest.approx(used)
 
     def test_progress_is_told(self, street):
         told = []
