@@ -28,7 +28,7 @@ def simulate(
         typer.Option(
             "--size",
             metavar="small|medium|large",
-            help="A world of about 30 000, 340 000 or 680 000 points; the options below change parts of it.",
+            help="A world of about 55 000, 560 000 or 1 120 000 points; the options below change parts of it.",
         ),
     ] = "medium",
     n_points: Annotated[int | None, typer.Option("--n-points", metavar="N", help="Points of the map, about.")] = None,
@@ -64,7 +64,7 @@ def simulate(
         typer.Option(
             "--disagreement",
             metavar="METRES",
-            help="Suspicious is where passes disagree by more than this along the normal (0.2).",
+            help="Suspicious is where passes disagree by more than this along the normal (0.05).",
         ),
     ] = None,
     seed: Seed = None,

@@ -58,14 +58,14 @@ class Settings:
         Points that a pass must have in a cell to count.
     """
 
-    n_points: int = 340_000
+    n_points: int = 560_000
     blocks: int = 1
     loops: int = 2
-    street_length: float = 70.0
+    street_length: float = 340.0
     block_length: float = 44.0
     block_depth: float = 37.0
     street_width: float = 14.0
-    path_length: float = 60.0
+    path_length: float = 240.0
     frontage: tuple[float, float] = (8.0, 30.0)
     height: tuple[float, float] = (6.0, 15.0)
     look_alikes: float = 1.0
@@ -75,9 +75,9 @@ class Settings:
     noise: float = 0.015
     drift: float = 1.0
     yaw_bias: float = 0.6
-    yaw_walk: float = 0.3
+    yaw_walk: float = 0.2
     scale_walk: float = 0.4
-    disagreement: float = 0.2
+    disagreement: float = 0.05
     cell: float = 1.0
     visit_gap: float = 25.0
     visit_points: int = 3
@@ -113,22 +113,22 @@ class Settings:
 SIZES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "small": {
-            "n_points": 30_000,
-            "street_length": 24.0,
+            "n_points": 55_000,
+            "street_length": 170.0,
             "block_length": 20.0,
             "block_depth": 18.0,
             "street_width": 11.0,
-            "path_length": 24.0,
+            "path_length": 120.0,
             "frontage": (7.0, 14.0),
             "height": (5.0, 8.0),
             # A lap is shorter; the second must still end as far from the first.
-            "yaw_bias": 1.1,
-            "yaw_walk": 0.5,
+            "yaw_bias": 0.8,
+            "yaw_walk": 0.25,
             # Sparser, so that a pass still has its points in most cells.
             "cell": 2.0,
         },
         "medium": {},
-        "large": {"blocks": 2, "n_points": 680_000},
+        "large": {"blocks": 2, "n_points": 1_120_000},
     }
 )
 """Named sizes; medium is the size of the map of figure 4."""

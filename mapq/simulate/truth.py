@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from mapq.simulate.scene import NO_SURFACE
 from mapq.simulate.settings import Settings
@@ -20,8 +21,8 @@ class Truth(NamedTuple):
     ----------
     suspicious : (n,) bool
     disagreement : (n,) float64
-        Metres between the point's pass and the pass that disagrees with it most, in the point's cell; 0 where one
-        pass alone saw the cell.
+        Metres between the point's pass and the pass that disagrees with it most, in the point's cell or, where one
+        pass alone saw that, in those that it touches; 0 where there is no other.
     cell : (n,) int64
         Number of the point's cell, -1 for points that belong to none.
     """
@@ -61,7 +62,9 @@ def judge(seen: Seen, settings: Settings) -> Truth:
     In a cell, points of which no two neighbours in time lie more than `settings.visit_gap` apart are one visit; a
     visit with `settings.visit_points` points or more counts. A point is suspicious if its visit is displaced from
     one that counts by more than `settings.disagreement`: along the normal for planar surfaces, horizontally for
-    things without planes. What drift moved together with all other visits, or what was seen once, is plausible.
+    things without planes. Where one visit alone counts in a planar cell it is compared with those of the parallel
+    cells that it touches: a pane that the second pass missed is as wrong as the doubled facade round it. What drift
+    moved together with all that it touches, or what was seen once, is plausible.
     """
     cell = cells_of(seen, settings.cell)
     some = np.flatnonzero(cell >= 0)
@@ -77,9 +80,86 @@ def judge(seen: Seen, settings: Settings) -> Truth:
     moved = np.where(planar[:, None], np.stack([along, np.zeros(len(order))], axis=1), seen.moved[order])
     mean = np.stack([np.bincount(visit, moved[:, k], n_visits) for k in (0, 1)], axis=1) / counts[:, None]
     worst = _worst(cell[order][is_new], mean, counts >= settings.visit_points)
+    visits = Visits.gathered(seen, order, visit, cell[order][is_new], counts >= settings.visit_points)
+    alone = visits.alone()
+    worst[alone] = np.maximum(worst[alone], disagreement_of_touching(visits, alone, settings))
     disagreement = np.zeros(len(cell))
     disagreement[order] = worst[visit]
     return Truth(disagreement > settings.disagreement, disagreement, cell)
+
+
+class Visits(NamedTuple):
+    """Visits of cells: one row each.
+
+    Attributes
+    ----------
+    cell : (k,) int64
+    hits, normal : (k, 3) float64
+        Mean place in the world, and the normal of the surface.
+    moved : (k, 2) float64
+        Mean horizontal displacement by drift.
+    begin, end : (k,) float64
+        Times of the first and of the last point.
+    counted, planar : (k,) bool
+        Whether the visit has enough points; whether its cell is of a planar surface.
+    """
+
+    cell: NDArray[np.int64]
+    hits: Vector
+    normal: Vector
+    moved: Vector
+    begin: Vector
+    end: Vector
+    counted: NDArray[np.bool_]
+    planar: NDArray[np.bool_]
+
+    @classmethod
+    def gathered(
+        cls,
+        seen: Seen,
+        order: NDArray[np.intp],
+        visit: NDArray[np.int64],
+        cell: NDArray[np.int64],
+        counted: NDArray[np.bool_],
+    ) -> Visits:
+        """Return the means over each visit; `visit` numbers the points `order` in ascending order."""
+        n_visits = len(cell)
+        counts = np.maximum(np.bincount(visit, minlength=n_visits), 1)[:, None]
+
+        def mean(values: Vector) -> Vector:
+            sums = [np.bincount(visit, column, n_visits) for column in values[order].T]
+            return np.asarray(np.stack(sums, axis=1) / counts)
+
+        rows = order[np.searchsorted(visit, np.arange(n_visits))]
+        last = order[np.searchsorted(visit, np.arange(n_visits), side="right") - 1]
+        planar = seen.surface[rows] != NO_SURFACE
+        times = seen.time[rows], seen.time[last]
+        return cls(cell, mean(seen.hits), seen.normal[rows], mean(seen.moved), *times, counted, planar)
+
+    def alone(self) -> NDArray[np.intp]:
+        """Return the counted visits of planar cells that no other counted visit saw."""
+        n_counted = np.bincount(self.cell, self.counted, int(self.cell.max(initial=-1)) + 1)
+        return np.flatnonzero(self.planar & self.counted & (n_counted[self.cell] == 1))
+
+
+def disagreement_of_touching(visits: Visits, some: NDArray[np.intp], settings: Settings) -> Vector:
+    """Return for `some` visits (k,) the largest displacement along their normal from an earlier or later visit near by.
+
+    Near by is a parallel cell (within 30 degrees) whose points lie in the mean not farther than a cell and a half. From
+    the end of one visit to the begin of the other more than `settings.visit_gap` must pass: else they are one.
+    """
+    worst = np.zeros(len(some))
+    counted = np.flatnonzero(visits.counted & visits.planar)
+    if len(some) == 0 or len(counted) == 0:
+        return worst
+    near = KDTree(visits.hits[counted]).query_ball_point(visits.hits[some], 1.5 * settings.cell)
+    row = np.repeat(np.arange(len(some)), [len(each) for each in near])
+    one, other = some[row], counted[np.concatenate([*near, []]).astype(np.intp)]
+    parallel = np.abs(np.einsum("ij,ij->i", visits.normal[one], visits.normal[other])) > np.cos(np.radians(30.0))
+    between = np.maximum(visits.begin[one] - visits.end[other], visits.begin[other] - visits.end[one])
+    along = np.einsum("ij,ij->i", visits.moved[one] - visits.moved[other], visits.normal[one, :2])
+    np.maximum.at(worst, row, np.where(parallel & (between > settings.visit_gap), np.abs(along), 0.0))
+    return worst
 
 
 def cells_of(seen: Seen, side: float) -> NDArray[np.int64]:

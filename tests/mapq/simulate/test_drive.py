@@ -18,12 +18,12 @@ FEW = {"n_points": 12_000}
 
 @pytest.fixture(scope="module")
 def drifted() -> Simulation:
-    return simulate_with_report(Settings.of_size("small", {"n_points": 30_000}), 3)
+    return simulate_with_report(Settings.of_size("small", {"n_points": 55_000}), 3)
 
 
 @pytest.fixture(scope="module")
 def clean() -> Simulation:
-    return simulate_with_report(Settings.of_size("small", {"n_points": 30_000, "drift": 0.0}), 3)
+    return simulate_with_report(Settings.of_size("small", {"n_points": 55_000, "drift": 0.0}), 3)
 
 
 def world_of(seed: int, **changes: float) -> tuple[World, np.ndarray]:
@@ -50,7 +50,7 @@ def test_fields_and_their_types(drifted: Simulation) -> None:
     assert cloud.coordinate_type is np.float32
     assert (np.diff(cloud.fields["time"]) >= 0).all()
     assert set(cloud.fields["pass_id"]) == {0, 1, 2}
-    assert len(cloud) == pytest.approx(30_000, rel=0.05)
+    assert len(cloud) == pytest.approx(55_000, rel=0.05)
     unlike = cloud.fields["surface"] == -1
     assert set(cloud.fields["kind"][unlike]) <= {Kind.FOLIAGE, Kind.POST, Kind.PERSON, Kind.MIXED, Kind.MOVING_CAR}
 
@@ -72,7 +72,7 @@ def test_drift_doubles_the_walls_that_are_seen_twice(drifted: Simulation) -> Non
     report = drifted.report
     assert 0.1 < report.suspicious_wall_points < 0.7
     assert 0.05 < report.suspicious_cells < 0.6
-    assert (fields["truth"] == 1).tolist() == (fields["disagreement"] > np.float32(0.2)).tolist()
+    assert (fields["truth"] == 1).tolist() == (fields["disagreement"] > np.float32(0.05)).tolist()
     moving = np.isin(fields["kind"], (Kind.PERSON, Kind.MOVING_CAR, Kind.MIXED))
     assert moving.any()
     assert not fields["truth"][moving].any()

@@ -65,12 +65,78 @@ def test_flat_ground_never_disagrees_and_things_do_in_any_direction() -> None:
 
 def test_cells_are_apart_and_what_moves_has_none() -> None:
     one = seen([(0.0, (0.0, 0.0), 3), (60.0, (0.0, 0.5), 3)])
-    shifted = one._replace(hits=one.hits + np.where(one.time > 30.0, 1.0, 0.0)[:, None] * (1.0, 0.0, 0.0))
+    shifted = one._replace(hits=one.hits + np.where(one.time > 30.0, 4.0, 0.0)[:, None] * (1.0, 0.0, 0.0))
     assert not any(suspicious(shifted))
     moving = one._replace(surface=np.full(6, -1, np.int32), thing=np.full(6, -1, np.int32))
     truth = judge(moving, SETTINGS)
     assert not truth.suspicious.any()
     assert (truth.cell == -1).all()
+
+
+def joined(*parts: Seen) -> Seen:
+    return Seen(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+
+
+def beside(part: Seen, to: tuple[float, float, float], surface: int, normal=(0.0, 1.0, 0.0)) -> Seen:  # type: ignore[no-untyped-def]
+    """Return the points on another surface, shifted by `to`."""
+    n = len(part.time)
+    return part._replace(
+        hits=part.hits + np.array(to), surface=np.full(n, surface, np.int32), normal=np.tile(normal, (n, 1))
+    )
+
+
+FACADE = seen([(0.0, (0.0, 0.0), 5), (60.0, (0.0, 0.3), 5)])
+PANE = seen([(0.0, (0.0, 0.0), 4)])
+
+
+class TestSeenOnce:
+    def test_a_pane_in_a_doubled_facade_is_suspicious(self) -> None:
+        truth = judge(joined(FACADE, beside(PANE, (1.1, 0.25, 0.0), 1)), SETTINGS)
+        assert truth.suspicious.all()
+        np.testing.assert_allclose(truth.disagreement, 0.3)
+
+    @pytest.mark.parametrize("normal", [(1.0, 0.0, 0.0), (0.8, 0.6, 0.0), (0.0, 0.0, 1.0)])
+    def test_a_wall_that_is_not_parallel_to_it_is_not(self, normal: tuple[float, float, float]) -> None:
+        truth = judge(joined(FACADE, beside(PANE, (1.1, 0.25, 0.0), 1, normal)), SETTINGS)
+        assert truth.suspicious.tolist() == [True] * 10 + [False] * 4
+
+    @pytest.mark.parametrize("normal", [(0.0, -1.0, 0.0), (0.4, 0.9165, 0.0)])
+    def test_nearly_parallel_and_facing_away_is_parallel(self, normal: tuple[float, float, float]) -> None:
+        assert judge(joined(FACADE, beside(PANE, (1.1, 0.25, 0.0), 1, normal)), SETTINGS).suspicious.all()
+
+    def test_what_is_farther_than_a_cell_and_a_half_is_not(self) -> None:
+        truth = judge(joined(FACADE, beside(PANE, (1.8, 0.0, 0.0), 0)), SETTINGS)
+        assert truth.suspicious.tolist() == [True] * 10 + [False] * 4
+
+    def test_the_same_visit_goes_on_in_the_cell_beside(self) -> None:
+        """However long it lasts, and however far apart its mean times are."""
+        long = seen([(t, (0.0, 0.005 * t), 2) for t in range(0, 100, 10)])
+        brief = beside(seen([(95.0, (0.0, 0.5), 4)]), (1.0, 0.0, 0.0), 0)
+        assert not judge(joined(long, brief), SETTINGS).suspicious.any()
+        later = brief._replace(time=brief.time + 30.0)
+        assert judge(joined(long, later), SETTINGS).suspicious.all()
+
+    def test_passes_of_few_points_beside_it_accuse_nobody(self) -> None:
+        few = seen([(60.0, (0.0, 0.3), 2)])
+        assert not judge(joined(PANE, beside(few, (1.0, 0.0, 0.0), 0)), SETTINGS).suspicious.any()
+
+    def test_a_cell_that_two_visits_agree_in_asks_no_other(self) -> None:
+        agreed = beside(seen([(0.0, (0.0, 0.0), 3), (60.0, (0.0, 0.1), 3)]), (1.0, 0.0, 0.0), 0)
+        assert judge(joined(FACADE, agreed), SETTINGS).suspicious.tolist() == [True] * 10 + [False] * 6
+
+    def test_a_clean_map_stays_clean(self) -> None:
+        rng = np.random.default_rng(0)
+        time = np.sort(rng.uniform(0, 500, 400))
+        hits = rng.uniform(0, 6, (400, 3)) * (1.0, 0.0, 1.0)
+        normal = np.tile((0.0, 1.0, 0.0), (400, 1))
+        moved = np.tile((0.7, -0.4), (400, 1))
+        truth = judge(Seen(hits, moved, time, np.zeros(400, np.int32), np.full(400, -1, np.int32), normal), SETTINGS)
+        assert truth.disagreement.max() < 1e-12
+
+
+def test_no_points_at_all() -> None:
+    none = Seen(*(values[:0] for values in PANE))
+    assert len(judge(none, SETTINGS).suspicious) == 0
 
 
 @pytest.mark.parametrize("turn", [0.3, 1.2, 2.9])
