@@ -20,7 +20,7 @@ logger = logging.getLogger(__name__)
 
 EXAMPLES = (
     "mapq train city.patches -o city.model.json",
-    "mapq train north.patches south.patches --class-weight balanced -o both.model.json",
+    "mapq train north.patches south.patches -o both.model.json",
     "mapq train city.patches --edge-model none --json -o nodes.model.json",
 )
 
@@ -91,7 +91,7 @@ def train(
     ] = None,
     class_weight: Annotated[
         ClassWeight, typer.Option("--class-weight", help="balanced: both labels weigh the same in sum.")
-    ] = ClassWeight.none,
+    ] = ClassWeight.balanced,
     radius: Annotated[
         float | None, typer.Option("--radius", metavar="METRES", help="Patches farther apart are no neighbours.")
     ] = None,
@@ -100,6 +100,13 @@ def train(
     ] = None,
     neighbours: Annotated[
         int | None, typer.Option("--neighbours", metavar="N", min=1, help="Closest patches that a patch is joined to.")
+    ] = None,
+    watched: Annotated[
+        int | None,
+        typer.Option("--watched", metavar="N", help="Of so many closest also join those that lie over or cross it."),
+    ] = None,
+    tolerance: Annotated[
+        float | None, typer.Option("--tolerance", metavar="METRES", help="So far apart surfaces count half as doubled.")
     ] = None,
     max_patches: Annotated[
         int | None,
@@ -131,7 +138,7 @@ def train(
         if strength is not None and not 0.0 < strength < math.inf:
             raise UsageError(f"a regularisation of {strength} is not above 0: separable labels would have no optimum.")
     refuse_existing(target, force)
-    given = {"radius": radius, "tau": tau, "n_neighbours": neighbours}
+    given = {"radius": radius, "tau": tau, "n_neighbours": neighbours, "n_watched": watched, "tolerance": tolerance}
     chosen: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     settings = TrainSettings(
         edge_model.value,

@@ -28,11 +28,15 @@ from mapq.crf.train import (
 from mapq.model import NONE, Model
 from mapq.patches import SUSPICIOUS, UNLABELLED
 
-STRENGTHS = (0.1, 1.0, 10.0, 100.0)
-"""Regularisation strengths that are tried."""
-COUPLING_FACTORS = (1.0, 10.0, 100.0, 1e3, 1e4)
-"""Strengths of the coupling that are tried with each of them, as multiples."""
-FALLBACK = Strength(1.0, 100.0)
+STRENGTHS = (1.0, 10.0)
+"""Regularisation strengths that are tried; held-out scores hardly depend on them."""
+COUPLING_SHARES = (0.015, 0.05, 0.15, 0.5, 1.5, 1e3)
+"""Strengths of the coupling that are tried with each of them, per labelled patch; the last leaves no coupling.
+
+They grow with the patches, as pseudo-likelihood trusts neighbours too much however many there are: it knows their
+labels when it trains, and they are to be found when it is used.
+"""
+FALLBACK = Strength(1.0, 30.0)
 """Where the labels do not suffice for a cross-validation; the temperature is 1 then."""
 
 
@@ -106,7 +110,8 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
     prepared = prepare(maps, settings)
     labels = [training_map.label for training_map in maps]
     folds = _usable_folds(maps, settings.n_folds)
-    strengths = _strengths(settings) if folds else []
+    n_labelled = sum(int(np.count_nonzero(label != UNLABELLED)) for label in labels)
+    strengths = _strengths(settings, n_labelled) if folds else []
     trials = {strength: _try(prepared, labels, folds, settings, strength) for strength in strengths}
     scores = {strength: trial.score for strength, trial in trials.items()}
     chosen = min(scores, key=lambda s: (scores[s], -s.coupling, -s.weights)) if scores else _fallback(settings)
@@ -119,14 +124,14 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
     return Trained(model, chosen, scores, _held_out(trial) if trial else None, len(folds), likelihood)
 
 
-def _strengths(settings: TrainSettings) -> list[Strength]:
+def _strengths(settings: TrainSettings, n_labelled: int) -> list[Strength]:
     """Return the strengths to try; what the settings give is not varied, nor the coupling where there is none."""
     tried = STRENGTHS if settings.regularisation is None else (settings.regularisation,)
     if settings.edge_model == NONE:
         return [Strength(weights, weights) for weights in tried]
     if settings.coupling_regularisation is not None:
         return [Strength(weights, settings.coupling_regularisation) for weights in tried]
-    return [Strength(weights, weights * factor) for weights in tried for factor in COUPLING_FACTORS]
+    return [Strength(weights, share * n_labelled) for weights in tried for share in COUPLING_SHARES]
 
 
 def _fallback(settings: TrainSettings) -> Strength:

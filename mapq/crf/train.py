@@ -62,7 +62,7 @@ class TrainSettings:
     edge_features: tuple[str, ...] = (PLAUSIBILITY,)
     regularisation: float | None = None
     coupling_regularisation: float | None = None
-    balanced: bool = False
+    balanced: bool = True
     n_folds: int = 5
 
 

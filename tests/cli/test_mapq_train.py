@@ -33,19 +33,26 @@ def test_options_reach_the_model(capsys, tmp_path):
         "--edge-feature",
         "overlap",
     ]
-    more = ["--radius", 2.5, "--tau", 0.7, "--neighbours", 3, "--class-weight", "balanced", "--objective", "pl"]
+    more = ["--radius", 2.5, "--tau", 0.7, "--neighbours", 3, "--class-weight", "none", "--objective", "pl"]
+    more += ["--watched", 7, "--tolerance", 0.2]
     result = call_json(capsys, "train", path, "-o", target, *options, *more)
     assert result["schema"] == "mapq.model/1"
     assert result["output"] == str(target)
     features = result["features"]
     assert [features[key] for key in ("reading", "radius", "tau", "n_neighbours")] == ["literal", 2.5, 0.7, 3]
+    assert [features[key] for key in ("n_watched", "tolerance")] == [7, 0.2]
     training = result["training"]
     kept = [training[key] for key in ("regularisation", "coupling_regularisation", "class_weight", "objective")]
-    assert kept == [3.0, 4.0, "balanced", "pl"]
+    assert kept == [3.0, 4.0, "none", "pl"]
     assert set(result["parameters"]["field"]) == {"bias", "overlap"}
     stored = json.loads(target.read_text())
     del result["output"]
     assert stored == result
+
+
+def test_both_labels_weigh_alike_by_default(capsys, tmp_path):
+    trained = call_json(capsys, "train", save_patches(tmp_path), "-o", tmp_path / "m.json")
+    assert trained["training"]["class_weight"] == "balanced"
 
 
 @pytest.mark.parametrize("edge_model", ["full", "symmetric", "none"])

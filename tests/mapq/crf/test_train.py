@@ -7,6 +7,7 @@ from scipy.optimize import Bounds, check_grad, minimize
 from mapq.crf import Strength, TrainSettings, classify, train
 from mapq.crf.likelihood import Problem, fit, gradient, hessian, objective
 from mapq.crf.scaling import fit_range, fit_scaling
+from mapq.crf.select import COUPLING_SHARES, STRENGTHS
 from mapq.crf.train import TrainingMap, fit_weights, make_problem, prepare, signs
 from mapq.model import EDGE_MODELS, FULL, NONE, SYMMETRIC, Model
 from mapq.patches import UNLABELLED
@@ -40,7 +41,7 @@ def test_the_objective_is_the_pseudo_likelihood_by_its_definition(edge_model):
         label = rng.integers(0, 2, n_patches).astype(np.uint8)
         maps.append(TrainingMap(draw_features(rng, n_patches, n_pairs), label, np.zeros(n_patches, int)))
     names = ("plausibility", "overlap") if edge_model == FULL else ()
-    settings = TrainSettings(edge_model, names)
+    settings = TrainSettings(edge_model, names, balanced=False)
     prepared = prepare(maps, settings)
     problem = make_problem(prepared, [m.label for m in maps], settings, Strength(0.0, 0.0))
     weights = rng.normal(size=problem.design.shape[1])
@@ -118,7 +119,8 @@ def test_an_unlabelled_patch_counts_as_label_zero_for_its_neighbours():
 @pytest.mark.parametrize("edge_model", EDGE_MODELS)
 def test_it_finds_regions_that_only_pairs_betray_unless_symmetric(edge_model):
     """Without a node signal the symmetric form can only say "same": it is no better than calling all plausible."""
-    trained = train([draw_map(seed, node_signal=0.0) for seed in (1, 2)], TrainSettings(edge_model))
+    settings = TrainSettings(edge_model, balanced=False)
+    trained = train([draw_map(seed, node_signal=0.0) for seed in (1, 2)], settings)
     test_map = draw_map(3, 600, node_signal=0.0)
     label = classify(test_map.features, trained.model).label
     recall = label[test_map.label == 1].mean()
@@ -159,6 +161,20 @@ def test_balance_finds_more_of_the_rare_label():
     assert balanced.held_out.label.mean() > plain.held_out.label.mean() + 0.1
 
 
+def test_both_labels_weigh_alike_unless_asked_otherwise():
+    maps = [draw_map(1)]
+    prepared, labels = prepare(maps, TrainSettings()), [m.label for m in maps]
+    problem = make_problem(prepared, labels, TrainSettings(), Strength(1.0, 1.0))
+    assert problem.importance[problem.y > 0].sum() == pytest.approx(problem.importance[problem.y < 0].sum())
+
+
+def test_the_coupling_is_tried_in_proportion_to_the_labels():
+    for n_patches in (150, 300):
+        trained = train([draw_map(1, n_patches)])
+        assert {strength.coupling / n_patches for strength in trained.scores} == set(COUPLING_SHARES)
+        assert {strength.weights for strength in trained.scores} == set(STRENGTHS)
+
+
 def test_a_given_strength_is_kept():
     trained = train([draw_map(1)], TrainSettings(regularisation=7.0))
     assert trained.strength.weights == 7.0
@@ -174,9 +190,9 @@ def test_labels_too_few_for_folds_still_train():
     label[[np.flatnonzero(one.label == 1)[0], np.flatnonzero(one.label == 0)[0]]] = 1, 0
     trained = train([one._replace(label=label)])
     assert (trained.n_folds, trained.scores, trained.held_out) == (0, {}, None)
-    assert (trained.strength, trained.model.temperature) == (Strength(1.0, 100.0), 1.0)
+    assert (trained.strength, trained.model.temperature) == (Strength(1.0, 30.0), 1.0)
     given = train([one._replace(label=label)], TrainSettings(regularisation=5.0))
-    assert given.strength == Strength(5.0, 100.0)
+    assert given.strength == Strength(5.0, 30.0)
     assert np.isfinite(trained.model.weights).all()
 
 
@@ -233,7 +249,7 @@ def test_the_symmetric_model_has_no_field():
 
 def test_pseudo_likelihood_is_highest_at_the_weights_found():
     maps = [draw_map(4, 60)]
-    settings = TrainSettings()
+    settings = TrainSettings(balanced=False)
     model = pseudo_model(maps, settings, 1e-6)
     best = slow_log_pseudo_likelihood(maps, model)
     rng = np.random.default_rng(0)
