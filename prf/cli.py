@@ -16,6 +16,7 @@ Readings come as CARMEN logs or as tables; .gz is read as is and - is standard i
 
 VERBS: dict[str, str] = {
     "sample": "Draw the posterior over polygonal maps from localized laser and sonar readings.",
+    "anneal": "Find the one best polygonal map of localized readings.",
     "info": "Say what is in a log: scans, beams, extent, ranges, and what looks suspicious.",
     "prior": "Draw maps from the prior, exactly or by Markov chain.",
     "query": "Ask a run or a grid how probably points, squares or a path are occupied or free.",

@@ -126,6 +126,7 @@ class Settings:
         """Return the tuning array of the kernels."""
         tuning = np.zeros(c.N_TUNING)
         tuning[c.SCALE] = self.scale
+        tuning[c.INVERSE_TEMPERATURE] = 1.0
         tuning[c.LOCAL_SHARE] = self.local_share
         tuning[c.BIRTH_REACH] = self.birth_reach or 0.1 / self.scale
         tuning[c.SPLIT_REACH] = self.split_reach or 0.02 / self.scale

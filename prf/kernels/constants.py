@@ -67,7 +67,8 @@ BIRTH_REACH = 2  # median distance of those, m
 SPLIT_REACH = 3  # median distance of a split's new vertex from the edge, m
 MOVE_REACH = 4  # median displacement of a vertex move, m
 CUT_REACH = 5  # median distance of the corners of a cut from the lines of the wall, m
-N_TUNING = 6
+INVERSE_TEMPERATURE = 6  # 1 samples the posterior, more prefers its mode over lines
+N_TUNING = 7
 
 # Columns of ``Beams.ray``.
 ORIGIN_X = 0

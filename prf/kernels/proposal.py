@@ -215,3 +215,19 @@ def log_prior_change(graph: Graph, proposal: Proposal, scale: float) -> float:
         ratio *= proposal.affected_sine[k]
     added = proposal.counts[N_NEW_EDGES] - proposal.counts[N_OLD_EDGES]
     return added * math.log(scale) - 2.0 * scale * length + math.log(ratio)
+
+
+@core
+def plain_prior_change(graph: Graph, proposal: Proposal, scale: float) -> float:
+    """Change of |E| log p - 2 p length: the log prior as a density over the lines that carry the edges.
+
+    Over vertices it has the factors 1/|e| and sin(phi) besides, which are the change of measure from lines. They make
+    short edges dense, not probable; a mode that counted them would be a heap of splinters.
+    """
+    length = 0.0
+    for k in range(proposal.counts[N_NEW_EDGES]):
+        length += proposal.new_length[k]
+    for k in range(proposal.counts[N_OLD_EDGES]):
+        length -= graph.edge_length[proposal.old_edges[k]]
+    added = proposal.counts[N_NEW_EDGES] - proposal.counts[N_OLD_EDGES]
+    return added * math.log(scale) - 2.0 * scale * length

@@ -18,7 +18,7 @@ from prf.kernels.moves import (
     recolor,
     split_edge,
 )
-from prf.kernels.proposal import N_LOOP, clear, log_prior_change
+from prf.kernels.proposal import N_LOOP, clear, log_prior_change, plain_prior_change
 from prf.kernels.sites import any_inside
 from prf.kernels.touch import log_likelihood_change, touch_beams
 
@@ -115,6 +115,10 @@ def evaluate(chain: Chain, move: int, log_proposal_ratio: float, log_u: float) -
     if chain.cones.pose.shape[0] > 0:
         touch_cones(graph, chain.edge_index, chain.cones, proposal)
         likelihood += sonar_change(graph, chain.edge_index, chain.cones, proposal)
+    beta = chain.tuning[c.INVERSE_TEMPERATURE]
+    if beta != 1.0:
+        plain = plain_prior_change(graph, proposal, chain.tuning[c.SCALE])
+        log_proposal_ratio += (beta - 1.0) * (plain + likelihood)
     return log_u < prior + likelihood + log_proposal_ratio, prior, likelihood
 
 

@@ -73,6 +73,10 @@ class ChainSampler:
             if self.step == self.times.next_start:
                 self.times.rotate(self.chain.image, self.step)
             self.record.take(self.chain)
+        self.settle()
+
+    def settle(self) -> None:
+        """Lay out sums and lists anew, as at the end of every block."""
         resum(self.chain)
 
     def run_to(self, step: int) -> None:

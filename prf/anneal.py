@@ -1,0 +1,171 @@
+"""The one best map: chains cooled from the posterior to its mode, the best map that any of them saw is kept.
+
+The mode is that of the density over the lines that carry the edges, |E| log p - 2 p length + log likelihood. Over
+vertices the same distribution has the factors 1/|e| and sin(phi), and no mode: ever shorter edges are ever denser. At
+temperature T the chain samples exp(that / T) times these factors, at T = 1 the posterior itself.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+
+from prf.coloring import Coloring
+from prf.kernels import constants as c
+from prf.layout import read_coloring
+from prf.posterior import Settings
+from prf.sampler.chain import ChainSampler
+from prf.shell.errors import ConfigError
+
+ROUND = 2000
+"""Steps between two looks at the map and at the temperature."""
+FROZEN = 1e12
+"""Inverse temperature at which no step that loses anything is taken, whatever its proposal ratio."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Schedule:
+    """How the temperature falls with the share of the work that is done.
+
+    Attributes
+    ----------
+    warm : float
+        Share at temperature 1: the chain samples the posterior and finds its way.
+    polish : float
+        Share at temperature 0, at the end: only what is better is taken.
+    coldest : float
+        Temperature before that; between, the logarithm falls evenly.
+    """
+
+    warm: float = 0.3
+    polish: float = 0.15
+    coldest: float = 0.003
+
+    def __post_init__(self) -> None:
+        """Refuse a schedule that does not cool.
+
+        Raises
+        ------
+        ConfigError
+        """
+        if min(self.warm, self.polish) < 0.0 or self.warm + self.polish >= 1.0:
+            raise ConfigError("annealing: the shares of warm and polish must not be negative, and leave time to cool")
+        if not 0.0 < self.coldest < 1.0:
+            raise ConfigError(f"--coldest {self.coldest}: must lie between 0 and 1")
+
+    def inverse_temperature(self, share: float) -> float:
+        """Return 1 / T when `share` of the work is done."""
+        if share >= 1.0 - self.polish:
+            return FROZEN
+        cooled = max(0.0, share - self.warm) / (1.0 - self.warm - self.polish)
+        return float(self.coldest**-cooled)
+
+
+class Annealed(NamedTuple):
+    """What came of it.
+
+    Attributes
+    ----------
+    best : Coloring
+    score : float
+        Of the best map: |E| log p - 2 p length + log likelihood, in nats.
+    by_chain : tuple of float
+        The best of each chain: how far these lie apart says how sure the best one is.
+    steps : int
+        Of each chain.
+    is_complete : bool
+        Whether the schedule came to its end.
+    """
+
+    best: Coloring
+    score: float
+    by_chain: tuple[float, ...]
+    steps: int
+    is_complete: bool
+
+
+class Goal(NamedTuple):
+    """When the schedule ends: after `steps` a chain, or after `seconds`."""
+
+    steps: int | None = None
+    seconds: float | None = None
+
+    def share(self, step: int, seconds: float) -> float:
+        """Return the share that is done."""
+        done = step / self.steps if self.steps is not None else seconds / max(self.seconds or 0.0, 1e-9)
+        return min(1.0, done)
+
+
+class _Cooling:
+    """One chain on its way down, with the best map that it saw."""
+
+    def __init__(self, settings: Settings, rng: np.random.Generator) -> None:
+        self.sampler = ChainSampler(settings, rng, np.zeros(0, np.int64))
+        self.best = self._map()
+        self.score = self._score()
+
+    def advance(self, beta: float) -> None:
+        """Run some rounds at one temperature."""
+        self.sampler.chain.tuning[c.INVERSE_TEMPERATURE] = beta
+        end = self.sampler.step + self.sampler.block
+        while self.sampler.step < end:
+            self.sampler.run_to(min(end, self.sampler.step + ROUND))
+            now = self._score()
+            if now > self.score:
+                self.best, self.score = self._map(), now
+        self.sampler.settle()
+
+    def _map(self) -> Coloring:
+        return read_coloring(self.sampler.chain.graph)
+
+    def _score(self) -> float:
+        graph, scale = self.sampler.chain.graph, self.sampler.settings.scale
+        prior = graph.counts[c.EDGES] * np.log(scale) - 2.0 * scale * graph.sums[c.TOTAL_LENGTH]
+        return float(prior + graph.sums[c.LOG_LIKELIHOOD])
+
+
+def anneal(
+    settings: Settings,
+    generators: list[np.random.Generator],
+    goal: Goal,
+    schedule: Schedule | None = None,
+    threads: int = 1,
+    on_progress: Callable[[float, float, float], None] | None = None,
+    stop_requested: Callable[[], bool] | None = None,
+) -> Annealed:
+    """Cool one chain a generator and return the best map.
+
+    Parameters
+    ----------
+    settings : Settings
+        No image is kept, whatever its resolution.
+    generators : list of numpy.random.Generator
+        One a chain. With a goal in steps they alone decide the result, whatever the threads.
+    goal : Goal
+    schedule : Schedule, optional
+    threads : int
+    on_progress : callable
+        Told the share done, the temperature, and the best score.
+    stop_requested : callable
+        Ends the cooling early; the best map so far is returned.
+    """
+    schedule = schedule or Schedule()
+    plain = dataclasses.replace(settings, resolution=None)
+    chains = [_Cooling(plain, rng) for rng in generators]
+    start, share = time.monotonic(), 0.0
+    with ThreadPoolExecutor(max(1, min(threads, len(chains)))) as pool:
+        while share < 1.0 and not (stop_requested is not None and stop_requested()):
+            beta = schedule.inverse_temperature(share)
+            for future in [pool.submit(chain.advance, beta) for chain in chains]:
+                future.result()
+            share = goal.share(chains[0].sampler.step, time.monotonic() - start)
+            if on_progress is not None:
+                on_progress(share, 1.0 / beta, max(chain.score for chain in chains))
+    best = max(chains, key=lambda chain: chain.score)
+    by_chain = tuple(chain.score for chain in chains)
+    return Annealed(best.best, best.score, by_chain, chains[0].sampler.step, share >= 1.0)

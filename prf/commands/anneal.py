@@ -1,0 +1,187 @@
+"""Find the one best polygonal map of localized readings."""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from prf.commands._readings_options import EveryBeam, EveryScan, MaxRange, Scans, SkipScans, WindowOption
+from prf.shell.options import Force, Json, Output, Seed, Threads
+
+if TYPE_CHECKING:
+    from prf.anneal import Annealed
+
+logger = logging.getLogger(__name__)
+
+EXAMPLES = (
+    "prf anneal --laser data/demo-office.log.gz -o office.geojson",
+    "prf anneal --laser intel.log.gz --every-scan 10 --steps 5000000 --seed 1",
+    "prf anneal --sonar ring.csv --scale 0.2 --time-budget 60",
+)
+
+DEFAULT_STEPS = 3_000_000
+SCIENCE = (
+    "scale",
+    "window",
+    "max_range",
+    "every_scan",
+    "every_beam",
+    "scans",
+    "skip_scans",
+    "noise",
+    "noise_relative",
+    "outlier_probability",
+    "miss_probability",
+    "sonar_max_range",
+    "sonar_cone",
+    "chains",
+)
+
+
+def anneal(
+    laser: Annotated[
+        str | None, typer.Option("--laser", metavar="LOG", help="Localized laser readings; - is standard input.")
+    ] = None,
+    sonar: Annotated[
+        str | None, typer.Option("--sonar", metavar="LOG", help="Localized sonar readings, alone or with a laser's.")
+    ] = None,
+    output: Output = None,
+    scale: Annotated[float, typer.Option("--scale", metavar="1/METRE", help="Scale parameter p of the prior.")] = 0.1,
+    window: WindowOption = None,
+    max_range: MaxRange = None,
+    every_scan: EveryScan = 1,
+    every_beam: EveryBeam = 1,
+    scans: Scans = None,
+    skip_scans: SkipScans = None,
+    noise: Annotated[float, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range.")] = 0.03,
+    noise_relative: Annotated[
+        float, typer.Option("--noise-relative", metavar="SHARE", help="The same as a share of the distance.")
+    ] = 0.01,
+    outlier_probability: Annotated[
+        float, typer.Option("--outlier-probability", metavar="SHARE", help="Stray readings.")
+    ] = 0.05,
+    miss_probability: Annotated[
+        float, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.")
+    ] = 0.02,
+    sonar_max_range: Annotated[
+        float, typer.Option("--sonar-max-range", metavar="METRES", help="Sonar: no return from here on.")
+    ] = 3.5,
+    sonar_cone: Annotated[
+        float, typer.Option("--sonar-cone", metavar="RAD", help="Full field of view, where the log has none.")
+    ] = 0.349,
+    coldest: Annotated[
+        float, typer.Option("--coldest", metavar="T", help="Temperature before the last steps, which take no loss.")
+    ] = 0.003,
+    chains: Annotated[int, typer.Option("--chains", metavar="N", min=1, help="Chains; the best of all counts.")] = 4,
+    steps: Annotated[
+        int | None, typer.Option("--steps", metavar="N", min=1, help="Steps a chain; whole rounds.  [3,000,000]")
+    ] = None,
+    time_budget: Annotated[
+        float | None, typer.Option("--time-budget", metavar="SECONDS", min=0.0, help="Instead of steps.")
+    ] = None,
+    seed: Seed = None,
+    threads: Threads = 0,
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """Find the one best polygonal map of localized readings.
+
+    Chains are cooled from the posterior to its mode, and end by taking only what is better; the best map that any saw
+    is written, its occupied area as a GeoJSON MultiPolygon. What is maximised is the density over the lines of the map,
+    |E| log p - 2 p length + log likelihood. Ctrl-C writes the best map so far.
+    """
+    given = locals()
+    asked = {name: given[name] for name in SCIENCE if given[name] is not None}
+
+    from prf.anneal import Goal, Schedule
+    from prf.sampler.config import SampleConfig
+    from prf.sampler.output import default_output
+    from prf.shell.errors import UsageError
+    from prf.shell.files import STREAM, refuse_existing
+    from prf.shell.seeds import resolve_seed
+
+    logs = [log for log in (laser, sonar) if log is not None]
+    if not logs:
+        raise UsageError("Nothing to map: give --laser LOG, --sonar LOG, or both.")
+    if steps is not None and time_budget is not None:
+        raise UsageError("--steps and --time-budget: give one of them.")
+    if json and output == STREAM:
+        raise UsageError("--json and -o - both want standard output. Name a file with -o.")
+    target = output or f"{default_output(logs[0])}.geojson"
+    refuse_existing(target, force)
+    used_seed = resolve_seed(seed)
+    goal = Goal(None, time_budget) if time_budget is not None else Goal(steps or DEFAULT_STEPS)
+    found, text, stop = _cool(laser, sonar, SampleConfig(**asked), goal, Schedule(coldest=coldest), used_seed, threads)
+    _write(target, text)
+    _report(found, text, target, used_seed, json)
+    stop.raise_if_requested(f"interrupted after {found.steps} steps; {target} has the best map so far")
+
+
+def _cool(
+    laser: str | None, sonar: str | None, config: Any, goal: Any, schedule: Any, seed: int, threads: int
+) -> tuple[Annealed, str, Any]:
+    """Return what annealing found, the text of its map file, and whether it was asked to stop."""
+    import os
+
+    from prf.anneal import anneal as cool
+    from prf.run.mapfile import map_text
+    from prf.sampler.session import needs_compiling, read_prepared
+    from prf.shell.progress import progress
+    from prf.shell.seeds import spawn_generators
+    from prf.shell.signals import graceful_stop
+
+    prepared = read_prepared(laser, config, sonar)
+    if prepared.n_outside:
+        logger.warning(f"{prepared.n_outside} readings dropped: their sensors stand outside the window")
+    if needs_compiling():
+        logger.info("compiling kernels (once; about half a minute) ...")
+    with graceful_stop() as stop, progress(1.0, "annealing") as reporter:
+        found = cool(
+            prepared.settings,
+            spawn_generators(seed, config.chains),
+            goal,
+            schedule,
+            threads or len(os.sched_getaffinity(0)),
+            lambda share, temperature, best: reporter.update(share, T=f"{temperature:.2g}", best=f"{best:,.1f}"),
+            lambda: stop.requested,
+        )
+    return found, map_text(found.best, {"score": found.score, "seed": seed}), stop
+
+
+def _write(target: str, text: str) -> None:
+    from prf.shell.files import open_output
+
+    with open_output(target) as stream:
+        stream.write(text)
+
+
+def _report(found: Annealed, text: str, target: str, seed: int, json: bool) -> None:
+    """Print what came of it."""
+    from prf.shell import console, jsonout
+    from prf.shell.files import STREAM
+
+    # Two coordinates of 16 bits a vertex: a window of 65 m to the millimetre.
+    packed = 4 * found.best.n_vertices
+    result = {
+        "map": target,
+        "score": found.score,
+        "score_by_chain": list(found.by_chain),
+        "n_vertices": found.best.n_vertices,
+        "n_edges": found.best.n_edges,
+        "geojson_bytes": len(text.encode()),
+        "packed_bytes": packed,
+        "steps": found.steps,
+        "complete": found.is_complete,
+        "seed": seed,
+    }
+    if json:
+        jsonout.emit_object("prf.anneal/1", result)
+        return
+    say = logger.info if target == STREAM else console.emit
+    others = ", ".join(f"{value:,.1f}" for value in sorted(found.by_chain, reverse=True))
+    say(f"score           {found.score:,.1f} nats (chains: {others})")
+    say(f"map             {found.best.n_vertices} vertices, {found.best.n_edges} edges, {target}")
+    say(f"size            {result['geojson_bytes']:,} bytes of GeoJSON, {packed:,} bytes of packed coordinates")
+    say(f"seed            {seed}")
