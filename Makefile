@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 PYTEST := $(BIN)/python -m pytest
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow check bench clean
+.PHONY: help setup demo test test-slow check bench model clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -18,9 +18,13 @@ $(STAMP): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all]"
 	@touch $@
 
-demo: setup ## sample the posterior of a small office and leave pictures in demo/
+demo: setup ## sample a small office, assess the map of a small town; leaves pictures in demo/
 	$(BIN)/prf sample --laser data/demo-office.log.gz --time-budget 60 --seed 1 -o demo/office --force
-	@echo "pictures:" demo/office/*.png
+	$(BIN)/mapq segment data/demo-town.ply.gz -o demo/town.patches --force
+	$(BIN)/mapq classify demo/town.patches -o demo/town.classified.ply --force
+	$(BIN)/mapq evaluate demo/town.classified.ply --truth-field truth
+	$(BIN)/mapq render demo/town.classified.ply -o demo/town.png --force
+	@echo "pictures:" demo/office/*.png demo/town.png
 
 test: setup ## all tests but the slow ones
 	$(BIN)/python -m tests.warm_kernels
@@ -36,8 +40,14 @@ check: setup ## lint, format, types, import contracts, spelling
 	$(BIN)/lint-imports
 	$(BIN)/codespell
 
-bench: setup ## steps per second of the sampler beside its slow twins, in one run
+bench: setup ## speed and quality beside references in the same run; some ten minutes
 	$(BIN)/python -m benchmarks.step_rate
+	$(BIN)/python -m benchmarks.segmentation
+	$(BIN)/python -m benchmarks.graph_cut
+	$(BIN)/python -m benchmarks.table2
+
+model: setup ## train the model that ships with mapq anew, on simulated maps
+	$(BIN)/python data/make_default_model.py
 
 clean: ## remove .venv, what the demo made, and caches
 	rm -rf $(VENV) demo .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks .coverage build dist

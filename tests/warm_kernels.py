@@ -15,8 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
+import mapq.cli
+import prf.cli
 from prf.arak import exact_draws
-from prf.cli import VERBS, app
 from prf.coloring import black_areas, black_at
 from prf.posterior import Settings, make_chain
 from prf.recompute import recompute_impacts
@@ -24,6 +25,7 @@ from prf.shell.run import run_app
 from prf.window import Window
 
 LOG = Path(__file__).resolve().parent.parent / "data" / "demo-office.log.gz"
+TOWN = LOG.with_name("demo-town.ply.gz")
 COMMANDS = (
     "prior --scale 1 --window 0 0 1 1 --draws 3 --method exact --seed 1 -o exact.geojsonl",
     "prior --scale 1 --window 0 0 1 1 --draws 3 --method mcmc --thin 50 --seed 1 -o mcmc.geojsonl",
@@ -31,6 +33,19 @@ COMMANDS = (
     "query run --points points.csv",
     "query run --points points.csv --square 0.5",
     "query run --path points.csv --radius 0.2",
+    f"grid --laser {LOG} --every-scan 10 -o grid.npz",
+    f"grid --laser {LOG} --every-scan 10 --method log-odds -o log-odds.npz",
+    f"score run --laser {LOG} --every-scan 10 --seed 1",
+    f"score grid.npz --laser {LOG} --every-scan 10 --seed 1",
+)
+CLOUD_COMMANDS = (
+    "simulate --size small --n-points 3000 --seed 1 -o simulated.ply",
+    f"segment {TOWN} --truth-field surface -o town.patches",
+    f"segment {TOWN} --resolution 0.3 -o coarse.patches",
+    "features town.patches --features literal --json",
+    "label town.patches --from-field truth",
+    "train town.patches -o model.json",
+    "classify town.patches --model model.json -o town.ply",
 )
 
 
@@ -38,12 +53,11 @@ def run_commands() -> None:
     """Run the verbs that there are in a folder of their own, and throw their results away."""
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
         Path("points.csv").write_text("x,y\n5.0,7.0\n6.0,7.0\n")
-        for command in COMMANDS:
-            verb, *args = command.split()
-            if verb in VERBS:
-                code = run_app(app, "prf", [verb, *args, "-q"])
+        for tool, app, commands in (("prf", prf.cli.app, COMMANDS), ("mapq", mapq.cli.app, CLOUD_COMMANDS)):
+            for command in commands:
+                code = run_app(app, tool, [*command.split(), "-q"])
                 if code != 0:
-                    raise SystemExit(f"prf {command}: exit code {code}")
+                    raise SystemExit(f"{tool} {command}: exit code {code}")
 
 
 def call_library() -> None:
@@ -58,7 +72,7 @@ def cache_counts() -> dict[str, tuple[int, int]]:
     """Return (hits, misses) of each kernel that was called from Python, by its full name."""
     counts = {}
     for name, module in sorted(sys.modules.items()):
-        if name.startswith("prf.kernels."):
+        if name.startswith(("prf.kernels.", "mapq.kernels.")):
             for kernel in vars(module).values():
                 stats = getattr(kernel, "stats", None)
                 if stats is not None and kernel.__module__ == name and kernel.signatures:

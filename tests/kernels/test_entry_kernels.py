@@ -11,17 +11,20 @@ from pathlib import Path
 
 import pytest
 
+TOOLS = ("prf", "mapq")
+PACKAGES = tuple(f"{tool}.kernels" for tool in TOOLS)
+
 
 def kernels_called_from_python(root: Path) -> set[str]:
-    """Return the full names of the kernels that a module outside `prf/kernels` imports or reads from one."""
+    """Return the full names of the kernels that a module outside a tool's `kernels` imports or reads from one."""
     names = set()
-    for path in (root / "prf").rglob("*.py"):
-        if path.is_relative_to(root / "prf" / "kernels"):
+    for path in (path for tool in TOOLS for path in (root / tool).rglob("*.py")):
+        if any(path.is_relative_to(root / tool / "kernels") for tool in TOOLS):
             continue
         tree = ast.parse(path.read_text())
         modules = {}
         for node in ast.walk(tree):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("prf.kernels"):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(PACKAGES):
                 names |= {f"{node.module}.{alias.name}" for alias in node.names}
                 modules |= {alias.asname or alias.name: f"{node.module}.{alias.name}" for alias in node.names}
         for node in ast.walk(tree):

@@ -60,7 +60,7 @@ def test_the_summary_says_what_was_trained_on(files):
     assert all(len(row["sha256"]) == 64 for row in summary["maps"])
     assert summary["regularisation"] == trained.strength.weights == 1.0
     assert summary["held_out"]["accuracy"] == scores.accuracy
-    assert summary["class_weight"] == "none"
+    assert summary["class_weight"] == "balanced"
     assert summary["pseudo_log_likelihood"] < 0.0
     assert feature_settings(model) == features
 
