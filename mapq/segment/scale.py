@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mapq.kernels.cells import LEVELS, pick_one_a_cell
 from mapq.segment.noise import usual_noise
 from mapq.segment.points import Points
-from mapq.segment.sample import Sample, look_at
+from mapq.segment.sample import LARGE_SAMPLE, SAMPLE, Sample, look_at
 from mapq.segment.settings import SegmentSettings
 
 ENOUGH_FLAT, FEW_LINES, NEARLY_BEST = 0.5, 0.05, 0.9
@@ -55,29 +55,33 @@ def find_scale(points: Points, settings: SegmentSettings) -> Scale:
 
     Points on scan lines far apart, or denser than their noise, show planes only when they are thinned out.
     """
-    if settings.resolution is not None:
-        return measure(points, level_of(points, settings.resolution), settings)
-    found = [measure(points, LEVELS + 1, settings)]
+    level = find_level(points, settings) if settings.resolution is None else level_of(points, settings.resolution)
+    return measure(points, level, settings, LARGE_SAMPLE)
+
+
+def find_level(points: Points, settings: SegmentSettings) -> int:
+    """Return the level of that scale, from small samples."""
+    found = [measure(points, LEVELS + 1, settings, SAMPLE)]
     per_level = np.cumsum(np.bincount(points.first_level, minlength=LEVELS + 2))
     for level in range(LEVELS, 0, -1):
         if found[-1].flat_share >= ENOUGH_FLAT and found[-1].narrow_share <= FEW_LINES:
-            return found[-1]
+            return found[-1].level
         if FEWEST <= per_level[level] < 0.8 * per_level[found[-1].level]:
-            coarser = measure(points, level, settings)
+            coarser = measure(points, level, settings, SAMPLE)
             if coarser.spacing > COARSEST * found[0].spacing:
                 break
             found.append(coarser)
     best = max(scale.flat_share for scale in found)
-    return next(scale for scale in found if scale.flat_share >= NEARLY_BEST * best)
+    return next(scale.level for scale in found if scale.flat_share >= NEARLY_BEST * best)
 
 
-def measure(points: Points, level: int, settings: SegmentSettings) -> Scale:
-    """Return the scale of the representatives of one level, from a sample of them.
+def measure(points: Points, level: int, settings: SegmentSettings, n_sample: int) -> Scale:
+    """Return the scale of the representatives of one level, from a sample of about so many of them.
 
     What is measured are neighbourhoods as the patches that will be kept: upright ones under a limit of tilt.
     """
     _, xyz, code = representatives(points, level)
-    sample = look_at(xyz, code, points.frame, settings.neighbours)
+    sample = look_at(xyz, code, points.frame, settings.neighbours, n_sample)
     ours = sample.narrow | upright(sample, settings)
     flat = ours & sample.flat
     if np.count_nonzero(flat) < ENOUGH:

@@ -71,8 +71,8 @@ class SegmentSettings:
         for name in ("max_gap", "max_distance", "max_variation", "max_angle"):
             if getattr(self, name) == 0:
                 raise UsageError(f"{_flag(name)} must be above 0.")
-        if not any(self.up):
-            raise UsageError("--up must not be 0 0 0.")
+        if not 1e-100 < max(abs(number) for number in self.up) < 1e100:
+            raise UsageError("--up must not be 0 0 0, nor so short or long that squares are.")
 
 
 def _flag(name: str) -> str:
