@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from typing import Any
 
@@ -38,6 +38,8 @@ MEASURES = {
 LABELS = ("plausible", "suspicious")
 DECIMALS = 9
 """Of numbers in the JSON of a result: sums of terms stay exact to a billionth."""
+LARGEST_SETTING = 1e6
+"""Of a model's feature settings, in metres or patches: a map is smaller."""
 
 
 @dataclass(frozen=True)
@@ -194,6 +196,11 @@ def feature_settings(model: Model) -> FeatureSettings:
         state = "is missing" if name in known else "is not known to this release"
         raise InputError(f"the model's feature setting {name} {state}. Train the model anew.")
     values: dict[str, Any] = dict(model.features)
+    for name, default in asdict(FeatureSettings()).items():
+        if not _is_of_kind(values[name], default):
+            raise InputError(
+                f"the model's feature setting {name} cannot be used ({values[name]!r}). Train the model anew."
+            )
     try:
         values["up"] = None if values["up"] is None else tuple(values["up"])
         return FeatureSettings(**values)
@@ -213,6 +220,16 @@ def read_input(path: str, bin_columns: int = 4) -> Patches | PointCloud:
     if holds_patches(io.BytesIO(data)):
         return parse_patches(data, path)
     return parse_cloud(data, path, bin_columns)[1]
+
+
+def _is_of_kind(value: Any, default: Any) -> bool:
+    """Return whether a setting of a model file has the type of its default; null, a length or direction or null."""
+    if default is None:
+        return value is None or isinstance(value, list | tuple) or _is_of_kind(value, 0.0)
+    if isinstance(default, bool | str):
+        return isinstance(value, type(default))
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    return (whole or (isinstance(default, float) and isinstance(value, float))) and abs(value) <= LARGEST_SETTING
 
 
 def _share(part: float, whole: float) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping
 from importlib import resources
@@ -21,6 +20,9 @@ from prf.shell.storage import damaged, load_object
 SCHEMA = "mapq.model/1"
 DEFAULT = ("models", "default.json")
 """Place in the package of the model that is used where none is named."""
+
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Of scales, and of all numbers: products and sums of what lies between are finite."""
 
 
 def write_model(path: str | os.PathLike[str], model: Model) -> None:
@@ -61,7 +63,11 @@ def read_model(path: str | os.PathLike[str]) -> Model:
         If it is missing, damaged, of another version, lacks a key, holds a number that is not finite, or breaks a
         constraint: a negative coupling, a scale or temperature that is not positive.
     """
-    return _parse(Path(path), load_object(Path(path), SCHEMA))
+    try:
+        content = load_object(Path(path), SCHEMA)
+    except (RecursionError, ValueError) as error:  # of nesting and of whole numbers without end
+        raise damaged(Path(path), "not what mapq train writes") from error
+    return _parse(Path(path), content)
 
 
 def read_default_model() -> Model:
@@ -129,7 +135,7 @@ def _parse_scaling(path: Path, content: Mapping[str, Any], key: str) -> Scaling:
         median.append(_number(path, column, "median", where))
         scale.append(_number(path, column, "scale", where))
     clip = _number(path, scaling, "clip", f"{key}.")
-    if clip <= 0.0 or min(scale, default=1.0) <= 0.0:
+    if min([clip, *scale]) < SMALLEST:
         raise damaged(path, f"{key}: clip and scales must be above 0")
     return Scaling(tuple(columns), np.array(median), np.array(scale), clip)
 
@@ -146,6 +152,6 @@ def _number(path: Path, content: Mapping[str, Any], key: str, where: str = "") -
     if key not in content:
         raise damaged(path, f"{where}{key} is missing")
     value = content[key]
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise damaged(path, f"{where}{key} is {value!r}, not a finite number")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
+        raise damaged(path, f"{where}{key} is {repr(value)[:24]}, not a finite number")
     return float(value)

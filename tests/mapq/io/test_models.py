@@ -55,11 +55,14 @@ def test_the_file_is_readable(tmp_path):
         ("x_max", float("nan"), "x_max is nan"),
         ("parameters.coupling.at_x_min", -1e-9, "coupling must not be negative"),
         ("parameters.node.fit", float("inf"), "parameters.node.fit is inf"),
+        ("parameters.node.fit", 1e300, "parameters.node.fit is 1e+300"),
+        ("parameters.node.fit", 10**400, "parameters.node.fit is 1000"),
         ("parameters.node.more", 1.0, "parameters are 10, but edge_model full has 9"),
         ("parameters.extra", {"a": 1}, "parameters are 10"),
         ("parameters", [], "parameters is not an object"),
         ("node_scaling.clip", -5, "clip and scales must be above 0"),
         ("node_scaling.columns.fit.scale", 0.0, "clip and scales must be above 0"),
+        ("node_scaling.columns.fit.scale", 1e-310, "clip and scales must be above 0"),
         ("edge_scaling.columns.overlap", 3, "edge_scaling.columns.overlap is not an object"),
         ("features", "safe", "features is not an object"),
     ],
@@ -112,5 +115,13 @@ def test_a_missing_key_is_named(place, tmp_path):
 def test_a_file_that_is_cut_off_is_damaged(tmp_path):
     path = saved(tmp_path)
     path.write_text(path.read_text()[:200])
+    with pytest.raises(InputError, match="damaged"):
+        read_model(path)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"schema": ' + "9" * 5000 + "}"])
+def test_json_beyond_measure_is_one_line(text, tmp_path):
+    path = tmp_path / "m.json"
+    path.write_text(text)
     with pytest.raises(InputError, match="damaged"):
         read_model(path)
