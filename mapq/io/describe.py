@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,8 @@ from mapq.io.recognise import end_of
 from mapq.patches import FROM_FIELD, FROM_HAND, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.errors import InputError
 from prf.shell.files import STREAM
+
+logger = logging.getLogger(__name__)
 
 RESULT_FIELDS = ("patch", "suspicious", "p_suspicious")
 """The fields that make a cloud a RESULT."""
@@ -210,24 +213,38 @@ def _result(cloud: PointCloud) -> PatchSummary:
 
 
 def _beside(path: str) -> dict[str, Any]:
-    """Return the JSON beside a RESULT, empty if there is none."""
-    if path == STREAM:
-        return {}
+    """Return the JSON beside a RESULT, empty if there is none, or one of something else."""
     beside = Path(path).with_suffix(".json")
-    return _brief(_parse_object(beside.read_bytes(), str(beside))) if beside.is_file() else {}
+    if path == STREAM or not beside.is_file():
+        return {}
+    content = _load_json(beside.read_bytes(), str(beside))
+    if not _schema_of(content).startswith("mapq.result/"):
+        logger.warning("%s is not the JSON of this result", beside)
+        return {}
+    return _brief(content)
 
 
 def _parse_object(data: bytes, source: str) -> dict[str, Any]:
+    content = _load_json(data, source)
+    schema = _schema_of(content)
+    if not schema.startswith(("mapq.model/", "mapq.result/")):
+        found = schema[:40] or "none"
+        raise InputError(f"{source}: JSON that is neither a model nor a result of mapq (schema {found}).")
+    return dict(content)
+
+
+def _schema_of(content: Any) -> str:
+    schema = content.get("schema") if isinstance(content, dict) else None
+    return schema if isinstance(schema, str) else ""
+
+
+def _load_json(data: bytes, source: str) -> Any:
     try:
-        content = json.loads(data.decode("utf-8"))
+        return json.loads(data.decode("utf-8"))
     except json.JSONDecodeError as error:
         raise InputError(f"{source}:{error.lineno}: damaged JSON ({error.msg}). Write it anew.") from None
-    except (UnicodeDecodeError, RecursionError):
+    except (ValueError, RecursionError):  # not UTF-8, whole numbers or nesting without end
         raise InputError(f"{source}: damaged JSON. Write it anew.") from None
-    schema = content.get("schema") if isinstance(content, dict) else None
-    if not isinstance(schema, str) or not schema.startswith(("mapq.model/", "mapq.result/")):
-        raise InputError(f"{source}: JSON that is neither a model nor a result of mapq (schema {str(schema)[:40]}).")
-    return dict(content)
 
 
 def _brief(content: Mapping[str, Any]) -> dict[str, Any]:

@@ -16,8 +16,9 @@ from mapq.io.fields import Array
 from mapq.io.npy import ARCHIVE_ERRORS, ZIP_MAGIC, parse_archive, parse_array
 from mapq.patches import FROM_FIELD, FROM_HAND, FROM_NOBODY, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.errors import InputError
+from prf.shell.files import open_output
 from prf.shell.jsonout import jsonable
-from prf.shell.storage import check_schema, damaged, save_arrays, take_array
+from prf.shell.storage import check_schema, damaged, take_array
 
 SCHEMA = "mapq.patches/1"
 
@@ -25,7 +26,7 @@ _TYPES: dict[str, type[np.float32 | np.float64]] = {"float32": np.float32, "floa
 
 
 def write_patches(path: str | os.PathLike[str], patches: Patches) -> None:
-    """Write patches with all points and fields, whole or not at all.
+    """Write patches with all points and fields, whole or not at all; ``-`` is standard output.
 
     Arrays are stored as they are, to the last bit; numbers of `parameters` and `report` that are not finite become
     null.
@@ -33,7 +34,7 @@ def write_patches(path: str | os.PathLike[str], patches: Patches) -> None:
     Raises
     ------
     OutputError
-        If the file cannot be written.
+        If the file cannot be written, or standard output is a terminal.
     """
     cloud = patches.cloud
     arrays: dict[str, Any] = {
@@ -47,7 +48,8 @@ def write_patches(path: str | os.PathLike[str], patches: Patches) -> None:
         "parameters": _text(patches.parameters),
         "report": _text(patches.report),
     }
-    save_arrays(Path(path), SCHEMA, arrays)
+    with open_output(path, binary=True) as stream:
+        np.savez(stream, schema=np.str_(SCHEMA), **arrays)
 
 
 def read_patches(path: str | os.PathLike[str]) -> Patches:

@@ -189,3 +189,12 @@ def median_spacing_of_all(xyz: np.ndarray) -> float:
     from scipy.spatial import cKDTree
 
     return float(np.median(cKDTree(xyz).query(xyz, k=2)[0][:, 1]))
+
+
+def test_json_of_something_else_beside_a_result_is_passed_over(capsys, tmp_path):
+    path = result_file(tmp_path)
+    save(tmp_path, "a.classified.json", '{"a": 1}')
+    code, out, err = run(capsys, path)
+    assert (code, err.count("\n")) == (0, 1)
+    assert "a.classified.json" in err
+    assert rows_of(out)["kind"] == "result (ply)"
