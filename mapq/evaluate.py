@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from scipy.stats import rankdata
 
 from mapq import assess
 from mapq.cloud import PointCloud
-from mapq.io import is_patches, read_cloud, read_patches
+from mapq.io.results import RESULT_FIELDS
 from mapq.labels import majority_labels, truth_values
 from mapq.model import Model
 from mapq.patches import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
@@ -139,55 +139,65 @@ def read_labelled(path: str, model: Model | None, truth_field: str | None) -> La
     UsageError
         If a model is given for a result.
     """
-    if is_patches(path):
-        patches = read_patches(path)
-        truth, truth_from = _patches_truth(patches, path, truth_field)
-        found = assess.assess(patches, model)
-        return Labelled(found.labelling.label, truth, found.labelling.probability, truth_from)
+    found = assess.read_input(path)
+    if isinstance(found, Patches):
+        truth, truth_from = _patches_truth(found, path, truth_field)
+        result = assess.assess(found, model)
+        return Labelled(result.labelling.label, truth, result.labelling.probability, truth_from)
     if model is not None:
         raise UsageError(f"{path} is not a PATCHES file, so it has labels of a model already. Leave out --model.")
-    return _read_result(path, truth_field)
+    return _labelled_result(found, path, truth_field)
 
 
-def _read_result(path: str, truth_field: str | None) -> Labelled:
-    cloud = read_cloud(path)
-    missing = [name for name in ("patch", "suspicious", "p_suspicious") if name not in cloud.fields]
+def _labelled_result(cloud: PointCloud, path: str, truth_field: str | None) -> Labelled:
+    """Return what a result says of the patches that have points in it; a part of a result may lack some."""
+    missing = [name for name in RESULT_FIELDS if name not in cloud.fields]
     if missing:
         raise InputError(
             f"{path}: neither PATCHES nor a result: no point field {', '.join(missing)}. Run mapq classify on it."
         )
-    patch = np.nan_to_num(np.asarray(cloud.fields["patch"]), nan=NO_PATCH).astype(np.int64)
-    if patch.ndim != 1 or patch.min() < NO_PATCH or patch.max() >= len(patch):
-        raise InputError(f"{path}: field patch is not a patch number, from 0 or -1 for none. Run mapq classify again.")
-    patch = patch.astype(np.int32)
-    n_patches = int(patch.max(initial=NO_PATCH)) + 1
-    name = truth_field or TRUTH_FIELD
-    if name not in cloud.fields:
-        raise _no_truth(path, cloud)
-    truth, _ = majority_labels(patch, n_patches, truth_values(cloud, name, patch, path))
-    inside = patch != NO_PATCH
-    label = np.full(n_patches, UNLABELLED, np.uint8)
-    label[patch[inside]] = cloud.fields["suspicious"][inside]
-    probability = np.full(n_patches, np.nan)
-    probability[patch[inside]] = cloud.fields["p_suspicious"][inside]
-    return Labelled(label, truth, probability, f"point field {name}")
+    number, label, probability = (np.asarray(cloud.fields[name]) for name in RESULT_FIELDS)
+    inside = number != NO_PATCH
+    _check_result(path, number[inside], label[inside], probability[inside])
+    numbers, first, of_point = np.unique(number[inside], return_index=True, return_inverse=True)
+    patch = np.full(len(cloud), NO_PATCH, np.int32)
+    patch[inside] = of_point
+    name = truth_field or _default_truth(path, cloud)
+    truth, _ = majority_labels(patch, len(numbers), truth_values(cloud, name, patch, path))
+    return Labelled(
+        label[inside][first].astype(np.uint8),
+        truth,
+        probability[inside][first].astype(np.float64),
+        f"point field {name}",
+    )
+
+
+def _check_result(path: str, number: NDArray[Any], label: NDArray[Any], probability: NDArray[Any]) -> None:
+    """Refuse fields of a result, at the points of patches, that mapq classify cannot have written."""
+    with np.errstate(invalid="ignore"):
+        kept = {
+            "patch": number.ndim == 1 and bool(np.all((number >= 0) & (number < 2**31) & (np.floor(number) == number))),
+            "suspicious": label.ndim == 1 and bool(np.isin(label, (PLAUSIBLE, SUSPICIOUS)).all()),
+            "p_suspicious": probability.ndim == 1 and bool(np.all((probability >= 0.0) & (probability <= 1.0))),
+        }
+    for name, is_kept in kept.items():
+        if not is_kept:
+            raise InputError(f"{path}: field {name} is not what mapq classify writes. Run it again.")
 
 
 def _patches_truth(patches: Patches, path: str, truth_field: str | None) -> tuple[NDArray[np.uint8], str]:
     if truth_field is None and np.isin(patches.label, (PLAUSIBLE, SUSPICIOUS)).any():
         return patches.label, "labels of the patches"
-    name = truth_field or TRUTH_FIELD
-    if name not in patches.cloud.fields:
-        raise _no_truth(path, patches.cloud)
+    name = truth_field or _default_truth(path, patches.cloud)
     values = truth_values(patches.cloud, name, patches.patch, path)
     return majority_labels(patches.patch, len(patches), values)[0], f"point field {name}"
 
 
-def _no_truth(path: str, cloud: PointCloud) -> InputError:
+def _default_truth(path: str, cloud: PointCloud) -> str:
+    if TRUTH_FIELD in cloud.fields:
+        return TRUTH_FIELD
     known = ", ".join(cloud.fields) or "none"
-    return InputError(
-        f"{path}: nothing says what is true. Name a 0/1 point field with --truth-field (fields: {known})."
-    )
+    raise InputError(f"{path}: nothing says what is true. Name a 0/1 point field with --truth-field (fields: {known}).")
 
 
 def _ratio(part: float, whole: float) -> float:

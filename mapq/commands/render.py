@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from enum import StrEnum
 from pathlib import PurePath
 from typing import Annotated
@@ -78,6 +79,8 @@ def render(
 
     if (colour is Colour.field) != (field is not None):
         raise UsageError("--colour field and --field NAME go together.")
+    if not math.isfinite(azimuth) or not math.isfinite(elevation):
+        raise UsageError("--azimuth and --elevation are angles in degrees, not nan or inf.")
     target = output or f"{PurePath(file).stem if file != STREAM else 'map'}.png"
     picture_format(target)
     refuse_existing(target, force)

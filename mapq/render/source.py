@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import PurePath
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.io import is_patches, read_cloud, read_patches
+from mapq.io.clouds import parse_cloud, read_bytes
+from mapq.io.patches import holds_patches, parse_patches
 from mapq.patches import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.render.colours import Scheme, label_colours, patch_colours, probability_colours
 from prf.shell.errors import InputError
@@ -66,11 +68,11 @@ def read_picture(path: str, colour: Colour | None = None, field: str | None = No
     points = _read_points(path, bin_columns)
     chosen: Colour = colour or ("label" if np.any(points.label != UNLABELLED) else "patch")
     scheme = _scheme(path, points, chosen, field)
-    n_patches = int(points.patch.max(initial=NO_PATCH)) + 1
+    n_patches = _count_patches(points.patch[points.patch != NO_PATCH])
     words = f"{PurePath(path).name}  ·  {len(points.cloud):,} points  ·  {n_patches:,} patches"
     if chosen == "label":
-        shown = _patch_labels(points, n_patches)
-        words += f"  ·  {np.count_nonzero(shown == SUSPICIOUS):,} suspicious"
+        suspicious = (points.patch != NO_PATCH) & (points.label == SUSPICIOUS)
+        words += f"  ·  {_count_patches(points.patch[suspicious]):,} suspicious"
     titles = {
         "label": "Plausible and suspicious patches",
         "probability": "Probability that a patch is suspicious",
@@ -81,15 +83,25 @@ def read_picture(path: str, colour: Colour | None = None, field: str | None = No
 
 
 def _read_points(path: str, bin_columns: int) -> _Points:
-    if is_patches(path):
-        patches = read_patches(path)
+    data = read_bytes(path)
+    if holds_patches(io.BytesIO(data)):
+        patches = parse_patches(data, path)
         label = np.append(patches.label, np.uint8(UNLABELLED))[patches.patch]
         return _Points(patches.cloud, patches.patch, label, None)
-    cloud = read_cloud(path, bin_columns=bin_columns)
+    cloud = parse_cloud(data, path, bin_columns)[1]
     none = np.full(len(cloud), NO_PATCH, np.int32)
-    patch = np.asarray(cloud.fields.get("patch", none)).astype(np.int32)
-    label = np.asarray(cloud.fields.get("suspicious", none)).astype(np.uint8)  # -1 becomes 255: unlabelled
-    return _Points(cloud, patch, label, cloud.fields.get("p_suspicious"))
+    number = _whole(cloud.fields.get("patch", none), NO_PATCH, np.iinfo(np.int32).max)
+    marked = _whole(cloud.fields.get("suspicious", none), UNLABELLED, SUSPICIOUS)
+    return _Points(cloud, number.astype(np.int32), marked.astype(np.uint8), cloud.fields.get("p_suspicious"))
+
+
+def _whole(values: NDArray[Any], otherwise: int, most: int) -> NDArray[np.int64]:
+    """Return numbers (n,) as whole ones; what is not from 0 to `most`, or many a point, is `otherwise`."""
+    if values.ndim != 1:
+        return np.full(len(values), otherwise, np.int64)
+    with np.errstate(invalid="ignore"):
+        known = (values >= 0) & (values <= most)
+    return np.where(known, values, otherwise).astype(np.int64)
 
 
 def _scheme(path: str, points: _Points, colour: Colour, field: str | None) -> Scheme:
@@ -111,9 +123,6 @@ def _scheme(path: str, points: _Points, colour: Colour, field: str | None) -> Sc
     return label_colours(label, np.zeros(len(label), np.int32))
 
 
-def _patch_labels(points: _Points, n_patches: int) -> NDArray[np.uint8]:
-    """Return the label (n_patches,) of each patch, from its points."""
-    label = np.full(n_patches, UNLABELLED, np.uint8)
-    inside = points.patch != NO_PATCH
-    label[points.patch[inside]] = points.label[inside]
-    return label
+def _count_patches(patch: NDArray[np.int32]) -> int:
+    """Return of how many patches points (k,) are: fewer than the largest number where a part of a result is drawn."""
+    return len(np.unique(patch))

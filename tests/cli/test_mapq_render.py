@@ -1,0 +1,62 @@
+from __future__ import annotations
+
+import io
+import sys
+
+import numpy as np
+import pytest
+
+from mapq.io import read_cloud, write_ply
+from mapq.render.source import read_picture
+from tests.cli.mapq_samples import call, save_cloud, save_model, save_patches
+
+
+@pytest.fixture
+def result(capsys, tmp_path):
+    target = tmp_path / "r.ply"
+    assert call(capsys, "classify", save_patches(tmp_path), "--model", save_model(tmp_path), "-o", target)[0] == 0
+    return target
+
+
+def test_a_result_in_its_words(capsys, result, tmp_path):
+    code, out, _ = call(capsys, "render", result, "-o", tmp_path / "r.png", "--view", "plan")
+    assert (code, out) == (0, "")
+    assert (tmp_path / "r.png").read_bytes().startswith(b"\x89PNG")
+    assert read_picture(str(result)).subtitle.endswith("32 patches  ·  16 suspicious")
+
+
+def test_a_part_of_a_result_counts_the_patches_in_it(result):
+    cloud = read_cloud(str(result))
+    write_ply(result, cloud.take(np.flatnonzero(cloud.fields["patch"] == 31)))
+    assert "1 patches" in read_picture(str(result)).subtitle
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -7.0, 1e30])
+def test_fields_that_are_no_patches_or_labels_are_none(result, value):
+    cloud = read_cloud(str(result))
+    strange = np.full(len(cloud), value)
+    write_ply(result, cloud.with_fields(patch=strange, suspicious=strange))
+    assert "0 patches" in read_picture(str(result)).subtitle
+
+
+def test_patches_come_through_a_pipe(monkeypatch, tmp_path):
+    data = save_patches(tmp_path).read_bytes()
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data)))
+    assert "32 patches" in read_picture("-").subtitle
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "message"),
+    [
+        (["--azimuth", "nan"], 2, "--azimuth"),
+        (["--colour", "field"], 2, "--field"),
+        (["--colour", "field", "--field", "nope"], 3, "no point field 'nope'"),
+        (["--colour", "probability"], 3, "p_suspicious"),
+        (["-o", "x.bmp"], 2, "no picture format"),
+    ],
+)
+def test_mistakes_are_one_line(capsys, tmp_path, monkeypatch, options, code, message):
+    monkeypatch.chdir(tmp_path)
+    found, out, err = call(capsys, "render", save_cloud(tmp_path), *options)
+    assert (found, out, err.count("\n")) == (code, "", 1)
+    assert message in err
