@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
-from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapq.commands._options import BinColumns
+from mapq.commands._options import BinColumns, beside, refuse_inputs
 from prf.shell.options import Force, Json, Output
 
 if TYPE_CHECKING:
@@ -64,21 +63,27 @@ def classify(
 
     RESULT.ply has all points with all their fields, and patch, suspicious (0, 1, 255 = no patch), p_suspicious and
     colours: plausible blue, suspicious red. RESULT.json beside it has each patch with the terms that led to its label,
-    largest first. Default output: the name of the input with .classified.ply.
+    largest first. Without -o they go beside the input: its stem + .classified.ply. With --fail-over a map without any
+    patch fails too: nothing speaks for it.
     """
     from mapq.assess import assess
     from mapq.io.models import read_default_model, read_model
-    from mapq.io.results import SCHEMA, refuse_existing_result, write_result
+    from mapq.io.results import SCHEMA, json_beside, refuse_existing_result, write_result
     from prf.shell import console, jsonout
     from prf.shell.errors import CheckFailed
+    from prf.shell.files import STREAM
     from prf.shell.manifest import describe_process
 
-    target = output or f"{PurePath(file).stem if file != '-' else 'map'}.classified.ply"
+    target = output or (beside(file, ".classified.ply") if file != STREAM else "map.classified.ply")
     refuse_existing_result(target, force)
+    refuse_inputs([json_beside(target)], [file, *([model] if model else [])])
     used = read_model(model) if model is not None else None
     patches = _patches(file, bin_columns, max_tilt, up)
     result = assess(patches, used or read_default_model())
-    if not len(patches):
+    warnings = patches.report.get("warnings", ())
+    for warning in warnings:
+        logger.warning("%s: %s", file, warning)
+    if not len(patches) and not warnings:
         logger.warning("%s: no plane patch was found, so nothing is labelled", file)
     head = {**describe_process([file, *([model] if model else [])]), "model": model or "default", **result.head()}
     rows = list(result.patch_rows())
@@ -88,8 +93,12 @@ def classify(
     else:
         for line in _lines(result, target):
             console.emit(line)
+    if fail_over is None:
+        return
     share = result.counts()["share_of_area"]
-    if fail_over is not None and share > fail_over:
+    if not len(patches):
+        raise CheckFailed(f"{file}: there is no patch to be judged by, so nothing speaks for this map.")
+    if share > fail_over:
         raise CheckFailed(f"{share:.1%} of the area of patches is suspicious, more than {fail_over:.1%}.")
 
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapq.commands._options import BinColumns
+from mapq.commands._options import BinColumns, beside, refuse_inputs
 from prf.shell.options import Force, Json, Output
 
 if TYPE_CHECKING:
@@ -83,6 +82,7 @@ def segment(
 
     target = output or _beside(cloud)
     refuse_existing(target, force)
+    refuse_inputs([target], [cloud])
     settings = SegmentSettings(
         neighbours=neighbours,
         resolution=resolution,
@@ -107,8 +107,7 @@ def _beside(cloud: str) -> str:
 
     if cloud == STREAM:
         raise UsageError("a cloud from standard input has no name to put .patches to. Name the output with -o.")
-    path = Path(cloud)
-    return str(path.with_name(path.name.removesuffix(".gz")).with_suffix(".patches"))
+    return beside(cloud, ".patches")
 
 
 def _run(

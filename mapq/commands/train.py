@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mapq.commands._options import refuse_inputs
 from prf.shell.options import Force, Json, Output, Seed
 
 if TYPE_CHECKING:
@@ -138,6 +139,7 @@ def train(
         if strength is not None and not 0.0 < strength < math.inf:
             raise UsageError(f"a regularisation of {strength} is not above 0: separable labels would have no optimum.")
     refuse_existing(target, force)
+    refuse_inputs([target], patches)
     given = {"radius": radius, "tau": tau, "n_neighbours": neighbours, "n_watched": watched, "tolerance": tolerance}
     chosen: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     settings = TrainSettings(

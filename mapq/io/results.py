@@ -26,19 +26,21 @@ RESULT_FIELDS = (PATCH, LABEL, PROBABILITY)
 """The fields that make a cloud a result."""
 COLOURS = ("red", "green", "blue")
 ORIGINAL = "original_"
-"""Before the names of the colours that the points had."""
+"""Before the names of fields that the points had and a result needs."""
 
 _RGB = {PLAUSIBLE: (31, 98, 184), SUSPICIOUS: (214, 26, 28), UNLABELLED: (140, 148, 153)}
 
 
 def json_beside(path: str) -> str:
-    """Return the name of the JSON of the result `path`: the same name with .json.
+    """Return the name of the JSON of the result `path`: the same name with .json; of the null device, itself.
 
     Raises
     ------
     UsageError
         If `path` is standard output, or that name itself.
     """
+    if path == os.devnull:  # for those who want the exit code alone
+        return path
     beside = str(Path(path).with_suffix(".json")) if path != STREAM else STREAM
     if beside in (path, STREAM):
         raise UsageError("a result is two files, a PLY and a JSON of the same name. Name the PLY with -o RESULT.ply.")
@@ -62,8 +64,8 @@ def result_cloud(
     Parameters
     ----------
     cloud : PointCloud
-        Colours that it has are kept under `ORIGINAL` names. Fields of an earlier result, its colours included, are
-        replaced.
+        Fields of its own with the names of a result's are kept under `ORIGINAL` names. Fields of an earlier result,
+        its colours included, are replaced.
     patch : (n,) int32
     label, probability : (m,)
         Of each patch; points without one get 255 and nan.
@@ -72,7 +74,7 @@ def result_cloud(
     if set(RESULT_FIELDS) <= set(fields):
         for name in (*RESULT_FIELDS, *COLOURS):
             fields.pop(name, None)
-    fields = {ORIGINAL + name if name in COLOURS else name: values for name, values in fields.items()}
+    fields = _original_names(fields)
     labels = np.append(label, np.uint8(UNLABELLED))[patch]
     table = np.zeros((256, 3), np.uint8)
     for kind, rgb in _RGB.items():
@@ -84,17 +86,32 @@ def result_cloud(
     return replace(cloud, fields=fields)
 
 
+def _original_names(fields: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Return the fields, those whose names a result needs under `ORIGINAL` names, as often as it takes to be free."""
+    renamed: dict[str, NDArray[Any]] = {}
+    for name, values in fields.items():
+        free = name
+        if name in (*RESULT_FIELDS, *COLOURS):
+            free = ORIGINAL + name
+            while free in fields or free in renamed:
+                free = ORIGINAL + free
+        renamed[free] = values
+    return renamed
+
+
 def write_result(path: str, cloud: PointCloud, head: Mapping[str, Any], patches: Iterable[Mapping[str, Any]]) -> None:
     """Write both files of a result, each whole or not at all.
 
     The JSON is on the disk under another name before the PLY is written, and takes its place after it: an error on the
-    way leaves both old files, or none.
+    way leaves both old files, or none. Nothing is written to the null device.
 
     Raises
     ------
     OutputError
         If one of them cannot be written.
     """
+    if path == os.devnull:
+        return
     with atomic_write(json_beside(path)) as stream:
         stream.writelines(result_lines(head, patches))
         stream.flush()

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import gzip
 import json
 from pathlib import Path
 
@@ -135,3 +136,37 @@ def test_without_a_model_that_ships_it_says_what_to_do(capsys, tmp_path, monkeyp
     code, _, err = call(capsys, "classify", save_patches(tmp_path), "-o", tmp_path / "r.ply")
     assert (code, err.count("\n")) == (3, 1)
     assert "mapq train" in err
+
+
+def test_the_default_output_is_beside_the_input_without_gz(capsys, tmp_path):
+    model, path = save_model(tmp_path), save_cloud(tmp_path)
+    packed = tmp_path / "räume 1.ply.gz"
+    packed.write_bytes(gzip.compress(path.read_bytes()))
+    assert call(capsys, "classify", packed, "--model", model)[0] == 0
+    assert (tmp_path / "räume 1.classified.ply").exists()
+    assert (tmp_path / "räume 1.classified.json").exists()
+
+
+def test_a_map_without_a_patch_passes_no_gate(capsys, tmp_path):
+    path = tmp_path / "none.patches"
+    write_patches(path, make_patches([], np.empty((0, 3)), loose=5))
+    args = ["classify", path, "--model", save_model(tmp_path), "-o", "/dev/null", "--fail-over", 1]
+    code, _, err = call(capsys, *args)
+    assert code == 1
+    assert "nothing speaks for this map" in err
+    assert not Path("/dev/null.json").exists()
+
+
+def test_the_model_is_not_overwritten_by_the_json(capsys, tmp_path):
+    path, model = save_patches(tmp_path), save_model(tmp_path)
+    before = model.read_bytes()
+    code, _, err = call(capsys, "classify", path, "--model", model, "-o", model.with_suffix(".ply"), "-f")
+    assert (code, err.count("\n"), model.read_bytes()) == (2, 1, before)
+
+
+def test_warnings_of_the_segmentation_are_shown(capsys, tmp_path):
+    path = tmp_path / "noise.npy"
+    np.save(path, np.random.default_rng(1).normal(size=(2000, 3)))
+    code, _, err = call(capsys, "classify", path, "--model", save_model(tmp_path), "-o", tmp_path / "r.ply")
+    assert code == 0
+    assert "no patches:" in err

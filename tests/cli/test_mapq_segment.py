@@ -1,6 +1,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +100,7 @@ def test_the_name_of_a_zipped_cloud_loses_both_ends(capsys, tmp_path):
         (["MAP", "--max-angle", "0"], 2, "--max-angle must be above 0"),
         (["MAP", "--neighbours", "2"], 2, "--neighbours must be from 3 to 64"),
         (["MAP", "--up", "0", "0", "0"], 2, "--up must not be 0 0 0"),
+        (["MAP", "--up", "1e200", "0", "0"], 2, "--up must not be 0 0 0"),
         (["MAP", "--truth-field", "walls"], 3, "no field 'walls'; it has: plane"),
         (["LINE"], 3, "lie on one line"),
         (["FEW"], 3, "2 distinct finite points of 3; a plane needs 3"),
@@ -130,3 +134,22 @@ def test_real_clouds(capsys, shared_data, tmp_path, name, columns, fewest):
     assert code == 0
     assert report["patches"] >= fewest
     assert report["warnings"] == []
+
+
+def test_patches_go_to_standard_output(map_ply, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    command = [sys.executable, "-m", "mapq", "segment", map_ply, "-o", "-"]
+    made = subprocess.run(command, capture_output=True, check=True, env=_with_sources())
+    (tmp_path / "piped.patches").write_bytes(made.stdout)
+    assert len(read_patches("piped.patches")) == 2
+    assert not Path("-").exists()
+
+
+def _with_sources() -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+
+
+def test_the_cloud_is_not_overwritten(capsys, map_ply):
+    before = Path(map_ply).read_bytes()
+    code, _, err = run(capsys, map_ply, "-o", map_ply, "--force")
+    assert (code, err.count("\n"), Path(map_ply).read_bytes()) == (2, 1, before)

@@ -91,7 +91,7 @@ def test_an_output_that_stands_is_refused_before_the_work(capsys, tmp_path):
     [
         (["--regularisation", "0"], 2, "not above 0"),
         (["--objective", "max-margin"], 2, "max-margin"),
-        (["--edge-feature", "colour"], 3, "no edge feature colour"),
+        (["--edge-feature", "colour"], 2, "no edge feature colour"),
         (["--radius", "-1"], 2, "radius"),
         (["--json", "-o", "-"], 2, "both want standard output"),
     ],
@@ -120,3 +120,10 @@ def test_labels_of_one_kind_are_refused(capsys, tmp_path):
     code, _, err = call(capsys, "train", path, "-o", tmp_path / "m.json")
     assert (code, err.count("\n")) == (3, 1)
     assert "all 32 labelled patches are plausible" in err
+
+
+def test_labels_are_not_overwritten_by_the_model(capsys, tmp_path):
+    path = save_patches(tmp_path)
+    before = path.read_bytes()
+    code, _, err = call(capsys, "train", path, "-o", path, "-f")
+    assert (code, err.count("\n"), path.read_bytes()) == (2, 1, before)

@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from mapq.assess import assess, read_input
+from mapq.assess import assess, feature_settings, read_input
 from mapq.cloud import PointCloud
 from mapq.crf import local_log_odds
 from mapq.features import FeatureSettings
@@ -14,6 +14,7 @@ from mapq.io import read_cloud, write_patches, write_ply
 from mapq.io.results import result_cloud
 from mapq.model import EDGE_MODELS, Model, Scaling, parameter_names
 from mapq.patches import Patches
+from prf.shell.errors import InputError
 from tests.mapq.factories import make_patches, sample_patches, shuffled, wall
 from tests.mapq.labelled import draw_patches
 
@@ -138,3 +139,22 @@ def test_patches_far_from_the_origin_have_world_coordinates():
     near_rows, far_rows = (list(assess(each, make_model()).patch_rows()) for each in (patches, far))
     np.testing.assert_allclose(np.subtract(far_rows[3]["centroid"], near_rows[3]["centroid"]), shift, atol=1e-5)
     assert near_rows[3]["terms"] == far_rows[3]["terms"]
+
+
+def test_fields_named_as_a_result_s_are_kept_under_other_names():
+    own = {name: np.arange(3.0) + place for place, name in enumerate(("patch", "red", "original_red"))}
+    cloud = PointCloud(np.zeros((3, 3)), np.zeros(3), own)
+    fields = result_cloud(cloud, np.zeros(3, np.int32), np.zeros(1, np.uint8), np.zeros(1, np.float32)).fields
+    np.testing.assert_array_equal(fields["original_patch"], own["patch"])
+    np.testing.assert_array_equal(fields["original_original_red"], own["red"])
+    np.testing.assert_array_equal(fields["original_red"], own["original_red"])
+    assert (fields["patch"].dtype, fields["red"].dtype) == (np.int32, np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("n_neighbours", 2.5), ("tau", True), ("n_watched", 10**30), ("radius", 1e300), ("up", 5)]
+)
+def test_settings_of_another_type_or_size_are_refused(name, value):
+    model = make_model()
+    with pytest.raises(InputError, match=name if name != "up" else "setting up|cannot be used"):
+        feature_settings(replace(model, features={**model.features, name: value}))
