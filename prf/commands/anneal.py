@@ -7,7 +7,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from prf.commands._readings_options import EveryBeam, EveryScan, MaxRange, Scans, SkipScans, WindowOption
+from prf.commands._readings_options import (
+    EveryBeam,
+    EveryScan,
+    Laser,
+    MaxRange,
+    MissProbability,
+    Noise,
+    NoiseRelative,
+    OutlierProbability,
+    Scale,
+    Scans,
+    SkipScans,
+    Sonar,
+    SonarCone,
+    SonarMaxRange,
+    WindowOption,
+)
 from prf.shell.options import Force, Json, Output, Seed, Threads
 
 if TYPE_CHECKING:
@@ -41,36 +57,22 @@ SCIENCE = (
 
 
 def anneal(
-    laser: Annotated[
-        str | None, typer.Option("--laser", metavar="LOG", help="Localized laser readings; - is standard input.")
-    ] = None,
-    sonar: Annotated[
-        str | None, typer.Option("--sonar", metavar="LOG", help="Localized sonar readings, alone or with a laser's.")
-    ] = None,
+    laser: Laser = None,
+    sonar: Sonar = None,
     output: Output = None,
-    scale: Annotated[float, typer.Option("--scale", metavar="1/METRE", help="Scale parameter p of the prior.")] = 0.1,
+    scale: Scale = None,
     window: WindowOption = None,
     max_range: MaxRange = None,
-    every_scan: EveryScan = 1,
-    every_beam: EveryBeam = 1,
+    every_scan: EveryScan = None,
+    every_beam: EveryBeam = None,
     scans: Scans = None,
     skip_scans: SkipScans = None,
-    noise: Annotated[float, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range.")] = 0.03,
-    noise_relative: Annotated[
-        float, typer.Option("--noise-relative", metavar="SHARE", help="The same as a share of the distance.")
-    ] = 0.01,
-    outlier_probability: Annotated[
-        float, typer.Option("--outlier-probability", metavar="SHARE", help="Stray readings.")
-    ] = 0.05,
-    miss_probability: Annotated[
-        float, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.")
-    ] = 0.02,
-    sonar_max_range: Annotated[
-        float, typer.Option("--sonar-max-range", metavar="METRES", help="Sonar: no return from here on.")
-    ] = 3.5,
-    sonar_cone: Annotated[
-        float, typer.Option("--sonar-cone", metavar="RAD", help="Full field of view, where the log has none.")
-    ] = 0.349,
+    noise: Noise = None,
+    noise_relative: NoiseRelative = None,
+    outlier_probability: OutlierProbability = None,
+    miss_probability: MissProbability = None,
+    sonar_max_range: SonarMaxRange = None,
+    sonar_cone: SonarCone = None,
     coldest: Annotated[
         float, typer.Option("--coldest", metavar="T", help="Temperature before the last steps, which take no loss.")
     ] = 0.003,

@@ -7,6 +7,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from prf.commands._readings_options import (
+    EveryBeam,
+    EveryScan,
+    Laser,
+    MaxRange,
+    MissProbability,
+    Noise,
+    NoiseRelative,
+    OutlierProbability,
+    Scale,
+    Scans,
+    SkipScans,
+    Sonar,
+    SonarCone,
+    SonarMaxRange,
+    WindowOption,
+)
 from prf.shell.options import Force, Json, Output, Seed, Threads
 
 if TYPE_CHECKING:
@@ -25,46 +42,6 @@ EXAMPLES = (
     "prf sample --resume office --steps 5000000",
 )
 
-Laser = Annotated[
-    str | None, typer.Option("--laser", metavar="LOG", help="Localized laser readings; - is standard input.")
-]
-Sonar = Annotated[
-    str | None, typer.Option("--sonar", metavar="LOG", help="Localized sonar readings, alone or with a laser's.")
-]
-SonarMaxRange = Annotated[
-    float | None, typer.Option("--sonar-max-range", metavar="METRES", help="Sonar: no return from here on.  [3.5]")
-]
-SonarCone = Annotated[
-    float | None,
-    typer.Option("--sonar-cone", metavar="RAD", help="Full field of view, where the log has none.  [0.349]"),
-]
-Scale = Annotated[
-    float | None, typer.Option("--scale", metavar="1/METRE", help="Scale parameter p of the prior.  [0.1]")
-]
-WindowOption = Annotated[
-    tuple[float, float, float, float] | None,
-    typer.Option("--window", metavar="X0 Y0 X1 Y1", help="Metres.  [all sensors and 99.5 % of the returns + 1 m]"),
-]
-MaxRange = Annotated[
-    float | None,
-    typer.Option("--max-range", metavar="METRES", help="No return from here on.  [0.97 x the largest range]"),
-]
-EveryScan = Annotated[int | None, typer.Option("--every-scan", metavar="K", min=1, help="Scans 0, K, 2K ...")]
-EveryBeam = Annotated[int | None, typer.Option("--every-beam", metavar="K", min=1, help="Beams 0, K, 2K ...")]
-Scans = Annotated[str | None, typer.Option("--scans", metavar="START:STOP:STEP", help="Only these scans.")]
-SkipScans = Annotated[str | None, typer.Option("--skip-scans", metavar="START:STOP:STEP", help="All but these scans.")]
-Noise = Annotated[
-    float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range.  [0.03]")
-]
-NoiseRelative = Annotated[
-    float | None, typer.Option("--noise-relative", metavar="SHARE", help="The same as a share of the distance.  [0.01]")
-]
-OutlierProbability = Annotated[
-    float | None, typer.Option("--outlier-probability", metavar="SHARE", help="Stray readings.  [0.05]")
-]
-MissProbability = Annotated[
-    float | None, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.  [0.02]")
-]
 Chains = Annotated[int | None, typer.Option("--chains", metavar="N", min=1, help="Chains.  [4]")]
 Resolution = Annotated[
     float | None,

@@ -17,6 +17,7 @@ from prf.kernels.geometry import ray_hit
 from prf.kernels.graph import Graph
 from prf.kernels.grid import Grid, exit_distance, walk
 from prf.kernels.laser import beam_log_likelihood
+from prf.kernels.slots import list_slot
 
 
 class Beams(NamedTuple):
@@ -42,33 +43,6 @@ class Beams(NamedTuple):
     touched_distance: np.ndarray  # (n,) f8
     touched_log_likelihood: np.ndarray  # (n,) f8
     n_touched: np.ndarray  # (1,) i8
-
-
-@core
-def list_slot(beams: Beams, beam: int, slot: int) -> None:
-    """List a slot in its cell."""
-    cell = beams.slot_cell[slot]
-    place = beams.cell_count[cell]
-    at = beams.cell_start[cell] + place
-    beams.entries[at, 0] = beam
-    beams.entries[at, 1] = slot
-    beams.slot_place[slot] = place
-    beams.cell_count[cell] = place + 1
-
-
-@core
-def unlist_slot(beams: Beams, slot: int) -> None:
-    """Strike a slot from its cell's list by moving the last entry into its place."""
-    cell = beams.slot_cell[slot]
-    place = beams.slot_place[slot]
-    last = beams.cell_count[cell] - 1
-    start = beams.cell_start[cell]
-    moved = beams.entries[start + last, 1]
-    beams.entries[start + place, 0] = beams.entries[start + last, 0]
-    beams.entries[start + place, 1] = moved
-    beams.slot_place[moved] = place
-    beams.slot_place[slot] = c.NONE
-    beams.cell_count[cell] = last
 
 
 @core

@@ -8,14 +8,13 @@ from prf.kernels.cones import (
     EXTENT,
     Cones,
     last_within,
-    list_cone,
     sense,
-    unlist_cone,
 )
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph
 from prf.kernels.grid import walk
 from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal
+from prf.kernels.slots import list_slot, unlist_slot
 from prf.kernels.visibility import clip_edge
 
 
@@ -73,7 +72,7 @@ def apply_cones(cones: Cones) -> None:
         old = cones.last_slot[cone]
         new = last_within(cones, cone, cones.touched_extent[i], old)
         for slot in range(old + 1, new + 1):
-            list_cone(cones, cone, slot)
+            list_slot(cones, cone, slot)
         for slot in range(new + 1, old + 1):
-            unlist_cone(cones, slot)
+            unlist_slot(cones, slot)
         cones.last_slot[cone] = new

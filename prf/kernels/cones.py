@@ -16,6 +16,7 @@ from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph
 from prf.kernels.grid import Grid, axis_index
 from prf.kernels.proposal import N_NEW_EDGES, Proposal, goes
+from prf.kernels.slots import list_slot
 from prf.kernels.sonar import SONAR_MAX, sonar_log_likelihood
 from prf.kernels.visibility import BORDER, N_LINES, POSE_COS, POSE_SIN, POSE_X, POSE_Y, Sight, see_edge, sweep
 
@@ -49,33 +50,6 @@ class Cones(NamedTuple):
     touched_log_likelihood: np.ndarray  # (n,) f8
     n_touched: np.ndarray  # (1,) i8
     sight: Sight
-
-
-@core
-def list_cone(cones: Cones, cone: int, slot: int) -> None:
-    """List a slot in its cell."""
-    cell = cones.slot_cell[slot]
-    place = cones.cell_count[cell]
-    at = cones.cell_start[cell] + place
-    cones.entries[at, 0] = cone
-    cones.entries[at, 1] = slot
-    cones.slot_place[slot] = place
-    cones.cell_count[cell] = place + 1
-
-
-@core
-def unlist_cone(cones: Cones, slot: int) -> None:
-    """Strike a slot from its cell's list by moving the last entry into its place."""
-    cell = cones.slot_cell[slot]
-    place = cones.slot_place[slot]
-    last = cones.cell_count[cell] - 1
-    start = cones.cell_start[cell]
-    moved = cones.entries[start + last, 1]
-    cones.entries[start + place, 0] = cones.entries[start + last, 0]
-    cones.entries[start + place, 1] = moved
-    cones.slot_place[moved] = place
-    cones.slot_place[slot] = c.NONE
-    cones.cell_count[cell] = last
 
 
 @core
@@ -178,7 +152,7 @@ def relist_cones(cones: Cones) -> float:
         for slot in range(first, cones.slot_start[cone + 1]):
             cones.slot_place[slot] = c.NONE
             if slot <= cones.last_slot[cone]:
-                list_cone(cones, cone, slot)
+                list_slot(cones, cone, slot)
         total += cones.pose[cone, CONE_LOG_LIKELIHOOD]
     return total
 

@@ -9,12 +9,13 @@ import math
 
 from prf.kernels import constants as c
 from prf.kernels._jit import core
-from prf.kernels.beams import Beams, first_hit, link_beam, list_slot, slot_at, unlink_beam, unlist_slot
+from prf.kernels.beams import Beams, first_hit, link_beam, slot_at, unlink_beam
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.geometry import ray_hit
 from prf.kernels.graph import Graph
 from prf.kernels.laser import beam_log_likelihood
 from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal, goes
+from prf.kernels.slots import list_slot, unlist_slot
 
 NEW_EDGE = -2
 """Impact on the new edge k is written NEW_EDGE - k until the edge has a slot."""
