@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -92,13 +92,20 @@ class _Trial(NamedTuple):
     def score(self) -> float:
         return log_loss(self.difference, self.y, self.temperature)
 
+    @property
+    def error(self) -> float:
+        """Standard error of the score, as if patches were independent."""
+        losses = np.logaddexp(0.0, -self.temperature * self.y * self.difference)
+        return float(losses.std() / np.sqrt(len(losses)))
+
 
 def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) -> Trained:
     """Return the model of maximum pseudo-likelihood over all maps.
 
     Each fold leaves out whole regions: their labels are hidden, the rest trains, and a graph cut labels them with no
-    label given, as it will on a new map. The strength of least held-out log-loss is taken, the greater of two alike,
-    and with it the temperature that was best for these patches. The scaling is that of all patches: it sees no label.
+    label given, as it will on a new map. Of the strengths whose held-out log-loss is within a standard error of the
+    least, the one with the least coupling is taken, and with it the temperature that was best for these patches. The
+    scaling is that of all patches: it sees no label.
 
     Raises
     ------
@@ -114,7 +121,7 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
     strengths = _strengths(settings, n_labelled) if folds else []
     trials = {strength: _try(prepared, labels, folds, settings, strength) for strength in strengths}
     scores = {strength: trial.score for strength, trial in trials.items()}
-    chosen = min(scores, key=lambda s: (scores[s], -s.coupling, -s.weights)) if scores else _fallback(settings)
+    chosen = _choose(trials) if trials else _fallback(settings)
     trial = trials.get(chosen)
     weights = fit_weights(prepared, labels, settings, chosen)
     temperature = trial.temperature if trial else 1.0
@@ -132,6 +139,19 @@ def _strengths(settings: TrainSettings, n_labelled: int) -> list[Strength]:
     if settings.coupling_regularisation is not None:
         return [Strength(weights, settings.coupling_regularisation) for weights in tried]
     return [Strength(weights, share * n_labelled) for weights in tried for share in COUPLING_SHARES]
+
+
+def _choose(trials: Mapping[Strength, _Trial]) -> Strength:
+    """Return the strength with the least coupling that scores as well as the best, to within its standard error.
+
+    With few labels the best score is half luck, and too much coupling is the costlier mistake: it lets one wrong label
+    spread over a map.
+    """
+    best = min(trials.values(), key=lambda trial: trial.score)
+    limit = best.score + best.error
+    good = [strength for strength, trial in trials.items() if trial.score <= limit]
+    most = max(strength.coupling for strength in good)
+    return min((s for s in good if s.coupling == most), key=lambda s: (trials[s].score, -s.weights))
 
 
 def _fallback(settings: TrainSettings) -> Strength:
