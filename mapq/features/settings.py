@@ -11,6 +11,9 @@ from prf.shell.errors import ConfigError
 Reading = Literal["safe", "literal"]
 """How equations 6 to 13 are read: bounded and in metres, or as printed."""
 
+LONGEST = 1e6
+"""Metres: no map needs a longer length, and the square of one must be a number."""
+
 
 @dataclass(frozen=True)
 class FeatureSettings:
@@ -71,7 +74,7 @@ class FeatureSettings:
             raise ConfigError(f"features: {self.n_watched} patches watched. Give 0 or more.")
         for name in ("radius", "tau", "eps", "noise", "tolerance", "spacing"):
             value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0):
-                raise ConfigError(f"features: {name} {value} m. Give a length above 0.")
+            if value is not None and not 0 < value < LONGEST:
+                raise ConfigError(f"features: {name} {value} m. Give a length above 0 and below {LONGEST:g}.")
         if self.up is not None and not 0 < math.hypot(*self.up) < math.inf:
             raise ConfigError(f"features: up {self.up} is no direction.")

@@ -132,6 +132,7 @@ class TestSettings:
             {"reading": "paper"},
             {"n_neighbours": 0},
             {"radius": 0.0},
+            {"radius": 1e300},
             {"tau": -1.0},
             {"eps": float("nan")},
             {"noise": float("inf")},
