@@ -1,0 +1,7 @@
+"""The settings file: what is known of prior and sensors, as TOML (docs/configuration.md)."""
+
+from prf.settings_file.read import read_settings
+from prf.settings_file.tables import TABLES, Tables
+from prf.settings_file.write import settings_text, write_settings
+
+__all__ = ["TABLES", "Tables", "read_settings", "settings_text", "write_settings"]

@@ -1,0 +1,73 @@
+"""Reading a settings file."""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Iterator
+from typing import Any
+
+from prf.settings_file.tables import checked_tables
+from prf.shell.errors import ConfigError
+from prf.shell.files import STREAM, open_input
+
+
+def read_settings(path: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
+    """Read a settings file; ``-`` is standard input.
+
+    Parameters
+    ----------
+    path : path
+        A UTF-8 file of TOML 1.0.
+
+    Returns
+    -------
+    dict of str to dict
+        The tables and keys that the file has, no defaults: floats, and a tuple of four floats for a window. SI units.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or may not be read.
+    ConfigError
+        If it is no TOML, or has an unknown table or key, or a value of another type or out of its range.
+    """
+    with open_input(path) as stream:
+        data = stream.read()
+    source = "standard input" if os.fspath(path) == STREAM else os.fspath(path)
+    try:
+        text = data.decode("utf-8-sig")
+        content = tomllib.loads(text)
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{source}: not UTF-8 (byte {error.start}). A settings file is TOML text.") from None
+    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
+        raise ConfigError(_not_toml(source, str(error))) from None
+    return checked_tables(content, lambda table, key: source + _line_of(text, table, key))
+
+
+def _not_toml(source: str, words: str) -> str:
+    """Return the message for a text that is no TOML, with the line in front where the parser tells it."""
+    found = re.search(r" \(at line (\d+), column (\d+)\)$", words)
+    if found is None:
+        return f"{source}: not valid TOML ({words})."
+    return f"{source}:{found[1]}: not valid TOML ({words[: found.start()]}, column {found[2]})."
+
+
+def _line_of(text: str, table: str, key: str) -> str:
+    """Return ``:LINE`` of a key, or of a table if `key` is empty; nothing where the file writes it in a rarer way."""
+    for number, found in _names(text):
+        if found in ((table, key), ("", f"{table}.{key}")):
+            return f":{number}"
+    return ""
+
+
+def _names(text: str) -> Iterator[tuple[int, tuple[str, str]]]:
+    """Yield the line, from 1, of every ``[table]`` and every ``key =`` with the pair of table and key that it names."""
+    table = ""
+    for number, line in enumerate(text.splitlines(), start=1):
+        if head := re.match(r"\s*\[\s*([^\[\]]+?)\s*\]", line):
+            table = head[1].strip("\"'")
+            yield number, (table, "")
+        elif name := re.match(r"\s*([\w.\"'-]+?)\s*=", line):
+            yield number, (table, name[1].strip("\"'"))

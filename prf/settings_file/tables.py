@@ -1,0 +1,143 @@
+"""The tables of a settings file: one a model, a key a parameter of it.
+
+Which keys there are follows from the models, and their own checks judge the values, so that a file and the options of a
+verb can never disagree about what is allowed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from prf.arak import checked_scale
+from prf.sensors.laser import LaserModel
+from prf.sensors.sonar import SonarModel
+from prf.shell.errors import ConfigError
+from prf.window import Window
+
+Tables = Mapping[str, Mapping[str, Any]]
+"""Table to key to value: a float, or a tuple of four for a window. SI units."""
+
+ARRAYS: Mapping[str, int] = MappingProxyType({"window": 4})
+"""Keys whose value is an array, and how many numbers it has; every other value is one number."""
+
+Place = Callable[[str, str], str]
+"""Takes a table and a key, or "" for the table itself; tells where it stands, for messages."""
+
+
+class Table(NamedTuple):
+    """A table of the file.
+
+    Attributes
+    ----------
+    keys : tuple of str
+    check : callable
+        Takes the values of some keys, and raises ConfigError where they make no model.
+    """
+
+    keys: tuple[str, ...]
+    check: Callable[[Mapping[str, Any]], None]
+
+
+def _check_prior(values: Mapping[str, Any]) -> None:
+    checked_scale(values.get("scale", 1.0))
+    if "window" in values:
+        Window.checked(*values["window"])
+
+
+def _check_laser(values: Mapping[str, Any]) -> None:
+    # Without one in the file the maximum range comes from the log.
+    LaserModel(**{"max_range": 1.0, **values})
+
+
+def _check_sonar(values: Mapping[str, Any]) -> None:
+    cone = values.get("cone", 1.0)
+    if not 0.0 < cone < math.pi:
+        raise ConfigError(f"cone {cone}: must lie between 0 and pi radians")
+    SonarModel(**{key: value for key, value in values.items() if key != "cone"})
+
+
+def _fields(model: type) -> tuple[str, ...]:
+    return tuple(field.name for field in dataclasses.fields(model))
+
+
+TABLES: Mapping[str, Table] = MappingProxyType(
+    {
+        "prior": Table(("scale", "window"), _check_prior),
+        "laser": Table(_fields(LaserModel), _check_laser),
+        "sonar": Table((*_fields(SonarModel), "cone"), _check_sonar),
+    }
+)
+"""The tables that a file may have."""
+
+
+def checked_tables(content: Mapping[str, Any], place: Place) -> dict[str, dict[str, Any]]:
+    """Return the tables with every value of its type and in its range.
+
+    Raises
+    ------
+    ConfigError
+        For the first table, key or value that cannot be used; its message begins with what `place` tells.
+    """
+    tables: dict[str, dict[str, Any]] = {}
+    for name, values in content.items():
+        if not isinstance(values, Mapping):
+            homes = [f"[{table}]" for table in TABLES if name in TABLES[table].keys]
+            to = f"to {' or '.join(homes)}" if homes else "into its table"
+            raise ConfigError(f"{place('', name)}: {name} stands outside the tables. Move it {to}.")
+        if name not in TABLES:
+            raise ConfigError(f"{place(name, '')}: there is no table [{name}]. {_instead(name, TABLES)}")
+        tables[name] = {key: _typed(name, key, value, place) for key, value in values.items()}
+        _judge(name, tables[name], place)
+    return tables
+
+
+def _typed(table: str, key: str, value: Any, place: Place) -> float | tuple[float, ...]:
+    where = f"{place(table, key)}: [{table}] {key}"
+    if key not in TABLES[table].keys:
+        raise ConfigError(f"{where}: there is no such key. {_instead(key, TABLES[table].keys)}")
+    if key not in ARRAYS:
+        if not _is_number(value):
+            raise ConfigError(f"{where} = {value!r}: must be a finite number.")
+        return float(value)
+    if not (isinstance(value, list | tuple) and len(value) == ARRAYS[key] and all(map(_is_number, value))):
+        raise ConfigError(f"{where} = {value!r}: must be an array of {ARRAYS[key]} finite numbers.")
+    return tuple(map(float, value))
+
+
+def _is_number(value: Any) -> bool:
+    try:
+        return not isinstance(value, bool) and math.isfinite(value)
+    except (TypeError, OverflowError):
+        return False
+
+
+def _judge(table: str, values: Mapping[str, Any], place: Place) -> None:
+    """Let the model judge the values together; where it refuses, name the key that it refuses alone."""
+    try:
+        TABLES[table].check(values)
+    except ConfigError as error:
+        for key, value in values.items():
+            try:
+                TABLES[table].check({key: value})
+            except ConfigError as alone:
+                raise ConfigError(f"{place(table, key)}: [{table}] {_said(alone, table, (key,))}") from None
+        raise ConfigError(f"{place(table, '')}: [{table}] {_said(error, table, TABLES[table].keys)}") from None
+
+
+def _said(error: ConfigError, table: str, keys: Iterable[str]) -> str:
+    """Return the words of a model's refusal with names as they stand in the file, not as options of a verb."""
+    words = str(error).replace(f"{table}-", "")
+    for key in keys:
+        words = words.replace(key.replace("_", "-"), key)
+    return words
+
+
+def _instead(name: str, known: Iterable[str]) -> str:
+    """Return what may have been meant by a name that is none of `known`."""
+    close = difflib.get_close_matches(name.replace("-", "_").lower(), known, n=1)
+    return f"Did you mean {close[0]}?" if close else f"Known are {', '.join(known)}."
