@@ -1,0 +1,181 @@
+"""What stands in a floor plan: doors in varied states, pillars, cupboards and tables."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import shapely
+from shapely import affinity
+from shapely.geometry.base import BaseGeometry
+
+from prf.simulate.draft import OVERLAP, Box, Draft, Wall, box_of
+
+LEAF = 0.05
+"""Thickness of a door's leaf, metres."""
+JAMB = 0.1
+"""Metres of wall that a door leaves at the end of its room, at least."""
+BEFORE_A_DOOR = 1.3
+"""Metres on both sides of a door where nothing stands."""
+PASSAGE = 0.8
+"""Metres left between things, so that a robot fits through."""
+PILLARS_APART = 5.0
+
+
+class Fitter:
+    """Draws doors and furniture into a draft.
+
+    Parameters
+    ----------
+    draft : Draft
+    door_width : float
+        Metres.
+    furniture : bool
+        Whether there is any; pillars stand anyway.
+    rng : numpy.random.Generator
+    """
+
+    def __init__(self, draft: Draft, door_width: float, furniture: bool, rng: np.random.Generator) -> None:
+        self.draft = draft
+        self.door_width = door_width
+        self.furniture = furniture
+        self.rng = rng
+
+    def door(self, room: Box, wall: Wall) -> None:
+        """Join a room to its corridor by a door that is open, and a wide one sometimes by a second that may be shut."""
+        spare = room.width - self.door_width - 2.0 * JAMB
+        x = room.x0 + JAMB + max(spare, 0.0) * float(self.rng.beta(0.5, 0.5))
+        self._gap(x, wall)
+        state = self.rng.random()
+        if state < 0.75:
+            self._leaf(x, room, wall, 90.0 if state < 0.35 else float(self.rng.uniform(60.0, 115.0)))
+        far = room.x0 + JAMB if x > room.x0 + 0.5 * spare else room.x1 - JAMB - self.door_width
+        if abs(far - x) > 2.0 * self.door_width and self.rng.random() < 0.4:
+            self._gap(far, wall)
+            if self.rng.random() < 0.6:
+                self._shut(far, wall)
+            else:
+                self._leaf(far, room, wall, float(self.rng.uniform(15.0, 110.0)))
+
+    def wide_door(self, room: Box, wall: Wall) -> None:
+        """Join a hall to a corridor by an opening without leaf."""
+        width = min(2.0 * self.door_width, room.width - 2.0 * JAMB)
+        x = room.x0 + JAMB + (room.width - width - 2.0 * JAMB) * float(self.rng.uniform(0.2, 0.8))
+        self._gap(x, wall, width)
+
+    def exits(self, corridor: Box, outer_wall: float) -> None:
+        """Put shut doors at the ends of a corridor: niches in the outer wall."""
+        half = 0.5 * min(corridor.height - 2.0 * JAMB, 2.0 * self.door_width)
+        middle = 0.5 * (corridor.y0 + corridor.y1)
+        for x0, x1 in ((corridor.x0 - outer_wall, corridor.x0), (corridor.x1, corridor.x1 + outer_wall)):
+            niche = outer_wall - 2.0 * LEAF
+            low = x1 - niche if x1 == corridor.x0 else x0 - OVERLAP
+            self.draft.carve(box_of(low, middle - half, low + niche + OVERLAP, middle + half))
+
+    def connect(self, left: Box, right: Box) -> None:
+        """Join neighbouring rooms by a door of their own, now and then."""
+        spare = left.height - self.door_width - 2.0 * JAMB
+        if spare < 0.0 or self.rng.random() > 0.15:
+            return
+        y = left.y0 + JAMB + spare * float(self.rng.uniform(0.1, 0.9))
+        self.draft.carve(box_of(left.x1 - OVERLAP, y, right.x0 + OVERLAP, y + self.door_width))
+        middle = 0.5 * (left.x1 + right.x0)
+        self.draft.keep_clear(
+            shapely.box(middle - BEFORE_A_DOOR, y - LEAF, middle + BEFORE_A_DOOR, y + self.door_width + LEAF)
+        )
+        if self.rng.random() < 0.5:
+            leaf = box_of(middle - 0.5 * LEAF, y - OVERLAP, middle + 0.5 * LEAF, y + self.door_width + OVERLAP)
+            self.draft.add_solid(leaf.polygon())
+
+    def furnish(self, room: Box) -> None:
+        """Put cupboards along the walls and a table into a room, where there is space."""
+        if not self.furniture:
+            return
+        for _ in range(int(self.rng.integers(0, 4))):
+            self._place(self._cupboard(room))
+        if min(room.width, room.height) > 3.0 and self.rng.random() < 0.6:
+            self._place(self._table(room), within=room.grown(-PASSAGE))
+
+    def furnish_hall(self, hall: Box) -> None:
+        """Put pillars into a hall, on a grid, and tables between them."""
+        n_x, n_y = (max(0, round(length / PILLARS_APART) - 1) for length in (hall.width, hall.height))
+        size = float(self.rng.uniform(0.4, 0.6))
+        is_round = self.rng.random() < 0.5
+        for i in range(n_x):
+            for j in range(n_y):
+                x = hall.x0 + hall.width * (i + 1) / (n_x + 1)
+                y = hall.y0 + hall.height * (j + 1) / (n_y + 1)
+                self._place(octagon(x, y, 0.5 * size) if is_round else _turned_box(x, y, size, size, 0.0))
+        if self.furniture and min(hall.width, hall.height) > 3.0:
+            for _ in range(int(hall.width * hall.height / 25.0)):
+                self._place(self._table(hall), within=hall.grown(-PASSAGE))
+
+    def _gap(self, x: float, wall: Wall, width: float | None = None) -> None:
+        """Open a wall from `x` on, and keep both sides clear."""
+        end = x + (self.door_width if width is None else width)
+        gap = box_of(x, wall.y0 - OVERLAP, end, wall.y1 + OVERLAP)
+        self.draft.carve(gap)
+        self.draft.keep_clear(shapely.box(gap.x0 - 0.2, gap.y0 - BEFORE_A_DOOR, gap.x1 + 0.2, gap.y1 + BEFORE_A_DOOR))
+
+    def _shut(self, x: float, wall: Wall) -> None:
+        """Put a leaf into its frame, in the middle of the wall."""
+        middle = 0.5 * (wall.y0 + wall.y1)
+        leaf = box_of(x - OVERLAP, middle - 0.5 * LEAF, x + self.door_width + OVERLAP, middle + 0.5 * LEAF)
+        self.draft.add_solid(leaf.polygon())
+
+    def _leaf(self, x: float, room: Box, wall: Wall, degrees: float) -> None:
+        """Hang a leaf at the nearer side wall and open it into the room by an angle."""
+        to_left, to_right = x - room.x0, room.x1 - (x + self.door_width)
+        inwards = -1.0 if to_left > to_right else 1.0
+        hinge = x + self.door_width if inwards < 0.0 else x
+        behind = self.door_width * max(0.0, -math.cos(math.radians(degrees)))
+        if behind > min(to_left, to_right) - JAMB:  # it would stand in the side wall
+            degrees = 90.0
+        turn = math.radians(degrees)
+        face = wall.y1 if wall.room_side > 0 else wall.y0
+        # The hinge lies in the wall, so that leaf and wall are one thing.
+        start = (hinge - inwards * 1.5 * OVERLAP, face - wall.room_side * 1.5 * OVERLAP)
+        along = (inwards * math.cos(turn), wall.room_side * math.sin(turn))
+        end = (start[0] + self.door_width * along[0], start[1] + self.door_width * along[1])
+        self.draft.add_solid(shapely.LineString([start, end]).buffer(0.5 * LEAF, cap_style="flat"))
+
+    def _cupboard(self, room: Box) -> BaseGeometry:
+        """Return a cupboard against one of the walls."""
+        side = int(self.rng.integers(4))
+        length, depth = float(self.rng.uniform(0.7, 2.0)), float(self.rng.uniform(0.35, 0.6))
+        along = room.width if side % 2 == 0 else room.height
+        length = min(length, 0.5 * along)
+        start = float(self.rng.uniform(0.0, along - length))
+        if side % 2 == 0:
+            y0, y1 = (room.y0 - OVERLAP, room.y0 + depth) if side == 0 else (room.y1 - depth, room.y1 + OVERLAP)
+            return box_of(room.x0 + start, y0, room.x0 + start + length, y1).polygon()
+        x0, x1 = (room.x0 - OVERLAP, room.x0 + depth) if side == 3 else (room.x1 - depth, room.x1 + OVERLAP)
+        return box_of(x0, room.y0 + start, x1, room.y0 + start + length).polygon()
+
+    def _table(self, room: Box) -> BaseGeometry:
+        """Return a table somewhere in a room, turned at random, or a round one."""
+        x, y = (float(v) for v in self.rng.uniform((room.x0, room.y0), (room.x1, room.y1)))
+        along, across = float(self.rng.uniform(1.2, 1.8)), float(self.rng.uniform(0.7, 0.9))
+        if self.rng.random() < 0.25:
+            return octagon(x, y, 0.6 * across)
+        return _turned_box(x, y, along, across, float(self.rng.choice((0.0, 90.0, self.rng.uniform(0.0, 180.0)))))
+
+    def _place(self, thing: BaseGeometry, within: Box | None = None) -> None:
+        """Put a thing down if there is space for it, and let others keep their distance."""
+        if self.draft.has_space(thing) and (within is None or within.polygon().contains(thing)):
+            self.draft.add_solid(thing)
+            self.draft.keep_clear(thing.buffer(PASSAGE, quad_segs=2))
+
+
+def octagon(x: float, y: float, radius: float) -> BaseGeometry:
+    """Return an upright octagon: what is round, as walls."""
+    turns = math.pi / 8.0 + math.pi / 4.0 * np.arange(8)
+    corners = np.column_stack((x + radius * np.cos(turns), y + radius * np.sin(turns)))
+    return shapely.Polygon(np.round(corners, 4))
+
+
+def _turned_box(x: float, y: float, along: float, across: float, degrees: float) -> BaseGeometry:
+    """Return a rectangle round a point, turned."""
+    upright = shapely.box(x - 0.5 * along, y - 0.5 * across, x + 0.5 * along, y + 0.5 * across)
+    turned = affinity.rotate(upright, degrees)
+    return shapely.Polygon(np.round(shapely.get_coordinates(turned), 4))

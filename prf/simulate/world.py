@@ -1,0 +1,119 @@
+"""`World`: the truth of a simulation, occupied area in a window, and its walls as a sensor meets them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from shapely import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
+from shapely.geometry.polygon import orient
+
+from prf.coloring import Coloring, from_polygons, occupied_polygons
+from prf.window import SIDES, Window
+
+Floats = NDArray[np.float64]
+
+STRAIGHT = 1e-9
+"""Metres that a vertex may stick out of the line of its neighbours before it counts as a corner."""
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """What is occupied, and its boundary.
+
+    Attributes
+    ----------
+    window : Window
+        Where the world is known. Its border is no wall: nothing beyond it is ever met.
+    occupied : shapely.MultiPolygon
+        Occupied area inside the window, holes kept, in metres.
+    walls : (n, 4) float64
+        ``x1 y1 x2 y2`` in metres, free space on the left of the way from 1 to 2; ring by ring, the end of a wall is the
+        beginning of the next to the last bit, but where the window cuts a ring. Neighbours are never in line.
+    """
+
+    window: Window
+    occupied: MultiPolygon
+    walls: Floats
+
+    @classmethod
+    def from_polygons(cls, occupied: BaseGeometry, window: Window) -> World:
+        """Return the world that is occupied on `occupied`, clipped to the window.
+
+        Raises
+        ------
+        InputError
+            If polygons touch at a point, or a corner touches the border: then inside and outside are ambiguous.
+        """
+        return cls.from_coloring(from_polygons(without_straight(occupied), window))
+
+    @classmethod
+    def from_coloring(cls, coloring: Coloring) -> World:
+        """Return the world that is occupied where a coloring is black."""
+        occupied = occupied_polygons(coloring)
+        return cls(coloring.window, occupied, _walls(occupied, coloring.window))
+
+    def coloring(self) -> Coloring:
+        """Return the world as a coloring of its window."""
+        if self.occupied.is_empty or len(self.walls) == 0:  # no ring says which of the two colours fills the window
+            return Coloring.empty(self.window, not self.occupied.is_empty)
+        return from_polygons(self.occupied, self.window)
+
+    def free_at(self, xy: ArrayLike) -> NDArray[np.bool_]:
+        """Return which points (n, 2) are free: inside the window, neither in occupied area nor on a wall."""
+        points = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
+        shapely.prepare(self.occupied)
+        occupied = shapely.intersects_xy(self.occupied, points)
+        free: NDArray[np.bool_] = self.window.contains(points) & ~occupied
+        return free
+
+
+def without_straight(region: BaseGeometry) -> MultiPolygon:
+    """Return a region whose rings have no vertex at which nothing turns: unions leave them in the middle of walls.
+
+    Parameters
+    ----------
+    region : shapely Polygon or MultiPolygon
+        Whatever has no area is left out.
+    """
+    polygons = [part for part in shapely.get_parts(region) if isinstance(part, Polygon) and not part.is_empty]
+    cleaned = [
+        Polygon(_bent(polygon.exterior), [_bent(ring) for ring in polygon.interiors if len(_bent(ring)) > 2])
+        for polygon in polygons
+        if len(_bent(polygon.exterior)) > 2
+    ]
+    return MultiPolygon(cleaned)
+
+
+def _bent(ring: BaseGeometry) -> Floats:
+    """Return the corners (n, 2) of a ring, the first one not repeated."""
+    xy = shapely.get_coordinates(ring)[:-1]
+    while len(xy) > 2:
+        chord = np.roll(xy, -1, axis=0) - np.roll(xy, 1, axis=0)
+        arm = xy - np.roll(xy, 1, axis=0)
+        length = np.hypot(*chord.T)
+        off = np.abs(chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0])
+        straight = off <= STRAIGHT * np.maximum(length, STRAIGHT)
+        # Of neighbours only one goes at a time, since the other is judged by it.
+        straight[1:] &= ~straight[:-1]
+        if not straight.any():
+            break
+        xy = xy[~straight]
+    return np.asarray(xy, dtype=np.float64)
+
+
+def _walls(occupied: MultiPolygon, window: Window) -> Floats:
+    """Return the sides of all rings, outlines clockwise and holes counter-clockwise, without those on the border."""
+    turned = [orient(polygon, sign=-1.0) for polygon in occupied.geoms]
+    rings = shapely.get_rings(np.array(turned, dtype=object))
+    xy, ring = shapely.get_coordinates(rings, return_index=True)
+    follows = ring[:-1] == ring[1:]
+    walls = np.hstack([xy[:-1][follows], xy[1:][follows]])
+    along = np.zeros(len(walls), dtype=np.bool_)
+    for side in SIDES:
+        at = window.side_coordinate(side)
+        along |= (walls[:, 1 - side % 2] == at) & (walls[:, 3 - side % 2] == at)
+    return np.ascontiguousarray(walls[~along])
