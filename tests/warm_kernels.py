@@ -19,8 +19,10 @@ import mapq.cli
 import prf.cli
 from prf.arak import exact_draws
 from prf.coloring import black_areas, black_at
+from prf.kernels.cones import N_POSE
 from prf.posterior import Settings, make_chain
 from prf.recompute import recompute_impacts
+from prf.score.scene import features_seen, scene_of_coloring
 from prf.shell.run import run_app
 from prf.window import Window
 
@@ -37,6 +39,8 @@ COMMANDS = (
     f"grid --laser {LOG} --every-scan 10 --method log-odds -o log-odds.npz",
     f"score run --laser {LOG} --every-scan 10 --seed 1",
     f"score grid.npz --laser {LOG} --every-scan 10 --seed 1",
+    "score run --sonar sonar.csv",
+    "score grid.npz --sonar sonar.csv",
 )
 CLOUD_COMMANDS = (
     "simulate --size small --n-points 3000 --seed 1 -o simulated.ply",
@@ -53,6 +57,7 @@ def run_commands() -> None:
     """Run the verbs that there are in a folder of their own, and throw their results away."""
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
         Path("points.csv").write_text("x,y\n5.0,7.0\n6.0,7.0\n")
+        Path("sonar.csv").write_text("x,y,theta,range,cone\n5.0,7.0,0.0,2.0,0.349\n")
         for tool, app, commands in (("prf", prf.cli.app, COMMANDS), ("mapq", mapq.cli.app, CLOUD_COMMANDS)):
             for command in commands:
                 code = run_app(app, tool, [*command.split(), "-q"])
@@ -65,6 +70,7 @@ def call_library() -> None:
     draws = exact_draws(1.0, Window(0.0, 0.0, 1.0, 1.0), 3, np.random.default_rng(1))
     black_areas(draws)
     black_at(draws[0], [[0.5, 0.5]])
+    features_seen(scene_of_coloring(draws[0], 3.5), np.empty((0, N_POSE)), 3.5)
     recompute_impacts(make_chain(Settings(draws.window, 1.0), draws[0]))
 
 

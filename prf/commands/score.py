@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from prf.commands._readings_options import EveryBeam, EveryScan, MaxRange, Scans, SkipScans
+from prf.commands._readings_options import EveryBeam, EveryScan, MaxRange, Scans, SkipScans, SonarCone, SonarMaxRange
 from prf.shell.options import Json, Seed
 
 logger = logging.getLogger(__name__)
@@ -15,6 +15,7 @@ logger = logging.getLogger(__name__)
 EXAMPLES = (
     "prf score office --laser heldout.log.gz --json",
     "prf score intel.grid.npz --laser intel.log.gz --scans 5::10 --max-range 40",
+    "prf score ring --sonar ring.csv --scans 5::10 --config sonar.toml",
     "prf score plan.geojson --laser office.log.gz --every-scan 10 --seed 1",
 )
 
@@ -27,21 +28,34 @@ def score(
         ),
     ],
     laser: Annotated[
-        str, typer.Option("--laser", metavar="HELDOUT", help="Laser readings that the map was not made from.")
-    ],
+        str | None,
+        typer.Option("--laser", metavar="HELDOUT", help="Laser readings that the map was not made from."),
+    ] = None,
+    sonar: Annotated[
+        str | None, typer.Option("--sonar", metavar="HELDOUT", help="Sonar readings, alone or with a laser's.")
+    ] = None,
     max_range: MaxRange = None,
-    noise: Annotated[float, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range.")] = 0.05,
+    noise: Annotated[
+        float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range.  [0.05]")
+    ] = None,
     noise_relative: Annotated[
-        float, typer.Option("--noise-relative", metavar="SHARE", help="The same as a share of the distance.")
-    ] = 0.0,
+        float | None,
+        typer.Option("--noise-relative", metavar="SHARE", help="The same as a share of the distance.  [0]"),
+    ] = None,
     outlier_probability: Annotated[
-        float, typer.Option("--outlier-probability", metavar="SHARE", help="Stray readings.")
-    ] = 0.05,
+        float | None, typer.Option("--outlier-probability", metavar="SHARE", help="Stray readings.  [0.05]")
+    ] = None,
     miss_probability: Annotated[
-        float, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.")
-    ] = 0.0,
-    every_scan: EveryScan = 1,
-    every_beam: EveryBeam = 1,
+        float | None, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.  [0]")
+    ] = None,
+    sonar_max_range: SonarMaxRange = None,
+    sonar_cone: SonarCone = None,
+    config: Annotated[
+        str | None,
+        typer.Option("--config", metavar="FILE.toml", help="Parameters of the sensors; options go before it."),
+    ] = None,
+    every_scan: EveryScan = None,
+    every_beam: EveryBeam = None,
     scans: Scans = None,
     skip_scans: SkipScans = None,
     seed: Seed = None,
@@ -49,29 +63,42 @@ def score(
 ) -> None:
     """Score how well a map predicts held-out readings.
 
-    Beams with a return are scored one by one: by the density that the map gives each (beam_nll, nats), by points known
-    to be occupied or free (auc, nll, brier), and by the distance to the first obstacle (within_0.2m, rmse in metres).
-    Held-out readings are a log of their own, or scans that the map was not made from: --skip-scans 5::10 there, --scans
-    5::10 here.
+    Laser beams with a return are scored one by one: by the density that the map gives each (beam_nll, nats), by points
+    known to be occupied or free (auc, nll, brier), and by the distance to the first obstacle (within_0.2m, rmse in
+    metres). Sonar readings are scored by their density, or the probability of no return (sonar_nll, nats). Held-out
+    readings are a log of their own, or scans that the map was not made from: --skip-scans 5::10 there, --scans 5::10
+    here.
     """
     options = {name: value for name, value in locals().items() if name not in NOT_SETTINGS}
 
     from prf.logs import read_readings
-    from prf.score import ScoreConfig, hold_out, open_map
+    from prf.score import hold_out, hold_out_sonar, open_map, score_config
     from prf.score import score as score_map
+    from prf.settings_file import read_settings
+    from prf.shell.errors import UsageError
     from prf.shell.seeds import resolve_seed
 
+    if laser is None and sonar is None:
+        raise UsageError("Nothing to score by: give --laser HELDOUT, --sonar HELDOUT, or both.")
+    settings = score_config(options, read_settings(config) if config is not None else {})
     found = open_map(scored)
-    held_out = hold_out(read_readings(laser), ScoreConfig(**options))
-    result = score_map(found, held_out, resolve_seed(seed))
-    if result["n_outside"]:
-        logger.warning(f"{result['n_outside']} beams dropped: their sensors stand outside the window of the map")
-    if result["within_0.2m"] != result["within_0.2m"]:
-        logger.warning(f"{scored}: the run has no best map yet, so within_0.2m and rmse are unknown")
+    beams = None if laser is None else hold_out(read_readings(laser), settings)
+    cones = None if sonar is None else hold_out_sonar(read_readings(sonar, "sonar", cone=settings.sonar_cone), settings)
+    result = score_map(found, beams, None if laser is None else resolve_seed(seed), cones)
+    _warn(scored, result)
     _report(result, json)
 
 
-NOT_SETTINGS = ("scored", "laser", "seed", "json")
+NOT_SETTINGS = ("scored", "laser", "sonar", "config", "seed", "json")
+
+
+def _warn(scored: str, result: dict[str, Any]) -> None:
+    """Tell what could not be scored."""
+    for key, what in (("n_outside", "beams"), ("n_readings_outside", "sonar readings")):
+        if result.get(key):
+            logger.warning(f"{result[key]} {what} dropped: their sensors stand outside the window of the map")
+    if result.get("within_0.2m", 0.0) != result.get("within_0.2m", 0.0):
+        logger.warning(f"{scored}: the run has no best map yet, so within_0.2m and rmse are unknown")
 
 
 def _report(result: dict[str, Any], json: bool) -> None:

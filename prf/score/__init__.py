@@ -1,6 +1,8 @@
 """How well a map predicts readings that it was not made from (docs/scores.md)."""
 
-from prf.score.heldout import HeldOut, ScoreConfig, hold_out
+from prf.score.cones import HeldOutSonar, hold_out_sonar
+from prf.score.config import ScoreConfig, score_config
+from prf.score.heldout import HeldOut, hold_out
 from prf.score.maps import DrawsMap, GridMap, PolygonMap, ScoredMap, open_map
 from prf.score.points import Points, classification_scores, draw_points, ranking_area
 from prf.score.polygons import OccupiedArea, read_occupied_area
@@ -10,6 +12,7 @@ __all__ = [
     "DrawsMap",
     "GridMap",
     "HeldOut",
+    "HeldOutSonar",
     "OccupiedArea",
     "Points",
     "PolygonMap",
@@ -18,8 +21,10 @@ __all__ = [
     "classification_scores",
     "draw_points",
     "hold_out",
+    "hold_out_sonar",
     "open_map",
     "ranking_area",
     "read_occupied_area",
     "score",
+    "score_config",
 ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import NamedTuple
 
@@ -11,37 +10,12 @@ from numpy.typing import NDArray
 
 from prf.logs import Readings, thin
 from prf.logs.describe import default_max_range
+from prf.score.config import ScoreConfig
 from prf.sensors.laser import LaserModel, window_exit
 from prf.shell.errors import InputError
 from prf.window import Window
 
 Floats = NDArray[np.float64]
-
-
-@dataclasses.dataclass(frozen=True)
-class ScoreConfig:
-    """How to score. Units: metres.
-
-    Attributes
-    ----------
-    max_range : float or None
-        Readings at or above it are no returns and are not scored; default 0.97 of the log's largest range.
-    noise, noise_relative, outlier_probability, miss_probability : float
-        See :class:`prf.sensors.laser.LaserModel`.
-    every_scan, every_beam : int
-    scans, skip_scans : str or None
-        As in :func:`prf.logs.thin`.
-    """
-
-    max_range: float | None = None
-    noise: float = 0.05
-    noise_relative: float = 0.0
-    outlier_probability: float = 0.05
-    miss_probability: float = 0.0
-    every_scan: int = 1
-    every_beam: int = 1
-    scans: str | None = None
-    skip_scans: str | None = None
 
 
 class HeldOut(NamedTuple):

@@ -16,8 +16,10 @@ from prf.kernels.score import add_densities, grid_beams
 from prf.occupancy import OccupancyGrid, is_grid, read_grid
 from prf.occupancy import occupied_probability as cells_occupied
 from prf.run import names, read_run
+from prf.score.cones import HeldOutSonar, SonarPrediction, predict_by_cells, predict_by_draws, predict_by_region
 from prf.score.heldout import HeldOut
 from prf.score.polygons import OccupiedArea, read_occupied_area
+from prf.score.scene import frame, outline
 from prf.score.trace import first_edges
 from prf.shell.errors import InputError
 from prf.window import Window
@@ -67,6 +69,9 @@ class ScoredMap(Protocol):
     def predict(self, beams: HeldOut) -> Prediction:
         """Return what it says of beams whose sensors stand inside the window."""
 
+    def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
+        """Return what it says of sonar readings whose sensors stand inside the window."""
+
     def occupied(self, xy: Floats) -> Floats:
         """Return the probability of points (n, 2), nan outside the window."""
 
@@ -102,6 +107,10 @@ class DrawsMap:
             add_densities(model, beams.range, distance, occupied, total)
         return Prediction(total / self.n_draws, self._best_distance(beams, rays), float(black.mean()))
 
+    def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
+        """Return the density averaged over draws."""
+        return predict_by_draws(self.draws, cones)
+
     def occupied(self, xy: Floats) -> Floats:
         """Return the share of draws in which the square round each point is not completely white."""
         return estimate.occupied_probability(self.draws, xy, SQUARE)
@@ -133,10 +142,15 @@ class PolygonMap:
         """Return density and distances of the one map."""
         rays = beams.rays(self.window)
         black = shapely.contains_xy(self.region, beams.origin)
-        distance = first_edges(rays, self._segments(), self._frame(rays))
+        window = self.window or frame(beams.origin, beams.model.max_range, self.region)
+        distance = first_edges(rays, outline(self.region, self.window)[0], window)
         density = np.zeros(len(rays))
         add_densities(beams.model.to_array(), beams.range, distance, black, density)
         return Prediction(density, np.where(black, 0.0, distance), float(black.mean()))
+
+    def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
+        """Return the density of the one map."""
+        return predict_by_region(self.region, self.window, cones)
 
     def occupied(self, xy: Floats) -> Floats:
         """Return 1 where the square round a point is not completely white, 0 elsewhere."""
@@ -144,29 +158,6 @@ class PolygonMap:
         met = shapely.intersects(self.region, shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
         known = np.ones(len(xy), np.bool_) if self.window is None else self.window.contains(xy)
         return np.where(known, met.astype(np.float64), np.nan)
-
-    def _segments(self) -> Floats:
-        """Return the sides of all polygons, (n, 4); those along the window's border are no obstacle."""
-        rings = shapely.get_rings(shapely.get_parts(self.region))
-        xy, ring = shapely.get_coordinates(rings, return_index=True)
-        follows = ring[:-1] == ring[1:]
-        segments = np.hstack([xy[:-1][follows], xy[1:][follows]])
-        if self.window is None:
-            return np.ascontiguousarray(segments)
-        window = self.window
-        hair = 1e-9 * max(window.width, window.height)
-        low, high = np.array(window[:2]), np.array(window[2:])
-        ends = segments.reshape(-1, 2, 2)
-        at_border = (np.abs(ends - low) <= hair, np.abs(ends - high) <= hair)
-        along = np.any([near.all(axis=1).any(axis=1) for near in at_border], axis=0)
-        return np.ascontiguousarray(segments[~along])
-
-    def _frame(self, rays: Floats) -> Window:
-        """Return a box round everything that is traced."""
-        if self.window is not None:
-            return self.window
-        ends = np.vstack([rays[:, :2], rays[:, :2] + rays[:, 4:] * rays[:, 2:4], shapely.get_coordinates(self.region)])
-        return Window(*(ends.min(axis=0) - 1.0).tolist(), *(ends.max(axis=0) + 1.0).tolist())
 
 
 class GridMap:
@@ -192,6 +183,10 @@ class GridMap:
         grid_beams(self.grid.cells, occupancy, model, BIN, beams.rays(None), beams.range, density, distance)
         at_sensor = cells_occupied(self.grid, beams.origin) > 0.5
         return Prediction(density, np.where(at_sensor, 0.0, distance), float(at_sensor.mean()))
+
+    def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
+        """Return the densities that contours and cells give."""
+        return predict_by_cells(self.grid, cones)
 
     def occupied(self, xy: Floats) -> Floats:
         """Return the probability of the cell of each point."""

@@ -8,26 +8,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from prf.score.cones import HeldOutSonar, sonar_scores
 from prf.score.heldout import HeldOut
 from prf.score.maps import Prediction, ScoredMap
 from prf.score.points import classification_scores, draw_points
 from prf.shell.errors import InputError
 from prf.shell.seeds import spawn_generators
 
+Floats = NDArray[np.float64]
+
 NEAR = 0.2
 """Metres within which a distance counts as right."""
 
 
-def score(scored: ScoredMap, held_out: HeldOut, seed: int) -> dict[str, Any]:
-    """Return every score of a map.
+def score(
+    scored: ScoredMap, held_out: HeldOut | None, seed: int | None = None, sonar: HeldOutSonar | None = None
+) -> dict[str, Any]:
+    """Return every score of a map that the readings allow.
 
     Parameters
     ----------
     scored : ScoredMap
-    held_out : HeldOut
+    held_out : HeldOut or None
         Beams whose sensor stands outside the window of the map are dropped and counted.
-    seed : int
-        Of the free points.
+    seed : int, optional
+        Of the free points; wanted with beams.
+    sonar : HeldOutSonar, optional
+        Likewise.
 
     Returns
     -------
@@ -37,17 +44,26 @@ def score(scored: ScoredMap, held_out: HeldOut, seed: int) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If no sensor stands inside the window.
+        If no sensor of a kind stands inside the window.
     """
-    inside = _known(scored, held_out)
-    if not inside.any():
-        raise InputError("no held-out sensor stands inside the window of the map. Are both in one frame?")
+    found: dict[str, Any] = {"kind": scored.kind, "n_draws": scored.n_draws}
+    if held_out is not None:
+        assert seed is not None
+        found |= _laser_scores(scored, held_out, seed)
+    if sonar is not None:
+        inside = _known(scored, sonar.origin)
+        cones = sonar.select(inside)
+        found |= sonar_scores(scored.predict_sonar(cones), cones, int(np.count_nonzero(~inside)))
+    return found
+
+
+def _laser_scores(scored: ScoredMap, held_out: HeldOut, seed: int) -> dict[str, Any]:
+    """Return the scores that beams give."""
+    inside = _known(scored, held_out.origin)
     beams = held_out.select(inside)
     prediction = scored.predict(beams)
     points = draw_points(beams, spawn_generators(seed, 1)[0])
     return {
-        "kind": scored.kind,
-        "n_draws": scored.n_draws,
         "n_beams": len(beams.range),
         "n_outside": int(np.count_nonzero(~inside)),
         "n_no_return": held_out.n_no_return,
@@ -74,7 +90,11 @@ def distance_scores(prediction: Prediction, beams: HeldOut) -> dict[str, float]:
     }
 
 
-def _known(scored: ScoredMap, held_out: HeldOut) -> NDArray[np.bool_]:
+def _known(scored: ScoredMap, origin: Floats) -> NDArray[np.bool_]:
+    """Return which sensors stand inside the window; at least one of them does."""
     if scored.window is None:
-        return np.ones(len(held_out.range), np.bool_)
-    return scored.window.contains(held_out.origin, strictly=True)
+        return np.ones(len(origin), np.bool_)
+    inside = scored.window.contains(origin, strictly=True)
+    if not inside.any():
+        raise InputError("no held-out sensor stands inside the window of the map. Are both in one frame?")
+    return inside

@@ -33,6 +33,14 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
+def ring(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("ring") / "ring.csv"
+    rows = "".join(f"{x},1.0,{angle / 2},{1 + angle % 4},0.3\n" for x in (2.0, 12.0, -50.0) for angle in range(12))
+    file.write_text("x,y,theta,range,cone\n" + rows)
+    return file
+
+
+@pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("score")
     write_run(path / "run", make_run(n_draws=8))
@@ -70,6 +78,45 @@ def test_held_out_scans_of_the_log_that_a_grid_was_made_from(
     assert told["beam_nll"] < 3.0
 
 
+@pytest.mark.parametrize(("name", "kind"), [("run", "run"), ("map.geojson", "map")])
+def test_sonar_alone(folder: Path, ring: Path, capsys: pytest.CaptureFixture, name: str, kind: str) -> None:
+    assert run("score", folder / name, "--sonar", ring, "--json") == 0
+    shown = capsys.readouterr()
+    told = json.loads(shown.out)
+    assert (told["kind"], told["n_readings"], told["n_readings_outside"]) == (kind, 24, 12)
+    assert told["n_readings_no_return"] == 6
+    assert 0.0 < told["sonar_nll"] < 9.0
+    assert not {"n_beams", "beam_nll", "auc", "seed", "sonar_nll_contours"} & {*told}
+    assert "12 sonar readings dropped" in shown.err
+
+
+def test_sonar_and_laser_and_a_grid(
+    log: Path, ring: Path, table: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    assert run("grid", "--laser", log, "-o", tmp_path / "grid.npz", "-q") == 0
+    assert run("score", tmp_path / "grid.npz", "--sonar", ring, "--laser", table, "--seed", 2, "--json") == 0
+    told = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert told["sonar_nll"] == min(told["sonar_nll_contours"], told["sonar_nll_first_hit"])
+    assert told["n_beams"] > 0
+    assert (told["seed"], told["kind"]) == (2, "grid")
+
+
+def test_a_settings_file_gives_the_parameters_and_options_go_before(
+    folder: Path, ring: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    (tmp_path / "ring.toml").write_text("[sonar]\nmax_range = 3.2\nuniform_probability = 0.6\n")
+
+    def scores(*args: object) -> tuple[float, float]:
+        assert run("score", folder / "run", "--sonar", ring, "--json", "-q", *args) == 0
+        told = json.loads(capsys.readouterr().out)
+        return told["sonar_max_range"], told["sonar_nll"]
+
+    plain, with_file = scores("--sonar-max-range", 3.2), scores("--config", tmp_path / "ring.toml")
+    assert plain[0] == with_file[0] == 3.2
+    assert plain[1] != with_file[1]
+    assert scores("--config", tmp_path / "ring.toml", "--sonar-max-range", 3.5)[0] == 3.5
+
+
 def test_without_a_seed_one_is_drawn_and_told(folder: Path, table: Path, capsys: pytest.CaptureFixture) -> None:
     assert run("score", folder / "map.geojson", "--laser", table, "--json", "-q") == 0
     assert isinstance(json.loads(capsys.readouterr().out)["seed"], int)
@@ -91,6 +138,12 @@ def test_a_run_that_has_no_best_map_yet(tmp_path: Path, table: Path, capsys: pyt
         (["RUN", "--laser", "absent.csv"], 3, "absent.csv"),
         (["HELD", "--laser", "HELD"], 3, "neither a RUN, a GRID nor GeoJSON"),
         (["RUN"], 2, "--laser"),
+        (["RUN"], 2, "--sonar"),
+        (["RUN", "--sonar", "absent.csv"], 3, "absent.csv"),
+        (["RUN", "--sonar", "HELD", "--sonar-cone", "4"], 2, "cone"),
+        (["RUN", "--sonar", "HELD", "--sonar-max-range", "0"], 2, "sonar-max-range"),
+        (["RUN", "--sonar", "HELD", "--config", "absent.toml"], 3, "absent.toml"),
+        (["RUN", "--sonar", "HELD", "--scans", "2:"], 3, "stands inside the window"),
         (["RUN", "--laser", "HELD", "--noise", "0"], 2, "noise"),
         (["RUN", "--laser", "HELD", "--outlier-probability", "0"], 2, "outlier-probability"),
         (["RUN", "--laser", "HELD", "--max-range", "0.5"], 3, "no beam has a return"),

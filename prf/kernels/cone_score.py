@@ -1,0 +1,187 @@
+"""Sonar readings against finished maps: features in many cones, densities, and first hits among the cells of a grid."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from prf.kernels._jit import core, core_entry, jit
+from prf.kernels.cones import READING, cells_of_cone
+from prf.kernels.grid import Grid
+from prf.kernels.laser import WHOLE
+from prf.kernels.score import UNKNOWN, blurred_bin, cdf_integral, count_edges, list_edges
+from prf.kernels.sonar import (
+    SONAR_MAX,
+    SONAR_NOISE,
+    SONAR_NOISE_RELATIVE,
+    sonar_log_likelihood,
+    sort_features,
+    stray_density,
+)
+from prf.kernels.visibility import (
+    BORDER,
+    N_FEATURE,
+    N_FEATURES,
+    N_LINES,
+    POSE_COS,
+    POSE_SIN,
+    POSE_X,
+    POSE_Y,
+    Sight,
+    see_edge,
+    sweep,
+)
+
+
+class Scene(NamedTuple):
+    """One finished map as many cones look at it: its edges, listed by cell, and scratch for one cone."""
+
+    grid: Grid
+    segments: np.ndarray  # (n, 4) f8 ends of the edges
+    corners: np.ndarray  # (n, 2) i4 vertices at the ends, NONE where the wall meets the border of the window
+    start: np.ndarray  # (n_cells + 1,) i8 where each cell's list of edges begins
+    listed: np.ndarray  # (start[-1],) i4
+    marks: np.ndarray  # (n,) i8 the cone that last asked an edge
+    mark: np.ndarray  # (1,) i8 the cone in work
+    cells: np.ndarray  # i4 scratch: the cells of one cone
+    near: np.ndarray  # f8 scratch: where it enters them
+    sight: Sight
+
+
+@jit
+def edges_by_cell(grid: Grid, segments: np.ndarray, path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where each cell's list of edges begins, (n_cells + 1,), and all lists in a row."""
+    start = np.zeros(grid.nx * grid.ny + 1, np.int64)
+    count_edges(grid, segments, path, start)
+    listed = np.empty(start[-1], np.int32)
+    list_edges(grid, segments, path, start, np.zeros(grid.nx * grid.ny, np.int64), listed)
+    return start, listed
+
+
+@core
+def look(scene: Scene, pose: np.ndarray, reach: float) -> None:
+    """Find the features in one cone; they are left in the scratch, not sorted."""
+    scene.mark[0] += 1
+    scene.sight.counts[N_LINES] = 0
+    n = cells_of_cone(scene.grid, pose, reach, scene.cells, scene.near)
+    for k in range(n):
+        cell = scene.cells[k]
+        for place in range(scene.start[cell], scene.start[cell + 1]):
+            edge = scene.listed[place]
+            if scene.marks[edge] != scene.mark[0]:
+                scene.marks[edge] = scene.mark[0]
+                see_edge(scene.sight, pose, reach, scene.segments[edge], scene.corners[edge, 0], scene.corners[edge, 1])
+    sweep(scene.sight, pose[BORDER], reach)
+
+
+@core_entry
+def add_sonar_densities(
+    scene: Scene, model: np.ndarray, pose: np.ndarray, occupied: np.ndarray, total: np.ndarray
+) -> None:
+    """Add the density (no return: the probability) of each reading to ``total`` (n,).
+
+    An occupied sensor leaves what the outliers would say with nothing in view.
+    """
+    for cone in range(pose.shape[0]):
+        reading = pose[cone, READING]
+        if occupied[cone]:
+            total[cone] += stray_density(model, reading)
+        else:
+            look(scene, pose[cone], model[SONAR_MAX])
+            total[cone] += math.exp(sonar_log_likelihood(model, scene.sight, reading))
+
+
+@core_entry
+def list_features(scene: Scene, reach: float, pose: np.ndarray, start: np.ndarray, feature: np.ndarray) -> int:
+    """Write the features of all cones, nearest first, into the rows of ``feature`` while there is room.
+
+    ``start`` (n + 1,) takes where those of each cone begin. Returns how many rows all of them need.
+    """
+    n = 0
+    for cone in range(pose.shape[0]):
+        start[cone] = n
+        look(scene, pose[cone], reach)
+        sort_features(scene.sight)
+        for i in range(scene.sight.counts[N_FEATURES]):
+            if n < feature.shape[0]:
+                for column in range(N_FEATURE):
+                    feature[n, column] = scene.sight.feature[scene.sight.rank[i], column]
+            n += 1
+    start[pose.shape[0]] = n
+    return n
+
+
+@core
+def arc_probability(grid: Grid, occupancy: np.ndarray, pose: np.ndarray, radius: float) -> float:
+    """Probability that some cell on the arc of a cone is occupied: 1 - prod (1 - p) over the cells that it passes.
+
+    The arc is followed in steps of at most half a cell; outside the grid lie cells of which nothing is known.
+    """
+    half = math.atan(pose[BORDER])
+    n = max(1, math.ceil(4.0 * half * radius / grid.cell))
+    free = 1.0
+    last_column = math.nan
+    last_row = math.nan
+    for i in range(n):
+        turn = half * ((2.0 * i + 1.0) / n - 1.0)
+        along = radius * math.cos(turn)
+        across = radius * math.sin(turn)
+        column = math.floor((pose[POSE_X] + along * pose[POSE_COS] - across * pose[POSE_SIN] - grid.x0) / grid.cell)
+        row = math.floor((pose[POSE_Y] + along * pose[POSE_SIN] + across * pose[POSE_COS] - grid.y0) / grid.cell)
+        if column == last_column and row == last_row:
+            continue
+        last_column = column
+        last_row = row
+        inside = 0 <= column < grid.nx and 0 <= row < grid.ny
+        free *= 1.0 - (occupancy[int(row), int(column)] if inside else UNKNOWN)
+    return 1.0 - free
+
+
+@core
+def blurred_tail(maximum: float, near: float, far: float, s: float) -> float:
+    """Probability of a reading beyond the maximum range, the obstacle uniform on [near, far]; see ``blurred_bin``."""
+    whole = (far - near) / s if near > WHOLE * s else cdf_integral(far / s) - cdf_integral(near / s)
+    return (cdf_integral((far - maximum) / s) - cdf_integral((near - maximum) / s)) / whole
+
+
+@core
+def grid_cone(
+    grid: Grid, occupancy: np.ndarray, model: np.ndarray, stray: float, width: float, pose: np.ndarray
+) -> float:
+    """Density of a reading (no return: its probability), given by the first hit among the cells of a cone.
+
+    Bins of `width` take the probability of the arc at their middle; the weight of bin k is p_k prod_{j < k} (1 - p_j),
+    and the reading spreads round an obstacle anywhere in its bin. A share `stray` of the readings, and those that meet
+    no cell, are as in the sonar's own model.
+    """
+    maximum = model[SONAR_MAX]
+    reading = pose[READING]
+    density = 0.0
+    unmet = 1.0
+    for k in range(math.ceil(maximum / width)):
+        near = k * width
+        far = min(near + width, maximum)
+        middle = 0.5 * (near + far)
+        s = max(model[SONAR_NOISE], model[SONAR_NOISE_RELATIVE] * middle)
+        p = arc_probability(grid, occupancy, pose, middle)
+        if reading >= maximum:
+            density += p * unmet * blurred_tail(maximum, near, far, s)
+        elif near - WHOLE * s < reading < far + WHOLE * s:
+            density += p * unmet * blurred_bin(reading, near, far, s)
+        unmet *= 1.0 - p
+    return (1.0 - stray) * density + ((1.0 - stray) * unmet + stray) * stray_density(model, reading)
+
+
+@core_entry
+def grid_cones(
+    grid: Grid,
+    occupancy: np.ndarray,
+    model: np.ndarray,
+    stray: float,
+    width: float,
+    pose: np.ndarray,
+    density: np.ndarray,
+) -> None:
+    """Set ``density`` (n,) of every reading: see :func:`grid_cone`."""
+    for cone in range(pose.shape[0]):
+        density[cone] = grid_cone(grid, occupancy, model, stray, width, pose[cone])

@@ -1,0 +1,66 @@
+"""What a user may ask of a score."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+from prf.sensors.sonar import SonarModel
+from prf.settings_file import Tables
+
+
+@dataclasses.dataclass(frozen=True)
+class ScoreConfig:
+    """How to score. Units: metres, radians.
+
+    Attributes
+    ----------
+    max_range : float or None
+        Laser readings at or above it are no returns and are not scored; default 0.97 of the log's largest range.
+    noise, noise_relative, outlier_probability, miss_probability : float
+        See :class:`prf.sensors.laser.LaserModel`.
+    sonar : SonarModel
+        Sonar readings at or above its maximum range are no returns; they are scored.
+    sonar_cone : float
+        Full field of view of sonars whose log has none.
+    every_scan, every_beam : int
+    scans, skip_scans : str or None
+        As in :func:`prf.logs.thin`, of both logs.
+    """
+
+    max_range: float | None = None
+    noise: float = 0.05
+    noise_relative: float = 0.0
+    outlier_probability: float = 0.05
+    miss_probability: float = 0.0
+    sonar: SonarModel = dataclasses.field(default_factory=SonarModel)
+    sonar_cone: float = 0.349
+    every_scan: int = 1
+    every_beam: int = 1
+    scans: str | None = None
+    skip_scans: str | None = None
+
+
+def score_config(asked: Mapping[str, Any], tables: Tables) -> ScoreConfig:
+    """Return the configuration that options and a settings file come to.
+
+    Parameters
+    ----------
+    asked : mapping
+        Fields of :class:`ScoreConfig` and ``sonar_max_range``; None where the user gave none.
+    tables : Tables
+        Of a settings file (:func:`prf.settings_file.read_settings`): [laser] and [sonar] are used; options win.
+
+    Raises
+    ------
+    ConfigError
+        If a parameter is out of its range.
+    """
+    given = {name: value for name, value in asked.items() if value is not None}
+    sonar = dict(tables.get("sonar", {}))
+    if "cone" in sonar:
+        given.setdefault("sonar_cone", sonar.pop("cone"))
+    if "sonar_max_range" in given:
+        sonar["max_range"] = given.pop("sonar_max_range")
+    return ScoreConfig(**{**tables.get("laser", {}), **given, "sonar": SonarModel(**sonar)})

@@ -1,0 +1,136 @@
+"""Finished maps as sonars see them: edges with the vertices at their ends, indexed for many cones."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from prf.coloring import Coloring
+from prf.kernels import constants as c
+from prf.kernels.cone_score import Scene, edges_by_cell, list_features
+from prf.kernels.grid import most_cells
+from prf.kernels.visibility import N_FEATURE, POSE_X, POSE_Y
+from prf.score.trace import index_grid
+from prf.sensors.sonar import make_sight
+from prf.window import INTERIOR, Window
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+HAIR = 1e-9
+"""Share of a window's extent within which a vertex lies on its border."""
+FLAT = 1e-6
+"""Metres by which a vertex must leave the line through its neighbours, else it is no corner."""
+
+
+def scene_of_coloring(coloring: Coloring, reach: float) -> Scene:
+    """Return a coloring as cones of this reach (metres) look at it; its interior vertices are corners."""
+    ends = coloring.edges.reshape(-1, 2)
+    corners = np.where(coloring.side[ends] == INTERIOR, ends, c.NONE)
+    return make_scene(coloring.segments(), corners, coloring.window, reach)
+
+
+def scene_of_region(region: BaseGeometry, window: Window | None, origin: Floats, reach: float) -> Scene:
+    """Return occupied area as cones at `origin` (n, 2) of this reach (metres) look at it.
+
+    Parameters
+    ----------
+    region : shapely geometry
+        Polygons; every vertex at which the outline turns is a corner.
+    window : Window or None
+        What lies along its border is no wall. None: everywhere.
+    """
+    segments, corners = outline(region, window)
+    return make_scene(segments, corners, window or frame(origin, reach, region), reach)
+
+
+def make_scene(segments: Floats, corners: NDArray[np.integer], window: Window, reach: float) -> Scene:
+    """Return edges (n, 4), and the vertices (n, 2) at their ends (NONE: no corner), indexed by cell."""
+    grid = index_grid(window, len(segments))
+    segments = np.ascontiguousarray(segments, dtype=np.float64).reshape(-1, 4)
+    start, listed = edges_by_cell(grid, segments, np.empty(most_cells(grid), np.int32))
+    across = 2 * math.ceil(reach / grid.cell) + 3
+    room = min(across, grid.nx) * min(across, grid.ny)
+    return Scene(
+        grid=grid,
+        segments=segments,
+        corners=np.ascontiguousarray(corners, dtype=np.int32).reshape(-1, 2),
+        start=start,
+        listed=listed,
+        marks=np.zeros(len(segments), np.int64),
+        mark=np.zeros(1, np.int64),
+        cells=np.empty(room, np.int32),
+        near=np.empty(room),
+        sight=make_sight(len(segments) + 1),
+    )
+
+
+def outline(region: BaseGeometry, window: Window | None) -> tuple[Floats, Ints]:
+    """Return the sides of all polygons, (n, 4), and numbers of the vertices at their ends, (n, 2).
+
+    Sides along the window's border are left out, and NONE stands for vertices on it.
+    """
+    rings = [_without_flat(shapely.get_coordinates(ring)[:-1]) for ring in shapely.get_rings(shapely.get_parts(region))]
+    if not rings:
+        return np.empty((0, 4)), np.empty((0, 2), np.int32)
+    sides = np.concatenate([np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings])
+    _, number = np.unique(sides.reshape(-1, 2), axis=0, return_inverse=True)
+    corners = number.reshape(-1, 2).astype(np.int32)
+    if window is not None:
+        hair = HAIR * max(window.width, window.height)
+        bounds = np.array([window[:2], window[2:]])
+        at_border = np.abs(sides[:, :, None, :] - bounds) <= hair  # side, end, lower or upper, x or y
+        corners[at_border.any(axis=(2, 3))] = c.NONE
+        inner = ~at_border.all(axis=1).any(axis=(1, 2))
+        sides, corners = sides[inner], corners[inner]
+    return np.ascontiguousarray(sides.reshape(-1, 4)), corners
+
+
+def _without_flat(ring: Floats) -> Floats:
+    """Return the vertices (n, 2) of a ring at which it turns."""
+    to_next = np.roll(ring, -1, axis=0) - ring
+    chord = np.roll(ring, -1, axis=0) - np.roll(ring, 1, axis=0)
+    off = np.abs(chord[:, 0] * to_next[:, 1] - chord[:, 1] * to_next[:, 0]) / np.maximum(np.hypot(*chord.T), FLAT)
+    kept = ring[off > FLAT]
+    return kept if len(kept) >= 3 else ring
+
+
+def frame(origin: Floats, reach: float, region: BaseGeometry) -> Window:
+    """Return a box round everything within `reach` metres of the sensors, and all polygons."""
+    xy = np.vstack([origin - reach, origin + reach, shapely.get_coordinates(region)])
+    return Window(*(xy.min(axis=0) - 1.0).tolist(), *(xy.max(axis=0) + 1.0).tolist())
+
+
+def features_seen(scene: Scene, pose: Floats, reach: float) -> tuple[NDArray[np.int64], Floats]:
+    """Return the features in each cone, nearest first.
+
+    Parameters
+    ----------
+    scene : Scene
+    pose : (n, N_POSE) array
+        From :func:`prf.sensors.sonar.make_poses`.
+    reach : float
+        Maximum range, metres.
+
+    Returns
+    -------
+    start : (n + 1,) int64
+        Rows `start[i]` to before `start[i + 1]` belong to cone i.
+    feature : (n_features, N_FEATURE) float64
+        Columns as in ``prf.kernels.visibility``.
+    """
+    start = np.zeros(len(pose) + 1, np.int64)
+    feature = np.empty((0, N_FEATURE))
+    needed = list_features(scene, reach, pose, start, feature)
+    feature = np.empty((needed, N_FEATURE))
+    list_features(scene, reach, pose, start, feature)
+    return start, feature
+
+
+def places(pose: Floats) -> Floats:
+    """Return where the sonars stand, (n, 2) in metres."""
+    return np.ascontiguousarray(pose[:, POSE_X : POSE_Y + 1])
