@@ -16,7 +16,7 @@ EXAMPLES = (
     "prf score office --laser heldout.log.gz --json",
     "prf score intel.grid.npz --laser intel.log.gz --scans 5::10 --max-range 40",
     "prf score ring --sonar ring.csv --scans 5::10 --config sonar.toml",
-    "prf score plan.geojson --laser office.log.gz --every-scan 10 --seed 1",
+    "prf score ring --sonar ring.csv --truth floor.geojson --json",
 )
 
 
@@ -33,6 +33,10 @@ def score(
     ] = None,
     sonar: Annotated[
         str | None, typer.Option("--sonar", metavar="HELDOUT", help="Sonar readings, alone or with a laser's.")
+    ] = None,
+    truth: Annotated[
+        str | None,
+        typer.Option("--truth", metavar="PLAN.geojson", help="True plan: cells in view of the readings are compared."),
     ] = None,
     max_range: MaxRange = None,
     noise: Annotated[
@@ -65,31 +69,32 @@ def score(
 
     Laser beams with a return are scored one by one: by the density that the map gives each (beam_nll, nats), by points
     known to be occupied or free (auc, nll, brier), and by the distance to the first obstacle (within_0.2m, rmse in
-    metres). Sonar readings are scored by their density, or the probability of no return (sonar_nll, nats). Held-out
-    readings are a log of their own, or scans that the map was not made from: --skip-scans 5::10 there, --scans 5::10
-    here.
+    metres). Sonar readings are scored by their density, or the probability of no return (sonar_nll, nats). Cells of
+    a true plan give iou_occupied and iou_free. Held-out readings are a log of their own, or scans that the map was not
+    made from: --skip-scans 5::10 there, --scans 5::10 here.
     """
     options = {name: value for name, value in locals().items() if name not in NOT_SETTINGS}
 
     from prf.logs import read_readings
-    from prf.score import hold_out, hold_out_sonar, open_map, score_config
+    from prf.score import hold_out, hold_out_sonar, open_map, read_occupied_area, score_config, true_cells
     from prf.score import score as score_map
     from prf.settings_file import read_settings
     from prf.shell.errors import UsageError
     from prf.shell.seeds import resolve_seed
 
-    if laser is None and sonar is None:
-        raise UsageError("Nothing to score by: give --laser HELDOUT, --sonar HELDOUT, or both.")
+    if laser is None and sonar is None and truth is None:
+        raise UsageError("Nothing to score by: give --laser HELDOUT, --sonar HELDOUT or --truth PLAN.geojson.")
     settings = score_config(options, read_settings(config) if config is not None else {})
     found = open_map(scored)
     beams = None if laser is None else hold_out(read_readings(laser), settings)
     cones = None if sonar is None else hold_out_sonar(read_readings(sonar, "sonar", cone=settings.sonar_cone), settings)
-    result = score_map(found, beams, None if laser is None else resolve_seed(seed), cones)
+    cells = None if truth is None else true_cells(read_occupied_area(truth), beams, cones)
+    result = score_map(found, beams, None if laser is None else resolve_seed(seed), cones, cells)
     _warn(scored, result)
     _report(result, json)
 
 
-NOT_SETTINGS = ("scored", "laser", "sonar", "config", "seed", "json")
+NOT_SETTINGS = ("scored", "laser", "sonar", "truth", "config", "seed", "json")
 
 
 def _warn(scored: str, result: dict[str, Any]) -> None:

@@ -7,6 +7,7 @@ from prf.score.maps import DrawsMap, GridMap, PolygonMap, ScoredMap, open_map
 from prf.score.points import Points, classification_scores, draw_points, ranking_area
 from prf.score.polygons import OccupiedArea, read_occupied_area
 from prf.score.score import score
+from prf.score.truth import TrueCells, true_cells
 
 __all__ = [
     "DrawsMap",
@@ -18,6 +19,7 @@ __all__ = [
     "PolygonMap",
     "ScoreConfig",
     "ScoredMap",
+    "TrueCells",
     "classification_scores",
     "draw_points",
     "hold_out",
@@ -27,4 +29,5 @@ __all__ = [
     "read_occupied_area",
     "score",
     "score_config",
+    "true_cells",
 ]

@@ -73,7 +73,10 @@ class ScoredMap(Protocol):
         """Return what it says of sonar readings whose sensors stand inside the window."""
 
     def occupied(self, xy: Floats) -> Floats:
-        """Return the probability of points (n, 2), nan outside the window."""
+        """Return the probability of points (n, 2) on whose place there is some doubt, nan outside the window."""
+
+    def occupied_at(self, xy: Floats) -> Floats:
+        """Return the probability of the very points (n, 2), nan outside the window."""
 
 
 class DrawsMap:
@@ -115,6 +118,10 @@ class DrawsMap:
         """Return the share of draws in which the square round each point is not completely white."""
         return estimate.occupied_probability(self.draws, xy, SQUARE)
 
+    def occupied_at(self, xy: Floats) -> Floats:
+        """Return the share of draws in which each point is black."""
+        return estimate.occupied_probability(self.draws, xy)
+
     def _best_distance(self, beams: HeldOut, rays: Floats) -> Floats:
         if self.best is None:
             return np.full(len(rays), np.nan)
@@ -155,9 +162,17 @@ class PolygonMap:
     def occupied(self, xy: Floats) -> Floats:
         """Return 1 where the square round a point is not completely white, 0 elsewhere."""
         low, high = xy - 0.5 * SQUARE, xy + 0.5 * SQUARE
-        met = shapely.intersects(self.region, shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
+        return self._known(
+            xy, shapely.intersects(self.region, shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
+        )
+
+    def occupied_at(self, xy: Floats) -> Floats:
+        """Return 1 where a point is black, 0 elsewhere."""
+        return self._known(xy, shapely.contains_xy(self.region, xy))
+
+    def _known(self, xy: Floats, occupied: NDArray[np.bool_]) -> Floats:
         known = np.ones(len(xy), np.bool_) if self.window is None else self.window.contains(xy)
-        return np.where(known, met.astype(np.float64), np.nan)
+        return np.where(known, occupied.astype(np.float64), np.nan)
 
 
 class GridMap:
@@ -190,6 +205,10 @@ class GridMap:
 
     def occupied(self, xy: Floats) -> Floats:
         """Return the probability of the cell of each point."""
+        return cells_occupied(self.grid, xy)
+
+    def occupied_at(self, xy: Floats) -> Floats:
+        """Return the same."""
         return cells_occupied(self.grid, xy)
 
 

@@ -12,6 +12,7 @@ from prf.score.cones import HeldOutSonar, sonar_scores
 from prf.score.heldout import HeldOut
 from prf.score.maps import Prediction, ScoredMap
 from prf.score.points import classification_scores, draw_points
+from prf.score.truth import TrueCells, truth_scores
 from prf.shell.errors import InputError
 from prf.shell.seeds import spawn_generators
 
@@ -22,9 +23,13 @@ NEAR = 0.2
 
 
 def score(
-    scored: ScoredMap, held_out: HeldOut | None, seed: int | None = None, sonar: HeldOutSonar | None = None
+    scored: ScoredMap,
+    held_out: HeldOut | None,
+    seed: int | None = None,
+    sonar: HeldOutSonar | None = None,
+    cells: TrueCells | None = None,
 ) -> dict[str, Any]:
-    """Return every score of a map that the readings allow.
+    """Return every score of a map that the readings and a true plan allow.
 
     Parameters
     ----------
@@ -35,6 +40,8 @@ def score(
         Of the free points; wanted with beams.
     sonar : HeldOutSonar, optional
         Likewise.
+    cells : TrueCells, optional
+        Of the true plan.
 
     Returns
     -------
@@ -54,6 +61,8 @@ def score(
         inside = _known(scored, sonar.origin)
         cones = sonar.select(inside)
         found |= sonar_scores(scored.predict_sonar(cones), cones, int(np.count_nonzero(~inside)))
+    if cells is not None:
+        found |= truth_scores(scored, cells)
     return found
 
 

@@ -101,6 +101,22 @@ def test_sonar_and_laser_and_a_grid(
     assert (told["seed"], told["kind"]) == (2, "grid")
 
 
+def test_a_true_plan_with_and_without_readings(folder: Path, ring: Path, capsys: pytest.CaptureFixture) -> None:
+    plan = folder / "plan.geojson"
+    corners = [[20.0, 0.0], [30.0, 0.0], [30.0, 20.0], [20.0, 0.0]]
+    window = {"window": [-10, -5, 30, 20]}
+    polygon = {"type": "Polygon", "coordinates": [corners]}
+    plan.write_text(json.dumps({"type": "Feature", "geometry": polygon, "properties": window}))
+    assert run("score", plan, "--truth", plan, "--json", "-q") == 0
+    whole = json.loads(capsys.readouterr().out)
+    assert (whole["iou_occupied"], whole["iou_free"], whole["cell_brier"]) == (1.0, 1.0, 0.0)
+    assert run("score", folder / "run", "--truth", plan, "--sonar", ring, "--json", "-q") == 0
+    seen = json.loads(capsys.readouterr().out)
+    assert 0 < seen["n_cells"] < whole["n_cells"]
+    assert 0.0 <= seen["iou_free"] <= 1.0
+    assert "sonar_nll" in seen
+
+
 def test_a_settings_file_gives_the_parameters_and_options_go_before(
     folder: Path, ring: Path, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
@@ -139,6 +155,8 @@ def test_a_run_that_has_no_best_map_yet(tmp_path: Path, table: Path, capsys: pyt
         (["HELD", "--laser", "HELD"], 3, "neither a RUN, a GRID nor GeoJSON"),
         (["RUN"], 2, "--laser"),
         (["RUN"], 2, "--sonar"),
+        (["RUN", "--truth", "absent.geojson"], 3, "absent.geojson"),
+        (["RUN", "--truth", "HELD"], 3, "GeoJSON"),
         (["RUN", "--sonar", "absent.csv"], 3, "absent.csv"),
         (["RUN", "--sonar", "HELD", "--sonar-cone", "4"], 2, "cone"),
         (["RUN", "--sonar", "HELD", "--sonar-max-range", "0"], 2, "sonar-max-range"),
