@@ -5,15 +5,51 @@ None stands for the default that the help text gives in brackets.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated
 
 import typer
+
+SCIENCE = (
+    "scale",
+    "window",
+    "max_range",
+    "topic",
+    "sonar_topic",
+    "frame",
+    "every_scan",
+    "every_beam",
+    "scans",
+    "skip_scans",
+    "noise",
+    "noise_relative",
+    "outlier_probability",
+    "miss_probability",
+    "sonar_max_range",
+    "sonar_cone",
+)
+"""Options of sample and anneal that are fields of the configuration; what is not given is resolved from the log."""
 
 Laser = Annotated[
     str | None, typer.Option("--laser", metavar="LOG", help="Localized laser readings; - is standard input.")
 ]
 Sonar = Annotated[
     str | None, typer.Option("--sonar", metavar="LOG", help="Localized sonar readings, alone or with a laser's.")
+]
+Topic = Annotated[
+    str | None,
+    typer.Option("--topic", metavar="NAME", help="Laser: topic of a bag, device of a Player log.  [the only one]"),
+]
+SonarTopic = Annotated[
+    str | None, typer.Option("--sonar-topic", metavar="NAME", help="The same of the sonar's log.  [the only one]")
+]
+Frame = Annotated[
+    str | None,
+    typer.Option("--frame", metavar="NAME", help="Frame or odometry topic that poses are taken in.  [map]"),
+]
+Config = Annotated[
+    str | None,
+    typer.Option("--config", metavar="FILE.toml", help="Parameters of prior and sensors; options win over the file."),
 ]
 SonarMaxRange = Annotated[
     float | None, typer.Option("--sonar-max-range", metavar="METRES", help="Sonar: no return from here on.  [3.5]")
@@ -49,3 +85,13 @@ OutlierProbability = Annotated[
 MissProbability = Annotated[
     float | None, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.  [0.02]")
 ]
+
+
+def refuse_shared_stream(inputs: Mapping[str, str | None]) -> None:
+    """Raise UsageError if more than one of the options is given as standard input."""
+    from prf.shell.errors import UsageError
+    from prf.shell.files import STREAM
+
+    streams = [f"{flag} -" for flag, path in inputs.items() if path == STREAM]
+    if len(streams) > 1:
+        raise UsageError(f"{' '.join(streams)}: standard input can be read once only.")

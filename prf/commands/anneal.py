@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from prf.commands._readings_options import (
+    SCIENCE,
+    Config,
     EveryBeam,
     EveryScan,
+    Frame,
     Laser,
     MaxRange,
     MissProbability,
@@ -22,7 +25,10 @@ from prf.commands._readings_options import (
     Sonar,
     SonarCone,
     SonarMaxRange,
+    SonarTopic,
+    Topic,
     WindowOption,
+    refuse_shared_stream,
 )
 from prf.shell.options import Force, Json, Output, Seed, Threads
 
@@ -34,32 +40,20 @@ logger = logging.getLogger(__name__)
 EXAMPLES = (
     "prf anneal --laser data/demo-office.log.gz -o office.geojson",
     "prf anneal --laser intel.log.gz --every-scan 10 --steps 5000000 --seed 1",
-    "prf anneal --sonar ring.csv --scale 0.2 --time-budget 60",
+    "prf anneal --sonar ring.csv --config site.toml --time-budget 60",
 )
 
 DEFAULT_STEPS = 3_000_000
-SCIENCE = (
-    "scale",
-    "window",
-    "max_range",
-    "every_scan",
-    "every_beam",
-    "scans",
-    "skip_scans",
-    "noise",
-    "noise_relative",
-    "outlier_probability",
-    "miss_probability",
-    "sonar_max_range",
-    "sonar_cone",
-    "chains",
-)
 
 
 def anneal(
     laser: Laser = None,
     sonar: Sonar = None,
+    topic: Topic = None,
+    sonar_topic: SonarTopic = None,
+    frame: Frame = None,
     output: Output = None,
+    config: Config = None,
     scale: Scale = None,
     window: WindowOption = None,
     max_range: MaxRange = None,
@@ -94,10 +88,10 @@ def anneal(
     is written, its occupied area as a GeoJSON MultiPolygon. What is maximised is the density over the lines of the map,
     |E| log p - 2 p length + log likelihood. Ctrl-C writes the best map so far.
     """
-    given = locals()
-    asked = {name: given[name] for name in SCIENCE if given[name] is not None}
+    options = {name: value for name, value in locals().items() if name in (*SCIENCE, "chains")}
 
     from prf.anneal import Goal, Schedule
+    from prf.sampler.asked import ask
     from prf.sampler.config import SampleConfig
     from prf.sampler.output import default_output
     from prf.shell.errors import UsageError
@@ -111,11 +105,13 @@ def anneal(
         raise UsageError("--steps and --time-budget: give one of them.")
     if json and output == STREAM:
         raise UsageError("--json and -o - both want standard output. Name a file with -o.")
-    target = output or f"{default_output(logs[0])}.geojson"
+    refuse_shared_stream({"--laser": laser, "--sonar": sonar, "--config": config})
+    science = SampleConfig(**ask(options, config).values)
+    target = output or str(default_output(logs[0]).with_suffix(".geojson"))
     refuse_existing(target, force)
     used_seed = resolve_seed(seed)
     goal = Goal(None, time_budget) if time_budget is not None else Goal(steps or DEFAULT_STEPS)
-    found, text, stop = _cool(laser, sonar, SampleConfig(**asked), goal, Schedule(coldest=coldest), used_seed, threads)
+    found, text, stop = _cool(laser, sonar, science, goal, Schedule(coldest=coldest), used_seed, threads)
     _write(target, text)
     _report(found, text, target, used_seed, json)
     stop.raise_if_requested(f"interrupted after {found.steps} steps; {target} has the best map so far")

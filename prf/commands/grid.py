@@ -8,7 +8,23 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from prf.commands._readings_options import EveryBeam, EveryScan, MaxRange, Scans, SkipScans, WindowOption
+from prf.commands._readings_options import (
+    Config,
+    EveryBeam,
+    EveryScan,
+    Frame,
+    Laser,
+    MaxRange,
+    Scans,
+    SkipScans,
+    Sonar,
+    SonarCone,
+    SonarMaxRange,
+    SonarTopic,
+    Topic,
+    WindowOption,
+    refuse_shared_stream,
+)
 from prf.shell.options import Force, Json, Output
 
 if TYPE_CHECKING:
@@ -19,7 +35,8 @@ logger = logging.getLogger(__name__)
 EXAMPLES = (
     "prf grid --laser data/demo-office.log.gz -o office.npz",
     "prf grid --laser intel.log.gz --max-range 40 --skip-scans 5::10",
-    "prf grid --sonar ring.csv --method log-odds --resolution 0.05",
+    "prf grid --laser drive.bag --topic /scan --frame odom",
+    "prf grid --sonar ring.csv --method log-odds --resolution 0.05 --config site.toml",
 )
 
 
@@ -38,13 +55,13 @@ class NoReturn(StrEnum):
 
 
 def grid(
-    laser: Annotated[
-        str | None, typer.Option("--laser", metavar="LOG", help="Localized laser readings; - is standard input.")
-    ] = None,
-    sonar: Annotated[
-        str | None, typer.Option("--sonar", metavar="LOG", help="Localized sonar readings, alone or with a laser's.")
-    ] = None,
+    laser: Laser = None,
+    sonar: Sonar = None,
+    topic: Topic = None,
+    sonar_topic: SonarTopic = None,
+    frame: Frame = None,
     output: Output = None,
+    config: Config = None,
     method: Annotated[
         Method, typer.Option("--method", help="Count hits and misses (Beta 0.5, 0.5), or add clamped log odds.")
     ] = Method.counts,
@@ -64,12 +81,8 @@ def grid(
     clamp: Annotated[
         float, typer.Option("--clamp", metavar="NATS", help="Log odds stay within plus and minus this.")
     ] = 3.5,
-    sonar_max_range: Annotated[
-        float, typer.Option("--sonar-max-range", metavar="METRES", help="Sonar: no return from here on.")
-    ] = 3.5,
-    sonar_cone: Annotated[
-        float, typer.Option("--sonar-cone", metavar="RAD", help="Full opening angle, where the log has none.")
-    ] = 0.349,
+    sonar_max_range: SonarMaxRange = None,
+    sonar_cone: SonarCone = None,
     sonar_thickness: Annotated[
         float, typer.Option("--sonar-thickness", metavar="METRES", help="Depth of the arc that a sonar reading marks.")
     ] = 0.2,
@@ -87,8 +100,9 @@ def grid(
     """
     options = {name: value for name, value in locals().items() if name not in NOT_SETTINGS}
 
-    from prf.logs import read_readings
     from prf.occupancy import GridConfig, build_grid, write_grid
+    from prf.sampler.asked import ask
+    from prf.sampler.logs import read_logs
     from prf.sampler.output import default_output
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM, refuse_existing
@@ -97,21 +111,23 @@ def grid(
     logs = [log for log in (laser, sonar) if log is not None]
     if not logs:
         raise UsageError("Nothing to map: give --laser LOG, --sonar LOG, or both.")
+    refuse_shared_stream({"--laser": laser, "--sonar": sonar, "--config": config})
     if output == STREAM:
         raise UsageError("-o -: a grid is a .npz archive. Name one.")
     target = output or str(default_output(logs[0]).with_suffix(".grid.npz"))
     refuse_existing(target, force)
-    config = GridConfig(**options)
-    laser_readings = read_readings(laser) if laser is not None else None
-    sonar_readings = read_readings(sonar, "sonar") if sonar is not None else None
-    built = build_grid(laser_readings, sonar_readings, config, describe_process(logs))
+    settings = GridConfig(**ask(options, config, IN_SETTINGS_FILE).values)
+    readings = read_logs(laser, sonar, topic=topic, frame=frame, sonar_topic=sonar_topic, cone=settings.sonar_cone)
+    built = build_grid(*readings, settings, describe_process(logs))
     write_grid(target, built.grid)
     if built.n_outside:
         logger.warning(f"{built.n_outside} readings dropped: their sensors stand outside the window")
     _report(built, target, json)
 
 
-NOT_SETTINGS = ("laser", "sonar", "output", "force", "json")
+NOT_SETTINGS = ("laser", "sonar", "output", "config", "force", "json")
+IN_SETTINGS_FILE = ("window", "max_range", "sonar_max_range", "sonar_cone")
+"""What a grid takes of a settings file; its inverse models share no other parameter with the sensors' densities."""
 
 
 def _report(built: BuiltGrid, target: str, json: bool) -> None:

@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from prf.commands._readings_options import (
+    SCIENCE,
+    Config,
     EveryBeam,
     EveryScan,
+    Frame,
     Laser,
     MaxRange,
     MissProbability,
@@ -22,7 +25,10 @@ from prf.commands._readings_options import (
     Sonar,
     SonarCone,
     SonarMaxRange,
+    SonarTopic,
+    Topic,
     WindowOption,
+    refuse_shared_stream,
 )
 from prf.shell.options import Force, Json, Output, Seed, Threads
 
@@ -30,6 +36,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from prf.run import Run
+    from prf.sampler.asked import Asked
     from prf.sampler.drive import Progress
     from prf.sampler.session import Session
 
@@ -37,7 +44,7 @@ logger = logging.getLogger(__name__)
 
 EXAMPLES = (
     "prf sample --laser data/demo-office.log.gz -o office --time-budget 30",
-    "prf sample --sonar ring.csv --sonar-max-range 3.5 --scale 0.2",
+    "prf sample --laser drive.bag --topic /scan --frame odom --sonar ring.csv --config site.toml",
     "prf sample --laser intel.log.gz --every-scan 10 --scale 0.1 --seed 1",
     "prf sample --resume office --steps 5000000",
 )
@@ -56,30 +63,17 @@ TimeBudget = Annotated[
 ]
 Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Go on with this run from its checkpoint.")]
 
-SCIENCE = (
-    "scale",
-    "window",
-    "max_range",
-    "every_scan",
-    "every_beam",
-    "scans",
-    "skip_scans",
-    "noise",
-    "noise_relative",
-    "outlier_probability",
-    "miss_probability",
-    "sonar_max_range",
-    "sonar_cone",
-    "chains",
-    "resolution",
-)
-"""Options that make the configuration of a run; what is not given is resolved from the log."""
+RUN_SCIENCE = (*SCIENCE, "chains", "resolution")
 
 
 def sample(
     laser: Laser = None,
     sonar: Sonar = None,
+    topic: Topic = None,
+    sonar_topic: SonarTopic = None,
+    frame: Frame = None,
     output: Output = None,
+    config: Config = None,
     scale: Scale = None,
     window: WindowOption = None,
     max_range: MaxRange = None,
@@ -109,8 +103,9 @@ def sample(
     or after 30 minutes, saying that they do not. Ctrl-C keeps what was sampled; --resume goes on from there, and gives
     the same draws as a run that was never stopped.
     """
-    asked = {name: value for name, value in locals().items() if name in SCIENCE and value is not None}
+    options = {name: value for name, value in locals().items() if name in RUN_SCIENCE}
 
+    from prf.sampler.asked import ask
     from prf.sampler.drive import StopRule
     from prf.shell.errors import UsageError
     from prf.shell.lock import exclusive
@@ -118,6 +113,8 @@ def sample(
     if steps is not None and time_budget is not None:
         raise UsageError("--steps and --time-budget: give one of them.")
     logs = {flag: log for flag, log in (("--laser", laser), ("--sonar", sonar)) if log is not None}
+    refuse_shared_stream({**logs, "--config": config})
+    asked = ask(options, config)
     folder = _folder(logs, output, resume, force)
     with exclusive(folder):
         session = _open(logs, folder, resume is not None, asked, seed, threads)
@@ -133,7 +130,7 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None, force:
     from prf.run import is_run
     from prf.sampler.output import default_output
     from prf.shell.errors import InputError, UsageError
-    from prf.shell.files import STREAM, refuse_existing
+    from prf.shell.files import STREAM, refuse_standing
 
     if resume is not None:
         if output is not None:
@@ -143,18 +140,14 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None, force:
         return Path(resume)
     if not logs:
         raise UsageError("Nothing to sample: give --laser LOG, --sonar LOG or both, or --resume RUN.")
-    if list(logs.values()) == [STREAM, STREAM]:
-        raise UsageError("--laser - --sonar -: standard input can be read once only.")
     if output == STREAM:
         raise UsageError("-o -: a run is a directory. Name one.")
     folder = Path(output) if output is not None else default_output(next(iter(logs.values())))
-    refuse_existing(folder, force)
+    refuse_standing(folder, force)
     return folder
 
 
-def _open(
-    logs: dict[str, str], folder: Path, resumed: bool, asked: dict[str, Any], seed: int | None, threads: int
-) -> Session:
+def _open(logs: dict[str, str], folder: Path, resumed: bool, asked: Asked, seed: int | None, threads: int) -> Session:
     """Return the session, and say what it is about."""
     import os
 
@@ -168,7 +161,7 @@ def _open(
         logger.info(f"resuming at step {session.sampler.step}")
     else:
         used_seed = resolve_seed(seed)
-        prepared = sessions.read_prepared(logs.get("--laser"), SampleConfig(**asked), logs.get("--sonar"))
+        prepared = sessions.read_prepared(logs.get("--laser"), SampleConfig(**asked.values), logs.get("--sonar"))
         if prepared.n_outside:
             logger.warning(f"{prepared.n_outside} readings dropped: their sensors stand outside the window")
         if sessions.needs_compiling():

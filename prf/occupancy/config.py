@@ -9,6 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from prf.logs import CONE
+from prf.sensors.sonar import SonarModel
 from prf.shell.errors import ConfigError
 
 
@@ -37,6 +39,8 @@ class GridConfig:
         As `max_range`; full opening angle of readings that have none of their own.
     sonar_thickness : float
         Depth of the arc in which a sonar reading puts its obstacle.
+    topic, sonar_topic, frame : str or None
+        Whose readings to take of each log, and in what frame (:func:`prf.logs.read_readings`).
     every_scan, every_beam : int
     scans, skip_scans : str or None
         As in :func:`prf.logs.thin`, for each log.
@@ -50,9 +54,12 @@ class GridConfig:
     hit_probability: float = 0.7
     miss_probability: float = 0.4
     clamp: float = 3.5
-    sonar_max_range: float = 3.5
-    sonar_cone: float = 0.349
+    sonar_max_range: float = SonarModel.max_range
+    sonar_cone: float = CONE
     sonar_thickness: float = 0.2
+    topic: str | None = None
+    sonar_topic: str | None = None
+    frame: str | None = None
     every_scan: int = 1
     every_beam: int = 1
     scans: str | None = None

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.arak import checked_scale
-from prf.logs import Readings
+from prf.logs import CONE, Readings
 from prf.logs.describe import default_max_range
 from prf.posterior import LaserData, Settings, SonarData
 from prf.run import Beams, Cones
@@ -43,11 +43,12 @@ class SampleConfig:
         Readings at or above it are no returns; default 0.97 of the log's largest range.
     noise, noise_relative, outlier_probability, miss_probability : float
         See :class:`prf.sensors.laser.LaserModel`.
-    sonar_max_range : float
-        Sonar readings at or above it are no returns.
+    sonar_max_range, sonar_noise, sonar_noise_relative, sonar_corner_bias, ...
+        See :class:`prf.sensors.sonar.SonarModel`, whose fields these are behind ``sonar_``.
     sonar_cone : float
-        Full field of view of sonars whose log has none, radians. Other parameters of the sonar have the values of
-        :class:`prf.sensors.sonar.SonarModel`.
+        Full field of view of sonars whose log has none, radians.
+    topic, sonar_topic, frame : str or None
+        Whose readings to take of each log, and in what frame (:func:`prf.logs.read_readings`).
     every_scan, every_beam : int
         Of the laser and of the sonar.
     scans, skip_scans : str or None
@@ -60,12 +61,26 @@ class SampleConfig:
     scale: float = 0.1
     window: tuple[float, float, float, float] | None = None
     max_range: float | None = None
-    noise: float = 0.03
-    noise_relative: float = 0.01
-    outlier_probability: float = 0.05
-    miss_probability: float = 0.02
+    noise: float = LaserModel.noise
+    noise_relative: float = LaserModel.noise_relative
+    outlier_probability: float = LaserModel.outlier_probability
+    miss_probability: float = LaserModel.miss_probability
     sonar_max_range: float = SonarModel.max_range
-    sonar_cone: float = 0.349
+    sonar_noise: float = SonarModel.noise
+    sonar_noise_relative: float = SonarModel.noise_relative
+    sonar_corner_bias: float = SonarModel.corner_bias
+    sonar_corner_distance: float = SonarModel.corner_distance
+    sonar_surface_bias: float = SonarModel.surface_bias
+    sonar_surface_distance: float = SonarModel.surface_distance
+    sonar_surface_oblique: float = SonarModel.surface_oblique
+    sonar_surface_subtended: float = SonarModel.surface_subtended
+    sonar_uniform_probability: float = SonarModel.uniform_probability
+    sonar_short_probability: float = SonarModel.short_probability
+    sonar_short_length: float = SonarModel.short_length
+    sonar_cone: float = CONE
+    topic: str | None = None
+    sonar_topic: str | None = None
+    frame: str | None = None
     every_scan: int = 1
     every_beam: int = 1
     scans: str | None = None
@@ -146,7 +161,7 @@ def _cones(config: SampleConfig, readings: Readings) -> Cones:
     """Return the sonar readings, inf where there was no return below the maximum range."""
     if not 0.0 < config.sonar_cone < math.pi:
         raise ConfigError(f"--sonar-cone {config.sonar_cone}: must lie between 0 and pi radians")
-    max_range = SonarModel(config.sonar_max_range).max_range
+    max_range = sonar_model(config).max_range
     view = np.where(readings.cone > 0.0, readings.cone, config.sonar_cone)
     if view.max() >= math.pi:
         raise InputError(f"{readings.source}: a sonar cone of {view.max():g} radians. It must be narrower than pi.")
@@ -173,6 +188,12 @@ def laser_model(config: SampleConfig) -> LaserModel:
     )
 
 
+def sonar_model(config: SampleConfig) -> SonarModel:
+    """Return the sonar's parameters of a configuration."""
+    names = [field.name for field in dataclasses.fields(SonarModel)]
+    return SonarModel(**{name: getattr(config, f"sonar_{name}") for name in names})
+
+
 def make_settings(config: SampleConfig, beams: Beams | None, cones: Cones | None = None) -> Settings:
     """Return the settings of a resolved configuration and its readings.
 
@@ -190,9 +211,7 @@ def make_settings(config: SampleConfig, beams: Beams | None, cones: Cones | None
         raise ConfigError(f"--resolution {config.resolution}: more than {MOST_PIXELS} pixels. Give a larger one.")
     laser = None if beams is None else LaserData(beams.origin, beams.angle, beams.range, laser_model(config))
     sonar = (
-        None
-        if cones is None
-        else SonarData(cones.origin, cones.angle, cones.cone, cones.range, SonarModel(config.sonar_max_range))
+        None if cones is None else SonarData(cones.origin, cones.angle, cones.cone, cones.range, sonar_model(config))
     )
     return Settings(window, checked_scale(config.scale), laser, resolution=config.resolution, sonar=sonar)
 

@@ -20,6 +20,7 @@ from prf.sampler.config import SampleConfig
 from prf.sampler.drive import Progress
 from prf.sampler.several import MOVE_NAMES, Sampler
 from prf.shell.errors import OutputError
+from prf.shell.files import STREAM
 
 
 @dataclasses.dataclass(frozen=True)
@@ -135,9 +136,14 @@ def make_diagnostics(sampler: Sampler, progress: Progress) -> dict[str, Any]:
     )
 
 
+LOG_SUFFIXES = (".bag", ".mcap", ".db3", ".csv", ".txt", ".log", ".clf", ".gz")
+"""Ends of the names of logs; several may stand one behind the other."""
+
+
 def default_output(log: str | os.PathLike[str]) -> Path:
     """Return the RUN directory for a log whose output was not named: its stem in the working directory."""
-    name = Path(os.fspath(log)).name
-    for suffix in (".gz", ".log", ".csv", ".txt", ".clf"):
-        name = name.removesuffix(suffix)
-    return Path((name if name not in ("", "-") else "laser") + ".run")
+    path = Path(os.fspath(log))
+    name = "" if os.fspath(log) == STREAM else path.name or path.resolve().name
+    while Path(name).suffix.lower() in LOG_SUFFIXES:
+        name = Path(name).stem
+    return Path((name or "laser") + ".run")

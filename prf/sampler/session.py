@@ -9,16 +9,17 @@ import os
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from prf.kernels import step
 from prf.kernels._jit import CACHE
-from prf.logs import read_readings, thin
+from prf.logs import thin
 from prf.logs.describe import default_max_range
 from prf.run import Run, names, read_run
+from prf.sampler.asked import Asked
 from prf.sampler.checkpoint import load_checkpoint
 from prf.sampler.config import Prepared, SampleConfig, make_settings, prepare
 from prf.sampler.drive import Progress, StopRule, drive
+from prf.sampler.logs import read_logs
 from prf.sampler.output import Output
 from prf.sampler.several import Sampler
 from prf.shell.errors import ConfigError, InputError
@@ -76,11 +77,17 @@ class Session:
 
 def read_prepared(laser_log: str | None, config: SampleConfig, sonar_log: str | None = None) -> Prepared:
     """Read the log of a laser, of a sonar or of both, thin them and resolve `config` for them."""
-    laser = read_readings(laser_log) if laser_log is not None else None
+    laser, sonar = read_logs(
+        laser_log,
+        sonar_log,
+        topic=config.topic,
+        frame=config.frame,
+        sonar_topic=config.sonar_topic,
+        cone=config.sonar_cone,
+    )
     if laser is not None and config.max_range is None and math.isfinite(default_max_range(laser)):
         # Of the whole log: what is left after thinning may hold no "no return" at all.
         config = dataclasses.replace(config, max_range=default_max_range(laser))
-    sonar = read_readings(sonar_log, "sonar", cone=config.sonar_cone) if sonar_log is not None else None
     kept = [
         thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
         if readings is not None
@@ -103,7 +110,7 @@ def start(logs: list[str], prepared: Prepared, folder: Path, seed: int, threads:
     return Session(sampler, Output(folder, process, prepared.config, seed, beams, cones))
 
 
-def resume(folder: Path, logs: dict[str, str], asked: dict[str, Any], seed: int | None, threads: int) -> Session:
+def resume(folder: Path, logs: dict[str, str], asked: Asked, seed: int | None, threads: int) -> Session:
     """Return a session that goes on from the checkpoint in `folder`.
 
     Parameters
@@ -112,8 +119,8 @@ def resume(folder: Path, logs: dict[str, str], asked: dict[str, Any], seed: int 
         RUN directory.
     logs : dict of str to str
         Option to log, of those that the user names again: they must be the same files.
-    asked : dict
-        Fields of :class:`SampleConfig` that the user gives again: they must be the same.
+    asked : Asked
+        Fields of :class:`SampleConfig` that the user gives again, by options or a settings file: they must be the same.
     seed : int or None
         Likewise.
     threads : int
@@ -129,7 +136,7 @@ def resume(folder: Path, logs: dict[str, str], asked: dict[str, Any], seed: int 
     if run.sensors is None:
         raise InputError(f"{folder}: readings.npz is missing. Sample anew with --force.")
     config, stored_seed = stored_config(run, folder)
-    refuse_changes(config, {**asked, "seed": seed}, stored_seed)
+    refuse_changes(config, asked, stored_seed, seed)
     for flag, log in logs.items():
         refuse_other_log(run, flag, log)
     if run.manifest.get("versions") != versions():
@@ -151,13 +158,16 @@ def stored_config(run: Run, folder: Path) -> tuple[SampleConfig, int]:
         raise InputError(f"{folder}/manifest.json: configuration is damaged ({error}). Sample anew.") from error
 
 
-def refuse_changes(config: SampleConfig, asked: dict[str, Any], seed: int) -> None:
+def refuse_changes(config: SampleConfig, asked: Asked, seed: int, asked_seed: int | None) -> None:
     """Raise ConfigError naming the first field that is asked for with another value than the run has."""
     stored = {**dataclasses.asdict(config), "seed": seed}
-    for name, value in asked.items():
-        if value is not None and value != stored[name]:
-            flag = "--" + name.replace("_", "-")
-            raise ConfigError(f"{flag} {value}: the run to resume has {stored[name]}. Leave it out, or sample anew.")
+    places = {**asked.places, "seed": "--seed"}
+    given = {**asked.values, **({} if asked_seed is None else {"seed": asked_seed})}
+    for name, value in given.items():
+        if value != stored[name]:
+            raise ConfigError(
+                f"{places[name]} {value}: the run to resume has {stored[name]}. Leave it out, or sample anew."
+            )
 
 
 def refuse_other_log(run: Run, flag: str, log: str | os.PathLike[str]) -> None:

@@ -17,9 +17,31 @@ STREAM = "-"
 
 
 def refuse_existing(path: str | os.PathLike[str], force: bool) -> None:
+    """Refuse an output file before the work for it begins: one that stands, or one that could not be written.
+
+    Raises
+    ------
+    OutputExists
+        If `path` stands and `force` is not given; streams and devices never "exist".
+    OutputError
+        If its folder does not exist or is not writable.
+    """
+    refuse_standing(path, force)
+    target = Path(os.path.realpath(path))
+    is_device = target.exists() and not target.is_file() and not target.is_dir()
+    if os.fspath(path) == STREAM or is_device:
+        return
+    if not target.parent.is_dir():
+        raise OutputError(f"{path}: cannot be written (there is no folder {target.parent}). Make it first.")
+    if not os.access(target.parent, os.W_OK | os.X_OK):
+        raise OutputError(f"{path}: cannot be written (the folder {target.parent} is not writable).")
+
+
+def refuse_standing(path: str | os.PathLike[str], force: bool) -> None:
     """Raise :class:`OutputExists` if `path` stands and `force` is not given; streams and devices never "exist"."""
     target = Path(path)
-    stands = target.is_file() or target.is_dir() or target.is_symlink()
+    is_dangling = target.is_symlink() and not target.exists()
+    stands = target.is_file() or target.is_dir() or is_dangling
     if os.fspath(path) != STREAM and stands and not force:
         raise OutputExists(f"{path} already exists. Use --force to overwrite.")
 

@@ -106,3 +106,17 @@ class TestStreams:
 
     def test_dash_never_exists(self) -> None:
         assert files.refuse_existing("-", force=False) is None
+
+
+class TestRefuseExisting:
+    def test_a_folder_that_is_missing_or_no_folder_is_named(self, tmp_path: Path) -> None:
+        (tmp_path / "file").write_text("")
+        for place in ("no/such.txt", "file/such.txt"):
+            with pytest.raises(OutputError, match="there is no folder"):
+                files.refuse_existing(tmp_path / place, force=True)
+            files.refuse_standing(tmp_path / place, force=False)
+
+    def test_streams_devices_and_new_files_pass(self, tmp_path: Path) -> None:
+        (tmp_path / "link").symlink_to("/dev/null")
+        for place in ("-", "/dev/null", tmp_path / "link", tmp_path / "new"):
+            files.refuse_existing(place, force=False)

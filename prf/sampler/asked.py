@@ -1,0 +1,77 @@
+"""What a user asks of the science of a run: options of the verb, over a settings file, over defaults."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from prf.sampler.config import SampleConfig
+from prf.settings_file import TABLES, read_settings
+
+PREFIXES: Mapping[str, str] = MappingProxyType({"sonar": "sonar_"})
+"""What stands before the keys of a table in the fields of a configuration; nothing for other tables."""
+
+
+class Asked(NamedTuple):
+    """Fields of a configuration with the values asked for.
+
+    Attributes
+    ----------
+    values : dict of str to Any
+    places : dict of str to str
+        Where each was said, for messages: ``--noise`` or ``site.toml: [laser] noise``.
+    """
+
+    values: dict[str, Any]
+    places: dict[str, str]
+
+
+def field_of(table: str, key: str) -> str:
+    """Return the field of a configuration that a key of a settings file sets."""
+    return PREFIXES.get(table, "") + key
+
+
+def ask(
+    options: Mapping[str, Any],
+    settings: str | os.PathLike[str] | None = None,
+    known: Collection[str] | None = None,
+) -> Asked:
+    """Return what options and a settings file ask for; options win.
+
+    Parameters
+    ----------
+    options : mapping of str to Any
+        Field to value; None: not given.
+    settings : path or None
+        A settings file.
+    known : collection of str, optional
+        The fields of a configuration that takes only some of what a settings file may say; the rest is passed over.
+
+    Raises
+    ------
+    InputError, ConfigError
+        As :func:`prf.settings_file.read_settings`.
+    """
+    values: dict[str, Any] = {}
+    places: dict[str, str] = {}
+    for table, content in ({} if settings is None else read_settings(settings)).items():
+        for key, value in content.items():
+            field = field_of(table, key)
+            if known is None or field in known:
+                values[field], places[field] = value, f"{settings}: [{table}] {key}"
+    for field, value in options.items():
+        if value is not None:
+            values[field], places[field] = value, "--" + field.replace("_", "-")
+    return Asked(values, places)
+
+
+def settings_of(config: SampleConfig) -> dict[str, dict[str, Any]]:
+    """Return the tables of the settings file that says what `config` does; what it leaves to the log is left out."""
+    tables = {
+        table: {key: getattr(config, field_of(table, key)) for key in content.keys} for table, content in TABLES.items()
+    }
+    return {
+        table: {key: value for key, value in values.items() if value is not None} for table, values in tables.items()
+    }

@@ -1,0 +1,47 @@
+"""The logs that a map is made from."""
+
+from __future__ import annotations
+
+from prf.logs import CONE, Readings, read_readings
+from prf.shell.errors import ConfigError
+
+
+def read_logs(
+    laser: str | None,
+    sonar: str | None,
+    *,
+    topic: str | None = None,
+    frame: str | None = None,
+    sonar_topic: str | None = None,
+    cone: float = CONE,
+) -> tuple[Readings | None, Readings | None]:
+    """Read the log of a laser, of a sonar or of both; None for a sensor without log.
+
+    Parameters
+    ----------
+    laser, sonar : str or None
+        Logs, which may be the same file.
+    topic, sonar_topic : str, optional
+        Whose readings to take of each, see :func:`prf.logs.read_readings`.
+    frame : str, optional
+        In what frame, for both.
+    cone : float, optional
+        Full opening angle in radians of sonar readings whose log has none.
+
+    Raises
+    ------
+    ConfigError
+        If there is a topic of a sensor that has no log, or as :func:`prf.logs.read_readings`.
+    InputError
+        Likewise.
+    """
+    if topic is not None and laser is None:
+        raise ConfigError(
+            f"--topic {topic}: names readings of --laser, which is not given. For a sonar: --sonar-topic."
+        )
+    if sonar_topic is not None and sonar is None:
+        raise ConfigError(f"--sonar-topic {sonar_topic}: names readings of --sonar, which is not given.")
+    return (
+        read_readings(laser, topic=topic, frame=frame) if laser is not None else None,
+        read_readings(sonar, "sonar", topic=sonar_topic, frame=frame, cone=cone) if sonar is not None else None,
+    )

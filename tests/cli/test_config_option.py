@@ -1,0 +1,140 @@
+"""`--config`, `--topic` and `--frame` of sample, anneal and grid."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from prf.cli import app
+from prf.occupancy import read_grid
+from prf.run import read_run
+from prf.shell.run import run_app
+
+QUICK = ("--chains", "1", "--steps", "100", "-q", "--seed", "1")
+
+
+def prf(*args: object) -> int:
+    return run_app(app, "prf", [*map(str, args)])
+
+
+@pytest.fixture
+def ring(tmp_path: Path) -> Path:
+    rows = "".join(f"5,5,{angle / 8:.3f},{2 + angle % 3}\n" for angle in range(48))
+    (tmp_path / "ring.csv").write_text("x,y,theta,range\n" + rows)
+    return tmp_path / "ring.csv"
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Path:
+    file = tmp_path / "site.toml"
+    file.write_text(
+        "[prior]\nwindow = [0, 0, 10, 10]\nscale = 0.2\n[laser]\nmiss_probability = 0.1\n"
+        "[sonar]\nmax_range = 3.9\ncone = 0.5\nsurface_oblique = 8\n"
+    )
+    return file
+
+
+def test_a_run_keeps_what_the_file_says(ring: Path, site: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    folder = tmp_path / "run"
+    assert prf("sample", "--sonar", ring, "--config", site, "--scale", 0.3, *QUICK, "-o", folder) == 0
+    run = read_run(folder)
+    found = run.manifest["configuration"]
+    assert (found["scale"], found["window"], found["sonar_cone"]) == (0.3, [0, 0, 10, 10], 0.5)
+    assert (found["sonar_surface_oblique"], found["miss_probability"], found["sonar_max_range"]) == (8.0, 0.1, 3.9)
+    assert run.cones is not None
+    assert run.cones.cone.tolist() == [0.5] * 48
+    more = ("--steps", "3000", "-q")
+    assert prf("sample", "--resume", folder, *more) == 0
+    assert prf("sample", "--resume", folder, "--config", site, *more) == 2
+    assert "[prior] scale 0.2: the run to resume has 0.3" in capsys.readouterr().err
+    assert prf("sample", "--resume", folder, "--config", site, "--scale", 0.3, *more) == 0
+
+
+def test_a_parameter_of_the_file_changes_the_likelihood(ring: Path, site: Path, tmp_path: Path) -> None:
+    values = []
+    for oblique in (8, 16):
+        site.write_text(f"[prior]\nwindow = [0, 0, 10, 10]\n[sonar]\nsurface_oblique = {oblique}\n")
+        args = ("--sonar", ring, "--config", site, "--chains", 1, "--steps", 4000, "-q", "--seed", 1)
+        assert prf("sample", *args, "-o", tmp_path / f"run{oblique}") == 0
+        values.append(read_run(tmp_path / f"run{oblique}").functionals["log_likelihood"].tolist())
+    assert values[0] != values[1]
+
+
+def test_a_grid_takes_what_it_knows(ring: Path, site: Path, tmp_path: Path) -> None:
+    grid = tmp_path / "ring.grid.npz"
+    assert prf("grid", "--sonar", ring, "--config", site, "--sonar-max-range", 3, "-o", grid, "-q") == 0
+    settings = read_grid(grid).settings
+    assert (settings["sonar_cone"], settings["sonar_max_range"], settings["window"]) == (0.5, 3.0, [0, 0, 10, 10])
+    assert settings["miss_probability"] == 0.4, "of a cell; that of the file is the laser's"
+
+
+def test_the_cone_of_the_option_reaches_the_readings_of_a_grid(ring: Path, tmp_path: Path) -> None:
+    seen = []
+    for cone in (0.1, 1.0):
+        assert prf("grid", "--sonar", ring, "--sonar-cone", cone, "-o", tmp_path / f"{cone}.npz", "-q") == 0
+        seen.append(read_grid(tmp_path / f"{cone}.npz").share_seen)
+    assert seen[0] < seen[1]
+
+
+def test_anneal_takes_the_file(ring: Path, site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert prf("anneal", "--sonar", ring, "--config", site, *QUICK) == 0
+    assert json.loads((tmp_path / "ring.geojson").read_text())["properties"]["window"] == [0, 0, 10, 10]
+
+
+@pytest.mark.parametrize("verb", ["sample", "anneal", "grid"])
+@pytest.mark.parametrize(
+    ("args", "code", "words"),
+    [
+        (["--config", "absent.toml"], 3, "absent.toml: no such file"),
+        (["--config", "bad.toml"], 2, "bad.toml:2: [sonar] nose: there is no such key. Did you mean noise?"),
+        (["--config", "-", "--laser", "-"], 2, "standard input can be read once only"),
+        (["--topic", "/scan"], 2, "--topic /scan"),
+        (["--sonar-topic", "/scan"], 2, "is a table"),
+        (["--frame", "odom"], 2, "is a table"),
+        (["--window", "0", "0", "-1", "1"], 2, "window"),
+    ],
+)
+def test_bad_input_ends_in_one_line(
+    verb: str,
+    args: list[str],
+    code: int,
+    words: str,
+    ring: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    work = tmp_path / "work"
+    work.mkdir()
+    monkeypatch.chdir(work)
+    (tmp_path / "bad.toml").write_text("[sonar]\nnose = 0\n")
+    given = [str(tmp_path / arg) if arg == "bad.toml" else arg for arg in args]
+    assert prf(verb, "--sonar", ring, *given) == code
+    error = capsys.readouterr().err.strip().splitlines()
+    assert len(error) == 1
+    assert words in error[0]
+    assert list(work.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "args",
+    [
+        ["anneal", "--laser", "LOG"],
+        ["grid", "--laser", "LOG"],
+        ["export", "RUN"],
+        ["render", "RUN"],
+        ["prior", "--scale", "1", "--window", "0", "0", "1", "1", "--draws", "10"],
+    ],
+)
+def test_a_missing_folder_is_named_before_any_work(
+    args: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before the input is even opened, so that a long computation cannot be lost."""
+    source = tmp_path / "LOG"
+    source.write_text("neither a log nor a run")
+    given = [str(source) if arg in ("LOG", "RUN") else arg for arg in args]
+    assert prf(*given, "-o", tmp_path / "no" / "such.svg") == 4
+    assert f"there is no folder {tmp_path / 'no'}" in capsys.readouterr().err
