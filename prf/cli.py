@@ -20,7 +20,7 @@ VERBS: dict[str, str] = {
     "info": "Say what is in a log: scans, beams, extent, ranges, and what looks suspicious.",
     "prior": "Draw maps from the prior, exactly or by Markov chain.",
     "query": "Ask a run or a grid how probably points, squares or a path are occupied or free.",
-    "inspect": "Show how a run was made, and the state of its files.",
+    "inspect": "Show what a result is, how it was made, and the state of its files.",
     "grid": "Build an occupancy grid, the baseline, from localized readings.",
     "score": "Score how well a map predicts held-out readings.",
     "render": "Draw a picture of a run, of a grid, or of draws from the prior.",

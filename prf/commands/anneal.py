@@ -121,11 +121,13 @@ def _cool(
     laser: str | None, sonar: str | None, config: Any, goal: Any, schedule: Any, seed: int, threads: int
 ) -> tuple[Annealed, str, Any]:
     """Return what annealing found, the text of its map file, and whether it was asked to stop."""
+    import dataclasses
     import os
 
     from prf.anneal import anneal as cool
     from prf.run.mapfile import map_text
     from prf.sampler.session import needs_compiling, read_prepared
+    from prf.shell.manifest import describe_process
     from prf.shell.progress import progress
     from prf.shell.seeds import spawn_generators
     from prf.shell.signals import graceful_stop
@@ -145,7 +147,10 @@ def _cool(
             lambda share, temperature, best: reporter.update(share, T=f"{temperature:.2g}", best=f"{best:,.1f}"),
             lambda: stop.requested,
         )
-    return found, map_text(found.best, {"score": found.score, "seed": seed}), stop
+    configuration = {name: value for name, value in dataclasses.asdict(prepared.config).items() if name != "resolution"}
+    made = {"score": found.score, "steps": found.steps, "seed": seed, "configuration": configuration}
+    process = describe_process(log for log in (laser, sonar) if log is not None)
+    return found, map_text(found.best, {**made, **process}), stop
 
 
 def _write(target: str, text: str) -> None:

@@ -1,4 +1,4 @@
-"""Show how a run was made, and the state of its files."""
+"""Show what a result is, how it was made, and the state of its files."""
 
 from __future__ import annotations
 
@@ -12,35 +12,40 @@ from prf.shell.options import Json
 if TYPE_CHECKING:
     from prf.run import FileState
 
-EXAMPLES = ("prf inspect office", "prf inspect office --json")
+EXAMPLES = (
+    "prf inspect office",
+    "prf inspect office.grid.npz --json",
+    "prf inspect office/map.geojson",
+    "prf inspect draws.geojsonl",
+)
 
 
 def inspect(
-    run: Annotated[str, typer.Argument(metavar="RUN", help="Directory that prf sample wrote.")],
+    source: Annotated[
+        str, typer.Argument(metavar="RUN|GRID|MAP|DRAWS", help="From prf sample, grid, anneal or prior.")
+    ],
     json: Json = False,
 ) -> None:
-    """Show how a run was made, and the state of its files.
+    """Show what a result is, how it was made, and the state of its files.
 
-    Prints the manifest (versions, configuration, seed, inputs, status) and for each file whether it is ok, missing or
-    damaged. A damaged file makes the exit code 3; a missing one does not, since a run may end early.
+    Prints what the result says of itself (of a run and a grid: versions, configuration, seed, inputs, status) and for
+    each file whether it is ok, missing or damaged. A damaged file makes the exit code 3; a missing one does not, since
+    a run may end early.
     """
-    from pathlib import Path
-
-    from prf.run import inspect_files, read_manifest
+    from prf.inspection import inspect as look_into
     from prf.shell import console, jsonout
     from prf.shell.errors import InputError
 
-    manifest = read_manifest(Path(run))
-    files = inspect_files(run)
+    found = look_into(source)
     if json:
-        content = {"path": run, "manifest": manifest, "files": [file._asdict() for file in files]}
-        jsonout.emit_object("prf.inspect/1", content)
+        content = {"path": source, "kind": found.kind, "manifest": found.manifest}
+        jsonout.emit_object("prf.inspect/1", {**content, "files": [file._asdict() for file in found.files]})
     else:
-        for line in (*_manifest_lines(manifest), "", *_file_lines(files)):
+        for line in (*_manifest_lines({"kind": found.kind, **found.manifest}), "", *_file_lines(found.files)):
             console.emit(line)
-    damaged = [file.name for file in files if file.state == "damaged"]
+    damaged = [file.name for file in found.files if file.state == "damaged"]
     if damaged:
-        raise InputError(f"{run}: damaged: {', '.join(damaged)}.")
+        raise InputError(f"{source}: damaged: {', '.join(damaged)}.")
 
 
 def _manifest_lines(manifest: Mapping[str, Any]) -> Iterator[str]:
@@ -64,6 +69,7 @@ def _flat(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
 
 
 def _file_lines(files: list[FileState]) -> Iterator[str]:
+    width = max(18, *(len(file.name) + 2 for file in files))
     for file in files:
         size = "" if file.bytes is None else f"{file.bytes:,} B"
-        yield f"{file.name:<18}{file.state:<9}{size:>15}  {file.summary}".rstrip()
+        yield f"{file.name:<{width}}{file.state:<9}{size:>15}  {file.summary}".rstrip()

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import os
+import struct
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from prf.kernels.constants import STEP
 from prf.run import names
 from prf.run.read import read_best, read_draws, read_image, read_manifest, read_readings
 from prf.shell.errors import PrfError
-from prf.shell.storage import load_object
+from prf.shell.storage import damaged, load_arrays, load_object
+
+PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 
 
 class FileState(NamedTuple):
@@ -40,7 +45,7 @@ def inspect_files(path: str | os.PathLike[str]) -> list[FileState]:
 
 
 def _inspect(file: Path, summarise: Callable[[Path], str]) -> FileState:
-    schema = names.SCHEMAS.get(file.name)
+    schema = {**names.SCHEMAS, names.CHECKPOINT: names.CHECKPOINT_SCHEMA}.get(file.name)
     if not file.is_file():
         return FileState(file.name, "missing", None, schema, "")
     size = file.stat().st_size
@@ -89,8 +94,41 @@ def _summarise_diagnostics(file: Path) -> str:
     return str(content.get("reason", ""))
 
 
-def _summarise_nothing(file: Path) -> str:
-    return ""
+def _summarise_checkpoint(file: Path) -> str:
+    arrays = load_arrays(file, names.CHECKPOINT_SCHEMA)
+    counts = [array for name, array in arrays.items() if name.endswith(".graph.counts") and len(array) > STEP]
+    if not counts:
+        raise damaged(file, "no chain in it")
+    return f"{len(counts)} chains at step {int(counts[0][STEP]):,}"
+
+
+def _summarise_picture(file: Path) -> str:
+    width, height = png_size(file)
+    return f"{width} x {height} pixels"
+
+
+def png_size(file: Path) -> tuple[int, int]:
+    """Return width and height of a PNG file whose chunks are whole, by their check sums.
+
+    Raises
+    ------
+    InputError
+        If it is damaged, or no PNG.
+    """
+    data = file.read_bytes()
+    if not data.startswith(PNG_MAGIC):
+        raise damaged(file, "not a PNG picture")
+    place, kind, size = len(PNG_MAGIC), b"", (0, 0)
+    while kind != b"IEND":
+        (length,) = struct.unpack(">I", data[place : place + 4].rjust(4, b"\0"))
+        chunk, check = data[place + 4 : place + 8 + length], data[place + 8 + length : place + 12 + length]
+        if zlib.crc32(chunk) != int.from_bytes(check) or len(check) < 4:
+            raise damaged(file, "the picture is cut off or changed")
+        kind = chunk[:4]
+        if kind == b"IHDR":
+            size = struct.unpack(">II", chunk[4:12])
+        place += 12 + length
+    return size
 
 
 _SUMMARIES: dict[str, Callable[[Path], str]] = {
@@ -100,6 +138,6 @@ _SUMMARIES: dict[str, Callable[[Path], str]] = {
     names.READINGS: _summarise_readings,
     names.MAP: _summarise_best,
     names.DIAGNOSTICS: _summarise_diagnostics,
-    names.CHECKPOINT: _summarise_nothing,
-    names.PICTURE: _summarise_nothing,
+    names.CHECKPOINT: _summarise_checkpoint,
+    names.PICTURE: _summarise_picture,
 }

@@ -22,7 +22,7 @@ from prf.sensors.sonar import make_sight
 from prf.shell.errors import InputError
 from prf.shell.storage import damaged, load_arrays, save_arrays
 
-SCHEMA = "prf.checkpoint/1"
+SCHEMA = names.CHECKPOINT_SCHEMA
 
 Arrays = dict[str, NDArray[Any]]
 

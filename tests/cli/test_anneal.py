@@ -29,6 +29,8 @@ def test_the_map_is_a_valid_multipolygon_that_prf_reads_back(made: Path) -> None
     coloring, properties = read_map_feature(made)
     assert coloring.n_edges == properties["n_edges"] > 0
     assert properties["seed"] == 1
+    assert properties["configuration"]["every_beam"] == 6
+    assert properties["inputs"][0]["path"].endswith("demo-office.log.gz")
 
 
 def test_it_can_be_scored_and_exported(

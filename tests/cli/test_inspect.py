@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from prf.cli import app
-from prf.run import write_run
+from prf.kernels.constants import STEP
+from prf.occupancy import OccupancyGrid, write_grid
+from prf.render import render_posterior
+from prf.run import read_run, write_run
+from prf.run.state import png_size
 from prf.shell.run import run_app
+from prf.shell.storage import save_arrays
 from tests.factories import make_run
 
 
@@ -47,3 +54,89 @@ def test_an_unknown_version_is_refused(folder: Path, capsys: pytest.CaptureFixtu
     (folder / "manifest.json").write_text('{"schema": "prf.run/7"}')
     assert run_app(app, "prf", ["inspect", str(folder)]) == 3
     assert "version 7 of prf.run is not known" in capsys.readouterr().err
+
+
+def test_a_cut_picture_or_checkpoint_is_seen(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    render_posterior(read_run(folder), folder / "posterior.png")
+    whole = (folder / "posterior.png").read_bytes()
+    save_arrays(folder / "checkpoint.npz", "prf.checkpoint/1", {"chain0.graph.counts": np.full(STEP + 1, 7000)})
+    assert run_app(app, "prf", ["inspect", str(folder), "--json"]) == 0
+    summary = {file["name"]: file["summary"] for file in json.loads(capsys.readouterr().out)["files"]}
+    width, height = png_size(folder / "posterior.png")
+    assert summary["posterior.png"] == f"{width} x {height} pixels"
+    assert summary["checkpoint.npz"] == "1 chains at step 7,000"
+    middle = len(whole) // 2
+    for damage in (
+        whole[:middle],
+        whole[:-2],
+        whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :],
+        b"GIF",
+        b"",
+    ):
+        (folder / "posterior.png").write_bytes(damage)
+        assert run_app(app, "prf", ["inspect", str(folder)]) == 3
+        assert "damaged: posterior.png" in capsys.readouterr().err
+    (folder / "posterior.png").unlink()
+    save_arrays(folder / "checkpoint.npz", "prf.checkpoint/1", {"run": 1})
+    assert run_app(app, "prf", ["inspect", str(folder)]) == 3
+    assert "damaged: checkpoint.npz" in capsys.readouterr().err
+
+
+def inspected(path: Path, capsys: pytest.CaptureFixture) -> dict[str, Any]:
+    assert run_app(app, "prf", ["inspect", str(path), "--json"]) == 0
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    assert [file["state"] for file in found["files"]] == ["ok"]
+    assert run_app(app, "prf", ["inspect", str(path)]) == 0
+    assert path.name in capsys.readouterr().out
+    return found
+
+
+def test_a_grid(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    cells = np.zeros((3, 4), np.int32)
+    process = {"inputs": [{"path": "a.log"}]}
+    grid = OccupancyGrid((cells + 0.5).astype(np.float32), cells, cells + 1, np.zeros(2), 0.1, {"clamp": 3.5}, process)
+    write_grid(tmp_path / "a.npz", grid)
+    found = inspected(tmp_path / "a.npz", capsys)
+    assert (found["kind"], found["manifest"]["schema"]) == ("grid", "prf.grid/1")
+    assert found["manifest"]["configuration"] == {"clamp": 3.5}
+    assert found["manifest"]["inputs"] == process["inputs"]
+    assert found["files"][0]["summary"] == "4 x 3 cells of 0.1 m, 100.0% seen"
+
+
+def test_maps(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    found = inspected(folder / "map.geojson", capsys)
+    assert (found["kind"], found["files"][0]["schema"]) == ("map", "prf.map/1")
+    assert found["manifest"]["n_edges"] > 0
+    other = tmp_path / "plan.json"
+    other.write_text('{"type": "Polygon",\n"coordinates": [[[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]]}')
+    found = inspected(other, capsys)
+    assert (found["kind"], found["files"][0]["schema"]) == ("map", None)
+    assert found["files"][0]["summary"] == "polygons of another program: 1, together 1.0 m2"
+
+
+@pytest.mark.parametrize("n", [1, 3])
+def test_draws(n: int, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    file = tmp_path / "draws.geojsonl"
+    args = ["--scale", "1", "--window", "0", "0", "2", "1", "--draws", str(n), "--seed", "1", "-o", str(file)]
+    assert run_app(app, "prf", ["prior", *args, "-q"]) == 0
+    capsys.readouterr()
+    found = inspected(file, capsys)
+    assert (found["kind"], found["manifest"]["window"]) == ("draws", [0.0, 0.0, 2.0, 1.0])
+    assert found["files"][0]["summary"].startswith(f"{n} draws, on average ")
+    file.write_text(file.read_text() + "{}\n")
+    assert run_app(app, "prf", ["inspect", str(file)]) == 3
+    assert f"draws.geojsonl:{n + 1}: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "content", [b"x,y,theta,range\n1,2,3,4\n", b"", b"\xff\x00", b"[1]", b"PK\x03\x04cut", b'{"a": 1}']
+)
+def test_what_is_none_of_them_is_refused_in_one_line(
+    content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    (tmp_path / "thing").write_bytes(content)
+    for path in (tmp_path / "thing", tmp_path / "absent", tmp_path):
+        assert run_app(app, "prf", ["inspect", str(path)]) == 3
+        error = capsys.readouterr().err
+        assert error.startswith(f"error: {path}: ")
+        assert error.count("\n") == 1
