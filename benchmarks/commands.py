@@ -1,0 +1,85 @@
+"""What the experiments on logs share: `prf` run as anyone runs it, their options, and where the public logs are."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = ROOT.parent / "shared" / "data" / "prf"
+OUTPUT = ROOT / "build" / "benchmarks"
+QUICK_SECONDS = 30.0
+SEED = 1
+
+Option = str | int | float | Path | list[float] | None
+"""Value of an option; a list is an option with several values, None leaves the option out."""
+
+
+def prf(verb: str, *words: str | Path, **options: Option) -> dict[str, Any]:
+    """Run `prf VERB` with operands and flags (`words`) and options (_ for -); return what it prints with --json.
+
+    Its messages go to standard error; a failure ends the benchmark.
+    """
+    command = [sys.executable, "-m", "prf", verb, *map(str, words), "--json", "--no-progress"]
+    for name, value in options.items():
+        if value is not None:
+            values = value if isinstance(value, list) else [value]
+            command += ["--" + name.replace("_", "-"), *map(str, values)]
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, cwd=ROOT, check=False)
+    if done.returncode != 0:
+        raise SystemExit(done.returncode)
+    result: dict[str, Any] = json.loads(done.stdout)
+    return result
+
+
+def made(verb: str, output: Path, **options: Option) -> dict[str, Any]:
+    """Run a verb that writes `output`, over what is there."""
+    output.parent.mkdir(parents=True, exist_ok=True)
+    return prf(verb, "--force", output=output, **options)
+
+
+def parser(doc: str | None, seconds: float) -> argparse.ArgumentParser:
+    """Return a parser with the options of every experiment; `seconds` is the time of one run unless given."""
+    found = argparse.ArgumentParser(description=(doc or "").splitlines()[0])
+    found.add_argument("--quick", action="store_true", help=f"{QUICK_SECONDS:g} s a run, to see that all works")
+    found.add_argument("--seconds", type=float, default=seconds, help="of sampling and of annealing, each run")
+    found.add_argument("--threads", type=int, default=0, help="0: one a core")
+    found.add_argument("--seed", type=int, default=SEED)
+    found.add_argument("--data", type=Path, default=DATA, help="folder with the public logs, in carmen/")
+    found.add_argument("-o", "--output", type=Path, default=OUTPUT, help="where pictures and tables go")
+    return found
+
+
+def parse(doc: str | None, seconds: float, asked: argparse.ArgumentParser | None = None) -> argparse.Namespace:
+    """Return the options, the time of a run cut short by --quick."""
+    arguments = (asked or parser(doc, seconds)).parse_args()
+    if arguments.quick:
+        arguments.seconds = min(arguments.seconds, QUICK_SECONDS)
+    arguments.output = arguments.output.resolve()
+    return arguments
+
+
+def log_path(data: Path, name: str) -> Path | None:
+    """Return the corrected log of a building; None, with a line that says so, where it is absent."""
+    path = data.resolve() / "carmen" / f"{name}-corrected.log.gz"
+    if path.exists():
+        return path
+    say(f"{path}: not here, {name} is skipped")
+    return None
+
+
+def write_table(path: Path, result: Mapping[str, Any]) -> None:
+    """Write a table as JSON."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(result, indent=1) + "\n")
+    say(f"{path}")
+
+
+def say(words: str) -> None:
+    """Tell what is going on."""
+    print(words, file=sys.stderr, flush=True)
