@@ -11,7 +11,7 @@ from prf.shell.run import run_app
 
 HELP = """Polygonal maps from range readings: posterior, best map, answers with probabilities.
 
-Readings come as CARMEN logs or as tables; .gz is read as is and - is standard input.
+Readings come as CARMEN or Player logs, ROS bags or tables; .gz is read as is and - is standard input.
 """
 
 VERBS: dict[str, str] = {
@@ -21,6 +21,7 @@ VERBS: dict[str, str] = {
     "prior": "Draw maps from the prior, exactly or by Markov chain.",
     "query": "Ask a run or a grid how probably points, squares or a path are occupied or free.",
     "inspect": "Show what a result is, how it was made, and the state of its files.",
+    "config": "Show the parameters of prior and sensors as a settings file, or check such a file.",
     "grid": "Build an occupancy grid, the baseline, from localized readings.",
     "score": "Score how well a map predicts held-out readings.",
     "render": "Draw a picture of a run, of a grid, or of draws from the prior.",

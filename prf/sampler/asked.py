@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from prf.sampler.config import SampleConfig
-from prf.settings_file import TABLES, read_settings
+from prf.settings_file import KEY_WORDS, TABLE_WORDS, TABLES, read_settings
 
 PREFIXES: Mapping[str, str] = MappingProxyType({"sonar": "sonar_"})
 """What stands before the keys of a table in the fields of a configuration; nothing for other tables."""
@@ -75,3 +75,18 @@ def settings_of(config: SampleConfig) -> dict[str, dict[str, Any]]:
     return {
         table: {key: value for key, value in values.items() if value is not None} for table, values in tables.items()
     }
+
+
+def explain(config: SampleConfig, asked: Asked) -> dict[str, str]:
+    """Return the comments for a settings file of `config`: what each key means, and whether `asked` has set it."""
+    comments = {"": "Parameters of prior and sensors for prf, SI units. Keys that are left out have their defaults."}
+    for table, content in TABLES.items():
+        lines = [TABLE_WORDS[table]]
+        for key in content.keys:
+            words, field = str(KEY_WORDS[f"{table}.{key}"]), field_of(table, key)
+            if getattr(config, field) is None:
+                lines.append(f"{key}: {words}; from the log unless given")
+            else:
+                comments[f"{table}.{key}"] = f"{words}{' (set here)' if field in asked.values else ''}"
+        comments[table] = "\n".join(lines)
+    return comments

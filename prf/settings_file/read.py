@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Iterator
 from typing import Any
 
-from prf.settings_file.tables import checked_tables
+from prf.settings_file.tables import Place, checked_tables, sort_out
 from prf.shell.errors import ConfigError
 from prf.shell.files import STREAM, open_input
 
@@ -33,6 +33,27 @@ def read_settings(path: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
     ConfigError
         If it is no TOML, or has an unknown table or key, or a value of another type or out of its range.
     """
+    content, place = _load(path)
+    return checked_tables(content, place)
+
+
+def check_settings(path: str | os.PathLike[str]) -> list[str]:
+    """Return all that is wrong with a settings file, one line each with file and line.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or may not be read.
+    """
+    try:
+        content, place = _load(path)
+    except ConfigError as error:
+        return [str(error)]
+    return sort_out(content, place)[1]
+
+
+def _load(path: str | os.PathLike[str]) -> tuple[dict[str, Any], Place]:
+    """Return what the TOML says, and where it says it."""
     with open_input(path) as stream:
         data = stream.read()
     source = "standard input" if os.fspath(path) == STREAM else os.fspath(path)
@@ -43,7 +64,7 @@ def read_settings(path: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
         raise ConfigError(f"{source}: not UTF-8 (byte {error.start}). A settings file is TOML text.") from None
     except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
         raise ConfigError(_not_toml(source, str(error))) from None
-    return checked_tables(content, lambda table, key: source + _line_of(text, table, key))
+    return content, lambda table, key: source + _line_of(text, table, key)
 
 
 def _not_toml(source: str, words: str) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -83,17 +83,47 @@ def checked_tables(content: Mapping[str, Any], place: Place) -> dict[str, dict[s
     ConfigError
         For the first table, key or value that cannot be used; its message begins with what `place` tells.
     """
-    tables: dict[str, dict[str, Any]] = {}
-    for name, values in content.items():
-        if not isinstance(values, Mapping):
-            homes = [f"[{table}]" for table in TABLES if name in TABLES[table].keys]
-            to = f"to {' or '.join(homes)}" if homes else "into its table"
-            raise ConfigError(f"{place('', name)}: {name} stands outside the tables. Move it {to}.")
-        if name not in TABLES:
-            raise ConfigError(f"{place(name, '')}: there is no table [{name}]. {_instead(name, TABLES)}")
-        tables[name] = {key: _typed(name, key, value, place) for key, value in values.items()}
-        _judge(name, tables[name], place)
+    tables, problems = sort_out(content, place)
+    if problems:
+        raise ConfigError(problems[0])
     return tables
+
+
+def sort_out(content: Mapping[str, Any], place: Place) -> tuple[dict[str, dict[str, Any]], list[str]]:
+    """Return the tables with what is sound in them, and a message for everything that is not."""
+    tables: dict[str, dict[str, Any]] = {}
+    problems: list[str] = []
+    for name, values in content.items():
+        try:
+            table = _table(name, values, place)
+        except ConfigError as error:
+            problems.append(str(error))
+            continue
+        tables[name], found = _sound(name, table, place)
+        problems += found
+    return tables, problems
+
+
+def _table(name: str, values: Any, place: Place) -> Mapping[str, Any]:
+    if not isinstance(values, Mapping):
+        homes = [f"[{table}]" for table in TABLES if name in TABLES[table].keys]
+        to = f"to {' or '.join(homes)}" if homes else "into its table"
+        raise ConfigError(f"{place('', name)}: {name} stands outside the tables. Move it {to}.")
+    if name not in TABLES:
+        raise ConfigError(f"{place(name, '')}: there is no table [{name}]. {_instead(name, TABLES)}")
+    return values
+
+
+def _sound(table: str, values: Mapping[str, Any], place: Place) -> tuple[dict[str, Any], list[str]]:
+    """Return the values of a table, and what is wrong with them; their ranges are judged once all types are right."""
+    typed: dict[str, Any] = {}
+    problems: list[str] = []
+    for key, value in values.items():
+        try:
+            typed[key] = _typed(table, key, value, place)
+        except ConfigError as error:
+            problems.append(str(error))
+    return typed, problems or list(_out_of_range(table, typed, place))
 
 
 def _typed(table: str, key: str, value: Any, place: Place) -> float | tuple[float, ...]:
@@ -116,22 +146,30 @@ def _is_number(value: Any) -> bool:
         return False
 
 
-def _judge(table: str, values: Mapping[str, Any], place: Place) -> None:
-    """Let the model judge the values together; where it refuses, name the key that it refuses alone."""
+def _out_of_range(table: str, values: Mapping[str, Any], place: Place) -> Iterator[str]:
+    """Let the model judge the values together; where it refuses, yield the keys that it refuses alone."""
+    refusal = _refusal(table, values)
+    if refusal is None:
+        return
+    alone = {key: _refusal(table, {key: value}) for key, value in values.items()}
+    refused = {key: words for key, words in alone.items() if words is not None}
+    for key, words in refused.items():
+        yield f"{place(table, key)}: [{table}] {_named(words, table, (key,))}"
+    if not refused:
+        yield f"{place(table, '')}: [{table}] {_named(refusal, table, TABLES[table].keys)}"
+
+
+def _refusal(table: str, values: Mapping[str, Any]) -> str | None:
     try:
         TABLES[table].check(values)
     except ConfigError as error:
-        for key, value in values.items():
-            try:
-                TABLES[table].check({key: value})
-            except ConfigError as alone:
-                raise ConfigError(f"{place(table, key)}: [{table}] {_said(alone, table, (key,))}") from None
-        raise ConfigError(f"{place(table, '')}: [{table}] {_said(error, table, TABLES[table].keys)}") from None
+        return str(error)
+    return None
 
 
-def _said(error: ConfigError, table: str, keys: Iterable[str]) -> str:
+def _named(words: str, table: str, keys: Iterable[str]) -> str:
     """Return the words of a model's refusal with names as they stand in the file, not as options of a verb."""
-    words = str(error).replace(f"{table}-", "")
+    words = words.replace(f"{table}-", "")
     for key in keys:
         words = words.replace(key.replace("_", "-"), key)
     return words

@@ -1,0 +1,52 @@
+"""docs/configuration.md says of every key what the code says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from prf.cli import app
+from prf.sampler.asked import field_of
+from prf.sampler.config import SampleConfig
+from prf.settings_file import KEY_WORDS, TABLE_WORDS, TABLES
+
+
+def documented(project_root: Path) -> dict[tuple[str, str], list[str]]:
+    """Return the rows of the tables: unit, default, meaning and option of each key."""
+    rows: dict[tuple[str, str], list[str]] = {}
+    table = ""
+    for line in (project_root / "docs" / "configuration.md").read_text().splitlines():
+        if line.startswith("## "):
+            table = line[3:].strip("[]")
+        elif line.startswith("| `"):
+            key, *rest = (cell.strip() for cell in line.strip("|").split("|"))
+            rows[table, key.strip("`")] = rest
+    return rows
+
+
+def default_text(value: Any) -> str:
+    return "from the log" if value is None else repr(value)
+
+
+def test_every_key_stands_there_as_the_code_has_it(project_root: Path) -> None:
+    config, rows = SampleConfig(), documented(project_root)
+    assert list(rows) == [(table, key) for table, content in TABLES.items() for key in content.keys]
+    for (table, key), (unit, default, meaning, _) in rows.items():
+        words = KEY_WORDS[f"{table}.{key}"]
+        assert (unit, meaning) == (words.unit or "–", words.meaning), key
+        assert default == default_text(getattr(config, field_of(table, key))), key
+
+
+@pytest.mark.parametrize("verb", ["sample", "anneal"])
+def test_options_are_those_of_the_verbs(project_root: Path, verb: str) -> None:
+    flags = {flag for param in app.get_command(None, verb).params for flag in param.opts}
+    for (table, key), (*_, option) in documented(project_root).items():
+        flag = "--" + field_of(table, key).replace("_", "-")
+        assert option == (f"`{flag}`" if flag in flags else "–"), (table, key)
+
+
+def test_every_table_and_key_has_words() -> None:
+    assert set(TABLE_WORDS) == set(TABLES)
+    assert set(KEY_WORDS) == {f"{table}.{key}" for table, content in TABLES.items() for key in content.keys}
