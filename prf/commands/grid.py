@@ -96,7 +96,8 @@ def grid(
     """Build an occupancy grid, the baseline, from localized readings.
 
     Every cell is updated on its own: a reading hits the cell in which it ends and misses those that it passed. The
-    grid is a .npz file, by default the log's stem with .grid.npz; score, query and render take it in place of a RUN.
+    grid is a .npz file, by default the log's stem with .grid.npz; score, query, render, export and inspect take it in
+    place of a RUN.
     """
     options = {name: value for name, value in locals().items() if name not in NOT_SETTINGS}
 

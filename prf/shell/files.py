@@ -24,10 +24,12 @@ def refuse_existing(path: str | os.PathLike[str], force: bool) -> None:
     OutputExists
         If `path` stands and `force` is not given; streams and devices never "exist".
     OutputError
-        If its folder does not exist or is not writable.
+        If its folder does not exist or is not writable, or it is a folder itself.
     """
     refuse_standing(path, force)
     target = Path(os.path.realpath(path))
+    if target.is_dir() and os.fspath(path) != STREAM:
+        raise OutputError(f"{path}: a folder is in the way. Name a file.")
     is_device = target.exists() and not target.is_file() and not target.is_dir()
     if os.fspath(path) == STREAM or is_device:
         return

@@ -115,6 +115,9 @@ class TestRefuseExisting:
             with pytest.raises(OutputError, match="there is no folder"):
                 files.refuse_existing(tmp_path / place, force=True)
             files.refuse_standing(tmp_path / place, force=False)
+        with pytest.raises(OutputError, match="a folder is in the way"):
+            files.refuse_existing(tmp_path, force=True)
+        files.refuse_standing(tmp_path, force=True)
 
     def test_streams_devices_and_new_files_pass(self, tmp_path: Path) -> None:
         (tmp_path / "link").symlink_to("/dev/null")
