@@ -24,6 +24,7 @@ VERBS: dict[str, str] = {
     "config": "Show the parameters of prior and sensors as a settings file, or check such a file.",
     "grid": "Build an occupancy grid, the baseline, from localized readings.",
     "score": "Score how well a map predicts held-out readings.",
+    "calibrate": "Fit the parameters of sensors to readings in a known map.",
     "render": "Draw a picture of a run, of a grid, or of draws from the prior.",
     "export": "Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF.",
 }

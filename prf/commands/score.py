@@ -7,7 +7,20 @@ from typing import Annotated, Any
 
 import typer
 
-from prf.commands._readings_options import EveryBeam, EveryScan, MaxRange, Scans, SkipScans, SonarCone, SonarMaxRange
+from prf.commands._readings_options import (
+    Config,
+    EveryBeam,
+    EveryScan,
+    Frame,
+    MaxRange,
+    Scans,
+    SkipScans,
+    SonarCone,
+    SonarMaxRange,
+    SonarTopic,
+    Topic,
+    refuse_shared_stream,
+)
 from prf.shell.options import Json, Seed
 
 logger = logging.getLogger(__name__)
@@ -38,6 +51,9 @@ def score(
         str | None,
         typer.Option("--truth", metavar="PLAN.geojson", help="True plan: cells in view of the readings are compared."),
     ] = None,
+    topic: Topic = None,
+    sonar_topic: SonarTopic = None,
+    frame: Frame = None,
     max_range: MaxRange = None,
     noise: Annotated[
         float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range.  [0.05]")
@@ -54,10 +70,7 @@ def score(
     ] = None,
     sonar_max_range: SonarMaxRange = None,
     sonar_cone: SonarCone = None,
-    config: Annotated[
-        str | None,
-        typer.Option("--config", metavar="FILE.toml", help="Parameters of the sensors; options go before it."),
-    ] = None,
+    config: Config = None,
     every_scan: EveryScan = None,
     every_beam: EveryBeam = None,
     scans: Scans = None,
@@ -75,7 +88,7 @@ def score(
     """
     options = {name: value for name, value in locals().items() if name not in NOT_SETTINGS}
 
-    from prf.logs import read_readings
+    from prf.sampler.logs import read_logs
     from prf.score import hold_out, hold_out_sonar, open_map, read_occupied_area, score_config, true_cells
     from prf.score import score as score_map
     from prf.settings_file import read_settings
@@ -84,17 +97,19 @@ def score(
 
     if laser is None and sonar is None and truth is None:
         raise UsageError("Nothing to score by: give --laser HELDOUT, --sonar HELDOUT or --truth PLAN.geojson.")
+    refuse_shared_stream({"MAP": scored, "--laser": laser, "--sonar": sonar, "--truth": truth, "--config": config})
     settings = score_config(options, read_settings(config) if config is not None else {})
     found = open_map(scored)
-    beams = None if laser is None else hold_out(read_readings(laser), settings)
-    cones = None if sonar is None else hold_out_sonar(read_readings(sonar, "sonar", cone=settings.sonar_cone), settings)
+    readings = read_logs(laser, sonar, topic=topic, frame=frame, sonar_topic=sonar_topic, cone=settings.sonar_cone)
+    beams = None if readings[0] is None else hold_out(readings[0], settings)
+    cones = None if readings[1] is None else hold_out_sonar(readings[1], settings)
     cells = None if truth is None else true_cells(read_occupied_area(truth), beams, cones)
     result = score_map(found, beams, None if laser is None else resolve_seed(seed), cones, cells)
     _warn(scored, result)
     _report(result, json)
 
 
-NOT_SETTINGS = ("scored", "laser", "sonar", "truth", "config", "seed", "json")
+NOT_SETTINGS = ("scored", "laser", "sonar", "truth", "topic", "sonar_topic", "frame", "config", "seed", "json")
 
 
 def _warn(scored: str, result: dict[str, Any]) -> None:

@@ -17,6 +17,7 @@ from prf.kernels.cones import READING
 from prf.logs import Readings, thin
 from prf.occupancy import OccupancyGrid
 from prf.score.config import ScoreConfig
+from prf.score.polygons import area_of_cells
 from prf.score.scene import places, scene_of_coloring, scene_of_region
 from prf.sensors.sonar import SonarModel, make_poses
 from prf.shell.errors import ConfigError, InputError
@@ -28,8 +29,6 @@ BIN = 0.1
 """Metres of range that take the probability of one arc of a GRID's cells."""
 OCCUPIED = 0.5
 """Cells above are walls of a GRID's contours."""
-STAIRCASE = 0.75
-"""Cells by which contours may be straightened: a staircase at 45 degrees leaves its line by 0.71."""
 
 
 class HeldOutSonar(NamedTuple):
@@ -135,22 +134,8 @@ def predict_by_cells(grid: OccupancyGrid, cones: HeldOutSonar) -> SonarPredictio
 
 
 def contours_of(grid: OccupancyGrid) -> BaseGeometry:
-    """Return the area of all cells above 0.5, staircases straightened (Douglas and Peucker, topology kept)."""
-    occupied = np.pad(grid.occupancy > OCCUPIED, ((0, 0), (1, 1))).astype(np.int8)
-    step = np.diff(occupied, axis=1)
-    row, first = np.nonzero(step == 1)
-    end = np.nonzero(step == -1)[1]
-    x, y = grid.origin
-    side = grid.resolution
-    runs = shapely.box(x + side * first, y + side * row, x + side * end, y + side * (row + 1))
-    return straightened(shapely.union_all(runs), side)
-
-
-def straightened(region: BaseGeometry, cell: float) -> BaseGeometry:
-    """Return area made of square cells of side `cell` without its staircases, as valid polygons."""
-    simple = shapely.make_valid(shapely.simplify(region, STAIRCASE * cell, preserve_topology=True))
-    parts = shapely.get_parts(shapely.get_parts(simple))
-    return shapely.union_all(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON])
+    """Return the area of all cells above 0.5, its staircases straightened."""
+    return area_of_cells(grid.occupancy > OCCUPIED, grid.origin, grid.resolution)
 
 
 def sonar_scores(prediction: SonarPrediction, cones: HeldOutSonar, n_outside: int) -> dict[str, Any]:

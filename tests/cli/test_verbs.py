@@ -49,7 +49,7 @@ def missing_input_args(tool: str, verb: str) -> list[str]:
         if param.param_type_name == "argument" and param.required:
             args.append(MISSING)
     names = {option for param in verb_command(tool, verb).params for option in param.opts}
-    for option in ("--laser", "--points"):
+    for option in ("--laser", "--points", "--map"):
         if option in names:
             args += [option, MISSING]
     return args

@@ -1,0 +1,115 @@
+"""Fit the parameters of sensors to readings in a known map."""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from prf.commands._readings_options import (
+    EveryBeam,
+    EveryScan,
+    Frame,
+    Laser,
+    MaxRange,
+    Scans,
+    SkipScans,
+    Sonar,
+    SonarCone,
+    SonarMaxRange,
+    SonarTopic,
+    Topic,
+    refuse_shared_stream,
+)
+from prf.shell.options import Force, Json, Output, Seed
+
+if TYPE_CHECKING:
+    from prf.calibrate import Calibrated
+
+logger = logging.getLogger(__name__)
+
+EXAMPLES = (
+    "prf calibrate --sonar ring.csv --map floor.geojson -o sonar.toml",
+    "prf calibrate --laser office.log.gz --map office.yaml --every-scan 10",
+    "prf calibrate --sonar ring.csv --laser ring.log --map floor.geojson -o robot.toml --json",
+)
+
+
+def calibrate(
+    known: Annotated[
+        str, typer.Option("--map", metavar="MAP", help="True map: GeoJSON polygons, or the .yaml of a map for ROS.")
+    ],
+    sonar: Sonar = None,
+    laser: Laser = None,
+    topic: Topic = None,
+    sonar_topic: SonarTopic = None,
+    frame: Frame = None,
+    output: Output = None,
+    sonar_max_range: SonarMaxRange = None,
+    sonar_cone: SonarCone = None,
+    max_range: MaxRange = None,
+    folds: Annotated[int, typer.Option("--folds", metavar="N", min=2, help="Parts held out in turn.")] = 5,
+    every_scan: EveryScan = None,
+    every_beam: EveryBeam = None,
+    scans: Scans = None,
+    skip_scans: SkipScans = None,
+    seed: Seed = None,
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """Fit the parameters of sensors to readings in a known map.
+
+    Poses and walls are taken as true; what is found are the parameters under which the readings are most probable, with
+    weak priors round the defaults, their standard errors, and how well they predict scans that the fit had not seen.
+    -o writes them as a settings file for --config. Without -o they are printed only.
+    """
+    names = ("sonar_max_range", "sonar_cone", "max_range", "folds", "every_scan", "every_beam", "scans", "skip_scans")
+    given = locals()
+    asked = {name: given[name] for name in names if given[name] is not None}
+
+    from prf.calibrate import CalibrateConfig, calibrate_laser, calibrate_sonar, fitted_tables, read_known_map
+    from prf.sampler.logs import read_logs
+    from prf.settings_file import write_settings
+    from prf.shell.errors import UsageError
+    from prf.shell.files import STREAM, refuse_existing
+    from prf.shell.seeds import resolve_seed, spawn_generators
+
+    if sonar is None and laser is None:
+        raise UsageError("Nothing to calibrate by: give --sonar LOG, --laser LOG, or both.")
+    refuse_shared_stream({"--map": known, "--sonar": sonar, "--laser": laser})
+    if json and output == STREAM:
+        raise UsageError("--json and -o - both want standard output. Name a file with -o.")
+    if output is not None:
+        refuse_existing(output, force)
+    config = CalibrateConfig(**asked)
+    used_seed = resolve_seed(seed)
+    area = read_known_map(known)
+    for_sonar, for_laser = spawn_generators(used_seed, 2)
+    beams, cones = read_logs(laser, sonar, topic=topic, frame=frame, sonar_topic=sonar_topic, cone=config.sonar_cone)
+    found = []
+    if cones is not None:
+        found.append(calibrate_sonar(cones, area, config, for_sonar))
+    if beams is not None:
+        found.append(calibrate_laser(beams, area, config, for_laser))
+    if output is not None:
+        tables, comments = fitted_tables(found)
+        write_settings(output, tables, comments)
+    _report(found, output, used_seed, json)
+
+
+def _report(found: list[Calibrated], output: str | None, seed: int, json: bool) -> None:
+    """Print what came of it."""
+    from prf.calibrate.settings import lines_of, report_of
+    from prf.shell import console, jsonout
+    from prf.shell.files import STREAM
+
+    if json:
+        parts = {part.kind: report_of(part) for part in found}
+        jsonout.emit_object("prf.calibrate/1", {**parts, "output": output, "seed": seed})
+        return
+    say = logger.info if output == STREAM else console.emit
+    for part in found:
+        for line in lines_of(part):
+            say(line)
+    say(f"{'seed':22} {seed}")

@@ -1,0 +1,114 @@
+"""`prf calibrate`: sensors fitted in a known map, and the file that other verbs read."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from prf.cli import app
+from prf.logs import write_table
+from prf.settings_file import read_settings
+from prf.shell.run import run_app
+from tests.calibrate.worlds import HALL, laser_log, sonar_log
+
+
+def run(*args: object) -> int:
+    return run_app(app, "prf", [*map(str, args)])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("calibrate")
+    sonar, laser = sonar_log(1, 25), laser_log(1, 10)
+    write_table(path / "ring.csv", sonar.readings)
+    write_table(path / "laser.csv", laser.readings)
+    floor = {
+        "type": "Feature",
+        "geometry": shapely.geometry.mapping(sonar.area.region),
+        "properties": {"window": list(HALL)},
+    }
+    (path / "floor.geojson").write_text(json.dumps(floor))
+    far = {"type": "Polygon", "coordinates": [[[900, 0], [901, 0], [901, 1], [900, 0]]]}
+    (path / "far.geojson").write_text(json.dumps(far))
+    return path
+
+
+def test_a_sonar_and_a_laser(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    args = ["calibrate", "--sonar", folder / "ring.csv", "--laser", folder / "laser.csv", "--max-range", 8]
+    args += ["--map", folder / "floor.geojson", "--seed", 3, "-o", tmp_path / "robot.toml"]
+    assert run(*args, "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["schema"], told["seed"]) == ("prf.calibrate/1", 3)
+    assert told["sonar"]["n_readings"] == 400
+    assert told["sonar"]["held_out_nll"] < told["sonar"]["held_out_nll_default"]
+    assert told["laser"]["cone"] is None
+    tables = read_settings(tmp_path / "robot.toml")
+    assert [*tables] == ["sonar", "laser"]
+    values = {row["name"]: row["value"] for row in told["sonar"]["parameters"]}
+    assert tables["sonar"]["surface_oblique"] == pytest.approx(values["surface_oblique"], rel=1e-4)
+    assert run(*args) == 4
+    assert "already exists" in capsys.readouterr().err
+    assert run(*args, "-f") == 0
+    shown = capsys.readouterr().out
+    assert "surface_oblique" in shown
+    assert "outlier_probability" in shown
+
+
+def test_the_file_is_for_the_verbs_that_weigh_readings(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Fitted on some scans, other scans are more probable in the true map than with the defaults."""
+    floor, ring = folder / "floor.geojson", folder / "ring.csv"
+    assert run("calibrate", "--sonar", ring, "--map", floor, "--skip-scans", "0::3", "-o", tmp_path / "s.toml") == 0
+    capsys.readouterr()
+    found = []
+    for options in ((), ("--config", tmp_path / "s.toml")):
+        assert run("score", floor, "--sonar", ring, "--scans", "0::3", "--json", *options) == 0
+        found.append(json.loads(capsys.readouterr().out)["sonar_nll"])
+    assert found[1] < found[0] - 0.05
+
+
+def test_the_settings_can_go_to_standard_output(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    args = ("calibrate", "--laser", folder / "laser.csv", "--max-range", 8, "--map", folder / "floor.geojson")
+    assert run(*args, "-o", "-") == 0
+    shown = capsys.readouterr()
+    assert shown.out.startswith("# Fitted")
+    assert "[laser]" in shown.out
+    assert "held out" in shown.err
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "words"),
+    [
+        (["--sonar", "RING"], 2, "--map"),
+        (["--map", "MAP"], 2, "--sonar"),
+        (["--sonar", "RING", "--map", "absent.geojson"], 3, "absent.geojson"),
+        (["--sonar", "RING", "--map", "absent.yaml"], 3, "absent.yaml"),
+        (["--sonar", "absent.csv", "--map", "MAP"], 3, "absent.csv"),
+        (["--sonar", "RING", "--map", "FAR"], 3, "no wall of the map is in view"),
+        (["--sonar", "RING", "--map", "MAP", "--sonar-max-range", "-1"], 2, "sonar-max-range"),
+        (["--sonar", "RING", "--map", "MAP", "--json", "-o", "-"], 2, "standard output"),
+    ],
+)
+def test_bad_questions_end_in_one_line(
+    folder: Path, capsys: pytest.CaptureFixture, args: list[str], code: int, words: str
+) -> None:
+    names = {"RING": folder / "ring.csv", "MAP": folder / "floor.geojson", "FAR": folder / "far.geojson"}
+    assert run("calibrate", *[names.get(arg, arg) for arg in args]) == code
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.count("\n") == 1
+    assert words in shown.err
+
+
+def test_wrong_poses_are_noticed(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    known = laser_log(1, 10)
+    mixed = known.readings.select(np.arange(known.readings.n_beams))
+    mixed.range[:] = np.random.default_rng(1).permutation(mixed.range)
+    write_table(tmp_path / "mixed.csv", mixed)
+    assert run("calibrate", "--laser", tmp_path / "mixed.csv", "--max-range", 8, "--map", folder / "floor.geojson") == 0
+    assert "no better than no map" in capsys.readouterr().err
