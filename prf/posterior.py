@@ -7,13 +7,15 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.coloring import Coloring
+from prf.coloring import Coloring, black_at
 from prf.kernels import constants as c
 from prf.kernels.build import resum, trace_all
 from prf.kernels.chain import Chain
 from prf.kernels.grid import make_grid
+from prf.kernels.points import Points, Y, paint
 from prf.layout import make_graph, make_image, make_index, make_proposal, make_sites
 from prf.sensors.laser import LaserModel, make_beams, make_rays
+from prf.sensors.points import PointModel, make_points
 from prf.sensors.sonar import SonarModel, make_cones, make_poses
 from prf.window import Window
 
@@ -89,6 +91,23 @@ class SonarData:
 
 
 @dataclasses.dataclass(frozen=True)
+class PointData:
+    """Values at points and their model.
+
+    Attributes
+    ----------
+    xy : (n, 2) array
+        Places inside the window, off its border, metres.
+    values : (n,) array
+    model : PointModel
+    """
+
+    xy: Floats
+    values: Floats
+    model: PointModel
+
+
+@dataclasses.dataclass(frozen=True)
 class Settings:
     """What a chain is built with, besides the map it starts from.
 
@@ -107,7 +126,8 @@ class Settings:
     birth_reach, split_reach, move_reach, cut_reach : float or None
         Tuning of the proposals (``prf.kernels.constants``), metres; None chooses it from the scale.
     sonar : SonarData or None
-        Without laser and sonar the chain draws from the prior.
+    points : PointData or None
+        Without laser, sonar and points the chain draws from the prior.
     """
 
     window: Window
@@ -121,6 +141,7 @@ class Settings:
     move_reach: float | None = None
     cut_reach: float | None = None
     sonar: SonarData | None = None
+    points: PointData | None = None
 
     def tuning(self) -> Floats:
         """Return the tuning array of the kernels."""
@@ -146,7 +167,7 @@ class Settings:
 def make_chain(settings: Settings, coloring: Coloring) -> Chain:
     """Build the state of a chain at `coloring`.
 
-    Every sensor must stand in white there; :func:`prf.sampler` starts from the empty map, where all do.
+    Every sensor must stand in white there; :func:`first_map` is such a map.
     """
     window = settings.window
     grid = make_grid(*window, settings.cell_size())
@@ -162,6 +183,7 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
         edge_index=make_index(graph, grid, FIRST_CELL_ROOM),
         beams=make_beams(grid, laser.model, ray, capacity),
         cones=make_cones(grid, sonar.model, pose, capacity),
+        points=painted_points(settings.points, coloring),
         sensors=make_sites(grid, np.concatenate([laser.origin, sonar.origin])),
         image=make_image(coloring, graph, settings.resolution),
         proposal=make_proposal(grid),
@@ -172,6 +194,24 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
     trace_all(chain)
     resum(chain)
     return chain
+
+
+def painted_points(data: PointData | None, coloring: Coloring) -> Points:
+    """Return point observations in the colours of a map."""
+    if data is None:
+        return make_points(np.zeros((0, 2)), np.zeros((0, 2)))
+    points = make_points(data.xy, data.model.log_density(data.values))
+    paint(points, black_at(coloring, points.column[: Y + 1].T))
+    return points
+
+
+def first_map(settings: Settings) -> Coloring:
+    """Return the map of one colour that a chain starts from: white, or what points prefer if there is no sensor."""
+    empty = Coloring.empty(settings.window)
+    if settings.points is None or settings.laser is not None or settings.sonar is not None:
+        return empty
+    white, black = settings.points.model.log_density(settings.points.values).sum(axis=0)
+    return empty._replace(anchor_black=bool(black > white))
 
 
 def _nothing() -> tuple[Floats, Floats, Floats]:

@@ -11,6 +11,7 @@ from prf.arak import log_density
 from prf.coloring import Coloring, black_at
 from prf.kernels import cones as cone_columns
 from prf.kernels import constants as c
+from prf.kernels import points as point_columns
 from prf.kernels.beams import Beams
 from prf.kernels.brute import impacts_from_scratch
 from prf.kernels.build import trace_all
@@ -56,6 +57,15 @@ def recompute_cones(chain: Chain) -> Floats:
     untouched = chain.beams._replace(ray=chain.beams.ray.copy(), impact_edge=chain.beams.impact_edge.copy())
     trace_all(chain._replace(cones=fresh, beams=untouched))
     return fresh.pose
+
+
+def recompute_points(chain: Chain) -> tuple[NDArray[np.bool_], Floats, float]:
+    """Return colour (n,) and gain of turning (n,) of every point observation, and the sum of their log densities."""
+    column = chain.points.column
+    black = black_at(read_coloring(chain.graph), column[[point_columns.X, point_columns.Y]].T)
+    white_density, black_density = column[[point_columns.LOG_WHITE, point_columns.LOG_BLACK]]
+    gain = np.where(black, white_density - black_density, black_density - white_density)
+    return black, gain, float(np.where(black, black_density, white_density).sum())
 
 
 def recompute_listed_cones(chain: Chain) -> NDArray[np.bool_]:
@@ -140,7 +150,8 @@ def differences(chain: Chain) -> list[str]:
     """Return the names of the incremental quantities that differ from their twins (none: all hold)."""
     graph, coloring = chain.graph, read_coloring(chain.graph)
     impacts, cones = recompute_impacts(chain), recompute_cones(chain)
-    total = impacts.total + float(cones[:, cone_columns.CONE_LOG_LIKELIHOOD].sum())
+    black, gain, points_total = recompute_points(chain)
+    total = impacts.total + float(cones[:, cone_columns.CONE_LOG_LIKELIHOOD].sum()) + points_total
     by_edge: dict[int, list[int]] = {}
     for beam in np.flatnonzero(impacts.edge != c.NONE).tolist():
         by_edge.setdefault(int(impacts.edge[beam]), []).append(beam)
@@ -155,6 +166,8 @@ def differences(chain: Chain) -> list[str]:
         "beam index": np.array_equal(recompute_listed(chain), listed_now(chain.beams)),
         "cones": np.array_equal(cones, chain.cones.pose),
         "cone index": np.array_equal(recompute_listed_cones(chain), listed_now(chain.cones)),
+        "point colours": np.array_equal(black, chain.points.column[point_columns.BLACK]),
+        "point gains": np.array_equal(gain, chain.points.column[point_columns.GAIN]),
         "edge index": recompute_edge_cells(chain)
         == cell_lists(chain.edge_index.cell_edges, chain.edge_index.cell_count),
         "sets": recompute_sets(coloring) == graph.counts[: c.N_SETS].tolist(),

@@ -18,11 +18,13 @@ from prf.kernels import constants as c
 from prf.kernels.build import resum
 from prf.kernels.step import run
 from prf.layout import grow, read_coloring
-from prf.posterior import DEFAULT_ODDS, Settings, SonarData, make_chain
+from prf.posterior import DEFAULT_ODDS, PointData, Settings, SonarData, first_map, make_chain
 from prf.recompute import differences
 from prf.window import Window
 from tests.reference.beams import Sensor, impacts, log_likelihood
 from tests.reference.chain_state import digest, structural_faults
+from tests.reference.slow_points import Flips, Normal, lattice, observe
+from tests.reference.slow_points import log_likelihood as point_log_likelihood
 from tests.reference.slow_sonar import Cone, Ring, features
 from tests.reference.slow_sonar import log_likelihood as sonar_log_likelihood
 from tests.reference.sonar_worlds import data_of, draw_data, draw_sonar_world, ring_all_round
@@ -31,6 +33,10 @@ from tests.reference.worlds import draw_world
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
 ROOM = Window(0.0, 0.0, 10.0, 10.0)
 NEAR = Sensor(6.0)
+
+
+def scattered() -> np.ndarray:
+    return np.random.default_rng(12).uniform(0.0, 10.0, (40, 2))
 
 
 def short_runs() -> dict[str, dict[str, str]]:
@@ -52,6 +58,15 @@ def short_runs() -> dict[str, dict[str, str]]:
         start = world.coloring if laser else Coloring.empty(ROOM)
         chain = make_chain(Settings(ROOM, 0.2, laser, resolution=1.0, cell=1.0, sonar=sonar), start)
         for until in (400, 800):
+            while not run(chain, rng, until):
+                chain = grow(chain)
+            resum(chain)
+        found[name] = digest(chain, rng)
+    for name, laser, places in (("points", None, lattice(6, 0.0, 10.0)), ("laser and points", world.data, scattered())):
+        rng = np.random.default_rng(5)
+        points = observe(world.coloring, Normal(), places, rng)
+        chain = make_chain(Settings(ROOM, 0.2, laser, cell=1.0, points=points), Coloring.empty(ROOM))
+        for until in (700, 1400):
             while not run(chain, rng, until):
                 chain = grow(chain)
             resum(chain)
@@ -160,6 +175,35 @@ def test_the_sums_of_a_run_with_sonar_are_those_of_the_written_model() -> None:
     expected = sum(log_likelihood(NEAR, r, d) for r, d in zip(laser.readings, distance, strict=True))
     expected += slow_sonar_sum(coloring, Ring(), world.data)
     assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(expected, rel=1e-8)
+
+
+@pytest.mark.parametrize("law", [Normal(2.0, -1.0, 1.3), Flips()], ids=["gaussian", "binary"])
+@pytest.mark.parametrize("places", [lattice(9, 0.0, 10.0), scattered()], ids=["lattice", "scattered"])
+def test_the_sums_of_a_run_with_points_are_those_of_the_written_model(law: Normal | Flips, places: np.ndarray) -> None:
+    """At the truth and after 20,000 steps from one colour; the laser's part adds to it."""
+    rng = np.random.default_rng(13)
+    world = draw_world(0.3, ROOM, NEAR, 3, 20, rng)
+    points = observe(world.coloring, law, places, rng)
+    chain = make_chain(Settings(ROOM, 0.3, points=points), world.coloring)
+    expected = point_log_likelihood(world.coloring, law, points)
+    assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(expected, rel=1e-12)
+    chain = make_chain(Settings(ROOM, 0.3, world.data, points=points), Coloring.empty(ROOM))
+    while not run(chain, rng, 20_000):
+        chain = grow(chain)
+    coloring = read_coloring(chain.graph)
+    distance = impacts(coloring, world.data.origin, world.data.angle, NEAR.max)
+    expected = sum(log_likelihood(NEAR, r, d) for r, d in zip(world.data.readings, distance, strict=True))
+    expected += point_log_likelihood(coloring, law, points)
+    assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(expected, rel=1e-8)
+
+
+def test_the_first_map_has_the_colour_that_points_prefer_if_no_sensor_forbids() -> None:
+    world = draw_world(0.2, ROOM, NEAR, 1, 4, np.random.default_rng(14))
+    for value, black in ((1.0, True), (0.0, False)):
+        points = PointData(scattered(), np.full(40, value), Flips().model)
+        assert first_map(Settings(ROOM, 0.2, points=points)).anchor_black == black
+        assert not first_map(Settings(ROOM, 0.2, world.data, points=points)).anchor_black
+    assert not first_map(Settings(ROOM, 0.2)).anchor_black
 
 
 def test_cells_follow_the_scale_for_sonar_too() -> None:

@@ -11,14 +11,14 @@ import pytest
 
 from prf.arak import exact_draws
 from prf.coloring import Coloring, black_at
-from prf.kernels import cones
+from prf.kernels import cones, points
 from prf.kernels import constants as c
 from prf.kernels.build import resum
 from prf.kernels.chain import Chain
 from prf.kernels.grid import make_grid
 from prf.kernels.step import run
 from prf.layout import grow, read_coloring
-from prf.posterior import LaserData, Settings, make_chain
+from prf.posterior import LaserData, Settings, first_map, make_chain
 from prf.recompute import differences
 from prf.sampler.config import SampleConfig
 from prf.sampler.session import read_prepared
@@ -26,6 +26,7 @@ from prf.sensors.laser import LaserModel
 from prf.window import Window
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import structural_faults
+from tests.reference.slow_points import Flips, Normal, lattice, observe
 from tests.reference.slow_sonar import Ring
 from tests.reference.sonar_worlds import draw_data, draw_sonar_world, ring_all_round
 from tests.reference.worlds import draw_world, office
@@ -65,15 +66,18 @@ def world_chain(seed: int, at_truth: bool, cell: float | None = 1.0) -> Chain:
     return make_chain(Settings(ROOM, 0.3, world.data, resolution=0.5, cell=cell), start)
 
 
-def sonar_chain(seed: int, at_truth: bool, with_laser: bool, view: float, cell: float | None = 1.0) -> Chain:
-    """Sonar of a short reach, so that walls come and go at its limit; with the laser of the same world or alone."""
+def sonar_chain(
+    seed: int, at_truth: bool, with_laser: bool, view: float, cell: float | None = 1.0, with_points: bool = False
+) -> Chain:
+    """Sonar of a short reach, so that walls come and go at its limit; with other data of the same world or alone."""
     rng = np.random.default_rng(seed)
     world = draw_world(0.5, ROOM, NEAR, 3, 20, rng)
     places = np.unique(world.data.origin, axis=0)
     sonar = draw_data(world.coloring, Ring(4.0), ring_all_round(places, 12, view, rng), rng)
     laser = world.data if with_laser else None
     start = world.coloring if at_truth else Coloring.empty(ROOM)
-    return make_chain(Settings(ROOM, 0.5, laser, resolution=0.5, cell=cell, sonar=sonar), start)
+    values = observe(world.coloring, Normal(), lattice(9, 0.0, 10.0), rng) if with_points else None
+    return make_chain(Settings(ROOM, 0.5, laser, resolution=0.5, cell=cell, sonar=sonar, points=values), start)
 
 
 def test_twins_agree_from_a_draw_of_the_prior() -> None:
@@ -154,6 +158,34 @@ def test_twins_agree_on_sonar_on_borders_of_cells_and_beside_the_border_of_the_w
     assert n_accepted > 50
 
 
+PLACES = {"lattice": lattice(12, 0.0, 10.0), "scattered": np.random.default_rng(15).uniform(0.0, 10.0, (150, 2))}
+
+
+@pytest.mark.parametrize(("law", "places"), [(Normal(), "lattice"), (Flips(), "scattered")])
+def test_twins_agree_on_points(law: Normal | Flips, places: str) -> None:
+    """Points alone, from the one colour that they prefer; then with the laser of the same world."""
+    rng = np.random.default_rng(16)
+    world = draw_world(0.3, ROOM, NEAR, 3, 40, rng)
+    data = observe(world.coloring, law, PLACES[places], rng)
+    for laser in (None, world.data):
+        settings = Settings(ROOM, 0.3, laser, resolution=0.5, cell=1.0, points=data)
+        chain, n_accepted = follow(make_chain(settings, first_map(settings)), rng, 1000)
+        assert n_accepted > 40
+        assert 0.0 < chain.points.column[points.BLACK].mean() < 1.0
+
+
+def test_twins_agree_on_points_after_many_steps_without_new_sums() -> None:
+    chain, rng = sonar_chain(17, False, True, 0.4, with_points=True), np.random.default_rng(17)
+    for step in range(10_000, 100_001, 10_000):
+        while not run(chain, rng, step):
+            chain = grow(chain)
+        assert differences(chain) == structural_faults(chain) == []
+    before = chain.graph.sums.copy()
+    resum(chain)
+    assert differences(chain) == []
+    assert chain.graph.sums == pytest.approx(before, rel=1e-9)
+
+
 def rays_from(places: np.ndarray, n_beams: int, seed: int) -> LaserData:
     """Beams in round directions from given places, some readings of them none."""
     origin, angle = np.repeat(places, n_beams, axis=0), np.tile(np.arange(n_beams) * 2.0 * np.pi / n_beams, len(places))
@@ -227,7 +259,7 @@ def test_twins_agree_after_every_accepted_step_of_a_long_run(data_dir: Path) -> 
 @pytest.fixture
 def sound() -> Chain:
     """A chain on readings with triangles and corner cuts in its map."""
-    start, rng = sonar_chain(5, True, True, 0.5), np.random.default_rng(5)
+    start, rng = sonar_chain(5, True, True, 0.5, with_points=True), np.random.default_rng(5)
     for chain in states(start, rng, 60_000):
         counts = chain.graph.counts
         if (
@@ -337,6 +369,14 @@ def count_an_edge_twice(chain: Chain) -> None:
     chain.image.n_edges[3] += 1
 
 
+def turn_a_point(chain: Chain) -> None:
+    chain.points.column[points.BLACK, 0] = 1.0 - chain.points.column[points.BLACK, 0]
+
+
+def shift_a_gain(chain: Chain) -> None:
+    chain.points.column[points.GAIN, 0] *= 1.0 + 1e-12
+
+
 def turn_the_anchor(chain: Chain) -> None:
     chain.graph.counts[c.ANCHOR_BLACK] = 1 - chain.graph.counts[c.ANCHOR_BLACK]
 
@@ -360,7 +400,9 @@ DAMAGES: list[tuple[Callable[[Chain], None], list[str]]] = [
     (count_a_set_wrong, ["sets"]),
     (bend_a_sine, ["sines"]),
     (stretch_a_length, ["sines"]),
-    (turn_the_anchor, ["sensors in white", "image"]),
+    (turn_a_point, ["point colours"]),
+    (shift_a_gain, ["point gains"]),
+    (turn_the_anchor, ["log likelihood", "point colours", "point gains", "sensors in white", "image"]),
     (turn_a_pixel, ["image"]),
     (count_an_edge_twice, ["image"]),
 ]

@@ -12,6 +12,7 @@ from prf.kernels.cones import relist_cones, sense_now
 from prf.kernels.edge_index import EdgeIndex, index_edge
 from prf.kernels.graph import Graph, add_edge, add_vertex, classify_vertex, vertex_sine_now
 from prf.kernels.grid import Grid, cell_at
+from prf.kernels.points import sum_points
 
 
 @core_entry
@@ -81,7 +82,8 @@ def resum(chain: Chain) -> None:
         length += graph.edge_length[graph.members[c.EDGES, i]]
     graph.sums[c.TOTAL_LENGTH] = length
     graph.sums[c.LOG_PRIOR] = log_prior(graph, chain.tuning[c.SCALE])
-    graph.sums[c.LOG_LIKELIHOOD] = relist_beams(chain.beams) + relist_cones(chain.cones)
+    readings = relist_beams(chain.beams) + relist_cones(chain.cones)
+    graph.sums[c.LOG_LIKELIHOOD] = readings + sum_points(chain.points)
 
 
 @core_entry

@@ -21,6 +21,7 @@ from prf.kernels.graph import (
     remove_vertex,
 )
 from prf.kernels.image import Image, count_edge, recolor_inside
+from prf.kernels.points import Points, gain_inside
 from prf.kernels.proposal import (
     N_AFFECTED,
     N_LOOP,
@@ -41,6 +42,7 @@ class Chain(NamedTuple):
     edge_index: EdgeIndex
     beams: Beams
     cones: Cones
+    points: Points
     sensors: Sites
     image: Image
     proposal: Proposal
@@ -109,6 +111,8 @@ def apply(chain: Chain, log_prior_change: float, log_likelihood_change: float) -
     refresh_vertices(graph, proposal)
     apply_touched(chain.beams, proposal)
     apply_cones(chain.cones)
+    if chain.points.column.shape[1] > 0:
+        gain_inside(chain.points, proposal.loop, proposal.counts[N_LOOP], chain.image.crossings, True)
     window = graph.window
     if inside_loop(
         0.5 * (window[0] + window[2]), 0.5 * (window[1] + window[3]), proposal.loop, proposal.counts[N_LOOP]

@@ -18,6 +18,7 @@ from prf.kernels.moves import (
     recolor,
     split_edge,
 )
+from prf.kernels.points import gain_inside
 from prf.kernels.proposal import N_LOOP, clear, log_prior_change, plain_prior_change
 from prf.kernels.sites import any_inside
 from prf.kernels.touch import log_likelihood_change, touch_beams
@@ -106,15 +107,20 @@ def evaluate(chain: Chain, move: int, log_proposal_ratio: float, log_u: float) -
     if log_proposal_ratio == -math.inf:
         return False, 0.0, 0.0
     prior = log_prior_change(graph, proposal, chain.tuning[c.SCALE])
-    if chain.sensors.xy.shape[0] == 0:
+    n_sensors, n_points = chain.sensors.xy.shape[0], chain.points.column.shape[1]
+    if n_sensors == 0 and n_points == 0:
         return log_u < prior + log_proposal_ratio, prior, 0.0
-    if any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
-        return False, 0.0, 0.0
-    touch_beams(graph, chain.edge_index, chain.beams, proposal)
-    likelihood = log_likelihood_change(chain.beams)
-    if chain.cones.pose.shape[0] > 0:
-        touch_cones(graph, chain.edge_index, chain.cones, proposal)
-        likelihood += sonar_change(graph, chain.edge_index, chain.cones, proposal)
+    likelihood = 0.0
+    if n_sensors > 0:
+        if any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
+            return False, 0.0, 0.0
+        touch_beams(graph, chain.edge_index, chain.beams, proposal)
+        likelihood = log_likelihood_change(chain.beams)
+        if chain.cones.pose.shape[0] > 0:
+            touch_cones(graph, chain.edge_index, chain.cones, proposal)
+            likelihood += sonar_change(graph, chain.edge_index, chain.cones, proposal)
+    if n_points > 0:
+        likelihood += gain_inside(chain.points, proposal.loop, proposal.counts[N_LOOP], chain.image.crossings, False)
     beta = chain.tuning[c.INVERSE_TEMPERATURE]
     if beta != 1.0:
         plain = plain_prior_change(graph, proposal, chain.tuning[c.SCALE])

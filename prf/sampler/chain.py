@@ -10,7 +10,7 @@ from prf.kernels import constants as c
 from prf.kernels.build import resum
 from prf.kernels.step import run
 from prf.layout import grow
-from prf.posterior import Settings, make_chain
+from prf.posterior import Settings, first_map, make_chain
 from prf.sampler.record import FIRST_THIN, ImageTimes, Record
 
 SHORTEST_BLOCK = 5 * FIRST_THIN
@@ -42,7 +42,7 @@ class ChainSampler:
     probes : (n_probes,) int array
         Pixels whose colour is followed.
     start : Coloring, optional
-        Map to start from, in which every sensor stands in white; the empty map if absent (as in the paper).
+        Map to start from, in which every sensor stands in white; a map of one colour if absent (as in the paper).
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class ChainSampler:
     ) -> None:
         self.settings = settings
         self.rng = rng
-        self.chain = make_chain(settings, start if start is not None else Coloring.empty(settings.window))
+        self.chain = make_chain(settings, start if start is not None else first_map(settings))
         self.record = Record(probes)
         self.times = ImageTimes(self.chain.image.black.size)
         self.block = block_length(len(self.chain.beams.ray) + len(self.chain.cones.pose))

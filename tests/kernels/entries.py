@@ -9,6 +9,7 @@ from prf.kernels.geometry import inside_loop, ray_hit, segments_meet, sine_of_an
 from prf.kernels.grid import Grid, cell_at, exit_distance, walk
 from prf.kernels.image import Image, count_edge, recolor_inside
 from prf.kernels.laser import beam_log_likelihood
+from prf.kernels.points import Points, gain_inside
 from prf.kernels.sites import Sites, any_inside
 from prf.kernels.sonar import sonar_log_likelihood
 from prf.kernels.visibility import BORDER, N_LINES, Sight, see_edge, sweep
@@ -74,6 +75,11 @@ def sines(corners: np.ndarray, found: np.ndarray) -> None:
 @core_entry
 def encloses_site(sites: Sites, loop: np.ndarray) -> bool:
     return any_inside(sites, loop, loop.shape[0])
+
+
+@core_entry
+def gain_of(points: Points, loop: np.ndarray, crossings: np.ndarray, turns: bool) -> float:
+    return gain_inside(points, loop, loop.shape[0], crossings, turns)
 
 
 @core_entry

@@ -67,6 +67,7 @@ def digest(chain: Chain, rng: np.random.Generator) -> dict[str, str]:
         "members": np.concatenate([graph.members[k, : n[k]] for k in range(c.N_SETS)]),
         "beams": np.concatenate([chain.beams.ray.ravel(), chain.beams.impact_edge, chain.beams.next_beam]),
         "cones": np.concatenate([chain.cones.pose.ravel(), chain.cones.last_slot, chain.cones.slot_place]),
+        "points": chain.points.column,
         "index": np.concatenate(
             [row[:m] for row, m in zip(chain.edge_index.cell_edges, chain.edge_index.cell_count, strict=True)]
         ),

@@ -1,0 +1,66 @@
+"""Point observations in plain Python: densities as they are written, values drawn from them."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from prf.coloring import Coloring, black_at
+from prf.posterior import PointData
+from prf.sensors.points import PointModel
+
+
+class Normal(NamedTuple):
+    """Equation 5: a normal round the mean of the colour."""
+
+    black: float = 1.0
+    white: float = 0.0
+    sigma: float = 0.7
+
+    @property
+    def model(self) -> PointModel:
+        return PointModel("gaussian", self.black, self.white, self.sigma)
+
+    def log_density(self, value: float, black: bool) -> float:
+        off = (value - (self.black if black else self.white)) / self.sigma
+        return -0.5 * off * off - math.log(self.sigma) - 0.5 * math.log(2.0 * math.pi)
+
+    def draw(self, black: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        return rng.normal(np.where(black, self.black, self.white), self.sigma)
+
+
+class Flips(NamedTuple):
+    """The colour, flipped with a probability."""
+
+    probability: float = 0.25
+
+    @property
+    def model(self) -> PointModel:
+        return PointModel("binary", flip_probability=self.probability)
+
+    def log_density(self, value: float, black: bool) -> float:
+        return math.log(1.0 - self.probability if value == float(black) else self.probability)
+
+    def draw(self, black: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        return (black ^ (rng.random(len(black)) < self.probability)).astype(float)
+
+
+Law = Normal | Flips
+
+
+def observe(coloring: Coloring, law: Law, xy: np.ndarray, rng: np.random.Generator) -> PointData:
+    """Draw the values at some places of a map."""
+    return PointData(xy, law.draw(black_at(coloring, xy), rng), law.model)
+
+
+def log_likelihood(coloring: Coloring, law: Law, data: PointData) -> float:
+    colours = black_at(coloring, data.xy).tolist()
+    return sum(law.log_density(value, black) for value, black in zip(data.values.tolist(), colours, strict=True))
+
+
+def lattice(n: int, low: float, high: float) -> np.ndarray:
+    """Middles of n x n squares between `low` and `high`, row by row."""
+    middles = low + (np.arange(n) + 0.5) / n * (high - low)
+    return np.column_stack([np.tile(middles, n), np.repeat(middles, n)])

@@ -1,0 +1,106 @@
+"""The chain on few points in a small window, against exact draws of the prior weighted by the likelihood.
+
+Where the map may well have one colour throughout, both colours must come up, each as often as the points say.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from prf.arak import exact_draws
+from prf.coloring import Draws, black_at_draws
+from prf.kernels.step import run
+from prf.layout import grow, read_coloring
+from prf.posterior import PointData, Settings, first_map, make_chain
+from prf.window import Window
+from tests.reference.slow_points import Flips, Normal
+
+SEED = 20261121
+UNIT = Window(0.0, 0.0, 1.0, 1.0)
+THIN, BURN_IN, N_BATCHES = 250, 50_000, 50
+LIMIT = 4.0
+"""One of the 43 means that are looked at lies beyond it by chance once in 110 (t of 49 degrees of freedom)."""
+
+Floats = NDArray[np.float64]
+
+
+class Case(NamedTuple):
+    """A scale, and how the points observe."""
+
+    scale: float
+    n_points: int
+    law: Normal | Flips
+
+
+CASES = {
+    "mostly one colour, gaussian": Case(0.1, 5, Normal(sigma=1.0)),
+    "some walls, gaussian": Case(0.4, 7, Normal(sigma=1.0)),
+    "some walls, binary": Case(0.4, 7, Flips(0.3)),
+}
+
+
+def observations(case: Case) -> PointData:
+    """Values that disagree, more of them black: every map stays possible."""
+    rng = np.random.default_rng([SEED, case.n_points])
+    black = np.arange(case.n_points) % 3 != 0
+    return PointData(rng.uniform(0.0, 1.0, (case.n_points, 2)), case.law.draw(black, rng), case.law.model)
+
+
+def functionals(draws: Draws, data: PointData) -> tuple[Floats, Floats]:
+    """What is compared, (n, n_functionals), and the log likelihood of each draw (n,)."""
+    probes = np.random.default_rng([SEED, 1]).uniform(0.0, 1.0, (3, 2))
+    black = black_at_draws(draws, np.concatenate([data.xy, probes]))
+    density = data.model.log_density(data.values)
+    log_likelihood = np.where(black[:, : len(data.xy)], density[:, 1], density[:, 0]).sum(axis=1)
+    edges, anchor = draws.n_edges, draws.anchor_black
+    walls = [edges, draws.total_length(), (edges == 0) & anchor, (edges == 0) & ~anchor]
+    return np.column_stack([black, *walls, log_likelihood]).astype(float), log_likelihood
+
+
+@cache
+def exact(name: str) -> tuple[Floats, Floats]:
+    """Posterior means of the functionals and their standard errors, by weighted draws from the prior."""
+    case = CASES[name]
+    draws = exact_draws(case.scale, UNIT, 60_000, np.random.default_rng([SEED, 2]))
+    values, log_likelihood = functionals(draws, observations(case))
+    weight = np.exp(log_likelihood - log_likelihood.max())
+    weight /= weight.sum()
+    assert 1.0 / (weight**2).sum() > 10_000
+    mean = weight @ values
+    return mean, np.sqrt(weight**2 @ (values - mean) ** 2)
+
+
+def z_scores(name: str, repeat: int, steps: int) -> Floats:
+    """Of the chain's means; `repeat` is how often each point is counted, 1 being right."""
+    case = CASES[name]
+    data = observations(case)
+    told = PointData(np.tile(data.xy, (repeat, 1)), np.tile(data.values, repeat), data.model)
+    settings = Settings(UNIT, case.scale, points=told)
+    chain, rng = make_chain(settings, first_map(settings)), np.random.default_rng([SEED, 3])
+    maps = []
+    for until in range(BURN_IN, steps + 1, THIN):
+        while not run(chain, rng, until):
+            chain = grow(chain)
+        maps.append(read_coloring(chain.graph))
+    values, _ = functionals(Draws.from_colorings(maps, UNIT), data)
+    length = len(values) // N_BATCHES
+    batches = values[: N_BATCHES * length].reshape(N_BATCHES, length, -1).mean(axis=1)
+    mean, error = exact(name)
+    found: Floats = (batches.mean(axis=0) - mean) / np.hypot(error, batches.std(axis=0, ddof=1) / np.sqrt(N_BATCHES))
+    return found
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_chain_has_the_means_of_weighted_exact_draws(name: str) -> None:
+    z = z_scores(name, 1, 1_000_000)
+    assert np.abs(z).max() < LIMIT, z
+
+
+def test_points_counted_twice_are_caught() -> None:
+    z = z_scores("some walls, gaussian", 2, 1_000_000)
+    assert np.abs(z).max() > 2.0 * LIMIT, z
