@@ -1,18 +1,31 @@
 """Simulated worlds and what a robot's laser and sonar read in them: readings whose truth is known."""
 
+from prf.simulate.laser import LaserPhysics, simulate_laser
 from prf.simulate.path import Scans, Spacing, plan_drive, scans_along
 from prf.simulate.plans import OfficePlan, office
 from prf.simulate.roadmap import Roadmap, roadmap
+from prf.simulate.simulation import SimulateConfig, Simulation, simulate
+from prf.simulate.sources import draw_world, read_world
 from prf.simulate.world import World
+from prf.simulate.write import summary, write_simulation
 
 __all__ = [
+    "LaserPhysics",
     "OfficePlan",
     "Roadmap",
     "Scans",
+    "SimulateConfig",
+    "Simulation",
     "Spacing",
     "World",
+    "draw_world",
     "office",
     "plan_drive",
+    "read_world",
     "roadmap",
     "scans_along",
+    "simulate",
+    "simulate_laser",
+    "summary",
+    "write_simulation",
 ]

@@ -48,7 +48,8 @@ def missing_input_args(tool: str, verb: str) -> list[str]:
     for param in verb_command(tool, verb).params:
         if param.param_type_name == "argument" and param.required:
             args.append(MISSING)
-    names = {option for param in verb_command(tool, verb).params for option in param.opts}
+    with_value = [param for param in verb_command(tool, verb).params if not getattr(param, "is_flag", False)]
+    names = {option for param in with_value for option in param.opts}
     for option in ("--laser", "--points", "--map"):
         if option in names:
             args += [option, MISSING]

@@ -1,0 +1,172 @@
+"""Simulate a robot in a world that is known: logs of laser and sonar, with their truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import StrEnum
+from typing import Annotated, Any
+
+import typer
+
+from prf.shell.options import Force, Json, Output, Seed
+
+EXAMPLES = (
+    "prf simulate --seed 1 -o wing",
+    "prf simulate --size 20 14 --sonar --readings 29120 --seed 1 -o small",
+    "prf simulate --world arak --scale 0.1 --size 30 30 --seed 1 -o draw",
+    "prf simulate --world map.yaml --path drive.csv --no-laser --sonar -o run",
+)
+
+
+class Unknown(StrEnum):
+    """What unknown cells are."""
+
+    occupied = "occupied"
+    free = "free"
+
+
+def simulate(
+    world: Annotated[
+        str,
+        typer.Option(
+            "--world",
+            metavar="office|arak|FILE",
+            help="A generated floor, a draw from the prior, GeoJSON of occupied area, or the yaml file of a ROS map.",
+        ),
+    ] = "office",
+    size: Annotated[
+        tuple[float, float] | None,
+        typer.Option("--size", metavar="W H", help="Of an office or of a draw's window, metres.  [60 40]"),
+    ] = None,
+    scale: Annotated[
+        float | None, typer.Option("--scale", metavar="1/METRE", help="Scale parameter p of a draw.  [0.1]")
+    ] = None,
+    room: Annotated[
+        float | None, typer.Option("--room", metavar="METRES", help="Usual width of an office's rooms.  [4]")
+    ] = None,
+    door: Annotated[float | None, typer.Option("--door", metavar="METRES", help="Width of its doors.  [0.9]")] = None,
+    corridor: Annotated[
+        float | None, typer.Option("--corridor", metavar="METRES", help="Width of its corridors.  [2]")
+    ] = None,
+    furniture: Annotated[
+        bool, typer.Option("--furniture/--no-furniture", help="Cupboards and tables in an office.")
+    ] = True,
+    unknown: Annotated[
+        Unknown, typer.Option("--unknown", help="What the unknown cells of a ROS map are.")
+    ] = Unknown.occupied,
+    path: Annotated[
+        str | None,
+        typer.Option("--path", metavar="FILE", help="CSV of waypoints x,y, or of poses x,y,theta to measure at."),
+    ] = None,
+    start: Annotated[
+        tuple[float, float] | None, typer.Option("--start", metavar="X Y", help="Where a planned drive begins.")
+    ] = None,
+    robot_radius: Annotated[
+        float | None, typer.Option("--robot-radius", metavar="METRES", help="Distance kept from walls.  [0.25]")
+    ] = None,
+    reach: Annotated[
+        float | None,
+        typer.Option("--reach", metavar="METRES", help="A planned drive comes so near to every place.  [3.5]"),
+    ] = None,
+    spacing: Annotated[
+        float | None,
+        typer.Option(
+            "--spacing", metavar="METRES", help="Driven from scan to scan.  [0.5, or for --readings in one drive]"
+        ),
+    ] = None,
+    turn_spacing: Annotated[
+        float | None, typer.Option("--turn-spacing", metavar="RAD", help="Turned from scan to scan; likewise.")
+    ] = None,
+    readings: Annotated[
+        int | None,
+        typer.Option("--readings", metavar="N", help="So many readings, about: of the sonar, or else laser beams."),
+    ] = None,
+    laser: Annotated[bool, typer.Option("--laser/--no-laser", help="Write laser.log.gz.")] = True,
+    laser_beams: Annotated[int | None, typer.Option("--beams", metavar="N", help="Beams of a scan.  [180]")] = None,
+    laser_field_of_view: Annotated[
+        float | None, typer.Option("--field-of-view", metavar="RAD", help="Of the laser, symmetric to ahead.  [pi]")
+    ] = None,
+    laser_max_range: Annotated[
+        float | None, typer.Option("--max-range", metavar="METRES", help="Of the laser.  [30]")
+    ] = None,
+    laser_noise: Annotated[
+        float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range.  [0.03]")
+    ] = None,
+    laser_noise_relative: Annotated[
+        float | None,
+        typer.Option("--noise-relative", metavar="SHARE", help="The same as a share of the distance.  [0.01]"),
+    ] = None,
+    laser_outlier_probability: Annotated[
+        float | None, typer.Option("--outlier-probability", metavar="SHARE", help="Stray readings.  [0.01]")
+    ] = None,
+    laser_miss_probability: Annotated[
+        float | None, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.  [0.02]")
+    ] = None,
+    laser_dropped: Annotated[
+        float | None, typer.Option("--dropped", metavar="SHARE", help="Readings marked as failed, range 0.  [0]")
+    ] = None,
+    laser_dark: Annotated[
+        float | None, typer.Option("--dark", metavar="SHARE", help="Of the walls, returning nothing as glass.  [0]")
+    ] = None,
+    sonar: Annotated[bool, typer.Option("--sonar", help="Write sonar.csv.gz, of a ring of 16 transducers.")] = False,
+    sonar_max_range: Annotated[
+        float | None, typer.Option("--sonar-max-range", metavar="METRES", help="Of the sonar.  [8]")
+    ] = None,
+    seed: Seed = None,
+    output: Output = None,
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """Simulate a robot in a world that is known: logs of laser and sonar, with their truth.
+
+    The robot drives through all space that it can reach. DIR gets truth.geojson, plan.png, laser.log.gz, sonar.csv.gz,
+    path.csv and manifest.json: sample, grid and score take the logs, score and export the truth.
+    """
+    options = {name: value for name, value in locals().items() if name not in NOT_SETTINGS}
+
+    from prf.shell import jsonout
+    from prf.shell.errors import UsageError
+    from prf.shell.files import STREAM, refuse_standing
+    from prf.shell.progress import progress
+    from prf.shell.seeds import resolve_seed
+    from prf.simulate import SimulateConfig, summary, write_simulation
+    from prf.simulate import simulate as make
+
+    if output is None or output == STREAM:
+        raise UsageError("the result is a directory. Name one with -o DIR.")
+    refuse_standing(output, force)
+    config = SimulateConfig.from_options({**options, "unknown_is_occupied": unknown is Unknown.occupied}, laser, sonar)
+    with progress(1.0, "casting beams") as bar:
+        simulation = make(config, resolve_seed(seed), bar.update)
+    write_simulation(output, simulation)
+    result = {"output": output, **summary(simulation)}
+    if json:
+        jsonout.emit_object("prf.simulate/1", result)
+    else:
+        _report(result)
+
+
+NOT_SETTINGS = ("laser", "sonar", "unknown", "seed", "output", "force", "json")
+
+
+def _report(result: dict[str, Any]) -> None:
+    """Print the table for a person."""
+    from prf.shell import console
+
+    for name, value in _rows(result):
+        console.emit(f"{name:<10}{value}")
+
+
+def _rows(result: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield its rows."""
+    x0, y0, x1, y1 = result["window"]
+    yield "output", result["output"]
+    yield "world", f"{result['world']}, {x1 - x0:g} x {y1 - y0:g} m, {result['n_walls']:,} walls"
+    if result["n_redrawn"]:
+        yield "redrawn", f"{result['n_redrawn']} times, for too little free space"
+    yield "drive", f"{result['path_length']:,.0f} m in {result['duration']:,.0f} s, {result['n_scans']:,} scans"
+    if result["n_beams"]:
+        yield "laser", f"{result['n_beams']:,} beams, {result['n_beams_returned']:,} with a return"
+    if result["n_sonar"]:
+        yield "sonar", f"{result['n_sonar']:,} readings, {result['n_sonar_returned']:,} with a return"
+    yield "seed", str(result["seed"])

@@ -1,0 +1,227 @@
+"""A laser range finder in a world of walls: which wall each beam meets, and what the scanner makes of it.
+
+The caster here sweeps over angles and shares nothing with the one that maps are inferred with: every wall that shows
+its free side to the sensor covers an interval of bearings, so only the beams inside that interval are asked about it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.logs.carmen import half_circle
+from prf.shell.errors import ConfigError
+from prf.simulate.world import Floats
+
+HAIR = 1e-9
+"""Share of the step between beams by which intervals are widened, so that no beam slips between neighbouring walls."""
+BLOCK = 64
+"""Scans between two reports of progress."""
+
+
+@dataclasses.dataclass(frozen=True)
+class LaserPhysics:
+    """A scanner: geometry, noise and failures. What it reads follows the density that `prf sample` assumes.
+
+    Parameters
+    ----------
+    beams : int
+        A scan; spread over `field_of_view`.
+    field_of_view : float
+        Radians, symmetric to the heading. Half a circle is laid out as CARMEN does (:func:`half_circle`); a full one
+        leaves out its last beam, which would be the first; others have a beam at both ends.
+    max_range : float
+        Metres; what is farther returns nothing.
+    noise, noise_relative : float
+        Standard deviation in metres and as a share of the distance; the larger counts.
+    outlier_probability : float
+        Share of readings that are uniform between 0 and `max_range`. More than one in a hundred and those beyond the
+        walls widen the window that `prf sample` takes by default.
+    miss_probability : float
+        Share of readings without return although a wall is in reach.
+    dropped : float
+        Share of readings that the scanner marks as failed: range 0.
+    dark : float
+        Share of the length of all walls that return nothing, as glass and black cloth.
+    """
+
+    beams: int = 180
+    field_of_view: float = math.pi
+    max_range: float = 30.0
+    noise: float = 0.03
+    noise_relative: float = 0.01
+    outlier_probability: float = 0.01
+    miss_probability: float = 0.02
+    dropped: float = 0.0
+    dark: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse parameters that no scanner has."""
+        if self.beams < 2:
+            raise ConfigError(f"beams {self.beams}: a scan has at least 2")
+        if not 0.0 < self.field_of_view <= 2.0 * math.pi + HAIR:
+            raise ConfigError(f"field-of-view {self.field_of_view}: must lie above 0 and be at most 2 pi, in radians")
+        if not (math.isfinite(self.max_range) and self.max_range > 0.0):
+            raise ConfigError(f"max-range {self.max_range}: must be a positive number of metres")
+        for name in ("noise", "noise_relative"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ConfigError(f"{name.replace('_', '-')} {value}: must not be negative")
+        for name in ("outlier_probability", "miss_probability", "dropped", "dark"):
+            value = getattr(self, name)
+            if not 0.0 <= value <= 1.0:
+                raise ConfigError(f"{name.replace('_', '-')} {value}: must lie in [0, 1]")
+        if self.outlier_probability + self.miss_probability > 1.0:
+            raise ConfigError("outlier-probability + miss-probability: their sum must not exceed 1")
+
+    @property
+    def is_half_circle(self) -> bool:
+        """Whether the field of view is what a FLASER line of CARMEN has."""
+        return abs(self.field_of_view - math.pi) < HAIR
+
+    @property
+    def step(self) -> float:
+        """Radians from beam to beam."""
+        if self.is_half_circle:
+            return float(np.diff(half_circle(self.beams)[:2])[0])
+        is_round = self.field_of_view > 2.0 * math.pi - HAIR
+        return self.field_of_view / (self.beams if is_round else self.beams - 1)
+
+    @property
+    def bearings(self) -> Floats:
+        """Directions of the beams (n,), radians from the heading, counter-clockwise from the right."""
+        return np.asarray(-0.5 * self.field_of_view + self.step * np.arange(self.beams), dtype=np.float64)
+
+
+class Impacts(NamedTuple):
+    """What beams meet first.
+
+    Attributes
+    ----------
+    distance : (m, n) float64
+        Metres; inf where there is no wall.
+    wall : (m, n) int64
+        Index of the wall; -1 for none.
+    """
+
+    distance: Floats
+    wall: NDArray[np.int64]
+
+
+def simulate_laser(
+    walls: Floats,
+    poses: Floats,
+    physics: LaserPhysics,
+    rng: np.random.Generator,
+    is_dark: NDArray[np.bool_] | None = None,
+    report: Callable[[float], None] = lambda done: None,
+) -> Floats:
+    """Return what a laser reads.
+
+    Parameters
+    ----------
+    walls : (n_walls, 4) float64
+        As :attr:`World.walls`.
+    poses : (m, 3) float64
+        Of the sensor, in free space: x, y in metres, heading in radians.
+    physics : LaserPhysics
+    rng : numpy.random.Generator
+    is_dark : (n_walls,) bool, optional
+        Walls that return nothing.
+    report : callable
+        Told the share of scans done.
+
+    Returns
+    -------
+    (m, beams) float64
+        Metres above 0; inf: no return; 0: dropped.
+    """
+    impacts = cast(walls, poses, physics, report)
+    distance = impacts.distance
+    if is_dark is not None:
+        swallowed = (impacts.wall >= 0) & is_dark[impacts.wall]
+        distance = np.where(swallowed, np.inf, distance)
+    return measure(distance, physics, rng)
+
+
+def choose_dark(walls: Floats, share: float, rng: np.random.Generator) -> NDArray[np.bool_]:
+    """Return which walls (n,) return nothing: at random until they make up a share of the length of all."""
+    length = np.hypot(*(walls[:, 2:] - walls[:, :2]).T)
+    order = rng.permutation(len(walls))
+    middle = np.cumsum(length[order]) - 0.5 * length[order]
+    dark = np.zeros(len(walls), dtype=np.bool_)
+    dark[order[middle < share * length.sum()]] = True
+    return dark
+
+
+def cast(
+    walls: Floats, poses: Floats, physics: LaserPhysics, report: Callable[[float], None] = lambda done: None
+) -> Impacts:
+    """Return the first wall on every beam, however far; see :func:`simulate_laser` for the parameters."""
+    distance = np.full((len(poses), physics.beams), np.inf)
+    wall = np.full(distance.shape, -1)
+    for i, pose in enumerate(poses):
+        _sweep(walls, pose, physics, distance[i], wall[i])
+        if i % BLOCK == 0:
+            report(i / len(poses))
+    return Impacts(distance, wall)
+
+
+def measure(distance: Floats, physics: LaserPhysics, rng: np.random.Generator) -> Floats:
+    """Return the readings of beams whose first wall lies at `distance`, any shape; inf: no wall.
+
+    A return is normal round the distance, cut at 0; what it has beyond the maximum range is no return.
+    """
+    kind = rng.random(distance.shape)
+    stray = physics.max_range * (1.0 - rng.random(distance.shape))  # in (0, max_range]
+    in_reach = distance < physics.max_range
+    d = np.where(in_reach, distance, 0.0)
+    spread = np.maximum(physics.noise, physics.noise_relative * d)
+    reading = d + spread * rng.standard_normal(distance.shape)
+    again = in_reach & (reading <= 0.0)
+    while again.any():
+        reading[again] = d[again] + spread[again] * rng.standard_normal(np.count_nonzero(again))
+        again &= reading <= 0.0
+    reading = np.where(in_reach & (reading < physics.max_range), reading, np.inf)
+    miss = physics.outlier_probability + physics.miss_probability
+    reading = np.where(kind < miss, np.inf, reading)
+    reading = np.where((kind < physics.outlier_probability) & (stray < physics.max_range), stray, reading)
+    dropped: Floats = np.where(rng.random(distance.shape) < physics.dropped, 0.0, reading)
+    return dropped
+
+
+def _sweep(walls: Floats, pose: Floats, physics: LaserPhysics, distance: Floats, wall: NDArray[np.int64]) -> None:
+    """Enter the nearest walls of one scan into `distance` and `wall`, both (beams,)."""
+    first, second = walls[:, :2] - pose[:2], walls[:, 2:] - pose[:2]
+    # Twice the area between sensor and wall; positive if the sensor stands on the wall's left, the free side.
+    area = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+    faces = np.flatnonzero(area > 0.0)
+    first, second, area = first[faces], second[faces], area[faces]
+    step = physics.step
+    begin = np.arctan2(first[:, 1], first[:, 0]) - (pose[2] + physics.bearings[0])
+    begin = np.mod(begin, 2.0 * np.pi) / step
+    width = np.arctan2(area, (first * second).sum(axis=1)) / step
+    turn = 2.0 * np.pi / step
+    # An interval may begin before the first beam, a turn earlier.
+    begin = np.concatenate([begin, begin - turn])
+    low = np.maximum(np.ceil(begin - HAIR), 0.0).astype(np.int64)
+    high = np.minimum(np.floor(begin + np.tile(width, 2) + HAIR), physics.beams - 1.0).astype(np.int64)
+    count = np.maximum(high - low + 1, 0)
+    at = np.repeat(np.tile(np.arange(len(faces)), 2), count)
+    beam = np.repeat(low - np.cumsum(count) + count, count) + np.arange(len(at))
+    angle = pose[2] + physics.bearings[beam]
+    along = second[at] - first[at]
+    slope = np.cos(angle) * along[:, 1] - np.sin(angle) * along[:, 0]
+    with np.errstate(divide="ignore"):
+        away = area[at] / slope
+    # Beams that graze a wall's end divide rounding by rounding: what they find lies on the wall nevertheless.
+    ends = np.hypot(*first[at].T), np.hypot(*second[at].T)
+    away = np.clip(np.where(slope > 0.0, away, np.inf), None, np.maximum(*ends))
+    nearest_last = np.argsort(-away, kind="stable")
+    distance[beam[nearest_last]] = away[nearest_last]
+    wall[beam[nearest_last]] = faces[at[nearest_last]]
