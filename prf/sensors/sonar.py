@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +92,42 @@ class SonarModel:
         model[m.OUTLIER_SHORT] = self.short_probability
         model[m.SHORT_RATE] = 1.0 / self.short_length
         return model
+
+
+class Returns(NamedTuple):
+    """Who returns a pulse.
+
+    Attributes
+    ----------
+    alone : (n,) float64
+        q: probability that a feature would return it if there were no other.
+    share : (n,) float64
+        r: probability that it does; what nearer features return does not reach it.
+    none : float
+        r_0: probability that no feature returns it.
+    """
+
+    alone: Floats
+    share: Floats
+    none: float
+
+
+def return_probabilities(model: SonarModel, feature: Floats) -> Returns:
+    """Return what the features in one cone do with a pulse (docs/sonar-model.md, "Likelihood").
+
+    Parameters
+    ----------
+    model : SonarModel
+    feature : (n, N_FEATURE) array
+        Nearest first, columns as in ``prf.kernels.visibility``.
+    """
+    depth = feature[:, v.DEPTH]
+    corner = model.corner_bias - model.corner_distance * depth
+    surface = model.surface_bias - model.surface_distance * depth + model.surface_subtended * feature[:, v.SUBTENDED]
+    surface -= model.surface_oblique * (0.5 * math.pi - feature[:, v.PROJECTION])
+    alone = 1.0 / (1.0 + np.exp(-np.where(feature[:, v.KIND] == v.CORNER, corner, surface)))
+    left = np.cumprod(np.append(1.0, 1.0 - alone))
+    return Returns(alone, left[:-1] * alone, float(left[-1]))
 
 
 def make_poses(model: SonarModel, origin: Floats, angle: Floats, cone: Floats, readings: Floats) -> Floats:

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
 import pytest
+from scipy import integrate
 
 from prf.arak import exact_draws
 from prf.coloring import Coloring, black_at
 from prf.kernels import cones as k
 from prf.kernels import visibility as v
 from prf.kernels.build import trace_all
+from prf.kernels.cone_score import Scene, add_sonar_densities
 from prf.posterior import Settings, make_chain
 from prf.recompute import differences
+from prf.score.scene import features_seen, scene_of_coloring
 from prf.sensors import sonar as sensor
 from prf.sensors.sonar import SonarModel, make_poses
 from prf.shell.errors import ConfigError
 from prf.window import Window
-from tests.reference.slow_sonar import Cone, Feature, Ring, features, log_likelihood, return_probability
-from tests.reference.sonar_worlds import data_of, model_of, ring_all_round
+from tests.reference.slow_sonar import Cone, Feature, Ring, features, log_likelihood, return_probability, weights
+from tests.reference.sonar_worlds import data_of, model_of, random_office, ring_all_round
 
 ROOM = Window(-5.0, -5.0, 5.0, 5.0)
 FAR = Window(1e5, -3e5, 1e5 + 20.0, -3e5 + 12.0)
@@ -69,6 +73,57 @@ def test_the_defaults_are_those_of_a_ring_that_sees_smooth_walls_near_face_on_on
     corners = [return_probability(Ring(), Feature(d, 0.0, 0.0, True)) for d in (0.5, 1.0, 2.0, 3.0)]
     assert min(corners) > 0.3
     assert corners == sorted(corners, reverse=True)
+
+
+def looked_at(seed: int) -> list[tuple[Scene, np.ndarray, np.ndarray]]:
+    """Cones on random maps and offices, and the features in each."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for coloring in [*exact_draws(0.5, ROOM, 3, rng), random_office(ROOM, 8, 6, rng)]:
+        places = rng.uniform(ROOM[:2], ROOM[2:], (6, 2))
+        cones = ring_all_round(places[~black_at(coloring, places)], 5, 0.9, rng)
+        data = data_of(Ring(), cones, np.ones(len(cones)))
+        pose = make_poses(data.model, data.origin, data.angle, data.cone, data.readings)
+        scene = scene_of_coloring(coloring, 3.5)
+        start, feature = features_seen(scene, pose, 3.5)
+        found += [
+            (scene, pose[k], feature[a:b]) for k, (a, b) in enumerate(itertools.pairwise(start.tolist())) if b > a
+        ]
+    assert len(found) > 30
+    return found
+
+
+def test_somebody_or_nobody_returns_the_pulse() -> None:
+    most = 0
+    for _, _, feature in looked_at(4):
+        found = sensor.return_probabilities(SonarModel(), feature)
+        assert found.share.sum() + found.none == pytest.approx(1.0, abs=1e-12)
+        assert ((found.share >= 0.0) & (found.share <= found.alone)).all()
+        seen = [Feature(*row[:3].tolist(), bool(row[3])) for row in feature]
+        assert found.alone == pytest.approx([return_probability(Ring(), one) for one in seen], rel=1e-12)
+        assert np.append(found.share, found.none) == pytest.approx(weights(Ring(), seen), rel=1e-9, abs=1e-15)
+        most = max(most, len(feature))
+    assert most >= 5
+
+
+def test_densities_and_the_mass_of_no_return_come_to_one() -> None:
+    """By quadrature of what the kernel says, on random maps; a piece between the centres of any two peaks."""
+    model = SonarModel()
+
+    def density(scene: Scene, pose: np.ndarray, r: float) -> float:
+        rows, total = pose[None].copy(), np.zeros(1)
+        rows[0, k.READING] = r
+        add_sonar_densities(scene, model.to_array(), rows, np.zeros(1, np.bool_), total)
+        return float(total[0])
+
+    for scene, pose, feature in looked_at(5)[::4]:
+        peaks = feature[:, v.DEPTH, None] + np.array([-0.5, -0.1, 0.0, 0.1, 0.5])
+        cuts = np.unique(np.clip([0.0, *peaks.ravel(), 3.5], 0.0, 3.5))
+        pieces = [
+            integrate.quad(lambda r, at=(scene, pose): density(*at, r), a, b, epsabs=1e-11)[0]
+            for a, b in itertools.pairwise(cuts.tolist())
+        ]
+        assert sum(pieces) + density(scene, pose, math.inf) == pytest.approx(1.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("view", [0.0, -0.1, math.pi, 4.0, math.nan])
