@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from prf.logs.describe import LogSummary, describe
 from prf.logs.open import read_readings
+from prf.logs.points import PointTable, read_point_data
 from prf.logs.readings import Kind, LogNotes, NoReadings, Readings, ScanTable
 from prf.logs.rings import CONE
 from prf.logs.table import write_table
@@ -15,9 +16,11 @@ __all__ = [
     "LogNotes",
     "LogSummary",
     "NoReadings",
+    "PointTable",
     "Readings",
     "ScanTable",
     "describe",
+    "read_point_data",
     "read_readings",
     "thin",
     "write_table",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
-import zlib
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -11,6 +9,7 @@ from typing import NamedTuple
 from prf.logs.bag_readings import read_bag
 from prf.logs.carmen import read_carmen
 from prf.logs.carmen_sonar import read_carmen_sonar
+from prf.logs.compressed import BYTE_ORDER_MARK, decompress
 from prf.logs.player_readings import read_player
 from prf.logs.readings import Kind, NoReadings, Readings
 from prf.logs.recognise import ACCEPTED, BAG_SUFFIXES, bag_suffix, recognise
@@ -18,10 +17,6 @@ from prf.logs.rings import CONE
 from prf.logs.table import read_table
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.files import STREAM, open_input
-
-GZIP_MAGIC = b"\x1f\x8b"
-BYTE_ORDER_MARK = b"\xef\xbb\xbf"
-"""UTF-8's, which spreadsheets put before a CSV header."""
 
 METADATA = "metadata.yaml"
 """What makes a folder a ROS 2 bag."""
@@ -87,7 +82,7 @@ def read_readings(
         head = stream.read(HEAD)
         if path != STREAM and bag_suffix(head):
             return _read_bag_file(Path(path), bag_suffix(head), source, choice)
-        data = _decompress(head + stream.read(), source)
+        data = decompress(head + stream.read(), source)
     if bag_suffix(data[:HEAD]):
         with TemporaryDirectory() as folder:
             copy = Path(folder) / "log"
@@ -152,14 +147,3 @@ def _read_bag_file(file: Path, suffix: str, source: str, choice: _Choice) -> Rea
 
 def _read_bag(path: Path, source: str, choice: _Choice) -> Readings:
     return read_bag(path, source, choice.kind, choice.cone, choice.topic, choice.frame)
-
-
-def _decompress(data: bytes, source: str) -> bytes:
-    if not data.startswith(GZIP_MAGIC):
-        return data
-    try:
-        return gzip.decompress(data)
-    except EOFError:
-        raise InputError(f"{source}: the gzip file is cut off at its end. Copy or download it again.") from None
-    except (OSError, zlib.error):
-        raise InputError(f"{source}: the gzip file is damaged. Copy or download it again.") from None

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from typing import Literal
 
 from prf.logs.carmen import KNOWN_KINDS
+from prf.logs.columns import column_names
 from prf.logs.numbers import is_number
-from prf.logs.table import REQUIRED, column_names
+from prf.logs.table import REQUIRED
 from prf.shell.errors import InputError
 
 Format = Literal["carmen", "player", "table"]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prf.logs import Readings, read_readings, table, write_table
+from prf.logs import Readings, columns, read_readings, write_table
 from prf.logs.table import read_table
 from prf.shell.errors import InputError
 
@@ -63,6 +63,7 @@ class TestRefusals:
         ("text", "words"),
         [
             ("x,y,range\n1,2,3\n", "a.csv:1: the header has no column theta."),
+            ("x,y,value\n1,2,3\n", "no column theta, range. Point observations (x,y,value) are given as --point-data."),
             ("x,y,theta,range,x\n1,2,3,4,5\n", "column x twice"),
             ("x,y,theta,range\n", "without a row"),
             ("x,y,theta,range\n1,2,3,4\n1,2,3\n", "a.csv:3: row of 3 fields under a header of 4."),
@@ -86,7 +87,7 @@ class TestRefusals:
         assert words in refusal(text)
 
     def test_the_line_is_right_beyond_the_first_block(self, monkeypatch):
-        monkeypatch.setattr(table, "BLOCK", 3)
+        monkeypatch.setattr(columns, "BLOCK", 3)
         text = "x,y,theta,range\n" + "1,2,3,4\n" * 7
         assert read(text).n_beams == 7
         assert refusal(text + "1,2,3,z\n").startswith("a.csv:9:")

@@ -1,0 +1,79 @@
+"""Point observations: CSV with the columns x, y and value, one observation a row (docs/point-data.md)."""
+
+from __future__ import annotations
+
+import os
+from typing import NamedTuple
+
+import numpy as np
+
+from prf.logs.columns import PLACE, Domain, content_lines, read_header, read_rows, refuse_value
+from prf.logs.compressed import BYTE_ORDER_MARK, decompress
+from prf.logs.readings import FloatArray, IntArray
+from prf.shell.errors import InputError
+from prf.shell.files import STREAM, open_input
+
+REQUIRED = ("x", "y", "value")
+HEADER = "Name the columns x,y,value."
+LARGEST_VALUE = 1e100
+"""Its square is a number."""
+
+_DOMAINS = {"x": PLACE, "y": PLACE, "value": Domain("a finite number", -LARGEST_VALUE, LARGEST_VALUE)}
+
+
+class PointTable(NamedTuple):
+    """Point observations as a file has them.
+
+    Attributes
+    ----------
+    xy : (n, 2) float64
+        Places, metres.
+    value : (n,) float64
+    line : (n,) int64
+        Line of each in the file.
+    source : str
+        Name of the file, for messages.
+    """
+
+    xy: FloatArray
+    value: FloatArray
+    line: IntArray
+    source: str
+
+    def refuse_other_than_colours(self) -> None:
+        """Raise InputError for the first value that is neither 0 nor 1."""
+        bad = np.flatnonzero((self.value != 0.0) & (self.value != 1.0))
+        if len(bad):
+            raise InputError(
+                f"{self.source}:{self.line[bad[0]]}: value is {self.value[bad[0]]:g}, but binary observations are 0 "
+                f'(white) or 1 (black). Mend it, or set kind = "gaussian" in [points].'
+            )
+
+
+def read_point_data(path: str | os.PathLike[str]) -> PointTable:
+    """Read point observations; gzipped or not, ``-`` is standard input.
+
+    Parameters
+    ----------
+    path : path
+        A CSV file whose header names the columns x, y and value, in any order and among others. Blank lines and lines
+        that begin with ``#`` are passed over.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged or empty, or a row has no finite x, y and value; with ``file:line``.
+    """
+    source = "standard input" if os.fspath(path) == STREAM else os.fspath(path)
+    with open_input(path) as stream:
+        data = decompress(stream.read(), source).removeprefix(BYTE_ORDER_MARK)
+    lines = content_lines(data)
+    if not lines:
+        raise InputError(f"{source}: the file is empty. Give a CSV table with the columns x,y,value.")
+    header = read_header(lines[0][1], f"{source}:{lines[0][0]}", REQUIRED, (), HEADER)
+    if len(lines) == 1:
+        raise InputError(f"{source}: table without a row below its header. Give at least one point.")
+    rows = read_rows(lines[1:], header, source, {})
+    for name, domain in _DOMAINS.items():
+        refuse_value(rows, name, domain.holds(rows.columns[name]), domain.words)
+    return PointTable(np.column_stack((rows.columns["x"], rows.columns["y"])), rows.columns["value"], rows.line, source)
