@@ -97,7 +97,7 @@ def simulate(
         typer.Option("--noise-relative", metavar="SHARE", help="The same as a share of the distance.  [0.01]"),
     ] = None,
     laser_outlier_probability: Annotated[
-        float | None, typer.Option("--outlier-probability", metavar="SHARE", help="Stray readings.  [0.01]")
+        float | None, typer.Option("--outlier-probability", metavar="SHARE", help="Stray readings.  [0.003]")
     ] = None,
     laser_miss_probability: Annotated[
         float | None, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.  [0.02]")

@@ -40,8 +40,8 @@ class LaserPhysics:
     noise, noise_relative : float
         Standard deviation in metres and as a share of the distance; the larger counts.
     outlier_probability : float
-        Share of readings that are uniform between 0 and `max_range`. More than one in a hundred and those beyond the
-        walls widen the window that `prf sample` takes by default.
+        Share of readings that are uniform between 0 and `max_range`. The window that `prf sample` takes by default
+        leaves 0.5 % of the returns outside: more strays than that beyond the walls widen it.
     miss_probability : float
         Share of readings without return although a wall is in reach.
     dropped : float
@@ -55,7 +55,7 @@ class LaserPhysics:
     max_range: float = 30.0
     noise: float = 0.03
     noise_relative: float = 0.01
-    outlier_probability: float = 0.01
+    outlier_probability: float = 0.003
     miss_probability: float = 0.02
     dropped: float = 0.0
     dark: float = 0.0

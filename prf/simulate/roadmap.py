@@ -18,7 +18,7 @@ CELL = 0.1
 PLAY = 0.02
 """Metres between robot and walls: a step between two cells cuts a corner by 0.01 m, and the arcs of a buffer run inside
 the true ones."""
-MOST_CELLS = 4_000_000
+MOST_CELLS = 2_500_000
 NEIGHBOURS = ((0, 1), (1, -1), (1, 0), (1, 1))
 """Half of the eight steps to a neighbour; the other half is the way back."""
 
@@ -29,7 +29,7 @@ class Roadmap(NamedTuple):
     Attributes
     ----------
     xy : (n, 2) float64
-        Centres of cells, metres.
+        Centres of cells, metres, row by row from the lowest y.
     clearance : (n,) float64
         Metres from each centre to the nearest place where the robot cannot be, about.
     steps : (n, n) sparse array

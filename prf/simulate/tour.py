@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from prf.simulate.roadmap import Roadmap
+from prf.simulate.roadmap import CELL, Roadmap
 from prf.simulate.world import Floats
 
 Ints = NDArray[np.int64]
@@ -54,8 +54,16 @@ def viewpoints(road: Roadmap, reach: float) -> Ints:
     for place in np.argsort(-road.clearance, kind="stable").tolist():
         if not covered[place]:
             chosen.append(place)
-            covered |= csgraph.dijkstra(road.steps, indices=place, limit=reach) <= reach
+            _cover(road, place, reach, covered)
     return np.array(chosen)
+
+
+def _cover(road: Roadmap, place: int, reach: float, covered: NDArray[np.bool_]) -> None:
+    """Mark all that is at most `reach` of way from a place; no such way leaves the rows of the grid so near to it."""
+    y = road.xy[:, 1]
+    low, high = np.searchsorted(y, [y[place] - reach - CELL, y[place] + reach + CELL])
+    rows = road.steps[low:high, low:high]
+    covered[low:high] |= csgraph.dijkstra(rows, indices=place - low, limit=reach) <= reach
 
 
 def tour_places(road: Roadmap, stops: Ints, first: int) -> list[Ints]:
