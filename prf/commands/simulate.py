@@ -49,11 +49,11 @@ def simulate(
         float | None, typer.Option("--corridor", metavar="METRES", help="Width of its corridors.  [2]")
     ] = None,
     furniture: Annotated[
-        bool, typer.Option("--furniture/--no-furniture", help="Cupboards and tables in an office.")
-    ] = True,
+        bool | None, typer.Option("--furniture/--no-furniture", help="Cupboards and tables in an office.  [furniture]")
+    ] = None,
     unknown: Annotated[
-        Unknown, typer.Option("--unknown", help="What the unknown cells of a ROS map are.")
-    ] = Unknown.occupied,
+        Unknown | None, typer.Option("--unknown", help="What the unknown cells of a ROS map are.  [occupied]")
+    ] = None,
     path: Annotated[
         str | None,
         typer.Option("--path", metavar="FILE", help="CSV of waypoints x,y, or of poses x,y,theta to measure at."),
@@ -129,13 +129,14 @@ def simulate(
     from prf.shell.files import STREAM, refuse_standing
     from prf.shell.progress import progress
     from prf.shell.seeds import resolve_seed
-    from prf.simulate import SimulateConfig, summary, write_simulation
+    from prf.simulate import config_of, summary, write_simulation
     from prf.simulate import simulate as make
 
     if output is None or output == STREAM:
         raise UsageError("the result is a directory. Name one with -o DIR.")
     refuse_standing(output, force)
-    config = SimulateConfig.from_options({**options, "unknown_is_occupied": unknown is Unknown.occupied}, laser, sonar)
+    options["unknown_is_occupied"] = None if unknown is None else unknown is Unknown.occupied
+    config = config_of(options, laser, sonar)
     with progress(1.0, "casting beams") as bar:
         simulation = make(config, resolve_seed(seed), bar.update)
     write_simulation(output, simulation)

@@ -1,6 +1,7 @@
 """Simulated worlds and what a robot's laser and sonar read in them: readings whose truth is known."""
 
 from prf.simulate.laser import LaserPhysics, simulate_laser
+from prf.simulate.options import config_of
 from prf.simulate.path import Scans, Spacing, plan_drive, scans_along
 from prf.simulate.plans import OfficePlan, office
 from prf.simulate.roadmap import Roadmap, roadmap
@@ -18,6 +19,7 @@ __all__ = [
     "Simulation",
     "Spacing",
     "World",
+    "config_of",
     "draw_world",
     "office",
     "plan_drive",

@@ -143,9 +143,8 @@ def simulate_laser(
     """
     impacts = cast(walls, poses, physics, report)
     distance = impacts.distance
-    if is_dark is not None:
-        swallowed = (impacts.wall >= 0) & is_dark[impacts.wall]
-        distance = np.where(swallowed, np.inf, distance)
+    if is_dark is not None and is_dark.any():
+        distance = np.where(is_dark[impacts.wall], np.inf, distance)  # without wall (-1) the distance is inf anyway
     return measure(distance, physics, rng)
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.simulate.roadmap import Roadmap
+from prf.simulate.roadmap import CELL, Roadmap
 from prf.simulate.tour import tour_places, viewpoints
 from prf.simulate.world import Floats
 
@@ -15,6 +15,8 @@ SPEED = 0.5
 """Metres a second, while driving."""
 TURNING = 1.0
 """Radians a second, while turning in place."""
+LEAST_STOPS = 4
+"""Viewpoints of a drive, so that a room is seen from more than one side."""
 DIGITS = 6
 """Decimals of a pose, metres and radians: what a log writes is what was simulated."""
 
@@ -57,8 +59,9 @@ class Scans(NamedTuple):
 def plan_drive(road: Roadmap, reach: float, start: tuple[float, float] | None = None) -> Floats:
     """Return corners (n, 2) of a way that comes near every place of the roadmap.
 
-    Viewpoints are chosen in the middle of the space first, until every place has one within `reach` metres of way. The
-    robot visits all of them by a short tour; its legs are pulled straight where nothing stands in between.
+    Viewpoints are chosen in the middle of the space first, until every place has one within `reach` metres of way, or
+    less where the space is so small that the robot would hardly move. It visits all of them by a short tour; its legs
+    are pulled straight where nothing stands in between.
 
     Parameters
     ----------
@@ -69,6 +72,9 @@ def plan_drive(road: Roadmap, reach: float, start: tuple[float, float] | None = 
         Where to begin; default the place with most space round it.
     """
     stops = viewpoints(road, reach)
+    while len(stops) < LEAST_STOPS and reach > CELL:
+        reach *= 0.5
+        stops = viewpoints(road, reach)
     first = 0 if start is None else int(np.hypot(*(road.xy[stops] - np.asarray(start)).T).argmin())
     corners = [road.xy[stops[first]][None]]
     corners += [pulled(road, road.xy[places])[1:] for places in tour_places(road, stops, first)]

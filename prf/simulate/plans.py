@@ -66,8 +66,8 @@ class OfficePlan:
             raise ConfigError(f"room {self.room:g}: must be at least 2.2 times the door's width, {2.2 * self.door:.3g}")
         if self.corridor < 1.0:
             raise ConfigError(f"corridor {self.corridor:g}: must be at least 1 m wide")
-        if min(self.width, self.height) < 3.0 or self.width < self.room:
-            raise ConfigError(f"size {self.width:g} x {self.height:g}: must be at least 3 m, and as wide as a room")
+        if min(self.width, self.height) < 3.0 or self.width < self.door + 1.5:
+            raise ConfigError(f"size {self.width:g} x {self.height:g}: at least 3 m, and 1.5 m wider than a door")
 
 
 class Row(NamedTuple):
@@ -141,11 +141,16 @@ def _crossings(plan: OfficePlan, corridors: list[Box], rng: np.random.Generator)
     """Return corridors that join the others, so that there are loops to drive."""
     if len(corridors) < 2:
         return []
+    south, north = corridors[0], corridors[-1]
     n = max(1, round(plan.width / CROSSING))
     shift = rng.uniform(-0.2, 0.2, n)
     middles = plan.width * (np.arange(n) + 0.5 + shift) / n
-    half = 0.5 * plan.corridor
-    return [box_of(x - half, corridors[0].y0, x + half, corridors[-1].y1) for x in middles.tolist()]
+    half = 0.5 * min(plan.corridor, south.width)
+    middles = np.clip(middles, south.x0 + half, south.x1 - half)
+    # What is left beside a crossing is a block of rooms, or nothing thinner than a wall.
+    middles = np.where(middles - half - south.x0 < OUTER_WALL, south.x0 + half, middles)
+    middles = np.where(south.x1 - middles - half < OUTER_WALL, south.x1 - half, middles)
+    return [box_of(x - half, south.y0, x + half, north.y1) for x in middles.tolist()]
 
 
 def _outer_rows(inside: Box, corridors: list[Box]) -> list[Row]:
@@ -169,7 +174,7 @@ def _fill_band(
     middle = 0.5 * (y0 + y1)
     ends = [lower.x0, *(end for crossing in crossings for end in (crossing.x0 - wall, crossing.x1 + wall)), lower.x1]
     blocks = [block for block in zip(ends[::2], ends[1::2], strict=True) if block[1] - block[0] > 1.5 * plan.door]
-    certain = int(rng.integers(len(blocks)))
+    certain = int(rng.integers(max(1, len(blocks))))
     for number, (x0, x1) in enumerate(blocks):
         south = Wall(x0, lower.y1, x1, y0, room_side=1)
         north = Wall(x0, y1, x1, upper.y0, room_side=-1)

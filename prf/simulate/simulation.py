@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from prf.logs.rings import PIONEER
+from prf.logs.track import mounted
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.seeds import spawn_generators
 from prf.simulate.laser import LaserPhysics, choose_dark, simulate_laser
@@ -93,16 +93,6 @@ class SimulateConfig:
         if self.sonar is not None and self.robot_radius < RING_RADIUS:
             raise ConfigError(f"robot-radius {self.robot_radius:g}: the sonar ring needs {RING_RADIUS:.3g} m")
 
-    @classmethod
-    def from_options(cls, options: Mapping[str, Any], laser: bool, sonar: bool) -> SimulateConfig:
-        """Return the configuration of a command's options; those of a sensor bear its name and an underscore first."""
-        own = {field.name for field in dataclasses.fields(cls)} - {"laser", "sonar"}
-        return cls(
-            **{name: value for name, value in options.items() if name in own and value is not None},
-            laser=LaserPhysics(**_part(options, "laser_")) if laser else None,
-            sonar=SonarPhysics(**_part(options, "sonar_")) if sonar else None,
-        )
-
     @property
     def readings_per_scan(self) -> int:
         """Of the sensor that `readings` counts."""
@@ -138,15 +128,6 @@ class Simulation:
     is_dark: NDArray[np.bool_]
     laser: Floats | None
     sonar: Floats | None
-
-
-def _part(options: Mapping[str, Any], prefix: str) -> dict[str, Any]:
-    """Return the options whose names begin with a prefix, without it; None stands for a default."""
-    return {
-        name.removeprefix(prefix): value
-        for name, value in options.items()
-        if name.startswith(prefix) and value is not None
-    }
 
 
 def simulate(config: SimulateConfig, seed: int, report: Callable[[float], None] = lambda done: None) -> Simulation:
@@ -212,11 +193,26 @@ def _drive(config: SimulateConfig, world: World, given: PathFile | None) -> Scan
         given.check(world)
     if given is not None and given.has_headings:
         scans = given.scans()
-        return Scans(scans.pose[:n_scans], scans.time[:n_scans])
+        return _with_space(config, world, Scans(scans.pose[:n_scans], scans.time[:n_scans]))
     if given is not None:
         corners = given.rows
     else:
         corners = plan_drive(roadmap(world, config.robot_radius, config.start), config.reach, config.start)
     spacing = Spacing(config.spacing or Spacing.metres, config.turn_spacing or Spacing.radians)
     stretch = config.spacing is None and config.turn_spacing is None
-    return scans_along(corners, spacing, n_scans, stretch)
+    return _with_space(config, world, scans_along(corners, spacing, n_scans, stretch))
+
+
+def _with_space(config: SimulateConfig, world: World, scans: Scans) -> Scans:
+    """Return scans after a look whether the sonar ring has space at all: a path that is given may pass too close."""
+    if config.sonar is None:
+        return scans
+    places = np.concatenate([mounted(pose, PIONEER)[:, :2] for pose in scans.pose])
+    free = world.free_at(places).reshape(-1, len(PIONEER)).all(axis=1)
+    if not free.all():
+        x, y = scans.pose[int(np.argmin(free)), :2]
+        raise InputError(
+            f"{config.path}: at ({x:g}, {y:g}) the sonar ring stands in a wall or outside the world. Keep "
+            f"{RING_RADIUS:.3g} m away."
+        )
+    return scans

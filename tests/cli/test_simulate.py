@@ -54,7 +54,8 @@ def test_an_exported_truth_can_be_simulated_in_again(tmp_path: Path) -> None:
     assert run_app(app, "prf", ["export", truth, "--format", "ros-map", "-o", ros, "-q"]) == 0
     for name, world in (("again", truth), ("raster", ros)):
         again = tmp_path / name
-        assert run("--world", world, "--path", path, "--unknown", "free", "--seed", "4", "-o", str(again)) == 0
+        args = ["simulate", "--world", world, "--path", path, "--unknown", "free", "--beams", "36"]
+        assert run_app(app, "prf", [*args, "--seed", "4", "-o", str(again)]) == 0
         assert (again / "path.csv").read_text() == (folder / "path.csv").read_text()
     assert (tmp_path / "again" / "laser.log.gz").read_bytes() == (folder / "laser.log.gz").read_bytes()
 
@@ -77,8 +78,11 @@ def test_json_and_the_seed_that_was_drawn(tmp_path: Path, capsys: pytest.Capture
         (["-o", "-"], 2, "-o"),
         (["-o", "out", "--size", "2", "2"], 2, "size"),
         (["-o", "out", "--max-range", "0"], 2, "max-range"),
-        (["-o", "out", "--no-laser"], 2, "no sensor"),
-        (["-o", "out", "--world", "none.geojson"], 3, "none.geojson"),
+        (["-o", "out", "--scale", "1"], 2, "--scale is for --world arak"),
+        (["-o", "out", "--unknown", "free"], 2, "--unknown is for --world FILE"),
+        (["-o", "out", "--world", "arak", "--no-furniture"], 2, "--no-furniture is for --world office"),
+        (["-o", "out", "--sonar-max-range", "5"], 2, "--sonar-max-range is for a sonar"),
+        (["-o", "out", "--path", "none.csv", "--reach", "1"], 2, "--reach is for a drive that is planned"),
         (["-o", "out", "--path", "none.csv"], 3, "none.csv"),
         (["-o", "out", "--start", "100", "100"], 3, "--start 100 100"),
         (["-o", "/dev/null/out"], 4, "cannot be written"),
@@ -98,6 +102,21 @@ def test_refusals(
     assert streams.out == ""
     assert message in streams.err
     assert streams.err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_sensor_and_no_world(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for args, code, message in (
+        (["--no-laser"], 2, "no sensor"),
+        (["--no-laser", "--beams", "3"], 2, "--beams is for a laser"),
+        (["--world", "none.geojson"], 3, "none.geojson: no such file"),
+        (["--world", "none.geojson", "--size", "3", "3"], 2, "--size is for --world office or arak"),
+    ):
+        assert run_app(app, "prf", ["simulate", "-o", "out", *args]) == code
+        assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 

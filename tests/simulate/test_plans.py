@@ -14,7 +14,17 @@ from prf.simulate import OfficePlan, World, office, roadmap
 from prf.simulate.plans import MARGIN, draft_office
 from prf.simulate.roadmap import CELL
 
-SIZES = [(60.0, 40.0), (22.0, 14.0), (35.0, 25.0), (12.0, 5.0), (8.0, 7.0), (4.0, 4.0), (100.0, 12.0), (6.0, 30.0)]
+SIZES = [
+    (60.0, 40.0),
+    (22.0, 14.0),
+    (35.0, 25.0),
+    (12.0, 5.0),
+    (8.0, 7.0),
+    (4.0, 4.0),
+    (100.0, 12.0),
+    (6.0, 30.0),
+    (3.0, 20.0),
+]
 RADIUS = 0.25
 
 
@@ -37,10 +47,14 @@ def test_every_room_can_be_reached(size: tuple[float, float]) -> None:
 
 @pytest.mark.parametrize("size", SIZES)
 def test_a_plan_is_a_valid_map_of_its_size(size: tuple[float, float]) -> None:
-    world = world_of(OfficePlan(*size), 3)
-    assert violations(world.coloring()) == []
-    assert world.window == (-MARGIN, -MARGIN, size[0] + MARGIN, size[1] + MARGIN)
-    assert world.occupied.bounds == (0.0, 0.0, *size)
+    for seed in range(3):
+        world = world_of(OfficePlan(*size), seed)
+        assert violations(world.coloring()) == []
+        assert world.window == (-MARGIN, -MARGIN, size[0] + MARGIN, size[1] + MARGIN)
+        assert world.occupied.bounds == (0.0, 0.0, *size)
+        outside = shapely.difference(shapely.box(*world.window), shapely.box(0.0, 0.0, *size))
+        free = shapely.difference(shapely.box(*world.window), world.occupied)
+        assert any(part.equals(outside) for part in shapely.get_parts(free)), "the building is closed"
 
 
 def test_walls_are_as_thick_as_walls() -> None:

@@ -113,6 +113,29 @@ def test_a_sonar_joins_without_changing_the_rest(tmp_path: Path) -> None:
     assert made.world.free_at(readings.origin).all()
 
 
+def test_a_path_too_close_for_the_ring_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "map.geojson").write_text(
+        json.dumps({"type": "Polygon", "coordinates": [[[0, 0], [5, 0], [5, 0.2], [0, 0.2], [0, 0]]]})
+    )
+    (tmp_path / "path.csv").write_text("x,y,theta\n1,1,0\n2,0.3,0\n")
+    files = {"world": str(tmp_path / "map.geojson"), "path": str(tmp_path / "path.csv")}
+    assert len(simulate(SimulateConfig(**files), 1).scans.time) == 2  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"path\.csv: at \(2, 0\.3\) the sonar ring stands in a wall"):
+        simulate(SimulateConfig(**files, sonar=SonarPhysics()), 1)  # type: ignore[arg-type]
+
+
+def test_an_empty_world_and_a_small_one(tmp_path: Path) -> None:
+    empty = {"type": "Feature", "properties": {"window": [0, 0, 6, 5]}, "geometry": None}
+    (tmp_path / "map.geojson").write_text(json.dumps(empty))
+    made = simulate(SimulateConfig(world=str(tmp_path / "map.geojson"), readings=1800), 1)
+    assert made.laser is not None
+    assert np.isinf(made.laser).mean() > 0.98
+    write_simulation(tmp_path / "empty", made)
+    small = simulate(SimulateConfig(size=(3.5, 3.0), readings=1800), 1)
+    assert np.ptp(small.scans.pose[:, 2]) > np.pi
+    assert np.ptp(small.scans.pose[:, 0]) > 0.5
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
