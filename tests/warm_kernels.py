@@ -24,7 +24,7 @@ from prf.posterior import Settings, make_chain
 from prf.recompute import recompute_impacts
 from prf.score.scene import features_seen, scene_of_coloring
 from prf.shell.run import run_app
-from prf.simulate.sonar import SonarPhysics, simulate_sonar, trace_echoes
+from prf.simulate.sonar import SonarPhysics, simulate_sonar
 from prf.window import Window
 
 LOG = Path(__file__).resolve().parent.parent / "data" / "demo-office.log.gz"
@@ -72,9 +72,7 @@ def call_library() -> None:
     black_areas(draws)
     black_at(draws[0], [[0.5, 0.5]])
     features_seen(scene_of_coloring(draws[0], 3.5), np.empty((0, N_POSE)), 3.5)
-    wall, rng = np.array([[1.0, -1.0, 1.0, 1.0]]), np.random.default_rng(1)
-    simulate_sonar(wall, np.zeros((1, 3)), SonarPhysics(), rng)
-    trace_echoes(wall, np.zeros(3), SonarPhysics(), rng)
+    simulate_sonar(np.array([[1.0, -1.0, 1.0, 1.0]]), np.zeros((1, 3)), SonarPhysics(), np.random.default_rng(1))
     recompute_impacts(make_chain(Settings(draws.window, 1.0), draws[0]))
 
 

@@ -17,7 +17,8 @@ class Acoustics(NamedTuple):
 
     `wavelength`; `loss` nepers a metre of path; `level` amplitude at the detector of an on-axis echo after 1 m of
     path; `window` longest range listened to; `faint` amplitudes below this share of the threshold are dropped;
-    `edge_radius` rounding of edges; `directivity` amplitude by angle off the axis, from 0 to pi/2 in equal steps;
+    `detour` amplitude of the beam below which two walls in turn are not followed; `edge_radius` rounding of edges;
+    `directivity` amplitude by angle off the axis, from 0 to pi/2 in equal steps;
     `fresnel_re`, `fresnel_im` integrals of exp(i pi t^2 / 2) from 0 to -MOST_ZONES .. MOST_ZONES in equal steps;
     `bin` length of a bin of range; `gain` amplification in each bin, in units of the threshold.
     """
@@ -27,6 +28,7 @@ class Acoustics(NamedTuple):
     level: float
     window: float
     faint: float
+    detour: float
     edge_radius: float
     directivity: np.ndarray
     fresnel_re: np.ndarray

@@ -46,6 +46,20 @@ def both_see(scene: Scene, link: Link, x: float, y: float, skip: int, skip_too: 
 
 
 @core
+def zones_to_end(scene: Scene, sound: Acoustics, link: Link, w: int, end: int, beyond: bool, length: float) -> float:
+    """Fresnel argument of an end of wall `w`: sqrt(4 / wavelength) of what the path by it is longer than by the foot.
+
+    Negative if the foot lies beyond that end; an end in a right-angled corner is no end.
+    """
+    if scene.partner[w, end] != NO_WALL:
+        return ENDLESS
+    x, y = scene.wall[w, 2 * end], scene.wall[w, 2 * end + 1]
+    path = math.hypot(x - link.p.x, y - link.p.y) + math.hypot(x - link.q.x, y - link.q.y)
+    v = 2.0 * math.sqrt(max(path - length, 0.0) / sound.wavelength)
+    return -v if beyond else v
+
+
+@core
 def wall_echo(scene: Scene, sound: Acoustics, echoes: Echoes, link: Link, w: int) -> None:
     """Mirror reflection: mirror / L, times the share of the Fresnel zones round the foot that lie on the wall."""
     p, q = link.p, link.q
@@ -56,14 +70,11 @@ def wall_echo(scene: Scene, sound: Acoustics, echoes: Echoes, link: Link, w: int
     sp = place_along(scene, w, p.x, p.y)
     across = place_along(scene, w, q.x, q.y) - sp
     foot = sp + across * hp / (hp + hq)
-    if not foot_counts(scene, w, foot):
-        return
     length = math.sqrt(across * across + (hp + hq) * (hp + hq))
-    d1 = length * hp / (hp + hq)
-    d2 = length - d1
-    scale = (hp + hq) / length * math.sqrt(2.0 * length / (sound.wavelength * d1 * d2))
-    first = -foot * scale if scene.partner[w, 0] == NO_WALL else -ENDLESS
-    last = (scene.length[w] - foot) * scale if scene.partner[w, 1] == NO_WALL else ENDLESS
+    if length >= 2.0 * sound.window or not foot_counts(scene, w, foot):
+        return
+    first = -zones_to_end(scene, sound, link, w, 0, foot < 0.0, length)
+    last = zones_to_end(scene, sound, link, w, 1, foot > scene.length[w], length)
     if first >= FARTHEST or last <= -FARTHEST:
         return
     re, im = zones(sound, first, last)
@@ -71,11 +82,9 @@ def wall_echo(scene: Scene, sound: Acoustics, echoes: Echoes, link: Link, w: int
     s = min(max(foot, rim), scene.length[w] - rim)
     x = scene.wall[w, 0] + s * scene.along[w, 0]
     y = scene.wall[w, 1] + s * scene.along[w, 1]
-    size = scene.mirror[w] * link.gain * toward(sound, p, x, y) * toward(sound, q, x, y) / length
-    if not audible(sound, size * math.sqrt(re * re + im * im), length):
-        return
-    if both_see(scene, link, x, y, w, NO_WALL):
-        arrival = math.hypot(x - p.x, y - p.y) + math.hypot(x - q.x, y - q.y)
+    arrival = math.hypot(x - p.x, y - p.y) + math.hypot(x - q.x, y - q.y)
+    size = scene.mirror[w] * link.gain * toward(sound, p, x, y) * toward(sound, q, x, y) / arrival
+    if audible(sound, size * math.sqrt(re * re + im * im), arrival) and both_see(scene, link, x, y, w, NO_WALL):
         collect(sound, echoes, link.receiver, link.delay, arrival, length, size * re, size * im)
 
 
@@ -209,7 +218,10 @@ def two_wall_echo(scene: Scene, sound: Acoustics, echoes: Echoes, link: Link, on
     if not s >= 0.0:
         return
     ax, ay = scene.wall[one, 0] + s * scene.along[one, 0], scene.wall[one, 1] + s * scene.along[one, 1]
-    size *= toward(sound, p, ax, ay) * toward(sound, q, bx, by)
+    out, back = toward(sound, p, ax, ay), toward(sound, q, bx, by)
+    size *= out * back
+    if min(out, back) < sound.detour:
+        return
     if not audible(sound, size, length) or not clear(scene, p.x, p.y, ax, ay, one, NO_WALL, NO_WALL):
         return
     if clear(scene, ax, ay, bx, by, one, two, NO_WALL) and clear(scene, bx, by, q.x, q.y, two, NO_WALL, NO_WALL):

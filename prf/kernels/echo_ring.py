@@ -192,19 +192,13 @@ def sense_ring(
     rng: np.random.Generator,
     ranges: np.ndarray,
 ) -> None:
-    """Write the readings of a ring at each pose (m, 3) into `ranges` (m, r), inf: no return."""
+    """Write the readings of a ring at each pose (m, 3) into `ranges` (m, r), inf: no return.
+
+    `echoes` keeps those of the last pose.
+    """
     for m in range(poses.shape[0]):
         for r in range(ring.group.size):
             ring.firing[r] = ring.spread * rng.random()
         ring_echoes(scene, sound, effects, ring, near, echoes, poses[m])
         for r in range(ring.group.size):
             ranges[m, r] = listen(sound, listening, echoes, r, rng)
-
-
-@core_entry
-def list_echoes(
-    scene: Scene, sound: Acoustics, effects: Effects, ring: Ring, near: Nearby, echoes: Echoes, pose: np.ndarray
-) -> None:
-    """List the echoes that each transducer of a robot at `pose` receives if those of a group fire at the same time."""
-    ring.firing[:] = 0.0
-    ring_echoes(scene, sound, effects, ring, near, echoes, pose)

@@ -20,7 +20,7 @@ Integers = NDArray[np.int64]
 
 SAME_PLACE = 1e-6
 """Metres. Ends of walls this close to each other are one vertex."""
-STRAIGHT = 1e-4
+STRAIGHT = 1e-6
 """Radians. Walls that turn by less at a joint are one wall: a straight joint scatters nothing."""
 SHORTEST = 1e-5
 """Metres. Shorter walls are nothing."""

@@ -6,7 +6,9 @@ Made to judge maps that the likelihood of :mod:`prf.sensors.sonar` led to, it sh
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +16,7 @@ from scipy.special import fresnel
 
 from prf.kernels.echo_levels import MOST_ZONES, Acoustics, Echoes
 from prf.kernels.echo_receiver import Listening
-from prf.kernels.echo_ring import Effects, Nearby, Ring, list_echoes, sense_ring
+from prf.kernels.echo_ring import Effects, Nearby, Ring, sense_ring
 from prf.kernels.echo_scene import Scene
 from prf.logs.rings import PIONEER
 from prf.shell.errors import InputError
@@ -31,8 +33,12 @@ MOST_ECHOES = 2048
 """Echoes of one reading; later ones are dropped. Offices make some dozens."""
 MIRROR_LEVEL = 10.0 ** (-30.0 / 20.0)
 """Walls in directions in which the beam is weaker than this (-30 dB, one way) send nothing on a detour."""
+CHUNK = 50
+"""Poses between two reports of progress: about a third of a second in an office."""
 N_DIRECTIONS = 1801
+"""Entries of the table of the beam: steps of a twentieth of a degree."""
 N_ZONES = 4001
+"""Entries of the table of Fresnel integrals, from which interpolation is right to 1e-5."""
 
 
 def simulate_sonar(
@@ -41,6 +47,7 @@ def simulate_sonar(
     physics: SonarPhysics,
     rng: np.random.Generator,
     ring: Floats = PIONEER,
+    advance: Callable[[int], object] | None = None,
 ) -> Floats:
     """Return what a ring of sonars reads at each pose, (m, r) metres, inf: no return.
 
@@ -54,21 +61,65 @@ def simulate_sonar(
     rng : Generator
     ring : (r, 3) array
         Place (metres) and axis (radians) of each transducer on the robot; by default the 16 of a Pioneer.
+    advance : callable, optional
+        Called now and then with the number of poses done since the last call.
 
     Raises
     ------
     InputError
         If an array has another shape or holds values that are no numbers.
     """
+    return _sense(walls, poses, physics, rng, ring, advance)[0]
+
+
+def trace_echoes(
+    walls: Floats, pose: Floats, physics: SonarPhysics, rng: np.random.Generator, ring: Floats = PIONEER
+) -> list[Floats]:
+    """Return the echoes that each transducer receives at one pose, before noise and threshold.
+
+    Parameters
+    ----------
+    walls, physics, rng, ring
+        As for :func:`simulate_sonar`; those of a group fire at the same time.
+    pose : (3,) array
+        Robot's x and y in metres and heading in radians.
+
+    Returns
+    -------
+    list of (n, 2) arrays
+        For each transducer the range (half the path, metres) and the level (decibels over the threshold at the
+        gain with which listening begins; add :meth:`SonarPhysics.gain_db`) of every echo, nearest first.
+    """
+    at_once = dataclasses.replace(physics, firing_spread=0.0)
+    echoes = _sense(walls, np.asarray(pose, dtype=np.float64)[None], at_once, rng, ring, None)[1]
+    heard = []
+    for r, n in enumerate(echoes.n_heard):
+        size = np.hypot(echoes.re[r, :n], echoes.im[r, :n])
+        order = np.argsort(echoes.length[r, :n], kind="stable")
+        heard.append(np.stack([0.5 * echoes.length[r, :n], 20.0 * np.log10(size)], axis=1)[order])
+    return heard
+
+
+def _sense(
+    walls: Floats,
+    poses: Floats,
+    physics: SonarPhysics,
+    rng: np.random.Generator,
+    ring: Floats,
+    advance: Callable[[int], object] | None,
+) -> tuple[Floats, Echoes]:
+    """Return the readings at all poses, and the echoes at the last."""
     poses, ring = _rows_of_3("poses", poses), _rows_of_3("ring", ring)
-    scene = _scene(walls, poses, ring, physics, rng)
+    scene, sound, effects = _scene(walls, poses, ring, physics, rng), _acoustics(physics), _effects(physics)
+    around, listening = _ring(ring, physics), _listening(physics)
+    near, echoes = _nearby(scene, len(ring)), _echoes(len(ring))
     ranges = np.full((len(poses), len(ring)), np.inf)
-    if len(poses) and len(ring):
-        sense_ring(
-            scene, _acoustics(physics), _effects(physics), _ring(ring, physics), _listening(physics),
-            _nearby(scene, len(ring)), _echoes(len(ring)), poses, rng, ranges,
-        )  # fmt: skip
-    return ranges
+    for first in range(0, len(poses), CHUNK):
+        part = slice(first, first + CHUNK)
+        sense_ring(scene, sound, effects, around, listening, near, echoes, poses[part], rng, ranges[part])
+        if advance is not None:
+            advance(len(poses[part]))
+    return ranges, echoes
 
 
 def _rows_of_3(name: str, rows: Floats) -> Floats:
@@ -96,6 +147,7 @@ def _acoustics(physics: SonarPhysics) -> Acoustics:
         level=10.0 ** (physics.level_db / 20.0),
         window=physics.max_range,
         faint=FAINT,
+        detour=MIRROR_LEVEL,
         edge_radius=physics.edge_radius,
         directivity=physics.directivity(np.linspace(0.0, 0.5 * np.pi, N_DIRECTIONS)),
         fresnel_re=np.ascontiguousarray(cosine),
@@ -155,27 +207,3 @@ def _echoes(n_receivers: int) -> Echoes:
     """Return empty lists of echoes."""
     shape = (n_receivers, MOST_ECHOES)
     return Echoes(np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(n_receivers, np.int64))
-
-
-def trace_echoes(
-    walls: Floats, pose: Floats, physics: SonarPhysics, rng: np.random.Generator, ring: Floats = PIONEER
-) -> list[Floats]:
-    """Return the echoes that each transducer receives at one pose, before noise and threshold.
-
-    Returns
-    -------
-    list of (n, 2) arrays
-        For each transducer the range (half the path, metres) and the level (decibels over the threshold at the
-        gain with which listening begins; add :meth:`SonarPhysics.gain_db`) of every echo, nearest first.
-    """
-    poses, ring = _rows_of_3("pose", np.asarray(pose, dtype=np.float64)[None]), _rows_of_3("ring", ring)
-    scene, echoes = _scene(walls, poses, ring, physics, rng), _echoes(len(ring))
-    list_echoes(
-        scene, _acoustics(physics), _effects(physics), _ring(ring, physics), _nearby(scene, len(ring)), echoes, poses[0]
-    )
-    heard = []
-    for r, n in enumerate(echoes.n_heard):
-        size = np.hypot(echoes.re[r, :n], echoes.im[r, :n])
-        order = np.argsort(echoes.length[r, :n], kind="stable")
-        heard.append(np.stack([0.5 * echoes.length[r, :n], 20.0 * np.log10(size)], axis=1)[order])
-    return heard

@@ -83,7 +83,7 @@ class SonarPhysics:
     sound_speed: float = 343.0
     assumed_sound_speed: float = 343.0
     absorption_db: float = 1.6
-    level_db: float = 40.0
+    level_db: float = 36.0
     gain_step_db: float = 3.5
     gain_step: float = 0.45
     n_gain_steps: int = 12
