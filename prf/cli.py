@@ -15,8 +15,8 @@ Readings come as CARMEN or Player logs, ROS bags or tables; .gz is read as is an
 """
 
 VERBS: dict[str, str] = {
-    "sample": "Draw the posterior over polygonal maps from localized laser and sonar readings.",
-    "anneal": "Find the one best polygonal map of localized readings.",
+    "sample": "Draw the posterior over polygonal maps from localized readings, or values at points.",
+    "anneal": "Find the one best polygonal map of localized readings, or values at points.",
     "info": "Say what is in a log: scans, beams, extent, ranges, and what looks suspicious.",
     "prior": "Draw maps from the prior, exactly or by Markov chain.",
     "query": "Ask a run or a grid how probably points, squares or a path are occupied or free.",

@@ -5,10 +5,13 @@ None stands for the default that the help text gives in brackets.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from typing import Annotated
 
 import typer
+
+logger = logging.getLogger(__name__)
 
 SCIENCE = (
     "scale",
@@ -39,6 +42,10 @@ Sonar = Annotated[
 Topic = Annotated[
     str | None,
     typer.Option("--topic", metavar="NAME", help="Laser: topic of a bag, device of a Player log.  [the only one]"),
+]
+PointData = Annotated[
+    str | None,
+    typer.Option("--point-data", metavar="FILE.csv", help="Values at points, CSV x,y,value; alone or with a log."),
 ]
 SonarTopic = Annotated[
     str | None, typer.Option("--sonar-topic", metavar="NAME", help="The same of the sonar's log.  [the only one]")
@@ -95,3 +102,11 @@ def refuse_shared_stream(inputs: Mapping[str, str | None]) -> None:
     streams = [f"{flag} -" for flag, path in inputs.items() if path == STREAM]
     if len(streams) > 1:
         raise UsageError(f"{' '.join(streams)}: standard input can be read once only.")
+
+
+def warn_of_dropped(n_outside: int, n_points_outside: int) -> None:
+    """Say how many readings and point observations lie outside the window, if any do."""
+    if n_outside:
+        logger.warning(f"{n_outside} readings dropped: their sensors stand outside the window")
+    if n_points_outside:
+        logger.warning(f"{n_points_outside} points dropped: they lie outside the window or on its border")

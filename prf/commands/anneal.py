@@ -1,4 +1,4 @@
-"""Find the one best polygonal map of localized readings."""
+"""Find the one best polygonal map of localized readings, or values at points."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from prf.commands._readings_options import (
     Noise,
     NoiseRelative,
     OutlierProbability,
+    PointData,
     Scale,
     Scans,
     SkipScans,
@@ -29,6 +30,7 @@ from prf.commands._readings_options import (
     Topic,
     WindowOption,
     refuse_shared_stream,
+    warn_of_dropped,
 )
 from prf.shell.options import Force, Json, Output, Seed, Threads
 
@@ -49,6 +51,7 @@ DEFAULT_STEPS = 3_000_000
 def anneal(
     laser: Laser = None,
     sonar: Sonar = None,
+    point_data: PointData = None,
     topic: Topic = None,
     sonar_topic: SonarTopic = None,
     frame: Frame = None,
@@ -82,7 +85,7 @@ def anneal(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Find the one best polygonal map of localized readings.
+    """Find the one best polygonal map of localized readings, or values at points.
 
     Chains are cooled from the posterior to its mode, and end by taking only what is better; the best map that any saw
     is written, its occupied area as a GeoJSON MultiPolygon. What is maximised is the density over the lines of the map,
@@ -98,27 +101,32 @@ def anneal(
     from prf.shell.files import STREAM, refuse_existing
     from prf.shell.seeds import resolve_seed
 
-    logs = [log for log in (laser, sonar) if log is not None]
+    logs = [log for log in (laser, sonar, point_data) if log is not None]
     if not logs:
-        raise UsageError("Nothing to map: give --laser LOG, --sonar LOG, or both.")
+        raise UsageError("Nothing to map: give --laser LOG, --sonar LOG or --point-data FILE.csv.")
     if steps is not None and time_budget is not None:
         raise UsageError("--steps and --time-budget: give one of them.")
     if json and output == STREAM:
         raise UsageError("--json and -o - both want standard output. Name a file with -o.")
-    refuse_shared_stream({"--laser": laser, "--sonar": sonar, "--config": config})
+    refuse_shared_stream({"--laser": laser, "--sonar": sonar, "--point-data": point_data, "--config": config})
     science = SampleConfig(**ask(options, config).values)
     target = output or str(default_output(logs[0]).with_suffix(".geojson"))
     refuse_existing(target, force)
     used_seed = resolve_seed(seed)
     goal = Goal(None, time_budget) if time_budget is not None else Goal(steps or DEFAULT_STEPS)
-    found, text, stop = _cool(laser, sonar, science, goal, Schedule(coldest=coldest), used_seed, threads)
+    found, text, stop = _cool((laser, sonar, point_data), science, goal, Schedule(coldest=coldest), used_seed, threads)
     _write(target, text)
     _report(found, text, target, used_seed, json)
     stop.raise_if_requested(f"interrupted after {found.steps} steps; {target} has the best map so far")
 
 
 def _cool(
-    laser: str | None, sonar: str | None, config: Any, goal: Any, schedule: Any, seed: int, threads: int
+    inputs: tuple[str | None, str | None, str | None],
+    config: Any,
+    goal: Any,
+    schedule: Any,
+    seed: int,
+    threads: int,
 ) -> tuple[Annealed, str, Any]:
     """Return what annealing found, the text of its map file, and whether it was asked to stop."""
     import dataclasses
@@ -132,9 +140,9 @@ def _cool(
     from prf.shell.seeds import spawn_generators
     from prf.shell.signals import graceful_stop
 
-    prepared = read_prepared(laser, config, sonar)
-    if prepared.n_outside:
-        logger.warning(f"{prepared.n_outside} readings dropped: their sensors stand outside the window")
+    laser, sonar, point_data = inputs
+    prepared = read_prepared(laser, config, sonar, point_data)
+    warn_of_dropped(prepared.n_outside, prepared.n_points_outside)
     if needs_compiling():
         logger.info("compiling kernels (once; about half a minute) ...")
     with graceful_stop() as stop, progress(1.0, "annealing") as reporter:
@@ -149,7 +157,7 @@ def _cool(
         )
     configuration = {name: value for name, value in dataclasses.asdict(prepared.config).items() if name != "resolution"}
     made = {"score": found.score, "steps": found.steps, "seed": seed, "configuration": configuration}
-    process = describe_process(log for log in (laser, sonar) if log is not None)
+    process = describe_process(path for path in inputs if path is not None)
     return found, map_text(found.best, {**made, **process}), stop
 
 

@@ -37,7 +37,17 @@ Frame = Annotated[
 ]
 
 
-def info(log: Log, sonar: Sonar = False, topic: Topic = None, frame: Frame = None, json: Json = False) -> None:
+PointData = Annotated[bool, typer.Option("--point-data", help="LOG has values at points, CSV x,y,value.")]
+
+
+def info(
+    log: Log,
+    sonar: Sonar = False,
+    point_data: PointData = False,
+    topic: Topic = None,
+    frame: Frame = None,
+    json: Json = False,
+) -> None:
     """Say what is in a log: scans, beams, extent, ranges, and what looks suspicious.
 
     Suspicious are poses that jump, clocks that do not run, ranges that are error codes, lines of unknown kinds. Whether
@@ -46,6 +56,10 @@ def info(log: Log, sonar: Sonar = False, topic: Topic = None, frame: Frame = Non
     from prf.logs import describe, read_readings
     from prf.shell import console, jsonout
 
+    if point_data:
+        _tell_points(log, json)
+        return
+
     kind: Kind | None = "sonar" if sonar else None
     summary = describe(read_readings(log, kind, topic=topic, frame=frame), log)
     if json:
@@ -53,6 +67,26 @@ def info(log: Log, sonar: Sonar = False, topic: Topic = None, frame: Frame = Non
     else:
         for line in _lines(summary):
             console.emit(line)
+
+
+def _tell_points(file: str, json: bool) -> None:
+    from prf.logs import describe_points, read_point_data
+    from prf.shell import console, jsonout
+
+    found = describe_points(read_point_data(file))
+    if json:
+        jsonout.emit_object("prf.info.points/1", found._asdict())
+        return
+    x0, y0, x1, y1 = found.extent
+    rows = {
+        "points": f"{found.source}",
+        "observations": f"{found.n_points} at {found.n_places} places",
+        "extent": f"{x1 - x0:.4g} x {y1 - y0:.4g} m, x {x0:.4g} to {x1:.4g}, y {y0:.4g} to {y1:.4g}",
+        "values": f"{found.lowest:.4g} to {found.highest:.4g}, mean {found.mean:.4g}",
+        "kind": f"{found.kind}, unless given",
+    }
+    for name, value in rows.items():
+        console.emit(f"{name:<16}{value}")
 
 
 def _lines(summary: LogSummary) -> Iterator[str]:

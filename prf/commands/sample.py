@@ -1,4 +1,4 @@
-"""Draw the posterior over polygonal maps from localized laser and sonar readings."""
+"""Draw the posterior over polygonal maps from localized readings, or values at points."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from prf.commands._readings_options import (
     Noise,
     NoiseRelative,
     OutlierProbability,
+    PointData,
     Scale,
     Scans,
     SkipScans,
@@ -29,6 +30,7 @@ from prf.commands._readings_options import (
     Topic,
     WindowOption,
     refuse_shared_stream,
+    warn_of_dropped,
 )
 from prf.shell.options import Force, Json, Output, Seed, Threads
 
@@ -45,7 +47,7 @@ logger = logging.getLogger(__name__)
 EXAMPLES = (
     "prf sample --laser data/demo-office.log.gz -o office --time-budget 30",
     "prf sample --laser drive.bag --topic /scan --frame odom --sonar ring.csv --config site.toml",
-    "prf sample --laser intel.log.gz --every-scan 10 --scale 0.1 --seed 1",
+    "prf sample --point-data bitmap.csv --scale 0.05 --config flips.toml --seed 1",
     "prf sample --resume office --steps 5000000",
 )
 
@@ -69,6 +71,7 @@ RUN_SCIENCE = (*SCIENCE, "chains", "resolution")
 def sample(
     laser: Laser = None,
     sonar: Sonar = None,
+    point_data: PointData = None,
     topic: Topic = None,
     sonar_topic: SonarTopic = None,
     frame: Frame = None,
@@ -97,7 +100,7 @@ def sample(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Draw the posterior over polygonal maps from localized laser and sonar readings.
+    """Draw the posterior over polygonal maps from localized readings, or values at points.
 
     Without --steps and --time-budget it stops when the chains agree (R-hat < 1.05 and ESS > 100 for every functional),
     or after 30 minutes, saying that they do not. Ctrl-C keeps what was sampled; --resume goes on from there, and gives
@@ -112,7 +115,8 @@ def sample(
 
     if steps is not None and time_budget is not None:
         raise UsageError("--steps and --time-budget: give one of them.")
-    logs = {flag: log for flag, log in (("--laser", laser), ("--sonar", sonar)) if log is not None}
+    given = (("--laser", laser), ("--sonar", sonar), ("--point-data", point_data))
+    logs = {flag: log for flag, log in given if log is not None}
     refuse_shared_stream({**logs, "--config": config})
     asked = ask(options, config)
     folder = _folder(logs, output, resume, force)
@@ -139,7 +143,7 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None, force:
             raise InputError(f"{resume}: no run to resume is there.")
         return Path(resume)
     if not logs:
-        raise UsageError("Nothing to sample: give --laser LOG, --sonar LOG or both, or --resume RUN.")
+        raise UsageError("Nothing to sample: give --laser LOG, --sonar LOG or --point-data FILE.csv, or --resume RUN.")
     if output == STREAM:
         raise UsageError("-o -: a run is a directory. Name one.")
     folder = Path(output) if output is not None else default_output(next(iter(logs.values())))
@@ -161,9 +165,9 @@ def _open(logs: dict[str, str], folder: Path, resumed: bool, asked: Asked, seed:
         logger.info(f"resuming at step {session.sampler.step}")
     else:
         used_seed = resolve_seed(seed)
-        prepared = sessions.read_prepared(logs.get("--laser"), SampleConfig(**asked.values), logs.get("--sonar"))
-        if prepared.n_outside:
-            logger.warning(f"{prepared.n_outside} readings dropped: their sensors stand outside the window")
+        others = (logs.get(flag) for flag in ("--sonar", "--point-data"))
+        prepared = sessions.read_prepared(logs.get("--laser"), SampleConfig(**asked.values), *others)
+        warn_of_dropped(prepared.n_outside, prepared.n_points_outside)
         if sessions.needs_compiling():
             logger.info("compiling kernels (once; about half a minute) ...")
         session = sessions.start(list(logs.values()), prepared, folder, used_seed, n_threads)
@@ -178,9 +182,10 @@ def _open(logs: dict[str, str], folder: Path, resumed: bool, asked: Asked, seed:
 
 def _readings(session: Session) -> str:
     """Return how many readings of each sensor the run uses, in words."""
-    beams, cones = session.output.beams, session.output.cones
-    parts = [f"{len(beams.range)} beams"] if beams is not None else []
-    return " and ".join(parts + ([f"{len(cones.range)} sonar readings"] if cones is not None else []))
+    used = session.output
+    parts = [f"{len(used.beams.range)} beams"] if used.beams is not None else []
+    parts += [f"{len(used.cones.range)} sonar readings"] if used.cones is not None else []
+    return " and ".join(parts + ([f"{len(used.points.value)} points"] if used.points is not None else []))
 
 
 def _carry_out(session: Session, rule: Any) -> tuple[Run, Progress]:

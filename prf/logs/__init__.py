@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from prf.logs.describe import LogSummary, describe
 from prf.logs.open import read_readings
-from prf.logs.points import PointTable, read_point_data
+from prf.logs.points import PointSummary, PointTable, describe_points, read_point_data
 from prf.logs.readings import Kind, LogNotes, NoReadings, Readings, ScanTable
 from prf.logs.rings import CONE
 from prf.logs.table import write_table
@@ -16,10 +16,12 @@ __all__ = [
     "LogNotes",
     "LogSummary",
     "NoReadings",
+    "PointSummary",
     "PointTable",
     "Readings",
     "ScanTable",
     "describe",
+    "describe_points",
     "read_point_data",
     "read_readings",
     "thin",

@@ -50,6 +50,48 @@ class PointTable(NamedTuple):
             )
 
 
+class PointSummary(NamedTuple):
+    """What is in a file of point observations.
+
+    Attributes
+    ----------
+    source : str
+    n_points, n_places : int
+        Observations, and different places.
+    extent : tuple of 4 floats
+        x_min, y_min, x_max, y_max of the places, metres.
+    kind : {"binary", "gaussian"}
+        What `prf sample` takes them for unless told.
+    lowest, highest, mean : float
+        Of the values.
+    """
+
+    source: str
+    n_points: int
+    n_places: int
+    extent: tuple[float, float, float, float]
+    kind: str
+    lowest: float
+    highest: float
+    mean: float
+
+
+def describe_points(table: PointTable) -> PointSummary:
+    """Return what is in a file of point observations."""
+    x, y = table.xy.T
+    value = table.value
+    return PointSummary(
+        source=table.source,
+        n_points=len(value),
+        n_places=len(np.unique(table.xy, axis=0)),
+        extent=(float(x.min()), float(y.min()), float(x.max()), float(y.max())),
+        kind="binary" if np.isin(value, (0.0, 1.0)).all() else "gaussian",
+        lowest=float(value.min()),
+        highest=float(value.max()),
+        mean=float(value.mean()),
+    )
+
+
 def read_point_data(path: str | os.PathLike[str]) -> PointTable:
     """Read point observations; gzipped or not, ``-`` is standard input.
 

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.coloring import Coloring, occupied_polygons
-from prf.shell.pictures import BEAM, IMPACT, INK, OUTLINE, PATH, UNSEEN
+from prf.shell.pictures import BEAM, IMPACT, INK, MUTED, OUTLINE, PATH, UNSEEN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.image import AxesImage
 
-    from prf.run import Beams, Cones, PosteriorImage
+    from prf.run import Beams, Cones, Points, PosteriorImage
 
 MOST_BEAMS = 4000
 """More beams than this make a solid patch: they are thinned evenly before drawing."""
@@ -96,6 +96,13 @@ def draw_cones(axes: Axes, cones: Cones, width: float = 0.5, strength: float = 0
     axes.add_collection(
         LineCollection(list(arcs), colors=IMPACT, linewidths=width, alpha=strength, zorder=1.6), autolim=False
     )
+
+
+def draw_points(axes: Axes, points: Points) -> None:
+    """Draw a dot at every point observation, the lowest value white and the highest black; the more, the smaller."""
+    size = float(np.clip(30.0 * (400 / max(len(points.value), 1)), 2.0, 30.0))
+    x, y = points.xy.T
+    axes.scatter(x, y, s=size, c=points.value, cmap="gray_r", edgecolors=MUTED, linewidths=0.1 * size**0.5, zorder=2.4)
 
 
 def draw_path(axes: Axes, beams: Beams | Cones) -> None:

@@ -43,7 +43,7 @@ def render_posterior(
     path : bool
         Draw the sensor's path.
     beams : bool
-        Draw the beams of the laser and the arcs of the sonar, thinly.
+        Draw the beams of the laser and the arcs of the sonar, thinly, and the points with their values.
     title : str, optional
         Instead of the default one.
 
@@ -66,6 +66,8 @@ def render_posterior(
         layers.draw_beams(axes, run.beams)
     if run.cones is not None and beams:
         layers.draw_cones(axes, run.cones)
+    if run.points is not None and beams:
+        layers.draw_points(axes, run.points)
     if run.sensors is not None and path:
         layers.draw_path(axes, run.sensors)
     _add_colour_bar(page, drawn, window, "not free" if squares else "occupied")

@@ -13,7 +13,7 @@ from prf.shell.pictures import Target
 def render_beams(
     run: Run, target: Target, *, outline: bool = False, path: bool = True, title: str | None = None
 ) -> None:
-    """Draw beams and impacts of the laser, arcs of the sonar, and the sensor's path.
+    """Draw beams and impacts of the laser, arcs of the sonar, the sensor's path, and points with their values.
 
     Parameters
     ----------
@@ -32,10 +32,12 @@ def render_beams(
     InputError
         If the run has no readings.
     """
-    if run.sensors is None:
+    if run.sensors is None and run.points is None:
         raise run.missing(names.READINGS)
     window = run.draws.window
-    small = "  ·  ".join([run.name, *(_words(part) for part in (run.beams, run.cones) if part is not None)])
+    words = [_words(part) for part in (run.beams, run.cones) if part is not None]
+    words += [style.counted(len(run.points.value), "point")] if run.points is not None else []
+    small = "  ·  ".join([run.name, *words])
     page, axes = style.map_page(window, style.margins_of(window), title or "Readings", small)
     if run.beams is not None:
         layers.draw_beams(axes, run.beams)
@@ -45,7 +47,9 @@ def render_beams(
         layers.draw_outline(axes, run.best)
     if run.beams is not None:
         layers.draw_impacts(axes, run.beams)
-    if path:
+    if run.points is not None:
+        layers.draw_points(axes, run.points)
+    if path and run.sensors is not None:
         layers.draw_path(axes, run.sensors)
     style.save(page, target)
 

@@ -1,7 +1,7 @@
 """The RUN directory: what a run of the sampler leaves, each file versioned (docs/file-formats.md)."""
 
 from prf.run.mapfile import map_feature, map_text, read_map_feature
-from prf.run.model import Beams, Cones, PosteriorImage, Run
+from prf.run.model import Beams, Cones, Points, PosteriorImage, Run
 from prf.run.points import read_points
 from prf.run.read import is_run, read_manifest, read_run
 from prf.run.state import FileState, inspect_files
@@ -11,6 +11,7 @@ __all__ = [
     "Beams",
     "Cones",
     "FileState",
+    "Points",
     "PosteriorImage",
     "Run",
     "inspect_files",

@@ -119,6 +119,21 @@ class Cones(NamedTuple):
         return self.origin[first]
 
 
+class Points(NamedTuple):
+    """The point observations that a run used, one row an observation.
+
+    Attributes
+    ----------
+    xy : (n, 2) float64
+        Places in metres.
+    value : (n,) float64
+        What was observed there.
+    """
+
+    xy: NDArray[np.float64]
+    value: NDArray[np.float64]
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """A run of the sampler: draws from the posterior and what was estimated on the way.
@@ -147,6 +162,8 @@ class Run:
         None too where the run used no laser.
     cones : Cones or None
         None too where the run used no sonar.
+    points : Points or None
+        None too where the run used no point observations.
     best : Coloring or None
         The map of highest log posterior among the states that any chain recorded.
     best_log_posterior : float
@@ -167,6 +184,7 @@ class Run:
     image: PosteriorImage | None = None
     beams: Beams | None = None
     cones: Cones | None = None
+    points: Points | None = None
     best: Coloring | None = None
     best_log_posterior: float = float("nan")
     diagnostics: dict[str, Any] | None = None

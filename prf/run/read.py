@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from prf.coloring import Coloring, Draws
 from prf.run import names
 from prf.run.mapfile import read_map_feature
-from prf.run.model import Beams, Cones, PosteriorImage, Run
+from prf.run.model import Beams, Cones, Points, PosteriorImage, Run
 from prf.shell.errors import InputError
 from prf.shell.storage import damaged, load_arrays, load_object, take_array
 from prf.window import Window
@@ -48,7 +48,7 @@ def read_run(path: str | os.PathLike[str], parts: Collection[str] = PARTS) -> Ru
     if names.POSTERIOR in present:
         fields["image"] = read_image(folder / names.POSTERIOR)
     if names.READINGS in present:
-        fields["beams"], fields["cones"] = read_readings(folder / names.READINGS)
+        fields["beams"], fields["cones"], fields["points"] = read_readings(folder / names.READINGS)
     if names.MAP in present:
         fields["best"], fields["best_log_posterior"] = read_best(folder / names.MAP)
     if names.DIAGNOSTICS in present:
@@ -105,13 +105,14 @@ def read_image(path: Path) -> PosteriorImage:
     )
 
 
-def read_readings(path: Path) -> tuple[Beams | None, Cones | None]:
-    """Return the beams and the sonar readings in readings.npz; None for a sensor that the run did not use."""
+def read_readings(path: Path) -> tuple[Beams | None, Cones | None, Points | None]:
+    """Return the beams, the sonar readings and the points in readings.npz; None for what the run did not use."""
     arrays = load_arrays(path, names.SCHEMAS[names.READINGS])
     beams = _take_beams(path, arrays)
-    if names.SONAR_PREFIX + "angle" not in arrays:
-        return beams, None
-    return (beams if len(beams.angle) > 0 else None), _take_cones(path, arrays)
+    cones = _take_cones(path, arrays) if names.SONAR_PREFIX + "angle" in arrays else None
+    points = _take_points(path, arrays) if names.POINT_PREFIX + "value" in arrays else None
+    has_others = cones is not None or points is not None
+    return (None if has_others and len(beams.angle) == 0 else beams), cones, points
 
 
 def _take_beams(path: Path, arrays: dict[str, NDArray[Any]]) -> Beams:
@@ -124,6 +125,11 @@ def _take_beams(path: Path, arrays: dict[str, NDArray[Any]]) -> Beams:
         take_array(path, arrays, "scan", np.int64, (n,)),
         float(take_array(path, arrays, "max_range", np.float64, ())),
     )
+
+
+def _take_points(path: Path, arrays: dict[str, NDArray[Any]]) -> Points:
+    value = take_array(path, arrays, names.POINT_PREFIX + "value", np.float64, (None,))
+    return Points(take_array(path, arrays, names.POINT_PREFIX + "xy", np.float64, (len(value), 2)), value)
 
 
 def _take_cones(path: Path, arrays: dict[str, NDArray[Any]]) -> Cones:

@@ -74,13 +74,15 @@ def _summarise_image(file: Path) -> str:
 
 
 def _summarise_readings(file: Path) -> str:
-    beams, cones = read_readings(file)
+    beams, cones, points = read_readings(file)
     parts = []
     if beams is not None:
         parts.append(f"{len(beams.angle)} beams, {len(beams.impacts())} with a return below {beams.max_range:g} m")
     if cones is not None:
         n_returns = int(np.count_nonzero(cones.range < cones.max_range))
         parts.append(f"{len(cones.angle)} sonar readings, {n_returns} with a return below {cones.max_range:g} m")
+    if points is not None:
+        parts.append(f"{len(points.value)} points")
     return "; ".join(parts)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from prf.run import names
 from prf.run.mapfile import map_text
-from prf.run.model import Beams, Cones, PosteriorImage, Run
+from prf.run.model import Beams, Cones, Points, PosteriorImage, Run
 from prf.shell.errors import OutputError
 from prf.shell.files import atomic_write
 from prf.shell.jsonout import dump_object
@@ -45,8 +45,8 @@ def write_run(path: str | os.PathLike[str], run: Run) -> None:
     write_draws(folder, run)
     if run.image is not None:
         write_image(folder, run.image)
-    if run.beams is not None or run.cones is not None:
-        write_readings(folder, run.beams, run.cones)
+    if any(part is not None for part in (run.beams, run.cones, run.points)):
+        write_readings(folder, run.beams, run.cones, run.points)
     if run.best is not None:
         write_best(folder, run)
     if run.diagnostics is not None:
@@ -94,7 +94,7 @@ def write_image(folder: Path, image: PosteriorImage) -> None:
     save_arrays(folder / names.POSTERIOR, names.SCHEMAS[names.POSTERIOR], arrays, compressed=True)
 
 
-def write_readings(folder: Path, beams: Beams | None, cones: Cones | None) -> None:
+def write_readings(folder: Path, beams: Beams | None, cones: Cones | None, points: Points | None = None) -> None:
     """Write readings.npz; readings at or beyond the max range are written as inf, no laser as no beams."""
     if beams is None:
         nothing = np.zeros(0)
@@ -119,6 +119,9 @@ def write_readings(folder: Path, beams: Beams | None, cones: Cones | None) -> No
                 ("max_range", np.float64(cones.max_range)),
             )
         }
+    if points is not None:
+        arrays[names.POINT_PREFIX + "xy"] = points.xy.astype(np.float64)
+        arrays[names.POINT_PREFIX + "value"] = points.value.astype(np.float64)
     save_arrays(folder / names.READINGS, names.SCHEMAS[names.READINGS], arrays, compressed=True)
 
 

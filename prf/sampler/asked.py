@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from prf.sampler.config import SampleConfig
 from prf.settings_file import KEY_WORDS, TABLE_WORDS, TABLES, read_settings
 
-PREFIXES: Mapping[str, str] = MappingProxyType({"sonar": "sonar_"})
+PREFIXES: Mapping[str, str] = MappingProxyType({"sonar": "sonar_", "points": "points_"})
 """What stands before the keys of a table in the fields of a configuration; nothing for other tables."""
 
 
@@ -26,6 +26,15 @@ class Asked(NamedTuple):
 
     values: dict[str, Any]
     places: dict[str, str]
+
+
+SOURCES: Mapping[str, str] = MappingProxyType({"points": "from the values"})
+"""Where the values of a table's keys come from if they are not set and have no default; for other tables the log."""
+
+
+def source_of(table: str) -> str:
+    """Return in words where a key of a table without default comes from."""
+    return SOURCES.get(table, "from the log")
 
 
 def field_of(table: str, key: str) -> str:
@@ -85,7 +94,7 @@ def explain(config: SampleConfig, asked: Asked) -> dict[str, str]:
         for key in content.keys:
             words, field = str(KEY_WORDS[f"{table}.{key}"]), field_of(table, key)
             if getattr(config, field) is None:
-                lines.append(f"{key}: {words}; from the log unless given")
+                lines.append(f"{key}: {words}; {source_of(table)} unless given")
             else:
                 comments[f"{table}.{key}"] = f"{words}{' (set here)' if field in asked.values else ''}"
         comments[table] = "\n".join(lines)

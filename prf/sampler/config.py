@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from prf.arak import checked_scale
-from prf.logs import CONE, Readings
+from prf.logs import CONE, PointTable, Readings
 from prf.logs.describe import default_max_range
-from prf.posterior import LaserData, Settings, SonarData
-from prf.run import Beams, Cones
+from prf.posterior import LaserData, PointData, Settings, SonarData
+from prf.run import Beams, Cones, Points
 from prf.sensors.laser import LaserModel
+from prf.sensors.points import PointModel, window_round
 from prf.sensors.sonar import SonarModel
 from prf.shell.errors import ConfigError, InputError
 from prf.window import Window
@@ -47,6 +49,8 @@ class SampleConfig:
         See :class:`prf.sensors.sonar.SonarModel`, whose fields these are behind ``sonar_``.
     sonar_cone : float
         Full field of view of sonars whose log has none, radians.
+    points_kind, points_mean_black, points_mean_white, points_sigma, points_flip_probability
+        See :class:`prf.sensors.points.PointModel`, whose fields these are behind ``points_``.
     topic, sonar_topic, frame : str or None
         Whose readings to take of each log, and in what frame (:func:`prf.logs.read_readings`).
     every_scan, every_beam : int
@@ -78,6 +82,11 @@ class SampleConfig:
     sonar_short_probability: float = SonarModel.short_probability
     sonar_short_length: float = SonarModel.short_length
     sonar_cone: float = CONE
+    points_kind: str | None = PointModel.kind
+    points_mean_black: float = PointModel.mean_black
+    points_mean_white: float = PointModel.mean_white
+    points_sigma: float | None = PointModel.sigma
+    points_flip_probability: float = PointModel.flip_probability
     topic: str | None = None
     sonar_topic: str | None = None
     frame: str | None = None
@@ -105,46 +114,67 @@ class Prepared(NamedTuple):
         The laser readings that are used.
     cones : Cones or None
         The sonar readings that are used.
+    points : Points or None
+        The point observations that are used.
     config : SampleConfig
-        Resolved: window, resolution and, with a laser, max_range are numbers.
+        Resolved: window, resolution and, with a laser, max_range are numbers; with points, what their kind needs.
     n_outside : int
         Readings dropped because their sensor does not stand inside the window.
+    n_points_outside : int
+        Point observations dropped because they do not lie inside the window.
     """
 
     settings: Settings
     beams: Beams | None
     cones: Cones | None
+    points: Points | None
     config: SampleConfig
     n_outside: int
+    n_points_outside: int
 
 
-def prepare(config: SampleConfig, laser: Readings | None, sonar: Readings | None = None) -> Prepared:
-    """Resolve a configuration for the readings (thinned already) of a laser, a sonar or both.
+def prepare(
+    config: SampleConfig, laser: Readings | None, sonar: Readings | None = None, observed: PointTable | None = None
+) -> Prepared:
+    """Resolve a configuration for the readings (thinned already) of a laser and a sonar, and for points; one at least.
 
     Raises
     ------
     InputError
-        If no reading is left.
+        If no reading is left, or no point.
     ConfigError
         If a parameter is out of its range.
     """
     beams = None if laser is None else _beams(config, laser)
     cones = None if sonar is None else _cones(config, sonar)
     sensors = [part for part in (beams, cones) if part is not None]
-    origin, angle, ranges = (
-        np.concatenate([getattr(part, name) for part in sensors]) for name in ("origin", "angle", "range")
-    )
-    window = chosen_window(config, origin, angle, ranges)
-    inside = window.contains(origin, strictly=True)
-    if not inside.any():
+    window = _window(config, sensors, observed)
+    n_outside = sum(int((~window.contains(part.origin, strictly=True)).sum()) for part in sensors)
+    kept_beams, kept_cones = _inside(beams, window), _inside(cones, window)
+    if sensors and kept_beams is None and kept_cones is None:
         source = " and ".join(log.source for log in (laser, sonar) if log is not None)
         raise InputError(f"{source}: no sensor stands inside the window. Check --window.")
+    points = None if observed is None else _points(config, observed, window)
+    n_points_outside = 0 if observed is None or points is None else len(observed.value) - len(points.value)
     resolution = config.resolution if config.resolution is not None else chosen_resolution(window)
     max_range = config.max_range if beams is None else beams.max_range
     resolved = dataclasses.replace(config, window=(*window,), max_range=max_range, resolution=resolution)
-    kept_beams, kept_cones = _inside(beams, window), _inside(cones, window)
-    settings = make_settings(resolved, kept_beams, kept_cones)
-    return Prepared(settings, kept_beams, kept_cones, resolved, int((~inside).sum()))
+    if points is not None:
+        model = point_model(config).resolved(points.value)
+        resolved = dataclasses.replace(resolved, points_kind=model.kind, points_sigma=model.sigma)
+    settings = make_settings(resolved, kept_beams, kept_cones, points)
+    return Prepared(settings, kept_beams, kept_cones, points, resolved, n_outside, n_points_outside)
+
+
+def _window(config: SampleConfig, sensors: Sequence[Beams | Cones], observed: PointTable | None) -> Window:
+    """Return the window asked for, or one round sensors and returns, or round points where there are no sensors."""
+    if config.window is None and observed is not None and not sensors:
+        return window_round(observed.xy)
+    origin, angle, ranges = (
+        np.concatenate([np.empty(shape), *(getattr(part, name) for part in sensors)])
+        for name, shape in (("origin", (0, 2)), ("angle", 0), ("range", 0))
+    )
+    return chosen_window(config, origin, angle, ranges)
 
 
 def _beams(config: SampleConfig, readings: Readings) -> Beams:
@@ -167,6 +197,16 @@ def _cones(config: SampleConfig, readings: Readings) -> Cones:
         raise InputError(f"{readings.source}: a sonar cone of {view.max():g} radians. It must be narrower than pi.")
     ranges = np.where(readings.range < max_range, readings.range, np.inf)
     return Cones(readings.origin, readings.angle, view, ranges, readings.scan, max_range)
+
+
+def _points(config: SampleConfig, observed: PointTable, window: Window) -> Points:
+    """Return the point observations inside the window."""
+    if config.points_kind == "binary":
+        observed.refuse_other_than_colours()
+    inside = window.contains(observed.xy, strictly=True)
+    if not inside.any():
+        raise InputError(f"{observed.source}: no point lies inside the window. Check --window.")
+    return Points(observed.xy[inside], observed.value[inside])
 
 
 Kept = TypeVar("Kept", Beams, Cones)
@@ -194,8 +234,16 @@ def sonar_model(config: SampleConfig) -> SonarModel:
     return SonarModel(**{name: getattr(config, f"sonar_{name}") for name in names})
 
 
-def make_settings(config: SampleConfig, beams: Beams | None, cones: Cones | None = None) -> Settings:
-    """Return the settings of a resolved configuration and its readings.
+def point_model(config: SampleConfig) -> PointModel:
+    """Return the parameters of point observations of a configuration."""
+    names = [field.name for field in dataclasses.fields(PointModel)]
+    return PointModel(**{name: getattr(config, f"points_{name}") for name in names})
+
+
+def make_settings(
+    config: SampleConfig, beams: Beams | None, cones: Cones | None = None, points: Points | None = None
+) -> Settings:
+    """Return the settings of a resolved configuration and its readings and points.
 
     Raises
     ------
@@ -213,7 +261,10 @@ def make_settings(config: SampleConfig, beams: Beams | None, cones: Cones | None
     sonar = (
         None if cones is None else SonarData(cones.origin, cones.angle, cones.cone, cones.range, sonar_model(config))
     )
-    return Settings(window, checked_scale(config.scale), laser, resolution=config.resolution, sonar=sonar)
+    observed = None if points is None else PointData(points.xy, points.value, point_model(config))
+    return Settings(
+        window, checked_scale(config.scale), laser, resolution=config.resolution, sonar=sonar, points=observed
+    )
 
 
 def chosen_window(

@@ -14,7 +14,7 @@ import numpy as np
 from prf.diagnostics import acceptance, document
 from prf.kernels import constants as c
 from prf.render import render_posterior
-from prf.run import Beams, Cones, PosteriorImage, Run, names, write_run
+from prf.run import Beams, Cones, Points, PosteriorImage, Run, names, write_run
 from prf.sampler.checkpoint import save_checkpoint
 from prf.sampler.config import SampleConfig
 from prf.sampler.drive import Progress
@@ -37,6 +37,7 @@ class Output:
     seed : int
     beams : Beams or None
     cones : Cones or None
+    points : Points or None
     """
 
     folder: Path
@@ -45,6 +46,7 @@ class Output:
     seed: int
     beams: Beams | None
     cones: Cones | None = None
+    points: Points | None = None
 
     def write(self, sampler: Sampler, progress: Progress, seconds_before: float, picture: bool) -> Run:
         """Write checkpoint and RUN as the chains stand; `picture` draws posterior.png too.
@@ -84,6 +86,9 @@ class Output:
         if self.cones is not None:
             for array in (self.cones.origin, self.cones.angle, self.cones.cone, self.cones.range):
                 digest.update(np.ascontiguousarray(array).tobytes())
+        if self.points is not None:
+            for array in self.points:
+                digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()
 
     def make_run(self, sampler: Sampler, progress: Progress, seconds_before: float) -> Run:
@@ -101,6 +106,7 @@ class Output:
             image=make_image(sampler),
             beams=self.beams,
             cones=self.cones,
+            points=self.points,
             best=best.coloring if best is not None else None,
             best_log_posterior=float(best.functionals[-1]) if best is not None else float("nan"),
             diagnostics=make_diagnostics(sampler, progress),

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from prf.kernels import step
 from prf.kernels._jit import CACHE
-from prf.logs import thin
+from prf.logs import read_point_data, thin
 from prf.logs.describe import default_max_range
 from prf.run import Run, names, read_run
 from prf.sampler.asked import Asked
@@ -29,7 +29,8 @@ from prf.shell.seeds import spawn_generators
 CHECKPOINT_SECONDS = 60.0
 """Sampling between two checkpoints: what a killed run loses at most."""
 
-PROCESS_KEYS = ("versions", "platform", "command", "created", "inputs", "n_beams", "n_cones", "n_outside")
+COUNTS = ("n_beams", "n_cones", "n_outside", "n_points", "n_points_outside")
+PROCESS_KEYS = ("versions", "platform", "command", "created", "inputs", *COUNTS)
 
 logger = logging.getLogger(__name__)
 
@@ -75,8 +76,10 @@ class Session:
         return self.output.write(self.sampler, progress, self.seconds_before, picture=True), progress
 
 
-def read_prepared(laser_log: str | None, config: SampleConfig, sonar_log: str | None = None) -> Prepared:
-    """Read the log of a laser, of a sonar or of both, thin them and resolve `config` for them."""
+def read_prepared(
+    laser_log: str | None, config: SampleConfig, sonar_log: str | None = None, point_data: str | None = None
+) -> Prepared:
+    """Read the logs of a laser and a sonar, thin them, read point observations, and resolve `config` for all these."""
     laser, sonar = read_logs(
         laser_log,
         sonar_log,
@@ -88,26 +91,29 @@ def read_prepared(laser_log: str | None, config: SampleConfig, sonar_log: str | 
     if laser is not None and config.max_range is None and math.isfinite(default_max_range(laser)):
         # Of the whole log: what is left after thinning may hold no "no return" at all.
         config = dataclasses.replace(config, max_range=default_max_range(laser))
-    kept = [
+    kept_laser, kept_sonar = (
         thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
         if readings is not None
         else None
         for readings in (laser, sonar)
-    ]
-    return prepare(config, *kept)
+    )
+    observed = None if point_data is None else read_point_data(point_data)
+    return prepare(config, kept_laser, kept_sonar, observed)
 
 
 def start(logs: list[str], prepared: Prepared, folder: Path, seed: int, threads: int) -> Session:
     """Return a fresh session on prepared logs."""
     sampler = Sampler(prepared.settings, spawn_generators(seed, prepared.config.chains), threads)
-    beams, cones = prepared.beams, prepared.cones
+    beams, cones, points = prepared.beams, prepared.cones, prepared.points
     counts = {
         "n_beams": 0 if beams is None else len(beams.range),
         "n_cones": 0 if cones is None else len(cones.range),
         "n_outside": prepared.n_outside,
+        "n_points": 0 if points is None else len(points.value),
+        "n_points_outside": prepared.n_points_outside,
     }
     process = {**describe_process(logs), **counts}
-    return Session(sampler, Output(folder, process, prepared.config, seed, beams, cones))
+    return Session(sampler, Output(folder, process, prepared.config, seed, beams, cones, points))
 
 
 def resume(folder: Path, logs: dict[str, str], asked: Asked, seed: int | None, threads: int) -> Session:
@@ -133,7 +139,7 @@ def resume(folder: Path, logs: dict[str, str], asked: Asked, seed: int | None, t
         If the log differs, or the run cannot be read.
     """
     run = read_run(folder, parts=(names.READINGS,))
-    if run.sensors is None:
+    if run.sensors is None and run.points is None:
         raise InputError(f"{folder}: readings.npz is missing. Sample anew with --force.")
     config, stored_seed = stored_config(run, folder)
     refuse_changes(config, asked, stored_seed, seed)
@@ -141,11 +147,10 @@ def resume(folder: Path, logs: dict[str, str], asked: Asked, seed: int | None, t
         refuse_other_log(run, flag, log)
     if run.manifest.get("versions") != versions():
         logger.warning("this run was begun with other versions of the packages: bit for bit may not hold")
-    sampler = Sampler(
-        make_settings(config, run.beams, run.cones), spawn_generators(stored_seed, config.chains), threads
-    )
+    settings = make_settings(config, run.beams, run.cones, run.points)
+    sampler = Sampler(settings, spawn_generators(stored_seed, config.chains), threads)
     process = {key: run.manifest[key] for key in PROCESS_KEYS if key in run.manifest}
-    output = Output(folder, process, config, stored_seed, run.beams, run.cones)
+    output = Output(folder, process, config, stored_seed, run.beams, run.cones, run.points)
     load_checkpoint(folder, sampler, output.identity())
     return Session(sampler, output, float(run.manifest.get("seconds", 0.0)), is_resumed=True)
 

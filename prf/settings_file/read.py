@@ -24,7 +24,8 @@ def read_settings(path: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
     Returns
     -------
     dict of str to dict
-        The tables and keys that the file has, no defaults: floats, and a tuple of four floats for a window. SI units.
+        The tables and keys that the file has, no defaults: floats, a tuple of four floats for a window, a word for a
+        kind. SI units.
 
     Raises
     ------

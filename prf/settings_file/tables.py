@@ -15,15 +15,19 @@ from typing import Any, NamedTuple
 
 from prf.arak import checked_scale
 from prf.sensors.laser import LaserModel
+from prf.sensors.points import KINDS, PointModel
 from prf.sensors.sonar import SonarModel
 from prf.shell.errors import ConfigError
 from prf.window import Window
 
 Tables = Mapping[str, Mapping[str, Any]]
-"""Table to key to value: a float, or a tuple of four for a window. SI units."""
+"""Table to key to value: a float, a tuple of four for a window, or one of some words. SI units."""
 
 ARRAYS: Mapping[str, int] = MappingProxyType({"window": 4})
-"""Keys whose value is an array, and how many numbers it has; every other value is one number."""
+"""Keys whose value is an array, and how many numbers it has."""
+
+CHOICES: Mapping[str, tuple[str, ...]] = MappingProxyType({"kind": KINDS})
+"""Keys whose value is one of some words; every other value is one number."""
 
 Place = Callable[[str, str], str]
 """Takes a table and a key, or "" for the table itself; tells where it stands, for messages."""
@@ -61,6 +65,10 @@ def _check_sonar(values: Mapping[str, Any]) -> None:
     SonarModel(**{key: value for key, value in values.items() if key != "cone"})
 
 
+def _check_points(values: Mapping[str, Any]) -> None:
+    PointModel(**values)
+
+
 def _fields(model: type) -> tuple[str, ...]:
     return tuple(field.name for field in dataclasses.fields(model))
 
@@ -70,6 +78,7 @@ TABLES: Mapping[str, Table] = MappingProxyType(
         "prior": Table(("scale", "window"), _check_prior),
         "laser": Table(_fields(LaserModel), _check_laser),
         "sonar": Table((*_fields(SonarModel), "cone"), _check_sonar),
+        "points": Table(_fields(PointModel), _check_points),
     }
 )
 """The tables that a file may have."""
@@ -126,10 +135,14 @@ def _sound(table: str, values: Mapping[str, Any], place: Place) -> tuple[dict[st
     return typed, problems or list(_out_of_range(table, typed, place))
 
 
-def _typed(table: str, key: str, value: Any, place: Place) -> float | tuple[float, ...]:
+def _typed(table: str, key: str, value: Any, place: Place) -> float | tuple[float, ...] | str:
     where = f"{place(table, key)}: [{table}] {key}"
     if key not in TABLES[table].keys:
         raise ConfigError(f"{where}: there is no such key. {_instead(key, TABLES[table].keys)}")
+    if key in CHOICES:
+        if value not in CHOICES[key]:
+            raise ConfigError(f"{where} = {value!r}: must be {' or '.join(map(repr, CHOICES[key]))}.")
+        return str(value)
     if key not in ARRAYS:
         if not _is_number(value):
             raise ConfigError(f"{where} = {value!r}: must be a finite number.")

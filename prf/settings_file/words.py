@@ -23,6 +23,7 @@ TABLE_WORDS: Mapping[str, str] = MappingProxyType(
         "prior": "The Arak process over maps",
         "laser": "Density of a laser reading (docs/laser-model.md)",
         "sonar": "Density of a sonar reading (docs/sonar-model.md)",
+        "points": "Density of a point observation (docs/point-data.md)",
     }
 )
 KEY_WORDS: Mapping[str, Words] = MappingProxyType(
@@ -47,5 +48,10 @@ KEY_WORDS: Mapping[str, Words] = MappingProxyType(
         "sonar.short_probability": Words("", "of readings that no feature returned: share of short ones"),
         "sonar.short_length": Words("m", "mean of the short ones"),
         "sonar.cone": Words("rad", "full field of view, where the log has none"),
+        "points.kind": Words("", "gaussian, or binary: the colour itself, 1 for black, perhaps flipped"),
+        "points.mean_black": Words("", "gaussian: mean of the values in black, in their unit"),
+        "points.mean_white": Words("", "gaussian: mean of the values in white"),
+        "points.sigma": Words("", "gaussian: standard deviation round the mean"),
+        "points.flip_probability": Words("", "binary: share of values that tell the other colour, below 0.5"),
     }
 )

@@ -54,4 +54,6 @@ def _comment(text: str) -> str:
 
 
 def _written(value: Any) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
     return f"[{', '.join(map(_written, value))}]" if isinstance(value, list | tuple) else repr(float(value))

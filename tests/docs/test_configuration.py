@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from prf.cli import app
-from prf.sampler.asked import field_of
+from prf.sampler.asked import field_of, source_of
 from prf.sampler.config import SampleConfig
 from prf.settings_file import KEY_WORDS, TABLE_WORDS, TABLES
 
@@ -26,8 +26,8 @@ def documented(project_root: Path) -> dict[tuple[str, str], list[str]]:
     return rows
 
 
-def default_text(value: Any) -> str:
-    return "from the log" if value is None else repr(value)
+def default_text(table: str, value: Any) -> str:
+    return source_of(table) if value is None else repr(value)
 
 
 def test_every_key_stands_there_as_the_code_has_it(project_root: Path) -> None:
@@ -36,7 +36,7 @@ def test_every_key_stands_there_as_the_code_has_it(project_root: Path) -> None:
     for (table, key), (unit, default, meaning, _) in rows.items():
         words = KEY_WORDS[f"{table}.{key}"]
         assert (unit, meaning) == (words.unit or "–", words.meaning), key
-        assert default == default_text(getattr(config, field_of(table, key))), key
+        assert default == default_text(table, getattr(config, field_of(table, key))), key
 
 
 @pytest.mark.parametrize("verb", ["sample", "anneal"])

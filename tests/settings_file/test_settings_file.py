@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prf.sensors.laser import LaserModel
+from prf.sensors.points import PointModel
 from prf.sensors.sonar import SonarModel
 from prf.settings_file import TABLES, read_settings, settings_text, write_settings
 from prf.shell.errors import ConfigError, InputError
@@ -27,6 +28,10 @@ noise = 1e-2
 [sonar]
 cone = 0.4
 surface_oblique = 12.5   # smooth walls
+
+[points]
+kind = "binary"
+flip_probability = 0.25
 """
 
 
@@ -41,6 +46,7 @@ def test_reads_what_is_there_and_nothing_more(file: Path) -> None:
         "prior": {"scale": 0.2, "window": (0.0, 0.0, 10.0, 7.5)},
         "laser": {"max_range": 30.0, "noise": 0.01},
         "sonar": {"cone": 0.4, "surface_oblique": 12.5},
+        "points": {"kind": "binary", "flip_probability": 0.25},
     }
     file.write_text("")
     assert read_settings(file) == {}
@@ -49,6 +55,7 @@ def test_reads_what_is_there_and_nothing_more(file: Path) -> None:
 def test_every_parameter_of_the_models_is_a_key() -> None:
     assert set(LaserModel.__dataclass_fields__) == set(TABLES["laser"].keys)
     assert {*SonarModel.__dataclass_fields__, "cone"} == set(TABLES["sonar"].keys)
+    assert set(PointModel.__dataclass_fields__) == set(TABLES["points"].keys)
 
 
 @pytest.mark.parametrize(
@@ -90,6 +97,11 @@ def test_an_unusual_combination_is_judged_as_a_whole(file: Path) -> None:
         ("[sonar]\nnoise = 1\nshort_length = 0\n", 3, "[sonar] short_length 0.0: must be a positive number"),
         ("sonar.cone = 4\n", 1, "[sonar] cone 4.0: must lie between 0 and pi"),
         ("[sonar]\nuniform_probability = 0.6\nshort_probability = 0.6\n", 1, "short_probability + uniform_probability"),
+        ("[points]\nkind = 1\n", 2, "[points] kind = 1: must be 'gaussian' or 'binary'."),
+        ("[points]\nkind = 'normal'\n", 2, "[points] kind = 'normal': must be 'gaussian' or 'binary'."),
+        ("[points]\nsigma = -1\n", 2, "[points] sigma -1.0: must be a positive number"),
+        ("[points]\nmean_black = 3\nmean_white = 3\n", 1, "mean_black and mean_white are both 3.0"),
+        ("[points]\nflip_probability = 0.5\n", 2, "[points] flip_probability 0.5: must lie in (0, 0.5)"),
         ("[sonar\n", 1, "not valid TOML"),
         ("[sonar]\ncone = 1\ncone = 2\n", 3, "not valid TOML"),
     ],
@@ -124,6 +136,7 @@ def test_what_is_written_is_read_to_the_last_bit(
         "prior": {"scale": scale, "window": (-1.0, 0.0, scale, 1.0)},
         "laser": {"noise": noise},
         "sonar": {"cone": cone, "corner_bias": bias},
+        "points": {"kind": "gaussian", "mean_black": 1.0 + scale},
     }
     file = tmp_path_factory.getbasetemp() / "settings.toml"
     write_settings(file, tables)
