@@ -16,6 +16,9 @@ OUTPUT = ROOT / "build" / "benchmarks"
 QUICK_SECONDS = 30.0
 SEED = 1
 
+LASER = {"noise": 0.05, "noise_relative": 0.02}
+"""Of corrected logs: their poses are wrong by centimetres and tenths of a degree, and the scanner's noise is less."""
+
 Option = str | int | float | Path | list[float] | None
 """Value of an option; a list is an option with several values, None leaves the option out."""
 
@@ -43,11 +46,12 @@ def made(verb: str, output: Path, **options: Option) -> dict[str, Any]:
     return prf(verb, "--force", output=output, **options)
 
 
-def parser(doc: str | None, seconds: float) -> argparse.ArgumentParser:
-    """Return a parser with the options of every experiment; `seconds` is the time of one run unless given."""
+def parser(doc: str | None, seconds: float | None = None) -> argparse.ArgumentParser:
+    """Return a parser with the options of every experiment; `seconds`, if any, is the time of one run unless given."""
     found = argparse.ArgumentParser(description=(doc or "").splitlines()[0])
-    found.add_argument("--quick", action="store_true", help=f"{QUICK_SECONDS:g} s a run, to see that all works")
-    found.add_argument("--seconds", type=float, default=seconds, help="of sampling and of annealing, each run")
+    found.add_argument("--quick", action="store_true", help="short runs, to see that all works")
+    if seconds is not None:
+        found.add_argument("--seconds", type=float, default=seconds, help="of sampling and of annealing, each run")
     found.add_argument("--threads", type=int, default=0, help="0: one a core")
     found.add_argument("--seed", type=int, default=SEED)
     found.add_argument("--data", type=Path, default=DATA, help="folder with the public logs, in carmen/")
@@ -55,10 +59,10 @@ def parser(doc: str | None, seconds: float) -> argparse.ArgumentParser:
     return found
 
 
-def parse(doc: str | None, seconds: float, asked: argparse.ArgumentParser | None = None) -> argparse.Namespace:
+def parse(asked: argparse.ArgumentParser) -> argparse.Namespace:
     """Return the options, the time of a run cut short by --quick."""
-    arguments = (asked or parser(doc, seconds)).parse_args()
-    if arguments.quick:
+    arguments = asked.parse_args()
+    if arguments.quick and "seconds" in arguments:
         arguments.seconds = min(arguments.seconds, QUICK_SECONDS)
     arguments.output = arguments.output.resolve()
     return arguments

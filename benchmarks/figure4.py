@@ -98,6 +98,7 @@ def lobby(log: Path, options: argparse.Namespace) -> dict[str, Any]:
     say(f"lobby: posterior and annealed map, {options.seconds:g} s each")
     what = {"laser": log, **LOBBY_READINGS}
     how: dict[str, Any] = {
+        **commands.LASER,
         "scale": SCALE,
         "seed": options.seed,
         "threads": options.threads,
@@ -137,26 +138,26 @@ def words(run: Run) -> str:
 def map_bytes(path: Path) -> dict[str, int]:
     """Return the size of a map in several forms.
 
-    Packed: for each ring its number of corners (2 bytes) and its corners, the repeated last one left out: two int16
-    centimetres from the window's lower left corner (4 bytes a corner), two float32 (8) or two float64 (16).
+    `geometry_mm`: the bare geometry with coordinates to the millimetre. Packed: for each ring its number of corners
+    (2 bytes) and its corners, the repeated last one left out: two int16 centimetres from the window's lower left
+    corner (4 bytes a corner), two float32 (8) or two float64 (16).
     """
     content = json.loads(path.read_text())
     rings = shapely.get_rings(shapely.get_parts(shapely.geometry.shape(content["geometry"])))
     n_corners = int(sum(shapely.get_num_coordinates(rings) - 1))
-    sizes = {"geojson_bytes": path.stat().st_size, "geojson_mm_bytes": rounded_bytes(content)}
+    sizes = {"geojson_bytes": path.stat().st_size, "geometry_mm_bytes": rounded_bytes(content["geometry"])}
     for name, each in (("int16_cm", 4), ("float32", 8), ("float64", 16)):
         sizes[f"{name}_bytes"] = 2 * len(rings) + each * n_corners
     return {"rings": len(rings), "corners": n_corners, **sizes}
 
 
-def rounded_bytes(content: dict[str, Any]) -> int:
-    """Return the size of the same GeoJSON with coordinates to the millimetre."""
+def rounded_bytes(geometry: dict[str, Any]) -> int:
+    """Return the size of a GeoJSON geometry with coordinates to the millimetre and no spaces."""
 
     def rounded(value: Any) -> Any:
         return [rounded(part) for part in value] if isinstance(value, list) else round(value, 3)
 
-    geometry = {**content["geometry"], "coordinates": rounded(content["geometry"]["coordinates"])}
-    return len(json.dumps({**content, "geometry": geometry}, separators=(",", ":")))
+    return len(json.dumps({**geometry, "coordinates": rounded(geometry["coordinates"])}, separators=(",", ":")))
 
 
 def report(result: dict[str, Any]) -> None:
@@ -173,7 +174,7 @@ def report(result: dict[str, Any]) -> None:
 
 def main() -> int:
     """Make both figures."""
-    options = commands.parse(__doc__, SECONDS)
+    options = commands.parse(commands.parser(__doc__, SECONDS))
     options.output = options.output / "figure4"
     result: dict[str, Any] = {"schema": "prf.benchmark.figure4/1", "seconds": options.seconds, "scale": SCALE}
     for name, source, work in (("hallway", HALLWAY, hallway), ("lobby", LOBBY, lobby)):
