@@ -13,10 +13,11 @@ from prf.kernels.build import cells_of, fill_graph, fill_index
 from prf.kernels.chain import Chain
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph
-from prf.kernels.grid import Grid, most_cells
+from prf.kernels.grid import Grid, make_grid, most_cells
 from prf.kernels.image import Image, count_all_edges
 from prf.kernels.proposal import N_PROPOSAL_COUNTS, Proposal
 from prf.kernels.sites import Sites
+from prf.kernels.targets import NEAR, Targets
 from prf.sensors.sonar import make_sight
 from prf.window import Window
 
@@ -97,6 +98,37 @@ def make_sites(grid: Grid, origin: Floats) -> Sites:
     order = np.argsort(cells, kind="stable")
     starts = np.searchsorted(cells[order], np.arange(grid.nx * grid.ny + 1))
     return Sites(grid, np.ascontiguousarray(xy[order]), starts.astype(np.int64))
+
+
+def make_targets(window: Window, side: float, xy: Floats) -> Targets:
+    """Return the squares of side `side` (metres) that hold one of the points (n, 2) inside the window."""
+    grid = make_grid(*window, side)
+    inside = window.contains(xy, strictly=True)
+    cells = np.zeros(int(inside.sum()), np.int64)
+    cells_of(grid, np.ascontiguousarray(xy[inside]), cells)
+    targets = np.unique(cells)
+    number = np.full(grid.nx * grid.ny, c.NONE, np.int32)
+    number[targets] = np.arange(len(targets), dtype=np.int32)
+    start, near = _near_targets(grid, targets, number)
+    return Targets(grid, targets.astype(np.int32), number, start, near)
+
+
+def _near_targets(
+    grid: Grid, targets: NDArray[np.int64], number: NDArray[np.int32]
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Return starts (n + 1,) and the targets near each, in the order of their cells."""
+    ix, iy = targets % grid.nx, targets // grid.nx
+    reach = range(-NEAR, NEAR + 1)
+    found = []
+    for dy, dx in ((dy, dx) for dy in reach for dx in reach if dx * dx + dy * dy <= NEAR * NEAR):
+        x, y = ix + dx, iy + dy
+        (inside,) = np.nonzero((x >= 0) & (x < grid.nx) & (y >= 0) & (y < grid.ny))
+        other = number[x[inside] + grid.nx * y[inside]]
+        found.append(np.stack([inside[other != c.NONE], other[other != c.NONE]]))
+    owner, near = np.concatenate(found, axis=1)
+    order = np.argsort(owner, kind="stable")
+    starts = np.searchsorted(owner[order], np.arange(len(targets) + 1))
+    return starts.astype(np.int64), near[order].astype(np.int32)
 
 
 def image_grid(window: Window, resolution: float) -> Grid:

@@ -13,7 +13,7 @@ from prf.kernels.build import resum, trace_all
 from prf.kernels.chain import Chain
 from prf.kernels.grid import make_grid
 from prf.kernels.points import Points, Y, paint
-from prf.layout import make_graph, make_image, make_index, make_proposal, make_sites
+from prf.layout import make_graph, make_image, make_index, make_proposal, make_sites, make_targets
 from prf.sensors.laser import LaserModel, make_beams, make_rays
 from prf.sensors.points import PointModel, make_points
 from prf.sensors.sonar import SonarModel, make_cones, make_poses
@@ -128,6 +128,10 @@ class Settings:
     sonar : SonarData or None
     points : PointData or None
         Without laser, sonar and points the chain draws from the prior.
+    aimed_share : float
+        Share of births of triangles that are aimed at returns, where there are any.
+    aim_reach : float or None
+        As the other reaches.
     """
 
     window: Window
@@ -142,6 +146,8 @@ class Settings:
     cut_reach: float | None = None
     sonar: SonarData | None = None
     points: PointData | None = None
+    aimed_share: float = 0.6
+    aim_reach: float | None = None
 
     def tuning(self) -> Floats:
         """Return the tuning array of the kernels."""
@@ -153,6 +159,7 @@ class Settings:
         tuning[c.SPLIT_REACH] = self.split_reach or 0.02 / self.scale
         tuning[c.MOVE_REACH] = self.move_reach or 0.01 / self.scale
         tuning[c.CUT_REACH] = self.cut_reach or 0.0005 / self.scale
+        tuning[c.AIM_REACH] = self.aim_reach or 0.015 / self.scale
         return tuning
 
     def cell_size(self) -> float:
@@ -162,6 +169,10 @@ class Settings:
         longest = max(self.window.width, self.window.height)
         share = 0.1 if self.laser is None and self.sonar is None else 0.04
         return max(share / self.scale, longest / 1000.0)
+
+    def target_side(self) -> float:
+        """Return the side of the squares at which births are aimed, metres."""
+        return max(0.02 / self.scale, max(self.window.width, self.window.height) / 2000.0)
 
 
 def make_chain(settings: Settings, coloring: Coloring) -> Chain:
@@ -178,6 +189,9 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
     sonar = settings.sonar or SonarData(*_nothing(), np.zeros(0), SonarModel())
     pose = make_poses(sonar.model, sonar.origin, sonar.angle, sonar.cone, sonar.readings)
     odds = np.array([DEFAULT_ODDS[move] for move in range(c.N_MOVES)])
+    targets = make_targets(window, settings.target_side(), return_points(settings))
+    tuning = settings.tuning()
+    tuning[c.AIMED_SHARE] = settings.aimed_share if len(targets.cell) > 0 else 0.0
     chain = Chain(
         graph=graph,
         edge_index=make_index(graph, grid, FIRST_CELL_ROOM),
@@ -185,9 +199,10 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
         cones=make_cones(grid, sonar.model, pose, capacity),
         points=painted_points(settings.points, coloring),
         sensors=make_sites(grid, np.concatenate([laser.origin, sonar.origin])),
+        targets=targets,
         image=make_image(coloring, graph, settings.resolution),
         proposal=make_proposal(grid),
-        tuning=settings.tuning(),
+        tuning=tuning,
         odds=odds / odds.sum(),
         outcomes=np.zeros((c.N_MOVES, c.N_OUTCOMES), np.int64),
     )
@@ -212,6 +227,17 @@ def first_map(settings: Settings) -> Coloring:
         return empty
     white, black = settings.points.model.log_density(settings.points.values).sum(axis=0)
     return empty._replace(anchor_black=bool(black > white))
+
+
+def return_points(settings: Settings) -> Floats:
+    """Return where the readings say that something stands (n, 2), metres: for a sonar on its axis."""
+    points = [np.zeros((0, 2))]
+    for sensor in (settings.laser, settings.sonar):
+        if sensor is not None:
+            hit = sensor.readings < sensor.model.max_range
+            direction = np.stack([np.cos(sensor.angle[hit]), np.sin(sensor.angle[hit])], axis=1)
+            points.append(sensor.origin[hit] + sensor.readings[hit, None] * direction)
+    return np.concatenate(points)
 
 
 def _nothing() -> tuple[Floats, Floats, Floats]:

@@ -32,6 +32,7 @@ from prf.kernels.proposal import (
     Proposal,
 )
 from prf.kernels.sites import Sites
+from prf.kernels.targets import Targets
 from prf.kernels.touch import apply_touched, release_touched
 
 
@@ -44,6 +45,7 @@ class Chain(NamedTuple):
     cones: Cones
     points: Points
     sensors: Sites
+    targets: Targets
     image: Image
     proposal: Proposal
     tuning: np.ndarray  # (N_TUNING,) f8

@@ -68,7 +68,9 @@ SPLIT_REACH = 3  # median distance of a split's new vertex from the edge, m
 MOVE_REACH = 4  # median displacement of a vertex move, m
 CUT_REACH = 5  # median distance of the corners of a cut from the lines of the wall, m
 INVERSE_TEMPERATURE = 6  # 1 samples the posterior, more prefers its mode over lines
-N_TUNING = 7
+AIMED_SHARE = 7  # share of interior births that are aimed at returns; 0 without targets
+AIM_REACH = 8  # median distance of the vertices of such a birth, m
+N_TUNING = 9
 
 # Columns of ``Beams.ray``.
 ORIGIN_X = 0

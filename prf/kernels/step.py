@@ -57,9 +57,9 @@ def propose(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, fl
     graph, proposal, tuning, odds = chain.graph, chain.proposal, chain.tuning, chain.odds
     clear(proposal)
     if move == c.TRIANGLE_BIRTH:
-        return interior_triangle.propose_birth(graph, proposal, tuning, odds, rng)
+        return interior_triangle.propose_birth(graph, chain.targets, proposal, tuning, odds, rng)
     if move == c.TRIANGLE_DEATH:
-        return interior_triangle.propose_death(graph, proposal, tuning, odds, rng)
+        return interior_triangle.propose_death(graph, chain.targets, proposal, tuning, odds, rng)
     if move == c.BOUNDARY_BIRTH:
         return boundary_triangle.propose_birth(graph, proposal, tuning, odds, rng)
     if move == c.BOUNDARY_DEATH:

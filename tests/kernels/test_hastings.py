@@ -86,6 +86,9 @@ def cut_wall(p: float, q: float, s: float, t: float) -> Coloring:
     return rails(west, east)
 
 
+ROUND_WALL = 2.0 * (1.6 + 0.06)
+
+
 def walls_by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]]:
     wall = loop((0.2, 0.7), (1.8, 0.7), (1.8, 0.76), (0.2, 0.76))
     cut = cut_wall(0.8, 1.0, 0.83, 1.02)
@@ -94,8 +97,8 @@ def walls_by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]
         return 0.1 / (0.1 + r) ** 2
 
     aside = reach(0.01) ** 2 * reach(0.0) ** 2 * reach(0.03) * reach(0.02) / 2.0**6
-    density = (reach(0.2) + reach(0.19)) / 1.6 * aside
-    yield "cut", c.CUT_WALL, wall, cut, plan(), density / 4.0
+    density = (reach(0.2) + reach(0.19)) * aside
+    yield "cut", c.CUT_WALL, wall, cut, plan(), density / ROUND_WALL
     yield "mend", c.MEND_WALL, cut, wall, plan(), 0.5 / 8.0 * (1.0 / 3.0 + 1.0 / 3.0)
     # From the middle of the west jamb the block ends at 1.17, from that of the east one it begins at 0.77.
     uneven = cut_wall(0.8, 1.15, 0.8, 1.18)
@@ -105,7 +108,7 @@ def walls_by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]
     yield "mend from one jamb", c.MEND_WALL, one_sided, wall, plan(), 0.5 / 8.0 / 2.0
     yield "too wide a gap to mend", c.MEND_WALL, cut_wall(0.8, 1.4, 0.8, 1.4), wall, plan(), 0.0
     aside = reach(0.01) ** 2 * reach(0.0) ** 4 / 2.0**6
-    yield "wide cut", c.CUT_WALL, wall, cut_wall(0.8, 1.4, 0.8, 1.4), plan(), 2.0 * reach(0.6) / 1.6 * aside / 4.0
+    yield "wide cut", c.CUT_WALL, wall, cut_wall(0.8, 1.4, 0.8, 1.4), plan(), 2.0 * reach(0.6) * aside / ROUND_WALL
     overlap = rails(
         [(0.2, 0.76), (0.2, 0.7), (1.0, 0.7), (0.8, 0.75)], [(1.8, 0.7), (1.8, 0.76), (1.75, 0.76), (0.9, 0.69)]
     )

@@ -19,12 +19,31 @@ import pytest
 from prf.kernels import constants as c
 from prf.kernels.chain import Chain
 from prf.kernels.proposal import N_NEW_VERTICES
+from prf.kernels.targets import Targets
 from prf.layout import read_coloring
 from prf.window import INTERIOR
 from tests.reference.hastings import CASES, NAMES, Lab, attempt, make_lab, states, tries
-from tests.reference.plain_map import PlainMap, Point, corner_between, foot_and_offset, plain_map, sharing_cells
+from tests.reference.plain_map import (
+    PlainMap,
+    Point,
+    corner_between,
+    foot_and_offset,
+    plain_map,
+    round_the_cut,
+)
 from tests.reference.proposals import Plan, log_proposal_density, new_points
-from tests.reference.scripted import LAST, SCRIPTS, across, along, edge_slot, gone_vertex, pick, reached, scripted
+from tests.reference.scripted import (
+    LAST,
+    SCRIPTS,
+    across,
+    along,
+    edge_slot,
+    end_points,
+    gone_vertex,
+    pick,
+    reached,
+    scripted,
+)
 
 SEED = 20050726
 STEP = 1e-4
@@ -47,9 +66,41 @@ def triangle_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterat
     for u, v, w in itertools.permutations(new_points(x, y, False)):
         first = across(x.window, u)
         others = [*across(x.window, v), *across(x.window, w)]
-        yield Branch(1.0 - plan.local, [LAST, *first, *others], [1, 2, 3, 4, 5, 6])
+        free = 1.0 - plan.aimed
+        yield Branch(free * (1.0 - plan.local), [LAST, LAST, *first, *others], [2, 3, 4, 5, 6, 7])
         others = [reached(math.dist(u, v), m), turn(u, v), reached(math.dist(u, w), m), turn(u, w)]
-        yield Branch(plan.local, [0.0, *first, *others], [1, 2, 3, 4, 5, 6])
+        yield Branch(free * plan.local, [LAST, 0.0, *first, *others], [2, 3, 4, 5, 6, 7])
+        yield from aimed_birth(chain.targets, u, v, w, plan)
+
+
+def aimed_birth(targets: Targets, u: Point, v: Point, w: Point, plan: Plan) -> Iterator[Branch]:
+    """A post with u in a target, and a panel with u and v in targets."""
+    one, other, m = plan.target(u), plan.target(v), plan.aim_reach
+    if one is None:
+        return
+    number = number_of(targets, one)
+    first = [(number + 0.5) / len(plan.targets), *within(plan, one, u)]
+    others = [reached(math.dist(u, v), m), turn(u, v), reached(math.dist(u, w), m), turn(u, w)]
+    picked = 0.5 * plan.aimed / len(plan.targets)
+    yield Branch(picked, [0.0, 0.0, *first, *others], [3, 4, 5, 6, 7, 8])
+    foot, offset = foot_and_offset(w, u, v)
+    if other is None or other not in plan.near_target(one) or not 0.0 < foot < 1.0:
+        return
+    near = targets.near[targets.near_start[number] : targets.near_start[number + 1]].tolist()
+    second = [(near.index(number_of(targets, other)) + 0.5) / len(near), *within(plan, other, v)]
+    apex = [foot, reached(abs(offset), m), LAST if offset > 0.0 else 0.0]
+    yield Branch(0.5 * picked / len(near), [0.0, LAST, *first, *second, *apex], [3, 4, 6, 7, 8, 9])
+
+
+def number_of(targets: Targets, square: tuple[int, int]) -> int:
+    return int(targets.number[square[0] + targets.grid.nx * square[1]])
+
+
+def within(plan: Plan, square: tuple[int, int], v: Point) -> list[float]:
+    """Coordinates of a point in its square, as shares of the side."""
+    grid = plan.target_grid
+    assert grid is not None
+    return [(v[0] - grid.x0) / grid.cell - square[0], (v[1] - grid.y0) / grid.cell - square[1]]
 
 
 def boundary_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
@@ -113,13 +164,18 @@ def past_corner(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[
 
 
 def cut_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
-    near_by = sharing_cells(x.edges, plan.grid)
+    total = sum(math.dist(*edge) for edge in x.edges)
     scripts = list(SCRIPTS[c.CUT_WALL](chain, x, y, plan))
-    for first in x.edges - y.edges:
+    for first, second in itertools.permutations(x.edges - y.edges):
+        a, b = end_points(chain, first)
+        (p,), (q,) = ([w for w in y.neighbors(v) if w not in x.side] for v in (a, b))
+        opposite = round_the_cut(x.edges, plan.grid, (a, b), (p, q))
+        if second not in opposite:
+            continue
         picked = pick(chain, c.EDGES, edge_slot(chain, first))
         ways = (numbers for numbers in scripts if numbers[0] == picked and leads_to(chain, numbers, x, y))
-        signs = 0.5**6
-        yield Branch(signs / (len(x.edges) * len(near_by[first])), next(ways), [2, 3, 4, 6, 8, 10, 12, 14])
+        chance = 0.5**6 * math.dist(a, b) / (total * len(opposite))
+        yield Branch(chance, next(ways), [2, 3, 4, 6, 9, 11, 13, 15])
 
 
 def leads_to(chain: Chain, numbers: list[float], x: PlainMap, y: PlainMap) -> bool:

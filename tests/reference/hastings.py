@@ -25,7 +25,8 @@ from prf.kernels.chain import Chain, apply
 from prf.kernels.crossing import is_valid
 from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, log_prior_change
 from prf.kernels.step import evaluate, log_ratio_of_cells, propose, run
-from prf.layout import grow, read_coloring
+from prf.kernels.targets import Targets
+from prf.layout import grow, make_targets, read_coloring
 from prf.posterior import Settings, make_chain
 from prf.window import Window
 from tests.reference.plain_map import anchor_changes, plain_map
@@ -51,6 +52,9 @@ NAMES = (
     "cut wall",
     "mend wall",
 )
+N_TARGETS = 40
+SQUARES = 30
+"""Squares along the longer side of the window: some targets are near one another, some are not."""
 TRIES = 50
 WALL_TRIES = 600
 """Attempts at a move in one state, until one is valid; at a cut or a mend, of which few are."""
@@ -106,20 +110,35 @@ class Findings:
 
 
 class Lab(NamedTuple):
-    """Settings, odds that differ from move to move, and what they mean to the reference."""
+    """Settings, odds that differ from move to move, targets, and what they mean to the reference."""
 
     settings: Settings
     plan: Plan
+    targets: Targets
 
     def chain_at(self, coloring: Coloring) -> Chain:
-        return make_chain(self.settings, coloring)._replace(odds=self.plan.odds)
+        chain = make_chain(self.settings, coloring)._replace(odds=self.plan.odds, targets=self.targets)
+        chain.tuning[c.AIMED_SHARE] = self.plan.aimed
+        return chain
 
 
 def make_lab(settings: Settings, rng: np.random.Generator) -> Lab:
+    """Odds and targets at random; three births of five are aimed."""
     chain = make_chain(settings, Coloring.empty(settings.window))
     odds = rng.dirichlet(np.full(c.N_MOVES, 4.0))
     reaches = [float(chain.tuning[k]) for k in (c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH, c.CUT_REACH)]
-    return Lab(settings, Plan(settings.scale, settings.local_share, *reaches, odds, chain.edge_index.grid))
+    window = settings.window
+    points = rng.uniform(window[:2], window[2:], (N_TARGETS, 2))
+    targets = make_targets(window, max(window.width, window.height) / SQUARES, points)
+    squares = {(cell % targets.grid.nx, cell // targets.grid.nx) for cell in targets.cell.tolist()}
+    plan = Plan(settings.scale, settings.local_share, *reaches, odds, chain.edge_index.grid)
+    aimed = plan._replace(
+        aimed=0.6,
+        aim_reach=float(chain.tuning[c.AIM_REACH]),
+        target_grid=targets.grid,
+        targets=frozenset(squares),
+    )
+    return Lab(settings, aimed, targets)
 
 
 def tries(move: int) -> int:

@@ -106,12 +106,27 @@ def sharing_cells(edges: Iterable[Edge], grid: Grid) -> dict[Edge, list[Edge]]:
 def round_the_middle(edges: Iterable[Edge], grid: Grid, jamb: Edge) -> list[Edge]:
     """M: the edges that share no vertex with the jamb and pass through the 7 x 7 cells round the cell of its middle."""
     a, b = jamb
+    return in_block(edges, grid, jamb, (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])), 3)
+
+
+def round_the_cut(
+    edges: Iterable[Edge], grid: Grid, face: tuple[Point, Point], corners: tuple[Point, Point]
+) -> list[Edge]:
+    """O: those that share no vertex with the face and pass through the 3 x 3 cells round the middle of the cut."""
+    a, b = face
+    share = 0.5 * sum(foot_and_offset(v, a, b)[0] for v in corners)
+    middle = (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]))
+    return in_block(edges, grid, frozenset(face), middle, 1)
+
+
+def in_block(edges: Iterable[Edge], grid: Grid, of: Edge, middle: Point, radius: int) -> list[Edge]:
+    """The edges that share no vertex with `of` and pass through the cells round that of `middle`."""
     lows, highs = [], []
-    for start, end, origin, n in ((a[0], b[0], grid.x0, grid.nx), (a[1], b[1], grid.y0, grid.ny)):
-        cell = math.floor((0.5 * (start + end) - origin) / grid.cell)
-        lows.append(origin + max(cell - 3, 0) * grid.cell)
-        highs.append(origin + min(cell + 4, n) * grid.cell)
-    return [edge for edge in edges if not edge & jamb and passes(*sorted(edge), tuple(lows), tuple(highs))]
+    for place, origin, n in ((middle[0], grid.x0, grid.nx), (middle[1], grid.y0, grid.ny)):
+        cell = math.floor((place - origin) / grid.cell)
+        lows.append(origin + max(cell - radius, 0) * grid.cell)
+        highs.append(origin + min(cell + radius + 1, n) * grid.cell)
+    return [edge for edge in edges if not edge & of and passes(*sorted(edge), tuple(lows), tuple(highs))]
 
 
 def anchor_changes(x: PlainMap, y: PlainMap) -> bool:

@@ -31,6 +31,7 @@ from tests.reference.plain_map import (
     corner_between,
     foot_and_offset,
     plain_map,
+    round_the_cut,
     round_the_middle,
     sharing_cells,
 )
@@ -59,6 +60,21 @@ class Plan(NamedTuple):
     cut_reach: float
     odds: NDArray[np.float64]
     grid: Grid
+    aimed: float = 0.0
+    aim_reach: float = 0.1
+    target_grid: Grid | None = None
+    targets: frozenset[tuple[int, int]] = frozenset()
+
+    def target(self, v: Point) -> tuple[int, int] | None:
+        """The square, by column and row, that holds a point, if a reading ended there."""
+        if self.target_grid is None:
+            return None
+        grid = self.target_grid
+        square = math.floor((v[0] - grid.x0) / grid.cell), math.floor((v[1] - grid.y0) / grid.cell)
+        return square if square in self.targets else None
+
+    def near_target(self, square: tuple[int, int]) -> list[tuple[int, int]]:
+        return [other for other in self.targets if math.dist(square, other) <= 12.0]
 
 
 def reach(r: float, m: float) -> float:
@@ -80,7 +96,27 @@ def triangle_birth(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
     for u, v, w in itertools.permutations(new_points(x, y, False), 3):
         uniform = 1.0 / area**3
         local = 1.0 / area * near(u, v, m) * near(u, w, m)
-        yield NOTHING, closed(u, v, w), (1.0 - plan.local) * uniform + plan.local * local
+        free = (1.0 - plan.local) * uniform + plan.local * local
+        aimed = 0.5 * post(u, v, w, plan) + 0.5 * panel(u, v, w, plan)
+        yield NOTHING, closed(u, v, w), (1.0 - plan.aimed) * free + plan.aimed * aimed
+
+
+def post(u: Point, v: Point, w: Point, plan: Plan) -> float:
+    """Density of u in a target, v and w round it."""
+    if plan.target(u) is None or plan.target_grid is None:
+        return 0.0
+    first = 1.0 / (len(plan.targets) * plan.target_grid.cell**2)
+    return first * near(u, v, plan.aim_reach) * near(u, w, plan.aim_reach)
+
+
+def panel(u: Point, v: Point, w: Point, plan: Plan) -> float:
+    """Density of u in a target, v in a target near that one, and w beside the line of both."""
+    one, other = plan.target(u), plan.target(v)
+    if one is None or other is None or plan.target_grid is None or other not in plan.near_target(one):
+        return 0.0
+    ends = 1.0 / (len(plan.targets) * len(plan.near_target(one)) * plan.target_grid.cell**4)
+    foot, offset = foot_and_offset(w, u, v)
+    return ends * 0.5 * reach(abs(offset), plan.aim_reach) / math.dist(u, v) if 0.0 < foot < 1.0 else 0.0
 
 
 def triangle_death(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
@@ -223,22 +259,23 @@ def corners_density(e: tuple[Point, Point], f: tuple[Point, Point], corners: tup
         return 0.0
     slips = [(foot - foot_and_offset(v, *f)[0]) * lengths[1] for foot, v in ((on_s, p), (on_t, q))]
     aside = math.prod(0.5 * reach(abs(distance), plan.cut_reach) for distance in (off_p, off_q, off_s, off_t, *slips))
-    return reach((on_q - on_p) * lengths[0], plan.birth_reach) / lengths[0] * aside
+    return reach((on_q - on_p) * lengths[0], plan.birth_reach) * aside
 
 
 def cut_wall(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
-    near_by = sharing_cells(x.edges, plan.grid)
+    total = sum(math.dist(*edge) for edge in x.edges)
     corners = new_points(x, y, False)
     for e in x.edges - y.edges:  # Faces that stay lead elsewhere.
         a, b = sorted(e)
-        for f in near_by[e]:
-            for (r, u), (p, q, s, t) in itertools.product(
-                itertools.permutations(f), itertools.permutations(corners, 4)
-            ):
-                density = corners_density((a, b), (r, u), (p, q, s, t), plan)
-                if density > 0.0:
-                    density /= len(x.edges) * len(near_by[e])
-                    yield frozenset((e, f)), chain(a, p, s, r) | chain(b, q, t, u), density
+        for p, q in itertools.permutations(corners, 2):
+            s_and_t = [v for v in corners if v not in (p, q)]
+            opposite = round_the_cut(x.edges, plan.grid, (a, b), (p, q))
+            for f in opposite:
+                for (r, u), (s, t) in itertools.product(itertools.permutations(f), itertools.permutations(s_and_t, 2)):
+                    density = corners_density((a, b), (r, u), (p, q, s, t), plan)
+                    if density > 0.0:
+                        way = chain(a, p, s, r) | chain(b, q, t, u)
+                        yield frozenset((e, f)), way, density / (total * len(opposite))
 
 
 def mend_wall(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:

@@ -103,7 +103,12 @@ def gone_vertex(x: PlainMap, y: PlainMap) -> Point:
 
 
 def triangle_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
-    yield [LAST, *(share for v in new_points(x, y, False) for share in across(x.window, v))]
+    yield [*aimed(plan, LAST), LAST, *(share for v in new_points(x, y, False) for share in across(x.window, v))]
+
+
+def aimed(plan: Plan, number: float) -> list[float]:
+    """The number that decides whether a birth is aimed, which none is where there are no targets."""
+    return [number] if plan.aimed > 0.0 else []
 
 
 def triangle_death(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
@@ -218,14 +223,16 @@ def cut_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[lis
         (s,), (t,) = ([w for w in y.neighbors(v) if w not in x.side] for v in (p, q))
         feet = [foot_and_offset(v, a, b) for v in (p, q)]
         gap = (feet[1][0] - feet[0][0]) * math.dist(a, b)
-        numbers = [feet[0][0], reached(gap, plan.birth_reach), *signed(feet[0][1], m), *signed(feet[1][1], m)]
+        first = [feet[0][0], reached(gap, plan.birth_reach), *signed(feet[0][1], m), *signed(feet[1][1], m)]
         far = [foot_and_offset(v, *face) for v in (s, t)]
         shadows = [foot_and_offset(v, *face)[0] for v in (p, q)]
+        second = []
         for (foot, _), shadow in zip(far, shadows, strict=True):
-            numbers += signed((foot - shadow) * math.dist(*face), m)
-        numbers += [*signed(far[0][1], m), *signed(far[1][1], m)]
+            second += signed((foot - shadow) * math.dist(*face), m)
+        second += [*signed(far[0][1], m), *signed(far[1][1], m)]
         for place in range(len(x.edges)):
-            yield [pick(chain, c.EDGES, edge_slot(chain, e)), (place + 0.5) / len(x.edges), *numbers]
+            # The second number lets the edge pass whatever its length.
+            yield [pick(chain, c.EDGES, edge_slot(chain, e)), 0.0, *first, (place + 0.5) / len(x.edges), *second]
 
 
 def mend_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:

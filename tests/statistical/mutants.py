@@ -61,14 +61,14 @@ CUT_COUNTS = Mutant(
     ),
 )
 MEND_EDGES = Mutant(
-    "mend that ignores the changed number of edges",
-    (("cut_wall.py", "edges_after = graph.counts[c.EDGES] - 4", "edges_after = graph.counts[c.EDGES]"),),
+    "mend that ignores the changed length",
+    (("cut_wall.py", "density / length_after(graph, proposal)", "density / graph.sums[c.TOTAL_LENGTH]"),),
 )
 ONE_FACE = Mutant(
     "cut that could have begun at one face alone",
     (
         ("cut_wall.py", "forward += corners_density(", "forward += 0.0 * corners_density("),
-        ("cut_wall.py", f"density += {SECOND_FACE} / n_second", "density += 0.0"),
+        ("cut_wall.py", f"density += {SECOND_FACE} / n", "density += 0.0"),
     ),
 )
 

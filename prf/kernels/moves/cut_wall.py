@@ -1,8 +1,9 @@
 """Not in the paper: a wall is cut through, and the reverse, a gap between two ends of walls is mended.
 
-Two edges e and f that share a cell (the faces of a wall) lose what lies between two places; the loose ends are joined
-across by two short edges, the jambs. Without it a chain that has closed a door, or drawn a thin strip across a room,
-hardly finds out: each of the four corners would have to come by a split of its own that the readings do not reward.
+Two edges e and f close to one another (the faces of a wall) lose what lies between two places; the loose ends are
+joined across by two short edges, the jambs. Without it a chain that has closed a door, or drawn a thin strip across a
+room, hardly finds out: each of the four corners would have to come by a split of its own that the readings do not
+reward.
 """
 
 import math
@@ -13,84 +14,28 @@ from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, are_adjacent, on_one_side, other_end, pick
-from prf.kernels.grid import Grid, axis_index
-from prf.kernels.moves.placing import is_inside, random_reach, reach_density
-from prf.kernels.moves.recolor import (
-    begin_list_after,
-    mark_edges_at,
-    neighbors_after,
-    neighbors_now,
-    new_edges_share_cell,
-    note_neighbor,
+from prf.kernels.moves.gap import (
+    block_round,
+    block_round_cut,
+    corners_density,
+    foot_and_offset,
+    length_after,
+    list_block,
+    opposite_now,
+    passes_block,
+    share_vertex,
+    signed_reach,
+    turn_round_gap,
 )
-from prf.kernels.proposal import (
-    N_NEW_EDGES,
-    Proposal,
-    drop_edge,
-    drop_vertex,
-    join,
-    place_vertex,
-    turn_at_vertex,
-)
-
-BLOCK_RADIUS = 3
-"""A jamb's partner is sought in a square of cells that reaches this many cells to each side of its middle."""
+from prf.kernels.moves.placing import is_inside, random_reach
+from prf.kernels.moves.recolor import begin_list_after
+from prf.kernels.proposal import N_NEW_EDGES, Proposal, drop_edge, drop_vertex, join, place_vertex
 
 # Places of the new edges in a cut's proposal, and of the mended faces in a mend's.
 FIRST_JAMB = 0
 SECOND_JAMB = 1
 FIRST_FACE = 0
 SECOND_FACE = 1
-
-
-@core
-def foot_and_offset(graph: Graph, a: int, b: int, v: int) -> tuple[float, float, float]:
-    """Distance of v's foot from a along the line ab, signed offset from it, and the length of ab."""
-    ax = graph.vertex_xy[a, 0]
-    ay = graph.vertex_xy[a, 1]
-    ex = graph.vertex_xy[b, 0] - ax
-    ey = graph.vertex_xy[b, 1] - ay
-    length = math.sqrt(ex * ex + ey * ey)
-    vx = graph.vertex_xy[v, 0] - ax
-    vy = graph.vertex_xy[v, 1] - ay
-    return (vx * ex + vy * ey) / length, (ex * vy - ey * vx) / length, length
-
-
-@core
-def signed_density(x: float, median: float) -> float:
-    """Density of a random reach to either side."""
-    return 0.5 * reach_density(abs(x), median)
-
-
-@core
-def signed_reach(rng: np.random.Generator, median: float) -> float:
-    """Random reach to either side."""
-    reach = random_reach(rng, median)
-    return reach if rng.random() < 0.5 else -reach
-
-
-@core
-def corners_density(
-    graph: Graph, tuning: np.ndarray, a: int, b: int, p: int, q: int, s: int, t: int, r: int, u: int
-) -> float:
-    """Density of the corners p, q on the face ab (in this order) and s, t on the face ru, if ab was chosen first.
-
-    The foot of p is uniform on ab and that of q a reach further; those of s and t lie near the feet of p and q on the
-    line ru; all four lie a little off their lines. 0 where a foot is off its face or out of order.
-    """
-    near = tuning[c.CUT_REACH]
-    foot_p, off_p, length = foot_and_offset(graph, a, b, p)
-    foot_q, off_q, _ = foot_and_offset(graph, a, b, q)
-    foot_s, off_s, other_length = foot_and_offset(graph, r, u, s)
-    foot_t, off_t, _ = foot_and_offset(graph, r, u, t)
-    if not (0.0 < foot_p < foot_q < length and 0.0 < foot_s < foot_t < other_length):
-        return 0.0
-    shadow_p, _, _ = foot_and_offset(graph, r, u, p)
-    shadow_q, _, _ = foot_and_offset(graph, r, u, q)
-    density = reach_density(foot_q - foot_p, tuning[c.BIRTH_REACH]) / length
-    density *= signed_density(off_p, near) * signed_density(off_q, near)
-    density *= signed_density(foot_s - shadow_p, near) * signed_density(foot_t - shadow_q, near)
-    return density * signed_density(off_s, near) * signed_density(off_t, near)
 
 
 @core
@@ -110,43 +55,55 @@ def place_off_line(
 
 
 @core
-def place_corners(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, e: int, f: int, rng: np.random.Generator
-) -> bool:
-    """Place the corners p, q on e and s, t on f as new vertices 0 to 3; False if one cannot stand."""
-    near = tuning[c.CUT_REACH]
+def pick_by_length(graph: Graph, rng: np.random.Generator) -> int:
+    """Edge with probability in proportion to its length, by rejection from the longest that fits the window."""
+    window = graph.window
+    width = window[2] - window[0]
+    height = window[3] - window[1]
+    longest = math.sqrt(width * width + height * height)
+    while True:
+        edge = pick(graph, c.EDGES, rng)
+        if rng.random() * longest < graph.edge_length[edge]:
+            return edge
+
+
+@core
+def place_first_corners(graph: Graph, proposal: Proposal, tuning: np.ndarray, e: int, rng: np.random.Generator) -> bool:
+    """Place the corners p, q on e as new vertices 0 and 1; False if one cannot stand."""
     a = graph.edge_vertices[e, 0]
     b = graph.edge_vertices[e, 1]
-    r = graph.edge_vertices[f, 0]
-    u = graph.edge_vertices[f, 1]
     foot_p = rng.random() * graph.edge_length[e]
     foot_q = foot_p + random_reach(rng, tuning[c.BIRTH_REACH])
     if foot_q >= graph.edge_length[e]:
         return False
-    p = place_off_line(graph, proposal, a, b, foot_p, near, rng)
-    q = place_off_line(graph, proposal, a, b, foot_q, near, rng)
-    shadow_p, _, length = foot_and_offset(graph, r, u, p)
-    shadow_q, _, _ = foot_and_offset(graph, r, u, q)
+    p = place_off_line(graph, proposal, a, b, foot_p, tuning[c.CUT_REACH], rng)
+    q = place_off_line(graph, proposal, a, b, foot_q, tuning[c.CUT_REACH], rng)
+    return is_in_window(graph, p) and is_in_window(graph, q)
+
+
+@core
+def place_second_corners(
+    graph: Graph, proposal: Proposal, tuning: np.ndarray, f: int, rng: np.random.Generator
+) -> bool:
+    """Place the corners s, t on f, opposite to p and q, as new vertices 2 and 3; False if one cannot stand."""
+    near = tuning[c.CUT_REACH]
+    r = graph.edge_vertices[f, 0]
+    u = graph.edge_vertices[f, 1]
+    shadow_p, _, length = foot_and_offset(graph, r, u, proposal.new_vertices[0])
+    shadow_q, _, _ = foot_and_offset(graph, r, u, proposal.new_vertices[1])
     foot_s = shadow_p + signed_reach(rng, near)
     foot_t = shadow_q + signed_reach(rng, near)
     if not (0.0 < foot_s < length and 0.0 < foot_t < length):
         return False
-    place_off_line(graph, proposal, r, u, foot_s, near, rng)
-    place_off_line(graph, proposal, r, u, foot_t, near, rng)
-    for k in range(4):
-        v = proposal.new_vertices[k]
-        if not is_inside(graph.window, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1]):
-            return False
-    return True
+    s = place_off_line(graph, proposal, r, u, foot_s, near, rng)
+    t = place_off_line(graph, proposal, r, u, foot_t, near, rng)
+    return is_in_window(graph, s) and is_in_window(graph, t)
 
 
 @core
-def turn_round_gap(
-    graph: Graph, proposal: Proposal, a: int, b: int, p: int, q: int, s: int, t: int, r: int, u: int
-) -> None:
-    """Let the loop run round the gap p, q, t, s in the wall of the faces ab and ru."""
-    for vertex in (a, p, s, r, u, t, q, b):
-        turn_at_vertex(graph, proposal, vertex)
+def is_in_window(graph: Graph, v: int) -> bool:
+    """Whether a vertex lies strictly inside the window."""
+    return is_inside(graph.window, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1])
 
 
 @core
@@ -158,22 +115,24 @@ def propose_cut(
     odds: np.ndarray,
     rng: np.random.Generator,
 ) -> tuple[bool, float]:
-    """Propose to cut through the faces e, uniform, and f, uniform in N(e); the way back is added by `cut_returns`."""
+    """Propose to cut through a face e and a face f opposite to the cut; the way back is added by `cut_returns`."""
     if graph.counts[c.EDGES] < 2:
         return False, 0.0
-    e = pick(graph, c.EDGES, rng)
-    n_e = neighbors_now(graph, index, e)
+    e = pick_by_length(graph, rng)
+    if not place_first_corners(graph, proposal, tuning, e, rng):
+        return False, 0.0
+    a = graph.edge_vertices[e, 0]
+    b = graph.edge_vertices[e, 1]
+    p = proposal.new_vertices[0]
+    q = proposal.new_vertices[1]
+    n_e = opposite_now(graph, index, e, block_round_cut(graph, index.grid, a, b, p, q))
     if n_e == 0:
         return False, 0.0
     f = index.neighbors[int(rng.random() * n_e)]
-    a = graph.edge_vertices[e, 0]
-    b = graph.edge_vertices[e, 1]
+    if not place_second_corners(graph, proposal, tuning, f, rng):
+        return False, 0.0
     r = graph.edge_vertices[f, 0]
     u = graph.edge_vertices[f, 1]
-    if not place_corners(graph, proposal, tuning, e, f, rng):
-        return False, 0.0
-    p = proposal.new_vertices[0]
-    q = proposal.new_vertices[1]
     s = proposal.new_vertices[2]
     t = proposal.new_vertices[3]
     if foot_and_offset(graph, r, u, s)[0] > foot_and_offset(graph, r, u, t)[0]:
@@ -186,53 +145,16 @@ def propose_cut(
         join(graph, proposal, piece[0], piece[1])
     turn_round_gap(graph, proposal, a, b, p, q, s, t, r, u)
     forward = corners_density(graph, tuning, a, b, p, q, s, t, r, u) / n_e
-    forward += corners_density(graph, tuning, r, u, s, t, p, q, a, b) / neighbors_now(graph, index, f)
-    return forward > 0.0, -math.log(odds[c.CUT_WALL] * forward / graph.counts[c.EDGES])
-
-
-@core
-def block_round(grid: Grid, xy: np.ndarray) -> tuple[int, int, int, int]:
-    """First and last column, first and last row of the block of cells round the middle of the edge with ends `xy`."""
-    ix = axis_index((0.5 * (xy[0] + xy[2]) - grid.x0) / grid.cell, grid.nx)
-    iy = axis_index((0.5 * (xy[1] + xy[3]) - grid.y0) / grid.cell, grid.ny)
-    return (
-        max(ix - BLOCK_RADIUS, 0),
-        min(ix + BLOCK_RADIUS, grid.nx - 1),
-        max(iy - BLOCK_RADIUS, 0),
-        min(iy + BLOCK_RADIUS, grid.ny - 1),
-    )
-
-
-@core
-def list_block(index: EdgeIndex, block: tuple[int, int, int, int]) -> int:
-    """List the edges of a block that carry no mark yet in ``index.neighbors``; return their number."""
-    n = 0
-    for iy in range(block[2], block[3] + 1):
-        for ix in range(block[0], block[1] + 1):
-            cell = ix + index.grid.nx * iy
-            for place in range(index.cell_count[cell]):
-                n = note_neighbor(index, n, index.cell_edges[cell, place])
-    return n
+    n_f = opposite_now(graph, index, f, block_round_cut(graph, index.grid, r, u, s, t))
+    if index.marks[e] == index.mark[0]:
+        forward += corners_density(graph, tuning, r, u, s, t, p, q, a, b) / n_f
+    return forward > 0.0, -math.log(odds[c.CUT_WALL] * forward / graph.sums[c.TOTAL_LENGTH])
 
 
 @core
 def partners_now(graph: Graph, index: EdgeIndex, edge: int) -> int:
     """List M(edge): edges through the block round its middle that share no vertex with it; return their number."""
-    index.mark[0] += 1
-    mark_edges_at(graph, index, graph.edge_vertices[edge, 0])
-    mark_edges_at(graph, index, graph.edge_vertices[edge, 1])
-    return list_block(index, block_round(index.grid, graph.edge_xy[edge]))
-
-
-@core
-def passes_block(grid: Grid, proposal: Proposal, k: int, block: tuple[int, int, int, int]) -> bool:
-    """Whether the new edge k passes through a block."""
-    for i in range(proposal.n_cells[k]):
-        ix = proposal.cells[k, i] % grid.nx
-        iy = proposal.cells[k, i] // grid.nx
-        if block[0] <= ix <= block[1] and block[2] <= iy <= block[3]:
-            return True
-    return False
+    return opposite_now(graph, index, edge, block_round(index.grid, graph.edge_xy[edge]))
 
 
 @core
@@ -245,16 +167,6 @@ def partners_after(graph: Graph, index: EdgeIndex, proposal: Proposal, k: int) -
         if not share_vertex(proposal, k, other) and passes_block(index.grid, proposal, other, block):
             n += 1
     return n
-
-
-@core
-def share_vertex(proposal: Proposal, k: int, other: int) -> bool:
-    """Whether two new edges have a vertex in common (an edge has with itself)."""
-    a = proposal.new_edges[k, 0]
-    b = proposal.new_edges[k, 1]
-    r = proposal.new_edges[other, 0]
-    u = proposal.new_edges[other, 1]
-    return a == r or a == u or b == r or b == u
 
 
 @core
@@ -359,10 +271,19 @@ def are_faces(graph: Graph, a: int, b: int, r: int, u: int, p: int, s: int, q: i
 
 
 @core
+def opposite_after(
+    graph: Graph, index: EdgeIndex, proposal: Proposal, face: int, block: tuple[int, int, int, int]
+) -> int:
+    """Number of edges opposite to a cut in a mended face; 0 if the other face is none of them."""
+    if not passes_block(index.grid, proposal, FIRST_FACE + SECOND_FACE - face, block):
+        return 0
+    begin_list_after(graph, index, proposal, face)
+    return list_block(index, block) + 1
+
+
+@core
 def mend_returns(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: np.ndarray, odds: np.ndarray) -> float:
     """Log of odds times density with which a cut would undo the proposed mend; -inf if it could not."""
-    if not new_edges_share_cell(proposal):
-        return -math.inf
     a = proposal.new_edges[FIRST_FACE, 0]
     b = proposal.new_edges[FIRST_FACE, 1]
     r = proposal.new_edges[SECOND_FACE, 0]
@@ -371,11 +292,13 @@ def mend_returns(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: np.
     q = proposal.old_vertices[1]
     s = proposal.old_vertices[2]
     t = proposal.old_vertices[3]
-    n_first = neighbors_after(graph, index, proposal, FIRST_FACE) + 1
-    n_second = neighbors_after(graph, index, proposal, SECOND_FACE) + 1
-    density = corners_density(graph, tuning, a, b, p, q, s, t, r, u) / n_first
-    density += corners_density(graph, tuning, r, u, s, t, p, q, a, b) / n_second
+    density = 0.0
+    n = opposite_after(graph, index, proposal, FIRST_FACE, block_round_cut(graph, index.grid, a, b, p, q))
+    if n > 0:
+        density += corners_density(graph, tuning, a, b, p, q, s, t, r, u) / n
+    n = opposite_after(graph, index, proposal, SECOND_FACE, block_round_cut(graph, index.grid, r, u, s, t))
+    if n > 0:
+        density += corners_density(graph, tuning, r, u, s, t, p, q, a, b) / n
     if density == 0.0:
         return -math.inf
-    edges_after = graph.counts[c.EDGES] - 4
-    return math.log(odds[c.CUT_WALL] * density / edges_after)
+    return math.log(odds[c.CUT_WALL] * density / length_after(graph, proposal))

@@ -7,8 +7,9 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.graph import Graph, other_end, pick
-from prf.kernels.moves.placing import area, is_inside, near_density, random_reach
+from prf.kernels.moves.placing import area, beside, beside_density, is_inside, near_density, random_reach
 from prf.kernels.proposal import Proposal, drop_edge, drop_vertex, join, place_vertex, turn_at_vertex
+from prf.kernels.targets import Targets, first_density, pick_near, pick_target, point_in, second_density, target_of
 
 
 @core
@@ -20,8 +21,8 @@ def distance(graph: Graph, a: int, b: int) -> float:
 
 
 @core
-def birth_density(graph: Graph, tuning: np.ndarray, u: int, v: int, w: int) -> float:
-    """Density with which a birth proposes the unordered triangle u, v, w.
+def free_density(graph: Graph, tuning: np.ndarray, u: int, v: int, w: int) -> float:
+    """Density of the unordered triangle u, v, w among births that know nothing of the readings.
 
     Uniform births: 3! orders of three uniform points. Local births: any of the three may have been the first
     (uniform), and the other two come in either order round it.
@@ -34,6 +35,47 @@ def birth_density(graph: Graph, tuning: np.ndarray, u: int, v: int, w: int) -> f
     local = 2.0 * (near_uv * near_wu + near_uv * near_vw + near_vw * near_wu) / surface
     uniform = 6.0 / (surface * surface * surface)
     return tuning[c.LOCAL_SHARE] * local + (1.0 - tuning[c.LOCAL_SHARE]) * uniform
+
+
+@core
+def post_density(graph: Graph, targets: Targets, tuning: np.ndarray, u: int, v: int, w: int) -> float:
+    """Density of the unordered triangle u, v, w among aimed births of a post: two vertices round one in a target."""
+    median = tuning[c.AIM_REACH]
+    near_uv = near_density(distance(graph, u, v), median)
+    near_vw = near_density(distance(graph, v, w), median)
+    near_wu = near_density(distance(graph, w, u), median)
+    first_u = first_density(targets, target_of(targets, graph, u))
+    first_v = first_density(targets, target_of(targets, graph, v))
+    first_w = first_density(targets, target_of(targets, graph, w))
+    return 2.0 * (first_u * near_uv * near_wu + first_v * near_uv * near_vw + first_w * near_vw * near_wu)
+
+
+@core
+def panel_density(graph: Graph, targets: Targets, tuning: np.ndarray, u: int, v: int, apex: int) -> float:
+    """Density of a panel: one end in a target, the other in one near it, the apex beside the line of both."""
+    one = target_of(targets, graph, u)
+    other = target_of(targets, graph, v)
+    ends = first_density(targets, one) * second_density(targets, one, other)
+    ends += first_density(targets, other) * second_density(targets, other, one)
+    if ends == 0.0:
+        return 0.0
+    x = graph.vertex_xy[apex, 0]
+    y = graph.vertex_xy[apex, 1]
+    return ends * beside_density(graph.vertex_xy[u], graph.vertex_xy[v], x, y, tuning[c.AIM_REACH])
+
+
+@core
+def birth_density(graph: Graph, targets: Targets, tuning: np.ndarray, u: int, v: int, w: int) -> float:
+    """Density with which a birth proposes the unordered triangle u, v, w."""
+    aimed = tuning[c.AIMED_SHARE]
+    free = free_density(graph, tuning, u, v, w)
+    if aimed == 0.0:
+        return free
+    post = post_density(graph, targets, tuning, u, v, w)
+    panel = panel_density(graph, targets, tuning, u, v, w)
+    panel += panel_density(graph, targets, tuning, v, w, u)
+    panel += panel_density(graph, targets, tuning, w, u, v)
+    return (1.0 - aimed) * free + 0.5 * aimed * (post + panel)
 
 
 @core
@@ -56,18 +98,49 @@ def vertex_near(graph: Graph, proposal: Proposal, u: int, median: float, rng: np
 
 
 @core
-def propose_birth(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, odds: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float]:
-    """Propose a triangle: three uniform points, or two round a uniform first."""
+def draw_free(graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator) -> tuple[int, int, int]:
+    """Three uniform vertices, or two round a uniform first."""
     is_local = rng.random() < tuning[c.LOCAL_SHARE]
     u = uniform_vertex(graph, proposal, rng)
     if is_local:
         v = vertex_near(graph, proposal, u, tuning[c.BIRTH_REACH], rng)
-        w = vertex_near(graph, proposal, u, tuning[c.BIRTH_REACH], rng)
+        return u, v, vertex_near(graph, proposal, u, tuning[c.BIRTH_REACH], rng)
+    v = uniform_vertex(graph, proposal, rng)
+    return u, v, uniform_vertex(graph, proposal, rng)
+
+
+@core
+def draw_aimed(
+    graph: Graph, targets: Targets, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
+) -> tuple[int, int, int]:
+    """A post at a return, or a panel along two returns."""
+    is_post = rng.random() < 0.5
+    target = pick_target(targets, rng)
+    x, y = point_in(targets, target, rng)
+    u = place_vertex(graph, proposal, x, y, c.INTERIOR)
+    if is_post:
+        v = vertex_near(graph, proposal, u, tuning[c.AIM_REACH], rng)
+        return u, v, vertex_near(graph, proposal, u, tuning[c.AIM_REACH], rng)
+    x, y = point_in(targets, pick_near(targets, target, rng), rng)
+    v = place_vertex(graph, proposal, x, y, c.INTERIOR)
+    x, y = beside(graph.vertex_xy[u], graph.vertex_xy[v], tuning[c.AIM_REACH], rng)
+    return u, v, place_vertex(graph, proposal, x, y, c.INTERIOR)
+
+
+@core
+def propose_birth(
+    graph: Graph,
+    targets: Targets,
+    proposal: Proposal,
+    tuning: np.ndarray,
+    odds: np.ndarray,
+    rng: np.random.Generator,
+) -> tuple[bool, float]:
+    """Propose a triangle: anywhere, or aimed at returns."""
+    if tuning[c.AIMED_SHARE] > 0.0 and rng.random() < tuning[c.AIMED_SHARE]:
+        u, v, w = draw_aimed(graph, targets, proposal, tuning, rng)
     else:
-        v = uniform_vertex(graph, proposal, rng)
-        w = uniform_vertex(graph, proposal, rng)
+        u, v, w = draw_free(graph, proposal, tuning, rng)
     for k in range(3):
         vertex = proposal.new_vertices[k]
         if not is_inside(graph.window, graph.vertex_xy[vertex, 0], graph.vertex_xy[vertex, 1]):
@@ -76,14 +149,21 @@ def propose_birth(
     join(graph, proposal, u, v)
     join(graph, proposal, v, w)
     join(graph, proposal, w, u)
+    forward = odds[c.TRIANGLE_BIRTH] * birth_density(graph, targets, tuning, u, v, w)
+    if forward == 0.0:
+        return False, 0.0  # the apex of a panel on the line of its ends, but for rounding
     triangles = graph.counts[c.TRIANGLE_VERTICES] // 3 + 1
-    forward = odds[c.TRIANGLE_BIRTH] * birth_density(graph, tuning, u, v, w)
     return True, math.log(odds[c.TRIANGLE_DEATH] / (triangles * forward))
 
 
 @core
 def propose_death(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, odds: np.ndarray, rng: np.random.Generator
+    graph: Graph,
+    targets: Targets,
+    proposal: Proposal,
+    tuning: np.ndarray,
+    odds: np.ndarray,
+    rng: np.random.Generator,
 ) -> tuple[bool, float]:
     """Propose to remove a uniform triangle."""
     if graph.counts[c.TRIANGLE_VERTICES] == 0:
@@ -103,5 +183,5 @@ def propose_death(
         drop_vertex(proposal, vertex)
         turn_at_vertex(graph, proposal, vertex)
     triangles = graph.counts[c.TRIANGLE_VERTICES] // 3
-    backward = odds[c.TRIANGLE_BIRTH] * birth_density(graph, tuning, u, v, w)
+    backward = odds[c.TRIANGLE_BIRTH] * birth_density(graph, targets, tuning, u, v, w)
     return True, math.log(backward * triangles / odds[c.TRIANGLE_DEATH])

@@ -28,6 +28,32 @@ def near_density(distance: float, median: float) -> float:
 
 
 @core
+def beside(u: np.ndarray, w: np.ndarray, median: float, rng: np.random.Generator) -> tuple[float, float]:
+    """Point whose foot is uniform on the segment from u to w (2,), at a :func:`random_reach` to either side."""
+    ex = w[0] - u[0]
+    ey = w[1] - u[1]
+    foot = rng.random()
+    offset = random_reach(rng, median) / math.sqrt(ex * ex + ey * ey)
+    if rng.random() < 0.5:
+        offset = -offset
+    return u[0] + foot * ex - offset * ey, u[1] + foot * ey + offset * ex
+
+
+@core
+def beside_density(u: np.ndarray, w: np.ndarray, x: float, y: float, median: float) -> float:
+    """Density in the plane with which :func:`beside` gives (x, y); 0 where the foot is off the segment."""
+    ex = w[0] - u[0]
+    ey = w[1] - u[1]
+    square = ex * ex + ey * ey
+    foot = ((x - u[0]) * ex + (y - u[1]) * ey) / square
+    if not 0.0 < foot < 1.0:
+        return 0.0
+    length = math.sqrt(square)
+    offset = abs(ex * (y - u[1]) - ey * (x - u[0])) / length
+    return 0.5 * reach_density(offset, median) / length
+
+
+@core
 def side_length(window: np.ndarray, side: int) -> float:
     """Length of a side of the window (4,)."""
     if side == c.BOTTOM or side == c.TOP:

@@ -7,27 +7,14 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.graph import Graph, are_adjacent, on_one_side, other_end, pick
-from prf.kernels.moves.placing import is_inside, random_reach, reach_density
+from prf.kernels.moves.placing import beside, beside_density, is_inside
 from prf.kernels.proposal import Proposal, drop_edge, drop_vertex, join, place_vertex, turn_at_vertex
 
 
 @core
 def split_density(graph: Graph, tuning: np.ndarray, u: int, w: int, x: float, y: float) -> float:
-    """Density g of the new vertex at (x, y) when the edge uw is split.
-
-    Its foot is uniform on the edge, its distance to either side a random reach; 0 where the foot is off the edge.
-    """
-    ux = graph.vertex_xy[u, 0]
-    uy = graph.vertex_xy[u, 1]
-    ex = graph.vertex_xy[w, 0] - ux
-    ey = graph.vertex_xy[w, 1] - uy
-    square = ex * ex + ey * ey
-    foot = ((x - ux) * ex + (y - uy) * ey) / square
-    if not 0.0 < foot < 1.0:
-        return 0.0
-    length = math.sqrt(square)
-    offset = abs(ex * (y - uy) - ey * (x - ux)) / length
-    return 0.5 * reach_density(offset, tuning[c.SPLIT_REACH]) / length
+    """Density g of the new vertex at (x, y) when the edge uw is split."""
+    return beside_density(graph.vertex_xy[u], graph.vertex_xy[w], x, y, tuning[c.SPLIT_REACH])
 
 
 @core
@@ -41,16 +28,7 @@ def propose_split(
     edge = pick(graph, c.EDGES, rng)
     u = graph.edge_vertices[edge, 0]
     w = graph.edge_vertices[edge, 1]
-    ux = graph.vertex_xy[u, 0]
-    uy = graph.vertex_xy[u, 1]
-    ex = graph.vertex_xy[w, 0] - ux
-    ey = graph.vertex_xy[w, 1] - uy
-    foot = rng.random()
-    offset = random_reach(rng, tuning[c.SPLIT_REACH]) / graph.edge_length[edge]
-    if rng.random() < 0.5:
-        offset = -offset
-    x = ux + foot * ex - offset * ey
-    y = uy + foot * ey + offset * ex
+    x, y = beside(graph.vertex_xy[u], graph.vertex_xy[w], tuning[c.SPLIT_REACH], rng)
     density = split_density(graph, tuning, u, w, x, y)
     if density == 0.0 or not is_inside(graph.window, x, y):
         return False, 0.0

@@ -1,0 +1,157 @@
+"""The gap that a cut makes in a wall and a mend closes: its corners and their density, and the edges round it."""
+
+import math
+
+import numpy as np
+
+from prf.kernels import constants as c
+from prf.kernels._jit import core
+from prf.kernels.edge_index import EdgeIndex
+from prf.kernels.graph import Graph
+from prf.kernels.grid import Grid, axis_index
+from prf.kernels.moves.placing import random_reach, reach_density
+from prf.kernels.moves.recolor import mark_edges_at, note_neighbor
+from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal, turn_at_vertex
+
+MEND_RADIUS = 3
+"""A jamb's partner is sought in a square of cells that reaches this many cells to each side of its middle."""
+CUT_RADIUS = 1
+"""The other face of a wall is sought in such a square round the middle of the cut."""
+
+
+@core
+def foot_and_offset(graph: Graph, a: int, b: int, v: int) -> tuple[float, float, float]:
+    """Distance of v's foot from a along the line ab, signed offset from it, and the length of ab."""
+    ax = graph.vertex_xy[a, 0]
+    ay = graph.vertex_xy[a, 1]
+    ex = graph.vertex_xy[b, 0] - ax
+    ey = graph.vertex_xy[b, 1] - ay
+    length = math.sqrt(ex * ex + ey * ey)
+    vx = graph.vertex_xy[v, 0] - ax
+    vy = graph.vertex_xy[v, 1] - ay
+    return (vx * ex + vy * ey) / length, (ex * vy - ey * vx) / length, length
+
+
+@core
+def signed_density(x: float, median: float) -> float:
+    """Density of a random reach to either side."""
+    return 0.5 * reach_density(abs(x), median)
+
+
+@core
+def signed_reach(rng: np.random.Generator, median: float) -> float:
+    """Random reach to either side."""
+    reach = random_reach(rng, median)
+    return reach if rng.random() < 0.5 else -reach
+
+
+@core
+def corners_density(
+    graph: Graph, tuning: np.ndarray, a: int, b: int, p: int, q: int, s: int, t: int, r: int, u: int
+) -> float:
+    """Density of the corners p, q on the face ab (in this order) and s, t on the face ru, if ab was chosen first.
+
+    The foot of q lies a reach further than that of p; those of s and t lie near the feet of p and q on the line ru; all
+    four lie a little off their lines. 0 where a foot is off its face or out of order. The foot of p is uniform on ab,
+    which is left out: faces are chosen in proportion to their lengths, so that it is uniform on all edges together.
+    """
+    near = tuning[c.CUT_REACH]
+    foot_p, off_p, length = foot_and_offset(graph, a, b, p)
+    foot_q, off_q, _ = foot_and_offset(graph, a, b, q)
+    foot_s, off_s, other_length = foot_and_offset(graph, r, u, s)
+    foot_t, off_t, _ = foot_and_offset(graph, r, u, t)
+    if not (0.0 < foot_p < foot_q < length and 0.0 < foot_s < foot_t < other_length):
+        return 0.0
+    shadow_p, _, _ = foot_and_offset(graph, r, u, p)
+    shadow_q, _, _ = foot_and_offset(graph, r, u, q)
+    density = reach_density(foot_q - foot_p, tuning[c.BIRTH_REACH])
+    density *= signed_density(off_p, near) * signed_density(off_q, near)
+    density *= signed_density(foot_s - shadow_p, near) * signed_density(foot_t - shadow_q, near)
+    return density * signed_density(off_s, near) * signed_density(off_t, near)
+
+
+@core
+def turn_round_gap(
+    graph: Graph, proposal: Proposal, a: int, b: int, p: int, q: int, s: int, t: int, r: int, u: int
+) -> None:
+    """Let the loop run round the gap p, q, t, s in the wall of the faces ab and ru."""
+    for vertex in (a, p, s, r, u, t, q, b):
+        turn_at_vertex(graph, proposal, vertex)
+
+
+@core
+def block_at(grid: Grid, x: float, y: float, radius: int) -> tuple[int, int, int, int]:
+    """First and last column, first and last row of the block of cells round that of a point."""
+    ix = axis_index((x - grid.x0) / grid.cell, grid.nx)
+    iy = axis_index((y - grid.y0) / grid.cell, grid.ny)
+    return max(ix - radius, 0), min(ix + radius, grid.nx - 1), max(iy - radius, 0), min(iy + radius, grid.ny - 1)
+
+
+@core
+def block_round(grid: Grid, xy: np.ndarray) -> tuple[int, int, int, int]:
+    """Block of cells round the middle of the jamb with ends `xy` (4,)."""
+    return block_at(grid, 0.5 * (xy[0] + xy[2]), 0.5 * (xy[1] + xy[3]), MEND_RADIUS)
+
+
+@core
+def block_round_cut(graph: Graph, grid: Grid, a: int, b: int, p: int, q: int) -> tuple[int, int, int, int]:
+    """Block of cells round the middle of the cut from p to q in the face ab."""
+    foot_p, _, length = foot_and_offset(graph, a, b, p)
+    foot_q, _, _ = foot_and_offset(graph, a, b, q)
+    share = 0.5 * (foot_p + foot_q) / length
+    x = graph.vertex_xy[a, 0] + share * (graph.vertex_xy[b, 0] - graph.vertex_xy[a, 0])
+    y = graph.vertex_xy[a, 1] + share * (graph.vertex_xy[b, 1] - graph.vertex_xy[a, 1])
+    return block_at(grid, x, y, CUT_RADIUS)
+
+
+@core
+def list_block(index: EdgeIndex, block: tuple[int, int, int, int]) -> int:
+    """List the edges of a block that carry no mark yet in ``index.neighbors``; return their number."""
+    n = 0
+    for iy in range(block[2], block[3] + 1):
+        for ix in range(block[0], block[1] + 1):
+            cell = ix + index.grid.nx * iy
+            for place in range(index.cell_count[cell]):
+                n = note_neighbor(index, n, index.cell_edges[cell, place])
+    return n
+
+
+@core
+def opposite_now(graph: Graph, index: EdgeIndex, edge: int, block: tuple[int, int, int, int]) -> int:
+    """List the edges through a block that share no vertex with `edge`; return their number."""
+    index.mark[0] += 1
+    mark_edges_at(graph, index, graph.edge_vertices[edge, 0])
+    mark_edges_at(graph, index, graph.edge_vertices[edge, 1])
+    return list_block(index, block)
+
+
+@core
+def passes_block(grid: Grid, proposal: Proposal, k: int, block: tuple[int, int, int, int]) -> bool:
+    """Whether the new edge k passes through a block."""
+    for i in range(proposal.n_cells[k]):
+        ix = proposal.cells[k, i] % grid.nx
+        iy = proposal.cells[k, i] // grid.nx
+        if block[0] <= ix <= block[1] and block[2] <= iy <= block[3]:
+            return True
+    return False
+
+
+@core
+def share_vertex(proposal: Proposal, k: int, other: int) -> bool:
+    """Whether two new edges have a vertex in common (an edge has with itself)."""
+    a = proposal.new_edges[k, 0]
+    b = proposal.new_edges[k, 1]
+    r = proposal.new_edges[other, 0]
+    u = proposal.new_edges[other, 1]
+    return a == r or a == u or b == r or b == u
+
+
+@core
+def length_after(graph: Graph, proposal: Proposal) -> float:
+    """Total length of the edges in the new map."""
+    length = graph.sums[c.TOTAL_LENGTH]
+    for k in range(proposal.counts[N_OLD_EDGES]):
+        length -= graph.edge_length[proposal.old_edges[k]]
+    for k in range(proposal.counts[N_NEW_EDGES]):
+        length += proposal.new_length[k]
+    return length

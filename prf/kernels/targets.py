@@ -1,0 +1,79 @@
+"""Where returns lie: the squares at which births are aimed.
+
+The squares depend on the readings alone, never on the map, so that a birth and the death that takes it back see the
+same ones, and their densities are known whatever the map.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from prf.kernels import constants as c
+from prf.kernels._jit import core
+from prf.kernels.graph import Graph
+from prf.kernels.grid import Grid, cell_at
+
+NEAR = 12
+"""Squares are near one another if their middles lie at most so many sides apart."""
+
+
+class Targets(NamedTuple):
+    """Squares of a fine grid that hold a return, and for each the squares near it."""
+
+    grid: Grid
+    cell: np.ndarray  # (n,) i4 cells of the grid that are targets
+    number: np.ndarray  # (n_cells,) i4 number of the target of a cell, NONE where there is none
+    near_start: np.ndarray  # (n + 1,) i8
+    near: np.ndarray  # (pairs,) i4 targets near each, itself among them
+
+
+@core
+def target_of(targets: Targets, graph: Graph, vertex: int) -> int:
+    """Number of the target that holds a vertex, or NONE."""
+    return targets.number[cell_at(targets.grid, graph.vertex_xy[vertex, 0], graph.vertex_xy[vertex, 1])]
+
+
+@core
+def point_in(targets: Targets, number: int, rng: np.random.Generator) -> tuple[float, float]:
+    """Uniform point of a target."""
+    cell = targets.cell[number]
+    grid = targets.grid
+    x = grid.x0 + (cell % grid.nx + rng.random()) * grid.cell
+    y = grid.y0 + (cell // grid.nx + rng.random()) * grid.cell
+    return x, y
+
+
+@core
+def pick_target(targets: Targets, rng: np.random.Generator) -> int:
+    """Uniform target."""
+    return min(int(rng.random() * targets.cell.shape[0]), targets.cell.shape[0] - 1)
+
+
+@core
+def pick_near(targets: Targets, number: int, rng: np.random.Generator) -> int:
+    """Uniform target among those near one."""
+    start = targets.near_start[number]
+    n = targets.near_start[number + 1] - start
+    return targets.near[start + min(int(rng.random() * n), n - 1)]
+
+
+@core
+def first_density(targets: Targets, number: int) -> float:
+    """Density in the plane of a point in a uniform target; 0 where there is none."""
+    if number == c.NONE:
+        return 0.0
+    return 1.0 / (targets.cell.shape[0] * targets.grid.cell * targets.grid.cell)
+
+
+@core
+def second_density(targets: Targets, number: int, other: int) -> float:
+    """Density of a point in the target `other` among those near the target `number`; 0 where it is not near."""
+    if number == c.NONE or other == c.NONE:
+        return 0.0
+    nx = targets.grid.nx
+    dx = targets.cell[number] % nx - targets.cell[other] % nx
+    dy = targets.cell[number] // nx - targets.cell[other] // nx
+    if dx * dx + dy * dy > NEAR * NEAR:
+        return 0.0
+    n = targets.near_start[number + 1] - targets.near_start[number]
+    return 1.0 / (n * targets.grid.cell * targets.grid.cell)
