@@ -40,8 +40,8 @@ class Family(NamedTuple):
     natural : callable
         Takes a point on the scale of the fit, returns the parameters as people write them, (n,).
     spread : tuple of int
-        Which of them are standard deviations; the fit starts from several, as the likelihood has a kink where one
-        overtakes another.
+        Which of them are standard deviations of which the larger one counts: the fit starts from several, since either
+        may be the one that matters.
     """
 
     names: tuple[str, ...]
@@ -62,8 +62,11 @@ class Problem(Protocol):
     def n(self) -> int:
         """Return how many readings there are."""
 
-    def loss(self, theta: Floats) -> tuple[float, Floats]:
-        """Return -log likelihood, nats, and its gradient at a point on the scale of the fit."""
+    def loss(self, theta: Floats, is_sharp: bool = False) -> tuple[float, Floats]:
+        """Return -log likelihood, nats, and its gradient at a point on the scale of the fit.
+
+        It is that of the sensor's model if `is_sharp`, else of one whose kinks are rounded off, for searches.
+        """
 
     def select(self, rows: NDArray[np.bool_]) -> Problem:
         """Return the problem with the readings that a mask picks."""
@@ -97,7 +100,7 @@ class Fit(NamedTuple):
 def fit(problem: Problem) -> Fit:
     """Return the parameters with the highest likelihood times prior, and how well they are known."""
     family = problem.family
-    best = _search(problem, _starts(family))
+    best = _polished(problem, _search(problem, _starts(family)))
     theta = np.asarray(best.x, dtype=np.float64)
     covariance = _covariance(problem, theta)
     with np.errstate(invalid="ignore"):
@@ -109,8 +112,8 @@ def fit(problem: Problem) -> Fit:
         value=family.natural(theta),
         error=error,
         told=on_scale < TOLD * family.width,
-        loss_before=problem.loss(family.default)[0],
-        loss=problem.loss(theta)[0],
+        loss_before=problem.loss(family.default, is_sharp=True)[0],
+        loss=problem.loss(theta, is_sharp=True)[0],
         converged=bool(best.success),
     )
 
@@ -145,6 +148,21 @@ def _search(problem: Problem, starts: Iterable[Floats]) -> optimize.OptimizeResu
     return min(ends, key=lambda end: float(end.fun))
 
 
+def _polished(problem: Problem, found: optimize.OptimizeResult) -> optimize.OptimizeResult:
+    """Return the end of Newton's steps from there: where the readings tell little, the search stops on a saddle."""
+    better = optimize.minimize(
+        lambda theta: penalised(problem, theta),
+        found.x,
+        jac=True,
+        hess=lambda theta: _hessian(problem, theta),
+        method="trust-exact",
+        options={"gtol": 1e-3, "maxiter": 60},
+    )
+    family = problem.family
+    is_near = bool(np.all(np.abs(better.x - family.default) <= LIMIT * family.width))
+    return better if is_near and float(better.fun) <= float(found.fun) else found
+
+
 def penalised(problem: Problem, theta: Floats) -> tuple[float, Floats]:
     """Return -log (likelihood times prior), nats, and its gradient."""
     family = problem.family
@@ -153,16 +171,22 @@ def penalised(problem: Problem, theta: Floats) -> tuple[float, Floats]:
     return loss + 0.5 * float(off @ off), gradient + off / family.width
 
 
-def _covariance(problem: Problem, theta: Floats) -> Floats:
-    """Return the inverse Hessian of what is minimised, by central differences of its gradient; nan if it has none."""
+def _hessian(problem: Problem, theta: Floats) -> Floats:
+    """Return the Hessian of what is minimised, by central differences of its gradient."""
     steps = STEP * np.eye(len(theta))
-    hessian = np.stack(
-        [(penalised(problem, theta + step)[1] - penalised(problem, theta - step)[1]) / (2.0 * STEP) for step in steps]
-    )
-    symmetric = 0.5 * (hessian + hessian.T)
-    if not np.isfinite(symmetric).all() or np.linalg.eigvalsh(symmetric).min() <= 0.0:
-        return np.full_like(symmetric, np.nan)
-    return np.asarray(np.linalg.inv(symmetric), dtype=np.float64)
+    rows = [
+        (penalised(problem, theta + step)[1] - penalised(problem, theta - step)[1]) / (2.0 * STEP) for step in steps
+    ]
+    hessian = np.stack(rows)
+    return 0.5 * (hessian + hessian.T)
+
+
+def _covariance(problem: Problem, theta: Floats) -> Floats:
+    """Return the inverse Hessian; nan if this is no minimum."""
+    hessian = _hessian(problem, theta)
+    if not np.isfinite(hessian).all() or np.linalg.eigvalsh(hessian).min() <= 0.0:
+        return np.full_like(hessian, np.nan)
+    return np.asarray(np.linalg.inv(hessian), dtype=np.float64)
 
 
 def _jacobian(function: Callable[[Floats], Floats], theta: Floats) -> Floats:
@@ -195,5 +219,5 @@ def held_out_loss(
     for k in range(n_folds):
         unseen = problem.select(fold == k)
         theta = _search(problem.select(fold != k), [start]).x
-        total += [unseen.loss(problem.family.default)[0], unseen.loss(theta)[0]]
+        total += [unseen.loss(at, is_sharp=True)[0] for at in (problem.family.default, theta)]
     return total / problem.n

@@ -62,13 +62,13 @@ class LaserProblem(NamedTuple):
         """Return the same readings with nothing in view."""
         return self._replace(distance=np.full(self.n, math.inf))
 
-    def loss(self, theta: Floats) -> tuple[float, Floats]:
-        """Return -log likelihood, nats, and its gradient (4,)."""
+    def loss(self, theta: Floats, is_sharp: bool = False) -> tuple[float, Floats]:
+        """Return -log likelihood, nats, and its gradient (4,); see :class:`prf.calibrate.fit.Problem`."""
         noise, relative = np.exp(theta[:2]).tolist()
         share = shares(theta[2:])
         met, returned = self.distance < self.max_range, np.isfinite(self.reading)
         depth = np.where(met, self.distance, self.max_range)
-        s, fixed = spread(noise, relative, depth)
+        s, first = spread(noise, relative, depth, is_sharp)
         echo, by_s = hit(self.reading, depth, s, self.max_range)
         echo = np.where(met, echo, np.where(returned, 0.0, 1.0))
         uniform = np.where(returned, 1.0 / self.max_range, 0.0)
@@ -76,5 +76,5 @@ class LaserProblem(NamedTuple):
         density = columns @ share
         by_log_s = np.where(met, share[2] * by_s * s / density, 0.0)
         by_odds = (columns @ share_slopes(share) / density[:, None]).sum(axis=0)
-        gradient = np.array([by_log_s[fixed].sum(), by_log_s[~fixed].sum(), *by_odds])
+        gradient = np.array([by_log_s @ first, by_log_s @ (1.0 - first), *by_odds])
         return -float(np.log(density).sum()), -gradient

@@ -124,12 +124,12 @@ class SonarProblem(NamedTuple):
         """Return the same readings with nothing in view."""
         return self._replace(there=np.zeros_like(self.there))
 
-    def loss(self, theta: Floats) -> tuple[float, Floats]:
-        """Return -log likelihood, nats, and its gradient (11,)."""
+    def loss(self, theta: Floats, is_sharp: bool = False) -> tuple[float, Floats]:
+        """Return -log likelihood, nats, and its gradient (11,); see :class:`prf.calibrate.fit.Problem`."""
         value = dict(zip(NAMES, natural(theta).tolist(), strict=True))
         there = self.there
         at = _Seen(self.depth[there], self.oblique[there], self.subtended[there], self.corner[there])
-        s, fixed = spread(value["noise"], value["noise_relative"], at.depth)
+        s, first = spread(value["noise"], value["noise_relative"], at.depth, is_sharp)
         reading = np.broadcast_to(self.reading[:, None], there.shape)[there]
         hit_density, by_s = hit(reading, at.depth, s, self.max_range)
         q, echo = self._laid_out(special.expit(at.log_odds(value))), self._laid_out(hit_density)
@@ -142,8 +142,8 @@ class SonarProblem(NamedTuple):
         share = 1.0 / density[:, None]
         at.add_slopes(gradient, value, (share * (part * (1.0 - q) - q * after))[there])
         by_log_s = (share * left[:, :-1] * q)[there] * by_s * s  # both noises are fitted by their logarithms
-        gradient[N["noise"]] = by_log_s[fixed].sum()
-        gradient[N["noise_relative"]] = by_log_s[~fixed].sum()
+        gradient[N["noise"]] = by_log_s @ first
+        gradient[N["noise_relative"]] = by_log_s @ (1.0 - first)
         stray_share = left[:, -1] / density
         for name, slope in stray_slopes.items():
             gradient[N[name]] = stray_share @ slope

@@ -9,6 +9,7 @@ import pytest
 
 from prf.calibrate import laser, sonar
 from prf.calibrate.fit import Problem, penalised
+from prf.calibrate.gauss import spread
 from prf.calibrate.laser import LaserProblem
 from prf.calibrate.sonar import SonarProblem, model_at, sonar_problem
 from prf.coloring import black_at
@@ -79,7 +80,7 @@ def test_sonar_losses_are_those_of_the_slow_twin() -> None:
         ring = ring_of(model_at(theta, 3.5))
         pairs = zip(seen, problem.reading.tolist(), strict=True)
         expected = -sum(slow_sonar.log_likelihood(ring, features, r) for features, r in pairs)
-        assert problem.loss(theta)[0] == pytest.approx(expected, rel=1e-9)
+        assert problem.loss(theta, is_sharp=True)[0] == pytest.approx(expected, rel=1e-9)
 
 
 def test_laser_losses_are_those_of_the_slow_twin() -> None:
@@ -90,7 +91,7 @@ def test_laser_losses_are_those_of_the_slow_twin() -> None:
             beam_log_likelihood(model, r, d)
             for r, d in zip(problem.reading.tolist(), problem.distance.tolist(), strict=True)
         )
-        assert problem.loss(theta)[0] == pytest.approx(expected, rel=1e-9)
+        assert problem.loss(theta, is_sharp=True)[0] == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("problem", [sonar_world(3)[0], laser_world(3)], ids=["sonar", "laser"])
@@ -101,6 +102,19 @@ def test_gradients_are_those_of_differences(problem: Problem) -> None:
             steps = 1e-5 * np.eye(len(theta))
             expected = [(function(theta + h)[0] - function(theta - h)[0]) / 2e-5 for h in steps]
             assert found == pytest.approx(expected, rel=1e-5, abs=1e-3 * problem.n**0.5)
+
+
+def test_rounded_kinks_are_close_to_the_model() -> None:
+    for problem in (sonar_world(7)[0], laser_world(7)):
+        for theta in some_points(problem, 7):
+            sharp, smooth = problem.loss(theta, is_sharp=True)[0], problem.loss(theta)[0]
+            assert abs(sharp - smooth) < 0.03 * problem.n
+    depth = np.array([0.01, 1.0, 2.0, 50.0])
+    smooth, first = spread(0.06, 0.03, depth, False)
+    sharp, _ = spread(0.06, 0.03, depth, True)
+    assert sharp.tolist() == pytest.approx([0.06, 0.06, 0.06, 1.5])
+    assert smooth / sharp == pytest.approx([1.0, 1.0, 2.0 ** (1.0 / 16.0), 1.0], abs=1e-5)
+    assert first == pytest.approx([1.0, 1.0, 0.5, 0.0], abs=1e-4)
 
 
 def test_a_part_of_the_readings_is_a_problem_of_its_own() -> None:
