@@ -20,6 +20,7 @@ from prf.kernels import constants as c
 from prf.layout import read_coloring
 from prf.posterior import Settings
 from prf.sampler.chain import ChainSampler
+from prf.sampler.drive import START_SHARE
 from prf.shell.errors import ConfigError
 
 ROUND = 2000
@@ -109,6 +110,11 @@ class _Cooling:
         self.best = self._map()
         self.score = self._score()
 
+    def find_start(self, stop_requested: Callable[[], bool]) -> None:
+        """Begin where a chain on a share of the readings leads."""
+        self.sampler.find_start(stop_requested)
+        self.best, self.score = self._map(), self._score()
+
     def advance(self, beta: float) -> None:
         """Run some rounds at one temperature."""
         self.sampler.chain.tuning[c.INVERSE_TEMPERATURE] = beta
@@ -158,7 +164,14 @@ def anneal(
     plain = dataclasses.replace(settings, resolution=None)
     chains = [_Cooling(plain, rng) for rng in generators]
     start, share = time.monotonic(), 0.0
+
+    def is_late() -> bool:
+        late = goal.steps is None and time.monotonic() - start > START_SHARE * (goal.seconds or 0.0)
+        return late or (stop_requested is not None and stop_requested())
+
     with ThreadPoolExecutor(max(1, min(threads, len(chains)))) as pool:
+        for future in [pool.submit(chain.find_start, is_late) for chain in chains]:
+            future.result()
         while share < 1.0 and not (stop_requested is not None and stop_requested()):
             beta = schedule.inverse_temperature(share)
             for future in [pool.submit(chain.advance, beta) for chain in chains]:

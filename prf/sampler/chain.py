@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,7 @@ from prf.kernels.build import resum
 from prf.kernels.step import run
 from prf.layout import grow
 from prf.posterior import Settings, first_map, make_chain
+from prf.sampler.first_map import find_first_map, has_shares
 from prf.sampler.record import FIRST_THIN, ImageTimes, Record
 
 SHORTEST_BLOCK = 5 * FIRST_THIN
@@ -74,6 +77,11 @@ class ChainSampler:
                 self.times.rotate(self.chain.image, self.step)
             self.record.take(self.chain)
         self.settle()
+
+    def find_start(self, stop_requested: Callable[[], bool]) -> None:
+        """Before the first step: go to where chains on shares of the readings lead, if there are many."""
+        if has_shares(self.settings):
+            self.chain = make_chain(self.settings, find_first_map(self.settings, self.rng, stop_requested))
 
     def settle(self) -> None:
         """Lay out sums and lists anew, as at the end of every block."""

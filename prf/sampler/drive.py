@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -15,6 +16,9 @@ LONGEST = 1800.0
 CHECK_GROWTH = 1.1
 """Agreement is checked at steps that grow by this factor: the cost stays a small share, and the steps at which a run
 can stop do not depend on the clock or on the number of threads."""
+
+START_SHARE = 0.3
+"""Share of the time that the search for starts may take at most."""
 
 Status = Literal["running", "converged", "not converged", "finished", "interrupted"]
 
@@ -55,15 +59,20 @@ class Progress(NamedTuple):
     status: Status
 
 
-def drive(sampler: Sampler, rule: StopRule) -> Iterator[Progress]:
+def drive(sampler: Sampler, rule: StopRule, stop_requested: Callable[[], bool] = lambda: False) -> Iterator[Progress]:
     """Advance the chains round by round until the goal is reached; yield after every round.
 
+    Chains that have made no step find their starts first; `stop_requested` cuts that short, and so does the clock where
+    time is the goal. A run of a number of steps does not look at the clock.
     Steps are rounded up to whole rounds. Whoever iterates may leave at any time: after a round the chains are in a
     state that a checkpoint can hold.
     """
     sampler.compile()
     start = time.monotonic()
     first_step = sampler.step
+    if first_step == 0:
+        latest = start + START_SHARE * (math.inf if rule.steps is not None else rule.seconds or rule.limit)
+        sampler.find_starts(lambda: stop_requested() or time.monotonic() > latest)
     diagnoses: dict[str, Diagnosis] | None = None
     status = goal_status(sampler, rule, 0.0, None)
     while status == "running":

@@ -19,6 +19,7 @@ from prf.sampler.asked import Asked
 from prf.sampler.checkpoint import load_checkpoint
 from prf.sampler.config import Prepared, SampleConfig, make_settings, prepare
 from prf.sampler.drive import Progress, StopRule, drive
+from prf.sampler.first_map import has_shares
 from prf.sampler.logs import read_logs
 from prf.sampler.output import Output
 from prf.sampler.several import Sampler
@@ -63,7 +64,9 @@ class Session:
         written = time.monotonic()
         first_step = self.sampler.step
         progress = Progress(first_step, 0.0, 0.0, 1.0, None, "finished")
-        for progress in drive(self.sampler, rule):
+        if first_step == 0 and has_shares(self.sampler.settings):
+            logger.info("finding maps to start from on a share of the readings ...")
+        for progress in drive(self.sampler, rule, stop_requested):
             on_progress(progress)
             if stop_requested() and progress.status == "running":
                 progress = progress._replace(status="interrupted")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -111,6 +112,11 @@ class Sampler:
     def compile(self) -> None:
         """Have the kernels compiled, or read from their cache, without making a step."""
         self.chains[0].run_to(self.step)
+
+    def find_starts(self, stop_requested: Callable[[], bool]) -> None:
+        """Before the first step: let every chain find where it starts (:mod:`prf.sampler.first_map`)."""
+        for future in [self._pool.submit(chain.find_start, stop_requested) for chain in self.chains]:
+            future.result()
 
     def advance(self) -> None:
         """Run one block in every chain."""

@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from prf.coloring import black_at, violations
+from prf.posterior import Settings, make_chain
+from prf.sampler import first_map
+from prf.sampler.chain import ChainSampler
+from prf.sampler.first_map import find_first_map, has_shares, shares
+from prf.window import Window
+from tests.reference.beams import Sensor
+from tests.reference.worlds import draw_world
+
+ROOM = Window(0.0, 0.0, 10.0, 10.0)
+NO_PROBES = np.zeros(0, np.int64)
+
+
+def room_settings() -> Settings:
+    return Settings(ROOM, 0.2, draw_world(0.2, ROOM, Sensor(6.0), 8, 50, np.random.default_rng(1)).data)
+
+
+@pytest.fixture
+def many(monkeypatch: pytest.MonkeyPatch) -> Settings:
+    """Readings enough for two shares, by lower bounds: short looks, too."""
+    settings = room_settings()
+    monkeypatch.setattr(first_map, "FEWEST", 25)
+    monkeypatch.setattr(first_map, "LOOK", 2000)
+    return settings
+
+
+def test_shares_grow_by_the_stride_and_stop_short_of_all(many: Settings) -> None:
+    assert many.laser is not None
+    n = len(many.laser.readings)
+    sizes = [len(share.laser.readings) for share in shares(many) if share.laser is not None]
+    assert sizes == [-(-n // 16), -(-n // 4)]
+
+
+def test_few_readings_have_no_share() -> None:
+    assert not has_shares(room_settings())
+
+
+def test_a_share_is_dealt_from_the_readings_as_they_stand_together(many: Settings) -> None:
+    assert many.laser is not None
+    rows = np.column_stack([many.laser.origin, many.laser.angle, many.laser.readings])
+    for share in shares(many):
+        assert share.laser is not None
+        dealt = np.column_stack([share.laser.origin, share.laser.angle, share.laser.readings])
+        assert {tuple(row) for row in dealt} <= {tuple(row) for row in rows}
+
+
+def test_first_map_is_valid_with_every_sensor_in_white_and_far_better_than_none(many: Settings) -> None:
+    assert many.laser is not None
+    coloring = find_first_map(many, np.random.default_rng(1), lambda: False)
+    assert not violations(coloring)
+    assert not black_at(coloring, many.laser.origin).any()
+    found = make_chain(many, coloring).graph.sums
+    empty = make_chain(many, first_map.first_map(many)).graph.sums
+    assert found.sum() > empty.sum() + 100.0
+
+
+def test_same_seed_same_map_and_a_request_stops_at_the_next_look(many: Settings) -> None:
+    one, other = (find_first_map(many, np.random.default_rng(2), lambda: False) for _ in range(2))
+    assert np.array_equal(one.xy, other.xy)
+    looks: list[int] = []
+    find_first_map(many, np.random.default_rng(2), lambda: bool(looks.append(1) or True))
+    assert len(looks) <= 2
+
+
+def test_chain_with_few_readings_stays_where_it_was() -> None:
+    sampler = ChainSampler(room_settings(), np.random.default_rng(3), NO_PROBES)
+    before, state = sampler.chain, sampler.rng.bit_generator.state
+    sampler.find_start(lambda: False)
+    assert sampler.chain is before
+    assert sampler.rng.bit_generator.state == state
