@@ -132,16 +132,15 @@ def _search(problem: Problem, starts: Iterable[Floats]) -> optimize.OptimizeResu
     family = problem.family
     room = LIMIT * family.width
     bounds = optimize.Bounds(family.default - room, family.default + room)
-    # Errors are of the order of 1 nat: a step that gains a millionth of that is the last.
-    options = {"maxiter": 500, "ftol": 1e-6 / max(1.0, abs(problem.loss(family.default)[0])), "gtol": 1e-3}
+    # TNC has its own small algebra: L-BFGS-B of scipy wakes the threads of BLAS for eleven numbers. ftol is in nats.
     ends = [
         optimize.minimize(
             lambda theta: penalised(problem, theta),
             start,
             jac=True,
-            method="L-BFGS-B",
+            method="TNC",
             bounds=bounds,
-            options=options,
+            options={"maxfun": 2000, "ftol": 1e-6, "gtol": 1e-3},
         )
         for start in starts
     ]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.calibrate.fit import Family
-from prf.calibrate.gauss import hit, share_slopes, shares, spread
+from prf.calibrate.gauss import hit, mixed, share_slopes, shares, spread
 from prf.sensors.laser import LaserModel
 
 Floats = NDArray[np.float64]
@@ -73,8 +73,8 @@ class LaserProblem(NamedTuple):
         echo = np.where(met, echo, np.where(returned, 0.0, 1.0))
         uniform = np.where(returned, 1.0 / self.max_range, 0.0)
         columns = np.stack([uniform, np.where(returned, 0.0, 1.0), echo], axis=1)
-        density = columns @ share
+        density = mixed(columns, share)
         by_log_s = np.where(met, share[2] * by_s * s / density, 0.0)
-        by_odds = (columns @ share_slopes(share) / density[:, None]).sum(axis=0)
-        gradient = np.array([by_log_s @ first, by_log_s @ (1.0 - first), *by_odds])
+        by_odds = (mixed(columns, share_slopes(share)) / density[:, None]).sum(axis=0)
+        gradient = np.array([(by_log_s * first).sum(), (by_log_s * (1.0 - first)).sum(), *by_odds])
         return -float(np.log(density).sum()), -gradient

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from prf.calibrate.fit import Family
-from prf.calibrate.gauss import hit, share_slopes, shares, spread
+from prf.calibrate.gauss import hit, mixed, share_slopes, shares, spread
 from prf.kernels.visibility import CORNER, DEPTH, KIND, PROJECTION, SUBTENDED
 from prf.sensors.sonar import SonarModel
 
@@ -68,10 +68,10 @@ class _Seen(NamedTuple):
         """Add what the changes of the features' log odds, of this `slope` each, come to."""
         for kind, mask in (("corner", self.corner), ("surface", ~self.corner)):
             gradient[N[f"{kind}_bias"]] += slope[mask].sum()
-            gradient[N[f"{kind}_distance"]] -= value[f"{kind}_distance"] * (slope @ (self.depth * mask))
+            gradient[N[f"{kind}_distance"]] -= value[f"{kind}_distance"] * (slope * self.depth)[mask].sum()
         wall = slope * ~self.corner
-        gradient[N["surface_oblique"]] -= value["surface_oblique"] * (wall @ self.oblique)
-        gradient[N["surface_subtended"]] += value["surface_subtended"] * (wall @ self.subtended)
+        gradient[N["surface_oblique"]] -= value["surface_oblique"] * (wall * self.oblique).sum()
+        gradient[N["surface_subtended"]] += value["surface_subtended"] * (wall * self.subtended).sum()
 
 
 class SonarProblem(NamedTuple):
@@ -142,11 +142,11 @@ class SonarProblem(NamedTuple):
         share = 1.0 / density[:, None]
         at.add_slopes(gradient, value, (share * (part * (1.0 - q) - q * after))[there])
         by_log_s = (share * left[:, :-1] * q)[there] * by_s * s  # both noises are fitted by their logarithms
-        gradient[N["noise"]] = by_log_s @ first
-        gradient[N["noise_relative"]] = by_log_s @ (1.0 - first)
+        gradient[N["noise"]] = (by_log_s * first).sum()
+        gradient[N["noise_relative"]] = (by_log_s * (1.0 - first)).sum()
         stray_share = left[:, -1] / density
         for name, slope in stray_slopes.items():
-            gradient[N[name]] = stray_share @ slope
+            gradient[N[name]] = (stray_share * slope).sum()
         return -float(np.log(density).sum()), -gradient
 
     def _laid_out(self, values: Floats) -> Floats:
@@ -166,10 +166,10 @@ class SonarProblem(NamedTuple):
         uniform = np.where(returned, 1.0 / self.max_range, 0.0)
         short = np.where(returned, rate * decay, decay)
         columns = np.stack([uniform, short, np.where(returned, 0.0, 1.0)], axis=1)
-        by_odds = columns @ share_slopes(share)
+        by_odds = mixed(columns, share_slopes(share))
         by_rate = np.where(returned, decay * (1.0 - rate * z), -z * decay)
         slopes = {name: by_odds[:, k] for k, name in enumerate(SHARES)}
-        return columns @ share, {**slopes, "short_length": -rate * share[1] * by_rate}
+        return mixed(columns, share), {**slopes, "short_length": -rate * share[1] * by_rate}
 
 
 def sonar_problem(reading: Floats, start: NDArray[np.int64], feature: Floats, max_range: float) -> SonarProblem:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -11,9 +12,11 @@ from prf.coloring import Coloring, black_at, occupied_polygons
 from prf.logs import Readings
 from prf.score import OccupiedArea
 from prf.score.scene import features_seen, scene_of_coloring
+from prf.score.trace import first_edges
+from prf.sensors.laser import window_exit
 from prf.sensors.sonar import make_poses
 from prf.window import Window
-from tests.reference.beams import Sensor, draw_readings, impacts
+from tests.reference.beams import Sensor, draw_readings
 from tests.reference.slow_sonar import Feature, Ring, draw_reading
 from tests.reference.sonar_worlds import model_of, random_office
 
@@ -39,6 +42,7 @@ def free_places(coloring: Coloring, n: int, rng: np.random.Generator) -> np.ndar
     return places[~black_at(coloring, places)][:n]
 
 
+@functools.cache
 def sonar_log(seed: int, n_scans: int, ring: Ring = TRUE_RING) -> Known:
     """Rings of 16 cones of 0.4 rad at random places and headings."""
     rng = np.random.default_rng([seed, 1])  # not the one that drew the office
@@ -56,13 +60,18 @@ def sonar_log(seed: int, n_scans: int, ring: Ring = TRUE_RING) -> Known:
     return Known(OccupiedArea(occupied_polygons(coloring), HALL), log)
 
 
+@functools.cache
 def laser_log(seed: int, n_scans: int, sensor: Sensor = TRUE_LASER) -> Known:
     rng = np.random.default_rng([seed, 1])  # not the one that drew the office
     coloring = office(seed)
     places = free_places(coloring, n_scans, rng)
     angle = (rng.uniform(-math.pi, math.pi, (len(places), 1)) + 2.0 * math.pi * np.arange(60) / 60).ravel()
     origin = np.repeat(places, 60, axis=0)
-    distance = impacts(coloring, origin, angle, sensor.max)
+    window = coloring.window
+    direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    reach = np.minimum(window_exit(window, origin, direction), sensor.max)
+    rays = np.ascontiguousarray(np.column_stack([origin, direction, reach]))
+    distance = first_edges(rays, coloring.segments(), window)
     log = Readings.from_arrays(
         origin, angle, draw_readings(sensor, distance, rng), scan=np.repeat(np.arange(len(places)), 60)
     )

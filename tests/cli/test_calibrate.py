@@ -107,7 +107,7 @@ def test_bad_questions_end_in_one_line(
 
 def test_wrong_poses_are_noticed(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     known = laser_log(1, 10)
-    mixed = known.readings.select(np.arange(known.readings.n_beams))
+    mixed = known.readings.select(np.arange(known.readings.n_beams))  # a copy
     mixed.range[:] = np.random.default_rng(1).permutation(mixed.range)
     write_table(tmp_path / "mixed.csv", mixed)
     assert run("calibrate", "--laser", tmp_path / "mixed.csv", "--max-range", 8, "--map", folder / "floor.geojson") == 0
