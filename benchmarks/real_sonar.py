@@ -132,7 +132,7 @@ def corridors(log: Path, options: argparse.Namespace) -> list[dict[str, Any]]:
 
 def main() -> None:
     """Make everything and write the table."""
-    options = commands.parse(__doc__, SECONDS)
+    options = commands.parse(commands.parser(__doc__, SECONDS))
     source = options.data.resolve() / "sonar"
     if not source.exists():
         raise SystemExit(f"{source}: not here, there are no real sonar readings to map")
