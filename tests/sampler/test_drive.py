@@ -145,3 +145,25 @@ def test_whoever_leaves_early_leaves_the_chains_between_rounds(sampler: Sampler)
         if found.step == 20_000:
             break
     assert {chain.step for chain in sampler.chains} == {20_000}
+
+
+@pytest.mark.parametrize(
+    ("rule", "late"), [(StopRule(seconds=100.0), True), (StopRule(limit=100.0), True), (StopRule(steps=10_000), False)]
+)
+def test_the_search_for_starts_has_a_share_of_the_time_and_happens_once(
+    sampler: Sampler, clock: Clock, monkeypatch: pytest.MonkeyPatch, rule: StopRule, late: bool
+) -> None:
+    answers: list[list[bool]] = []
+    monkeypatch.setattr(sampler, "find_starts", lambda stop: answers.append([stop() for _ in range(40)]))
+    next(iter(drive(sampler, rule)))
+    (found,) = answers
+    assert found == [late and k >= 30 for k in range(40)]
+    next(iter(drive(sampler, StopRule(steps=20_000))))
+    assert len(answers) == 1
+
+
+def test_a_request_to_stop_ends_the_search_for_starts(sampler: Sampler, monkeypatch: pytest.MonkeyPatch) -> None:
+    answers: list[bool] = []
+    monkeypatch.setattr(sampler, "find_starts", lambda stop: answers.append(stop()))
+    next(iter(drive(sampler, StopRule(steps=10_000), lambda: True)))
+    assert answers == [True]
