@@ -22,8 +22,8 @@ from prf.window import Window
 Floats = NDArray[np.float64]
 
 DEFAULT_ODDS = {
-    c.TRIANGLE_BIRTH: 0.04,
-    c.TRIANGLE_DEATH: 0.04,
+    c.TRIANGLE_BIRTH: 0.1,
+    c.TRIANGLE_DEATH: 0.1,
     c.BOUNDARY_BIRTH: 0.02,
     c.BOUNDARY_DEATH: 0.02,
     c.CORNER_BIRTH: 0.005,
@@ -36,8 +36,8 @@ DEFAULT_ODDS = {
     c.RECOLOR: 0.02,
     c.LOCAL_RECOLOR: 0.1,
     c.SLIDE: 0.19,
-    c.CUT_WALL: 0.08,
-    c.MEND_WALL: 0.08,
+    c.CUT_WALL: 0.04,
+    c.MEND_WALL: 0.04,
 }
 """Weight of each move; births and deaths equal, so that these cancel in the ratios."""
 
