@@ -41,6 +41,7 @@ COMMANDS = (
     f"score run --laser {LOG} --every-scan 10 --seed 1",
     f"score grid.npz --laser {LOG} --every-scan 10 --seed 1",
     "score run --sonar sonar.csv",
+    "sample --point-data values.csv --steps 10 --chains 1 --seed 1 -o points",
     "score grid.npz --sonar sonar.csv",
 )
 CLOUD_COMMANDS = (
@@ -58,6 +59,7 @@ def run_commands() -> None:
     """Run the verbs that there are in a folder of their own, and throw their results away."""
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
         Path("points.csv").write_text("x,y\n5.0,7.0\n6.0,7.0\n")
+        Path("values.csv").write_text("x,y,value\n5.0,7.0,0\n6.0,7.0,1\n5.0,8.0,1\n6.0,8.0,0\n")
         Path("sonar.csv").write_text("x,y,theta,range,cone\n5.0,7.0,0.0,2.0,0.349\n")
         for tool, app, commands in (("prf", prf.cli.app, COMMANDS), ("mapq", mapq.cli.app, CLOUD_COMMANDS)):
             for command in commands:

@@ -111,7 +111,7 @@ def test_a_ply_that_cannot_be_written_leaves_no_json(capsys, tmp_path, monkeypat
         (["-o", "r.json"], 2, "two files"),
         (["-o", "r.ply", "--max-tilt", "10"], 2, "segmented already"),
         (["-o", "r.ply", "--up", "0", "1", "0"], 2, "segmented already"),
-        (["-o", "no/such/folder/r.ply"], 4, "no such file or directory"),
+        (["-o", "no/such/folder/r.ply"], 4, "there is no folder"),
     ],
 )
 def test_options_that_make_no_sense(capsys, tmp_path, monkeypatch, options, code, message):
