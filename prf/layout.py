@@ -90,14 +90,20 @@ def make_proposal(grid: Grid) -> Proposal:
     )
 
 
-def make_sites(grid: Grid, origin: Floats) -> Sites:
-    """Return the distinct positions (n, 2), sorted by cell."""
+def make_sites(grid: Grid, origin: Floats, coloring: Coloring | None = None) -> Sites:
+    """Return the distinct positions (n, 2), sorted by cell, in the colours of a map, or all in white."""
     xy = np.unique(origin.reshape(-1, 2), axis=0)
     cells = np.zeros(len(xy), np.int64)
     cells_of(grid, xy, cells)
     order = np.argsort(cells, kind="stable")
     starts = np.searchsorted(cells[order], np.arange(grid.nx * grid.ny + 1))
-    return Sites(grid, np.ascontiguousarray(xy[order]), starts.astype(np.int64))
+    sites = Sites(grid, np.ascontiguousarray(xy[order]), starts.astype(np.int64), np.zeros(len(xy), np.uint8))
+    return sites if coloring is None else painted_sites(sites, coloring)
+
+
+def painted_sites(sites: Sites, coloring: Coloring) -> Sites:
+    """Return the sites in the colours of a map."""
+    return sites._replace(black=black_at(coloring, sites.xy).astype(np.uint8))
 
 
 def make_targets(window: Window, side: float, xy: Floats) -> Targets:

@@ -154,6 +154,8 @@ class Settings:
         tuning = np.zeros(c.N_TUNING)
         tuning[c.SCALE] = self.scale
         tuning[c.INVERSE_TEMPERATURE] = 1.0
+        tuning[c.LIKELIHOOD_POWER] = 1.0
+        tuning[c.OCCUPIED_COST] = np.inf
         tuning[c.LOCAL_SHARE] = self.local_share
         tuning[c.BIRTH_REACH] = self.birth_reach or 0.1 / self.scale
         tuning[c.SPLIT_REACH] = self.split_reach or 0.02 / self.scale
@@ -178,7 +180,8 @@ class Settings:
 def make_chain(settings: Settings, coloring: Coloring) -> Chain:
     """Build the state of a chain at `coloring`.
 
-    Every sensor must stand in white there; :func:`first_map` is such a map.
+    Every sensor must stand in white there, unless the tuning is given a finite cost of occupied ones before the first
+    step; :func:`first_map` is such a map.
     """
     window = settings.window
     grid = make_grid(*window, settings.cell_size())
@@ -198,7 +201,7 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
         beams=make_beams(grid, laser.model, ray, capacity),
         cones=make_cones(grid, sonar.model, pose, capacity),
         points=painted_points(settings.points, coloring),
-        sensors=make_sites(grid, np.concatenate([laser.origin, sonar.origin])),
+        sensors=make_sites(grid, np.concatenate([laser.origin, sonar.origin]), coloring),
         targets=targets,
         image=make_image(coloring, graph, settings.resolution),
         proposal=make_proposal(grid),

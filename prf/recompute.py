@@ -172,7 +172,7 @@ def differences(chain: Chain) -> list[str]:
         == cell_lists(chain.edge_index.cell_edges, chain.edge_index.cell_count),
         "sets": recompute_sets(coloring) == graph.counts[: c.N_SETS].tolist(),
         "sines": sines_hold(chain, coloring),
-        "sensors in white": not black_at(coloring, chain.sensors.xy).any(),
+        "occupied sensors": sensors_hold(chain, coloring),
         "image": image_holds(chain, coloring),
     }
     return [name for name, held in holds.items() if not held]
@@ -193,6 +193,14 @@ def sines_hold(chain: Chain, coloring: Coloring) -> bool:
     edges = graph.members[c.EDGES, : graph.counts[c.EDGES]]
     sines = np.allclose(graph.vertex_sine[slots], fresh.vertex_sine[: len(slots)], rtol=1e-9, atol=0.0)
     return sines and np.allclose(graph.edge_length[edges], coloring.edge_lengths(), rtol=1e-12, atol=0.0)
+
+
+def sensors_hold(chain: Chain, coloring: Coloring) -> bool:
+    """Whether the colours of the sensors and the count of black ones are those of the map; none, where none may be."""
+    black = black_at(coloring, chain.sensors.xy)
+    n = int(black.sum())
+    counted = np.array_equal(black, chain.sensors.black) and n == chain.graph.counts[c.OCCUPIED]
+    return counted and (n == 0 or bool(np.isfinite(chain.tuning[c.OCCUPIED_COST])))
 
 
 def image_holds(chain: Chain, coloring: Coloring) -> bool:

@@ -29,7 +29,7 @@ from tests.reference.chain_state import structural_faults
 from tests.reference.slow_points import Flips, Normal, lattice, observe
 from tests.reference.slow_sonar import Ring
 from tests.reference.sonar_worlds import draw_data, draw_sonar_world, ring_all_round
-from tests.reference.worlds import draw_world, office
+from tests.reference.worlds import World, draw_world, office
 
 ROOM = Window(0.0, 0.0, 10.0, 10.0)
 NEAR = Sensor(6.0)
@@ -58,12 +58,18 @@ def follow(chain: Chain, rng: np.random.Generator, n_steps: int) -> tuple[Chain,
     return now, n_accepted
 
 
-def world_chain(seed: int, at_truth: bool, cell: float | None = 1.0) -> Chain:
+def world_of(seed: int) -> World:
+    return draw_world(0.3, ROOM, NEAR, 3, 40, np.random.default_rng(seed))
+
+
+def world_settings(seed: int, cell: float | None = 1.0) -> Settings:
     """Cells larger than those a chain would choose: the twins then cost a tenth."""
-    rng = np.random.default_rng(seed)
-    world = draw_world(0.3, ROOM, NEAR, 3, 40, rng)
-    start = world.coloring if at_truth else Coloring.empty(ROOM)
-    return make_chain(Settings(ROOM, 0.3, world.data, resolution=0.5, cell=cell), start)
+    return Settings(ROOM, 0.3, world_of(seed).data, resolution=0.5, cell=cell)
+
+
+def world_chain(seed: int, at_truth: bool, cell: float | None = 1.0) -> Chain:
+    start = world_of(seed).coloring if at_truth else Coloring.empty(ROOM)
+    return make_chain(world_settings(seed, cell), start)
 
 
 def sonar_chain(
@@ -94,6 +100,53 @@ def test_twins_agree_on_readings(at_truth: bool) -> None:
     assert n_accepted > 150
     if at_truth:
         assert np.isfinite(chain.beams.ray[:, c.DISTANCE]).mean() > 0.3
+
+
+def soften(chain: Chain, power: float, cost: float) -> Chain:
+    """Let occupied sensors cost something, and likelihoods count less, as on a rung of parallel tempering."""
+    chain.tuning[[c.LIKELIHOOD_POWER, c.OCCUPIED_COST]] = power, cost
+    return chain
+
+
+@pytest.mark.parametrize("power", [1.0, 0.1, 0.0])
+def test_twins_agree_when_sensors_may_stand_in_black(power: float) -> None:
+    """From a draw of the prior, where they do."""
+    settings = dataclasses.replace(world_settings(1), aimed_share=0.0)
+    start = exact_draws(0.3, ROOM, 1, np.random.default_rng(8))[0]
+    chain = soften(make_chain(settings, start), power, 2.0)
+    assert chain.graph.counts[c.OCCUPIED] > 0
+    occupied, rng, n_accepted = set(), np.random.default_rng(1), 0
+    for now in states(chain, rng, 1500):
+        n_accepted += 1
+        assert differences(now) == structural_faults(now) == [], f"step {now.graph.counts[c.STEP]}"
+        occupied.add(int(now.graph.counts[c.OCCUPIED]))
+    assert n_accepted > 150
+    assert len(occupied) > 1
+
+
+def test_without_power_readings_decide_nothing() -> None:
+    """The maps are those of a chain without readings, to the last bit."""
+    start = exact_draws(0.3, ROOM, 1, np.random.default_rng(9))[0]
+    with_readings = dataclasses.replace(world_settings(1), aimed_share=0.0)
+    maps = []
+    for settings in (with_readings, dataclasses.replace(with_readings, laser=None)):
+        chain, rng = soften(make_chain(settings, start), 0.0, 5.0), np.random.default_rng(9)
+        while not run(chain, rng, 20_000):
+            chain = grow(chain)
+        maps.append(read_coloring(chain.graph))
+    assert maps[0].n_edges > 5
+    assert np.array_equal(maps[0].xy, maps[1].xy)
+    assert np.array_equal(maps[0].edges, maps[1].edges)
+    assert maps[0].anchor_black == maps[1].anchor_black
+
+
+def test_once_forbidden_no_sensor_turns_black_again() -> None:
+    chain = soften(world_chain(1, True), 1.0, np.inf)
+    rng = np.random.default_rng(2)
+    while not run(chain, rng, 20_000):
+        chain = grow(chain)
+    assert chain.graph.counts[c.OCCUPIED] == 0
+    assert differences(chain) == []
 
 
 def test_twins_agree_after_many_steps_without_new_sums() -> None:
@@ -377,6 +430,14 @@ def shift_a_gain(chain: Chain) -> None:
     chain.points.column[points.GAIN, 0] *= 1.0 + 1e-12
 
 
+def count_an_occupied_sensor(chain: Chain) -> None:
+    chain.graph.counts[c.OCCUPIED] += 1
+
+
+def turn_a_sensor(chain: Chain) -> None:
+    chain.sensors.black[0] = 1 - chain.sensors.black[0]
+
+
 def turn_the_anchor(chain: Chain) -> None:
     chain.graph.counts[c.ANCHOR_BLACK] = 1 - chain.graph.counts[c.ANCHOR_BLACK]
 
@@ -402,7 +463,9 @@ DAMAGES: list[tuple[Callable[[Chain], None], list[str]]] = [
     (stretch_a_length, ["sines"]),
     (turn_a_point, ["point colours"]),
     (shift_a_gain, ["point gains"]),
-    (turn_the_anchor, ["log likelihood", "point colours", "point gains", "sensors in white", "image"]),
+    (turn_the_anchor, ["log likelihood", "point colours", "point gains", "occupied sensors", "image"]),
+    (count_an_occupied_sensor, ["occupied sensors"]),
+    (turn_a_sensor, ["occupied sensors"]),
     (turn_a_pixel, ["image"]),
     (count_an_edge_twice, ["image"]),
 ]

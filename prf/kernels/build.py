@@ -13,6 +13,7 @@ from prf.kernels.edge_index import EdgeIndex, index_edge
 from prf.kernels.graph import Graph, add_edge, add_vertex, classify_vertex, vertex_sine_now
 from prf.kernels.grid import Grid, cell_at
 from prf.kernels.points import sum_points
+from prf.kernels.sites import count_occupied
 
 
 @core_entry
@@ -84,6 +85,7 @@ def resum(chain: Chain) -> None:
     graph.sums[c.LOG_PRIOR] = log_prior(graph, chain.tuning[c.SCALE])
     readings = relist_beams(chain.beams) + relist_cones(chain.cones)
     graph.sums[c.LOG_LIKELIHOOD] = readings + sum_points(chain.points)
+    graph.counts[c.OCCUPIED] = count_occupied(chain.sensors)
 
 
 @core_entry

@@ -1,5 +1,6 @@
 """The state of one chain, and how an accepted proposal becomes part of it."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +32,7 @@ from prf.kernels.proposal import (
     N_OLD_VERTICES,
     Proposal,
 )
-from prf.kernels.sites import Sites
+from prf.kernels.sites import Sites, occupied_change
 from prf.kernels.targets import Targets
 from prf.kernels.touch import apply_touched, release_touched
 
@@ -115,6 +116,8 @@ def apply(chain: Chain, log_prior_change: float, log_likelihood_change: float) -
     apply_cones(chain.cones)
     if chain.points.column.shape[1] > 0:
         gain_inside(chain.points, proposal.loop, proposal.counts[N_LOOP], chain.image.crossings, True)
+    if chain.tuning[c.OCCUPIED_COST] != math.inf:
+        graph.counts[c.OCCUPIED] += occupied_change(chain.sensors, proposal.loop, proposal.counts[N_LOOP], True)
     window = graph.window
     if inside_loop(
         0.5 * (window[0] + window[2]), 0.5 * (window[1] + window[3]), proposal.loop, proposal.counts[N_LOOP]

@@ -24,7 +24,8 @@ FREE_EDGES = 7
 ANCHOR_BLACK = 8
 NEEDS_ROOM = 9
 STEP = 10
-N_COUNTS = 11
+OCCUPIED = 11  # sensor positions that stand in black
+N_COUNTS = 12
 
 # Entries of ``Graph.sums``.
 TOTAL_LENGTH = 0
@@ -70,7 +71,9 @@ CUT_REACH = 5  # median distance of the corners of a cut from the lines of the w
 INVERSE_TEMPERATURE = 6  # 1 samples the posterior, more prefers its mode over lines
 AIMED_SHARE = 7  # share of interior births that are aimed at returns; 0 without targets
 AIM_REACH = 8  # median distance of the vertices of such a birth, m
-N_TUNING = 9
+LIKELIHOOD_POWER = 9  # exponent of the likelihood: 1 the posterior, 0 the prior; leaves the prior alone
+OCCUPIED_COST = 10  # log likelihood that each occupied sensor position takes, nats; inf: none may be occupied
+N_TUNING = 11
 
 # Columns of ``Beams.ray``.
 ORIGIN_X = 0

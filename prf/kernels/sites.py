@@ -1,4 +1,7 @@
-"""Sites whose colour matters: sensors, which must stand in white. A grid finds those that a loop may enclose."""
+"""Sites whose colour matters: sensors, which must stand in white, or cost something where they do not.
+
+A grid finds those that a loop may enclose.
+"""
 
 from typing import NamedTuple
 
@@ -15,6 +18,7 @@ class Sites(NamedTuple):
     grid: Grid
     xy: np.ndarray  # (n, 2) f8
     cell_start: np.ndarray  # (n_cells + 1,) i8
+    black: np.ndarray  # (n,) u1 whether a site is occupied now
 
 
 @core
@@ -31,17 +35,48 @@ def loop_box(loop: np.ndarray, n: int) -> tuple[float, float, float, float]:
 
 
 @core
-def any_inside(sites: Sites, loop: np.ndarray, n: int) -> bool:
-    """Whether a site would be recoloured by the loop of `n` corners."""
+def cells_round(grid: Grid, loop: np.ndarray, n: int) -> tuple[int, int, int, int]:
+    """First and last column, first and last row of the cells that the first n rows of `loop` span."""
     x_min, y_min, x_max, y_max = loop_box(loop, n)
-    grid = sites.grid
     i0 = axis_index((x_min - grid.x0) / grid.cell, grid.nx)
     i1 = axis_index((x_max - grid.x0) / grid.cell, grid.nx)
     k0 = axis_index((y_min - grid.y0) / grid.cell, grid.ny)
     k1 = axis_index((y_max - grid.y0) / grid.cell, grid.ny)
+    return i0, i1, k0, k1
+
+
+@core
+def any_inside(sites: Sites, loop: np.ndarray, n: int) -> bool:
+    """Whether a site would be recoloured by the loop of `n` corners."""
+    nx = sites.grid.nx
+    i0, i1, k0, k1 = cells_round(sites.grid, loop, n)
     for k in range(k0, k1 + 1):
         # Cells of one row follow each other, and so do their sites.
-        for site in range(sites.cell_start[i0 + grid.nx * k], sites.cell_start[i1 + grid.nx * k + 1]):
+        for site in range(sites.cell_start[i0 + nx * k], sites.cell_start[i1 + nx * k + 1]):
             if inside_loop(sites.xy[site, 0], sites.xy[site, 1], loop, n):
                 return True
     return False
+
+
+@core
+def occupied_change(sites: Sites, loop: np.ndarray, n: int, turns: bool) -> int:
+    """Change of the number of occupied sites if all inside the loop of `n` corners turned; they do if `turns`."""
+    nx = sites.grid.nx
+    i0, i1, k0, k1 = cells_round(sites.grid, loop, n)
+    change = 0
+    for k in range(k0, k1 + 1):
+        for site in range(sites.cell_start[i0 + nx * k], sites.cell_start[i1 + nx * k + 1]):
+            if inside_loop(sites.xy[site, 0], sites.xy[site, 1], loop, n):
+                change += -1 if sites.black[site] != 0 else 1
+                if turns:
+                    sites.black[site] = 1 - sites.black[site]
+    return change
+
+
+@core
+def count_occupied(sites: Sites) -> int:
+    """Number of occupied sites."""
+    n = 0
+    for site in range(sites.black.shape[0]):
+        n += sites.black[site]
+    return n

@@ -20,7 +20,7 @@ from prf.kernels.moves import (
 )
 from prf.kernels.points import gain_inside
 from prf.kernels.proposal import N_LOOP, clear, log_prior_change, plain_prior_change
-from prf.kernels.sites import any_inside
+from prf.kernels.sites import any_inside, occupied_change
 from prf.kernels.touch import log_likelihood_change, touch_beams
 
 
@@ -93,6 +93,30 @@ def log_ratio_of_cells(chain: Chain, move: int) -> float:
 
 
 @core
+def needed_gain(chain: Chain, margin: float) -> float:
+    """The change of log likelihood that a proposal must exceed to be accepted; inf where none will do.
+
+    `margin` is what the threshold asks beyond prior and proposal ratio. The target is h exp(E) with
+    E = power (log likelihood - cost * occupied sensors), times exp((t - 1) (plain log prior + E)) at an inverse
+    temperature t: power and cost are those of a rung of parallel tempering, t that of annealing.
+    """
+    proposal, tuning = chain.proposal, chain.tuning
+    cost, turned = tuning[c.OCCUPIED_COST], 0
+    if cost != math.inf:
+        turned = occupied_change(chain.sensors, proposal.loop, proposal.counts[N_LOOP], False)
+    elif chain.sensors.xy.shape[0] > 0 and any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
+        return math.inf
+    beta, power = tuning[c.INVERSE_TEMPERATURE], tuning[c.LIKELIHOOD_POWER]
+    if beta != 1.0:
+        margin = (margin - (beta - 1.0) * plain_prior_change(chain.graph, proposal, tuning[c.SCALE])) / beta
+    if power == 0.0:
+        return -math.inf if margin < 0.0 else math.inf
+    if power != 1.0:
+        margin /= power
+    return margin if turned == 0 else margin + cost * turned
+
+
+@core
 def evaluate(chain: Chain, move: int, log_proposal_ratio: float, log_u: float) -> tuple[bool, float, float]:
     """Decide on a legal proposal; return the decision and the changes of log prior and log likelihood.
 
@@ -110,10 +134,11 @@ def evaluate(chain: Chain, move: int, log_proposal_ratio: float, log_u: float) -
     n_sensors, n_points = chain.sensors.xy.shape[0], chain.points.column.shape[1]
     if n_sensors == 0 and n_points == 0:
         return log_u < prior + log_proposal_ratio, prior, 0.0
+    needed = needed_gain(chain, log_u - prior - log_proposal_ratio)
+    if needed == math.inf:
+        return False, 0.0, 0.0
     likelihood = 0.0
     if n_sensors > 0:
-        if any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
-            return False, 0.0, 0.0
         touch_beams(graph, chain.edge_index, chain.beams, proposal)
         likelihood = log_likelihood_change(chain.beams)
         if chain.cones.pose.shape[0] > 0:
@@ -121,11 +146,7 @@ def evaluate(chain: Chain, move: int, log_proposal_ratio: float, log_u: float) -
             likelihood += sonar_change(graph, chain.edge_index, chain.cones, proposal)
     if n_points > 0:
         likelihood += gain_inside(chain.points, proposal.loop, proposal.counts[N_LOOP], chain.image.crossings, False)
-    beta = chain.tuning[c.INVERSE_TEMPERATURE]
-    if beta != 1.0:
-        plain = plain_prior_change(graph, proposal, chain.tuning[c.SCALE])
-        log_proposal_ratio += (beta - 1.0) * (plain + likelihood)
-    return log_u < prior + likelihood + log_proposal_ratio, prior, likelihood
+    return needed < likelihood, prior, likelihood
 
 
 @core

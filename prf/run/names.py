@@ -21,7 +21,7 @@ SCHEMAS = {
     MAP: "prf.map/1",
     DIAGNOSTICS: diagnostics.SCHEMA,
 }
-CHECKPOINT_SCHEMA = "prf.checkpoint/1"
+CHECKPOINT_SCHEMA = "prf.checkpoint/2"
 """Apart from the others: only the sampler writes and reads what is in it."""
 SONAR_PREFIX = "sonar_"
 """Arrays of readings.npz with this prefix hold the sonar readings."""

@@ -13,7 +13,7 @@ from prf.coloring import Coloring, Draws
 from prf.kernels import constants as c
 from prf.kernels.build import resum, trace_all
 from prf.kernels.image import count_all_edges, settle_all
-from prf.layout import make_index, read_coloring
+from prf.layout import make_index, painted_sites, read_coloring
 from prf.posterior import painted_points
 from prf.run import names
 from prf.sampler.chain import ChainSampler
@@ -117,6 +117,7 @@ def restore(sampler: ChainSampler, arrays: Arrays) -> None:
         beams=chain.beams._replace(first_beam=np.full(capacity, c.NONE, np.int32)),
         cones=chain.cones._replace(sight=make_sight(capacity + c.MOST_CHANGES)),
         points=painted_points(sampler.settings.points, read_coloring(graph)),
+        sensors=painted_sites(chain.sensors, read_coloring(graph)),
         outcomes=arrays["outcomes"],
     )
     trace_all(sampler.chain)

@@ -59,7 +59,7 @@ def test_an_unknown_version_is_refused(folder: Path, capsys: pytest.CaptureFixtu
 def test_a_cut_picture_or_checkpoint_is_seen(folder: Path, capsys: pytest.CaptureFixture) -> None:
     render_posterior(read_run(folder), folder / "posterior.png")
     whole = (folder / "posterior.png").read_bytes()
-    save_arrays(folder / "checkpoint.npz", "prf.checkpoint/1", {"chain0.graph.counts": np.full(STEP + 1, 7000)})
+    save_arrays(folder / "checkpoint.npz", "prf.checkpoint/2", {"chain0.graph.counts": np.full(STEP + 1, 7000)})
     assert run_app(app, "prf", ["inspect", str(folder), "--json"]) == 0
     summary = {file["name"]: file["summary"] for file in json.loads(capsys.readouterr().out)["files"]}
     width, height = png_size(folder / "posterior.png")
@@ -77,7 +77,7 @@ def test_a_cut_picture_or_checkpoint_is_seen(folder: Path, capsys: pytest.Captur
         assert run_app(app, "prf", ["inspect", str(folder)]) == 3
         assert "damaged: posterior.png" in capsys.readouterr().err
     (folder / "posterior.png").unlink()
-    save_arrays(folder / "checkpoint.npz", "prf.checkpoint/1", {"run": 1})
+    save_arrays(folder / "checkpoint.npz", "prf.checkpoint/2", {"run": 1})
     assert run_app(app, "prf", ["inspect", str(folder)]) == 3
     assert "damaged: checkpoint.npz" in capsys.readouterr().err
 

@@ -10,7 +10,7 @@ from prf.kernels.grid import Grid, cell_at, exit_distance, walk
 from prf.kernels.image import Image, count_edge, recolor_inside
 from prf.kernels.laser import beam_log_likelihood
 from prf.kernels.points import Points, gain_inside
-from prf.kernels.sites import Sites, any_inside
+from prf.kernels.sites import Sites, any_inside, occupied_change
 from prf.kernels.sonar import sonar_log_likelihood
 from prf.kernels.visibility import BORDER, N_LINES, Sight, see_edge, sweep
 
@@ -75,6 +75,11 @@ def sines(corners: np.ndarray, found: np.ndarray) -> None:
 @core_entry
 def encloses_site(sites: Sites, loop: np.ndarray) -> bool:
     return any_inside(sites, loop, loop.shape[0])
+
+
+@core_entry
+def turn_sites(sites: Sites, loop: np.ndarray, turns: bool) -> int:
+    return occupied_change(sites, loop, loop.shape[0], turns)
 
 
 @core_entry

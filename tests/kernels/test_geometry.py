@@ -12,7 +12,7 @@ from prf.kernels.grid import make_grid
 from prf.kernels.sites import Sites
 from prf.layout import make_sites
 from prf.window import Window
-from tests.kernels.entries import encloses_site, hit_table, inside_table, meet_table, sines
+from tests.kernels.entries import encloses_site, hit_table, inside_table, meet_table, sines, turn_sites
 
 small = st.integers(-6, 6)
 segment = st.tuples(small, small, small, small).filter(lambda s: s[:2] != s[2:])
@@ -129,3 +129,19 @@ def test_a_loop_encloses_a_site_if_asking_every_site_says_so(sites: Sites) -> No
         assert encloses_site(sites, loop) == found.any()
         answers.append(found.any())
     assert 0.1 < np.mean(answers) < 0.9
+
+
+def test_sites_turn_inside_a_loop_and_nowhere_else(sites: Sites) -> None:
+    rng = np.random.default_rng(22)
+    black = np.zeros(len(sites.xy), np.bool_)
+    for _ in range(200):
+        loop = np.clip(rng.uniform(-5, 5, 2) + rng.normal(size=(rng.integers(3, 7), 2)), -5, 5)
+        found = np.zeros(len(sites.xy), np.bool_)
+        inside_table(sites.xy, loop, found)
+        expected = int((black ^ found).sum() - black.sum())
+        assert turn_sites(sites, loop, False) == expected
+        assert np.array_equal(sites.black, black)
+        assert turn_sites(sites, loop, True) == expected
+        black ^= found
+        assert np.array_equal(sites.black, black)
+    assert 0.1 < black.mean() < 0.9
