@@ -16,6 +16,7 @@ VERBS: dict[str, str] = {
     "label": "Label patches plausible or suspicious by the majority of a point field.",
     "train": "Train the random field on labelled patches of one or several maps.",
     "classify": "Label the patches of a map plausible or suspicious, and say why.",
+    "compare": "Compare two maps of one place: which is better, and where.",
     "evaluate": "Compare inferred labels with the truth: confusion matrix, scores, calibration.",
     "features": "Show the features of every patch and of every pair of neighbours.",
     "render": "Draw a map in plan view and in 3D, plausible blue and suspicious red.",

@@ -15,6 +15,24 @@ BinColumns = Annotated[
 ]
 
 
+def parse_share(text: str) -> float:
+    """Return the share that ``0.05`` or ``5%`` says.
+
+    Raises
+    ------
+    ValueError
+        If it is neither, or not between 0 and 1; typer makes a usage error of it.
+    """
+    number = text.strip().removesuffix("%").rstrip()
+    try:
+        share = float(number) / (100.0 if number != text.strip() else 1.0)
+    except ValueError:
+        share = -1.0
+    if not 0.0 <= share <= 1.0:
+        raise ValueError(f"{text} is no share between 0 and 1. Give one such as 0.05 or 5%")
+    return share
+
+
 def beside(path: str, suffix: str) -> str:
     """Return the name of what is made of the file `path`: beside it, its stem with another suffix."""
     file = Path(path)

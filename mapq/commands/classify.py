@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapq.commands._options import BinColumns, beside, refuse_inputs
+from mapq.commands._options import BinColumns, beside, parse_share, refuse_inputs
 from prf.shell.options import Force, Json, Output
 
 if TYPE_CHECKING:
@@ -20,13 +20,15 @@ logger = logging.getLogger(__name__)
 EXAMPLES = (
     "mapq classify city.patches -o city.classified.ply",
     "mapq classify map.pcd --model city.model.json --json",
-    "mapq classify map.ply --fail-over 0.05",
+    "mapq classify map.ply --fail-over 5%",
 )
 
 N_WORST = 10
 """Suspicious patches that the table lists."""
+N_REGIONS = 5
+"""Regions that it lists."""
 N_REASONS = 3
-"""Terms that it names for each."""
+"""Reasons that it names for each patch."""
 
 
 def classify(
@@ -52,7 +54,10 @@ def classify(
     fail_over: Annotated[
         float | None,
         typer.Option(
-            "--fail-over", metavar="SHARE", min=0.0, max=1.0, help="Exit 1 if more of the area is suspicious."
+            "--fail-over",
+            metavar="SHARE",
+            parser=parse_share,
+            help="Exit 1 if more of the area is suspicious: 0.05 or 5%.",
         ),
     ] = None,
     output: Output = None,
@@ -62,9 +67,10 @@ def classify(
     """Label the patches of a map plausible or suspicious, and say why.
 
     RESULT.ply has all points with all their fields, and patch, suspicious (0, 1, 255 = no patch), p_suspicious and
-    colours: plausible blue, suspicious red. RESULT.json beside it has each patch with the terms that led to its label,
-    largest first. Without -o they go beside the input: its stem + .classified.ply. With --fail-over a map without any
-    patch fails too: nothing speaks for it.
+    colours: plausible blue, suspicious red. RESULT.json beside it has the regions of connected suspicious patches,
+    worst first, and each patch with the reasons for its label in words, and the terms that led to it. Without -o they
+    go beside the input: its stem + .classified.ply. With --fail-over a map without any patch fails too: nothing
+    speaks for it.
     """
     from mapq.assess import assess
     from mapq.io.models import read_default_model, read_model
@@ -86,6 +92,7 @@ def classify(
     if not len(patches) and not warnings:
         logger.warning("%s: no plane patch was found, so nothing is labelled", file)
     head = {**describe_process([file, *([model] if model else [])]), "model": model or "default", **result.head()}
+    head["verdict"] = result.verdict(fail_over)
     rows = list(result.patch_rows())
     write_result(target, result.cloud(), head, rows)
     if json:
@@ -93,13 +100,12 @@ def classify(
     else:
         for line in _lines(result, target):
             console.emit(line)
-    if fail_over is None:
+    if head["verdict"]["passed"] is not False:
         return
-    share = result.counts()["share_of_area"]
     if not len(patches):
         raise CheckFailed(f"{file}: there is no patch to be judged by, so nothing speaks for this map.")
-    if share > fail_over:
-        raise CheckFailed(f"{share:.1%} of the area of patches is suspicious, more than {fail_over:.1%}.")
+    share = head["verdict"]["share_of_area"]
+    raise CheckFailed(f"{file}: {share:.1%} of the area of patches is suspicious, more than {fail_over:.1%}.")
 
 
 def _patches(file: str, bin_columns: int, max_tilt: float | None, up: tuple[float, float, float] | None) -> Patches:
@@ -129,6 +135,7 @@ def _lines(result: Result, target: str) -> Iterator[str]:
         f"points          {counts['n_points_suspicious']:,} of {counts['n_points_in_patches']:,} in patches"
         f"{_percent(counts, 'points')}; {counts['n_points']:,} in all"
     )
+    yield from _region_lines(result)
     worst = result.worst(N_WORST)
     if worst:
         yield "most surely suspicious, with what speaks for it (log-odds):"
@@ -137,8 +144,22 @@ def _lines(result: Result, target: str) -> Iterator[str]:
         p = result.labelling.probability[patch]
         yield f"  patch {patch:<6} p {p:.3f}  {result.area[patch]:.1f} m2 at {x:.1f} {y:.1f} {z:.1f}"
         for reason in result.reasons(patch, N_REASONS):
-            yield f"      {reason}"
+            yield f"      {reason.log_odds:+.2f}  {reason.text}"
     yield f"result          {target} and .json"
+
+
+def _region_lines(result: Result) -> Iterator[str]:
+    """Return the regions for a person."""
+    regions = result.regions
+    if regions:
+        shown = "" if len(regions) <= N_REGIONS else f", the worst {N_REGIONS}"
+        yield f"regions         {len(regions)} of connected suspicious patches{shown}:"
+    for number, region in enumerate(regions[:N_REGIONS]):
+        x, y, z = region.centre.tolist()
+        size = " x ".join(f"{length:.1f}" for length in (region.high - region.low).tolist())
+        apart = "" if region.displacement != region.displacement else f", surfaces {region.displacement:.2f} m apart"
+        n_patches = f"{len(region.patches)} patch{'' if len(region.patches) == 1 else 'es'}"
+        yield f"  region {number:<5} {n_patches}, {region.area:.1f} m2 in {size} m at {x:.1f} {y:.1f} {z:.1f}{apart}"
 
 
 def _percent(counts: dict[str, Any], of: str) -> str:

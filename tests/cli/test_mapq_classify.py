@@ -19,7 +19,8 @@ def test_the_result_has_both_files_and_the_contract_s_fields(capsys, tmp_path, m
     code, out, err = call(capsys, "classify", path, "--model", model)
     assert (code, err) == (0, "")
     assert "patches         16 of 32 suspicious (50.0%)" in out
-    assert "with patch" in out
+    assert "parallel to patch" in out
+    assert "of connected suspicious patches, the worst 5:" in out
     cloud = read_cloud("walls1.classified.ply")
     label, p, patch = (cloud.fields[name] for name in ("suspicious", "p_suspicious", "patch"))
     assert (patch.dtype, label.dtype, p.dtype) == (np.int32, np.uint8, np.float32)
@@ -58,7 +59,7 @@ def test_a_result_can_be_classified_anew(capsys, tmp_path):
     assert set(read_cloud(str(first)).fields) == set(read_cloud(str(second)).fields)
 
 
-@pytest.mark.parametrize(("share", "code"), [(0.4, 1), (0.6, 0)])
+@pytest.mark.parametrize(("share", "code"), [(0.4, 1), (0.6, 0), ("40%", 1), ("60 %", 0)])
 def test_fail_over_says_no_after_the_result_is_written(capsys, tmp_path, share, code):
     target = tmp_path / "r.ply"
     args = ["classify", save_patches(tmp_path), "--model", save_model(tmp_path), "-o", target, "--fail-over", share]
@@ -67,6 +68,15 @@ def test_fail_over_says_no_after_the_result_is_written(capsys, tmp_path, share, 
     assert out
     assert ("of the area of patches is suspicious" in err) == (code == 1)
     assert target.exists()
+    assert json.loads(target.with_suffix(".json").read_text())["verdict"]["passed"] is (code == 0)
+
+
+@pytest.mark.parametrize("share", ["5", "-1%", "some", "101%", "nan"])
+def test_a_share_that_is_none_is_one_line(capsys, tmp_path, share):
+    args = ["classify", save_patches(tmp_path), "--model", save_model(tmp_path), f"--fail-over={share}"]
+    code, out, err = call(capsys, *args)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "Give one such as 0.05 or 5%" in err
 
 
 def test_no_patches_are_a_result_with_a_warning(capsys, tmp_path):

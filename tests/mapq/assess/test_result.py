@@ -43,7 +43,7 @@ def test_double_walls_are_suspicious_with_reasons(result):
     assert len(worst) == 5
     assert all(result.labelling.label[patch] == 1 for patch in worst)
     reasons = result.reasons(worst[0], 3)
-    assert any("plausibility" in reason and "with patch" in reason for reason in reasons)
+    assert any(reason.text.startswith("parallel to patch") for reason in reasons)
 
 
 def test_counts_are_shares_of_patches_points_and_area(result):

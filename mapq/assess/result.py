@@ -1,45 +1,36 @@
-"""From a cloud or its patches to a result: labels, probabilities, and the terms that led to them."""
+"""`Result`: what a model says of a map, patch by patch, region by region, and as a whole."""
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.assess.inputs import feature_settings
+from mapq.assess.reasons import Reason, Reasons
+from mapq.assess.regions import Region, find_regions
 from mapq.cloud import PointCloud
 from mapq.crf import Labelling, Terms, classify, explain
-from mapq.crf.explain import NEIGHBOUR_LABEL
-from mapq.features import FeatureSettings, patch_features
+from mapq.features import patch_features
 from mapq.graph import PatchFeatures
-from mapq.io.clouds import parse_cloud, read_bytes
 from mapq.io.models import read_default_model
-from mapq.io.patches import holds_patches, parse_patches
 from mapq.io.results import result_cloud
 from mapq.model import Model
 from mapq.patches import SUSPICIOUS, Patches
-from prf.shell.errors import ConfigError, InputError
 from prf.shell.progress import Reporter
 
 AREA = "area_m2"
 """Name of the area of a patch, in m², among the shape measures."""
 
-MEASURES = {
-    "fit": ("rms_m", "rms %.3g m"),
-    "tilt": ("tilt_deg", "%.3g degrees from vertical"),
-    "thickness": ("thickness_m", "%.3g m"),
-}
-"""Node feature to the shape measure that says the same to people, and how to say it."""
-
 LABELS = ("plausible", "suspicious")
 DECIMALS = 9
 """Of numbers in the JSON of a result: sums of terms stay exact to a billionth."""
-LARGEST_SETTING = 1e6
-"""Of a model's feature settings, in metres or patches: a map is smaller."""
+N_REASONS = 3
+"""Reasons of each patch in the JSON of a result."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +70,10 @@ class Result:
         return self.features.shape[:, self.features.shape_names.index(AREA)]
 
     def counts(self) -> dict[str, Any]:
-        """Return how much of the map is suspicious: patches, points and area, and their shares (nan of nothing)."""
+        """Return how much of the map is suspicious: patches, points and area, and their shares (nan of nothing).
+
+        The expected share is the mean of p_suspicious over the area: what is wrong if p is right.
+        """
         counts, bad = self.patches.counts, self.suspicious
         n_points, area = int(counts.sum()), float(self.area.sum())
         return {
@@ -93,6 +87,7 @@ class Result:
             "area_m2": area,
             "area_suspicious_m2": float(self.area[bad].sum()),
             "share_of_area": _share(float(self.area[bad].sum()), area),
+            "expected_share_of_area": _share(float(self.area @ self.labelling.probability), area),
         }
 
     def worst(self, n_most: int) -> list[int]:
@@ -105,27 +100,33 @@ class Result:
         """Return the mean of a patch's points in world coordinates (3)."""
         return _rounded(self.patches.centroid[patch] + self.patches.cloud.shift)
 
-    def reasons(self, patch: int, n_most: int) -> list[str]:
-        """Return the largest terms that speak for suspicious, at most `n_most`, in words and metres."""
-        speaking = [row for row in self.term_rows(patch) if row["contribution"] > 0.0]
-        return [self._reason(patch, row) for row in speaking[:n_most]]
+    @cached_property
+    def regions(self) -> list[Region]:
+        """Return the regions of connected suspicious patches, the most severe first."""
+        return find_regions(self.patches, self.features, self.suspicious, self.labelling.probability, self.area)
 
-    def _reason(self, patch: int, row: dict[str, Any]) -> str:
-        name, value, gain = row["name"], row["value"], f"{row['contribution']:+.2f}"
-        measure, words = MEASURES.get(name, ("", ""))
-        if name == NEIGHBOUR_LABEL:
-            return f"{gain}  neighbour {row['other']} is {LABELS[int(value)]}"
-        if "other" in row:
-            return f"{gain}  {name} {value:.2f} with patch {row['other']}"
-        if measure in self.features.shape_names:
-            known = self.features.shape[patch, self.features.shape_names.index(measure)]
-            return f"{gain}  {name}: {words % known}"
-        return f"{gain}  {name} {value:.3g}"
+    def reasons(self, patch: int, n_most: int) -> list[Reason]:
+        """Return the largest reasons for the label that a patch has, at most `n_most`."""
+        return self._reasons.of(patch, 1.0 if self.suspicious[patch] else -1.0, n_most)
+
+    @cached_property
+    def _reasons(self) -> Reasons:
+        return Reasons(self.features, self.terms)
+
+    def verdict(self, fail_over: float | None) -> dict[str, Any]:
+        """Return whether the map passes: no more than a share of its area suspicious; None where none is asked for.
+
+        A map without any patch does not pass: nothing speaks for it.
+        """
+        share = self.counts()["share_of_area"]
+        passed = None if fail_over is None else bool(len(self.patches) and not share > fail_over)
+        return {"share_of_area": share, "fail_over": fail_over, "passed": passed}
 
     def head(self) -> dict[str, Any]:
         """Return the JSON of a result but for its patches."""
         return {
             "counts": self.counts(),
+            "regions": [region.row(number, DECIMALS) for number, region in enumerate(self.regions)],
             "edge_model": self.model.edge_model,
             "temperature": self.model.temperature,
             "features": {**self.features.parameters, "n_clipped": self.features.n_clipped},
@@ -135,6 +136,7 @@ class Result:
     def patch_rows(self) -> Iterator[dict[str, Any]]:
         """Yield each patch with its label, its probability, its geometry in metres, and its terms."""
         starts = self.terms.starts(len(self.patches))
+        region_of = {int(patch): number for number, region in enumerate(self.regions) for patch in region.patches}
         centroids = self.patches.centroid + self.patches.cloud.shift
         for patch in range(len(self.patches)):
             span = slice(int(starts[patch]), int(starts[patch + 1]))
@@ -148,6 +150,8 @@ class Result:
                 "centroid": _rounded(centroids[patch]),
                 "normal": _rounded(self.patches.normal[patch]),
                 **{name: round(value, DECIMALS) for name, value in shape if name != "n_points"},
+                "region": region_of.get(patch),
+                "reasons": [reason.row(DECIMALS) for reason in self.reasons(patch, N_REASONS)],
                 "log_odds": round(float(self.terms.contribution[span].sum()), DECIMALS),
                 "terms": self.term_rows(patch, int(starts[patch]), int(starts[patch + 1])),
             }
@@ -181,55 +185,6 @@ def assess(patches: Patches, model: Model | None = None, progress: Reporter | No
     features = patch_features(patches, feature_settings(model), progress)
     labelling = classify(features, model)
     return Result(patches, features, model, labelling, explain(features, model, labelling.label))
-
-
-def feature_settings(model: Model) -> FeatureSettings:
-    """Return the settings with which the model's features were measured.
-
-    Raises
-    ------
-    InputError
-        If one is missing, unknown, or outside its domain.
-    """
-    known = {field.name for field in fields(FeatureSettings)}
-    for name in sorted(known ^ set(model.features)):
-        state = "is missing" if name in known else "is not known to this release"
-        raise InputError(f"the model's feature setting {name} {state}. Train the model anew.")
-    values: dict[str, Any] = dict(model.features)
-    for name, default in asdict(FeatureSettings()).items():
-        if not _is_of_kind(values[name], default):
-            raise InputError(
-                f"the model's feature setting {name} cannot be used ({values[name]!r}). Train the model anew."
-            )
-    try:
-        values["up"] = None if values["up"] is None else tuple(values["up"])
-        return FeatureSettings(**values)
-    except (TypeError, ConfigError) as error:
-        raise InputError(f"the model's feature settings cannot be used ({error}). Train the model anew.") from error
-
-
-def read_input(path: str, bin_columns: int = 4) -> Patches | PointCloud:
-    """Read PATCHES or a cloud, whichever `path` is; ``-`` is standard input.
-
-    Raises
-    ------
-    InputError
-        As :func:`mapq.io.read_patches` and :func:`mapq.io.read_cloud`.
-    """
-    data = read_bytes(path)
-    if holds_patches(io.BytesIO(data)):
-        return parse_patches(data, path)
-    return parse_cloud(data, path, bin_columns)[1]
-
-
-def _is_of_kind(value: Any, default: Any) -> bool:
-    """Return whether a setting of a model file has the type of its default; null, a length or direction or null."""
-    if default is None:
-        return value is None or isinstance(value, list | tuple) or _is_of_kind(value, 0.0)
-    if isinstance(default, bool | str):
-        return isinstance(value, type(default))
-    whole = isinstance(value, int) and not isinstance(value, bool)
-    return (whole or (isinstance(default, float) and isinstance(value, float))) and abs(value) <= LARGEST_SETTING
 
 
 def _share(part: float, whole: float) -> float:

@@ -1,0 +1,67 @@
+"""What is assessed, and with which features: files, and the feature settings of a model."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import asdict, fields
+from typing import Any
+
+from mapq.cloud import PointCloud
+from mapq.features import FeatureSettings
+from mapq.io.clouds import parse_cloud, read_bytes
+from mapq.io.patches import holds_patches, parse_patches
+from mapq.model import Model
+from mapq.patches import Patches
+from prf.shell.errors import ConfigError, InputError
+
+LARGEST_SETTING = 1e6
+"""Of a model's feature settings, in metres or patches: a map is smaller."""
+
+
+def feature_settings(model: Model) -> FeatureSettings:
+    """Return the settings with which the model's features were measured.
+
+    Raises
+    ------
+    InputError
+        If one is missing, unknown, or outside its domain.
+    """
+    known = {field.name for field in fields(FeatureSettings)}
+    for name in sorted(known ^ set(model.features)):
+        state = "is missing" if name in known else "is not known to this release"
+        raise InputError(f"the model's feature setting {name} {state}. Train the model anew.")
+    values: dict[str, Any] = dict(model.features)
+    for name, default in asdict(FeatureSettings()).items():
+        if not _is_of_kind(values[name], default):
+            raise InputError(
+                f"the model's feature setting {name} cannot be used ({values[name]!r}). Train the model anew."
+            )
+    try:
+        values["up"] = None if values["up"] is None else tuple(values["up"])
+        return FeatureSettings(**values)
+    except (TypeError, ConfigError) as error:
+        raise InputError(f"the model's feature settings cannot be used ({error}). Train the model anew.") from error
+
+
+def read_input(path: str, bin_columns: int = 4) -> Patches | PointCloud:
+    """Read PATCHES or a cloud, whichever `path` is; ``-`` is standard input.
+
+    Raises
+    ------
+    InputError
+        As :func:`mapq.io.read_patches` and :func:`mapq.io.read_cloud`.
+    """
+    data = read_bytes(path)
+    if holds_patches(io.BytesIO(data)):
+        return parse_patches(data, path)
+    return parse_cloud(data, path, bin_columns)[1]
+
+
+def _is_of_kind(value: Any, default: Any) -> bool:
+    """Return whether a setting of a model file has the type of its default; null, a length or direction or null."""
+    if default is None:
+        return value is None or isinstance(value, list | tuple) or _is_of_kind(value, 0.0)
+    if isinstance(default, bool | str):
+        return isinstance(value, type(default))
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    return (whole or (isinstance(default, float) and isinstance(value, float))) and abs(value) <= LARGEST_SETTING

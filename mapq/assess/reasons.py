@@ -1,0 +1,126 @@
+"""Why a patch has its label, in words and metres, made of the terms of its log-odds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mapq.crf import Terms
+from mapq.crf.explain import BASE, NEIGHBOUR_LABEL, NEIGHBOURS, NO_OTHER
+from mapq.graph import PatchFeatures
+
+MEASURES = {
+    "fit": ("rms_m", "its points lie %.3g m off their plane (rms)"),
+    "tilt": ("tilt_deg", "%.3g degrees from vertical"),
+    "thickness": ("thickness_m", "%.3g m thick"),
+    "inverse_mse": ("rms_m", "its points lie %.3g m off their plane (rms)"),
+    "inverse_up_cosine": ("tilt_deg", "%.3g degrees from vertical"),
+}
+"""Node feature to the shape measure that says the same to people, and how to say it."""
+
+PARALLEL_DEG = 5.0
+"""Planes that part by less are called parallel: so much two passes over one wall are turned against each other."""
+TOUCHING = 0.05
+"""Overlap or crossing below which two patches neither lie over one another nor cross: chance makes as much."""
+
+PAIR_MEASURES = (("offset", "offset_m"), ("separation", "separation_m"), ("angle_deg", "angle_deg"))
+PAIR_SHARES = ("overlap", "crossing")
+
+
+class Reason(NamedTuple):
+    """What speaks for a patch's label.
+
+    Attributes
+    ----------
+    text : str
+        For people: "parallel to patch 41 at 0.32 m, overlap 78 %".
+    log_odds : float
+        How much it adds to the log-odds of being suspicious, in nats.
+    other : int or None
+        The other patch, if the reason is a pair.
+    measures : dict of str to float
+        What the text is made of: metres, degrees and shares by name.
+    """
+
+    text: str
+    log_odds: float
+    other: int | None
+    measures: dict[str, float]
+
+    def row(self, decimals: int) -> dict[str, Any]:
+        """Return the reason as JSON."""
+        measures = {name: round(value, decimals) for name, value in self.measures.items()}
+        other = {} if self.other is None else {"other": self.other}
+        return {"text": self.text, "log_odds": round(self.log_odds, decimals), **other, **measures}
+
+
+class Reasons:
+    """The reasons of all patches of one map.
+
+    Parameters
+    ----------
+    features : PatchFeatures
+    terms : Terms
+    """
+
+    def __init__(self, features: PatchFeatures, terms: Terms) -> None:
+        self._features, self._terms = features, terms
+        self._starts = terms.starts(len(features.node))
+        self._keys = features.pairs[:, 0].astype(np.int64) * len(features.node) + features.pairs[:, 1]
+
+    def of(self, patch: int, sign: float, n_most: int) -> list[Reason]:
+        """Return at most `n_most` reasons of a patch, largest first.
+
+        Parameters
+        ----------
+        patch : int
+        sign : {1.0, -1.0}
+            Reasons for suspicious, or for plausible. All features of one pair are one reason; the bias is none.
+        n_most : int
+        """
+        found = [reason for reason in self._all(patch) if sign * reason.log_odds > 0.0]
+        found.sort(key=lambda reason: -abs(reason.log_odds))
+        return found[:n_most]
+
+    def _all(self, patch: int) -> Iterator[Reason]:
+        terms, pairs = self._terms, dict[int, float]()
+        for place in range(int(self._starts[patch]), int(self._starts[patch + 1])):
+            name, gain = terms.names[int(terms.name[place])], float(terms.contribution[place])
+            other, value = int(terms.other[place]), float(terms.value[place])
+            if name == NEIGHBOUR_LABEL:
+                state = "suspicious" if value else "plausible"
+                yield Reason(f"neighbour {other} is {state}", gain, other, {})
+            elif other != NO_OTHER:
+                pairs[other] = pairs.get(other, 0.0) + gain
+            elif name not in (BASE, NEIGHBOURS):
+                yield self._of_node(patch, name, value, gain)
+        for other, gain in pairs.items():
+            yield self._of_pair(patch, other, gain)
+
+    def _of_node(self, patch: int, name: str, value: float, gain: float) -> Reason:
+        measure, words = MEASURES.get(name, ("", ""))
+        if measure not in self._features.shape_names:
+            return Reason(f"{name} {value:.3g}", gain, None, {name: value})
+        known = float(self._features.shape[patch, self._features.shape_names.index(measure)])
+        return Reason(words % known, gain, None, {measure: known})
+
+    def _of_pair(self, patch: int, other: int, gain: float) -> Reason:
+        key = min(patch, other) * len(self._features.node) + max(patch, other)
+        row = self._features.edge[int(np.searchsorted(self._keys, key))]
+        values = dict(zip(self._features.edge_names, row.tolist(), strict=True))
+        measures = {shown: values[name] for name, shown in PAIR_MEASURES}
+        return Reason(pair_words(values, other), gain, other, measures | {name: values[name] for name in PAIR_SHARES})
+
+
+def pair_words(values: dict[str, float], other: int) -> str:
+    """Return how a patch lies to patch `other`, given the edge features of the pair by name."""
+    angle, overlap, crossing = values["angle_deg"], values["overlap"], values["crossing"]
+    if crossing > max(overlap, TOUCHING):
+        return f"crosses patch {other} at {angle:.3g} degrees, {crossing:.0%} of the way from the edges to the middle"
+    if overlap <= TOUCHING:
+        return f"{values['separation']:.2f} m from patch {other}, at {angle:.0f} degrees, neither over it nor across"
+    if angle < PARALLEL_DEG:
+        return f"parallel to patch {other} at {values['offset']:.2f} m, overlap {100.0 * overlap:.0f} %"
+    return f"over patch {other} at {values['offset']:.2f} m and {angle:.0f} degrees, overlap {100.0 * overlap:.0f} %"

@@ -1,0 +1,135 @@
+"""Regions of a map: suspicious patches that hang together, with extent and severity."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from mapq.graph import PatchFeatures
+from mapq.patches import Patches
+
+CONFLICT = 0.05
+"""Overlap from which a pair's distance says by how much a region is displaced."""
+
+
+class Region(NamedTuple):
+    """Suspicious patches that are neighbours, directly or through others.
+
+    Attributes
+    ----------
+    patches : (k,) int64
+        Ascending.
+    n_points : int
+    area, severity : float
+        In m²: area of the patches, and the area among it that is expected to be wrong, the sum of area times
+        p_suspicious. Without areas the points stand for them.
+    low, high, centre : (3,) float64
+        Box of the points and their mean, in world coordinates, metres.
+    displacement : float
+        Metres between surfaces of the region that lie over one another: the median over the shared area; nan where
+        none do.
+    p_suspicious : float
+        Mean over the area.
+    """
+
+    patches: NDArray[np.int64]
+    n_points: int
+    area: float
+    severity: float
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    centre: NDArray[np.float64]
+    displacement: float
+    p_suspicious: float
+
+    def row(self, number: int, decimals: int) -> dict[str, Any]:
+        """Return the region as JSON; its place among regions is its number."""
+        shown = {name: round(getattr(self, name), decimals) for name in ("area", "severity", "displacement")}
+        places = {name: [round(x, 6) for x in getattr(self, name).tolist()] for name in ("low", "high", "centre")}
+        return {
+            "region": number,
+            "n_patches": len(self.patches),
+            "n_points": self.n_points,
+            "area_m2": shown["area"],
+            "severity_m2": shown["severity"],
+            "displacement_m": shown["displacement"],
+            "p_suspicious": round(self.p_suspicious, decimals),
+            **places,
+            "patches": self.patches.tolist(),
+        }
+
+
+def find_regions(
+    patches: Patches,
+    features: PatchFeatures,
+    suspicious: NDArray[np.bool_],
+    probability: NDArray[np.floating],
+    area: NDArray[np.float64],
+) -> list[Region]:
+    """Return the regions of a map, the most severe first, of equals the one with the smallest patch number.
+
+    Parameters
+    ----------
+    patches : Patches
+    features : PatchFeatures
+        Neighbours are those of the random field.
+    suspicious : (m,) bool
+    probability, area : (m,) float
+        Areas may be nan: then points stand for them.
+    """
+    size = area if np.isfinite(area).all() else patches.counts.astype(np.float64)
+    pairs = features.pairs[suspicious[features.pairs].all(axis=1)]
+    links = coo_matrix((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), shape=(len(patches),) * 2)
+    part = connected_components(links, directed=False)[1]
+    members = np.flatnonzero(suspicious)
+    order = members[np.argsort(part[members], kind="stable")]
+    groups = np.split(order, np.flatnonzero(np.diff(part[order])) + 1) if len(order) else []
+    found = [_region(patches, features, group, probability.astype(np.float64), size) for group in groups]
+    return sorted(found, key=lambda region: (-region.severity, int(region.patches[0])))
+
+
+def _region(
+    patches: Patches,
+    features: PatchFeatures,
+    group: NDArray[np.int64],
+    probability: NDArray[np.float64],
+    size: NDArray[np.float64],
+) -> Region:
+    points, start = patches.members
+    mine = np.concatenate([points[start[patch] : start[patch + 1]] for patch in group])
+    xyz = patches.cloud.xyz[mine]
+    xyz = xyz[np.isfinite(xyz).all(axis=1)]
+    if len(xyz) == 0:
+        xyz = patches.centroid[group]
+    area, severity = float(size[group].sum()), float((size[group] * probability[group]).sum())
+    shift = patches.cloud.shift
+    return Region(
+        group,
+        len(mine),
+        area,
+        severity,
+        xyz.min(axis=0) + shift,
+        xyz.max(axis=0) + shift,
+        np.sort(xyz, axis=0).mean(axis=0) + shift,
+        _displacement(features, group),
+        severity / area if area > 0.0 else float(probability[group].mean()),
+    )
+
+
+def _displacement(features: PatchFeatures, group: NDArray[np.int64]) -> float:
+    """Return the median offset of the pairs within a region that lie over one another, weighted by the shared area."""
+    inside = np.isin(features.pairs, group).all(axis=1)
+    names = features.edge_names
+    overlap, offset, shared = (
+        features.edge[inside, names.index(name)] for name in ("overlap", "offset", "overlap_area")
+    )
+    over = overlap > CONFLICT
+    if not over.any():
+        return float("nan")
+    order = np.argsort(offset[over], kind="stable")
+    weight = np.cumsum(np.maximum(shared[over][order], 1e-9))
+    return float(offset[over][order][np.searchsorted(weight, 0.5 * weight[-1])])

@@ -1,0 +1,101 @@
+"""Compare two maps of one place: which is better, and where."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mapq.commands._options import BinColumns, parse_share
+from prf.shell.options import Json
+
+if TYPE_CHECKING:
+    from mapq.assess.compare import Comparison, Place
+
+EXAMPLES = (
+    "mapq compare odometry.classified.ply slam.classified.ply",
+    "mapq compare yesterday.pcd today.pcd --fail-over 1%",
+    "mapq compare before.patches after.patches --cell 10 --json",
+)
+
+N_PLACES = 10
+"""Places that the table for a person lists."""
+
+
+def compare(
+    first: Annotated[
+        str,
+        typer.Argument(metavar="A", help="A map: RESULT of mapq classify, PATCHES, or a cloud, which is assessed now."),
+    ],
+    second: Annotated[str, typer.Argument(metavar="B", help="Another map of the same place, in the same frame.")],
+    model: Annotated[
+        str | None,
+        typer.Option("--model", metavar="MODEL", help="For PATCHES and clouds; the model of the package if absent."),
+    ] = None,
+    cell: Annotated[
+        float, typer.Option("--cell", metavar="METRES", help="Side of the cubes in which the maps are compared.")
+    ] = 5.0,
+    fail_over: Annotated[
+        float | None,
+        typer.Option(
+            "--fail-over",
+            metavar="SHARE",
+            parser=parse_share,
+            help="Exit 1 if B has a larger share of suspicious area than A, by more than this: 0, 0.01 or 1%.",
+        ),
+    ] = None,
+    bin_columns: BinColumns = 4,
+    json: Json = False,
+) -> None:
+    """Compare two maps of one place: which is better, and where.
+
+    Only common ground counts: cells in which both have patches. The expected share is the mean of p_suspicious over the
+    area. Places are cells side by side whose expected share differs by more than a quarter. The maps are not aligned.
+    """
+    from mapq.assess.compare import compare as compare_maps
+    from mapq.assess.compare import comparison_content
+    from mapq.assess.judged import read_judged
+    from mapq.io.models import read_model
+    from prf.shell import console, jsonout
+    from prf.shell.errors import CheckFailed
+
+    used = read_model(model) if model is not None else None
+    found = compare_maps(read_judged(first, used, bin_columns), read_judged(second, used, bin_columns), cell)
+    rise = float(found.suspicious[1] - found.suspicious[0])
+    passed = None if fail_over is None else bool(rise <= fail_over)
+    if json:
+        verdict = {"rise_of_share": rise, "fail_over": fail_over, "passed": passed}
+        content = {"files": [first, second], "model": model or "default", **comparison_content(found)}
+        jsonout.emit_object("mapq.compare/1", {**content, "verdict": verdict})
+    else:
+        for line in _lines(found, first, second):
+            console.emit(line)
+    if passed is False:
+        raise CheckFailed(
+            f"{second}: the suspicious share of the area rose by {rise:.1%} over {first}, more than {fail_over:.1%}."
+        )
+
+
+def _lines(found: Comparison, first: str, second: str) -> Iterator[str]:
+    """Return the table for a person."""
+    yield f"{'common ground':<16}{found.n_cells} cells of {found.cell:g} m"
+    yield f"{'':<16}{'area':>12}{'in common':>12}{'suspicious':>12}{'expected':>12}"
+    rows = zip("AB", (first, second), found.area, found.covered, found.suspicious, found.expected, strict=True)
+    for name, path, area, covered, suspicious, expected in rows:
+        yield f"{name:<16}{area:>9.1f} m2{covered:>12.1%}{suspicious:>12.1%}{expected:>12.1%}  {path}"
+    verdicts = {"first": "A is better", "second": "B is better", "same": "neither is better"}
+    yield f"{'verdict':<16}{verdicts[found.better]}"
+    for worse in (False, True):
+        places = [place for place in found.places if place.worse is worse]
+        if places:
+            word = "worse" if worse else "better"
+            shown = "" if len(places) <= N_PLACES else f", the {N_PLACES} largest"
+            yield f"B is {word} at {len(places)} place{'' if len(places) == 1 else 's'}{shown}:"
+            yield from map(_place_line, places[:N_PLACES])
+
+
+def _place_line(place: Place) -> str:
+    box = " to ".join(" ".join(f"{value:.0f}" for value in corner.tolist()) for corner in (place.low, place.high))
+    change = f"{place.change:+.1f} m2 suspicious of {place.area:.1f}"
+    return f"  {change}, {place.before:.0%} before and {place.after:.0%} after, in {box}"

@@ -1,0 +1,60 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from mapq.io import write_patches
+from tests.cli.mapq_samples import call, call_json, save_model
+from tests.mapq.factories import sample_patches, wall
+
+STREET = [wall((14.0 * k + 1, 2), (14.0 * k + 9, 2)) for k in range(4)]
+
+
+@pytest.fixture
+def files(tmp_path):
+    clean, bad = tmp_path / "clean.patches", tmp_path / "bad.patches"
+    write_patches(clean, sample_patches(STREET, density=20.0))
+    write_patches(bad, sample_patches([*STREET, wall((1, 2.4), (9, 2.4))], density=20.0))
+    return clean, bad, save_model(tmp_path)
+
+
+def test_it_prints_which_is_better_and_where(capsys, files):
+    clean, bad, model = files
+    code, out, err = call(capsys, "compare", bad, clean, "--model", model)
+    assert (code, err) == (0, "")
+    assert "B is better" in out
+    assert "B is better at 1 place:" in out
+    assert "in 0 0 0 to 10 5 5" in out
+
+
+@pytest.mark.parametrize(("limit", "code"), [("1%", 1), ("0.9", 0), ("0", 1)])
+def test_fail_over_says_no_where_the_second_is_worse(capsys, files, limit, code):
+    clean, bad, model = files
+    found, out, err = call(capsys, "compare", clean, bad, "--model", model, "--fail-over", limit, "--json")
+    assert found == code
+    content = json.loads(out)
+    assert content["schema"] == "mapq.compare/1"
+    assert content["verdict"]["passed"] is (code == 0)
+    assert ("the suspicious share of the area rose by" in err) == (code == 1)
+
+
+def test_results_are_compared_by_their_labels(capsys, files, tmp_path):
+    clean, bad, model = files
+    results = [tmp_path / "a.ply", tmp_path / "b.ply"]
+    for path, result in zip((clean, bad), results, strict=True):
+        assert call(capsys, "classify", path, "--model", model, "-o", result)[0] == 0
+    found = call_json(capsys, "compare", *results)
+    assert found["better"] == "first"
+    again = call_json(capsys, "compare", clean, bad, "--model", model)
+    assert found["second"]["share_of_area"] == pytest.approx(again["second"]["share_of_area"], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "message"), [(["--cell", "0"], 2, "no length"), (["--fail-over", "7"], 2, "5%")]
+)
+def test_options_that_make_no_sense(capsys, files, options, code, message):
+    clean, bad, model = files
+    found, out, err = call(capsys, "compare", clean, bad, "--model", model, *options)
+    assert (found, out, err.count("\n")) == (code, "", 1)
+    assert message in err

@@ -1,0 +1,99 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mapq.assess import assess
+from mapq.assess.compare import compare as compare_maps
+from mapq.assess.compare import comparison_content
+from mapq.assess.judged import judge, read_judged
+from mapq.io.results import write_result
+from prf.shell.errors import InputError, UsageError
+from prf.shell.jsonout import dump_object
+from tests.mapq.assess.test_result import make_model
+from tests.mapq.factories import Rectangle, sample_patches, wall
+
+STREET = [wall((14.0 * k + 1, 2), (14.0 * k + 9, 2)) for k in range(4)]
+
+
+def judged(walls: list[Rectangle], name: str = "map"):
+    return judge(assess(sample_patches(walls, density=20.0), make_model()), name)
+
+
+@pytest.fixture(scope="module")
+def maps():
+    """The same street, doubled at its first wall, and doubled at its last."""
+    first = judged([*STREET, wall((1, 2.4), (9, 2.4))], "first")
+    return first, judged([*STREET, wall((43, 2.4), (51, 2.4))], "second")
+
+
+def test_it_says_where_each_map_is_better(maps):
+    found = compare_maps(*maps, 5.0)
+    assert found.better == "same"
+    by_kind = {place.worse: place for place in found.places}
+    assert len(found.places) == 2
+    assert by_kind[False].low[0] == 0.0
+    assert by_kind[False].high[0] == 10.0
+    assert by_kind[True].low[0] == 40.0
+    assert by_kind[True].change > 0.0 > by_kind[False].change
+    assert by_kind[True].after > 0.5 > by_kind[True].before
+
+
+def test_swapping_the_maps_swaps_the_answer(maps):
+    clean = judged(STREET, "clean")
+    forth, back = compare_maps(maps[0], clean, 5.0), compare_maps(clean, maps[0], 5.0)
+    assert (forth.better, back.better) == ("second", "first")
+    np.testing.assert_allclose(forth.expected, back.expected[::-1])
+    assert [place.change for place in forth.places] == pytest.approx([-place.change for place in back.places])
+    assert forth.suspicious[1] == 0.0 < forth.suspicious[0]
+
+
+def test_a_map_is_as_good_as_itself(maps):
+    found = compare_maps(maps[0], maps[0], 5.0)
+    assert (found.better, found.places) == ("same", [])
+    np.testing.assert_array_equal(found.covered, [1.0, 1.0])
+
+
+def test_only_common_ground_counts(maps):
+    longer = judged([*STREET, wall((100, 2), (110, 2)), wall((100, 2.4), (110, 2.4))])
+    found = compare_maps(judged(STREET), longer, 5.0)
+    assert found.better == "same"
+    assert found.covered[0] == 1.0 > found.covered[1]
+
+
+def test_maps_of_different_places_are_refused(maps):
+    far = maps[0]._replace(xyz=maps[0].xyz + 1000.0)
+    with pytest.raises(InputError, match="share no cell of 5 m"):
+        compare_maps(maps[0], far, 5.0)
+    with pytest.raises(UsageError, match="no length"):
+        compare_maps(*maps, 0.0)
+
+
+def test_a_result_file_says_what_the_patches_said(tmp_path, maps):
+    patches = sample_patches([*STREET, wall((1, 2.4), (9, 2.4))], density=20.0)
+    patches = replace(patches, cloud=replace(patches.cloud, coordinate_type=np.float64))
+    result = assess(patches, make_model())
+    path = str(tmp_path / "r.ply")
+    write_result(path, result.cloud(), result.head(), result.patch_rows())
+    found, expected = read_judged(path, None), judge(result, path)
+    np.testing.assert_allclose(found.area, expected.area)
+    np.testing.assert_array_equal(found.suspicious, expected.suspicious)
+    np.testing.assert_allclose(found.xyz, expected.xyz)
+    with pytest.raises(UsageError, match="Leave out --model"):
+        read_judged(path, make_model())
+    other = assess(sample_patches(STREET[:2], density=20.0), make_model())
+    (tmp_path / "r.json").write_text(dump_object("mapq.result/1", {"patches": list(other.patch_rows())}))
+    with pytest.raises(InputError, match="not the JSON of"):
+        read_judged(path, None)
+    (tmp_path / "r.json").write_text(dump_object("mapq.result/1", {"patches": [{"patch": 1}]}))
+    with pytest.raises(InputError, match="without area_m2"):
+        read_judged(path, None)
+
+
+def test_the_content_is_that_of_the_json(maps):
+    content = comparison_content(compare_maps(*maps, 5.0))
+    assert set(content) == {"cell_m", "n_cells", "first", "second", "better", "places"}
+    assert {place["change"] for place in content["places"]} == {"better", "worse"}
+    assert set(content["first"]) == {"area_m2", "share_of_area", "expected_share_of_area", "share_in_common"}

@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mapq.assess import assess
+from mapq.assess.regions import find_regions
+from tests.mapq.assess.test_result import make_model
+from tests.mapq.factories import make_patches, sample_patches, shuffled, wall
+
+SMALL = [wall((0, 0), (5, 0)), wall((0, 0.3), (5, 0.3))]
+LARGE = [wall((100, 0), (110, 0)), wall((100, 0.5), (110, 0.5)), wall((111, 0), (121, 0)), wall((111, 0.5), (121, 0.5))]
+ALONE = [wall((0, 60), (10, 60))]
+
+
+@pytest.fixture(scope="module")
+def result():
+    return assess(sample_patches(SMALL + LARGE + ALONE, density=20.0), make_model())
+
+
+def test_connected_suspicious_patches_are_a_region_the_most_severe_first(result):
+    large, small = result.regions
+    assert large.patches.tolist() == [2, 3, 4, 5]
+    assert small.patches.tolist() == [0, 1]
+    assert large.severity > small.severity
+    assert not result.suspicious[6]
+
+
+def test_a_region_has_extent_area_and_displacement(result):
+    large, small = result.regions
+    np.testing.assert_allclose(large.low, (100, 0, 0), atol=0.3)
+    np.testing.assert_allclose(large.high, (121, 0.5, 4), atol=0.3)
+    np.testing.assert_allclose(small.centre, (2.5, 0.15, 2), atol=0.1)
+    assert large.displacement == pytest.approx(0.5, abs=0.02)
+    assert small.displacement == pytest.approx(0.3, abs=0.02)
+    assert large.area == pytest.approx(result.area[large.patches].sum())
+    p = result.labelling.probability
+    assert large.severity == pytest.approx((result.area * p)[large.patches].sum())
+    assert large.p_suspicious == pytest.approx(large.severity / large.area)
+
+
+def test_every_suspicious_patch_is_in_one_region(result):
+    numbers = np.concatenate([region.patches for region in result.regions])
+    np.testing.assert_array_equal(np.sort(numbers), np.flatnonzero(result.suspicious))
+    rows = list(result.patch_rows())
+    assert [row["region"] for row in rows] == [1, 1, 0, 0, 0, 0, None]
+    assert [row["n_patches"] for row in result.head()["regions"]] == [4, 2]
+
+
+def test_the_order_of_points_changes_no_region(result):
+    again = assess(shuffled(result.patches), result.model)
+    for one, other in zip(result.regions, again.regions, strict=True):
+        np.testing.assert_array_equal(one.patches, other.patches)
+        np.testing.assert_array_equal(one.low, other.low)
+        assert one.displacement == other.displacement
+
+
+def test_a_lone_suspicious_patch_has_no_displacement(result):
+    only = np.arange(7) == 6
+    (region,) = find_regions(result.patches, result.features, only, np.ones(7), np.full(7, np.nan))
+    assert np.isnan(region.displacement)
+    assert region.area == result.patches.counts[6]
+
+
+def test_no_suspicious_patch_is_no_region():
+    empty = assess(make_patches([], np.empty((0, 3)), loose=3), make_model())
+    assert empty.regions == []
+    assert empty.verdict(0.5)["passed"] is False
+    assert empty.verdict(None)["passed"] is None
+
+
+@pytest.mark.parametrize(("fail_over", "passed"), [(0.5, False), (0.99, True), (1.0, True)])
+def test_the_verdict_is_that_of_the_area(result, fail_over, passed):
+    share = result.area[result.suspicious].sum() / result.area.sum()
+    verdict = result.verdict(fail_over)
+    assert verdict == {"share_of_area": pytest.approx(share), "fail_over": fail_over, "passed": passed}
