@@ -12,11 +12,13 @@ from prf.shell.options import Json
 
 if TYPE_CHECKING:
     from mapq.io.describe import CloudSummary, Description, FieldSummary, PatchSummary
+    from mapq.metrics import MapMetrics
 
 EXAMPLES = (
     "mapq inspect map.pcd",
     "mapq inspect map.patches --json",
     "mapq inspect scan.bin --bin-columns 3",
+    "mapq inspect map.ply --metrics --metrics-radius 0.5",
 )
 
 
@@ -30,24 +32,68 @@ def inspect(
         ),
     ],
     bin_columns: BinColumns = 4,
+    metrics: Annotated[
+        bool, typer.Option("--metrics", help="Also mean map entropy and mean plane variance, one number a map each.")
+    ] = False,
+    metrics_radius: Annotated[
+        float, typer.Option("--metrics-radius", metavar="METRES", help="Radius of the neighbourhoods of --metrics.")
+    ] = 0.5,
     json: Json = False,
 ) -> None:
     """Say what is in a file: a cloud, PATCHES, a RESULT, or a model.
 
     The kind is recognised from the content. Of points it shows extent, fields and spacing (median distance to the
     nearest neighbour, on a sample); of patches the counts, labels and parameters; of a model what stands in it.
+    --metrics adds two published numbers for a whole map, on at most 20,000 of its points.
     """
     from mapq.io.describe import describe
     from prf.shell import console, jsonout
 
+    measured = _measure(file, bin_columns, metrics_radius) if metrics else None
     summary = describe(file, bin_columns)
     if json:
-        jsonout.emit_object("mapq.inspect/1", jsonout.jsonable(summary))
+        content = jsonout.jsonable(summary)
+        jsonout.emit_object("mapq.inspect/1", content if measured is None else {**content, "metrics": measured})
     else:
-        rows = list(_rows(summary))
+        rows = [*_rows(summary), *([] if measured is None else _metric_rows(measured))]
         width = max(16, *(len(name) + 2 for name, _ in rows))
         for name, value in rows:
             console.emit(f"{name:<{width}}{value}".rstrip())
+
+
+def _measure(file: str, bin_columns: int, radius: float) -> MapMetrics:
+    """Return the metrics of the points of a file.
+
+    Raises
+    ------
+    UsageError
+        If it is standard input, which was read already.
+    InputError
+        If it has no points.
+    """
+    from mapq.assess import read_input
+    from mapq.metrics import map_metrics
+    from mapq.patches import Patches
+    from prf.shell.errors import UsageError
+    from prf.shell.files import STREAM
+
+    if file == STREAM:
+        raise UsageError("--metrics reads the file a second time. Name a file instead of -.")
+    found = read_input(file, bin_columns)
+    return map_metrics(found.cloud if isinstance(found, Patches) else found, radius)
+
+
+def _metric_rows(found: MapMetrics) -> Iterator[tuple[str, str]]:
+    of = f"of {found.n_used:,} neighbourhoods of {found.radius:g} m; lower is crisper"
+    yield (
+        "map entropy",
+        "unknown" if _is_nan(found.mean_map_entropy) else f"{found.mean_map_entropy:.4f} nats, mean {of}",
+    )
+    variance = found.mean_plane_variance
+    yield (
+        "plane variance",
+        "unknown" if _is_nan(variance) else f"{variance:.3g} m2, mean; its root is {variance**0.5:.3g} m",
+    )
 
 
 def _rows(summary: Description) -> Iterator[tuple[str, str]]:

@@ -10,6 +10,7 @@ from mapq.cloud import PointCloud
 from mapq.io import write_patches, write_ply
 from mapq.io.describe import describe, median_spacing
 from prf.shell.run import run_app
+from tests.cli.mapq_samples import call, call_json, save_cloud, save_model, save_patches
 from tests.mapq.io.samples import patches, save
 
 
@@ -198,3 +199,23 @@ def test_json_of_something_else_beside_a_result_is_passed_over(capsys, tmp_path)
     assert (code, err.count("\n")) == (0, 1)
     assert "a.classified.json" in err
     assert rows_of(out)["kind"] == "result (ply)"
+
+
+def test_metrics_are_two_numbers_more(capsys, tmp_path):
+    path = save_cloud(tmp_path)
+    plain = call_json(capsys, "inspect", path)
+    found = call_json(capsys, "inspect", path, "--metrics", "--metrics-radius", 1)
+    metrics = found.pop("metrics")
+    assert found == plain
+    assert metrics["radius"] == 1.0
+    assert metrics["mean_plane_variance"] > 0.0
+    code, out, _ = call(capsys, "inspect", save_patches(tmp_path), "--metrics")
+    assert code == 0
+    assert "map entropy" in out
+    assert "plane variance" in out
+
+
+def test_metrics_need_a_file_of_points(capsys, tmp_path):
+    for path, code in (("-", 2), (save_model(tmp_path), 3)):
+        found, _, err = call(capsys, "inspect", path, "--metrics")
+        assert (found, err.count("\n")) == (code, 1)
