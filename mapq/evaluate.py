@@ -63,6 +63,26 @@ class Scores(NamedTuple):
     brier: float
 
 
+class Bin(NamedTuple):
+    """Patches of like probability.
+
+    Attributes
+    ----------
+    low, high : float
+        Bounds of the probability.
+    n : int
+    p_suspicious, suspicious : float
+        Mean of the probability, and share that is suspicious in truth: alike where p can be trusted. nan without
+        patches.
+    """
+
+    low: float
+    high: float
+    n: int
+    p_suspicious: float
+    suspicious: float
+
+
 class Labelled(NamedTuple):
     """Patches with what was inferred and what is true.
 
@@ -110,11 +130,25 @@ def score_labels(label: NDArray[np.uint8], truth: NDArray[np.uint8], probability
     )
 
 
+def reliability(truth: NDArray[np.uint8], probability: NDArray[np.floating]) -> list[Bin]:
+    """Return the reliability of probabilities (m,) against the truth (m,), 255 = not known, in `N_BINS` equal steps."""
+    known = (truth != UNLABELLED) & np.isfinite(probability)
+    p, true = probability[known].astype(np.float64), truth[known] == SUSPICIOUS
+    bins = _bins(p)
+    counts, means, shares = (np.bincount(bins, weight, N_BINS).tolist() for weight in (None, p, true))
+    edges = np.linspace(0.0, 1.0, N_BINS + 1).tolist()
+    rows = zip(edges[:-1], edges[1:], counts, means, shares, strict=True)
+    return [Bin(low, high, int(n), _ratio(mean, n), _ratio(share, n)) for low, high, n, mean, share in rows]
+
+
 def calibration_error(p: NDArray[np.float64], true: NDArray[np.bool_]) -> float:
     """Return the mean over patches (n,) of |mean p - share of suspicious| of the bin of p that each is in."""
-    bins = np.minimum((p * N_BINS).astype(np.int64), N_BINS - 1)
-    gaps = np.bincount(bins, p - true, N_BINS)
+    gaps = np.bincount(_bins(p), p - true, N_BINS)
     return _ratio(float(np.abs(gaps).sum()), len(p))
+
+
+def _bins(p: NDArray[np.float64]) -> NDArray[np.int64]:
+    return np.minimum((p * N_BINS).astype(np.int64), N_BINS - 1)
 
 
 def area_under_curve(p: NDArray[np.float64], true: NDArray[np.bool_]) -> float:

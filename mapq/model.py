@@ -16,6 +16,13 @@ EDGE_MODELS = (FULL, SYMMETRIC, NONE)
 PLAUSIBILITY = "plausibility"
 """Name under which x_ij of equation 13 stands among the edge features."""
 
+TEMPERATURE, PLATT, ISOTONIC = "temperature", "platt", "isotonic"
+CALIBRATIONS = (TEMPERATURE, PLATT, ISOTONIC)
+"""A factor; a factor and a shift (Platt 1999); any rising curve (Zadrozny and Elkan 2002). Simplest first."""
+
+LEAST_SLOPE = 1e-3
+"""Log-odds a nat by which an isotonic calibration rises at least, so that it makes no ties of unequal patches."""
+
 CLIP = 5.0
 """Standardised values are cut here: a patch that is stranger than all others must not outvote its neighbours."""
 
@@ -44,6 +51,35 @@ class Scaling:
 
 
 @dataclass(frozen=True)
+class Calibration:
+    """From differences of min-marginals to probabilities, fitted on regions kept out of training.
+
+    Attributes
+    ----------
+    kind : str
+        One of `CALIBRATIONS`.
+    slope, intercept : float
+        Log-odds = slope times difference + intercept; the slope is positive. A temperature has no intercept.
+    knots : (k, 2) float64
+        Of an isotonic one, which has no slope: difference and log-odds, both ascending; linear between, and beyond
+        them rising by `LEAST_SLOPE`.
+    """
+
+    kind: str = TEMPERATURE
+    slope: float = 1.0
+    intercept: float = 0.0
+    knots: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 2)))
+
+    def log_odds(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the log-odds (n,) of being suspicious, ascending with the difference (n,)."""
+        if self.kind != ISOTONIC:
+            return self.slope * difference + self.intercept
+        at, value = self.knots.T
+        beyond = np.minimum(difference - at[0], 0.0) + np.maximum(difference - at[-1], 0.0)
+        return np.asarray(np.interp(difference, at, value) + LEAST_SLOPE * beyond)
+
+
+@dataclass(frozen=True)
 class Model:
     """A trained random field; docs/crf.md derives it.
 
@@ -59,8 +95,13 @@ class Model:
         x_ij is cut to this range before anything else, so that the coupling is non-negative on any map.
     weights : (n_parameters,) float64
         In the order of `parameter_names`.
-    temperature : float
-        Probability = logistic function of temperature times the difference of min-marginals.
+    calibration : Calibration
+        From differences of min-marginals to probabilities.
+    threshold : float
+        Difference of min-marginals, in nats, from which a patch is called suspicious. 0: the best labelling.
+    operating : (k, 3) float64
+        Operating points: share of plausible patches kept out of training that are called suspicious, ascending; the
+        least threshold that keeps to it; and the share of suspicious patches found. Empty where none were kept out.
     training : mapping
         What the model was trained on, and its held-out scores.
     """
@@ -71,7 +112,9 @@ class Model:
     edge: Scaling
     x_range: tuple[float, float]
     weights: NDArray[np.float64]
-    temperature: float = 1.0
+    calibration: Calibration = field(default_factory=Calibration)
+    threshold: float = 0.0
+    operating: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     training: Mapping[str, Any] = field(default_factory=dict)
 
     @property

@@ -143,6 +143,7 @@ def summarise(
             for strength, loss in trained.scores.items()
         ],
         **(scores._asdict() if scores is not None else {}),
+        "calibrations": trained.held_out.calibrations if trained.held_out is not None else {},
     }
     return {
         "versions": process["versions"],

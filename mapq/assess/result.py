@@ -15,6 +15,7 @@ from mapq.assess.reasons import Reason, Reasons
 from mapq.assess.regions import Region, find_regions
 from mapq.cloud import PointCloud
 from mapq.crf import Labelling, Terms, classify, explain
+from mapq.crf.marginals import cut_probability
 from mapq.features import patch_features
 from mapq.graph import PatchFeatures
 from mapq.io.models import read_default_model
@@ -128,7 +129,8 @@ class Result:
             "counts": self.counts(),
             "regions": [region.row(number, DECIMALS) for number, region in enumerate(self.regions)],
             "edge_model": self.model.edge_model,
-            "temperature": self.model.temperature,
+            "calibration": self.model.calibration.kind,
+            "threshold": {"difference": self.model.threshold, "p_suspicious": cut_probability(self.model)},
             "features": {**self.features.parameters, "n_clipped": self.features.n_clipped},
             "segmentation": {"parameters": self.patches.parameters, "report": self.patches.report},
         }

@@ -5,14 +5,36 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from mapq.model import Model
 
 BinColumns = Annotated[
     int,
     typer.Option("--bin-columns", metavar="N", min=3, max=4, help="Columns of a KITTI .bin: 4 with intensity, or 3."),
 ]
+
+
+def load_model(path: str | None, max_false_alarms: float | None) -> Model | None:
+    """Return the model of a file, at another operating point if one is asked for; None for that of the package.
+
+    Raises
+    ------
+    InputError
+        If the model cannot be read.
+    UsageError
+        If it has no operating points.
+    """
+    from mapq.crf.operating import with_false_alarms
+    from mapq.io.models import read_default_model, read_model
+
+    model = None if path is None else read_model(path)
+    if max_false_alarms is None:
+        return model
+    return with_false_alarms(model or read_default_model(), max_false_alarms, path or "the model of the package")
 
 
 def parse_share(text: str) -> float:
@@ -31,6 +53,18 @@ def parse_share(text: str) -> float:
     if not 0.0 <= share <= 1.0:
         raise ValueError(f"{text} is no share between 0 and 1. Give one such as 0.05 or 5%")
     return share
+
+
+MaxFalseAlarms = Annotated[
+    float | None,
+    typer.Option(
+        "--max-false-alarms",
+        metavar="SHARE",
+        parser=parse_share,
+        help="Call as many suspicious as this share of the plausible patches allows, counted on regions kept out of "
+        "training: 0.02 or 2%.",
+    ),
+]
 
 
 def beside(path: str, suffix: str) -> str:

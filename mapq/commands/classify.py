@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapq.commands._options import BinColumns, beside, parse_share, refuse_inputs
+from mapq.commands._options import BinColumns, MaxFalseAlarms, beside, load_model, parse_share, refuse_inputs
 from prf.shell.options import Force, Json, Output
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ def classify(
         str | None,
         typer.Option("--model", metavar="MODEL", help="What mapq train wrote; the model of the package if absent."),
     ] = None,
+    max_false_alarms: MaxFalseAlarms = None,
     bin_columns: BinColumns = 4,
     max_tilt: Annotated[
         float | None,
@@ -73,7 +74,7 @@ def classify(
     speaks for it.
     """
     from mapq.assess import assess
-    from mapq.io.models import read_default_model, read_model
+    from mapq.io.models import read_default_model
     from mapq.io.results import SCHEMA, json_beside, refuse_existing_result, write_result
     from prf.shell import console, jsonout
     from prf.shell.errors import CheckFailed
@@ -83,7 +84,7 @@ def classify(
     target = output or (beside(file, ".classified.ply") if file != STREAM else "map.classified.ply")
     refuse_existing_result(target, force)
     refuse_inputs([json_beside(target)], [file, *([model] if model else [])])
-    used = read_model(model) if model is not None else None
+    used = load_model(model, max_false_alarms)
     patches = _patches(file, bin_columns, max_tilt, up)
     result = assess(patches, used or read_default_model())
     warnings = patches.report.get("warnings", ())

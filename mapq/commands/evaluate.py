@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mapq.commands._options import MaxFalseAlarms, load_model
 from prf.shell.options import Json
 
 if TYPE_CHECKING:
-    from mapq.evaluate import Scores
+    from mapq.evaluate import Bin, Scores
 
 EXAMPLES = (
     "mapq evaluate city.classified.ply --truth-field truth",
     "mapq evaluate city.patches --model city.model.json --json",
+    "mapq evaluate city.patches --max-false-alarms 2%",
 )
 
 
@@ -26,6 +28,7 @@ def evaluate(
         str | None,
         typer.Option("--model", metavar="MODEL", help="For PATCHES: the model; the one of the package if absent."),
     ] = None,
+    max_false_alarms: MaxFalseAlarms = None,
     truth_field: Annotated[
         str | None,
         typer.Option(
@@ -40,19 +43,30 @@ def evaluate(
     """Compare inferred labels with the truth: confusion matrix, scores, calibration.
 
     The truth of a patch is that of most of its points (a tie is suspicious). Suspicious is the positive label: recall
-    is the share of suspicious patches that were found, specificity the share of plausible ones that were let pass.
+    is the share of suspicious patches that were found, specificity the share of plausible ones that were let pass. The
+    reliability shows whether p can be trusted: of patches with p near 0.7 seven in ten should be suspicious.
     """
-    from mapq.evaluate import read_labelled, score_labels
-    from mapq.io.models import read_model
+    from mapq.evaluate import read_labelled, reliability, score_labels
     from prf.shell import console, jsonout
 
-    labelled = read_labelled(file, read_model(model) if model is not None else None, truth_field)
+    labelled = read_labelled(file, load_model(model, max_false_alarms), truth_field)
     scores = score_labels(labelled.label, labelled.truth, labelled.probability)
+    bins = reliability(labelled.truth, labelled.probability)
     if json:
-        jsonout.emit_object("mapq.evaluate/1", {"file": file, "truth": labelled.truth_from, **scores._asdict()})
+        content = {"file": file, "truth": labelled.truth_from, **scores._asdict(), "reliability": bins}
+        jsonout.emit_object("mapq.evaluate/1", content)
         return
-    for line in _lines(scores, labelled.truth_from):
+    for line in (*_lines(scores, labelled.truth_from), *_reliability_lines(bins)):
         console.emit(line)
+
+
+def _reliability_lines(bins: list[Bin]) -> Iterator[str]:
+    """Return the reliability for a person."""
+    yield f"{'reliability':<20}{'mean p':>11}{'suspicious':>12}{'patches':>9}"
+    for each in bins:
+        if each.n:
+            span = f"  {each.low:.1f} to {each.high:.1f}"
+            yield f"{span:<20}{each.p_suspicious:>11.3f}{each.suspicious:>12.3f}{each.n:>9}"
 
 
 def _lines(scores: Scores, truth_from: str) -> Iterator[str]:

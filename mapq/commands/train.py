@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapq.commands._options import refuse_inputs
+from mapq.commands._options import MaxFalseAlarms, refuse_inputs
 from prf.shell.options import Force, Json, Output, Seed
 
 if TYPE_CHECKING:
@@ -23,7 +23,10 @@ EXAMPLES = (
     "mapq train city.patches -o city.model.json",
     "mapq train north.patches south.patches -o both.model.json",
     "mapq train city.patches --edge-model none --json -o nodes.model.json",
+    "mapq train city.patches --max-false-alarms 2% -o careful.model.json",
 )
+SHOWN = (0.001, 0.01, 0.02, 0.05, 0.1, 0.2)
+"""False alarms of the operating points that the table shows."""
 
 
 class Objective(StrEnum):
@@ -109,6 +112,7 @@ def train(
     tolerance: Annotated[
         float | None, typer.Option("--tolerance", metavar="METRES", help="So far apart surfaces count half as doubled.")
     ] = None,
+    max_false_alarms: MaxFalseAlarms = None,
     max_patches: Annotated[
         int | None,
         typer.Option("--max-patches", metavar="N", min=2, help="Train on so many labelled patches, in whole regions."),
@@ -120,9 +124,11 @@ def train(
     """Train the random field on labelled patches of one or several maps.
 
     Without --regularisation the strength is chosen by cross-validation over regions of the maps, which also calibrates
-    the probabilities. The seed draws the regions of --max-patches; nothing else is random. Default output: model.json.
+    the probabilities and counts false alarms. The seed draws the regions of --max-patches; nothing else is random.
+    Default output: model.json.
     """
     from mapq.crf import TrainSettings
+    from mapq.crf.operating import with_false_alarms
     from mapq.features import FeatureSettings
     from mapq.io.models import SCHEMA, model_content, write_model
     from mapq.training import train_files
@@ -153,6 +159,8 @@ def train(
     with progress(len(patches), "maps") as reporter:
         reading = FeatureSettings(reading=features.value, **chosen)
         model, trained, scores = train_files(patches, settings, reading, max_patches, used_seed, reporter)
+    if max_false_alarms is not None:
+        model = with_false_alarms(model, max_false_alarms, target)
     write_model(target, model)
     if json:
         jsonout.emit_object(SCHEMA, {**model_content(model), "output": target})
@@ -188,10 +196,31 @@ def _scaling_rows(scaling: object) -> Iterator[tuple[str, float, float]]:
 def _held_out(trained: Trained, scores: Scores | None) -> Iterator[str]:
     """Return how well the model did on regions that it had not seen."""
     yield f"{'regularisation':<24}{trained.strength.weights:g}, of the coupling {trained.strength.coupling:g}"
-    yield f"{'temperature':<24}{trained.model.temperature:.4g}"
+    yield f"{'calibration':<24}{_calibration(trained)}"
     if scores is None:
         yield "held out                none: too few regions with labels of both kinds; p is not calibrated"
         return
     yield f"{'held out':<24}{scores.n} patches in {trained.n_folds} folds, {scores.base_rate:.1%} suspicious"
     for name in ("accuracy", "balanced_accuracy", "precision", "recall", "f1", "mcc", "auc", "ece", "log_loss"):
         yield f"  {name.replace('_', ' '):<22}{getattr(scores, name):.3f}"
+    yield from _operating(trained.model)
+
+
+def _calibration(trained: Trained) -> str:
+    """Return how p follows from differences of min-marginals, and what the kinds were chosen by."""
+    found = trained.model.calibration
+    numbers = f"{len(found.knots)} knots" if len(found.knots) else f"slope {found.slope:.4g}"
+    shift = f", intercept {found.intercept:+.4g}" if found.kind == "platt" else ""
+    tried = trained.held_out.calibrations if trained.held_out is not None else {}
+    losses = ", ".join(f"{kind} {loss:.4f}" for kind, loss in tried.items())
+    return f"{found.kind}, {numbers}{shift}" + (f"; held-out log-loss: {losses}" if losses else "")
+
+
+def _operating(model: Model) -> Iterator[str]:
+    """Return a few operating points: what a threshold costs, and what it finds."""
+    yield f"{'--max-false-alarms':<24}{'found':>8}{'difference from':>18}"
+    for share, threshold, recall in model.operating.tolist():
+        if share in SHOWN:
+            yield f"  {share:<22.1%}{recall:>8.1%}{threshold:>18.3f}"
+    if model.threshold:
+        yield f"{'threshold':<24}{model.threshold:.4g} nats, as asked"

@@ -12,6 +12,7 @@ from mapq.crf.infer import solve
 from mapq.crf.marginals import probabilities
 from mapq.graph import PatchFeatures
 from mapq.model import Model
+from mapq.patches import PLAUSIBLE, SUSPICIOUS
 
 
 class Labelling(NamedTuple):
@@ -20,9 +21,11 @@ class Labelling(NamedTuple):
     Attributes
     ----------
     label : (m,) uint8
-        `SUSPICIOUS` or `PLAUSIBLE`; of several best labellings the one with most suspicious patches.
+        `SUSPICIOUS` or `PLAUSIBLE`; of several best labellings the one with most suspicious patches. With a threshold
+        other than 0: `SUSPICIOUS` where the difference reaches it.
     probability : (m,) float32
-        Calibrated probability of being suspicious; above one half exactly where the label is `SUSPICIOUS`.
+        Calibrated probability of being suspicious; above that of the threshold, one half unless the model has another,
+        exactly where the label is `SUSPICIOUS`.
     difference : (m,) float64
         Difference of min-marginals, in nats.
     """
@@ -41,4 +44,7 @@ def classify(features: PatchFeatures, model: Model) -> Labelling:
         If the features lack one of the model's, or one is not finite.
     """
     cut = solve(make_field(model_inputs(features, model), model.edge_model, model.weights))
-    return Labelling(cut.label, probabilities(cut.difference, cut.label, model.temperature), cut.difference)
+    label = cut.label
+    if model.threshold != 0.0:
+        label = np.where(cut.difference >= model.threshold, SUSPICIOUS, PLAUSIBLE).astype(np.uint8)
+    return Labelling(label, probabilities(cut.difference, label, model), cut.difference)

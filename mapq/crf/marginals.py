@@ -1,4 +1,4 @@
-"""Probabilities of labels from differences of min-marginals, calibrated on held-out patches.
+"""Probabilities of labels from differences of min-marginals.
 
 Min-marginals always agree with the best labelling, and trained ones are well calibrated (Tarlow and Adams 2012,
 "Revisiting uncertainty in graph cut solutions"); marginals by belief propagation were wrong at strong coupling.
@@ -8,46 +8,37 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 from scipy.special import expit
 
+from mapq.model import Calibration, Model
 from mapq.patches import SUSPICIOUS
 
-TEMPERATURES = (1e-3, 1e3)
-"""Bounds of the temperature: held-out patches whose differences are all 0 leave it free."""
 
-_HALF = np.float32(0.5)
-_BELOW, _ABOVE = np.nextafter(_HALF, np.float32(0)), np.nextafter(_HALF, np.float32(1))
+def probabilities(difference: NDArray[np.float64], label: NDArray[np.uint8], model: Model) -> NDArray[np.float32]:
+    """Return the probability (m,) that a patch is suspicious, from the difference (m,) of its min-marginals.
 
-
-def probabilities(difference: NDArray[np.float64], label: NDArray[np.uint8], temperature: float) -> NDArray[np.float32]:
-    """Return the probability (m,) that a patch is suspicious: the logistic function of temperature times difference.
-
-    In float32 and never exactly one half: it is above where the label is suspicious (ties included), below elsewhere.
+    In float32, and never exactly that of the model's threshold (:func:`cut_probability`): above it where the label (m,)
+    is suspicious, ties included, and below elsewhere.
     """
-    found = np.asarray(expit(temperature * difference), dtype=np.float32)
-    away = np.where(label == SUSPICIOUS, np.maximum(found, _ABOVE), np.minimum(found, _BELOW))
+    return keep_sides(expit(model.calibration.log_odds(difference)), label, cut_probability(model))
+
+
+def cut_probability(model: Model) -> float:
+    """Return the probability above which patches are called suspicious: one half for the best labelling."""
+    if model.threshold == 0.0:
+        return 0.5
+    return float(expit(model.calibration.log_odds(np.array([model.threshold])))[0])
+
+
+def keep_sides(p: NDArray[np.float64], label: NDArray[np.uint8], cut: float = 0.5) -> NDArray[np.float32]:
+    """Return probabilities (m,) in float32, moved to that side of `cut` on which the label (m,) is."""
+    middle = np.float32(cut)
+    below, above = np.nextafter(middle, np.float32(0)), np.nextafter(middle, np.float32(1))
+    found = np.asarray(p, dtype=np.float32)
+    away = np.where(label == SUSPICIOUS, np.maximum(found, above), np.minimum(found, below))
     return np.asarray(away, dtype=np.float32)
 
 
-def log_loss(difference: NDArray[np.float64], y: NDArray[np.float64], temperature: float) -> float:
+def log_loss(difference: NDArray[np.float64], y: NDArray[np.float64], calibration: Calibration) -> float:
     """Return the mean negative log-probability of labels y (n,) in {-1, +1}, in nats."""
-    return float(np.logaddexp(0.0, -temperature * y * difference).mean())
-
-
-def fit_temperature(difference: NDArray[np.float64], y: NDArray[np.float64]) -> float:
-    """Return the temperature of least log-loss, searched on its logarithm between `TEMPERATURES`.
-
-    Labels count as almost sure only, (n + 1) / (n + 2) for n patches of a label (Platt 1999, "Probabilistic outputs for
-    support vector machines"), or patches that are all right would ask for an infinite temperature.
-    """
-    n_suspicious, n_plausible = np.count_nonzero(y > 0.0), np.count_nonzero(y < 0.0)
-    sure = np.where(y > 0.0, (n_suspicious + 1.0) / (n_suspicious + 2.0), (n_plausible + 1.0) / (n_plausible + 2.0))
-    low, high = np.log(TEMPERATURES)
-
-    def loss(logarithm: float) -> float:
-        margin = np.exp(logarithm) * y * difference
-        return float(np.mean(sure * np.logaddexp(0.0, -margin) + (1.0 - sure) * np.logaddexp(0.0, margin)))
-
-    found = minimize_scalar(loss, bounds=(low, high), method="bounded", options={"xatol": 1e-6})
-    return float(np.exp(found.x))
+    return float(np.logaddexp(0.0, -y * calibration.log_odds(difference)).mean())

@@ -1,4 +1,4 @@
-"""The strength of the regularisation and the temperature, by cross-validation over regions."""
+"""The strength of the regularisation, the calibration and the operating points, by cross-validation over regions."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.crf.calibrate import Chosen, choose_calibration, fit_temperature
 from mapq.crf.energy import make_field
 from mapq.crf.infer import solve
 from mapq.crf.likelihood import objective
-from mapq.crf.marginals import fit_temperature, log_loss, probabilities
+from mapq.crf.marginals import log_loss
+from mapq.crf.operating import operating_points
 from mapq.crf.regions import assign_folds
 from mapq.crf.train import (
     Prepared,
@@ -25,7 +27,7 @@ from mapq.crf.train import (
     require_labels,
     signs,
 )
-from mapq.model import NONE, Model
+from mapq.model import NONE, Calibration, Model
 from mapq.patches import SUSPICIOUS, UNLABELLED
 
 STRENGTHS = (1.0, 10.0)
@@ -37,7 +39,7 @@ They grow with the patches, as pseudo-likelihood trusts neighbours too much howe
 labels when it trains, and they are to be found when it is used.
 """
 FALLBACK = Strength(1.0, 30.0)
-"""Where the labels do not suffice for a cross-validation; the temperature is 1 then."""
+"""Where the labels do not suffice for a cross-validation; differences are taken for log-odds then."""
 
 
 class HeldOut(NamedTuple):
@@ -46,12 +48,16 @@ class HeldOut(NamedTuple):
     Attributes
     ----------
     truth, label : (n,) uint8
-    probability : (n,) float32
+    probability : (n,) float64
+        Of being suspicious, by a calibration that had not seen the patch's fold either.
+    calibrations : dict of str to float
+        Kind of calibration to log-loss on folds that it had not seen, in nats.
     """
 
     truth: NDArray[np.uint8]
     label: NDArray[np.uint8]
-    probability: NDArray[np.float32]
+    probability: NDArray[np.float64]
+    calibrations: dict[str, float]
 
 
 class Trained(NamedTuple):
@@ -86,7 +92,8 @@ class _Trial(NamedTuple):
     y: NDArray[np.float64]
     label: NDArray[np.uint8]
     difference: NDArray[np.float64]
-    temperature: float
+    fold: NDArray[np.int64]
+    temperature: Calibration
 
     @property
     def score(self) -> float:
@@ -95,7 +102,7 @@ class _Trial(NamedTuple):
     @property
     def error(self) -> float:
         """Standard error of the score, as if patches were independent."""
-        losses = np.logaddexp(0.0, -self.temperature * self.y * self.difference)
+        losses = np.logaddexp(0.0, -self.y * self.temperature.log_odds(self.difference))
         return float(losses.std() / np.sqrt(len(losses)))
 
 
@@ -104,8 +111,8 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
 
     Each fold leaves out whole regions: their labels are hidden, the rest trains, and a graph cut labels them with no
     label given, as it will on a new map. Of the strengths whose held-out log-loss is within a standard error of the
-    least, the one with the least coupling is taken, and with it the temperature that was best for these patches. The
-    scaling is that of all patches: it sees no label.
+    least, the one with the least coupling is taken. The calibration is fitted to what its models said of their folds.
+    The scaling is that of all patches: it sees no label.
 
     Raises
     ------
@@ -124,11 +131,16 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
     chosen = _choose(trials) if trials else _fallback(settings)
     trial = trials.get(chosen)
     weights = fit_weights(prepared, labels, settings, chosen)
-    temperature = trial.temperature if trial else 1.0
-    model = Model(settings.edge_model, {}, prepared.node, prepared.edge, prepared.x_range, weights, temperature)
+    model = Model(settings.edge_model, {}, prepared.node, prepared.edge, prepared.x_range, weights)
+    held_out = None
+    if trial is not None:
+        calibrated = choose_calibration(trial.difference, trial.y, trial.label, trial.fold)
+        points = operating_points(trial.difference, trial.y)
+        model = replace(model, calibration=calibrated.calibration, operating=points)
+        held_out = _held_out(trial, calibrated)
     plain = make_problem(prepared, labels, replace(settings, balanced=False), Strength(0.0, 0.0))
     likelihood = -objective(plain, weights) / len(plain.y)
-    return Trained(model, chosen, scores, _held_out(trial) if trial else None, len(folds), likelihood)
+    return Trained(model, chosen, scores, held_out, len(folds), likelihood)
 
 
 def _strengths(settings: TrainSettings, n_labelled: int) -> list[Strength]:
@@ -193,8 +205,8 @@ def _try(
     strength: Strength,
 ) -> _Trial:
     """Return what models trained without each fold say of it."""
-    y, found, differences = [], [], []
-    for held_out in folds:
+    y, found, differences, numbers = [], [], [], []
+    for number, held_out in enumerate(folds):
         visible = [np.where(mask, UNLABELLED, label) for mask, label in zip(held_out, labels, strict=True)]
         weights = fit_weights(prepared, visible, settings, strength)
         for inputs, mask, label in zip(prepared.inputs, held_out, labels, strict=True):
@@ -203,10 +215,12 @@ def _try(
                 y.append(signs(label[mask]))
                 found.append(cut.label[mask])
                 differences.append(cut.difference[mask])
+                numbers.append(np.full(int(mask.sum()), number))
     truth, difference = np.concatenate(y), np.concatenate(differences)
-    return _Trial(truth, np.concatenate(found), difference, fit_temperature(difference, truth))
+    temperature = fit_temperature(difference, truth)
+    return _Trial(truth, np.concatenate(found), difference, np.concatenate(numbers), temperature)
 
 
-def _held_out(trial: _Trial) -> HeldOut:
+def _held_out(trial: _Trial, calibrated: Chosen) -> HeldOut:
     truth = (trial.y > 0.0).astype(np.uint8)
-    return HeldOut(truth, trial.label, probabilities(trial.difference, trial.label, trial.temperature))
+    return HeldOut(truth, trial.label, calibrated.probability, calibrated.losses)

@@ -1,4 +1,4 @@
-"""The model file: readable JSON of schema ``mapq.model/1``, docs/results.md lists its keys."""
+"""The model file: readable JSON of schema ``mapq.model/2``, docs/results.md lists its keys."""
 
 from __future__ import annotations
 
@@ -11,18 +11,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.model import EDGE_MODELS, FULL, Model, Scaling
+from mapq.model import CALIBRATIONS, EDGE_MODELS, FULL, ISOTONIC, PLATT, Calibration, Model, Scaling
 from prf.shell.errors import InputError
 from prf.shell.files import open_output
 from prf.shell.jsonout import dump_object
 from prf.shell.storage import damaged, load_object
 
-SCHEMA = "mapq.model/1"
+SCHEMA = "mapq.model/2"
 DEFAULT = ("models", "default.json")
 """Place in the package of the model that is used where none is named."""
 
+OPERATING = ("false_alarms", "threshold", "recall")
+"""Columns of the operating points."""
+
 SMALLEST, LARGEST = 1e-30, 1e30
 """Of scales, and of all numbers: products and sums of what lies between are finite."""
+
+_KINDS: dict[type, str] = {str: "text", dict: "an object", list: "a list"}
 
 
 def write_model(path: str | os.PathLike[str], model: Model) -> None:
@@ -44,7 +49,9 @@ def model_content(model: Model) -> dict[str, Any]:
     return {
         "edge_model": model.edge_model,
         "parameters": parameters,
-        "temperature": model.temperature,
+        "calibration": _calibration_content(model.calibration),
+        "threshold": model.threshold,
+        "operating": {name: column.tolist() for name, column in zip(OPERATING, model.operating.T, strict=True)},
         "x_min": model.x_range[0],
         "x_max": model.x_range[1],
         "node_scaling": _scaling_content(model.node),
@@ -61,7 +68,7 @@ def read_model(path: str | os.PathLike[str]) -> Model:
     ------
     InputError
         If it is missing, damaged, of another version, lacks a key, holds a number that is not finite, or breaks a
-        constraint: a negative coupling, a scale or temperature that is not positive.
+        constraint: a negative coupling, a scale or slope that is not positive, a calibration that falls.
     """
     try:
         content = load_object(Path(path), SCHEMA)
@@ -84,6 +91,14 @@ def read_default_model() -> Model:
         return read_model(path)
 
 
+def _calibration_content(calibration: Calibration) -> dict[str, Any]:
+    if calibration.kind == ISOTONIC:
+        at, value = calibration.knots.T.tolist()
+        return {"kind": calibration.kind, "difference": at, "log_odds": value}
+    shift = {"intercept": calibration.intercept} if calibration.kind == PLATT else {}
+    return {"kind": calibration.kind, "slope": calibration.slope, **shift}
+
+
 def _scaling_content(scaling: Scaling) -> dict[str, Any]:
     rows = zip(scaling.names, scaling.median.tolist(), scaling.scale.tolist(), strict=True)
     return {
@@ -103,13 +118,15 @@ def _parse(path: Path, content: Mapping[str, Any]) -> Model:
         raise damaged(path, f"x_min {x_range[0]} is above x_max {x_range[1]}")
     if edge_model != FULL and edge.names:
         raise damaged(path, f"edge_scaling has columns, but edge_model {edge_model} has no field")
-    temperature = _number(path, content, "temperature")
-    if temperature <= 0.0:
-        raise damaged(path, f"temperature is {temperature}, not above 0")
+    calibration = _parse_calibration(path, _take(path, content, "calibration", dict))
+    threshold = _number(path, content, "threshold")
     blank = Model(edge_model, {}, node, edge, x_range, np.zeros(0))
     weights = _parse_weights(path, _take(path, content, "parameters", dict), blank)
     features, training = _take(path, content, "features", dict), _take(path, content, "training", dict)
-    return Model(edge_model, features, node, edge, x_range, weights, temperature, training)
+    operating = _parse_operating(path, _take(path, content, "operating", dict))
+    return Model(
+        edge_model, features, node, edge, x_range, weights, calibration, threshold, operating, training=training
+    )
 
 
 def _parse_weights(path: Path, parameters: Mapping[str, Any], model: Model) -> NDArray[np.float64]:
@@ -123,6 +140,34 @@ def _parse_weights(path: Path, parameters: Mapping[str, Any], model: Model) -> N
     if n_found != len(weights):
         raise damaged(path, f"parameters are {n_found}, but edge_model {model.edge_model} has {len(weights)}")
     return np.array(weights)
+
+
+def _parse_calibration(path: Path, content: Mapping[str, Any]) -> Calibration:
+    kind = _take(path, content, "kind", str, "calibration.")
+    if kind not in CALIBRATIONS:
+        raise damaged(path, f"calibration.kind is {kind!r}, not {', '.join(CALIBRATIONS)}")
+    if kind == ISOTONIC:
+        columns = [_numbers(path, content, name, "calibration.") for name in ("difference", "log_odds")]
+        if len(columns[0]) != len(columns[1]) or len(columns[0]) == 0:
+            raise damaged(path, "calibration.difference and calibration.log_odds are not alike long, or empty")
+        if (np.diff(columns[0]) <= 0.0).any() or (np.diff(columns[1]) < 0.0).any():
+            raise damaged(path, "calibration: the curve does not rise")
+        return Calibration(kind, knots=np.column_stack(columns))
+    slope = _number(path, content, "slope", "calibration.")
+    if slope <= 0.0:
+        raise damaged(path, f"calibration.slope is {slope}, not above 0")
+    intercept = _number(path, content, "intercept", "calibration.") if kind == PLATT else 0.0
+    return Calibration(kind, slope, intercept)
+
+
+def _parse_operating(path: Path, content: Mapping[str, Any]) -> NDArray[np.float64]:
+    columns = [_numbers(path, content, name, "operating.") for name in OPERATING]
+    if len({len(column) for column in columns}) > 1:
+        raise damaged(path, "operating: the lists are not alike long")
+    points = np.column_stack(columns)
+    if len(points) and (points[0, 0] != 0.0 or (np.diff(points[:, 0]) <= 0.0).any()):
+        raise damaged(path, "operating.false_alarms do not ascend from 0")
+    return points
 
 
 def _parse_scaling(path: Path, content: Mapping[str, Any], key: str) -> Scaling:
@@ -144,8 +189,14 @@ def _take(path: Path, content: Mapping[str, Any], key: str, kind: type, where: s
     if key not in content:
         raise damaged(path, f"{where}{key} is missing")
     if not isinstance(content[key], kind):
-        raise damaged(path, f"{where}{key} is not {'text' if kind is str else 'an object'}")
+        raise damaged(path, f"{where}{key} is not {_KINDS[kind]}")
     return content[key]
+
+
+def _numbers(path: Path, content: Mapping[str, Any], key: str, where: str) -> NDArray[np.float64]:
+    values = _take(path, content, key, list, where)
+    named = {str(place): value for place, value in enumerate(values)}
+    return np.array([_number(path, named, place, f"{where}{key}.") for place in named], np.float64)
 
 
 def _number(path: Path, content: Mapping[str, Any], key: str, where: str = "") -> float:

@@ -117,3 +117,15 @@ def test_patches_and_results_come_through_a_pipe(capsys, monkeypatch, tmp_path, 
         monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(path.read_bytes())))
         options = ["--model", tmp_path / "m.json"] if path != result else []
         assert call_json(capsys, "evaluate", "-", *options)["accuracy"] == 1.0
+
+
+def test_the_reliability_counts_every_patch_once(capsys, tmp_path):
+    scores = call_json(capsys, "evaluate", save_patches(tmp_path), "--model", save_model(tmp_path))
+    bins = scores["reliability"]
+    assert len(bins) == 10
+    assert sum(each["n"] for each in bins) == scores["n"]
+    gaps = sum(each["n"] * abs(each["p_suspicious"] - each["suspicious"]) for each in bins if each["n"])
+    assert gaps / scores["n"] == pytest.approx(scores["ece"])
+    code, out, _ = call(capsys, "evaluate", save_patches(tmp_path), "--model", save_model(tmp_path))
+    assert code == 0
+    assert "reliability" in out

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from mapq.io.models import read_model
-from tests.cli.mapq_samples import call, call_json, save_patches
+from tests.cli.mapq_samples import call, call_json, save_model, save_patches
 
 
 def test_weights_and_held_out_scores_are_printed(capsys, tmp_path, monkeypatch):
@@ -36,7 +36,7 @@ def test_options_reach_the_model(capsys, tmp_path):
     more = ["--radius", 2.5, "--tau", 0.7, "--neighbours", 3, "--class-weight", "none", "--objective", "pl"]
     more += ["--watched", 7, "--tolerance", 0.2]
     result = call_json(capsys, "train", path, "-o", target, *options, *more)
-    assert result["schema"] == "mapq.model/1"
+    assert result["schema"] == "mapq.model/2"
     assert result["output"] == str(target)
     features = result["features"]
     assert [features[key] for key in ("reading", "radius", "tau", "n_neighbours")] == ["literal", 2.5, 0.7, 3]
@@ -73,7 +73,7 @@ def test_max_patches_prints_its_seed_in_the_model(capsys, tmp_path):
 def test_the_model_may_go_to_standard_output(capsys, tmp_path):
     code, out, err = call(capsys, "train", save_patches(tmp_path), "-o", "-")
     assert code == 0
-    assert json.loads(out)["schema"] == "mapq.model/1"
+    assert json.loads(out)["schema"] == "mapq.model/2"
     assert "node.bias" in err
 
 
@@ -127,3 +127,36 @@ def test_labels_are_not_overwritten_by_the_model(capsys, tmp_path):
     before = path.read_bytes()
     code, _, err = call(capsys, "train", path, "-o", path, "-f")
     assert (code, err.count("\n"), path.read_bytes()) == (2, 1, before)
+
+
+def test_the_operating_point_is_stored_and_can_be_chosen_later(capsys, tmp_path):
+    target, careful = tmp_path / "m.json", tmp_path / "careful.json"
+    paths = [save_patches(tmp_path, seed) for seed in (1, 2)]
+    plain = call_json(capsys, "train", *paths, "-o", target)
+    chosen = call_json(capsys, "train", *paths, "--max-false-alarms", "0%", "-o", careful)
+    points = plain["operating"]
+    assert plain["threshold"] == 0.0
+    assert points["false_alarms"][0] == 0.0
+    assert chosen["threshold"] == points["threshold"][0]
+    assert chosen["parameters"] == plain["parameters"]
+    code, out, _ = call(capsys, "train", *paths, "-o", target, "-f")
+    assert code == 0
+    assert "--max-false-alarms" in out
+    results = []
+    for name, options in (("a", ["--model", careful]), ("b", ["--model", target, "--max-false-alarms", "0"])):
+        results.append(call_json(capsys, "classify", paths[0], *options, "-o", tmp_path / f"{name}.ply"))
+    assert results[0]["threshold"] == results[1]["threshold"]
+    assert results[0]["threshold"]["difference"] == chosen["threshold"]
+    cut = results[0]["threshold"]["p_suspicious"]
+    for row in results[0]["patches"]:
+        assert (row["label"] == "suspicious") == (row["difference"] >= chosen["threshold"] - 1e-9)
+        assert (row["label"] == "suspicious") == (row["p_suspicious"] > cut - 1e-7)
+
+
+def test_a_model_without_held_out_regions_has_no_operating_point(capsys, tmp_path):
+    path = save_patches(tmp_path)
+    options = ["--model", save_model(tmp_path), "--max-false-alarms", "1%"]
+    for verb in ("classify", "evaluate"):
+        code, out, err = call(capsys, verb, path, *options)
+        assert (code, out, err.count("\n")) == (2, "", 1)
+        assert "has no operating points" in err

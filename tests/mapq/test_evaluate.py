@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mapq.evaluate import area_under_curve, calibration_error, score_labels
+from mapq.evaluate import area_under_curve, calibration_error, reliability, score_labels
 from mapq.patches import UNLABELLED
 
 
@@ -67,3 +67,12 @@ def test_ratios_of_nothing_are_not_numbers():
         assert math.isnan(getattr(scores, name)), name
     assert score_labels(*[np.empty(0, np.uint8)] * 2, np.empty(0)).n == 0
     assert math.isnan(area_under_curve(np.ones(3), np.ones(3, bool)))
+
+
+def test_reliability_by_its_definition():
+    p, truth = np.array([0.05, 0.15, 0.12, 0.95, 1.0, np.nan, 0.5]), np.array([0, 1, 0, 1, 1, 1, UNLABELLED], np.uint8)
+    bins = reliability(truth, p)
+    assert [each.n for each in bins] == [1, 2, 0, 0, 0, 0, 0, 0, 0, 2]
+    assert (bins[1].p_suspicious, bins[1].suspicious) == (pytest.approx(0.135), 0.5)
+    assert (bins[9].low, bins[9].high, bins[9].suspicious) == (pytest.approx(0.9), 1.0, 1.0)
+    assert math.isnan(bins[4].suspicious)

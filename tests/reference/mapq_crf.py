@@ -10,7 +10,7 @@ import numpy as np
 from mapq.crf import TrainingMap
 from mapq.crf.energy import Field
 from mapq.graph import PatchFeatures
-from mapq.model import FULL, NONE, Model, Scaling, parameter_names
+from mapq.model import FULL, NONE, Calibration, Model, Scaling, parameter_names
 
 NODE_NAMES = ("fit", "tilt", "thickness")
 EDGE_NAMES = ("separation", "overlap")
@@ -41,7 +41,7 @@ def draw_model(rng: np.random.Generator, edge_model: str = FULL, edge_names: tup
     weights = rng.normal(size=len(parameter_names(edge_model, NODE_NAMES, names)))
     if edge_model != NONE:
         weights[-2:] = np.maximum(weights[-2:], 0.0)
-    return Model(edge_model, {}, node, edge, (-0.8, 0.7), weights, 0.7)
+    return Model(edge_model, {}, node, edge, (-0.8, 0.7), weights, Calibration(slope=0.7))
 
 
 def slow_score(features: PatchFeatures, model: Model, y: list[int]) -> float:

@@ -12,7 +12,7 @@ from mapq.crf import local_log_odds
 from mapq.features import FeatureSettings
 from mapq.io import read_cloud, write_patches, write_ply
 from mapq.io.results import result_cloud
-from mapq.model import EDGE_MODELS, Model, Scaling, parameter_names
+from mapq.model import EDGE_MODELS, Calibration, Model, Scaling, parameter_names
 from mapq.patches import Patches
 from prf.shell.errors import InputError
 from tests.mapq.factories import make_patches, sample_patches, shuffled, wall
@@ -29,7 +29,7 @@ def make_model(edge_model: str = "full") -> Model:
     weights = {"node.bias": -0.8, "node.thickness": -0.3, "field.plausibility": -0.7, "coupling.at_x_min": 0.4}
     names_of_all = parameter_names(edge_model, NODE_NAMES, names)
     values = np.array([weights.get(name, 0.0) for name in names_of_all])
-    return Model(edge_model, asdict(FeatureSettings()), node, edge, (-1.0, 1.0), values, 0.8)
+    return Model(edge_model, asdict(FeatureSettings()), node, edge, (-1.0, 1.0), values, Calibration(slope=0.8))
 
 
 @pytest.fixture(scope="module")

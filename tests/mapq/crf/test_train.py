@@ -190,7 +190,8 @@ def test_labels_too_few_for_folds_still_train():
     label[[np.flatnonzero(one.label == 1)[0], np.flatnonzero(one.label == 0)[0]]] = 1, 0
     trained = train([one._replace(label=label)])
     assert (trained.n_folds, trained.scores, trained.held_out) == (0, {}, None)
-    assert (trained.strength, trained.model.temperature) == (Strength(1.0, 30.0), 1.0)
+    assert (trained.strength, trained.model.calibration.slope) == (Strength(1.0, 30.0), 1.0)
+    assert len(trained.model.operating) == 0
     given = train([one._replace(label=label)], TrainSettings(regularisation=5.0))
     assert given.strength == Strength(5.0, 30.0)
     assert np.isfinite(trained.model.weights).all()

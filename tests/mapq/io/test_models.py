@@ -1,12 +1,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from mapq.io.models import SCHEMA, read_model, write_model
-from mapq.model import EDGE_MODELS
+from mapq.model import EDGE_MODELS, Calibration
 from prf.shell.errors import InputError
 from tests.reference.mapq_crf import draw_model
 
@@ -22,7 +23,7 @@ def test_what_is_written_is_read(edge_model, tmp_path):
     model = draw_model(np.random.default_rng(1), edge_model)
     found = read_model(saved(tmp_path, edge_model))
     assert found.parameter_names == model.parameter_names
-    for name in ("edge_model", "x_range", "temperature", "features", "training"):
+    for name in ("edge_model", "x_range", "threshold", "features", "training"):
         assert getattr(found, name) == getattr(model, name)
     np.testing.assert_array_equal(found.weights, model.weights)
     for one, other in ((found.node, model.node), (found.edge, model.edge)):
@@ -31,9 +32,29 @@ def test_what_is_written_is_read(edge_model, tmp_path):
         np.testing.assert_array_equal(one.scale, other.scale)
 
 
+@pytest.mark.parametrize(
+    "calibration",
+    [
+        Calibration("temperature", 1.0 / 3.0),
+        Calibration("platt", 1.0 / 3.0, -0.1),
+        Calibration("isotonic", knots=np.array([[-1.0 / 3.0, -2.0], [0.1, 0.0], [2.0, 0.0]])),
+    ],
+)
+def test_calibrations_and_operating_points_are_read_to_the_last_bit(calibration, tmp_path):
+    points = np.array([[0.0, 1.0 / 3.0, 0.5], [0.1, -0.7, 1.0]])
+    model = replace(draw_model(np.random.default_rng(1)), calibration=calibration, operating=points, threshold=0.1)
+    write_model(tmp_path / "m.json", model)
+    found = read_model(tmp_path / "m.json")
+    one, other = found.calibration, calibration
+    assert (one.kind, one.slope, one.intercept) == (other.kind, other.slope, other.intercept)
+    np.testing.assert_array_equal(one.knots, other.knots)
+    np.testing.assert_array_equal(found.operating, points)
+    assert found.threshold == 0.1
+
+
 def test_the_file_is_readable(tmp_path):
     content = json.loads(saved(tmp_path).read_text())
-    assert content["schema"] == SCHEMA == "mapq.model/1"
+    assert content["schema"] == SCHEMA == "mapq.model/2"
     assert set(content["parameters"]) == {"node", "field", "coupling"}
     assert set(content["parameters"]["node"]) == {"bias", "fit", "tilt", "thickness"}
     assert set(content["parameters"]["coupling"]) == {"at_x_min", "at_x_max"}
@@ -43,14 +64,27 @@ def test_the_file_is_readable(tmp_path):
 @pytest.mark.parametrize(
     ("place", "value", "message"),
     [
-        ("schema", "mapq.model/2", "version 2 of mapq.model is not known"),
+        ("schema", "mapq.model/1", "version 1 of mapq.model is not known"),
         ("schema", "mapq.result/1", "schema mapq.result/1, expected"),
         ("edge_model", "potts", "edge_model is 'potts'"),
         ("edge_model", "none", "edge_scaling has columns"),
         ("edge_model", None, "edge_model is not text"),
-        ("temperature", 0, "temperature is 0.0, not above 0"),
-        ("temperature", "hot", "temperature is 'hot', not a finite number"),
-        ("temperature", True, "not a finite number"),
+        ("calibration.kind", "warm", "calibration.kind is 'warm', not temperature, platt, isotonic"),
+        ("calibration.slope", 0, "calibration.slope is 0.0, not above 0"),
+        ("calibration.slope", "hot", "calibration.slope is 'hot', not a finite number"),
+        ("calibration.slope", True, "not a finite number"),
+        ("calibration", {"kind": "platt", "slope": 1.0}, "calibration.intercept is missing"),
+        ("calibration", {"kind": "isotonic", "difference": [], "log_odds": []}, "not alike long, or empty"),
+        ("calibration", {"kind": "isotonic", "difference": [0, 1], "log_odds": [1, 0]}, "the curve does not rise"),
+        ("calibration", {"kind": "isotonic", "difference": [0, "a"], "log_odds": [1, 2]}, "difference.1 is 'a'"),
+        ("threshold", float("nan"), "threshold is nan"),
+        ("operating.recall", [1.0], "operating: the lists are not alike long"),
+        ("operating.recall", 1.0, "operating.recall is not a list"),
+        (
+            "operating",
+            {"false_alarms": [0.1], "threshold": [0.0], "recall": [1.0]},
+            "operating.false_alarms do not ascend from 0",
+        ),
         ("x_min", 2.0, "x_min 2.0 is above x_max"),
         ("x_max", float("nan"), "x_max is nan"),
         ("parameters.coupling.at_x_min", -1e-9, "coupling must not be negative"),
@@ -91,7 +125,10 @@ def test_content_that_is_no_model_is_one_line(place, value, message, tmp_path):
         "parameters",
         "parameters.node.fit",
         "parameters.coupling",
-        "temperature",
+        "calibration.kind",
+        "calibration.slope",
+        "threshold",
+        "operating.threshold",
         "x_min",
         "node_scaling.clip",
         "node_scaling.columns.fit.median",
