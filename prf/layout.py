@@ -14,6 +14,7 @@ from prf.kernels.chain import Chain
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph
 from prf.kernels.grid import Grid, make_grid, most_cells
+from prf.kernels.guards import N_SHAPE, Guards
 from prf.kernels.image import Image, count_all_edges
 from prf.kernels.proposal import N_PROPOSAL_COUNTS, Proposal
 from prf.kernels.sites import Sites
@@ -135,6 +136,11 @@ def _near_targets(
     order = np.argsort(owner, kind="stable")
     starts = np.searchsorted(owner[order], np.arange(len(targets) + 1))
     return starts.astype(np.int64), near[order].astype(np.int32)
+
+
+def no_guards() -> Guards:
+    """Return the guards of a chain on the whole window: none."""
+    return Guards(np.zeros((0, N_SHAPE)), np.zeros(1, np.int32))
 
 
 def image_grid(window: Window, resolution: float) -> Grid:

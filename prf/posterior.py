@@ -13,7 +13,7 @@ from prf.kernels.build import resum, trace_all
 from prf.kernels.chain import Chain
 from prf.kernels.grid import make_grid
 from prf.kernels.points import Points, Y, paint
-from prf.layout import make_graph, make_image, make_index, make_proposal, make_sites, make_targets
+from prf.layout import make_graph, make_image, make_index, make_proposal, make_sites, make_targets, no_guards
 from prf.sensors.laser import LaserModel, make_beams, make_rays
 from prf.sensors.points import PointModel, make_points
 from prf.sensors.sonar import SonarModel, make_cones, make_poses
@@ -204,6 +204,7 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
         sensors=make_sites(grid, np.concatenate([laser.origin, sonar.origin]), coloring),
         targets=targets,
         image=make_image(coloring, graph, settings.resolution),
+        guards=no_guards(),
         proposal=make_proposal(grid),
         tuning=tuning,
         odds=odds / odds.sum(),

@@ -5,7 +5,6 @@ its cell only as far as the beam now reaches, so that a change of the map behind
 All room is laid out once: a cell can never list more beams than have a slot there.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +24,7 @@ class Beams(NamedTuple):
 
     model: np.ndarray  # (N_LASER_MODEL,) f8
     ray: np.ndarray  # (n, 8) f8 one cache line a beam: columns ORIGIN_X ... BEAM_LOG_LIKELIHOOD
+    beyond: np.ndarray  # (n,) f8 distance of what stands beyond the reach, which nothing moves; inf for nothing
     impact_edge: np.ndarray  # (n,) i4 edge that the beam meets, or NONE
     last_slot: np.ndarray  # (n,) i4 slot in which the impact lies: the last that is listed
     next_beam: np.ndarray  # (n,) i4 beams that meet the same edge, linked
@@ -126,7 +126,7 @@ def trace_beam(graph: Graph, index: EdgeIndex, beams: Beams, beam: int) -> None:
     gone = index.neighbors
     edge, distance = first_hit(graph, index, beams, beam, beams.slot_start[beam], reach, gone, 0)
     if edge == c.NONE:
-        distance = math.inf
+        distance = beams.beyond[beam]
     beams.impact_edge[beam] = edge
     beams.ray[beam, c.DISTANCE] = distance
     beams.ray[beam, c.BEAM_LOG_LIKELIHOOD] = beam_log_likelihood(beams.model, beams.ray[beam, c.RANGE], distance)

@@ -12,6 +12,7 @@ from prf.kernels.cones import relist_cones, sense_now
 from prf.kernels.edge_index import EdgeIndex, index_edge
 from prf.kernels.graph import Graph, add_edge, add_vertex, classify_vertex, vertex_sine_now
 from prf.kernels.grid import Grid, cell_at
+from prf.kernels.guards import index_frozen
 from prf.kernels.points import sum_points
 from prf.kernels.sites import count_occupied
 
@@ -76,7 +77,8 @@ def resum(chain: Chain) -> None:
     """
     graph = chain.graph
     chain.edge_index.cell_count[:] = 0
-    if not fill_index(graph, chain.edge_index):
+    has_room = fill_index(graph, chain.edge_index)
+    if not index_frozen(graph, chain.edge_index, chain.guards) or not has_room:
         graph.counts[c.NEEDS_ROOM] = 1
     length = 0.0
     for i in range(graph.counts[c.EDGES]):

@@ -21,6 +21,7 @@ from prf.kernels.graph import (
     remove_edge,
     remove_vertex,
 )
+from prf.kernels.guards import Guards
 from prf.kernels.image import Image, count_edge, recolor_inside
 from prf.kernels.points import Points, gain_inside
 from prf.kernels.proposal import (
@@ -48,6 +49,7 @@ class Chain(NamedTuple):
     sensors: Sites
     targets: Targets
     image: Image
+    guards: Guards
     proposal: Proposal
     tuning: np.ndarray  # (N_TUNING,) f8
     odds: np.ndarray  # (N_MOVES,) f8 probability of each move

@@ -66,13 +66,25 @@ def other_end(graph: Graph, edge: int, vertex: int) -> int:
 
 
 @core
-def are_adjacent(graph: Graph, a: int, b: int) -> bool:
-    """Whether an edge joins the vertices a and b."""
+def edge_between(graph: Graph, a: int, b: int) -> int:
+    """The edge that joins the vertices a and b, or NONE."""
     for k in range(2):
         edge = graph.vertex_edges[a, k]
         if edge != c.NONE and other_end(graph, edge, a) == b:
-            return True
-    return False
+            return edge
+    return c.NONE
+
+
+@core
+def are_adjacent(graph: Graph, a: int, b: int) -> bool:
+    """Whether an edge joins the vertices a and b."""
+    return edge_between(graph, a, b) != c.NONE
+
+
+@core
+def is_drawn(graph: Graph, edge: int) -> bool:
+    """Whether moves may draw an edge: all but the frozen ones of a part of a map (``guards``)."""
+    return graph.positions[c.EDGES, edge] != c.NONE
 
 
 @core
@@ -178,10 +190,14 @@ def classify_vertex(graph: Graph, v: int) -> None:
     in_triangle = False
     is_apex = False
     if graph.vertex_side[v] == c.INTERIOR:
-        a = other_end(graph, graph.vertex_edges[v, 0], v)
-        b = other_end(graph, graph.vertex_edges[v, 1], v)
-        in_triangle = are_adjacent(graph, a, b)
-        is_apex = on_one_side(graph, a, b)
+        first = graph.vertex_edges[v, 0]
+        last = graph.vertex_edges[v, 1]
+        a = other_end(graph, first, v)
+        b = other_end(graph, last, v)
+        if is_drawn(graph, first) and is_drawn(graph, last):
+            middle = edge_between(graph, a, b)
+            in_triangle = middle != c.NONE and is_drawn(graph, middle)
+            is_apex = on_one_side(graph, a, b)
     if in_triangle:
         set_add(graph, c.TRIANGLE_VERTICES, v)
     else:

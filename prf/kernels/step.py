@@ -9,6 +9,7 @@ from prf.kernels._jit import core, core_entry
 from prf.kernels.chain import Chain, apply
 from prf.kernels.cone_touch import sonar_change, touch_cones
 from prf.kernels.crossing import is_valid
+from prf.kernels.guards import is_barred
 from prf.kernels.moves import (
     boundary_triangle,
     corner_cut,
@@ -127,6 +128,8 @@ def evaluate(chain: Chain, move: int, log_proposal_ratio: float, log_u: float) -
     if not is_valid(graph, chain.edge_index, proposal):
         return False, 0.0, 0.0
     chain.outcomes[move, c.VALID] += 1
+    if is_barred(graph, chain.guards, proposal):
+        return False, 0.0, 0.0
     log_proposal_ratio += log_ratio_of_cells(chain, move)
     if log_proposal_ratio == -math.inf:
         return False, 0.0, 0.0

@@ -5,8 +5,6 @@ the second kind the new impact is on the new edge. For the first it is the neare
 beam walks on from its old impact: nothing stood before it.
 """
 
-import math
-
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.beams import Beams, first_hit, link_beam, slot_at, unlink_beam
@@ -62,7 +60,7 @@ def touch_freed_beams(graph: Graph, index: EdgeIndex, beams: Beams, proposal: Pr
                     distance = old_distance
             beams.touched[n] = beam
             beams.touched_edge[n] = edge
-            beams.touched_distance[n] = distance if edge != c.NONE else math.inf
+            beams.touched_distance[n] = distance if edge != c.NONE else beams.beyond[beam]
             n += 1
             beam = beams.next_beam[beam]
     beams.n_touched[0] = n

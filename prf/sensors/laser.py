@@ -145,6 +145,7 @@ def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int) -
     return Beams(
         model=model.to_array(),
         ray=ray.copy(),
+        beyond=np.full(n, np.inf),
         impact_edge=np.full(n, c.NONE, np.int32),
         last_slot=np.zeros(n, np.int32),
         next_beam=np.full(n, c.NONE, np.int32),
