@@ -27,6 +27,13 @@ Floats = NDArray[np.float64]
 
 def make_graph(coloring: Coloring, capacity: int) -> Graph:
     """Return the graph of a coloring with room for `capacity` vertices and edges."""
+    graph = bare_graph(coloring, capacity)
+    fill_graph(graph, len(coloring.xy), coloring.edges)
+    return graph
+
+
+def bare_graph(coloring: Coloring, capacity: int) -> Graph:
+    """Return the graph with the vertices of a coloring in the first slots, none of them nor an edge alive."""
     graph = Graph(
         window=np.array(coloring.window, np.float64),
         vertex_xy=np.zeros((capacity, 2)),
@@ -49,7 +56,6 @@ def make_graph(coloring: Coloring, capacity: int) -> Graph:
     graph.counts[c.ANCHOR_BLACK] = int(coloring.anchor_black)
     graph.vertex_xy[:n_vertices] = coloring.xy
     graph.vertex_side[:n_vertices] = coloring.side
-    fill_graph(graph, n_vertices, coloring.edges)
     return graph
 
 

@@ -134,14 +134,15 @@ def evaluate(chain: Chain, move: int, log_proposal_ratio: float, log_u: float) -
     if log_proposal_ratio == -math.inf:
         return False, 0.0, 0.0
     prior = log_prior_change(graph, proposal, chain.tuning[c.SCALE])
-    n_sensors, n_points = chain.sensors.xy.shape[0], chain.points.column.shape[1]
-    if n_sensors == 0 and n_points == 0:
+    # A tile may hold readings of sensors that stand in another, and sensors whose readings another answers for.
+    n_readings, n_points = chain.beams.ray.shape[0] + chain.cones.pose.shape[0], chain.points.column.shape[1]
+    if n_readings == 0 and n_points == 0 and chain.sensors.xy.shape[0] == 0:
         return log_u < prior + log_proposal_ratio, prior, 0.0
     needed = needed_gain(chain, log_u - prior - log_proposal_ratio)
     if needed == math.inf:
         return False, 0.0, 0.0
     likelihood = 0.0
-    if n_sensors > 0:
+    if n_readings > 0:
         touch_beams(graph, chain.edge_index, chain.beams, proposal)
         likelihood = log_likelihood_change(chain.beams)
         if chain.cones.pose.shape[0] > 0:
