@@ -12,6 +12,9 @@ from mapq.cloud import PointCloud
 from mapq.patches import FROM_FIELD, FROM_HAND, FROM_NOBODY, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.errors import InputError
 
+SURE = 0.9
+"""Share of a patch's points that must be plausible for a conservative label to call it so."""
+
 
 class LabelCounts(NamedTuple):
     """What labelling from a field did.
@@ -80,10 +83,27 @@ def truth_values(cloud: PointCloud, name: str, patch: NDArray[np.integer], where
     return values
 
 
+def conservative_labels(
+    patch: NDArray[np.integer], n_patches: int, values: NDArray[Any]
+) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """Return labels as the paper gives them ("only those planes that are definitely plausible"), and no ties.
+
+    A patch is plausible if `SURE` of its points are; every other one is suspicious, also where nothing is known.
+    Parameters as :func:`majority_labels`.
+    """
+    inside = patch != NO_PATCH
+    plausible = np.bincount(patch[inside & (values == PLAUSIBLE)], minlength=n_patches)
+    counts = np.bincount(patch[inside], minlength=n_patches)
+    label = np.where(plausible >= SURE * np.maximum(counts, 1), PLAUSIBLE, SUSPICIOUS)
+    return label.astype(np.uint8), np.zeros(n_patches, np.bool_)
+
+
 def label_from_field(
-    patches: Patches, name: str, where: str, overwrite_hand: bool = False
+    patches: Patches, name: str, where: str, overwrite_hand: bool = False, conservative: bool = False
 ) -> tuple[Patches, LabelCounts]:
-    """Return the patches of file `where` labelled by the majority of a point field, and what that did.
+    """Return the patches of file `where` labelled by a point field, and what that did.
+
+    By the majority of the points, or with `conservative` as :func:`conservative_labels`.
 
     Labels set by hand stay unless `overwrite_hand`; labels of an earlier field are replaced, also by none.
 
@@ -93,7 +113,8 @@ def label_from_field(
         As :func:`truth_values`.
     """
     values = truth_values(patches.cloud, name, patches.patch, where)
-    label, ties = majority_labels(patches.patch, len(patches), values)
+    rule = conservative_labels if conservative else majority_labels
+    label, ties = rule(patches.patch, len(patches), values)
     source = np.where(label == UNLABELLED, FROM_NOBODY, FROM_FIELD).astype(np.uint8)
     kept = (patches.label_source == FROM_HAND) & (not overwrite_hand)
     label, source = np.where(kept, patches.label, label), np.where(kept, patches.label_source, source)

@@ -36,6 +36,7 @@ def train_files(
     max_patches: int | None = None,
     seed: int = 0,
     progress: Reporter | None = None,
+    conservative: bool = False,
 ) -> tuple[Model, Trained, Scores | None]:
     """Return the model that labelled PATCHES files teach, how it was chosen, and its held-out scores.
 
@@ -50,6 +51,8 @@ def train_files(
     seed : int
     progress : Reporter
         Told the number of maps read and measured.
+    conservative : bool
+        Of a map that has labels, count patches without one as suspicious: they are not surely plausible.
 
     Raises
     ------
@@ -64,9 +67,9 @@ def train_files(
         maps.append(read_patches(path))
         if progress is not None:
             progress.update(number + 0.5)
-    labels = [patches.label for patches in maps]
+    labels = [conservative_label(patches) if conservative else patches.label for patches in maps]
     if max_patches is not None:
-        labels = draw_labels(maps, max_patches, seed)
+        labels = draw_labels(maps, max_patches, seed, labels)
     training_maps = []
     regions = regions_of(maps, labels, region_size(labels, N_REGIONS))
     for number, (patches, label, region) in enumerate(zip(maps, labels, regions, strict=True)):
@@ -78,7 +81,9 @@ def train_files(
     scores = None
     if trained.held_out is not None:
         scores = score_labels(trained.held_out.label, trained.held_out.truth, trained.held_out.probability)
-    drawn = {} if max_patches is None else {"max_patches": max_patches, "seed": seed}
+    drawn: dict[str, Any] = {"labels": "conservative" if conservative else "given"}
+    if max_patches is not None:
+        drawn |= {"max_patches": max_patches, "seed": seed}
     summary = {**summarise(paths, maps, labels, trained, settings, scores), **drawn}
     return replace(trained.model, features=asdict(features), training=summary), trained, scores
 
@@ -110,9 +115,17 @@ def regions_of(
     return regions
 
 
-def draw_labels(maps: Sequence[Patches], n_most: int, seed: int) -> list[NDArray[np.uint8]]:
-    """Return the labels of each map with all but `n_most` hidden: those of regions drawn at random."""
-    labels = [patches.label.copy() for patches in maps]
+def conservative_label(patches: Patches) -> NDArray[np.uint8]:
+    """Return the labels (m,) of a map, patches without one suspicious; of a map without any label, as they are."""
+    unknown = patches.label == UNLABELLED
+    return patches.label if unknown.all() else np.where(unknown, np.uint8(SUSPICIOUS), patches.label)
+
+
+def draw_labels(
+    maps: Sequence[Patches], n_most: int, seed: int, given: Sequence[NDArray[np.uint8]] | None = None
+) -> list[NDArray[np.uint8]]:
+    """Return the labels of each map, or those given, with all but `n_most` hidden: those of regions drawn at random."""
+    labels = [label.copy() for label in given or [patches.label for patches in maps]]
     regions = regions_of(maps, labels, max(SMALLEST_REGION, n_most // PIECES))
     pieces = []
     for number, (label, region) in enumerate(zip(labels, regions, strict=True)):
@@ -148,7 +161,7 @@ def summarise(
     return {
         "versions": process["versions"],
         "created": process["created"],
-        "objective": "pl",
+        "objective": settings.objective,
         "regularisation": trained.strength.weights,
         "coupling_regularisation": trained.strength.coupling,
         "class_weight": "balanced" if settings.balanced else "none",

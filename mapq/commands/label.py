@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "mapq label city.patches --from-field truth",
     "mapq label city.patches --from-field truth --force --json",
+    "mapq label city.patches --from-field suspicious --conservative",
 )
 
 
@@ -30,13 +31,20 @@ def label(
             help="Point field with 1 where suspicious, 0 where plausible, 255 where not known (required).",
         ),
     ] = None,
+    conservative: Annotated[
+        bool,
+        typer.Option(
+            "--conservative", help="Plausible only if nine tenths of the points are, else suspicious, as in the paper."
+        ),
+    ] = False,
     json: Json = False,
     force: Annotated[bool, typer.Option("--force", "-f", help="Replace labels that were set by hand too.")] = False,
 ) -> None:
     """Label patches plausible or suspicious by the majority of a point field.
 
-    A patch with as many points of either kind is suspicious. Labels of an earlier field are replaced. Labelling by
-    hand comes with a later release.
+    A patch with as many points of either kind is suspicious. With --conservative every patch gets a label, and is
+    plausible only if nine tenths of its points are: what is not known speaks against it. Labels of an earlier field are
+    replaced. Labelling by hand comes with a later release.
     """
     from mapq.io import read_patches, write_patches
     from mapq.labels import label_from_field
@@ -49,7 +57,7 @@ def label(
     found = read_patches(patches)
     if from_field is None:
         raise UsageError("name a point field with --from-field. Labelling by hand comes with a later release.")
-    labelled, counts = label_from_field(found, from_field, patches, force)
+    labelled, counts = label_from_field(found, from_field, patches, force, conservative)
     write_patches(patches, labelled)
     if json:
         jsonout.emit_object("mapq.label/1", {"patches": patches, "field": from_field, **counts._asdict()})

@@ -33,6 +33,7 @@ class Objective(StrEnum):
     """What training makes as large as can be."""
 
     pl = "pl"
+    max_margin = "max-margin"
 
 
 class EdgeModel(StrEnum):
@@ -62,7 +63,12 @@ def train(
         list[str], typer.Argument(metavar="PATCHES...", help="Labelled patches, as mapq label leaves them.")
     ],
     output: Output = None,
-    objective: Annotated[Objective, typer.Option("--objective", help="pl: maximum pseudo-likelihood.")] = Objective.pl,
+    objective: Annotated[
+        Objective,
+        typer.Option(
+            "--objective", help="pl: maximum pseudo-likelihood; max-margin: structured support vector machine."
+        ),
+    ] = Objective.pl,
     edge_model: Annotated[
         EdgeModel,
         typer.Option(
@@ -96,6 +102,10 @@ def train(
     class_weight: Annotated[
         ClassWeight, typer.Option("--class-weight", help="balanced: both labels weigh the same in sum.")
     ] = ClassWeight.balanced,
+    conservative: Annotated[
+        bool,
+        typer.Option("--conservative", help="Patches without a label count as suspicious: not surely plausible."),
+    ] = False,
     radius: Annotated[
         float | None, typer.Option("--radius", metavar="METRES", help="Patches farther apart are no neighbours.")
     ] = None,
@@ -154,11 +164,12 @@ def train(
         regularisation,
         coupling_regularisation,
         class_weight is ClassWeight.balanced,
+        objective=objective.value,
     )
     used_seed = resolve_seed(seed) if max_patches is not None else 0
     with progress(len(patches), "maps") as reporter:
         reading = FeatureSettings(reading=features.value, **chosen)
-        model, trained, scores = train_files(patches, settings, reading, max_patches, used_seed, reporter)
+        model, trained, scores = train_files(patches, settings, reading, max_patches, used_seed, reporter, conservative)
     if max_false_alarms is not None:
         model = with_false_alarms(model, max_false_alarms, target)
     write_model(target, model)

@@ -17,6 +17,7 @@ from mapq.crf.marginals import log_loss
 from mapq.crf.operating import operating_points
 from mapq.crf.regions import assign_folds
 from mapq.crf.train import (
+    MAX_MARGIN,
     Prepared,
     Strength,
     TrainingMap,
@@ -38,6 +39,9 @@ COUPLING_SHARES = (0.015, 0.05, 0.15, 0.5, 1.5, 1e3)
 They grow with the patches, as pseudo-likelihood trusts neighbours too much however many there are: it knows their
 labels when it trains, and they are to be found when it is used.
 """
+MARGIN_STRENGTHS = (1.0, 10.0, 100.0)
+"""Strengths that are tried for maximum margin, of all weights alike: it trains on the labellings that cuts find, as
+they are used, and trusts the coupling no more than it should."""
 FALLBACK = Strength(1.0, 30.0)
 """Where the labels do not suffice for a cross-validation; differences are taken for log-odds then."""
 
@@ -107,7 +111,7 @@ class _Trial(NamedTuple):
 
 
 def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) -> Trained:
-    """Return the model of maximum pseudo-likelihood over all maps.
+    """Return the model of maximum pseudo-likelihood, or margin, over all maps.
 
     Each fold leaves out whole regions: their labels are hidden, the rest trains, and a graph cut labels them with no
     label given, as it will on a new map. Of the strengths whose held-out log-loss is within a standard error of the
@@ -145,11 +149,15 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
 
 def _strengths(settings: TrainSettings, n_labelled: int) -> list[Strength]:
     """Return the strengths to try; what the settings give is not varied, nor the coupling where there is none."""
-    tried = STRENGTHS if settings.regularisation is None else (settings.regularisation,)
+    margin = settings.objective == MAX_MARGIN
+    usual = MARGIN_STRENGTHS if margin else STRENGTHS
+    tried = usual if settings.regularisation is None else (settings.regularisation,)
     if settings.edge_model == NONE:
         return [Strength(weights, weights) for weights in tried]
     if settings.coupling_regularisation is not None:
         return [Strength(weights, settings.coupling_regularisation) for weights in tried]
+    if margin:
+        return [Strength(weights, weights) for weights in tried]
     return [Strength(weights, share * n_labelled) for weights in tried for share in COUPLING_SHARES]
 
 

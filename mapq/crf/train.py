@@ -1,7 +1,8 @@
-"""Training by regularised maximum pseudo-likelihood over several maps, some of whose patches may have no label."""
+"""Training over several maps, some of whose patches may have no label: what is fitted, and how strongly."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,11 +12,18 @@ from numpy.typing import NDArray
 
 from mapq.crf.energy import Inputs, edge_columns, label_design, make_inputs, node_columns, require_finite, unary_design
 from mapq.crf.likelihood import Problem, fit
+from mapq.crf.margin import GAP, fit_margin, make_part
 from mapq.crf.scaling import fit_range, fit_scaling
 from mapq.graph import PatchFeatures
 from mapq.model import FULL, NONE, PLAUSIBILITY, Scaling, parameter_names
 from mapq.patches import SUSPICIOUS, UNLABELLED
 from prf.shell.errors import InputError
+
+logger = logging.getLogger(__name__)
+
+PL, MAX_MARGIN = "pl", "max-margin"
+OBJECTIVES = (PL, MAX_MARGIN)
+"""Maximum pseudo-likelihood, as in the paper; structured maximum margin."""
 
 ALL = "all"
 """Stands for every edge feature that there is."""
@@ -56,6 +64,8 @@ class TrainSettings:
         Weigh both labels alike instead of each patch.
     n_folds : int
         Of the cross-validation.
+    objective : str
+        One of `OBJECTIVES`.
     """
 
     edge_model: str = FULL
@@ -64,6 +74,7 @@ class TrainSettings:
     coupling_regularisation: float | None = None
     balanced: bool = True
     n_folds: int = 5
+    objective: str = PL
 
 
 class Strength(NamedTuple):
@@ -153,19 +164,49 @@ def make_problem(
     y = np.concatenate(signs_of)
     n_weights = rows[0].shape[1]
     bounded = () if settings.edge_model == NONE else (n_weights - 2, n_weights - 1)
-    precision = np.full(n_weights, strength.weights)
-    precision[0] = 0.0
-    precision[list(bounded)] = strength.coupling
+    precision = precisions(n_weights - len(bounded), settings.edge_model, strength)
     return Problem(np.vstack(rows), y, _importance(y, settings.balanced), precision, bounded)
 
 
 def fit_weights(
     prepared: Prepared, labels: Sequence[NDArray[np.uint8]], settings: TrainSettings, strength: Strength
 ) -> NDArray[np.float64]:
-    """Return the weights of maximum regularised pseudo-likelihood, in the order of the model's parameter names."""
-    weights = fit(make_problem(prepared, labels, settings, strength))
+    """Return the weights that the objective asks for, regularised, in the order of the model's parameter names."""
+    if settings.objective == MAX_MARGIN:
+        weights = margin_weights(prepared, labels, settings, strength)
+    else:
+        weights = fit(make_problem(prepared, labels, settings, strength))
     assert len(weights) == len(parameter_names(settings.edge_model, prepared.node.names, prepared.edge.names))
     return weights
+
+
+def margin_weights(
+    prepared: Prepared, labels: Sequence[NDArray[np.uint8]], settings: TrainSettings, strength: Strength
+) -> NDArray[np.float64]:
+    """Return the weights of maximum margin; a wrong label costs what the patch weighs in the pseudo-likelihood."""
+    signed = [signs(label) for label in labels]
+    importance = _importance(np.concatenate([y[y != 0.0] for y in signed]), settings.balanced)
+    ends = np.cumsum([np.count_nonzero(y) for y in signed])[:-1]
+    parts = []
+    for inputs, unary, y, known in zip(
+        prepared.inputs, prepared.unary, signed, np.split(importance, ends), strict=True
+    ):
+        cost = np.zeros(len(y))
+        cost[y != 0.0] = known
+        parts.append(make_part(inputs, unary, y, cost))
+    precision = precisions(prepared.unary[0].shape[1], settings.edge_model, strength)
+    found = fit_margin([part for part in parts if len(part.y)], settings.edge_model, precision)
+    if found.bound < (1.0 - GAP) * found.objective:
+        logger.warning("maximum margin: %d rounds were not enough; the optimum may be better", found.n_rounds)
+    return found.weights
+
+
+def precisions(n_unary: int, edge_model: str, strength: Strength) -> NDArray[np.float64]:
+    """Return the precision of each weight's prior, given how many weights theta has; the bias of nodes has none."""
+    n_coupling = 0 if edge_model == NONE else 2
+    precision = np.repeat([strength.weights, strength.coupling], [n_unary, n_coupling])
+    precision[0] = 0.0
+    return precision
 
 
 def require_labels(maps: Sequence[TrainingMap]) -> None:

@@ -90,7 +90,7 @@ def test_an_output_that_stands_is_refused_before_the_work(capsys, tmp_path):
     ("options", "code", "message"),
     [
         (["--regularisation", "0"], 2, "not above 0"),
-        (["--objective", "max-margin"], 2, "max-margin"),
+        (["--objective", "likelihood"], 2, "max-margin"),
         (["--edge-feature", "colour"], 2, "no edge feature colour"),
         (["--radius", "-1"], 2, "radius"),
         (["--json", "-o", "-"], 2, "both want standard output"),
@@ -160,3 +160,11 @@ def test_a_model_without_held_out_regions_has_no_operating_point(capsys, tmp_pat
         code, out, err = call(capsys, verb, path, *options)
         assert (code, out, err.count("\n")) == (2, "", 1)
         assert "has no operating points" in err
+
+
+def test_maximum_margin_trains(capsys, tmp_path):
+    paths = [save_patches(tmp_path, seed) for seed in (1, 2)]
+    found = call_json(capsys, "train", *paths, "--objective", "max-margin", "-o", tmp_path / "m.json")
+    assert found["training"]["objective"] == "max-margin"
+    assert found["training"]["held_out"]["accuracy"] > 0.9
+    assert min(found["parameters"]["coupling"].values()) >= 0.0

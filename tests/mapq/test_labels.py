@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mapq.labels import label_from_field, majority_labels
+from mapq.labels import conservative_labels, label_from_field, majority_labels
 from mapq.patches import FROM_FIELD, FROM_HAND, FROM_NOBODY, UNLABELLED
 from prf.shell.errors import InputError
 from tests.mapq.factories import make_patches
@@ -78,3 +78,14 @@ def test_no_patches_no_labels():
     labelled, counts = label_from_field(none, "truth", "f")
     assert len(labelled.label) == 0
     assert counts == (0, 0, 0, 0, 0, 0)
+
+
+def test_conservative_labels_are_plausible_only_if_surely_so():
+    patch = np.repeat([0, 1, 2, 3, -1], [10, 10, 10, 2, 1]).astype(np.int32)
+    values = np.concatenate([[0] * 9 + [1], [0] * 8 + [1, 255], [0] * 10, [255, 255], [0]])
+    label, ties = conservative_labels(patch, 5, values)
+    assert label.tolist() == [0, 1, 0, 1, 1]
+    assert not ties.any()
+    labelled, counts = label_from_field(patches_with([255, 0, 0, 0, 0, 1, 255, 0, 0]), "truth", "f", conservative=True)
+    assert labelled.label.tolist() == [1, 0, 1]
+    assert (counts.n_unlabelled, counts.n_ties) == (0, 0)

@@ -110,3 +110,16 @@ def test_settings_of_features_that_are_strange_are_refused(files):
     short = {name: value for name, value in model.features.items() if name != "tau"}
     with pytest.raises(InputError, match="tau is missing"):
         feature_settings(replace(model, features=short))
+
+
+def test_conservative_training_counts_what_has_no_label_as_suspicious(tmp_path):
+    patches = draw_patches(1)
+    label = patches.label.copy()
+    label[np.flatnonzero(label == 1)[:6]] = UNLABELLED
+    paths = [str(tmp_path / "a.patches"), str(tmp_path / "bare.patches")]
+    write_patches(paths[0], replace(patches, label=label))
+    write_patches(paths[1], draw_patches(2, labelled=False))
+    plain, careful = (train_files(paths, conservative=each)[0].training for each in (False, True))
+    assert careful["n_suspicious"] == plain["n_suspicious"] + 6 == 16
+    assert careful["n_patches"] == 32
+    assert (plain["labels"], careful["labels"]) == ("given", "conservative")
