@@ -48,14 +48,17 @@ def majority_labels(
         Patch of each point, `NO_PATCH` for none.
     n_patches : int
     values : (n,) array
-        1 suspicious, 0 plausible; other values do not count. A tie is suspicious: only what is definitely plausible
-        shall be called so. A patch without a point that counts is `UNLABELLED`.
+        1 suspicious, 0 plausible, 255 not known; other values do not count. A tie of the first two is suspicious:
+        only what is definitely plausible shall be called so. A patch of which more points are not known than have
+        the label that it would get, or without a point that counts, is `UNLABELLED`.
     """
     inside = patch != NO_PATCH
     suspicious = np.bincount(patch[inside & (values == SUSPICIOUS)], minlength=n_patches)
     plausible = np.bincount(patch[inside & (values == PLAUSIBLE)], minlength=n_patches)
+    not_known = np.bincount(patch[inside & (values == UNLABELLED)], minlength=n_patches)
     label = np.where(suspicious >= plausible, SUSPICIOUS, PLAUSIBLE)
-    known = suspicious + plausible > 0
+    most = np.maximum(suspicious, plausible)
+    known = (most > 0) & (most >= not_known)
     return np.where(known, label, UNLABELLED).astype(np.uint8), known & (suspicious == plausible)
 
 

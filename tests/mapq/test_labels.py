@@ -36,11 +36,16 @@ def test_labels_of_a_field_of_any_type(kind):
     assert (labelled.label.dtype, labelled.label_source.dtype) == (np.uint8, np.uint8)
 
 
-def test_points_without_a_label_do_not_count():
+def test_a_patch_is_unlabelled_where_most_of_its_points_are():
     labelled, counts = label_from_field(patches_with([255, 0, 255, 255, 255, 1, 255, 0, 0]), "truth", "f")
-    assert labelled.label.tolist() == [0, UNLABELLED, 1]
-    assert labelled.label_source.tolist() == [FROM_FIELD, FROM_NOBODY, FROM_FIELD]
-    assert counts.n_unlabelled == 1
+    assert labelled.label.tolist() == [UNLABELLED, UNLABELLED, 1]
+    assert labelled.label_source.tolist() == [FROM_NOBODY, FROM_NOBODY, FROM_FIELD]
+    assert counts.n_unlabelled == 2
+
+
+def test_points_without_a_label_do_not_count_where_they_are_fewer():
+    labelled, _ = label_from_field(patches_with([255, 0, 0, 1, 255, 0, 0, 0, 0]), "truth", "f")
+    assert labelled.label.tolist() == [0, 1, 0]
 
 
 def test_labels_by_hand_stay_unless_forced():

@@ -1,0 +1,161 @@
+"""Make a labelled map from posed scans: merged as they are, or with known errors of their poses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any
+
+import typer
+
+from mapq.commands._options import BinColumns, refuse_inputs
+from prf.shell.options import Force, Json, Output, Seed
+
+EXAMPLES = (
+    "mapq perturb sequences/00 --drift 0.5 1 --seed 1 -o drifted.ply",
+    "mapq perturb scans --poses odometry.txt --reference slam.txt -o odometry.ply",
+    "mapq perturb 0.pcd 1.pcd --poses poses.txt --submaps --split 0.3 -o map.ply",
+)
+
+
+def perturb(
+    scans: Annotated[
+        list[str], typer.Argument(metavar="SCANS...", help="A folder of scans, an E57 file, or the files of the scans.")
+    ],
+    poses: Annotated[
+        str | None, typer.Option("--poses", metavar="FILE", help="Poses of the scans.  [the file beside the scans]")
+    ] = None,
+    reference: Annotated[
+        str | None, typer.Option("--reference", metavar="FILE", help="The right poses, which tell what is displaced.")
+    ] = None,
+    pattern: Annotated[
+        str | None, typer.Option("--scans", metavar="PATTERN", help="Which files of a folder are scans: 'planes_*'.")
+    ] = None,
+    calibration: Annotated[
+        str | None,
+        typer.Option(
+            "--calibration", metavar="FILE", help="KITTI's calib.txt; none: poses are the laser's.  [beside the poses]"
+        ),
+    ] = None,
+    quaternion: Annotated[
+        str | None, typer.Option("--quaternion", metavar="xyzw|wxyz", help="Order of quaternions in poses.  [xyzw]")
+    ] = None,
+    bin_columns: BinColumns = 4,
+    every: Annotated[int, typer.Option("--every", metavar="K", min=1, help="Take scans 0, K, 2K and so on.")] = 1,
+    submaps: Annotated[
+        bool, typer.Option("--submaps", help="Scans are sub-maps of a drive, without a single sensor.")
+    ] = False,
+    voxel: Annotated[
+        float | None, typer.Option("--voxel", metavar="METRES", help="Keep one point of a scan in each cube so wide.")
+    ] = None,
+    min_range: Annotated[
+        float | None, typer.Option("--min-range", metavar="METRES", help="Drop returns closer to the sensor.")
+    ] = None,
+    max_range: Annotated[
+        float | None, typer.Option("--max-range", metavar="METRES", help="Drop returns farther from the sensor.")
+    ] = None,
+    offset: Annotated[
+        float, typer.Option("--offset", metavar="METRES", help="Displace every scan but the first by so much.")
+    ] = 0.0,
+    yaw: Annotated[
+        float, typer.Option("--yaw", metavar="DEG", help="Turn every scan but the first about its sensor.")
+    ] = 0.0,
+    drift: Annotated[
+        tuple[float, float],
+        typer.Option("--drift", metavar="METRES DEG", help="Errors that grow along the way to so much at its end."),
+    ] = (0.0, 0.0),
+    missed_loop: Annotated[
+        tuple[float, float],
+        typer.Option("--missed-loop", metavar="METRES DEG", help="Displace all scans from the first revisit on."),
+    ] = (0.0, 0.0),
+    suspicious_above: Annotated[
+        float, typer.Option("--suspicious-above", metavar="METRES", help="Scans that disagree by more are suspicious.")
+    ] = 0.3,
+    plausible_below: Annotated[
+        float, typer.Option("--plausible-below", metavar="METRES", help="Scans that disagree by less agree.")
+    ] = 0.1,
+    reach: Annotated[
+        float | None,
+        typer.Option("--reach", metavar="METRES", help="So close along a surface scans see the same.  [estimated]"),
+    ] = None,
+    search: Annotated[
+        float, typer.Option("--search", metavar="METRES", help="Without right poses: so far off is looked for.")
+    ] = 3.0,
+    split: Annotated[
+        float | None,
+        typer.Option(
+            "--split", metavar="SHARE", help="Write MAP.train and MAP.test, parted by place: so much to test."
+        ),
+    ] = None,
+    buffer: Annotated[
+        float, typer.Option("--buffer", metavar="METRES", help="Width of the strip between them, which is left out.")
+    ] = 20.0,
+    seed: Seed = None,
+    output: Output = None,
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """Make a labelled map from posed scans: merged as they are, or with known errors of their poses.
+
+    Point field `suspicious` is 1 where scans that see the same surface disagree along its normal, 0 where they agree or
+    one alone saw it, 255 where that is ambiguous or not known. With errors the poses given are taken for right; else
+    --reference tells the right ones, or, without it, small pieces of the scans are registered to each other.
+    """
+    from dataclasses import asdict
+
+    from mapq.perturb import MergeSettings, PoseErrors, Rule, build, check_split
+    from mapq.perturb.files import SCHEMA, target_files, write_map
+    from mapq.posed import FindSettings, find_scans, replace_poses
+    from prf.shell import console, jsonout
+    from prf.shell.progress import progress
+    from prf.shell.seeds import resolve_seed
+
+    find = FindSettings(poses, calibration, pattern, quaternion, bin_columns)
+    posed = find_scans(scans, find)
+    targets = target_files(output, split is not None, force)
+    given = [*scans, *(name for name in (poses, reference, calibration) if name)]
+    refuse_inputs([*targets.maps, targets.report], given)
+    errors, rule = PoseErrors(offset, yaw, drift, missed_loop), Rule(suspicious_above, plausible_below, reach, search)
+    settings = MergeSettings(voxel, min_range, max_range, submaps)
+    for part in (errors, rule, settings):
+        part.check()
+    if split is not None:
+        check_split(split, buffer)
+    right = replace_poses(posed, reference, find).every(every).poses if reference else None
+    used_seed = None if errors.is_none else resolve_seed(seed)
+    with progress(1.0, "merging and comparing scans") as bar:
+        built = build(posed.every(every), errors, rule, settings, right, used_seed or 0, bar.update)
+    head = {"seed": used_seed, "errors": errors.as_dict(), "rule": rule.as_dict(), "merging": asdict(settings)}
+    report = write_map(targets, built, head, split, buffer)
+    if json:
+        jsonout.emit_object(SCHEMA, report)
+        return
+    for line in _lines(report, targets.report):
+        console.emit(line)
+
+
+def _lines(report: Mapping[str, Any], beside: str) -> Iterator[str]:
+    """Yield the table for a person."""
+    n_points = report["n_points"]
+    yield f"{'scans':<16}{len(report['scans'])}, {report['n_read']:,} points read, {n_points:,} kept"
+    reach = f", within {report['reach']:.2f} m along a surface" if "reach" in report else ""
+    yield f"{'labels from':<16}{report['labels_from']}{reach}"
+    rule = report["rule"]
+    for name, words in (
+        ("suspicious", f"scans disagree by more than {rule['suspicious_above']:g} m"),
+        ("plausible", f"by less than {rule['plausible_below']:g} m, or one alone saw it"),
+        ("ambiguous", "between"),
+        ("not_known", "no plane, or scans that could not be compared"),
+        ("seen_once", "plausible because one scan alone saw it"),
+    ):
+        count = report[f"n_{name}"]
+        yield f"{name.replace('_', ' '):<16}{count:,} points ({count / n_points:.1%}): {words}"
+    yield f"{'disagreement':<16}{report['largest_disagreement']:.3g} m at most"
+    if "split" in report:
+        split = report["split"]
+        low, high = split["strip"]
+        yield f"{'left out':<16}{split['n_dropped']:,} points, {split['axis']} from {low:.1f} to {high:.1f} m"
+    for row in report["files"]:
+        yield f"{'map':<16}{row['path']}: {row['n_points']:,} points, {row['n_suspicious']:,} suspicious"
+    yield f"{'report':<16}{beside}"
+    if report["seed"] is not None:
+        yield f"{'seed':<16}{report['seed']}"

@@ -1,0 +1,11 @@
+"""Labelled maps from posed scans: merged as they are, or with known errors of their poses."""
+
+from mapq.perturb.build import Built as Built
+from mapq.perturb.build import MergeSettings as MergeSettings
+from mapq.perturb.build import build as build
+from mapq.perturb.errors import PoseErrors as PoseErrors
+from mapq.perturb.errors import displaced as displaced
+from mapq.perturb.label import Rule as Rule
+from mapq.perturb.split import Parts as Parts
+from mapq.perturb.split import check_split as check_split
+from mapq.perturb.split import split_by_place as split_by_place

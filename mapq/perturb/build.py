@@ -1,0 +1,185 @@
+"""`build`: posed scans to a labelled map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.cloud import SHIFT_ABOVE, PointCloud
+from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.perturb.disagree import Disagreement, known_disagreement
+from mapq.perturb.errors import PoseErrors, displaced
+from mapq.perturb.label import Rule, label_points
+from mapq.perturb.measure import measured_disagreement
+from mapq.perturb.merge import AT_THE_SENSOR, Merged, merge
+from mapq.perturb.surfaces import find_surfaces
+from mapq.posed import PosedScans, drive_passes
+from prf.shell.errors import UsageError
+
+Vector = NDArray[np.float64]
+
+ADDED = ("scan", "suspicious", "disagreement", "pass_id", "time", "to_sensor_x", "to_sensor_y", "to_sensor_z")
+"""Fields that a labelled map gets; those of the scans with these names are kept behind `ORIGINAL`."""
+ORIGINAL = "original_"
+
+
+@dataclass(frozen=True)
+class MergeSettings:
+    """How scans become a map.
+
+    Attributes
+    ----------
+    voxel : float or None
+        Metres: of the points of a scan in one cube of this side the first is kept.
+    min_range, max_range : float or None
+        Metres from the sensor.
+    submaps : bool
+        Scans are sub-maps, made of many: they have no single sensor, so no rays, no sides and no passes.
+    """
+
+    voxel: float | None = None
+    min_range: float | None = None
+    max_range: float | None = None
+    submaps: bool = False
+
+    def check(self) -> None:
+        """Raise :class:`UsageError` for lengths outside their domains."""
+        for name in ("voxel", "min_range", "max_range"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0.0):
+                raise UsageError(f"--{name.replace('_', '-')} {value:g} is no length above 0.")
+        if (self.min_range or 0.0) >= (self.max_range or np.inf):
+            raise UsageError(f"--min-range {self.min_range:g} is not below --max-range {self.max_range:g}.")
+
+
+class Built(NamedTuple):
+    """A labelled map.
+
+    Attributes
+    ----------
+    cloud : PointCloud
+        Points scan by scan with `scan`, `suspicious`, `disagreement`, for scans that have one sensor `pass_id` and
+        `to_sensor_x/y/z`, and `time` where it is known.
+    report : dict
+        Counts, lengths, and a row for each scan, for JSON.
+    """
+
+    cloud: PointCloud
+    report: dict[str, Any]
+
+
+def build(
+    scans: PosedScans,
+    errors: PoseErrors | None = None,
+    rule: Rule | None = None,
+    settings: MergeSettings | None = None,
+    reference: Vector | None = None,
+    seed: int = 0,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Built:
+    """Merge posed scans, displaced or not, and label every point.
+
+    Parameters
+    ----------
+    scans : PosedScans
+    errors : PoseErrors
+        What the poses get. None or none of them: the poses as they are.
+    rule : Rule
+    settings : MergeSettings
+    reference : (k, 4, 4) float64, optional
+        The right poses. None: with errors the poses before them; without, no poses are known to be right, and what
+        disagrees is measured by registration of small pieces.
+    seed : int
+        Of the directions of errors.
+    progress : callable
+        Told the share that is done.
+
+    Raises
+    ------
+    UsageError
+        For values outside their domains.
+    InputError
+        If a scan cannot be read or no point is left.
+    """
+    errors, rule, settings = errors or PoseErrors(), rule or Rule(), settings or MergeSettings()
+    for part in (errors, rule, settings):
+        part.check()
+    near = 0.0 if settings.submaps else AT_THE_SENSOR
+    limits = (settings.min_range or near, settings.max_range or np.inf)
+    merged = merge(scans, settings.voxel, limits, lambda done: progress(0.5 * done / len(scans)))
+    used = scans.poses if errors.is_none else displaced(scans.poses, errors, seed)
+    right = reference if reference is not None or errors.is_none else scans.poses
+    sided = not settings.submaps
+    if right is not None:
+        surfaces = find_surfaces(merged, right, rule.reach, sided)
+        progress(0.8)
+        found = known_disagreement(surfaces, right, used, rule.plausible_below)
+        basis: dict[str, Any] = {"labels_from": "reference poses", "reach": surfaces.reach}
+    else:
+        compared = 0.5 / len(scans)
+        found = measured_disagreement(merged, used, rule.search, sided, lambda n: progress(0.5 + compared * n))
+        basis = {"labels_from": "registration"}
+    label = label_points(found.metres, rule)
+    cloud = _cloud(merged, used, scans, found, label, settings.submaps)
+    progress(1.0)
+    return Built(cloud, {**basis, **_counts(merged, found, label), "scans": _rows(scans, merged, used, right)})
+
+
+def _cloud(
+    merged: Merged,
+    used: Vector,
+    scans: PosedScans,
+    found: Disagreement,
+    label: NDArray[np.uint8],
+    submaps: bool,
+) -> PointCloud:
+    """Return the map with its fields."""
+    world = merged.placed(used)
+    fields: dict[str, NDArray[Any]] = {
+        (ORIGINAL + name if name in ADDED else name): values for name, values in merged.fields.items()
+    }
+    fields["scan"] = merged.scan
+    fields["suspicious"] = label
+    fields["disagreement"] = found.metres.astype(np.float32)
+    if scans.times is not None:
+        fields["time"] = scans.times[merged.scan]
+    if not submaps:
+        fields["pass_id"] = drive_passes(scans.poses)[merged.scan]
+        ray = (used[merged.scan, :3, 3] - world).astype(np.float32)
+        fields |= {f"to_sensor_{axis}": ray[:, number] for number, axis in enumerate("xyz")}
+    narrow = np.abs(world).max() < SHIFT_ABOVE
+    return PointCloud.from_world(world.astype(np.float32) if narrow else world, fields, scans.source)
+
+
+def _counts(merged: Merged, found: Disagreement, label: NDArray[np.uint8]) -> dict[str, Any]:
+    """Return how many points there are of each kind, and how many scans see what."""
+    return {
+        "n_read": int(merged.counts.sum()),
+        "n_points": len(label),
+        "n_suspicious": int(np.count_nonzero(label == SUSPICIOUS)),
+        "n_plausible": int(np.count_nonzero(label == PLAUSIBLE)),
+        "n_ambiguous": int(np.count_nonzero((label == UNLABELLED) & np.isfinite(found.metres))),
+        "n_not_known": int(np.count_nonzero(np.isnan(found.metres))),
+        "n_seen_once": int(np.count_nonzero((found.n_others == 0) & np.isfinite(found.metres))),
+        "largest_disagreement": float(np.nanmax(found.metres)) if np.isfinite(found.metres).any() else float("nan"),
+    }
+
+
+def _rows(scans: PosedScans, merged: Merged, used: Vector, right: Vector | None) -> list[dict[str, Any]]:
+    """Return what is told of each scan."""
+    passes = drive_passes(scans.poses)
+    n_points = np.bincount(merged.scan, minlength=len(scans))
+    rows = []
+    for scan, name in enumerate(scans.names):
+        row: dict[str, Any] = {"scan": scan, "name": name, "n_read": merged.counts[scan], "n_points": n_points[scan]}
+        row |= {"pass_id": passes[scan], "pose": used[scan, :3].ravel()}
+        if scans.times is not None:
+            row["time"] = scans.times[scan]
+        if right is not None:
+            row["reference"] = right[scan, :3].ravel()
+        rows.append(row)
+    return rows

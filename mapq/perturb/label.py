@@ -1,0 +1,57 @@
+"""From metres of disagreement to the labels of points."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from prf.shell.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What is suspicious, and what is plausible.
+
+    Attributes
+    ----------
+    suspicious_above, plausible_below : float
+        Metres of disagreement along the normal; between them points are ambiguous.
+    reach : float or None
+        Metres along a surface within which two scans see the same part of it; None: estimated.
+    search : float
+        Metres by which scans may lie off each other where no right poses are known.
+    """
+
+    suspicious_above: float = 0.3
+    plausible_below: float = 0.1
+    reach: float | None = None
+    search: float = 3.0
+
+    def check(self) -> None:
+        """Raise :class:`UsageError` for lengths outside their domains."""
+        for name in ("suspicious_above", "plausible_below", "reach", "search"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and 0.0 < value <= 100.0):
+                raise UsageError(f"--{name.replace('_', '-')} {value:g} is no length above 0 and up to 100 m.")
+        if self.plausible_below > self.suspicious_above:
+            raise UsageError(
+                f"--plausible-below {self.plausible_below:g} is above --suspicious-above {self.suspicious_above:g}: "
+                f"what lies between would be both."
+            )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the lengths for JSON."""
+        return asdict(self)
+
+
+def label_points(metres: NDArray[np.float64], rule: Rule) -> NDArray[np.uint8]:
+    """Return the label (n,) of each point: suspicious, plausible, or `UNLABELLED` where ambiguous or not known."""
+    with np.errstate(invalid="ignore"):
+        label = np.where(metres > rule.suspicious_above, SUSPICIOUS, UNLABELLED)
+        label[metres <= rule.plausible_below] = PLAUSIBLE
+    return label.astype(np.uint8)

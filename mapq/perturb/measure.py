@@ -1,0 +1,185 @@
+"""By how much scans disagree where no right poses are known: their pieces are laid onto each other.
+
+A piece of a scan, some twenty metres wide, is registered to every other scan near it. What does not overlap after that
+was seen from elsewhere or hidden and says nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from mapq.perturb.cells import cell_keys, mean_of, planes_round
+from mapq.perturb.disagree import Disagreement
+from mapq.perturb.merge import Merged
+from mapq.perturb.register import Piece, Sheet, lies_on, register
+
+Vector = NDArray[np.float64]
+
+GRAIN = 0.25
+"""Metres: side of the cells whose means are registered."""
+WINDOW, STRIDE = 20.0, 10.0
+"""Metres: side of the pieces, and from one to the next."""
+FEWEST_WALLS = 40
+"""Elements of walls that a piece must have."""
+MOST_ELEMENTS = 360
+"""Of a piece: more make its fit no better."""
+NEAR_SHARE = 0.3
+"""Share of the walls of a piece that must have a wall of the other scan near them for it to be tried."""
+OVERLAP = 0.5
+"""Least overlap after registration that is believed."""
+ON_SHEET = 0.3
+"""Metres off the other scan, after registration, at which it still sees an element."""
+UPRIGHT = 0.5
+"""Largest upward component of the normal of a wall."""
+
+
+class Parted(NamedTuple):
+    """A scan cut into elements: its sheet, and the element (n,) of each of its points."""
+
+    sheet: Sheet
+    element: NDArray[np.int64]
+    flat: NDArray[np.bool_]
+
+
+def measured_disagreement(
+    merged: Merged,
+    poses: Vector,
+    search: float = 3.0,
+    sided: bool = True,
+    progress: Callable[[int], None] = lambda done: None,
+) -> Disagreement:
+    """Return how far apart scans put what registration finds to be the same walls.
+
+    Points that are of no wall are not known (nan), and so are walls that have walls of other scans within `search` of
+    them, none of which could be registered. Walls that no other scan comes near are seen once.
+
+    Parameters
+    ----------
+    merged : Merged
+    poses : (k, 4, 4) float64
+        Those that are used.
+    search : float
+        Metres by which one scan may lie off another.
+    sided : bool
+        Whether each scan was taken from one place, its origin; sub-maps were not.
+    progress : callable
+        Told the number of scans compared.
+    """
+    points = merged.placed(poses)
+    starts = np.searchsorted(merged.scan, np.arange(len(poses) + 1))
+    parts = [
+        _parted(points[begin:end], poses[scan, :3, 3] if sided else None)
+        for scan, (begin, end) in enumerate(pairwise(starts))
+    ]
+    metres, n_others = np.full(len(points), np.nan), np.zeros(len(points), np.int64)
+    for scan, part in enumerate(parts):
+        rows = slice(int(starts[scan]), int(starts[scan + 1]))
+        others = [other.sheet for number, other in enumerate(parts) if number != scan]
+        found, count = _against_others(part, others, search, sided)
+        metres[rows], n_others[rows] = found[part.element], count[part.element]
+        progress(scan + 1)
+    return Disagreement(metres, n_others)
+
+
+def _parted(points: Vector, origin: Vector | None) -> Parted:
+    """Return the elements of a scan, of points (n, 3) in the map; normals point to the origin if it is known."""
+    if len(points) == 0:
+        nothing = np.zeros((0, 3))
+        return Parted(
+            Sheet(nothing, nothing, np.zeros(0, bool), cKDTree(nothing)), np.zeros(0, np.int64), np.zeros(0, bool)
+        )
+    _, element = np.unique(cell_keys(points, GRAIN), return_inverse=True)
+    place = mean_of(element, int(element.max()) + 1, points)
+    planes = planes_round(place)
+    normal = planes.normal
+    if origin is not None:
+        behind = np.einsum("ij,ij->i", origin - place, normal) < 0.0
+        normal = normal * np.where(behind, -1.0, 1.0)[:, None]
+    upright = planes.flat & (np.abs(normal[:, 2]) < UPRIGHT)
+    return Parted(Sheet(place, normal, upright, cKDTree(place)), element, planes.flat)
+
+
+def _against_others(part: Parted, others: list[Sheet], search: float, sided: bool) -> tuple[Vector, NDArray[np.int64]]:
+    """Return the disagreement (m,) of each element of a scan with the others, and how many of them see it."""
+    sheet = part.sheet
+    worst, n_seen = np.zeros(len(sheet.place)), np.zeros(len(sheet.place), np.int64)
+    in_doubt = np.zeros(len(sheet.place), bool)
+    windows = list(_windows(sheet.place[:, :2]))
+    for other in others:
+        if len(other.place) == 0 or not part.flat.any():
+            continue
+        walls = cKDTree(other.place[other.upright]) if other.upright.any() else None
+        if walls is None:
+            continue
+        near = sheet.upright & np.isfinite(walls.query(sheet.place, distance_upper_bound=search)[0])
+        if np.count_nonzero(near) < NEAR_SHARE * FEWEST_WALLS:
+            continue
+        along = _displacement(part, other, windows, near, search, sided)
+        seen = np.isfinite(along)
+        worst[seen] = np.maximum(worst[seen], np.abs(along[seen]))
+        n_seen += seen
+        in_doubt |= near & ~seen
+    return np.where(sheet.upright & ~(in_doubt & (n_seen == 0)), worst, np.nan), n_seen
+
+
+def _windows(place: Vector) -> list[NDArray[np.int64]]:
+    """Return the places (m, 2) that lie in each of the overlapping squares that have any."""
+    if len(place) == 0:
+        return []
+    low = place.min(axis=0)
+    last = np.floor((place - low) / STRIDE).astype(np.int64)
+    reach = round(WINDOW / STRIDE)
+    members: dict[tuple[int, int], list[NDArray[np.int64]]] = {}
+    cells, cell = np.unique(last, axis=0, return_inverse=True)
+    order = np.argsort(cell.ravel(), kind="stable")
+    ends = np.cumsum(np.bincount(cell.ravel(), minlength=len(cells)))
+    for (column, row), rows in zip(cells.tolist(), np.split(order, ends[:-1]), strict=True):
+        for left in range(column - reach + 1, column + 1):
+            for bottom in range(row - reach + 1, row + 1):
+                members.setdefault((left, bottom), []).append(rows)
+    return [np.sort(np.concatenate(members[key])) for key in sorted(members)]
+
+
+def _displacement(
+    part: Parted,
+    other: Sheet,
+    windows: list[NDArray[np.int64]],
+    near: NDArray[np.bool_],
+    search: float,
+    sided: bool,
+) -> Vector:
+    """Return by how much the other scan has each element (m,) displaced along its normal; nan where unknown.
+
+    Of the windows that an element lies in, the one that overlaps best speaks.
+    """
+    along, best = np.full(len(near), np.nan), np.zeros(len(near))
+    for rows in windows:
+        walls = rows[part.sheet.upright[rows]]
+        if len(walls) < FEWEST_WALLS or near[walls].mean() < NEAR_SHARE:
+            continue
+        fitted = register(_piece(part, rows), other, search, sided)
+        if fitted.overlap < OVERLAP:
+            continue
+        piece = part.sheet.take(walls)
+        moved = piece.place @ fitted.motion[:3, :3].T + fitted.motion[:3, 3] - piece.place
+        seen = lies_on(piece, other, fitted.motion, sided, ON_SHEET) & (best[walls] < fitted.overlap)
+        along[walls[seen]] = np.einsum("ij,ij->i", moved, piece.normal)[seen]
+        best[walls[seen]] = fitted.overlap
+    return along
+
+
+def _piece(part: Parted, rows: NDArray[np.int64]) -> Piece:
+    """Return flat elements of a window, evenly thinned: walls and half as many others, which hold it level."""
+    flat = rows[part.flat[rows]]
+    upright = part.sheet.upright[flat]
+    walls, level = flat[upright], flat[~upright]
+    most_walls = MOST_ELEMENTS * 2 // 3
+    walls = walls[:: len(walls) // most_walls + 1]
+    level = level[:: len(level) // (MOST_ELEMENTS - most_walls) + 1]
+    return part.sheet.take(np.concatenate([walls, level]))

@@ -1,0 +1,112 @@
+"""All points of all scans in arrays, in the frame of their scan, with what is known of each scan."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.cloud import PointCloud
+from mapq.perturb.cells import cell_keys
+from mapq.posed import PosedScans
+from prf.shell.errors import InputError
+
+logger = logging.getLogger(__name__)
+
+Vector = NDArray[np.float64]
+
+AT_THE_SENSOR = 0.01
+"""Metres: a return so close is none; many sensors write (0, 0, 0) for "no return"."""
+
+
+class Merged(NamedTuple):
+    """The points of all scans.
+
+    Attributes
+    ----------
+    xyz : (n, 3) float64
+        In the frame of each point's scan.
+    scan : (n,) int32
+    fields : dict of str to (n, ...) array
+        Those that every scan has, in one type.
+    counts : (k,) int64
+        Points read of each scan.
+    """
+
+    xyz: Vector
+    scan: NDArray[np.int32]
+    fields: dict[str, NDArray[Any]]
+    counts: NDArray[np.int64]
+
+    def placed(self, poses: Vector) -> Vector:
+        """Return the points (n, 3) where poses (k, 4, 4) put them."""
+        world = np.empty_like(self.xyz)
+        starts = np.searchsorted(self.scan, np.arange(len(poses) + 1))
+        for scan, pose in enumerate(poses):
+            rows = slice(int(starts[scan]), int(starts[scan + 1]))
+            world[rows] = self.xyz[rows] @ pose[:3, :3].T + pose[:3, 3]
+        return world
+
+
+def merge(
+    scans: PosedScans,
+    voxel: float | None = None,
+    reach: tuple[float, float] = (AT_THE_SENSOR, np.inf),
+    progress: Callable[[int], None] = lambda done: None,
+) -> Merged:
+    """Read all scans.
+
+    Parameters
+    ----------
+    scans : PosedScans
+    voxel : float, optional
+        Metres: of the points of a scan that lie in one cube of this side the first is kept.
+    reach : (float, float)
+        Ranges in metres of the returns that are kept.
+    progress : callable
+        Told the number of scans read.
+
+    Raises
+    ------
+    InputError
+        If a scan cannot be read, or no point is left.
+    """
+    parts: list[PointCloud] = []
+    counts = []
+    for scan in range(len(scans)):
+        cloud = scans.read(scan)
+        counts.append(len(cloud))
+        parts.append(_kept(cloud, voxel, reach))
+        progress(scan + 1)
+    if not any(len(part) for part in parts):
+        raise InputError(f"{scans.source}: no point is left of {sum(counts)}. Check --min-range and --max-range.")
+    of_scan = np.repeat(np.arange(len(parts), dtype=np.int32), [len(part) for part in parts])
+    xyz = np.concatenate([part.world() for part in parts])
+    return Merged(xyz, of_scan, _common_fields(parts, scans.source), np.array(counts, np.int64))
+
+
+def _kept(cloud: PointCloud, voxel: float | None, reach: tuple[float, float]) -> PointCloud:
+    """Return the points of a scan that count."""
+    distance = np.linalg.norm(cloud.world(), axis=1)
+    with np.errstate(invalid="ignore"):
+        cloud = cloud.take(cloud.finite() & (distance > reach[0]) & (distance <= reach[1]))
+    if voxel is None or len(cloud) == 0:
+        return cloud
+    _, first = np.unique(cell_keys(cloud.xyz, voxel, cloud.source), return_index=True)
+    return cloud.take(np.sort(first))
+
+
+def _common_fields(parts: list[PointCloud], source: str) -> dict[str, NDArray[Any]]:
+    """Return the fields (n, ...) that all scans have in the same shape; a warning names the others."""
+    names = list(dict.fromkeys(name for part in parts for name in part.fields))
+    fields = {}
+    for name in names:
+        values = [part.fields[name] for part in parts if name in part.fields]
+        if len(values) == len(parts) and len({value.shape[1:] for value in values}) == 1:
+            fields[name] = np.concatenate(values)
+        else:
+            logger.warning("%s: field %s is dropped: not every scan has it alike", source, name)
+    return fields

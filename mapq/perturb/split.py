@@ -1,0 +1,92 @@
+"""Parting a map by place, with a buffer: neighbours share their errors, so random patches would leak."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.cloud import PointCloud
+from prf.shell.errors import InputError, UsageError
+
+
+class Parts(NamedTuple):
+    """A map parted by a straight strip.
+
+    Attributes
+    ----------
+    train, test : PointCloud
+    axis : int
+        0 or 1: the strip lies across x or y.
+    strip : (float, float)
+        Where it begins and ends on that axis, world coordinates in metres.
+    n_dropped : int
+        Points in it, and points without coordinates.
+    """
+
+    train: PointCloud
+    test: PointCloud
+    axis: int
+    strip: tuple[float, float]
+    n_dropped: int
+
+
+def split_by_place(cloud: PointCloud, share: float, buffer: float, axis: int | None = None) -> Parts:
+    """Part a map into two pieces with an empty strip between them.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+    share : float
+        Of the points outside the strip that go to the test part, about; the far end of the axis.
+    buffer : float
+        Metres: width of the strip.
+    axis : {0, 1}, optional
+        Across which axis to cut; None: that along which the middle 98 % of the points reach farther.
+
+    Raises
+    ------
+    UsageError
+        If share or buffer are outside their domains.
+    InputError
+        If a part would be empty.
+    """
+    check_split(share, buffer)
+    finite = cloud.finite()
+    if not finite.any():
+        raise InputError(f"{cloud.source or 'the map'}: no point to part.")
+    low, high = np.quantile(cloud.xyz[finite, :2], (0.01, 0.99), axis=0)
+    across = int(np.argmax(high - low)) if axis is None else axis
+    place = np.where(finite, cloud.xyz[:, across], np.nan)
+    begin = _strip(np.sort(place[finite]), share, buffer)
+    with np.errstate(invalid="ignore"):
+        is_train, is_test = place < begin, place > begin + buffer
+    if not (is_train.any() and is_test.any()):
+        raise InputError(
+            f"{cloud.source or 'the map'}: {high[across] - low[across]:.3g} m long, a buffer of {buffer:g} m leaves no "
+            f"two parts. Give a narrower one with --buffer."
+        )
+    strip = (float(begin + cloud.shift[across]), float(begin + buffer + cloud.shift[across]))
+    n_dropped = len(cloud) - int(np.count_nonzero(is_train)) - int(np.count_nonzero(is_test))
+    return Parts(cloud.take(is_train), cloud.take(is_test), across, strip, n_dropped)
+
+
+def check_split(share: float, buffer: float) -> None:
+    """Raise :class:`UsageError` for a share or a buffer outside its domain."""
+    if not 0.0 < share < 1.0:
+        raise UsageError(f"--split {share:g} is no share between 0 and 1.")
+    if not (math.isfinite(buffer) and buffer >= 0.0):
+        raise UsageError(f"--buffer {buffer:g} is no length of 0 or more.")
+
+
+def _strip(sorted_place: NDArray[np.float64], share: float, buffer: float) -> float:
+    """Return where the strip begins, so that about `share` of the points outside it lie beyond it."""
+    candidates = np.quantile(sorted_place, np.linspace(0.0, 1.0, 201))
+    before = np.searchsorted(sorted_place, candidates, side="left")
+    beyond = len(sorted_place) - np.searchsorted(sorted_place, candidates + buffer, side="right")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        miss = np.abs(beyond / (before + beyond) - share)
+    miss[(before == 0) | (beyond == 0)] = np.inf
+    return float(candidates[int(np.argmin(miss))])

@@ -1,0 +1,100 @@
+"""Which files of a folder are scans, and which file holds their poses."""
+
+from __future__ import annotations
+
+import fnmatch
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from mapq.io.recognise import end_of
+from prf.shell.errors import InputError
+
+UOS_END, E57_END = ".3d", ".e57"
+SCAN_ENDS = (".bin", ".pcd", ".ply", ".xyz", ".npy", ".npz", UOS_END, E57_END)
+POSE_NAME = re.compile(r"(pose|traj|graph|odometry).*\.(txt|json|csv|tum)$", re.IGNORECASE)
+"""Names that files of poses have; ``graph.txt`` is that of gtsam_points: a name, a place and a quaternion a row."""
+SCANS_SHOWN = 4
+"""Sets of scans, or files of poses, that a message names."""
+
+
+def scan_files(folder: str, pattern: str | None) -> list[str]:
+    """Return the scans of a folder or of a folder in it, in natural order.
+
+    Parameters
+    ----------
+    folder : str
+    pattern : str or None
+        Names of the scans, such as ``planes_*.bin``; None: all files of points whose names differ in a number alone.
+
+    Raises
+    ------
+    InputError
+        If there is none, or more than one set of scans.
+    """
+    here = Path(folder)
+    files = sorted(path for path in (*here.glob("*"), *here.glob("*/*")) if path.is_file())
+    if pattern is not None:
+        named = (path for path in files if fnmatch.fnmatch(path.relative_to(here).as_posix(), pattern))
+        found = sorted((str(path) for path in named), key=natural_key)
+        if not found:
+            raise InputError(f"{folder}: no file in it is called {pattern}. Check --scans.")
+        return found
+    families: dict[str, list[str]] = {}
+    for path in files:
+        if end_of(path.name) in SCAN_ENDS:
+            families.setdefault(family(path.relative_to(here)), []).append(str(path))
+    several = {name: found for name, found in families.items() if "*" in name or end_of(name) == E57_END}
+    if not several:
+        raise InputError(f"{folder}: no scans in it: no numbered files such as 000000.bin, 0.pcd or scan000.3d.")
+    if len(several) > 1:
+        names = ", ".join(f"{name} ({len(found)})" for name, found in list(several.items())[:SCANS_SHOWN])
+        raise InputError(f"{folder}: several sets of scans: {names}. Choose one with --scans.")
+    return sorted(next(iter(several.values())), key=natural_key)
+
+
+def family(path: Path) -> str:
+    """Return the name of a path with its last number replaced by ``*``."""
+    stem, found = re.subn(r"\d+(?=\D*$)", "*", path.name.removesuffix(".gz").rpartition(".")[0], count=1)
+    name = f"{stem}{end_of(path.name)}" if found else path.name
+    return (path.parent / name).as_posix()
+
+
+def natural_key(path: str) -> tuple[list[tuple[int, int, str]], str]:
+    """Return what sorts names by the numbers in them: 2 before 10."""
+    parts = re.findall(r"\d+|\D+", path)
+    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in parts], path
+
+
+def number_of(path: str) -> int | None:
+    """Return the last number in the name of a file, None if it has none."""
+    numbers = re.findall(r"\d+", Path(path).name.removesuffix(".gz").rpartition(".")[0])
+    return int(numbers[-1]) if numbers else None
+
+
+def pose_file(files: Sequence[str]) -> str:
+    """Return the only file of poses beside the scans, or in the folder above theirs.
+
+    Raises
+    ------
+    InputError
+        If there is none, or more than one.
+    """
+    folder = Path(files[0]).parent
+    for place in (folder, folder.parent):
+        found = [str(path) for path in sorted(place.glob("*")) if path.is_file() and POSE_NAME.search(path.name)]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            names = ", ".join(found[:SCANS_SHOWN])
+            raise InputError(f"{folder}: which file has the poses: {names}? Name it with --poses.")
+    raise InputError(f"{files[0]}: no file of poses beside the scans. Name it with --poses.")
+
+
+def refuse_missing(files: Sequence[str]) -> None:
+    """Raise InputError for the first scan that is no file, before hours are spent on those before it."""
+    for path in files:
+        if Path(path).is_dir():
+            raise InputError(f"{path}: this is a folder; give one folder alone, or files.")
+        if not Path(path).is_file():
+            raise InputError(f"{path}: no such file or directory.")

@@ -1,0 +1,155 @@
+"""The verb `mapq perturb`: its map, its report, its parts, its refusals."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mapq.cli import app
+from mapq.cloud import PointCloud
+from mapq.io import read_cloud, write_ply
+from prf.shell.run import run_app
+from tests.mapq.factories import wall
+from tests.mapq.perturb.scenes import look, pose_at
+from tests.mapq.posed.test_poses import rows
+
+POSES = np.array([pose_at(4.0 + 3.0 * scan, -5.0, 10.0 * scan) for scan in range(4)])
+
+
+def run(*args: str) -> int:
+    return run_app(app, "mapq", ["perturb", *args])
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Four scans of a long wall with their poses, and poses that are wrong by 0.5 m from the third on."""
+    scans = tmp_path / "scans"
+    scans.mkdir()
+    for scan, pose in enumerate(POSES):
+        seen = look([wall((0.0, 0.0), (18.0, 0.0))], pose, scan, 40.0)
+        local = (seen - pose[:3, 3]) @ pose[:3, :3]
+        write_ply(str(scans / f"{scan}.ply"), PointCloud.from_world(local.astype(np.float32)))
+    (scans / "poses.txt").write_text(rows(POSES[:, :3].reshape(4, 12)))
+    wrong = POSES.copy()
+    wrong[2:, 1, 3] += 0.5
+    (tmp_path / "odometry.txt").write_text(rows(wrong[:, :3].reshape(4, 12)))
+    return scans
+
+
+def test_the_right_poses_tell_what_is_displaced(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, odometry = folder.parent / "map.ply", str(folder.parent / "odometry.txt")
+    args = (str(folder), "--poses", odometry, "--reference", str(folder / "poses.txt"), "-o", str(out))
+    assert run(*args) == 0
+    cloud = read_cloud(str(out))
+    assert (cloud.fields["suspicious"] == 1).mean() > 0.99
+    np.testing.assert_allclose(np.nanmedian(cloud.fields["disagreement"]), 0.5, atol=0.01)
+    assert cloud.fields["scan"].dtype == np.int32
+    table = capsys.readouterr().out
+    assert "labels from     reference poses, within 0.4" in table
+    assert "scans           4, " in table
+    assert "seed" not in table
+    report = json.loads(out.with_suffix(".json").read_text())
+    assert report["schema"] == "mapq.perturb/1"
+    assert report["n_points"] == len(cloud)
+    assert (report["seed"], len(report["scans"])) == (None, 4)
+    np.testing.assert_allclose(report["scans"][3]["reference"], POSES[3, :3].ravel())
+
+
+def test_errors_of_a_seed_give_the_same_bytes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names = [folder.parent / f"{name}.ply" for name in "abc"]
+    for name, seed in zip(names, "112", strict=True):
+        assert run(str(folder), "--offset", "0.6", "--yaw", "1", "--seed", seed, "-o", str(name), "-q") == 0
+    contents = [name.read_bytes() for name in names]
+    assert contents[0] == contents[1] != contents[2]
+    assert "seed            2" in capsys.readouterr().out
+
+
+def test_json_and_a_seed_that_was_drawn(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = folder.parent / "map.ply"
+    args = (str(folder), "--drift", "0.8", "2", "--missed-loop", "0.5", "0", "-o", str(out), "--json")
+    assert run(*args) == 0
+    first = json.loads(capsys.readouterr().out)
+    assert first == json.loads(out.with_suffix(".json").read_text())
+    assert first["errors"] == {"offset": 0.0, "yaw": 0.0, "drift": [0.8, 2.0], "missed_loop": [0.5, 0.0]}
+    assert (
+        sum(first[f"n_{kind}"] for kind in ("suspicious", "plausible", "ambiguous", "not_known")) == first["n_points"]
+    )
+    assert run(*args, "--seed", str(first["seed"]), "-f") == 0
+    assert json.loads(capsys.readouterr().out) == first
+
+
+def test_parts_by_place(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = folder.parent / "map.ply"
+    assert run(str(folder), "--every", "2", "--split", "0.4", "--buffer", "3", "-o", str(out), "--yaw", "2") == 0
+    assert not out.exists()
+    train, test = (read_cloud(str(folder.parent / f"map.{part}.ply")) for part in ("train", "test"))
+    assert test.xyz[:, 0].min() - train.xyz[:, 0].max() > 2.9
+    report = json.loads(out.with_suffix(".json").read_text())
+    assert [row["n_points"] for row in report["files"]] == [len(train), len(test)]
+    assert report["split"]["axis"] == "x"
+    assert "map.test.ply: " in capsys.readouterr().out
+
+
+def test_sub_maps_without_right_poses_are_registered(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = folder.parent / "map.ply"
+    odometry = str(folder.parent / "odometry.txt")
+    files = [str(folder / f"{scan}.ply") for scan in (0, 1, 2, 3)]
+    assert run(*files, "--poses", odometry, "--submaps", "--voxel", "0.1", "-o", str(out)) == 0
+    fields = read_cloud(str(out)).fields
+    assert set(fields) == {"scan", "suspicious", "disagreement"}
+    assert (fields["suspicious"] == 1).mean() > 0.9
+    assert "labels from     registration\n" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "message"),
+    [
+        (["scans"], 2, "-o"),
+        (["scans", "-o", "-"], 2, "-o MAP.ply"),
+        (["scans", "-o", "map.json"], 2, "-o"),
+        (["scans", "-o", "map.ply", "--offset", "-1"], 2, "--offset"),
+        (["scans", "-o", "map.ply", "--drift", "1", "nan"], 2, "--drift"),
+        (["scans", "-o", "map.ply", "--voxel", "0"], 2, "--voxel"),
+        (["scans", "-o", "map.ply", "--min-range", "3", "--max-range", "2"], 2, "--min-range"),
+        (["scans", "-o", "map.ply", "--plausible-below", "1"], 2, "--plausible-below"),
+        (["scans", "-o", "map.ply", "--quaternion", "abcd"], 2, "--quaternion"),
+        (["scans", "-o", "map.ply", "--split", "2", "--yaw", "1"], 2, "--split"),
+        (["scans", "-o", "map.ply", "--split", "0.5", "--yaw", "1", "--buffer", "99"], 3, "--buffer"),
+        (["scans", "-o", "map.ply", "--yaw", "1", "--max-range", "0.5"], 3, "no point is left"),
+        (["scans", "-o", "map.ply", "--poses", "no.txt"], 3, "no.txt"),
+        (["scans", "-o", "map.ply", "--reference", "no.txt"], 3, "no.txt"),
+        (["scans", "-o", "map.ply", "--scans", "b*"], 3, "--scans"),
+        (["scans", "-o", "map.ply", "--calibration", "calib.txt"], 3, "--calibration"),
+        (["no-folder", "-o", "map.ply"], 3, "no-folder"),
+        (["scans", "-o", "no/such/map.ply"], 4, "no/such"),
+        (["scans/0.ply", "--poses", "scans/poses.txt", "-o", "scans/0.ply", "-f"], 2, "is an input"),
+    ],
+)
+def test_refusals(
+    args: list[str],
+    code: int,
+    message: str,
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(folder.parent)
+    before = sorted(path.name for path in folder.parent.rglob("*"))
+    assert run(*args) == code
+    streams = capsys.readouterr()
+    assert streams.out == ""
+    assert message in streams.err
+    assert streams.err.count("\n") == 1, streams.err
+    assert sorted(path.name for path in folder.parent.rglob("*")) == before
+
+
+def test_an_existing_file_is_kept_without_force(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = folder.parent / "map.ply"
+    for path in (out, out.with_suffix(".json")):
+        path.write_text("mine")
+        assert run(str(folder), "-o", str(out)) == 4
+        assert path.read_text() == "mine"
+        path.unlink()
