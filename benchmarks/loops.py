@@ -11,6 +11,7 @@ import numpy as np
 
 from prf.kernels import constants as c
 from prf.kernels.beams import Beams, first_hit, link_beam, list_slot, slot_at
+from prf.kernels.bounds import most_cut, most_freed, shift_cells
 from prf.kernels.chain import Chain, apply_edges, refresh_vertices
 from prf.kernels.crossing import is_valid
 from prf.kernels.geometry import inside_loop
@@ -20,7 +21,6 @@ from prf.kernels.sites import any_inside
 from prf.kernels.step import choose_move, evaluate, log_ratio_of_cells, propose, step
 from prf.kernels.touch import (
     NEW_EDGE,
-    log_likelihood_change,
     nearest_new_edge,
     release_touched,
     touch_beams,
@@ -34,9 +34,8 @@ PROPOSE = 0
 CROSSING = 1
 PRIOR = 2
 SENSORS = 3
-FREED = 4  # beams that end on an edge that goes
-CUT = 5  # beams that a new edge cuts
-LIKELIHOOD = 6
+FREED = 4  # beams that end on an edge that goes, with their likelihood
+CUT = 5  # beams that a new edge cuts, with theirs
 
 
 @bench
@@ -53,7 +52,8 @@ def run_to_stage(chain: Chain, rng: np.random.Generator, n: int, stage: int) -> 
         legal, ratio = propose(chain, move, rng)
         if not legal:
             continue
-        total += ratio - math.log(1.0 - rng.random())
+        needed = math.log(1.0 - rng.random()) - ratio
+        total += needed
         if stage == PROPOSE or not is_valid(graph, chain.edge_index, proposal):
             continue
         chain.outcomes[move, c.VALID] += 1
@@ -62,18 +62,18 @@ def run_to_stage(chain: Chain, rng: np.random.Generator, n: int, stage: int) -> 
         ratio = log_ratio_of_cells(chain, move)
         if ratio == -math.inf:
             continue
-        total += ratio + log_prior_change(graph, proposal, chain.tuning[c.SCALE])
+        needed -= ratio
+        needed -= log_prior_change(graph, proposal, chain.tuning[c.SCALE])
         if stage == PRIOR or any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
             continue
         if stage == SENSORS:
             continue
         if stage == FREED:
-            touch_freed_beams(graph, chain.edge_index, chain.beams, proposal)
+            spare = most_freed(chain.beams, proposal) + most_cut(chain.beams, proposal)
+            if spare >= needed:
+                total += touch_freed_beams(graph, chain.edge_index, chain.beams, proposal, needed, spare)[0]
             continue
-        touch_beams(graph, chain.edge_index, chain.beams, proposal)
-        if stage == CUT:
-            continue
-        total += log_likelihood_change(chain.beams)
+        total += touch_beams(graph, chain.edge_index, chain.beams, proposal, needed)[1]
     return total
 
 
@@ -98,7 +98,7 @@ def log_likelihood_from_scratch(chain: Chain) -> float:
     n_old = proposal.counts[N_OLD_EDGES]
     total = 0.0
     for beam in range(beams.ray.shape[0]):
-        edge, distance = nearest_new_edge(beams, proposal, beam)
+        edge, distance = nearest_new_edge(beams.ray[beam], proposal)
         start = beams.slot_start[beam]
         old, nearer = first_hit(chain.graph, chain.edge_index, beams, beam, start, distance, proposal.old_edges, n_old)
         if old != c.NONE:
@@ -167,9 +167,10 @@ def move_touched(chain: Chain) -> None:
         edge = beams.touched_edge[i]
         if edge <= NEW_EDGE:
             edge = chain.proposal.new_slot[NEW_EDGE - edge]
-        link_beam(beams, beam, edge)
+        shift_cells(beams, beam, beams.ray[beam, c.BEAM_LOG_LIKELIHOOD] - beams.touched_log_likelihood[i])
         beams.ray[beam, c.DISTANCE] = beams.touched_distance[i]
         beams.ray[beam, c.BEAM_LOG_LIKELIHOOD] = beams.touched_log_likelihood[i]
+        link_beam(beams, beam, edge)
         beams.last_slot[beam] = slot_at(beams, beam, beams.touched_distance[i], beams.last_slot[beam])
 
 
@@ -218,8 +219,7 @@ def next_touching(chain: Chain, rng: np.random.Generator) -> float:
             continue
         if any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
             continue
-        touch_beams(chain.graph, chain.edge_index, chain.beams, proposal)
-        return log_likelihood_change(chain.beams)
+        return touch_beams(chain.graph, chain.edge_index, chain.beams, proposal, -math.inf)[1]
 
 
 @bench

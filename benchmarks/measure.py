@@ -32,7 +32,6 @@ STAGES = (
     "sensors' colour",
     "beams of edges that go",
     "beams that are cut",
-    "likelihood",
 )
 APPLICATION = "application"
 

@@ -252,6 +252,9 @@ def grow(chain: Chain) -> Chain:
             neighbors=lengthen(index.neighbors, 0, capacity, 0),
             marks=lengthen(index.marks, 0, capacity, 0),
         ),
-        beams=chain.beams._replace(first_beam=lengthen(chain.beams.first_beam, 0, capacity, c.NONE)),
+        beams=chain.beams._replace(
+            first_beam=lengthen(chain.beams.first_beam, 0, capacity, c.NONE),
+            edge_gap=lengthen(chain.beams.edge_gap, 0, capacity, 0),
+        ),
         cones=chain.cones._replace(sight=make_sight(capacity + c.MOST_CHANGES)),
     )

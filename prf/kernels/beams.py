@@ -37,7 +37,11 @@ class Beams(NamedTuple):
     cell_start: np.ndarray  # (n_cells + 1,) i8
     cell_count: np.ndarray  # (n_cells,) i4
     entries: np.ndarray  # (slots, 2) i4 beam and slot, listed by cell
-    mark: np.ndarray  # (n,) i8 place among the touched beams in the proposal of that mark
+    best: np.ndarray  # (n,) f8 log likelihood that no distance exceeds
+    aim: np.ndarray  # (n, 2) i4 slots in which the reading lies: the first, and the one after the last
+    edge_gap: np.ndarray  # (edge capacity,) f8 what the beams that meet an edge lack to their best, summed
+    cell_gap: np.ndarray  # (n_cells,) f8 the same for the beams whose readings lie in a cell
+    mark: np.ndarray  # (n,) i4 place among the touched beams in the proposal of that mark
     touched: np.ndarray  # (n,) i4 beams that the proposal touches
     touched_edge: np.ndarray  # (n,) i4 their new impact: edge slot, or -2 - k for the new edge k, or NONE
     touched_distance: np.ndarray  # (n,) f8
@@ -60,7 +64,7 @@ def slot_at(beams: Beams, beam: int, distance: float, near: int) -> int:
 
 @core
 def link_beam(beams: Beams, beam: int, edge: int) -> None:
-    """Enter a beam into the list of those that meet `edge` (NONE: no list)."""
+    """Enter a beam, its log likelihood as it will be, into the list of those that meet `edge` (NONE: no list)."""
     beams.impact_edge[beam] = edge
     beams.previous_beam[beam] = c.NONE
     beams.next_beam[beam] = c.NONE
@@ -70,14 +74,16 @@ def link_beam(beams: Beams, beam: int, edge: int) -> None:
         if head != c.NONE:
             beams.previous_beam[head] = beam
         beams.first_beam[edge] = beam
+        beams.edge_gap[edge] += beams.best[beam] - beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
 
 
 @core
 def unlink_beam(beams: Beams, beam: int) -> None:
-    """Strike a beam from the list of those that meet its edge."""
+    """Strike a beam, its log likelihood as it was, from the list of those that meet its edge."""
     edge = beams.impact_edge[beam]
     if edge == c.NONE:
         return
+    beams.edge_gap[edge] -= beams.best[beam] - beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
     before = beams.previous_beam[beam]
     after = beams.next_beam[beam]
     if before == c.NONE:
@@ -141,6 +147,8 @@ def relist_beams(beams: Beams) -> float:
     """
     beams.cell_count[:] = 0
     beams.first_beam[:] = c.NONE
+    beams.edge_gap[:] = 0.0
+    beams.cell_gap[:] = 0.0
     total = 0.0
     for beam in range(beams.ray.shape[0]):
         first = beams.slot_start[beam]
@@ -150,7 +158,10 @@ def relist_beams(beams: Beams) -> float:
             if slot <= beams.last_slot[beam]:
                 list_slot(beams, beam, slot)
         link_beam(beams, beam, beams.impact_edge[beam])
-        total += beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
+        log_likelihood = beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
+        for slot in range(beams.aim[beam, 0], beams.aim[beam, 1]):
+            beams.cell_gap[beams.slot_cell[slot]] += beams.best[beam] - log_likelihood
+        total += log_likelihood
     return total
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import spine
 from prf.kernels.beams import Beams
 from prf.kernels.cone_touch import apply_cones
 from prf.kernels.cones import Cones
@@ -56,7 +56,7 @@ class Chain(NamedTuple):
     outcomes: np.ndarray  # (N_MOVES, N_OUTCOMES) i8
 
 
-@core
+@spine
 def apply_edges(graph: Graph, index: EdgeIndex, proposal: Proposal) -> None:
     """Let edges and vertices go and come, in the graph and in the edge index."""
     for k in range(proposal.counts[N_OLD_EDGES]):
@@ -80,7 +80,7 @@ def apply_edges(graph: Graph, index: EdgeIndex, proposal: Proposal) -> None:
         graph.counts[c.NEEDS_ROOM] = 1
 
 
-@core
+@spine
 def refresh_vertices(graph: Graph, proposal: Proposal) -> None:
     """Store the new angles, and bring the sets of triangles up to date round the change."""
     for k in range(proposal.counts[N_AFFECTED]):
@@ -93,7 +93,7 @@ def refresh_vertices(graph: Graph, proposal: Proposal) -> None:
                 classify_vertex(graph, other_end(graph, edge, v))
 
 
-@core
+@spine
 def update_image(chain: Chain, step: int) -> None:
     """Let the image follow the edges that go and come and the recoloured loop (before slots change hands)."""
     proposal = chain.proposal
@@ -104,7 +104,7 @@ def update_image(chain: Chain, step: int) -> None:
     recolor_inside(chain.image, proposal.loop, proposal.counts[N_LOOP], step)
 
 
-@core
+@spine
 def apply(chain: Chain, log_prior_change: float, log_likelihood_change: float) -> None:
     """Make an accepted proposal the state of the chain."""
     graph = chain.graph

@@ -94,4 +94,5 @@ OUTLIER_DENSITY = 4  # w_outlier / max_range
 MISS = 5
 LOG_OUTLIER = 6  # log density of a return without an obstacle in reach
 LOG_MISS = 7  # log probability of no return without an obstacle in reach
-N_LASER_MODEL = 8
+VANISHING = 8  # square of the deviation, in standard deviations, past which only outliers count, to the last bit
+N_LASER_MODEL = 9

@@ -11,8 +11,6 @@ ROOT_TWO_PI = math.sqrt(2.0 * math.pi)
 ROOT_HALF = math.sqrt(0.5)
 WHOLE = 9.0
 """Phi(x) is 1 to the last bit of a double for x above this."""
-VANISHING = 1500.0
-"""exp(-x/2) is 0 in double precision for x above this."""
 
 
 @core
@@ -36,7 +34,7 @@ def beam_log_likelihood(model: np.ndarray, reading: float, distance: float) -> f
     s = max(model[c.NOISE], model[c.NOISE_RELATIVE] * distance)
     if reading < maximum:
         z = (reading - distance) / s
-        if z * z > VANISHING:
+        if z * z > model[c.VANISHING]:
             return model[c.LOG_OUTLIER]
         peak = math.exp(-0.5 * z * z) / (s * ROOT_TWO_PI * normal_cdf(distance / s))
         return math.log(model[c.HIT] * peak + model[c.OUTLIER_DENSITY])

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from prf.kernels import constants as c
-from prf.kernels._jit import core, core_entry
+from prf.kernels._jit import core, core_entry, spine
 from prf.kernels.chain import Chain, apply
 from prf.kernels.cone_touch import sonar_change, touch_cones
 from prf.kernels.crossing import is_valid
@@ -22,7 +22,7 @@ from prf.kernels.moves import (
 from prf.kernels.points import gain_inside
 from prf.kernels.proposal import N_LOOP, clear, log_prior_change, plain_prior_change
 from prf.kernels.sites import any_inside, occupied_change
-from prf.kernels.touch import log_likelihood_change, touch_beams
+from prf.kernels.touch import touch_beams
 
 
 @core
@@ -36,7 +36,7 @@ def choose_move(odds: np.ndarray, rng: np.random.Generator) -> int:
     return c.N_MOVES - 1
 
 
-@core
+@spine
 def propose_vertex_move(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, float]:
     """Fill the proposal of a move that keeps the numbers of edges and vertices."""
     if move == c.MOVE_INTERIOR:
@@ -52,7 +52,7 @@ def propose_vertex_move(chain: Chain, move: int, rng: np.random.Generator) -> tu
     return recolor.propose_local(chain.graph, chain.edge_index, chain.proposal, rng)
 
 
-@core
+@spine
 def propose(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, float]:
     """Fill the proposal; return whether it is legal and the log ratio of proposals (see ``moves``)."""
     graph, proposal, tuning, odds = chain.graph, chain.proposal, chain.tuning, chain.odds
@@ -80,7 +80,7 @@ def propose(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, fl
     return propose_vertex_move(chain, move, rng)
 
 
-@core
+@spine
 def log_ratio_of_cells(chain: Chain, move: int) -> float:
     """The part of the log ratio of proposals that needs the cells of the new edges; -inf where no move leads back."""
     graph, index, proposal = chain.graph, chain.edge_index, chain.proposal
@@ -93,7 +93,7 @@ def log_ratio_of_cells(chain: Chain, move: int) -> float:
     return 0.0
 
 
-@core
+@spine
 def needed_gain(chain: Chain, margin: float) -> float:
     """The change of log likelihood that a proposal must exceed to be accepted; inf where none will do.
 
@@ -117,7 +117,7 @@ def needed_gain(chain: Chain, margin: float) -> float:
     return margin if turned == 0 else margin + cost * turned
 
 
-@core
+@spine
 def evaluate(chain: Chain, move: int, log_proposal_ratio: float, log_u: float) -> tuple[bool, float, float]:
     """Decide on a legal proposal; return the decision and the changes of log prior and log likelihood.
 
@@ -142,18 +142,23 @@ def evaluate(chain: Chain, move: int, log_proposal_ratio: float, log_u: float) -
     if needed == math.inf:
         return False, 0.0, 0.0
     likelihood = 0.0
+    if n_points > 0:
+        likelihood = gain_inside(chain.points, proposal.loop, proposal.counts[N_LOOP], chain.image.crossings, False)
     if n_readings > 0:
-        touch_beams(graph, chain.edge_index, chain.beams, proposal)
-        likelihood = log_likelihood_change(chain.beams)
-        if chain.cones.pose.shape[0] > 0:
+        n_cones = chain.cones.pose.shape[0]
+        # What cones may gain is not known before they are asked: with them all beams are.
+        floor = -math.inf if n_cones > 0 else needed - likelihood
+        may_pass, change = touch_beams(graph, chain.edge_index, chain.beams, proposal, floor)
+        if not may_pass:
+            return False, 0.0, 0.0
+        likelihood += change
+        if n_cones > 0:
             touch_cones(graph, chain.edge_index, chain.cones, proposal)
             likelihood += sonar_change(graph, chain.edge_index, chain.cones, proposal)
-    if n_points > 0:
-        likelihood += gain_inside(chain.points, proposal.loop, proposal.counts[N_LOOP], chain.image.crossings, False)
     return needed < likelihood, prior, likelihood
 
 
-@core
+@spine
 def step(chain: Chain, rng: np.random.Generator) -> bool:
     """One step: choose a move, propose, decide, apply. An illegal proposal is a rejection and counts as a step."""
     chain.graph.counts[c.STEP] += 1

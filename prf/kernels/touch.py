@@ -1,128 +1,166 @@
-"""Which beams a proposal touches, and what becomes of their impacts and likelihoods.
+"""Which beams a proposal touches, what becomes of their impacts, and the change of their log likelihood.
 
 Only beams whose impact lies on an edge that goes, and beams that a new edge cuts before their impact, change. For
 the second kind the new impact is on the new edge. For the first it is the nearest of the new edges, or else the
 beam walks on from its old impact: nothing stood before it.
+
+The caller says what the change must exceed for the proposal to be accepted. After every beam the change so far and the
+most that the beams not yet asked can gain (:mod:`prf.kernels.bounds`) are compared with it: most proposals lose so
+much at the first few beams that the others cannot make up for it. The decision is the same as after all beams.
 """
 
+import numpy as np
+
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import spine
 from prf.kernels.beams import Beams, first_hit, link_beam, slot_at, unlink_beam
+from prf.kernels.bounds import gap, most_cut, most_freed, shift_cells
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.geometry import ray_hit
 from prf.kernels.graph import Graph
 from prf.kernels.laser import beam_log_likelihood
-from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal, goes
+from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal
 from prf.kernels.slots import list_slot, unlist_slot
 
 NEW_EDGE = -2
 """Impact on the new edge k is written NEW_EDGE - k until the edge has a slot."""
 
 
-@core
-def nearest_new_edge(beams: Beams, proposal: Proposal, beam: int) -> tuple[int, float]:
+@spine
+def nearest_new_edge(ray: np.ndarray, proposal: Proposal) -> tuple[int, float]:
     """The new edge that a beam meets first within its reach, as NEW_EDGE - k, or NONE and its reach."""
-    ray = beams.ray[beam]
+    ox = ray[c.ORIGIN_X]
+    oy = ray[c.ORIGIN_Y]
+    ux = ray[c.DIRECTION_X]
+    uy = ray[c.DIRECTION_Y]
     best = ray[c.REACH]
     best_edge = c.NONE
     for k in range(proposal.counts[N_NEW_EDGES]):
         xy = proposal.new_xy[k]
-        t = ray_hit(
-            ray[c.ORIGIN_X], ray[c.ORIGIN_Y], ray[c.DIRECTION_X], ray[c.DIRECTION_Y], xy[0], xy[1], xy[2], xy[3]
-        )
+        t = ray_hit(ox, oy, ux, uy, xy[0], xy[1], xy[2], xy[3])
         if t < best:
             best = t
             best_edge = NEW_EDGE - k
     return best_edge, best
 
 
-@core
-def touch_freed_beams(graph: Graph, index: EdgeIndex, beams: Beams, proposal: Proposal) -> None:
-    """Find the new impact of every beam that ends on an edge that goes."""
+@spine
+def enter_touched(beams: Beams, n: int, beam: int, edge: int, distance: float) -> float:
+    """Enter a beam with its new impact as the n-th touched one; return the change of its log likelihood."""
+    ray = beams.ray[beam]
+    new = beam_log_likelihood(beams.model, ray[c.RANGE], distance)
+    beams.mark[beam] = n
+    beams.touched[n] = beam
+    beams.touched_edge[n] = edge
+    beams.touched_distance[n] = distance
+    beams.touched_log_likelihood[n] = new
+    return new - ray[c.BEAM_LOG_LIKELIHOOD]
+
+
+@spine
+def is_touched(beams: Beams, beam: int, n: int) -> bool:
+    """Whether a beam is one of the first `n` touched."""
+    place = beams.mark[beam]
+    return place < n and beams.touched[place] == beam
+
+
+@spine
+def freed_impact(graph: Graph, index: EdgeIndex, beams: Beams, proposal: Proposal, beam: int) -> tuple[int, float]:
+    """New impact of a beam that ends on an edge that goes: edge (NONE: none) and distance."""
+    edge, distance = nearest_new_edge(beams.ray[beam], proposal)
+    if distance > beams.ray[beam, c.DISTANCE]:
+        gone = proposal.old_edges
+        last = beams.last_slot[beam]
+        old, nearer = first_hit(graph, index, beams, beam, last, distance, gone, proposal.counts[N_OLD_EDGES])
+        if old != c.NONE:
+            return old, nearer
+    return edge, distance if edge != c.NONE else beams.beyond[beam]
+
+
+@spine
+def touch_freed_beams(
+    graph: Graph, index: EdgeIndex, beams: Beams, proposal: Proposal, needed: float, spare: float
+) -> tuple[float, float]:
+    """Touch every beam that ends on an edge that goes; return the change and what others can still gain.
+
+    It stops where the sum of both falls below `needed`.
+    """
     n = 0
+    change = 0.0
+    beams.n_touched[0] = 0
     for k in range(proposal.counts[N_OLD_EDGES]):
         beam = beams.first_beam[proposal.old_edges[k]]
         while beam != c.NONE:
-            edge, distance = nearest_new_edge(beams, proposal, beam)
-            if distance > beams.ray[beam, c.DISTANCE]:
-                old_edge, old_distance = first_hit(
-                    graph,
-                    index,
-                    beams,
-                    beam,
-                    beams.last_slot[beam],
-                    distance,
-                    proposal.old_edges,
-                    proposal.counts[N_OLD_EDGES],
-                )
-                if old_edge != c.NONE:
-                    edge = old_edge
-                    distance = old_distance
-            beams.touched[n] = beam
-            beams.touched_edge[n] = edge
-            beams.touched_distance[n] = distance if edge != c.NONE else beams.beyond[beam]
+            spare -= gap(beams, beam)
+            edge, distance = freed_impact(graph, index, beams, proposal, beam)
+            change += enter_touched(beams, n, beam, edge, distance)
             n += 1
+            if change + spare < needed:
+                return change, spare
             beam = beams.next_beam[beam]
     beams.n_touched[0] = n
+    return change, spare
 
 
-@core
-def touch_in_cell(beams: Beams, proposal: Proposal, k: int, cell: int, n_freed: int) -> None:
-    """Find the beams listed in one cell that the new edge k cuts before their impact."""
+@spine
+def touch_in_cell(beams: Beams, proposal: Proposal, k: int, cell: int, least: float) -> float:
+    """Touch the beams listed in a cell that the new edge k cuts before their impact; return the change.
+
+    It stops where the change falls below `least`: no other beam can then save the proposal.
+    """
     xy = proposal.new_xy[k]
+    ax = xy[0]
+    ay = xy[1]
+    bx = xy[2]
+    by = xy[3]
     n = beams.n_touched[0]
+    change = 0.0
     start = beams.cell_start[cell]
     for at in range(start, start + beams.cell_count[cell]):
         beam = beams.entries[at, 0]
         ray = beams.ray[beam]
-        t = ray_hit(
-            ray[c.ORIGIN_X], ray[c.ORIGIN_Y], ray[c.DIRECTION_X], ray[c.DIRECTION_Y], xy[0], xy[1], xy[2], xy[3]
-        )
-        if t < ray[c.DISTANCE] and t < ray[c.REACH]:
-            place = beams.mark[beam]
-            if n_freed <= place < n and beams.touched[place] == beam:
-                if t < beams.touched_distance[place]:
-                    beams.touched_distance[place] = t
-                    beams.touched_edge[place] = NEW_EDGE - k
-            elif not goes(proposal, beams.impact_edge[beam]):
-                beams.mark[beam] = n
-                beams.touched[n] = beam
-                beams.touched_edge[n] = NEW_EDGE - k
-                beams.touched_distance[n] = t
-                n += 1
+        t = ray_hit(ray[c.ORIGIN_X], ray[c.ORIGIN_Y], ray[c.DIRECTION_X], ray[c.DIRECTION_Y], ax, ay, bx, by)
+        if t < ray[c.DISTANCE] and t < ray[c.REACH] and not is_touched(beams, beam, n):
+            edge, distance = nearest_new_edge(ray, proposal)
+            change += enter_touched(beams, n, beam, edge, distance)
+            n += 1
+            if change < least:
+                break
     beams.n_touched[0] = n
-
-
-@core
-def touch_beams(graph: Graph, index: EdgeIndex, beams: Beams, proposal: Proposal) -> None:
-    """List the touched beams with their new impacts."""
-    touch_freed_beams(graph, index, beams, proposal)
-    n_freed = beams.n_touched[0]
-    for k in range(proposal.counts[N_NEW_EDGES]):
-        for i in range(proposal.n_cells[k]):
-            touch_in_cell(beams, proposal, k, proposal.cells[k, i], n_freed)
-
-
-@core
-def log_likelihood_change(beams: Beams) -> float:
-    """Change of the log likelihood over the touched beams."""
-    change = 0.0
-    for i in range(beams.n_touched[0]):
-        ray = beams.ray[beams.touched[i]]
-        new = beam_log_likelihood(beams.model, ray[c.RANGE], beams.touched_distance[i])
-        beams.touched_log_likelihood[i] = new
-        change += new - ray[c.BEAM_LOG_LIKELIHOOD]
     return change
 
 
-@core
+@spine
+def touch_beams(graph: Graph, index: EdgeIndex, beams: Beams, proposal: Proposal, needed: float) -> tuple[bool, float]:
+    """List the touched beams with their new impacts; return whether the change of log likelihood may exceed `needed`.
+
+    The second value is that change; if the first is False, it is the change over a part of the beams, and the list
+    is not complete. With ``needed = -inf`` all are asked.
+    """
+    spare = most_freed(beams, proposal) + most_cut(beams, proposal)
+    if spare < needed:
+        return False, 0.0
+    change, spare = touch_freed_beams(graph, index, beams, proposal, needed, spare)
+    if change + spare < needed:
+        return False, change
+    for k in range(proposal.counts[N_NEW_EDGES]):
+        for i in range(proposal.n_cells[k]):
+            cell = proposal.cells[k, i]
+            change += touch_in_cell(beams, proposal, k, cell, needed - change - spare)
+            if change + spare < needed:
+                return False, change
+            spare -= beams.cell_gap[cell]
+    return True, change
+
+
+@spine
 def release_touched(beams: Beams) -> None:
     """Take the touched beams out of the lists of their old impacts, before edge slots change hands."""
     for i in range(beams.n_touched[0]):
         unlink_beam(beams, beams.touched[i])
 
 
-@core
+@spine
 def apply_touched(beams: Beams, proposal: Proposal) -> None:
     """Move the touched beams to their new impacts once the new edges have slots."""
     for i in range(beams.n_touched[0]):
@@ -130,9 +168,11 @@ def apply_touched(beams: Beams, proposal: Proposal) -> None:
         edge = beams.touched_edge[i]
         if edge <= NEW_EDGE:
             edge = proposal.new_slot[NEW_EDGE - edge]
+        ray = beams.ray[beam]
+        shift_cells(beams, beam, ray[c.BEAM_LOG_LIKELIHOOD] - beams.touched_log_likelihood[i])
+        ray[c.DISTANCE] = beams.touched_distance[i]
+        ray[c.BEAM_LOG_LIKELIHOOD] = beams.touched_log_likelihood[i]
         link_beam(beams, beam, edge)
-        beams.ray[beam, c.DISTANCE] = beams.touched_distance[i]
-        beams.ray[beam, c.BEAM_LOG_LIKELIHOOD] = beams.touched_log_likelihood[i]
         old = beams.last_slot[beam]
         new = slot_at(beams, beam, beams.touched_distance[i], old)
         for slot in range(old + 1, new + 1):

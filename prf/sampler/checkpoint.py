@@ -114,7 +114,7 @@ def restore(sampler: ChainSampler, arrays: Arrays) -> None:
     sampler.chain = chain._replace(
         graph=graph,
         edge_index=make_index(graph, chain.edge_index.grid, chain.edge_index.cell_edges.shape[1]),
-        beams=chain.beams._replace(first_beam=np.full(capacity, c.NONE, np.int32)),
+        beams=chain.beams._replace(first_beam=np.full(capacity, c.NONE, np.int32), edge_gap=np.zeros(capacity)),
         cones=chain.cones._replace(sight=make_sight(capacity + c.MOST_CHANGES)),
         points=painted_points(sampler.settings.points, read_coloring(graph)),
         sensors=painted_sites(chain.sensors, read_coloring(graph)),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from prf.kernels import constants as c
 from prf.kernels.beams import Beams, count_slots, fill_slots
+from prf.kernels.bounds import FADED, find_aims
 from prf.kernels.grid import Grid, most_cells
 from prf.shell.errors import ConfigError
 from prf.window import Window
@@ -18,6 +19,12 @@ Floats = NDArray[np.float64]
 
 MOST_SLOTS = 2**31
 """Slots are numbered by 32-bit integers."""
+
+BELOW_ONE_BIT = 2.0**-54
+"""What is added to a number and is smaller than this share of it leaves no trace."""
+
+MARGIN = 1e-3
+"""Metres by which the ends of an aim are moved outwards: more than slots are rounded by."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,7 +84,48 @@ class LaserModel:
         model[c.MISS] = self.miss_probability
         model[c.LOG_OUTLIER] = math.log(self.outlier_probability / self.max_range)
         model[c.LOG_MISS] = math.log(self.miss_probability + self.hit_probability)
+        model[c.VANISHING] = self.deviation_where_hits_are(BELOW_ONE_BIT) ** 2
         return model
+
+    def deviation_where_hits_are(self, share: float) -> float:
+        """Return the standard deviations past which the Gaussian is below `share` of the uniform density."""
+        highest = 2.0 * self.hit_probability / (self.noise * math.sqrt(2.0 * math.pi))
+        return math.sqrt(2.0 * max(0.0, math.log(highest / (share * self.outlier_probability / self.max_range))))
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether much of the noise may lie below 0 or beyond the maximum range, where it is cut off."""
+        return self.max_range < 20.0 * max(self.noise, self.noise_relative * self.max_range)
+
+    def best_log_likelihood(self, readings: Floats) -> Floats:
+        """Return a bound (n,) that the log density of each reading (inf: no return) exceeds at no distance.
+
+        At r = d with s = max(noise, noise_relative r) the Gaussian is highest but for noise_relative^2 nats, because s
+        grows with d. What is cut off below 0 at most doubles it, and matters only near 0 unless the noise is wide.
+        """
+        has_return = np.isfinite(readings)
+        spread = np.maximum(self.noise, self.noise_relative * np.where(has_return, readings, 0.0))
+        near = readings < 20.0 * spread
+        if self.is_wide:
+            spread, near = np.full(len(readings), self.noise), has_return
+        peak = np.where(near, 2.0, 1.0) * math.exp(self.noise_relative**2) / (spread * math.sqrt(2.0 * math.pi))
+        hit = np.log(self.hit_probability * peak + self.outlier_probability / self.max_range)
+        missed = math.log(self.miss_probability + self.hit_probability)
+        return np.asarray(np.where(has_return, hit, missed) + 1e-9)
+
+    def aim(self, readings: Floats) -> tuple[Floats, Floats]:
+        """Return the distances (n,) between which an obstacle can explain a reading better than none before its own.
+
+        Outside of them a beam that is cut gains less than :data:`prf.kernels.bounds.FADED`; one without return nowhere.
+        """
+        if self.is_wide:
+            return np.full(len(readings), -np.inf), np.full(len(readings), np.inf)
+        z = self.deviation_where_hits_are(FADED)
+        shrunk = 1.0 - z * self.noise_relative
+        beyond = readings / shrunk if shrunk > 0.0 else np.full(len(readings), np.inf)
+        near = np.minimum(readings - z * self.noise, readings / (1.0 + z * self.noise_relative))
+        far = np.maximum(readings + z * self.noise, beyond)
+        return near, far
 
 
 def window_exit(window: Window, origin: Floats, direction: Floats) -> Floats:
@@ -142,6 +190,9 @@ def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int) -
     slot_exit = np.empty(n_slots, np.float32)
     cell_start = np.zeros(n_cells + 1, np.int64)
     fill_slots(grid, ray, path, slot_start, slot_cell, slot_exit, cell_start)
+    aim = np.zeros((n, 2), np.int32)
+    near, far = model.aim(ray[:, c.RANGE])
+    find_aims(near - MARGIN, far + MARGIN, slot_start, slot_exit, aim)
     return Beams(
         model=model.to_array(),
         ray=ray.copy(),
@@ -158,7 +209,11 @@ def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int) -
         cell_start=cell_start,
         cell_count=np.zeros(n_cells, np.int32),
         entries=np.zeros((n_slots, 2), np.int32),
-        mark=np.zeros(n, np.int64),
+        best=model.best_log_likelihood(ray[:, c.RANGE]),
+        aim=aim,
+        edge_gap=np.zeros(edge_capacity),
+        cell_gap=np.zeros(n_cells),
+        mark=np.zeros(n, np.int32),
         touched=np.zeros(n, np.int32),
         touched_edge=np.zeros(n, np.int32),
         touched_distance=np.zeros(n),

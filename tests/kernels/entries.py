@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from prf.kernels._jit import core_entry
+from prf.kernels.chain import Chain
+from prf.kernels.crossing import is_valid
 from prf.kernels.geometry import inside_loop, ray_hit, segments_meet, sine_of_angle
 from prf.kernels.grid import Grid, cell_at, exit_distance, walk
 from prf.kernels.image import Image, count_edge, recolor_inside
@@ -12,6 +14,8 @@ from prf.kernels.laser import beam_log_likelihood
 from prf.kernels.points import Points, gain_inside
 from prf.kernels.sites import Sites, any_inside, occupied_change
 from prf.kernels.sonar import sonar_log_likelihood
+from prf.kernels.step import choose_move, propose
+from prf.kernels.touch import touch_beams
 from prf.kernels.visibility import BORDER, N_LINES, Sight, see_edge, sweep
 
 
@@ -111,3 +115,31 @@ def sonar_table(model: np.ndarray, sight: Sight, readings: np.ndarray, found: np
     """Log likelihoods of readings given the features in `sight`."""
     for k in range(readings.size):
         found[k] = sonar_log_likelihood(model, sight, readings[k])
+
+
+@core_entry
+def decide_early(chain: Chain, rng: np.random.Generator, n: int, counts: np.ndarray) -> None:
+    """Decide on `n` valid proposals with thresholds near their change, early and after all beams; nothing is applied.
+
+    ``counts``: decisions that differ, those that the bounds alone made, that a part of the beams made, acceptances.
+    """
+    k = 0
+    while k < n:
+        legal, _ = propose(chain, choose_move(chain.odds, rng), rng)
+        if not legal or not is_valid(chain.graph, chain.edge_index, chain.proposal):
+            continue
+        k += 1
+        _, whole = touch_beams(chain.graph, chain.edge_index, chain.beams, chain.proposal, -np.inf)
+        n_whole = chain.beams.n_touched[0]
+        needed = whole + rng.standard_exponential() * (
+            1.0 if rng.random() < 0.3 else 30.0 if rng.random() < 0.5 else -1.0
+        )
+        may_pass, part = touch_beams(chain.graph, chain.edge_index, chain.beams, chain.proposal, needed)
+        if (may_pass and part > needed) != (whole > needed):
+            counts[0] += 1
+        if not may_pass and part == 0.0:
+            counts[1] += 1
+        if not may_pass and part != 0.0:
+            counts[2] += 1
+        if may_pass and part > needed and n_whole == chain.beams.n_touched[0] and abs(part - whole) < 1e-9:
+            counts[3] += 1

@@ -11,6 +11,7 @@ import pytest
 from prf.arak import exact_draws
 from prf.coloring import Coloring, black_at
 from prf.kernels import constants as c
+from prf.kernels.bounds import FADED
 from prf.kernels.build import trace_all
 from prf.kernels.chain import Chain
 from prf.posterior import LaserData, Settings, make_chain
@@ -18,7 +19,7 @@ from prf.recompute import recompute_impacts
 from prf.sensors.laser import LaserModel, make_rays, window_exit
 from prf.shell.errors import ConfigError
 from prf.window import INTERIOR, Window
-from tests.kernels.entries import hit_table
+from tests.kernels.entries import hit_table, log_likelihoods
 from tests.reference.beams import exit_by_shapely, impacts
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
@@ -224,3 +225,33 @@ def test_no_beams_and_no_edges() -> None:
     chain = chain_at(empty, np.zeros((3, 2)), np.arange(3.0), 0.4, 8.0)
     assert np.isinf(chain.beams.ray[:, c.DISTANCE]).all()
     assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(3 * math.log(0.95))
+
+
+MODELS = [
+    LaserModel(8.0),
+    LaserModel(30.0, noise=0.05, noise_relative=0.02),
+    LaserModel(6.0, noise=2.0, outlier_probability=0.9),
+    LaserModel(80.0, noise=0.002, noise_relative=0.0, outlier_probability=1e-6),
+    LaserModel(10.0, noise=0.01, noise_relative=0.2),
+]
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_no_distance_gives_a_reading_more_than_its_best(model: LaserModel) -> None:
+    """Nor does an obstacle off the aim of a beam help it by more than what the bounds allow for."""
+    readings = np.append(np.geomspace(0.01, 0.999 * model.max_range, 40), np.inf)
+    best, (near, far) = model.best_log_likelihood(readings), model.aim(readings)
+    grid = np.append(np.linspace(1e-3, model.max_range, 4001), np.inf)
+    highest = -np.inf
+    for i, reading in enumerate(readings.tolist()):
+        close = np.append(grid, np.linspace(0.9, 1.1, 2001) * min(reading, model.max_range))
+        values = np.zeros(len(close))
+        log_likelihoods(model.to_array(), np.full(len(close), reading), close, values)
+        assert values.max() <= best[i]
+        highest = max(highest, values.max() - best[i])
+        # Cut: the new obstacle at d stands before the old one, or none stood there.
+        order = np.argsort(-close)
+        before = np.minimum.accumulate(values[order])
+        off = ~((near[i] <= close[order]) & (close[order] <= far[i]))
+        assert (values[order] - before)[off].max(initial=0.0) <= FADED
+    assert highest > -0.1
