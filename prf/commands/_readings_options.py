@@ -20,6 +20,7 @@ SCIENCE = (
     "topic",
     "sonar_topic",
     "frame",
+    "beam_density",
     "every_scan",
     "every_beam",
     "scans",
@@ -78,6 +79,11 @@ MaxRange = Annotated[
 ]
 EveryScan = Annotated[int | None, typer.Option("--every-scan", metavar="K", min=1, help="Scans 0, K, 2K ...")]
 EveryBeam = Annotated[int | None, typer.Option("--every-beam", metavar="K", min=1, help="Beams 0, K, 2K ...")]
+BeamDensity = Annotated[
+    float | None,
+    typer.Option("--beam-density", metavar="1/METRE2", help="Thin a denser log of a laser to about this.  [25]"),
+]
+NoThinning = Annotated[bool, typer.Option("--no-thinning", help="Use every beam: as --beam-density 0.")]
 Scans = Annotated[str | None, typer.Option("--scans", metavar="START:STOP:STEP", help="Only these scans.")]
 SkipScans = Annotated[str | None, typer.Option("--skip-scans", metavar="START:STOP:STEP", help="All but these scans.")]
 Noise = Annotated[
@@ -102,6 +108,20 @@ def refuse_shared_stream(inputs: Mapping[str, str | None]) -> None:
     streams = [f"{flag} -" for flag, path in inputs.items() if path == STREAM]
     if len(streams) > 1:
         raise UsageError(f"{' '.join(streams)}: standard input can be read once only.")
+
+
+def chosen_density(beam_density: float | None, no_thinning: bool) -> float | None:
+    """Return the density of beams asked for, if any; raise UsageError if the two options contradict each other."""
+    from prf.shell.errors import UsageError
+
+    if no_thinning and beam_density:
+        raise UsageError(f"--no-thinning and --beam-density {beam_density:g}: give one of them.")
+    return 0.0 if no_thinning else beam_density
+
+
+def words_for_beams(n_used: int, n_thinned: int) -> str:
+    """Return how many beams are used, of how many."""
+    return f"{n_used:,} of {n_used + n_thinned:,} beams (thinned)" if n_thinned else f"{n_used} beams"
 
 
 def warn_of_dropped(n_outside: int, n_points_outside: int) -> None:

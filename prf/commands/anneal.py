@@ -9,6 +9,7 @@ import typer
 
 from prf.commands._readings_options import (
     SCIENCE,
+    BeamDensity,
     Config,
     EveryBeam,
     EveryScan,
@@ -18,6 +19,7 @@ from prf.commands._readings_options import (
     MissProbability,
     Noise,
     NoiseRelative,
+    NoThinning,
     OutlierProbability,
     PointData,
     Scale,
@@ -29,8 +31,10 @@ from prf.commands._readings_options import (
     SonarTopic,
     Topic,
     WindowOption,
+    chosen_density,
     refuse_shared_stream,
     warn_of_dropped,
+    words_for_beams,
 )
 from prf.shell.options import Force, Json, Output, Seed, Threads
 
@@ -64,6 +68,8 @@ def anneal(
     every_beam: EveryBeam = None,
     scans: Scans = None,
     skip_scans: SkipScans = None,
+    beam_density: BeamDensity = None,
+    no_thinning: NoThinning = False,
     noise: Noise = None,
     noise_relative: NoiseRelative = None,
     outlier_probability: OutlierProbability = None,
@@ -91,6 +97,7 @@ def anneal(
     is written, its occupied area as a GeoJSON MultiPolygon. What is maximised is the density over the lines of the map,
     |E| log p - 2 p length + log likelihood. Ctrl-C writes the best map so far.
     """
+    beam_density = chosen_density(beam_density, no_thinning)
     options = {name: value for name, value in locals().items() if name in (*SCIENCE, "chains")}
 
     from prf.anneal import Goal, Schedule
@@ -114,9 +121,10 @@ def anneal(
     refuse_existing(target, force)
     used_seed = resolve_seed(seed)
     goal = Goal(None, time_budget) if time_budget is not None else Goal(steps or DEFAULT_STEPS)
-    found, text, stop = _cool((laser, sonar, point_data), science, goal, Schedule(coldest=coldest), used_seed, threads)
-    _write(target, text)
-    _report(found, text, target, used_seed, json)
+    inputs = (laser, sonar, point_data)
+    found, made, stop = _cool(inputs, science, goal, Schedule(coldest=coldest), used_seed, threads)
+    text = _write(target, found, made, logs)
+    _report(found, text, target, made, json)
     stop.raise_if_requested(f"interrupted after {found.steps} steps; {target} has the best map so far")
 
 
@@ -127,15 +135,13 @@ def _cool(
     schedule: Any,
     seed: int,
     threads: int,
-) -> tuple[Annealed, str, Any]:
-    """Return what annealing found, the text of its map file, and whether it was asked to stop."""
+) -> tuple[Annealed, dict[str, Any], Any]:
+    """Return what annealing found, how it was made, and whether it was asked to stop."""
     import dataclasses
     import os
 
     from prf.anneal import anneal as cool
-    from prf.run.mapfile import map_text
     from prf.sampler.session import needs_compiling, read_prepared
-    from prf.shell.manifest import describe_process
     from prf.shell.progress import progress
     from prf.shell.seeds import spawn_generators
     from prf.shell.signals import graceful_stop
@@ -143,6 +149,9 @@ def _cool(
     laser, sonar, point_data = inputs
     prepared = read_prepared(laser, config, sonar, point_data)
     warn_of_dropped(prepared.n_outside, prepared.n_points_outside)
+    n_beams = 0 if prepared.beams is None else len(prepared.beams.range)
+    if prepared.n_beams_thinned:
+        logger.info(words_for_beams(n_beams, prepared.n_beams_thinned))
     if needs_compiling():
         logger.info("compiling kernels (once; about half a minute) ...")
     with graceful_stop() as stop, progress(1.0, "annealing") as reporter:
@@ -156,19 +165,30 @@ def _cool(
             lambda: stop.requested,
         )
     configuration = {name: value for name, value in dataclasses.asdict(prepared.config).items() if name != "resolution"}
-    made = {"score": found.score, "steps": found.steps, "seed": seed, "configuration": configuration}
-    process = describe_process(path for path in inputs if path is not None)
-    return found, map_text(found.best, {**made, **process}), stop
+    made = {
+        "score": found.score,
+        "steps": found.steps,
+        "seed": seed,
+        "configuration": configuration,
+        "n_beams": n_beams,
+        "n_beams_thinned": prepared.n_beams_thinned,
+    }
+    return found, made, stop
 
 
-def _write(target: str, text: str) -> None:
+def _write(target: str, found: Annealed, made: dict[str, Any], logs: list[str]) -> str:
+    """Write the map file; return its text."""
+    from prf.run.mapfile import map_text
     from prf.shell.files import open_output
+    from prf.shell.manifest import describe_process
 
+    text = map_text(found.best, {**made, **describe_process(logs)})
     with open_output(target) as stream:
         stream.write(text)
+    return text
 
 
-def _report(found: Annealed, text: str, target: str, seed: int, json: bool) -> None:
+def _report(found: Annealed, text: str, target: str, made: dict[str, Any], json: bool) -> None:
     """Print what came of it."""
     from prf.shell import console, jsonout
     from prf.shell.files import STREAM
@@ -185,7 +205,9 @@ def _report(found: Annealed, text: str, target: str, seed: int, json: bool) -> N
         "packed_bytes": packed,
         "steps": found.steps,
         "complete": found.is_complete,
-        "seed": seed,
+        "seed": made["seed"],
+        "n_beams": made["n_beams"],
+        "n_beams_thinned": made["n_beams_thinned"],
     }
     if json:
         jsonout.emit_object("prf.anneal/1", result)
@@ -195,4 +217,4 @@ def _report(found: Annealed, text: str, target: str, seed: int, json: bool) -> N
     say(f"score           {found.score:,.1f} nats (chains: {others})")
     say(f"map             {found.best.n_vertices} vertices, {found.best.n_edges} edges, {target}")
     say(f"size            {result['geojson_bytes']:,} bytes of GeoJSON, {packed:,} bytes of packed coordinates")
-    say(f"seed            {seed}")
+    say(f"seed            {made['seed']}")

@@ -9,6 +9,7 @@ import typer
 
 from prf.commands._readings_options import (
     SCIENCE,
+    BeamDensity,
     Config,
     EveryBeam,
     EveryScan,
@@ -18,6 +19,7 @@ from prf.commands._readings_options import (
     MissProbability,
     Noise,
     NoiseRelative,
+    NoThinning,
     OutlierProbability,
     PointData,
     Scale,
@@ -29,8 +31,10 @@ from prf.commands._readings_options import (
     SonarTopic,
     Topic,
     WindowOption,
+    chosen_density,
     refuse_shared_stream,
     warn_of_dropped,
+    words_for_beams,
 )
 from prf.shell.options import Force, Json, Output, Seed, Threads
 
@@ -84,6 +88,8 @@ def sample(
     every_beam: EveryBeam = None,
     scans: Scans = None,
     skip_scans: SkipScans = None,
+    beam_density: BeamDensity = None,
+    no_thinning: NoThinning = False,
     noise: Noise = None,
     noise_relative: NoiseRelative = None,
     outlier_probability: OutlierProbability = None,
@@ -106,6 +112,7 @@ def sample(
     or after 30 minutes, saying that they do not. Ctrl-C keeps what was sampled; --resume goes on from there, and gives
     the same draws as a run that was never stopped.
     """
+    beam_density = chosen_density(beam_density, no_thinning)
     options = {name: value for name, value in locals().items() if name in RUN_SCIENCE}
 
     from prf.sampler.asked import ask
@@ -183,7 +190,8 @@ def _open(logs: dict[str, str], folder: Path, resumed: bool, asked: Asked, seed:
 def _readings(session: Session) -> str:
     """Return how many readings of each sensor the run uses, in words."""
     used = session.output
-    parts = [f"{len(used.beams.range)} beams"] if used.beams is not None else []
+    thinned = int(used.process.get("n_beams_thinned", 0))
+    parts = [words_for_beams(len(used.beams.range), thinned)] if used.beams is not None else []
     parts += [f"{len(used.cones.range)} sonar readings"] if used.cones is not None else []
     return " and ".join(parts + ([f"{len(used.points.value)} points"] if used.points is not None else []))
 
@@ -235,6 +243,8 @@ def _report(run: Run, progress: Progress, folder: Path, session: Session, json: 
         "seconds": progress.seconds,
         "steps_per_second": progress.steps_per_second,
         "seed": session.output.seed,
+        "n_beams": 0 if session.output.beams is None else len(session.output.beams.range),
+        "n_beams_thinned": int(session.output.process.get("n_beams_thinned", 0)),
         "converged": run.diagnostics["converged"],
         "reason": run.diagnostics["reason"],
         "log_posterior": run.best_log_posterior,

@@ -64,8 +64,8 @@ class Beams(NamedTuple):
     scan: NDArray[np.int64]
     max_range: float
 
-    def select(self, mask: NDArray[np.bool_]) -> Beams:
-        """Return the beams that `mask` (n,) picks."""
+    def select(self, mask: NDArray[np.bool_] | NDArray[np.int64]) -> Beams:
+        """Return the beams that a boolean mask (n,) or an array of indices picks."""
         return Beams(self.origin[mask], self.angle[mask], self.range[mask], self.scan[mask], self.max_range)
 
     def impacts(self) -> NDArray[np.float64]:

@@ -19,6 +19,7 @@ from prf.sensors.laser import LaserModel
 from prf.sensors.points import PointModel, window_round
 from prf.sensors.sonar import SonarModel
 from prf.shell.errors import ConfigError, InputError
+from prf.thinning import BEAM_DENSITY, checked_density, thin_beams
 from prf.window import Window
 
 KEPT_RETURNS = 0.995
@@ -53,6 +54,8 @@ class SampleConfig:
         See :class:`prf.sensors.points.PointModel`, whose fields these are behind ``points_``.
     topic, sonar_topic, frame : str or None
         Whose readings to take of each log, and in what frame (:func:`prf.logs.read_readings`).
+    beam_density : float
+        Beams of the laser a square metre of seen ground at which a log is thinned (:mod:`prf.thinning`); 0 keeps all.
     every_scan, every_beam : int
         Of the laser and of the sonar.
     scans, skip_scans : str or None
@@ -87,6 +90,7 @@ class SampleConfig:
     points_mean_white: float = PointModel.mean_white
     points_sigma: float | None = PointModel.sigma
     points_flip_probability: float = PointModel.flip_probability
+    beam_density: float = BEAM_DENSITY
     topic: str | None = None
     sonar_topic: str | None = None
     frame: str | None = None
@@ -122,6 +126,8 @@ class Prepared(NamedTuple):
         Readings dropped because their sensor does not stand inside the window.
     n_points_outside : int
         Point observations dropped because they do not lie inside the window.
+    n_beams_thinned : int
+        Beams inside the window that thinning left out.
     """
 
     settings: Settings
@@ -131,6 +137,7 @@ class Prepared(NamedTuple):
     config: SampleConfig
     n_outside: int
     n_points_outside: int
+    n_beams_thinned: int = 0
 
 
 def prepare(
@@ -150,7 +157,8 @@ def prepare(
     sensors = [part for part in (beams, cones) if part is not None]
     window = _window(config, sensors, observed)
     n_outside = sum(int((~window.contains(part.origin, strictly=True)).sum()) for part in sensors)
-    kept_beams, kept_cones = _inside(beams, window), _inside(cones, window)
+    inside, kept_cones = _inside(beams, window), _inside(cones, window)
+    kept_beams = None if inside is None else _thinned(config, inside, window)
     if sensors and kept_beams is None and kept_cones is None:
         source = " and ".join(log.source for log in (laser, sonar) if log is not None)
         raise InputError(f"{source}: no sensor stands inside the window. Check --window.")
@@ -163,7 +171,8 @@ def prepare(
         model = point_model(config).resolved(points.value)
         resolved = dataclasses.replace(resolved, points_kind=model.kind, points_sigma=model.sigma)
     settings = make_settings(resolved, kept_beams, kept_cones, points)
-    return Prepared(settings, kept_beams, kept_cones, points, resolved, n_outside, n_points_outside)
+    n_thinned = 0 if inside is None or kept_beams is None else len(inside.range) - len(kept_beams.range)
+    return Prepared(settings, kept_beams, kept_cones, points, resolved, n_outside, n_points_outside, n_thinned)
 
 
 def _window(config: SampleConfig, sensors: Sequence[Beams | Cones], observed: PointTable | None) -> Window:
@@ -218,6 +227,13 @@ def _inside(readings: Kept | None, window: Window) -> Kept | None:
         return None
     inside = window.contains(readings.origin, strictly=True)
     return readings.select(inside) if inside.any() else None
+
+
+def _thinned(config: SampleConfig, beams: Beams, window: Window) -> Beams:
+    """Return the beams that thinning keeps."""
+    density = checked_density(config.beam_density)
+    kept = thin_beams(window, beams.origin, beams.angle, beams.range, beams.max_range, density)
+    return beams if len(kept) == len(beams.range) else beams.select(kept)
 
 
 def laser_model(config: SampleConfig) -> LaserModel:

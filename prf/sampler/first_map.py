@@ -18,7 +18,7 @@ from prf.kernels import constants as c
 from prf.kernels.build import resum
 from prf.kernels.step import run
 from prf.layout import grow, make_sites, read_coloring
-from prf.posterior import LaserData, Settings, SonarData, first_map, make_chain
+from prf.posterior import LaserData, PointData, Settings, SonarData, first_map, make_chain
 
 FEWEST = 4000
 """Readings that a share must have at least."""
@@ -30,21 +30,25 @@ LEAST_GAIN = 0.004
 """Nats a reading, from one look to the next: where the gain is less, the next share takes over."""
 MOST_LOOKS = 40
 """Looks at one share at most."""
-Data = TypeVar("Data", LaserData, SonarData)
+Data = TypeVar("Data", LaserData, SonarData, PointData)
 
 ORDER = 20050726
 """Seed of the order in which readings are dealt out: the same for all chains."""
 
 
 def shares(settings: Settings) -> Iterator[Settings]:
-    """Yield settings with ever larger shares of the readings, short of all; none where there are few."""
+    """Yield settings with ever larger shares of readings and points, short of all; none where readings are few."""
     n = sum(len(sensor.readings) for sensor in (settings.laser, settings.sonar) if sensor is not None)
     stride = 1
     while n // (stride * STRIDE) >= FEWEST:
         stride *= STRIDE
     while stride > 1:
         yield dataclasses.replace(
-            settings, resolution=None, laser=_dealt(settings.laser, stride), sonar=_dealt(settings.sonar, stride)
+            settings,
+            resolution=None,
+            laser=_dealt(settings.laser, stride),
+            sonar=_dealt(settings.sonar, stride),
+            points=_dealt(settings.points, stride),
         )
         stride //= STRIDE
 
@@ -67,6 +71,8 @@ def find_first_map(settings: Settings, rng: np.random.Generator, stop_requested:
     """
     coloring = first_map(settings)
     for share in shares(settings):
+        if stop_requested():
+            break
         coloring = _climb(share, settings, coloring, rng, stop_requested)
     return coloring
 
@@ -96,13 +102,11 @@ def _climb(
 
 
 def _dealt(data: Data | None, stride: int) -> Data | None:
-    """Return every `stride`-th of the readings in an order of their own: thinned evenly, no ray of a ring preferred."""
+    """Return every `stride`-th row of data in an order of their own: thinned evenly, no ray of a ring preferred."""
     if data is None:
         return None
-    chosen = np.sort(np.random.default_rng(ORDER).permutation(len(data.readings))[::stride])
-    arrays = {
-        field.name: getattr(data, field.name)[chosen]
-        for field in dataclasses.fields(data)
-        if isinstance(getattr(data, field.name), np.ndarray)
-    }
-    return dataclasses.replace(data, **arrays)
+    values = {field.name: getattr(data, field.name) for field in dataclasses.fields(data)}
+    arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+    n = len(next(iter(arrays.values())))
+    chosen = np.sort(np.random.default_rng(ORDER).permutation(n)[::stride])
+    return dataclasses.replace(data, **{name: array[chosen] for name, array in arrays.items()})

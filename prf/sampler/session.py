@@ -30,7 +30,7 @@ from prf.shell.seeds import spawn_generators
 CHECKPOINT_SECONDS = 60.0
 """Sampling between two checkpoints: what a killed run loses at most."""
 
-COUNTS = ("n_beams", "n_cones", "n_outside", "n_points", "n_points_outside")
+COUNTS = ("n_beams", "n_beams_thinned", "n_cones", "n_outside", "n_points", "n_points_outside")
 PROCESS_KEYS = ("versions", "platform", "command", "created", "inputs", *COUNTS)
 
 logger = logging.getLogger(__name__)
@@ -110,6 +110,7 @@ def start(logs: list[str], prepared: Prepared, folder: Path, seed: int, threads:
     beams, cones, points = prepared.beams, prepared.cones, prepared.points
     counts = {
         "n_beams": 0 if beams is None else len(beams.range),
+        "n_beams_thinned": prepared.n_beams_thinned,
         "n_cones": 0 if cones is None else len(cones.range),
         "n_outside": prepared.n_outside,
         "n_points": 0 if points is None else len(points.value),

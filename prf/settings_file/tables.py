@@ -18,6 +18,7 @@ from prf.sensors.laser import LaserModel
 from prf.sensors.points import KINDS, PointModel
 from prf.sensors.sonar import SonarModel
 from prf.shell.errors import ConfigError
+from prf.thinning import checked_density
 from prf.window import Window
 
 Tables = Mapping[str, Mapping[str, Any]]
@@ -69,6 +70,10 @@ def _check_points(values: Mapping[str, Any]) -> None:
     PointModel(**values)
 
 
+def _check_thinning(values: Mapping[str, Any]) -> None:
+    checked_density(values.get("beam_density", 0.0))
+
+
 def _fields(model: type) -> tuple[str, ...]:
     return tuple(field.name for field in dataclasses.fields(model))
 
@@ -79,6 +84,7 @@ TABLES: Mapping[str, Table] = MappingProxyType(
         "laser": Table(_fields(LaserModel), _check_laser),
         "sonar": Table((*_fields(SonarModel), "cone"), _check_sonar),
         "points": Table(_fields(PointModel), _check_points),
+        "thinning": Table(("beam_density",), _check_thinning),
     }
 )
 """The tables that a file may have."""

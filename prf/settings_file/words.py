@@ -24,6 +24,7 @@ TABLE_WORDS: Mapping[str, str] = MappingProxyType(
         "laser": "Density of a laser reading (docs/laser-model.md)",
         "sonar": "Density of a sonar reading (docs/sonar-model.md)",
         "points": "Density of a point observation (docs/point-data.md)",
+        "thinning": "Which beams of a dense log are used (docs/thinning.md)",
     }
 )
 KEY_WORDS: Mapping[str, Words] = MappingProxyType(
@@ -53,5 +54,6 @@ KEY_WORDS: Mapping[str, Words] = MappingProxyType(
         "points.mean_white": Words("", "gaussian: mean of the values in white"),
         "points.sigma": Words("", "gaussian: standard deviation round the mean"),
         "points.flip_probability": Words("", "binary: share of values that tell the other colour, below 0.5"),
+        "thinning.beam_density": Words("1/m²", "beams of a laser a square metre of seen ground, about; 0: all of them"),
     }
 )

@@ -1,13 +1,17 @@
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from prf.coloring import black_at, violations
-from prf.posterior import Settings, make_chain
+from prf.posterior import LaserData, PointData, Settings, make_chain
 from prf.sampler import first_map
 from prf.sampler.chain import ChainSampler
 from prf.sampler.first_map import find_first_map, has_shares, shares
+from prf.sensors.points import PointModel
+from prf.thinning import thin_beams
 from prf.window import Window
 from tests.reference.beams import Sensor
 from tests.reference.worlds import draw_world
@@ -65,6 +69,42 @@ def test_same_seed_same_map_and_a_request_stops_at_the_next_look(many: Settings)
     looks: list[int] = []
     find_first_map(many, np.random.default_rng(2), lambda: bool(looks.append(1) or True))
     assert len(looks) <= 2
+
+
+def test_a_request_before_the_first_look_leaves_generator_and_map_alone(many: Settings) -> None:
+    rng = np.random.default_rng(2)
+    state = rng.bit_generator.state
+    assert find_first_map(many, rng, lambda: True).n_edges == 0
+    assert rng.bit_generator.state == state
+
+
+def test_a_request_during_one_share_spares_the_others_their_look(
+    many: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    built: list[int] = []
+    monkeypatch.setattr(first_map, "make_chain", lambda *args: built.append(1) or make_chain(*args))
+    find_first_map(many, np.random.default_rng(2), lambda: bool(built))
+    assert len(built) == 1
+
+
+def test_points_are_dealt_with_the_readings(many: Settings) -> None:
+    """All of them beside a sixteenth of the readings would outweigh these."""
+    rng = np.random.default_rng(4)
+    points = PointData(rng.uniform(1.0, 9.0, (160, 2)), rng.integers(0, 2, 160).astype(float), PointModel("binary"))
+    dealt = [share.points for share in shares(dataclasses.replace(many, points=points))]
+    assert [len(part.values) for part in dealt if part is not None] == [10, 40]
+    assert all(part.model == points.model for part in dealt if part is not None)
+    assert {tuple(xy) for xy in dealt[0].xy} <= {tuple(xy) for xy in points.xy}
+
+
+def test_shares_are_of_the_beams_that_thinning_keeps(many: Settings) -> None:
+    laser = many.laser
+    assert laser is not None
+    kept = thin_beams(ROOM, laser.origin, laser.angle, laser.readings, laser.model.max_range, 3.0)
+    thinned = LaserData(laser.origin[kept], laser.angle[kept], laser.readings[kept], laser.model)
+    largest = [share.laser for share in shares(dataclasses.replace(many, laser=thinned))][-1]
+    assert largest is not None
+    assert len(largest.readings) == -(-len(kept) // first_map.STRIDE) < len(laser.readings) // first_map.STRIDE
 
 
 def test_chain_with_few_readings_stays_where_it_was() -> None:

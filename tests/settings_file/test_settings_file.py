@@ -32,6 +32,9 @@ surface_oblique = 12.5   # smooth walls
 [points]
 kind = "binary"
 flip_probability = 0.25
+
+[thinning]
+beam_density = 12
 """
 
 
@@ -47,6 +50,7 @@ def test_reads_what_is_there_and_nothing_more(file: Path) -> None:
         "laser": {"max_range": 30.0, "noise": 0.01},
         "sonar": {"cone": 0.4, "surface_oblique": 12.5},
         "points": {"kind": "binary", "flip_probability": 0.25},
+        "thinning": {"beam_density": 12.0},
     }
     file.write_text("")
     assert read_settings(file) == {}
@@ -102,6 +106,7 @@ def test_an_unusual_combination_is_judged_as_a_whole(file: Path) -> None:
         ("[points]\nsigma = -1\n", 2, "[points] sigma -1.0: must be a positive number"),
         ("[points]\nmean_black = 3\nmean_white = 3\n", 1, "mean_black and mean_white are both 3.0"),
         ("[points]\nflip_probability = 0.5\n", 2, "[points] flip_probability 0.5: must lie in (0, 0.5)"),
+        ("[thinning]\nbeam_density = -1\n", 2, "[thinning] beam_density -1.0: must be a number of beams"),
         ("[sonar\n", 1, "not valid TOML"),
         ("[sonar]\ncone = 1\ncone = 2\n", 3, "not valid TOML"),
     ],

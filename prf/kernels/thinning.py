@@ -1,0 +1,46 @@
+"""Cells that beams pass: counted, and kept passed when beams are left out (docs/thinning.md)."""
+
+import numpy as np
+
+from prf.kernels._jit import core_entry
+from prf.kernels.grid import Grid, walk
+
+
+@core_entry
+def count_passes(
+    grid: Grid, start: np.ndarray, end: np.ndarray, chosen: np.ndarray, path: np.ndarray, passes: np.ndarray
+) -> None:
+    """Add to `passes` (n_cells,) how many of the `chosen` beams (n,) pass each cell or end in it.
+
+    `start` and `end` (n, 2) lie in the window; `path` has room for one walk.
+    """
+    for beam in range(start.shape[0]):
+        if chosen[beam]:
+            n = walk(grid, start[beam, 0], start[beam, 1], end[beam, 0], end[beam, 1], path)
+            for k in range(n):
+                passes[path[k]] += 1
+
+
+@core_entry
+def choose_lacking(
+    grid: Grid,
+    start: np.ndarray,
+    end: np.ndarray,
+    least: int,
+    path: np.ndarray,
+    wanted: np.ndarray,
+    chosen: np.ndarray,
+) -> None:
+    """Choose, in their order, beams that pass at least `least` cells in which some are still `wanted` (n_cells,)."""
+    for beam in range(start.shape[0]):
+        if chosen[beam]:
+            continue
+        n = walk(grid, start[beam, 0], start[beam, 1], end[beam, 0], end[beam, 1], path)
+        gain = 0
+        for k in range(n):
+            if wanted[path[k]] > 0:
+                gain += 1
+        if gain >= least:
+            chosen[beam] = True
+            for k in range(n):
+                wanted[path[k]] -= 1

@@ -1,0 +1,122 @@
+"""Thinning as `prf sample` and `prf anneal` do it: told, recorded, repeated by --resume, switched off."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from prf.cli import app
+from prf.run import read_run
+from prf.shell.run import run_app
+
+QUICK = ("--chains", "1", "--resolution", "0.5", "--seed", "3")
+ALL = 5580
+"""Beams of the office's log."""
+DENSITY = ("--beam-density", "4")
+"""Of it that log has some fifteen."""
+
+
+def prf(*args: object) -> int:
+    return run_app(app, "prf", [str(arg) for arg in args])
+
+
+@pytest.fixture
+def log(data_dir: Path) -> Path:
+    return data_dir / "demo-office.log.gz"
+
+
+def test_a_log_as_sparse_as_the_office_is_used_whole(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, flags in (("default", ()), ("exact", ("--no-thinning",))):
+        assert prf("sample", "--laser", log, *QUICK, *flags, "--steps", 10, "-o", tmp_path / name, "--json") == 0
+        told = json.loads(capsys.readouterr().out)
+        assert (told["n_beams"], told["n_beams_thinned"]) == (ALL, 0)
+    default, exact = (read_run(tmp_path / name) for name in ("default", "exact"))
+    assert default.manifest["configuration"]["beam_density"] > 0.0
+    assert exact.manifest["configuration"]["beam_density"] == 0.0
+    assert (tmp_path / "default" / "draws.npz").read_bytes() == (tmp_path / "exact" / "draws.npz").read_bytes()
+
+
+def test_what_was_left_out_is_told_and_recorded(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "run"
+    assert prf("sample", "--laser", log, *QUICK, *DENSITY, "--steps", 10, "-o", folder, "--json") == 0
+    captured = capsys.readouterr()
+    told = json.loads(captured.out)
+    assert told["n_beams"] + told["n_beams_thinned"] == ALL
+    assert 1000 < told["n_beams"] < 2500
+    assert f"{told['n_beams']:,} of 5,580 beams (thinned)" in captured.err
+    run = read_run(folder)
+    assert run.beams is not None
+    assert len(run.beams.range) == run.manifest["n_beams"] == told["n_beams"]
+    assert run.manifest["n_beams_thinned"] == told["n_beams_thinned"]
+
+
+def test_resuming_repeats_a_thinned_run(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    whole, halved = tmp_path / "whole", tmp_path / "halved"
+    for folder, steps in ((whole, 40_000), (halved, 20_000)):
+        assert prf("sample", "--laser", log, *QUICK, *DENSITY, "--steps", steps, "-o", folder, "-q") == 0
+    capsys.readouterr()
+    assert prf("sample", "--resume", halved, "--laser", log, *DENSITY, "--steps", 40_000, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["n_beams_thinned"] > 0
+    for name in ("draws.npz", "posterior.npz", "readings.npz"):
+        assert (whole / name).read_bytes() == (halved / name).read_bytes(), name
+    assert prf("sample", "--resume", halved, "--no-thinning", "--steps", 40_000) == 2
+    assert "the run to resume has 4.0" in capsys.readouterr().err
+
+
+def test_a_settings_file_can_say_it_and_options_win(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "site.toml").write_text("[thinning]\nbeam_density = 4\n")
+    common = ("sample", "--laser", log, *QUICK, "--config", tmp_path / "site.toml", "--steps", 10, "--json")
+    assert prf(*common, "-o", tmp_path / "a") == 0
+    assert json.loads(capsys.readouterr().out)["n_beams_thinned"] > 0
+    assert prf(*common, "-o", tmp_path / "b", "--no-thinning") == 0
+    assert json.loads(capsys.readouterr().out)["n_beams_thinned"] == 0
+
+
+def test_annealing_thins_too(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = tmp_path / "best.geojson"
+    common = ("anneal", "--laser", log, "--chains", 1, "--seed", 1, "--steps", 10, "-o", target, "--json")
+    assert prf(*common, *DENSITY) == 0
+    captured = capsys.readouterr()
+    told, made = json.loads(captured.out), json.loads(target.read_text())["properties"]
+    assert told["n_beams"] + told["n_beams_thinned"] == ALL
+    assert (made["n_beams"], made["n_beams_thinned"]) == (told["n_beams"], told["n_beams_thinned"])
+    assert "of 5,580 beams (thinned)" in captured.err
+    assert prf(*common, "--no-thinning", "--force") == 0
+    assert json.loads(capsys.readouterr().out)["n_beams"] == ALL
+
+
+@pytest.mark.parametrize(
+    ("flags", "words"),
+    [
+        (("--no-thinning", "--beam-density", "5"), "give one of them"),
+        (("--beam-density", "-1"), "beam-density"),
+        (("--beam-density", "nan"), "beam-density"),
+    ],
+)
+@pytest.mark.parametrize("verb", ["sample", "anneal"])
+def test_densities_that_make_no_sense_are_refused(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str, flags: tuple[str, ...], words: str
+) -> None:
+    assert prf(verb, "--laser", log, *flags, "-o", tmp_path / "out") == 2
+    error = capsys.readouterr().err.strip().splitlines()
+    assert len(error) == 1
+    assert words in error[0]
+
+
+def test_dense_public_log_keeps_what_was_asked_for(shared_data: Path) -> None:
+    from prf.logs import read_readings
+    from prf.sampler.config import SampleConfig, prepare
+
+    readings = read_readings(str(shared_data / "prf" / "carmen" / "intel-corrected.log.gz"))
+    prepared = prepare(SampleConfig(max_range=40.0, beam_density=20.0), readings)
+    assert prepared.beams is not None
+    assert len(prepared.beams.range) + prepared.n_beams_thinned == readings.n_beams
+    assert 18_000 < len(prepared.beams.range) < 22_000
+    assert np.isin(prepared.beams.scan, readings.scan).all()
