@@ -32,7 +32,8 @@ TOWN = LOG.with_name("demo-town.ply.gz")
 COMMANDS = (
     "prior --scale 1 --window 0 0 1 1 --draws 3 --method exact --seed 1 -o exact.geojsonl",
     "prior --scale 1 --window 0 0 1 1 --draws 3 --method mcmc --thin 50 --seed 1 -o mcmc.geojsonl",
-    f"sample --laser {LOG} --every-scan 10 --every-beam 12 --chains 2 --steps 2000 --resolution 1 --seed 1 -o run",
+    f"sample --laser {LOG} --every-scan 10 --every-beam 12 --beam-density 0.1 --chains 2 --steps 2000 --resolution 1"
+    " --seed 1 -o run",
     "query run --points points.csv",
     "query run --points points.csv --square 0.5",
     "query run --path points.csv --radius 0.2",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -105,8 +105,8 @@ def _dealt(data: Data | None, stride: int) -> Data | None:
     """Return every `stride`-th row of data in an order of their own: thinned evenly, no ray of a ring preferred."""
     if data is None:
         return None
-    values = {field.name: getattr(data, field.name) for field in dataclasses.fields(data)}
-    arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+    values: dict[str, Any] = {field.name: getattr(data, field.name) for field in dataclasses.fields(data)}
+    arrays: dict[str, Any] = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
     n = len(next(iter(arrays.values())))
     chosen = np.sort(np.random.default_rng(ORDER).permutation(n)[::stride])
     return dataclasses.replace(data, **{name: array[chosen] for name, array in arrays.items()})
