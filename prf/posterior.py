@@ -132,6 +132,8 @@ class Settings:
         Share of births of triangles that are aimed at returns, where there are any.
     aim_reach : float or None
         As the other reaches.
+    tiles : int
+        Tiles in which a chain is updated at once (docs/tiles.md); 0: it is updated in one place after the other.
     """
 
     window: Window
@@ -148,6 +150,7 @@ class Settings:
     points: PointData | None = None
     aimed_share: float = 0.6
     aim_reach: float | None = None
+    tiles: int = 0
 
     def tuning(self) -> Floats:
         """Return the tuning array of the kernels."""

@@ -60,6 +60,12 @@ Resolution = Annotated[
     float | None,
     typer.Option("--resolution", metavar="METRES", help="Side of a pixel of the image.  [fits the window]"),
 ]
+Tiles = Annotated[
+    str | None,
+    typer.Option(
+        "--tiles", metavar="auto|N|off", help="Tiles in which a chain is updated at once, for large windows.  [auto]"
+    ),
+]
 Steps = Annotated[
     int | None,
     typer.Option("--steps", metavar="N", min=1, help="Steps a chain in total, burn-in included; whole rounds."),
@@ -70,6 +76,7 @@ TimeBudget = Annotated[
 Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Go on with this run from its checkpoint.")]
 
 RUN_SCIENCE = (*SCIENCE, "chains", "resolution")
+MOST_TILES = 1024
 
 
 def sample(
@@ -98,6 +105,7 @@ def sample(
     sonar_cone: SonarCone = None,
     chains: Chains = None,
     resolution: Resolution = None,
+    tiles: Tiles = None,
     steps: Steps = None,
     time_budget: TimeBudget = None,
     resume: Resume = None,
@@ -114,6 +122,7 @@ def sample(
     """
     beam_density = chosen_density(beam_density, no_thinning)
     options = {name: value for name, value in locals().items() if name in RUN_SCIENCE}
+    options["tiles"] = _number_of_tiles(tiles)
 
     from prf.sampler.asked import ask
     from prf.sampler.drive import StopRule
@@ -132,6 +141,18 @@ def sample(
         with session.sampler:
             run, progress = _carry_out(session, StopRule(steps, time_budget))
     _report(run, progress, folder, session, json)
+
+
+def _number_of_tiles(tiles: str | None) -> int | None:
+    """Return the number that is asked for, 0 for none; None: chosen from the window and the readings."""
+    from prf.shell.errors import UsageError
+
+    if tiles is None or tiles == "auto":
+        return None
+    number = 0 if tiles == "off" else int(tiles) if tiles.isdecimal() else 1
+    if number == 1 or number > MOST_TILES:
+        raise UsageError(f"--tiles {tiles}: give auto, off, or a number from 2 to {MOST_TILES}.")
+    return number
 
 
 def _folder(logs: dict[str, str], output: str | None, resume: str | None, force: bool) -> Path:

@@ -67,9 +67,12 @@ class ChainSampler:
         """Steps made."""
         return int(self.chain.graph.counts[c.STEP])
 
-    def advance(self) -> None:
-        """Run one block, recording on the way; at its end the state is a function of map and impacts alone."""
-        end = self.step + self.block
+    def advance(self, latest: int | None = None) -> None:
+        """Run one block, recording on the way; at its end the state is a function of map and impacts alone.
+
+        It ends at the step `latest` if that comes before.
+        """
+        end = self.step + self.block if latest is None else min(self.step + self.block, latest)
         while self.step < end:
             spacing = self.record.thin
             self.run_to(min(end, self.times.next_start, self.step - self.step % spacing + spacing))
@@ -82,6 +85,14 @@ class ChainSampler:
         """Before the first step: go to where chains on shares of the readings lead, if there are many."""
         if has_shares(self.settings):
             self.chain = make_chain(self.settings, find_first_map(self.settings, self.rng, stop_requested))
+
+    def finish_block(self, end: int) -> None:
+        """Run up to the step `end` without a record on the way, record what is there, and settle."""
+        self.run_to(end)
+        if self.step == self.times.next_start:
+            self.times.rotate(self.chain.image, self.step)
+        self.record.take(self.chain)
+        self.settle()
 
     def settle(self) -> None:
         """Lay out sums and lists anew, as at the end of every block."""

@@ -15,6 +15,7 @@ from prf.logs import CONE, PointTable, Readings
 from prf.logs.describe import default_max_range
 from prf.posterior import LaserData, PointData, Settings, SonarData
 from prf.run import Beams, Cones, Points
+from prf.sampler.tiles.schedule import chosen_tiles
 from prf.sensors.laser import LaserModel
 from prf.sensors.points import PointModel, window_round
 from prf.sensors.sonar import SonarModel
@@ -63,6 +64,8 @@ class SampleConfig:
     chains : int
     resolution : float or None
         Side of the squares of the occupancy image.
+    tiles : int or None
+        Tiles in which a chain is updated at once (docs/tiles.md), 0: none.
     """
 
     scale: float = 0.1
@@ -100,6 +103,7 @@ class SampleConfig:
     skip_scans: str | None = None
     chains: int = 4
     resolution: float | None = None
+    tiles: int | None = None
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> SampleConfig:
@@ -166,7 +170,9 @@ def prepare(
     n_points_outside = 0 if observed is None or points is None else len(observed.value) - len(points.value)
     resolution = config.resolution if config.resolution is not None else chosen_resolution(window)
     max_range = config.max_range if beams is None else beams.max_range
-    resolved = dataclasses.replace(config, window=(*window,), max_range=max_range, resolution=resolution)
+    n_readings = sum(len(part.range) for part in (kept_beams, kept_cones) if part is not None)
+    tiles = config.tiles if config.tiles is not None else chosen_tiles(window, n_readings)
+    resolved = dataclasses.replace(config, window=(*window,), max_range=max_range, resolution=resolution, tiles=tiles)
     if points is not None:
         model = point_model(config).resolved(points.value)
         resolved = dataclasses.replace(resolved, points_kind=model.kind, points_sigma=model.sigma)
@@ -279,7 +285,13 @@ def make_settings(
     )
     observed = None if points is None else PointData(points.xy, points.value, point_model(config))
     return Settings(
-        window, checked_scale(config.scale), laser, resolution=config.resolution, sonar=sonar, points=observed
+        window,
+        checked_scale(config.scale),
+        laser,
+        resolution=config.resolution,
+        sonar=sonar,
+        points=observed,
+        tiles=config.tiles or 0,
     )
 
 

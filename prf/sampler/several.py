@@ -17,6 +17,7 @@ from prf.layout import image_grid, pixel_centres
 from prf.posterior import Settings
 from prf.sampler.chain import ChainSampler
 from prf.sampler.record import FUNCTIONALS, Draw, burn_in
+from prf.sampler.tiles import advance_in_tiles, tiled_chains
 
 PROBES_PER_AXIS = 4
 
@@ -76,7 +77,8 @@ class Sampler:
         self.settings = settings
         self.probe_pixels = probe_pixels(settings)
         self.chains = [ChainSampler(settings, rng, self.probe_pixels) for rng in generators]
-        self._pool = ThreadPoolExecutor(max(1, min(threads, len(self.chains))))
+        self._tiled = tiled_chains(self.chains)
+        self._pool = ThreadPoolExecutor(max(1, threads if self._tiled else min(threads, len(self.chains))))
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -101,7 +103,7 @@ class Sampler:
     @property
     def block(self) -> int:
         """Steps of one round."""
-        return self.chains[0].block
+        return self._tiled[0].length if self._tiled else self.chains[0].block
 
     @property
     def probe_xy(self) -> NDArray[np.float64]:
@@ -119,8 +121,12 @@ class Sampler:
             future.result()
 
     def advance(self) -> None:
-        """Run one block in every chain."""
-        for future in [self._pool.submit(chain.advance) for chain in self.chains]:
+        """Run one block in every chain, or one round of tiles."""
+        if self._tiled and self._tiled[0].is_due:
+            advance_in_tiles(self._tiled, self._pool)
+            return
+        latest = self._tiled[0].length if self._tiled else None
+        for future in [self._pool.submit(chain.advance, latest) for chain in self.chains]:
             future.result()
 
     def recorded(self) -> list[list[Draw]]:

@@ -1,0 +1,32 @@
+"""Tiles: one chain updated in many places at once, exact in law (docs/tiles.md).
+
+A round cuts the window into rectangles by chance. In each a chain of its own changes what lies strictly inside, while
+all that crosses a border stays; then the parts are put together again. The spatial Markov property of the Arak process
+makes what lies inside a tile independent of what lies outside given what stays. Readings are dealt out so that each is
+decided by one tile, whatever the others do.
+"""
+
+from prf.sampler.tiles.data import TileData, make_tile_data
+from prf.sampler.tiles.merge import finish_round, merged, replace_map
+from prf.sampler.tiles.partition import random_tiles
+from prf.sampler.tiles.rounds import Round, make_round
+from prf.sampler.tiles.schedule import chosen_tiles
+from prf.sampler.tiles.tiled import TiledChain, advance_in_tiles, tiled_chains
+from prf.sampler.tiles.work import TileResult, work_tile
+
+__all__ = [
+    "Round",
+    "TileData",
+    "TileResult",
+    "TiledChain",
+    "advance_in_tiles",
+    "chosen_tiles",
+    "finish_round",
+    "make_round",
+    "make_tile_data",
+    "merged",
+    "random_tiles",
+    "replace_map",
+    "tiled_chains",
+    "work_tile",
+]

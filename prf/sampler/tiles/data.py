@@ -1,0 +1,107 @@
+"""What the tiles of every round need of the readings: made once, the same whatever the map."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.kernels import constants as c
+from prf.kernels.cones import READING
+from prf.kernels.laser import VANISHING
+from prf.kernels.visibility import BORDER, POSE_COS, POSE_SIN, POSE_X, POSE_Y
+from prf.posterior import LaserData, Settings, SonarData, return_points
+from prf.sensors.laser import LaserModel, make_rays
+from prf.sensors.sonar import SonarModel, make_poses
+
+Floats = NDArray[np.float64]
+
+HAIR = 1e-6
+"""Regions within which an obstacle matters are enlarged by this share: rounding must not let one slip through."""
+
+
+@dataclasses.dataclass(frozen=True)
+class TileData:
+    """Readings laid out for tiles.
+
+    Attributes
+    ----------
+    settings : Settings
+    laser, sonar
+        Models; of no consequence without readings.
+    ray : (n, 8) array
+        Beams as :func:`prf.sensors.laser.make_rays` lays them out.
+    influence : (n,) array
+        Distance beyond which no obstacle changes the likelihood of the beam, metres.
+    end : (n, 2) array
+        Point whose tile answers for the beam: where the return lies, or half way without one.
+    pose : (m, N_POSE) array
+        Sonar readings.
+    triangle : (m, 6) array
+        Corners of a triangle that holds the cone of each.
+    returns : (k, 2) array
+        Where readings say that something stands.
+    sensors : (s, 2) array
+        Sensor positions.
+    """
+
+    settings: Settings
+    laser: LaserModel
+    sonar: SonarModel
+    ray: Floats
+    influence: Floats
+    end: Floats
+    pose: Floats
+    triangle: Floats
+    returns: Floats
+    sensors: Floats
+
+
+def make_tile_data(settings: Settings) -> TileData:
+    """Lay out the readings of a run for its tiles."""
+    nothing = np.zeros((0, 2)), np.zeros(0), np.zeros(0)
+    laser = settings.laser or LaserData(*nothing, LaserModel(1.0))
+    sonar = settings.sonar or SonarData(*nothing, np.zeros(0), SonarModel())
+    ray = make_rays(settings.window, laser.model, laser.origin, laser.angle, laser.readings)
+    pose = make_poses(sonar.model, sonar.origin, sonar.angle, sonar.cone, sonar.readings)
+    assert pose.shape[1] > READING
+    reach = ray[:, c.REACH]
+    influence = np.minimum(reach, influence_of(laser.model, ray[:, c.RANGE]))
+    answered = np.where(np.isfinite(ray[:, c.RANGE]), np.minimum(ray[:, c.RANGE], (1.0 - HAIR) * reach), 0.5 * reach)
+    return TileData(
+        settings=settings,
+        laser=laser.model,
+        sonar=sonar.model,
+        ray=ray,
+        influence=influence,
+        end=ray[:, :2] + answered[:, None] * ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1],
+        pose=pose,
+        triangle=cone_triangles(pose, sonar.model.max_range),
+        returns=return_points(settings),
+        sensors=np.concatenate([laser.origin, sonar.origin]),
+    )
+
+
+def influence_of(model: LaserModel, readings: Floats) -> Floats:
+    """Return the distance (n,) beyond which an obstacle is no more likely to return a reading than none at all.
+
+    There :func:`prf.kernels.laser.beam_log_likelihood` gives the density of an outlier, to the last bit. Infinite for
+    readings without return, which any obstacle in reach concerns.
+    """
+    sigmas = math.sqrt(VANISHING)
+    share = 1.0 - sigmas * model.noise_relative
+    far = np.maximum(readings + sigmas * model.noise, readings / share if share > 0.0 else np.inf)
+    return np.asarray((1.0 + HAIR) * far, np.float64)
+
+
+def cone_triangles(pose: Floats, reach: float) -> Floats:
+    """Return triangles (m, 6) that hold all of each cone up to `reach` metres."""
+    far, across = reach * (1.0 + HAIR), pose[:, BORDER] * (1.0 + HAIR)
+    corners = [pose[:, [POSE_X, POSE_Y]] - HAIR * far * pose[:, [POSE_COS, POSE_SIN]]]
+    for side in (-1.0, 1.0):
+        x = pose[:, POSE_COS] - side * across * pose[:, POSE_SIN]
+        y = pose[:, POSE_SIN] + side * across * pose[:, POSE_COS]
+        corners.append(pose[:, [POSE_X, POSE_Y]] + far * np.stack([x, y], axis=1))
+    return np.concatenate(corners, axis=1)

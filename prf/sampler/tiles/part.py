@@ -1,0 +1,316 @@
+"""The chain of one tile: what lies inside it can be drawn, what crosses its border stays.
+
+Every beam belongs to the tile that holds its end; this depends on the reading alone. Let f be the distance of the first
+obstacle on the beam that does not lie inside the tile to which it belongs. The other tiles leave f as it is: no new
+edge may come before it, and the edge that it lies on stays. Then the impact, the nearer of f and of what the own tile
+puts on the beam, is decided by one tile, and the likelihood is a product over tiles. A round is a step of the chain on
+the maps that have this f for every beam, and these classes part the space of all maps.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.coloring import Coloring
+from prf.kernels import constants as c
+from prf.kernels.beams import Beams
+from prf.kernels.build import resum, trace_all
+from prf.kernels.chain import Chain
+from prf.kernels.edge_index import EdgeIndex
+from prf.kernels.graph import Graph
+from prf.kernels.grid import Grid, make_grid, most_cells
+from prf.kernels.guards import GUARD_RAY, GUARD_TRIANGLE, N_SHAPE, Guards, count_guards, index_frozen, list_guards
+from prf.kernels.image import Image
+from prf.kernels.points import Points
+from prf.kernels.tile import clip_beams, count_part_edges, fill_part, first_outside, mark_met, tiles_at
+from prf.layout import bare_graph, make_index, make_proposal, make_sites, make_targets
+from prf.posterior import FIRST_CAPACITY, FIRST_CELL_ROOM, PointData, painted_points
+from prf.sampler.tiles.data import TileData
+from prf.sampler.tiles.rounds import Round
+from prf.sensors.laser import make_beams
+from prf.sensors.sonar import make_cones
+from prf.window import Window
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Part(NamedTuple):
+    """The chain of one tile at its start.
+
+    Attributes
+    ----------
+    chain : Chain
+    beams : (n,) int64 array
+        The beams that it holds.
+    drawn : (k,) int64 array
+        Edges of the round's map that it can draw.
+    vertices : (m,) int64 array
+        Vertex of the round's map in each of its first slots.
+    pinned : (p,) int64 array
+        Slots of vertices that keep an edge whatever happens.
+    pixels : (q,) int64 array
+        Pixels of the image that belong to it.
+    """
+
+    chain: Chain
+    beams: Ints
+    drawn: Ints
+    vertices: Ints
+    pinned: Ints
+    pixels: Ints
+
+
+class Shared(NamedTuple):
+    """Beams in a tile.
+
+    Attributes
+    ----------
+    own : (n,) int64 array
+        Beams that belong to the tile and that something inside it could stop.
+    span : (n, 2) array
+        Where these enter the tile, and where they leave it or are stopped by what stays outside, metres.
+    beyond : (n,) array
+        Distance at which that stops them if nothing inside does; inf: nothing.
+    guards : (m, N_SHAPE) array
+        Beams of other tiles up to the first obstacle that does not lie inside their own.
+    stops : (k,) int64 array
+        Edges that are such obstacles.
+    """
+
+    own: Ints
+    span: Floats
+    beyond: Floats
+    guards: Floats
+    stops: Ints
+
+
+def make_part(data: TileData, begun: Round, number: int) -> Part:
+    """Build the chain of the tile `number` of a round."""
+    tile = begun.tiles[number]
+    beams = share_beams(data, begun, number)
+    own_cones, triangles = share_cones(data, tile)
+    segments = begun.coloring.segments()
+    is_drawn = begun.edge_tile == number
+    is_drawn[beams.stops] = False
+    is_met = np.zeros(int(is_drawn.sum()), np.uint8)
+    mark_met(triangles, segments[is_drawn], is_met)
+    is_drawn[np.flatnonzero(is_drawn)[is_met != 0]] = False
+    grid = make_grid(*Window(*tile.tolist()), data.settings.cell_size())
+    coloring, vertices, edges = cut_out(begun.coloring, _passes(segments, tile), tile)
+    drawn = is_drawn[edges]
+    graph = bare_graph(coloring, max(FIRST_CAPACITY, 2 * (len(vertices) + c.MOST_CHANGES)))
+    fill_part(graph, len(vertices), coloring.edges, drawn.astype(np.uint8))
+    frozen = np.flatnonzero(_passes(segments[edges], tile) & ~drawn)
+    guards = make_guards(grid, frozen, np.concatenate([beams.guards, _triangle_guards(triangles)]))
+    image, pixels = cut_image(data, begun, tile)
+    chain = _assemble(data, begun, tile, graph, guards, image, beams, own_cones)
+    return Part(
+        chain,
+        beams.own,
+        np.flatnonzero(is_drawn),
+        vertices,
+        np.unique(coloring.edges[~drawn]).astype(np.int64),
+        pixels,
+    )
+
+
+def share_beams(data: TileData, begun: Round, number: int) -> Shared:
+    """Find which beams the tile answers for, which it guards, and what stops both."""
+    span = np.zeros((len(data.ray), 2))
+    clip_beams(data.ray, data.influence, begun.tiles[number], span)
+    passing = np.flatnonzero(span[:, 0] < np.inf)
+    owner = np.zeros(len(passing), np.int32)
+    tiles_at(begun.tiles, data.end[passing], owner)
+    is_own = owner == number
+    limit = np.where(is_own, data.influence[passing], span[passing, 1])
+    ray = data.ray[passing]
+    stop, distance = np.zeros(len(passing), np.int32), np.zeros(len(passing))
+    path = np.zeros(most_cells(begun.grid), np.int32)
+    edge_xy = begun.coloring.segments()
+    index = (begun.grid, begun.start, begun.entries, path)
+    first_outside(*index, edge_xy, begun.edge_tile, ray, owner, limit, stop, distance)
+    counts = distance > span[passing, 0]
+    own, foreign = is_own & counts, ~is_own & counts
+    guards = np.zeros((int(foreign.sum()), N_SHAPE))
+    guards[:, 0] = GUARD_RAY
+    guards[:, 1:5] = ray[foreign, : c.DIRECTION_Y + 1]
+    guards[:, 5] = distance[foreign]
+    guards[:, 6] = span[passing[foreign], 0]
+    stops = np.unique(stop[foreign & (stop != c.NONE)]).astype(np.int64)
+    return Shared(
+        passing[own],
+        np.column_stack([span[passing[own], 0], np.minimum(span[passing[own], 1], distance[own])]),
+        np.where(stop[own] != c.NONE, distance[own], np.inf),
+        guards,
+        stops,
+    )
+
+
+def share_cones(data: TileData, tile: Floats) -> tuple[Ints, Floats]:
+    """Return the sonar readings whose cones lie in the tile (n,), and triangles (m, 6) round others that meet it."""
+    window = np.array(data.settings.window, np.float64)
+    corners = data.triangle.reshape(-1, 3, 2)
+    low = np.maximum(corners.min(axis=1), window[:2]) if len(corners) else np.zeros((0, 2))
+    high = np.minimum(corners.max(axis=1), window[2:]) if len(corners) else np.zeros((0, 2))
+    inside = ((tile[:2] < low) | (tile[:2] == window[:2])) & ((high < tile[2:]) | (tile[2:] == window[2:]))
+    is_own = inside.all(axis=1)
+    meets = ((low <= tile[2:]) & (tile[:2] <= high)).all(axis=1)
+    return np.flatnonzero(is_own), data.triangle[meets & ~is_own]
+
+
+def _triangle_guards(triangles: Floats) -> Floats:
+    """Return the guards that keep triangles (n, 6) free of new edges."""
+    return np.column_stack([np.full(len(triangles), GUARD_TRIANGLE), triangles])
+
+
+def _passes(segments: Floats, box: Floats) -> NDArray[np.bool_]:
+    """Return whether segments (n, 4) pass a box (4,)."""
+    start, direction = segments[:, :2], segments[:, 2:] - segments[:, :2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first, last = (box[:2] - start) / direction, (box[2:] - start) / direction
+    outside = (direction == 0.0) & ((start < box[:2]) | (start > box[2:]))
+    enters = np.where(direction == 0.0, 0.0, np.minimum(first, last)).max(axis=1, initial=0.0)
+    leaves = np.where(direction == 0.0, 1.0, np.maximum(first, last)).min(axis=1, initial=1.0)
+    return np.asarray((enters <= leaves) & ~outside.any(axis=1), np.bool_)
+
+
+def cut_out(whole: Coloring, passes: NDArray[np.bool_], tile: Floats) -> tuple[Coloring, Ints, Ints]:
+    """Return the edges that pass a tile and those next to them, as a map, with the vertices and edges of the whole.
+
+    Moves ask vertices at the ends of passing edges for their other edges.
+    """
+    is_near = np.zeros(len(whole.xy), np.bool_)
+    is_near[whole.edges[passes]] = True
+    edges = np.flatnonzero(is_near[whole.edges].any(axis=1))
+    vertices, ends = np.unique(whole.edges[edges], return_inverse=True)
+    part = Coloring(
+        Window(*tile.tolist()),
+        whole.xy[vertices],
+        whole.side[vertices],
+        ends.reshape(-1, 2).astype(np.int32),
+        False,
+    )
+    return part, vertices.astype(np.int64), edges
+
+
+def make_guards(grid: Grid, frozen: Ints, shape: Floats) -> Guards:
+    """Lay out frozen edges (slots) and guards by the cells of a grid."""
+    start = np.zeros(grid.nx * grid.ny + 1, np.int64)
+    path = np.zeros(max(most_cells(grid), grid.nx * grid.ny), np.int32)
+    count_guards(grid, shape, path, start)
+    first = 1 + len(frozen) + len(start)
+    lists = np.zeros(first + int(start[-1]), np.int32)
+    lists[0] = len(frozen)
+    lists[1 : 1 + len(frozen)] = frozen
+    lists[1 + len(frozen) : first] = first + start
+    list_guards(grid, shape, path, first + start[:-1], lists)
+    return Guards(shape, lists)
+
+
+def cut_image(data: TileData, begun: Round, tile: Floats) -> tuple[Image, Ints]:
+    """Return the image of a tile, its times at nothing, and the pixels of the whole image that it has."""
+    whole = begun.pixels
+    if whole.nx == 0:
+        i0 = i1 = k0 = k1 = 0
+    else:
+        i0, i1 = (round(x) for x in (tile[[0, 2]] - whole.x0) / whole.cell)
+        k0, k1 = (round(y) for y in (tile[[1, 3]] - whole.y0) / whole.cell)
+        i1 = whole.nx if tile[2] == data.settings.window.x_max else i1
+        k1 = whole.ny if tile[3] == data.settings.window.y_max else k1
+    grid = Grid(whole.x0 + i0 * whole.cell, whole.y0 + k0 * whole.cell, whole.cell, i1 - i0, k1 - k0)
+    pixels = (np.arange(i0, i1)[None, :] + whole.nx * np.arange(k0, k1)[:, None]).ravel()
+    n = len(pixels)
+    image = Image(
+        grid=grid,
+        black=begun.black[pixels],
+        n_edges=np.zeros(n, np.int32),
+        black_since=np.zeros(n, np.int64),
+        black_time=np.zeros(n, np.int64),
+        mixed_since=np.zeros(n, np.int64),
+        mixed_time=np.zeros(n, np.int64),
+        path=np.zeros(most_cells(grid), np.int32),
+        crossings=np.zeros(2 * c.MOST_CHANGES),
+    )
+    return image, pixels
+
+
+def _assemble(
+    data: TileData,
+    begun: Round,
+    tile: Floats,
+    graph: Graph,
+    guards: Guards,
+    image: Image,
+    beams: Shared,
+    own_cones: Ints,
+) -> Chain:
+    """Return the chain of a tile with its readings sensed."""
+    settings, window = data.settings, Window(*tile.tolist())
+    grid = make_grid(*window, settings.cell_size())
+    capacity = len(graph.edge_length)
+    targets = make_targets(window, settings.target_side(), data.returns[window.contains(data.returns)])
+    tuning = begun.tuning.copy()
+    if len(targets.cell) == 0:
+        tuning[c.AIMED_SHARE] = 0.0
+    sensors = data.sensors[window.contains(data.sensors)]
+    chain = Chain(
+        graph=graph,
+        edge_index=_make_index(graph, grid, guards),
+        beams=part_beams(data, grid, beams, capacity),
+        cones=make_cones(grid, data.sonar, data.pose[own_cones], capacity),
+        points=part_points(settings.points, begun.coloring, window),
+        sensors=make_sites(grid, sensors, begun.coloring),
+        targets=targets,
+        image=image,
+        guards=guards,
+        proposal=make_proposal(grid),
+        tuning=tuning,
+        odds=begun.odds,
+        outcomes=np.zeros((c.N_MOVES, c.N_OUTCOMES), np.int64),
+    )
+    if image.black.size > 0:
+        count_part_edges(graph, guards, image)
+    trace_all(chain)
+    resum(chain)
+    return chain
+
+
+def _make_index(graph: Graph, grid: Grid, guards: Guards) -> EdgeIndex:
+    """Return the index of drawn and frozen edges."""
+    room = FIRST_CELL_ROOM
+    while True:
+        index = make_index(graph, grid, room)
+        if index_frozen(graph, index, guards):
+            return index
+        room = 2 * index.cell_edges.shape[1]
+
+
+def part_beams(data: TileData, grid: Grid, shared: Shared, capacity: int) -> Beams:
+    """Return the beams of a tile: listed from where they enter it, with what stops them beyond."""
+    ray = data.ray[shared.own]
+    enter, end = shared.span.T
+    moved = ray.copy()
+    moved[:, : c.ORIGIN_Y + 1] += enter[:, None] * ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
+    moved[:, c.REACH] = end - enter
+    beams = make_beams(grid, data.laser, moved, capacity)
+    ray[:, c.REACH] = end
+    # Exits are distances from the sensor, rounded down as before.
+    exits = beams.slot_exit + np.repeat(enter, np.diff(beams.slot_start))
+    exits = exits * (1.0 - 1e-6) - 1e-9
+    last = beams.slot_start[1:] - 1
+    exits[last] = end
+    return beams._replace(ray=ray, beyond=shared.beyond, slot_exit=exits.astype(np.float32))
+
+
+def part_points(data: PointData | None, coloring: Coloring, window: Window) -> Points:
+    """Return the point observations in a tile, in the colours of the map."""
+    if data is None:
+        return painted_points(None, coloring)
+    inside = window.contains(data.xy, strictly=True)
+    part = dataclasses.replace(data, xy=data.xy[inside], values=data.values[inside])
+    return painted_points(part, coloring)

@@ -1,0 +1,118 @@
+"""The start of a round: the map and its tiles, from which the work in every tile follows."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.coloring import Coloring
+from prf.kernels import constants as c
+from prf.kernels.chain import Chain
+from prf.kernels.grid import Grid, make_grid, most_cells
+from prf.kernels.tile import count_crossed, list_crossed, tiles_at
+from prf.layout import read_coloring
+from prf.sampler.tiles.data import TileData
+from prf.sampler.tiles.partition import random_tiles
+from prf.window import INTERIOR
+
+Floats = NDArray[np.float64]
+
+COARSE = 3.0
+"""Cells in which a round finds edges on beams, in units of the cells of a chain."""
+
+BORDER_MOVES = (
+    c.BOUNDARY_BIRTH,
+    c.BOUNDARY_DEATH,
+    c.CORNER_BIRTH,
+    c.CORNER_DEATH,
+    c.MOVE_BOUNDARY,
+    c.PAST_CORNER,
+)
+"""What stands on the window's border is left to the steps between rounds."""
+
+
+class Round(NamedTuple):
+    """Map and tiles of a round, and how its chains step.
+
+    Attributes
+    ----------
+    coloring : Coloring
+    pixels : Grid
+        Of the image.
+    black : (n_pixels,) uint8 array
+        Their colours.
+    tiles : (k, 4) array
+    edge_tile : (n_edges,) int32 array
+        Tile inside which an edge lies, or ``NONE``.
+    grid, start, entries
+        Edges by cells: those of cell i are ``entries[start[i]:start[i + 1]]``.
+    seeds : (k,) int64 array
+    steps : int
+        In each tile.
+    tuning, odds
+        As the chain has them, but for moves on the border.
+    """
+
+    coloring: Coloring
+    pixels: Grid
+    black: NDArray[np.uint8]
+    tiles: Floats
+    edge_tile: NDArray[np.int32]
+    grid: Grid
+    start: NDArray[np.int64]
+    entries: NDArray[np.int32]
+    seeds: NDArray[np.int64]
+    steps: int
+    tuning: Floats
+    odds: Floats
+
+
+def make_round(data: TileData, chain: Chain, n_tiles: int, least: float, steps: int, rng: np.random.Generator) -> Round:
+    """Begin a round: draw its tiles and find what lies inside each.
+
+    Parameters
+    ----------
+    data : TileData
+    chain : Chain
+        On the whole window.
+    n_tiles : int
+    least : float
+        Width of the narrowest tile, metres.
+    steps : int
+        Of all tiles together; rounded down to as many in each.
+    rng : numpy.random.Generator
+        Of the chain.
+    """
+    coloring = read_coloring(chain.graph)
+    tiles = random_tiles(data.settings.window, n_tiles, data.returns, least, chain.image.grid, rng)
+    vertex_tile = np.zeros(len(coloring.xy), np.int32)
+    tiles_at(tiles, coloring.xy, vertex_tile)
+    vertex_tile[coloring.side != INTERIOR] = c.NONE
+    first, last = vertex_tile[coloring.edges].T
+    odds = chain.odds.copy()
+    odds[list(BORDER_MOVES)] = 0.0
+    return Round(
+        coloring,
+        chain.image.grid,
+        chain.image.black.copy(),
+        tiles,
+        np.where(first == last, first, c.NONE).astype(np.int32),
+        *_crossed(data, coloring),
+        seeds=rng.integers(0, 2**63, len(tiles)),
+        steps=steps // len(tiles),
+        tuning=chain.tuning.copy(),
+        odds=odds / odds.sum(),
+    )
+
+
+def _crossed(data: TileData, coloring: Coloring) -> tuple[Grid, NDArray[np.int64], NDArray[np.int32]]:
+    """Return the edges by cells."""
+    grid = make_grid(*data.settings.window, COARSE * data.settings.cell_size())
+    segments, path = coloring.segments(), np.zeros(most_cells(grid), np.int32)
+    start = np.zeros(grid.nx * grid.ny + 1, np.int64)
+    count_crossed(grid, segments, path, start)
+    entries = np.zeros(int(start[-1]), np.int32)
+    list_crossed(grid, segments, path, start[:-1].copy(), entries)
+    return grid, start, entries

@@ -1,0 +1,71 @@
+"""One chain in rounds of tiles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+
+from prf.sampler.chain import ChainSampler
+from prf.sampler.tiles.data import TileData, make_tile_data
+from prf.sampler.tiles.merge import finish_round
+from prf.sampler.tiles.rounds import Round, make_round
+from prf.sampler.tiles.schedule import PLAIN_SHARE, narrowest, round_length
+from prf.sampler.tiles.work import TileResult, work_tile
+
+
+class TiledChain:
+    """How a chain steps in tiles: who drives it begins a round, has the tiles worked, and ends the round.
+
+    Parameters
+    ----------
+    sampler : ChainSampler
+    data : TileData
+    """
+
+    def __init__(self, sampler: ChainSampler, data: TileData) -> None:
+        self.sampler = sampler
+        self.data = data
+        self.length = round_length(data.settings)
+
+    @property
+    def is_due(self) -> bool:
+        """Whether the next steps are a round: the first of them a chain makes without."""
+        return self.sampler.step >= self.length
+
+    def begin(self) -> Round:
+        """Begin a round."""
+        settings = self.data.settings
+        steps = self.length - round(PLAIN_SHARE * self.length)
+        least = narrowest(settings.window, settings.tiles)
+        return make_round(self.data, self.sampler.chain, settings.tiles, least, steps, self.sampler.rng)
+
+    def end(self, begun: Round, results: list[TileResult]) -> None:
+        """Put the tiles together, and go on with the whole window up to the end of the round; record what is there."""
+        sampler = self.sampler
+        end = sampler.step + self.length
+        sampler.chain = finish_round(self.data, sampler.chain, begun, results)
+        sampler.finish_block(end)
+
+    def advance(self) -> None:
+        """Do one round, the tiles one after the other."""
+        begun = self.begin()
+        self.end(begun, [work_tile(self.data, begun, number) for number in range(len(begun.tiles))])
+
+
+def tiled_chains(samplers: Sequence[ChainSampler]) -> list[TiledChain]:
+    """Return chains of one posterior in tiles; none if their settings ask for none."""
+    if not samplers or samplers[0].settings.tiles == 0:
+        return []
+    data = make_tile_data(samplers[0].settings)
+    return [TiledChain(sampler, data) for sampler in samplers]
+
+
+def advance_in_tiles(chains: Sequence[TiledChain], pool: Executor) -> None:
+    """Do one round in every chain, the tiles of all side by side in `pool`."""
+    begun = list(pool.map(TiledChain.begin, chains))
+    futures = [
+        [pool.submit(work_tile, chain.data, each, number) for number in range(len(each.tiles))]
+        for chain, each in zip(chains, begun, strict=True)
+    ]
+    results = [[future.result() for future in row] for row in futures]
+    list(pool.map(TiledChain.end, chains, begun, results))

@@ -1,0 +1,79 @@
+"""The work in one tile: a pure function of the round and the readings."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.kernels import constants as c
+from prf.kernels.chain import Chain
+from prf.kernels.image import settle_all
+from prf.kernels.step import run
+from prf.layout import grow
+from prf.sampler.tiles.data import TileData
+from prf.sampler.tiles.part import Part, make_part
+from prf.sampler.tiles.rounds import Round
+
+
+class TileResult(NamedTuple):
+    """New inside of a tile.
+
+    Attributes
+    ----------
+    drawn : (n,) int64 array
+        Edges of the round's map in whose place the new ones come.
+    xy : (m, 2) array
+        New vertices.
+    edges : (k, 2) int64 array
+        New edges: numbers of vertices of the round's map that stay, or -1 - i for the new vertex i.
+    outcomes : (n_moves, 3) int64 array
+    pixels : (p,) int64 array
+        Pixels of the image that belong to the tile.
+    black : (p,) uint8 array
+    black_time, mixed_time : (p,) int64 arrays
+        In steps of the tile.
+    """
+
+    drawn: NDArray[np.int64]
+    xy: NDArray[np.float64]
+    edges: NDArray[np.int64]
+    outcomes: NDArray[np.int64]
+    pixels: NDArray[np.int64]
+    black: NDArray[np.uint8]
+    black_time: NDArray[np.int64]
+    mixed_time: NDArray[np.int64]
+
+
+def work_tile(data: TileData, begun: Round, number: int) -> TileResult:
+    """Run the chain of one tile from the map of the round; the same on any machine."""
+    part = make_part(data, begun, number)
+    chain = run_part(part, begun.steps, np.random.default_rng(int(begun.seeds[number])))
+    settle_all(chain.image, begun.steps)
+    graph = chain.graph
+    ends = graph.edge_vertices[graph.members[c.EDGES, : graph.counts[c.EDGES]]]
+    is_new = np.ones(len(graph.edge_length), np.bool_)
+    is_new[part.pinned] = False
+    fresh = np.unique(ends[is_new[ends]])
+    code = np.zeros(len(graph.edge_length), np.int64)
+    code[: len(part.vertices)] = part.vertices
+    code[fresh] = -1 - np.arange(len(fresh))
+    return TileResult(
+        part.drawn,
+        graph.vertex_xy[fresh],
+        code[ends].reshape(-1, 2),
+        chain.outcomes,
+        part.pixels,
+        chain.image.black,
+        chain.image.black_time,
+        chain.image.mixed_time,
+    )
+
+
+def run_part(part: Part, steps: int, rng: np.random.Generator) -> Chain:
+    """Run the chain of a part, making room on the way."""
+    chain = part.chain
+    while not run(chain, rng, steps):
+        chain = grow(chain)
+    return chain

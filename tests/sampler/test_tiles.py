@@ -1,0 +1,228 @@
+"""Tiles: partitions, what belongs to whom, maps put together again, and runs that know nothing of threads."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import prf.sampler.tiles.schedule as schedule
+from prf.arak import exact_draws
+from prf.coloring import violations
+from prf.kernels import constants as c
+from prf.kernels.beams import Beams
+from prf.kernels.chain import Chain
+from prf.layout import image_grid, read_coloring
+from prf.posterior import Settings, make_chain
+from prf.recompute import differences, recompute_impacts
+from prf.sampler import Sampler
+from prf.sampler.tiles import (
+    Round,
+    TileData,
+    finish_round,
+    make_round,
+    make_tile_data,
+    random_tiles,
+    work_tile,
+)
+from prf.sampler.tiles.part import make_part
+from prf.sampler.tiles.work import run_part
+from prf.shell.seeds import spawn_generators
+from prf.window import Window
+from tests.reference.beams import Sensor
+from tests.reference.chain_state import digest, structural_faults
+from tests.reference.slow_points import Flips, lattice, observe
+from tests.reference.slow_sonar import Ring
+from tests.reference.sonar_worlds import draw_data, ring_all_round
+from tests.reference.worlds import World, draw_world
+
+ROOM = Window(0.0, 0.0, 12.0, 10.0)
+SCALE = 0.25
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return draw_world(SCALE, ROOM, Sensor(8.0), 6, 40, np.random.default_rng(3))
+
+
+@pytest.fixture(scope="module")
+def settings(world: World) -> Settings:
+    """Laser, sonar and points in one world, with an image."""
+    rng = np.random.default_rng(4)
+    places = np.unique(world.data.origin, axis=0)
+    sonar = draw_data(world.coloring, Ring(max=2.5), ring_all_round(places, 12, 0.4, rng), rng)
+    points = observe(world.coloring, Flips(), lattice(12, 0.05, 9.95), rng)
+    return Settings(ROOM, SCALE, world.data, resolution=0.5, sonar=sonar, points=points)
+
+
+class Trial:
+    """A chain in a world and the round that it begins."""
+
+    def __init__(self, settings: Settings, world: World, seed: int, steps: int = 6000) -> None:
+        self.data: TileData = make_tile_data(settings)
+        self.chain: Chain = make_chain(settings, world.coloring)
+        rng = np.random.default_rng(seed)
+        self.begun: Round = make_round(self.data, self.chain, 6, 1.5, steps, rng)
+
+    @property
+    def numbers(self) -> range:
+        return range(len(self.begun.tiles))
+
+    def finish(self) -> Chain:
+        results = [work_tile(self.data, self.begun, number) for number in self.numbers]
+        return finish_round(self.data, self.chain, self.begun, results)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_tiles_cover_the_window_once(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    returns = rng.normal([4.0, 5.0], 1.5, (300, 2))
+    tiles = random_tiles(ROOM, 8, returns, 1.0, image_grid(ROOM, 0.25), rng)
+    assert len(tiles) == 8
+    assert np.isclose(((tiles[:, 2] - tiles[:, 0]) * (tiles[:, 3] - tiles[:, 1])).sum(), ROOM.area)
+    points = rng.uniform(ROOM[:2], ROOM[2:], (500, 2))
+    inside = [((tile[:2] <= points) & (points < tile[2:])).all(axis=1) for tile in tiles]
+    assert (np.sum(inside, axis=0) == 1).all()
+    assert np.min(tiles[:, 2:] - tiles[:, :2]) >= 0.75, "a cut may be moved to the next line of pixels"
+    assert np.allclose(tiles / 0.25, np.round(tiles / 0.25))
+
+
+def test_a_window_too_narrow_for_so_many_tiles_has_fewer() -> None:
+    tiles = random_tiles(
+        ROOM, 50, np.zeros((0, 2)), 4.0, image_grid(ROOM, 1.0)._replace(nx=0), np.random.default_rng(1)
+    )
+    assert 2 <= len(tiles) <= 6
+
+
+def own_distances(beams: Beams, numbers: np.ndarray, n: int) -> np.ndarray:
+    found = np.full(n, np.nan)
+    found[numbers] = beams.ray[:, c.DISTANCE]
+    return found
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_each_beam_is_decided_by_one_tile(settings: Settings, world: World, seed: int) -> None:
+    trial = Trial(settings, world, seed)
+    n = len(trial.data.ray)
+    before = recompute_impacts(trial.chain)
+    owners, distance, likelihood = np.zeros(n, int), np.full(n, np.nan), before.log_likelihood.copy()
+    for number in trial.numbers:
+        part = make_part(trial.data, trial.begun, number)
+        rng = np.random.default_rng(int(trial.begun.seeds[number]))
+        chain = run_part(part, trial.begun.steps, rng)
+        owners[part.beams] += 1
+        distance[part.beams] = chain.beams.ray[:, c.DISTANCE]
+        likelihood[part.beams] = chain.beams.ray[:, c.BEAM_LOG_LIKELIHOOD]
+    after = recompute_impacts(trial.finish())
+    assert owners.max() == 1
+    moved = np.abs(likelihood - before.log_likelihood) > 0
+    assert moved.sum() > 5
+    assert np.array_equal(likelihood, after.log_likelihood)
+    # Beyond its influence a tile need not know where an obstacle stands.
+    near = (owners == 1) & (after.distance < trial.data.influence)
+    assert near.sum() > 50
+    assert np.array_equal(distance[near], after.distance[near])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_chain_after_a_round_is_what_its_map_says(settings: Settings, world: World, seed: int) -> None:
+    trial = Trial(settings, world, seed)
+    old = trial.begun.coloring
+    step = int(trial.chain.graph.counts[c.STEP])
+    chain = trial.finish()
+    assert differences(chain) == []
+    assert structural_faults(chain) == []
+    assert violations(read_coloring(chain.graph)) == []
+    assert chain.graph.counts[c.STEP] == step + trial.begun.steps * len(trial.begun.tiles)
+    new = {tuple(sorted(ends)) for ends in ends_of(read_coloring(chain.graph))}
+    kept = [ends for ends, tile in zip(ends_of(old), trial.begun.edge_tile, strict=True) if tile == c.NONE]
+    assert {tuple(sorted(ends)) for ends in kept} <= new
+    assert len(new - {tuple(sorted(ends)) for ends in ends_of(old)}) > 3
+
+
+def ends_of(coloring: object) -> list[list[tuple[float, float]]]:
+    return [[(x, y), (u, v)] for x, y, u, v in coloring.segments().tolist()]  # type: ignore[attr-defined]
+
+
+def test_time_goes_on_by_the_steps_of_all_tiles(settings: Settings, world: World) -> None:
+    trial = Trial(settings, world, 5)
+    before = trial.chain.image.black.copy()
+    chain = trial.finish()
+    step = int(chain.graph.counts[c.STEP])
+    assert (chain.image.black_time <= step).all()
+    assert (chain.image.black_time <= chain.image.mixed_time).all()
+    turned = before != chain.image.black
+    assert turned.any()
+    assert ((chain.image.black_time[turned] > 0) & (chain.image.black_time[turned] < step)).all()
+    still = (before == 1) & (chain.image.black_time == step)
+    assert still.sum() > 10
+
+
+def test_a_tile_draws_and_counts_only_what_lies_inside(settings: Settings, world: World) -> None:
+    trial = Trial(settings, world, 6)
+    for number in trial.numbers:
+        part = make_part(trial.data, trial.begun, number)
+        graph, box = part.chain.graph, trial.begun.tiles[number]
+        drawn = graph.members[c.EDGES, : graph.counts[c.EDGES]]
+        assert ((graph.edge_xy[drawn] > box[[0, 1, 0, 1]]) & (graph.edge_xy[drawn] < box[[2, 3, 2, 3]])).all()
+        assert sorted(part.drawn) == sorted(set(part.drawn))
+        assert (trial.begun.edge_tile[part.drawn] == number).all()
+        assert graph.counts[c.BOUNDARY_VERTICES] == 0
+        free = graph.members[c.INTERIOR_VERTICES, : graph.counts[c.INTERIOR_VERTICES]]
+        assert np.isin(graph.vertex_edges[free], drawn).all()
+        assert not np.isin(free, part.pinned).any()
+
+
+def test_steps_in_the_prior_have_no_readings() -> None:
+    settings = Settings(ROOM, 0.4)
+    data = make_tile_data(settings)
+    chain = make_chain(settings, exact_draws(0.4, ROOM, 1, np.random.default_rng(2))[0])
+    rng = np.random.default_rng(3)
+    for _ in range(3):
+        begun = make_round(data, chain, 5, 1.5, 5000, rng)
+        chain = finish_round(data, chain, begun, [work_tile(data, begun, k) for k in range(len(begun.tiles))])
+        assert differences(chain) == []
+
+
+@pytest.fixture
+def short_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(schedule, "ROUND_LENGTHS", (16_000, 16_000))
+
+
+def run_tiled(settings: Settings, threads: int, rounds: int) -> Sampler:
+    with Sampler(dataclasses.replace(settings, tiles=5), spawn_generators(7, 2), threads) as sampler:
+        while sampler.step < rounds * 16_000:
+            sampler.advance()
+    return sampler
+
+
+@pytest.mark.usefixtures("short_rounds")
+def test_threads_change_no_result(settings: Settings) -> None:
+    one, two, three = (run_tiled(settings, threads, 4) for threads in (1, 2, 3))
+    for other in (two, three):
+        for a, b in zip(one.chains, other.chains, strict=True):
+            assert digest(a.chain, a.rng) == digest(b.chain, b.rng)
+            assert [draw.step for draw in a.record.draws] == [draw.step for draw in b.record.draws]
+    assert one.step == 64_000
+    assert [draw.step for draw in one.chains[0].record.draws][-3:] == [32_000, 48_000, 64_000]
+    assert all(np.array_equal(x, y, equal_nan=True) for x, y in zip(one.occupancy(), three.occupancy(), strict=True))
+    assert np.nanmax(one.occupancy()[1]) <= 1.0
+
+
+def test_a_beam_has_no_influence_beyond_its_own(settings: Settings) -> None:
+    data = make_tile_data(settings)
+    assert (data.influence <= data.ray[:, c.REACH]).all()
+    chain = make_chain(settings, exact_draws(SCALE, ROOM, 1, np.random.default_rng(2))[0]._replace(anchor_black=False))
+    found = recompute_impacts(chain)
+    beyond = (found.distance > data.influence) & (found.distance < data.ray[:, c.REACH])
+    assert beyond.sum() > 3
+    returned = np.isfinite(data.ray[:, c.RANGE])
+    assert returned[beyond].all()
+    assert (found.log_likelihood[beyond] == chain.beams.model[c.LOG_OUTLIER]).all()
+
+
+def test_windows_that_are_large_and_full_have_tiles() -> None:
+    assert schedule.chosen_tiles(Window(0.0, 0.0, 50.0, 50.0), 10**6) == 0
+    assert schedule.chosen_tiles(Window(0.0, 0.0, 200.0, 200.0), 100) == 0
+    assert schedule.chosen_tiles(Window(0.0, 0.0, 200.0, 200.0), 10**5) > 4
