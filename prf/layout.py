@@ -241,14 +241,21 @@ def grow_graph(graph: Graph, capacity: int) -> Graph:
 
 
 def grow(chain: Chain) -> Chain:
-    """Return the chain with room for twice as many edges and twice as many edges a cell, its state unchanged."""
-    capacity = 2 * len(chain.graph.edge_length)
-    index = chain.edge_index
-    chain.graph.counts[c.NEEDS_ROOM] = 0
+    """Return the chain with twice the room where it is short, in the graph or in the cells; its state is unchanged.
+
+    Not in both: the cells of a large window hold many times as much as its graph.
+    """
+    index, counts = chain.edge_index, chain.graph.counts
+    capacity, room = len(chain.graph.edge_length), index.cell_edges.shape[1]
+    if min(counts[c.FREE_EDGES], counts[c.FREE_VERTICES]) < c.MOST_CHANGES:
+        capacity *= 2
+    if index.cell_count.max() + c.MOST_CHANGES > room:
+        room *= 2
+    counts[c.NEEDS_ROOM] = 0
     return chain._replace(
         graph=grow_graph(chain.graph, capacity),
         edge_index=index._replace(
-            cell_edges=lengthen(index.cell_edges, 1, 2 * index.cell_edges.shape[1], 0),
+            cell_edges=lengthen(index.cell_edges, 1, room, 0),
             neighbors=lengthen(index.neighbors, 0, capacity, 0),
             marks=lengthen(index.marks, 0, capacity, 0),
         ),

@@ -13,6 +13,7 @@ from prf.coloring import violations
 from prf.kernels import constants as c
 from prf.kernels.beams import Beams
 from prf.kernels.chain import Chain
+from prf.kernels.targets import Targets
 from prf.layout import image_grid, read_coloring
 from prf.posterior import Settings, make_chain
 from prf.recompute import differences, recompute_impacts
@@ -26,7 +27,7 @@ from prf.sampler.tiles import (
     random_tiles,
     work_tile,
 )
-from prf.sampler.tiles.part import make_part
+from prf.sampler.tiles.part import cut_targets, make_part
 from prf.sampler.tiles.work import run_part
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
@@ -226,3 +227,25 @@ def test_windows_that_are_large_and_full_have_tiles() -> None:
     assert schedule.chosen_tiles(Window(0.0, 0.0, 50.0, 50.0), 10**6) == 0
     assert schedule.chosen_tiles(Window(0.0, 0.0, 200.0, 200.0), 100) == 0
     assert schedule.chosen_tiles(Window(0.0, 0.0, 200.0, 200.0), 10**5) > 4
+
+
+def test_targets_of_a_tile_are_those_of_the_window_in_it(settings: Settings) -> None:
+    data = make_tile_data(settings)
+    tile = Window(2.3, 1.9, 7.4, 8.8)
+    whole, part = data.targets, cut_targets(data.targets, tile)
+
+    def middles(targets: Targets, numbers: np.ndarray) -> set[tuple[float, float]]:
+        grid, cell = targets.grid, targets.cell[numbers]
+        x, y = grid.x0 + (cell % grid.nx) * grid.cell, grid.y0 + (cell // grid.nx) * grid.cell
+        return {(round(a, 6), round(b, 6)) for a, b in zip(x.tolist(), y.tolist(), strict=True)}
+
+    def near(targets: Targets, number: int) -> np.ndarray:
+        return targets.near[targets.near_start[number] : targets.near_start[number + 1]]
+
+    inside = middles(part, np.arange(len(part.cell)))
+    assert 10 < len(inside) < len(whole.cell)
+    assert inside <= middles(whole, np.arange(len(whole.cell)))
+    for k in range(len(part.cell)):
+        assert part.number[part.cell[k]] == k
+        (twin,) = (i for i in range(len(whole.cell)) if middles(whole, np.array([i])) == middles(part, np.array([k])))
+        assert middles(part, near(part, k)) == middles(whole, near(whole, twin)) & inside

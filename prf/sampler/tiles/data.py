@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from prf.kernels import constants as c
 from prf.kernels.cones import READING
 from prf.kernels.laser import VANISHING
+from prf.kernels.targets import Targets
 from prf.kernels.visibility import BORDER, POSE_COS, POSE_SIN, POSE_X, POSE_Y
+from prf.layout import make_targets
 from prf.posterior import LaserData, Settings, SonarData, return_points
 from prf.sensors.laser import LaserModel, make_rays
 from prf.sensors.sonar import SonarModel, make_poses
@@ -43,6 +45,8 @@ class TileData:
         Corners of a triangle that holds the cone of each.
     returns : (k, 2) array
         Where readings say that something stands.
+    targets : Targets
+        The squares that hold these.
     sensors : (s, 2) array
         Sensor positions.
     """
@@ -56,6 +60,7 @@ class TileData:
     pose: Floats
     triangle: Floats
     returns: Floats
+    targets: Targets
     sensors: Floats
 
 
@@ -70,6 +75,7 @@ def make_tile_data(settings: Settings) -> TileData:
     reach = ray[:, c.REACH]
     influence = np.minimum(reach, influence_of(laser.model, ray[:, c.RANGE]))
     answered = np.where(np.isfinite(ray[:, c.RANGE]), np.minimum(ray[:, c.RANGE], (1.0 - HAIR) * reach), 0.5 * reach)
+    returns = return_points(settings)
     return TileData(
         settings=settings,
         laser=laser.model,
@@ -79,7 +85,8 @@ def make_tile_data(settings: Settings) -> TileData:
         end=ray[:, :2] + answered[:, None] * ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1],
         pose=pose,
         triangle=cone_triangles(pose, sonar.model.max_range),
-        returns=return_points(settings),
+        returns=returns,
+        targets=make_targets(settings.window, settings.target_side(), returns),
         sensors=np.concatenate([laser.origin, sonar.origin]),
     )
 

@@ -10,7 +10,7 @@ from prf.kernels.build import resum, trace_all
 from prf.kernels.chain import Chain
 from prf.kernels.image import count_all_edges, settle_all
 from prf.layout import make_graph, make_index, painted_sites
-from prf.posterior import painted_points
+from prf.posterior import FIRST_CELL_ROOM, painted_points
 from prf.sampler.tiles.data import TileData
 from prf.sampler.tiles.rounds import Round
 from prf.sampler.tiles.work import TileResult
@@ -68,10 +68,10 @@ def replace_map(chain: Chain, data: TileData, coloring: Coloring) -> Chain:
         capacity *= 2
     graph = make_graph(coloring, capacity)
     graph.counts[c.STEP] = chain.graph.counts[c.STEP]
-    index = chain.edge_index
+    grid = chain.edge_index.grid
     replaced = chain._replace(
         graph=graph,
-        edge_index=make_index(graph, index.grid, index.cell_edges.shape[1]),
+        edge_index=make_index(graph, grid, FIRST_CELL_ROOM),
         beams=chain.beams._replace(first_beam=np.full(capacity, c.NONE, np.int32)),
         cones=chain.cones._replace(sight=make_sight(capacity + c.MOST_CHANGES)),
         points=painted_points(data.settings.points, coloring),

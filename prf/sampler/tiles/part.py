@@ -26,8 +26,9 @@ from prf.kernels.grid import Grid, make_grid, most_cells
 from prf.kernels.guards import GUARD_RAY, GUARD_TRIANGLE, N_SHAPE, Guards, count_guards, index_frozen, list_guards
 from prf.kernels.image import Image
 from prf.kernels.points import Points
+from prf.kernels.targets import Targets
 from prf.kernels.tile import clip_beams, count_part_edges, fill_part, first_outside, mark_met, tiles_at
-from prf.layout import bare_graph, make_index, make_proposal, make_sites, make_targets
+from prf.layout import bare_graph, make_index, make_proposal, make_sites
 from prf.posterior import FIRST_CAPACITY, FIRST_CELL_ROOM, PointData, painted_points
 from prf.sampler.tiles.data import TileData
 from prf.sampler.tiles.rounds import Round
@@ -253,7 +254,7 @@ def _assemble(
     settings, window = data.settings, Window(*tile.tolist())
     grid = make_grid(*window, settings.cell_size())
     capacity = len(graph.edge_length)
-    targets = make_targets(window, settings.target_side(), data.returns[window.contains(data.returns)])
+    targets = cut_targets(data.targets, window)
     tuning = begun.tuning.copy()
     if len(targets.cell) == 0:
         tuning[c.AIMED_SHARE] = 0.0
@@ -264,7 +265,7 @@ def _assemble(
         beams=part_beams(data, grid, beams, capacity),
         cones=make_cones(grid, data.sonar, data.pose[own_cones], capacity),
         points=part_points(settings.points, begun.coloring, window),
-        sensors=make_sites(grid, sensors, begun.coloring),
+        sensors=make_sites(grid, sensors, begun.coloring if np.isfinite(tuning[c.OCCUPIED_COST]) else None),
         targets=targets,
         image=image,
         guards=guards,
@@ -278,6 +279,27 @@ def _assemble(
     trace_all(chain)
     resum(chain)
     return chain
+
+
+def cut_targets(whole: Targets, window: Window) -> Targets:
+    """Return the targets that a window meets, with those near each among them."""
+    grid = whole.grid
+    low, high = (np.array(corner) - (grid.x0, grid.y0) for corner in (window[:2], window[2:]))
+    (i0, k0), (i1, k1) = (np.floor(corner / grid.cell).astype(int) for corner in (low, high))
+    ix, iy = whole.cell % grid.nx, whole.cell // grid.nx
+    inside = (i0 <= ix) & (ix <= i1) & (k0 <= iy) & (iy <= k1)
+    part = Grid(grid.x0 + i0 * grid.cell, grid.y0 + k0 * grid.cell, grid.cell, int(i1 - i0 + 1), int(k1 - k0 + 1))
+    kept = np.flatnonzero(inside)
+    renumbered = np.full(len(whole.cell), c.NONE, np.int32)
+    renumbered[kept] = np.arange(len(kept), dtype=np.int32)
+    cell = (ix[kept] - i0 + part.nx * (iy[kept] - k0)).astype(np.int32)
+    number = np.full(part.nx * part.ny, c.NONE, np.int32)
+    number[cell] = np.arange(len(kept), dtype=np.int32)
+    counts = np.diff(whole.near_start)
+    near = renumbered[whole.near[np.repeat(inside, counts)]]
+    owner = np.repeat(np.arange(len(kept)), counts[kept])[near != c.NONE]
+    start = np.searchsorted(owner, np.arange(len(kept) + 1))
+    return Targets(part, cell, number, start.astype(np.int64), near[near != c.NONE])
 
 
 def _make_index(graph: Graph, grid: Grid, guards: Guards) -> EdgeIndex:
