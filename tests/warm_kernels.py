@@ -18,10 +18,11 @@ import numpy as np
 import mapq.cli
 import prf.cli
 from prf.arak import exact_draws
-from prf.coloring import black_areas, black_at
+from prf.coloring import Coloring, black_areas, black_at
 from prf.kernels.cones import N_POSE
 from prf.posterior import Settings, make_chain
 from prf.recompute import recompute_impacts
+from prf.sampler.tiles import finish_round, make_round, make_tile_data, work_tile
 from prf.score.scene import features_seen, scene_of_coloring
 from prf.shell.run import run_app
 from prf.simulate.sonar import SonarPhysics, simulate_sonar
@@ -77,6 +78,15 @@ def call_library() -> None:
     features_seen(scene_of_coloring(draws[0], 3.5), np.empty((0, N_POSE)), 3.5)
     simulate_sonar(np.array([[1.0, -1.0, 1.0, 1.0]]), np.zeros((1, 3)), SonarPhysics(), np.random.default_rng(1))
     recompute_impacts(make_chain(Settings(draws.window, 1.0), draws[0]))
+    work_in_tiles(draws[0])
+
+
+def work_in_tiles(coloring: Coloring) -> None:
+    """One round of tiles, which verbs begin only after many steps."""
+    settings = Settings(coloring.window, 1.0, resolution=0.2)
+    data, chain = make_tile_data(settings), make_chain(settings, coloring)
+    begun = make_round(data, chain, 2, 0.2, 20, np.random.default_rng(1))
+    finish_round(data, chain, begun, [work_tile(data, begun, number) for number in range(len(begun.tiles))])
 
 
 def cache_counts() -> dict[str, tuple[int, int]]:

@@ -73,6 +73,10 @@ Steps = Annotated[
 TimeBudget = Annotated[
     float | None, typer.Option("--time-budget", metavar="SECONDS", min=0.0, help="Sampling in this call.")
 ]
+Scheduler = Annotated[
+    str | None,
+    typer.Option("--scheduler", metavar="ADDRESS", help="Step on the workers of this Dask scheduler."),
+]
 Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Go on with this run from its checkpoint.")]
 
 RUN_SCIENCE = (*SCIENCE, "chains", "resolution")
@@ -109,6 +113,7 @@ def sample(
     steps: Steps = None,
     time_budget: TimeBudget = None,
     resume: Resume = None,
+    scheduler: Scheduler = None,
     seed: Seed = None,
     threads: Threads = 0,
     force: Force = False,
@@ -137,7 +142,7 @@ def sample(
     asked = ask(options, config)
     folder = _folder(logs, output, resume, force)
     with exclusive(folder):
-        session = _open(logs, folder, resume is not None, asked, seed, threads)
+        session = _open(logs, folder, resume is not None, asked, seed, (threads, scheduler))
         with session.sampler:
             run, progress = _carry_out(session, StopRule(steps, time_budget))
     _report(run, progress, folder, session, json)
@@ -179,17 +184,19 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None, force:
     return folder
 
 
-def _open(logs: dict[str, str], folder: Path, resumed: bool, asked: Asked, seed: int | None, threads: int) -> Session:
-    """Return the session, and say what it is about."""
+def _open(
+    logs: dict[str, str], folder: Path, resumed: bool, asked: Asked, seed: int | None, means: tuple[int, str | None]
+) -> Session:
+    """Return the session, which steps by `means` of threads or of a scheduler, and say what it is about."""
     import os
 
     from prf.sampler import session as sessions
     from prf.sampler.config import SampleConfig
     from prf.shell.seeds import resolve_seed
 
-    n_threads = threads or len(os.sched_getaffinity(0))
+    threads, scheduler = means[0] or len(os.sched_getaffinity(0)), means[1]
     if resumed:
-        session = sessions.resume(folder, logs, asked, seed, n_threads)
+        session = sessions.resume(folder, logs, asked, seed, threads, scheduler)
         logger.info(f"resuming at step {session.sampler.step}")
     else:
         used_seed = resolve_seed(seed)
@@ -198,7 +205,7 @@ def _open(logs: dict[str, str], folder: Path, resumed: bool, asked: Asked, seed:
         warn_of_dropped(prepared.n_outside, prepared.n_points_outside)
         if sessions.needs_compiling():
             logger.info("compiling kernels (once; about half a minute) ...")
-        session = sessions.start(list(logs.values()), prepared, folder, used_seed, n_threads)
+        session = sessions.start(list(logs.values()), prepared, folder, used_seed, threads, scheduler)
         session.sampler.compile()
     window = session.sampler.settings.window
     logger.info(

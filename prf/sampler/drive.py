@@ -76,7 +76,7 @@ def drive(sampler: Sampler, rule: StopRule, stop_requested: Callable[[], bool] =
     diagnoses: dict[str, Diagnosis] | None = None
     status = goal_status(sampler, rule, 0.0, None)
     while status == "running":
-        sampler.advance()
+        sampler.advance(blocks_ahead(sampler, rule))
         if is_check(sampler):
             diagnoses = sampler.diagnose()
         seconds = time.monotonic() - start
@@ -92,6 +92,18 @@ def is_check(sampler: Sampler) -> bool:
     while check < block:
         check = max(check + 1, int(check * CHECK_GROWTH))
     return check == block
+
+
+def blocks_ahead(sampler: Sampler, rule: StopRule) -> int:
+    """Return the blocks to the next step at which something may be decided."""
+    block = sampler.step // sampler.block
+    check = 1
+    while check <= block:
+        check = max(check + 1, int(check * CHECK_GROWTH))
+    ahead = check - block
+    if rule.steps is not None:
+        ahead = min(ahead, math.ceil((rule.steps - sampler.step) / sampler.block))
+    return max(1, ahead)
 
 
 def share_done(sampler: Sampler, rule: StopRule, seconds: float) -> float:

@@ -14,10 +14,12 @@ from prf.kernels import step
 from prf.kernels._jit import CACHE
 from prf.logs import read_point_data, thin
 from prf.logs.describe import default_max_range
+from prf.posterior import Settings
 from prf.run import Run, names, read_run
 from prf.sampler.asked import Asked
 from prf.sampler.checkpoint import load_checkpoint
 from prf.sampler.config import Prepared, SampleConfig, make_settings, prepare
+from prf.sampler.distributed import Remote
 from prf.sampler.drive import Progress, StopRule, drive
 from prf.sampler.first_map import has_shares
 from prf.sampler.logs import read_logs
@@ -104,9 +106,11 @@ def read_prepared(
     return prepare(config, kept_laser, kept_sonar, observed)
 
 
-def start(logs: list[str], prepared: Prepared, folder: Path, seed: int, threads: int) -> Session:
-    """Return a fresh session on prepared logs."""
-    sampler = Sampler(prepared.settings, spawn_generators(seed, prepared.config.chains), threads)
+def start(
+    logs: list[str], prepared: Prepared, folder: Path, seed: int, threads: int, scheduler: str | None = None
+) -> Session:
+    """Return a fresh session on prepared logs, which steps on the workers of a `scheduler` if there is one."""
+    sampler = make_sampler(prepared.settings, seed, prepared.config.chains, threads, scheduler)
     beams, cones, points = prepared.beams, prepared.cones, prepared.points
     counts = {
         "n_beams": 0 if beams is None else len(beams.range),
@@ -120,7 +124,23 @@ def start(logs: list[str], prepared: Prepared, folder: Path, seed: int, threads:
     return Session(sampler, Output(folder, process, prepared.config, seed, beams, cones, points))
 
 
-def resume(folder: Path, logs: dict[str, str], asked: Asked, seed: int | None, threads: int) -> Session:
+def make_sampler(settings: Settings, seed: int, chains: int, threads: int, scheduler: str | None) -> Sampler:
+    """Return a sampler that steps in threads, or on the workers of a scheduler.
+
+    Raises
+    ------
+    ConfigError, InputError
+        As :class:`prf.sampler.distributed.Remote`.
+    """
+    generators = spawn_generators(seed, chains)
+    if scheduler is None:
+        return Sampler(settings, generators, threads)
+    return Sampler(settings, generators, threads, Remote(scheduler, settings))
+
+
+def resume(
+    folder: Path, logs: dict[str, str], asked: Asked, seed: int | None, threads: int, scheduler: str | None = None
+) -> Session:
     """Return a session that goes on from the checkpoint in `folder`.
 
     Parameters
@@ -134,6 +154,8 @@ def resume(folder: Path, logs: dict[str, str], asked: Asked, seed: int | None, t
     seed : int or None
         Likewise.
     threads : int
+    scheduler : str, optional
+        As :func:`start`.
 
     Raises
     ------
@@ -152,7 +174,7 @@ def resume(folder: Path, logs: dict[str, str], asked: Asked, seed: int | None, t
     if run.manifest.get("versions") != versions():
         logger.warning("this run was begun with other versions of the packages: bit for bit may not hold")
     settings = make_settings(config, run.beams, run.cones, run.points)
-    sampler = Sampler(settings, spawn_generators(stored_seed, config.chains), threads)
+    sampler = make_sampler(settings, stored_seed, config.chains, threads, scheduler)
     process = {key: run.manifest[key] for key in PROCESS_KEYS if key in run.manifest}
     output = Output(folder, process, config, stored_seed, run.beams, run.cones, run.points)
     load_checkpoint(folder, sampler, output.identity())

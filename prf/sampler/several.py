@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from prf.posterior import Settings
 from prf.sampler.chain import ChainSampler
 from prf.sampler.record import FUNCTIONALS, Draw, burn_in
 from prf.sampler.tiles import advance_in_tiles, tiled_chains
+
+if TYPE_CHECKING:
+    from prf.sampler.distributed import Remote
 
 PROBES_PER_AXIS = 4
 
@@ -71,12 +74,21 @@ class Sampler:
         One a chain, independent.
     threads : int
         Threads at most; they change no result.
+    remote : Remote, optional
+        Workers of a scheduler, which step in place of threads; they change no result either.
     """
 
-    def __init__(self, settings: Settings, generators: list[np.random.Generator], threads: int) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        generators: list[np.random.Generator],
+        threads: int,
+        remote: Remote | None = None,
+    ) -> None:
         self.settings = settings
         self.probe_pixels = probe_pixels(settings)
         self.chains = [ChainSampler(settings, rng, self.probe_pixels) for rng in generators]
+        self._remote = remote
         self._tiled = tiled_chains(self.chains)
         self._pool = ThreadPoolExecutor(max(1, threads if self._tiled else min(threads, len(self.chains))))
 
@@ -89,6 +101,8 @@ class Sampler:
     ) -> None:
         """Let the threads go."""
         self._pool.shutdown()
+        if self._remote is not None:
+            self._remote.close()
 
     @property
     def step(self) -> int:
@@ -120,12 +134,15 @@ class Sampler:
         for future in [self._pool.submit(chain.find_start, stop_requested) for chain in self.chains]:
             future.result()
 
-    def advance(self) -> None:
-        """Run one block in every chain, or one round of tiles."""
+    def advance(self, blocks: int = 1) -> None:
+        """Run one block in every chain, or one round of tiles; on workers of a scheduler so many `blocks` at most."""
         if self._tiled and self._tiled[0].is_due:
-            advance_in_tiles(self._tiled, self._pool)
+            advance_in_tiles(self._tiled, self._pool, self._remote)
             return
         latest = self._tiled[0].length if self._tiled else None
+        if self._remote is not None:
+            self._remote.advance(self.chains, latest, blocks)
+            return
         for future in [self._pool.submit(chain.advance, latest) for chain in self.chains]:
             future.result()
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from prf.kernels import constants as c
 from prf.kernels.cones import READING
-from prf.kernels.laser import VANISHING
 from prf.kernels.targets import Targets
 from prf.kernels.visibility import BORDER, POSE_COS, POSE_SIN, POSE_X, POSE_Y
 from prf.layout import make_targets
@@ -97,7 +96,7 @@ def influence_of(model: LaserModel, readings: Floats) -> Floats:
     There :func:`prf.kernels.laser.beam_log_likelihood` gives the density of an outlier, to the last bit. Infinite for
     readings without return, which any obstacle in reach concerns.
     """
-    sigmas = math.sqrt(VANISHING)
+    sigmas = math.sqrt(model.to_array()[c.VANISHING])
     share = 1.0 - sigmas * model.noise_relative
     far = np.maximum(readings + sigmas * model.noise, readings / share if share > 0.0 else np.inf)
     return np.asarray((1.0 + HAIR) * far, np.float64)

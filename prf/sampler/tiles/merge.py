@@ -72,7 +72,7 @@ def replace_map(chain: Chain, data: TileData, coloring: Coloring) -> Chain:
     replaced = chain._replace(
         graph=graph,
         edge_index=make_index(graph, grid, FIRST_CELL_ROOM),
-        beams=chain.beams._replace(first_beam=np.full(capacity, c.NONE, np.int32)),
+        beams=chain.beams._replace(first_beam=np.full(capacity, c.NONE, np.int32), edge_gap=np.zeros(capacity)),
         cones=chain.cones._replace(sight=make_sight(capacity + c.MOST_CHANGES)),
         points=painted_points(data.settings.points, coloring),
         sensors=painted_sites(chain.sensors, coloring),

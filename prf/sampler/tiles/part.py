@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from prf.coloring import Coloring
 from prf.kernels import constants as c
 from prf.kernels.beams import Beams
+from prf.kernels.bounds import find_aims
 from prf.kernels.build import resum, trace_all
 from prf.kernels.chain import Chain
 from prf.kernels.edge_index import EdgeIndex
@@ -32,7 +33,7 @@ from prf.layout import bare_graph, make_index, make_proposal, make_sites
 from prf.posterior import FIRST_CAPACITY, FIRST_CELL_ROOM, PointData, painted_points
 from prf.sampler.tiles.data import TileData
 from prf.sampler.tiles.rounds import Round
-from prf.sensors.laser import make_beams
+from prf.sensors.laser import MARGIN, make_beams
 from prf.sensors.sonar import make_cones
 from prf.window import Window
 
@@ -326,7 +327,11 @@ def part_beams(data: TileData, grid: Grid, shared: Shared, capacity: int) -> Bea
     exits = exits * (1.0 - 1e-6) - 1e-9
     last = beams.slot_start[1:] - 1
     exits[last] = end
-    return beams._replace(ray=ray, beyond=shared.beyond, slot_exit=exits.astype(np.float32))
+    slot_exit = exits.astype(np.float32)
+    near, far = data.laser.aim(ray[:, c.RANGE])
+    aim = np.zeros_like(beams.aim)
+    find_aims(near - MARGIN, far + MARGIN, beams.slot_start, slot_exit, aim)
+    return beams._replace(ray=ray, beyond=shared.beyond, slot_exit=slot_exit, aim=aim)
 
 
 def part_points(data: PointData | None, coloring: Coloring, window: Window) -> Points:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from typing import Protocol
 
 from prf.sampler.chain import ChainSampler
 from prf.sampler.tiles.data import TileData, make_tile_data
@@ -60,12 +61,22 @@ def tiled_chains(samplers: Sequence[ChainSampler]) -> list[TiledChain]:
     return [TiledChain(sampler, data) for sampler in samplers]
 
 
-def advance_in_tiles(chains: Sequence[TiledChain], pool: Executor) -> None:
-    """Do one round in every chain, the tiles of all side by side in `pool`."""
+class Crew(Protocol):
+    """Whoever works tiles elsewhere."""
+
+    def work_tiles(self, chains: Sequence[TiledChain], begun: Sequence[Round]) -> list[list[TileResult]]:
+        """Return the results of all tiles of the rounds that `chains` have begun."""
+
+
+def advance_in_tiles(chains: Sequence[TiledChain], pool: Executor, crew: Crew | None = None) -> None:
+    """Do one round in every chain, the tiles of all side by side, in `pool` or by a `crew`."""
     begun = list(pool.map(TiledChain.begin, chains))
-    futures = [
-        [pool.submit(work_tile, chain.data, each, number) for number in range(len(each.tiles))]
-        for chain, each in zip(chains, begun, strict=True)
-    ]
-    results = [[future.result() for future in row] for row in futures]
+    if crew is not None:
+        results = crew.work_tiles(chains, begun)
+    else:
+        futures = [
+            [pool.submit(work_tile, chain.data, each, number) for number in range(len(each.tiles))]
+            for chain, each in zip(chains, begun, strict=True)
+        ]
+        results = [[future.result() for future in row] for row in futures]
     list(pool.map(TiledChain.end, chains, begun, results))
