@@ -139,7 +139,7 @@ class Sampler:
         if self._tiled and self._tiled[0].is_due:
             advance_in_tiles(self._tiled, self._pool, self._remote)
             return
-        latest = self._tiled[0].length if self._tiled else None
+        latest = self._tiled[0].first if self._tiled else None
         if self._remote is not None:
             self._remote.advance(self.chains, latest, blocks)
             return

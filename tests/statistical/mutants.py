@@ -72,6 +72,11 @@ ONE_FACE = Mutant(
     ),
 )
 
+WHOLE_AREA = Mutant(
+    "births in a tile that count the area of the whole window (10 x 10 m)",
+    (("interior_triangle.py", "surface = area(graph.window)", "surface = 100.0"),),
+)
+
 
 def altered_copy(folder: Path, mutant: Mutant) -> Path:
     """Copy the package into `folder` and make the mistake there; AssertionError where the text is not there once."""

@@ -63,9 +63,9 @@ def worst_rhat(sampler: Sampler) -> float:
     return max((found.rhat for found in sampler.diagnose().values() if found.state != "constant"), default=1.0)
 
 
-def answer(number: int, data: LaserData, world: World, scale: float, stages: Stages) -> Answer:
+def answer(number: int, data: LaserData, world: World, scale: float, stages: Stages, tiles: int = 0) -> Answer:
     """Sample the posterior of one world, in one thread, and ask for the colours of random points."""
-    settings = Settings(ROOM, scale, data, resolution=0.5)
+    settings = Settings(ROOM, scale, data, resolution=0.5, tiles=tiles)
     with Sampler(settings, spawn_generators(SEED + number, 4), 1) as sampler:
         for steps, enough in stages:
             while sampler.step < steps:
@@ -105,7 +105,7 @@ def report(found: Calibration, answers: list[Answer]) -> str:
 
 
 def run_worlds(
-    n_worlds: int, stages: Stages, scale: float = SCALE, repeat: int = 1
+    n_worlds: int, stages: Stages, scale: float = SCALE, repeat: int = 1, tiles: int = 0
 ) -> tuple[Calibration, list[Answer]]:
     """Two worlds at a time. `scale` and `repeat` (times that each reading is counted) are right by default."""
 
@@ -115,7 +115,7 @@ def run_worlds(
             getattr(world.data, name) for name in ("origin", "angle", "readings", "model")
         )
         data = LaserData(np.tile(origin, (repeat, 1)), np.tile(angle, repeat), np.tile(readings, repeat), model)
-        return answer(number, data, world, scale, stages)
+        return answer(number, data, world, scale, stages, tiles)
 
     with ThreadPoolExecutor(2) as pool:
         answers = list(pool.map(one, range(n_worlds)))

@@ -7,6 +7,7 @@ from concurrent.futures import Executor
 from typing import Protocol
 
 from prf.sampler.chain import ChainSampler
+from prf.sampler.tiles import schedule
 from prf.sampler.tiles.data import TileData, make_tile_data
 from prf.sampler.tiles.merge import finish_round
 from prf.sampler.tiles.rounds import Round, make_round
@@ -21,29 +22,43 @@ class TiledChain:
     ----------
     sampler : ChainSampler
     data : TileData
+
+    Attributes
+    ----------
+    first : int
+        Step at which the first round begins.
+    length : int
+        Steps of a round in the long run. The first rounds double the steps of the chain each, so that every epoch of
+        the image and every draw begins with the end of a round.
     """
 
     def __init__(self, sampler: ChainSampler, data: TileData) -> None:
         self.sampler = sampler
         self.data = data
         self.length = round_length(data.settings)
+        self.first = schedule.ROUND_LENGTHS[0]
 
     @property
     def is_due(self) -> bool:
-        """Whether the next steps are a round: the first of them a chain makes without."""
-        return self.sampler.step >= self.length
+        """Whether the next steps are a round."""
+        return self.sampler.step >= self.first
+
+    @property
+    def next_length(self) -> int:
+        """Steps of the next round."""
+        return min(self.length, self.sampler.step)
 
     def begin(self) -> Round:
         """Begin a round."""
         settings = self.data.settings
-        steps = self.length - round(PLAIN_SHARE * self.length)
+        steps = self.next_length - round(PLAIN_SHARE * self.next_length)
         least = narrowest(settings.window, settings.tiles)
         return make_round(self.data, self.sampler.chain, settings.tiles, least, steps, self.sampler.rng)
 
     def end(self, begun: Round, results: list[TileResult]) -> None:
         """Put the tiles together, and go on with the whole window up to the end of the round; record what is there."""
         sampler = self.sampler
-        end = sampler.step + self.length
+        end = sampler.step + self.next_length
         sampler.chain = finish_round(self.data, sampler.chain, begun, results)
         sampler.finish_block(end)
 
