@@ -113,7 +113,7 @@ def workers(log: Path, folder: Path, steps: int, seed: int) -> dict[str, float]:
     """The same run on two workers of a scheduler on this machine; the draws must be those of threads."""
     from distributed import LocalCluster
 
-    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster:
         how: dict[str, Any] = {"chains": 1, "steps": steps, "scheduler": cluster.scheduler_address, "seed": seed}
         found = made("sample", folder / "workers.run", laser=log, skip_scans=HELD_OUT, **commands.LASER, **how)
     assert_same(folder / "threads2.run", folder / "workers.run")
