@@ -5,7 +5,8 @@ Blank lines and lines that begin with ``#`` are passed over; names of columns ar
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,9 @@ from prf.shell.errors import InputError
 
 BLOCK = 65536
 """Rows parsed at a time, so that the text fields of a long table are never all in memory."""
+
+PIECE = 1 << 20
+"""Bytes cut into lines at a time, about."""
 
 
 class Header(NamedTuple):
@@ -66,9 +70,17 @@ PLACE = Domain("metres, finite", -LARGEST_COORDINATE, LARGEST_COORDINATE)
 """Of a coordinate."""
 
 
-def content_lines(data: bytes) -> list[tuple[int, bytes]]:
-    """Return number and text of every line that counts."""
-    return [(number, line) for number, line in enumerate(data.splitlines(), 1) if _counts(line)]
+def content_lines(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield number and text of every line that counts; the lines of a long table are never all in memory."""
+    number = start = 0
+    while start < len(data):
+        # Cut behind a line feed: no line ends in two of the pieces, whichever way it ends.
+        end = data.find(b"\n", start + PIECE) + 1 or len(data)
+        for line in data[start:end].splitlines():
+            number += 1
+            if _counts(line):
+                yield number, line
+        start = end
 
 
 def column_names(line: bytes) -> list[str]:
@@ -104,13 +116,13 @@ def read_header(line: bytes, where: str, required: Sequence[str], optional: Sequ
     return Header({name: names.index(name) for name in known}, len(names))
 
 
-def read_rows(lines: Sequence[tuple[int, bytes]], header: Header, source: str, empty: Mapping[str, bytes]) -> Rows:
+def read_rows(lines: Iterable[tuple[int, bytes]], header: Header, source: str, empty: Mapping[str, bytes]) -> Rows:
     """Return the numbers in the known columns.
 
     Parameters
     ----------
-    lines : sequence of (int, bytes)
-        Numbers and texts of the lines under the header.
+    lines : iterable of (int, bytes)
+        Numbers and texts of the lines under the header; there may be none.
     header : Header
     source : str
     empty : mapping of str to bytes
@@ -121,21 +133,29 @@ def read_rows(lines: Sequence[tuple[int, bytes]], header: Header, source: str, e
     InputError
         If a row has another number of fields than the header, or a field is no number.
     """
-    number = np.array([n for n, _ in lines], dtype=np.int64)
-    commas = np.array([line.count(b",") for _, line in lines])
-    wrong = np.flatnonzero(commas != header.width - 1)
-    if len(wrong):
-        has = commas[wrong[0]] + 1
-        raise InputError(f"{source}:{number[wrong[0]]}: row of {has} fields under a header of {header.width}. {MEND}")
-    parts: dict[str, list[FloatArray]] = {name: [] for name in header.places}
-    for start in range(0, len(lines), BLOCK):
-        fields = b",".join(line for _, line in lines[start : start + BLOCK]).split(b",")
+    rest = iter(lines)
+    numbers = [np.zeros(0, np.int64)]
+    parts: dict[str, list[FloatArray]] = {name: [np.zeros(0)] for name in header.places}
+    while block := list(islice(rest, BLOCK)):
+        number = np.array([n for n, _ in block], dtype=np.int64)
+        numbers.append(number)
+        fields = _fields(block, header, source)
         for name, place in header.places.items():
             texts = fields[place :: header.width]
             if name in empty:
                 texts = [text if text and not text.isspace() else empty[name] for text in texts]
-            parts[name].append(_column(texts, name, number[start:], source))
-    return Rows(source, number, {name: np.concatenate(blocks) for name, blocks in parts.items()})
+            parts[name].append(_column(texts, name, number, source))
+    return Rows(source, np.concatenate(numbers), {name: np.concatenate(blocks) for name, blocks in parts.items()})
+
+
+def _fields(block: Sequence[tuple[int, bytes]], header: Header, source: str) -> list[bytes]:
+    """Return the fields of rows, row by row, refused if a row has another number of them than the header."""
+    commas = np.array([line.count(b",") for _, line in block])
+    wrong = np.flatnonzero(commas != header.width - 1)
+    if len(wrong):
+        at, has = block[wrong[0]][0], commas[wrong[0]] + 1
+        raise InputError(f"{source}:{at}: row of {has} fields under a header of {header.width}. {MEND}")
+    return b",".join(line for _, line in block).split(b",")
 
 
 def refuse_value(rows: Rows, name: str, good: np.ndarray, words: str) -> None:

@@ -110,12 +110,13 @@ def read_point_data(path: str | os.PathLike[str]) -> PointTable:
     with open_input(path) as stream:
         data = decompress(stream.read(), source).removeprefix(BYTE_ORDER_MARK)
     lines = content_lines(data)
-    if not lines:
+    first = next(lines, None)
+    if first is None:
         raise InputError(f"{source}: the file is empty. Give a CSV table with the columns x,y,value.")
-    header = read_header(lines[0][1], f"{source}:{lines[0][0]}", REQUIRED, (), HEADER)
-    if len(lines) == 1:
+    header = read_header(first[1], f"{source}:{first[0]}", REQUIRED, (), HEADER)
+    rows = read_rows(lines, header, source, {})
+    if not len(rows.line):
         raise InputError(f"{source}: table without a row below its header. Give at least one point.")
-    rows = read_rows(lines[1:], header, source, {})
     for name, domain in _DOMAINS.items():
         refuse_value(rows, name, domain.holds(rows.columns[name]), domain.words)
     return PointTable(np.column_stack((rows.columns["x"], rows.columns["y"])), rows.columns["value"], rows.line, source)

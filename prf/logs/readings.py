@@ -215,6 +215,10 @@ class Readings:
             cone=self.cone[mask],
         )
 
+    def where(self, mask: NDArray[np.bool_]) -> Readings:
+        """Return the beams of a boolean mask, without a copy where that is all of them."""
+        return self if mask.all() else self.select(mask)
+
 
 def beam_numbers(scan: IntArray) -> NDArray[np.int32]:
     """Return for every beam how many beams of the same scan stand before it.

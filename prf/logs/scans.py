@@ -79,7 +79,7 @@ def assemble(scans: Sequence[Scan], source: str, notes: LogNotes) -> Readings:
         cone=np.repeat([scan.cone for scan in scans], table.n_beams),
         source=source,
         notes=replace(notes, scans=table, devices=devices, n_zero_ranges=n_zero, n_invalid=n_invalid),
-    ).select(usable)
+    ).where(usable)
 
 
 def _scan_table(scans: Sequence[Scan]) -> ScanTable:

@@ -54,12 +54,12 @@ def read_table(data: bytes, source: str, kind: Kind | None = None, cone: float =
         For a missing or doubled column, a row of the wrong length, and a value outside its domain.
     """
     lines = content_lines(data)
-    first_line, first = lines[0]
+    first_line, first = next(lines)
     advice = POINT_HEADER if "value" in column_names(first) else HEADER
     header = read_header(first, f"{source}:{first_line}", REQUIRED, OPTIONAL, advice)
-    if len(lines) == 1:
+    rows = read_rows(lines, header, source, EMPTY)
+    if not len(rows.line):
         raise InputError(f"{source}: table without a row below its header. Give at least one beam.")
-    rows = read_rows(lines[1:], header, source, EMPTY)
     _check(rows)
     if kind == "sonar" and "cone" not in rows.columns:
         rows.columns["cone"] = np.full(len(rows.line), cone)
@@ -145,7 +145,7 @@ def _assemble(rows: Rows, extra: int) -> Readings:
         cone=columns.get("cone", 0.0),
         source=rows.source,
         notes=notes,
-    ).select(usable)
+    ).where(usable)
 
 
 def _scans_by_place(origin: FloatArray, time: FloatArray) -> IntArray:

@@ -58,7 +58,7 @@ def thin(
             f"{readings.source}: no reading is left of {readings.n_beams} in scans 0 to {n_scans - 1}. "
             "Widen --scans, or lower --every-scan, --every-beam or --skip-scans."
         )
-    return readings.select(keep)
+    return readings.where(keep)
 
 
 def parse_slice(text: str, flag: str) -> slice:

@@ -140,3 +140,25 @@ def test_round_trip_is_exact(tmp_path_factory, some):
         np.testing.assert_array_equal(after, before)
         assert after.dtype == before.dtype
         assert after.flags.c_contiguous
+
+
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
+@pytest.mark.parametrize("piece", [1, 7, 1 << 20])
+def test_lines_are_those_of_the_whole_text_however_it_is_cut(
+    monkeypatch: pytest.MonkeyPatch, end: bytes, piece: int
+) -> None:
+    monkeypatch.setattr(columns, "PIECE", piece)
+    data = end.join([b"x,y", b"", b"1,2", b"# no", b"  ", b"3,4", b"5,6"])
+    for text in (data, data + end, data + b"\r" + end):
+        counted = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip() and line[:1] != b"#"]
+        assert list(columns.content_lines(text)) == counted
+    assert list(columns.content_lines(b"")) == []
+
+
+def test_blocks_of_rows_make_one_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = b"x,y,theta,range\n" + b"".join(b"%d,0,0,1\n" % i for i in range(10))
+    whole = read_table(rows, "a.csv")
+    monkeypatch.setattr(columns, "BLOCK", 3)
+    np.testing.assert_array_equal(read_table(rows, "a.csv").origin, whole.origin)
+    with pytest.raises(InputError, match=r"a\.csv:12: row of 1 fields"):
+        read_table(rows + b"7\n", "a.csv")
