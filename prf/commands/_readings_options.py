@@ -81,7 +81,7 @@ EveryScan = Annotated[int | None, typer.Option("--every-scan", metavar="K", min=
 EveryBeam = Annotated[int | None, typer.Option("--every-beam", metavar="K", min=1, help="Beams 0, K, 2K ...")]
 BeamDensity = Annotated[
     float | None,
-    typer.Option("--beam-density", metavar="1/METRE2", help="Thin a denser log of a laser to about this.  [25]"),
+    typer.Option("--beam-density", metavar="1/METRE2", help="Thin a denser log of a laser to about this.  [16]"),
 ]
 NoThinning = Annotated[bool, typer.Option("--no-thinning", help="Use every beam: as --beam-density 0.")]
 Scans = Annotated[str | None, typer.Option("--scans", metavar="START:STOP:STEP", help="Only these scans.")]

@@ -16,8 +16,10 @@ from prf.window import Window
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-BEAM_DENSITY = 25.0
+BEAM_DENSITY = 16.0
 """Beams a square metre of seen ground, unless asked for otherwise."""
+WORTH_IT = 0.75
+"""A log is used whole, and exactly, where thinning would keep more than this share of it."""
 
 
 def checked_density(density: float) -> float:
@@ -38,8 +40,8 @@ def thin_beams(
 ) -> NDArray[np.int64]:
     """Return the beams to keep, by index and in their order.
 
-    A log with no more than `density` beams a square metre of the ground that its beams pass keeps all. Of a denser one
-    about as many stay, plus what it takes to have every passed cell passed (:mod:`prf.thinning.cover`). No random
+    Of a dense log about `density` beams a square metre of the ground that its beams pass stay, plus what it takes to
+    have every passed cell passed (:mod:`prf.thinning.cover`). One with little more than that is kept whole. No random
     number is used: the same beams in the same order give the same choice.
 
     Parameters
@@ -66,7 +68,7 @@ def thin_beams(
     end, returned = _ends(window, origin, angle, ranges, max_range)
     passages = Passages(window, origin, end)
     budget = density * passages.seen_area()
-    if len(ranges) <= budget:
+    if budget > WORTH_IT * len(ranges):
         return everything
     strata = strata_of(window, origin, end, returned)
     kept = draw_evenly(strata, weights(strata, budget))

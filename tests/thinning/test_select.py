@@ -57,6 +57,13 @@ def test_a_sparse_log_is_left_alone() -> None:
     np.testing.assert_array_equal(log.kept(), np.arange(len(log.range)))
 
 
+def test_what_saves_less_than_a_quarter_is_left_alone() -> None:
+    log = walk(30)
+    per_area = len(log.range) / ROOM.area
+    assert len(log.kept(0.8 * per_area)) == len(log.range)
+    assert len(log.kept(0.6 * per_area)) < 0.75 * len(log.range)
+
+
 def test_density_nought_keeps_all(dense: Log) -> None:
     assert len(dense.kept(0.0)) == len(dense.range)
 
@@ -127,7 +134,7 @@ def test_across_a_wall_beams_are_thinned_alike(dense: Log) -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 400), st.floats(0.05, 30.0))
-def test_readings_of_any_kind_give_a_subset_that_passes_what_was_passed(seed: int, n: int, density: float) -> None:
+def test_readings_of_any_kind_give_a_subset_in_order(seed: int, n: int, density: float) -> None:
     rng = np.random.default_rng(seed)
     origin = rng.uniform((0.01, 0.01), (19.99, 9.99), (n, 2))
     reading = np.where(rng.random(n) < 0.2, np.inf, rng.exponential(4.0, n))
