@@ -35,6 +35,8 @@ COMMANDS = (
     "prior --scale 1 --window 0 0 1 1 --draws 3 --method mcmc --thin 50 --seed 1 -o mcmc.geojsonl",
     f"sample --laser {LOG} --every-scan 10 --every-beam 12 --beam-density 0.1 --chains 2 --steps 2000 --resolution 1"
     " --seed 1 -o run",
+    f"sample --laser {LOG} --every-scan 10 --every-beam 12 --chains 1 --steps 10 --resolution 1 --rungs 2"
+    " --seed 1 -o hot",
     "query run --points points.csv",
     "query run --points points.csv --square 0.5",
     "query run --path points.csv --radius 0.2",

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from prf.sampler.asked import Asked
     from prf.sampler.drive import Progress
     from prf.sampler.session import Session
+    from prf.sampler.tempering_ladder import SwapReport
 
 logger = logging.getLogger(__name__)
 
@@ -77,9 +78,29 @@ Scheduler = Annotated[
     str | None,
     typer.Option("--scheduler", metavar="ADDRESS", help="Step on the workers of this Dask scheduler."),
 ]
+Start = Annotated[
+    str | None,
+    typer.Option(
+        "--start", metavar="MAP", help="Where chains start: empty, grid or prior.  [grid with a laser, else empty]"
+    ),
+]
+Rungs = Annotated[
+    int | None,
+    typer.Option(
+        "--rungs", metavar="N", min=1, help="Parallel tempering: chains that help each chain, itself included.  [1]"
+    ),
+]
+Hottest = Annotated[
+    float | None,
+    typer.Option(
+        "--hottest",
+        metavar="POWER",
+        help="Of the likelihood on the last rung; 0: the prior.  [half of the swaps succeed]",
+    ),
+]
 Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Go on with this run from its checkpoint.")]
 
-RUN_SCIENCE = (*SCIENCE, "chains", "resolution")
+RUN_SCIENCE = (*SCIENCE, "chains", "resolution", "start", "rungs", "hottest")
 MOST_TILES = 1024
 
 
@@ -110,6 +131,9 @@ def sample(
     chains: Chains = None,
     resolution: Resolution = None,
     tiles: Tiles = None,
+    start: Start = None,
+    rungs: Rungs = None,
+    hottest: Hottest = None,
     steps: Steps = None,
     time_budget: TimeBudget = None,
     resume: Resume = None,
@@ -282,5 +306,19 @@ def _report(run: Run, progress: Progress, folder: Path, session: Session, json: 
         return
     agree = "the chains agree" if result["converged"] else f"the chains do not agree yet ({result['reason']})"
     console.emit(f"{progress.status}: {agree}")
+    swaps = session.sampler.swaps()
+    if swaps:
+        console.emit(_ladders(swaps))
+    elif not result["converged"] and progress.status != "running":
+        console.emit("chains that stay apart: run longer, or with parallel tempering (--rungs 8; docs/tempering.md)")
     console.emit(f"{result['draws']} draws of {result['chains']} chains, {progress.step:,} steps each, {folder}/")
     console.emit(f"picture {folder}/posterior.png" + (f", best map {folder}/map.geojson" if run.best else ""))
+
+
+def _ladders(reports: list[SwapReport]) -> str:
+    """Return in words what the ladders of all chains came to."""
+    rates = [rate for report in reports for rate in report.swap_rates if rate is not None]
+    lowest = min(report.powers[-1] for report in reports)
+    worst = f"swaps accepted {min(rates):.0%} to {max(rates):.0%}" if rates else "no swap tried"
+    trips = sum(report.round_trips for report in reports)
+    return f"tempering: {len(reports[0].powers)} rungs down to power {lowest:.3g}, {worst}, {trips} round trips"

@@ -98,7 +98,11 @@ def _summarise_diagnostics(file: Path) -> str:
 
 def _summarise_checkpoint(file: Path) -> str:
     arrays = load_arrays(file, names.CHECKPOINT_SCHEMA)
-    counts = [array for name, array in arrays.items() if name.endswith(".graph.counts") and len(array) > STEP]
+    counts = [
+        array
+        for name, array in arrays.items()
+        if name.endswith(".graph.counts") and len(array) > STEP and ".rung" not in name
+    ]
     if not counts:
         raise damaged(file, "no chain in it")
     return f"{len(counts)} chains at step {int(counts[0][STEP]):,}"

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from prf.coloring import Coloring
 from prf.kernels import constants as c
 from prf.kernels.build import resum
-from prf.kernels.step import run
-from prf.layout import grow
+from prf.layout import read_coloring
 from prf.posterior import Settings, first_map, make_chain
-from prf.sampler.first_map import find_first_map, has_shares
 from prf.sampler.record import FIRST_THIN, ImageTimes, Record
+from prf.sampler.starts import Start, find_start_map, is_found
+from prf.sampler.tempering import Tempering, run_chain
+from prf.sampler.tempering_ladder import LadderPlan
 
 SHORTEST_BLOCK = 5 * FIRST_THIN
 LONGEST_BLOCK = 4 * SHORTEST_BLOCK
@@ -46,6 +47,8 @@ class ChainSampler:
         Pixels whose colour is followed.
     start : Coloring, optional
         Map to start from, in which every sensor stands in white; a map of one colour if absent (as in the paper).
+    starts_from : {"empty", "grid", "prior"}
+        What :meth:`find_start` does (:mod:`prf.sampler.starts`).
     """
 
     def __init__(
@@ -54,24 +57,40 @@ class ChainSampler:
         rng: np.random.Generator,
         probes: NDArray[np.int64],
         start: Coloring | None = None,
+        starts_from: Start = "empty",
     ) -> None:
         self.settings = settings
         self.rng = rng
+        self.starts_from = starts_from
         self.chain = make_chain(settings, start if start is not None else first_map(settings))
         self.record = Record(probes)
         self.times = ImageTimes(self.chain.image.black.size)
         self.block = block_length(len(self.chain.beams.ray) + len(self.chain.cones.pose))
+        self.recorded_from = 0
+        self.tempering: Tempering | None = None
 
     @property
     def step(self) -> int:
         """Steps made."""
         return int(self.chain.graph.counts[c.STEP])
 
+    def temper(self, plan: LadderPlan) -> None:
+        """Put hot rungs below this chain from now on; rounds are then the shortest, since every rung makes one."""
+        self.tempering = Tempering(self.settings, self.chain, self.rng, plan)
+        self.block = SHORTEST_BLOCK
+
+    def forget(self) -> None:
+        """Let the burn-in end here at the earliest: what was recorded before counts no more."""
+        self.recorded_from = self.step
+        self.times.forget(self.chain.image, self.step)
+
     def advance(self, latest: int | None = None) -> None:
         """Run one block, recording on the way; at its end the state is a function of map and impacts alone.
 
         It ends at the step `latest` if that comes before.
         """
+        if self.tempering is not None and self.tempering.adapt(self.step):
+            self.forget()
         end = self.step + self.block if latest is None else min(self.step + self.block, latest)
         while self.step < end:
             spacing = self.record.thin
@@ -82,9 +101,12 @@ class ChainSampler:
         self.settle()
 
     def find_start(self, stop_requested: Callable[[], bool]) -> None:
-        """Before the first step: go to where chains on shares of the readings lead, if there are many."""
-        if has_shares(self.settings):
-            self.chain = make_chain(self.settings, find_first_map(self.settings, self.rng, stop_requested))
+        """Before the first step: go to the map that the chain shall start from."""
+        if is_found(self.starts_from, self.settings):
+            start = find_start_map(self.starts_from, self.settings, self.rng, stop_requested)
+            self.chain = make_chain(self.settings, start)
+        if self.tempering is not None:
+            self.tempering.start_at(read_coloring(self.chain.graph))
 
     def finish_block(self, end: int) -> None:
         """Run up to the step `end` without a record on the way, record what is there, and settle."""
@@ -97,8 +119,12 @@ class ChainSampler:
     def settle(self) -> None:
         """Lay out sums and lists anew, as at the end of every block."""
         resum(self.chain)
+        if self.tempering is not None:
+            self.tempering.settle()
 
     def run_to(self, step: int) -> None:
-        """Run up to `step`, making room on the way."""
-        while not run(self.chain, self.rng, step):
-            self.chain = grow(self.chain)
+        """Run up to `step`, with the hot rungs if there are any."""
+        if self.tempering is None:
+            self.chain = run_chain(self.chain, self.rng, step)
+        else:
+            self.chain = self.tempering.run_to(self.chain, self.rng, step)

@@ -10,16 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.coloring import Coloring, Draws
-from prf.kernels import constants as c
-from prf.kernels.build import resum, trace_all
+from prf.kernels.chain import Chain
 from prf.kernels.image import count_all_edges, settle_all
-from prf.layout import make_index, painted_sites, read_coloring
-from prf.posterior import painted_points
+from prf.posterior import Settings
 from prf.run import names
 from prf.sampler.chain import ChainSampler
 from prf.sampler.record import Draw
 from prf.sampler.several import Sampler
-from prf.sensors.sonar import make_sight
+from prf.sampler.tempering import Tempering
+from prf.sampler.tempering_state import with_graph
 from prf.shell.errors import InputError
 from prf.shell.storage import damaged, load_arrays, save_arrays
 
@@ -60,10 +59,8 @@ def chain_arrays(sampler: ChainSampler) -> Arrays:
     """Return what decides the future of a chain, and what it has recorded."""
     chain, times = sampler.chain, sampler.times
     settle_all(chain.image, sampler.step)
-    arrays: Arrays = {f"graph.{name}": getattr(chain.graph, name) for name in chain.graph._fields}
+    arrays = state_arrays(chain, sampler.rng)
     arrays |= {
-        "outcomes": chain.outcomes,
-        "generator": np.array(json.dumps(sampler.rng.bit_generator.state)),
         "image.black": chain.image.black,
         "image.black_time": chain.image.black_time,
         "image.mixed_time": chain.image.mixed_time,
@@ -71,7 +68,10 @@ def chain_arrays(sampler: ChainSampler) -> Arrays:
         "times.previous_black": times.previous_black,
         "times.previous_mixed": times.previous_mixed,
         "record.thin": np.array(sampler.record.thin),
+        "record.from": np.array(sampler.recorded_from),
     }
+    if sampler.tempering is not None:
+        arrays |= tempering_arrays(sampler.tempering)
     arrays |= draw_arrays("draws", sampler.record.draws, sampler)
     best = [sampler.record.best] if sampler.record.best is not None else []
     return arrays | draw_arrays("best", best, sampler)
@@ -108,25 +108,64 @@ def restore_draws(prefix: str, arrays: Arrays, sampler: ChainSampler) -> list[Dr
 
 def restore(sampler: ChainSampler, arrays: Arrays) -> None:
     """Put a fresh chain into a stored state: the graph as it was, all that follows from it computed anew."""
-    chain = sampler.chain
-    graph = chain.graph._replace(**{name: arrays[f"graph.{name}"] for name in chain.graph._fields})
-    capacity = len(graph.edge_length)
-    sampler.chain = chain._replace(
-        graph=graph,
-        edge_index=make_index(graph, chain.edge_index.grid, chain.edge_index.cell_edges.shape[1]),
-        beams=chain.beams._replace(first_beam=np.full(capacity, c.NONE, np.int32), edge_gap=np.zeros(capacity)),
-        cones=chain.cones._replace(sight=make_sight(capacity + c.MOST_CHANGES)),
-        points=painted_points(sampler.settings.points, read_coloring(graph)),
-        sensors=painted_sites(chain.sensors, read_coloring(graph)),
-        outcomes=arrays["outcomes"],
-    )
-    trace_all(sampler.chain)
-    resum(sampler.chain)
+    sampler.chain = restored_state(sampler.chain, sampler.rng, sampler.settings, arrays)
     restore_image(sampler, arrays)
-    sampler.rng.bit_generator.state = json.loads(str(arrays["generator"]))
+    if sampler.tempering is not None:
+        restore_tempering(sampler.tempering, arrays)
+    sampler.recorded_from = int(arrays["record.from"])
     sampler.record.thin = int(arrays["record.thin"])
     sampler.record.draws = restore_draws("draws", arrays, sampler)
     sampler.record.best = next(iter(restore_draws("best", arrays, sampler)), None)
+
+
+def state_arrays(chain: Chain, rng: np.random.Generator) -> Arrays:
+    """Return the map of a chain, what its moves came to, and its generator."""
+    arrays: Arrays = {f"graph.{name}": getattr(chain.graph, name) for name in chain.graph._fields}
+    return arrays | {"outcomes": chain.outcomes, "generator": generator_array(rng)}
+
+
+def restored_state(chain: Chain, rng: np.random.Generator, settings: Settings, arrays: Arrays) -> Chain:
+    """Return the chain at the map of :func:`state_arrays`, and put its generator there too."""
+    graph = chain.graph._replace(**{name: arrays[f"graph.{name}"] for name in chain.graph._fields})
+    rng.bit_generator.state = json.loads(str(arrays["generator"]))
+    return with_graph(chain._replace(outcomes=arrays["outcomes"]), settings, graph)
+
+
+def generator_array(rng: np.random.Generator) -> NDArray[Any]:
+    """Return the state of a generator as an array."""
+    return np.array(json.dumps(rng.bit_generator.state))
+
+
+LADDER = ("powers", "tried", "rate_sum", "came_from_hottest")
+
+
+def tempering_arrays(tempering: Tempering) -> Arrays:
+    """Return what decides the future of the hot rungs and of the swaps."""
+    ladder = tempering.ladder
+    arrays: Arrays = {f"ladder.{name}": getattr(ladder, name) for name in LADDER}
+    arrays |= {
+        "ladder.round_trips": np.array(ladder.round_trips),
+        "ladder.first_step": np.array(tempering.first_step),
+        "ladder.generator": generator_array(tempering.swap_rng),
+    }
+    for k, (chain, rng) in enumerate(zip(tempering.hot, tempering.generators, strict=True), 1):
+        arrays |= {f"rung{k}.{name}": array for name, array in state_arrays(chain, rng).items()}
+    return arrays
+
+
+def restore_tempering(tempering: Tempering, arrays: Arrays) -> None:
+    """Put fresh hot rungs into a stored state."""
+    ladder = tempering.ladder
+    for name in LADDER:
+        setattr(ladder, name, arrays[f"ladder.{name}"])
+    ladder.round_trips = int(arrays["ladder.round_trips"])
+    tempering.first_step = int(arrays["ladder.first_step"])
+    tempering.swap_rng.bit_generator.state = json.loads(str(arrays["ladder.generator"]))
+    for k, (chain, rng) in enumerate(zip(tempering.hot, tempering.generators, strict=True), 1):
+        prefix = f"rung{k}."
+        own = {name[len(prefix) :]: array for name, array in arrays.items() if name.startswith(prefix)}
+        tempering.hot[k - 1] = restored_state(chain, rng, tempering.settings, own)
+    tempering.apply_powers()
 
 
 def restore_image(sampler: ChainSampler, arrays: Arrays) -> None:

@@ -15,6 +15,8 @@ from prf.logs import CONE, PointTable, Readings
 from prf.logs.describe import default_max_range
 from prf.posterior import LaserData, PointData, Settings, SonarData
 from prf.run import Beams, Cones, Points
+from prf.sampler.starts import STARTS, Start
+from prf.sampler.tempering_ladder import LadderPlan
 from prf.sampler.tiles.schedule import chosen_tiles
 from prf.sensors.laser import LaserModel
 from prf.sensors.points import PointModel, window_round
@@ -66,6 +68,12 @@ class SampleConfig:
         Side of the squares of the occupancy image.
     tiles : int or None
         Tiles in which a chain is updated at once (docs/tiles.md), 0: none.
+    start : {"empty", "grid", "prior"} or None
+        Where chains start (:mod:`prf.sampler.starts`); default "grid" with a laser, else "empty".
+    rungs : int
+        Rungs of parallel tempering a chain, the cold one among them (:mod:`prf.sampler.tempering`); 1: none.
+    hottest : float or None
+        Lowest power of the likelihood on them; None: found in burn-in.
     """
 
     scale: float = 0.1
@@ -104,12 +112,39 @@ class SampleConfig:
     chains: int = 4
     resolution: float | None = None
     tiles: int | None = None
+    start: Start | None = None
+    rungs: int = 1
+    hottest: float | None = None
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> SampleConfig:
         """Return the configuration that a manifest holds."""
         window = values.get("window")
-        return cls(**{**values, "window": tuple(window) if window is not None else None})
+        return cls(**{"start": "empty", **values, "window": tuple(window) if window is not None else None})
+
+    def plan(self) -> LadderPlan:
+        """Return the ladder that is asked for.
+
+        Raises
+        ------
+        ConfigError
+            If it is none, or if there are tiles, which hot rungs know nothing of.
+        """
+        if self.rungs > 1 and self.tiles:
+            raise ConfigError(f"--tiles {self.tiles}: hot rungs have none. Leave out --rungs or --tiles.")
+        return LadderPlan(self.rungs, self.hottest)
+
+    def starts_from(self) -> Start:
+        """Return where chains start, of a resolved configuration.
+
+        Raises
+        ------
+        ConfigError
+            If the word is unknown.
+        """
+        if self.start not in STARTS:
+            raise ConfigError(f"--start {self.start}: is none of {', '.join(STARTS)}")
+        return self.start
 
 
 class Prepared(NamedTuple):
@@ -171,11 +206,16 @@ def prepare(
     resolution = config.resolution if config.resolution is not None else chosen_resolution(window)
     max_range = config.max_range if beams is None else beams.max_range
     n_readings = sum(len(part.range) for part in (kept_beams, kept_cones) if part is not None)
-    tiles = config.tiles if config.tiles is not None else chosen_tiles(window, n_readings)
+    tiles = config.tiles if config.tiles is not None else 0 if config.rungs > 1 else chosen_tiles(window, n_readings)
     resolved = dataclasses.replace(config, window=(*window,), max_range=max_range, resolution=resolution, tiles=tiles)
     if points is not None:
         model = point_model(config).resolved(points.value)
         resolved = dataclasses.replace(resolved, points_kind=model.kind, points_sigma=model.sigma)
+    if resolved.start is None:
+        resolved = dataclasses.replace(resolved, start="empty" if kept_beams is None else "grid")
+    resolved.plan()
+    if resolved.starts_from() == "grid" and kept_beams is None:
+        raise ConfigError("--start grid: needs the readings of a laser. Choose another start.")
     settings = make_settings(resolved, kept_beams, kept_cones, points)
     n_thinned = 0 if inside is None or kept_beams is None else len(inside.range) - len(kept_beams.range)
     return Prepared(settings, kept_beams, kept_cones, points, resolved, n_outside, n_points_outside, n_thinned)

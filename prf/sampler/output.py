@@ -139,7 +139,14 @@ def make_diagnostics(sampler: Sampler, progress: Progress) -> dict[str, Any]:
         sampler.diagnose(),
         acceptance=acceptance(list(MOVE_NAMES), outcomes[:, c.PROPOSED], outcomes[:, c.ACCEPTED]),
         steps_per_second=progress.steps_per_second,
+        **tempering_entry(sampler),
     )
+
+
+def tempering_entry(sampler: Sampler) -> dict[str, Any]:
+    """Return what swaps between rungs came to, chain by chain; nothing without parallel tempering."""
+    reports = [report._asdict() for report in sampler.swaps()]
+    return {"tempering": reports} if reports else {}
 
 
 LOG_SUFFIXES = (".bag", ".mcap", ".db3", ".csv", ".txt", ".log", ".clf", ".gz")

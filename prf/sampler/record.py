@@ -110,6 +110,12 @@ class ImageTimes:
         image.mixed_time[:] = 0
         self.previous_start, self.start = self.start, step
 
+    def forget(self, image: Image, step: int) -> None:
+        """Let all times up to `step` count no more."""
+        settle_all(image, step)
+        for times in (self.previous_black, self.previous_mixed, image.black_time, image.mixed_time):
+            times[:] = 0
+
     def total(self, image: Image, step: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return black and mixed time of every pixel since the burn-in ended, in steps."""
         settle_all(image, step)

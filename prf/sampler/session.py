@@ -21,10 +21,10 @@ from prf.sampler.checkpoint import load_checkpoint
 from prf.sampler.config import Prepared, SampleConfig, make_settings, prepare
 from prf.sampler.distributed import Remote
 from prf.sampler.drive import Progress, StopRule, drive
-from prf.sampler.first_map import has_shares
 from prf.sampler.logs import read_logs
 from prf.sampler.output import Output
 from prf.sampler.several import Sampler
+from prf.sampler.starts import is_found
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.manifest import describe_input, describe_process, versions
 from prf.shell.seeds import spawn_generators
@@ -66,8 +66,8 @@ class Session:
         written = time.monotonic()
         first_step = self.sampler.step
         progress = Progress(first_step, 0.0, 0.0, 1.0, None, "finished")
-        if first_step == 0 and has_shares(self.sampler.settings):
-            logger.info("finding maps to start from on a share of the readings ...")
+        if first_step == 0 and is_found(self.sampler.chains[0].starts_from, self.sampler.settings):
+            logger.info("finding maps to start from ...")
         for progress in drive(self.sampler, rule, stop_requested):
             on_progress(progress)
             if stop_requested() and progress.status == "running":
@@ -110,7 +110,7 @@ def start(
     logs: list[str], prepared: Prepared, folder: Path, seed: int, threads: int, scheduler: str | None = None
 ) -> Session:
     """Return a fresh session on prepared logs, which steps on the workers of a `scheduler` if there is one."""
-    sampler = make_sampler(prepared.settings, seed, prepared.config.chains, threads, scheduler)
+    sampler = make_sampler(prepared.config, prepared.settings, seed, threads, scheduler)
     beams, cones, points = prepared.beams, prepared.cones, prepared.points
     counts = {
         "n_beams": 0 if beams is None else len(beams.range),
@@ -124,18 +124,21 @@ def start(
     return Session(sampler, Output(folder, process, prepared.config, seed, beams, cones, points))
 
 
-def make_sampler(settings: Settings, seed: int, chains: int, threads: int, scheduler: str | None) -> Sampler:
-    """Return a sampler that steps in threads, or on the workers of a scheduler.
+def make_sampler(
+    config: SampleConfig, settings: Settings, seed: int, threads: int, scheduler: str | None = None
+) -> Sampler:
+    """Return fresh chains of a resolved configuration, which step in threads, or on the workers of a scheduler.
 
     Raises
     ------
     ConfigError, InputError
-        As :class:`prf.sampler.distributed.Remote`.
+        As :class:`prf.sampler.distributed.Remote`; and if chains with hot rungs should step on workers.
     """
-    generators = spawn_generators(seed, chains)
-    if scheduler is None:
-        return Sampler(settings, generators, threads)
-    return Sampler(settings, generators, threads, Remote(scheduler, settings))
+    if scheduler is not None and config.rungs > 1:
+        raise ConfigError("--scheduler: hot rungs step in threads alone. Leave out --rungs or --scheduler.")
+    generators = spawn_generators(seed, config.chains)
+    remote = None if scheduler is None else Remote(scheduler, settings)
+    return Sampler(settings, generators, threads, remote, config.plan(), config.starts_from())
 
 
 def resume(
@@ -174,7 +177,7 @@ def resume(
     if run.manifest.get("versions") != versions():
         logger.warning("this run was begun with other versions of the packages: bit for bit may not hold")
     settings = make_settings(config, run.beams, run.cones, run.points)
-    sampler = make_sampler(settings, stored_seed, config.chains, threads, scheduler)
+    sampler = make_sampler(config, settings, stored_seed, threads, scheduler)
     process = {key: run.manifest[key] for key in PROCESS_KEYS if key in run.manifest}
     output = Output(folder, process, config, stored_seed, run.beams, run.cones, run.points)
     load_checkpoint(folder, sampler, output.identity())

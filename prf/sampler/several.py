@@ -17,6 +17,8 @@ from prf.layout import image_grid, pixel_centres
 from prf.posterior import Settings
 from prf.sampler.chain import ChainSampler
 from prf.sampler.record import FUNCTIONALS, Draw, burn_in
+from prf.sampler.starts import Start
+from prf.sampler.tempering_ladder import LadderPlan, SwapReport
 from prf.sampler.tiles import advance_in_tiles, tiled_chains
 
 if TYPE_CHECKING:
@@ -76,6 +78,10 @@ class Sampler:
         Threads at most; they change no result.
     remote : Remote, optional
         Workers of a scheduler, which step in place of threads; they change no result either.
+    plan : LadderPlan, optional
+        Parallel tempering of every chain (:mod:`prf.sampler.tempering`).
+    starts_from : {"empty", "grid", "prior"}
+        Where chains start (:mod:`prf.sampler.starts`).
     """
 
     def __init__(
@@ -84,10 +90,15 @@ class Sampler:
         generators: list[np.random.Generator],
         threads: int,
         remote: Remote | None = None,
+        plan: LadderPlan | None = None,
+        starts_from: Start = "empty",
     ) -> None:
         self.settings = settings
         self.probe_pixels = probe_pixels(settings)
-        self.chains = [ChainSampler(settings, rng, self.probe_pixels) for rng in generators]
+        self.chains = [ChainSampler(settings, rng, self.probe_pixels, starts_from=starts_from) for rng in generators]
+        if plan is not None and plan.rungs > 1:
+            for chain in self.chains:
+                chain.temper(plan)
         self._remote = remote
         self._tiled = tiled_chains(self.chains)
         self._pool = ThreadPoolExecutor(max(1, threads if self._tiled else min(threads, len(self.chains))))
@@ -112,7 +123,7 @@ class Sampler:
     @property
     def burn_in(self) -> int:
         """Steps at the start of each chain that are left out."""
-        return burn_in(self.step)
+        return max(burn_in(self.step), self.chains[0].recorded_from)
 
     @property
     def block(self) -> int:
@@ -130,7 +141,7 @@ class Sampler:
         self.chains[0].run_to(self.step)
 
     def find_starts(self, stop_requested: Callable[[], bool]) -> None:
-        """Before the first step: let every chain find where it starts (:mod:`prf.sampler.first_map`)."""
+        """Before the first step: let every chain find where it starts (:mod:`prf.sampler.starts`)."""
         for future in [self._pool.submit(chain.find_start, stop_requested) for chain in self.chains]:
             future.result()
 
@@ -202,6 +213,10 @@ class Sampler:
         """Return (n_moves, 3) counts over all chains: proposed, valid, accepted."""
         total: NDArray[np.int64] = np.sum([chain.chain.outcomes for chain in self.chains], axis=0)
         return total
+
+    def swaps(self) -> list[SwapReport]:
+        """Return what the ladder of each chain has come to; empty without parallel tempering."""
+        return [chain.tempering.ladder.report() for chain in self.chains if chain.tempering is not None]
 
     def log_posterior(self) -> float:
         """Return the mean log posterior of the present maps, up to a constant."""

@@ -44,6 +44,8 @@ def office(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_run_has_every_file_and_valid_maps(office: Path) -> None:
     found = read_run(office)
     assert found.manifest["configuration"]["chains"] == 2
+    assert found.manifest["configuration"]["start"] == "grid"
+    assert "tempering" not in json.loads((office / "diagnostics.json").read_text())
     assert found.manifest["seed"] == 5
     assert found.manifest["steps"] == 60_000
     assert found.manifest["burn_in"] == 16_000
@@ -72,6 +74,40 @@ def test_resuming_gives_what_an_uninterrupted_run_gives(log: Path, office: Path,
     assert run("--resume", str(folder), "--steps", "60000", "-q") == 0
     for name in RESULTS:
         assert (folder / name).read_bytes() == (office / name).read_bytes(), name
+
+
+@pytest.mark.parametrize(
+    "options", [("--rungs", "3"), ("--rungs", "3", "--hottest", "0", "--start", "prior")], ids=["reach", "prior"]
+)
+def test_resuming_tempered_chains_gives_what_an_uninterrupted_run_gives(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...]
+) -> None:
+    args = ("--laser", str(log), *QUICK, *options, "--seed", "5")
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    assert run(*args, "--steps", "40000", "-o", str(whole)) == 0
+    assert "tempering: 3 rungs" in capsys.readouterr().out
+    assert run(*args, "--steps", "20000", "-o", str(parts), "-q", "--threads", "1") == 0
+    assert run("--resume", str(parts), "--steps", "40000", "-q") == 0
+    for name in RESULTS:
+        assert (parts / name).read_bytes() == (whole / name).read_bytes(), name
+    found = read_run(whole)
+    assert found.manifest["burn_in"] == 20_000
+    assert found.step.min() > 20_000
+    assert found.diagnostics is not None
+    first, second = found.diagnostics["tempering"]
+    assert len(first["powers"]) == 3
+    assert len(first["swap_rates"]) == 2
+    assert first != second
+    assert run("--resume", str(whole), "--rungs", "4") == 2
+    assert "--rungs 4" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("start", "rungs"), [("prior", "1"), ("empty", "2")])
+def test_where_chains_start_is_kept_with_the_run(log: Path, tmp_path: Path, start: str, rungs: str) -> None:
+    args = ("--laser", str(log), "--every-scan", "30", "--every-beam", "30", "--chains", "1", "--resolution", "1")
+    folder = tmp_path / "run"
+    assert run(*args, "--start", start, "--rungs", rungs, "--steps", "10", "-o", str(folder), "-q") == 0
+    assert read_run(folder).manifest["configuration"]["start"] == start
 
 
 def test_nothing_is_left_to_do_for_a_run_that_has_its_steps(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -116,6 +152,9 @@ def test_resuming_with_something_else_is_refused(
         (["--resolution", "1e-9"], 2, "--resolution"),
         (["--steps", "10", "--time-budget", "1"], 2, "one of them"),
         (["--scans", "a:b"], 2, "--scans"),
+        (["--start", "moon"], 2, "--start moon"),
+        (["--rungs", "3", "--hottest", "1"], 2, "--hottest 1"),
+        (["--rungs", "3", "--tiles", "4"], 2, "--tiles 4"),
         (["--every-scan", "1", "--scans", "900:901"], 3, ""),
     ],
 )

@@ -1,0 +1,98 @@
+"""The contour of an occupancy grid as a map to start from: every sensor in white, no two corners at one place."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from prf.coloring import Coloring, from_polygons
+from prf.kernels.grid import make_grid, most_cells
+from prf.kernels.occupancy import Cells, update_beams
+from prf.posterior import LaserData, Settings, first_map
+from prf.sensors.laser import window_exit
+from prf.shell.errors import ConfigError, InputError
+from prf.window import Window
+
+CELL = 0.1
+"""Side of the cells of the grid, metres; larger where the window would have too many."""
+MOST_CELLS = 10_000_000
+SHARE = 0.5
+"""Share of the readings that a chain's grid stands on."""
+OCCUPIED = 0.35
+"""Share of hits among hits and misses above which a cell is taken to be black."""
+CLEAR = 1.2
+"""Sides of a cell round every sensor that are kept white."""
+BORDER = 0.05
+"""Black keeps away from the border of the window by this, metres."""
+SEAM = 0.005
+"""Metres that black loses all round: parts that touch in a point come apart."""
+LEAST_PART = 2.0
+"""Smallest area of a part that is kept, in cells."""
+TOLERANCES = (1.0, 0.5, 0.1)
+"""Sides of a cell by which corners may be straightened; the next is tried where the one before makes no map."""
+
+
+def contour_map(settings: Settings, rng: np.random.Generator) -> Coloring:
+    """Return the contour of an occupancy grid of a random half of the laser readings.
+
+    Raises
+    ------
+    ConfigError
+        If there are no laser readings.
+    """
+    if settings.laser is None:
+        raise ConfigError("--start grid: needs the readings of a laser. Choose another start.")
+    window = settings.window
+    cell = max(CELL, float(np.sqrt(window.area / MOST_CELLS)))
+    chosen = rng.random(len(settings.laser.readings)) < SHARE
+    return map_of_region(_occupied_region(window, settings.laser, chosen, cell), settings, cell)
+
+
+def map_of_region(region: BaseGeometry, settings: Settings, cell: float = CELL) -> Coloring:
+    """Return a map that is black on a region as far as a map can be, and white round every sensor.
+
+    Corners are straightened by about a cell. Where no straightening makes a valid map, it is the empty one.
+    """
+    sensors = [sensor.origin for sensor in (settings.laser, settings.sonar) if sensor is not None]
+    places = shapely.points(np.unique(np.concatenate([np.zeros((0, 2)), *sensors]), axis=0))
+    clear = shapely.union_all(shapely.buffer(places, CLEAR * cell, quad_segs=2))
+    x0, y0, x1, y1 = settings.window
+    inner = shapely.box(x0 + BORDER, y0 + BORDER, x1 - BORDER, y1 - BORDER)
+    for tolerance in TOLERANCES:
+        smooth = shapely.simplify(region, tolerance * cell)
+        black = shapely.intersection(shapely.difference(shapely.make_valid(smooth), clear), inner)
+        parts = shapely.get_parts(shapely.buffer(black, -SEAM, join_style="mitre"))
+        kept = parts[(shapely.get_dimensions(parts) == 2) & (shapely.area(parts) > LEAST_PART * cell**2)]
+        try:
+            return from_polygons(shapely.MultiPolygon(list(kept)), settings.window)
+        except InputError:
+            continue
+    return first_map(settings)
+
+
+def _occupied_region(window: Window, laser: LaserData, chosen: NDArray[np.bool_], cell: float) -> BaseGeometry:
+    """Return the union of the cells that the chosen beams end in often enough, holes of a cell closed."""
+    grid = make_grid(*window, cell)
+    n = grid.nx * grid.ny
+    cells = Cells(
+        grid,
+        np.zeros(n, np.int32),
+        np.zeros(n, np.int32),
+        np.zeros(n),
+        np.zeros(4),
+        np.empty(most_cells(grid), np.int32),
+    )
+    hit = chosen & (laser.readings < laser.model.max_range)
+    origin, angle, readings = laser.origin[hit], laser.angle[hit], laser.readings[hit]
+    direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    length = np.minimum(readings, window_exit(window, origin, direction))
+    segments = np.ascontiguousarray(np.hstack([origin, origin + length[:, None] * direction]))
+    update_beams(cells, segments, np.ascontiguousarray(readings <= length))
+    (black,) = np.nonzero((cells.hits > 0) & (cells.hits >= OCCUPIED * (cells.hits + cells.misses)))
+    low = np.stack([grid.x0 + (black % grid.nx) * cell, grid.y0 + (black // grid.nx) * cell], axis=1)
+    squares = shapely.union_all(shapely.box(*low.T, *(low + cell).T))
+    wide = shapely.buffer(squares, 1.01 * cell, join_style="mitre")
+    closed: BaseGeometry = shapely.buffer(wide, -1.01 * cell, join_style="mitre")
+    return closed

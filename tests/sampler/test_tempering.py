@@ -1,0 +1,255 @@
+"""Rungs below a chain: swaps, powers, images that follow, and results that neither threads nor a stop change."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from prf.arak import exact_draws
+from prf.coloring import Coloring, black_at
+from prf.kernels import constants as c
+from prf.layout import pixel_centres
+from prf.posterior import Settings, make_chain
+from prf.recompute import differences
+from prf.sampler import Sampler
+from prf.sampler import tempering as module
+from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
+from prf.sampler.tempering import Tempering
+from prf.sampler.tempering_ladder import Ladder, LadderPlan, even_powers, stretched_powers
+from prf.sampler.tempering_state import energy, exchanged, occupied_cost, repaint, with_map
+from prf.shell.errors import ConfigError
+from prf.shell.seeds import spawn_generators
+from prf.window import Window
+from tests.reference.beams import Sensor
+from tests.reference.chain_state import digest, structural_faults
+from tests.reference.worlds import World, draw_world
+
+ROOM = Window(0.0, 0.0, 10.0, 10.0)
+UNEVEN = Window(-1.0, 2.0, 3.3, 5.1)
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return draw_world(0.2, ROOM, Sensor(6.0), 2, 30, np.random.default_rng(1))
+
+
+@pytest.fixture
+def settings(world: World) -> Settings:
+    return Settings(ROOM, 0.2, world.data, resolution=0.5)
+
+
+def tempered(settings: Settings, plan: LadderPlan, threads: int = 1, blocks: int = 3) -> Sampler:
+    with Sampler(settings, spawn_generators(7, 2), threads, plan=plan) as sampler:
+        for _ in range(blocks):
+            sampler.advance()
+    return sampler
+
+
+def digests(sampler: Sampler) -> list[dict[str, str]]:
+    found = []
+    for chain in sampler.chains:
+        assert chain.tempering is not None
+        found.append(digest(chain.chain, chain.rng))
+        hot = zip(chain.tempering.hot, chain.tempering.generators, strict=True)
+        found += [digest(rung, rng) for rung, rng in hot]
+    return found
+
+
+@pytest.mark.parametrize("hottest", [0.0, 0.3, None])
+def test_what_follows_from_the_maps_still_does_after_swaps(settings: Settings, hottest: float | None) -> None:
+    """Twins of every rung, among them the image of the cold one, whose map has come from elsewhere."""
+    sampler = tempered(settings, LadderPlan(4, hottest))
+    for chain in sampler.chains:
+        assert chain.tempering is not None
+        assert chain.tempering.ladder.rate_sum[0] > 0.0
+        for rung in (chain.chain, *chain.tempering.hot):
+            assert differences(rung) == structural_faults(rung) == []
+            assert rung.graph.counts[c.STEP] == sampler.step
+        assert all(rung.image.black.size == 0 for rung in chain.tempering.hot)
+
+
+def test_no_draw_of_the_cold_rung_has_an_occupied_sensor(settings: Settings, world: World) -> None:
+    sampler = tempered(settings, LadderPlan(4, 0.0))
+    assert len(sampler.sample().draws) == 10
+    for coloring in sampler.sample().draws:
+        assert not black_at(coloring, world.data.origin).any()
+
+
+def test_times_of_the_image_are_those_of_the_cold_rung(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The recorded maps and the image, which sees every step, say the same."""
+    monkeypatch.setattr(module, "DUE", ())
+    sampler = tempered(settings, LadderPlan(3, 0.5), blocks=12)
+    assert all(report.swap_rates[0] or 0.0 > 0.05 for report in sampler.swaps())
+    image = sampler.occupancy()[0].ravel()
+    centres = pixel_centres(sampler.chains[0].chain.image.grid)
+    share = np.mean([black_at(coloring, centres) for coloring in sampler.sample().draws], axis=0)
+    assert np.corrcoef(image, share)[0, 1] > 0.97
+    assert np.abs(image - share).mean() < 0.05
+
+
+@pytest.mark.parametrize("hottest", [0.0, None])
+def test_threads_change_no_result(settings: Settings, hottest: float | None) -> None:
+    one, two = (tempered(settings, LadderPlan(3, hottest), threads) for threads in (1, 2))
+    assert digests(one) == digests(two)
+    assert one.swaps() == two.swaps()
+
+
+@pytest.mark.parametrize("hottest", [0.0, 0.3, None])
+def test_a_stored_state_goes_on_as_if_never_stored(settings: Settings, hottest: float | None, tmp_path: Path) -> None:
+    """Stored right before the powers are moved, so that their measured rates count."""
+    plan = LadderPlan(3, hottest)
+    whole = tempered(settings, plan, blocks=4)
+    save_checkpoint(tmp_path, tempered(settings, plan, blocks=2), "this run")
+    with Sampler(settings, spawn_generators(7, 2), 1, plan=plan) as again:
+        load_checkpoint(tmp_path, again, "this run")
+        for _ in range(2):
+            again.advance()
+    assert digests(again) == digests(whole)
+    assert again.swaps() == whole.swaps()
+    assert again.burn_in == whole.burn_in == 20_000
+    assert np.array_equal(again.sample().draws.xy, whole.sample().draws.xy)
+    pairs = zip(again.occupancy(), whole.occupancy(), strict=True)
+    assert all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
+
+
+def test_burn_in_begins_anew_when_powers_move_and_they_stay_in_the_end(
+    settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "DUE", (10_000, 20_000))
+    burn_in, powers = [], []
+    with Sampler(settings, spawn_generators(7, 1), 1, plan=LadderPlan(3)) as sampler:
+        for _ in range(6):
+            sampler.advance()
+            burn_in.append(sampler.burn_in)
+            powers.append(sampler.swaps()[0].powers)
+            shares = sampler.occupancy()[1]
+            assert shares.max() <= 1.0
+            assert sampler.sample().step.min() > sampler.burn_in
+    assert burn_in[:3] == [4000, 10_000, 20_000]
+    assert powers[0] != powers[1] != powers[2] == powers[3] == powers[5]
+
+
+def test_a_swap_leaves_the_joint_target_unchanged(settings: Settings) -> None:
+    """The ratio is that of the two rungs' densities, written out; a map with an occupied sensor is never cold."""
+    rng = np.random.default_rng(3)
+    cold = make_chain(settings, Coloring.empty(ROOM))
+    tempering = Tempering(settings, cold, rng, LadderPlan(4, 0.0, 3.0))
+    tempering.ladder.powers[:] = [1.0, 0.7, 0.2, 0.0]
+    draws = exact_draws(0.2, ROOM, 12, rng)
+    chains = [with_map(tempering.hot[0], settings, draw) for draw in draws]
+    chains = [chain._replace(beams=chain.beams._replace(ray=chain.beams.ray.copy())) for chain in chains]
+    occupied = [int(black_at(draw, np.unique(settings.laser.origin, axis=0)).sum()) for draw in draws]
+    assert 0 < sum(n > 0 for n in occupied) < len(occupied)
+
+    def log_target(rung: int, k: int) -> float:
+        power = float(tempering.ladder.powers[rung])
+        if rung == 0 and occupied[k]:
+            return -math.inf
+        return power * (float(chains[k].graph.sums[c.LOG_LIKELIHOOD]) - 3.0 * occupied[k])
+
+    for pair, i, j in itertools.product(range(3), range(12), range(12)):
+        if i == j or (pair == 0 and occupied[i]):
+            continue
+        swapped = log_target(pair, j) + log_target(pair + 1, i)
+        expected = swapped - log_target(pair, i) - log_target(pair + 1, j)
+        assert tempering.log_swap_ratio(pair, chains[i], chains[j]) == pytest.approx(expected, abs=1e-9)
+
+
+def test_exchanged_chains_keep_what_is_the_rungs(settings: Settings) -> None:
+    one = make_chain(settings, Coloring.empty(ROOM))
+    draw = exact_draws(0.2, ROOM, 1, np.random.default_rng(5))[0]
+    other = with_map(make_chain(settings, Coloring.empty(ROOM)), settings, draw)
+    other.tuning[c.OCCUPIED_COST] = 1.0
+    first, second = exchanged(one, other)
+    assert first.graph is other.graph
+    assert second.beams is one.beams
+    assert first.tuning is one.tuning
+    assert first.image is one.image
+    repaint(first)
+    repaint(second)
+    first.tuning[c.OCCUPIED_COST] = 1.0
+    assert differences(first) == differences(second) == []
+
+
+@pytest.mark.parametrize("scale", [0.2, 1.0])
+@pytest.mark.parametrize(("window", "resolution"), [(ROOM, 0.37), (ROOM, 0.5), (UNEVEN, 0.1), (UNEVEN, 1.0)])
+def test_a_repainted_image_has_the_colours_of_the_map(window: Window, resolution: float, scale: float) -> None:
+    settings = Settings(window, scale, resolution=resolution)
+    chain = make_chain(settings, exact_draws(scale, window, 1, np.random.default_rng(0))[0])
+    for draw in exact_draws(scale, window, 20, np.random.default_rng(1)):
+        placed = with_map(chain, settings, draw)
+        repaint(placed)
+        assert differences(placed) == []
+
+
+def test_powers_reach_from_one_to_what_is_asked() -> None:
+    assert LadderPlan(5, 0.1).first_powers()[[0, -1]] == pytest.approx([1.0, 0.1])
+    full = LadderPlan(5, 0.0).first_powers()
+    assert full[0] == 1.0
+    assert full[-1] == 0.0
+    assert (np.diff(full) < 0.0).all()
+    assert LadderPlan(2, 0.0).first_powers().tolist() == [1.0, 0.0]
+    assert LadderPlan(2).first_powers() == pytest.approx([1.0, 0.9])
+
+
+@pytest.mark.parametrize("wrong", [{"rungs": 0}, {"rungs": 3, "hottest": 1.0}, {"rungs": 3, "hottest": -0.1}])
+def test_what_is_no_ladder_is_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ConfigError, match=r"--rungs|--hottest"):
+        LadderPlan(**wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("lowest", [0.05, 0.0])
+def test_even_powers_divide_a_known_barrier(lowest: float) -> None:
+    """A barrier of 3 log(1/power): evenly refused where the logarithms are evenly spaced."""
+
+    def refusals(powers: np.ndarray) -> np.ndarray:
+        barrier = 3.0 * np.log1p(20.0 * (1.0 - powers))
+        return np.diff(barrier) / 10.0
+
+    powers = np.append(np.geomspace(1.0, max(lowest, 0.3), 7)[:-1], lowest)
+    for _ in range(20):
+        powers = even_powers(powers, refusals(powers))
+        assert (np.diff(powers) < 0.0).all()
+    assert powers[[0, -1]].tolist() == [1.0, lowest]
+    assert refusals(powers) == pytest.approx(refusals(powers).mean(), rel=0.02)
+
+
+def test_powers_reach_further_where_swaps_succeed_and_less_far_where_they_fail() -> None:
+    powers = np.geomspace(1.0, 0.5, 4)
+    assert stretched_powers(powers, 0.25)[-1] == pytest.approx(0.25)
+    assert stretched_powers(powers, 1.0)[-1] == pytest.approx(math.sqrt(0.5))
+    assert stretched_powers(powers, 0.5) == pytest.approx(powers)
+    assert stretched_powers(np.array([1.0, 0.002]), 0.01)[-1] == pytest.approx(1e-3)
+
+
+def test_a_round_trip_is_from_the_cold_rung_to_the_hottest_and_back() -> None:
+    ladder = Ladder(np.array([1.0, 0.5, 0.2]))
+    ladder.carry(1)
+    assert ladder.round_trips == 0
+    ladder.carry(0)
+    assert ladder.round_trips == 1
+    for pair in (0, 0, 0):
+        ladder.carry(pair)
+    assert ladder.round_trips == 1
+    ladder.carry(1)
+    ladder.carry(1)
+    ladder.carry(0)
+    assert ladder.round_trips == 2
+
+
+def test_the_cost_of_a_sensor_is_what_its_readings_are_worth(settings: Settings) -> None:
+    """30 readings each, of noise 3 cm where 6 m are in reach and one of 20 is stray."""
+    peak = 1.0 / (math.sqrt(2.0 * math.pi) * 0.03)
+    assert occupied_cost(settings, 2) == pytest.approx(30 * math.log1p(peak * 6.0 / 0.05))
+    assert occupied_cost(Settings(ROOM, 0.2), 0) == 5.0
+
+
+def test_energy_counts_occupied_sensors(settings: Settings) -> None:
+    chain = make_chain(settings, Coloring.empty(ROOM))
+    assert energy(chain, math.inf) == chain.graph.sums[c.LOG_LIKELIHOOD]
+    chain.graph.counts[c.OCCUPIED] = 2
+    assert energy(chain, 7.0) == pytest.approx(chain.graph.sums[c.LOG_LIKELIHOOD] - 14.0)
