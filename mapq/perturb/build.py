@@ -120,8 +120,10 @@ def build(
         found = known_disagreement(surfaces, right, used, rule.plausible_below)
         basis: dict[str, Any] = {"labels_from": "reference poses", "reach": surfaces.reach}
     else:
-        compared = 0.5 / len(scans)
-        found = measured_disagreement(merged, used, rule.search, sided, lambda n: progress(0.5 + compared * n))
+        share = 0.5 / len(scans)
+        found = measured_disagreement(
+            merged, used, rule.search, sided, rule.suspicious_above, lambda n: progress(0.5 + share * n)
+        )
         basis = {"labels_from": "registration"}
     label = label_points(found.metres, rule)
     cloud = _cloud(merged, used, scans, found, label, settings.submaps)

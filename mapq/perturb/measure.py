@@ -35,8 +35,28 @@ OVERLAP = 0.5
 """Least overlap after registration that is believed."""
 ON_SHEET = 0.3
 """Metres off the other scan, after registration, at which it still sees an element."""
+CONSISTENT = 0.1
+"""Metres by which what one scan says of the other may differ from what the other says of it."""
 UPRIGHT = 0.5
 """Largest upward component of the normal of a wall."""
+
+
+class Compared(NamedTuple):
+    """What one scan says of another.
+
+    Attributes
+    ----------
+    in_doubt : (m,) bool
+        Elements of walls that have a wall of the other scan within the search, but lie in no piece that fits it.
+    along : (m,) float64
+        How far the other scan has each element displaced along its normal; nan where unknown.
+    partner : (m,) int64
+        The element of the other scan on which it then lies; any where unknown.
+    """
+
+    in_doubt: NDArray[np.bool_]
+    along: Vector
+    partner: NDArray[np.int64]
 
 
 class Parted(NamedTuple):
@@ -52,12 +72,13 @@ def measured_disagreement(
     poses: Vector,
     search: float = 3.0,
     sided: bool = True,
+    proven: float = 0.3,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Disagreement:
     """Return how far apart scans put what registration finds to be the same walls.
 
-    Points that are of no wall are not known (nan), and so are walls that have walls of other scans within `search` of
-    them, none of which could be registered. Walls that no other scan comes near are seen once.
+    Points that are of no wall are not known (nan). Nor are walls that have a wall of another scan within `search` which
+    could not be registered, unless a third scan proves an error. Walls that no other scan comes near are seen once.
 
     Parameters
     ----------
@@ -68,6 +89,8 @@ def measured_disagreement(
         Metres by which one scan may lie off another.
     sided : bool
         Whether each scan was taken from one place, its origin; sub-maps were not.
+    proven : float
+        Metres of disagreement above which it does not matter what else could not be compared.
     progress : callable
         Told the number of scans compared.
     """
@@ -77,13 +100,19 @@ def measured_disagreement(
         _parted(points[begin:end], poses[scan, :3, 3] if sided else None)
         for scan, (begin, end) in enumerate(pairwise(starts))
     ]
+    windows = [list(_windows(part.sheet.place[:, :2])) for part in parts]
+    compared: dict[tuple[int, int], Compared] = {}
+    for scan, part in enumerate(parts):
+        for other in range(len(parts)):
+            found = _compare(part, parts[other].sheet, windows[scan], search, sided) if other != scan else None
+            if found is not None:
+                compared[scan, other] = found
+        progress(scan + 1)
     metres, n_others = np.full(len(points), np.nan), np.zeros(len(points), np.int64)
     for scan, part in enumerate(parts):
         rows = slice(int(starts[scan]), int(starts[scan + 1]))
-        others = [other.sheet for number, other in enumerate(parts) if number != scan]
-        found, count = _against_others(part, others, search, sided)
-        metres[rows], n_others[rows] = found[part.element], count[part.element]
-        progress(scan + 1)
+        worst, count = _gathered(part, scan, compared, proven)
+        metres[rows], n_others[rows] = worst[part.element], count[part.element]
     return Disagreement(metres, n_others)
 
 
@@ -105,27 +134,41 @@ def _parted(points: Vector, origin: Vector | None) -> Parted:
     return Parted(Sheet(place, normal, upright, cKDTree(place)), element, planes.flat)
 
 
-def _against_others(part: Parted, others: list[Sheet], search: float, sided: bool) -> tuple[Vector, NDArray[np.int64]]:
-    """Return the disagreement (m,) of each element of a scan with the others, and how many of them see it."""
+def _compare(
+    part: Parted, other: Sheet, windows: list[NDArray[np.int64]], search: float, sided: bool
+) -> Compared | None:
+    """Return what the other scan says of a scan, None if it comes nowhere near it."""
     sheet = part.sheet
-    worst, n_seen = np.zeros(len(sheet.place)), np.zeros(len(sheet.place), np.int64)
-    in_doubt = np.zeros(len(sheet.place), bool)
-    windows = list(_windows(sheet.place[:, :2]))
-    for other in others:
-        if len(other.place) == 0 or not part.flat.any():
+    if not (other.upright.any() and sheet.upright.any()):
+        return None
+    walls = cKDTree(other.place[other.upright])
+    near = sheet.upright & np.isfinite(walls.query(sheet.place, distance_upper_bound=search)[0])
+    if np.count_nonzero(near) < NEAR_SHARE * FEWEST_WALLS:
+        return None
+    return _displacement(part, other, windows, near, search, sided)
+
+
+def _gathered(
+    part: Parted, scan: int, compared: dict[tuple[int, int], Compared], proven: float
+) -> tuple[Vector, NDArray[np.int64]]:
+    """Return the disagreement (m,) of each element of a scan with all others, and how many of them see it.
+
+    What one scan says of another counts where that says the same of it: a wrong registration seldom does.
+    """
+    worst, n_seen = np.zeros(len(part.flat)), np.zeros(len(part.flat), np.int64)
+    in_doubt = np.zeros(len(part.flat), bool)
+    for (one, other), found in compared.items():
+        if one != scan:
             continue
-        walls = cKDTree(other.place[other.upright]) if other.upright.any() else None
-        if walls is None:
-            continue
-        near = sheet.upright & np.isfinite(walls.query(sheet.place, distance_upper_bound=search)[0])
-        if np.count_nonzero(near) < NEAR_SHARE * FEWEST_WALLS:
-            continue
-        along = _displacement(part, other, windows, near, search, sided)
-        seen = np.isfinite(along)
-        worst[seen] = np.maximum(worst[seen], np.abs(along[seen]))
+        back = compared[other, scan].along[found.partner] if (other, scan) in compared else np.full_like(worst, np.nan)
+        with np.errstate(invalid="ignore"):
+            seen = np.abs(np.abs(found.along) - np.abs(back)) < CONSISTENT
+        worst[seen] = np.maximum(worst[seen], np.abs(found.along[seen]))
         n_seen += seen
-        in_doubt |= near & ~seen
-    return np.where(sheet.upright & ~(in_doubt & (n_seen == 0)), worst, np.nan), n_seen
+        in_doubt |= found.in_doubt | (np.isfinite(found.along) & ~seen)
+    # With another scan in doubt what is found is a lower bound, which proves that there is an error or nothing.
+    known = part.sheet.upright & (~in_doubt | (worst > proven))
+    return np.where(known, worst, np.nan), n_seen
 
 
 def _windows(place: Vector) -> list[NDArray[np.int64]]:
@@ -153,12 +196,13 @@ def _displacement(
     near: NDArray[np.bool_],
     search: float,
     sided: bool,
-) -> Vector:
-    """Return by how much the other scan has each element (m,) displaced along its normal; nan where unknown.
+) -> Compared:
+    """Return by how much the other scan has each element displaced along its normal.
 
     Of the windows that an element lies in, the one that overlaps best speaks.
     """
     along, best = np.full(len(near), np.nan), np.zeros(len(near))
+    partner, judged = np.zeros(len(near), np.int64), np.zeros(len(near), bool)
     for rows in windows:
         walls = rows[part.sheet.upright[rows]]
         if len(walls) < FEWEST_WALLS or near[walls].mean() < NEAR_SHARE:
@@ -166,12 +210,15 @@ def _displacement(
         fitted = register(_piece(part, rows), other, search, sided)
         if fitted.overlap < OVERLAP:
             continue
+        judged[walls] = True
         piece = part.sheet.take(walls)
         moved = piece.place @ fitted.motion[:3, :3].T + fitted.motion[:3, 3] - piece.place
-        seen = lies_on(piece, other, fitted.motion, sided, ON_SHEET) & (best[walls] < fitted.overlap)
+        on_it, nearest = lies_on(piece, other, fitted.motion, sided, ON_SHEET)
+        seen = on_it & (best[walls] < fitted.overlap)
         along[walls[seen]] = np.einsum("ij,ij->i", moved, piece.normal)[seen]
         best[walls[seen]] = fitted.overlap
-    return along
+        partner[walls[seen]] = nearest[seen]
+    return Compared(near & ~judged, along, partner)
 
 
 def _piece(part: Parted, rows: NDArray[np.int64]) -> Piece:

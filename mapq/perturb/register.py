@@ -93,15 +93,18 @@ def register(piece: Piece, sheet: Sheet, search: float, sided: bool) -> Fitted:
 
 def overlap(piece: Piece, sheet: Sheet, motion: Vector, sided: bool) -> float:
     """Return the share of the piece's elements of walls that lie on the sheet after a motion (4, 4)."""
-    on_it = lies_on(piece, sheet, motion, sided, FIT)
+    on_it, _ = lies_on(piece, sheet, motion, sided, FIT)
     return float(on_it[piece.upright].mean()) if piece.upright.any() else 0.0
 
 
-def lies_on(piece: Piece, sheet: Sheet, motion: Vector, sided: bool, within: float) -> NDArray[np.bool_]:
-    """Return which elements (p,) lie `within` metres of a parallel element of the sheet after a motion."""
+def lies_on(
+    piece: Piece, sheet: Sheet, motion: Vector, sided: bool, within: float
+) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """Return which elements (p,) lie `within` metres of a parallel element of the sheet after a motion, and which."""
     place = _put(motion, piece.place)
     distance, nearest = sheet.tree.query(place, distance_upper_bound=within)
-    return np.asarray(_facing(piece.normal @ motion[:3, :3].T, sheet, nearest, sided) & np.isfinite(distance))
+    on_it = _facing(piece.normal @ motion[:3, :3].T, sheet, nearest, sided) & np.isfinite(distance)
+    return np.asarray(on_it), nearest
 
 
 def _facing(normal: Vector, sheet: Sheet, nearest: NDArray[np.int64], sided: bool) -> NDArray[np.bool_]:
