@@ -31,9 +31,6 @@ MAX_RANGE: dict[str, float | None] = {"intel": 40.0, "aces": None, "csail": None
 """Metres; None: 0.97 of the largest range in the log."""
 SETS: dict[str, dict[str, Any]] = {"tenth": {"every_scan": 10}, "others": {"skip_scans": HELD_OUT}}
 SCALE = 0.1
-EVERY_BEAM = {"tenth": 1, "others": 4}
-"""Beams that the sampler takes. The error of a pose is common to all beams of its scan: where scans are many, fewer
-beams of each lose little and are a good deal quicker."""
 CELL = 0.1
 COLUMNS = ("beam_nll", "nll", "brier", "auc", "within_0.2m", "rmse", "vertices", "seconds")
 
@@ -70,7 +67,7 @@ def sampled(task: Task, options: argparse.Namespace) -> list[Map]:
         "scale": SCALE,
         "seed": options.seed,
         "threads": options.threads,
-        "every_beam": options.every_beam or EVERY_BEAM[task.scans],
+        "every_beam": options.every_beam,
         "time_budget": options.seconds,
     }
     say(f"{task.name}, {task.scans}: sampling and annealing, {options.seconds:g} s each")
@@ -129,7 +126,7 @@ def main() -> int:
     asked = commands.parser(__doc__, SECONDS)
     asked.add_argument("--logs", nargs="+", choices=list(MAX_RANGE), default=list(MAX_RANGE))
     asked.add_argument("--sets", nargs="+", choices=list(SETS), default=list(SETS))
-    asked.add_argument("--every-beam", type=int, default=None, help=f"for the sampler {EVERY_BEAM}; grids take all")
+    asked.add_argument("--every-beam", type=int, default=1, help="for the sampler, which thins besides; grids take all")
     options = commands.parse(asked)
     for name in options.logs:
         log = commands.log_path(options.data, name)
@@ -141,7 +138,7 @@ def main() -> int:
             rows = [scored(task, one, options.seed) for one in [*sampled(task, options), *grids(task)]]
             print(table(task, rows), flush=True)
             how = {"log": name, "scans": scans, "seconds": options.seconds, "laser": commands.LASER, "scale": SCALE}
-            how["every_beam"] = options.every_beam or EVERY_BEAM[scans]
+            how["every_beam"] = options.every_beam
             commands.write_table(task.folder / "scores.json", {"schema": "prf.benchmark.scores/1", **how, "rows": rows})
     return 0
 

@@ -100,7 +100,7 @@ def test_points_are_dealt_with_the_readings(many: Settings) -> None:
 def test_shares_are_of_the_beams_that_thinning_keeps(many: Settings) -> None:
     laser = many.laser
     assert laser is not None
-    kept = thin_beams(ROOM, laser.origin, laser.angle, laser.readings, laser.model.max_range, 3.0)
+    kept = thin_beams(ROOM, laser.origin, laser.angle, laser.readings, laser.model.max_range, 1.5)
     thinned = LaserData(laser.origin[kept], laser.angle[kept], laser.readings[kept], laser.model)
     largest = [share.laser for share in shares(dataclasses.replace(many, laser=thinned))][-1]
     assert largest is not None
