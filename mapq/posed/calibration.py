@@ -42,19 +42,17 @@ def laser_poses(camera: NDArray[np.float64], calibration: NDArray[np.float64]) -
     return np.asarray(np.linalg.inv(calibration) @ camera @ calibration)
 
 
-def refuse_camera_poses(poses: NDArray[np.float64], path: str) -> None:
-    """Raise InputError if poses (k, 4, 4) are those of a camera, whose z axis points ahead.
+def looks_ahead(poses: NDArray[np.float64]) -> bool | None:
+    """Return whether the z axis of poses (k, 4, 4) points along the way, as that of a camera does; None: too short.
 
-    A map made with them as they are has its walls lying flat and its ground upright.
+    A map made with poses of a camera as they are has its walls lying flat and its ground upright.
     """
     steps = np.diff(poses[:, :3, 3], axis=0)
     way = driven(poses)[-1]
+    if way <= WAY_NEEDED:
+        return None
     ahead = np.einsum("kji,kj->ki", poses[:-1, :3, :3], steps).sum(axis=0)
-    if way > WAY_NEEDED and abs(ahead[2]) > SIDEWAYS * way:
-        raise InputError(
-            f"{path}: the sensor moves along its z axis, so these are poses of a camera, as KITTI has them. Give the "
-            f"calib.txt of the sequence with --calibration, or --calibration none if the scans have these axes."
-        )
+    return bool(abs(ahead[2]) > SIDEWAYS * way)
 
 
 def _matrix(fields: list[str], where: str) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mapq.cloud import PointCloud
 from mapq.io.clouds import read_bytes, read_cloud
 from mapq.io.recognise import end_of
-from mapq.posed.calibration import laser_poses, read_calibration, refuse_camera_poses
+from mapq.posed.calibration import laser_poses, looks_ahead, read_calibration
 from mapq.posed.e57 import e57_poses, open_e57, read_e57_scan
 from mapq.posed.files import E57_END, UOS_END, natural_key, number_of, pose_file, refuse_missing, scan_files
 from mapq.posed.poses import PoseTable, check_rotations, read_poses
@@ -86,12 +86,14 @@ def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> P
 def replace_poses(scans: PosedScans, path: str, settings: FindSettings) -> PosedScans:
     """Return the same scans with the poses of another file, under the same settings.
 
+    A calibration is for poses of a camera: these may be such, or those of the laser.
+
     Raises
     ------
     InputError
         As :func:`mapq.posed.poses.read_poses`, and if poses and scans do not fit.
     """
-    poses = _poses_of(path, scans.names, settings)[0]
+    poses = _poses_of(path, scans.names, settings, is_reference=True)[0]
     return scans.with_poses(poses, path)
 
 
@@ -123,36 +125,43 @@ def match_poses(names: Sequence[str], table: PoseTable, path: str) -> NDArray[np
 
 
 def _poses_of(
-    path: str, names: Sequence[str], settings: FindSettings
+    path: str, names: Sequence[str], settings: FindSettings, is_reference: bool = False
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], PoseTable]:
     """Return the pose (k, 4, 4) of the sensor at each scan, the rows they stand in, and the table."""
     table = read_poses(path, settings.quaternion)
     chosen = match_poses(names, table, path)
-    poses = table.poses
     if table.is_matrix and all(end_of(Path(name).name) == ".bin" for name in names):
-        calibration = _calibration(path, settings.calibration)
-        if calibration is not None:
-            poses = laser_poses(poses, calibration)
-        elif settings.calibration != NO_CALIBRATION:
-            refuse_camera_poses(poses, path)
-    elif settings.calibration not in (None, NO_CALIBRATION):
+        return _of_laser(table.poses, path, settings.calibration, is_reference)[chosen], chosen, table
+    if settings.calibration not in (None, NO_CALIBRATION) and not is_reference:
         raise InputError(
             f"{path}: a calibration goes with .bin scans and rows of 12 numbers, as KITTI has them. Leave out "
             f"--calibration."
         )
-    return poses[chosen], chosen, table
+    return table.poses[chosen], chosen, table
 
 
-def _calibration(poses: str, given: str | None) -> NDArray[np.float64] | None:
-    """Return the calibration that is given, or that lies beside the poses."""
+def _of_laser(poses: NDArray[np.float64], path: str, given: str | None, is_reference: bool) -> NDArray[np.float64]:
+    """Return the poses (k, 4, 4) of the laser: those given, unless they are those of KITTI's camera.
+
+    A calibration that is named for these poses is taken. One that lies beside them, or that was named for others, is
+    taken unless they plainly are no camera's: registration writes poses of the laser in the same layout.
+    """
     if given == NO_CALIBRATION:
-        return None
-    beside = Path(poses).with_name(CALIBRATION_NAME)
-    if given is None and not beside.is_file():
-        return None
-    if given is None:
-        logger.info("poses are taken from the camera to the laser with %s", beside)
-    return read_calibration(given or str(beside))
+        return poses
+    camera = looks_ahead(poses)
+    beside = str(Path(path).with_name(CALIBRATION_NAME))
+    found = given or (beside if Path(beside).is_file() else None)
+    if given is not None and not is_reference:
+        camera = True
+    if found is not None and camera is not False:
+        logger.info("%s: taken from the camera to the laser with %s", path, found)
+        return laser_poses(poses, read_calibration(found))
+    if camera:
+        raise InputError(
+            f"{path}: the sensor moves along its z axis, so these are poses of a camera, as KITTI has them. Give the "
+            f"calib.txt of the sequence with --calibration, or --calibration none if the scans have these axes."
+        )
+    return poses
 
 
 def _times_beside(poses: str, n_poses: int) -> NDArray[np.float64] | None:

@@ -148,6 +148,20 @@ def test_kitti_without_it_is_refused_unless_told_that_there_is_none(tmp_path):
     np.testing.assert_allclose(as_they_are, CAMERA @ laser @ np.linalg.inv(CAMERA), atol=1e-12)
 
 
+def test_poses_of_the_laser_are_known_from_those_of_the_camera(tmp_path):
+    laser = kitti_folder(tmp_path, calibrated=True)
+    slam = tmp_path / "slam.txt"
+    slam.write_text(rows(laser[:, :3].reshape(3, 12)))
+    calibration = FindSettings(calibration=str(tmp_path / "calib.txt"))
+    scans = find_scans([str(tmp_path)], calibration)
+    np.testing.assert_allclose(scans.poses, laser, atol=1e-12)
+    np.testing.assert_allclose(replace_poses(scans, str(slam), calibration).poses, laser, atol=1e-12)
+    again = replace_poses(scans, str(tmp_path / "poses.txt"), calibration)
+    np.testing.assert_allclose(again.poses, laser, atol=1e-12)
+    # Beside calib.txt too, without a word of it.
+    np.testing.assert_allclose(find_scans([str(tmp_path)], FindSettings(poses=str(slam))).poses, laser, atol=1e-12)
+
+
 def test_a_calibration_for_other_scans_is_refused(tmp_path):
     make_folder(tmp_path, ["0.ply"], poses_text(1))
     with pytest.raises(InputError, match="Leave out --calibration"):

@@ -1,0 +1,70 @@
+"""The parts of the benchmark on real maps that decide what its figures mean."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks import real_data, real_drift, real_methods, real_pairs
+from mapq.patches import PLAUSIBLE, UNLABELLED
+from tests.mapq.factories import make_patches
+from tests.mapq.labelled import draw_patches
+from tests.mapq.perturb.scenes import pose_at
+
+
+def test_the_disagreement_of_a_patch_is_the_median_of_what_is_known():
+    patches = make_patches([np.zeros((4, 3)), np.ones((3, 3)), np.ones((2, 3))], np.eye(3), loose=1)
+    metres = np.array([0.1, 0.2, 0.3, np.nan, np.nan, np.nan, 0.5, 0.7, 0.9, 4.0])
+    patches = replace(patches, cloud=patches.cloud.with_fields(disagreement=metres))
+    np.testing.assert_allclose(real_data.disagreement_of(patches), [0.2, np.nan, 0.8])
+
+
+def test_sub_maps_alone_are_plausible():
+    patches = real_data.plausible(make_patches([np.zeros((4, 3))], np.eye(3)[:1]))
+    assert patches.label.tolist() == [PLAUSIBLE]
+
+
+def test_errors_of_a_pair_have_the_size_that_was_asked_for():
+    pose = pose_at(3.0, 4.0, 20.0)
+    moved = real_pairs.wrong_pose(pose, 0.03, 0.3, np.random.default_rng(1))
+    assert np.linalg.norm(moved[:3, 3] - pose[:3, 3]) == pytest.approx(0.3)
+    turned = moved[:3, :3] @ pose[:3, :3].T
+    assert np.arccos((np.trace(turned) - 1.0) / 2.0) == pytest.approx(0.03)
+
+
+def test_thresholds_come_from_other_sets_alone():
+    source = np.repeat(["a", "b"], 4)
+    wrong = np.tile([False, False, True, True], 2)
+    score = np.array([0.1, 0.2, 0.8, 0.9, 10.1, 10.2, 10.8, 10.9])
+    said = real_pairs._thresholded(score, wrong, source)
+    # Each set is parted well by itself, and not at all by the other's threshold.
+    assert said.tolist() == [False] * 4 + [True] * 4
+    assert real_pairs._thresholded(score % 10.0, wrong, source).tolist() == wrong.tolist()
+
+
+def test_the_detection_curve_counts_patches_by_their_displacement():
+    metres = np.array([0.0, 0.01, 0.03, 0.3, 0.4, 2.0, np.nan])
+    called = np.array([False, True, False, True, False, True, True])
+    result = real_drift.summary([real_drift.Level("quad", "0.5 m", metres, {"ours": called})])
+    assert result["levels"][0]["unmoved"] == 2
+    assert result["levels"][0]["rates"]["ours"] == {"false_alarms": 0.5, "found": 0.5}
+    assert result["curve"]["quad"]["n"] == [2, 1, 0, 0, 2, 0, 1]
+    assert result["curve"]["all"]["ours"][4] == 0.5
+    assert "<0.02 0.02-0.05" in "\n".join(real_drift.lines(result, "ours"))
+
+
+def test_methods_are_trained_and_scored_beside_the_majority():
+    train, test = draw_patches(1, 48), draw_patches(2, 48)
+    models = {name: real_methods.train_on([train], name) for name in real_methods.METHODS}
+    scores = real_methods.score(models, [test], [train])
+    assert list(scores) == ["majority", "nodes only", "paper-literal", "default"]
+    assert scores["default"].auc > max(scores["nodes only"].auc, 0.9)
+    assert scores["majority"].auc == 0.5
+    lines = real_methods.table(scores)
+    assert len(lines) == 6
+    assert real_methods.number(float("nan")) == "-"
+    called = real_methods.share_called([test], models["default"])
+    assert called["patches"] == len(test)
+    assert UNLABELLED not in real_methods.say(test, models["default"]).label
