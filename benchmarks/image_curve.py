@@ -1,4 +1,4 @@
-"""One run of the sampler on the demo's office, its occupancy image taken at given times; for :mod:`benchmarks.office_time`.
+"""One run of the sampler on the demo's office, its image at given times; for :mod:`benchmarks.office_time`.
 
 Run as a file, it measures whatever `prf` stands first on the path: an earlier revision has this script too, or is
 given it. It uses nothing of the other benchmarks.

@@ -69,11 +69,11 @@ def run_to_stage(chain: Chain, rng: np.random.Generator, n: int, stage: int) -> 
         if stage == SENSORS:
             continue
         if stage == FREED:
-            spare = most_freed(chain.beams, proposal) + most_cut(chain.beams, proposal)
+            spare = most_freed(chain.beams, proposal, 0) + most_cut(chain.beams, proposal, 0)
             if spare >= needed:
-                total += touch_freed_beams(graph, chain.edge_index, chain.beams, proposal, needed, spare)[0]
+                total += touch_freed_beams(graph, chain.edge_index, chain.beams, proposal, 0, needed, spare)[0]
             continue
-        total += touch_beams(graph, chain.edge_index, chain.beams, proposal, needed)[1]
+        total += touch_beams(graph, chain.edge_index, chain.beams, proposal, 0, needed)[1]
     return total
 
 
@@ -188,7 +188,7 @@ def run_static(chain: Chain, rng: np.random.Generator, until: int) -> bool:
         if not legal:
             continue
         log_u = math.log(1.0 - rng.random())
-        accepted, prior, likelihood = evaluate(chain, move, ratio, log_u)
+        accepted, prior, likelihood = evaluate(chain, move, ratio, log_u, rng)
         if accepted:
             release_touched(chain.beams)
             apply_map(chain, prior, likelihood)
@@ -219,7 +219,7 @@ def next_touching(chain: Chain, rng: np.random.Generator) -> float:
             continue
         if any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
             continue
-        return touch_beams(chain.graph, chain.edge_index, chain.beams, proposal, -math.inf)[1]
+        return touch_beams(chain.graph, chain.edge_index, chain.beams, proposal, 0, -math.inf)[1]
 
 
 @bench

@@ -43,6 +43,10 @@ DEFAULT_ODDS = {
 
 FIRST_CAPACITY = 256
 FIRST_CELL_ROOM = 24
+CELLS_A_LENGTH = 4.0 / np.pi
+"""Cells that a beam in a random direction passes on a length of one cell's side."""
+MOST_LISTED = 4e7
+"""Entries of all lists of beams in all cells at most, more or less: 12 bytes each in every chain."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -187,11 +191,15 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
     step; :func:`first_map` is such a map.
     """
     window = settings.window
-    grid = make_grid(*window, settings.cell_size())
     capacity = max(FIRST_CAPACITY, 2 * (len(coloring.xy) + c.MOST_CHANGES))
     graph = make_graph(coloring, capacity)
     laser = settings.laser or LaserData(*_nothing(), LaserModel(1.0))
     ray = make_rays(window, laser.model, laser.origin, laser.angle, laser.readings)
+    cell = settings.cell_size()
+    if settings.cell is None:
+        # So many beams that their lists would fill the memory get larger cells.
+        cell = max(cell, CELLS_A_LENGTH * float(ray[:, c.REACH].sum()) / MOST_LISTED)
+    grid = make_grid(*window, cell)
     sonar = settings.sonar or SonarData(*_nothing(), np.zeros(0), SonarModel())
     pose = make_poses(sonar.model, sonar.origin, sonar.angle, sonar.cone, sonar.readings)
     odds = np.array([DEFAULT_ODDS[move] for move in range(c.N_MOVES)])

@@ -134,13 +134,13 @@ def listed_now(readings: Beams | Cones) -> NDArray[np.bool_]:
 
 
 def recompute_gaps(chain: Chain) -> tuple[Floats, Floats]:
-    """Return what the beams lack to their best log likelihood, summed by the edge met and by the cells of readings."""
+    """Return what beams lack to their best log likelihood, summed by edge met and level, and by list of readings."""
     beams = chain.beams
     impacts = recompute_impacts(chain)
     gap = beams.best - impacts.log_likelihood
     by_edge, by_cell = np.zeros_like(beams.edge_gap), np.zeros_like(beams.cell_gap)
     met = impacts.edge != c.NONE
-    np.add.at(by_edge, impacts.edge[met], gap[met])
+    np.add.at(by_edge, (impacts.edge[met], beams.level[met]), gap[met])
     n_cells = beams.aim[:, 1] - beams.aim[:, 0]
     offset = np.arange(n_cells.sum()) - np.repeat(np.cumsum(n_cells) - n_cells, n_cells)
     np.add.at(by_cell, beams.slot_cell[np.repeat(beams.aim[:, 0], n_cells) + offset], np.repeat(gap, n_cells))
@@ -151,22 +151,21 @@ def gaps_hold(chain: Chain) -> bool:
     """Whether the gaps by edge and by cell equal those summed anew; of edges and cells in use."""
     by_edge, by_cell = recompute_gaps(chain)
     edges = chain.graph.members[c.EDGES, : chain.graph.counts[c.EDGES]]
-    now = np.concatenate([chain.beams.edge_gap[edges], chain.beams.cell_gap])
-    anew = np.concatenate([by_edge[edges], by_cell])
+    now = np.concatenate([chain.beams.edge_gap[edges].ravel(), chain.beams.cell_gap])
+    anew = np.concatenate([by_edge[edges].ravel(), by_cell])
     return bool(np.allclose(now, anew, rtol=TOLERANCE, atol=TOLERANCE * len(chain.beams.best)))
 
 
 def beams_by_edge(chain: Chain) -> dict[int, list[int]]:
     """Return the beams linked to each edge, sorted."""
     beams = chain.beams
-    linked = {}
-    for edge in np.flatnonzero(beams.first_beam != c.NONE).tolist():
-        row, beam = [], int(beams.first_beam[edge])
+    linked: dict[int, list[int]] = {}
+    for edge, level in np.argwhere(beams.first_beam != c.NONE).tolist():
+        beam = int(beams.first_beam[edge, level])
         while beam != c.NONE:
-            row.append(beam)
+            linked.setdefault(edge, []).append(beam if beams.level[beam] == level else c.NONE)
             beam = int(beams.next_beam[beam])
-        linked[edge] = sorted(row)
-    return linked
+    return {edge: sorted(row) for edge, row in linked.items()}
 
 
 def differences(chain: Chain) -> list[str]:

@@ -355,7 +355,7 @@ def swap_impact_edge(chain: Chain) -> None:
 
 def lose_link(chain: Chain) -> None:
     edge = chain.beams.impact_edge[hit_beam(chain)]
-    chain.beams.first_beam[edge] = chain.beams.next_beam[chain.beams.first_beam[edge]]
+    chain.beams.first_beam[edge] = chain.beams.next_beam[chain.beams.first_beam[edge, 0]]
 
 
 def unlist_beam(chain: Chain) -> None:

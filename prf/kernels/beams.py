@@ -29,18 +29,19 @@ class Beams(NamedTuple):
     last_slot: np.ndarray  # (n,) i4 slot in which the impact lies: the last that is listed
     next_beam: np.ndarray  # (n,) i4 beams that meet the same edge, linked
     previous_beam: np.ndarray  # (n,) i4
-    first_beam: np.ndarray  # (edge capacity,) i4 head of that list
+    first_beam: np.ndarray  # (edge capacity, n_levels) i4 heads of those lists, one a level
+    level: np.ndarray  # (n,) u1 stage of the decision at which a beam is asked
     slot_start: np.ndarray  # (n + 1,) i8
-    slot_cell: np.ndarray  # (slots,) i4
+    slot_cell: np.ndarray  # (slots,) i4 list of the slot: cell + level * cells of the grid
     slot_exit: np.ndarray  # (slots,) f4 distance at which the beam leaves the slot, rounded down
     slot_place: np.ndarray  # (slots,) i4 place in the cell's list, NONE while not listed
-    cell_start: np.ndarray  # (n_cells + 1,) i8
-    cell_count: np.ndarray  # (n_cells,) i4
+    cell_start: np.ndarray  # (n_levels * n_cells + 1,) i8
+    cell_count: np.ndarray  # (n_levels * n_cells,) i4
     entries: np.ndarray  # (slots, 2) i4 beam and slot, listed by cell
     best: np.ndarray  # (n,) f8 log likelihood that no distance exceeds
     aim: np.ndarray  # (n, 2) i4 slots in which the reading lies: the first, and the one after the last
-    edge_gap: np.ndarray  # (edge capacity,) f8 what the beams that meet an edge lack to their best, summed
-    cell_gap: np.ndarray  # (n_cells,) f8 the same for the beams whose readings lie in a cell
+    edge_gap: np.ndarray  # (edge capacity, n_levels) f8 what the beams that meet an edge lack to their best, summed
+    cell_gap: np.ndarray  # (n_levels * n_cells,) f8 the same for the beams whose readings lie in a cell
     mark: np.ndarray  # (n,) i4 place among the touched beams in the proposal of that mark
     touched: np.ndarray  # (n,) i4 beams that the proposal touches
     touched_edge: np.ndarray  # (n,) i4 their new impact: edge slot, or -2 - k for the new edge k, or NONE
@@ -69,12 +70,13 @@ def link_beam(beams: Beams, beam: int, edge: int) -> None:
     beams.previous_beam[beam] = c.NONE
     beams.next_beam[beam] = c.NONE
     if edge != c.NONE:
-        head = beams.first_beam[edge]
+        level = beams.level[beam]
+        head = beams.first_beam[edge, level]
         beams.next_beam[beam] = head
         if head != c.NONE:
             beams.previous_beam[head] = beam
-        beams.first_beam[edge] = beam
-        beams.edge_gap[edge] += beams.best[beam] - beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
+        beams.first_beam[edge, level] = beam
+        beams.edge_gap[edge, level] += beams.best[beam] - beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
 
 
 @core
@@ -83,11 +85,12 @@ def unlink_beam(beams: Beams, beam: int) -> None:
     edge = beams.impact_edge[beam]
     if edge == c.NONE:
         return
-    beams.edge_gap[edge] -= beams.best[beam] - beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
+    level = beams.level[beam]
+    beams.edge_gap[edge, level] -= beams.best[beam] - beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
     before = beams.previous_beam[beam]
     after = beams.next_beam[beam]
     if before == c.NONE:
-        beams.first_beam[edge] = after
+        beams.first_beam[edge, level] = after
     else:
         beams.next_beam[before] = after
     if after != c.NONE:
@@ -106,8 +109,9 @@ def first_hit(
     uy = ray[c.DIRECTION_Y]
     best = limit
     best_edge = c.NONE
+    before = beams.level[beam] * index.cell_count.shape[0]
     for at in range(slot, beams.slot_start[beam + 1]):
-        cell = beams.slot_cell[at]
+        cell = beams.slot_cell[at] - before
         for place in range(index.cell_count[cell]):
             edge = index.cell_edges[cell, place]
             xy = graph.edge_xy[edge]
@@ -146,8 +150,8 @@ def relist_beams(beams: Beams) -> float:
     function of the impacts alone, which is what lets a resumed chain repeat an uninterrupted one bit for bit.
     """
     beams.cell_count[:] = 0
-    beams.first_beam[:] = c.NONE
-    beams.edge_gap[:] = 0.0
+    beams.first_beam[:, :] = c.NONE
+    beams.edge_gap[:, :] = 0.0
     beams.cell_gap[:] = 0.0
     total = 0.0
     for beam in range(beams.ray.shape[0]):
@@ -181,12 +185,13 @@ def fill_slots(
     grid: Grid,
     ray: np.ndarray,
     path: np.ndarray,
+    level: np.ndarray,
     slot_start: np.ndarray,
     slot_cell: np.ndarray,
     slot_exit: np.ndarray,
     cell_start: np.ndarray,
 ) -> None:
-    """Fill the cells and exits of all slots, and `cell_start` (n_cells + 1,) with the room of each cell.
+    """Fill the lists and exits of all slots, and `cell_start` (n_levels * n_cells + 1,) with the room of each list.
 
     Exits are lowered by a hair: a slot may then be listed, or searched, one cell too far, never one too short.
     """
@@ -198,12 +203,13 @@ def fill_slots(
         uy = ray[beam, c.DIRECTION_Y]
         reach = ray[beam, c.REACH]
         n = walk(grid, ox, oy, ox + reach * ux, oy + reach * uy, path)
+        before = level[beam] * grid.nx * grid.ny
         latest = 0.0
         for k in range(n):
             slot = slot_start[beam] + k
-            slot_cell[slot] = path[k]
+            slot_cell[slot] = before + path[k]
             latest = max(latest, exit_distance(grid, path[k], ox, oy, ux, uy) * (1.0 - 1e-6) - 1e-9)
             slot_exit[slot] = latest if k < n - 1 else reach
-            cell_start[path[k] + 1] += 1
+            cell_start[before + path[k] + 1] += 1
     for cell in range(cell_start.size - 1):
         cell_start[cell + 1] += cell_start[cell]

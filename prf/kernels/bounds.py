@@ -26,21 +26,21 @@ def gap(beams: Beams, beam: int) -> float:
 
 
 @core
-def most_freed(beams: Beams, proposal: Proposal) -> float:
-    """The most that the beams on the edges that go can gain, nats."""
+def most_freed(beams: Beams, proposal: Proposal, level: int) -> float:
+    """The most that the beams of a level on the edges that go can gain, nats."""
     most = ROUNDING
     for k in range(proposal.counts[N_OLD_EDGES]):
-        most += beams.edge_gap[proposal.old_edges[k]]
+        most += beams.edge_gap[proposal.old_edges[k], level]
     return most
 
 
 @core
-def most_cut(beams: Beams, proposal: Proposal) -> float:
-    """The most that the beams cut by new edges can gain, nats."""
+def most_cut(beams: Beams, proposal: Proposal, before: int) -> float:
+    """The most that the beams cut by new edges can gain, nats; `before`: lists of the levels before theirs."""
     most = 0.0
     for k in range(proposal.counts[N_NEW_EDGES]):
         for i in range(proposal.n_cells[k]):
-            cell = proposal.cells[k, i]
+            cell = before + proposal.cells[k, i]
             most += beams.cell_gap[cell] + FADED * beams.cell_count[cell]
     return most
 

@@ -118,10 +118,13 @@ def needed_gain(chain: Chain, margin: float) -> float:
 
 
 @spine
-def evaluate(chain: Chain, move: int, log_proposal_ratio: float, log_u: float) -> tuple[bool, float, float]:
+def evaluate(
+    chain: Chain, move: int, log_proposal_ratio: float, log_u: float, rng: np.random.Generator
+) -> tuple[bool, float, float]:
     """Decide on a legal proposal; return the decision and the changes of log prior and log likelihood.
 
-    The threshold `log_u` is drawn before, so that what cannot be reached is not computed. A comparison with nan
+    The threshold `log_u` is drawn before, so that what cannot be reached is not computed; it decides on all but the
+    beams of further levels, which draw their own from `rng`. A comparison with nan
     is false: such a proposal is rejected.
     """
     graph, proposal = chain.graph, chain.proposal
@@ -148,14 +151,36 @@ def evaluate(chain: Chain, move: int, log_proposal_ratio: float, log_u: float) -
         n_cones = chain.cones.pose.shape[0]
         # What cones may gain is not known before they are asked: with them all beams are.
         floor = -math.inf if n_cones > 0 else needed - likelihood
-        may_pass, change = touch_beams(graph, chain.edge_index, chain.beams, proposal, floor)
+        may_pass, change = touch_beams(graph, chain.edge_index, chain.beams, proposal, 0, floor)
         if not may_pass:
             return False, 0.0, 0.0
         likelihood += change
         if n_cones > 0:
             touch_cones(graph, chain.edge_index, chain.cones, proposal)
             likelihood += sonar_change(graph, chain.edge_index, chain.cones, proposal)
-    return needed < likelihood, prior, likelihood
+    if not needed < likelihood:
+        return False, prior, likelihood
+    accepted, change = pass_levels(chain, rng)
+    return accepted, prior, likelihood + change
+
+
+@spine
+def pass_levels(chain: Chain, rng: np.random.Generator) -> tuple[bool, float]:
+    """Let the further levels of beams decide in turn, each by a threshold of its own; return the change over them.
+
+    The probability of acceptance is the product of min(1, r) over the factors r of the ratio: each factor is the
+    inverse of that of the move back, so that the posterior stays what it is (factorised Metropolis; delayed
+    acceptance of Christen & Fox 2005). What few beams refuse, the many are never asked about.
+    """
+    likelihood = 0.0
+    power = chain.tuning[c.INVERSE_TEMPERATURE] * chain.tuning[c.LIKELIHOOD_POWER]
+    for level in range(1, chain.beams.first_beam.shape[1]):
+        needed = math.log(1.0 - rng.random()) / power if power > 0.0 else -math.inf
+        may_pass, change = touch_beams(chain.graph, chain.edge_index, chain.beams, chain.proposal, level, needed)
+        if not (may_pass and needed < change):
+            return False, likelihood
+        likelihood += change
+    return True, likelihood
 
 
 @spine
@@ -168,7 +193,7 @@ def step(chain: Chain, rng: np.random.Generator) -> bool:
     if not legal:
         return False
     log_u = math.log(1.0 - rng.random())
-    accepted, prior, likelihood = evaluate(chain, move, log_proposal_ratio, log_u)
+    accepted, prior, likelihood = evaluate(chain, move, log_proposal_ratio, log_u, rng)
     if accepted:
         apply(chain, prior, likelihood)
         chain.outcomes[move, c.ACCEPTED] += 1

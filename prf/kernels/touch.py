@@ -4,7 +4,8 @@ Only beams whose impact lies on an edge that goes, and beams that a new edge cut
 the second kind the new impact is on the new edge. For the first it is the nearest of the new edges, or else the
 beam walks on from its old impact: nothing stood before it.
 
-The caller says what the change must exceed for the proposal to be accepted. After every beam the change so far and the
+Beams are asked by levels, so that a proposal which few beams refuse never meets the many (delayed acceptance). The
+caller says what the change must exceed for the proposal to be accepted. After every beam the change so far and the
 most that the beams not yet asked can gain (:mod:`prf.kernels.bounds`) are compared with it: most proposals lose so
 much at the first few beams that the others cannot make up for it. The decision is the same as after all beams.
 """
@@ -79,17 +80,16 @@ def freed_impact(graph: Graph, index: EdgeIndex, beams: Beams, proposal: Proposa
 
 @spine
 def touch_freed_beams(
-    graph: Graph, index: EdgeIndex, beams: Beams, proposal: Proposal, needed: float, spare: float
+    graph: Graph, index: EdgeIndex, beams: Beams, proposal: Proposal, level: int, needed: float, spare: float
 ) -> tuple[float, float]:
-    """Touch every beam that ends on an edge that goes; return the change and what others can still gain.
+    """Touch every beam of a level that ends on an edge that goes; return the change and what others can still gain.
 
     It stops where the sum of both falls below `needed`.
     """
-    n = 0
+    n = beams.n_touched[0]
     change = 0.0
-    beams.n_touched[0] = 0
     for k in range(proposal.counts[N_OLD_EDGES]):
-        beam = beams.first_beam[proposal.old_edges[k]]
+        beam = beams.first_beam[proposal.old_edges[k], level]
         while beam != c.NONE:
             spare -= gap(beams, beam)
             edge, distance = freed_impact(graph, index, beams, proposal, beam)
@@ -131,21 +131,26 @@ def touch_in_cell(beams: Beams, proposal: Proposal, k: int, cell: int, least: fl
 
 
 @spine
-def touch_beams(graph: Graph, index: EdgeIndex, beams: Beams, proposal: Proposal, needed: float) -> tuple[bool, float]:
-    """List the touched beams with their new impacts; return whether the change of log likelihood may exceed `needed`.
+def touch_beams(
+    graph: Graph, index: EdgeIndex, beams: Beams, proposal: Proposal, level: int, needed: float
+) -> tuple[bool, float]:
+    """List the touched beams of a level with their new impacts; return whether their change may exceed `needed`.
 
-    The second value is that change; if the first is False, it is the change over a part of the beams, and the list
-    is not complete. With ``needed = -inf`` all are asked.
+    The second value is the change of their log likelihood; if the first is False, it is that of a part of them, and
+    the list is not complete. With ``needed = -inf`` all are asked. Level 0 begins the list, the others go on with it.
     """
-    spare = most_freed(beams, proposal) + most_cut(beams, proposal)
+    if level == 0:
+        beams.n_touched[0] = 0
+    before = level * index.cell_count.shape[0]
+    spare = most_freed(beams, proposal, level) + most_cut(beams, proposal, before)
     if spare < needed:
         return False, 0.0
-    change, spare = touch_freed_beams(graph, index, beams, proposal, needed, spare)
+    change, spare = touch_freed_beams(graph, index, beams, proposal, level, needed, spare)
     if change + spare < needed:
         return False, change
     for k in range(proposal.counts[N_NEW_EDGES]):
         for i in range(proposal.n_cells[k]):
-            cell = proposal.cells[k, i]
+            cell = before + proposal.cells[k, i]
             change += touch_in_cell(beams, proposal, k, cell, needed - change - spare)
             if change + spare < needed:
                 return False, change

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 from prf.coloring import Coloring
 from prf.kernels import constants as c
 from prf.kernels.build import resum
-from prf.layout import read_coloring
+from prf.kernels.chain import Chain
+from prf.layout import make_image, read_coloring
 from prf.posterior import Settings, first_map, make_chain
 from prf.sampler.record import FIRST_THIN, ImageTimes, Record
 from prf.sampler.starts import Start, find_start_map, is_found
 from prf.sampler.tempering import Tempering, run_chain
 from prf.sampler.tempering_ladder import LadderPlan
+from prf.sampler.tempering_state import copied, with_map
 
 SHORTEST_BLOCK = 5 * FIRST_THIN
 LONGEST_BLOCK = 4 * SHORTEST_BLOCK
@@ -49,6 +51,8 @@ class ChainSampler:
         Map to start from, in which every sensor stands in white; a map of one colour if absent (as in the paper).
     starts_from : {"empty", "grid", "prior"}
         What :meth:`find_start` does (:mod:`prf.sampler.starts`).
+    like : Chain, optional
+        Of the same settings, at the map to start from: what never changes is then held once for both.
     """
 
     def __init__(
@@ -58,11 +62,13 @@ class ChainSampler:
         probes: NDArray[np.int64],
         start: Coloring | None = None,
         starts_from: Start = "empty",
+        like: Chain | None = None,
     ) -> None:
         self.settings = settings
         self.rng = rng
         self.starts_from = starts_from
-        self.chain = make_chain(settings, start if start is not None else first_map(settings))
+        fresh = start if start is not None else first_map(settings)
+        self.chain: Chain = make_chain(settings, fresh) if like is None else copied(like)
         self.record = Record(probes)
         self.times = ImageTimes(self.chain.image.black.size)
         self.block = block_length(len(self.chain.beams.ray) + len(self.chain.cones.pose))
@@ -104,7 +110,8 @@ class ChainSampler:
         """Before the first step: go to the map that the chain shall start from."""
         if is_found(self.starts_from, self.settings):
             start = find_start_map(self.starts_from, self.settings, self.rng, stop_requested)
-            self.chain = make_chain(self.settings, start)
+            chain = with_map(self.chain, self.settings, start)
+            self.chain = chain._replace(image=make_image(start, chain.graph, self.settings.resolution))
         if self.tempering is not None:
             self.tempering.start_at(read_coloring(self.chain.graph))
 

@@ -95,7 +95,10 @@ class Sampler:
     ) -> None:
         self.settings = settings
         self.probe_pixels = probe_pixels(settings)
-        self.chains = [ChainSampler(settings, rng, self.probe_pixels, starts_from=starts_from) for rng in generators]
+        self.chains: list[ChainSampler] = []
+        for rng in generators:
+            like = self.chains[0].chain if self.chains else None
+            self.chains.append(ChainSampler(settings, rng, self.probe_pixels, starts_from=starts_from, like=like))
         if plan is not None and plan.rungs > 1:
             for chain in self.chains:
                 chain.temper(plan)

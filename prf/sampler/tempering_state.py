@@ -15,6 +15,7 @@ from prf.kernels.graph import Graph
 from prf.kernels.image import paint_all, settle_all
 from prf.layout import make_graph, make_image, make_index, painted_sites, read_coloring
 from prf.posterior import FIRST_CAPACITY, Settings, painted_points
+from prf.sensors.laser import empty_lists
 from prf.sensors.sonar import make_sight
 
 STATE = ("graph", "edge_index", "beams", "cones", "points", "sensors")
@@ -31,6 +32,8 @@ SHARED = (
     "xy",
     "best",
     "aim",
+    "level",
+    "beyond",
 )
 """Fields, of a chain or of its parts, that no step writes to: copies of a chain hold the same arrays."""
 NATS_PER_CONE = 5.0
@@ -72,7 +75,7 @@ def with_graph(chain: Chain, settings: Settings, graph: Graph) -> Chain:
     placed = chain._replace(
         graph=graph,
         edge_index=make_index(graph, chain.edge_index.grid, chain.edge_index.cell_edges.shape[1]),
-        beams=chain.beams._replace(first_beam=np.full(capacity, c.NONE, np.int32), edge_gap=np.zeros(capacity)),
+        beams=empty_lists(chain.beams, capacity),
         cones=chain.cones._replace(sight=make_sight(capacity + c.MOST_CHANGES)),
         points=painted_points(settings.points, coloring),
         sensors=painted_sites(chain.sensors, coloring),

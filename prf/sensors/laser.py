@@ -23,6 +23,13 @@ MOST_SLOTS = 2**31
 BELOW_ONE_BIT = 2.0**-54
 """What is added to a number and is smaller than this share of it leaves no trace."""
 
+FIRST_LEVEL = 24_000
+"""Beams at most, more or less, that are asked at first."""
+LEVEL_GROWTH = 4
+"""How many times as many beams there are with a further level as without it."""
+ORDER = 19530921
+"""Seed of the order in which beams are dealt to levels."""
+
 MARGIN = 1e-3
 """Metres by which the ends of an aim are moved outwards: more than slots are rounded by."""
 
@@ -168,8 +175,40 @@ def make_rays(window: Window, model: LaserModel, origin: Floats, angle: Floats, 
     return ray
 
 
-def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int) -> Beams:
+def deal_levels(n: int, n_levels: int) -> NDArray[np.uint8]:
+    """Return the stage (n,) of the decision at which each beam is asked: a fourth of them before the last, and so on.
+
+    Drawn at random, the same for all chains: beams of a scan differ little, and so do scans that follow each other.
+    """
+    level = np.zeros(n, np.uint8)
+    order = np.random.default_rng(ORDER).permutation(n)
+    for k in range(1, n_levels):
+        level[order[math.ceil(n / LEVEL_GROWTH ** (n_levels - k)) :]] = k
+    return level
+
+
+def number_of_levels(n: int) -> int:
+    """Return in how many stages so many beams are asked."""
+    return 1 + max(0, int(math.log(max(n, 1) / FIRST_LEVEL, LEVEL_GROWTH)))
+
+
+def empty_lists(beams: Beams, edge_capacity: int) -> Beams:
+    """Return the beams with empty lists for so many edges; they must be listed anew."""
+    shape = (edge_capacity, beams.first_beam.shape[1])
+    return beams._replace(first_beam=np.full(shape, c.NONE, np.int32), edge_gap=np.zeros(shape))
+
+
+def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int, n_levels: int | None = None) -> Beams:
     """Lay out beams and the index of their cells, with room for the longest lists that can come to be.
+
+    Parameters
+    ----------
+    grid : Grid
+    model : LaserModel
+    ray : (n, 8) array
+    edge_capacity : int
+    n_levels : int, optional
+        Stages of a decision; None: by the number of beams.
 
     Raises
     ------
@@ -188,8 +227,10 @@ def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int) -
         )
     slot_cell = np.empty(n_slots, np.int32)
     slot_exit = np.empty(n_slots, np.float32)
-    cell_start = np.zeros(n_cells + 1, np.int64)
-    fill_slots(grid, ray, path, slot_start, slot_cell, slot_exit, cell_start)
+    n_levels = number_of_levels(n) if n_levels is None else n_levels
+    level = deal_levels(n, n_levels)
+    cell_start = np.zeros(n_levels * n_cells + 1, np.int64)
+    fill_slots(grid, ray, path, level, slot_start, slot_cell, slot_exit, cell_start)
     aim = np.zeros((n, 2), np.int32)
     near, far = model.aim(ray[:, c.RANGE])
     find_aims(near - MARGIN, far + MARGIN, slot_start, slot_exit, aim)
@@ -201,18 +242,19 @@ def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int) -
         last_slot=np.zeros(n, np.int32),
         next_beam=np.full(n, c.NONE, np.int32),
         previous_beam=np.full(n, c.NONE, np.int32),
-        first_beam=np.full(edge_capacity, c.NONE, np.int32),
+        first_beam=np.full((edge_capacity, n_levels), c.NONE, np.int32),
+        level=level,
         slot_start=slot_start,
         slot_cell=slot_cell,
         slot_exit=slot_exit,
         slot_place=np.full(n_slots, c.NONE, np.int32),
         cell_start=cell_start,
-        cell_count=np.zeros(n_cells, np.int32),
+        cell_count=np.zeros(n_levels * n_cells, np.int32),
         entries=np.zeros((n_slots, 2), np.int32),
         best=model.best_log_likelihood(ray[:, c.RANGE]),
         aim=aim,
-        edge_gap=np.zeros(edge_capacity),
-        cell_gap=np.zeros(n_cells),
+        edge_gap=np.zeros((edge_capacity, n_levels)),
+        cell_gap=np.zeros(n_levels * n_cells),
         mark=np.zeros(n, np.int32),
         touched=np.zeros(n, np.int32),
         touched_edge=np.zeros(n, np.int32),

@@ -129,12 +129,12 @@ def decide_early(chain: Chain, rng: np.random.Generator, n: int, counts: np.ndar
         if not legal or not is_valid(chain.graph, chain.edge_index, chain.proposal):
             continue
         k += 1
-        _, whole = touch_beams(chain.graph, chain.edge_index, chain.beams, chain.proposal, -np.inf)
+        _, whole = touch_beams(chain.graph, chain.edge_index, chain.beams, chain.proposal, 0, -np.inf)
         n_whole = chain.beams.n_touched[0]
         needed = whole + rng.standard_exponential() * (
             1.0 if rng.random() < 0.3 else 30.0 if rng.random() < 0.5 else -1.0
         )
-        may_pass, part = touch_beams(chain.graph, chain.edge_index, chain.beams, chain.proposal, needed)
+        may_pass, part = touch_beams(chain.graph, chain.edge_index, chain.beams, chain.proposal, 0, needed)
         if (may_pass and part > needed) != (whole > needed):
             counts[0] += 1
         if not may_pass and part == 0.0:

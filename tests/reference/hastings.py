@@ -89,7 +89,7 @@ def attempt(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, bo
     margin = TOLERANCE * max(1.0, abs(middle))
     decided = True
     for side in (-1, 1):
-        accepted = evaluate(chain, move, of_proposals, middle + side * margin)[0]
+        accepted = evaluate(chain, move, of_proposals, middle + side * margin, rng)[0]
         decided = decided and accepted == (side < 0 and ratio == middle)
     if ratio == middle:
         apply(chain, prior, 0.0)

@@ -14,6 +14,7 @@ from prf.posterior import FIRST_CELL_ROOM, painted_points
 from prf.sampler.tiles.data import TileData
 from prf.sampler.tiles.rounds import Round
 from prf.sampler.tiles.work import TileResult
+from prf.sensors.laser import empty_lists
 from prf.sensors.sonar import make_sight
 from prf.window import INTERIOR
 
@@ -72,7 +73,7 @@ def replace_map(chain: Chain, data: TileData, coloring: Coloring) -> Chain:
     replaced = chain._replace(
         graph=graph,
         edge_index=make_index(graph, grid, FIRST_CELL_ROOM),
-        beams=chain.beams._replace(first_beam=np.full(capacity, c.NONE, np.int32), edge_gap=np.zeros(capacity)),
+        beams=empty_lists(chain.beams, capacity),
         cones=chain.cones._replace(sight=make_sight(capacity + c.MOST_CHANGES)),
         points=painted_points(data.settings.points, coloring),
         sensors=painted_sites(chain.sensors, coloring),
