@@ -136,6 +136,8 @@ class Settings:
         Share of births of triangles that are aimed at returns, where there are any.
     aim_reach : float or None
         As the other reaches.
+    levels : int or None
+        Stages in which the beams of a laser are asked; None chooses it by their number.
     tiles : int
         Tiles in which a chain is updated at once (docs/tiles.md); 0: it is updated in one place after the other.
     """
@@ -154,6 +156,7 @@ class Settings:
     points: PointData | None = None
     aimed_share: float = 0.6
     aim_reach: float | None = None
+    levels: int | None = None
     tiles: int = 0
 
     def tuning(self) -> Floats:
@@ -209,7 +212,7 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
     chain = Chain(
         graph=graph,
         edge_index=make_index(graph, grid, FIRST_CELL_ROOM),
-        beams=make_beams(grid, laser.model, ray, capacity),
+        beams=make_beams(grid, laser.model, ray, capacity, settings.levels),
         cones=make_cones(grid, sonar.model, pose, capacity),
         points=painted_points(settings.points, coloring),
         sensors=make_sites(grid, np.concatenate([laser.origin, sonar.origin]), coloring),

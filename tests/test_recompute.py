@@ -102,6 +102,13 @@ def test_twins_agree_on_readings(at_truth: bool) -> None:
         assert np.isfinite(chain.beams.ray[:, c.DISTANCE]).mean() > 0.3
 
 
+def test_twins_agree_on_readings_asked_by_levels() -> None:
+    settings = dataclasses.replace(world_settings(1), levels=3)
+    chain, n_accepted = follow(make_chain(settings, Coloring.empty(ROOM)), np.random.default_rng(1), 1500)
+    assert n_accepted > 100
+    assert np.unique(chain.beams.level).tolist() == [0, 1, 2]
+
+
 def soften(chain: Chain, power: float, cost: float) -> Chain:
     """Let occupied sensors cost something, and likelihoods count less, as on a rung of parallel tempering."""
     chain.tuning[[c.LIKELIHOOD_POWER, c.OCCUPIED_COST]] = power, cost

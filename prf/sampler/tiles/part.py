@@ -320,7 +320,7 @@ def part_beams(data: TileData, grid: Grid, shared: Shared, capacity: int) -> Bea
     moved = ray.copy()
     moved[:, : c.ORIGIN_Y + 1] += enter[:, None] * ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
     moved[:, c.REACH] = end - enter
-    beams = make_beams(grid, data.laser, moved, capacity)
+    beams = make_beams(grid, data.laser, moved, capacity, data.settings.levels)
     ray[:, c.REACH] = end
     # Exits are distances from the sensor, rounded down as before.
     exits = beams.slot_exit + np.repeat(enter, np.diff(beams.slot_start))
