@@ -23,7 +23,7 @@ MOST_SLOTS = 2**31
 BELOW_ONE_BIT = 2.0**-54
 """What is added to a number and is smaller than this share of it leaves no trace."""
 
-FIRST_LEVEL = 24_000
+FIRST_LEVEL = 5_000
 """Beams at most, more or less, that are asked at first."""
 LEVEL_GROWTH = 4
 """How many times as many beams there are with a further level as without it."""
