@@ -54,6 +54,8 @@ class PatchFeatures(NamedTuple):
     shape : (n_patches, n_shape) float64
         What people ask of a patch, named by `shape_names`: counts, metres, m², degrees. Not seen by the random field.
     shape_names : tuple of str
+    context_names : tuple of str
+        Those of `edge_names` that are context, beyond the paper.
     parameters : mapping
         What the features were computed with, estimates included: numbers in metres, the up direction.
     """
@@ -68,4 +70,5 @@ class PatchFeatures(NamedTuple):
     n_clipped: int
     shape: NDArray[np.float64] = np.zeros((0, 0))
     shape_names: tuple[str, ...] = ()
+    context_names: tuple[str, ...] = ()
     parameters: Mapping[str, Any] = MappingProxyType({})

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.crf import Trained, TrainingMap, TrainSettings, split_regions, train
-from mapq.crf.train import ALL
+from mapq.crf.train import ALL, CONTEXT
 from mapq.evaluate import Scores, score_labels
 from mapq.features import FeatureSettings, patch_features
 from mapq.io import read_patches
@@ -91,9 +91,12 @@ def train_files(
 def _require_edge_features(settings: TrainSettings, known: Sequence[str]) -> None:
     """Raise ConfigError for an edge feature that there is not; it was asked for by name."""
     for name in settings.edge_features:
-        if name not in (ALL, PLAUSIBILITY, *known):
+        if name not in (ALL, CONTEXT, PLAUSIBILITY, *known):
             names = ", ".join((PLAUSIBILITY, *known))
-            raise ConfigError(f"there is no edge feature {name}. Choose from {names}, or {ALL} for every one.")
+            raise ConfigError(
+                f"there is no edge feature {name}. Choose from {names}, or {CONTEXT} for those beyond the paper, "
+                f"{ALL} for every one."
+            )
 
 
 def region_size(labels: Sequence[NDArray[np.uint8]], n_regions: int) -> int:

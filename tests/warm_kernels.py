@@ -49,7 +49,9 @@ COMMANDS = (
     "score grid.npz --sonar sonar.csv",
 )
 CLOUD_COMMANDS = (
-    "simulate --size small --n-points 3000 --seed 1 -o simulated.ply",
+    "simulate --size small --n-points 20000 --seed 1 -o simulated.ply",
+    "segment simulated.ply -o simulated.patches",
+    "features simulated.patches --json",
     f"segment {TOWN} --truth-field surface -o town.patches",
     f"segment {TOWN} --resolution 0.3 -o coarse.patches",
     "features town.patches --features literal --json",

@@ -37,6 +37,7 @@ def feature_settings(model: Model) -> FeatureSettings:
                 f"the model's feature setting {name} cannot be used ({values[name]!r}). Train the model anew."
             )
     try:
+        values["context"] = tuple(values["context"])
         values["up"] = None if values["up"] is None else tuple(values["up"])
         return FeatureSettings(**values)
     except (TypeError, ConfigError) as error:
@@ -61,6 +62,8 @@ def _is_of_kind(value: Any, default: Any) -> bool:
     """Return whether a setting of a model file has the type of its default; null, a length or direction or null."""
     if default is None:
         return value is None or isinstance(value, list | tuple) or _is_of_kind(value, 0.0)
+    if isinstance(default, tuple):
+        return isinstance(value, list | tuple) and all(isinstance(each, str) for each in value)
     if isinstance(default, bool | str):
         return isinstance(value, type(default))
     whole = isinstance(value, int) and not isinstance(value, bool)

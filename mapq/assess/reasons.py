@@ -25,6 +25,9 @@ PARALLEL_DEG = 5.0
 TOUCHING = 0.05
 """Overlap or crossing below which two patches neither lie over one another nor cross: chance makes as much."""
 
+SEEN_THROUGH = 0.2
+"""Share of a patch from which it is said that rays of other passes go through it."""
+
 PAIR_MEASURES = (("offset", "offset_m"), ("separation", "separation_m"), ("angle_deg", "angle_deg"))
 PAIR_SHARES = ("overlap", "crossing")
 
@@ -100,6 +103,8 @@ class Reasons:
             yield self._of_pair(patch, other, gain)
 
     def _of_node(self, patch: int, name: str, value: float, gain: float) -> Reason:
+        if name == "seen_through":
+            return Reason(f"rays of other passes go through {value:.0%} of it", gain, None, {name: value})
         measure, words = MEASURES.get(name, ("", ""))
         if measure not in self._features.shape_names:
             return Reason(f"{name} {value:.3g}", gain, None, {name: value})
@@ -121,6 +126,18 @@ def pair_words(values: dict[str, float], other: int) -> str:
         return f"crosses patch {other} at {angle:.3g} degrees, {crossing:.0%} of the way from the edges to the middle"
     if overlap <= TOUCHING:
         return f"{values['separation']:.2f} m from patch {other}, at {angle:.0f} degrees, neither over it nor across"
-    if angle < PARALLEL_DEG:
-        return f"parallel to patch {other} at {values['offset']:.2f} m, overlap {100.0 * overlap:.0f} %"
-    return f"over patch {other} at {values['offset']:.2f} m and {angle:.0f} degrees, overlap {100.0 * overlap:.0f} %"
+    how = f"parallel to patch {other} at" if angle < PARALLEL_DEG else f"at {angle:.0f} degrees over patch {other} at"
+    return f"{how} {values['offset']:.2f} m, overlap {100.0 * overlap:.0f} %{context_words(values)}"
+
+
+def context_words(values: dict[str, float]) -> str:
+    """Return what context says of a pair that lies over one another, given its edge features; it may be nothing."""
+    over = values["weight"] * values["overlap"]
+    words = []
+    if abs(values.get("seen_together", 0.0)) > 0.5 * over:
+        words.append("seen together" if values["seen_together"] > 0.0 else "seen at different times")
+    if values.get("back_to_back", 0.0) > 0.5 * over:
+        words.append("back to back")
+    if values.get("through_conflict", 0.0) > SEEN_THROUGH * over:
+        words.append("one is seen through by other passes")
+    return "".join(f", {each}" for each in words)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -55,6 +55,17 @@ def parse_share(text: str) -> float:
     return share
 
 
+Contexts = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--context",
+        metavar="GROUP",
+        help="Context that is measured, repeatable: outlines, moments, sides, rays; none for the paper's features "
+        "alone; all if absent.",
+    ),
+]
+
+
 MaxFalseAlarms = Annotated[
     float | None,
     typer.Option(
@@ -65,6 +76,13 @@ MaxFalseAlarms = Annotated[
         "training: 0.02 or 2%.",
     ),
 ]
+
+
+def chosen_context(names: Sequence[str] | None) -> dict[str, Any]:
+    """Return the feature setting that ``--context`` makes; nothing where it is absent."""
+    if not names:
+        return {}
+    return {"context": tuple(name for name in dict.fromkeys(names) if name != "none")}
 
 
 def beside(path: str, suffix: str) -> str:

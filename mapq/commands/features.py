@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mapq.commands._options import Contexts, chosen_context
 from prf.shell.options import Json
 
 if TYPE_CHECKING:
@@ -68,6 +69,7 @@ def features(
     plain_overlap: Annotated[
         bool, typer.Option("--plain-overlap", help="Count overlap also within the tolerance, or where planes part.")
     ] = False,
+    context: Contexts = None,
     csv: Annotated[
         bool, typer.Option("--csv", help="Print CSV: a row a patch, an empty line, then a row a pair.")
     ] = False,
@@ -95,6 +97,7 @@ def features(
         n_watched=watched,
         tolerance=tolerance,
         plain_overlap=plain_overlap,
+        **chosen_context(context),
     )
     with progress(3, "features") as reporter:
         found = patch_features(read_patches(patches), settings, reporter)
@@ -149,6 +152,8 @@ def _least_lines(found: PatchFeatures, table: Table) -> Iterator[str]:
     from mapq.features.table import least_plausible
 
     yield "\nleast plausible pairs"
-    yield "".join(f"{name:>13}" for name in table.names)
+    widths = [max(13, len(name) + 2) for name in table.names]
+    yield "".join(f"{name:>{width}}" for name, width in zip(table.names, widths, strict=True))
     for row in least_plausible(found, N_LEAST):
-        yield "".join(f"{value:>13.4g}" if isinstance(value, float) else f"{value:>13}" for value in row)
+        cells = zip(row, widths, strict=True)
+        yield "".join(f"{value:>{w}.4g}" if isinstance(value, float) else f"{value:>{w}}" for value, w in cells)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapq.commands._options import MaxFalseAlarms, refuse_inputs
+from mapq.commands._options import Contexts, MaxFalseAlarms, chosen_context, refuse_inputs
 from prf.shell.options import Force, Json, Output, Seed
 
 if TYPE_CHECKING:
@@ -81,12 +81,14 @@ def train(
         typer.Option(
             "--edge-feature",
             metavar="NAME",
-            help="Edge feature that speaks for a label, repeatable; all for every one; plausibility (x_ij) if absent.",
+            help="Edge feature that speaks for a label, repeatable; context for those of --context, all for every one; "
+            "plausibility (x_ij) and context if absent.",
         ),
     ] = None,
     features: Annotated[
         Reading, typer.Option("--features", help="Bounded features in metres, or the paper's formulas as printed.")
     ] = Reading.safe,
+    context: Contexts = None,
     regularisation: Annotated[
         float | None,
         typer.Option(
@@ -158,6 +160,7 @@ def train(
     refuse_inputs([target], patches)
     given = {"radius": radius, "tau": tau, "n_neighbours": neighbours, "n_watched": watched, "tolerance": tolerance}
     chosen: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    chosen |= chosen_context(context)
     settings = TrainSettings(
         edge_model.value,
         tuple(edge_feature) if edge_feature else TrainSettings().edge_features,

@@ -25,8 +25,8 @@ PL, MAX_MARGIN = "pl", "max-margin"
 OBJECTIVES = (PL, MAX_MARGIN)
 """Maximum pseudo-likelihood, as in the paper; structured maximum margin."""
 
-ALL = "all"
-"""Stands for every edge feature that there is."""
+ALL, CONTEXT = "all", "context"
+"""Stand for every edge feature that there is, and for those of context (docs/features.md)."""
 
 
 class TrainingMap(NamedTuple):
@@ -55,7 +55,8 @@ class TrainSettings:
     edge_model : str
         One of `mapq.model.EDGE_MODELS`.
     edge_features : tuple of str
-        Columns h of the field; `ALL` alone for x_ij and every other edge feature.
+        Columns h of the field; `CONTEXT` for those of context that were measured, `ALL` alone for x_ij and every other
+        edge feature.
     regularisation : float or None
         Precision of the Gaussian prior of each standardised weight but the bias of nodes; None: by cross-validation.
     coupling_regularisation : float or None
@@ -69,7 +70,7 @@ class TrainSettings:
     """
 
     edge_model: str = FULL
-    edge_features: tuple[str, ...] = (PLAUSIBILITY,)
+    edge_features: tuple[str, ...] = (PLAUSIBILITY, CONTEXT)
     regularisation: float | None = None
     coupling_regularisation: float | None = None
     balanced: bool = True
@@ -137,7 +138,10 @@ def field_names(settings: TrainSettings, features: PatchFeatures) -> tuple[str, 
         return ()
     if settings.edge_features == (ALL,):
         return (PLAUSIBILITY, *features.edge_names)
-    return tuple(dict.fromkeys(settings.edge_features))
+    names: list[str] = []
+    for name in settings.edge_features:
+        names += features.context_names if name == CONTEXT else (name,)
+    return tuple(dict.fromkeys(names))
 
 
 def signs(label: NDArray[np.uint8]) -> NDArray[np.float64]:

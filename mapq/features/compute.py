@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.features import literal
+from mapq.features.context import measure_context
 from mapq.features.edge import EDGE_NAMES, edge_features
 from mapq.features.neighbours import find_neighbours, take_pairs
 from mapq.features.node import NODE_NAMES, SHAPE_NAMES, node_features, shape_table
@@ -46,18 +47,21 @@ def patch_features(
     _tell(progress, 1)
     graph = find_neighbours(shapes, settings)
     _tell(progress, 2)
-    found = _safe(shapes, graph, settings) if settings.reading == "safe" else _literal(shapes, graph, settings)
+    found = _safe(patches, shapes, graph, settings) if settings.reading == "safe" else _literal(shapes, graph, settings)
     _tell(progress, 3)
     return found
 
 
-def _safe(shapes: PatchShapes, graph: PatchGraph, settings: FeatureSettings) -> PatchFeatures:
+def _safe(patches: Patches, shapes: PatchShapes, graph: PatchGraph, settings: FeatureSettings) -> PatchFeatures:
     edge, plausibility = edge_features(shapes, graph, settings)
     conflict = edge[:, EDGE_NAMES.index("overlap")] + edge[:, EDGE_NAMES.index("crossing")] > CONFLICT
     joined = graph.close | conflict
     graph, edge, plausibility = take_pairs(graph, joined), edge[joined], plausibility[joined]
-    node = node_features(shapes, settings)
-    return _features(shapes, graph, settings, node, edge, plausibility, NODE_NAMES, 0)
+    context = measure_context(patches, shapes, graph, edge, settings)
+    node = np.hstack([node_features(shapes, settings), context.node])
+    names = (*NODE_NAMES, *context.node_names)
+    edge = np.hstack([edge, context.edge])
+    return _features(shapes, graph, settings, node, edge, plausibility, names, (*EDGE_NAMES, *context.edge_names), 0)
 
 
 def _literal(shapes: PatchShapes, graph: PatchGraph, settings: FeatureSettings) -> PatchFeatures:
@@ -65,7 +69,7 @@ def _literal(shapes: PatchShapes, graph: PatchGraph, settings: FeatureSettings) 
     node, n_node = literal.cut(literal.literal_nodes(shapes, hulls))
     edge, n_edge = literal.cut(literal.literal_edges(shapes, graph, hulls, settings))
     plausibility = 1.0 - edge[:, 1] * (edge[:, 2] + edge[:, 3])
-    return _features(shapes, graph, settings, node, edge, plausibility, literal.NODE_NAMES, n_node + n_edge)
+    return _features(shapes, graph, settings, node, edge, plausibility, literal.NODE_NAMES, EDGE_NAMES, n_node + n_edge)
 
 
 def _features(
@@ -76,6 +80,7 @@ def _features(
     edge: Floats,
     plausibility: Floats,
     node_names: tuple[str, ...],
+    edge_names: tuple[str, ...],
     n_clipped: int,
 ) -> PatchFeatures:
     return PatchFeatures(
@@ -85,10 +90,11 @@ def _features(
         edge=edge,
         plausibility=plausibility,
         node_names=node_names,
-        edge_names=EDGE_NAMES,
+        edge_names=edge_names,
         n_clipped=n_clipped,
         shape=shape_table(shapes),
         shape_names=SHAPE_NAMES,
+        context_names=edge_names[len(EDGE_NAMES) :],
         parameters=_parameters(shapes, settings),
     )
 
@@ -107,6 +113,7 @@ def _parameters(shapes: PatchShapes, settings: FeatureSettings) -> dict[str, obj
         "spacing": settings.spacing,
         "up": shapes.up.tolist(),
         "plain_overlap": settings.plain_overlap,
+        "context": list(settings.context) if settings.reading == "safe" else [],
     }
 
 

@@ -11,6 +11,9 @@ from prf.shell.errors import ConfigError
 Reading = Literal["safe", "literal"]
 """How equations 6 to 13 are read: bounded and in metres, or as printed."""
 
+CONTEXTS = ("outlines", "moments", "sides", "rays")
+"""Groups of context features, beyond the paper; all but the first need fields that say when or from where."""
+
 LONGEST = 1e6
 """Metres: no map needs a longer length, and the square of one must be a number."""
 
@@ -45,6 +48,8 @@ class FeatureSettings:
     plain_overlap : bool
         Count all of the shared area as overlap (equation 11 and no more), also where noise explains the offset, and
         however far apart the planes are there.
+    context : tuple of str
+        Groups of `CONTEXTS` that are measured, in the safe reading; the literal one has none.
     """
 
     reading: Reading = "safe"
@@ -58,6 +63,7 @@ class FeatureSettings:
     spacing: float | None = None
     up: tuple[float, float, float] | None = None
     plain_overlap: bool = False
+    context: tuple[str, ...] = CONTEXTS
 
     def __post_init__(self) -> None:
         """Refuse values that no map could be measured with.
@@ -68,6 +74,9 @@ class FeatureSettings:
         """
         if self.reading not in ("safe", "literal"):
             raise ConfigError(f"features: reading '{self.reading}' is unknown. Give safe or literal.")
+        for name in self.context:
+            if name not in CONTEXTS:
+                raise ConfigError(f"features: there is no context {name}. Choose from {', '.join(CONTEXTS)}.")
         if self.n_neighbours < 1:
             raise ConfigError(f"features: {self.n_neighbours} neighbours. Give at least 1.")
         if self.n_watched < 0:

@@ -40,6 +40,8 @@ class PatchShapes:
     ----------
     points : (k, 3) float64
         Finite points of all patches, patch after patch, in an order that does not depend on that of the file.
+    number : (k,) int64
+        Which point of the cloud each is.
     start : (m + 1,) int64
         Points of patch i are ``points[start[i]:start[i + 1]]``.
     normal, centre : (m, 3) float64
@@ -58,6 +60,7 @@ class PatchShapes:
     """
 
     points: Floats
+    number: NDArray[np.int64]
     start: NDArray[np.int64]
     normal: Floats
     centre: Floats
@@ -133,7 +136,8 @@ def measure_shapes(patches: Patches, settings: FeatureSettings | None = None) ->
         Only the up direction is read.
     """
     up = up_direction(patches, settings or FeatureSettings())
-    points, patch, start = ordered_points(patches)
+    number, patch, start = ordered_points(patches)
+    points = np.ascontiguousarray(patches.cloud.xyz[number])
     normal = np.ascontiguousarray(patches.normal, dtype=np.float64).reshape(-1, 3)
     centre = group_means(points, patch, len(normal))
     relative = points - centre[patch]
@@ -146,7 +150,9 @@ def measure_shapes(patches: Patches, settings: FeatureSettings | None = None) ->
     cell, area, extent = occupied_cells(u, v, start, SMALLEST_CELL, N_CELL_SIZES)
     mse = np.maximum(values[:, 0], 0.0)
     width, height = np.ascontiguousarray(extent.T)
-    return PatchShapes(points, start, normal, centre, mse, thickness, across, along, width, height, cell, area, up)
+    return PatchShapes(
+        points, number, start, normal, centre, mse, thickness, across, along, width, height, cell, area, up
+    )
 
 
 def lay_out(shapes: PatchShapes) -> Sheets:
@@ -186,10 +192,11 @@ def up_direction(patches: Patches, settings: FeatureSettings) -> Floats:
     return np.asarray(up / length)
 
 
-def ordered_points(patches: Patches) -> tuple[Floats, NDArray[np.int64], NDArray[np.int64]]:
-    """Return the finite points (k, 3) of all patches, the patch (k,) of each, and where (m + 1,) each patch begins.
+def ordered_points(patches: Patches) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the finite points (k,) of all patches, the patch (k,) of each, and where (m + 1,) each patch begins.
 
-    Patch after patch, along a space-filling curve, ties by coordinates: the order follows from the points alone.
+    Points are told by their number in the cloud. Patch after patch, along a space-filling curve, ties by coordinates:
+    the order follows from the points alone.
     """
     kept = np.flatnonzero((patches.patch >= 0) & patches.cloud.finite())
     points, patch = patches.cloud.xyz[kept], patches.patch[kept].astype(np.int64)
@@ -204,7 +211,7 @@ def ordered_points(patches: Patches) -> tuple[Floats, NDArray[np.int64], NDArray
     order[tied] = some[np.lexsort((z, y, x, place[some], patch[some]))]
     start = np.zeros(len(patches) + 1, np.int64)
     np.cumsum(np.bincount(patch, minlength=len(patches)), out=start[1:])
-    return np.ascontiguousarray(points[order]), patch[order], start
+    return kept[order], patch[order], start
 
 
 def curve_places(points: Floats) -> NDArray[np.uint64]:

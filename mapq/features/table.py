@@ -33,6 +33,12 @@ UNITS = {
         "offset": "m",
         "overlap_area": "m2",
         "plausibility": "1",
+        "seen_through": "1",
+        "partly_covered": "1",
+        "unlike_height": "1",
+        "seen_together": "1",
+        "back_to_back": "1",
+        "through_conflict": "1",
     }
 }
 UNITS["literal"] = {**UNITS["safe"], "inverse_mse": "1/m2", "inverse_up_cosine": "1", "volume_per_area": "m"}

@@ -132,11 +132,11 @@ def _render(world: World, returns: Returns, way: Trajectory, believed: Trajector
     seen = _seen(world, returns, moved)
     truth = judge(seen, settings)
     pass_id = np.searchsorted(way.pass_starts, driven, side="right").astype(np.int16)
-    cloud = PointCloud.from_world(
-        placed(returns.measured).astype(np.float32),
-        _fields(world, returns, seen, truth, pass_id),
-        "simulated",
-    )
+    points = placed(returns.measured)
+    to_sensor = np.column_stack([origin, returns.origins[:, 2]]) - points
+    fields = _fields(world, returns, seen, truth, pass_id)
+    fields |= {f"to_sensor_{axis}": to_sensor[:, k].astype(np.float32) for k, axis in enumerate("xyz")}
+    cloud = PointCloud.from_world(points.astype(np.float32), fields, "simulated")
     return Simulation(cloud, summarise(cloud, world, truth, way, believed, settings))
 
 

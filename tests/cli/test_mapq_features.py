@@ -83,6 +83,21 @@ def test_flags_reach_the_features(capsys, path):
     assert used["plain_overlap"] is True
 
 
+def test_context_is_chosen_by_group(capsys, path):
+    for args, expected in (
+        ((), list(FeatureSettings().context)),
+        (("--context", "none"), []),
+        (("--context", "outlines", "--context", "rays"), ["outlines", "rays"]),
+    ):
+        found = json.loads(run(capsys, path, "--json", *args)[1])
+        assert found["parameters"]["context"] == expected
+        assert ("partly_covered" in found["edges"][0]) == ("outlines" in expected)
+        assert set(found["units"]["edges"]) == set(found["edges"][0])
+    code, _, err = run(capsys, path, "--context", "colour")
+    assert code == 2
+    assert "no context colour" in err
+
+
 def test_defaults_are_those_of_the_library():
     flags = inspect.signature(command.features).parameters
     plain = FeatureSettings()

@@ -9,18 +9,28 @@ from mapq.crf import local_log_odds
 from tests.mapq.assess.test_result import make_model
 from tests.mapq.factories import sample_patches, wall
 
-PAIR = {"angle_deg": 1.0, "overlap": 0.0, "crossing": 0.0, "offset": 0.32, "separation": 0.3}
+PAIR = {"angle_deg": 1.0, "overlap": 0.0, "crossing": 0.0, "offset": 0.32, "separation": 0.3, "weight": 0.5}
 
 
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
         ({"overlap": 0.78}, "parallel to patch 41 at 0.32 m, overlap 78 %"),
-        ({"overlap": 0.78, "angle_deg": 12.0}, "over patch 41 at 0.32 m and 12 degrees, overlap 78 %"),
+        ({"overlap": 0.78, "angle_deg": 12.0}, "at 12 degrees over patch 41 at 0.32 m, overlap 78 %"),
         (
             {"crossing": 0.5, "overlap": 0.1},
             "crosses patch 41 at 1 degrees, 50% of the way from the edges to the middle",
         ),
+        (
+            {"overlap": 0.8, "seen_together": -0.4, "through_conflict": 0.3},
+            "parallel to patch 41 at 0.32 m, overlap 80 %, seen at different times, "
+            "one is seen through by other passes",
+        ),
+        (
+            {"overlap": 0.8, "seen_together": 0.4, "back_to_back": 0.39},
+            "parallel to patch 41 at 0.32 m, overlap 80 %, seen together, back to back",
+        ),
+        ({"overlap": 0.8, "seen_together": 0.1}, "parallel to patch 41 at 0.32 m, overlap 80 %"),
         ({"angle_deg": 88.0}, "0.30 m from patch 41, at 88 degrees, neither over it nor across"),
     ],
 )

@@ -44,6 +44,9 @@ def test_fields_and_their_types(drifted: Simulation) -> None:
         "pass_id": "int16",
         "disagreement": "float32",
         "look_alike": "uint8",
+        "to_sensor_x": "float32",
+        "to_sensor_y": "float32",
+        "to_sensor_z": "float32",
     }
     assert all(len(values) == len(cloud) for values in cloud.fields.values())
     assert cloud.finite().all()

@@ -1,0 +1,143 @@
+"""Context of pairs and patches beyond the paper: what looks like an error of the map, and is none.
+
+Each group can be left out (`FeatureSettings.context`). What a map does not tell (passes, sensors) is 0 in its column:
+neither for nor against. Columns of pairs are conflicts, W (A + R) or a part of it, times something between 0 and 1 or
+-1 and 1: a pair without a conflict has nothing to be explained.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.features.edge import EDGE_NAMES, smaller_first
+from mapq.features.provenance import Moments, Views, moments_of, views_of
+from mapq.features.rays import seen_through
+from mapq.features.settings import FeatureSettings
+from mapq.features.shape import PatchShapes
+from mapq.graph import PatchGraph
+from mapq.kernels.together import seen_together
+from mapq.patches import Patches
+
+NODE_COLUMNS = {"rays": ("seen_through",)}
+EDGE_COLUMNS = {
+    "outlines": ("partly_covered", "unlike_height"),
+    "moments": ("seen_together",),
+    "sides": ("back_to_back",),
+    "rays": ("through_conflict",),
+}
+"""Group to its columns, of patches and of pairs."""
+
+CONFLICT = 1e-3
+"""Weighted overlap below which a pair is not looked at: there is nothing to be explained."""
+Floats = NDArray[np.float64]
+
+
+class Context(NamedTuple):
+    """Columns of patches (m, p) and of pairs (e, q), by name."""
+
+    node: Floats
+    node_names: tuple[str, ...]
+    edge: Floats
+    edge_names: tuple[str, ...]
+
+
+def measure_context(
+    patches: Patches, shapes: PatchShapes, graph: PatchGraph, edge: Floats, settings: FeatureSettings
+) -> Context:
+    """Return the columns of the groups that the settings name.
+
+    Parameters
+    ----------
+    patches : Patches
+    shapes : PatchShapes
+    graph : PatchGraph
+    edge : (e, 7) float64
+        Edge features, named by `EDGE_NAMES`.
+    settings : FeatureSettings
+    """
+    wanted = settings.context
+    pairs = _Pairs(shapes, graph, edge)
+    node: dict[str, Floats] = {}
+    columns: dict[str, Floats] = {}
+    if "outlines" in wanted:
+        columns |= outlines(pairs)
+    if "moments" in wanted:
+        columns["seen_together"] = together(pairs, moments_of(patches.cloud, shapes.number))
+    if {"sides", "rays"} & set(wanted):
+        views = views_of(patches.cloud, shapes.number)
+        if "sides" in wanted:
+            columns["back_to_back"] = back_to_back(pairs, views)
+        if "rays" in wanted:
+            through = seen_through(shapes, views, settings)
+            node["seen_through"] = through
+            columns["through_conflict"] = pairs.conflict * through[graph.pairs].max(axis=1, initial=-np.inf)
+    return Context(_stack(node, len(shapes)), tuple(node), _stack(columns, len(graph.pairs)), tuple(columns))
+
+
+class _Pairs:
+    """Pairs with their conflicts: W A, and W (A + R)."""
+
+    def __init__(self, shapes: PatchShapes, graph: PatchGraph, edge: Floats) -> None:
+        self.shapes, self.graph = shapes, graph
+        weight, overlap, crossing = (edge[:, EDGE_NAMES.index(name)] for name in ("weight", "overlap", "crossing"))
+        self.over, self.conflict = weight * overlap, weight * (overlap + crossing)
+        self.shared = edge[:, EDGE_NAMES.index("overlap_area")]
+        self.ordered = smaller_first(shapes, graph)
+
+
+def outlines(pairs: _Pairs) -> dict[str, Floats]:
+    """Return W A (1 - covered share of the larger patch), and W A (1 - ratio of their heights).
+
+    A fence or a kerb covers all of itself and little of the facade behind; copies of a wall have one outline.
+    """
+    one, other = pairs.graph.pairs.T
+    larger = np.maximum(pairs.shapes.area[one], pairs.shapes.area[other])
+    covered = np.clip(pairs.shared / np.maximum(larger, 1e-12), 0.0, 1.0)
+    heights = np.sort(pairs.shapes.height[pairs.graph.pairs], axis=1)
+    ratio = heights[:, 0] / np.maximum(heights[:, 1], 1e-12)
+    return {"partly_covered": pairs.over * (1.0 - covered), "unlike_height": pairs.over * (1.0 - ratio)}
+
+
+def together(pairs: _Pairs, moments: Moments | None) -> Floats:
+    """Return W A (2 s - 1), s how far both were seen at the same moments where they lie over one another; 0 unknown.
+
+    What one scan sees twice is twice there; copies of a wall come from different visits.
+    """
+    out, shapes = np.zeros(len(pairs.over)), pairs.shapes
+    some = np.flatnonzero(pairs.over > CONFLICT)
+    if moments is not None and len(some):
+        share = seen_together(shapes.sheets, shapes.planes, shapes.points, shapes.start, pairs.ordered[some], *moments)
+        out[some] = np.where(np.isnan(share), 0.0, pairs.over[some] * (2.0 * share - 1.0))
+    return out
+
+
+def back_to_back(pairs: _Pairs, views: Views | None) -> Floats:
+    """Return W A times how far the patches face away from one another, each with its back to the other; 0 unknown.
+
+    The two sides of a wall are each seen from their own side; both copies of one side are seen from that side.
+    """
+    if views is None:
+        return np.zeros(len(pairs.over))
+    facing = _facing(pairs.shapes, views)
+    one, other = pairs.graph.pairs.T
+    opposite = np.maximum(-np.einsum("ij,ij->i", facing[one], facing[other]), 0.0)
+    apart = pairs.shapes.centre[other] - pairs.shapes.centre[one]
+    behind = (np.einsum("ij,ij->i", apart, facing[one]) < 0.0) & (np.einsum("ij,ij->i", apart, facing[other]) > 0.0)
+    return np.where(behind, pairs.over * opposite, 0.0)
+
+
+def _facing(shapes: PatchShapes, views: Views) -> Floats:
+    """Return the normal (m, 3) of each patch on the side from which most of its points were seen; 0 if not known."""
+    patch = np.repeat(np.arange(len(shapes)), shapes.counts)
+    side = np.sign(np.einsum("ij,ij->i", views.to_sensor, shapes.normal[patch]))
+    known = np.isfinite(side)
+    votes = np.bincount(patch[known], side[known], len(shapes))
+    counts = np.maximum(np.bincount(patch[known], minlength=len(shapes)), 1)
+    return np.asarray(shapes.normal * (votes / counts)[:, None])
+
+
+def _stack(columns: dict[str, Floats], n_rows: int) -> Floats:
+    return np.column_stack(list(columns.values())) if columns else np.zeros((n_rows, 0))

@@ -1,0 +1,65 @@
+"""Free-space evidence: how much of a patch the rays of other passes go through."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.features.provenance import Views
+from mapq.features.settings import FeatureSettings
+from mapq.features.shape import PatchShapes
+from mapq.kernels.rays import Voxels, count_rays, fill_table, voxel_keys
+
+MOST_RAYS = 400_000
+"""Rays that are followed; of more every so manieth."""
+LEAST_RAYS = 2
+"""Rays through a voxel that make it one that is seen through: a single one may be a mixed range."""
+VOXEL = 0.25
+"""Metres: side of the voxels, more where points are sparse."""
+MARGIN = 1.5
+"""Tolerances by which a ray must go on beyond a patch."""
+
+Floats = NDArray[np.float64]
+
+
+def seen_through(shapes: PatchShapes, views: Views | None, settings: FeatureSettings) -> Floats:
+    """Return the share (m,) of each patch that rays of other passes go through, less that of its own; 0 unknown.
+
+    Where another pass saw through a wall there is none: the strongest sign of a misplaced one. Fences and panes are
+    seen through by their own pass too.
+    """
+    out = np.zeros(len(shapes))
+    if views is None or not views.passes_known or not len(shapes.points):
+        return out
+    voxels = _voxels(shapes, views)
+    known = np.flatnonzero(np.isfinite(views.to_sensor).all(axis=1))
+    known = known[:: max(1, -(-len(known) // MOST_RAYS))]
+    hit = np.ascontiguousarray(shapes.points[known])
+    counts = np.zeros((len(voxels.key), 2), np.int64)
+    margin = MARGIN * shapes.tolerance(settings)
+    count_rays(voxels, shapes.planes, hit + views.to_sensor[known], hit, views.seen_by[known], margin, counts)
+    n_voxels = np.maximum(np.bincount(voxels.patch, minlength=len(shapes)), 1)
+    own, others = (
+        np.bincount(voxels.patch, counts[:, column] >= LEAST_RAYS, len(shapes)) / n_voxels for column in (0, 1)
+    )
+    return np.asarray(np.maximum(others - own, 0.0))
+
+
+def _voxels(shapes: PatchShapes, views: Views) -> Voxels:
+    """Return the voxels that hold points, each with the patch and the pass of most of them.
+
+    Points are put on their patch's plane first, where rays are tested: noise would part them among two layers.
+    """
+    side = max(VOXEL, 2.0 * float(np.median(shapes.spacing)))
+    patch = np.repeat(np.arange(len(shapes)), shapes.counts)
+    normal = shapes.normal[patch]
+    height = np.einsum("ij,ij->i", shapes.points - shapes.centre[patch], normal)
+    key, place = np.unique(voxel_keys(shapes.points - height[:, None] * normal, side), return_inverse=True)
+    n_passes = int(views.seen_by.max()) + 1
+    owner, votes = np.unique(np.column_stack([place, patch * n_passes + views.seen_by]), axis=0, return_counts=True)
+    order = np.lexsort((owner[:, 1], -votes, owner[:, 0]))
+    first = order[np.unique(owner[order, 0], return_index=True)[1]]
+    table = np.empty(1 << int(2 * len(key)).bit_length(), np.int64)
+    fill_table(key, table)
+    found = owner[first, 1]
+    return Voxels(key, found // n_passes, found % n_passes, table, side)
