@@ -44,6 +44,13 @@ MOVES = {
     c.SLIDE: "(j) slide",
     c.CUT_WALL: "cut wall",
     c.MEND_WALL: "mend wall",
+    c.JOIN_WALL: "join to wall",
+    c.PART_WALL: "part from wall",
+    c.DOCK: "join to side",
+    c.UNDOCK: "part from side",
+    c.NOTCH: "notch",
+    c.FILL: "fill notch",
+    c.MOVE_LINE: "move line",
 }
 
 Loop = Callable[[Chain, np.random.Generator, int], bool]

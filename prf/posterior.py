@@ -22,8 +22,8 @@ from prf.window import Window
 Floats = NDArray[np.float64]
 
 DEFAULT_ODDS = {
-    c.TRIANGLE_BIRTH: 0.1,
-    c.TRIANGLE_DEATH: 0.1,
+    c.TRIANGLE_BIRTH: 0.07,
+    c.TRIANGLE_DEATH: 0.07,
     c.BOUNDARY_BIRTH: 0.02,
     c.BOUNDARY_DEATH: 0.02,
     c.CORNER_BIRTH: 0.005,
@@ -36,8 +36,15 @@ DEFAULT_ODDS = {
     c.RECOLOR: 0.02,
     c.LOCAL_RECOLOR: 0.1,
     c.SLIDE: 0.19,
-    c.CUT_WALL: 0.04,
-    c.MEND_WALL: 0.04,
+    c.CUT_WALL: 0.03,
+    c.MEND_WALL: 0.03,
+    c.JOIN_WALL: 0.04,
+    c.PART_WALL: 0.04,
+    c.DOCK: 0.04,
+    c.UNDOCK: 0.04,
+    c.NOTCH: 0.03,
+    c.FILL: 0.03,
+    c.MOVE_LINE: 0.02,
 }
 """Weight of each move; births and deaths equal, so that these cancel in the ratios."""
 
@@ -140,6 +147,8 @@ class Settings:
         Stages in which the beams of a laser are asked; None chooses it by their number.
     tiles : int
         Tiles in which a chain is updated at once (docs/tiles.md); 0: it is updated in one place after the other.
+    join_reach, line_reach : float or None
+        As the other reaches.
     """
 
     window: Window
@@ -158,6 +167,8 @@ class Settings:
     aim_reach: float | None = None
     levels: int | None = None
     tiles: int = 0
+    join_reach: float | None = None
+    line_reach: float | None = None
 
     def tuning(self) -> Floats:
         """Return the tuning array of the kernels."""
@@ -171,6 +182,8 @@ class Settings:
         tuning[c.SPLIT_REACH] = self.split_reach or 0.02 / self.scale
         tuning[c.MOVE_REACH] = self.move_reach or 0.01 / self.scale
         tuning[c.CUT_REACH] = self.cut_reach or 0.0005 / self.scale
+        tuning[c.JOIN_REACH] = self.join_reach or 0.03 / self.scale
+        tuning[c.LINE_REACH] = self.line_reach or 0.002 / self.scale
         tuning[c.AIM_REACH] = self.aim_reach or 0.015 / self.scale
         return tuning
 

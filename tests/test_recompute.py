@@ -122,7 +122,7 @@ def test_twins_agree_when_sensors_may_stand_in_black(power: float) -> None:
     start = exact_draws(0.3, ROOM, 1, np.random.default_rng(8))[0]
     chain = soften(make_chain(settings, start), power, 2.0)
     assert chain.graph.counts[c.OCCUPIED] > 0
-    occupied, rng, n_accepted = set(), np.random.default_rng(1), 0
+    occupied, rng, n_accepted = set(), np.random.default_rng(2), 0
     for now in states(chain, rng, 1500):
         n_accepted += 1
         assert differences(now) == structural_faults(now) == [], f"step {now.graph.counts[c.STEP]}"
@@ -282,24 +282,33 @@ def test_twins_agree_for_sensors_on_the_border_of_the_window(tmp_path: Path) -> 
     assert differences(chain) == structural_faults(chain) == []
 
 
-def test_twins_agree_when_walls_are_cut_and_mended() -> None:
+@pytest.mark.parametrize(
+    "moves",
+    [
+        pytest.param([c.CUT_WALL, c.MEND_WALL], id="cut and mended"),
+        pytest.param([c.JOIN_WALL, c.PART_WALL], id="joined and parted"),
+        pytest.param([c.DOCK, c.UNDOCK], id="joined to sides and parted"),
+        pytest.param([c.NOTCH, c.FILL], id="notched and filled"),
+    ],
+)
+def test_twins_agree_when_walls_are_changed(moves: list[int]) -> None:
     """Hardly ever accepted without readings that ask for it: proposed often here, over blunt readings."""
     data = rays_from(np.array([[2.0, 2.0], [7.0, 5.0], [4.0, 8.0]]), 16, 8)
     blunt = dataclasses.replace(data, model=LaserModel(6.0, noise=2.0, outlier_probability=0.9))
-    settings = Settings(ROOM, 0.4, blunt, resolution=0.5, cell=1.0, cut_reach=0.1)
+    settings = Settings(ROOM, 0.4, blunt, resolution=0.5, cell=1.0, cut_reach=0.1, join_reach=0.3)
     chain = make_chain(settings, Coloring.empty(ROOM))
-    chain.odds[:] *= 0.4 / (chain.odds.sum() - chain.odds[[c.CUT_WALL, c.MEND_WALL]].sum())
-    chain.odds[[c.CUT_WALL, c.MEND_WALL]] = 0.3
+    chain.odds[:] *= 0.4 / (chain.odds.sum() - chain.odds[moves].sum())
+    chain.odds[moves] = 0.3
     rng, seen = np.random.default_rng(8), np.zeros(2, np.int64)
     for step in range(10, 300_001, 10):
         while not run(chain, rng, step):
             chain = grow(chain)
-        accepted = chain.outcomes[[c.CUT_WALL, c.MEND_WALL], c.ACCEPTED]
+        accepted = chain.outcomes[moves, c.ACCEPTED]
         if (accepted > seen).any():
             seen = accepted.copy()
             assert differences(chain) == structural_faults(chain) == []
     assert (seen > 5).all(), seen
-    assert (chain.outcomes[:, c.ACCEPTED] > 0).all(), chain.outcomes
+    assert (chain.outcomes[: c.CUT_WALL, c.ACCEPTED] > 0).all(), chain.outcomes
     assert chain.outcomes[:, c.PROPOSED].sum() == 300_000
     assert (np.diff(chain.outcomes, axis=1) <= 0).all()
 

@@ -53,7 +53,14 @@ LOCAL_RECOLOR = 12
 SLIDE = 13
 CUT_WALL = 14
 MEND_WALL = 15
-N_MOVES = 16
+JOIN_WALL = 16
+PART_WALL = 17
+DOCK = 18
+UNDOCK = 19
+NOTCH = 20
+FILL = 21
+MOVE_LINE = 22
+N_MOVES = 23
 
 # Columns of the table of outcomes.
 PROPOSED = 0
@@ -73,7 +80,9 @@ AIMED_SHARE = 7  # share of interior births that are aimed at returns; 0 without
 AIM_REACH = 8  # median distance of the vertices of such a birth, m
 LIKELIHOOD_POWER = 9  # exponent of the likelihood: 1 the posterior, 0 the prior; leaves the prior alone
 OCCUPIED_COST = 10  # log likelihood that each occupied sensor position takes, nats; inf: none may be occupied
-N_TUNING = 11
+JOIN_REACH = 11  # median distance of new corners from the feet of the vertices that are led to them, m
+LINE_REACH = 12  # median distance by which the line of an edge moves, m
+N_TUNING = 13
 
 # Columns of ``Beams.ray``.
 ORIGIN_X = 0

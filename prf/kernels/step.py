@@ -14,8 +14,12 @@ from prf.kernels.moves import (
     boundary_triangle,
     corner_cut,
     cut_wall,
+    dock,
     interior_triangle,
+    join_wall,
+    move_line,
     move_vertex,
+    notch,
     recolor,
     split_edge,
 )
@@ -47,6 +51,8 @@ def propose_vertex_move(chain: Chain, move: int, rng: np.random.Generator) -> tu
         return move_vertex.propose_boundary(chain.graph, chain.proposal, chain.tuning, rng)
     if move == c.PAST_CORNER:
         return move_vertex.propose_past_corner(chain.graph, chain.proposal, chain.tuning, rng)
+    if move == c.MOVE_LINE:
+        return move_line.propose_line(chain.graph, chain.proposal, chain.tuning, rng)
     if move == c.RECOLOR:
         return recolor.propose_global(chain.graph, chain.proposal, rng)
     return recolor.propose_local(chain.graph, chain.edge_index, chain.proposal, rng)
@@ -77,6 +83,18 @@ def propose(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, fl
         return cut_wall.propose_cut(graph, chain.edge_index, proposal, tuning, odds, rng)
     if move == c.MEND_WALL:
         return cut_wall.propose_mend(graph, chain.edge_index, proposal, tuning, odds, rng)
+    if move == c.JOIN_WALL:
+        return join_wall.propose_join(graph, chain.edge_index, proposal, tuning, odds, rng)
+    if move == c.PART_WALL:
+        return join_wall.propose_part(graph, chain.edge_index, proposal, odds, rng)
+    if move == c.DOCK:
+        return dock.propose_dock(graph, proposal, tuning, odds, rng)
+    if move == c.UNDOCK:
+        return dock.propose_undock(graph, proposal, tuning, odds, rng)
+    if move == c.NOTCH:
+        return notch.propose_notch(graph, chain.edge_index, chain.targets, proposal, tuning, odds, rng)
+    if move == c.FILL:
+        return notch.propose_fill(graph, proposal, odds, rng)
     return propose_vertex_move(chain, move, rng)
 
 
@@ -90,6 +108,12 @@ def log_ratio_of_cells(chain: Chain, move: int) -> float:
         return cut_wall.cut_returns(graph, index, proposal, chain.odds)
     if move == c.MEND_WALL:
         return cut_wall.mend_returns(graph, index, proposal, chain.tuning, chain.odds)
+    if move == c.JOIN_WALL:
+        return join_wall.join_returns(graph, index, proposal, chain.odds)
+    if move == c.PART_WALL:
+        return join_wall.part_returns(graph, index, proposal, chain.tuning, chain.odds)
+    if move == c.FILL:
+        return notch.fill_returns(graph, index, chain.targets, proposal, chain.tuning, chain.odds)
     return 0.0
 
 

@@ -43,6 +43,13 @@ MOVE_NAMES = (
     "slide vertex",
     "cut wall",
     "mend wall",
+    "join to wall",
+    "part from wall",
+    "join to window side",
+    "part from window side",
+    "notch wall",
+    "fill notch",
+    "move line of edge",
 )
 """Names of the moves in the order of their table."""
 

@@ -21,6 +21,10 @@ N_STATES = 18
 """States of each of the five cases."""
 
 
+ONE_WAY = {"local recolor", "cut wall", "mend wall", "join wall", "part wall", "fill"}
+"""Moves to whose result no way may lead back."""
+
+
 @pytest.fixture(scope="module")
 def findings() -> dict[str, Findings]:
     return examine(N_STATES, SEED)
@@ -45,7 +49,7 @@ def test_what_is_applied_is_valid_and_what_is_refused_crosses(move: str, finding
 def test_refusals_and_ways_without_return_were_seen(findings: dict[str, Findings]) -> None:
     deaths = {"triangle death", "boundary death", "corner death"}
     assert {move for move in NAMES if findings[move].refused == 0} == deaths
-    assert {move for move in NAMES if findings[move].one_way > 0} == {"local recolor", "cut wall", "mend wall"}
+    assert {move for move in NAMES if findings[move].one_way > 0} == ONE_WAY
 
 
 WINDOW = Window(0.0, 0.0, 2.0, 1.0)
@@ -60,6 +64,8 @@ def plan(**changes: float) -> Plan:
         "split_reach": 0.1,
         "move_reach": 0.1,
         "cut_reach": 0.1,
+        "join_reach": 0.1,
+        "line_reach": 0.1,
         **changes,
     }
     return Plan(**tuning, odds=np.ones(c.N_MOVES), grid=GRID)
@@ -116,6 +122,54 @@ def walls_by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]
     yield "cut out of order", c.CUT_WALL, wall, overlap, plan(), 0.0
 
 
+WALL = [(0.2, 0.5), (1.8, 0.5), (1.8, 0.9), (0.2, 0.9)]
+TARGETS = {"target_grid": Grid(0.0, 0.0, 0.1, 20, 10), "targets": frozenset({(6, 3)})}
+
+
+def joined_by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]]:
+    def half(*distances: float) -> float:
+        return math.prod(0.5 * 0.1 / (0.1 + r) ** 2 for r in distances)
+
+    apart = rails([(0.5, 0.3), (0.6, 0.2), (0.7, 0.3)], WALL)
+    joined = loop(WALL[0], (0.45, 0.5), (0.5, 0.3), (0.6, 0.2), (0.7, 0.3), (0.7, 0.52), *WALL[1:])
+    yield "join", c.JOIN_WALL, apart, joined, plan(), half(0.05, 0.0, 0.0, 0.02) / 7.0
+    # Round the west link lie the east one, its edge to the corner, an edge of the triangle and the west wall.
+    yield "part", c.PART_WALL, joined, apart, plan(), 0.25 / 9.0 * (1.0 / 4.0 + 1.0 / 3.0)
+    free = loop((0.3, 0.1), (0.4, 0.3), (0.5, 0.1))
+    sides = np.array([INTERIOR, INTERIOR, INTERIOR, 0, 0], np.int8)
+    xy = np.array([(0.3, 0.1), (0.4, 0.3), (0.5, 0.1), (0.25, 0.0), (0.5, 0.0)])
+    docked = Coloring(WINDOW, xy, sides, np.array([(3, 0), (0, 1), (1, 2), (2, 4)], np.int32), False)
+    yield "dock", c.DOCK, free, docked, plan(), half(0.05, 0.0) / 3.0
+    yield "dock too far", c.DOCK, free, docked, plan(scale=3.0), 0.0
+    yield "undock", c.UNDOCK, docked, free, plan(), 1.0
+
+
+def notches_by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]]:
+    def reach(*distances: float) -> float:
+        return math.prod(0.1 / (0.1 + r) ** 2 for r in distances)
+
+    aimed = plan()._replace(**TARGETS)
+    wall = loop(*WALL)
+    tooth = loop(WALL[0], (0.5, 0.5), (0.65, 0.35), (0.7, 0.51), *WALL[1:])
+    density = reach(0.15, 0.05) * 0.25 * reach(0.0, 0.01)
+    yield "tooth", c.NOTCH, wall, tooth, aimed, 0.5 / 0.1**2 * density
+    yield "tooth off target", c.NOTCH, wall, tooth, plan(), 0.0
+    yield "fill tooth", c.FILL, tooth, wall, aimed, 0.5 / 7.0
+    niche = loop(WALL[0], (0.64, 0.5), (0.65, 0.35), (0.85, 0.36), (0.85, 0.5), *WALL[1:])
+    density = 0.5**6 * reach(0.2, 0.01, 0.01, 0.0, 0.0, 0.0)
+    yield "niche", c.NOTCH, wall, niche, aimed, 0.5 / 0.1**2 * density
+    yield "fill niche", c.FILL, niche, wall, aimed, 0.5 / 8.0
+    box = loop((0.2, 0.2), (0.6, 0.2), (0.6, 0.6), (0.2, 0.6))
+    shifted = loop((0.2, 0.25), (0.6, 0.25), (0.6, 0.6), (0.2, 0.6))
+    measure = 0.35 * 0.4 * 0.35
+    yield "shift", c.MOVE_LINE, box, shifted, plan(), 0.5 * 0.5 * reach(0.05) / (4.0 * measure)
+    turned = loop((0.2, 0.1), (0.6, 0.3), (0.6, 0.6), (0.2, 0.6))
+    angle = math.atan(0.5)
+    measure = 0.5 * math.hypot(0.4, 0.2) * 0.3 / math.cos(angle) ** 2
+    density = 0.5 * 0.5 * reach(0.2 * angle) * 0.5 / math.sin(angle)
+    yield "turn", c.MOVE_LINE, box, turned, plan(), density / (4.0 * measure)
+
+
 def by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]]:
     empty = Coloring.empty(WINDOW)
     triangle = loop((0.2, 0.2), (0.5, 0.2), (0.2, 0.6))
@@ -139,6 +193,8 @@ def by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]]:
     yield "merge", c.MERGE, split, triangle, plan(), 0.25
     yield "merge of a triangle", c.MERGE, triangle, empty, plan(), 0.0
     yield from walls_by_hand()
+    yield from joined_by_hand()
+    yield from notches_by_hand()
 
 
 @pytest.mark.parametrize("name", [example[0] for example in by_hand()])

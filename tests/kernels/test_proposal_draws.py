@@ -30,8 +30,10 @@ from tests.reference.plain_map import (
     foot_and_offset,
     plain_map,
     round_the_cut,
+    round_the_middle,
+    round_the_point,
 )
-from tests.reference.proposals import Plan, log_proposal_density, new_points
+from tests.reference.proposals import Plan, line_measure, log_proposal_density, new_points
 from tests.reference.scripted import (
     LAST,
     SCRIPTS,
@@ -40,9 +42,11 @@ from tests.reference.scripted import (
     edge_slot,
     end_points,
     gone_vertex,
+    number_of,
     pick,
     reached,
     scripted,
+    within,
 )
 
 SEED = 20050726
@@ -90,17 +94,6 @@ def aimed_birth(targets: Targets, u: Point, v: Point, w: Point, plan: Plan) -> I
     second = [(near.index(number_of(targets, other)) + 0.5) / len(near), *within(plan, other, v)]
     apex = [foot, reached(abs(offset), m), LAST if offset > 0.0 else 0.0]
     yield Branch(0.5 * picked / len(near), [0.0, LAST, *first, *second, *apex], [3, 4, 6, 7, 8, 9])
-
-
-def number_of(targets: Targets, square: tuple[int, int]) -> int:
-    return int(targets.number[square[0] + targets.grid.nx * square[1]])
-
-
-def within(plan: Plan, square: tuple[int, int], v: Point) -> list[float]:
-    """Coordinates of a point in its square, as shares of the side."""
-    grid = plan.target_grid
-    assert grid is not None
-    return [(v[0] - grid.x0) / grid.cell - square[0], (v[1] - grid.y0) / grid.cell - square[1]]
 
 
 def boundary_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
@@ -173,16 +166,50 @@ def cut_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Bra
         if second not in opposite:
             continue
         picked = pick(chain, c.EDGES, edge_slot(chain, first))
-        ways = (numbers for numbers in scripts if numbers[0] == picked and leads_to(chain, numbers, x, y))
+        ways = (n for n in scripts if n[0] == picked and leads_to(chain, c.CUT_WALL, n, x, y))
         chance = 0.5**6 * math.dist(a, b) / (total * len(opposite))
         yield Branch(chance, next(ways), [2, 3, 4, 6, 9, 11, 13, 15])
 
 
-def leads_to(chain: Chain, numbers: list[float], x: PlainMap, y: PlainMap) -> bool:
-    """Whether a cut with these numbers takes the faces that y lacks: they may pick another second face."""
+def leads_to(chain: Chain, move: int, numbers: list[float], x: PlainMap, y: PlainMap) -> bool:
+    """Whether a move with these numbers takes the edges that y lacks: they may pick another one from a list."""
     trial = copy.deepcopy(chain)
-    attempt(trial, c.CUT_WALL, scripted(numbers))
+    attempt(trial, move, scripted(numbers))
     return not (x.edges - y.edges) & plain_map(read_coloring(trial.graph)).edges
+
+
+def join_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
+    scripts = list(SCRIPTS[c.JOIN_WALL](chain, x, y, plan))
+    for e, f in itertools.permutations(x.edges - y.edges):
+        walls = round_the_middle(x.edges, plan.grid, e)
+        if f in walls:
+            picked = pick(chain, c.EDGES, edge_slot(chain, e))
+            ways = (n for n in scripts if n[0] == picked and leads_to(chain, c.JOIN_WALL, n, x, y))
+            for numbers in itertools.islice(ways, 1):  # None where the feet on f do not come in this order.
+                yield Branch(0.5**4 / (len(x.edges) * len(walls)), numbers, [2, 4, 6, 8])
+
+
+def dock(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
+    (numbers,) = SCRIPTS[c.DOCK](chain, x, y, plan)
+    yield Branch(0.5**2 / len(x.edges), numbers, [1, 3])
+
+
+def notch(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
+    scripts = list(SCRIPTS[c.NOTCH](chain, x, y, plan))
+    (edge,) = x.edges - y.edges
+    new = new_points(x, y, False)
+    inner = [v for v in new if not set(edge) & set(y.neighbors(v))]
+    for first in inner:
+        square, walls = plan.target(first), round_the_point(x.edges, plan.grid, first)
+        if square is None or edge not in walls:
+            continue
+        share = within(plan, square, first)
+        ways = (n for n in scripts if n[2:4] == share and leads_to(chain, c.NOTCH, n, x, y))
+        picked = 0.5 / (len(plan.targets) * len(walls))
+        if len(new) == 3:
+            yield Branch(picked * 0.5**2, next(ways), [2, 3, 5, 6, 7, 9])
+        else:
+            yield Branch(picked * 0.5**6, next(ways), [2, 3, 5, 7, 9, 11, 13, 15])
 
 
 BRANCHES: dict[int, Callable[[Chain, PlainMap, PlainMap, Plan], Iterator[Branch]]] = {
@@ -194,6 +221,9 @@ BRANCHES: dict[int, Callable[[Chain, PlainMap, PlainMap, Plan], Iterator[Branch]
     c.MOVE_BOUNDARY: move_boundary,
     c.PAST_CORNER: past_corner,
     c.CUT_WALL: cut_wall,
+    c.JOIN_WALL: join_wall,
+    c.DOCK: dock,
+    c.NOTCH: notch,
 }
 
 
@@ -221,6 +251,25 @@ def density(start: Chain, move: int, branch: Branch, target: PlainMap) -> float:
             ends.append(placed(start, move, numbers))
         columns.append((ends[1] - ends[0]) / (2.0 * step))
     return branch.probability / abs(float(np.linalg.det(np.array(columns))))
+
+
+def test_measure_of_lines_by_finite_differences() -> None:
+    """Places of u and v by the directions of the rays from a and b and by direction and offset of the line of uv."""
+    a, b = (0.1, 0.7), (0.9, 0.8)
+
+    def ends(numbers: np.ndarray) -> np.ndarray:
+        normal = np.array([math.cos(numbers[2]), math.sin(numbers[2])])
+        found = []
+        for start, direction in ((a, numbers[0]), (b, numbers[1])):
+            ray = np.array([math.cos(direction), math.sin(direction)])
+            found.append(start + ray * (numbers[3] - normal @ start) / (normal @ ray))
+        return np.concatenate(found)
+
+    at = np.array([-1.2, -2.0, 1.4, 0.2])
+    columns = [(ends(at + step) - ends(at - step)) / 2e-6 for step in 1e-6 * np.eye(4)]
+    jacobian = abs(float(np.linalg.det(np.array(columns))))
+    (ux, uy, vx, vy) = ends(at).tolist()
+    assert line_measure(a, (ux, uy), (vx, vy), b) == pytest.approx(jacobian, rel=1e-7)
 
 
 def proposals(lab: Lab, move: int, rng: np.random.Generator) -> Iterator[tuple[Chain, Chain]]:

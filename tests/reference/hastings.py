@@ -51,13 +51,20 @@ NAMES = (
     "slide",
     "cut wall",
     "mend wall",
+    "join wall",
+    "part wall",
+    "dock",
+    "undock",
+    "notch",
+    "fill",
+    "move line",
 )
 N_TARGETS = 40
 SQUARES = 30
 """Squares along the longer side of the window: some targets are near one another, some are not."""
 TRIES = 50
 WALL_TRIES = 600
-"""Attempts at a move in one state, until one is valid; at a cut or a mend, of which few are."""
+"""Attempts at a move in one state, until one is valid; at those with many corners, of which few are."""
 
 CASES = (
     Settings(Window(0.0, 0.0, 1.0, 1.0), 1.0, cell=0.2, cut_reach=0.03),
@@ -126,7 +133,8 @@ def make_lab(settings: Settings, rng: np.random.Generator) -> Lab:
     """Odds and targets at random; three births of five are aimed."""
     chain = make_chain(settings, Coloring.empty(settings.window))
     odds = rng.dirichlet(np.full(c.N_MOVES, 4.0))
-    reaches = [float(chain.tuning[k]) for k in (c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH, c.CUT_REACH)]
+    names = (c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH, c.CUT_REACH, c.JOIN_REACH, c.LINE_REACH)
+    reaches = [float(chain.tuning[k]) for k in names]
     window = settings.window
     points = rng.uniform(window[:2], window[2:], (N_TARGETS, 2))
     targets = make_targets(window, max(window.width, window.height) / SQUARES, points)
@@ -142,18 +150,27 @@ def make_lab(settings: Settings, rng: np.random.Generator) -> Lab:
 
 
 def tries(move: int) -> int:
-    return WALL_TRIES if move in (c.CUT_WALL, c.MEND_WALL) else TRIES
+    return WALL_TRIES if move >= c.CUT_WALL else TRIES
 
 
 def states(lab: Lab, n: int, rng: np.random.Generator) -> Iterator[Chain]:
-    """Yield chains at exact draws of 5 to 40 edges that made some steps, some births more and a cut."""
+    """Yield chains at exact draws of 5 to 40 edges that made some steps, and some births and changes of walls more."""
     settings = lab.settings
     draws = [d for d in exact_draws(settings.scale, settings.window, 5 * n, rng) if 5 <= d.n_edges <= 40]
     for draw in draws[:n]:
         chain = lab.chain_at(draw)
         while not run(chain, rng, 50):
             chain = grow(chain)
-        for move in (c.TRIANGLE_BIRTH, c.TRIANGLE_BIRTH, c.BOUNDARY_BIRTH, c.CORNER_BIRTH, c.CUT_WALL):
+        for move in (
+            c.TRIANGLE_BIRTH,
+            c.TRIANGLE_BIRTH,
+            c.BOUNDARY_BIRTH,
+            c.CORNER_BIRTH,
+            c.CUT_WALL,
+            c.NOTCH,
+            c.JOIN_WALL,
+            c.DOCK,
+        ):
             for _ in range(tries(move)):
                 chain = with_room(chain)
                 if attempt(chain, move, rng)[1]:

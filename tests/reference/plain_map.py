@@ -119,6 +119,18 @@ def round_the_cut(
     return in_block(edges, grid, frozenset(face), middle, 1)
 
 
+def round_the_point(edges: Iterable[Edge], grid: Grid, v: Point) -> list[Edge]:
+    """Edges that pass through the 5 x 5 cells round that of a point."""
+    return in_block(edges, grid, frozenset(), v, 2)
+
+
+def nearest_side(window: Window, u: Point, v: Point, limit: float) -> int | None:
+    """The side that lies nearest to the middle of uv, if it is nearer than `limit`."""
+    middle = (0.5 * (u[0] + v[0]), 0.5 * (u[1] + v[1]))
+    distances = [abs(middle[(side + 1) % 2] - window.side_coordinate(side)) for side in range(4)]
+    return distances.index(min(distances)) if min(distances) < limit else None
+
+
 def in_block(edges: Iterable[Edge], grid: Grid, of: Edge, middle: Point, radius: int) -> list[Edge]:
     """The edges that share no vertex with `of` and pass through the cells round that of `middle`."""
     lows, highs = [], []

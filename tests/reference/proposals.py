@@ -30,9 +30,11 @@ from tests.reference.plain_map import (
     closed,
     corner_between,
     foot_and_offset,
+    nearest_side,
     plain_map,
     round_the_cut,
     round_the_middle,
+    round_the_point,
     sharing_cells,
 )
 from tests.reference.slow_coloring import slow_log_density
@@ -45,6 +47,9 @@ REVERSE = {
     c.CORNER_BIRTH: c.CORNER_DEATH,
     c.SPLIT: c.MERGE,
     c.CUT_WALL: c.MEND_WALL,
+    c.JOIN_WALL: c.PART_WALL,
+    c.DOCK: c.UNDOCK,
+    c.NOTCH: c.FILL,
 }
 REVERSE |= {back: move for move, back in REVERSE.items()}
 
@@ -58,6 +63,8 @@ class Plan(NamedTuple):
     split_reach: float
     move_reach: float
     cut_reach: float
+    join_reach: float
+    line_reach: float
     odds: NDArray[np.float64]
     grid: Grid
     aimed: float = 0.0
@@ -293,6 +300,174 @@ def mend_wall(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
                 yield chain(a, p, s, r) | chain(b, q, t, u), faces, 0.5 / (len(x.edges) * len(partners))
 
 
+def signed(distance: float, m: float) -> float:
+    """Density of a reach to either side."""
+    return 0.5 * reach(abs(distance), m)
+
+
+def join_wall(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    m = plan.join_reach
+    for e in x.edges - y.edges:  # Edges that stay lead elsewhere.
+        u, v = sorted(e)
+        walls = round_the_middle(x.edges, plan.grid, e)
+        for (a, b), (p, q) in itertools.product(
+            (ends for f in walls for ends in itertools.permutations(f)),
+            itertools.permutations(new_points(x, y, False), 2),
+        ):
+            (on_p, off_p), (on_q, off_q) = foot_and_offset(p, a, b), foot_and_offset(q, a, b)
+            if 0.0 < on_p < on_q < 1.0:
+                shifts = [(on - foot_and_offset(w, a, b)[0]) * math.dist(a, b) for on, w in ((on_p, u), (on_q, v))]
+                density = math.prod(signed(shift, m) for shift in shifts)
+                density *= signed(off_p, plan.cut_reach) * signed(off_q, plan.cut_reach)
+                way = chain(a, p, u) | chain(b, q, v)
+                yield frozenset((e, frozenset((a, b)))), way, density / (len(x.edges) * len(walls))
+
+
+def part_wall(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    for j in x.edges - y.edges:  # Links that stay lead elsewhere.
+        partners = round_the_middle(x.edges, plan.grid, j)
+        links = (ends for k in partners for ends in itertools.permutations(k))
+        for (p, u), (q, v) in itertools.product(itertools.permutations(j), links):
+            if x.side[p] != INTERIOR or x.side[q] != INTERIOR:
+                continue
+            (a,), (b,) = set(x.neighbors(p)) - {u}, set(x.neighbors(q)) - {v}
+            new = frozenset(map(frozenset, ((a, b), (u, v))))
+            is_legal = len({a, b, u, v} - {p, q}) == 4 and not new & x.edges
+            if is_legal and not any(x.same_side(*edge) for edge in new):
+                yield chain(a, p, u) | chain(b, q, v), new, 0.25 / (len(x.edges) * len(partners))
+
+
+def dock(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    for e, (p, q) in itertools.product(x.edges - y.edges, itertools.permutations(new_points(x, y, True), 2)):
+        u, v = sorted(e)
+        side = nearest_side(x.window, u, v, 0.25 / plan.scale)
+        if side == y.side[p] == y.side[q] and side not in (x.side[u], x.side[v]):
+            axis = side % 2
+            density = signed(p[axis] - u[axis], plan.join_reach) * signed(q[axis] - v[axis], plan.join_reach)
+            yield frozenset([e]), chain(u, p) | chain(v, q), density / len(x.edges)
+
+
+def undock(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    n = len(x.boundary())
+    for p, q in itertools.permutations(x.boundary(), 2):
+        (u,), (v,) = x.neighbors(p), x.neighbors(q)
+        new = frozenset((u, v))
+        is_legal = x.side[p] == x.side[q] and u != v and new not in x.edges and not x.same_side(u, v)
+        if is_legal and nearest_side(x.window, u, v, 0.25 / plan.scale) == x.side[p]:
+            yield chain(p, u) | chain(q, v), frozenset([new]), 1.0 / (n * (n - 1))
+
+
+def line_measure(a: Point, u: Point, v: Point, b: Point) -> float:
+    """Area of places of u times that of places of v, over the measures of the lines au, uv and vb."""
+    sines = abs(math.sin(turn_of(a, u, v))) * abs(math.sin(turn_of(u, v, b)))
+    return math.dist(a, u) * math.dist(u, v) * math.dist(v, b) / sines
+
+
+def turn_of(a: Point, u: Point, v: Point) -> float:
+    """Angle by which the path a, u, v turns at u."""
+    return math.atan2(v[1] - u[1], v[0] - u[0]) - math.atan2(u[1] - a[1], u[0] - a[0])
+
+
+def on_ray(a: Point, u: Point, p: Point) -> bool:
+    """Whether p lies on the ray from a through u."""
+    along, across = foot_and_offset(p, a, u)
+    return along > 0.0 and abs(across) < 1e-9 * max(math.dist(a, p), math.dist(a, u))
+
+
+def move_line(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    """As a density over lines: of the normal's offset for a shift, of offset and direction for a turn."""
+    for e, (p, q) in itertools.product(x.edges - y.edges, itertools.permutations(new_points(x, y, False), 2)):
+        u, v = sorted(e)
+        if x.side[u] != INTERIOR or x.side[v] != INTERIOR:
+            continue
+        (a,), (b,) = set(x.neighbors(u)) - {v}, set(x.neighbors(v)) - {u}
+        if not (on_ray(a, u, p) and on_ray(b, v, q)):
+            continue
+        density = 0.5 * of_line(u, v, p, q, plan.line_reach) / (len(x.edges) * line_measure(a, p, q, b))
+        yield chain(a, u, v, b), chain(a, p, q, b), density
+
+
+def of_line(u: Point, v: Point, p: Point, q: Point, m: float) -> float:
+    """Density of the line pq among shifts, or among turns about a point that lies on uv and must lie on pq."""
+    (on_p, off_p), (on_q, off_q) = foot_and_offset(p, u, v), foot_and_offset(q, u, v)
+    if math.isclose(off_p, off_q, rel_tol=1e-9, abs_tol=1e-9 * math.dist(p, q)):
+        return signed(off_p, m)
+    if off_p * off_q > 0.0:
+        return 0.0
+    pivot = on_p + (on_q - on_p) * off_p / (off_p - off_q)
+    angle = math.asin(min(1.0, abs(off_p - off_q) / math.dist(p, q)))
+    if not 0.0 < pivot < 1.0 or angle > 1.5:
+        return 0.0
+    half = 0.5 * math.dist(u, v)
+    return signed(angle * half, m) * half / math.dist(u, v) / math.sin(angle)
+
+
+def aimed_at(v: Point, plan: Plan) -> float:
+    """Density of a uniform point of a uniform target."""
+    if plan.target(v) is None or plan.target_grid is None:
+        return 0.0
+    return 1.0 / (len(plan.targets) * plan.target_grid.cell**2)
+
+
+def notch(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    """Half of the notches have a tip t, half two inner corners of which s lies in a target."""
+    new = new_points(x, y, False)
+    for first in new:
+        walls = round_the_point(x.edges, plan.grid, first)
+        for (a, b), others in itertools.product(
+            (ends for e in walls for ends in itertools.permutations(e)), itertools.permutations(set(new) - {first})
+        ):
+            density = 0.5 * aimed_at(first, plan) / len(walls)
+            if len(new) == 3:
+                p, q = others
+                density *= tooth(a, b, p, first, q, plan)
+                yield frozenset([frozenset((a, b))]), chain(a, p, first, q, b), 0.5 * density
+            else:
+                t, p, q = others
+                density *= niche(a, b, p, first, t, q, plan)
+                yield frozenset([frozenset((a, b))]), chain(a, p, first, t, q, b), density
+
+
+def tooth(a: Point, b: Point, p: Point, t: Point, q: Point, plan: Plan) -> float:
+    """Density of the corners p and q on ab to either side of the tip t; both orders of a and b name the same way."""
+    (on_p, off_p), (on_t, _), (on_q, off_q) = (foot_and_offset(v, a, b) for v in (p, t, q))
+    if not 0.0 < on_p < on_t < on_q < 1.0:
+        return 0.0
+    gaps = [(end - start) * math.dist(a, b) for start, end in ((on_p, on_t), (on_t, on_q))]
+    aside = signed(off_p, plan.cut_reach) * signed(off_q, plan.cut_reach)
+    return aside * math.prod(reach(gap, plan.join_reach) for gap in gaps)
+
+
+def niche(a: Point, b: Point, p: Point, s: Point, t: Point, q: Point, plan: Plan) -> float:
+    """Density of the inner corner t beside s and of p and q on ab, a being on the side of s."""
+    length = math.dist(a, b)
+    (on_p, off_p), (on_s, depth_s), (on_t, depth_t), (on_q, off_q) = (foot_and_offset(v, a, b) for v in (p, s, t, q))
+    if not 0.0 < on_p < on_q < 1.0 or on_s > on_t:
+        return 0.0
+    small = (depth_t - depth_s, (on_p - on_s) * length, (on_q - on_t) * length, off_p, off_q)
+    return signed((on_t - on_s) * length, plan.join_reach) * math.prod(signed(d, plan.cut_reach) for d in small)
+
+
+def fill(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    for t in x.interior():
+        yield from filled(x, [t], 0.5 / len(x.interior()))
+    for e in x.edges:
+        if all(x.side[v] == INTERIOR for v in e):
+            yield from filled(x, sorted(e), 0.5 / len(x.edges))
+
+
+def filled(x: PlainMap, inner: list[Point], density: float) -> Iterator[Way]:
+    """The one way to fill a notch of which the inner corners are known, if there is one."""
+    first, last = inner[0], inner[-1]
+    p, q = [v for w in inner for v in x.neighbors(w) if v not in inner]
+    if p == q or x.side[p] != INTERIOR or x.side[q] != INTERIOR:
+        return
+    (a,), (b,) = set(x.neighbors(p)) - {first}, set(x.neighbors(q)) - {last}
+    new = frozenset((a, b))
+    if len({a, b, p, q, *inner}) == 4 + len(inner) and new not in x.edges and not x.same_side(a, b):
+        yield chain(a, p, *inner, q, b), frozenset([new]), density
+
+
 WAYS: dict[int, Callable[[PlainMap, PlainMap, Plan], Iterator[Way]]] = {
     c.TRIANGLE_BIRTH: triangle_birth,
     c.TRIANGLE_DEATH: triangle_death,
@@ -310,6 +485,13 @@ WAYS: dict[int, Callable[[PlainMap, PlainMap, Plan], Iterator[Way]]] = {
     c.SLIDE: slide,
     c.CUT_WALL: cut_wall,
     c.MEND_WALL: mend_wall,
+    c.JOIN_WALL: join_wall,
+    c.PART_WALL: part_wall,
+    c.DOCK: dock,
+    c.UNDOCK: undock,
+    c.NOTCH: notch,
+    c.FILL: fill,
+    c.MOVE_LINE: move_line,
 }
 
 
@@ -317,11 +499,11 @@ def log_proposal_density(move: int, x: Coloring, y: Coloring, plan: Plan) -> flo
     """Log of odds[move] q(x -> y), -inf where the move at x cannot propose y."""
     start, end = plain_map(x), plain_map(y)
     goes, comes = start.edges - end.edges, end.edges - start.edges
-    ways = [density for old, new, density in WAYS[move](start, end, plan) if (old, new) == (goes, comes)]
+    ways = math.fsum(density for old, new, density in WAYS[move](start, end, plan) if (old, new) == (goes, comes))
     flips = start.anchor_black != end.anchor_black
-    if not ways or flips != anchor_changes(start, end):
+    if ways == 0.0 or flips != anchor_changes(start, end):
         return -math.inf
-    return math.log(plan.odds[move] * math.fsum(ways))
+    return math.log(plan.odds[move] * ways)
 
 
 def log_acceptance_ratio(move: int, x: Coloring, y: Coloring, plan: Plan) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 
 from prf.kernels import constants as c
 from prf.kernels.chain import Chain
+from prf.kernels.targets import Targets
 from prf.window import Window
 from tests.reference.plain_map import PlainMap, Point, foot_and_offset, other
 from tests.reference.proposals import Plan, new_points
@@ -245,6 +246,123 @@ def mend_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[li
             yield [pick(chain, c.EDGES, edge_slot(chain, j)), (place + 0.5) / len(x.edges), pairing]
 
 
+def places(x: PlainMap) -> list[float]:
+    """Numbers among which are those of every place in a list of edges whose order is the kernel's own."""
+    return [(place + 0.5) / len(x.edges) for place in range(len(x.edges))]
+
+
+def join_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    m = plan.cut_reach
+    for e, f in itertools.permutations(x.edges - y.edges):
+        (u, v), (a, b) = end_points(chain, e), end_points(chain, f)
+        (p,), (q,) = ([w for w in y.neighbors(end) if w not in x.side] for end in (u, v))
+        corners = [foot_and_offset(w, a, b) for w in (p, q)]
+        shifts = []
+        for (foot, _), end in zip(corners, (u, v), strict=True):
+            shifts += signed((foot - foot_and_offset(end, a, b)[0]) * math.dist(a, b), plan.join_reach)
+        for place in places(x):
+            aside = [*signed(corners[0][1], m), *signed(corners[1][1], m)]
+            yield [pick(chain, c.EDGES, edge_slot(chain, e)), place, *shifts, *aside]
+
+
+def part_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    gone = x.side.keys() - y.side.keys()
+    links = [edge for edge in x.edges - y.edges if len(edge & gone) == 1]
+    for j, k in itertools.permutations(links, 2):
+        ends = [0.0 if end_points(chain, link)[0] in gone else LAST for link in (j, k)]
+        for place in places(x):
+            yield [pick(chain, c.EDGES, edge_slot(chain, j)), place, *ends]
+
+
+def dock(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    (e,) = x.edges - y.edges
+    numbers = [pick(chain, c.EDGES, edge_slot(chain, e))]
+    for u in end_points(chain, e):
+        (p,) = (w for w in y.neighbors(u) if w not in x.side)
+        axis = y.side[p] % 2
+        numbers += signed(p[axis] - u[axis], plan.join_reach)
+    yield numbers
+
+
+def undock(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    n = len(x.boundary())
+    p, q = x.side.keys() - y.side.keys()
+    i, k = (int(chain.graph.positions[c.BOUNDARY_VERTICES, vertex_slot(chain, v)]) for v in (p, q))
+    yield [(i + 0.5) / n, (k - (k > i) + 0.5) / (n - 1)]
+
+
+def move_line(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    for e in x.edges - y.edges:
+        if e & y.side.keys():
+            continue
+        u, v = end_points(chain, e)
+        picked = pick(chain, c.EDGES, edge_slot(chain, e))
+        for p, q in itertools.permutations(new_points(x, y, False)):
+            (on_p, off_p), (on_q, off_q) = foot_and_offset(p, u, v), foot_and_offset(q, u, v)
+            yield [picked, LAST, *signed(off_p, plan.line_reach)]
+            if off_p * off_q < 0.0:
+                pivot = on_p + (on_q - on_p) * off_p / (off_p - off_q)
+                turn = math.atan((off_q - off_p) / ((on_q - on_p) * math.dist(u, v)))
+                yield [picked, 0.0, *signed(0.5 * turn * math.dist(u, v), plan.line_reach), pivot]
+
+
+def number_of(targets: Targets, square: tuple[int, int]) -> int:
+    return int(targets.number[square[0] + targets.grid.nx * square[1]])
+
+
+def within(plan: Plan, square: tuple[int, int], v: Point) -> list[float]:
+    """Coordinates of a point in its square, as shares of the side."""
+    grid = plan.target_grid
+    assert grid is not None
+    return [(v[0] - grid.x0) / grid.cell - square[0], (v[1] - grid.y0) / grid.cell - square[1]]
+
+
+def notch(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    new = new_points(x, y, False)
+    (edge,) = x.edges - y.edges
+    a, b = end_points(chain, edge)
+    (p,), (q,) = ([w for w in y.neighbors(end) if w in new] for end in (a, b))
+    inner = [v for v in new if v not in (p, q)]
+    for first, last, near, far in ((inner[0], inner[-1], p, q), (inner[-1], inner[0], q, p)):
+        square = plan.target(first)
+        if square is None:
+            continue
+        if near not in y.neighbors(first):
+            near, far = far, near
+        number = (number_of(chain.targets, square) + 0.5) / len(plan.targets)
+        corners = tooth(a, b, p, first, q, plan) if len(new) == 3 else niche(a, b, near, first, last, far, plan)
+        for place in places(x):
+            yield [0.0 if len(new) == 3 else LAST, number, *within(plan, square, first), place, *corners]
+
+
+def tooth(a: Point, b: Point, p: Point, t: Point, q: Point, plan: Plan) -> list[float]:
+    """Numbers of the corners of a tooth with its tip at t."""
+    (on_p, off_p), (on_t, _), (on_q, off_q) = (foot_and_offset(v, a, b) for v in (p, t, q))
+    gaps = [reached((end - start) * math.dist(a, b), plan.join_reach) for start, end in ((on_p, on_t), (on_t, on_q))]
+    return [*gaps, *signed(off_p, plan.cut_reach), *signed(off_q, plan.cut_reach)]
+
+
+def niche(a: Point, b: Point, p: Point, s: Point, t: Point, q: Point, plan: Plan) -> list[float]:
+    """Numbers of the corners of a niche with an inner corner at s."""
+    length = math.dist(a, b)
+    (on_p, off_p), (on_s, depth_s), (on_t, depth_t), (on_q, off_q) = (foot_and_offset(v, a, b) for v in (p, s, t, q))
+    small = (depth_t - depth_s, (on_p - on_s) * length, (on_q - on_t) * length, off_p, off_q)
+    numbers = signed((on_t - on_s) * length, plan.join_reach)
+    for distance in small:
+        numbers += signed(distance, plan.cut_reach)
+    return numbers
+
+
+def fill(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    (new,) = y.edges - x.edges
+    gone = x.side.keys() - y.side.keys()
+    inner = [v for v in gone if not any(w in new for w in x.neighbors(v))]
+    if len(gone) == 3:
+        yield [0.0, pick_vertex(chain, c.INTERIOR_VERTICES, inner[0])]
+    else:
+        yield [LAST, pick(chain, c.EDGES, edge_slot(chain, frozenset(inner)))]
+
+
 SCRIPTS: dict[int, Script] = {
     c.TRIANGLE_BIRTH: triangle_birth,
     c.TRIANGLE_DEATH: triangle_death,
@@ -262,4 +380,11 @@ SCRIPTS: dict[int, Script] = {
     c.SLIDE: slide,
     c.CUT_WALL: cut_wall,
     c.MEND_WALL: mend_wall,
+    c.JOIN_WALL: join_wall,
+    c.PART_WALL: part_wall,
+    c.DOCK: dock,
+    c.UNDOCK: undock,
+    c.NOTCH: notch,
+    c.FILL: fill,
+    c.MOVE_LINE: move_line,
 }

@@ -71,6 +71,34 @@ ONE_FACE = Mutant(
         ("cut_wall.py", f"density += {SECOND_FACE} / n", "density += 0.0"),
     ),
 )
+ONE_EDGE = Mutant(
+    "join that could have begun at one edge alone",
+    (("join_wall.py", "density += corners_density(graph, tuning, a, b, u, v, p, q) / n", "n += 0"),),
+)
+ONE_ORDER = Mutant(
+    "docking that could be undone in one order alone",
+    (("dock.py", "odds[c.UNDOCK] * 2.0 /", "odds[c.UNDOCK] /"),),
+)
+NOTCH_WALLS = Mutant(
+    "tooth without the number of walls near its tip",
+    (
+        (
+            "notch.py",
+            "join_tooth(graph, targets, proposal, tuning, a, b) / n",
+            "join_tooth(graph, targets, proposal, tuning, a, b)",
+        ),
+    ),
+)
+LINE_MEASURE = Mutant(
+    "move of a line that is symmetric in vertices",
+    (
+        (
+            "move_line.py",
+            "ratio = measure_of_line(graph, a, p, q, b) / measure_of_line(graph, a, u, v, b)",
+            "ratio = 1.0",
+        ),
+    ),
+)
 
 WHOLE_AREA = Mutant(
     "births in a tile that count the area of the whole window (10 x 10 m)",

@@ -2,7 +2,7 @@
 
 ``python -m tests.statistical.prior_chain STEPS SEED MOVE=ODDS ... setting=NUMBER ...`` prints them as JSON; odds
 replace the defaults, so that a doubtful move acts more often. Settings are p = 1, unless given, and those of the
-sampler, but cells of 0.2 m, which let the local recolouring find neighbours.
+sampler, but cells of 0.2 m, which let the local recolouring find neighbours; ``targets=N`` aims at so many squares.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import prf
 from prf.coloring import Coloring, Draws
 from prf.kernels import constants as c
 from prf.kernels.step import run
-from prf.layout import grow, read_coloring
+from prf.layout import grow, make_targets, read_coloring
 from prf.posterior import Settings, make_chain
 from prf.window import Window
 from tests.statistical.laws import law_scores
@@ -26,12 +26,17 @@ UNIT = Window(0.0, 0.0, 1.0, 1.0)
 THIN = 1000
 BURN_IN = 200_000
 N_BATCHES = 100
+TARGET_SIDE = 0.05
 
 
-def prior_draws(steps: int, seed: int, settings: Settings, odds: dict[int, float]) -> tuple[Draws, NDArray[np.int64]]:
+def prior_draws(
+    steps: int, seed: int, settings: Settings, odds: dict[int, float], n_targets: int
+) -> tuple[Draws, NDArray[np.int64]]:
     """Return every `THIN`-th map of one chain from the empty map, after the burn-in, and the outcomes of its moves."""
     rng = np.random.default_rng(seed)
     chain = make_chain(settings, Coloring.empty(UNIT))
+    chain = chain._replace(targets=make_targets(UNIT, TARGET_SIDE, rng.random((n_targets, 2))))
+    chain.tuning[c.AIMED_SHARE] = settings.aimed_share if n_targets > 0 else 0.0
     for move, share in odds.items():
         chain.odds[move] = share
     chain.odds[:] /= chain.odds.sum()
@@ -48,8 +53,9 @@ if __name__ == "__main__":
     numbers = {name: float(number) for name, number in (text.split("=") for text in sys.argv[3:])}
     odds = {getattr(c, name): share for name, share in numbers.items() if name.isupper()}
     changes = {name: number for name, number in numbers.items() if name.islower()}
+    n_targets = int(changes.pop("targets", 0))
     settings = Settings(UNIT, **{"scale": 1.0, "cell": 0.2, **changes})
-    draws, outcomes = prior_draws(steps, seed, settings, odds)
+    draws, outcomes = prior_draws(steps, seed, settings, odds, n_targets)
     scores = law_scores(draws, settings.scale, UNIT, batch=len(draws) // N_BATCHES)
     found = {
         "package": prf.__file__,

@@ -12,7 +12,7 @@ from prf.coloring import Coloring, Draws, violations
 from prf.kernels import constants as c
 from prf.kernels.build import resum
 from prf.kernels.step import run
-from prf.layout import grow
+from prf.layout import grow, make_targets
 from prf.posterior import Settings, make_chain
 from prf.sampler import mcmc_draws
 from prf.window import Window
@@ -36,7 +36,13 @@ PAIRS = {
     "corner cut": (c.CORNER_BIRTH, c.CORNER_DEATH),
     "split": (c.SPLIT, c.MERGE),
 }
-"""Walls are cut and mended too rarely without readings: they have a test of their own."""
+"""The others change walls too rarely without readings: they have a test of their own."""
+WALLS = {
+    "cut": (c.CUT_WALL, c.MEND_WALL),
+    "joined": (c.JOIN_WALL, c.PART_WALL),
+    "docked": (c.DOCK, c.UNDOCK),
+    "notched": (c.NOTCH, c.FILL),
+}
 
 
 def scores_of_chains(scale: float, window: Window, n_draws: int, batch: int) -> tuple[LawScores, Draws]:
@@ -111,10 +117,13 @@ def test_births_are_as_frequent_as_deaths_in_a_long_run(scale: float, window: Wi
     assert np.abs(z).max() < 4.0, z
 
 
-def balance_of_walls(n_batches: int, length: int, seed: int) -> tuple[float, int]:
-    """z-score of accepted cuts less accepted mends, with half of all proposals for them, and the number of both."""
-    chain = make_chain(Settings(UNIT, 1.0, cut_reach=0.05), Coloring.empty(UNIT))
-    walls = [c.CUT_WALL, c.MEND_WALL]
+def balance_of_walls(which: str, n_batches: int, length: int, seed: int) -> tuple[float, int]:
+    """z-score of what one move does less what the other undoes, each a quarter of all proposals, and their number."""
+    chain = make_chain(Settings(UNIT, 1.0, cut_reach=0.05, join_reach=0.1), Coloring.empty(UNIT))
+    points = np.random.default_rng(seed).random((60, 2))
+    chain = chain._replace(targets=make_targets(UNIT, 0.05, points))
+    chain.tuning[c.AIMED_SHARE] = 0.6
+    walls = list(WALLS[which])
     chain.odds[walls] = 0.0
     chain.odds[:] *= 0.5 / chain.odds.sum()
     chain.odds[walls] = 0.25
@@ -130,16 +139,18 @@ def balance_of_walls(n_batches: int, length: int, seed: int) -> tuple[float, int
     return float(surplus.mean() / (surplus.std(ddof=1) / np.sqrt(n_batches))), int(cuts.sum() + mends.sum())
 
 
-def test_walls_are_cut_as_often_as_mended() -> None:
-    z, n = balance_of_walls(100, 40_000, SEED)
+@pytest.mark.parametrize("which", WALLS)
+def test_what_is_done_to_walls_is_undone_as_often(which: str) -> None:
+    z, n = balance_of_walls(which, 100, 40_000 if which == "cut" else 10_000, SEED)
     assert n > 300
     assert abs(z) < 4.5, f"seed {SEED}, {n} walls, |z| < 4.5 fails by chance once in 50,000: {z}"
 
 
 @pytest.mark.slow
-def test_walls_are_cut_as_often_as_mended_in_a_long_run() -> None:
+@pytest.mark.parametrize("which", WALLS)
+def test_what_is_done_to_walls_is_undone_as_often_in_a_long_run(which: str) -> None:
     with ThreadPoolExecutor(2) as pool:
-        found = list(pool.map(lambda k: balance_of_walls(200, 200_000, SEED + k), range(2)))
-    print(f"seed {SEED}: z and number of walls cut or mended {found}")
+        found = list(pool.map(lambda k: balance_of_walls(which, 200, 200_000, SEED + k), range(2)))
+    print(f"seed {SEED}: z and number of walls {which} or the reverse {found}")
     assert all(n > 3000 for _, n in found)
     assert all(abs(z) < 4.0 for z, _ in found), found

@@ -20,6 +20,10 @@ SUSPECTS = {
     mutants.CUT_COUNTS: {"cut wall"},
     mutants.MEND_EDGES: {"mend wall"},
     mutants.ONE_FACE: {"cut wall", "mend wall"},
+    mutants.ONE_EDGE: {"join wall"},
+    mutants.ONE_ORDER: {"dock"},
+    mutants.NOTCH_WALLS: {"notch"},
+    mutants.LINE_MEASURE: {"move line"},
 }
 
 
@@ -54,6 +58,16 @@ OFTEN_LOCAL = ("LOCAL_RECOLOR=1.5",)
 """Three steps of five are local recolourings: their mistakes are not drowned by the moves that are right."""
 OFTEN_WALLS = ("scale=2", "cell=0.15", "birth_reach=0.1", "cut_reach=0.03", "CUT_WALL=1", "MEND_WALL=1")
 """Two steps of three cut or mend, in a map of 58 edges: some 100 of each in a million steps are accepted."""
+OFTEN_CORNERS = (
+    "scale=2",
+    "cell=0.15",
+    "cut_reach=0.03",
+    "join_reach=0.1",
+    "line_reach=0.02",
+    "targets=60",
+    *(f"{move}=0.3" for move in ("JOIN_WALL", "PART_WALL", "DOCK", "UNDOCK", "NOTCH", "FILL", "MOVE_LINE")),
+)
+"""Two steps of three join or part, notch or fill, or move lines."""
 
 
 def worst(found: dict[str, Any]) -> list[tuple[str, float]]:
@@ -61,7 +75,11 @@ def worst(found: dict[str, Any]) -> list[tuple[str, float]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("odds", [(), OFTEN_LOCAL, OFTEN_WALLS], ids=["default odds", "often local", "often walls"])
+@pytest.mark.parametrize(
+    "odds",
+    [(), OFTEN_LOCAL, OFTEN_WALLS, OFTEN_CORNERS],
+    ids=["default odds", "often local", "often walls", "often corners"],
+)
 def test_intact_copy_obeys_the_laws(odds: tuple[str, ...], tmp_path: Path) -> None:
     arguments = ("tests.statistical.prior_chain", "20000000", str(SEED), *odds)
     found = mutants.run_check(tmp_path, mutants.INTACT, *arguments, compiled=True)
@@ -80,6 +98,8 @@ def test_intact_copy_obeys_the_laws(odds: tuple[str, ...], tmp_path: Path) -> No
         pytest.param(mutants.BIRTH, 4_000_000, (), id=mutants.BIRTH.name),
         pytest.param(mutants.MERGE, 20_000_000, (), id=mutants.MERGE.name),
         pytest.param(mutants.CUT_COUNTS, 8_000_000, OFTEN_WALLS, id=mutants.CUT_COUNTS.name),
+        pytest.param(mutants.ONE_ORDER, 4_000_000, OFTEN_CORNERS, id=mutants.ONE_ORDER.name),
+        pytest.param(mutants.LINE_MEASURE, 4_000_000, OFTEN_CORNERS, id=mutants.LINE_MEASURE.name),
     ],
 )
 def test_laws_catch_the_mistake(mutant: mutants.Mutant, steps: int, odds: tuple[str, ...], tmp_path: Path) -> None:

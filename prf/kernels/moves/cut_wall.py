@@ -13,45 +13,34 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, are_adjacent, on_one_side, other_end, pick
+from prf.kernels.graph import Graph, other_end, pick
 from prf.kernels.moves.gap import (
     block_round,
     block_round_cut,
+    can_face,
     corners_density,
     foot_and_offset,
+    is_in_window,
     length_after,
     list_block,
     opposite_now,
+    outer_edge,
+    partners_after,
+    partners_now,
     passes_block,
-    share_vertex,
+    place_off_line,
     signed_reach,
     turn_round_gap,
 )
-from prf.kernels.moves.placing import is_inside, random_reach
+from prf.kernels.moves.placing import random_reach
 from prf.kernels.moves.recolor import begin_list_after
-from prf.kernels.proposal import N_NEW_EDGES, Proposal, drop_edge, drop_vertex, join, place_vertex
+from prf.kernels.proposal import Proposal, drop_edge, drop_vertex, join
 
 # Places of the new edges in a cut's proposal, and of the mended faces in a mend's.
 FIRST_JAMB = 0
 SECOND_JAMB = 1
 FIRST_FACE = 0
 SECOND_FACE = 1
-
-
-@core
-def place_off_line(
-    graph: Graph, proposal: Proposal, a: int, b: int, foot: float, near: float, rng: np.random.Generator
-) -> int:
-    """New vertex at a foot along ab, a little off the line."""
-    ax = graph.vertex_xy[a, 0]
-    ay = graph.vertex_xy[a, 1]
-    ex = graph.vertex_xy[b, 0] - ax
-    ey = graph.vertex_xy[b, 1] - ay
-    length = math.sqrt(ex * ex + ey * ey)
-    off = signed_reach(rng, near)
-    x = ax + (foot * ex - off * ey) / length
-    y = ay + (foot * ey + off * ex) / length
-    return place_vertex(graph, proposal, x, y, c.INTERIOR)
 
 
 @core
@@ -101,12 +90,6 @@ def place_second_corners(
 
 
 @core
-def is_in_window(graph: Graph, v: int) -> bool:
-    """Whether a vertex lies strictly inside the window."""
-    return is_inside(graph.window, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1])
-
-
-@core
 def propose_cut(
     graph: Graph,
     index: EdgeIndex,
@@ -152,24 +135,6 @@ def propose_cut(
 
 
 @core
-def partners_now(graph: Graph, index: EdgeIndex, edge: int) -> int:
-    """List M(edge): edges through the block round its middle that share no vertex with it; return their number."""
-    return opposite_now(graph, index, edge, block_round(index.grid, graph.edge_xy[edge]))
-
-
-@core
-def partners_after(graph: Graph, index: EdgeIndex, proposal: Proposal, k: int) -> int:
-    """Size of M of the new edge k in the new map."""
-    block = block_round(index.grid, proposal.new_xy[k])
-    begin_list_after(graph, index, proposal, k)
-    n = list_block(index, block)
-    for other in range(proposal.counts[N_NEW_EDGES]):
-        if not share_vertex(proposal, k, other) and passes_block(index.grid, proposal, other, block):
-            n += 1
-    return n
-
-
-@core
 def cut_returns(graph: Graph, index: EdgeIndex, proposal: Proposal, odds: np.ndarray) -> float:
     """Log of odds times density with which a mend would undo the proposed cut; -inf if it could not."""
     density = 0.0
@@ -183,20 +148,6 @@ def cut_returns(graph: Graph, index: EdgeIndex, proposal: Proposal, odds: np.nda
         return -math.inf
     edges_after = graph.counts[c.EDGES] + 4
     return math.log(odds[c.MEND_WALL] * 0.5 * density / edges_after)
-
-
-@core
-def outer_edge(graph: Graph, v: int, jamb: int) -> int:
-    """The edge of the interior vertex v that is not `jamb`."""
-    if graph.vertex_edges[v, 0] == jamb:
-        return graph.vertex_edges[v, 1]
-    return graph.vertex_edges[v, 0]
-
-
-@core
-def can_face(graph: Graph, a: int, b: int) -> bool:
-    """Whether an edge may come between a and b."""
-    return a != b and not are_adjacent(graph, a, b) and not on_one_side(graph, a, b)
 
 
 @core

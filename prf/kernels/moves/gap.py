@@ -7,11 +7,11 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph
+from prf.kernels.graph import Graph, are_adjacent, on_one_side
 from prf.kernels.grid import Grid, axis_index
-from prf.kernels.moves.placing import random_reach, reach_density
-from prf.kernels.moves.recolor import mark_edges_at, note_neighbor
-from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal, turn_at_vertex
+from prf.kernels.moves.placing import is_inside, random_reach, reach_density
+from prf.kernels.moves.recolor import begin_list_after, mark_edges_at, note_neighbor
+from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal, place_vertex, turn_at_vertex
 
 MEND_RADIUS = 3
 """A jamb's partner is sought in a square of cells that reaches this many cells to each side of its middle."""
@@ -155,3 +155,62 @@ def length_after(graph: Graph, proposal: Proposal) -> float:
     for k in range(proposal.counts[N_NEW_EDGES]):
         length += proposal.new_length[k]
     return length
+
+
+@core
+def place_at_offset(graph: Graph, proposal: Proposal, a: int, b: int, foot: float, off: float) -> int:
+    """New vertex at a foot along ab and an offset from the line."""
+    ax = graph.vertex_xy[a, 0]
+    ay = graph.vertex_xy[a, 1]
+    ex = graph.vertex_xy[b, 0] - ax
+    ey = graph.vertex_xy[b, 1] - ay
+    length = math.sqrt(ex * ex + ey * ey)
+    x = ax + (foot * ex - off * ey) / length
+    y = ay + (foot * ey + off * ex) / length
+    return place_vertex(graph, proposal, x, y, c.INTERIOR)
+
+
+@core
+def place_off_line(
+    graph: Graph, proposal: Proposal, a: int, b: int, foot: float, near: float, rng: np.random.Generator
+) -> int:
+    """New vertex at a foot along ab, a little off the line."""
+    return place_at_offset(graph, proposal, a, b, foot, signed_reach(rng, near))
+
+
+@core
+def is_in_window(graph: Graph, v: int) -> bool:
+    """Whether a vertex lies strictly inside the window."""
+    return is_inside(graph.window, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1])
+
+
+@core
+def partners_now(graph: Graph, index: EdgeIndex, edge: int) -> int:
+    """List M(edge): edges through the block round its middle that share no vertex with it; return their number."""
+    return opposite_now(graph, index, edge, block_round(index.grid, graph.edge_xy[edge]))
+
+
+@core
+def partners_after(graph: Graph, index: EdgeIndex, proposal: Proposal, k: int) -> int:
+    """Size of M of the new edge k in the new map."""
+    block = block_round(index.grid, proposal.new_xy[k])
+    begin_list_after(graph, index, proposal, k)
+    n = list_block(index, block)
+    for other in range(proposal.counts[N_NEW_EDGES]):
+        if not share_vertex(proposal, k, other) and passes_block(index.grid, proposal, other, block):
+            n += 1
+    return n
+
+
+@core
+def outer_edge(graph: Graph, v: int, jamb: int) -> int:
+    """The edge of the interior vertex v that is not `jamb`."""
+    if graph.vertex_edges[v, 0] == jamb:
+        return graph.vertex_edges[v, 1]
+    return graph.vertex_edges[v, 0]
+
+
+@core
+def can_face(graph: Graph, a: int, b: int) -> bool:
+    """Whether an edge may come between a and b."""
+    return a != b and not are_adjacent(graph, a, b) and not on_one_side(graph, a, b)

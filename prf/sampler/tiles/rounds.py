@@ -29,6 +29,8 @@ BORDER_MOVES = (
     c.CORNER_DEATH,
     c.MOVE_BOUNDARY,
     c.PAST_CORNER,
+    c.DOCK,
+    c.UNDOCK,
 )
 """What stands on the window's border is left to the steps between rounds."""
 

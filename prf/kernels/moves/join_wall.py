@@ -1,0 +1,195 @@
+"""Not in the paper: an edge is joined to one near it across two new corners, and the reverse, two walls part.
+
+Edge uv goes; its ends are led to two new corners p and q on the edge ab, of which the piece between them goes. What
+stands free is so attached to a wall, without corners that would first have to stand on the wall by chance. p and q,
+once they stand, may as well have been corners on uv to which a and b were led: densities count both.
+"""
+
+import math
+
+import numpy as np
+
+from prf.kernels import constants as c
+from prf.kernels._jit import core
+from prf.kernels.edge_index import EdgeIndex
+from prf.kernels.graph import Graph, other_end, pick
+from prf.kernels.moves.gap import (
+    block_round,
+    can_face,
+    foot_and_offset,
+    is_in_window,
+    outer_edge,
+    partners_after,
+    partners_now,
+    passes_block,
+    place_off_line,
+    signed_density,
+    signed_reach,
+)
+from prf.kernels.proposal import Proposal, drop_edge, drop_vertex, join, turn_at_vertex
+
+# Places of the new edges in a join's proposal, those of u and v and those of a and b, and in a parting's.
+FIRST_LINK = 0
+SECOND_LINK = 1
+FIRST_PIECE = 2
+SECOND_PIECE = 3
+FREE_EDGE = 0
+FACE = 1
+
+
+@core
+def corners_density(graph: Graph, tuning: np.ndarray, u: int, v: int, a: int, b: int, p: int, q: int) -> float:
+    """Density of the corners p and q on ab to which u and v are led; 0 where they are not drawn so."""
+    foot_p, off_p, length = foot_and_offset(graph, a, b, p)
+    foot_q, off_q, _ = foot_and_offset(graph, a, b, q)
+    if not 0.0 < foot_p < foot_q < length:
+        return 0.0
+    foot_u, _, _ = foot_and_offset(graph, a, b, u)
+    foot_v, _, _ = foot_and_offset(graph, a, b, v)
+    near = tuning[c.CUT_REACH]
+    aside = signed_density(off_p, near) * signed_density(off_q, near)
+    reach = tuning[c.JOIN_REACH]
+    return aside * signed_density(foot_p - foot_u, reach) * signed_density(foot_q - foot_v, reach)
+
+
+@core
+def propose_join(
+    graph: Graph,
+    index: EdgeIndex,
+    proposal: Proposal,
+    tuning: np.ndarray,
+    odds: np.ndarray,
+    rng: np.random.Generator,
+) -> tuple[bool, float]:
+    """Propose to join a uniform edge e to a uniform f in M(e); `join_returns` adds the way back."""
+    edges = graph.counts[c.EDGES]
+    if edges < 2:
+        return False, 0.0
+    e = pick(graph, c.EDGES, rng)
+    n = partners_now(graph, index, e)
+    if n == 0:
+        return False, 0.0
+    f = index.neighbors[int(rng.random() * n)]
+    u = graph.edge_vertices[e, 0]
+    v = graph.edge_vertices[e, 1]
+    a = graph.edge_vertices[f, 0]
+    b = graph.edge_vertices[f, 1]
+    foot_p = foot_and_offset(graph, a, b, u)[0] + signed_reach(rng, tuning[c.JOIN_REACH])
+    foot_q, _, length = foot_and_offset(graph, a, b, v)
+    foot_q += signed_reach(rng, tuning[c.JOIN_REACH])
+    if not (0.0 < foot_p < length and 0.0 < foot_q < length):
+        return False, 0.0
+    p = place_off_line(graph, proposal, a, b, foot_p, tuning[c.CUT_REACH], rng)
+    q = place_off_line(graph, proposal, a, b, foot_q, tuning[c.CUT_REACH], rng)
+    if not (is_in_window(graph, p) and is_in_window(graph, q)):
+        return False, 0.0
+    if foot_p > foot_q:
+        a, b = b, a
+    drop_edge(proposal, e)
+    drop_edge(proposal, f)
+    for new in ((u, p), (v, q), (a, p), (q, b)):
+        join(graph, proposal, new[0], new[1])
+    for vertex in (u, p, a, b, q, v):
+        turn_at_vertex(graph, proposal, vertex)
+    density = corners_density(graph, tuning, u, v, a, b, p, q) / n
+    n = partners_now(graph, index, f)
+    if index.marks[e] == index.mark[0]:
+        density += corners_density(graph, tuning, a, b, u, v, p, q) / n
+    if density == 0.0:
+        return False, 0.0  # p and q at one foot, but for rounding
+    return True, -math.log(odds[c.JOIN_WALL] * density / edges)
+
+
+@core
+def links_after(graph: Graph, index: EdgeIndex, proposal: Proposal, j: int, k: int) -> float:
+    """1/#M(j) if k is in M(j), in the new map."""
+    if not passes_block(index.grid, proposal, k, block_round(index.grid, proposal.new_xy[j])):
+        return 0.0
+    return 1.0 / partners_after(graph, index, proposal, j)
+
+
+@core
+def join_returns(graph: Graph, index: EdgeIndex, proposal: Proposal, odds: np.ndarray) -> float:
+    """Log of odds times density with which a parting would undo the proposed join; -inf if it could not."""
+    density = links_after(graph, index, proposal, FIRST_LINK, SECOND_LINK)
+    density += links_after(graph, index, proposal, SECOND_LINK, FIRST_LINK)
+    density += links_after(graph, index, proposal, FIRST_PIECE, SECOND_PIECE)
+    density += links_after(graph, index, proposal, SECOND_PIECE, FIRST_PIECE)
+    if density == 0.0:
+        return -math.inf
+    edges_after = graph.counts[c.EDGES] + 2
+    return math.log(odds[c.PART_WALL] * 0.25 * density / edges_after)
+
+
+@core
+def random_end(graph: Graph, edge: int, rng: np.random.Generator) -> int:
+    """One of the two ends of an edge, 1/2 each."""
+    return graph.edge_vertices[edge, 0 if rng.random() < 0.5 else 1]
+
+
+@core
+def links_now(graph: Graph, index: EdgeIndex, j: int, k: int) -> float:
+    """1/#M(j) if k is in M(j)."""
+    n = partners_now(graph, index, j)
+    return 1.0 / n if index.marks[k] == index.mark[0] else 0.0
+
+
+@core
+def propose_part(
+    graph: Graph, index: EdgeIndex, proposal: Proposal, odds: np.ndarray, rng: np.random.Generator
+) -> tuple[bool, float]:
+    """Propose to let the links j = up, uniform, and k = vq, uniform in M(j), go with p and q.
+
+    `part_returns` adds the way back.
+    """
+    edges = graph.counts[c.EDGES]
+    if edges < 4:
+        return False, 0.0
+    j = pick(graph, c.EDGES, rng)
+    n_j = partners_now(graph, index, j)
+    if n_j == 0:
+        return False, 0.0
+    k = index.neighbors[int(rng.random() * n_j)]
+    p = random_end(graph, j, rng)
+    q = random_end(graph, k, rng)
+    if graph.positions[c.INTERIOR_VERTICES, p] == c.NONE or graph.positions[c.INTERIOR_VERTICES, q] == c.NONE:
+        return False, 0.0
+    u = other_end(graph, j, p)
+    v = other_end(graph, k, q)
+    first = outer_edge(graph, p, j)
+    last = outer_edge(graph, q, k)
+    a = other_end(graph, first, p)
+    b = other_end(graph, last, q)
+    if a == q or a == v or b == u or not can_face(graph, a, b) or not can_face(graph, u, v):
+        return False, 0.0
+    drop_vertex(proposal, p)
+    drop_vertex(proposal, q)
+    for edge in (j, k, first, last):
+        drop_edge(proposal, edge)
+    join(graph, proposal, u, v)
+    join(graph, proposal, a, b)
+    for vertex in (u, p, a, b, q, v):
+        turn_at_vertex(graph, proposal, vertex)
+    forward = 1.0 / n_j + links_now(graph, index, k, j)
+    forward += links_now(graph, index, first, last) + links_now(graph, index, last, first)
+    return True, -math.log(odds[c.PART_WALL] * 0.25 * forward / edges)
+
+
+@core
+def part_returns(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: np.ndarray, odds: np.ndarray) -> float:
+    """Log of odds times density with which a join would undo the proposed parting; -inf if it could not."""
+    u = proposal.new_edges[FREE_EDGE, 0]
+    v = proposal.new_edges[FREE_EDGE, 1]
+    a = proposal.new_edges[FACE, 0]
+    b = proposal.new_edges[FACE, 1]
+    p = proposal.old_vertices[0]
+    q = proposal.old_vertices[1]
+    density = corners_density(graph, tuning, u, v, a, b, p, q)
+    if density > 0.0:
+        density *= links_after(graph, index, proposal, FREE_EDGE, FACE)
+    other = corners_density(graph, tuning, a, b, u, v, p, q)
+    if other > 0.0:
+        density += other * links_after(graph, index, proposal, FACE, FREE_EDGE)
+    if density == 0.0:
+        return -math.inf
+    return math.log(odds[c.JOIN_WALL] * density / (graph.counts[c.EDGES] - 2))
