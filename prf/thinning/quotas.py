@@ -23,7 +23,7 @@ PLACE = 0.5
 """Side of a square in metres: wide beside the blur of a wall, so that all across it is thinned alike."""
 DIRECTIONS = 8
 """Sectors of the direction that a beam comes from."""
-EVENNESS = 0.5
+EVENNESS = 0.75
 """Exponent of the number of beams; measured in docs/thinning.md."""
 RARE = 2.0
 """Beams with a return that each square keeps at least, if it has as many, and beams without one likewise."""
