@@ -21,7 +21,7 @@ STEPS_PER_READING = 16
 """Steps of a round: to begin and to end it costs time in proportion to the readings."""
 ROUND_LENGTHS = (64 * FIRST_THIN, 1024 * FIRST_THIN)
 """Steps of the shortest and of the longest round; a longer one would keep Ctrl-C and the clock waiting."""
-PLAIN_SHARE = 1.0 / 32.0
+PLAIN_SHARE = 1.0 / 64.0
 """Share of a round's steps that the chain makes on the whole window, where nothing stays because of a border.
 
 They cannot be shared out, and each takes longer: memory for all readings does not fit a processor's caches.
