@@ -7,20 +7,17 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 import prf
 from prf.coloring import Coloring, Draws
 from prf.kernels import constants as c
 from prf.kernels.build import resum
-from prf.kernels.chain import Chain
 from prf.kernels.step import run
 from prf.layout import grow, read_coloring
 from prf.posterior import Settings, make_chain
-from prf.sampler.tiles import Round, TileData, TileResult, finish_round, make_round, make_tile_data, work_tile
+from prf.sampler.tiles import finish_round, make_round, make_tile_data, work_tile
 from prf.window import Window
 from tests.statistical.laws import law_scores
 
@@ -35,37 +32,27 @@ PLAIN = 4000
 BURN_IN = 20
 N_BATCHES = 100
 
-Work = Callable[[TileData, Round, int], TileResult]
-Begin = Callable[[TileData, Chain, np.random.Generator], Round]
 
-
-def begin(data: TileData, chain: Chain, rng: np.random.Generator) -> Round:
-    return make_round(data, chain, TILES, LEAST, STEPS, rng)
-
-
-def tiled_draws(
-    settings: Settings, n_draws: int, seed: int, start: Begin = begin, work: Work = work_tile
-) -> tuple[Draws, NDArray[np.float64]]:
-    """Return the map after every round but the first ones, and log prior and log likelihood (n_draws, 2)."""
+def tiled_draws(settings: Settings, n_draws: int, seed: int) -> Draws:
+    """Return the map after every round but the first ones."""
     rng = np.random.default_rng(seed)
     chain, data = make_chain(settings, Coloring.empty(settings.window)), make_tile_data(settings)
-    maps, sums = [], []
+    maps = []
     for number in range(BURN_IN + n_draws):
-        begun = start(data, chain, rng)
-        chain = finish_round(data, chain, begun, [work(data, begun, k) for k in range(len(begun.tiles))])
+        begun = make_round(data, chain, TILES, LEAST, STEPS, rng)
+        chain = finish_round(data, chain, begun, [work_tile(data, begun, k) for k in range(len(begun.tiles))])
         until = int(chain.graph.counts[c.STEP]) + PLAIN
         while not run(chain, rng, until):
             chain = grow(chain)
         resum(chain)
         if number >= BURN_IN:
             maps.append(read_coloring(chain.graph))
-            sums.append(chain.graph.sums[[c.LOG_PRIOR, c.LOG_LIKELIHOOD]])
-    return Draws.from_colorings(maps, settings.window), np.array(sums)
+    return Draws.from_colorings(maps, settings.window)
 
 
 if __name__ == "__main__":
     n_draws, seed = int(sys.argv[1]), int(sys.argv[2])
-    draws, _ = tiled_draws(Settings(ROOM, SCALE), n_draws, seed)
+    draws = tiled_draws(Settings(ROOM, SCALE), n_draws, seed)
     scores = law_scores(draws, SCALE, ROOM, batch=n_draws // N_BATCHES)
     found = {"package": prf.__file__, "z": scores.z, "relative_error_edges": scores.relative_error_edges}
     print(json.dumps(found))

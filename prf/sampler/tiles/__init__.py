@@ -7,7 +7,7 @@ decided by one tile, whatever the others do.
 """
 
 from prf.sampler.tiles.data import TileData, make_tile_data
-from prf.sampler.tiles.merge import finish_round, merged, replace_map
+from prf.sampler.tiles.merge import finish_round, merged
 from prf.sampler.tiles.partition import random_tiles
 from prf.sampler.tiles.rounds import Round, make_round
 from prf.sampler.tiles.schedule import chosen_tiles
@@ -26,7 +26,6 @@ __all__ = [
     "make_tile_data",
     "merged",
     "random_tiles",
-    "replace_map",
     "tiled_chains",
     "work_tile",
 ]

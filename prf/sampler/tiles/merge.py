@@ -6,16 +6,12 @@ import numpy as np
 
 from prf.coloring import Coloring, black_at
 from prf.kernels import constants as c
-from prf.kernels.build import resum, trace_all
 from prf.kernels.chain import Chain
 from prf.kernels.image import count_all_edges, settle_all
-from prf.layout import make_graph, make_index, painted_sites
-from prf.posterior import FIRST_CELL_ROOM, painted_points
+from prf.sampler.tempering_state import with_map
 from prf.sampler.tiles.data import TileData
 from prf.sampler.tiles.rounds import Round
 from prf.sampler.tiles.work import TileResult
-from prf.sensors.laser import empty_lists
-from prf.sensors.sonar import make_sight
 from prf.window import INTERIOR
 
 
@@ -59,29 +55,9 @@ def finish_round(data: TileData, chain: Chain, done: Round, results: list[TileRe
         chain.image.black[result.pixels] = result.black
         chain.image.black_time[result.pixels] += len(done.tiles) * result.black_time
         chain.image.mixed_time[result.pixels] += len(done.tiles) * result.mixed_time
-    return replace_map(chain, data, merged(done, results))
-
-
-def replace_map(chain: Chain, data: TileData, coloring: Coloring) -> Chain:
-    """Return the chain on another map, its step, image colours and outcomes kept; all else follows from the map."""
-    capacity = len(chain.graph.edge_length)
-    while capacity < 2 * (len(coloring.xy) + c.MOST_CHANGES):
-        capacity *= 2
-    graph = make_graph(coloring, capacity)
-    graph.counts[c.STEP] = chain.graph.counts[c.STEP]
-    grid = chain.edge_index.grid
-    replaced = chain._replace(
-        graph=graph,
-        edge_index=make_index(graph, grid, FIRST_CELL_ROOM),
-        beams=empty_lists(chain.beams, capacity),
-        cones=chain.cones._replace(sight=make_sight(capacity + c.MOST_CHANGES)),
-        points=painted_points(data.settings.points, coloring),
-        sensors=painted_sites(chain.sensors, coloring),
-    )
-    if chain.image.black.size > 0:
-        chain.image.black_since[:] = graph.counts[c.STEP]
-        chain.image.mixed_since[:] = graph.counts[c.STEP]
-        count_all_edges(graph, chain.image)
-    trace_all(replaced)
-    resum(replaced)
-    return replaced
+    found = with_map(chain, data.settings, merged(done, results))
+    if found.image.black.size > 0:
+        found.image.black_since[:] = found.graph.counts[c.STEP]
+        found.image.mixed_since[:] = found.graph.counts[c.STEP]
+        count_all_edges(found.graph, found.image)
+    return found
