@@ -12,7 +12,6 @@ import prf.sampler.tiles.part as part
 import prf.sampler.tiles.rounds as rounds
 import prf.sampler.tiles.schedule as schedule
 from prf.coloring import Coloring, Draws
-from prf.kernels import constants as c
 from prf.kernels.chain import Chain
 from prf.kernels.grid import Grid
 from prf.layout import read_coloring
@@ -91,20 +90,6 @@ def test_a_partition_that_looks_at_the_map_is_caught(monkeypatch: pytest.MonkeyP
 def edges_inside(coloring: Coloring, tiles: np.ndarray) -> int:
     ends = coloring.xy[coloring.edges]
     return int(sum(((ends > tile[:2]) & (ends < tile[2:])).all(axis=(1, 2)).sum() for tile in tiles))
-
-
-@pytest.mark.slow
-def test_a_beam_that_belongs_to_where_the_map_stops_it_is_caught() -> None:
-    """The owner must depend on the reading alone."""
-
-    def begin(data: TileData, chain: Chain, rng: np.random.Generator) -> Round:
-        ray = chain.beams.ray
-        along = np.minimum(ray[:, c.DISTANCE], (1.0 - 1e-6) * ray[:, c.REACH])
-        data.end[:] = ray[:, :2] + along[:, None] * ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
-        return joint.begin(data, chain, rng)
-
-    z = joint.z_scores(in_two_threads(1200, start=begin))
-    assert np.abs(z).max() > 6.0, z.round(2)
 
 
 @pytest.mark.slow
