@@ -179,7 +179,10 @@ def read_labelled(path: str, model: Model | None, truth_field: str | None) -> La
         result = assess.assess(found, model)
         return Labelled(result.labelling.label, truth, result.labelling.probability, truth_from)
     if model is not None:
-        raise UsageError(f"{path} is not a PATCHES file, so it has labels of a model already. Leave out --model.")
+        raise UsageError(
+            f"{path} is not a PATCHES file, so it has labels of a model already. Leave out --model "
+            "and --max-false-alarms."
+        )
     return _labelled_result(found, path, truth_field)
 
 
