@@ -39,7 +39,7 @@ def park(data: Path, models: dict[str, Model], say: Say) -> dict[str, Any]:
     single = {name: real_data.alone(scans, parts.axis, parts.strip, name == "test") for name in drifted}
     training = [drifted["train"], *single["train"]]
     trained = {f"{name}, trained here": train_on(training, name) for name in METHODS}
-    every = {**models, **trained}
+    every = {SHIPPED: models[SHIPPED], **trained}
     say(f"left out: {'xy'[parts.axis]} from {parts.strip[0]:.0f} to {parts.strip[1]:.0f} m")
     tests = {"chained and alone": [drifted["test"], *single["test"]], "chained": [drifted["test"]]}
     found: dict[str, Any] = {}

@@ -26,15 +26,15 @@ GRAIN = 0.25
 WINDOW, STRIDE = 20.0, 10.0
 """Metres: side of the pieces, and from one to the next."""
 FEWEST_WALLS = 40
-"""Elements of walls that a piece must have."""
+"""Elements of walls that a piece must have, of those that have a wall of the other scan near them."""
 MOST_ELEMENTS = 360
 """Of a piece: more make its fit no better."""
-NEAR_SHARE = 0.3
-"""Share of the walls of a piece that must have a wall of the other scan near them for it to be tried."""
 OVERLAP = 0.5
-"""Least overlap after registration that is believed."""
+"""Least share of the walls of a piece that lie on the other scan after a registration that is believed."""
 ON_SHEET = 0.3
 """Metres off the other scan, after registration, at which it still sees an element."""
+DOUBT = 1.5
+"""Metres: a wall of another scan so close, in no piece that fits, may be the same wall; farther ones seldom are."""
 CONSISTENT = 0.1
 """Metres by which what one scan says of the other may differ from what the other says of it."""
 UPRIGHT = 0.5
@@ -47,7 +47,7 @@ class Compared(NamedTuple):
     Attributes
     ----------
     in_doubt : (m,) bool
-        Elements of walls that have a wall of the other scan within the search, but lie in no piece that fits it.
+        Elements of walls that have a wall of the other scan within `DOUBT`, but lie in no piece that fits it.
     along : (m,) float64
         How far the other scan has each element displaced along its normal; nan where unknown.
     partner : (m,) int64
@@ -77,7 +77,7 @@ def measured_disagreement(
 ) -> Disagreement:
     """Return how far apart scans put what registration finds to be the same walls.
 
-    Points that are of no wall are not known (nan). Nor are walls that have a wall of another scan within `search` which
+    Points that are of no wall are not known (nan). Nor are walls that have a wall of another scan within `DOUBT` which
     could not be registered, unless a third scan proves an error. Walls that no other scan comes near are seen once.
 
     Parameters
@@ -142,10 +142,12 @@ def _compare(
     if not (other.upright.any() and sheet.upright.any()):
         return None
     walls = cKDTree(other.place[other.upright])
-    near = sheet.upright & np.isfinite(walls.query(sheet.place, distance_upper_bound=search)[0])
-    if np.count_nonzero(near) < NEAR_SHARE * FEWEST_WALLS:
+    distance = walls.query(sheet.place, distance_upper_bound=search)[0]
+    near = sheet.upright & np.isfinite(distance)
+    if np.count_nonzero(near) < FEWEST_WALLS:
         return None
-    return _displacement(part, other, windows, near, search, sided)
+    found = _displacement(part, other, windows, near, search, sided)
+    return found._replace(in_doubt=found.in_doubt & (distance < DOUBT))
 
 
 def _gathered(
@@ -153,7 +155,7 @@ def _gathered(
 ) -> tuple[Vector, NDArray[np.int64]]:
     """Return the disagreement (m,) of each element of a scan with all others, and how many of them see it.
 
-    What one scan says of another counts where that says the same of it: a wrong registration seldom does.
+    What one scan says of another counts unless that says otherwise of it: two wrong registrations seldom agree.
     """
     worst, n_seen = np.zeros(len(part.flat)), np.zeros(len(part.flat), np.int64)
     in_doubt = np.zeros(len(part.flat), bool)
@@ -162,10 +164,11 @@ def _gathered(
             continue
         back = compared[other, scan].along[found.partner] if (other, scan) in compared else np.full_like(worst, np.nan)
         with np.errstate(invalid="ignore"):
-            seen = np.abs(np.abs(found.along) - np.abs(back)) < CONSISTENT
+            contradicted = np.abs(np.abs(found.along) - np.abs(back)) > CONSISTENT
+        seen = np.isfinite(found.along) & ~contradicted
         worst[seen] = np.maximum(worst[seen], np.abs(found.along[seen]))
         n_seen += seen
-        in_doubt |= found.in_doubt | (np.isfinite(found.along) & ~seen)
+        in_doubt |= found.in_doubt | contradicted
     # With another scan in doubt what is found is a lower bound, which proves that there is an error or nothing.
     known = part.sheet.upright & (~in_doubt | (worst > proven))
     return np.where(known, worst, np.nan), n_seen
@@ -204,14 +207,14 @@ def _displacement(
     along, best = np.full(len(near), np.nan), np.zeros(len(near))
     partner, judged = np.zeros(len(near), np.int64), np.zeros(len(near), bool)
     for rows in windows:
-        walls = rows[part.sheet.upright[rows]]
-        if len(walls) < FEWEST_WALLS or near[walls].mean() < NEAR_SHARE:
+        walls = rows[near[rows]]
+        if len(walls) < FEWEST_WALLS:
             continue
-        fitted = register(_piece(part, rows), other, search, sided)
+        fitted = register(_piece(part, walls, rows), other, search, sided)
+        piece = part.sheet.take(walls)
         if fitted.overlap < OVERLAP:
             continue
         judged[walls] = True
-        piece = part.sheet.take(walls)
         moved = piece.place @ fitted.motion[:3, :3].T + fitted.motion[:3, 3] - piece.place
         on_it, nearest = lies_on(piece, other, fitted.motion, sided, ON_SHEET)
         seen = on_it & (best[walls] < fitted.overlap)
@@ -221,11 +224,9 @@ def _displacement(
     return Compared(near & ~judged, along, partner)
 
 
-def _piece(part: Parted, rows: NDArray[np.int64]) -> Piece:
-    """Return flat elements of a window, evenly thinned: walls and half as many others, which hold it level."""
-    flat = rows[part.flat[rows]]
-    upright = part.sheet.upright[flat]
-    walls, level = flat[upright], flat[~upright]
+def _piece(part: Parted, walls: NDArray[np.int64], rows: NDArray[np.int64]) -> Piece:
+    """Return the walls given, and half as many level elements of a window, which hold them level; evenly thinned."""
+    level = rows[part.flat[rows] & ~part.sheet.upright[rows]]
     most_walls = MOST_ELEMENTS * 2 // 3
     walls = walls[:: len(walls) // most_walls + 1]
     level = level[:: len(level) // (MOST_ELEMENTS - most_walls) + 1]

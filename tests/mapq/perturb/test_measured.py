@@ -70,7 +70,7 @@ def test_walls_that_no_other_scan_comes_near_are_plausible():
 
 def test_near_walls_that_do_not_fit_are_not_known():
     # A row of stubs that stand at right angles to the wall near them: nothing of it overlaps.
-    stubs = [wall((x, 0.5), (x, 2.5), 4.0) for x in np.arange(0.5, 20.0, 1.0)]
+    stubs = [wall((x, 0.2), (x, 1.4), 4.0) for x in np.arange(0.5, 20.0, 0.7)]
     points = [look(COURT[:1], POSES[0], 0, 20.0), look(stubs, POSES[1], 1, 20.0)]
     label = build(make_scans(points, POSES)).cloud.fields["suspicious"]
     assert (label == UNLABELLED).mean() > 0.9
