@@ -36,7 +36,7 @@ class Level(NamedTuple):
 
 def measure(data: Path, models: dict[str, Model], seeds: int) -> list[Level]:
     """Return all levels of all sets; none of them first."""
-    sets = {"quad": real_data.quad(data), "hall": real_data.hall(data), "kitti": real_data.kitti(data).every(4)}
+    sets = {"quad": real_data.quad(data), "hall": real_data.hall(data), "kitti": real_data.kitti(data).every(5)}
     errors = {"0": PoseErrors()}
     errors |= {f"{size:g} m": PoseErrors(missed_loop=(size, 0.0)) for size in OFFSETS}
     errors |= {f"{size:g} deg": PoseErrors(missed_loop=(0.0, size)) for size in TURNS}
@@ -50,7 +50,7 @@ def measure(data: Path, models: dict[str, Model], seeds: int) -> list[Level]:
             ]
             metres = np.concatenate([real_data.disagreement_of(patches) for patches in maps])
             called = {
-                method: np.concatenate([say(patches, model).label == SUSPICIOUS for patches in maps])
+                method: np.concatenate([say(patches, method, model).label == SUSPICIOUS for patches in maps])
                 for method, model in models.items()
             }
             found.append(Level(source, name, metres, called))
@@ -98,11 +98,11 @@ def lines(result: dict[str, Any], main: str) -> Iterator[str]:
     edges = ["<" + f"{BINS[0]:g}", *(f"{a:g}-{b:g}" for a, b in pairwise(BINS)), f">{BINS[-1]:g}"]
     for source, curve in result["curve"].items():
         yield f"{source}: share called suspicious, by metres displaced along the normal"
-        yield f"  {'':28}" + "".join(f"{edge:>10}" for edge in edges)
-        yield f"  {'patches':28}" + "".join(f"{count:>10}" for count in curve["n"])
+        yield f"  {'':34}" + "".join(f"{edge:>10}" for edge in edges)
+        yield f"  {'patches':34}" + "".join(f"{count:>10}" for count in curve["n"])
         for method in curve:
             if method != "n":
-                yield f"  {method:28}" + "".join(f"{value:>10.3f}" for value in curve[method])
+                yield f"  {method:34}" + "".join(f"{value:>10.3f}" for value in curve[method])
     yield f"{main}: {'':10}{'unmoved':>9}{'false alarms':>14}{'moved':>9}{'found':>9}"
     for row in result["levels"]:
         rates = row["rates"][main]

@@ -21,7 +21,7 @@ from mapq.features import FeatureSettings, patch_features
 from mapq.metrics import map_metrics
 from mapq.model import Model
 from mapq.patches import SUSPICIOUS, Patches
-from mapq.perturb.merge import merge
+from mapq.perturb import build
 from mapq.posed import PosedScans
 from mapq.segment import segment
 
@@ -72,39 +72,38 @@ def measure(data: Path, models: dict[str, Model], seed: int) -> list[Pair]:
     for name, scans in sets(data).items():
         for first in range(0, len(scans) - 1, STEPS.get(name, 1)):
             two = real_data.some(scans, (first, first + 1))
-            merged = merge(two)
-            separate = _entropy_apart(merged.placed(two.poses), merged.scan)
-            right = _scores(merged.placed(two.poses), models, separate)
+            mapped = build(two, reference=two.poses).cloud
+            separate = _entropy_apart(mapped)
+            right = _scores(mapped, models, separate)
             for level, (radians, metres) in enumerate(LEVELS):
                 poses = np.stack([two.poses[0], wrong_pose(two.poses[1], radians, metres, rng)])
-                wrong = _scores(merged.placed(poses), models, separate)
+                wrong = _scores(build(two.with_poses(poses, name), reference=poses).cloud, models, separate)
                 pairs += [Pair(name, level, False, right), Pair(name, level, True, wrong)]
     return pairs
 
 
-def _entropy_apart(points: np.ndarray, scan: np.ndarray) -> float:
-    """Return the mean map entropy of the scans by themselves, points (n, 3) weighing alike."""
-    parts = [points[scan == number] for number in (0, 1)]
-    values = [map_metrics(PointCloud.from_world(part)).mean_map_entropy for part in parts]
+def _entropy_apart(cloud: PointCloud) -> float:
+    """Return the mean map entropy of the scans of a map by themselves, points weighing alike."""
+    parts = [cloud.take(cloud.fields["scan"] == number) for number in (0, 1)]
+    values = [map_metrics(part).mean_map_entropy for part in parts]
     return float(np.average(values, weights=[len(part) for part in parts]))
 
 
-def _scores(points: np.ndarray, models: dict[str, Model], separate: float) -> dict[str, float]:
-    cloud = PointCloud.from_world(points.astype(np.float32), source="pair")
+def _scores(cloud: PointCloud, models: dict[str, Model], separate: float) -> dict[str, float]:
     patches = segment(cloud)
+    features = patch_features(patches, FeatureSettings(context=()))
+    area = features.shape[:, features.shape_names.index("area_m2")]
     found = {ENTROPY: map_metrics(cloud).mean_map_entropy - separate}
     for name, model in models.items():
-        found[name], found[f"{name}, alarm"] = _of_map(patches, model)
+        found[name], found[f"{name}, alarm"] = _of_map(patches, name, model, area)
     return found
 
 
-def _of_map(patches: Patches, model: Model) -> tuple[float, float]:
+def _of_map(patches: Patches, name: str, model: Model, area: np.ndarray) -> tuple[float, float]:
     """Return the mean probability and the suspicious share of a map, patches weighing by their area."""
     if len(patches) == 0:
         return 0.0, 0.0
-    features = patch_features(patches, FeatureSettings())
-    area = features.shape[:, features.shape_names.index("area_m2")]
-    said = say(patches, model)
+    said = say(patches, name, model)
     return float(np.average(said.probability, weights=area)), float(np.average(said.label == SUSPICIOUS, weights=area))
 
 

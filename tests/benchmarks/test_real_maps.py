@@ -65,6 +65,6 @@ def test_methods_are_trained_and_scored_beside_the_majority():
     lines = real_methods.table(scores)
     assert len(lines) == 6
     assert real_methods.number(float("nan")) == "-"
-    called = real_methods.share_called([test], models["default"])
+    called = real_methods.share_called([test], "default", models["default"])
     assert called["patches"] == len(test)
-    assert UNLABELLED not in real_methods.say(test, models["default"]).label
+    assert UNLABELLED not in real_methods.say(test, "default", models["default"]).label
