@@ -126,6 +126,8 @@ def state_arrays(chain: Chain, rng: np.random.Generator) -> Arrays:
 
 def restored_state(chain: Chain, rng: np.random.Generator, settings: Settings, arrays: Arrays) -> Chain:
     """Return the chain at the map of :func:`state_arrays`, and put its generator there too."""
+    if arrays["outcomes"].shape != chain.outcomes.shape:
+        raise ValueError("its moves are those of another version of prf")
     graph = chain.graph._replace(**{name: arrays[f"graph.{name}"] for name in chain.graph._fields})
     rng.bit_generator.state = json.loads(str(arrays["generator"]))
     return with_graph(chain._replace(outcomes=arrays["outcomes"]), settings, graph)

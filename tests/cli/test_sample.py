@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -233,6 +234,19 @@ def test_a_damaged_checkpoint_is_named(office: Path, tmp_path: Path, capsys: pyt
     (folder / "checkpoint.npz").unlink()
     assert run("--resume", str(folder), "--steps", "70000") == 3
     assert "checkpoint.npz: no such file" in capsys.readouterr().err
+
+
+def test_a_checkpoint_with_other_moves_is_refused(
+    office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "office"
+    shutil.copytree(office, folder)
+    with np.load(folder / "checkpoint.npz") as stored:
+        arrays = dict(stored)
+    arrays["chain0.outcomes"] = arrays["chain0.outcomes"][:-2]
+    np.savez(folder / "checkpoint.npz", **arrays)
+    assert run("--resume", str(folder), "--steps", "70000") == 3
+    assert "another version" in capsys.readouterr().err
 
 
 def test_a_checkpoint_of_another_run_is_refused(
