@@ -67,10 +67,13 @@ class Tempering:
         The rungs 1, 2, ...
     first_step : int
         Step at which the rungs were put there.
+    spacing : int
+        Steps between two tries to swap.
     """
 
     def __init__(self, settings: Settings, cold: Chain, rng: np.random.Generator, plan: LadderPlan) -> None:
         self.settings = settings
+        self.spacing = SWAP_SPACING
         self.ladder = Ladder(plan.first_powers(), finds_reach=plan.hottest is None)
         self.cost = plan.cost if plan.cost is not None else occupied_cost(settings, len(cold.sensors.xy))
         self.first_step = int(cold.graph.counts[c.STEP])
@@ -106,15 +109,15 @@ class Tempering:
         now = int(cold.graph.counts[c.STEP])
         cold = run_chain(cold, rng, now)
         while now < step:
-            now = min(step, now - now % SWAP_SPACING + SWAP_SPACING)
+            now = min(step, now - now % self.spacing + self.spacing)
             cold = run_chain(cold, rng, now)
             for k, power in enumerate(self.ladder.powers[1:]):
                 if power > 0.0:
                     self.hot[k] = run_chain(self.hot[k], self.generators[k], now)
                 else:
                     self.hot[k].graph.counts[c.STEP] = now
-            if now % SWAP_SPACING == 0:
-                cold = self.swap(cold, (now // SWAP_SPACING) % 2)
+            if now % self.spacing == 0:
+                cold = self.swap(cold, (now // self.spacing) % 2)
         return cold
 
     def swap(self, cold: Chain, parity: int) -> Chain:

@@ -1,25 +1,22 @@
 """Rungs of parallel tempering on readings that say little, against weighted exact draws of the prior.
 
-``python -m tests.statistical.tempered STEPS N_EXACT SEED`` prints the z-score of every mean on every rung as JSON.
+Weights say exactly what the law of every rung is; where they are not too uneven, draws of the prior are draws of it.
 """
 
 from __future__ import annotations
 
-import json
-import sys
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-import prf
 from prf.arak import exact_draws
 from prf.coloring import Coloring, black_at
 from prf.kernels import constants as c
 from prf.kernels.chain import Chain
 from prf.layout import read_coloring
 from prf.posterior import LaserData, Settings, make_chain
-from prf.sampler.tempering import SWAP_SPACING, Tempering
+from prf.sampler.tempering import Tempering
 from prf.sampler.tempering_ladder import LadderPlan
 from prf.sampler.tempering_state import with_map
 from prf.sensors.laser import LaserModel
@@ -30,15 +27,18 @@ Floats = NDArray[np.float64]
 WINDOW = Window(0.0, 0.0, 4.0, 4.0)
 SCALE = 0.3
 SENSORS = np.array([[1.1, 1.3], [2.9, 2.4]])
+PLACES = np.array([[2.9, 0.9], [0.4, 3.2]])
 COST = 2.0
-N_BATCHES = 50
-BURN_IN = 100
-"""Tries to swap that are left out."""
-NAMES = ("edges", "length", "log likelihood", "occupied sensors", "black at (2.9, 0.9)", "black at (0.4, 3.2)")
+POWERS = np.array([1.0, 0.6, 0.25, 0.0])
+SPACING = 50
+"""Steps between two tries to swap: few, so that a wrong ratio of swaps is not undone by right steps."""
+N_BATCHES = 40
+BURN_IN = 200
+NAMES = ("edges", "length", "log likelihood", "occupied sensors", "black right", "black left")
 
 
 def blunt_settings() -> Settings:
-    """Six beams of an unsure laser, which a wall right of both sensors and nothing on the left would explain."""
+    """Six beams of an unsure laser."""
     angle = np.tile([0.0, 0.5 * np.pi, np.pi], 2)
     readings = np.array([0.9, 1.5, np.inf, 0.6, np.inf, 1.0])
     model = LaserModel(3.0, noise=0.4, outlier_probability=0.4, miss_probability=0.1)
@@ -46,10 +46,9 @@ def blunt_settings() -> Settings:
 
 
 def functionals(chain: Chain, coloring: Coloring) -> list[float]:
-    sums = chain.graph.sums
-    black = black_at(coloring, [[2.9, 0.9], [0.4, 3.2]]).astype(float).tolist()
-    occupied = float(black_at(coloring, SENSORS).sum())
-    return [float(coloring.n_edges), float(coloring.total_length()), float(sums[c.LOG_LIKELIHOOD]), occupied, *black]
+    black = black_at(coloring, np.concatenate([SENSORS, PLACES])).astype(float)
+    log_likelihood = float(chain.graph.sums[c.LOG_LIKELIHOOD])
+    return [coloring.n_edges, coloring.total_length(), log_likelihood, black[:2].sum(), *black[2:]]
 
 
 def exact_values(settings: Settings, n: int, seed: int) -> Floats:
@@ -69,14 +68,15 @@ class Means(NamedTuple):
     error: Floats
 
 
-def exact_means(values: Floats, powers: Floats) -> Means:
+def exact_means(values: Floats) -> Means:
     """Self-normalised importance sampling; on the cold rung no sensor may be occupied."""
-    log_likelihood, occupied = values[:, 2], values[:, 3]
+    log_likelihood, occupied = values[:, 2] - values[:, 2].max(), values[:, 3]
     means, errors = [], []
-    for k, power in enumerate(powers):
-        weight = np.exp(power * (log_likelihood - log_likelihood.max() - COST * occupied))
-        if k == 0:
-            weight = np.where(occupied > 0, 0.0, np.exp(log_likelihood - log_likelihood.max()))
+    for power in POWERS:
+        log_weight = power * (log_likelihood - COST * occupied)
+        if power == 1.0:
+            log_weight = np.where(occupied > 0, -np.inf, log_likelihood)
+        weight = np.exp(log_weight)
         weight /= weight.sum()
         mean = weight @ values
         means.append(mean)
@@ -84,36 +84,49 @@ def exact_means(values: Floats, powers: Floats) -> Means:
     return Means(np.array(means), np.array(errors))
 
 
-def sampled_means(settings: Settings, steps: int, powers: Floats, seed: int) -> Means:
-    """Batch means over one run at fixed powers."""
+class Costless(Tempering):
+    """The mistake: swaps forget what occupied sensors cost."""
+
+    def log_swap_ratio(self, pair: int, colder: Chain, hotter: Chain) -> float:
+        log_ratio = super().log_swap_ratio(pair, colder, hotter)
+        counts = [chain.graph.counts[c.OCCUPIED] for chain in (hotter, colder)]
+        powers = self.ladder.powers
+        return log_ratio + float((powers[pair] - powers[pair + 1]) * self.cost * (counts[0] - counts[1]))
+
+
+class Unforbidden(Tempering):
+    """The mistake: a map with an occupied sensor may come to the cold rung, at the cost that the others ask."""
+
+    def log_swap_ratio(self, pair: int, colder: Chain, hotter: Chain) -> float:
+        log_ratio = super().log_swap_ratio(pair, colder, hotter)
+        if log_ratio > -np.inf:
+            return log_ratio
+        sums = [chain.graph.sums[c.LOG_LIKELIHOOD] for chain in (hotter, colder)]
+        cost = self.cost * hotter.graph.counts[c.OCCUPIED]
+        return float((self.ladder.powers[0] - self.ladder.powers[1]) * (sums[0] - cost - sums[1]))
+
+
+def sampled_means(settings: Settings, n_swaps: int, seed: int, kind: type[Tempering] = Tempering) -> Means:
+    """Batch means over one run at fixed powers, looked at after every try to swap."""
     rng = np.random.default_rng(seed)
     cold = make_chain(settings, Coloring.empty(WINDOW))
-    tempering = Tempering(settings, cold, rng, LadderPlan(len(powers), 0.0, COST))
-    tempering.ladder.powers[:] = powers
+    tempering = kind(settings, cold, rng, LadderPlan(len(POWERS), 0.0, COST))
+    tempering.spacing = SPACING
+    tempering.ladder.powers[:] = POWERS
     tempering.apply_powers()
     rows = []
-    for step in range(SWAP_SPACING, steps + 1, SWAP_SPACING):
-        cold = tempering.run_to(cold, rng, step)
-        if step % 50 * SWAP_SPACING == 0:
-            tempering.settle()
-        rows.append([functionals(chain, read_coloring(chain.graph)) for chain in (cold, *tempering.hot)])
-    kept = np.array(rows[BURN_IN:])
+    for swap in range(1, n_swaps + 1):
+        cold = tempering.run_to(cold, rng, swap * SPACING)
+        if swap > BURN_IN:
+            rows.append([functionals(chain, read_coloring(chain.graph)) for chain in (cold, *tempering.hot)])
+    kept = np.array(rows)
     batches = kept[: len(kept) // N_BATCHES * N_BATCHES].reshape(N_BATCHES, -1, *kept.shape[1:]).mean(axis=1)
     return Means(batches.mean(axis=0), batches.std(axis=0, ddof=1) / np.sqrt(N_BATCHES))
 
 
-POWERS = np.array([1.0, 0.6, 0.25, 0.0])
-
-
-def z_scores(steps: int, n_exact: int, seed: int) -> dict[str, float]:
-    settings = blunt_settings()
-    exact = exact_means(exact_values(settings, n_exact, seed), POWERS)
-    found = sampled_means(settings, steps, POWERS, seed)
+def z_scores(exact: Means, found: Means) -> dict[str, float]:
+    """z-score of every mean on every rung; 0 where both are the same without any error."""
     error = np.hypot(exact.error, found.error)
-    z = np.where(error > 0.0, (found.mean - exact.mean) / np.where(error > 0.0, error, 1.0), 0.0)
+    difference = found.mean - exact.mean
+    z = np.where(difference == 0.0, 0.0, difference / np.where(error > 0.0, error, 1e-300))
     return {f"rung {k}: {name}": float(z[k, i]) for k in range(len(POWERS)) for i, name in enumerate(NAMES)}
-
-
-if __name__ == "__main__":
-    numbers = [int(text) for text in sys.argv[1:4]]
-    print(json.dumps({"package": prf.__file__, "z": z_scores(*numbers)}))

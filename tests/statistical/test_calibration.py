@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from prf.coloring import black_at, black_at_draws
 from prf.posterior import LaserData, Settings
 from prf.sampler import Sampler
+from prf.sampler.tempering_ladder import LadderPlan
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
 from tests.reference.beams import Sensor
@@ -63,10 +64,12 @@ def worst_rhat(sampler: Sampler) -> float:
     return max((found.rhat for found in sampler.diagnose().values() if found.state != "constant"), default=1.0)
 
 
-def answer(number: int, data: LaserData, world: World, scale: float, stages: Stages, tiles: int = 0) -> Answer:
+def answer(
+    number: int, data: LaserData, world: World, scale: float, stages: Stages, tiles: int = 0, rungs: int = 1
+) -> Answer:
     """Sample the posterior of one world, in one thread, and ask for the colours of random points."""
     settings = Settings(ROOM, scale, data, resolution=0.5, tiles=tiles)
-    with Sampler(settings, spawn_generators(SEED + number, 4), 1) as sampler:
+    with Sampler(settings, spawn_generators(SEED + number, 4), 1, plan=LadderPlan(rungs)) as sampler:
         for steps, enough in stages:
             while sampler.step < steps:
                 sampler.advance()
@@ -105,7 +108,7 @@ def report(found: Calibration, answers: list[Answer]) -> str:
 
 
 def run_worlds(
-    n_worlds: int, stages: Stages, scale: float = SCALE, repeat: int = 1, tiles: int = 0
+    n_worlds: int, stages: Stages, scale: float = SCALE, repeat: int = 1, tiles: int = 0, rungs: int = 1
 ) -> tuple[Calibration, list[Answer]]:
     """Two worlds at a time. `scale` and `repeat` (times that each reading is counted) are right by default."""
 
@@ -115,7 +118,7 @@ def run_worlds(
             getattr(world.data, name) for name in ("origin", "angle", "readings", "model")
         )
         data = LaserData(np.tile(origin, (repeat, 1)), np.tile(angle, repeat), np.tile(readings, repeat), model)
-        return answer(number, data, world, scale, stages, tiles)
+        return answer(number, data, world, scale, stages, tiles, rungs)
 
     with ThreadPoolExecutor(2) as pool:
         answers = list(pool.map(one, range(n_worlds)))
@@ -131,6 +134,16 @@ def test_probabilities_are_the_shares_observed() -> None:
     assert (found.n >= 100).all(), summary
     # Chains that do not mix would miss the shares, or hit them by luck: neither says anything about the sampler.
     assert np.mean([one.rhat < 1.2 for one in answers]) > 0.9, summary
+
+
+@pytest.mark.slow
+def test_probabilities_are_the_shares_observed_with_hot_rungs() -> None:
+    """Fewer worlds, each of which costs three times as much."""
+    found, answers = run_worlds(12, STAGES[:2], rungs=3)
+    summary = report(found, answers)
+    print(summary)
+    assert np.abs(found.z).max() < LIMIT, summary
+    assert np.mean([one.rhat < 1.2 for one in answers]) > 0.8, summary
 
 
 @pytest.mark.slow

@@ -1,0 +1,57 @@
+"""Every rung of parallel tempering has its law: the weighted prior; and wrong swaps are caught."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from prf.sampler.tempering import Tempering
+from tests.statistical.tempered import (
+    N_BATCHES,
+    NAMES,
+    POWERS,
+    Costless,
+    Unforbidden,
+    blunt_settings,
+    exact_means,
+    exact_values,
+    sampled_means,
+    z_scores,
+)
+
+SEED = 20050726
+
+
+def scores(n_exact: int, n_swaps: int, kind: type[Tempering] = Tempering) -> dict[str, float]:
+    settings = blunt_settings()
+    exact = exact_means(exact_values(settings, n_exact, SEED))
+    return z_scores(exact, sampled_means(settings, n_swaps, SEED, kind))
+
+
+def worst(z: dict[str, float]) -> tuple[str, float]:
+    return max(z.items(), key=lambda item: abs(item[1]))
+
+
+def test_every_rung_has_its_law() -> None:
+    z = scores(4000, 6000)
+    assert len(z) == len(POWERS) * len(NAMES)
+    assert abs(worst(z)[1]) < 4.5, (SEED, worst(z))
+
+
+@pytest.mark.parametrize(
+    ("kind", "rung"), [(Costless, 1), (Unforbidden, 0)], ids=["swaps without the cost", "black sensors in the cold"]
+)
+def test_wrong_swaps_are_caught(kind: type[Tempering], rung: int) -> None:
+    z = scores(2000, 3000, kind)
+    assert z[f"rung {rung}: occupied sensors"] > 6.0, z
+
+
+@pytest.mark.slow
+def test_every_rung_has_its_law_in_a_long_run() -> None:
+    z = scores(100_000, 80_000)
+    false_alarms = len(z) * 2.0 * stats.t.sf(4.0, N_BATCHES - 1)
+    summary = f"seed {SEED}, |z| < 4 fails by chance once in {1 / false_alarms:.0f}: {worst(z)}"
+    print(summary, {name: round(score, 2) for name, score in z.items()})
+    assert abs(worst(z)[1]) < 4.0, summary
+    assert np.isfinite(list(z.values())).all()
