@@ -310,7 +310,7 @@ def _report(run: Run, progress: Progress, folder: Path, session: Session, json: 
     if swaps:
         console.emit(_ladders(swaps))
     elif not result["converged"] and progress.status != "running":
-        console.emit("chains that stay apart: run longer, or with parallel tempering (--rungs 8; docs/tempering.md)")
+        console.emit("chains that stay apart: run longer, or with parallel tempering (--rungs 3; docs/tempering.md)")
     console.emit(f"{result['draws']} draws of {result['chains']} chains, {progress.step:,} steps each, {folder}/")
     console.emit(f"picture {folder}/posterior.png" + (f", best map {folder}/map.geojson" if run.best else ""))
 
