@@ -69,6 +69,7 @@ def run_to_stage(chain: Chain, rng: np.random.Generator, n: int, stage: int) -> 
         if stage == SENSORS:
             continue
         if stage == FREED:
+            chain.beams.n_touched[0] = 0
             spare = most_freed(chain.beams, proposal, 0) + most_cut(chain.beams, proposal, 0)
             if spare >= needed:
                 total += touch_freed_beams(graph, chain.edge_index, chain.beams, proposal, 0, needed, spare)[0]
