@@ -24,7 +24,7 @@ BELOW_ONE_BIT = 2.0**-54
 """What is added to a number and is smaller than this share of it leaves no trace."""
 
 FIRST_LEVEL = 5_000
-"""Beams at most, more or less, that are asked at first."""
+"""Beams at least that are asked at first, where there are further levels."""
 LEVEL_GROWTH = 4
 """How many times as many beams there are with a further level as without it."""
 ORDER = 19530921
