@@ -15,19 +15,19 @@ from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, other_end, pick
 from prf.kernels.moves.gap import (
-    block_round,
     block_round_cut,
     can_face,
     corners_density,
     foot_and_offset,
     is_in_window,
     length_after,
+    links_after,
+    links_now,
     list_block,
     opposite_now,
     outer_edge,
-    partners_after,
-    partners_now,
     passes_block,
+    pick_pair,
     place_off_line,
     signed_reach,
     turn_round_gap,
@@ -137,13 +137,8 @@ def propose_cut(
 @core
 def cut_returns(graph: Graph, index: EdgeIndex, proposal: Proposal, odds: np.ndarray) -> float:
     """Log of odds times density with which a mend would undo the proposed cut; -inf if it could not."""
-    density = 0.0
-    first = block_round(index.grid, proposal.new_xy[FIRST_JAMB])
-    if passes_block(index.grid, proposal, SECOND_JAMB, first):
-        density += 1.0 / partners_after(graph, index, proposal, FIRST_JAMB)
-    second = block_round(index.grid, proposal.new_xy[SECOND_JAMB])
-    if passes_block(index.grid, proposal, FIRST_JAMB, second):
-        density += 1.0 / partners_after(graph, index, proposal, SECOND_JAMB)
+    density = links_after(graph, index, proposal, FIRST_JAMB, SECOND_JAMB)
+    density += links_after(graph, index, proposal, SECOND_JAMB, FIRST_JAMB)
     if density == 0.0:
         return -math.inf
     edges_after = graph.counts[c.EDGES] + 4
@@ -164,13 +159,9 @@ def propose_mend(
     Corners p, s of j and q, t of k go; the faces ab and ru of the mended wall come between their other neighbours.
     """
     edges = graph.counts[c.EDGES]
-    if edges < 6:
+    j, k, n_j = pick_pair(graph, index, 6, rng)
+    if j == c.NONE:
         return False, 0.0
-    j = pick(graph, c.EDGES, rng)
-    n_j = partners_now(graph, index, j)
-    if n_j == 0:
-        return False, 0.0
-    k = index.neighbors[int(rng.random() * n_j)]
     p = graph.edge_vertices[j, 0]
     s = graph.edge_vertices[j, 1]
     q = graph.edge_vertices[k, 0]
@@ -194,10 +185,7 @@ def propose_mend(
     join(graph, proposal, a, b)
     join(graph, proposal, r, u)
     turn_round_gap(graph, proposal, a, b, p, q, s, t, r, u)
-    forward = 1.0 / n_j
-    n_k = partners_now(graph, index, k)
-    if index.marks[j] == index.mark[0]:
-        forward += 1.0 / n_k
+    forward = 1.0 / n_j + links_now(graph, index, k, j)
     return True, -math.log(odds[c.MEND_WALL] * 0.5 * forward / edges)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, are_adjacent, on_one_side
+from prf.kernels.graph import Graph, are_adjacent, on_one_side, pick
 from prf.kernels.grid import Grid, axis_index
 from prf.kernels.moves.placing import is_inside, random_reach, reach_density
 from prf.kernels.moves.recolor import begin_list_after, mark_edges_at, note_neighbor
@@ -200,6 +200,33 @@ def partners_after(graph: Graph, index: EdgeIndex, proposal: Proposal, k: int) -
         if not share_vertex(proposal, k, other) and passes_block(index.grid, proposal, other, block):
             n += 1
     return n
+
+
+@core
+def pick_pair(graph: Graph, index: EdgeIndex, fewest: int, rng: np.random.Generator) -> tuple[int, int, int]:
+    """A uniform edge, a uniform one of its M, and the size of M; (NONE, NONE, 0) with fewer edges or an empty M."""
+    if graph.counts[c.EDGES] < fewest:
+        return c.NONE, c.NONE, 0
+    edge = pick(graph, c.EDGES, rng)
+    n = partners_now(graph, index, edge)
+    if n == 0:
+        return c.NONE, c.NONE, 0
+    return edge, index.neighbors[int(rng.random() * n)], n
+
+
+@core
+def links_now(graph: Graph, index: EdgeIndex, j: int, k: int) -> float:
+    """1/#M(j) if k is in M(j)."""
+    n = partners_now(graph, index, j)
+    return 1.0 / n if index.marks[k] == index.mark[0] else 0.0
+
+
+@core
+def links_after(graph: Graph, index: EdgeIndex, proposal: Proposal, j: int, k: int) -> float:
+    """1/#M(j) if k is in M(j), in the new map."""
+    if not passes_block(index.grid, proposal, k, block_round(index.grid, proposal.new_xy[j])):
+        return 0.0
+    return 1.0 / partners_after(graph, index, proposal, j)
 
 
 @core

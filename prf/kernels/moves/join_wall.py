@@ -12,16 +12,15 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, other_end, pick
+from prf.kernels.graph import Graph, other_end
 from prf.kernels.moves.gap import (
-    block_round,
     can_face,
     foot_and_offset,
     is_in_window,
+    links_after,
+    links_now,
     outer_edge,
-    partners_after,
-    partners_now,
-    passes_block,
+    pick_pair,
     place_off_line,
     signed_density,
     signed_reach,
@@ -63,13 +62,9 @@ def propose_join(
 ) -> tuple[bool, float]:
     """Propose to join a uniform edge e to a uniform f in M(e); `join_returns` adds the way back."""
     edges = graph.counts[c.EDGES]
-    if edges < 2:
+    e, f, n = pick_pair(graph, index, 2, rng)
+    if e == c.NONE:
         return False, 0.0
-    e = pick(graph, c.EDGES, rng)
-    n = partners_now(graph, index, e)
-    if n == 0:
-        return False, 0.0
-    f = index.neighbors[int(rng.random() * n)]
     u = graph.edge_vertices[e, 0]
     v = graph.edge_vertices[e, 1]
     a = graph.edge_vertices[f, 0]
@@ -92,20 +87,10 @@ def propose_join(
     for vertex in (u, p, a, b, q, v):
         turn_at_vertex(graph, proposal, vertex)
     density = corners_density(graph, tuning, u, v, a, b, p, q) / n
-    n = partners_now(graph, index, f)
-    if index.marks[e] == index.mark[0]:
-        density += corners_density(graph, tuning, a, b, u, v, p, q) / n
+    density += corners_density(graph, tuning, a, b, u, v, p, q) * links_now(graph, index, f, e)
     if density == 0.0:
         return False, 0.0  # p and q at one foot, but for rounding
     return True, -math.log(odds[c.JOIN_WALL] * density / edges)
-
-
-@core
-def links_after(graph: Graph, index: EdgeIndex, proposal: Proposal, j: int, k: int) -> float:
-    """1/#M(j) if k is in M(j), in the new map."""
-    if not passes_block(index.grid, proposal, k, block_round(index.grid, proposal.new_xy[j])):
-        return 0.0
-    return 1.0 / partners_after(graph, index, proposal, j)
 
 
 @core
@@ -128,13 +113,6 @@ def random_end(graph: Graph, edge: int, rng: np.random.Generator) -> int:
 
 
 @core
-def links_now(graph: Graph, index: EdgeIndex, j: int, k: int) -> float:
-    """1/#M(j) if k is in M(j)."""
-    n = partners_now(graph, index, j)
-    return 1.0 / n if index.marks[k] == index.mark[0] else 0.0
-
-
-@core
 def propose_part(
     graph: Graph, index: EdgeIndex, proposal: Proposal, odds: np.ndarray, rng: np.random.Generator
 ) -> tuple[bool, float]:
@@ -143,13 +121,9 @@ def propose_part(
     `part_returns` adds the way back.
     """
     edges = graph.counts[c.EDGES]
-    if edges < 4:
+    j, k, n_j = pick_pair(graph, index, 4, rng)
+    if j == c.NONE:
         return False, 0.0
-    j = pick(graph, c.EDGES, rng)
-    n_j = partners_now(graph, index, j)
-    if n_j == 0:
-        return False, 0.0
-    k = index.neighbors[int(rng.random() * n_j)]
     p = random_end(graph, j, rng)
     q = random_end(graph, k, rng)
     if graph.positions[c.INTERIOR_VERTICES, p] == c.NONE or graph.positions[c.INTERIOR_VERTICES, q] == c.NONE:
@@ -164,8 +138,10 @@ def propose_part(
         return False, 0.0
     drop_vertex(proposal, p)
     drop_vertex(proposal, q)
-    for edge in (j, k, first, last):
-        drop_edge(proposal, edge)
+    drop_edge(proposal, j)
+    drop_edge(proposal, k)
+    drop_edge(proposal, first)
+    drop_edge(proposal, last)
     join(graph, proposal, u, v)
     join(graph, proposal, a, b)
     for vertex in (u, p, a, b, q, v):
