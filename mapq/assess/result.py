@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.assess.causes import CAUSES, Cause, find_causes
 from mapq.assess.inputs import feature_settings
 from mapq.assess.reasons import Reason, Reasons
 from mapq.assess.regions import Region, find_regions
+from mapq.assess.visits import Visits, visits_of
 from mapq.cloud import PointCloud
 from mapq.crf import Labelling, Terms, classify, explain
 from mapq.crf.marginals import cut_probability
@@ -21,7 +23,7 @@ from mapq.graph import PatchFeatures
 from mapq.io.models import read_default_model
 from mapq.io.results import result_cloud
 from mapq.model import Model
-from mapq.patches import SUSPICIOUS, Patches
+from mapq.patches import SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.progress import Reporter
 
 AREA = "area_m2"
@@ -56,7 +58,13 @@ class Result:
 
     def cloud(self) -> PointCloud:
         """Return all points with the fields of a result."""
-        return result_cloud(self.patches.cloud, self.patches.patch, self.labelling.label, self.labelling.probability)
+        cause = None
+        if self.visits is not None:
+            cause = np.full(len(self.patches), UNLABELLED, np.uint8)
+            for patch, found in self.causes.items():
+                cause[patch] = CAUSES.index(found.kind)
+        labelling = self.labelling
+        return result_cloud(self.patches.cloud, self.patches.patch, labelling.label, labelling.probability, cause)
 
     @cached_property
     def suspicious(self) -> NDArray[np.bool_]:
@@ -106,6 +114,29 @@ class Result:
         """Return the regions of connected suspicious patches, the most severe first."""
         return find_regions(self.patches, self.features, self.suspicious, self.labelling.probability, self.area)
 
+    @cached_property
+    def visits(self) -> Visits | None:
+        """Return when the points were seen; None where the cloud does not say."""
+        return visits_of(self.patches.cloud)
+
+    @cached_property
+    def causes(self) -> dict[int, Cause]:
+        """Return what made each suspicious patch so, as far as it is known, by its number."""
+        return find_causes(self.patches, self.features, self.suspicious, self.visits)
+
+    def area_by_cause(self, some: NDArray[np.int64] | None = None) -> dict[str, float]:
+        """Return the area in m² of suspicious patches (some: of those alone) by cause, the largest first."""
+        area = dict.fromkeys(CAUSES, 0.0)
+        for patch in self.causes if some is None else some:
+            area[self.causes[int(patch)].kind] += float(np.nan_to_num(self.area[patch]))
+        return dict(sorted(area.items(), key=lambda item: -item[1]))
+
+    def _cause_row(self, some: NDArray[np.int64] | None = None) -> dict[str, Any]:
+        """Return for JSON which cause has the largest area, and the area of each."""
+        area = self.area_by_cause(some)
+        named = {name: round(value, DECIMALS) for name, value in area.items()}
+        return {"cause": next(iter(area)) if any(area.values()) else None, "area_by_cause_m2": named}
+
     def reasons(self, patch: int, n_most: int) -> list[Reason]:
         """Return the largest reasons for the label that a patch has, at most `n_most`."""
         return self._reasons.of(patch, 1.0 if self.suspicious[patch] else -1.0, n_most)
@@ -117,17 +148,20 @@ class Result:
     def verdict(self, fail_over: float | None) -> dict[str, Any]:
         """Return whether the map passes: no more than a share of its area suspicious; None where none is asked for.
 
-        A map without any patch does not pass: nothing speaks for it.
+        A map without any patch does not pass: nothing speaks for it. The cause is that of most of the suspicious area.
         """
         share = self.counts()["share_of_area"]
         passed = None if fail_over is None else bool(len(self.patches) and not share > fail_over)
-        return {"share_of_area": share, "fail_over": fail_over, "passed": passed}
+        return {"share_of_area": share, "fail_over": fail_over, "passed": passed, **self._cause_row()}
 
     def head(self) -> dict[str, Any]:
         """Return the JSON of a result but for its patches."""
         return {
             "counts": self.counts(),
-            "regions": [region.row(number, DECIMALS) for number, region in enumerate(self.regions)],
+            "regions": [
+                {**region.row(number, DECIMALS), **self._cause_row(region.patches)}
+                for number, region in enumerate(self.regions)
+            ],
             "edge_model": self.model.edge_model,
             "calibration": self.model.calibration.kind,
             "threshold": {"difference": self.model.threshold, "p_suspicious": cut_probability(self.model)},
@@ -153,6 +187,7 @@ class Result:
                 "normal": _rounded(self.patches.normal[patch]),
                 **{name: round(value, DECIMALS) for name, value in shape if name != "n_points"},
                 "region": region_of.get(patch),
+                "cause": self.causes[patch].row(DECIMALS) if patch in self.causes else None,
                 "reasons": [reason.row(DECIMALS) for reason in self.reasons(patch, N_REASONS)],
                 "log_odds": round(float(self.terms.contribution[span].sum()), DECIMALS),
                 "terms": self.term_rows(patch, int(starts[patch]), int(starts[patch + 1])),

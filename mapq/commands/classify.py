@@ -69,8 +69,9 @@ def classify(
 
     RESULT.ply has all points with all their fields, and patch, suspicious (0, 1, 255 = no patch), p_suspicious and
     colours: plausible blue, suspicious red. RESULT.json beside it has the regions of connected suspicious patches,
-    worst first, and each patch with the reasons for its label in words, and the terms that led to it. Without -o they
-    go beside the input: its stem + .classified.ply. With --fail-over a map without any patch fails too: nothing
+    worst first, and each patch with the reasons for its label in words, and the terms that led to it. Where points
+    have a scan, a time or a pass, each has a cause too: a missed loop closure, or a local mapping error. Without -o
+    they go beside the input: its stem + .classified.ply. With --fail-over a map without any patch fails too: nothing
     speaks for it.
     """
     from mapq.assess import assess
@@ -136,6 +137,7 @@ def _lines(result: Result, target: str) -> Iterator[str]:
         f"points          {counts['n_points_suspicious']:,} of {counts['n_points_in_patches']:,} in patches"
         f"{_percent(counts, 'points')}; {counts['n_points']:,} in all"
     )
+    yield from _cause_line(result)
     yield from _region_lines(result)
     worst = result.worst(N_WORST)
     if worst:
@@ -146,7 +148,18 @@ def _lines(result: Result, target: str) -> Iterator[str]:
         yield f"  patch {patch:<6} p {p:.3f}  {result.area[patch]:.1f} m2 at {x:.1f} {y:.1f} {z:.1f}"
         for reason in result.reasons(patch, N_REASONS):
             yield f"      {reason.log_odds:+.2f}  {reason.text}"
+        if result.visits is not None:
+            yield f"      cause  {result.causes[patch].kind}: {result.causes[patch].text}"
     yield f"result          {target} and .json"
+
+
+def _cause_line(result: Result) -> Iterator[str]:
+    """Return how much of the suspicious area has which cause, where the map tells when it was seen."""
+    area = result.area_by_cause()
+    whole = sum(area.values())
+    if result.visits is not None and whole:
+        named = ", ".join(f"{name} {value / whole:.0%}" for name, value in area.items() if value)
+        yield f"causes          {named} of the suspicious area"
 
 
 def _region_lines(result: Result) -> Iterator[str]:
@@ -160,7 +173,9 @@ def _region_lines(result: Result) -> Iterator[str]:
         size = " x ".join(f"{length:.1f}" for length in (region.high - region.low).tolist())
         apart = "" if region.displacement != region.displacement else f", surfaces {region.displacement:.2f} m apart"
         n_patches = f"{len(region.patches)} patch{'' if len(region.patches) == 1 else 'es'}"
-        yield f"  region {number:<5} {n_patches}, {region.area:.1f} m2 in {size} m at {x:.1f} {y:.1f} {z:.1f}{apart}"
+        cause = "" if result.visits is None else f", {next(iter(result.area_by_cause(region.patches)))}"
+        where = f"{region.area:.1f} m2 in {size} m at {x:.1f} {y:.1f} {z:.1f}"
+        yield f"  region {number:<5} {n_patches}, {where}{apart}{cause.replace('unknown', 'cause unknown')}"
 
 
 def _percent(counts: dict[str, Any], of: str) -> str:

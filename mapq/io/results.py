@@ -25,6 +25,8 @@ PATCH, LABEL, PROBABILITY = "patch", "suspicious", "p_suspicious"
 RESULT_FIELDS = (PATCH, LABEL, PROBABILITY)
 """The fields that make a cloud a result."""
 COLOURS = ("red", "green", "blue")
+CAUSE = "cause"
+"""Of maps that tell when their points were seen."""
 ORIGINAL = "original_"
 """Before the names of fields that the points had and a result needs."""
 
@@ -58,6 +60,7 @@ def result_cloud(
     patch: NDArray[np.int32],
     label: NDArray[np.uint8],
     probability: NDArray[np.float32],
+    cause: NDArray[np.uint8] | None = None,
 ) -> PointCloud:
     """Return the cloud with the fields of a result.
 
@@ -69,10 +72,12 @@ def result_cloud(
     patch : (n,) int32
     label, probability : (m,)
         Of each patch; points without one get 255 and nan.
+    cause : (m,), optional
+        Of each patch, 255 where it is plausible; None: no such field.
     """
     fields = dict(cloud.fields)
     if set(RESULT_FIELDS) <= set(fields):
-        for name in (*RESULT_FIELDS, *COLOURS):
+        for name in (*RESULT_FIELDS, *COLOURS, CAUSE):
             fields.pop(name, None)
     fields = _original_names(fields)
     labels = np.append(label, np.uint8(UNLABELLED))[patch]
@@ -82,6 +87,8 @@ def result_cloud(
     fields[PATCH] = patch
     fields[LABEL] = labels
     fields[PROBABILITY] = np.append(probability, np.float32(np.nan))[patch].astype(np.float32)
+    if cause is not None:
+        fields[CAUSE] = np.append(cause, np.uint8(UNLABELLED))[patch]
     fields |= {name: table[labels, index] for index, name in enumerate(COLOURS)}
     return replace(cloud, fields=fields)
 
@@ -91,7 +98,7 @@ def _original_names(fields: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any
     renamed: dict[str, NDArray[Any]] = {}
     for name, values in fields.items():
         free = name
-        if name in (*RESULT_FIELDS, *COLOURS):
+        if name in (*RESULT_FIELDS, *COLOURS, CAUSE):
             free = ORIGINAL + name
             while free in fields or free in renamed:
                 free = ORIGINAL + free

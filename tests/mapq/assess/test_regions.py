@@ -73,4 +73,12 @@ def test_no_suspicious_patch_is_no_region():
 def test_the_verdict_is_that_of_the_area(result, fail_over, passed):
     share = result.area[result.suspicious].sum() / result.area.sum()
     verdict = result.verdict(fail_over)
-    assert verdict == {"share_of_area": pytest.approx(share), "fail_over": fail_over, "passed": passed}
+    area = {"unknown": pytest.approx(result.area[result.suspicious].sum())}
+    area |= {"missed loop closure": 0.0, "local mapping error": 0.0}
+    assert verdict == {
+        "share_of_area": pytest.approx(share),
+        "fail_over": fail_over,
+        "passed": passed,
+        "cause": "unknown",
+        "area_by_cause_m2": area,
+    }

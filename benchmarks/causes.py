@@ -1,0 +1,144 @@
+"""Causes that `mapq classify` names, beside the errors that maps were given: a confusion table.
+
+A simulated city, driven round a block twice, is cut into scans, whose poses get errors of one kind: a loop that was
+missed, offsets of scans, or both. Besides, the simulator's own maps: odometry that drifts, with two laps and with one.
+Judged are patches whose points are displaced and that the shipped model calls suspicious.
+About two minutes on one core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from mapq.assess import assess
+from mapq.assess.causes import CAUSES, LOCAL, MISSED_LOOP, Cause, find_causes
+from mapq.assess.visits import visits_of
+from mapq.cloud import PointCloud
+from mapq.labels import label_from_field
+from mapq.patches import NO_PATCH, SUSPICIOUS, Patches
+from mapq.perturb import PoseErrors, build, displaced
+from mapq.posed import PosedScans
+from mapq.segment import segment
+from mapq.simulate import Settings, simulate
+
+SCAN_SECONDS = 2.8
+"""Two nods of the laser."""
+KNOWN = {
+    "scans, from where": ("scan", "pass_id", "to_sensor_x", "to_sensor_y", "to_sensor_z"),
+    "scans": ("scan",),
+    "seconds": ("time",),
+    "passes": ("pass_id",),
+    "nothing": (),
+}
+"""What a map tells of when it was seen, by the fields that are kept."""
+
+
+ERRORS = {
+    ("missed loop, 0.5 m and 1 degree", MISSED_LOOP): PoseErrors(missed_loop=(0.5, 1.0)),
+    ("missed loop, 1 m", MISSED_LOOP): PoseErrors(missed_loop=(1.0, 0.0)),
+    ("offsets of scans, 0.3 m", LOCAL): PoseErrors(offset=0.3),
+    ("turns of scans, 1 degree", LOCAL): PoseErrors(yaw=1.0),
+}
+LATE = 0.8
+"""Share of the drive after which, in the map with both, scans have offsets: it is then past the block for good."""
+MOSTLY = 0.9
+
+
+class Case(NamedTuple):
+    """A labelled map: the point field of the labels, and the scans from which on errors are local instead of loops."""
+
+    name: str
+    cause: str
+    field: str
+    cloud: PointCloud
+    local_from: int | None = None
+
+
+def cut(cloud: PointCloud, seconds: float) -> PosedScans:
+    """Return the scans of a simulated map without drift: what was seen in so many seconds, from the middle place."""
+    time = cloud.fields["time"]
+    number = np.unique(np.floor(time / seconds).astype(np.int64), return_inverse=True)[1]
+    sensor = cloud.xyz + np.column_stack([cloud.fields[f"to_sensor_{axis}"] for axis in "xyz"])
+    rows = [np.flatnonzero(number == scan) for scan in range(int(number.max()) + 1)]
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    poses[:, :3, 3] = [np.median(sensor[some], axis=0) for some in rows]
+    clouds = [PointCloud.from_world(cloud.xyz[some] - poses[scan, :3, 3]) for scan, some in enumerate(rows)]
+    times = np.array([float(np.median(time[some])) for some in rows])
+    names = tuple(f"from {at:.0f} s" for at in times)
+    return PosedScans(names, poses, times, clouds.__getitem__, np.arange(len(rows)), "simulated")
+
+
+def cases(seed: int, n_points: int) -> Iterator[Case]:
+    """Yield maps whose causes are known."""
+    scans = cut(simulate(Settings(n_points=n_points, drift=0.0), seed), SCAN_SECONDS)
+    for (name, cause), error in ERRORS.items():
+        yield Case(name, cause, "suspicious", build(scans, error, seed=seed).cloud)
+    late = int(LATE * len(scans))
+    poses = displaced(scans.poses, ERRORS["missed loop, 1 m", MISSED_LOOP], seed)
+    poses[late:] = displaced(poses, ERRORS["offsets of scans, 0.3 m", LOCAL], seed)[late:]
+    both = build(scans.with_poses(poses, "both"), reference=scans.poses).cloud
+    for cause in (MISSED_LOOP, LOCAL):
+        yield Case(f"both in one map, {cause}", cause, "suspicious", both, late)
+    yield Case("drift of odometry, two laps", MISSED_LOOP, "truth", simulate(Settings(n_points=n_points), seed))
+
+
+def chosen(case: Case, patches: Patches) -> np.ndarray:
+    """Return which patches (m,) have the cause of a case: all, or those mostly of scans that have it."""
+    if case.local_from is None:
+        return np.ones(len(patches), bool)
+    inside = patches.patch != NO_PATCH
+    late = case.cloud.fields["scan"][inside] >= case.local_from
+    share = np.bincount(patches.patch[inside], late, len(patches)) / patches.counts
+    return np.asarray(share > MOSTLY if case.cause == LOCAL else share < 1.0 - MOSTLY)
+
+
+def measure(case: Case) -> dict[str, list[Cause]]:
+    """Return, by what a map tells, the causes of its displaced patches that are called suspicious.
+
+    They are called so from points alone: what fields say must not choose the patches.
+    """
+    patches = label_from_field(segment(case.cloud), case.field, case.name)[0]
+    result = assess(replace(patches, cloud=replace(case.cloud, fields={})))
+    right = result.suspicious & (patches.label == SUSPICIOUS) & chosen(case, patches)
+    found = {}
+    for name, fields in KNOWN.items():
+        if set(fields) <= set(case.cloud.fields):
+            told = replace(case.cloud, fields={field: case.cloud.fields[field] for field in fields})
+            found[name] = list(find_causes(patches, result.features, right, visits_of(told)).values())
+    return found
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--seeds", type=int, nargs="+", default=[3, 4], help="of worlds and errors")
+    parser.add_argument("--n-points", type=int, default=300_000, help="of a map")
+    parser.add_argument("--json", type=Path, help="the counts")
+    options = parser.parse_args()
+    table: dict[str, dict[str, Counter[str]]] = {}
+    truth = {}
+    for seed in options.seeds:
+        for case in cases(seed, options.n_points):
+            truth[case.name] = case.cause
+            for known, found in measure(case).items():
+                row = table.setdefault(known, {}).setdefault(case.name, Counter())
+                row.update(cause.kind for cause in found)
+    for known, rows in table.items():
+        print(f"the map tells: {known}")
+        print(f"  {'':42}{'truth':>22}" + "".join(f"{kind:>22}" for kind in CAUSES))
+        for name, row in rows.items():
+            print(f"  {name:42}{truth[name]:>22}" + "".join(f"{row[kind]:>22}" for kind in CAUSES))
+    if options.json:
+        options.json.write_text(json.dumps({"truth": truth, "named": table}, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,103 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mapq.assess.visits import visits_of
+from mapq.cloud import PointCloud
+
+ROUND = np.array([[0.0, 0.0], [30.0, 0.0], [60.0, 0.0], [60.0, 30.0], [30.0, 30.0], [0.0, 30.0], [0.0, 1.0]])
+"""Where the sensor was at each scan of a round."""
+
+
+def make_cloud(**fields: np.ndarray) -> PointCloud:
+    n_points = len(next(iter(fields.values())))
+    return PointCloud(np.zeros((n_points, 3)), np.zeros(3), fields)
+
+
+def driven(places: np.ndarray, sensors: bool = True, **fields: np.ndarray) -> PointCloud:
+    """Return three points a scan, seen from above each place; `sensors`: the map tells from where."""
+    sensor = np.repeat(np.column_stack([places, np.ones(len(places))]), 3, axis=0)
+    points = sensor + np.tile([[5.0, 0.0, 0.0], [-5.0, 0.0, 0.0], [0.0, 2.0, 0.0]], (len(places), 1))
+    if sensors:
+        fields |= {f"to_sensor_{axis}": (sensor - points)[:, k] for k, axis in enumerate("xyz")}
+    if not fields.keys() & {"time", "gps_time"}:
+        fields["scan"] = np.repeat(np.arange(len(places)), 3)
+    return PointCloud(points, np.zeros(3), fields)
+
+
+@pytest.mark.parametrize("sensors", [True, False])
+def test_a_round_brings_another_visit(sensors):
+    visits = visits_of(driven(ROUND, sensors))
+    assert visits is not None
+    assert visits.unit == "scan"
+    assert visits.moment.tolist() == np.repeat(np.arange(7), 3).tolist()
+    assert visits.new_visit(np.array([0, 0]), np.array([6, 1])).tolist() == [True, False]
+    assert (visits.way is not None) is sensors
+
+
+def test_neighbouring_scans_are_one_visit_however_far_apart():
+    visits = visits_of(driven(10.0 * ROUND))
+    assert visits is not None
+    assert visits.leaves.tolist() == [2, 3, 4, 5, 6, 7, 7]
+
+
+def test_a_sensor_that_turns_on_the_spot_makes_one_visit():
+    visits = visits_of(driven(np.zeros((50, 2))))
+    assert visits is not None
+    assert (visits.leaves == 50).all()
+
+
+def test_the_way_is_that_of_the_sensor():
+    visits = visits_of(driven(ROUND))
+    assert visits is not None
+    assert visits.way is not None
+    np.testing.assert_allclose(visits.way, [0, 30, 60, 90, 120, 150, 179])
+
+
+def test_seconds_make_moments_where_scans_are_not_known():
+    seconds = np.repeat([0.0, 0.4, 1.6, 2.3, 3.1, 4.8, 160.0], 3)
+    for name in ("time", "gps_time"):
+        visits = visits_of(driven(ROUND, **{name: seconds + 1e9}))
+        assert visits is not None
+        assert visits.unit == "second"
+        assert visits.moment.reshape(-1, 3)[:, 0].tolist() == [0, 0, 1, 2, 3, 4, 5]
+        assert visits.seconds is not None
+        assert visits.new_visit(np.array([0, 0]), np.array([5, 1])).tolist() == [True, False]
+
+
+def test_every_pass_is_a_visit_where_nothing_else_is_known():
+    for name in ("pass_id", "point_source_id"):
+        visits = visits_of(make_cloud(**{name: np.array([3, 3, 7, 9], np.uint16)}))
+        assert visits is not None
+        assert (visits.unit, visits.leaves.tolist()) == ("pass", [1, 2, 3])
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"intensity": np.arange(4.0)},
+        {"scan": np.zeros(4)},
+        {"scan": np.array([0.5, 1.0, 2.0, 3.0])},
+        {"time": np.array([0.0, 0.1, 0.2, 0.3])},
+        {"scan": np.array(["a", "b", "c", "d"])},
+        {"pass_id": np.zeros((4, 2))},
+    ],
+)
+def test_fields_that_are_no_clock_say_nothing(fields):
+    assert visits_of(make_cloud(**fields)) is None
+
+
+def test_points_without_a_time_have_no_moment():
+    visits = visits_of(make_cloud(time=np.array([0.0, np.nan, 5.0, 90.0])))
+    assert visits is not None
+    assert visits.moment.tolist() == [0, -1, 1, 2]
+
+
+def test_scans_are_neighbours_by_their_numbers():
+    """Of scans 0, 2, 4, 40 and 42 the map has no points of those between 4 and 40."""
+    places = np.array([[0.0, 0.0], [0.5, 0.0], [1.0, 0.0], [90.0, 0.0], [90.5, 0.0]])
+    cloud = driven(places)
+    visits = visits_of(cloud.with_fields(scan=np.array([0, 2, 4, 40, 42])[cloud.fields["scan"]]))
+    assert visits is not None
+    assert visits.leaves.tolist() == [3, 3, 3, 5, 5]
