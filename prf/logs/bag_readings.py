@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from prf.logs.bag import Bag, Message, open_bag, seconds
 from prf.logs.readings import FloatArray, Kind, LogNotes, NoReadings, Readings
 from prf.logs.scans import Scan, assemble
-from prf.logs.tf import Rigid, Tree, frame_name, turned
+from prf.shell.bag import Bag, Message, open_bag, seconds
 from prf.shell.errors import ConfigError, InputError
+from prf.shell.tf import Rigid, Tree, frame_name, turned
 
 FIXED = "map"
 
@@ -110,7 +110,7 @@ def _topics(bag: Bag, kind: Kind | None, topic: str | None) -> tuple[Kind, list[
         kind = "laser" if found["laser"] or not found["sonar"] else "sonar"
     topics = found[kind]
     if not topics:
-        raise NoReadings(f"{bag.source}: no {TYPES[kind]} messages. The bag has {_told_topics(bag)}.")
+        raise NoReadings(f"{bag.source}: no {TYPES[kind]} messages. The bag has {bag.contents}.")
     if kind == "laser" and len(topics) > 1:
         raise ConfigError(f"{bag.source}: several laser topics, {', '.join(topics)}. Choose one with --topic.")
     return kind, topics
@@ -125,12 +125,8 @@ def _named_topics(bag: Bag, found: dict[Kind, list[str]], kind: Kind | None, top
         if topics and all(name in found[candidate] for name in topics):
             return candidate, topics
     fitting = ", ".join(name for candidate in kinds for name in found[candidate])
-    has = f"has {fitting}" if fitting else f"has {_told_topics(bag)}, none of them {kind or 'laser or sonar'}"
+    has = f"has {fitting}" if fitting else f"has {bag.contents}, none of them {kind or 'laser or sonar'}"
     raise ConfigError(f"--topic {topic}: {bag.source} {has}.")
-
-
-def _told_topics(bag: Bag) -> str:
-    return ", ".join(f"{name} ({topic.type.rpartition('/')[2]})" for name, topic in bag.topics.items()) or "no topics"
 
 
 class _Beams(NamedTuple):

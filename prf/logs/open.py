@@ -12,14 +12,12 @@ from prf.logs.carmen_sonar import read_carmen_sonar
 from prf.logs.compressed import BYTE_ORDER_MARK, decompress
 from prf.logs.player_readings import read_player
 from prf.logs.readings import Kind, NoReadings, Readings
-from prf.logs.recognise import ACCEPTED, BAG_SUFFIXES, bag_suffix, recognise
+from prf.logs.recognise import ACCEPTED, recognise
 from prf.logs.rings import CONE
 from prf.logs.table import read_table
-from prf.shell.errors import ConfigError, InputError
+from prf.shell.bag import bag_in, bag_suffix, named_bag
+from prf.shell.errors import ConfigError
 from prf.shell.files import STREAM, open_input
-
-METADATA = "metadata.yaml"
-"""What makes a folder a ROS 2 bag."""
 
 HEAD = 64
 """Bytes that tell a bag."""
@@ -76,7 +74,7 @@ def read_readings(
     choice = _Choice(kind, topic, frame, cone)
     source = "standard input" if path == STREAM else path
     if path != STREAM and Path(path).is_dir():
-        bag = _bag_in(Path(path))
+        bag = bag_in(Path(path), ACCEPTED)
         return _read_bag_file(bag, "" if bag.is_dir() else bag.suffix, source, choice)
     with open_input(path) as stream:
         head = stream.read(HEAD)
@@ -124,26 +122,7 @@ def _read_carmen(data: bytes, source: str, choice: _Choice) -> Readings:
         raise
 
 
-def _bag_in(folder: Path) -> Path:
-    """Return what to open of a folder: itself if it is a ROS 2 bag, or the only bag file in it."""
-    if (folder / METADATA).is_file():
-        return folder
-    files = [file for suffix in BAG_SUFFIXES for file in sorted(folder.glob(f"*{suffix}"))]
-    if len(files) != 1:
-        has = f"{len(files)} bag files" if files else "no bag file"
-        raise InputError(f"{folder}: this is a folder without {METADATA} and with {has}. {ACCEPTED}")
-    return files[0]
-
-
 def _read_bag_file(file: Path, suffix: str, source: str, choice: _Choice) -> Readings:
     """Read a bag under a name that tells its format; `suffix` is empty for a folder."""
-    if file.suffix == suffix:
-        return _read_bag(file, source, choice)
-    with TemporaryDirectory() as folder:
-        named = Path(folder) / f"log{suffix}"
-        named.symlink_to(file.resolve())
-        return _read_bag(named, source, choice)
-
-
-def _read_bag(path: Path, source: str, choice: _Choice) -> Readings:
-    return read_bag(path, source, choice.kind, choice.cone, choice.topic, choice.frame)
+    with named_bag(file, suffix) as path:
+        return read_bag(path, source, choice.kind, choice.cone, choice.topic, choice.frame)

@@ -19,11 +19,6 @@ ACCEPTED = (
     "x,y,theta,range; also gzipped."
 )
 
-BAG_MAGICS = ((b"#ROSBAG V2.0", ".bag"), (b"\x89MCAP", ".mcap"), (b"SQLite format 3\0", ".db3"))
-"""How bags begin, and the ends of name under which their reader knows them."""
-
-BAG_SUFFIXES = tuple(suffix for _, suffix in BAG_MAGICS)
-
 LINES_TRIED = 2000
 """A text log may begin with hundreds of lines that an older tool wrote; a known first field comes within these."""
 
@@ -49,11 +44,6 @@ MAGICS = (
 _PLAYER = re.compile(rb"^## Player version|^\d+\.\d+ \S+ \d+ (laser|sonar|position(2d)?) \d+", re.MULTILINE)
 _ODOMETRY = re.compile(rb"^Odometry\s+[-+\d.e]+\s+[-+\d.e]+\s+[-+\d.e]+\s*$", re.MULTILINE)
 _CARMEN_HEADER = re.compile(rb"^#+\s*message formats defined:", re.MULTILINE)
-
-
-def bag_suffix(head: bytes) -> str:
-    """Return the end of name that fits a bag beginning with `head`, or "" if it is no bag."""
-    return next((suffix for magic, suffix in BAG_MAGICS if head.startswith(magic)), "")
 
 
 def recognise(data: bytes, source: str) -> Format:

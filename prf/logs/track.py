@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.logs.readings import FloatArray, IntArray
-
-HOLD = 0.5
-"""Seconds before the first and after the last pose for which a robot is taken to stand where it was seen."""
+from prf.shell.tf import HOLD
 
 MOST_TIES = 0.1
 """Share of equal time stamps up to which a clock is fine enough to interpolate by it."""

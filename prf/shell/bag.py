@@ -9,12 +9,22 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from prf.shell.errors import InputError
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
+
+
+MAGICS = ((b"#ROSBAG V2.0", ".bag"), (b"\x89MCAP", ".mcap"), (b"SQLite format 3\0", ".db3"))
+"""How bags begin, and the ends of name under which their reader knows them."""
+
+SUFFIXES = tuple(suffix for _, suffix in MAGICS)
+
+METADATA = "metadata.yaml"
+"""What makes a folder a ROS 2 bag."""
 
 
 class Message(NamedTuple):
@@ -62,6 +72,13 @@ class Bag:
             count = connection.msgcount + self.topics.get(connection.topic, Topic("", 0)).n_messages
             self.topics[connection.topic] = Topic(connection.msgtype, count)
 
+    @property
+    def contents(self) -> str:
+        """Topics and their types, for messages."""
+        return (
+            ", ".join(f"{name} ({topic.type.rpartition('/')[2]})" for name, topic in self.topics.items()) or "no topics"
+        )
+
     def of_type(self, *types: str) -> list[str]:
         """Return the topics of any of these message types that hold messages, by name."""
         return [name for name, topic in self.topics.items() if topic.type in types and topic.n_messages]
@@ -84,6 +101,40 @@ class Bag:
                 yield Message(connection.topic, nanoseconds / 1e9, body)
 
 
+def bag_suffix(head: bytes) -> str:
+    """Return the end of name that fits a bag beginning with `head`, or "" if it is no bag."""
+    return next((suffix for magic, suffix in MAGICS if head.startswith(magic)), "")
+
+
+def bag_in(folder: Path, accepted: str) -> Path:
+    """Return what to open of a folder: itself if it is a ROS 2 bag, or the only bag file in it.
+
+    Raises
+    ------
+    InputError
+        If it is neither; `accepted` says what else would be read.
+    """
+    if (folder / METADATA).is_file():
+        return folder
+    files = [file for suffix in SUFFIXES for file in sorted(folder.glob(f"*{suffix}"))]
+    if len(files) != 1:
+        has = f"{len(files)} bag files" if files else "no bag file"
+        raise InputError(f"{folder}: this is a folder without {METADATA} and with {has}. {accepted}")
+    return files[0]
+
+
+@contextmanager
+def named_bag(file: Path, suffix: str) -> Iterator[Path]:
+    """Give the bag `file`, whatever its name, under a name with the end that tells its format."""
+    if file.suffix == suffix:
+        yield file
+        return
+    with TemporaryDirectory() as folder:
+        named = Path(folder) / f"log{suffix}"
+        named.symlink_to(file.resolve())
+        yield named
+
+
 @contextmanager
 def open_bag(path: Path, source: str) -> Iterator[Bag]:
     """Open a bag: a .bag, .mcap or .db3 file, or the folder of a ROS 2 bag with its metadata.yaml.
@@ -93,8 +144,8 @@ def open_bag(path: Path, source: str) -> Iterator[Bag]:
     InputError
         If it is damaged or of a version that cannot be read.
     """
-    from rosbags.highlevel import AnyReader  # noqa: PLC0415 - who reads no bag need not wait for it
-    from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
 
     with _told(source):
         reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))

@@ -10,12 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.logs.bag import Message, seconds
-from prf.logs.readings import FloatArray
-from prf.logs.track import HOLD
+from prf.shell.bag import Message, seconds
+
+FloatArray = NDArray[np.float64]
 
 STATIC = "tf_static"
 """End of the name of the topic whose transforms hold for ever."""
+
+HOLD = 0.5
+"""Seconds before the first and after the last pose for which a robot is taken to stand where it was seen."""
 
 UNIT = 0.01
 """How far the length of a quaternion may be from 1; tf itself passes over those that are farther."""
