@@ -23,8 +23,8 @@ class PointCloud:
     xyz : (n, 3) float64
         Metres, relative to `shift`; a point that has no return may be nan.
     shift : (3,) float64
-        World coordinates are ``xyz + shift``. Subtracted in float64 before anything else, so that coordinates of a
-        survey grid lose nothing.
+        World coordinates, those of the file, are ``xyz / unit + shift``. Subtracted in float64 before anything else, so
+        that coordinates of a survey grid lose nothing.
     fields : mapping of str to (n, ...) array
         Every other field, in the order and the type of the file.
     coordinate_type : type
@@ -32,6 +32,11 @@ class PointCloud:
         the same one where it holds them.
     source : str
         Where the points come from, for messages.
+    unit : (3,) float64
+        Metres in a unit of the file, axis by axis: feet, or heights in feet over a grid in metres.
+    las_header : bytes
+        Header and records of the LAS file that the points come from, under which a result in LAS is written: scale,
+        offset, reference system. Empty for points of other formats.
     """
 
     xyz: NDArray[np.float64]
@@ -39,6 +44,8 @@ class PointCloud:
     fields: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     coordinate_type: type[np.float32 | np.float64] = np.float64
     source: str = ""
+    unit: NDArray[np.float64] = field(default_factory=lambda: np.ones(3))
+    las_header: bytes = b""
 
     @classmethod
     def from_world(
@@ -46,23 +53,38 @@ class PointCloud:
         world: NDArray[Any],
         fields: Mapping[str, NDArray[Any]] | None = None,
         source: str = "",
+        unit: NDArray[np.float64] | float = 1.0,
     ) -> PointCloud:
-        """Return the cloud of world coordinates (n, 3) of any number type, choosing the shift."""
+        """Return the cloud of world coordinates (n, 3) of any number type, choosing the shift.
+
+        `unit` is how many metres one of them is, for all axes or (3,) for each.
+        """
         wide = np.asarray(world, dtype=np.float64).reshape(-1, 3)
         shift = choose_shift(wide)
         kind = np.float32 if np.asarray(world).dtype == np.float32 else np.float64
-        return cls(np.ascontiguousarray(wide - shift), shift, dict(fields or {}), kind, source)
+        factor = np.array(np.broadcast_to(unit, 3), np.float64)
+        xyz = np.ascontiguousarray(wide - shift)
+        xyz *= factor
+        return cls(xyz, shift, dict(fields or {}), kind, source, factor)
 
     def __len__(self) -> int:
         """Return the number of points."""
         return len(self.xyz)
 
     def world(self) -> NDArray[np.float64]:
-        """Return the coordinates (n, 3) as the file has them, in float64, to the last bit."""
-        world = self.xyz.copy()
-        moved = self.shift != 0.0  # adding 0 to the others would turn -0 into 0
-        world[:, moved] += self.shift[moved]
-        return world
+        """Return the coordinates (n, 3) as the file has them, in float64, to the last bit.
+
+        Of files in another unit than metres to that of float32, or of the integers of LAS.
+        """
+        return self.world_of(self.xyz)
+
+    def world_of(self, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return places (..., 3) in the frame of `xyz` as world coordinates, in the unit of the file."""
+        return _moved(xyz / self.unit, self.shift)
+
+    def metric_of(self, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return places (..., 3) in the frame of `xyz` as world coordinates in metres, whatever unit the file has."""
+        return _moved(xyz.copy(), self.shift * self.unit)
 
     def finite(self) -> NDArray[np.bool_]:
         """Return which points (n,) have three finite coordinates."""
@@ -76,6 +98,13 @@ class PointCloud:
     def with_fields(self, **values: NDArray[Any]) -> PointCloud:
         """Return the cloud with fields added, or replaced where the name is taken."""
         return replace(self, fields={**self.fields, **values})
+
+
+def _moved(xyz: NDArray[np.float64], shift: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Add a shift (3,) to places (..., 3) in their place; adding 0 would turn -0 into 0."""
+    moved = shift != 0.0
+    xyz[..., moved] += shift[moved]
+    return xyz
 
 
 def choose_shift(world: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import asdict, fields
 from typing import Any
 
 from mapq.cloud import PointCloud
 from mapq.features import FeatureSettings
-from mapq.io.clouds import parse_cloud, read_bytes
+from mapq.io.clouds import parse_cloud
+from mapq.io.content import Content
+from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.patches import holds_patches, parse_patches
 from mapq.model import Model
 from mapq.patches import Patches
@@ -44,7 +45,7 @@ def feature_settings(model: Model) -> FeatureSettings:
         raise InputError(f"the model's feature settings cannot be used ({error}). Train the model anew.") from error
 
 
-def read_input(path: str, bin_columns: int = 4) -> Patches | PointCloud:
+def read_input(path: str, options: ReadOptions = AS_IT_IS) -> Patches | PointCloud:
     """Read PATCHES or a cloud, whichever `path` is; ``-`` is standard input.
 
     Raises
@@ -52,10 +53,10 @@ def read_input(path: str, bin_columns: int = 4) -> Patches | PointCloud:
     InputError
         As :func:`mapq.io.read_patches` and :func:`mapq.io.read_cloud`.
     """
-    data = read_bytes(path)
-    if holds_patches(io.BytesIO(data)):
-        return parse_patches(data, path)
-    return parse_cloud(data, path, bin_columns)[1]
+    content = Content(path)
+    if holds_patches(content):
+        return parse_patches(content.data(), path)
+    return parse_cloud(content, options)[1]
 
 
 def _is_of_kind(value: Any, default: Any) -> bool:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mapq.assess.inputs import read_input
 from mapq.assess.result import AREA, Result, assess
 from mapq.cloud import PointCloud
+from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.results import RESULT_FIELDS, json_beside
 from mapq.io.results import SCHEMA as RESULT_SCHEMA
 from mapq.model import Model
@@ -43,7 +44,7 @@ class Judged(NamedTuple):
     source: str
 
 
-def read_judged(path: str, model: Model | None, bin_columns: int = 4) -> Judged:
+def read_judged(path: str, model: Model | None, options: ReadOptions = AS_IT_IS) -> Judged:
     """Return what is said of the map in a RESULT, or what `model` says of PATCHES or of a cloud.
 
     Raises
@@ -53,7 +54,7 @@ def read_judged(path: str, model: Model | None, bin_columns: int = 4) -> Judged:
     UsageError
         If a model is given for a result, which has labels already.
     """
-    found = read_input(path, bin_columns)
+    found = read_input(path, options)
     if isinstance(found, PointCloud) and set(RESULT_FIELDS) <= set(found.fields):
         if model is not None:
             raise UsageError(f"{path} has labels of a model already. Leave out --model.")
@@ -69,7 +70,7 @@ def judge(result: Result, source: str) -> Judged:
     patch = patches.patch[inside]
     area = result.area / np.maximum(np.bincount(patch, minlength=len(patches)), 1)
     probability = result.labelling.probability.astype(np.float64)
-    xyz = patches.cloud.xyz[inside] + patches.cloud.shift
+    xyz = patches.cloud.metric_of(patches.cloud.xyz[inside])
     return Judged(xyz, area[patch], result.suspicious[patch], probability[patch], source)
 
 
@@ -87,6 +88,6 @@ def _judged_result(cloud: PointCloud, path: str) -> Judged:
     if len(patch) and not 0 <= int(patch.min()) <= int(patch.max()) < len(area):
         raise InputError(f"{beside}: not the JSON of {path}, which has other patches. Run mapq classify again.")
     per_point = area / np.maximum(np.bincount(patch, minlength=len(area)), 1)
-    xyz = cloud.xyz[inside] + cloud.shift
+    xyz = cloud.metric_of(cloud.xyz[inside])
     p = probability[inside].astype(np.float64)
     return Judged(xyz, per_point[patch], label[inside] == SUSPICIOUS, p, path)

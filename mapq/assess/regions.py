@@ -106,15 +106,15 @@ def _region(
     if len(xyz) == 0:
         xyz = patches.centroid[group]
     area, severity = float(size[group].sum()), float((size[group] * probability[group]).sum())
-    shift = patches.cloud.shift
+    world_of = patches.cloud.world_of
     return Region(
         group,
         len(mine),
         area,
         severity,
-        xyz.min(axis=0) + shift,
-        xyz.max(axis=0) + shift,
-        np.sort(xyz, axis=0).mean(axis=0) + shift,
+        world_of(xyz.min(axis=0)),
+        world_of(xyz.max(axis=0)),
+        world_of(np.sort(xyz, axis=0).mean(axis=0)),
         _displacement(features, group),
         severity / area if area > 0.0 else float(probability[group].mean()),
     )

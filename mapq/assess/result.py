@@ -107,7 +107,7 @@ class Result:
 
     def world_centroid(self, patch: int) -> list[float]:
         """Return the mean of a patch's points in world coordinates (3)."""
-        return _rounded(self.patches.centroid[patch] + self.patches.cloud.shift)
+        return _rounded(self.patches.cloud.world_of(self.patches.centroid[patch]))
 
     @cached_property
     def regions(self) -> list[Region]:
@@ -173,7 +173,7 @@ class Result:
         """Yield each patch with its label, its probability, its geometry in metres, and its terms."""
         starts = self.terms.starts(len(self.patches))
         region_of = {int(patch): number for number, region in enumerate(self.regions) for patch in region.patches}
-        centroids = self.patches.centroid + self.patches.cloud.shift
+        centroids = self.patches.cloud.world_of(self.patches.centroid)
         for patch in range(len(self.patches)):
             span = slice(int(starts[patch]), int(starts[patch + 1]))
             shape = zip(self.features.shape_names, self.features.shape[patch].tolist(), strict=True)

@@ -18,6 +18,32 @@ BinColumns = Annotated[
 ]
 
 
+def parse_unit(text: str) -> float:
+    """Return the metres in a unit; see :func:`mapq.io.options.parse_unit`, which is imported when it is needed."""
+    from mapq.io.options import parse_unit as parse
+
+    return parse(text)
+
+
+Unit = Annotated[
+    float | None,
+    typer.Option(
+        "--unit",
+        metavar="UNIT",
+        parser=parse_unit,
+        help="Unit of a cloud's coordinates: m, cm, mm, ft, us-ft, or metres as 0.01.  [as LAS says, else m]",
+    ),
+]
+
+Topic = Annotated[
+    str | None, typer.Option("--topic", metavar="NAME", help="Topic of the clouds in a ROS bag.  [the only one]")
+]
+
+Frame = Annotated[
+    str | None, typer.Option("--frame", metavar="NAME", help="Frame of the map in a ROS bag, to which tf leads.  [map]")
+]
+
+
 def load_model(path: str | None, max_false_alarms: float | None) -> Model | None:
     """Return the model of a file, at another operating point if one is asked for; None for that of the package.
 

@@ -8,11 +8,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapq.commands._options import BinColumns, MaxFalseAlarms, beside, load_model, parse_share, refuse_inputs
+from mapq.commands._options import (
+    BinColumns,
+    Frame,
+    MaxFalseAlarms,
+    Topic,
+    Unit,
+    beside,
+    load_model,
+    parse_share,
+    refuse_inputs,
+)
 from prf.shell.options import Force, Json, Output
 
 if TYPE_CHECKING:
     from mapq.assess import Result
+    from mapq.io import ReadOptions
     from mapq.patches import Patches
 
 logger = logging.getLogger(__name__)
@@ -20,6 +31,7 @@ logger = logging.getLogger(__name__)
 EXAMPLES = (
     "mapq classify city.patches -o city.classified.ply",
     "mapq classify map.pcd --model city.model.json --json",
+    "mapq classify survey.laz -o survey.classified.laz",
     "mapq classify map.ply --fail-over 5%",
 )
 
@@ -42,6 +54,9 @@ def classify(
     ] = None,
     max_false_alarms: MaxFalseAlarms = None,
     bin_columns: BinColumns = 4,
+    unit: Unit = None,
+    topic: Topic = None,
+    frame: Frame = None,
     max_tilt: Annotated[
         float | None,
         typer.Option(
@@ -67,14 +82,15 @@ def classify(
 ) -> None:
     """Label the patches of a map plausible or suspicious, and say why.
 
-    RESULT.ply has all points with all their fields, and patch, suspicious (0, 1, 255 = no patch), p_suspicious and
-    colours: plausible blue, suspicious red. RESULT.json beside it has the regions of connected suspicious patches,
-    worst first, and each patch with the reasons for its label in words, and the terms that led to it. Where points
-    have a scan, a time or a pass, each has a cause too: a missed loop closure, or a local mapping error. Without -o
-    they go beside the input: its stem + .classified.ply. With --fail-over a map without any patch fails too: nothing
-    speaks for it.
+    RESULT.ply (or .las, .laz) has all points with all their fields, and patch, suspicious (0, 1, 255 = no patch),
+    p_suspicious and colours: plausible blue, suspicious red. RESULT.json beside it has the regions of connected
+    suspicious patches, worst first, and each patch with the reasons for its label in words, and the terms that led to
+    it. Where points have a scan, a time or a pass, each has a cause too: a missed loop closure, or a local mapping
+    error. Without -o they go beside the input: its stem + .classified.ply. With --fail-over a map without any patch
+    fails too: nothing speaks for it.
     """
     from mapq.assess import assess
+    from mapq.io import ReadOptions
     from mapq.io.models import read_default_model
     from mapq.io.results import SCHEMA, json_beside, refuse_existing_result, write_result
     from prf.shell import console, jsonout
@@ -86,7 +102,7 @@ def classify(
     refuse_existing_result(target, force)
     refuse_inputs([json_beside(target)], [file, *([model] if model else [])])
     used = load_model(model, max_false_alarms)
-    patches = _patches(file, bin_columns, max_tilt, up)
+    patches = _patches(file, ReadOptions(bin_columns, unit, topic, frame), max_tilt, up)
     result = assess(patches, used or read_default_model())
     warnings = patches.report.get("warnings", ())
     for warning in warnings:
@@ -110,7 +126,7 @@ def classify(
     raise CheckFailed(f"{file}: {share:.1%} of the area of patches is suspicious, more than {fail_over:.1%}.")
 
 
-def _patches(file: str, bin_columns: int, max_tilt: float | None, up: tuple[float, float, float] | None) -> Patches:
+def _patches(file: str, options: ReadOptions, max_tilt: float | None, up: tuple[float, float, float] | None) -> Patches:
     """Return the patches of the file, segmented now if it is a cloud."""
     from mapq.assess import read_input
     from mapq.patches import Patches
@@ -119,7 +135,7 @@ def _patches(file: str, bin_columns: int, max_tilt: float | None, up: tuple[floa
     from prf.shell.progress import progress
 
     chosen: dict[str, Any] = {name: value for name, value in (("max_tilt", max_tilt), ("up", up)) if value is not None}
-    found = read_input(file, bin_columns)
+    found = read_input(file, options)
     if isinstance(found, Patches):
         if chosen:
             raise UsageError(f"{file} is segmented already: --max-tilt and --up are for clouds.")
@@ -165,12 +181,13 @@ def _cause_line(result: Result) -> Iterator[str]:
 def _region_lines(result: Result) -> Iterator[str]:
     """Return the regions for a person."""
     regions = result.regions
+    unit = result.patches.cloud.unit
     if regions:
         shown = "" if len(regions) <= N_REGIONS else f", the worst {N_REGIONS}"
         yield f"regions         {len(regions)} of connected suspicious patches{shown}:"
     for number, region in enumerate(regions[:N_REGIONS]):
         x, y, z = region.centre.tolist()
-        size = " x ".join(f"{length:.1f}" for length in (region.high - region.low).tolist())
+        size = " x ".join(f"{length:.1f}" for length in ((region.high - region.low) * unit).tolist())
         apart = "" if region.displacement != region.displacement else f", surfaces {region.displacement:.2f} m apart"
         n_patches = f"{len(region.patches)} patch{'' if len(region.patches) == 1 else 'es'}"
         cause = "" if result.visits is None else f", {next(iter(result.area_by_cause(region.patches)))}"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import BinColumns, parse_share
+from mapq.commands._options import BinColumns, Frame, Topic, Unit, parse_share
 from prf.shell.options import Json
 
 if TYPE_CHECKING:
@@ -46,6 +46,9 @@ def compare(
         ),
     ] = None,
     bin_columns: BinColumns = 4,
+    unit: Unit = None,
+    topic: Topic = None,
+    frame: Frame = None,
     json: Json = False,
 ) -> None:
     """Compare two maps of one place: which is better, and where.
@@ -56,12 +59,14 @@ def compare(
     from mapq.assess.compare import compare as compare_maps
     from mapq.assess.compare import comparison_content
     from mapq.assess.judged import read_judged
+    from mapq.io import ReadOptions
     from mapq.io.models import read_model
     from prf.shell import console, jsonout
     from prf.shell.errors import CheckFailed
 
     used = read_model(model) if model is not None else None
-    found = compare_maps(read_judged(first, used, bin_columns), read_judged(second, used, bin_columns), cell)
+    options = ReadOptions(bin_columns, unit, topic, frame)
+    found = compare_maps(read_judged(first, used, options), read_judged(second, used, options), cell)
     rise = float(found.suspicious[1] - found.suspicious[0])
     passed = None if fail_over is None else bool(rise <= fail_over)
     if json:

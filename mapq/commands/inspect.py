@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapq.commands._options import BinColumns
+from mapq.commands._options import BinColumns, Frame, Topic, Unit
 from prf.shell.options import Json
 
 if TYPE_CHECKING:
+    from mapq.io import ReadOptions
     from mapq.io.describe import CloudSummary, Description, FieldSummary, PatchSummary
     from mapq.metrics import MapMetrics
 
 EXAMPLES = (
     "mapq inspect map.pcd",
-    "mapq inspect map.patches --json",
+    "mapq inspect survey.laz --json",
     "mapq inspect scan.bin --bin-columns 3",
     "mapq inspect map.ply --metrics --metrics-radius 0.5",
 )
@@ -27,11 +28,14 @@ def inspect(
         str,
         typer.Argument(
             metavar="FILE",
-            help="A cloud (PLY, PCD, XYZ/TXT/CSV, .npy, .npz, KITTI .bin; also gzipped), PATCHES, a RESULT or a model; "
-            "- is standard input.",
+            help="A cloud (PLY, PCD, LAS/LAZ, E57, PTX, XYZ/TXT/CSV, VTK, .npy, .npz, 3DTK .3d, KITTI .bin, ROS bag; "
+            "also gzipped), PATCHES, a RESULT or a model; - is standard input.",
         ),
     ],
     bin_columns: BinColumns = 4,
+    unit: Unit = None,
+    topic: Topic = None,
+    frame: Frame = None,
     metrics: Annotated[
         bool, typer.Option("--metrics", help="Also mean map entropy and mean plane variance, one number a map each.")
     ] = False,
@@ -46,11 +50,13 @@ def inspect(
     nearest neighbour, on a sample); of patches the counts, labels and parameters; of a model what stands in it.
     --metrics adds two published numbers for a whole map, on at most 20,000 of its points.
     """
+    from mapq.io import ReadOptions
     from mapq.io.describe import describe
     from prf.shell import console, jsonout
 
-    measured = _measure(file, bin_columns, metrics_radius) if metrics else None
-    summary = describe(file, bin_columns)
+    options = ReadOptions(bin_columns, unit, topic, frame)
+    measured = _measure(file, options, metrics_radius) if metrics else None
+    summary = describe(file, options)
     if json:
         content = jsonout.jsonable(summary)
         jsonout.emit_object("mapq.inspect/1", content if measured is None else {**content, "metrics": measured})
@@ -61,7 +67,7 @@ def inspect(
             console.emit(f"{name:<{width}}{value}".rstrip())
 
 
-def _measure(file: str, bin_columns: int, radius: float) -> MapMetrics:
+def _measure(file: str, options: ReadOptions, radius: float) -> MapMetrics:
     """Return the metrics of the points of a file.
 
     Raises
@@ -79,7 +85,7 @@ def _measure(file: str, bin_columns: int, radius: float) -> MapMetrics:
 
     if file == STREAM:
         raise UsageError("--metrics reads the file a second time. Name a file instead of -.")
-    found = read_input(file, bin_columns)
+    found = read_input(file, options)
     return map_metrics(found.cloud if isinstance(found, Patches) else found, radius)
 
 
@@ -108,15 +114,20 @@ def _rows(summary: Description) -> Iterator[tuple[str, str]]:
 
 def _cloud_rows(cloud: CloudSummary) -> Iterator[tuple[str, str]]:
     missing = cloud.n_points - cloud.n_finite
-    size = " x ".join(f"{high - low:.2f}" for low, high in zip(cloud.low, cloud.high, strict=True))
+    size = " x ".join(f"{length:.2f}" for length in ((cloud.high - cloud.low) * cloud.unit).tolist())
     sides = ", ".join(
         f"{axis} {low:.2f} to {high:.2f}" for axis, low, high in zip("xyz", cloud.low, cloud.high, strict=True)
     )
     yield "points", f"{cloud.n_points:,}" + (f", {missing:,} of them without coordinates" if missing else "")
     yield "extent", f"{size} m, {sides}"
     yield "coordinates", cloud.coordinate_type
+    is_metric = bool((cloud.unit == 1.0).all())
+    if not is_metric:
+        units = " ".join(f"{value:g}" for value in cloud.unit.tolist())
+        yield "unit", f"{units} m, of x, y and z; lengths are in metres"
     if cloud.shift.any():
-        yield "shift", " ".join(f"{value:.0f}" for value in cloud.shift) + " m, taken off before all work"
+        shift = " ".join(f"{value:.0f}" for value in cloud.shift)
+        yield "shift", f"{shift}{' m' if is_metric else ''}, taken off before all work"
     yield "spacing", "unknown" if _is_nan(cloud.spacing) else f"{cloud.spacing:.4g} m, median to the nearest neighbour"
     for number, field in enumerate(cloud.fields):
         yield "" if number else "fields", _field_line(field)

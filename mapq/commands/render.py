@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from mapq.commands._options import BinColumns, Frame, Topic, Unit
 from prf.shell.options import Force, Output
 
 logger = logging.getLogger(__name__)
@@ -61,9 +62,10 @@ def render(
         float, typer.Option("--elevation", metavar="DEG", min=-90.0, max=90.0, help="3D view: above the horizon.")
     ] = 35.0,
     title: Annotated[str | None, typer.Option("--title", metavar="TEXT", help="Instead of the default title.")] = None,
-    bin_columns: Annotated[
-        int, typer.Option("--bin-columns", metavar="3|4", min=3, max=4, help="Columns of a KITTI .bin cloud.")
-    ] = 4,
+    bin_columns: BinColumns = 4,
+    unit: Unit = None,
+    topic: Topic = None,
+    frame: Frame = None,
     output: Output = None,
     force: Force = False,
 ) -> None:
@@ -71,6 +73,7 @@ def render(
 
     The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG in the current folder.
     """
+    from mapq.io import ReadOptions
     from mapq.render import render_views
     from mapq.render.source import read_picture
     from prf.shell.errors import UsageError
@@ -84,7 +87,8 @@ def render(
     target = output or f"{PurePath(file).stem if file != STREAM else 'map'}.png"
     picture_format(target)
     refuse_existing(target, force)
-    picture = read_picture(file, colour.value if colour is not None else None, field, bin_columns)
+    options = ReadOptions(bin_columns, unit, topic, frame)
+    picture = read_picture(file, colour.value if colour is not None else None, field, options)
     views = ("plan", "3d") if view is View.both else (view.value,)
     render_views(
         picture.xyz,

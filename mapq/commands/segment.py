@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapq.commands._options import BinColumns, beside, refuse_inputs
+from mapq.commands._options import BinColumns, Frame, Topic, Unit, beside, refuse_inputs
 from prf.shell.options import Force, Json, Output
 
 if TYPE_CHECKING:
+    from mapq.io import ReadOptions
     from mapq.patches import Patches
     from mapq.segment import SegmentationScore, SegmentSettings
 
@@ -28,7 +29,10 @@ LENGTHS = ("resolution", "spacing", "noise", "max_distance", "max_gap", "min_ext
 
 def segment(
     cloud: Annotated[
-        str, typer.Argument(metavar="CLOUD", help="PLY, PCD, XYZ, CSV, npy, npz or KITTI .bin, also .gz.")
+        str,
+        typer.Argument(
+            metavar="CLOUD", help="PLY, PCD, LAS/LAZ, E57, PTX, XYZ, CSV, VTK, .npy, .npz, .3d, .bin, ROS bag."
+        ),
     ],
     output: Output = None,
     neighbours: Annotated[int, typer.Option("--neighbours", metavar="N", help="Neighbours of each point.")] = 16,
@@ -69,6 +73,9 @@ def segment(
         float, typer.Option("--min-iou", metavar="SHARE", min=0.5, max=1.0, help="Overlap that counts as a match.")
     ] = 0.75,
     bin_columns: BinColumns = 4,
+    unit: Unit = None,
+    topic: Topic = None,
+    frame: Frame = None,
     json: Json = False,
     force: Force = False,
 ) -> None:
@@ -77,6 +84,7 @@ def segment(
     Lengths and angles that are not given are estimated from the spacing and the noise of the points, and printed. The
     patches do not depend on the order of the points. Without -o they go beside CLOUD: its stem + .patches.
     """
+    from mapq.io import ReadOptions
     from mapq.segment import SegmentSettings
     from prf.shell.files import refuse_existing
 
@@ -97,7 +105,7 @@ def segment(
         up=up,
     )
     settings.check()
-    patches, score = _run(cloud, bin_columns, settings, truth_field, min_iou)
+    patches, score = _run(cloud, ReadOptions(bin_columns, unit, topic, frame), settings, truth_field, min_iou)
     _write(target, patches)
     _show(cloud, target, patches, score, json)
 
@@ -111,13 +119,13 @@ def _beside(cloud: str) -> str:
 
 
 def _run(
-    cloud: str, bin_columns: int, settings: SegmentSettings, truth_field: str | None, min_iou: float
+    cloud: str, options: ReadOptions, settings: SegmentSettings, truth_field: str | None, min_iou: float
 ) -> tuple[Patches, SegmentationScore | None]:
     from mapq.io import read_cloud
     from mapq.segment import STAGES, score_segmentation, segment, truth_of
     from prf.shell.progress import progress
 
-    read = read_cloud(cloud, bin_columns)
+    read = read_cloud(cloud, options)
     truth = truth_of(read, truth_field) if truth_field else None
     with progress(len(STAGES), "segmenting") as reporter:
         patches = segment(read, settings, reporter)

@@ -77,7 +77,8 @@ def simulate(
     A street lined with offices, a block rounded twice, a pathway under an archway; a 2D laser that nods. The point
     field `truth` is 1 where passes over one true surface disagree in the map; docs/simulator.md tells the fields.
     """
-    from mapq.io import write_ply
+    from mapq.io import write_cloud
+    from mapq.io.write import check_name
     from mapq.simulate import Settings, simulate_with_report
     from prf.shell import console, jsonout
     from prf.shell.errors import UsageError
@@ -89,6 +90,7 @@ def simulate(
         raise UsageError("the map has no name. Give one with -o MAP.ply.")
     if json and output == STREAM:
         raise UsageError("--json and -o - both want standard output. Name a file with -o.")
+    check_name(output)
     refuse_existing(output, force)
     changes = {
         "n_points": n_points,
@@ -104,7 +106,7 @@ def simulate(
     settings, used_seed = Settings.of_size(size, changes), resolve_seed(seed)
     with progress(1.0, "casting beams") as bar:
         simulation = simulate_with_report(settings, used_seed, bar.update)
-    write_ply(output, simulation.cloud)
+    write_cloud(output, simulation.cloud)
     if json:
         content = {"output": output, "seed": used_seed, "settings": settings.as_dict()}
         jsonout.emit_object("mapq.simulate/1", {**content, **simulation.report._asdict()})

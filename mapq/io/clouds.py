@@ -2,38 +2,54 @@
 
 from __future__ import annotations
 
-import gzip
-import zlib
-from pathlib import Path
+from collections.abc import Callable, Mapping
 
 from mapq.cloud import PointCloud
-from mapq.io.fields import make_cloud
+from mapq.io.bag import read_bag
+from mapq.io.content import Content
+from mapq.io.e57 import read_e57
+from mapq.io.fields import Array, make_cloud
 from mapq.io.kitti import read_kitti
+from mapq.io.las import read_las
 from mapq.io.npy import read_npy, read_npz
+from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.pcd import read_pcd
 from mapq.io.ply import read_ply
-from mapq.io.recognise import ACCEPTED, recognise
+from mapq.io.ptx import read_ptx
+from mapq.io.recognise import Format, recognise
 from mapq.io.text import read_text
-from prf.shell.errors import InputError, UsageError
-from prf.shell.files import STREAM, open_input
+from mapq.io.uos import read_uos
+from mapq.io.vtk import read_vtk
 
-GZIP_MAGIC = b"\x1f\x8b\x08"
-"""With the only method that there is: two bytes alone begin one in 65,536 files of plain float32."""
+COLUMNS: Mapping[Format, Callable[[bytes, str], dict[str, Array]]] = {
+    "ply": read_ply,
+    "pcd": read_pcd,
+    "npz": read_npz,
+    "ptx": read_ptx,
+    "vtk": read_vtk,
+    "text": read_text,
+}
+"""Readers that make columns of the bytes of a file, given its name for messages."""
 
-BYTE_ORDER_MARK = b"\xef\xbb\xbf"
-"""UTF-8's, which spreadsheets put before a CSV header."""
+SELF_MADE: Mapping[Format, Callable[[Content, ReadOptions], PointCloud]] = {
+    "las": read_las,
+    "e57": read_e57,
+    "3d": read_uos,
+    "bag": read_bag,
+}
+"""Readers of formats that say more of a cloud than columns do: its unit, axes, poses."""
 
 
-def read_cloud(path: str, bin_columns: int = 4) -> PointCloud:
+def read_cloud(path: str, options: ReadOptions = AS_IT_IS) -> PointCloud:
     """Read a cloud of points; the format is recognised from the content.
 
     Parameters
     ----------
     path : str
-        PLY, PCD, XYZ/TXT/CSV, .npy, .npz or KITTI .bin, gzipped or not; ``-`` is standard input (not for .bin, which
-        only its name tells).
-    bin_columns : {3, 4}
-        Columns of a KITTI .bin; other formats say it themselves.
+        PLY, PCD, LAS, LAZ, E57, PTX, XYZ/TXT/CSV, VTK, .npy, .npz, 3DTK .3d, KITTI .bin or a ROS bag, gzipped or not;
+        ``-`` is standard input (not for .bin and .3d, which only their names tell).
+    options : ReadOptions
+        What the file does not say itself.
 
     Returns
     -------
@@ -45,41 +61,18 @@ def read_cloud(path: str, bin_columns: int = 4) -> PointCloud:
     InputError
         If the file is missing, damaged, cut off or of another format, or has no finite point.
     """
-    return parse_cloud(read_bytes(path), path, bin_columns)[1]
+    return parse_cloud(Content(path), options)[1]
 
 
-def parse_cloud(data: bytes, path: str, bin_columns: int = 4) -> tuple[str, PointCloud]:
-    """Return format and cloud of a file's decompressed bytes; parameters and errors as :func:`read_cloud`."""
-    if bin_columns not in (3, 4):
-        raise UsageError(f"--bin-columns {bin_columns} is neither 3 nor 4.")
-    source = source_of(path)
-    kind = recognise(data, "" if path == STREAM else Path(path).name, source)
+def parse_cloud(content: Content, options: ReadOptions = AS_IT_IS) -> tuple[str, PointCloud]:
+    """Return format and cloud of an input; parameters and errors as :func:`read_cloud`."""
+    kind = recognise(content)
+    if kind in SELF_MADE:
+        return kind, SELF_MADE[kind](content, options)
     if kind == "kitti":
-        return kind, make_cloud(read_kitti(data, source, bin_columns), source)
-    read = {"ply": read_ply, "pcd": read_pcd, "npy": read_npy, "npz": read_npz, "text": read_text}[kind]
-    return kind, make_cloud(read(data, source), source)
-
-
-def read_bytes(path: str) -> bytes:
-    """Return the content of a file, decompressed if it is gzipped, without a byte order mark."""
-    if path != STREAM and Path(path).is_dir():
-        raise InputError(f"{path}: this is a folder, perhaps a ROS 2 bag. {ACCEPTED}")
-    with open_input(path) as stream:
-        data = stream.read()
-    return _decompress(data, source_of(path)).removeprefix(BYTE_ORDER_MARK)
-
-
-def source_of(path: str) -> str:
-    """Return the name of an input for messages."""
-    return "standard input" if path == STREAM else path
-
-
-def _decompress(data: bytes, source: str) -> bytes:
-    if not data.startswith(GZIP_MAGIC):
-        return data
-    try:
-        return gzip.decompress(data)
-    except EOFError:
-        raise InputError(f"{source}: the gzip file is cut off at its end. Copy or download it again.") from None
-    except (OSError, zlib.error):
-        raise InputError(f"{source}: the gzip file is damaged. Copy or download it again.") from None
+        fields = read_kitti(content.data(), content.source, options.bin_columns)
+    elif kind == "npy":
+        fields = read_npy(content.data(), content.source, scale_known=options.unit is not None)
+    else:
+        fields = COLUMNS[kind](content.data(), content.source)
+    return kind, make_cloud(fields, content.source, options.unit or 1.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import logging
 from collections.abc import Mapping
@@ -15,8 +14,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mapq.cloud import PointCloud
-from mapq.io.clouds import parse_cloud, read_bytes, source_of
+from mapq.io.clouds import parse_cloud
+from mapq.io.content import Content
 from mapq.io.fields import Array
+from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.patches import holds_patches, parse_patches
 from mapq.io.recognise import end_of
 from mapq.patches import FROM_FIELD, FROM_HAND, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
@@ -57,10 +58,12 @@ class CloudSummary:
         The box round the finite points, in world coordinates.
     shift : (3,) float64
         Subtracted before all work.
+    unit : (3,) float64
+        Metres in a unit of these three, axis by axis.
     coordinate_type : str
     fields : tuple of FieldSummary
     spacing : float
-        Median distance of a point to its nearest neighbour, on a sample; nan for one point.
+        Median distance of a point to its nearest neighbour in metres, on a sample; nan for one point.
     """
 
     n_points: int
@@ -68,6 +71,7 @@ class CloudSummary:
     low: NDArray[np.float64]
     high: NDArray[np.float64]
     shift: NDArray[np.float64]
+    unit: NDArray[np.float64]
     coordinate_type: str
     fields: tuple[FieldSummary, ...]
     spacing: float
@@ -109,14 +113,14 @@ class Description:
     content: Mapping[str, Any]
 
 
-def describe(path: str, bin_columns: int = 4) -> Description:
+def describe(path: str, options: ReadOptions = AS_IT_IS) -> Description:
     """Return what is in a cloud, a PATCHES file, a RESULT, or a JSON file of a model or result.
 
     Parameters
     ----------
     path : str
         The file, recognised by its content; ``-`` is standard input.
-    bin_columns : {3, 4}
+    options : ReadOptions
         As for :func:`mapq.io.read_cloud`.
 
     Raises
@@ -124,16 +128,16 @@ def describe(path: str, bin_columns: int = 4) -> Description:
     InputError
         If it is missing, damaged, or none of these.
     """
-    data = read_bytes(path)
-    if data[:64].lstrip().startswith(b"{") and end_of(path) != ".bin":
-        content = _parse_object(data, source_of(path))
+    found = Content(path)
+    if found.head[:64].lstrip().startswith(b"{") and end_of(path) != ".bin":
+        content = _parse_object(found.data(), found.source)
         schema = content["schema"]
         return Description(path, schema.partition("/")[0].removeprefix("mapq."), schema, None, None, _brief(content))
-    if holds_patches(io.BytesIO(data)):
-        patches = parse_patches(data, path)
+    if holds_patches(found):
+        patches = parse_patches(found.data(), path)
         content = {"parameters": patches.parameters, "report": patches.report}
         return Description(path, "patches", "mapq.patches/1", _cloud(patches.cloud), _patches(patches), _brief(content))
-    format_name, cloud = parse_cloud(data, path, bin_columns)
+    format_name, cloud = parse_cloud(found, options)
     if not _is_result(cloud):
         return Description(path, "cloud", format_name, _cloud(cloud), None, {})
     return Description(path, "result", format_name, _cloud(cloud), _result(cloud), _beside(path))
@@ -161,9 +165,10 @@ def _cloud(cloud: PointCloud) -> CloudSummary:
     return CloudSummary(
         n_points=len(cloud),
         n_finite=len(xyz),
-        low=xyz.min(axis=0) + cloud.shift,
-        high=xyz.max(axis=0) + cloud.shift,
+        low=cloud.world_of(xyz.min(axis=0)),
+        high=cloud.world_of(xyz.max(axis=0)),
         shift=cloud.shift,
+        unit=cloud.unit,
         coordinate_type=np.dtype(cloud.coordinate_type).name,
         fields=tuple(_field(name, values) for name, values in cloud.fields.items()),
         spacing=median_spacing(xyz),

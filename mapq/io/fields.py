@@ -41,7 +41,7 @@ def axes_of(names: Sequence[str], source: str) -> tuple[str, str, str]:
     raise InputError(f"{source}: no fields x, y, z; there are {shown or 'none'}. Rename the coordinates to x, y, z.")
 
 
-def make_cloud(fields: Mapping[str, Array], source: str) -> PointCloud:
+def make_cloud(fields: Mapping[str, Array], source: str, unit: float = 1.0) -> PointCloud:
     """Return the cloud of named columns.
 
     Parameters
@@ -50,6 +50,8 @@ def make_cloud(fields: Mapping[str, Array], source: str) -> PointCloud:
         Coordinates x, y, z (or X, Y, Z), each (n,), and everything else, in the order of the file.
     source : str
         Name of the file, for messages.
+    unit : float
+        Metres in a unit of the coordinates.
 
     Returns
     -------
@@ -71,15 +73,17 @@ def make_cloud(fields: Mapping[str, Array], source: str) -> PointCloud:
     for axis, column in enumerate(columns):
         world[:, axis] = column
     rest = {name: values for name, values in fields.items() if name not in axes}
-    return cloud_of_world(world, rest, source)
+    return cloud_of_world(world, rest, source, unit)
 
 
-def cloud_of_world(world: Array, fields: Mapping[str, Array], source: str) -> PointCloud:
-    """Return the cloud of world coordinates (n, 3) and other fields; errors as :func:`make_cloud`."""
+def cloud_of_world(
+    world: Array, fields: Mapping[str, Array], source: str, unit: NDArray[np.float64] | float = 1.0
+) -> PointCloud:
+    """Return the cloud of world coordinates (n, 3) and other fields; parameters and errors as :func:`make_cloud`."""
     if len(world) == 0:
         raise InputError(f"{source}: no points. Check how the file was written.")
     check_coordinates(world, source)
-    return PointCloud.from_world(world, keep_numbers(fields, source), source)
+    return PointCloud.from_world(world, keep_numbers(fields, source), source, unit)
 
 
 def check_coordinates(world: Array, source: str) -> None:

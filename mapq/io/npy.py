@@ -29,10 +29,11 @@ HEADER_ERRORS = (
 """What taking a damaged header for Python's literals and numpy's types raises."""
 
 
-def read_npy(data: bytes, source: str) -> dict[str, Array]:
+def read_npy(data: bytes, source: str, scale_known: bool = False) -> dict[str, Array]:
     """Return the columns of a .npy file: a structured array (n,) with x, y, z, or a plain one (n, 3 or more).
 
-    Integers X, Y, Z of a structured array are refused: so LAS keeps scaled coordinates, and the scale is not there.
+    Integers X, Y, Z of a structured array are refused: so LAS keeps scaled coordinates, and the scale is not there,
+    unless the caller has it (`scale_known`).
 
     Raises
     ------
@@ -45,10 +46,10 @@ def read_npy(data: bytes, source: str) -> dict[str, Array]:
     if array.ndim != 1:
         raise InputError(f"{source}: structured array of shape {array.shape}, expected (n,).")
     axes = axes_of(array.dtype.names, source)
-    if axes[0] == "X" and all(array.dtype[name].kind in "iu" for name in axes):
+    if not scale_known and axes[0] == "X" and all(array.dtype[name].kind in "iu" for name in axes):
         raise InputError(
-            f"{source}: X, Y, Z are integers: scaled coordinates of LAS, without the scale and offset. Save them as "
-            f"X * scale + offset, in float64, under the names x, y, z."
+            f"{source}: X, Y, Z are integers: scaled coordinates of LAS, without the scale. Give it in metres with "
+            f"--unit, such as --unit 0.01."
         )
     return columns_of(array)
 

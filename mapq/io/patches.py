@@ -6,12 +6,12 @@ import json
 import os
 import zipfile
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
 from mapq.cloud import PointCloud
-from mapq.io.clouds import read_bytes
+from mapq.io.content import Content, read_bytes
 from mapq.io.fields import Array
 from mapq.io.npy import ARCHIVE_ERRORS, ZIP_MAGIC, parse_archive, parse_array
 from mapq.patches import FROM_FIELD, FROM_HAND, FROM_NOBODY, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
@@ -42,6 +42,8 @@ def write_patches(path: str | os.PathLike[str], patches: Patches) -> None:
         "shift": cloud.shift,
         "coordinate_type": np.str_(np.dtype(cloud.coordinate_type).name),
         "source": np.str_(cloud.source),
+        "unit": cloud.unit,
+        "las_header": np.frombuffer(cloud.las_header, np.uint8),
         "field_names": _text(list(cloud.fields)),
         **{f"field_{number}": values for number, values in enumerate(cloud.fields.values())},
         **{name: getattr(patches, name) for name in ("patch", "normal", "centroid", "label", "label_source")},
@@ -90,18 +92,17 @@ def parse_patches(data: bytes, path: str | os.PathLike[str]) -> Patches:
 def is_patches(path: str | os.PathLike[str]) -> bool:
     """Return whether a file is a PATCHES file, of whatever version; False where there is no file, or a damaged one."""
     try:
-        with open(path, "rb") as stream:
-            return holds_patches(stream)
-    except OSError:
+        return holds_patches(Content(os.fspath(path)))
+    except InputError:
         return False
 
 
-def holds_patches(stream: BinaryIO) -> bool:
-    """Return whether a seekable stream is a PATCHES file; see :func:`is_patches`."""
-    if stream.read(4) not in ZIP_MAGIC:
+def holds_patches(content: Content) -> bool:
+    """Return whether an input is a PATCHES file; see :func:`is_patches`."""
+    if not content.head.startswith(ZIP_MAGIC):
         return False
     try:
-        with zipfile.ZipFile(stream) as archive:
+        with content.stream() as stream, zipfile.ZipFile(stream) as archive:
             schema = parse_array(archive.read("schema.npy"), "schema")
     except (InputError, KeyError, *ARCHIVE_ERRORS):
         return False
@@ -124,7 +125,11 @@ def _take_cloud(file: Path, arrays: dict[str, Array]) -> PointCloud:
     if len(set(map(str, names))) < len(names):
         raise damaged(file, "a field stands twice")
     fields = {str(name): _take_field(file, arrays, number, len(xyz)) for number, name in enumerate(names)}
-    return PointCloud(xyz, shift, fields, _TYPES[kind], str(arrays.get("source", "")))
+    unit = take_array(file, arrays, "unit", np.float64, (3,)) if "unit" in arrays else np.ones(3)
+    if not (np.isfinite(unit) & (unit > 0.0)).all():
+        raise damaged(file, "unit is no length")
+    header = take_array(file, arrays, "las_header", np.uint8, (None,)).tobytes() if "las_header" in arrays else b""
+    return PointCloud(xyz, shift, fields, _TYPES[kind], str(arrays.get("source", "")), unit, header)
 
 
 def _take_field(file: Path, arrays: dict[str, Array], number: int, n_points: int) -> Array:

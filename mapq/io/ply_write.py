@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import logging
 import os
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from plyfile import PlyData, PlyElement  # type: ignore[import-untyped]
 
 from mapq.cloud import PointCloud
 from mapq.io.fields import Array
+from mapq.io.free_names import free_name, scalar_columns
 from prf.shell.files import open_output
 
 logger = logging.getLogger(__name__)
@@ -58,33 +58,12 @@ def _rows(cloud: PointCloud, fields: Mapping[str, Array]) -> Array:
     for axis, name in enumerate("xyz"):
         columns[name] = world[:, axis]
     for name, values in fields.items():
-        for part, column in _scalars(name, values):
-            columns[_free_name(part, columns)] = storable(name, column)
+        for part, column in scalar_columns(name, values):
+            columns[free_name(part, columns)] = storable(name, column)
     rows = np.empty(len(cloud), [(name, column.dtype.newbyteorder("<")) for name, column in columns.items()])
     for name, column in columns.items():
         rows[name] = column
     return rows
-
-
-def _scalars(name: str, values: Array) -> Iterator[tuple[str, Array]]:
-    """Yield the scalar columns of a field under their names."""
-    if values.ndim == 1:
-        yield name, values
-        return
-    flat = values.reshape(len(values), -1)
-    for number in range(flat.shape[1]):
-        yield f"{name}_{number}", flat[:, number]
-
-
-def _free_name(name: str, taken: Mapping[str, Array]) -> str:
-    """Return a property name that is valid and not taken, as near to `name` as can be."""
-    valid = re.sub(r"[^!-~]", "_", name) or "field"
-    free, number = valid, 2
-    while free in taken:
-        free, number = f"{valid}_{number}", number + 1
-    if free != name:
-        logger.info("field %r is written as %s", name, free)
-    return free
 
 
 def storable(name: str, values: Array) -> Array:

@@ -5,22 +5,32 @@ from __future__ import annotations
 import re
 from typing import Literal
 
+from mapq.io.content import Content
 from mapq.io.npy import MAGIC as NPY_MAGIC
 from mapq.io.npy import ZIP_MAGIC
 from mapq.io.ply import MAGIC as PLY_MAGIC
+from prf.shell.bag import bag_suffix
 from prf.shell.errors import InputError
 
-Format = Literal["ply", "pcd", "npy", "npz", "kitti", "text"]
+Format = Literal["ply", "pcd", "las", "e57", "ptx", "vtk", "npy", "npz", "3d", "kitti", "bag", "text"]
 
-ACCEPTED = "Read are PLY, PCD, XYZ/TXT/CSV, .npy, .npz and KITTI .bin, also gzipped."
+ACCEPTED = (
+    "Read are PLY, PCD, LAS/LAZ, E57, PTX, XYZ/TXT/CSV, VTK, .npy, .npz, 3DTK .3d, KITTI .bin and ROS bags, "
+    "also gzipped."
+)
+
+MAGICS: tuple[tuple[bytes, Format], ...] = (
+    *((magic, "ply") for magic in PLY_MAGIC),
+    (b"LASF", "las"),
+    (b"ASTM-E57", "e57"),
+    (b"# vtk DataFile", "vtk"),
+    (NPY_MAGIC, "npy"),
+    *((magic, "npz") for magic in ZIP_MAGIC),
+)
+"""How files begin that say what they are."""
 
 REFUSED = (
-    (b"LASF", "a LAS or LAZ file"),
-    (b"ASTM-E57", "an E57 file"),
-    (b"# vtk DataFile", "a VTK file"),
-    (b"#ROSBAG", "a ROS 1 bag"),
-    (b"\x89MCAP", "a ROS 2 bag (MCAP)"),
-    (b"SQLite format 3", "an SQLite file, perhaps a ROS 2 bag"),
+    (b"#ROSBAG", "a ROS 1 bag of an old version, which rosbag fix can convert"),
     (b"\x89HDF", "an HDF5 file"),
     (b"OFF\n", "an OFF mesh"),
     (b"solid ", "an STL mesh"),
@@ -38,56 +48,41 @@ REFUSED = (
 )
 """Contents that are known and not read."""
 
-REFUSED_NAMES = {
-    ".las": "a LAS file",
-    ".laz": "a LAZ file",
-    ".e57": "an E57 file",
-    ".ptx": "a PTX file",
-    ".vtk": "a VTK file",
-    ".bag": "a ROS 1 bag",
-    ".db3": "a ROS 2 bag",
-    ".mcap": "a ROS 2 bag",
-    ".3d": "a 3DTK file, in centimetres and left-handed",
-    ".obj": "an OBJ mesh",
-}
-"""Ends of names of formats that are not read, for text without a magic number and for files that are damaged."""
+REFUSED_NAMES = {".obj": "an OBJ mesh"}
+"""Ends of names of formats that are not read, for text without a magic number."""
 
-HEADERS = {".ply": "PLY", ".pcd": "PCD", ".npy": "NPY", ".npz": "NPZ"}
+HEADERS = {
+    **{".ply": "PLY", ".pcd": "PCD", ".npy": "NPY", ".npz": "NPZ", ".las": "LAS", ".laz": "LAS", ".e57": "E57"},
+    **{".ptx": "PTX", ".vtk": "VTK", ".bag": "ROS bag", ".db3": "SQLite", ".mcap": "MCAP"},
+}
 """Formats that need a header, by the end of the name."""
 
 _PCD = re.compile(rb"\A(?:[ \t\r]*(?:#[^\n]*)?\n)*[ \t]*(?:VERSION[ \t]+\.?\d|(?:FIELDS|COLUMNS)[ \t])")
-_PTX = re.compile(rb"\A\s*\d+\s*\n\s*\d+\s*\n(?:\s*\S+\s+\S+\s+\S+\s*\n){4}")
+_PTX = re.compile(rb"\A\s*\d+\s*\n\s*\d+\s*\n(?:[ \t]*\S+[ \t]+\S+[ \t]+\S+\s*\n){4}")
 
 
-def recognise(data: bytes, name: str, source: str) -> Format:
-    """Return the format of decompressed content.
-
-    Parameters
-    ----------
-    data : bytes
-        The content.
-    name : str
-        Name of the file, empty for standard input.
-    source : str
-        The name as messages have it.
+def recognise(content: Content) -> Format:
+    """Return the format of an input.
 
     Raises
     ------
     InputError
         If no reader takes it; the line says what it looks like and what is read.
     """
-    end = end_of(name)
-    if not data.strip():
-        raise InputError(f"{source}: the file is empty. {ACCEPTED}")
-    known = _by_content(data)
+    if content.is_folder:
+        return "bag"
+    head, end = content.head, end_of(content.name)
+    if not head.strip():
+        raise InputError(f"{content.source}: the file is empty. {ACCEPTED}")
+    known = _by_content(head)
     if known is not None:
         return known
     if end == ".bin":
         return "kitti"
-    looks_like = _unreadable(data, end)
+    looks_like = _unreadable(head, end)
     if looks_like:
-        raise InputError(f"{source}: {looks_like}. {ACCEPTED}")
-    return "text"
+        raise InputError(f"{content.source}: {looks_like}. {ACCEPTED}")
+    return "3d" if end == ".3d" else "text"
 
 
 def end_of(name: str) -> str:
@@ -96,25 +91,24 @@ def end_of(name: str) -> str:
     return point + end if point else ""
 
 
-def _by_content(data: bytes) -> Format | None:
-    if data.startswith(PLY_MAGIC):
-        return "ply"
-    if data.startswith(NPY_MAGIC):
-        return "npy"
-    if data.startswith(ZIP_MAGIC):
-        return "npz"
-    return "pcd" if _PCD.match(data[:4096]) else None
+def _by_content(head: bytes) -> Format | None:
+    for magic, kind in MAGICS:
+        if head.startswith(magic):
+            return kind
+    if bag_suffix(head):
+        return "bag"
+    if _PCD.match(head[:4096]):
+        return "pcd"
+    return "ptx" if _PTX.match(head[:1024]) else None
 
 
-def _unreadable(data: bytes, end: str) -> str | None:
+def _unreadable(head: bytes, end: str) -> str | None:
     """Return what content that no magic number names looks like, None for text that may be points."""
     for magic, name in REFUSED:
-        if data.startswith(magic):
+        if head.startswith(magic):
             return f"this is {name}"
     if end in REFUSED_NAMES:
         return f"this is {REFUSED_NAMES[end]}"
     if end in HEADERS:
         return f"no {HEADERS[end]} header: the file is damaged, or its name is wrong"
-    if b"\0" in data[:4096]:
-        return "this is binary data of an unknown kind"
-    return "this is a PTX file" if _PTX.match(data[:1024]) else None
+    return "this is binary data of an unknown kind" if b"\0" in head[:4096] else None

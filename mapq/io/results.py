@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.io.ply_write import write_ply
+from mapq.io.write import check_name, write_cloud
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from prf.shell.errors import UsageError
 from prf.shell.files import STREAM, atomic_write, refuse_existing
@@ -51,6 +51,7 @@ def json_beside(path: str) -> str:
 
 def refuse_existing_result(path: str, force: bool) -> None:
     """Raise :class:`OutputExists` if either file of the result stands and `force` is not given."""
+    check_name(path)
     for name in (path, json_beside(path)):
         refuse_existing(name, force)
 
@@ -109,8 +110,8 @@ def _original_names(fields: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any
 def write_result(path: str, cloud: PointCloud, head: Mapping[str, Any], patches: Iterable[Mapping[str, Any]]) -> None:
     """Write both files of a result, each whole or not at all.
 
-    The JSON is on the disk under another name before the PLY is written, and takes its place after it: an error on the
-    way leaves both old files, or none. Nothing is written to the null device.
+    The JSON is on the disk under another name before the cloud is written, and takes its place after it: an error on
+    the way leaves both old files, or none. Nothing is written to the null device.
 
     Raises
     ------
@@ -123,7 +124,7 @@ def write_result(path: str, cloud: PointCloud, head: Mapping[str, Any], patches:
         stream.writelines(result_lines(head, patches))
         stream.flush()
         os.fsync(stream.fileno())
-        write_ply(path, cloud)
+        write_cloud(path, cloud)
 
 
 def result_lines(head: Mapping[str, Any], patches: Iterable[Mapping[str, Any]]) -> Iterator[str]:

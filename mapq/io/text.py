@@ -108,7 +108,7 @@ def _read_head(data: bytes, source: str) -> _Head:
 
 def _refuse_ptx(count: int | None, source: str) -> None:
     if count is not None:
-        raise InputError(f"{source}: two lines of one number: this looks like PTX, which is not read. Save it as PLY.")
+        raise InputError(f"{source}: two lines of one number, as PTX has, and no matrix below. Copy the file again.")
 
 
 def _header_names(text: str) -> list[str] | None:

@@ -84,13 +84,13 @@ def merge(
     if not any(len(part) for part in parts):
         raise InputError(f"{scans.source}: no point is left of {sum(counts)}. Check --min-range and --max-range.")
     of_scan = np.repeat(np.arange(len(parts), dtype=np.int32), [len(part) for part in parts])
-    xyz = np.concatenate([part.world() for part in parts])
+    xyz = np.concatenate([part.metric_of(part.xyz) for part in parts])
     return Merged(xyz, of_scan, _common_fields(parts, scans.source), np.array(counts, np.int64))
 
 
 def _kept(cloud: PointCloud, voxel: float | None, reach: tuple[float, float]) -> PointCloud:
     """Return the points of a scan that count."""
-    distance = np.linalg.norm(cloud.world(), axis=1)
+    distance = np.linalg.norm(cloud.metric_of(cloud.xyz), axis=1)
     with np.errstate(invalid="ignore"):
         cloud = cloud.take(cloud.finite() & (distance > reach[0]) & (distance <= reach[1]))
     if voxel is None or len(cloud) == 0:

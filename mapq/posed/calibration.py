@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.io.clouds import read_bytes
+from mapq.io.content import read_bytes
 from mapq.posed.poses import check_rotations, nearest_rotation, rigid
 from mapq.posed.scans import driven
 from prf.shell.errors import InputError

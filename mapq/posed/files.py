@@ -11,7 +11,7 @@ from mapq.io.recognise import end_of
 from prf.shell.errors import InputError
 
 UOS_END, E57_END = ".3d", ".e57"
-SCAN_ENDS = (".bin", ".pcd", ".ply", ".xyz", ".npy", ".npz", UOS_END, E57_END)
+SCAN_ENDS = (".bin", ".pcd", ".ply", ".xyz", ".npy", ".npz", ".las", ".laz", ".ptx", UOS_END, E57_END)
 POSE_NAME = re.compile(r"(pose|traj|graph|odometry).*\.(txt|json|csv|tum)$", re.IGNORECASE)
 """Names that files of poses have; ``graph.txt`` is that of gtsam_points: a name, a place and a quaternion a row."""
 SCANS_SHOWN = 4

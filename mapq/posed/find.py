@@ -11,14 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.io.clouds import read_bytes, read_cloud
+from mapq.io.clouds import read_cloud
+from mapq.io.content import read_bytes
+from mapq.io.e57 import e57_poses, open_e57, read_e57_scan
+from mapq.io.options import ReadOptions
 from mapq.io.recognise import end_of
 from mapq.posed.calibration import laser_poses, looks_ahead, read_calibration
-from mapq.posed.e57 import e57_poses, open_e57, read_e57_scan
 from mapq.posed.files import E57_END, UOS_END, natural_key, number_of, pose_file, refuse_missing, scan_files
 from mapq.posed.poses import PoseTable, check_rotations, read_poses
 from mapq.posed.scans import PosedScans
-from mapq.posed.uos import read_uos_pose, read_uos_scan
+from mapq.posed.uos import read_uos_pose
 from prf.shell.errors import InputError
 
 logger = logging.getLogger(__name__)
@@ -192,7 +194,7 @@ def _listed(
 
     def load(number: int) -> PointCloud:
         path = files[number]
-        return read_uos_scan(path) if end_of(path) == UOS_END else read_cloud(path, settings.bin_columns)
+        return read_cloud(path, ReadOptions(bin_columns=settings.bin_columns))
 
     return PosedScans(tuple(files), poses, times, load, np.arange(len(files)), str(Path(files[0]).parent))
 
@@ -202,7 +204,7 @@ def _e57_scans(files: Sequence[str]) -> PosedScans:
     strange = [path for path in files if end_of(Path(path).name) != E57_END]
     if strange:
         raise InputError(f"{strange[0]}: not E57, beside files that are. Give scans of one kind.")
-    opened = [open_e57(path) for path in files]
+    opened = [open_e57(path, path) for path in files]
     tables = [e57_poses(file, path) for file, path in zip(opened, files, strict=True)]
     places = [(number, scan) for number, table in enumerate(tables) for scan in range(len(table))]
     names = tuple(f"{files[number]} scan {scan}" for number, scan in places)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.io.clouds import read_bytes
+from mapq.io.content import read_bytes
 from prf.shell.errors import InputError, UsageError
 
 QUATERNIONS = ("xyzw", "wxyz")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import PurePath
 from typing import Any, Literal, NamedTuple
 
@@ -10,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.io.clouds import parse_cloud, read_bytes
+from mapq.io.clouds import parse_cloud
+from mapq.io.content import Content
+from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.patches import holds_patches, parse_patches
 from mapq.patches import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.render.colours import Scheme, label_colours, patch_colours, probability_colours
@@ -46,7 +47,9 @@ class _Points(NamedTuple):
     probability: NDArray[np.float32] | None
 
 
-def read_picture(path: str, colour: Colour | None = None, field: str | None = None, bin_columns: int = 4) -> Picture:
+def read_picture(
+    path: str, colour: Colour | None = None, field: str | None = None, options: ReadOptions = AS_IT_IS
+) -> Picture:
     """Read what `path` holds and colour its points.
 
     Parameters
@@ -57,15 +60,15 @@ def read_picture(path: str, colour: Colour | None = None, field: str | None = No
         Default: labels where there are any, else patches.
     field : str, optional
         For colour ``field``: a 0/1 point field, 1 shown as suspicious.
-    bin_columns : int
-        Columns of a KITTI ``.bin``.
+    options : ReadOptions
+        As for :func:`mapq.io.read_cloud`.
 
     Raises
     ------
     InputError
         If the file has not what the colour needs.
     """
-    points = _read_points(path, bin_columns)
+    points = _read_points(path, options)
     chosen: Colour = colour or ("label" if np.any(points.label != UNLABELLED) else "patch")
     scheme = _scheme(path, points, chosen, field)
     n_patches = _count_patches(points.patch[points.patch != NO_PATCH])
@@ -79,16 +82,16 @@ def read_picture(path: str, colour: Colour | None = None, field: str | None = No
         "patch": "Plane patches",
         "field": f"Field {field}",
     }
-    return Picture(points.cloud.world(), scheme, titles[chosen], words)
+    return Picture(points.cloud.metric_of(points.cloud.xyz), scheme, titles[chosen], words)
 
 
-def _read_points(path: str, bin_columns: int) -> _Points:
-    data = read_bytes(path)
-    if holds_patches(io.BytesIO(data)):
-        patches = parse_patches(data, path)
+def _read_points(path: str, options: ReadOptions) -> _Points:
+    content = Content(path)
+    if holds_patches(content):
+        patches = parse_patches(content.data(), path)
         label = np.append(patches.label, np.uint8(UNLABELLED))[patches.patch]
         return _Points(patches.cloud, patches.patch, label, None)
-    cloud = parse_cloud(data, path, bin_columns)[1]
+    cloud = parse_cloud(content, options)[1]
     none = np.full(len(cloud), NO_PATCH, np.int32)
     number = _whole(cloud.fields.get("patch", none), NO_PATCH, np.iinfo(np.int32).max)
     marked = _whole(cloud.fields.get("suspicious", none), UNLABELLED, SUSPICIOUS)

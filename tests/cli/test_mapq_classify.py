@@ -107,7 +107,7 @@ def test_a_ply_that_cannot_be_written_leaves_no_json(capsys, tmp_path, monkeypat
     def fail(path, cloud):
         raise OutputError("disk full")
 
-    monkeypatch.setattr(results, "write_ply", fail)
+    monkeypatch.setattr(results, "write_cloud", fail)
     path, model = save_patches(tmp_path), save_model(tmp_path)
     before = set(tmp_path.iterdir())
     assert call(capsys, "classify", path, "--model", model, "-o", tmp_path / "r.ply")[0] == 4

@@ -7,7 +7,7 @@ import pytest
 
 from mapq.cli import app
 from mapq.cloud import PointCloud
-from mapq.io import write_patches, write_ply
+from mapq.io import ReadOptions, write_patches, write_ply
 from mapq.io.describe import describe, median_spacing
 from prf.shell.run import run_app
 from tests.cli.mapq_samples import call, call_json, save_cloud, save_model, save_patches
@@ -61,6 +61,7 @@ def test_json(capsys, tmp_path):
         "low": [1, 2, 3],
         "high": [1, 2, 4],
         "shift": [0, 0, 0],
+        "unit": [1, 1, 1],
         "coordinate_type": "float64",
         "fields": [{"name": "column_4", "type": "float64", "n_values": 1, "low": 7, "high": 8}],
         "spacing": 1,
@@ -172,7 +173,7 @@ def test_columns_of_kitti(capsys, tmp_path):
     path = save(tmp_path, "0.bin", np.ones((4, 3), "<f4").tobytes())
     assert "points          4" in run(capsys, path, "--bin-columns", "3")[1]
     assert run(capsys, path, "--bin-columns", "5")[0] == 2
-    assert describe(path, 4).cloud.n_points == 3
+    assert describe(path, ReadOptions(4)).cloud.n_points == 3
 
 
 def test_the_spacing_depends_on_the_points_and_not_on_their_order():

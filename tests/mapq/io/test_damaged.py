@@ -16,7 +16,10 @@ from mapq.cloud import PointCloud
 from mapq.io import read_cloud, read_patches, write_patches, write_ply
 from mapq.io.describe import describe
 from prf.shell.errors import InputError
+from tests.mapq.io.las_files import FOOT_WKT, geo_keys, las_bytes, wkt
 from tests.mapq.io.samples import patches, pcd, ply, table, text_rows
+from tests.mapq.io.test_ptx import TURNED, ptx
+from tests.mapq.io.test_vtk import vtk
 
 LISTS = b"ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty list uchar int seen\n" + b"".join(
     b"property float %c\n" % axis for axis in b"xyz"
@@ -45,8 +48,16 @@ FILES = {
     "rows.npy": stored(np.save, ROWS),
     "a.npz": stored(np.savez, xyz=np.ones((20, 3)), label=np.arange(20)),
     "0.bin": np.random.default_rng(0).normal(size=(20, 4)).astype("<f4").tobytes(),
+    "a.las": las_bytes(n=20, records=(wkt(FOOT_WKT),)),
+    "a.laz": las_bytes(True, n=20, records=(geo_keys(k1024=1, k3076=9003),)),
+    "layers.laz": las_bytes(True, n=20, kind=7, version="1.4"),
+    "a.ptx": ptx(["1 2 3 0.5 10 20 255"] * 20, 4, TURNED).encode(),
+    "text.vtk": vtk(False),
+    "binary.vtk": vtk(True),
+    "a.3d": text_rows(ROWS[["x", "y", "z"]]).replace("nan", "0").encode(),
     "a.gz": gzip.compress(text_rows(ROWS).encode(), mtime=0),
 }
+COUNTS = {"lists.ply": 2, "packed.pcd": 60, "text.vtk": 3, "binary.vtk": 3}
 LARGEST = 20_000_000
 """Bytes. What reading any of these small files may take at most, damaged or not."""
 
@@ -105,7 +116,7 @@ def damaged(draw):
 def test_the_whole_files_are_read(folder):
     for name, data in FILES.items():
         (folder / name).write_bytes(data)
-        assert len(read_cloud(str(folder / name))) == (2 if name == "lists.ply" else 60 if name == "packed.pcd" else 20)
+        assert len(read_cloud(str(folder / name))) == COUNTS.get(name, 20)
 
 
 @settings(max_examples=300)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.io import read_cloud
+from mapq.io import ReadOptions, read_cloud
 from prf.shell.errors import UsageError
 from tests.mapq.io.samples import refusal, save
 
@@ -21,7 +21,7 @@ def scan(n: int, n_columns: int, seed: int = 0) -> np.ndarray:
 @pytest.mark.parametrize("n", [1, 12, 1200, 1201])
 def test_as_many_columns_as_asked_for(tmp_path, n, n_columns, zipped):
     points = scan(n, n_columns)
-    cloud = read_cloud(save(tmp_path, "0.bin", points.tobytes(), zipped), n_columns)
+    cloud = read_cloud(save(tmp_path, "0.bin", points.tobytes(), zipped), ReadOptions(n_columns))
     assert cloud.coordinate_type is np.float32
     assert np.array_equal(cloud.xyz, points[:, :3])
     assert list(cloud.fields) == ["intensity"][: n_columns - 3]
@@ -33,20 +33,20 @@ def test_a_size_that_does_not_divide(tmp_path):
     path = save(tmp_path, "0.bin", scan(5, 3).tobytes())
     assert "It divides by 12: --bin-columns 3?" in refusal(read_cloud, path)
     path = save(tmp_path, "0.bin", scan(5, 4).tobytes())
-    assert "It divides by 16: --bin-columns 4?" in refusal(read_cloud, path, 3)
+    assert "It divides by 16: --bin-columns 4?" in refusal(read_cloud, path, ReadOptions(3))
     assert "no whole number of points" in refusal(read_cloud, save(tmp_path, "0.bin", bytes(17)))
 
 
 @pytest.mark.parametrize("n_columns", [3, 4])
 def test_content_that_speaks_for_the_other_number(tmp_path, n_columns):
     path = save(tmp_path, "0.bin", scan(1200, n_columns).tobytes())
-    assert f"Use --bin-columns {n_columns}" in refusal(read_cloud, path, 7 - n_columns)
+    assert f"Use --bin-columns {n_columns}" in refusal(read_cloud, path, ReadOptions(7 - n_columns))
 
 
 def test_content_that_does_not_speak_is_believed(tmp_path):
     points = np.random.default_rng(0).normal(size=(1200, 4)).astype("<f4")  # four columns of one size
     for n_columns in (3, 4):
-        assert len(read_cloud(save(tmp_path, "0.bin", points.tobytes()), n_columns)) == 4800 // n_columns
+        assert len(read_cloud(save(tmp_path, "0.bin", points.tobytes()), ReadOptions(n_columns))) == 4800 // n_columns
 
 
 def test_bytes_that_are_no_coordinates(tmp_path):
@@ -59,4 +59,4 @@ def test_the_option_is_checked_and_the_name_needed(tmp_path):
     path = save(tmp_path, "0.dat", scan(100, 4).tobytes())
     assert "binary data of an unknown kind" in refusal(read_cloud, path)
     with pytest.raises(UsageError, match="--bin-columns 5"):
-        read_cloud(path, 5)
+        read_cloud(path, ReadOptions(5))

@@ -6,7 +6,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from mapq.io import read_cloud, write_patches
+from mapq.io import ReadOptions, read_cloud, write_patches
 from tests.mapq.io.samples import check_same, patches, refusal, save, table
 
 
@@ -44,7 +44,12 @@ def test_structured_arrays(tmp_path):
 
 def test_integers_of_las_are_refused_and_other_integers_are_not(tmp_path):
     rows = np.zeros(3, [("X", "i4"), ("Y", "i4"), ("Z", "i4")])
-    assert "X * scale + offset" in refusal(read_cloud, save(tmp_path, "a.npy", npy(rows)))
+    rows["X"], rows["Z"] = (1, 2, 3), -7
+    path = save(tmp_path, "a.npy", npy(rows))
+    assert "--unit 0.01" in refusal(read_cloud, path)
+    cloud = read_cloud(path, ReadOptions(unit=0.01))
+    assert cloud.xyz[1].tolist() == [0.02, 0.0, -0.07]
+    np.testing.assert_allclose(cloud.world()[1], [2.0, 0.0, -7.0], rtol=1e-15)
     rows.dtype.names = ("x", "y", "z")
     assert len(read_cloud(save(tmp_path, "a.npy", npy(rows)))) == 3
 

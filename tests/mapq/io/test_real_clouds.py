@@ -8,11 +8,20 @@ import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
-from mapq.io import read_cloud, write_ply
+from mapq.io import ReadOptions, read_cloud, write_cloud, write_ply
 from tests.mapq.io.samples import refusal
 
 INTENSITY = {"intensity": "float32"}
 NORMALS = INTENSITY | dict.fromkeys(("normal_x", "normal_y", "normal_z", "curvature"), "float32")
+
+COLOURS = dict.fromkeys(("red", "green", "blue"), "uint8")
+GRID = {"rowIndex": "int16", "columnIndex": "int16"}
+LAS_BITS = ("return_number", "number_of_returns", "scan_direction_flag", "edge_of_flight_line", "classification")
+LAS_TIME = {"intensity": "uint16", **dict.fromkeys((*LAS_BITS, "synthetic", "key_point", "withheld"), "uint8")}
+LAS_TIME |= {"scan_angle_rank": "int8", "user_data": "uint8", "point_source_id": "uint16", "gps_time": "float64"}
+LAS_SIX = {name: kind for name, kind in LAS_TIME.items() if name != "scan_angle_rank"}
+LAS_SIX |= {"scan_angle": "int16", "overlap": "uint8", "scanner_channel": "uint8"}
+LAS_COLOURS = dict.fromkeys(("red", "green", "blue"), "uint16")
 
 COUNTS = {
     "dxmcu_map/pcd/*.pcd": (11, 1_829_462, {}),
@@ -35,23 +44,31 @@ COUNTS = {
     "pcl_matching_scan/map.pcd": (1, 49_168, INTENSITY),
     "gtsam_points_kitti_00/000000.bin": (1, 124_668, {}),
     "libpointmatcher/car_cloud400.csv": (1, 24_989, dict.fromkeys(("nx", "ny", "nz"), "float64")),
+    "libpointmatcher/cloud.00000.vtk": (1, 24_989, {}),
+    "3dtk_dat/*.3d.gz": (2, 2 * 81_360, {}),
+    "pdal_formats/1.2-with-color.las": (1, 1_065, LAS_TIME | LAS_COLOURS),
+    "pdal_formats/1.2-with-color.copc.laz": (1, 1_065, LAS_SIX | LAS_COLOURS),
+    "pdal_formats/1.2-with-color.ptx": (1, 1_065, {"intensity": "float64"} | COLOURS),
+    "pdal_formats/autzen_trim.laz": (1, 110_000, LAS_TIME | LAS_COLOURS),
+    "pdal_formats/lone-star.laz": (1, 518_862, LAS_TIME),
+    "pdal_formats/A_B.e57": (1, 6, INTENSITY | COLOURS | {"scan": "int32"}),
+    "pye57_e57/pumpA*.e57": (1, 155_201, {"intensity": "float64"} | COLOURS | GRID),
+    "pye57_e57/translationWithoutRotation.e57": (1, 4, {}),
 }
 """Files, points in all of them together, and the fields beside the coordinates."""
 
 REFUSED = {
-    "pdal_formats/*.las": "LAS",
-    "pdal_formats/*.laz": "LAS or LAZ",
-    "pdal_formats/*.e57": "E57",
-    "pye57_e57/*.e57": "E57",
-    "pdal_formats/*.ptx": "PTX",
-    "pdal_formats/*.npy": "scaled coordinates of LAS",
+    "pdal_formats/*.npy": "scaled coordinates of LAS, without the scale. Give it in metres with --unit",
     "pdal_formats/missingheader.pcd": "no PCD header",
-    "libpointmatcher/*.vtk": "VTK",
-    "3dtk_dat/*.3d.gz": "3DTK",
     "*/config/config.json": "JSON",
     "dxmcu_map/derived/*.csv": "no fields x, y, z; there are tile_a",
     "kitti00_map-metrics/derived/calib_Tr.txt": "x is 'Tr:', not a number",
 }
+
+FOOT, SURVEY_FOOT = 0.3048, 1200 / 3937
+
+WIDE = ("csv", "las", "laz", "ptx", "e57", "3d.gz")
+"""Ends of names of formats whose coordinates are read in double precision."""
 
 THREE = ("newer_college_01", "gtsam_points_kitti_00")
 """Sets whose .bin files have three columns."""
@@ -63,18 +80,20 @@ def clouds(shared_data):
 
 
 def read(path: Path) -> PointCloud:
-    return read_cloud(str(path), bin_columns=3 if path.parent.name in THREE else 4)
+    return read_cloud(str(path), ReadOptions(bin_columns=3 if path.parent.name in THREE else 4))
 
 
 @pytest.mark.parametrize("pattern", COUNTS)
 def test_points_and_fields(clouds, pattern):
     n_files, n_points, fields = COUNTS[pattern]
+    if pattern.endswith(".e57"):
+        pytest.importorskip("pye57")
     found = [read(path) for path in sorted(clouds.glob(pattern))]
     assert len(found) == n_files
     assert sum(map(len, found)) == n_points
     for cloud in found:
         assert {name: values.dtype.name for name, values in cloud.fields.items()} == fields
-        assert cloud.coordinate_type is (np.float64 if pattern.endswith("csv") else np.float32)
+        assert cloud.coordinate_type is (np.float64 if pattern.endswith(WIDE) else np.float32)
         assert cloud.finite().mean() > 0.5
 
 
@@ -97,12 +116,53 @@ def test_survey_coordinates_and_upper_case_names(clouds, tmp_path):
     assert [values.tobytes() for values in again.fields.values()] == [v.tobytes() for v in cloud.fields.values()]
 
 
+@pytest.mark.parametrize("name", ["1.2-with-color.las", "1.2-with-color.copc.laz", "autzen_trim.laz", "lone-star.laz"])
+def test_las_comes_back_to_the_last_bit(clouds, tmp_path, name):
+    laspy = pytest.importorskip("laspy")
+    path, copy = clouds / "pdal_formats" / name, tmp_path / "copy.laz"
+    write_cloud(copy, read_cloud(str(path)))
+    old, new = laspy.read(path), laspy.read(copy)
+    for each in ("scales", "offsets"):
+        np.testing.assert_array_equal(getattr(new.header, each), getattr(old.header, each))
+    assert new.header.point_format.id == old.header.point_format.id
+    assert list(new.point_format.dimension_names) == list(old.point_format.dimension_names)
+    for dimension in old.point_format.dimension_names:
+        np.testing.assert_array_equal(np.asarray(new[dimension]), np.asarray(old[dimension]), strict=True)
+    systems = [[bytes(v.record_data_bytes()) for v in f.vlrs if v.user_id == "LASF_Projection"] for f in (old, new)]
+    assert systems[0] == systems[1]
+
+
+def test_one_cloud_in_five_formats(clouds):
+    folder = clouds / "pdal_formats"
+    las = read_cloud(str(folder / "1.2-with-color.las"))
+    for name, options in (("ptx", ReadOptions()), ("npy", ReadOptions(unit=0.01)), ("copc.laz", ReadOptions(unit=1.0))):
+        other = read_cloud(str(folder / f"1.2-with-color.{name}"), options)
+        metres = [np.sort(cloud.metric_of(cloud.xyz), axis=0) for cloud in (las, other)]
+        np.testing.assert_allclose(metres[1], metres[0], rtol=0, atol=1e-6)
+
+
+def test_feet(clouds):
+    autzen = read_cloud(str(clouds / "pdal_formats" / "autzen_trim.laz"))
+    assert autzen.unit.tolist() == [FOOT] * 3
+    assert np.ptp(autzen.xyz[:, 2]) == pytest.approx(114.25 * FOOT)
+    np.testing.assert_array_equal(autzen.world().max(axis=0).round(2), [637_179.22, 849_497.90, 520.51])
+    copc = read_cloud(str(clouds / "pdal_formats" / "1.2-with-color.copc.laz"))
+    np.testing.assert_allclose(copc.unit, [1.0, 1.0, SURVEY_FOOT], rtol=1e-12)
+
+
+def test_3dtk_stands_upright_in_metres(clouds):
+    corridor = read_cloud(str(clouds / "3dtk_dat" / "scan000.3d.gz"))
+    near = corridor.xyz[np.linalg.norm(corridor.xyz, axis=1) < 30.0]
+    assert near.std(axis=0).argmin() == 2
+    assert (np.ptp(near, axis=0) > 8.0).all()
+
+
 def test_the_other_number_of_columns_is_noticed(clouds):
     for name in THREE:
         for path in sorted((clouds / name).rglob("*.bin")):
-            assert "--bin-columns 3" in refusal(read_cloud, str(path), 4)
+            assert "--bin-columns 3" in refusal(read_cloud, str(path), ReadOptions(4))
     for path in sorted((clouds / "kitti00_map-metrics" / "pcs").glob("*.gz"))[:6]:
-        assert "--bin-columns 4" in refusal(read_cloud, str(path), 3)
+        assert "--bin-columns 4" in refusal(read_cloud, str(path), ReadOptions(3))
 
 
 def test_a_sensors_columns_come_back_bit_for_bit(clouds, tmp_path):

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
-from mapq.io import write_ply
+from mapq.io import read_cloud, write_ply
 from mapq.posed import FindSettings, find_scans, replace_poses
 from mapq.posed.files import family, natural_key, number_of
-from mapq.posed.uos import read_uos_pose, read_uos_scan
+from mapq.posed.uos import read_uos_pose
 from prf.shell.errors import InputError
 from tests.mapq.perturb.scenes import pose_at
 from tests.mapq.posed.test_poses import CAMERA, rows
@@ -188,7 +188,7 @@ def test_3dtk_in_centimetres_and_left_handed(tmp_path):
 def test_damaged_3dtk_is_refused(tmp_path):
     (tmp_path / "scan000.3d").write_text("1 2\n")
     with pytest.raises(InputError, match=r"scan000.3d:1: 2 columns"):
-        read_uos_scan(str(tmp_path / "scan000.3d"))
+        read_cloud(str(tmp_path / "scan000.3d"))
     (tmp_path / "scan000.pose").write_text("1 2 3 4 5")
     with pytest.raises(InputError, match="not six numbers"):
         read_uos_pose(str(tmp_path / "scan000.pose"))

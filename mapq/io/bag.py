@@ -1,0 +1,190 @@
+"""Point clouds of a ROS bag: ``PointCloud2`` messages, taken into the frame of the map by tf."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.cloud import PointCloud
+from mapq.io.content import Content
+from mapq.io.fields import Array, axes_of, cloud_of_world, refuse_doubles
+from mapq.io.joined import joined_fields
+from mapq.io.options import ReadOptions
+from mapq.io.recognise import ACCEPTED
+from prf.shell.bag import Bag, Message, bag_in, bag_suffix, named_bag, open_bag, seconds
+from prf.shell.errors import ConfigError, InputError
+from prf.shell.tf import Rigid, Tree, frame_name, turned
+
+logger = logging.getLogger(__name__)
+
+CLOUD = "sensor_msgs/msg/PointCloud2"
+TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+FIXED = "map"
+
+TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+"""Types of numpy by the numbers of PointField."""
+
+
+class _Scan(NamedTuple):
+    """A message: coordinates as in the message (n, 3), and all else."""
+
+    frame: str
+    time: float
+    points: Array
+    fields: dict[str, Array]
+
+
+def read_bag(content: Content, options: ReadOptions) -> PointCloud:
+    """Return the points of all PointCloud2 messages of a topic as one cloud.
+
+    A single message, and messages in the frame of the map, are taken as they are; others by tf into the frame of the
+    map, each at its time. A message that repeats the one before, as a map that is published again and again, counts
+    once. Where there are several the field `scan` numbers them.
+
+    Raises
+    ------
+    InputError
+        If the bag is damaged, has no clouds, or tf does not lead to the frame of the map.
+    ConfigError
+        If there are several topics of clouds and none is named, or there is no such topic.
+    """
+    source = content.source
+    with _bag_path(content) as path, open_bag(path, source) as bag:
+        topic = _topic(bag, options.topic)
+        scans = _scans(bag, topic)
+        if not scans:
+            raise InputError(f"{source}: the messages of {topic} are empty.")
+        poses = _poses(bag, scans, options.frame)
+    placed = [
+        (_placed(scan.points, poses, row), scan.fields)
+        for row, scan in enumerate(scans)
+        if poses is None or poses.known[row]
+    ]
+    if not placed:
+        raise InputError(f"{source}: no message of {topic} lies within the time of the transforms.")
+    if len(placed) < len(scans):
+        logger.warning(
+            "%s: %d of %d messages lie outside the time of the transforms: left out",
+            source,
+            len(scans) - len(placed),
+            len(scans),
+        )
+    fields = joined_fields([part for _, part in placed], [len(points) for points, _ in placed], source)
+    world = np.concatenate([points for points, _ in placed])
+    return cloud_of_world(world, fields, source, options.unit or 1.0)
+
+
+@contextmanager
+def _bag_path(content: Content) -> Iterator[Path]:
+    """Give the bag under a name that tells its format."""
+    if content.is_folder:
+        yield bag_in(Path(content.path), ACCEPTED)
+        return
+    with content.file() as file, named_bag(file, bag_suffix(content.head)) as path:
+        yield path
+
+
+def _topic(bag: Bag, named: str | None) -> str:
+    """Return the topic to read."""
+    topics = bag.of_type(CLOUD)
+    if not topics:
+        raise InputError(f"{bag.source}: no {CLOUD} messages. The bag has {bag.contents}.")
+    if named is None:
+        if len(topics) > 1:
+            raise ConfigError(f"{bag.source}: several topics of clouds, {', '.join(topics)}. Choose one with --topic.")
+        return topics[0]
+    # ROS itself takes a name without the slash for the same topic.
+    for name in (named, f"/{named}"):
+        if name in topics:
+            return name
+    raise ConfigError(f"--topic {named}: {bag.source} has {', '.join(topics)}.")
+
+
+def _scans(bag: Bag, topic: str) -> list[_Scan]:
+    """Return the messages of a topic that have points, without repetitions."""
+    scans: list[_Scan] = []
+    before = b""
+    for number, message in enumerate(bag.messages([topic])):
+        data = bytes(message.body.data)
+        if data and data != before:
+            scans.append(_parse(message, f"{bag.source}: message {number} of {topic}"))
+            before = data
+    return [scan for scan in scans if len(scan.points)]
+
+
+def _parse(message: Message, where: str) -> _Scan:
+    """Return the points of a message."""
+    body = message.body
+    dtype = _row_type(body, where)
+    height, width, step, stride = int(body.height), int(body.width), int(body.point_step), int(body.row_step)
+    data = np.asarray(body.data, np.uint8)
+    if (width * step > stride and height > 1) or (height - 1) * stride + width * step > len(data):
+        raise InputError(
+            f"{where}: {height} rows of {width} points of {step} bytes do not fit into its {len(data)} bytes. Record "
+            f"it anew."
+        )
+    lines = [np.frombuffer(data, dtype, width, row * stride) for row in range(height)]
+    rows = lines[0] if height == 1 else np.concatenate(lines) if lines else np.empty(0, dtype)
+    names = list(dtype.names or ())
+    axes = axes_of(names, where)
+    points = np.column_stack([rows[name] for name in axes])
+    time = seconds(body.header.stamp, message.received)
+    fields = {name: rows[name].copy() for name in names if name not in axes}
+    return _Scan(frame_name(body.header.frame_id), time, points, fields)
+
+
+def _row_type(body: Any, where: str) -> np.dtype[np.void]:
+    """Return the type of a point; what lies between the fields is padding."""
+    order = ">" if body.is_bigendian else "<"
+    names, formats, offsets = [], [], []
+    for field in body.fields:
+        count = max(1, int(field.count))  # old drivers write 0
+        if field.datatype not in TYPES or count > 1 << 16:
+            raise InputError(f"{where}: field {field.name} is of type {field.datatype}, which is none of PointField.")
+        names.append(str(field.name))
+        formats.append((order + TYPES[field.datatype], (count,) if count > 1 else ()))
+        offsets.append(int(field.offset))
+    refuse_doubles(names, where)
+    size = int(body.point_step)
+    ends = [offset + np.dtype(kind).itemsize for offset, kind in zip(offsets, formats, strict=True)]
+    if not 0 < max(ends, default=1) <= size:
+        raise InputError(f"{where}: fields reach beyond the {size} bytes of a point. Record it anew.")
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": size})
+
+
+def _poses(bag: Bag, scans: list[_Scan], named: str | None) -> Rigid | None:
+    """Return the poses of the messages' frames in that of the map; None where they are in it, or there is but one."""
+    frames = {scan.frame for scan in scans}
+    fixed = frame_name(named or FIXED)
+    if frames == {fixed} or (len(scans) == 1 and named is None):
+        return None
+    tree = Tree()
+    tree.add_messages(bag.messages(bag.of_type(*TF_TYPES)))
+    m = len(scans)
+    found = Rigid(np.zeros((m, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (m, 1)), np.ones(m, bool))
+    for frame in frames - {fixed}:
+        rows = np.array([row for row, scan in enumerate(scans) if scan.frame == frame])
+        poses = tree.poses(fixed, frame, np.array([scans[row].time for row in rows]))
+        if poses is None:
+            tops = ", ".join([*tree.roots_above(frame), frame])
+            raise InputError(
+                f"{bag.source}: {m} clouds in frame {frame}, and tf does not lead there from {fixed}. Choose the frame "
+                f"of the map with --frame, one of: {tops}; {frame} takes the clouds as they are."
+            )
+        found.shift[rows], found.turn[rows], found.known[rows] = poses
+    return found
+
+
+def _placed(points: Array, poses: Rigid | None, row: int) -> NDArray[Any]:
+    """Return points (n, 3) in the frame of the map."""
+    if poses is None:
+        return points
+    wide = points.astype(np.float64)
+    moved: NDArray[np.float64] = turned(np.tile(poses.turn[row], (len(wide), 1)), wide) + poses.shift[row]
+    return moved

@@ -1,0 +1,39 @@
+"""Fields of the scans of one file, joined into those of one cloud."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mapq.io.fields import Array
+
+logger = logging.getLogger(__name__)
+
+SCAN = "scan"
+"""Field that numbers the scans of a file that has several."""
+
+
+def joined_fields(parts: Sequence[Mapping[str, Array]], counts: Sequence[int], source: str) -> dict[str, Array]:
+    """Return the fields that all scans have in one shape, and `scan` if there are several and none is called so.
+
+    Parameters
+    ----------
+    parts : sequence of mapping of str to (n, ...) array
+        Fields of each scan.
+    counts : sequence of int
+        Its points.
+    source : str
+        Name of the file; a warning names the fields that are dropped.
+    """
+    fields = {}
+    for name in dict.fromkeys(name for part in parts for name in part):
+        values = [part[name] for part in parts if name in part]
+        if len(values) == len(parts) and len({each.shape[1:] for each in values}) == 1:
+            fields[name] = np.concatenate(values)
+        else:
+            logger.warning("%s: field %s is dropped: not every scan has it alike", source, name)
+    if len(parts) > 1 and SCAN not in fields:
+        fields[SCAN] = np.repeat(np.arange(len(parts), dtype=np.int32), counts)
+    return fields

@@ -1,0 +1,167 @@
+"""LAS and LAZ, COPC among them, read piece by piece with laspy."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.cloud import PointCloud
+from mapq.io.content import Content
+from mapq.io.fields import Array, cloud_of_world, refuse_doubles
+from mapq.io.las_unit import unit_of
+from mapq.io.laz_chunks import check_chunks
+from mapq.io.options import ReadOptions
+from prf.shell.errors import InputError
+
+if TYPE_CHECKING:
+    from laspy import LasReader
+
+CHUNK = 200_000
+"""Points that are decoded at once: some 10 MB."""
+
+NEWEST = 5
+"""Minor version of LAS."""
+
+LARGEST_CHUNK = 1_000_000
+"""Points of a chunk of LAZ up to which several are decoded at once; usual are 50,000."""
+
+LONGEST_HEAD = 1 << 26
+"""Bytes of header and records before the points; a file that promises more is damaged."""
+
+MOST_RECORDS = 1 << 12
+"""Variable length records, of either kind."""
+
+RAW = ("X", "Y", "Z")
+
+DAMAGE = (ValueError, TypeError, LookupError, OverflowError, EOFError, OSError, ArithmeticError, AttributeError)
+"""What laspy raises for a damaged file, beside its own errors and those of its decompressor."""
+
+
+def read_las(content: Content, options: ReadOptions) -> PointCloud:
+    """Return the cloud of a LAS or LAZ file, with its header for a result in LAS.
+
+    Coordinates are the integers of the file times its scale plus its offset, in float64. Dimensions keep the names of
+    laspy; scaled extra ones become float64.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, cut off, of a version that cannot be read, or has no points.
+    """
+    source = content.source
+    with content.stream() as stream, told(source):
+        _check_head(stream, source)
+        from laspy import LasHeader, LasReader, LazBackend  # noqa: PLC0415 - takes a fifth of a second
+
+        head = LasHeader.read_from(stream)
+        largest = check_chunks(stream, head, source) if head.are_points_compressed else 0
+        stream.seek(0)
+        # Several threads hold several whole chunks.
+        backend = LazBackend.LazrsParallel if largest <= LARGEST_CHUNK else LazBackend.Lazrs
+        with LasReader(stream, closefd=False, laz_backend=backend, read_evlrs=False) as reader:
+            header = reader.header
+            world, fields = _read_points(reader, source)
+            unit = options.unit or unit_of(header.vlrs, source)
+    stored = _stored_head(content)
+    cloud = cloud_of_world(world, fields, source, unit)
+    return PointCloud(cloud.xyz, cloud.shift, cloud.fields, np.float64, source, cloud.unit, stored)
+
+
+def _check_head(stream: BinaryIO, source: str) -> None:
+    """Refuse counts and places that the file cannot hold, before laspy believes them."""
+    head = stream.read(375)
+    size = stream.seek(0, 2)
+    stream.seek(0)
+    if len(head) < 227:
+        raise InputError(f"{source}: cut off within the LAS header. Copy or download the file again.")
+    start, n_records, kind, length, n_points = struct.unpack_from("<IIBHI", head, 96)
+    if head[24] != 1 or head[25] > NEWEST:
+        raise InputError(f"{source}: LAS {head[24]}.{head[25]} is not known; 1.0 to 1.{NEWEST} are. Write it as 1.4.")
+    if head[25] >= 4:
+        if len(head) < 375:
+            raise InputError(f"{source}: cut off within the LAS header. Copy or download the file again.")
+        (n_points,) = struct.unpack_from("<Q", head, 247)
+    if not 227 <= start <= min(size, LONGEST_HEAD) or n_records > MOST_RECORDS:
+        raise InputError(
+            f"{source}: damaged: the LAS header promises {n_records} records and points from byte {start} on, the file "
+            f"has {size} bytes. Copy or download it again."
+        )
+    if n_points == 0:
+        raise InputError(f"{source}: no points. Check how the file was written.")
+    is_compressed = kind >= 128
+    if not is_compressed and n_points * length > size - start:
+        raise InputError(
+            f"{source}: cut off: {n_points} points of {length} bytes are promised, {size - start} bytes follow. "
+            f"Copy or download the file again."
+        )
+
+
+def _read_points(reader: LasReader, source: str) -> tuple[NDArray[np.float64], dict[str, Array]]:
+    """Return world coordinates (n, 3) and all other dimensions.
+
+    What a header of LAZ promises is believed point by point, as they come: the pieces are joined at the end.
+    """
+    names = [name for name in reader.header.point_format.dimension_names if name not in RAW]
+    refuse_doubles(names, source)
+    scales, offsets = np.asarray(reader.header.scales), np.asarray(reader.header.offsets)
+    if not (np.isfinite(scales).all() and np.isfinite(offsets).all() and (scales > 0.0).all()):
+        raise InputError(f"{source}: damaged: scale or offset of the LAS header is no number. Copy the file again.")
+    pieces: dict[str, list[Array]] = {name: [] for name in names}
+    places: list[NDArray[np.float64]] = []
+    for points in reader.chunk_iterator(CHUNK):
+        whole = np.column_stack([np.asarray(points[axis]) for axis in RAW])
+        places.append(whole * scales + offsets)
+        for name in names:
+            pieces[name].append(np.array(points[name]))
+    n_points = sum(map(len, places))
+    if n_points != reader.header.point_count:
+        raise InputError(
+            f"{source}: cut off: {reader.header.point_count} points are promised, {n_points} follow. Copy or download "
+            f"the file again."
+        )
+    world = _joined(places)
+    return world, {name: _joined(pieces[name]) for name in names}
+
+
+def _joined(parts: list[Array]) -> Array:
+    """Return the parts as one array, and let go of them."""
+    whole = np.concatenate(parts)
+    parts.clear()
+    return whole
+
+
+def _stored_head(content: Content) -> bytes:
+    """Return header and records of a LAS file, up to its points."""
+    with content.stream() as stream:
+        (start,) = struct.unpack_from("<I", stream.read(100), 96)
+        stream.seek(0)
+        return stream.read(start)
+
+
+@contextmanager
+def told(source: str) -> Iterator[None]:
+    """Turn whatever laspy and its decompressor stumble on into one line."""
+    try:
+        yield
+    except (InputError, MemoryError, KeyboardInterrupt, GeneratorExit):
+        raise
+    except BaseException as error:
+        if not _is_damage(error):
+            raise
+        words = " ".join(str(error).split())[:120] or type(error).__name__
+        raise InputError(
+            f"{source}: the LAS file is damaged, or of a version that cannot be read ({words}). Copy or download it "
+            f"again."
+        ) from error
+
+
+def _is_damage(error: BaseException) -> bool:
+    """Return whether an error is one of reading; a panic of lazrs is no `Exception`, and has no importable name."""
+    if isinstance(error, (*DAMAGE, struct.error)):
+        return True
+    return type(error).__module__.partition(".")[0] in ("laspy", "lazrs", "pyo3_runtime")

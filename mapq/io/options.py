@@ -1,0 +1,69 @@
+"""What a user says of a cloud beside its name, where the file does not say it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from prf.shell.errors import UsageError
+
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200.0 / 3937.0}
+"""Metres in each; the survey foot of the United States is longer than the foot by two millionths: metres on a grid."""
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """How to read a cloud.
+
+    Attributes
+    ----------
+    bin_columns : {3, 4}
+        Columns of a KITTI .bin; other formats say it themselves.
+    unit : float or None
+        Metres in a unit of the coordinates; None: as the file says (LAS), else metres.
+    topic : str or None
+        Topic of a bag's point clouds; None: the only one.
+    frame : str or None
+        Frame of the map, into which tf takes the clouds of a bag; None: ``map``.
+
+    Raises
+    ------
+    UsageError
+        If a value is outside its domain.
+    """
+
+    bin_columns: int = 4
+    unit: float | None = None
+    topic: str | None = None
+    frame: str | None = None
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if self.bin_columns not in (3, 4):
+            raise UsageError(f"--bin-columns {self.bin_columns} is neither 3 nor 4.")
+        if self.unit is not None and not (math.isfinite(self.unit) and self.unit > 0.0):
+            raise UsageError(f"--unit {self.unit:g} is no length above 0.")
+
+
+AS_IT_IS = ReadOptions()
+"""Nothing said."""
+
+
+def parse_unit(text: str) -> float:
+    """Return the metres in a unit: a name of `UNITS`, or a number of metres such as 0.01.
+
+    Raises
+    ------
+    ValueError
+        If it is neither, or not above 0; typer makes a usage error of it.
+    """
+    known = UNITS.get(text.strip().lower())
+    if known is not None:
+        return known
+    try:
+        metres = float(text)
+    except ValueError:
+        metres = math.nan
+    if not (math.isfinite(metres) and metres > 0.0):
+        raise ValueError(f"{text} is no unit. Give one of {', '.join(UNITS)}, or how many metres it is")
+    return metres

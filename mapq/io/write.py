@@ -1,0 +1,39 @@
+"""Writing a cloud in the format that its name asks for."""
+
+from __future__ import annotations
+
+import os
+
+from mapq.cloud import PointCloud
+from mapq.io.las_write import write_las
+from mapq.io.ply_write import write_ply
+from prf.shell.errors import UsageError
+
+LAS_ENDS = (".las", ".laz")
+
+
+def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
+    """Write a cloud: as LAS under a name that ends on .las or .laz, else as PLY; ``-`` is standard output.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    UsageError
+        As :func:`check_name`.
+    """
+    check_name(path)
+    write = write_las if os.fspath(path).lower().endswith(LAS_ENDS) else write_ply
+    write(path, cloud)
+
+
+def check_name(path: str | os.PathLike[str]) -> None:
+    """Refuse the name of a format that is not written, before the work for it begins.
+
+    Raises
+    ------
+    UsageError
+        For COPC, whose points stand in an octree.
+    """
+    if os.fspath(path).lower().endswith(".copc.laz"):
+        raise UsageError(f"{path}: COPC is not written, only plain LAZ. Name a .laz without .copc.")
