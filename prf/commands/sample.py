@@ -85,9 +85,11 @@ Start = Annotated[
     ),
 ]
 Rungs = Annotated[
-    int | None,
+    str | None,
     typer.Option(
-        "--rungs", metavar="N", min=1, help="Parallel tempering: chains that help each chain, itself included.  [1]"
+        "--rungs",
+        metavar="N|auto",
+        help="Parallel tempering: chains that help each chain, itself included; auto: once chains stay apart.  [1]",
     ),
 ]
 Hottest = Annotated[
@@ -152,6 +154,7 @@ def sample(
     beam_density = chosen_density(beam_density, no_thinning)
     options = {name: value for name, value in locals().items() if name in RUN_SCIENCE}
     options["tiles"] = _number_of_tiles(tiles)
+    options["rungs"] = _number_of_rungs(rungs)
 
     from prf.sampler.asked import ask
     from prf.sampler.drive import StopRule
@@ -182,6 +185,17 @@ def _number_of_tiles(tiles: str | None) -> int | None:
     if number == 1 or number > MOST_TILES:
         raise UsageError(f"--tiles {tiles}: give auto, off, or a number from 2 to {MOST_TILES}.")
     return number
+
+
+def _number_of_rungs(rungs: str | None) -> int | str | None:
+    """Return the number that is asked for, or "auto"; None: the default."""
+    from prf.shell.errors import UsageError
+
+    if rungs is None or rungs == "auto":
+        return rungs
+    if not rungs.isdecimal():
+        raise UsageError(f"--rungs {rungs}: give a number from 1 on, or auto.")
+    return int(rungs)
 
 
 def _folder(logs: dict[str, str], output: str | None, resume: str | None, force: bool) -> Path:
@@ -274,6 +288,8 @@ def _fields(session: Session, progress: Progress) -> dict[str, str]:
         "steps/s": f"{progress.steps_per_second:,.0f}",
         "log posterior": f"{session.sampler.log_posterior():,.0f}",
     }
+    if session.sampler.chains[0].rungs > 1:
+        fields["rungs"] = f"{session.sampler.chains[0].rungs}"
     if progress.diagnoses:
         from prf.diagnostics import converged
 
@@ -310,9 +326,16 @@ def _report(run: Run, progress: Progress, folder: Path, session: Session, json: 
     if swaps:
         console.emit(_ladders(swaps))
     elif not result["converged"] and progress.status != "running":
-        console.emit("chains that stay apart: run longer, or with parallel tempering (--rungs 3; docs/tempering.md)")
+        console.emit(_advice(session.output.config.rungs == "auto"))
     console.emit(f"{result['draws']} draws of {result['chains']} chains, {progress.step:,} steps each, {folder}/")
     console.emit(f"picture {folder}/posterior.png" + (f", best map {folder}/map.geojson" if run.best else ""))
+
+
+def _advice(waits: bool) -> str:
+    """Return what to do about chains that do not agree; `waits`: parallel tempering would come by itself."""
+    if waits:
+        return "tempering: none so far, the chains were not seen to stay apart; run longer (docs/tempering.md)"
+    return "chains that stay apart: run longer, or with parallel tempering (--rungs auto; docs/tempering.md)"
 
 
 def _ladders(reports: list[SwapReport]) -> str:
@@ -321,4 +344,6 @@ def _ladders(reports: list[SwapReport]) -> str:
     lowest = min(report.powers[-1] for report in reports)
     worst = f"swaps accepted {min(rates):.0%} to {max(rates):.0%}" if rates else "no swap tried"
     trips = sum(report.round_trips for report in reports)
-    return f"tempering: {len(reports[0].powers)} rungs down to power {lowest:.3g}, {worst}, {trips} round trips"
+    since = f"from step {reports[0].first_step:,} on " if reports[0].first_step else ""
+    rungs = len(reports[0].powers)
+    return f"tempering: {rungs} rungs {since}down to power {lowest:.3g}, {worst}, {trips} round trips"

@@ -80,6 +80,11 @@ class ChainSampler:
         """Steps made."""
         return int(self.chain.graph.counts[c.STEP])
 
+    @property
+    def rungs(self) -> int:
+        """Rungs of this chain, itself among them; 1 without parallel tempering."""
+        return 1 if self.tempering is None else self.tempering.ladder.rungs
+
     def temper(self, plan: LadderPlan) -> None:
         """Put hot rungs below this chain from now on; rounds are then the shortest, since every rung makes one."""
         self.tempering = Tempering(self.settings, self.chain, self.rng, plan)

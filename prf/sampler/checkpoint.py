@@ -48,6 +48,8 @@ def load_checkpoint(folder: Path, sampler: Sampler, identity: str) -> None:
     if str(arrays.pop("run", "")) != identity:
         raise InputError(f"{path}: belongs to a run of other readings or configuration. Sample anew with --force.")
     try:
+        if "chain0.ladder.powers" in arrays:
+            sampler.put_rungs()
         for i, chain in enumerate(sampler.chains):
             prefix = f"chain{i}."
             restore(chain, {name[len(prefix) :]: array for name, array in arrays.items() if name.startswith(prefix)})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from prf.logs.describe import default_max_range
 from prf.posterior import LaserData, PointData, Settings, SonarData
 from prf.run import Beams, Cones, Points
 from prf.sampler.starts import STARTS, Start
-from prf.sampler.tempering_ladder import LadderPlan
+from prf.sampler.tempering_ladder import AUTO_RUNGS, LadderPlan
 from prf.sampler.tiles.schedule import chosen_tiles
 from prf.sensors.laser import LaserModel
 from prf.sensors.points import PointModel, window_round
@@ -70,8 +70,9 @@ class SampleConfig:
         Tiles in which a chain is updated at once (docs/tiles.md), 0: none.
     start : {"empty", "grid", "prior"} or None
         Where chains start (:mod:`prf.sampler.starts`); default "grid" with a laser, else "empty".
-    rungs : int
-        Rungs of parallel tempering a chain, the cold one among them (:mod:`prf.sampler.tempering`); 1: none.
+    rungs : int or "auto"
+        Rungs of parallel tempering a chain, the cold one among them (:mod:`prf.sampler.tempering`); 1: none; "auto":
+        none until chains stay apart (:mod:`prf.sampler.apart`).
     hottest : float or None
         Lowest power of the likelihood on them; None: found in burn-in.
     """
@@ -113,7 +114,7 @@ class SampleConfig:
     resolution: float | None = None
     tiles: int | None = None
     start: Start | None = None
-    rungs: int = 1
+    rungs: int | Literal["auto"] = 1
     hottest: float | None = None
 
     @classmethod
@@ -130,9 +131,16 @@ class SampleConfig:
         ConfigError
             If it is none, or if there are tiles, which hot rungs know nothing of.
         """
-        if self.rungs > 1 and self.tiles:
+        if self.is_tempered and self.tiles:
             raise ConfigError(f"--tiles {self.tiles}: hot rungs have none. Leave out --rungs or --tiles.")
+        if isinstance(self.rungs, str):
+            return LadderPlan(AUTO_RUNGS, self.hottest, waits=True)
         return LadderPlan(self.rungs, self.hottest)
+
+    @property
+    def is_tempered(self) -> bool:
+        """Whether chains have hot rungs, or may come to have some."""
+        return isinstance(self.rungs, str) or self.rungs > 1
 
     def starts_from(self) -> Start:
         """Return where chains start, of a resolved configuration.
@@ -206,7 +214,7 @@ def prepare(
     resolution = config.resolution if config.resolution is not None else chosen_resolution(window)
     max_range = config.max_range if beams is None else beams.max_range
     n_readings = sum(len(part.range) for part in (kept_beams, kept_cones) if part is not None)
-    tiles = config.tiles if config.tiles is not None else 0 if config.rungs > 1 else chosen_tiles(window, n_readings)
+    tiles = config.tiles if config.tiles is not None else 0 if config.is_tempered else chosen_tiles(window, n_readings)
     resolved = dataclasses.replace(config, window=(*window,), max_range=max_range, resolution=resolution, tiles=tiles)
     if points is not None:
         model = point_model(config).resolved(points.value)

@@ -114,6 +114,7 @@ class Output:
 
     def manifest(self, sampler: Sampler, progress: Progress, seconds_before: float) -> dict[str, Any]:
         """Return what the manifest says besides its schema."""
+        swaps = sampler.swaps()
         return {
             **self.process,
             "status": progress.status,
@@ -121,6 +122,7 @@ class Output:
             "seed": self.seed,
             "steps": sampler.step,
             "burn_in": sampler.burn_in,
+            **({"tempered_from": swaps[0].first_step} if swaps else {}),
             "seconds": round(seconds_before + progress.seconds, 3),
         }
 

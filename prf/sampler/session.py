@@ -134,7 +134,7 @@ def make_sampler(
     ConfigError, InputError
         As :class:`prf.sampler.distributed.Remote`; and if chains with hot rungs should step on workers.
     """
-    if scheduler is not None and config.rungs > 1:
+    if scheduler is not None and config.is_tempered:
         raise ConfigError("--scheduler: hot rungs step in threads alone. Leave out --rungs or --scheduler.")
     generators = spawn_generators(seed, config.chains)
     remote = None if scheduler is None else Remote(scheduler, settings)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from types import TracebackType
@@ -15,6 +16,7 @@ from prf.diagnostics import Diagnosis, diagnose
 from prf.kernels import constants as c
 from prf.layout import image_grid, pixel_centres
 from prf.posterior import Settings
+from prf.sampler.apart import is_look, stay_apart
 from prf.sampler.chain import ChainSampler
 from prf.sampler.record import FUNCTIONALS, Draw, burn_in
 from prf.sampler.starts import Start
@@ -23,6 +25,8 @@ from prf.sampler.tiles import advance_in_tiles, tiled_chains
 
 if TYPE_CHECKING:
     from prf.sampler.distributed import Remote
+
+logger = logging.getLogger(__name__)
 
 PROBES_PER_AXIS = 4
 
@@ -86,7 +90,7 @@ class Sampler:
     remote : Remote, optional
         Workers of a scheduler, which step in place of threads; they change no result either.
     plan : LadderPlan, optional
-        Parallel tempering of every chain (:mod:`prf.sampler.tempering`).
+        Parallel tempering of every chain (:mod:`prf.sampler.tempering`), from the start or once chains stay apart.
     starts_from : {"empty", "grid", "prior"}
         Where chains start (:mod:`prf.sampler.starts`).
     """
@@ -106,9 +110,9 @@ class Sampler:
         for rng in generators:
             like = self.chains[0].chain if self.chains else None
             self.chains.append(ChainSampler(settings, rng, self.probe_pixels, starts_from=starts_from, like=like))
-        if plan is not None and plan.rungs > 1:
-            for chain in self.chains:
-                chain.temper(plan)
+        self._awaited = plan if plan is not None and plan.rungs > 1 else None
+        if self._awaited is not None and not self._awaited.waits:
+            self.put_rungs()
         self._remote = remote
         self._tiled = tiled_chains(self.chains)
         self._pool = ThreadPoolExecutor(max(1, threads if self._tiled else min(threads, len(self.chains))))
@@ -156,7 +160,13 @@ class Sampler:
             future.result()
 
     def advance(self, blocks: int = 1) -> None:
-        """Run one block in every chain, or one round of tiles; on workers of a scheduler so many `blocks` at most."""
+        """Run one block in every chain, or one round of tiles; on workers of a scheduler so many `blocks` at most.
+
+        Chains that wait for rungs get them first, if they stay apart here.
+        """
+        if self._awaited is not None and is_look(self.step) and self.stays_apart():
+            self.put_rungs()
+            logger.info(f"the chains stay apart: {self.chains[0].rungs} rungs each from step {self.step:,} on")
         if self._tiled and self._tiled[0].is_due:
             advance_in_tiles(self._tiled, self._pool, self._remote)
             return
@@ -167,13 +177,32 @@ class Sampler:
         for future in [self._pool.submit(chain.advance, latest) for chain in self.chains]:
             future.result()
 
+    def put_rungs(self) -> None:
+        """Put the rungs below every chain that were waited for; burn-in begins anew. Without effect if there are."""
+        if self._awaited is None:
+            return
+        for chain in self.chains:
+            chain.temper(self._awaited)
+            chain.forget()
+        self._awaited = None
+
+    def stays_apart(self) -> bool:
+        """Return whether chains disagree and came no nearer since half of the steps (:mod:`prf.sampler.apart`)."""
+        half = self.step // 2
+        start = burn_in(half)
+        before = [[draw for draw in chain.record.since(start) if draw.step <= half] for chain in self.chains]
+        return stay_apart(self.diagnose(before).values(), self.diagnose().values())
+
     def recorded(self) -> list[list[Draw]]:
         """Return the draws of each chain after burn-in."""
         return [chain.record.since(self.burn_in) for chain in self.chains]
 
-    def diagnose(self) -> dict[str, Diagnosis]:
-        """Return R-hat and ESS of every functional and of the colour at every probe point."""
-        recorded = self.recorded()
+    def diagnose(self, recorded: list[list[Draw]] | None = None) -> dict[str, Diagnosis]:
+        """Return R-hat and ESS of every functional and of the colour at every probe point.
+
+        Of the draws `recorded`, as many from each chain, or of all after burn-in.
+        """
+        recorded = self.recorded() if recorded is None else recorded
         values = np.array([[draw.functionals for draw in draws] for draws in recorded])
         colours = np.array([[draw.probe_black for draw in draws] for draws in recorded])
         if values.size == 0:
@@ -226,7 +255,7 @@ class Sampler:
 
     def swaps(self) -> list[SwapReport]:
         """Return what the ladder of each chain has come to; empty without parallel tempering."""
-        return [chain.tempering.ladder.report() for chain in self.chains if chain.tempering is not None]
+        return [chain.tempering.report() for chain in self.chains if chain.tempering is not None]
 
     def log_posterior(self) -> float:
         """Return the mean log posterior of the present maps, up to a constant."""

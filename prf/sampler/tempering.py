@@ -23,7 +23,7 @@ from prf.kernels.chain import Chain
 from prf.kernels.step import run
 from prf.layout import grow
 from prf.posterior import Settings
-from prf.sampler.tempering_ladder import Ladder, LadderPlan
+from prf.sampler.tempering_ladder import Ladder, LadderPlan, SwapReport
 from prf.sampler.tempering_state import (
     energy,
     exchanged,
@@ -90,6 +90,10 @@ class Tempering:
     def start_at(self, coloring: Coloring) -> None:
         """Before the first step: let every hot rung start from this map."""
         self.hot = [with_map(chain, self.settings, coloring) for chain in self.hot]
+
+    def report(self) -> SwapReport:
+        """Return what the ladder has come to."""
+        return self.ladder.report(self.first_step)
 
     def adapt(self, step: int) -> bool:
         """Move the powers if it is time; return whether it was."""

@@ -29,6 +29,8 @@ MOST_STRETCH = 2.0
 LOWEST_REACH = 1e-3
 HIGHEST_REACH = 0.98
 """Bounds of the lowest power of a ladder that finds its own reach."""
+AUTO_RUNGS = 6
+"""Rungs of chains that were seen to stay apart, where nobody said how many."""
 LEAST_REFUSAL = 0.01
 """Share of swaps that a pair is taken to refuse at least: pairs that never refuse still keep a distance."""
 
@@ -46,11 +48,14 @@ class LadderPlan:
         all swaps are accepted, found in burn-in.
     cost : float or None
         Nats of log likelihood that an occupied sensor costs below power 1; None chooses it from the readings.
+    waits : bool
+        Whether the rungs come only when chains stay apart (:mod:`prf.sampler.apart`).
     """
 
     rungs: int
     hottest: float | None = None
     cost: float | None = None
+    waits: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what is no ladder.
@@ -88,11 +93,14 @@ class SwapReport(NamedTuple):
         Mean probability of a swap of each pair of neighbours since the powers were last moved; None where untried.
     round_trips : int
         Maps that came back to the cold rung from the hottest one, over the whole run.
+    first_step : int
+        Step at which the rungs were put below their chain.
     """
 
     powers: list[float]
     swap_rates: list[float | None]
     round_trips: int
+    first_step: int
 
 
 class Ladder:
@@ -155,12 +163,12 @@ class Ladder:
         self.tried[:] = 0
         self.rate_sum[:] = 0.0
 
-    def report(self) -> SwapReport:
-        """Return powers, swap rates and round trips."""
+    def report(self, first_step: int) -> SwapReport:
+        """Return powers, swap rates and round trips of rungs that are there since `first_step`."""
         rates = [
             float(total / n) if n > 0 else None for total, n in zip(self.rate_sum, self.tried.tolist(), strict=True)
         ]
-        return SwapReport(self.powers.tolist(), rates, self.round_trips)
+        return SwapReport(self.powers.tolist(), rates, self.round_trips, first_step)
 
 
 def stretched_powers(powers: Floats, refusal: float) -> Floats:

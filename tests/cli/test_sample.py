@@ -17,6 +17,7 @@ import pytest
 from prf.cli import app
 from prf.coloring import violations
 from prf.run import read_run
+from prf.sampler import apart
 from prf.shell.run import run_app
 
 QUICK = ("--every-scan", "8", "--every-beam", "6", "--chains", "2", "--resolution", "0.5")
@@ -103,6 +104,34 @@ def test_resuming_tempered_chains_gives_what_an_uninterrupted_run_gives(
     assert "--rungs 4" in capsys.readouterr().err
 
 
+def test_chains_that_stay_apart_get_rungs_and_say_so(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Chains from contours are far from agreement after 40,000 steps; resumed or not, the run is the same."""
+    monkeypatch.setattr(apart, "FIRST_LOOK", 40_000)
+    monkeypatch.setattr(apart, "STALLED", 0.0)
+    args = ("--laser", str(log), *QUICK, "--rungs", "auto", "--seed", "5")
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    assert run(*args, "--steps", "40000", "-o", str(parts)) == 0
+    assert "tempering: none so far" in capsys.readouterr().out
+    assert "tempered_from" not in read_run(parts).manifest
+    assert run("--resume", str(parts), "--rungs", "auto", "--steps", "50000", "-q") == 0
+    assert run("--resume", str(parts), "--steps", "60000", "-q") == 0
+    assert run(*args, "--steps", "60000", "-o", str(whole)) == 0
+    printed = capsys.readouterr()
+    assert "tempering: 6 rungs from step 40,000 on" in printed.out
+    assert "the chains stay apart: 6 rungs each from step 40,000 on" in printed.err
+    for name in RESULTS:
+        assert (parts / name).read_bytes() == (whole / name).read_bytes(), name
+    found = read_run(whole)
+    assert found.manifest["tempered_from"] == 40_000
+    assert found.manifest["configuration"]["rungs"] == "auto"
+    assert found.diagnostics is not None
+    assert [chain["first_step"] for chain in found.diagnostics["tempering"]] == [40_000, 40_000]
+    assert run("--resume", str(whole), "--rungs", "4") == 2
+    assert "the run to resume has auto" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("start", "rungs"), [("prior", "1"), ("empty", "2")])
 def test_where_chains_start_is_kept_with_the_run(log: Path, tmp_path: Path, start: str, rungs: str) -> None:
     args = ("--laser", str(log), "--every-scan", "30", "--every-beam", "30", "--chains", "1", "--resolution", "1")
@@ -156,6 +185,10 @@ def test_resuming_with_something_else_is_refused(
         (["--start", "moon"], 2, "--start moon"),
         (["--rungs", "3", "--hottest", "1"], 2, "--hottest 1"),
         (["--rungs", "3", "--tiles", "4"], 2, "--tiles 4"),
+        (["--rungs", "auto", "--tiles", "4"], 2, "--tiles 4"),
+        (["--rungs", "auto", "--scheduler", "tcp://127.0.0.1:1"], 2, "--scheduler"),
+        (["--rungs", "0"], 2, "--rungs 0"),
+        (["--rungs", "some"], 2, "--rungs some"),
         (["--every-scan", "1", "--scans", "900:901"], 3, ""),
     ],
 )
