@@ -114,10 +114,10 @@ def drift(data: Path, models: dict[str, Model], say: Say, seeds: int) -> dict[st
 def pairs(data: Path, models: dict[str, Model], say: Say, seed: int) -> dict[str, Any]:
     """Part 3."""
     measured = real_pairs.measure(data, models, seed)
-    found = real_pairs.accuracies(measured, list(models))
+    found = real_pairs.accuracies(measured)
     for line in real_pairs.lines(measured, found):
         say(line)
-    return found
+    return real_pairs.as_json(measured, found)
 
 
 def main() -> None:

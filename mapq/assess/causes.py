@@ -34,6 +34,8 @@ CLEARLY = np.sqrt(2.0)
 """Visits must part by so many times what parts scans of one: errors from scan to scan part visits too, by less."""
 MOST_POINTS = 20_000
 """Of a patch and its copies that are looked at."""
+MOST_ASKED = 1000
+"""Patches of which the distance of scans is taken."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -102,14 +104,28 @@ def find_causes(
     if visits is None:
         nothing = Cause(UNKNOWN, "the map does not tell by which scans or when it was seen", {})
         return {int(patch): nothing for patch in np.flatnonzero(suspicious)}
-    copies = _copies(features, len(patches))
+    copies = copies_of(features, len(patches))
     return {
         int(patch): judge(measure_spread(patches, int(patch), copies[patch], visits), visits)
         for patch in np.flatnonzero(suspicious)
     }
 
 
-def _copies(features: PatchFeatures, n_patches: int) -> list[list[int]]:
+def scans_apart(patches: Patches, features: PatchFeatures, visits: Visits | None) -> float:
+    """Return how far apart in metres scans of one visit put a patch, in the median; nan where no two scans saw one.
+
+    Of many patches every so manieth is asked, at most `MOST_ASKED`.
+    """
+    if visits is None or len(patches) == 0:
+        return float("nan")
+    copies = copies_of(features, len(patches))
+    asked = range(0, len(patches), -(-len(patches) // MOST_ASKED))
+    metres = np.array([measure_spread(patches, patch, copies[patch], visits).scans for patch in asked])
+    known = metres[np.isfinite(metres)]
+    return float(np.median(known)) if len(known) else float("nan")
+
+
+def copies_of(features: PatchFeatures, n_patches: int) -> list[list[int]]:
     """Return for each patch those that may be copies of its surface: over it or across, nearly parallel."""
     overlap, crossing, angle = (
         features.edge[:, features.edge_names.index(name)] for name in ("overlap", "crossing", "angle_deg")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.assess.causes import CAUSES, Cause, find_causes
+from mapq.assess.causes import CAUSES, Cause, find_causes, scans_apart
 from mapq.assess.inputs import feature_settings
 from mapq.assess.reasons import Reason, Reasons
 from mapq.assess.regions import Region, find_regions
@@ -124,6 +124,11 @@ class Result:
         """Return what made each suspicious patch so, as far as it is known, by its number."""
         return find_causes(self.patches, self.features, self.suspicious, self.visits)
 
+    @cached_property
+    def scans_apart(self) -> float:
+        """Return how far apart scans of one visit put a patch in metres, in the median; nan where that is unknown."""
+        return scans_apart(self.patches, self.features, self.visits)
+
     def area_by_cause(self, some: NDArray[np.int64] | None = None) -> dict[str, float]:
         """Return the area in m² of suspicious patches (some: of those alone) by cause, the largest first."""
         area = dict.fromkeys(CAUSES, 0.0)
@@ -152,7 +157,13 @@ class Result:
         """
         share = self.counts()["share_of_area"]
         passed = None if fail_over is None else bool(len(self.patches) and not share > fail_over)
-        return {"share_of_area": share, "fail_over": fail_over, "passed": passed, **self._cause_row()}
+        return {
+            "share_of_area": share,
+            "fail_over": fail_over,
+            "passed": passed,
+            **self._cause_row(),
+            "scans_apart_m": self.scans_apart,
+        }
 
     def head(self) -> dict[str, Any]:
         """Return the JSON of a result but for its patches."""

@@ -153,6 +153,8 @@ def _lines(result: Result, target: str) -> Iterator[str]:
         f"points          {counts['n_points_suspicious']:,} of {counts['n_points_in_patches']:,} in patches"
         f"{_percent(counts, 'points')}; {counts['n_points']:,} in all"
     )
+    if result.scans_apart == result.scans_apart:
+        yield f"scans apart     {result.scans_apart:.3f} m, of patches that several saw in one visit, in the median"
     yield from _cause_line(result)
     yield from _region_lines(result)
     worst = result.worst(N_WORST)

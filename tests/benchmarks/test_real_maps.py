@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from benchmarks import real_data, real_drift, real_methods, real_pairs
+from benchmarks.entropies import entropies
+from mapq.cloud import PointCloud
 from mapq.patches import PLAUSIBLE, UNLABELLED
-from tests.mapq.factories import make_patches
+from tests.mapq.factories import make_patches, wall
 from tests.mapq.labelled import draw_patches
 from tests.mapq.perturb.scenes import pose_at
 
@@ -34,14 +36,49 @@ def test_errors_of_a_pair_have_the_size_that_was_asked_for():
     assert np.arccos((np.trace(turned) - 1.0) / 2.0) == pytest.approx(0.03)
 
 
-def test_thresholds_come_from_other_sets_alone():
-    source = np.repeat(["a", "b"], 4)
-    wrong = np.tile([False, False, True, True], 2)
-    score = np.array([0.1, 0.2, 0.8, 0.9, 10.1, 10.2, 10.8, 10.9])
-    said = real_pairs._thresholded(score, wrong, source)
-    # Each set is parted well by itself, and not at all by the other's threshold.
-    assert said.tolist() == [False] * 4 + [True] * 4
-    assert real_pairs._thresholded(score % 10.0, wrong, source).tolist() == wrong.tolist()
+def test_maps_are_judged_by_what_other_sets_teach():
+    source = np.repeat(["a", "b", "c"], 20)
+    wrong = np.tile([False, True], 30)
+    rng = np.random.default_rng(3)
+    clear, noise = wrong + 0.1 * rng.standard_normal(60), rng.standard_normal(60)
+    right = (real_pairs.foreseen(np.column_stack([clear, noise]), wrong, source) > 0.0) == wrong
+    assert right.all()
+    # A set whose numbers are ten higher is parted well by itself, and not at all by what the others teach.
+    shifted = np.column_stack([clear + 10.0 * (source == "b")])
+    said = real_pairs.foreseen(shifted, wrong, source)
+    assert (said[source == "b"] > 0.0).all()
+    assert real_pairs._auc(said[source == "b"], wrong[source == "b"]) == 1.0
+
+
+def test_accuracies_are_told_by_level_and_set():
+    maps = [
+        real_pairs.Pair(name, level, wrong, {"clear": [float(wrong) + 0.01 * at], "blind": [1.0]})
+        for name in ("one", "two")
+        for level in (0, 1)
+        for wrong in (False, True)
+        for at in range(4)
+    ]
+    found = real_pairs.accuracies(maps)
+    assert found["clear"][0] == {"all": 1.0, "auc": 1.0, "one": 1.0, "two": 1.0}
+    assert found["blind"][1]["all"] == 0.5
+    table = list(real_pairs.lines(maps, found))
+    assert any(line.startswith("FACT") and "0.974" in line for line in table)
+
+
+def test_joint_entropy_rises_with_an_error_and_separate_entropy_does_not():
+    rng = np.random.default_rng(1)
+    seen = [wall((0, 0), (8, 0)).sample(rng, 60.0, 0.02) for _ in range(2)]
+    found = []
+    for error in (0.0, 0.2):
+        xyz = np.concatenate([seen[0], seen[1] + [0.0, error, 0.0]])
+        ray = np.array([4.0, -6.0, 1.5]) - xyz
+        fields = {"scan": np.repeat([0, 1], [len(each) for each in seen])}
+        fields |= {f"to_sensor_{axis}": ray[:, k] for k, axis in enumerate("xyz")}
+        found.append(entropies(PointCloud(xyz, np.zeros(3), fields)))
+    (joint, separate), (worse, same) = found
+    assert joint == pytest.approx(separate, abs=0.2)
+    assert worse > joint + 0.7
+    assert same == pytest.approx(separate, abs=0.1)
 
 
 def test_the_detection_curve_counts_patches_by_their_displacement():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mapq.assess import assess
-from mapq.assess.causes import LOCAL, MISSED_LOOP, UNKNOWN, find_causes, nested_spread
+from mapq.assess.causes import LOCAL, MISSED_LOOP, UNKNOWN, find_causes, nested_spread, scans_apart
 from mapq.assess.visits import Visits, visits_of
 from mapq.features import patch_features
 from mapq.io.results import result_cloud
@@ -154,3 +154,17 @@ def test_a_result_carries_causes():
     assert set(result.cloud().fields["cause"].tolist()) == {1, 255}
     again = result_cloud(result.cloud(), patches.patch, result.labelling.label, result.labelling.probability)
     assert not {"cause", "original_cause"} & set(again.fields)
+
+
+def test_scans_apart_is_what_parts_the_scans_of_a_patch():
+    walls = wall((0, 0), (8, 0)), wall((0, 20), (8, 20))
+    rng = np.random.default_rng(1)
+    apart = np.array([[0.0, 0.0, 0.0], [0.0, 0.3, 0.0]])
+    points = [np.concatenate([each.sample(rng, 30.0, 0.005) + shift for shift in apart]) for each in walls]
+    patches = make_patches(points, [(0, 1, 0)] * 2)
+    scan = np.concatenate([np.repeat([0, 1], len(each) // 2) for each in points])
+    patches = replace(patches, cloud=patches.cloud.with_fields(scan=scan))
+    metres = scans_apart(patches, patch_features(patches), visits_of(patches.cloud))
+    assert metres == pytest.approx(0.3, abs=0.01)
+    assert scans_apart(patches, patch_features(patches), None) != metres
+    assert assess(patches, make_model()).verdict(None)["scans_apart_m"] == metres
