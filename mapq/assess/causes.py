@@ -185,7 +185,10 @@ def measure_spread(patches: Patches, patch: int, copies: list[int], visits: Visi
     apart = patches.cloud.xyz[rows] - patches.centroid[patch]
     height = apart @ normal
     cell = np.floor(_in_plane(apart, normal) / CELL).astype(np.int64)
-    near = (np.abs(height) < FARTHEST) & _among(cell, cell[patches.patch[rows] == patch])
+    is_own = patches.patch[rows] == patch
+    near = (np.abs(height) < FARTHEST) & _among(cell, cell[is_own])
+    if visits.to_sensor is not None:
+        near &= _same_side(visits.to_sensor[rows] @ normal, is_own)
     return nested_spread(height[near], cell[near], visits.moment[rows[near]], visits)
 
 
@@ -194,6 +197,13 @@ def _in_plane(apart: Floats, normal: Floats) -> Floats:
     across = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
     across /= np.linalg.norm(across)
     return np.column_stack([apart @ across, apart @ np.cross(normal, across)])
+
+
+def _same_side(towards: Floats, is_own: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which points (n,) were not seen from the other side than most of the patch's own: its back is no copy."""
+    known = np.nan_to_num(towards)
+    side = np.sign(np.sum(np.sign(known[is_own])))
+    return np.asarray(np.sign(known) != -side) if side else np.ones(len(towards), bool)
 
 
 def _among(cells: Ints, chosen: Ints) -> NDArray[np.bool_]:

@@ -77,6 +77,8 @@ def judge(result: Result, source: str) -> Judged:
 def _judged_result(cloud: PointCloud, path: str) -> Judged:
     """Return the points of a RESULT, with the areas of its patches from the JSON beside it."""
     beside = Path(json_beside(path))
+    if not beside.exists():
+        raise InputError(f"{path}: the JSON of this result is not beside it ({beside}). Run mapq classify again.")
     rows = load_object(beside, RESULT_SCHEMA).get("patches")
     number, label, probability = (np.asarray(cloud.fields[name]) for name in RESULT_FIELDS)
     inside = np.flatnonzero((number != NO_PATCH) & cloud.finite())

@@ -45,6 +45,8 @@ class Visits(NamedTuple):
         Time of each moment.
     unit : str
         What moments are: ``scan``, ``second`` or ``pass``.
+    to_sensor : (n, 3) float64 or None
+        From each point to its sensor, in metres; None where that is not known.
     """
 
     moment: Ints
@@ -52,6 +54,7 @@ class Visits(NamedTuple):
     way: Floats | None
     seconds: Floats | None
     unit: str
+    to_sensor: Floats | None = None
 
     def new_visit(self, earlier: Ints, later: Ints) -> NDArray[np.bool_]:
         """Return whether a surface seen at moments (m,) and not again until `later` (m,) is then on another visit."""
@@ -70,7 +73,7 @@ def visits_of(cloud: PointCloud) -> Visits | None:
         if found is not None:
             moment = np.full(len(cloud), -1, np.int64)
             moment[usable] = found[1]
-            return _visits(cloud, moment, found[0], unit, times)
+            return _visits(cloud, moment, found[0], unit, times)._replace(to_sensor=_to_sensor(cloud))
     return None
 
 
@@ -119,14 +122,19 @@ def _middle(values: Floats) -> float:
     return float(np.median(finite)) if len(finite) else float("nan")
 
 
-def _sensors(cloud: PointCloud, groups: list[NDArray[np.intp]]) -> Floats | None:
-    """Return where the sensor was at each moment (k, 3); None unless that is known of all."""
+def _to_sensor(cloud: PointCloud) -> Floats | None:
+    """Return the way from each point to its sensor (n, 3) in metres; None where the cloud does not say."""
     columns = [_column(cloud, (name,)) for name in TO_SENSOR]
     known = [column for column in columns if column is not None]
-    if len(known) < len(columns):
+    return np.column_stack(known) if len(known) == len(columns) else None
+
+
+def _sensors(cloud: PointCloud, groups: list[NDArray[np.intp]]) -> Floats | None:
+    """Return where the sensor was at each moment (k, 3); None unless that is known of all."""
+    away = _to_sensor(cloud)
+    if away is None:
         return None
-    place = cloud.xyz + np.column_stack(known)
-    found = np.array([np.median(place[group], axis=0) for group in groups])
+    found = np.array([np.median(cloud.xyz[group] + away[group], axis=0) for group in groups])
     return found if np.isfinite(found).all() else None
 
 

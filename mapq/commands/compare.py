@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +14,8 @@ from prf.shell.options import Json
 if TYPE_CHECKING:
     from mapq.assess.compare import Comparison, Place
 
+logger = logging.getLogger(__name__)
+
 EXAMPLES = (
     "mapq compare odometry.classified.ply slam.classified.ply",
     "mapq compare yesterday.pcd today.pcd --fail-over 1%",
@@ -21,6 +24,8 @@ EXAMPLES = (
 
 N_PLACES = 10
 """Places that the table for a person lists."""
+LITTLE = 0.1
+"""Share of both maps' areas below which common ground is doubtful."""
 
 
 def compare(
@@ -67,6 +72,11 @@ def compare(
     used = read_model(model) if model is not None else None
     options = ReadOptions(bin_columns, unit, topic, frame)
     found = compare_maps(read_judged(first, used, options), read_judged(second, used, options), cell)
+    if found.covered.max() < LITTLE:
+        logger.warning(
+            "common ground is %.1f %% of %s and %.1f %% of %s: are both in one frame?",
+            *(value for row in zip(100.0 * found.covered, (first, second), strict=True) for value in row),
+        )
     rise = float(found.suspicious[1] - found.suspicious[0])
     passed = None if fail_over is None else bool(rise <= fail_over)
     if json:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
@@ -9,6 +10,8 @@ import typer
 
 from mapq.commands._options import BinColumns, refuse_inputs
 from prf.shell.options import Force, Json, Output, Seed
+
+logger = logging.getLogger(__name__)
 
 EXAMPLES = (
     "mapq perturb sequences/00 --drift 0.5 1 --seed 1 -o drifted.ply",
@@ -122,6 +125,9 @@ def perturb(
         check_split(split, buffer)
     right = replace_poses(posed, reference, find).every(every).poses if reference else None
     used_seed = None if errors.is_none else resolve_seed(seed)
+    if errors.is_none and right is None:
+        logger.info("no poses are known to be right: every scan is registered to those near it, piece by piece, which")
+        logger.info("takes a while. If these poses are right, give the same file as --reference too.")
     with progress(1.0, "merging and comparing scans") as bar:
         built = build(posed.every(every), errors, rule, settings, right, used_seed or 0, bar.update)
     head = {"seed": used_seed, "errors": errors.as_dict(), "rule": rule.as_dict(), "merging": asdict(settings)}
@@ -142,14 +148,14 @@ def _lines(report: Mapping[str, Any], beside: str) -> Iterator[str]:
     rule = report["rule"]
     for name, words in (
         ("suspicious", f"scans disagree by more than {rule['suspicious_above']:g} m"),
-        ("plausible", f"by less than {rule['plausible_below']:g} m, or one alone saw it"),
-        ("ambiguous", "between"),
+        ("plausible", f"they disagree by less than {rule['plausible_below']:g} m, or one alone saw it"),
+        ("ambiguous", "between these"),
         ("not_known", "no plane, or scans that could not be compared"),
-        ("seen_once", "plausible because one scan alone saw it"),
+        ("seen_once", "of the plausible, those that one scan alone saw"),
     ):
         count = report[f"n_{name}"]
         yield f"{name.replace('_', ' '):<16}{count:,} points ({count / n_points:.1%}): {words}"
-    yield f"{'disagreement':<16}{report['largest_disagreement']:.3g} m at most"
+    yield f"{'disagreement':<16}{report['largest_disagreement']:.2f} m at most"
     if "split" in report:
         split = report["split"]
         low, high = split["strip"]

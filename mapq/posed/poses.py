@@ -67,7 +67,10 @@ def read_poses(path: str, quaternion: str | None = None) -> PoseTable:
     """
     if quaternion is not None and quaternion not in QUATERNIONS:
         raise UsageError(f"--quaternion {quaternion} is neither {QUATERNIONS[0]} nor {QUATERNIONS[1]}.")
-    rows = _rows(read_bytes(path), path)
+    data = read_bytes(path)
+    if data.lstrip()[:1] in (b"{", b"["):
+        raise InputError(f"{path}: this is JSON, no table of poses. Write one pose a row. {LAYOUTS}")
+    rows = _rows(data, path)
     widths = {len(fields) for _, fields in rows}
     if len(widths) > 1:
         line, fields = next(row for row in rows if len(row[1]) != len(rows[0][1]))

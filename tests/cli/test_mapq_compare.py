@@ -58,3 +58,26 @@ def test_options_that_make_no_sense(capsys, files, options, code, message):
     found, out, err = call(capsys, "compare", clean, bad, "--model", model, *options)
     assert (found, out, err.count("\n")) == (code, "", 1)
     assert message in err
+
+
+def test_maps_that_share_little_are_doubted(capsys, files, tmp_path):
+    model = files[2]
+    far = [wall((200.0 + 14.0 * k, 2), (208.0 + 14.0 * k, 2)) for k in range(20)]
+    first, second = tmp_path / "first.patches", tmp_path / "second.patches"
+    write_patches(first, sample_patches([*STREET[:1], *far], density=20.0))
+    write_patches(
+        second, sample_patches([*STREET[:1], *(wall((0, -90.0 * k), (90, -90.0 * k)) for k in (1, 2))], density=20.0)
+    )
+    code, _, err = call(capsys, "compare", first, second, "--model", model)
+    assert code == 0
+    assert "are both in one frame?" in err
+
+
+def test_a_result_without_its_json_is_named(capsys, files, tmp_path):
+    clean, _, model = files
+    result = tmp_path / "a.ply"
+    assert call(capsys, "classify", clean, "--model", model, "-o", result)[0] == 0
+    result.with_suffix(".json").unlink()
+    code, _, err = call(capsys, "compare", result, result)
+    assert (code, err.count("\n")) == (3, 1)
+    assert "the JSON of this result is not beside it" in err

@@ -101,7 +101,9 @@ def test_sub_maps_without_right_poses_are_registered(folder: Path, capsys: pytes
     fields = read_cloud(str(out)).fields
     assert set(fields) == {"scan", "suspicious", "disagreement"}
     assert (fields["suspicious"] == 1).mean() > 0.9
-    assert "labels from     registration\n" in capsys.readouterr().out
+    streams = capsys.readouterr()
+    assert "labels from     registration\n" in streams.out
+    assert "If these poses are right" in streams.err
 
 
 @pytest.mark.parametrize(

@@ -168,3 +168,13 @@ def test_scans_apart_is_what_parts_the_scans_of_a_patch():
     assert metres == pytest.approx(0.3, abs=0.01)
     assert scans_apart(patches, patch_features(patches), None) != metres
     assert assess(patches, make_model()).verdict(None)["scans_apart_m"] == metres
+
+
+def test_the_back_of_a_thin_wall_is_no_second_copy_of_it():
+    """Two faces 0.3 m apart: one lap sees the one from its side, the next the other from there."""
+    patches = wall_of_two_laps(0.3, 0.0)
+    (cause, _) = causes_of(patches)
+    assert cause.kind == MISSED_LOOP
+    toward = np.where(patches.cloud.fields["scan"] < N_SCANS, -5.0, 5.0)
+    faces = replace(patches, cloud=patches.cloud.with_fields(to_sensor_y=toward))
+    assert {(each.kind, each.text) for each in causes_of(faces)} == {(UNKNOWN, "scans that see it agree within 0.05 m")}
