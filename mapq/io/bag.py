@@ -27,6 +27,9 @@ CLOUD = "sensor_msgs/msg/PointCloud2"
 TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 FIXED = "map"
 
+LONGEST_POINT = 1 << 20
+"""Bytes of a point; a message that promises more is damaged."""
+
 TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """Types of numpy by the numbers of PointField."""
 
@@ -153,8 +156,10 @@ def _row_type(body: Any, where: str) -> np.dtype[np.void]:
     refuse_doubles(names, where)
     size = int(body.point_step)
     ends = [offset + np.dtype(kind).itemsize for offset, kind in zip(offsets, formats, strict=True)]
-    if not 0 < max(ends, default=1) <= size:
-        raise InputError(f"{where}: fields reach beyond the {size} bytes of a point. Record it anew.")
+    if not 0 < max(ends, default=1) <= size <= LONGEST_POINT:
+        raise InputError(
+            f"{where}: fields reach beyond the {size} bytes of a point, or those are many. Record it anew."
+        )
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": size})
 
 

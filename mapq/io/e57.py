@@ -135,7 +135,7 @@ def _raw_columns(file: Any, scan: int, where: str) -> dict[str, Array]:
     except (InputError, MemoryError):
         raise
     except Exception as error:
-        words = " ".join(str(error).split())[:120] or type(error).__name__
+        words = " ".join(str(error).split()).partition(" **** ")[0][:120] or type(error).__name__
         raise InputError(f"{where}: the points are damaged ({words}). Copy or download the file again.") from error
     n_points = sum(len(next(iter(piece.values()))) for piece in pieces)
     if n_points != header.point_count:

@@ -88,12 +88,17 @@ def cloud_of_world(
 
 def check_coordinates(world: Array, source: str) -> None:
     """Refuse coordinates (n, 3) without a finite point, or with one beyond `LARGEST_COORDINATE`."""
-    finite = np.isfinite(world)
-    if not finite.all(axis=1).any():
+    finite = np.ones(len(world), bool)
+    far = np.zeros(len(world), bool)
+    for column in world.T:  # one at a time: large clouds have no memory to spare
+        known = np.isfinite(column)
+        finite &= known
+        far |= known & (np.abs(column) > LARGEST_COORDINATE)
+    if not finite.any():
         raise InputError(f"{source}: all {len(world)} points are nan or infinite. Check how the file was written.")
-    far = finite & (np.abs(world) > LARGEST_COORDINATE)
     if far.any():
-        point, axis = np.argwhere(far)[0]
+        point = int(far.argmax())
+        axis = int((np.isfinite(world[point]) & (np.abs(world[point]) > LARGEST_COORDINATE)).argmax())
         raise InputError(
             f"{source}: {'xyz'[axis]} of point {point} is {world[point, axis]:g}, beyond {LARGEST_COORDINATE:g} m. "
             f"Remove such points, or set them to nan."
@@ -105,7 +110,8 @@ def keep_numbers(fields: Mapping[str, Array], source: str) -> dict[str, Array]:
     kept = {}
     for name, values in fields.items():
         if values.dtype.kind in NUMBERS + "b":
-            kept[name] = np.array(values, dtype=values.dtype.newbyteorder("="), order="C")
+            is_ready = values.flags.c_contiguous and values.flags.writeable and values.dtype.isnative
+            kept[name] = values if is_ready else np.array(values, dtype=values.dtype.newbyteorder("="), order="C")
         else:
             logger.warning("%s: field %s is dropped: its values are not numbers", source, name)
     return kept

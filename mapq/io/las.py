@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,6 +22,8 @@ from prf.shell.errors import InputError
 if TYPE_CHECKING:
     from laspy import LasReader
 
+logger = logging.getLogger(__name__)
+
 CHUNK = 200_000
 """Points that are decoded at once: some 10 MB."""
 
@@ -37,6 +40,10 @@ MOST_RECORDS = 1 << 12
 """Variable length records, of either kind."""
 
 RAW = ("X", "Y", "Z")
+
+LAYERED_WAVES = (9, 10)
+"""Point formats whose wave packets lazrs does not give back from LAZ as they were (0.8.2)."""
+WAVES = ("wavepacket_index", "wavepacket_offset", "wavepacket_size", "return_point_wave_location", "x_t", "y_t", "z_t")
 
 DAMAGE = (ValueError, TypeError, LookupError, OverflowError, EOFError, OSError, ArithmeticError, AttributeError)
 """What laspy raises for a damaged file, beside its own errors and those of its decompressor."""
@@ -106,7 +113,11 @@ def _read_points(reader: LasReader, source: str) -> tuple[NDArray[np.float64], d
 
     What a header of LAZ promises is believed point by point, as they come: the pieces are joined at the end.
     """
-    names = [name for name in reader.header.point_format.dimension_names if name not in RAW]
+    left_out: tuple[str, ...] = RAW
+    if reader.header.are_points_compressed and reader.header.point_format.id in LAYERED_WAVES:
+        logger.warning("%s: fields of wave packets are dropped: they cannot be decompressed reliably", source)
+        left_out = (*RAW, *WAVES)
+    names = [name for name in reader.header.point_format.dimension_names if name not in left_out]
     refuse_doubles(names, source)
     scales, offsets = np.asarray(reader.header.scales), np.asarray(reader.header.offsets)
     if not (np.isfinite(scales).all() and np.isfinite(offsets).all() and (scales > 0.0).all()):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mapq.cloud import PointCloud
 from mapq.io.fields import Array
 from mapq.io.free_names import free_name, scalar_columns
-from mapq.io.las import told
+from mapq.io.las import LAYERED_WAVES, told
 from prf.shell.errors import OutputError
 from prf.shell.files import open_output
 
@@ -76,6 +76,10 @@ def write_las(path: str | os.PathLike[str], cloud: PointCloud) -> None:
     if len(whole) and np.abs(whole).max() > LARGEST_INTEGER:
         raise OutputError(f"{path}: the coordinates do not fit the scale of LAS. Name a .ply with -o.")
     compress = os.fspath(path).lower().endswith(".laz")
+    if compress and header.point_format.id in LAYERED_WAVES:
+        raise OutputError(
+            f"{path}: wave packets (point format {header.point_format.id}) are not compressed. Name a .las."
+        )
     with (
         open_output(path, binary=True) as stream,
         LasWriter(stream, header, compress, closefd=False, encoding_errors="ignore") as writer,

@@ -151,7 +151,9 @@ def open_bag(path: Path, source: str) -> Iterator[Bag]:
         reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
         reader.open()
     try:
-        yield Bag(reader, source)
+        with _told(source):
+            bag = Bag(reader, source)
+        yield bag
     finally:
         reader.close()
 
@@ -167,10 +169,11 @@ def _told(source: str) -> Iterator[None]:
     """Turn whatever `rosbags` stumbles on, bare assertions among it, into one line."""
     try:
         yield
-    except (InputError, GeneratorExit, MemoryError):
+    except (InputError, GeneratorExit):
         raise
     except Exception as error:
-        words = " ".join(str(error).split())[:120] or type(error).__name__
+        too_large = "it promises more than memory holds" if isinstance(error, MemoryError) else ""
+        words = too_large or " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(
             f"{source}: the bag is damaged, or of a version that cannot be read ({words}). "
             "Record it anew, or mend it (rosbag reindex or fix, ros2 bag reindex)."

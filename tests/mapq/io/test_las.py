@@ -11,13 +11,16 @@ import pytest
 
 from mapq.cloud import PointCloud
 from mapq.io import ReadOptions, read_cloud, read_patches, write_cloud, write_patches
+from mapq.io.las import WAVES
 from mapq.io.results import result_cloud
 from mapq.patches import Patches
-from prf.shell.errors import UsageError
+from prf.shell.errors import OutputError, UsageError
 from tests.mapq.io.las_files import FOOT_WKT, geo_keys, las_bytes, las_data, wkt
 from tests.mapq.io.samples import patches, refusal, save
 
-KINDS = [(0, "1.1"), (1, "1.2"), (2, "1.2"), (3, "1.2"), (3, "1.4"), (5, "1.3"), (6, "1.4"), (7, "1.4"), (8, "1.4")]
+KINDS = [(0, "1.1"), (1, "1.2"), (2, "1.2"), (3, "1.2"), (3, "1.4"), (4, "1.3"), (5, "1.3")]
+KINDS += [(kind, "1.4") for kind in (6, 7, 8)]
+WITH_WAVES = [(9, "1.4"), (10, "1.4")]
 
 
 def as_read(las: laspy.LasData) -> laspy.LasData:
@@ -62,6 +65,22 @@ def test_what_is_written_again_is_the_same(tmp_path, kind, version, name):
     assert [v.user_id for v in new.vlrs if v.record_id == 2112] == ["LASF_Projection"]
     height = new.point_format.dimension_by_name("height")
     assert (height.scales.tolist(), height.offsets.tolist()) == ([0.01], [50.0])
+
+
+@pytest.mark.parametrize(("kind", "version"), WITH_WAVES)
+def test_wave_packets_are_kept_in_las_and_not_mangled_by_laz(tmp_path, kind, version, caplog):
+    path = save(tmp_path, "a.las", las_bytes(kind=kind, version=version))
+    cloud = read_cloud(path)
+    write_cloud(tmp_path / "b.las", cloud)
+    for dimension in (old := laspy.read(path)).point_format.dimension_names:
+        np.testing.assert_array_equal(np.asarray(laspy.read(tmp_path / "b.las")[dimension]), np.asarray(old[dimension]))
+    with pytest.raises(OutputError, match=r"wave packets .* Name a \.las"):
+        write_cloud(tmp_path / "b.laz", cloud)
+    packed = read_cloud(save(tmp_path, "c.laz", las_bytes(True, kind=kind, version=version)))
+    assert "fields of wave packets are dropped" in caplog.text
+    assert set(cloud.fields) - set(packed.fields) == set(WAVES)
+    for name, values in packed.fields.items():
+        np.testing.assert_array_equal(values, cloud.fields[name], strict=True)
 
 
 @pytest.mark.parametrize(("kind", "wanted"), [(0, 2), (1, 3), (3, 3), (6, 7), (7, 7), (8, 8)])
