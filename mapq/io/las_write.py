@@ -73,7 +73,7 @@ def write_las(path: str | os.PathLike[str], cloud: PointCloud) -> None:
     header = _old_header(cloud) if cloud.las_header else _new_header(cloud, world)
     columns = _columns(cloud, header)
     whole = np.rint((world - header.offsets) / header.scales)
-    if len(whole) and np.abs(whole).max() > LARGEST_INTEGER:
+    if len(whole) and (whole.max() > LARGEST_INTEGER or whole.min() < -LARGEST_INTEGER - 1):
         raise OutputError(f"{path}: the coordinates do not fit the scale of LAS. Name a .ply with -o.")
     compress = os.fspath(path).lower().endswith(".laz")
     if compress and header.point_format.id in LAYERED_WAVES:

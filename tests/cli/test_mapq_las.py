@@ -80,6 +80,20 @@ def test_copc_is_refused_before_the_work(capsys, folder, survey, model):
     assert (code, "COPC is not written" in err) == (2, True)
 
 
+def test_places_are_in_the_unit_of_the_file_and_sizes_in_metres(capsys, folder, survey, model):
+    content = call_json(capsys, "classify", survey, "--model", model, "--unit", "cm", "-o", folder / "cm.laz", "-f")
+    las = laspy.read(folder / "cm.laz")
+    low, high = las.header.mins - 0.01, las.header.maxs + 0.01
+    for row in content["patches"]:
+        mine = las.patch == row["patch"]
+        np.testing.assert_allclose(row["centroid"], las.xyz[mine].mean(axis=0), atol=1e-3)
+        sides = np.ptp(las.xyz[mine], axis=0)
+        assert row["area_m2"] < 2e-4 * sides[2] * np.hypot(*sides[:2])
+    for region in content["regions"]:
+        assert (low <= region["low"]).all()
+        assert (high >= region["high"]).all()
+
+
 def test_the_unit_is_an_option(capsys, survey):
     plain, feet = call_json(capsys, "inspect", survey), call_json(capsys, "inspect", survey, "--unit", "ft")
     assert feet["cloud"]["spacing"] == pytest.approx(0.3048 * plain["cloud"]["spacing"], rel=0.05)

@@ -43,6 +43,8 @@ def las_data(n: int = 60, kind: int = 3, version: str = "1.2", extra: bool = Tru
         )
     las = laspy.LasData(header)
     las.X, las.Y, las.Z = rng.integers(-40_000, 40_000, (3, n), dtype=np.int32)
+    if n:
+        las.Z[0] = -(2**31)
     for item in header.point_format.dimensions:
         if item.name in "XYZ":
             continue

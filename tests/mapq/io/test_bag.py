@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import gzip
 import io
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -80,9 +81,11 @@ def test_a_map_comes_back_to_the_last_bit(tmp_path, kind, order):
         np.testing.assert_array_equal(values, points[name])
 
 
-def test_a_bag_of_any_name_zipped_or_piped(tmp_path, monkeypatch):
-    path = tmp_path / "map.bag"
-    write(tmp_path, "ros1", lambda make: [Note("/map", START, message(make, START, rows(), "map"))])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bag_of_any_name_zipped_or_piped(tmp_path, monkeypatch, kind):
+    path = Path(write(tmp_path, kind, lambda make: [Note("/map", START, message(make, START, rows(), "map"))]))
+    if path.is_dir():
+        path = next(file for file in path.iterdir() if file.suffix in (".db3", ".mcap"))
     (tmp_path / "cloud.gz").write_bytes(gzip.compress(path.read_bytes()))
     (tmp_path / "cloud").write_bytes(path.read_bytes())
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(path.read_bytes())))

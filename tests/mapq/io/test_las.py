@@ -4,6 +4,7 @@ import gzip
 import io
 import logging
 import struct
+from dataclasses import replace
 
 import laspy
 import numpy as np
@@ -193,6 +194,11 @@ def test_a_promise_of_a_million_million_points(tmp_path, compress):
     struct.pack_into("<Q", data, 247, 10**12)
     message = refusal(read_cloud, save(tmp_path, "a.laz", bytes(data)))
     assert "cut off" in message or "damaged" in message
+
+
+def test_a_header_that_is_none_is_told(tmp_path):
+    cloud = replace(patches().cloud.take(slice(0, 3)), las_header=b"LASF and no more")
+    assert "the LAS file is damaged" in refusal(write_cloud, tmp_path / "b.las", cloud)
 
 
 def test_copc_is_not_written(tmp_path):
