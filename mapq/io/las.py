@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import struct
 from collections.abc import Iterator
@@ -14,13 +15,13 @@ from numpy.typing import NDArray
 from mapq.cloud import PointCloud
 from mapq.io.content import Content
 from mapq.io.fields import Array, cloud_of_world, refuse_doubles
-from mapq.io.las_unit import unit_of
+from mapq.io.las_unit import SYSTEM_USER, unit_of
 from mapq.io.laz_chunks import check_chunks
 from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError
 
 if TYPE_CHECKING:
-    from laspy import LasReader
+    from laspy import VLR, LasHeader, LasReader
 
 logger = logging.getLogger(__name__)
 
@@ -38,6 +39,11 @@ LONGEST_HEAD = 1 << 26
 
 MOST_RECORDS = 1 << 12
 """Variable length records, of either kind."""
+
+LATE_HEAD = 60
+"""Bytes before the content of a record behind the points."""
+LONGEST_RECORD = 65_535
+"""Bytes of a record before the points."""
 
 RAW = ("X", "Y", "Z")
 
@@ -71,10 +77,9 @@ def read_las(content: Content, options: ReadOptions) -> PointCloud:
         # Several threads hold several whole chunks.
         backend = LazBackend.LazrsParallel if largest <= LARGEST_CHUNK else LazBackend.Lazrs
         with LasReader(stream, closefd=False, laz_backend=backend, read_evlrs=False) as reader:
-            header = reader.header
             world, fields = _read_points(reader, source)
-            unit = options.unit or unit_of(header.vlrs, source)
-    stored = _stored_head(content)
+            stored = _stored_head(stream, reader.header)
+            unit = options.unit or unit_of(reader.header.vlrs, source)
     cloud = cloud_of_world(world, fields, source, unit)
     return PointCloud(cloud.xyz, cloud.shift, cloud.fields, np.float64, source, cloud.unit, stored)
 
@@ -146,12 +151,38 @@ def _joined(parts: list[Array]) -> Array:
     return whole
 
 
-def _stored_head(content: Content) -> bytes:
-    """Return header and records of a LAS file, up to its points."""
-    with content.stream() as stream:
-        (start,) = struct.unpack_from("<I", stream.read(100), 96)
+def _stored_head(stream: BinaryIO, header: LasHeader) -> bytes:
+    """Return header and records of a LAS file, up to its points.
+
+    A reference system that stands behind the points (EVLR) is taken among the records before them, in `header` too.
+    """
+    found = _late_systems(stream, header)
+    if not found:
         stream.seek(0)
-        return stream.read(start)
+        return stream.read(header.offset_to_point_data)
+    header.vlrs += found
+    header.number_of_evlrs -= len(found)
+    head = io.BytesIO()
+    header.write_to(head, encoding_errors="ignore")
+    return head.getvalue()
+
+
+def _late_systems(stream: BinaryIO, header: LasHeader) -> list[VLR]:
+    """Return the records behind the points that tell the reference system, as far as such records can be read."""
+    from laspy.vlrs import VLR  # noqa: PLC0415
+
+    found = []
+    place = header.start_of_first_evlr
+    for _ in range(min(header.number_of_evlrs, MOST_RECORDS)):
+        stream.seek(place)
+        head = stream.read(LATE_HEAD)
+        if len(head) < LATE_HEAD:
+            break
+        kind, length = struct.unpack_from("<HQ", head, 18)
+        if head[2:18].rstrip(b"\0") == SYSTEM_USER.encode() and length <= LONGEST_RECORD:
+            found.append(VLR(SYSTEM_USER, kind, "", stream.read(length)))
+        place += LATE_HEAD + length
+    return found
 
 
 @contextmanager

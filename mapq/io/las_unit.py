@@ -15,8 +15,9 @@ from prf.shell.errors import InputError
 
 logger = logging.getLogger(__name__)
 
+SYSTEM_USER = "LASF_Projection"
 WKT, GEO_KEYS = 2112, 34735
-"""Records of the user ``LASF_Projection``."""
+"""Records of that user which are read here."""
 MODEL_TYPE, LINEAR_UNITS, VERTICAL_UNITS = 1024, 3076, 4099
 GEOGRAPHIC = 2
 """Model type of degrees."""
@@ -45,7 +46,7 @@ def unit_of(records: Iterable[Any], source: str) -> NDArray[np.float64]:
     bodies = {
         int(record.record_id): bytes(record.record_data_bytes())
         for record in records
-        if record.user_id == "LASF_Projection" and record.record_id in (WKT, GEO_KEYS)
+        if record.user_id == SYSTEM_USER and record.record_id in (WKT, GEO_KEYS)
     }
     if WKT in bodies:
         level, upright, is_geographic = _of_wkt(bodies[WKT].decode("utf-8", "replace"))

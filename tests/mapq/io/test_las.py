@@ -9,6 +9,8 @@ from dataclasses import replace
 import laspy
 import numpy as np
 import pytest
+from laspy.vlrs import VLR
+from laspy.vlrs.vlrlist import VLRList
 
 from mapq.cloud import PointCloud
 from mapq.io import ReadOptions, read_cloud, read_patches, write_cloud, write_patches
@@ -172,6 +174,20 @@ def test_units_of_the_reference_system(tmp_path, records, unit):
     assert cloud.unit.tolist() == pytest.approx(unit, rel=1e-12)
     np.testing.assert_allclose(cloud.xyz, plain.xyz * unit, rtol=1e-12)
     np.testing.assert_allclose(cloud.world(), plain.world(), rtol=1e-15)
+
+
+@pytest.mark.parametrize("compress", [False, True])
+def test_a_reference_system_behind_the_points(tmp_path, compress):
+    las = las_data(kind=6, version="1.4")
+    las.evlrs = VLRList([VLR("other", 7, "", b"content"), wkt(FOOT_WKT)])
+    las.write(tmp_path / "a.laz", do_compress=compress)
+    cloud = read_cloud(str(tmp_path / "a.laz"))
+    assert cloud.unit.tolist() == [0.304800609601219] * 3
+    write_cloud(tmp_path / "b.laz", cloud)
+    again = read_cloud(str(tmp_path / "b.laz"))
+    assert again.world().tobytes() == cloud.world().tobytes()
+    assert again.unit.tolist() == cloud.unit.tolist()
+    assert [v.record_id for v in laspy.read(tmp_path / "b.laz").vlrs if v.user_id == "LASF_Projection"] == [2112]
 
 
 @pytest.mark.parametrize("record", [wkt('GEOGCS["b",UNIT["degree",0.01745]]'), geo_keys(k1024=2)])
