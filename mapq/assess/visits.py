@@ -25,6 +25,7 @@ AWAY = 40.0
 """Metres driven since a surface was last seen from which on seeing it again is another visit; where it is not known
 where the sensor was, metres that what it saw lies away from what it saw then."""
 CHUNK = 256
+"""Later places that are looked at together."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -141,7 +142,9 @@ def _sensors(cloud: PointCloud, groups: list[NDArray[np.intp]]) -> Floats | None
 def _first_away(place: Floats) -> Ints:
     """Return for each place (k, 3) the first later one that is `AWAY` from it; k where none is."""
     found = np.full(len(place), len(place), np.int64)
-    for start in range(len(place)):
+    # The box of all later places tells at once that nothing lies so far off, as where a sensor stands.
+    low, high = (each.accumulate(place[::-1])[::-1] for each in (np.minimum, np.maximum))
+    for start in np.flatnonzero(np.linalg.norm(np.maximum(place - low, high - place), axis=1) > AWAY):
         for begin in range(start + 1, len(place), CHUNK):
             far = np.linalg.norm(place[begin : begin + CHUNK] - place[start], axis=1) > AWAY
             if far.any():

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import gzip
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -180,3 +181,24 @@ def test_warnings_of_the_segmentation_are_shown(capsys, tmp_path):
     code, _, err = call(capsys, "classify", path, "--model", save_model(tmp_path), "-o", tmp_path / "r.ply")
     assert code == 0
     assert "no patches:" in err
+
+
+def test_causes_are_named_where_the_map_tells_when_it_was_seen(capsys, tmp_path):
+    patches = draw_patches(1)
+    scan = np.where(patches.patch < 0, 0, patches.patch % 2)
+    path = tmp_path / "walls.patches"
+    write_patches(path, replace(patches, cloud=patches.cloud.with_fields(scan=scan)))
+    target = tmp_path / "result.ply"
+    code, out, _ = call(capsys, "classify", path, "--model", save_model(tmp_path), "-o", target)
+    assert code == 0
+    assert "causes          " in out
+    assert "of the suspicious area" in out
+    assert "      cause  local mapping error: scans of one visit put it " in out
+    content = json.loads(target.with_suffix(".json").read_text())
+    assert content["verdict"]["cause"] in ("local mapping error", "unknown")
+    fields = read_cloud(str(target)).fields
+    kinds = {None: 255, "unknown": 0, "missed loop closure": 1, "local mapping error": 2}
+    for row in content["patches"]:
+        expected = kinds[row["cause"] and row["cause"]["kind"]]
+        assert set(fields["cause"][fields["patch"] == row["patch"]].tolist()) == {expected}
+        assert (row["cause"] is None) == (row["label"] == "plausible")
