@@ -156,8 +156,9 @@ def _of_laser(poses: NDArray[np.float64], path: str, given: str | None, is_refer
     if given is not None and not is_reference:
         camera = True
     if found is not None and camera is not False:
+        motion = read_calibration(found)
         logger.info("%s: taken from the camera to the laser with %s", path, found)
-        return laser_poses(poses, read_calibration(found))
+        return laser_poses(poses, motion)
     if camera:
         raise InputError(
             f"{path}: the sensor moves along its z axis, so these are poses of a camera, as KITTI has them. Give the "
