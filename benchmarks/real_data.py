@@ -79,7 +79,9 @@ def alone(scans: PosedScans, axis: int, strip: tuple[float, float], test: bool) 
         world = scans.read(scan).world() @ pose[:3, :3].T + pose[:3, 3]
         part = world[world[:, axis] > strip[1] if test else world[:, axis] < strip[0]]
         if len(part) >= FEWEST_POINTS:
-            found.append(plausible(segment(PointCloud.from_world(part.astype(np.float32), source=f"sub-map {scan}"))))
+            fields = {"scan": np.full(len(part), scan, np.int32)}
+            cloud = PointCloud.from_world(part.astype(np.float32), fields, f"sub-map {scan}")
+            found.append(plausible(segment(cloud)))
     return [patches for patches in found if len(patches)]
 
 

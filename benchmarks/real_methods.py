@@ -116,9 +116,9 @@ def table(scores: dict[str, Scores]) -> list[str]:
     first = next(iter(scores.values()))
     head = f"{first.n} patches, {first.base_rate:.1%} suspicious, {first.n_without_truth} without truth left out"
     columns = ("accuracy", "f1", "mcc", "auc", "ece", "recall", "specificity")
-    lines = [head, f"{'':34}" + "".join(f"{name:>12}" for name in columns)]
+    lines = [head, f"{'':42}" + "".join(f"{name:>12}" for name in columns)]
     for name, row in scores.items():
-        lines.append(f"{name:34}" + "".join(f"{number(getattr(row, column)):>12}" for column in columns))
+        lines.append(f"{name:42}" + "".join(f"{number(getattr(row, column)):>12}" for column in columns))
     return lines
 
 

@@ -136,8 +136,6 @@ def context_words(values: dict[str, float]) -> str:
     words = []
     if abs(values.get("seen_together", 0.0)) > 0.5 * over:
         words.append("seen together" if values["seen_together"] > 0.0 else "seen at different times")
-    if values.get("back_to_back", 0.0) > 0.5 * over:
-        words.append("back to back")
     if values.get("through_conflict", 0.0) > SEEN_THROUGH * over:
         words.append("one is seen through by other passes")
     return "".join(f", {each}" for each in words)

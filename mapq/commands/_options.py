@@ -86,7 +86,7 @@ Contexts = Annotated[
     typer.Option(
         "--context",
         metavar="GROUP",
-        help="Context that is measured, repeatable: outlines, moments, sides, rays; none for the paper's features "
+        help="Context that is measured, repeatable: outlines, moments, rays; none for the paper's features "
         "alone; all if absent.",
     ),
 ]

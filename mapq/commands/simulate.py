@@ -50,12 +50,23 @@ def simulate(
             help="True walls close to each other (gaps, fences, garden walls), times the usual; 0 for none.",
         ),
     ] = None,
+    variety: Annotated[
+        float | None,
+        typer.Option(
+            "--variety",
+            metavar="FACTOR",
+            help="Lorries side by side, sheds, balconies, hedges: 0 for none, as it is without this option; at most 3.",
+        ),
+    ] = None,
     clutter: Annotated[
         float | None, typer.Option("--clutter", metavar="FACTOR", help="Cars, trees, people, times the usual.")
     ] = None,
     noise: Annotated[
         float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range (0.015).")
     ] = None,
+    all_round: Annotated[
+        bool, typer.Option("--all-round", help="The laser looks all round, as on cars; else half a turn ahead.")
+    ] = False,
     max_range: Annotated[
         float | None, typer.Option("--max-range", metavar="METRES", help="Longest range of the laser (35).")
     ] = None,
@@ -98,8 +109,10 @@ def simulate(
         "loops": loops,
         "drift": drift,
         "look_alikes": look_alikes,
+        "variety": variety,
         "clutter": clutter,
         "noise": noise,
+        "all_round": all_round or None,
         "max_range": max_range,
         "disagreement": disagreement,
     }

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.features.edge import EDGE_NAMES, smaller_first
-from mapq.features.provenance import Moments, Views, moments_of, views_of
+from mapq.features.provenance import Moments, moments_of, views_of
 from mapq.features.rays import seen_through
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes
@@ -25,7 +25,6 @@ NODE_COLUMNS = {"rays": ("seen_through",)}
 EDGE_COLUMNS = {
     "outlines": ("partly_covered", "unlike_height"),
     "moments": ("seen_together",),
-    "sides": ("back_to_back",),
     "rays": ("through_conflict",),
 }
 """Group to its columns, of patches and of pairs."""
@@ -66,14 +65,10 @@ def measure_context(
         columns |= outlines(pairs)
     if "moments" in wanted:
         columns["seen_together"] = together(pairs, moments_of(patches.cloud, shapes.number))
-    if {"sides", "rays"} & set(wanted):
-        views = views_of(patches.cloud, shapes.number)
-        if "sides" in wanted:
-            columns["back_to_back"] = back_to_back(pairs, views)
-        if "rays" in wanted:
-            through = seen_through(shapes, views, settings)
-            node["seen_through"] = through
-            columns["through_conflict"] = pairs.conflict * through[graph.pairs].max(axis=1, initial=-np.inf)
+    if "rays" in wanted:
+        through = seen_through(shapes, views_of(patches.cloud, shapes.number), settings)
+        node["seen_through"] = through
+        columns["through_conflict"] = pairs.conflict * through[graph.pairs].max(axis=1, initial=-np.inf)
     return Context(_stack(node, len(shapes)), tuple(node), _stack(columns, len(graph.pairs)), tuple(columns))
 
 
@@ -112,31 +107,6 @@ def together(pairs: _Pairs, moments: Moments | None) -> Floats:
         share = seen_together(shapes.sheets, shapes.planes, shapes.points, shapes.start, pairs.ordered[some], *moments)
         out[some] = np.where(np.isnan(share), 0.0, pairs.over[some] * (2.0 * share - 1.0))
     return out
-
-
-def back_to_back(pairs: _Pairs, views: Views | None) -> Floats:
-    """Return W A times how far the patches face away from one another, each with its back to the other; 0 unknown.
-
-    The two sides of a wall are each seen from their own side; both copies of one side are seen from that side.
-    """
-    if views is None:
-        return np.zeros(len(pairs.over))
-    facing = _facing(pairs.shapes, views)
-    one, other = pairs.graph.pairs.T
-    opposite = np.maximum(-np.einsum("ij,ij->i", facing[one], facing[other]), 0.0)
-    apart = pairs.shapes.centre[other] - pairs.shapes.centre[one]
-    behind = (np.einsum("ij,ij->i", apart, facing[one]) < 0.0) & (np.einsum("ij,ij->i", apart, facing[other]) > 0.0)
-    return np.where(behind, pairs.over * opposite, 0.0)
-
-
-def _facing(shapes: PatchShapes, views: Views) -> Floats:
-    """Return the normal (m, 3) of each patch on the side from which most of its points were seen; 0 if not known."""
-    patch = np.repeat(np.arange(len(shapes)), shapes.counts)
-    side = np.sign(np.einsum("ij,ij->i", views.to_sensor, shapes.normal[patch]))
-    known = np.isfinite(side)
-    votes = np.bincount(patch[known], side[known], len(shapes))
-    counts = np.maximum(np.bincount(patch[known], minlength=len(shapes)), 1)
-    return np.asarray(shapes.normal * (votes / counts)[:, None])
 
 
 def _stack(columns: dict[str, Floats], n_rows: int) -> Floats:

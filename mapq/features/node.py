@@ -16,13 +16,17 @@ SHAPE_NAMES = ("n_points", "rms_m", "thickness_m", "area_m2", "width_m", "height
 def node_features(shapes: PatchShapes, settings: FeatureSettings) -> NDArray[np.float64]:
     """Return the features (m, 3) named by `NODE_NAMES`.
 
-    fit (equation 6): -log(MSE + eps²); high is flat.
+    fit (equation 6): -log((MSE + eps²) / (sigma² + eps²)), sigma the noise of the map; high is flat.
     tilt (equation 7): 1 - |up . n|; 1 is upright.
-    thickness (equation 8): -log(eps + P95 - P5 of the signed distance from the plane); high is thin.
+    thickness (equation 8): -log((eps + P95 - P5 of the signed distance from the plane) / (eps + sigma)); high is thin.
+
+    In times the noise, as in metres a model would learn the sensors of its training maps.
     """
-    fit = -np.log(shapes.mse + settings.eps**2)
+    noise = shapes.noise(settings)
+    fit = -np.log((shapes.mse + settings.eps**2) / (noise**2 + settings.eps**2))
     tilt = 1.0 - shapes.up_cosine
-    return np.column_stack([fit, tilt, -np.log(settings.eps + shapes.thickness)])
+    thickness = -np.log((settings.eps + shapes.thickness) / (settings.eps + noise))
+    return np.column_stack([fit, tilt, thickness])
 
 
 def shape_table(shapes: PatchShapes) -> NDArray[np.float64]:

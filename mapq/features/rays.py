@@ -23,30 +23,40 @@ Floats = NDArray[np.float64]
 
 
 def seen_through(shapes: PatchShapes, views: Views | None, settings: FeatureSettings) -> Floats:
-    """Return the share (m,) of each patch that rays of other passes go through, less that of its own; 0 unknown.
+    """Return how far (m,) rays of other passes go through each patch, less what its own pass sees through; 0 unknown.
 
-    Where another pass saw through a wall there is none: the strongest sign of a misplaced one. Fences and panes are
-    seen through by their own pass too.
+    Mean over its voxels of rays that go through in rays that go through or end there; of its own pass the share of the
+    voxels that any go through. Where another pass saw through a wall there is none: the strongest sign of a misplaced
+    one. Fences and panes are seen through by their own pass too, and what the others hit as well is there.
     """
     out = np.zeros(len(shapes))
     if views is None or not views.passes_known or not len(shapes.points):
         return out
-    voxels = _voxels(shapes, views)
+    voxels, place = _voxels(shapes, views)
     known = np.flatnonzero(np.isfinite(views.to_sensor).all(axis=1))
     known = known[:: max(1, -(-len(known) // MOST_RAYS))]
     hit = np.ascontiguousarray(shapes.points[known])
-    counts = np.zeros((len(voxels.key), 2), np.int64)
+    through = np.zeros((len(voxels.key), 2), np.int64)
     margin = MARGIN * shapes.tolerance(settings)
-    count_rays(voxels, shapes.planes, hit + views.to_sensor[known], hit, views.seen_by[known], margin, counts)
+    count_rays(voxels, shapes.planes, hit + views.to_sensor[known], hit, views.seen_by[known], margin, through)
+    ended = _ended(voxels, place[known], np.repeat(np.arange(len(shapes)), shapes.counts)[known], views.seen_by[known])
+    is_seen = through >= LEAST_RAYS
+    shares = is_seen[:, 0], is_seen[:, 1] * through[:, 1] / np.maximum(through[:, 1] + ended, 1)
     n_voxels = np.maximum(np.bincount(voxels.patch, minlength=len(shapes)), 1)
-    own, others = (
-        np.bincount(voxels.patch, counts[:, column] >= LEAST_RAYS, len(shapes)) / n_voxels for column in (0, 1)
-    )
+    own, others = (np.bincount(voxels.patch, share, len(shapes)) / n_voxels for share in shares)
     return np.asarray(np.maximum(others - own, 0.0))
 
 
-def _voxels(shapes: PatchShapes, views: Views) -> Voxels:
-    """Return the voxels that hold points, each with the patch and the pass of most of them.
+def _ended(
+    voxels: Voxels, place: NDArray[np.int64], patch: NDArray[np.int64], seen_by: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return how many rays (n,) of passes other than a voxel's own end in it on its patch."""
+    counted = (patch == voxels.patch[place]) & (seen_by != voxels.seen_by[place])
+    return np.bincount(place[counted], minlength=len(voxels.key))
+
+
+def _voxels(shapes: PatchShapes, views: Views) -> tuple[Voxels, NDArray[np.int64]]:
+    """Return the voxels that hold points, each with the patch and the pass of most of them, and that of each point.
 
     Points are put on their patch's plane first, where rays are tested: noise would part them among two layers.
     """
@@ -62,4 +72,4 @@ def _voxels(shapes: PatchShapes, views: Views) -> Voxels:
     table = np.empty(1 << int(2 * len(key)).bit_length(), np.int64)
     fill_table(key, table)
     found = owner[first, 1]
-    return Voxels(key, found // n_passes, found % n_passes, table, side)
+    return Voxels(key, found // n_passes, found % n_passes, table, side), place

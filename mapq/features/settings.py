@@ -11,7 +11,7 @@ from prf.shell.errors import ConfigError
 Reading = Literal["safe", "literal"]
 """How equations 6 to 13 are read: bounded and in metres, or as printed."""
 
-CONTEXTS = ("outlines", "moments", "sides", "rays")
+CONTEXTS = ("outlines", "moments", "rays")
 """Groups of context features, beyond the paper; all but the first need fields that say when or from where."""
 
 LONGEST = 1e6

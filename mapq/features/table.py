@@ -20,9 +20,9 @@ UNITS = {
         "width_m": "m",
         "height_m": "m",
         "tilt_deg": "degrees",
-        "fit": "-log(m2)",
+        "fit": "1",
         "tilt": "1",
-        "thickness": "-log(m)",
+        "thickness": "1",
         "i": "number",
         "j": "number",
         "separation": "m",
@@ -37,7 +37,6 @@ UNITS = {
         "partly_covered": "1",
         "unlike_height": "1",
         "seen_together": "1",
-        "back_to_back": "1",
         "through_conflict": "1",
     }
 }

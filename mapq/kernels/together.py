@@ -31,16 +31,26 @@ def covered_moments(
 
 
 @part
-def share_in(moments: Ints, n: int, seen: Ints, reach: int) -> float:
-    """Share of n moments within `reach` of which `seen` is marked."""
-    hits = 0
+def within(counts: Ints, moment: int, reach: int) -> int:
+    """How many are counted at moments within `reach` of one."""
+    total = 0
+    for at in range(max(moment - reach, 0), min(moment + reach + 1, len(counts))):
+        total += counts[at]
+    return total
+
+
+@part
+def share_in(moments: Ints, n: int, own: Ints, others: Ints, n_others: int, reach: int) -> float:
+    """Mean over n points of how far the others, too, were seen at the point's moment: never more than in full.
+
+    Without reach it is what the histograms of both have in common. A few points that strayed into a copy from the wall
+    beside it do not make the copy seen together with it.
+    """
+    total = 0.0
     for k in range(n):
-        near = False
-        for at in range(max(moments[k] - reach, 0), min(moments[k] + reach + 1, len(seen))):
-            near = near or seen[at] > 0
-        if near:
-            hits += 1
-    return hits / n
+        mine = within(own, moments[k], reach) / n
+        total += min(within(others, moments[k], reach) / n_others / mine, 1.0)
+    return total / n
 
 
 @jit
@@ -49,15 +59,16 @@ def seen_together(
 ) -> Floats:
     """How far (n,) both patches of a pair were seen at the same moments, where they lie over one another; nan if not.
 
-    The share of the covered points of either whose moment is one of the other's covered points, to within `reach`; of
-    both shares the larger. Moments (k,) of the points are numbered from 0.
+    Each covered point of either counts by how common moments within `reach` of its own are among the other's covered
+    points, in times how common they are among its own, at most 1; of both means the larger. Moments (k,) of the points
+    are numbered from 0.
     """
     out = np.full(len(pairs), np.nan)
     longest = 0
     for i in range(len(start) - 1):
         longest = max(longest, start[i + 1] - start[i])
     found = np.zeros((2, longest), np.int64)
-    seen = np.zeros(moment.max() + 1 if len(moment) > 0 else 1, np.int64)
+    seen = np.zeros((2, moment.max() + 1 if len(moment) > 0 else 1), np.int64)
     counts = np.zeros(2, np.int64)
     for p in range(len(pairs)):
         for side in range(2):
@@ -66,12 +77,15 @@ def seen_together(
             )
         if counts[0] == 0 or counts[1] == 0:
             continue
-        share = 0.0
         for side in range(2):
             for k in range(counts[side]):
-                seen[found[side, k]] = 1
-            share = max(share, share_in(found[1 - side], counts[1 - side], seen, reach))
+                seen[side, found[side, k]] += 1
+        share = 0.0
+        for side in range(2):
+            other = 1 - side
+            share = max(share, share_in(found[side], counts[side], seen[side], seen[other], counts[other], reach))
+        for side in range(2):
             for k in range(counts[side]):
-                seen[found[side, k]] = 0
+                seen[side, found[side, k]] = 0
         out[p] = share
     return out

@@ -77,7 +77,7 @@ def simulate_with_report(
     numbers = _wanted_beams(world, way, settings, in_choice)
     parts = []
     for first in range(0, len(numbers), CHUNK):
-        beams = make_beams(numbers[first : first + CHUNK], way, settings.speed)
+        beams = make_beams(numbers[first : first + CHUNK], way, settings.speed, settings.all_round)
         parts.append(observe(world, beams, settings, in_laser))
         progress(min(1.0, (first + CHUNK) / len(numbers)))
     returns = Returns(*(np.concatenate(values) for values in zip(*parts, strict=True)))
@@ -110,7 +110,7 @@ def _frame(plan: Plan, start: Vector, heading: float, side: float) -> Frame:
 def _wanted_beams(world: World, way: Trajectory, settings: Settings, rng: np.random.Generator) -> NDArray[np.int64]:
     """Return the numbers of the beams that give about the wanted number of points."""
     n_all = count_beams(way, settings.speed)
-    probe = make_beams(choose_beams(n_all, PROBE, rng), way, settings.speed)
+    probe = make_beams(choose_beams(n_all, PROBE, rng), way, settings.speed, settings.all_round)
     share = len(observe(world, probe, settings, rng).time) / len(probe.time)
     return choose_beams(n_all, round(settings.n_points / max(share, 0.01)), rng)
 

@@ -24,6 +24,9 @@ class Kind(IntEnum):
     MOVING_CAR = 13
     PERSON = 14
     MIXED = 15
+    LORRY = 16
+    SHED = 17
+    BALCONY = 18
 
 
 MOVING = (Kind.MOVING_CAR, Kind.PERSON)

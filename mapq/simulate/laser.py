@@ -102,11 +102,14 @@ def choose_beams(n_all: int, n_wanted: int, rng: np.random.Generator) -> NDArray
     return ((np.arange(n) + rng.random(n)) * (n_all / n)).astype(np.int64)
 
 
-def make_beams(numbers: NDArray[np.int64], way: Trajectory, speed: float) -> Beams:
-    """Return the beams of these numbers: scan after scan, the scan plane nodding about the robot's lateral axis."""
+def make_beams(numbers: NDArray[np.int64], way: Trajectory, speed: float, all_round: bool = False) -> Beams:
+    """Return the beams of these numbers: scan after scan, the scan plane nodding about the robot's lateral axis.
+
+    With `all_round` a scan is a whole turn, of as many beams, and looks behind as it looks ahead.
+    """
     time = numbers / (BEAMS * SCAN_RATE)
     xy, heading = way.at(speed * time)
-    angle = np.radians(numbers % BEAMS - 0.5 * (BEAMS - 1))
+    angle = np.radians((numbers % BEAMS - 0.5 * (BEAMS - 1)) * (2.0 if all_round else 1.0))
     pitch = np.radians(NOD_MIDDLE + NOD_REACH * np.sin(2.0 * np.pi * time / NOD_PERIOD))
     origins = np.column_stack([xy, np.full(len(time), MOUNT)])
     return Beams(time, origins, _directions(heading, pitch, angle))
@@ -114,7 +117,7 @@ def make_beams(numbers: NDArray[np.int64], way: Trajectory, speed: float) -> Bea
 
 def _directions(heading: Vector, pitch: Vector, angle: Vector) -> Vector:
     """Return unit vectors (n, 3); `angle` is counter-clockwise in the scan plane from straight ahead."""
-    ahead, left, up = np.cos(angle) * np.cos(pitch), np.sin(angle), np.cos(angle) * np.sin(pitch)
+    ahead, left, up = np.cos(angle) * np.cos(pitch), np.sin(angle), np.abs(np.cos(angle)) * np.sin(pitch)
     c, s = np.cos(heading), np.sin(heading)
     return np.stack([c * ahead - s * left, s * ahead + c * left, up], axis=1)
 

@@ -13,6 +13,7 @@ from mapq.simulate.line import Line, crossing, left_of, rotated, unit
 from mapq.simulate.scene import Frame, SceneBuilder
 from mapq.simulate.settings import Settings
 from mapq.simulate.street import Row, add_row
+from mapq.simulate.variety import SHED_CHANCE, add_shed
 
 Vector = NDArray[np.float64]
 
@@ -110,7 +111,7 @@ def add_block(
     for row in (*_block_rows(plan), *_street_rows(plan), *_outer_rows(plan), *_pathway_rows(plan)):
         add_row(builder, row, settings, rng)
     for corner in np.flatnonzero(plan.gardens):
-        _add_garden(builder, plan, int(corner), rng)
+        _add_garden(builder, plan, int(corner), settings, rng)
     _add_arch(builder, plan, rng)
     if is_last:
         ends = [plan.exit_point(plan.exit_length + 9.0, side * 0.5 * PATHWAY) for side in (1.0, -1.0)]
@@ -182,7 +183,7 @@ def _pathway_rows(plan: Plan) -> list[Row]:
     return rows
 
 
-def _add_garden(builder: SceneBuilder, plan: Plan, corner: int, rng: np.random.Generator) -> None:
+def _add_garden(builder: SceneBuilder, plan: Plan, corner: int, settings: Settings, rng: np.random.Generator) -> None:
     """Add a garden at a corner with walls across the robot's way: it sees one face before the turn, the other after."""
     at, side = plan.corners[corner], plan.gardens[corner]
     along = unit(plan.corners[(corner + 1) % 4] - at)
@@ -193,6 +194,9 @@ def _add_garden(builder: SceneBuilder, plan: Plan, corner: int, rng: np.random.G
         b = at + inset * back + (side - rng.uniform(0.3, 1.5)) * along
         add_garden_wall(builder, Line.facing(a, b, back), height, rng.uniform(0.2, 0.4))
         inset += rng.uniform(1.8, 3.0)
+    if settings.variety > 0.0 and rng.random() < SHED_CHANCE * settings.variety:
+        a = at + inset * back + 0.8 * along
+        add_shed(builder, Line.facing(a, a + (side - 1.2) * along, back), rng)
     if rng.random() < 0.7:
         add_bush(builder, at + 0.6 * side * (along + back), rng)
 

@@ -35,10 +35,15 @@ class Settings:
     look_alikes : float
         How much true geometry looks like an error of the map: gaps between neighbours, fences along facades,
         free-standing walls seen from both sides. 0 none, 1 default, at most 3.
+    variety : float
+        How much there is beside offices: yards with lorries side by side, sheds, balconies, hedges, tanks. 0 none,
+        the default; at most 3.
     clutter : float
         How many cars, trees, lamp posts and people; 0 none, 1 default, at most 3.
     speed : float
         Of the robot, in m/s.
+    all_round : bool
+        Whether the laser looks all round, as on cars; else half a turn ahead.
     max_range, noise : float
         Of the laser: longest range, and standard deviation of a range, both in metres.
     drift : float
@@ -69,8 +74,10 @@ class Settings:
     frontage: tuple[float, float] = (8.0, 30.0)
     height: tuple[float, float] = (6.0, 15.0)
     look_alikes: float = 1.0
+    variety: float = 0.0
     clutter: float = 1.0
     speed: float = 1.0
+    all_round: bool = False
     max_range: float = 35.0
     noise: float = 0.015
     drift: float = 1.0
@@ -145,6 +152,7 @@ _DOMAIN: Mapping[str, tuple[float, float]] = {
     "frontage": (5.0, 100.0),
     "height": (4.0, 60.0),
     "look_alikes": (0.0, 3.0),
+    "variety": (0.0, 3.0),
     "clutter": (0.0, 3.0),
     "speed": (0.1, 10.0),
     "max_range": (5.0, 200.0),

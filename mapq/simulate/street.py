@@ -20,6 +20,15 @@ from mapq.simulate.furniture import (
 from mapq.simulate.line import Line
 from mapq.simulate.scene import SceneBuilder
 from mapq.simulate.settings import Settings
+from mapq.simulate.variety import (
+    BALCONIES_CHANCE,
+    HEDGE_CHANCE,
+    SHORTEST_YARD,
+    YARD_CHANCE,
+    add_balconies,
+    add_hedge,
+    add_yard,
+)
 
 GAP_CHANCE = 0.5
 """Chance of a narrow gap between two neighbours, times `look_alikes`."""
@@ -63,13 +72,26 @@ def add_row(builder: SceneBuilder, row: Row, settings: Settings, rng: np.random.
         open_sides = (is_first and row.open_ends[0], is_last and row.open_ends[1])
         front = _front(row.line.piece(first, last), rng)
         height = rng.uniform(*settings.height)
+        if _has(YARD_CHANCE, settings, rng) and front.length > SHORTEST_YARD and row.is_street:
+            add_yard(builder, front, row.depth, rng)
+            before = None
+            continue
         side, after = add_building(builder, front, row.depth * rng.uniform(0.85, 1.0), height, open_sides, rng)
         if before is not None and side is not None and first > lots[k - 1][1]:
             builder.look_alike(before, side)
         before = after
         if rng.random() < RAILING_CHANCE * settings.look_alikes:
             _add_fence(builder, front, rng)
+        if _has(BALCONIES_CHANCE, settings, rng):
+            add_balconies(builder, front, height, rng)
+        if _has(HEDGE_CHANCE, settings, rng):
+            add_hedge(builder, front, rng)
     _add_furniture(builder, row, settings, rng)
+
+
+def _has(chance: float, settings: Settings, rng: np.random.Generator) -> bool:
+    """Return whether a lot has something; a world without variety draws no numbers for it."""
+    return settings.variety > 0.0 and bool(rng.random() < chance * settings.variety)
 
 
 def _lots(length: float, settings: Settings, rng: np.random.Generator) -> Iterator[tuple[float, float]]:

@@ -27,8 +27,8 @@ PAIR = {"angle_deg": 1.0, "overlap": 0.0, "crossing": 0.0, "offset": 0.32, "sepa
             "one is seen through by other passes",
         ),
         (
-            {"overlap": 0.8, "seen_together": 0.4, "back_to_back": 0.39},
-            "parallel to patch 41 at 0.32 m, overlap 80 %, seen together, back to back",
+            {"overlap": 0.8, "seen_together": 0.4},
+            "parallel to patch 41 at 0.32 m, overlap 80 %, seen together",
         ),
         ({"overlap": 0.8, "seen_together": 0.1}, "parallel to patch 41 at 0.32 m, overlap 80 %"),
         ({"angle_deg": 88.0}, "0.30 m from patch 41, at 88 degrees, neither over it nor across"),

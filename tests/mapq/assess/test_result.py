@@ -24,7 +24,7 @@ NODE_NAMES = ("fit", "tilt", "thickness")
 def make_model(edge_model: str = "full") -> Model:
     """Return a model in which a low x_ij and a thick patch are suspicious."""
     names = ("plausibility",) if edge_model == "full" else ()
-    node = Scaling(NODE_NAMES, np.array([7.0, 1.0, 2.5]), np.array([1.0, 0.1, 0.5]))
+    node = Scaling(NODE_NAMES, np.array([0.0, 1.0, -1.0]), np.array([1.0, 0.1, 0.5]))
     edge = Scaling(names, np.ones(len(names)), np.full(len(names), 0.2))
     weights = {"node.bias": -0.8, "node.thickness": -0.3, "field.plausibility": -0.7, "coupling.at_x_min": 0.4}
     names_of_all = parameter_names(edge_model, NODE_NAMES, names)

@@ -123,11 +123,20 @@ def test_look_alikes_can_be_left_out_and_multiplied() -> None:
     assert shares[0] == 0.0 < shares[1] < shares[2]
 
 
+def test_variety_adds_what_streets_have_beside_offices() -> None:
+    offices, street = (simulate(Settings.of_size("small", {"drift": 0.0, "variety": v}), 4) for v in (0.0, 3.0))
+    added = {Kind.LORRY, Kind.SHED, Kind.BALCONY}
+    assert added.isdisjoint(np.unique(offices.fields["kind"]).tolist())
+    assert added <= set(np.unique(street.fields["kind"]).tolist())
+    assert not street.fields["truth"].any()
+
+
+@pytest.mark.parametrize("variety", [0.0, 3.0])
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("blocks", [1, 2])
-def test_the_way_is_free(seed: int, blocks: int) -> None:
+def test_the_way_is_free(seed: int, blocks: int, variety: float) -> None:
     """Nothing stands within half a metre of the robot, at the height of its wheels or of its laser."""
-    world, way = world_of(seed, blocks=blocks, look_alikes=2.0, clutter=2.0)
+    world, way = world_of(seed, blocks=blocks, look_alikes=2.0, clutter=2.0, variety=variety)
     angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
     around = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(24)])
     for height in (0.5, 1.3):
@@ -167,6 +176,21 @@ def test_beams_nod_and_fan_out_over_half_a_turn() -> None:
     assert (np.diff(numbers) > 0).all()
     assert numbers[-1] < n_all
     np.testing.assert_array_equal(choose_beams(100, 1000, np.random.default_rng(3)), np.arange(100))
+
+
+def test_a_laser_that_looks_all_round_sees_as_much_behind() -> None:
+    way = _build(SceneBuilder(), Settings.of_size("small"), np.random.default_rng(1))
+    numbers = np.arange(150 * BEAMS)
+    half, whole = (make_beams(numbers, way, 1.0, all_round) for all_round in (False, True))
+    heading = way.at(half.time)[1]
+    ahead = [
+        each.directions[:, 0] * np.cos(heading) + each.directions[:, 1] * np.sin(heading) for each in (half, whole)
+    ]
+    assert ahead[0].min() > -1e-9
+    assert np.mean(ahead[1] < 0.0) == pytest.approx(0.5, abs=0.01)
+    assert whole.directions[ahead[1] < 0.0, 2].mean() == pytest.approx(
+        whole.directions[ahead[1] > 0.0, 2].mean(), abs=0.02
+    )
 
 
 def test_sizes_and_refusals() -> None:
