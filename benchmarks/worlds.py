@@ -51,6 +51,8 @@ MOVES = {
     c.NOTCH: "notch",
     c.FILL: "fill notch",
     c.MOVE_LINE: "move line",
+    c.LEAN: "lean",
+    c.STAND: "stand",
 }
 
 Loop = Callable[[Chain, np.random.Generator, int], bool]

@@ -45,6 +45,8 @@ DEFAULT_ODDS = {
     c.NOTCH: 0.03,
     c.FILL: 0.03,
     c.MOVE_LINE: 0.02,
+    c.LEAN: 0.03,
+    c.STAND: 0.03,
 }
 """Weight of each move; births and deaths equal, so that these cancel in the ratios."""
 
@@ -147,7 +149,7 @@ class Settings:
         Stages in which the beams of a laser are asked; None chooses it by their number.
     tiles : int
         Tiles in which a chain is updated at once (docs/tiles.md); 0: it is updated in one place after the other.
-    join_reach, line_reach : float or None
+    join_reach, line_reach, stand_reach : float or None
         As the other reaches.
     """
 
@@ -169,6 +171,7 @@ class Settings:
     tiles: int = 0
     join_reach: float | None = None
     line_reach: float | None = None
+    stand_reach: float | None = None
 
     def tuning(self) -> Floats:
         """Return the tuning array of the kernels."""
@@ -184,6 +187,7 @@ class Settings:
         tuning[c.CUT_REACH] = self.cut_reach or 0.0005 / self.scale
         tuning[c.JOIN_REACH] = self.join_reach or 0.03 / self.scale
         tuning[c.LINE_REACH] = self.line_reach or 0.002 / self.scale
+        tuning[c.STAND_REACH] = self.stand_reach or 0.003 / self.scale
         tuning[c.AIM_REACH] = self.aim_reach or 0.015 / self.scale
         return tuning
 

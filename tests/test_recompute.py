@@ -123,7 +123,7 @@ def test_twins_agree_when_sensors_may_stand_in_black(power: float) -> None:
     chain = soften(make_chain(settings, start), power, 2.0)
     assert chain.graph.counts[c.OCCUPIED] > 0
     occupied, rng, n_accepted = set(), np.random.default_rng(2), 0
-    for now in states(chain, rng, 1500):
+    for now in states(chain, rng, 3000):
         n_accepted += 1
         assert differences(now) == structural_faults(now) == [], f"step {now.graph.counts[c.STEP]}"
         occupied.add(int(now.graph.counts[c.OCCUPIED]))
@@ -229,7 +229,7 @@ def test_twins_agree_on_points(law: Normal | Flips, places: str) -> None:
     data = observe(world.coloring, law, PLACES[places], rng)
     for laser in (None, world.data):
         settings = Settings(ROOM, 0.3, laser, resolution=0.5, cell=1.0, points=data)
-        chain, n_accepted = follow(make_chain(settings, first_map(settings)), rng, 1000)
+        chain, n_accepted = follow(make_chain(settings, first_map(settings)), rng, 2000)
         assert n_accepted > 40
         assert 0.0 < chain.points.column[points.BLACK].mean() < 1.0
 

@@ -60,7 +60,9 @@ UNDOCK = 19
 NOTCH = 20
 FILL = 21
 MOVE_LINE = 22
-N_MOVES = 23
+LEAN = 23
+STAND = 24
+N_MOVES = 25
 
 # Columns of the table of outcomes.
 PROPOSED = 0
@@ -82,7 +84,8 @@ LIKELIHOOD_POWER = 9  # exponent of the likelihood: 1 the posterior, 0 the prior
 OCCUPIED_COST = 10  # log likelihood that each occupied sensor position takes, nats; inf: none may be occupied
 JOIN_REACH = 11  # median distance of new corners from the feet of the vertices that are led to them, m
 LINE_REACH = 12  # median distance by which the line of an edge moves, m
-N_TUNING = 13
+STAND_REACH = 13  # median distance by which what leans on a wall is drawn back from it, m
+N_TUNING = 14
 
 # Columns of ``Beams.ray``.
 ORIGIN_X = 0

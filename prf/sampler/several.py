@@ -54,6 +54,8 @@ MOVE_NAMES = (
     "notch wall",
     "fill notch",
     "move line of edge",
+    "lean on wall",
+    "stand off wall",
 )
 """Names of the moves in the order of their table."""
 

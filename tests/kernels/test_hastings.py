@@ -21,7 +21,7 @@ N_STATES = 18
 """States of each of the five cases."""
 
 
-ONE_WAY = {"local recolor", "cut wall", "mend wall", "join wall", "part wall", "fill"}
+ONE_WAY = {"local recolor", "cut wall", "mend wall", "join wall", "part wall", "fill", "lean", "stand"}
 """Moves to whose result no way may lead back."""
 
 
@@ -66,6 +66,7 @@ def plan(**changes: float) -> Plan:
         "cut_reach": 0.1,
         "join_reach": 0.1,
         "line_reach": 0.1,
+        "stand_reach": 0.1,
         **changes,
     }
     return Plan(**tuning, odds=np.ones(c.N_MOVES), grid=GRID)
@@ -126,6 +127,23 @@ WALL = [(0.2, 0.5), (1.8, 0.5), (1.8, 0.9), (0.2, 0.9)]
 TARGETS = {"target_grid": Grid(0.0, 0.0, 0.1, 20, 10), "targets": frozenset({(6, 3)})}
 
 
+def leaning_by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]]:
+    def reach(r: float) -> float:
+        return 0.1 / (0.1 + r) ** 2
+
+    free = rails([(0.5, 0.3), (0.5, 0.4), (0.7, 0.4), (0.7, 0.3)], WALL)
+    leaning = loop(WALL[0], (0.52, 0.5), (0.5, 0.3), (0.7, 0.3), (0.7, 0.51), *WALL[1:])
+    # Through the block behind the back pass the wall and the front, which is none: it shares vertices with the flanks.
+    density = 0.5**4 * reach(0.02) * reach(0.0) ** 2 * reach(0.01)
+    yield "lean", c.LEAN, free, leaning, plan(), density / (8.0 * 2.0)
+    flank = math.hypot(0.02, 0.2)
+    drawn = reach(0.0204 / flank) * reach(0.002 / flank) * reach(0.11) * reach(0.0)
+    yield "stand", c.STAND, leaning, free, plan(), 0.5**2 * drawn / 8.0
+    far = rails([(0.5, 0.2), (0.5, 0.3), (0.7, 0.3), (0.7, 0.2)], WALL)
+    leaning = loop(WALL[0], (0.5, 0.5), (0.5, 0.2), (0.7, 0.2), (0.7, 0.5), *WALL[1:])
+    yield "lean on a wall out of reach", c.LEAN, far, leaning, plan(), 0.0
+
+
 def joined_by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]]:
     def half(*distances: float) -> float:
         return math.prod(0.5 * 0.1 / (0.1 + r) ** 2 for r in distances)
@@ -134,6 +152,7 @@ def joined_by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float
     joined = loop(WALL[0], (0.45, 0.5), (0.5, 0.3), (0.6, 0.2), (0.7, 0.3), (0.7, 0.52), *WALL[1:])
     yield "join", c.JOIN_WALL, apart, joined, plan(), half(0.05, 0.0, 0.0, 0.02) / 7.0
     # Round the west link lie the east one, its edge to the corner, an edge of the triangle and the west wall.
+    yield from leaning_by_hand()
     yield "part", c.PART_WALL, joined, apart, plan(), 0.25 / 9.0 * (1.0 / 4.0 + 1.0 / 3.0)
     free = loop((0.3, 0.1), (0.4, 0.3), (0.5, 0.1))
     sides = np.array([INTERIOR, INTERIOR, INTERIOR, 0, 0], np.int8)

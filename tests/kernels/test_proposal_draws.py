@@ -24,11 +24,13 @@ from prf.layout import read_coloring
 from prf.window import INTERIOR
 from tests.reference.hastings import CASES, NAMES, Lab, attempt, make_lab, states, tries
 from tests.reference.plain_map import (
+    Edges,
     PlainMap,
     Point,
     corner_between,
     foot_and_offset,
     plain_map,
+    round_the_back,
     round_the_cut,
     round_the_middle,
     round_the_point,
@@ -172,10 +174,14 @@ def cut_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Bra
 
 
 def leads_to(chain: Chain, move: int, numbers: list[float], x: PlainMap, y: PlainMap) -> bool:
-    """Whether a move with these numbers takes the edges that y lacks: they may pick another one from a list."""
+    """Whether a move with these numbers leads to y, but for rounding: they may pick another edge from a list."""
     trial = copy.deepcopy(chain)
     attempt(trial, move, scripted(numbers))
-    return not (x.edges - y.edges) & plain_map(read_coloring(trial.graph)).edges
+    return rounded(plain_map(read_coloring(trial.graph)).edges) == rounded(y.edges)
+
+
+def rounded(edges: Edges) -> frozenset[frozenset[tuple[float, float]]]:
+    return frozenset(frozenset((round(px, 6), round(py, 6)) for px, py in edge) for edge in edges)
 
 
 def join_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
@@ -192,6 +198,20 @@ def join_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Br
 def dock(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
     (numbers,) = SCRIPTS[c.DOCK](chain, x, y, plan)
     yield Branch(0.5**2 / len(x.edges), numbers, [1, 3])
+
+
+def lean(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
+    gone = x.side.keys() - y.side.keys()
+    for back in (edge for edge in x.edges - y.edges if edge <= gone):
+        walls = round_the_back(x.edges, plan.grid, back)
+        scripts = SCRIPTS[c.LEAN](chain, x, y, plan)
+        numbers = next(n for n in scripts if leads_to(chain, c.LEAN, n, x, y))
+        yield Branch(0.5**4 / (len(x.edges) * len(walls)), numbers, [2, 4, 6, 8])
+
+
+def stand(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
+    for numbers in SCRIPTS[c.STAND](chain, x, y, plan):
+        yield Branch(0.5**2 / len(x.edges), numbers, [1, 2, 4, 5])
 
 
 def notch(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
@@ -224,6 +244,8 @@ BRANCHES: dict[int, Callable[[Chain, PlainMap, PlainMap, Plan], Iterator[Branch]
     c.JOIN_WALL: join_wall,
     c.DOCK: dock,
     c.NOTCH: notch,
+    c.LEAN: lean,
+    c.STAND: stand,
 }
 
 
@@ -276,7 +298,7 @@ def proposals(lab: Lab, move: int, rng: np.random.Generator) -> Iterator[tuple[C
     for start in states(lab, 3, rng):
         chain = copy.deepcopy(start)
         for _ in range(tries(move)):
-            if attempt(chain, move, rng)[1]:
+            if attempt(chain, move, rng)[3] > -math.inf:
                 yield start, chain
                 break
 

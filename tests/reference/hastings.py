@@ -58,13 +58,17 @@ NAMES = (
     "notch",
     "fill",
     "move line",
+    "lean",
+    "stand",
 )
 N_TARGETS = 40
 SQUARES = 30
 """Squares along the longer side of the window: some targets are near one another, some are not."""
 TRIES = 50
 WALL_TRIES = 600
-"""Attempts at a move in one state, until one is valid; at those with many corners, of which few are."""
+RING_TRIES = 5000
+"""Attempts at a move in one state, until one is valid; at those with many corners, of which few are; at that of four
+edges in a ring before a wall, of which hardly any are there."""
 
 CASES = (
     Settings(Window(0.0, 0.0, 1.0, 1.0), 1.0, cell=0.2, cut_reach=0.03),
@@ -133,7 +137,7 @@ def make_lab(settings: Settings, rng: np.random.Generator) -> Lab:
     """Odds and targets at random; three births of five are aimed."""
     chain = make_chain(settings, Coloring.empty(settings.window))
     odds = rng.dirichlet(np.full(c.N_MOVES, 4.0))
-    names = (c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH, c.CUT_REACH, c.JOIN_REACH, c.LINE_REACH)
+    names = (c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH, c.CUT_REACH, c.JOIN_REACH, c.LINE_REACH, c.STAND_REACH)
     reaches = [float(chain.tuning[k]) for k in names]
     window = settings.window
     points = rng.uniform(window[:2], window[2:], (N_TARGETS, 2))
@@ -150,6 +154,8 @@ def make_lab(settings: Settings, rng: np.random.Generator) -> Lab:
 
 
 def tries(move: int) -> int:
+    if move == c.LEAN:
+        return RING_TRIES
     return WALL_TRIES if move >= c.CUT_WALL else TRIES
 
 
@@ -170,10 +176,13 @@ def states(lab: Lab, n: int, rng: np.random.Generator) -> Iterator[Chain]:
             c.NOTCH,
             c.JOIN_WALL,
             c.DOCK,
+            c.NOTCH,
+            c.NOTCH,
+            c.STAND,
         ):
             for _ in range(tries(move)):
                 chain = with_room(chain)
-                if attempt(chain, move, rng)[1]:
+                if attempt(chain, move, rng)[3] > -math.inf:
                     break
         yield with_room(chain)
 

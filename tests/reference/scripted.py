@@ -17,7 +17,7 @@ from prf.kernels.chain import Chain
 from prf.kernels.targets import Targets
 from prf.window import Window
 from tests.reference.plain_map import PlainMap, Point, foot_and_offset, other
-from tests.reference.proposals import Plan, new_points
+from tests.reference.proposals import Plan, meeting, new_points
 
 LAST = 1.0 - 2.0**-20
 """A number above every probability in the kernels: not local, the second of two ways."""
@@ -291,6 +291,35 @@ def undock(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[
     yield [(i + 0.5) / n, (k - (k > i) + 0.5) / (n - 1)]
 
 
+def lean(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    m = plan.cut_reach
+    gone = x.side.keys() - y.side.keys()
+    (back,) = (edge for edge in x.edges - y.edges if edge <= gone)
+    (wall,) = (edge for edge in x.edges - y.edges if not edge & gone)
+    (p, q), (a, b) = end_points(chain, back), end_points(chain, wall)
+    shifts, aside = [], []
+    for corner, opposite in ((p, q), (q, p)):
+        (f,) = set(x.neighbors(corner)) - {opposite}
+        (led,) = (v for v in y.neighbors(f) if v not in x.side)
+        foot, off = foot_and_offset(led, a, b)
+        shifts += signed((foot - meeting(a, b, f, corner)) * math.dist(a, b), m)
+        aside += signed(off, m)
+    for place in places(x):
+        yield [pick(chain, c.EDGES, edge_slot(chain, back)), place, *shifts, *aside]
+
+
+def stand(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    for back in (edge for edge in y.edges - x.edges if not edge & x.side.keys()):
+        flank = {f: p for p in back for f in y.neighbors(p) if f in x.side}
+        front = frozenset(flank)
+        numbers = [pick(chain, c.EDGES, edge_slot(chain, front))]
+        for f in end_points(chain, front):
+            (s,) = set(x.neighbors(f)) - front
+            along, off = foot_and_offset(flank[f], s, f)
+            numbers += [reached(along * math.dist(s, f), plan.stand_reach), *signed(off, plan.cut_reach)]
+        yield numbers
+
+
 def move_line(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
     for e in x.edges - y.edges:
         if e & y.side.keys():
@@ -387,4 +416,6 @@ SCRIPTS: dict[int, Script] = {
     c.NOTCH: notch,
     c.FILL: fill,
     c.MOVE_LINE: move_line,
+    c.LEAN: lean,
+    c.STAND: stand,
 }

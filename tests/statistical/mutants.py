@@ -55,10 +55,7 @@ MERGE = Mutant(
 )
 CUT_COUNTS = Mutant(
     "cut without the partner counts",
-    (
-        ("cut_wall.py", "density += 1.0 / partners_after(graph, index, proposal, FIRST_JAMB)", "density += 1.0"),
-        ("cut_wall.py", "density += 1.0 / partners_after(graph, index, proposal, SECOND_JAMB)", "density += 1.0"),
-    ),
+    (("gap.py", "return 1.0 / partners_after(graph, index, proposal, j)", "return 1.0"),),
 )
 MEND_EDGES = Mutant(
     "mend that ignores the changed length",
@@ -96,6 +93,26 @@ LINE_MEASURE = Mutant(
             "move_line.py",
             "ratio = measure_of_line(graph, a, p, q, b) / measure_of_line(graph, a, u, v, b)",
             "ratio = 1.0",
+        ),
+    ),
+)
+LEAN_WALLS = Mutant(
+    "leaning without the number of walls behind",
+    (
+        (
+            "lean.py",
+            "return True, -math.log(odds[c.LEAN] * density / n)",
+            "return True, -math.log(odds[c.LEAN] * density)",
+        ),
+    ),
+)
+DRAWN_BACK = Mutant(
+    "drawing back one corner alone",
+    (
+        (
+            "lean.py",
+            "density *= standing_density(graph, tuning, g, proposal.new_vertices[1], proposal.old_vertices[1])",
+            "density *= 1.0",
         ),
     ),
 )

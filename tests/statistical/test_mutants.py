@@ -24,6 +24,8 @@ SUSPECTS = {
     mutants.ONE_ORDER: {"dock"},
     mutants.NOTCH_WALLS: {"notch"},
     mutants.LINE_MEASURE: {"move line"},
+    mutants.LEAN_WALLS: {"lean"},
+    mutants.DRAWN_BACK: {"lean"},
 }
 
 
@@ -64,10 +66,14 @@ OFTEN_CORNERS = (
     "cut_reach=0.03",
     "join_reach=0.1",
     "line_reach=0.02",
+    "stand_reach=0.03",
     "targets=60",
-    *(f"{move}=0.3" for move in ("JOIN_WALL", "PART_WALL", "DOCK", "UNDOCK", "NOTCH", "FILL", "MOVE_LINE")),
+    *(
+        f"{move}=0.3"
+        for move in ("JOIN_WALL", "PART_WALL", "DOCK", "UNDOCK", "NOTCH", "FILL", "MOVE_LINE", "LEAN", "STAND")
+    ),
 )
-"""Two steps of three join or part, notch or fill, or move lines."""
+"""Two steps of three join or part, notch or fill, lean or stand, or move lines."""
 
 
 def worst(found: dict[str, Any]) -> list[tuple[str, float]]:
@@ -99,6 +105,7 @@ def test_intact_copy_obeys_the_laws(odds: tuple[str, ...], tmp_path: Path) -> No
         pytest.param(mutants.MERGE, 20_000_000, (), id=mutants.MERGE.name),
         pytest.param(mutants.CUT_COUNTS, 8_000_000, OFTEN_WALLS, id=mutants.CUT_COUNTS.name),
         pytest.param(mutants.ONE_ORDER, 4_000_000, OFTEN_CORNERS, id=mutants.ONE_ORDER.name),
+        pytest.param(mutants.DRAWN_BACK, 8_000_000, OFTEN_CORNERS, id=mutants.DRAWN_BACK.name),
         pytest.param(mutants.LINE_MEASURE, 4_000_000, OFTEN_CORNERS, id=mutants.LINE_MEASURE.name),
     ],
 )
