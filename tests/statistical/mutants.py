@@ -53,8 +53,8 @@ MERGE = Mutant(
     "merge that ignores the changed number of edges",
     (("split_edge.py", "edges_after = graph.counts[c.EDGES] - 1", "edges_after = graph.counts[c.EDGES]"),),
 )
-CUT_COUNTS = Mutant(
-    "cut without the partner counts",
+LINK_COUNTS = Mutant(
+    "links without the partner counts",
     (("gap.py", "return 1.0 / partners_after(graph, index, proposal, j)", "return 1.0"),),
 )
 MEND_EDGES = Mutant(
