@@ -30,6 +30,7 @@ SLIDE_END = """* (graph.vertex_xy[v, 1] - graph.vertex_xy[u, 1])
 TRIANGLE_LOCAL = "2.0 * (near_uv * near_wu + near_uv * near_vw + near_vw * near_wu) / surface"
 NO_COUNTS = ("recolor.py", "return math.log(after / before)", "return 0.0")
 
+OTHER_EDGE = "corners_density(graph, tuning, a, b, u, v, p, q)"
 SECOND_FACE = "corners_density(graph, tuning, r, u, s, t, p, q, a, b)"
 
 INTACT = Mutant("intact", ())
@@ -70,7 +71,7 @@ ONE_FACE = Mutant(
 )
 ONE_EDGE = Mutant(
     "join that could have begun at one edge alone",
-    (("join_wall.py", "density += corners_density(graph, tuning, a, b, u, v, p, q) / n", "n += 0"),),
+    (("join_wall.py", f"density += {OTHER_EDGE} * links_now(graph, index, f, e)", "n += 0"),),
 )
 ONE_ORDER = Mutant(
     "docking that could be undone in one order alone",
