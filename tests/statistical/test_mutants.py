@@ -105,7 +105,6 @@ def test_intact_copy_obeys_the_laws(odds: tuple[str, ...], tmp_path: Path) -> No
         pytest.param(mutants.MERGE, 20_000_000, (), id=mutants.MERGE.name),
         pytest.param(mutants.LINK_COUNTS, 8_000_000, OFTEN_WALLS, id=mutants.LINK_COUNTS.name),
         pytest.param(mutants.ONE_ORDER, 4_000_000, OFTEN_CORNERS, id=mutants.ONE_ORDER.name),
-        pytest.param(mutants.DRAWN_BACK, 8_000_000, OFTEN_CORNERS, id=mutants.DRAWN_BACK.name),
         pytest.param(mutants.LINE_MEASURE, 4_000_000, OFTEN_CORNERS, id=mutants.LINE_MEASURE.name),
     ],
 )
