@@ -19,6 +19,7 @@ VERBS: dict[str, str] = {
     "compare": "Compare two maps of one place: which is better, and where.",
     "evaluate": "Compare inferred labels with the truth: confusion matrix, scores, calibration.",
     "features": "Show the features of every patch and of every pair of neighbours.",
+    "report": "Write a report on a result: one page of HTML that opens without a network.",
     "render": "Draw a map in plan view and in 3D, plausible blue and suspicious red.",
     "inspect": "Say what is in a file: a cloud, PATCHES, a RESULT, or a model.",
     "simulate": "Make a map with known errors: an urban world, driven through and rendered from odometry.",

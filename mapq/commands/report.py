@@ -1,0 +1,62 @@
+"""Write a report on a result: one page of HTML that opens without a network."""
+
+from __future__ import annotations
+
+import logging
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+
+from prf.shell.options import Force, Output
+
+logger = logging.getLogger(__name__)
+
+EXAMPLES = (
+    "mapq report city.classified.ply",
+    "mapq report city.classified.laz -o city.html --palette colour-blind",
+    'mapq report city.classified.ply --title "City, second survey" --max-points 50000 -o city.html',
+)
+
+
+class PaletteChoice(StrEnum):
+    """Colours that the page starts with."""
+
+    blue_red = "blue-red"
+    colour_blind = "colour-blind"
+
+
+def report(
+    result: Annotated[str, typer.Argument(metavar="RESULT", help="What mapq classify wrote, with its JSON beside it.")],
+    palette: Annotated[
+        PaletteChoice,
+        typer.Option("--palette", help="Colours that the page starts with; a button of the page changes them."),
+    ] = PaletteChoice.blue_red,
+    max_points: Annotated[
+        int,
+        typer.Option("--max-points", metavar="N", min=1_000, max=2_000_000, help="Points that the views show, about."),
+    ] = 120_000,
+    title: Annotated[
+        str | None, typer.Option("--title", metavar="TEXT", help="Instead of the name of the file.")
+    ] = None,
+    output: Output = None,
+    force: Force = False,
+) -> None:
+    """Write a report on a result: one page of HTML that opens without a network.
+
+    The verdict with a histogram of probabilities, plan view and 3D view, regions worst first, and a table of patches. A
+    click on a patch, in a view or in the table, shows its features, its label with its probability, and the reasons in
+    words. Without -o it is report.html in the current folder. It needs the extra: pip install 'prf-mapq[report]'.
+    """
+    from mapq.report import read_told, write_report
+    from prf.shell.files import STREAM, refuse_existing
+
+    target = output or "report.html"
+    refuse_existing(target, force)
+    told = read_told(result)
+    written = write_report(target, told, title, palette.value, max_points)
+    if not told.rows:
+        logger.warning("%s: no patch was found, so the report says nothing of this map", result)
+    if target != STREAM:
+        shown = f"{written.n_shown:,} of {written.n_points:,} points"
+        logger.info("wrote %s: %.1f MB, its views show %s", target, written.n_bytes / 1e6, shown)

@@ -1,0 +1,86 @@
+"""Pieces of a page: text made safe, templates filled, scripts that the page's own rules let run."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import html
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.resources import files
+from typing import Any
+
+from prf.shell.errors import UsageError
+from prf.shell.jsonout import jsonable
+
+_PLACE = re.compile(r"\{\{(\w+)\}\}")
+
+
+def escape(text: object) -> str:
+    """Return text that is shown as it is, in elements and in quoted attributes."""
+    return html.escape(str(text), quote=True)
+
+
+def asset(name: str) -> str:
+    """Return a template, style sheet or script of the package."""
+    return files("mapq.report").joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def fill(template: str, content: Mapping[str, str]) -> str:
+    """Return a template with every ``{{name}}`` replaced; what is put in is not looked at again."""
+    return _PLACE.sub(lambda match: content[match.group(1)], template)
+
+
+def plotly_script() -> str:
+    """Return the JavaScript of plotly, which its package ships.
+
+    Raises
+    ------
+    UsageError
+        If plotly is not installed.
+    """
+    try:
+        from plotly.offline import get_plotlyjs
+    except ImportError:
+        raise UsageError(
+            "pages are drawn with plotly, which is not installed. pip install 'prf-mapq[report]'"
+        ) from None
+    script: str = get_plotlyjs()
+    return script.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def script_tags(scripts: Iterable[str]) -> str:
+    """Return scripts as elements of a page."""
+    return "\n".join(f"<script>{_closed(script)}</script>" for script in scripts)
+
+
+def script_sources(scripts: Iterable[str]) -> str:
+    """Return what a content security policy calls scripts: digests, so that no other script can run."""
+    digests = (hashlib.sha256(_closed(script).encode()).digest() for script in scripts)
+    return " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
+
+
+def _closed(script: str) -> str:
+    """Return a script in which nothing ends its element early; in strings, the only place for it, that is the same."""
+    return script.replace("</script", "<\\/script").replace("<!--", "<\\!--")
+
+
+def packed(content: bytes) -> str:
+    """Return bytes as compressed text that no parser of pages mistakes for markup."""
+    return base64.b64encode(gzip.compress(content, 6, mtime=0)).decode()
+
+
+def packed_json(content: Any) -> str:
+    """Return an object as JSON, as :func:`packed`."""
+    return packed(json.dumps(jsonable(content), allow_nan=False, ensure_ascii=False, separators=(",", ":")).encode())
+
+
+def table(head: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]], kind: str) -> str:
+    """Return a table of cells that are markup already; each row with its attributes."""
+    names = "".join(f'<th scope="col">{name}</th>' for name in head)
+    lines = "".join(
+        f"<tr{attributes}>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>" for attributes, cells in rows
+    )
+    return f'<table class="{kind}"><thead><tr>{names}</tr></thead><tbody>{lines}</tbody></table>'

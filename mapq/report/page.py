@@ -1,0 +1,152 @@
+"""`write_report`: one file of HTML that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import PurePath
+from typing import Any, Literal, NamedTuple
+
+from mapq import __version__
+from mapq.report.histogram import histogram, histogram_svg
+from mapq.report.markup import asset, escape, fill, packed, packed_json, plotly_script, script_sources, script_tags
+from mapq.report.scene import Scene, build_scene
+from mapq.report.source import Told
+from mapq.report.words import local, made_table, percent, region_table, regions_of, threshold_of, verdict_words
+from prf.shell.files import open_output
+
+MOST_POINTS = 120_000
+"""Points that the views show unless told otherwise: a laptop turns so many without a jolt."""
+
+MEASURES = ("n_points", "area_m2", "width_m", "height_m", "rms_m", "thickness_m", "tilt_deg", "difference")
+"""Numbers of a patch that the page has beside label, probability and place."""
+DIGITS = 5
+"""Significant digits of numbers in a page."""
+
+Palette = Literal["blue-red", "colour-blind"]
+"""``colour-blind``: blue and orange that differ in lightness too, for every kind of colour vision."""
+
+
+class Written(NamedTuple):
+    """What was written.
+
+    Attributes
+    ----------
+    n_bytes : int
+    n_shown, n_points : int
+        Points that the views show, and those of the map.
+    n_outlines : int
+        Patches with an outline.
+    """
+
+    n_bytes: int
+    n_shown: int
+    n_points: int
+    n_outlines: int
+
+
+def write_report(
+    path: str, told: Told, title: str | None = None, palette: Palette = "blue-red", n_most: int = MOST_POINTS
+) -> Written:
+    """Write the report on a result, whole or not at all; ``-`` is standard output.
+
+    Parameters
+    ----------
+    path : str
+    told : Told
+        From :func:`mapq.report.read_told`.
+    title : str, optional
+        Instead of the name of the file.
+    palette : Palette
+        That the page starts with; a button changes it.
+    n_most : int
+        Points shown, about.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    UsageError
+        If plotly is not installed.
+    """
+    scripts = [plotly_script(), asset("views.js"), asset("report.js")]
+    scene = build_scene(told.cloud.xyz, told.patch, told.normal, told.label, n_most)
+    text = _page(told, scene, title or PurePath(told.path).name, palette, scripts)
+    with open_output(path) as stream:
+        stream.write(text)
+    n_outlines = int((scene.corner_start[1:] > scene.corner_start[:-1]).sum())
+    return Written(len(text.encode()), len(scene.points), scene.n_points, n_outlines)
+
+
+def _page(told: Told, scene: Scene, title: str, palette: Palette, scripts: list[str]) -> str:
+    head, content = scene.pack()
+    sums, unit = histogram(told.probability, told.label, told.area)
+    verdict, facts = verdict_words(told)
+    return fill(
+        asset("report.html"),
+        {
+            "title": escape(title),
+            "policy": f"default-src 'none'; script-src {script_sources(scripts)}; style-src 'unsafe-inline'; "
+            "img-src data: blob:; base-uri 'none'; form-action 'none'",
+            "style": asset("common.css") + asset("report.css"),
+            "palette": palette,
+            "verdict": verdict,
+            "facts": facts,
+            "histogram": histogram_svg(sums, unit, threshold_of(told)),
+            "unit": unit,
+            "share": percent(_share(told)),
+            "shown": f"{len(scene.points):,} of {scene.n_points:,} points shown, evenly spread",
+            "regions": region_table(told),
+            "made": made_table(told),
+            "version": escape(__version__),
+            "data": packed_json(page_data(told, head)),
+            "scene": packed(content),
+            "scripts": script_tags(scripts),
+        },
+    )
+
+
+def _share(told: Told) -> Any:
+    counts = told.head.get("counts")
+    return counts.get("share_of_area") if isinstance(counts, dict) else None
+
+
+def page_data(told: Told, scene: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the scripts of the page read: columns of numbers and words of the patches."""
+    shift = (told.cloud.shift * told.cloud.unit).tolist()
+    return {
+        "scene": scene,
+        "threshold": threshold_of(told),
+        "shift": shift if any(shift) else None,
+        "label": told.label,
+        "p": [_short(value) for value in told.probability.tolist()],
+        "measures": {name: [_short(row.get(name)) for row in told.rows] for name in MEASURES},
+        "centre": [[_short(x, 9) for x in local(told, row.get("centroid"))] for row in told.rows],
+        "normal": [[_short(x, 4) for x in row] for row in told.normal.tolist()],
+        "region": [row.get("region") for row in told.rows],
+        "cause": [_cause(row) for row in told.rows],
+        "reasons": [list(_reasons(row)) for row in told.rows],
+        "regions": [{"patches": row.get("patches"), "box": _box(told, row)} for row in regions_of(told)],
+    }
+
+
+def _short(value: Any, digits: int = DIGITS) -> Any:
+    """Return a number with a few significant digits; anything else is null."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return value if isinstance(value, int) else float(f"{value:.{digits}g}")
+
+
+def _cause(row: Mapping[str, Any]) -> list[str] | None:
+    cause = row.get("cause")
+    return [str(cause.get("kind")), str(cause.get("text"))] if isinstance(cause, dict) else None
+
+
+def _reasons(row: Mapping[str, Any]) -> Iterator[list[Any]]:
+    """Yield the reasons of a patch: words, log-odds, the other patch."""
+    for reason in row.get("reasons") or ():
+        if isinstance(reason, dict):
+            yield [str(reason.get("text")), _short(reason.get("log_odds"), 3), reason.get("other")]
+
+
+def _box(told: Told, region: Mapping[str, Any]) -> list[list[Any]]:
+    return [[_short(x, 9) for x in local(told, region.get(name))] for name in ("low", "high")]

@@ -1,0 +1,159 @@
+"""What a report says in words and tables: the verdict, the regions, and how the result was made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import PurePath
+from typing import Any
+
+from mapq.report.markup import escape, table
+from mapq.report.source import Told
+
+MOST_REGIONS = 50
+"""Regions that are listed; smaller ones are counted."""
+
+
+def number(value: Any, digits: int = 1, unit: str = "") -> str:
+    """Return a number of a file as text, a dash where it is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return "–"
+    return f"{value:,.{digits}f}{unit}"
+
+
+def percent(value: Any) -> str:
+    """Return a share as text, a dash where it is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return "–"
+    return f"{100.0 * value:.1f} %"
+
+
+def part(head: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """Return an object of the JSON of a result, empty where it is none."""
+    found = head.get(name)
+    return found if isinstance(found, dict) else {}
+
+
+def threshold_of(told: Told) -> float:
+    """Return the probability from which patches are called suspicious."""
+    value = part(told.head, "threshold").get("p_suspicious")
+    return float(value) if isinstance(value, int | float) and 0.0 <= value <= 1.0 else 0.5
+
+
+def verdict_words(told: Told) -> tuple[str, str]:
+    """Return the verdict in one line, and the lines below it, both as markup."""
+    counts, verdict = part(told.head, "counts"), part(told.head, "verdict")
+    if not told.rows:
+        return "No plane patch was found: nothing is said of this map.", _facts(told, counts, verdict)
+    share = verdict.get("share_of_area", counts.get("share_of_area"))
+    limit = verdict.get("fail_over")
+    line = f"<strong>{percent(share)}</strong> of the surface is suspicious"
+    if limit is not None and verdict.get("passed") is not None:
+        state = "passes" if verdict["passed"] is True else "fails"
+        line += f' <span class="verdict-{state}">{state}: no more than {percent(limit)} was asked for</span>'
+    return line, _facts(told, counts, verdict)
+
+
+def _facts(told: Told, counts: Mapping[str, Any], verdict: Mapping[str, Any]) -> str:
+    """Return facts of the whole map as a list."""
+    return (
+        "<dl>"
+        + "".join(f"<div><dt>{name}</dt><dd>{text}</dd></div>" for name, text in _rows(told, counts, verdict))
+        + "</dl>"
+    )
+
+
+def _rows(told: Told, counts: Mapping[str, Any], verdict: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    n_regions = len(regions_of(told))
+    yield "area", f"{number(counts.get('area_suspicious_m2'))} of {number(counts.get('area_m2'))} m² suspicious"
+    yield (
+        "patches",
+        f"{number(counts.get('n_suspicious'), 0)} of {number(len(told.rows), 0)} suspicious, in {n_regions} regions",
+    )
+    points = f"{number(len(told.cloud), 0)}, {number(counts.get('n_points_in_patches'), 0)} of them in patches"
+    yield "points", points
+    yield (
+        "expected",
+        f"{percent(counts.get('expected_share_of_area'))} of the surface is wrong, if the probabilities are right",
+    )
+    if verdict.get("cause") is not None and told.cloud.fields.get("cause") is not None:
+        areas = part(verdict, "area_by_cause_m2")
+        yield "causes", escape(", ".join(f"{name} {number(value)} m²" for name, value in areas.items() if value))
+    if isinstance(verdict.get("scans_apart_m"), float):
+        yield (
+            "scans apart",
+            f"{number(verdict['scans_apart_m'], 3)} m in the median of patches that several scans of a visit saw",
+        )
+    if told.cloud.shift.any():
+        shift = ", ".join(f"{value:,.0f}" for value in told.cloud.shift * told.cloud.unit)
+        yield "global shift", f"{shift} m: views and tables leave it out of coordinates; a selected patch shows both"
+    for warning in part(part(told.head, "segmentation"), "report").get("warnings") or ():
+        yield "warning", escape(warning)
+
+
+def regions_of(told: Told) -> Sequence[Mapping[str, Any]]:
+    """Return the regions of a result, worst first."""
+    found = told.head.get("regions")
+    return [row for row in found if isinstance(row, dict)] if isinstance(found, list) else []
+
+
+def region_table(told: Told) -> str:
+    """Return the table of regions, worst first."""
+    regions = regions_of(told)
+    if not regions:
+        return "<p>No region: no patch is suspicious.</p>" if not told.label.any() else "<p>The result lists none.</p>"
+    names = ("region", "severity", "area", "patches", "extent", "centre", "surfaces apart", "mean p", "cause")
+    units = ("", "m²", "m²", "", "m", "m", "m", "", "")
+    head = [name + (f" <small>{unit}</small>" if unit else "") for name, unit in zip(names, units, strict=True)]
+    rows = [(f' tabindex="0" data-region="{place}"', _region_cells(told, row)) for place, row in enumerate(regions)]
+    more = len(regions) - MOST_REGIONS
+    rest = f"<p>And {more} less severe ones, which the JSON of the result lists.</p>" if more > 0 else ""
+    return table(head, rows[:MOST_REGIONS], "list") + rest
+
+
+def _region_cells(told: Told, region: Mapping[str, Any]) -> list[str]:
+    low, high, centre = (local(told, region.get(name)) for name in ("low", "high", "centre"))
+    extent = " × ".join(number(b - a) for a, b in zip(low, high, strict=True))
+    return [
+        number(region.get("region"), 0),
+        number(region.get("severity_m2")),
+        number(region.get("area_m2")),
+        number(region.get("n_patches"), 0),
+        extent,
+        ", ".join(number(value) for value in centre),
+        number(region.get("displacement_m"), 2),
+        number(region.get("p_suspicious"), 2),
+        escape(region.get("cause") or "–"),
+    ]
+
+
+def local(told: Told, place: Any) -> list[float]:
+    """Return a place (3) of the JSON in metres without the global shift; nan if it is none."""
+    if not isinstance(place, list) or len(place) != 3 or not all(isinstance(x, int | float) for x in place):
+        return [math.nan] * 3
+    unit, shift = told.cloud.unit.tolist(), told.cloud.shift.tolist()
+    return [(x - moved) * factor for x, moved, factor in zip(place, shift, unit, strict=True)]
+
+
+def made_table(told: Told) -> str:
+    """Return how the result was made, from its head."""
+    head = told.head
+    versions = ", ".join(f"{name} {value}" for name, value in part(head, "versions").items())
+    inputs = head.get("inputs") if isinstance(head.get("inputs"), list) else []
+    rows = [
+        ("result", PurePath(told.path).name),
+        ("made on", head.get("created", "–")),
+        ("command", " ".join(map(str, head.get("command") or ()))),
+        *(("input", _input_words(row)) for row in inputs or () if isinstance(row, dict)),
+        (
+            "model, edges, calibration",
+            ", ".join(str(head.get(name, "–")) for name in ("model", "edge_model", "calibration")),
+        ),
+        ("called suspicious", f"from a probability of {threshold_of(told):.3f}"),
+        ("versions", versions),
+    ]
+    return table(("", ""), [("", (escape(name), escape(text))) for name, text in rows], "plain")
+
+
+def _input_words(row: Mapping[str, Any]) -> str:
+    return f"{row.get('path')}, sha256 {row.get('sha256')}"

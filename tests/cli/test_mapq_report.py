@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from tests.cli.mapq_samples import call, save_cloud, save_model, save_patches
+
+
+@pytest.fixture
+def result(capsys, tmp_path):
+    target = tmp_path / "r.ply"
+    assert call(capsys, "classify", save_patches(tmp_path), "--model", save_model(tmp_path), "-o", target)[0] == 0
+    return target
+
+
+def test_a_page_of_its_own(capsys, result, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = call(capsys, "report", result, "--palette", "colour-blind", "--title", "Ours & <yours>")
+    assert (code, out) == (0, "")
+    assert "wrote report.html" in err
+    page = (tmp_path / "report.html").read_text()
+    assert 'data-palette="colour-blind"' in page
+    assert "<h1>Ours &amp; &lt;yours&gt;</h1>" in page
+    assert call(capsys, "report", result)[0] == 4
+    assert call(capsys, "report", result, "-f")[0] == 0
+
+
+def test_fewer_points_are_said(capsys, result, tmp_path):
+    _, _, err = call(capsys, "report", result, "--max-points", 1000, "-o", tmp_path / "x.html")
+    shown = int(err.partition("views show ")[2].partition(" of ")[0].replace(",", ""))
+    assert shown <= 1000
+    assert f"{shown:,} of 7,680 points shown" in (tmp_path / "x.html").read_text()
+
+
+def test_a_page_through_a_pipe(capsys, result):
+    code, out, _ = call(capsys, "report", result, "-o", "-")
+    assert code == 0
+    assert out.startswith("<!DOCTYPE html>")
+
+
+@pytest.mark.parametrize(("kind", "words"), [(save_cloud, "no result"), (save_patches, "without a verdict")])
+def test_what_is_no_result_is_refused_in_one_line(capsys, tmp_path, kind, words):
+    target = tmp_path / "x.html"
+    code, out, err = call(capsys, "report", kind(tmp_path), "-o", target)
+    assert (code, out, err.count("\n")) == (3, "", 1)
+    assert words in err
+    assert "mapq classify" in err
+    assert not target.exists()
+
+
+def test_without_plotly_the_extra_is_named(capsys, result, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "plotly.offline", None)
+    code, out, err = call(capsys, "report", result, "-o", tmp_path / "x.html")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "pip install 'prf-mapq[report]'" in err
+    assert not (tmp_path / "x.html").exists()

@@ -1,0 +1,26 @@
+"""Results to report on, small and of known content."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from mapq.assess import assess
+from mapq.io.results import write_result
+from mapq.patches import Patches
+from prf.shell.manifest import describe_process
+from tests.mapq.assess.test_result import make_model
+from tests.mapq.labelled import draw_patches
+
+
+def save_result(path: Path, patches: Patches | None = None) -> Path:
+    """Write what a small model says of walls, half of them doubled."""
+    result = assess(draw_patches(1) if patches is None else patches, make_model())
+    head = {**describe_process(), "model": "default", **result.head(), "verdict": result.verdict(0.05)}
+    write_result(str(path), result.cloud(), head, result.patch_rows())
+    return path
+
+
+def without_plotly(page: str) -> str:
+    """Return a page without its scripts, the largest part of which is not ours."""
+    return re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)

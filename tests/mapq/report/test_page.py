@@ -1,0 +1,152 @@
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mapq.cloud import PointCloud
+from mapq.io import write_ply
+from mapq.io.results import json_beside
+from mapq.report import read_told, write_report
+from mapq.report.markup import fill, script_sources, script_tags
+from mapq.report.page import page_data
+from prf.shell.errors import InputError, UsageError
+from tests.mapq.factories import make_patches
+from tests.mapq.labelled import draw_patches
+from tests.mapq.report.results import save_result, without_plotly
+
+
+def report(path, told, **options):
+    write_report(str(path), told, **options)
+    return path.read_text()
+
+
+def data_of(page: str) -> dict:
+    text = re.search(r'id="data">([^<]*)<', page).group(1)
+    return json.loads(gzip.decompress(base64.b64decode(text)))
+
+
+def test_a_page_says_what_the_result_says(tmp_path):
+    told = read_told(str(save_result(tmp_path / "r.ply")))
+    page = report(tmp_path / "r.html", told)
+    data = data_of(page)
+    assert data["label"] == draw_patches(1).label.tolist()
+    assert data["reasons"][8][0][0] == told.rows[8]["reasons"][0]["text"]
+    assert data["measures"]["rms_m"][3] == pytest.approx(told.rows[3]["rms_m"], rel=1e-4)
+    assert len(data["regions"]) == len(told.head["regions"])
+    assert f"{100 * told.head['verdict']['share_of_area']:.1f} %</strong>" in page
+    assert "fails: no more than 5.0 % was asked for" in page
+    assert "16 of 32 suspicious" in page
+    assert '<html lang="en">' in page
+
+
+def test_nothing_of_a_page_lies_elsewhere(tmp_path):
+    page = without_plotly(report(tmp_path / "r.html", read_told(str(save_result(tmp_path / "r.ply")))))
+    assert re.findall(r"(?:src|href)=[\"'](?!#)", page) == []
+    assert "url(" not in page
+    assert "@import" not in page
+    assert "default-src 'none'" in page
+    assert "unsafe-eval" not in page
+    assert "unsafe-inline'; img" in page
+
+
+def test_names_are_text_and_never_markup(tmp_path):
+    wicked = "<script>alert(1)<"  # a slash cannot stand in a name
+    told = read_told(str(save_result(tmp_path / f"{wicked}.ply")))
+    evil = '"><img src=x onerror=alert(2)></script><!--'
+    for row in told.rows:
+        row["reasons"] = [{"text": evil, "log_odds": 1.0, "other": 3}]
+        row["cause"] = {"kind": evil, "text": evil}
+    told.head["regions"][0]["cause"] = evil
+    told.head["model"] = told.head["created"] = evil
+    told.head["segmentation"]["report"]["warnings"] = [evil]
+    told.head["versions"] = {evil: evil}
+    page = report(tmp_path / "r.html", told, title=None)
+    assert wicked not in page
+    assert evil not in page
+    assert "<img" not in without_plotly(page)
+    assert "&lt;script&gt;alert(1)&lt;" in page
+    assert page.count("<script") == page.count("</script>") == 5
+    assert data_of(page)["reasons"][0][0][0] == evil
+
+
+def test_scripts_run_by_their_digest_and_cannot_end_early():
+    script = "const x = '</script><!--';"
+    tag = script_tags([script])
+    assert tag.count("</script>") == 1
+    assert "<!--" not in tag
+    content = tag.removeprefix("<script>").removesuffix("</script>")
+    assert script_sources([script]) == script_sources([content])
+
+
+def test_what_is_put_into_a_template_is_not_looked_at_again():
+    assert fill("{{a}} {{b}}", {"a": "{{b}}", "b": "x"}) == "{{b}} x"
+
+
+def test_survey_coordinates_lose_their_shift_and_the_page_says_so(tmp_path):
+    patches = draw_patches(1)
+    far = PointCloud.from_world(patches.cloud.xyz + np.array([413_000.0, 5_317_000.0, 0.0]))
+    moved = patches.cloud.xyz[0] - far.xyz[0]
+    centroid = patches.centroid - moved
+    told = read_told(str(save_result(tmp_path / "r.ply", replace(patches, cloud=far, centroid=centroid))))
+    page = report(tmp_path / "r.html", told)
+    data = data_of(page)
+    assert "global shift" in page
+    np.testing.assert_allclose(data["centre"], centroid, atol=1e-3)
+    np.testing.assert_allclose(np.add(data["centre"], data["shift"]), [row["centroid"] for row in told.rows], atol=1e-3)
+
+
+def test_a_map_without_patches_is_said_to_have_none(tmp_path):
+    told = read_told(str(save_result(tmp_path / "r.ply", make_patches([], np.zeros((0, 3)), loose=20))))
+    page = report(tmp_path / "r.html", told)
+    assert "No plane patch was found" in page
+    assert data_of(page)["label"] == []
+
+
+def test_numbers_that_do_not_exist_are_null(tmp_path):
+    told = read_told(str(save_result(tmp_path / "r.ply")))
+    told.rows[0]["rms_m"] = told.rows[1]["rms_m"] = None
+    told.rows[2]["rms_m"] = "<b>"
+    assert page_data(told, {})["measures"]["rms_m"][:3] == [None, None, None]
+
+
+def test_the_json_must_be_there_and_of_this_result(tmp_path):
+    path, other = save_result(tmp_path / "r.ply"), save_result(tmp_path / "o.ply", draw_patches(2, n_walls=6))
+    (tmp_path / "r.json").write_bytes((tmp_path / "o.json").read_bytes())
+    with pytest.raises(InputError, match="not the JSON of"):
+        read_told(str(path))
+    (tmp_path / "o.json").unlink()
+    with pytest.raises(InputError, match="not beside it"):
+        read_told(str(other))
+
+
+@pytest.mark.parametrize(("key", "value"), [("label", "odd"), ("normal", [1.0]), ("area_m2", "x"), ("n_points", [])])
+def test_a_damaged_json_is_refused(tmp_path, key, value):
+    path = save_result(tmp_path / "r.ply")
+    content = json.loads((tmp_path / "r.json").read_text())
+    content["patches"][3][key] = value
+    (tmp_path / "r.json").write_text(json.dumps(content))
+    with pytest.raises(InputError, match=r"r\.json.*damaged"):
+        read_told(str(path))
+
+
+def test_clouds_and_streams_are_no_results(tmp_path):
+    path = tmp_path / "c.ply"
+    write_ply(path, draw_patches(1).cloud)
+    with pytest.raises(InputError, match="no result"):
+        read_told(str(path))
+    with pytest.raises(UsageError, match="standard input"):
+        read_told("-")
+
+
+def test_too_many_patches_are_refused(tmp_path, monkeypatch):
+    path = save_result(tmp_path / "r.ply")
+    monkeypatch.setattr("mapq.report.source.MOST_PATCHES", 31)
+    with pytest.raises(InputError, match="32 patches are more than a page can show"):
+        read_told(str(path))
+    assert json_beside(str(path)).endswith("r.json")
