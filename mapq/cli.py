@@ -13,7 +13,7 @@ HELP = "How plausible a point cloud map is, plane patch by plane patch."
 
 VERBS: dict[str, str] = {
     "segment": "Cut a cloud into plane patches by region growing.",
-    "label": "Label patches plausible or suspicious by the majority of a point field.",
+    "label": "Label patches plausible or suspicious: by hand on a page, or by the majority of a point field.",
     "train": "Train the random field on labelled patches of one or several maps.",
     "classify": "Label the patches of a map plausible or suspicious, and say why.",
     "compare": "Compare two maps of one place: which is better, and where.",

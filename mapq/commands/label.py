@@ -1,4 +1,4 @@
-"""Label patches plausible or suspicious by the majority of a point field."""
+"""Label patches plausible or suspicious: by hand on a page, or by the majority of a point field."""
 
 from __future__ import annotations
 
@@ -10,25 +10,33 @@ import typer
 from prf.shell.options import Json
 
 if TYPE_CHECKING:
+    from mapq.labelling import Agreement
+    from mapq.labelling import LabelCounts as HandCounts
     from mapq.labels import LabelCounts
 
 EXAMPLES = (
-    "mapq label city.patches --from-field truth",
+    "mapq label city.patches",
     "mapq label city.patches --from-field truth --force --json",
     "mapq label city.patches --from-field suspicious --conservative",
+    "mapq label --agreement ann.patches bob.patches --json",
 )
+N_LISTED = 20
+"""Patches on which two people disagree that the table lists."""
 
 
 def label(
     patches: Annotated[
-        str, typer.Argument(metavar="PATCHES", help="What mapq segment wrote; labels are stored in it.")
+        list[str],
+        typer.Argument(
+            metavar="PATCHES...", help="What mapq segment wrote; labels are stored in it. Two: --agreement."
+        ),
     ],
     from_field: Annotated[
         str | None,
         typer.Option(
             "--from-field",
             metavar="NAME",
-            help="Point field with 1 where suspicious, 0 where plausible, 255 where not known (required).",
+            help="Point field with 1 where suspicious, 0 where plausible, 255 where not known; no page is opened.",
         ),
     ] = None,
     conservative: Annotated[
@@ -37,36 +45,104 @@ def label(
             "--conservative", help="Plausible only if nine tenths of the points are, else suspicious, as in the paper."
         ),
     ] = False,
+    agreement: Annotated[
+        bool, typer.Option("--agreement", help="Compare the labels of two files: agreement and Cohen's kappa.")
+    ] = False,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            "--model",
+            metavar="MODEL",
+            help="Which patches are uncertain says this model; that of the package if absent.",
+        ),
+    ] = None,
+    port: Annotated[
+        int, typer.Option("--port", metavar="N", min=0, max=65535, help="Port of the page.  [a free one]")
+    ] = 0,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Open no browser; the address stands on standard error.")
+    ] = False,
     json: Json = False,
-    force: Annotated[bool, typer.Option("--force", "-f", help="Replace labels that were set by hand too.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", "-f", help="With --from-field: replace labels that were set by hand too.")
+    ] = False,
 ) -> None:
-    """Label patches plausible or suspicious by the majority of a point field.
+    """Label patches plausible or suspicious: by hand on a page, or by the majority of a point field.
 
-    A patch with as many points of either kind is suspicious. With --conservative every patch gets a label, and is
-    plausible only if nine tenths of its points are: what is not known speaks against it. Labels of an earlier field are
-    replaced. Labelling by hand comes with a later release.
+    By hand: a page in the browser, served to this machine alone, asks for the most uncertain patch first: p plausible,
+    s suspicious, u unsure, z takes back. Each label is on the disk before the next patch is shown, and in PATCHES when
+    labelling ends, by the button or by Ctrl-C. It goes on where it stopped, also after a crash.
+
+    With --from-field a patch with as many points of either kind is suspicious. With --conservative every patch gets a
+    label, and is plausible only if nine tenths of its points are: what is not known speaks against it. Labels of an
+    earlier field are replaced.
     """
-    from mapq.io import read_patches, write_patches
-    from mapq.labels import label_from_field
-    from prf.shell import console, jsonout
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM
 
-    if patches == STREAM:
+    if len(patches) != 1 + agreement:
+        raise UsageError(
+            f"give {'two files for --agreement' if agreement else 'one PATCHES file'}, not {len(patches)}."
+        )
+    if agreement and (from_field is not None or model is not None):
+        raise UsageError("--agreement compares labels that there are: leave out --from-field and --model.")
+    if STREAM in patches:
         raise UsageError("labels are stored in PATCHES itself, which standard input has no place for. Name a file.")
-    found = read_patches(patches)
-    if from_field is None:
-        raise UsageError("name a point field with --from-field. Labelling by hand comes with a later release.")
-    labelled, counts = label_from_field(found, from_field, patches, force, conservative)
-    write_patches(patches, labelled)
+    if (conservative or force) and from_field is None:
+        raise UsageError("--conservative and --force go with --from-field.")
+    if agreement:
+        _compare((patches[0], patches[1]), json)
+    elif from_field is not None:
+        _from_field(patches[0], from_field, conservative, force, json)
+    else:
+        _by_hand(patches[0], model, port, not no_browser, json)
+
+
+def _from_field(path: str, name: str, conservative: bool, force: bool, json: bool) -> None:
+    """Label by a point field."""
+    from mapq.labelling.store import relabel
+    from mapq.labels import label_from_field
+    from prf.shell import console, jsonout
+
+    with relabel(path) as store:
+        labelled, counts = label_from_field(store.patches, name, path, force, conservative)
+        store.write(labelled)
     if json:
-        jsonout.emit_object("mapq.label/1", {"patches": patches, "field": from_field, **counts._asdict()})
+        jsonout.emit_object("mapq.label/1", {"patches": path, "field": name, **counts._asdict()})
         return
-    for line in _lines(counts):
+    for line in _field_lines(counts):
         console.emit(line)
 
 
-def _lines(counts: LabelCounts) -> Iterator[str]:
+def _by_hand(path: str, model: str | None, port: int, browser: bool, json: bool) -> None:
+    """Label on the page."""
+    from mapq.io.models import read_model
+    from mapq.labelling import label_by_hand
+    from prf.shell import console, jsonout
+
+    counts = label_by_hand(path, None if model is None else read_model(model), port, browser)
+    if json:
+        jsonout.emit_object("mapq.label.hand/1", {"patches": path, **counts._asdict()})
+        return
+    for line in _hand_lines(counts):
+        console.emit(line)
+
+
+def _compare(files: tuple[str, str], json: bool) -> None:
+    """Compare two people."""
+    from mapq.io import read_patches
+    from mapq.labelling import compare_labels
+    from prf.shell import console, jsonout
+
+    found = compare_labels(read_patches(files[0]), read_patches(files[1]), files)
+    if json:
+        jsonout.emit_object("mapq.label.agreement/1", {"files": list(files), **found.content()})
+        return
+    for line in _agreement_lines(found):
+        console.emit(line)
+
+
+def _field_lines(counts: LabelCounts) -> Iterator[str]:
     """Return the table for a person."""
     yield f"patches         {counts.n_patches}"
     yield f"suspicious      {counts.n_suspicious}" + (f", {counts.n_ties} of them by a tie" if counts.n_ties else "")
@@ -74,3 +150,31 @@ def _lines(counts: LabelCounts) -> Iterator[str]:
     yield f"without label   {counts.n_unlabelled}"
     if counts.n_kept:
         yield f"set by hand     {counts.n_kept}, kept (--force replaces them)"
+
+
+def _hand_lines(counts: HandCounts) -> Iterator[str]:
+    """Return the table for a person."""
+    yield f"patches         {counts.n_patches}"
+    yield f"set by hand     {counts.n_by_hand}"
+    yield f"plausible       {counts.n_plausible}"
+    yield f"suspicious      {counts.n_suspicious}"
+    yield f"unsure          {counts.n_unsure}, left out of training"
+    if counts.n_from_field:
+        yield f"from a field    {counts.n_from_field}"
+
+
+def _agreement_lines(found: Agreement) -> Iterator[str]:
+    """Return the table for a person."""
+    (pp, ps), (sp, ss) = found.confusion.tolist()
+    low, high = found.interval
+    yield f"patches         {found.n_patches}, {found.n_common} of them labelled in both files"
+    yield f"unsure          {found.n_unsure[0]} in the first, {found.n_unsure[1]} in the second"
+    yield f"agreement       {found.agreement:.1%}"
+    yield f"Cohen's kappa   {found.kappa:.3f}, 95 % from {low:.3f} to {high:.3f}"
+    yield "                second: plausible  suspicious"
+    yield f"first plausible {pp:17d} {ps:11d}"
+    yield f"     suspicious {sp:17d} {ss:11d}"
+    if len(found.disagreeing):
+        listed = ", ".join(map(str, found.disagreeing[:N_LISTED].tolist()))
+        more = len(found.disagreeing) - N_LISTED
+        yield f"they differ on  patches {listed}" + (f" and {more} more (--json lists all)" if more > 0 else "")

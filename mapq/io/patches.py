@@ -13,10 +13,11 @@ import numpy as np
 from mapq.cloud import PointCloud
 from mapq.io.content import Content, read_bytes
 from mapq.io.fields import Array
+from mapq.io.journal import with_journal
 from mapq.io.npy import ARCHIVE_ERRORS, ZIP_MAGIC, parse_archive, parse_array
 from mapq.patches import FROM_FIELD, FROM_HAND, FROM_NOBODY, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.errors import InputError
-from prf.shell.files import open_output
+from prf.shell.files import STREAM, open_output
 from prf.shell.jsonout import jsonable
 from prf.shell.storage import check_schema, damaged, take_array
 
@@ -55,18 +56,24 @@ def write_patches(path: str | os.PathLike[str], patches: Patches) -> None:
 
 
 def read_patches(path: str | os.PathLike[str]) -> Patches:
-    """Read a PATCHES file.
+    """Read a PATCHES file, with the labels of the journal beside it if there is one.
 
     Raises
     ------
     InputError
-        If it is missing, damaged, of another schema or version, or contradicts itself.
+        If it is missing, damaged, of another schema or version, or contradicts itself; likewise its journal.
     """
     return parse_patches(read_bytes(os.fspath(path)), path)
 
 
 def parse_patches(data: bytes, path: str | os.PathLike[str]) -> Patches:
     """Return the patches in the bytes of a PATCHES file; `path` and errors as :func:`read_patches`."""
+    patches = parse_stored(data, path)
+    return patches if os.fspath(path) == STREAM else with_journal(patches, path)
+
+
+def parse_stored(data: bytes, path: str | os.PathLike[str]) -> Patches:
+    """Return the patches in the bytes of a PATCHES file, without its journal; else as :func:`parse_patches`."""
     file = Path(path)
     if not data.startswith(ZIP_MAGIC):
         raise InputError(f"{path}: this is no PATCHES file. Make one with mapq segment.")

@@ -23,9 +23,9 @@ def escape(text: object) -> str:
     return html.escape(str(text), quote=True)
 
 
-def asset(name: str) -> str:
-    """Return a template, style sheet or script of the package."""
-    return files("mapq.report").joinpath("assets", name).read_text(encoding="utf-8")
+def asset(name: str, package: str = "mapq.report") -> str:
+    """Return a template, style sheet or script of a package."""
+    return files(package).joinpath("assets", name).read_text(encoding="utf-8")
 
 
 def fill(template: str, content: Mapping[str, str]) -> str:

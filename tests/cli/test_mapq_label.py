@@ -1,9 +1,19 @@
 from __future__ import annotations
 
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import urllib.request
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from mapq.io import read_patches, write_patches
+from mapq.io.journal import Event, Journal, journal_beside
 from tests.cli.mapq_samples import call, call_json, save_patches
 from tests.mapq.labelled import draw_patches
 
@@ -30,12 +40,6 @@ def test_labels_by_hand_are_kept_unless_forced(capsys, tmp_path):
     assert call_json(capsys, "label", path, "--from-field", "truth", "-f")["n_suspicious"] == 16
 
 
-def test_without_a_field_it_asks_for_one(capsys, tmp_path):
-    code, out, err = call(capsys, "label", save_patches(tmp_path))
-    assert (code, out) == (2, "")
-    assert "--from-field" in err
-
-
 @pytest.mark.parametrize(("field", "message"), [("wrong", "no point field wrong"), ("intensity", "neither 0 nor 1")])
 def test_a_field_that_is_no_label_changes_nothing(capsys, tmp_path, field, message):
     path = save_patches(tmp_path)
@@ -50,3 +54,133 @@ def test_a_field_that_is_no_label_changes_nothing(capsys, tmp_path, field, messa
 def test_standard_input_has_no_place_for_labels(capsys):
     code, _, err = call(capsys, "label", "-", "--from-field", "truth")
     assert (code, err.count("\n")) == (2, 1)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--conservative"], "--from-field"),
+        (["--force"], "--from-field"),
+        (["--agreement"], "two files"),
+        (["other.patches"], "one PATCHES file"),
+        (["other.patches", "--agreement", "--from-field", "truth"], "leave out"),
+    ],
+)
+def test_options_that_do_not_go_together_are_one_line(capsys, tmp_path, options, words):
+    code, out, err = call(capsys, "label", save_patches(tmp_path), *options)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert words in err
+
+
+def test_labels_of_a_journal_are_kept_by_a_field_and_used_in_training(capsys, tmp_path):
+    path = save_patches(tmp_path, labelled=False)
+    journal = Journal(path, read_patches(path))
+    journal.add(Event(0, 1))
+    journal.add(Event(1, 255))
+    result = call_json(capsys, "label", path, "--from-field", "truth")
+    assert (result["n_kept"], result["n_suspicious"], result["n_unlabelled"]) == (2, 17, 1)
+    assert not journal_beside(path).exists()
+    Journal(path, read_patches(path)).add(Event(2, 1))
+    model = tmp_path / "m.json"
+    assert call(capsys, "train", path, "-o", model)[0] == 0
+    trained = json.loads(model.read_text())["training"]
+    assert (trained["n_patches"], trained["n_suspicious"]) == (31, 18)
+
+
+def test_two_people(capsys, tmp_path):
+    first, second = tmp_path / "a.patches", tmp_path / "b.patches"
+    patches = draw_patches(1)
+    patches.label_source[:] = 2
+    write_patches(first, patches)
+    patches.label[:4] = [1, 1, 255, 1]
+    write_patches(second, patches)
+    result = call_json(capsys, "label", "--agreement", first, second)
+    assert (result["schema"], result["n_common"], result["confusion"]) == (
+        "mapq.label.agreement/1",
+        31,
+        [[12, 3], [0, 16]],
+    )
+    assert [row["patch"] for row in result["disagreeing"]] == [0, 1, 3]
+    assert result["kappa_interval"][0] < result["kappa"] < result["kappa_interval"][1]
+    code, out, err = call(capsys, "label", "--agreement", first, second)
+    assert (code, err) == (0, "")
+    assert "Cohen's kappa   0.80" in out
+    assert "they differ on  patches 0, 1, 3" in out
+
+
+def test_agreement_needs_the_same_patches(capsys, tmp_path):
+    code, out, err = call(capsys, "label", "--agreement", save_patches(tmp_path, 1), save_patches(tmp_path, 2))
+    assert (code, out, err.count("\n")) == (3, "", 1)
+    assert "different patches" in err
+
+
+def test_a_damaged_journal_is_refused(capsys, tmp_path):
+    path = save_patches(tmp_path, labelled=False)
+    journal_beside(path).write_text("[]\n")
+    code, _, err = call(capsys, "label", path, "--from-field", "truth")
+    assert (code, err.count("\n")) == (3, 1)
+    assert "damaged" in err
+
+
+class Running:
+    """`mapq label PATCHES --no-browser` as its own process."""
+
+    def __init__(self, path: Path, *options: object) -> None:
+        root = Path(__file__).resolve().parents[2]
+        command = [sys.executable, "-m", "mapq", "label", str(path), "--no-browser", "-q", *map(str, options)]
+        self.process = subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONPATH": str(root)},
+        )
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            if found := re.search(r"http://\S+/\?token=(\S+)", line):
+                self.url, self.token = found[0], found[1]
+                return
+        raise AssertionError("no address")
+
+    def post(self, path: str, content: dict) -> dict:
+        headers = {"Content-Type": "application/json", "X-Mapq-Token": self.token}
+        request = urllib.request.Request(self.url.partition("?")[0] + path, json.dumps(content).encode(), headers)
+        with urllib.request.urlopen(request, timeout=30) as answer:
+            return json.load(answer)
+
+    def end(self, number: int | None = None) -> tuple[int, str, str]:
+        if number is not None:
+            self.process.send_signal(number)
+        out, err = self.process.communicate(timeout=60)
+        return self.process.returncode, out, err
+
+
+def test_by_hand_killed_and_gone_on_with(capsys, tmp_path):
+    path = save_patches(tmp_path, labelled=False)
+    first = Running(path)
+    first.post("api/label", {"patch": 4, "label": "suspicious"})
+    first.post("api/label", {"patch": 5, "label": "plausible"})
+    code, _, err = call(capsys, "label", path, "--no-browser")
+    assert (code, err.count("\n")) == (4, 1), "the second one is refused"
+    assert first.end(signal.SIGKILL)[0] == -signal.SIGKILL
+    assert read_patches(path).label[[4, 5]].tolist() == [1, 0]
+    second = Running(path)
+    assert second.post("api/undo", {})["patch"] == 5
+    second.post("api/label", {"patch": 6, "label": "unsure"})
+    code, out, err = second.end(signal.SIGINT)
+    assert (code, out) == (130, "")
+    assert "all 2 labels are in" in err
+    assert list(tmp_path.iterdir()) == [path]
+    assert np.flatnonzero(read_patches(path).label_source).tolist() == [4, 6]
+
+
+def test_by_hand_to_its_end(tmp_path):
+    path = save_patches(tmp_path, labelled=False)
+    running = Running(path, "--json")
+    running.post("api/label", {"patch": 4, "label": "suspicious"})
+    running.post("api/finish", {})
+    code, out, _ = running.end()
+    assert code == 0
+    result = json.loads(out)
+    assert (result["schema"], result["n_by_hand"], result["n_suspicious"]) == ("mapq.label.hand/1", 1, 1)
+    assert list(tmp_path.iterdir()) == [path]

@@ -5,7 +5,8 @@ const Views = (() => {
     "blue-red": { plausible: [[176, 203, 235], [22, 82, 164]], suspicious: [[247, 178, 164], [205, 20, 24]] },
     "colour-blind": { plausible: [[158, 196, 226], [0, 74, 136]], suspicious: [[253, 217, 142], [214, 120, 0]] },
   };
-  const LOOSE = [198, 203, 207], INK = "#1b2126", SOFT = "#566069", SELECTED = [17, 17, 17];
+  const LOOSE = [198, 203, 207], INK = "#1b2126", SOFT = "#566069";
+  const MARK = { points: [17, 17, 17], line: [240, 160, 0] };
   const EYE = { x: 0.6, y: -1.05, z: 0.8 };
   const mix = (a, b, t) => a.map((value, i) => Math.round(value + (b[i] - value) * t));
   const css = (rgb) => `rgb(${rgb[0]},${rgb[1]},${rgb[2]})`;
@@ -100,7 +101,7 @@ const Views = (() => {
     show(box) {
       const [low, high] = box || [this.scene.low, this.scene.high];
       const [wide, tall] = this.size();
-      const margin = box ? 1.5 : 0;
+      const margin = box ? marginOf(low, high) : 0;
       this.scale = Math.min((wide - 50) / Math.max(high[0] - low[0] + 2 * margin, 1), (tall - 40) / Math.max(high[1] - low[1] + 2 * margin, 1));
       this.middle = [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2];
       this.draw();
@@ -153,13 +154,14 @@ const Views = (() => {
     }
     drawSelected(pen, size) {
       const patch = this.look.selected, [x, y] = this.scene.points;
-      pen.fillStyle = css(SELECTED);
+      const mark = this.look.mark || MARK;
+      pen.fillStyle = css(mark.points);
       for (let i = this.scene.start[patch]; i < this.scene.start[patch + 1]; i++) {
         const [px, py] = this.toPixel(x[i], y[i]);
         pen.fillRect(px - size * 0.6, py - size * 0.6, size * 1.2, size * 1.2);
       }
       this.path(pen, patch);
-      for (const [width, style] of [[7, "#fff"], [4.5, "#f0a000"], [1.5, css(SELECTED)]]) {
+      for (const [width, style] of [[7, "#fff"], [4.5, css(mark.line)], [1.5, css(mark.points)]]) {
         pen.lineWidth = width * this.density; pen.strokeStyle = style; pen.stroke();
       }
     }
@@ -241,6 +243,9 @@ const Views = (() => {
     }
   }
 
+  // Metres shown around a box.
+  const marginOf = (low, high) => Math.max(2, 0.3 * Math.max(...high.map((value, axis) => value - low[axis])));
+
   function niceStep(least) {
     const power = 10 ** Math.floor(Math.log10(least));
     return [1, 2, 5, 10].map((factor) => +(factor * power).toPrecision(3)).find((step) => step >= least * 0.999);
@@ -261,22 +266,31 @@ const Views = (() => {
       if (!this.works) return;
       const config = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["toImage", "tableRotation", "resetCameraLastSave3d"], scrollZoom: true };
       Plotly.newPlot(element, this.traces(), this.layout(), config);
-      element.on("plotly_click", (event) => {
-        const point = event.points[0], patch = point.curveNumber === 1 ? scene.patchOf(point.pointNumber) : point.curveNumber === 2 ? scene.ownerOf(point.pointNumber) : -1;
-        if (patch >= 0) onPick(patch);
-      });
+      // A click of plotly's own needs the button to be held for a frame: what lies under the pointer is known before.
+      let under = -1, from = null;
+      element.on("plotly_hover", (event) => { under = this.patchOf(event.points[0]); });
+      element.on("plotly_unhover", () => { under = -1; });
+      element.addEventListener("pointerdown", (event) => { from = [event.clientX, event.clientY]; }, true);
+      element.addEventListener("pointerup", (event) => {
+        const still = from && Math.hypot(event.clientX - from[0], event.clientY - from[1]) < 4;
+        from = null;
+        if (still && under >= 0 && under < this.scene.m && !event.target.closest?.(".modebar")) this.onPick(under);
+      }, true);
+    }
+    patchOf(point) {
+      return point.curveNumber === 1 ? this.scene.patchOf(point.pointNumber) : point.curveNumber === 2 ? this.scene.ownerOf(point.pointNumber) : -1;
     }
     layout() {
       const axis = (title) => ({ title: { text: title }, backgroundcolor: "#fff", gridcolor: "#e4e8ea", zeroline: false, showspikes: false, color: SOFT });
       const { x, y, z, aspectratio } = this.frame();
       return {
         margin: { l: 0, r: 0, t: 0, b: 0 }, showlegend: false, hovermode: "closest", paper_bgcolor: "#fff", uirevision: "stay",
-        scene: { aspectmode: "manual", aspectratio, xaxis: { ...axis("x"), range: x }, yaxis: { ...axis("y"), range: y }, zaxis: { ...axis("z"), range: z, nticks: 4 }, camera: { eye: EYE }, dragmode: "orbit" },
+        scene: { aspectmode: "manual", aspectratio, xaxis: { ...axis("x"), range: x }, yaxis: { ...axis("y"), range: y }, zaxis: { ...axis("z"), range: z, nticks: 4 }, camera: { eye: this.look.eye || EYE }, dragmode: "orbit" },
       };
     }
     // What a box needs of the three axes: ranges, and lengths that keep metres alike, the longest 1.
     frame(box) {
-      const [low, high] = box || [this.scene.low, this.scene.high], margin = box ? 2 : 1;
+      const [low, high] = box || [this.scene.low, this.scene.high], margin = box ? marginOf(low, high) : 1;
       const ranges = low.map((value, axis) => [value - margin, high[axis] + margin]), lengths = ranges.map(([a, b]) => b - a);
       const most = Math.max(...lengths);
       return { x: ranges[0], y: ranges[1], z: ranges[2], aspectratio: { x: lengths[0] / most, y: lengths[1] / most, z: lengths[2] / most } };
@@ -305,12 +319,12 @@ const Views = (() => {
         for (let corner = first + 1; corner + 1 < last; corner++) { i.push(first); j.push(corner); k.push(corner + 1); intensity.push(look.value(patch)); }
       }
       return {
-        type: "mesh3d", ...this.cut(scene.corners, 0, scene.corners[0].length), i, j, k, intensity, intensitymode: "cell", opacity: 0.55, flatshading: true, hoverinfo: "none",
+        type: "mesh3d", ...this.cut(scene.corners, 0, scene.corners[0].length), i, j, k, intensity, intensitymode: "cell", opacity: look.opacity ?? 0.55, flatshading: true, hoverinfo: "none",
         lighting: { ambient: 1, diffuse: 0, specular: 0, fresnel: 0 }, ...colours,
       };
     }
     selection() {
-      const { scene, look } = this, patch = look.selected;
+      const { scene, look } = this, patch = look.selected, mark = look.mark || MARK;
       const points = patch < 0 ? this.cut(scene.points, 0, 0) : this.cut(scene.points, scene.start[patch], scene.start[patch + 1]);
       const ring = [[], [], []];
       if (patch >= 0) {
@@ -318,8 +332,8 @@ const Views = (() => {
         for (let corner = first; corner <= last && last > first; corner++) ring.forEach((axis, n) => axis.push(scene.corners[n][corner < last ? corner : first]));
       }
       return [
-        { type: "scatter3d", mode: "markers", hoverinfo: "skip", ...points, marker: { size: (look.dot || 2) + 1, color: css(SELECTED), line: { width: 0 } } },
-        { type: "scatter3d", mode: "lines", hoverinfo: "skip", x: ring[0], y: ring[1], z: ring[2], line: { color: "#f0a000", width: 9 } },
+        { type: "scatter3d", mode: "markers", hoverinfo: "skip", ...points, marker: { size: (look.dot || 2) + 1, color: css(mark.points), line: { width: 0 } } },
+        { type: "scatter3d", mode: "lines", hoverinfo: "skip", x: ring[0], y: ring[1], z: ring[2], line: { color: css(mark.line), width: 9 } },
       ];
     }
     select() {
@@ -335,11 +349,11 @@ const Views = (() => {
     show(box) {
       if (!this.works) return;
       const { x, y, z, aspectratio } = this.frame(box);
-      const update = { "scene.xaxis.range": x, "scene.yaxis.range": y, "scene.zaxis.range": z, "scene.aspectratio": aspectratio, "scene.camera.eye": EYE };
+      const update = { "scene.xaxis.range": x, "scene.yaxis.range": y, "scene.zaxis.range": z, "scene.aspectratio": aspectratio, "scene.camera.eye": this.look.eye || EYE };
       Plotly.relayout(this.element, update);
     }
     eye() {
-      return (this.works && this.element._fullLayout?.scene?.camera?.eye) || EYE;
+      return (this.works && this.element._fullLayout?.scene?.camera?.eye) || this.look.eye || EYE;
     }
     close() { if (this.works) Plotly.purge(this.element); }
   }
@@ -369,7 +383,7 @@ const Views = (() => {
     const raster = new Raster(wide, tall, true);
     const size = Math.max(1.5 * density, Math.min(4 * density, 0.07 * scale));
     for (let patch = 0; patch <= scene.m; patch++) {
-      const chosen = patch === look.selected, colour = packedColour(chosen ? SELECTED : patch < scene.m ? look.colour(patch) : look.loose || LOOSE);
+      const chosen = patch === look.selected, colour = packedColour(chosen ? (look.mark || MARK).points : patch < scene.m ? look.colour(patch) : look.loose || LOOSE);
       for (let i = scene.start[patch]; i < scene.start[patch + 1]; i++) {
         const place = [xs[i], ys[i], zs[i]];
         raster.dot(left + scale * along(right, ...place), top - scale * along(up, ...place), chosen ? 1.5 * size : patch < scene.m ? size : 0.7 * size, colour, along(toEye, ...place) + (chosen ? 1e4 : 0));

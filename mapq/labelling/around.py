@@ -1,0 +1,126 @@
+"""What a person needs to see of a patch to label it: the patch, its neighbours, and what lies about them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mapq.assess import Result
+from mapq.assess.reasons import Reason, Reasons, pair_words
+from mapq.patches import NO_PATCH, Patches
+from mapq.report.markup import packed
+from mapq.report.scene import build_scene
+
+MOST_NEIGHBOURS = 10
+"""Of a patch: those that move its odds most, then the closest."""
+MOST_POINTS = 24_000
+"""Points of a view."""
+N_REASONS = 3
+"""Shown of what speaks for either label."""
+MARGIN = 3.0
+"""Metres around the patch that a view shows, at least; a third of its size if that is more."""
+MOST_CONTEXT = 3_000_000
+"""Points searched for what lies about a patch; of more, evenly spaced ones."""
+
+SHAPES = ("n_points", "area_m2", "width_m", "height_m", "rms_m", "thickness_m", "tilt_deg")
+
+
+class Surroundings:
+    """What is shown of every patch of a map.
+
+    Parameters
+    ----------
+    patches : Patches
+    result : Result, optional
+        What a model says of them; without it neighbours are the patches whose middles are closest.
+    """
+
+    def __init__(self, patches: Patches, result: Result | None) -> None:
+        self._patches, self._result = patches, result
+        self._reasons = None if result is None else Reasons(result.features, result.terms)
+        self._finite = np.flatnonzero(patches.cloud.finite())[:: -(-len(patches.cloud) // MOST_CONTEXT) or 1]
+        self._xyz = patches.cloud.xyz[self._finite]
+
+    def of(self, patch: int) -> dict[str, Any]:
+        """Return a patch for the page: its scene, its neighbours in the scene's order, its measures and reasons."""
+        neighbours = self.neighbours(patch)
+        scene, content = self._scene([patch, *neighbours]).pack()
+        world = self._patches.cloud.world_of(self._patches.centroid[patch]).tolist()
+        return {
+            "patch": patch,
+            "scene": scene,
+            "content": packed(content),
+            "neighbours": [self._neighbour_row(patch, other) for other in neighbours],
+            "measures": self._measures(patch),
+            "normal": self._patches.normal[patch],
+            "centre": world,
+            **self._model_row(patch),
+        }
+
+    def neighbours(self, patch: int) -> list[int]:
+        """Return the neighbours shown with a patch, those of its reasons first, then the closest."""
+        if self._result is None:
+            far = np.linalg.norm(self._patches.centroid - self._patches.centroid[patch], axis=1)
+            return [int(other) for other in np.argsort(far, kind="stable")[1 : MOST_NEIGHBOURS + 1] if other != patch]
+        named = [reason.other for reason in self._largest_reasons(patch)]
+        found = [other for other in dict.fromkeys(named) if other is not None]
+        features = self._result.features
+        rows = np.flatnonzero((features.pairs == patch).any(axis=1))
+        gap = features.edge[rows, features.edge_names.index("separation")]
+        for row in rows[np.argsort(gap, kind="stable")]:
+            other = int(features.pairs[row].sum() - patch)
+            if other not in found:
+                found.append(other)
+        return found[:MOST_NEIGHBOURS]
+
+    def _largest_reasons(self, patch: int) -> list[Reason]:
+        """Return what speaks for suspicious, then what speaks for plausible."""
+        if self._reasons is None:
+            return []
+        return [reason for sign in (1.0, -1.0) for reason in self._reasons.of(patch, sign, N_REASONS)]
+
+    def _scene(self, shown: list[int]) -> Any:
+        patches = self._patches
+        points, start = patches.members
+        chosen = [points[start[each] : start[each + 1]] for each in shown]
+        mine = patches.cloud.xyz[chosen[0]]
+        margin = max(MARGIN, float((mine.max(axis=0) - mine.min(axis=0)).max()) / 3.0)
+        low, high = mine.min(axis=0) - margin, mine.max(axis=0) + margin
+        near = self._finite[((self._xyz >= low) & (self._xyz <= high)).all(axis=1)]
+        near = near[~np.isin(patches.patch[near], shown)]
+        index = np.concatenate([*chosen, near])
+        group = np.repeat(np.arange(len(shown) + 1), [*map(len, chosen), len(near)])
+        xyz, inside = patches.cloud.xyz[index], group == 0
+        kept = inside | ((xyz >= low) & (xyz <= high)).all(axis=1)
+        group = np.where(group == len(shown), NO_PATCH, group).astype(np.int32)[kept]
+        return build_scene(xyz[kept], group, patches.normal[shown], np.zeros(len(shown), np.uint8), MOST_POINTS)
+
+    def _measures(self, patch: int) -> dict[str, Any]:
+        if self._result is None:
+            return {"n_points": int(self._patches.counts[patch])}
+        features = self._result.features
+        shape = dict(zip(features.shape_names, features.shape[patch].tolist(), strict=True))
+        return {name: shape[name] for name in SHAPES if name in shape}
+
+    def _model_row(self, patch: int) -> dict[str, Any]:
+        """Return what the model says of a patch."""
+        if self._result is None:
+            return {"p": None, "model_label": None, "reasons": []}
+        return {
+            "p": float(self._result.labelling.probability[patch]),
+            "model_label": int(self._result.labelling.label[patch]),
+            "reasons": [[each.text, round(each.log_odds, 2), each.other] for each in self._largest_reasons(patch)],
+        }
+
+    def _neighbour_row(self, patch: int, other: int) -> dict[str, Any]:
+        """Return a neighbour with how it lies to the patch."""
+        row: dict[str, Any] = {"patch": other, "text": "", "p": None}
+        if self._result is None:
+            return row
+        features = self._result.features
+        place = np.flatnonzero((features.pairs == sorted((patch, other))).all(axis=1))
+        if len(place):
+            values = dict(zip(features.edge_names, features.edge[place[0]].tolist(), strict=True))
+            row["text"] = pair_words(values, other)
+        return {**row, "p": float(self._result.labelling.probability[other])}

@@ -1,0 +1,103 @@
+"""`Page`: what the labelling page is told, and what it does."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from mapq import __version__
+from mapq.assess import Result
+from mapq.labelling.around import Surroundings
+from mapq.labelling.order import most_uncertain_first
+from mapq.labelling.store import Store
+from mapq.patches import UNLABELLED
+from mapq.report.markup import asset, escape, fill, plotly_script, script_sources, script_tags
+
+NOTHING_YET = 254
+
+
+class Page:
+    """The labelling page of one PATCHES file.
+
+    Parameters
+    ----------
+    store : Store
+    result : Result, optional
+        What a model says; without it the largest patch comes first.
+
+    Attributes
+    ----------
+    policy : str
+        Its content security policy.
+
+    Raises
+    ------
+    UsageError
+        If plotly is not installed.
+    """
+
+    def __init__(self, store: Store, result: Result | None) -> None:
+        self._store, self._result = store, result
+        self._lock = threading.Lock()
+        self._around = Surroundings(store.patches, result)
+        scripts = [plotly_script(), asset("views.js"), asset("label.js", "mapq.labelling")]
+        self.policy = (
+            f"default-src 'none'; script-src {script_sources(scripts)}; style-src 'unsafe-inline'; connect-src 'self'; "
+            "img-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        )
+        content = {
+            "title": escape(PurePath(store.path).name),
+            "version": escape(__version__),
+            "style": asset("common.css") + asset("label.css", "mapq.labelling"),
+            "scripts": script_tags(scripts),
+        }
+        self._document = fill(asset("label.html", "mapq.labelling"), content).encode()
+        probability = None if result is None else result.labelling.probability
+        self._order = most_uncertain_first(store.patches.counts, probability, store.label != UNLABELLED)
+
+    @property
+    def n_patches(self) -> int:
+        """How many patches there are."""
+        return len(self._store.patches)
+
+    def document(self) -> bytes:
+        """Return the page itself."""
+        return self._document
+
+    def state(self) -> dict[str, Any]:
+        """Return the order in which patches are asked for, what is said of each, and the progress."""
+        return {
+            "order": self._order,
+            "said": self._store.by_hand(),
+            "from_field": np.where(self._store.source == 1, self._store.label, NOTHING_YET),
+            "has_model": self._result is not None,
+            "threshold": None if self._result is None else self._cut(),
+            **self._progress(),
+        }
+
+    def patch(self, patch: int) -> dict[str, Any]:
+        """Return what is shown of a patch."""
+        # One at a time: measuring shares caches that are filled on first use.
+        with self._lock:
+            return self._around.of(patch)
+
+    def label(self, patch: int, label: int) -> dict[str, Any]:
+        """Set a label, and return the progress; it is on the disk by then."""
+        self._store.set(patch, label)
+        return {"patch": patch, "said": label, **self._progress()}
+
+    def undo(self) -> dict[str, Any]:
+        """Take the last label back, and return its patch (None: there was none), what it has now, and the progress."""
+        patch = self._store.undo()
+        said = None if patch is None else int(self._store.by_hand()[patch])
+        return {"patch": patch, "said": said, **self._progress()}
+
+    def _progress(self) -> dict[str, Any]:
+        return {"counts": self._store.counts(), "can_undo": self._store.can_undo}
+
+    def _cut(self) -> float:
+        assert self._result is not None
+        return float(self._result.head()["threshold"]["p_suspicious"])

@@ -1,0 +1,136 @@
+"""`label_by_hand`: from a PATCHES file to a page in the browser, and back to the file."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+import tempfile
+import threading
+import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager
+from html import escape
+from typing import NamedTuple
+
+import numpy as np
+
+from mapq.assess import Result, assess
+from mapq.features.compute import N_STEPS
+from mapq.labelling.page import Page
+from mapq.labelling.server import LabelServer
+from mapq.labelling.store import open_store
+from mapq.model import Model
+from mapq.patches import Patches
+from prf.shell.errors import ConfigError, InputError
+from prf.shell.progress import progress
+from prf.shell.signals import graceful_stop
+
+logger = logging.getLogger(__name__)
+
+LOOK = 0.2
+"""Seconds between two looks at whether to end."""
+
+
+class LabelCounts(NamedTuple):
+    """How far labelling by hand has come.
+
+    Attributes
+    ----------
+    n_patches : int
+    n_by_hand : int
+        Patches that a person has seen and judged; the sum of the next three.
+    n_plausible, n_suspicious, n_unsure : int
+    n_from_field : int
+        Patches whose label comes from a point field.
+    """
+
+    n_patches: int
+    n_by_hand: int
+    n_plausible: int
+    n_suspicious: int
+    n_unsure: int
+    n_from_field: int
+
+
+def label_by_hand(path: str, model: Model | None = None, port: int = 0, browser: bool = True) -> LabelCounts:
+    """Serve the labelling page of a PATCHES file until it is finished or a signal comes, and store the labels in it.
+
+    Parameters
+    ----------
+    path : str
+    model : Model, optional
+        That says which patches are uncertain; the one of the package if absent.
+    port : int
+        0 takes a free one.
+    browser : bool
+        Open the page; its address is printed on standard error in any case.
+
+    Raises
+    ------
+    InputError
+        If `path` is no PATCHES file, has no patches, or `model` cannot measure it.
+    OutputError
+        If another process labels it, or the labels cannot be stored in it; they are in its journal then.
+    UsageError
+        If the port is taken, or plotly is not installed.
+    Interrupted
+        If a signal ended it; all labels are stored.
+    """
+    with open_store(path) as store:
+        if not len(store.patches):
+            raise InputError(f"{path}: there are no patches to label.")
+        if store.n_recovered:
+            logger.info("%s: labelling goes on after %d labels of an earlier session", path, store.n_recovered)
+        server = LabelServer(Page(store, _assessed(store.patches, model, path)), port)
+        with graceful_stop() as flag:
+            with _running(server, browser):
+                while not flag.requested and not server.done.wait(LOOK):
+                    pass
+            store.merge()
+            counts = LabelCounts(**store.counts())
+            flag.raise_if_requested(f"labelling was stopped; all {counts.n_by_hand} labels are in {path}")
+        return counts
+
+
+def _assessed(patches: Patches, model: Model | None, path: str) -> Result | None:
+    """Return what a model says of patches; None where that of the package cannot say anything."""
+    with progress(N_STEPS, "measuring") as reporter:
+        try:
+            result = assess(patches, model, reporter)
+        except (InputError, ConfigError) as error:
+            if model is not None:
+                raise
+            logger.warning("%s: no probabilities (%s) The largest patches come first.", path, error)
+            return None
+    return result if np.isfinite(result.labelling.probability).any() else None
+
+
+@contextmanager
+def _running(server: LabelServer, browser: bool) -> Iterator[None]:
+    """Answer requests as long as the block lasts."""
+    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": LOOK}, daemon=True)
+    thread.start()
+    # The address is the result of starting, so that even -q says it.
+    print(f"labelling page: {server.url}\nCtrl-C ends; every label is kept as it is set", file=sys.stderr, flush=True)
+    try:
+        with _shown(server.url, browser):
+            yield
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()
+
+
+@contextmanager
+def _shown(url: str, browser: bool) -> Iterator[None]:
+    """Open the page by way of a file that only this user can read: command lines are there for all to see."""
+    if not browser:
+        yield
+        return
+    with tempfile.TemporaryDirectory(prefix="mapq-label-") as folder:
+        file = os.path.join(folder, "label.html")
+        with open(file, "w", encoding="utf-8", opener=lambda name, flags: os.open(name, flags, 0o600)) as stream:
+            stream.write(f'<!DOCTYPE html><meta http-equiv="refresh" content="0; url={escape(url, quote=True)}">')
+        webbrowser.open(f"file://{file}")
+        yield

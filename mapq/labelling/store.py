@@ -1,0 +1,202 @@
+"""`Store`: the labels of one PATCHES file while a person sets them; none is lost, whatever ends the program."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.io.content import read_bytes
+from mapq.io.journal import Event, Journal, fingerprint, journal_beside, read_journal, replay
+from mapq.io.patches import parse_stored, read_patches, write_patches
+from mapq.patches import FROM_FIELD, FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
+from prf.shell.errors import OutputError
+from prf.shell.files import open_input, refuse_existing
+from prf.shell.lock import exclusive
+
+
+class Store:
+    """Labels of a PATCHES file, one writer at a time; made by :func:`open_store`.
+
+    Parameters
+    ----------
+    path : str
+
+    Attributes
+    ----------
+    patches : Patches
+        As the file has them.
+    """
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self._lock = threading.Lock()
+        self._stamp = _stamp(path)
+        self.patches = parse_stored(read_bytes(path), path)
+        self._journal = Journal(path, self.patches)
+        self._now = replay(self.patches, self._journal.events)
+        self._is_open = True
+
+    @property
+    def label(self) -> NDArray[np.uint8]:
+        """Labels (m,) as they stand now."""
+        return self._now.label
+
+    @property
+    def source(self) -> NDArray[np.uint8]:
+        """Where each label (m,) comes from."""
+        return self._now.source
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is a label to take back."""
+        return bool(self._now.undoable)
+
+    @property
+    def n_recovered(self) -> int:
+        """Events that a session left which did not end in good order; read it before the first label."""
+        return len(self._journal.events)
+
+    def set(self, patch: int, label: int) -> None:
+        """Set the label of a patch, `UNLABELLED` for unsure; on return it is on the disk.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written; then nothing has changed.
+        IndexError
+            If there is no such patch.
+        """
+        if not 0 <= patch < len(self.patches) or label not in (PLAUSIBLE, SUSPICIOUS, UNLABELLED):
+            raise IndexError(patch)
+        self._add(Event(patch, label))
+
+    def undo(self) -> int | None:
+        """Take back the last label that stands, and return its patch; None if there is none.
+
+        Raises
+        ------
+        OutputError
+            As :meth:`set`.
+        """
+        with self._lock:
+            patch = self._now.undoable[-1][0] if self._now.undoable else None
+        if patch is not None:
+            self._add(Event(patch, None))
+        return patch
+
+    def _add(self, event: Event) -> None:
+        with self._lock:
+            if not self._is_open:
+                raise OutputError(f"{self.path}: labelling has ended.")
+            self._journal.add(event)
+            self._now.apply(event)
+
+    def by_hand(self) -> NDArray[np.uint8]:
+        """Return of each patch (m,) what a person says: a label, `UNLABELLED` for unsure, 254 for nothing yet."""
+        return np.where(self.source == FROM_HAND, self.label, np.uint8(254))
+
+    def counts(self) -> dict[str, int]:
+        """Return how many patches there are, and how many have which label of a person."""
+        said = self.by_hand()
+        kinds = (("n_plausible", PLAUSIBLE), ("n_suspicious", SUSPICIOUS), ("n_unsure", UNLABELLED))
+        counts = {name: int(np.count_nonzero(said == kind)) for name, kind in kinds}
+        from_field = int(np.count_nonzero(self.source == FROM_FIELD))
+        return {"n_patches": len(said), "n_by_hand": sum(counts.values()), **counts, "n_from_field": from_field}
+
+    def merge(self) -> None:
+        """Write the labels into PATCHES, whole or not at all, and remove the journal; no label can be set afterwards.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written, or PATCHES now holds other patches. The journal stays, and is merged next time.
+        """
+        with self._lock:
+            self._is_open = False
+            if self._journal.events:
+                patches = self._as_it_is_now()
+                found = replay(patches, self._journal.events)
+                write_patches(self.path, replace(patches, label=found.label, label_source=found.source))
+            self._journal.remove()
+
+    def _as_it_is_now(self) -> Patches:
+        """Return what the file holds, read again if another program wrote it."""
+        if _stamp(self.path) == self._stamp:
+            return self.patches
+        patches = parse_stored(read_bytes(self.path), self.path)
+        if fingerprint(patches) != fingerprint(self.patches):
+            raise OutputError(
+                f"{self.path} was replaced by other patches while it was labelled. The labels are in "
+                f"{self._journal.file}; move it out of the way to label the new ones."
+            )
+        return patches
+
+
+@contextmanager
+def open_store(path: str) -> Iterator[Store]:
+    """Hold the labels of a PATCHES file for this process, as long as the block lasts.
+
+    Raises
+    ------
+    InputError
+        If it is no PATCHES file, or its journal is damaged or of other patches.
+    OutputError
+        If another process labels it, or it could not be written.
+    """
+    with open_input(path):
+        pass
+    refuse_existing(path, force=True)
+    with exclusive(path):
+        yield Store(path)
+
+
+class Relabelling:
+    """Patches whose labels another rule replaces; made by :func:`relabel`.
+
+    Attributes
+    ----------
+    patches : Patches
+        With the labels of the journal, if there is one.
+    """
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self.patches = read_patches(path)
+        journal = journal_beside(path)
+        self._is_ours = journal.is_file() and read_journal(journal, len(self.patches))[0] in (
+            "",
+            fingerprint(self.patches),
+        )
+
+    def write(self, labelled: Patches) -> None:
+        """Write the patches, whole or not at all; the journal, whose labels are in them, goes.
+
+        Raises
+        ------
+        OutputError
+            If they cannot be written.
+        """
+        write_patches(self._path, labelled)
+        if self._is_ours:
+            journal_beside(self._path).unlink()
+
+
+@contextmanager
+def relabel(path: str) -> Iterator[Relabelling]:
+    """Hold a PATCHES file for this process while its labels are replaced; errors as :func:`open_store`."""
+    with open_input(path):
+        pass
+    with exclusive(path):
+        yield Relabelling(path)
+
+
+def _stamp(path: str) -> tuple[int, int, int]:
+    """Return what changes when a file is replaced or written."""
+    state = os.stat(path)
+    return state.st_ino, state.st_size, state.st_mtime_ns

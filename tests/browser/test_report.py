@@ -1,0 +1,194 @@
+"""The report in a browser: patches are clicked, their reasons appear, and nothing is fetched from anywhere."""
+
+from __future__ import annotations
+
+import re
+import shutil
+
+import pytest
+
+from mapq.report import read_told, write_report
+from tests.browser.conftest import FLAGS
+from tests.mapq.factories import make_patches
+from tests.mapq.report.results import save_result
+
+MOVED_BY = 0.4
+"""Metres between the copies of a doubled wall."""
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory):
+    return read_told(str(save_result(tmp_path_factory.mktemp("report") / "walls.ply")))
+
+
+@pytest.fixture(scope="module")
+def report(told, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    write_report(str(path), told)
+    return path
+
+
+def open_report(page, path):
+    asked = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(path.as_uri())
+    page.wait_for_selector("body[data-ready]", timeout=60_000)
+    return asked
+
+
+def place_of(page, told, patch: int) -> tuple[float, float]:
+    """Return where the plan view draws the middle of a patch, in pixels of the page, from what its axes say."""
+    box = page.locator("#plan").bounding_box()
+    xyz = told.cloud.xyz[told.patch >= 0]
+    low, high = xyz.min(axis=0), xyz.max(axis=0)
+    scale = min((box["width"] - 50) / (high[0] - low[0]), (box["height"] - 40) / (high[1] - low[1]))
+    centre = told.cloud.xyz[told.patch == patch].mean(axis=0) - (low + high) / 2
+    return box["x"] + box["width"] / 2 + centre[0] * scale, box["y"] + box["height"] / 2 - centre[1] * scale
+
+
+def shown(page) -> str:
+    return page.locator("#details").inner_text()
+
+
+def test_a_patch_clicked_in_plan_view_shows_its_reasons_everywhere(page, told, report):
+    open_report(page, report)
+    patch = told.head["regions"][0]["patches"][0]
+    page.mouse.click(*place_of(page, told, patch))
+    text = shown(page)
+    clicked = int(re.search(r"Patch (\d+)", text)[1])
+    row = told.rows[clicked]
+    assert row["label"] == "suspicious"
+    assert clicked == patch or row["centroid"][1] == pytest.approx(told.rows[patch]["centroid"][1], abs=2 * MOVED_BY)
+    assert f"{row['p_suspicious']:.3f}" in text
+    assert f"{row['rms_m']:.3f} m" in text
+    first = re.sub(r"^neighbour", "patch", row["reasons"][0]["text"])
+    assert first in text
+    assert page.locator(f'tr[data-patch="{clicked}"][aria-selected="true"]').count() == 1
+    assert page.locator(f'tr[data-region="{row["region"]}"][aria-selected="true"]').count() == 1
+
+
+@pytest.mark.slow
+def test_a_row_a_reason_and_a_region_select_too(page, told, report):
+    open_report(page, report)
+    page.locator("tr[data-patch]").nth(2).click()
+    patch = int(page.locator('tr[data-patch][aria-selected="true"]').get_attribute("data-patch"))
+    assert f"Patch {patch}" in shown(page)
+    other = int(page.locator("#reasons .link").first.inner_text().removeprefix("patch "))
+    page.locator("#reasons .link").first.click()
+    assert f"Patch {other}" in shown(page)
+    page.locator("tr[data-region]").nth(1).click()
+    assert "\nregion\t1" in shown(page)
+
+
+@pytest.mark.slow
+def test_a_patch_clicked_in_space_is_selected(page, told, report):
+    open_report(page, report)
+    page.evaluate("""() => {
+        const space = document.getElementById("space");
+        space.on("plotly_hover", () => { space.dataset.under = "yes"; });
+        space.on("plotly_unhover", () => { delete space.dataset.under; });
+    }""")
+    box = page.locator("#space").bounding_box()
+    for down in (0.5, 0.4, 0.6, 0.45, 0.55):
+        for right in (0.5, 0.4, 0.6, 0.3, 0.7):
+            page.mouse.move(box["x"] + right * box["width"], box["y"] + down * box["height"])
+            page.wait_for_timeout(300)
+            if page.locator("#space[data-under]").count():
+                page.mouse.down()
+                page.mouse.up()
+                assert re.search(r"Patch \d+", shown(page))
+                return
+    pytest.fail("nothing was hit")
+
+
+@pytest.mark.slow
+def test_keys_alone_are_enough(page, told, report):
+    open_report(page, report)
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.className") == "skip"
+    page.locator("tr[data-patch]").first.focus()
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("Enter")
+    second = page.locator("tr[data-patch]").nth(1).get_attribute("data-patch")
+    assert f"Patch {second}" in shown(page)
+    page.keyboard.press("j")
+    third = page.locator("tr[data-patch]").nth(2).get_attribute("data-patch")
+    assert f"Patch {third}" in shown(page)
+    page.keyboard.press("k")
+    assert f"Patch {second}" in shown(page)
+
+
+@pytest.mark.slow
+def test_colours_sorting_and_finding(page, told, report):
+    open_report(page, report)
+    page.click("#palette")
+    assert page.locator("body").get_attribute("data-palette") == "colour-blind"
+    assert page.locator("#palette").get_attribute("aria-pressed") == "true"
+    page.fill("#find", "7")
+    assert page.locator("tr[data-patch]").count() == 1
+    page.fill("#find", "")
+    page.check("#only")
+    assert "of 16" in page.locator("#page").inner_text()
+    page.locator("#names th").first.click()
+    numbers = [int(row.get_attribute("data-patch")) for row in page.locator("tr[data-patch]").all()]
+    assert numbers == sorted(numbers)
+
+
+def test_nothing_is_fetched(page, report):
+    asked = open_report(page, report)
+    page.click("tr[data-patch] >> nth=0")
+    page.click("#near")
+    page.click("#whole")
+    page.wait_for_timeout(500)
+    assert asked == [report.as_uri()]
+
+
+def test_scripts_in_names_do_not_run(page, tmp_path):
+    told = read_told(str(save_result(tmp_path / "<script>document.title='taken'<.ply")))
+    evil = "<img src=x onerror=\"document.title='taken'\"><script>document.title='taken'</script>"
+    for row in told.rows:
+        row["reasons"] = [{"text": evil, "log_odds": 1.0, "other": 2}]
+        row["cause"] = {"kind": evil, "text": evil}
+    path = tmp_path / "r.html"
+    write_report(str(path), told)
+    open_report(page, path)
+    page.click("tr[data-patch] >> nth=0")
+    assert evil in shown(page)
+    assert page.title().startswith("<script>document.title='taken'<.ply")
+
+
+@pytest.mark.slow
+def test_a_map_without_patches_opens(page, tmp_path):
+    told = read_told(str(save_result(tmp_path / "r.ply", make_patches([], [], loose=20))))
+    write_report(str(tmp_path / "r.html"), told)
+    open_report(page, tmp_path / "r.html")
+    assert "No plane patch was found" in page.locator("header").inner_text()
+
+
+@pytest.mark.slow
+def test_it_prints_on_paper_with_both_views(browser, report, tmp_path):
+    target = tmp_path / "r.pdf"
+    page = browser.new_page()
+    try:
+        open_report(page, report)
+        page.pdf(path=str(target), format="A4", print_background=True)
+    finally:
+        page.close()
+    # Two views of 2085 x 960 pixels, for the paper: as pictures of the screen they would be half as wide.
+    assert len(re.findall(rb"/Width 2085\b", target.read_bytes())) >= 2
+
+
+@pytest.mark.slow
+def test_without_webgl_the_map_in_space_stands_still(report, browser):
+    api = browser.browser_type
+    flags = [flag for flag in FLAGS if "swiftshader" not in flag and "blocklist" not in flag]
+    program = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    other = api.launch(executable_path=program, args=[*flags, "--disable-gpu", "--disable-3d-apis"])
+    try:
+        page = other.new_page()
+        open_report(page, report)
+        assert "draws no 3D" in page.locator("#notice").inner_text()
+        page.click("tr[data-patch] >> nth=0")
+        assert "Patch" in shown(page)
+    finally:
+        other.close()
