@@ -43,6 +43,25 @@ Frame = Annotated[
     str | None, typer.Option("--frame", metavar="NAME", help="Frame of the map in a ROS bag, to which tf leads.  [map]")
 ]
 
+Workers = Annotated[
+    int | None,
+    typer.Option("--workers", metavar="N", help="Processes that work on tiles of the map side by side.  [1]"),
+]
+
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers take the tiles, tcp://HOST:8786."
+    ),
+]
+
+TilePoints = Annotated[
+    int | None,
+    typer.Option(
+        "--tile-points", metavar="N", help="Cut the map into tiles of so many points: memory follows them.  [2500000]"
+    ),
+]
+
 
 def load_model(path: str | None, max_false_alarms: float | None) -> Model | None:
     """Return the model of a file, at another operating point if one is asked for; None for that of the package.

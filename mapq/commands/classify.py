@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,8 +13,11 @@ from mapq.commands._options import (
     BinColumns,
     Frame,
     MaxFalseAlarms,
+    Scheduler,
+    TilePoints,
     Topic,
     Unit,
+    Workers,
     beside,
     load_model,
     parse_share,
@@ -29,10 +33,10 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 EXAMPLES = (
-    "mapq classify city.patches -o city.classified.ply",
     "mapq classify map.pcd --model city.model.json --json",
     "mapq classify survey.laz -o survey.classified.laz",
-    "mapq classify map.ply --fail-over 5%",
+    "mapq classify city.patches --fail-over 5%",
+    "mapq classify city/ -o city.classified/ --workers 8",
 )
 
 N_WORST = 10
@@ -46,7 +50,10 @@ N_REASONS = 3
 def classify(
     file: Annotated[
         str,
-        typer.Argument(metavar="PATCHES|CLOUD", help="What mapq segment wrote, or a cloud, which is segmented first."),
+        typer.Argument(
+            metavar="PATCHES|CLOUD",
+            help="What mapq segment wrote, or a cloud or folder of LAZ tiles, which is segmented first.",
+        ),
     ],
     model: Annotated[
         str | None,
@@ -76,6 +83,9 @@ def classify(
             help="Exit 1 if more of the area is suspicious: 0.05 or 5%.",
         ),
     ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    tile_points: TilePoints = None,
     output: Output = None,
     json: Json = False,
     force: Force = False,
@@ -88,21 +98,29 @@ def classify(
     it. Where points have a scan, a time or a pass, each has a cause too: a missed loop closure, or a local mapping
     error. Without -o they go beside the input: its stem + .classified.ply. With --fail-over a map without any patch
     fails too: nothing speaks for it.
+
+    A folder of LAS or LAZ tiles, or any cloud with one of --workers, --scheduler and --tile-points, is worked on tile
+    by tile and need not fit into memory. Of a folder the result is a folder: tiles of the same names, and result.json.
     """
     from mapq.assess import assess
     from mapq.io import ReadOptions
     from mapq.io.models import read_default_model
     from mapq.io.results import SCHEMA, json_beside, refuse_existing_result, write_result
-    from prf.shell import console, jsonout
-    from prf.shell.errors import CheckFailed
+    from prf.shell import jsonout
     from prf.shell.files import STREAM
     from prf.shell.manifest import describe_process
 
+    options = ReadOptions(bin_columns, unit, topic, frame)
+    chosen: dict[str, Any] = {name: value for name, value in (("max_tilt", max_tilt), ("up", up)) if value is not None}
+    given = {"workers": workers, "scheduler": scheduler, "tile_points": tile_points}
+    if _in_tiles(file, given):
+        _classify_tiles(file, output, (model, max_false_alarms), (options, chosen, given), fail_over, json, force)
+        return
     target = output or (beside(file, ".classified.ply") if file != STREAM else "map.classified.ply")
     refuse_existing_result(target, force)
     refuse_inputs([json_beside(target)], [file, *([model] if model else [])])
     used = load_model(model, max_false_alarms)
-    patches = _patches(file, ReadOptions(bin_columns, unit, topic, frame), max_tilt, up)
+    patches = _patches(file, options, chosen)
     result = assess(patches, used or read_default_model())
     warnings = patches.report.get("warnings", ())
     for warning in warnings:
@@ -116,17 +134,102 @@ def classify(
     if json:
         jsonout.emit_object(SCHEMA, {"output": target, **head, "patches": rows})
     else:
-        for line in _lines(result, target):
-            console.emit(line)
-    if head["verdict"]["passed"] is not False:
+        _show(result, target)
+    _judge(file, result, fail_over)
+
+
+def _in_tiles(file: str, given: dict[str, Any]) -> bool:
+    """Return whether a map is worked on tile by tile: it is asked for, or the map is a folder of tiles."""
+    if any(value is not None for value in given.values()):
+        return True
+    if not os.path.isdir(file):
+        return False
+    from mapq.scale.source import is_tiled
+
+    return is_tiled(file)
+
+
+def _classify_tiles(
+    file: str,
+    output: str | None,
+    model: tuple[str | None, float | None],
+    how: tuple[ReadOptions, dict[str, Any], dict[str, Any]],
+    fail_over: float | None,
+    json: bool,
+    force: bool,
+) -> None:
+    """Classify a map tile by tile; as :func:`classify`, but for what needs all points at once."""
+    from mapq.io import is_patches
+    from mapq.io.results import result_lines
+    from mapq.scale.maps import Where, classify_map
+    from mapq.scale.result import TiledResult
+    from mapq.scale.run import ScaleSettings
+    from mapq.segment import SegmentSettings
+    from prf.shell import console
+    from prf.shell.errors import UsageError
+    from prf.shell.manifest import describe_process
+
+    target = output or _default_target(file)
+    if is_patches(file):
+        raise UsageError(f"{file} is segmented already: tiles are for clouds. Leave --workers and the like out.")
+    options, chosen, given = how
+    inputs = [name for name in (file, model[0]) if name and os.path.isfile(name)]
+    refuse_inputs([target], inputs)
+    about: dict[str, Any] = {}
+
+    def head_of(result: TiledResult) -> dict[str, Any]:
+        if not about:
+            about.update({**describe_process(inputs), "model": model[0] or "default", **result.head()})
+            about["verdict"] = result.verdict(fail_over)
+        return about
+
+    sizes = {} if given["tile_points"] is None else {"tile_points": given["tile_points"]}
+    settings = ScaleSettings(**sizes, segment=SegmentSettings(**chosen), options=options)
+    where = Where(1 if given["workers"] is None else given["workers"], given["scheduler"])
+    result = classify_map(file, target, load_model(*model), settings, where, force, head_of)
+    for warning in result.patches.report["warnings"]:
+        logger.warning("%s: %s", file, warning)
+    if json:
+        for line in result_lines({"output": target, **head_of(result)}, result.patch_rows()):
+            console.emit(line.rstrip("\n"))
+    else:
+        _show(result, target)
+    _judge(file, result, fail_over)
+
+
+def _default_target(file: str) -> str:
+    """Return where the result of a map in tiles goes: beside it, a cloud for a cloud and a folder for a folder."""
+    from prf.shell.errors import UsageError
+    from prf.shell.files import STREAM
+
+    if file == STREAM:
+        raise UsageError("a map in tiles is read more than once. Name a file or a folder, not standard input.")
+    if os.path.isdir(file):
+        return file.rstrip("/" + os.sep) + ".classified"
+    return beside(file, ".classified.ply")
+
+
+def _show(result: Result, target: str) -> None:
+    from prf.shell import console
+
+    for line in _lines(result, target):
+        console.emit(line)
+
+
+def _judge(file: str, result: Result, fail_over: float | None) -> None:
+    """Raise CheckFailed if a map does not pass."""
+    from prf.shell.errors import CheckFailed
+
+    verdict = result.verdict(fail_over)
+    if verdict["passed"] is not False:
         return
-    if not len(patches):
+    if not len(result.patches):
         raise CheckFailed(f"{file}: there is no patch to be judged by, so nothing speaks for this map.")
-    share = head["verdict"]["share_of_area"]
+    share = verdict["share_of_area"]
     raise CheckFailed(f"{file}: {share:.1%} of the area of patches is suspicious, more than {fail_over:.1%}.")
 
 
-def _patches(file: str, options: ReadOptions, max_tilt: float | None, up: tuple[float, float, float] | None) -> Patches:
+def _patches(file: str, options: ReadOptions, chosen: dict[str, Any]) -> Patches:
     """Return the patches of the file, segmented now if it is a cloud."""
     from mapq.assess import read_input
     from mapq.patches import Patches
@@ -134,7 +237,6 @@ def _patches(file: str, options: ReadOptions, max_tilt: float | None, up: tuple[
     from prf.shell.errors import UsageError
     from prf.shell.progress import progress
 
-    chosen: dict[str, Any] = {name: value for name, value in (("max_tilt", max_tilt), ("up", up)) if value is not None}
     found = read_input(file, options)
     if isinstance(found, Patches):
         if chosen:

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapq.commands._options import BinColumns, Frame, Topic, Unit, beside, refuse_inputs
+from mapq.commands._options import (
+    BinColumns,
+    Frame,
+    Scheduler,
+    TilePoints,
+    Topic,
+    Unit,
+    Workers,
+    beside,
+    refuse_inputs,
+)
 from prf.shell.options import Force, Json, Output
 
 if TYPE_CHECKING:
@@ -22,6 +33,7 @@ EXAMPLES = (
     "mapq segment map.ply",
     "mapq segment map.pcd -o walls.patches --max-tilt 15 --json",
     "mapq segment city.ply --max-tilt 90 --truth-field plane",
+    "mapq segment survey.laz --workers 4",
 )
 STREAM = "-"
 LENGTHS = ("resolution", "spacing", "noise", "max_distance", "max_gap", "min_extent")
@@ -76,13 +88,18 @@ def segment(
     unit: Unit = None,
     topic: Topic = None,
     frame: Frame = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    tile_points: TilePoints = None,
     json: Json = False,
     force: Force = False,
 ) -> None:
     """Cut a cloud into plane patches by region growing.
 
     Lengths and angles that are not given are estimated from the spacing and the noise of the points, and printed. The
-    patches do not depend on the order of the points. Without -o they go beside CLOUD: its stem + .patches.
+    patches do not depend on the order of the points. Without -o they go beside CLOUD: its stem + .patches. With
+    --workers tiles of the cloud are cut side by side; PATCHES themselves hold all points, as does memory. Maps that do
+    not fit go straight to mapq classify.
     """
     from mapq.io import ReadOptions
     from mapq.segment import SegmentSettings
@@ -105,7 +122,12 @@ def segment(
         up=up,
     )
     settings.check()
-    patches, score = _run(cloud, ReadOptions(bin_columns, unit, topic, frame), settings, truth_field, min_iou)
+    options = ReadOptions(bin_columns, unit, topic, frame)
+    given = {"workers": workers, "scheduler": scheduler, "tile_points": tile_points}
+    if any(value is not None for value in given.values()):
+        patches, score = _run_tiles((cloud, target), options, settings, given, (truth_field, min_iou))
+    else:
+        patches, score = _run(cloud, options, settings, truth_field, min_iou)
     _write(target, patches)
     _show(cloud, target, patches, score, json)
 
@@ -130,6 +152,31 @@ def _run(
     with progress(len(STAGES), "segmenting") as reporter:
         patches = segment(read, settings, reporter)
     return patches, None if truth is None else score_segmentation(patches.patch, truth, min_iou)
+
+
+def _run_tiles(
+    names: tuple[str, str],
+    options: ReadOptions,
+    settings: SegmentSettings,
+    given: dict[str, Any],
+    truth: tuple[str | None, float],
+) -> tuple[Patches, SegmentationScore | None]:
+    """Cut a cloud into patches tile by tile; `truth` is the field to score against, if any, and the overlap asked."""
+    from mapq.scale.maps import Where, segment_map
+    from mapq.scale.run import ScaleSettings
+    from mapq.segment import score_segmentation, truth_of
+    from prf.shell.errors import UsageError
+
+    cloud, target = names
+    if STREAM in names or os.path.isdir(cloud):
+        raise UsageError("tiles need files: name a CLOUD and an output. A folder of tiles goes to mapq classify.")
+    sizes = {} if given["tile_points"] is None else {"tile_points": given["tile_points"]}
+    where = Where(1 if given["workers"] is None else given["workers"], given["scheduler"])
+    patches = segment_map(cloud, target, ScaleSettings(**sizes, segment=settings, options=options), where)
+    name, min_iou = truth
+    if name is None:
+        return patches, None
+    return patches, score_segmentation(patches.patch, truth_of(patches.cloud, name), min_iou)
 
 
 def _write(target: str, patches: Patches) -> None:

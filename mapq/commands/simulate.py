@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -19,7 +20,12 @@ EXAMPLES = (
     "mapq simulate -o map.ply --seed 1",
     "mapq simulate -o small.ply --size small --seed 1 --json",
     "mapq simulate -o clean.ply --size small --seed 1 --drift 0",
+    "mapq simulate -o city/ --size city --n-points 100000000 --seed 1",
 )
+
+
+CITY, CITY_POINTS = "city", 10_000_000
+"""Name of the size that is a folder of tiles, and its points if not told."""
 
 
 def simulate(
@@ -27,8 +33,9 @@ def simulate(
         str,
         typer.Option(
             "--size",
-            metavar="small|medium|large",
-            help="A world of about 55 000, 560 000 or 1 120 000 points; the options below change parts of it.",
+            metavar="small|medium|large|city",
+            help="A world of about 55 000, 560 000 or 1 120 000 points; the options below change parts of it. Or a "
+            "city of any number of points, as LAZ tiles in a folder.",
         ),
     ] = "medium",
     n_points: Annotated[int | None, typer.Option("--n-points", metavar="N", help="Points of the map, about.")] = None,
@@ -78,6 +85,9 @@ def simulate(
             help="Suspicious is where passes disagree by more than this along the normal (0.05).",
         ),
     ] = None,
+    tile_points: Annotated[
+        int | None, typer.Option("--tile-points", metavar="N", help="Of a city: points of a tile, about.  [2500000]")
+    ] = None,
     seed: Seed = None,
     output: Output = None,
     force: Force = False,
@@ -86,7 +96,8 @@ def simulate(
     """Make a map with known errors: an urban world, driven through and rendered from odometry.
 
     A street lined with offices, a block rounded twice, a pathway under an archway; a 2D laser that nods. The point
-    field `truth` is 1 where passes over one true surface disagree in the map; docs/simulator.md tells the fields.
+    field `truth` is 1 where passes over one true surface disagree in the map; docs/simulator.md tells the fields. A
+    city is made without a drive, tile by tile; docs/scale.md.
     """
     from mapq.io import write_cloud
     from mapq.io.write import check_name
@@ -101,8 +112,6 @@ def simulate(
         raise UsageError("the map has no name. Give one with -o MAP.ply.")
     if json and output == STREAM:
         raise UsageError("--json and -o - both want standard output. Name a file with -o.")
-    check_name(output)
-    refuse_existing(output, force)
     changes = {
         "n_points": n_points,
         "blocks": blocks,
@@ -116,6 +125,13 @@ def simulate(
         "max_range": max_range,
         "disagreement": disagreement,
     }
+    if size == CITY:
+        _make_city(output, changes, tile_points, resolve_seed(seed), force, json)
+        return
+    if tile_points is not None:
+        raise UsageError("--tile-points is for --size city: other worlds are one file.")
+    check_name(output)
+    refuse_existing(output, force)
     settings, used_seed = Settings.of_size(size, changes), resolve_seed(seed)
     with progress(1.0, "casting beams") as bar:
         simulation = simulate_with_report(settings, used_seed, bar.update)
@@ -128,6 +144,37 @@ def simulate(
     say = logger.info if output == STREAM else console.emit
     for name, value in _rows(simulation.report, output, used_seed):
         say(f"{name:<16}{value}")
+
+
+def _make_city(
+    folder: str, changes: dict[str, Any], tile_points: int | None, seed: int, force: bool, json: bool
+) -> None:
+    """Write a city as LAZ tiles into a folder."""
+    from mapq.simulate.city_tiles import POINTS_OF_TILE, write_city
+    from prf.shell import console, jsonout
+    from prf.shell.errors import OutputExists, UsageError
+    from prf.shell.files import STREAM, refuse_existing
+    from prf.shell.progress import progress
+
+    others = [name for name, value in changes.items() if value is not None and name != "n_points"]
+    if others:
+        raise UsageError(f"--{others[0].replace('_', '-')} is not for --size city, which is made without a drive.")
+    if folder == STREAM:
+        raise UsageError("a city is a folder of tiles. Name one with -o FOLDER.")
+    if not os.path.isdir(folder):
+        refuse_existing(folder, force)
+    elif os.listdir(folder) and not force:
+        raise OutputExists(f"{folder} already exists. Use --force to overwrite.")
+    n_points = CITY_POINTS if changes["n_points"] is None else changes["n_points"]
+    with progress(1.0, "making tiles") as bar:
+        counts = write_city(folder, n_points, seed, tile_points or POINTS_OF_TILE, bar.update)
+    if json:
+        jsonout.emit_object("mapq.city/1", {"output": folder, "seed": seed, **counts})
+        return
+    share = counts["suspicious_points"] / counts["points"]
+    console.emit(f"{'tiles':<16}{counts['tiles']} in {folder}")
+    console.emit(f"{'points':<16}{counts['points']:,}, {share:.1%} suspicious")
+    console.emit(f"{'seed':<16}{seed}")
 
 
 def _rows(report: Report, output: str, seed: int) -> Iterator[tuple[str, str]]:

@@ -68,7 +68,7 @@ def read_las(content: Content, options: ReadOptions) -> PointCloud:
     """
     source = content.source
     with content.stream() as stream, told(source):
-        _check_head(stream, source)
+        check_head(stream, source)
         from laspy import LasHeader, LasReader, LazBackend  # noqa: PLC0415 - takes a fifth of a second
 
         head = LasHeader.read_from(stream)
@@ -78,13 +78,13 @@ def read_las(content: Content, options: ReadOptions) -> PointCloud:
         backend = LazBackend.LazrsParallel if largest <= LARGEST_CHUNK else LazBackend.Lazrs
         with LasReader(stream, closefd=False, laz_backend=backend, read_evlrs=False) as reader:
             world, fields = _read_points(reader, source)
-            stored = _stored_head(stream, reader.header)
+            stored = stored_head(stream, reader.header)
             unit = options.unit or unit_of(reader.header.vlrs, source)
     cloud = cloud_of_world(world, fields, source, unit)
     return PointCloud(cloud.xyz, cloud.shift, cloud.fields, np.float64, source, cloud.unit, stored)
 
 
-def _check_head(stream: BinaryIO, source: str) -> None:
+def check_head(stream: BinaryIO, source: str) -> None:
     """Refuse counts and places that the file cannot hold, before laspy believes them."""
     head = stream.read(375)
     size = stream.seek(0, 2)
@@ -118,15 +118,8 @@ def _read_points(reader: LasReader, source: str) -> tuple[NDArray[np.float64], d
 
     What a header of LAZ promises is believed point by point, as they come: the pieces are joined at the end.
     """
-    left_out: tuple[str, ...] = RAW
-    if reader.header.are_points_compressed and reader.header.point_format.id in LAYERED_WAVES:
-        logger.warning("%s: fields of wave packets are dropped: they cannot be decompressed reliably", source)
-        left_out = (*RAW, *WAVES)
-    names = [name for name in reader.header.point_format.dimension_names if name not in left_out]
-    refuse_doubles(names, source)
-    scales, offsets = np.asarray(reader.header.scales), np.asarray(reader.header.offsets)
-    if not (np.isfinite(scales).all() and np.isfinite(offsets).all() and (scales > 0.0).all()):
-        raise InputError(f"{source}: damaged: scale or offset of the LAS header is no number. Copy the file again.")
+    names = field_names(reader.header, source)
+    scales, offsets = scale_and_offset(reader.header, source)
     pieces: dict[str, list[Array]] = {name: [] for name in names}
     places: list[NDArray[np.float64]] = []
     for points in reader.chunk_iterator(CHUNK):
@@ -144,6 +137,25 @@ def _read_points(reader: LasReader, source: str) -> tuple[NDArray[np.float64], d
     return world, {name: _joined(pieces[name]) for name in names}
 
 
+def field_names(header: LasHeader, source: str) -> list[str]:
+    """Return the dimensions that are read as fields: all but the coordinates, and those that cannot be trusted."""
+    left_out: tuple[str, ...] = RAW
+    if header.are_points_compressed and header.point_format.id in LAYERED_WAVES:
+        logger.warning("%s: fields of wave packets are dropped: they cannot be decompressed reliably", source)
+        left_out = (*RAW, *WAVES)
+    names = [name for name in header.point_format.dimension_names if name not in left_out]
+    refuse_doubles(names, source)
+    return names
+
+
+def scale_and_offset(header: LasHeader, source: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return scale (3,) and offset (3,) of the integers of a file, refusing what is no number."""
+    scales, offsets = np.asarray(header.scales), np.asarray(header.offsets)
+    if not (np.isfinite(scales).all() and np.isfinite(offsets).all() and (scales > 0.0).all()):
+        raise InputError(f"{source}: damaged: scale or offset of the LAS header is no number. Copy the file again.")
+    return scales, offsets
+
+
 def _joined(parts: list[Array]) -> Array:
     """Return the parts as one array, and let go of them."""
     whole = np.concatenate(parts)
@@ -151,7 +163,7 @@ def _joined(parts: list[Array]) -> Array:
     return whole
 
 
-def _stored_head(stream: BinaryIO, header: LasHeader) -> bytes:
+def stored_head(stream: BinaryIO, header: LasHeader) -> bytes:
     """Return header and records of a LAS file, up to its points.
 
     A reference system that stands behind the points (EVLR) is taken among the records before them, in `header` too.

@@ -70,8 +70,8 @@ def write_las(path: str | os.PathLike[str], cloud: PointCloud) -> None:
         logger.warning("%s: %d points without coordinates are left out: LAS cannot hold them", path, lost)
         cloud = cloud.take(finite)
     world = cloud.world()
-    header = _old_header(cloud) if cloud.las_header else _new_header(cloud, world)
-    columns = _columns(cloud, header)
+    header = old_header(cloud) if cloud.las_header else new_header(cloud, world)
+    columns = columns_of_cloud(cloud, header)
     whole = np.rint((world - header.offsets) / header.scales)
     if len(whole) and (whole.max() > LARGEST_INTEGER or whole.min() < -LARGEST_INTEGER - 1):
         raise OutputError(f"{path}: the coordinates do not fit the scale of LAS. Name a .ply with -o.")
@@ -86,10 +86,11 @@ def write_las(path: str | os.PathLike[str], cloud: PointCloud) -> None:
     ):
         for start in range(0, len(cloud), CHUNK):
             rows = slice(start, start + CHUNK)
-            writer.write_points(_record(header, whole[rows], {name: values[rows] for name, values in columns.items()}))
+            some = {name: values[rows] for name, values in columns.items()}
+            writer.write_points(packed_record(header, whole[rows], some))
 
 
-def _record(header: LasHeader, whole: NDArray[np.float64], columns: Mapping[str, Array]) -> PackedPointRecord:
+def packed_record(header: LasHeader, whole: NDArray[np.float64], columns: Mapping[str, Array]) -> PackedPointRecord:
     """Return points as they stand in the file."""
     from laspy.point.record import PackedPointRecord  # noqa: PLC0415
 
@@ -104,7 +105,7 @@ def _record(header: LasHeader, whole: NDArray[np.float64], columns: Mapping[str,
     return record
 
 
-def _old_header(cloud: PointCloud) -> LasHeader:
+def old_header(cloud: PointCloud) -> LasHeader:
     """Return the header of the cloud's LAS file, with colours in its point format if the cloud has some.
 
     The dimensions of its own are still in its point format.
@@ -134,7 +135,7 @@ def _old_header(cloud: PointCloud) -> LasHeader:
     return header
 
 
-def _new_header(cloud: PointCloud, world: NDArray[np.float64]) -> LasHeader:
+def new_header(cloud: PointCloud, world: NDArray[np.float64]) -> LasHeader:
     """Return a header for a cloud that does not come from LAS."""
     from laspy import LasHeader  # noqa: PLC0415
 
@@ -150,7 +151,7 @@ def _new_header(cloud: PointCloud, world: NDArray[np.float64]) -> LasHeader:
     return header
 
 
-def _columns(cloud: PointCloud, header: LasHeader) -> dict[str, Array]:
+def columns_of_cloud(cloud: PointCloud, header: LasHeader) -> dict[str, Array]:
     """Return the values of each dimension but the coordinates, and declare the extra ones in the header."""
     from laspy.point.format import ExtraBytesParams, PointFormat  # noqa: PLC0415
 

@@ -44,13 +44,13 @@ def write_ply(path: str | os.PathLike[str], cloud: PointCloud, extra: Mapping[st
     OutputError
         If it cannot be written.
     """
-    rows = _rows(cloud, {**cloud.fields, **(extra or {})})
+    rows = vertex_rows(cloud, {**cloud.fields, **(extra or {})})
     element = PlyElement.describe(rows, "vertex")
     with open_output(path, binary=True) as stream:
         PlyData([element], byte_order="<").write(stream)
 
 
-def _rows(cloud: PointCloud, fields: Mapping[str, Array]) -> Array:
+def vertex_rows(cloud: PointCloud, fields: Mapping[str, Array]) -> Array:
     """Return the structured array (n,) of the vertices."""
     small = cloud.coordinate_type is np.float32 and not cloud.shift.any()
     columns: dict[str, Array] = {}

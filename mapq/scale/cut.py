@@ -1,0 +1,248 @@
+"""The segmentation of one tile: regions of its points and of those around it, as statistics that can be added up."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.kernels.cells import first_levels, number_cells
+from mapq.kernels.planes import MOMENTS
+from mapq.kernels.regions import sum_regions
+from mapq.scale.files import save_array, save_arrays
+from mapq.scale.spool import TilePoints, read_tile_points
+from mapq.segment.core import make_core
+from mapq.segment.finish import CELL_IN_SPACING, region_areas
+from mapq.segment.parameters import Parameters
+from mapq.segment.points import Points
+from mapq.segment.regions import Fits, find_regions, fit, spread_out
+
+FEWEST = 3
+"""Distinct points that a tile must have to be looked at."""
+CLEARLY_TILTED, CLEARLY_LARGE = 15.0, 200
+"""Degrees beyond the limit of tilt, and points, from which on a region is surely dropped: its points are not kept."""
+
+Floats = NDArray[np.float64]
+
+
+class CutTask(NamedTuple):
+    """What the segmentation of a tile is given.
+
+    Attributes
+    ----------
+    tile : int
+    parts : tuple of int
+        Ranges that have points for it.
+    bases : tuple of int
+        Number of the first point of each of them among all.
+    chosen, frame
+        Parameters, and frame of the octree, of the whole map.
+    box : (4,) float64
+        Corners of the tile, in metres.
+    halo : float
+    folder : str
+        The work folder.
+    """
+
+    tile: int
+    parts: tuple[int, ...]
+    bases: tuple[int, ...]
+    chosen: Parameters
+    frame: Floats
+    box: Floats
+    halo: float
+    folder: str
+
+
+class Cut(NamedTuple):
+    """The regions (m) of a tile.
+
+    Attributes
+    ----------
+    tile : int
+    origin, own : (m, 3), (m, 10) float64
+        Moments of the tile's own distinct points about an origin.
+    seen : (m, 10) float64
+        Those of all points that the tile sees, halo included, about the same origin.
+    n_points : (m,) int64
+        Own points, repeated ones included.
+    low, high : (m, 3) float64
+        Box of the own points.
+    first : (m,) uint64
+        Number of the first one on the curve through the whole map.
+    area : (m,) float64
+        In m².
+    start : (m + 1,) int64
+        Where the points of each begin in the tile's file of points.
+    n_looked_at, n_distinct : int
+        Own points that were looked at first, and distinct own points.
+    """
+
+    tile: int
+    origin: Floats
+    own: Floats
+    seen: Floats
+    n_points: NDArray[np.int64]
+    low: Floats
+    high: Floats
+    first: NDArray[np.uint64]
+    area: Floats
+    start: NDArray[np.int64]
+    n_looked_at: int
+    n_distinct: int
+
+
+def regions_path(folder: str, tile: int) -> str:
+    """Return the file with the region of each point of a tile, range after range, own points before the halo's."""
+    return os.path.join(folder, f"regions_{tile:05d}.npy")
+
+
+def points_path(folder: str, tile: int, name: str) -> str:
+    """Return the file with the own points of a tile, region after region: ``xyz`` or one of the fields."""
+    return os.path.join(folder, f"points_{tile:05d}_{name}.npy")
+
+
+def border_path(folder: str, tile: int) -> str:
+    """Return the file with the points of a tile that others see too."""
+    return os.path.join(folder, f"border_{tile:05d}.npz")
+
+
+def cut_tile(task: CutTask) -> Cut:
+    """Segment one tile with what lies around it, and write what others need of it."""
+    parts = [read_tile_points(task.folder, task.tile, part) for part in task.parts]
+    xyz = np.concatenate([part.xyz for part in parts])
+    is_own = np.concatenate([np.arange(len(part.row)) < part.n_own for part in parts])
+    points = sort_in_frame(xyz, task.frame)
+    if len(points.xyz) < FEWEST:
+        region, n_looked_at = np.full(len(points.xyz), -1, np.int32), 0
+    else:
+        core = make_core(points, task.chosen)
+        region = spread_out(points, core, task.chosen, find_regions(core, task.chosen))
+        n_looked_at = len(core.place)
+    of_point = region[points.number]
+    save_array(regions_path(task.folder, task.tile), of_point)
+    _save_border(task, parts, xyz, is_own, of_point)
+    return _described(task, parts, points, region, is_own, n_looked_at)
+
+
+def sort_in_frame(xyz: Floats, frame: Floats) -> Points:
+    """Return the distinct points in the order of a given octree, as :func:`mapq.segment.points.sort_points` does."""
+    code = number_cells(xyz, frame[:3].copy(), float(frame[3]))
+    order = np.argsort(code)
+    tied = np.zeros(len(code) + 1, bool)
+    tied[1:-1] = np.diff(code[order]) == 0
+    rows = np.flatnonzero(tied[1:] | tied[:-1])
+    among = order[rows]
+    order[rows] = among[np.lexsort((*xyz[among].T[::-1], code[among]))]
+    code, xyz = code[order], xyz[order]
+    new = np.ones(len(xyz), bool)
+    new[1:] = (code[1:] != code[:-1]) | (xyz[1:] != xyz[:-1]).any(axis=1)
+    number = np.empty(len(xyz), np.int32)
+    number[order] = np.cumsum(new) - 1
+    xyz, code = np.ascontiguousarray(xyz[new]), code[new]
+    return Points(
+        xyz=xyz, code=code, frame=frame, first_level=first_levels(code), number=number, n_not_finite=0, n_far=0
+    )
+
+
+def _described(
+    task: CutTask,
+    parts: list[TilePoints],
+    points: Points,
+    region: NDArray[np.int32],
+    is_own: NDArray[np.bool_],
+    n_looked_at: int,
+) -> Cut:
+    """Write the tile's own points region after region, and return what is said of the regions."""
+    seen = fit(points.xyz, region)
+    n_regions = len(seen.planes)
+    own_place = np.zeros(len(points.xyz), bool)
+    own_place[points.number[is_own]] = True
+    own_region = np.where(own_place, region, np.int32(-1))
+    own = np.empty((n_regions, MOMENTS))
+    origin = np.zeros((n_regions, 3))
+    sum_regions(points.xyz, own_region, origin, own)
+    order = np.flatnonzero(own_region >= 0)
+    order = order[np.argsort(own_region[order], kind="stable")]
+    sizes = np.bincount(own_region[order], minlength=n_regions)
+    begin = np.cumsum(sizes) - sizes
+    some = sizes > 0
+    low, high, first = np.full((n_regions, 3), np.inf), np.full((n_regions, 3), -np.inf), np.zeros(n_regions, np.uint64)
+    if some.any():
+        low[some] = np.minimum.reduceat(points.xyz[order], begin[some])
+        high[some] = np.maximum.reduceat(points.xyz[order], begin[some])
+        first[some] = points.code[order[begin[some]]]
+    area = region_areas(points.xyz, own_region, seen, CELL_IN_SPACING * task.chosen.spacing)
+    of_point = np.where(is_own, region[points.number], np.int32(-1))
+    n_points = np.bincount(of_point[of_point >= 0], minlength=n_regions).astype(np.int64)
+    start = _save_points(task, parts, of_point, ~_surely_tilted(seen, task.chosen))
+    share = int(own_place.sum()) / max(len(own_place), 1)
+    return Cut(
+        tile=task.tile,
+        origin=origin,
+        own=own,
+        seen=_about(seen.origin, origin, seen.sums, some),
+        n_points=n_points,
+        low=low,
+        high=high,
+        first=first,
+        area=area,
+        start=start,
+        n_looked_at=round(n_looked_at * share),
+        n_distinct=int(own_place.sum()),
+    )
+
+
+def _about(origin: Floats, to: Floats, sums: Floats, some: NDArray[np.bool_]) -> Floats:
+    """Return moments about other origins; regions without own points have none and keep theirs."""
+    moved = translate(sums, origin, to)
+    return np.where(some[:, None], moved, sums)
+
+
+def translate(sums: Floats, origin: Floats, to: Floats) -> Floats:
+    """Return moments (m, 10) about origins (m, 3) as they are about others (m, 3)."""
+    n, x = sums[:, :1], origin - to
+    linear = sums[:, 1:4]
+    out = np.empty_like(sums)
+    out[:, :1] = n
+    out[:, 1:4] = linear + n * x
+    for place, (a, b) in enumerate(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)), 4):
+        mixed = x[:, a] * linear[:, b] + x[:, b] * linear[:, a]
+        out[:, place] = sums[:, place] + mixed + sums[:, 0] * x[:, a] * x[:, b]
+    return out
+
+
+def _surely_tilted(fits: Fits, chosen: Parameters) -> NDArray[np.bool_]:
+    """Return which regions (m,) no whole patch can be made of: they lie far too flat."""
+    off = np.degrees(np.arcsin(np.clip(np.abs(fits.planes[:, :3] @ chosen.up), 0.0, 1.0)))
+    return np.asarray((off > chosen.max_tilt + CLEARLY_TILTED) & (fits.sums[:, 0] >= CLEARLY_LARGE))
+
+
+def _save_points(
+    task: CutTask, parts: list[TilePoints], of_point: NDArray[np.int32], wanted: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """Write the own points of the regions that are wanted, and return where each region's begin (m + 1,)."""
+    kept = np.flatnonzero(of_point >= 0)
+    kept = kept[wanted[of_point[kept]]]
+    order = kept[np.argsort(of_point[kept], kind="stable")]
+    xyz = np.concatenate([part.xyz for part in parts])[order]
+    save_array(points_path(task.folder, task.tile, "xyz"), xyz)
+    for name in parts[0].fields:
+        column: NDArray[Any] = np.concatenate([part.fields[name] for part in parts])[order]
+        save_array(points_path(task.folder, task.tile, name), column)
+    start = np.zeros(len(wanted) + 1, np.int64)
+    np.cumsum(np.bincount(of_point[order], minlength=len(wanted)), out=start[1:])
+    return start
+
+
+def _save_border(
+    task: CutTask, parts: list[TilePoints], xyz: Floats, is_own: NDArray[np.bool_], of_point: NDArray[np.int32]
+) -> None:
+    """Write number among all points, ascending, and region of the points that other tiles see too."""
+    near = (xyz[:, :2] < task.box[:2] + task.halo) | (xyz[:, :2] >= task.box[2:] - task.halo)
+    shared = ~is_own | near.any(axis=1)
+    number = np.concatenate([part.row + base for part, base in zip(parts, task.bases, strict=True)])[shared]
+    order = np.argsort(number)
+    save_arrays(border_path(task.folder, task.tile), number=number[order], region=of_point[shared][order])

@@ -1,0 +1,89 @@
+"""The graph of the whole map, put together from what was measured part by part."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.features.edge import EDGE_NAMES
+from mapq.features.node import SHAPE_NAMES
+from mapq.features.settings import FeatureSettings
+from mapq.features.shape import TOLERANCE_IN_NOISE
+from mapq.graph import PatchFeatures
+from mapq.scale.measure import Measured
+
+THROUGH_NODE, THROUGH_EDGE = "seen_through", "through_conflict"
+
+Floats = NDArray[np.float64]
+
+
+def join_measures(
+    measured: list[Measured], n_patches: int, settings: FeatureSettings, up: list[float]
+) -> PatchFeatures:
+    """Return the features of all patches and pairs; pairs that two parts measured are taken once.
+
+    Parameters
+    ----------
+    measured : list of Measured
+        At least one; together they have every patch once.
+    n_patches : int
+    settings : FeatureSettings
+        With the noise of the map.
+    up : list of float
+        Unit vector.
+    """
+    first = measured[0]
+    node, shape = np.zeros((n_patches, first.node.shape[1])), np.zeros((n_patches, first.shape.shape[1]))
+    for part in measured:
+        node[part.patches], shape[part.patches] = part.node, part.shape
+    pairs = np.concatenate([part.pairs for part in measured])
+    _, rows = np.unique(pairs[:, 0] * max(n_patches, 1) + pairs[:, 1], return_index=True)
+    pairs = pairs[rows].astype(np.int32)
+    edge = np.concatenate([part.edge for part in measured])[rows]
+    _look_through(node, pairs, edge, first)
+    return PatchFeatures(
+        reading="safe",
+        node=node,
+        pairs=pairs,
+        edge=edge,
+        plausibility=np.concatenate([part.plausibility for part in measured])[rows],
+        node_names=first.node_names,
+        edge_names=first.edge_names,
+        n_clipped=0,
+        shape=shape,
+        shape_names=SHAPE_NAMES,
+        context_names=first.edge_names[len(EDGE_NAMES) :],
+        parameters=_parameters(settings, up),
+    )
+
+
+def _look_through(node: Floats, pairs: NDArray[np.int32], edge: Floats, names: Measured) -> None:
+    """Correct in place what pairs say of rays through their patches: a neighbour's share is known to its own part."""
+    if THROUGH_NODE not in names.node_names or THROUGH_EDGE not in names.edge_names:
+        return
+    weight, overlap, crossing = (edge[:, EDGE_NAMES.index(name)] for name in ("weight", "overlap", "crossing"))
+    through = node[:, names.node_names.index(THROUGH_NODE)]
+    edge[:, names.edge_names.index(THROUGH_EDGE)] = (
+        weight * (overlap + crossing) * through[pairs].max(axis=1, initial=0.0)
+    )
+
+
+def _parameters(settings: FeatureSettings, up: list[float]) -> dict[str, Any]:
+    """Return what the features were computed with, as :func:`mapq.features.patch_features` says it."""
+    noise = settings.noise or settings.eps
+    return {
+        "reading": settings.reading,
+        "n_neighbours": settings.n_neighbours,
+        "n_watched": settings.n_watched,
+        "radius": settings.radius,
+        "tau": settings.tau,
+        "eps": settings.eps,
+        "noise": max(noise, settings.eps),
+        "tolerance": max(settings.tolerance, TOLERANCE_IN_NOISE * max(noise, settings.eps)),
+        "spacing": settings.spacing,
+        "up": up,
+        "plain_overlap": settings.plain_overlap,
+        "context": list(settings.context),
+    }

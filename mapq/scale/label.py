@@ -1,0 +1,155 @@
+"""The result, point by point: each file is read again, in its own order, and written with the labels of its points."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import IO, Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.cloud import PointCloud
+from mapq.io.fields import Array
+from mapq.io.las_pieces import open_las_pieces
+from mapq.io.options import ReadOptions
+from mapq.io.ply_write import vertex_rows
+from mapq.io.results import result_cloud
+from mapq.io.write import LAS_ENDS, write_cloud
+from mapq.scale.cut import regions_path
+from mapq.scale.files import save_arrays
+from mapq.scale.patches import load_whole
+from mapq.scale.source import Range, Source, read_range
+from mapq.scale.spool import Spooled, read_rows
+from prf.shell.files import open_output
+
+LABELS = "labels.npz"
+
+
+class LabelTask(NamedTuple):
+    """What the writing of one file of the result is given.
+
+    Attributes
+    ----------
+    target : str
+        File that is written.
+    sources : tuple of Source
+        Files whose points go there.
+    parts : tuple of tuple of Range
+        Of each of them.
+    spooled : tuple of Spooled
+        What each range gave, in the order of all ranges.
+    options, shift, folder
+        As the ranges were read with.
+    """
+
+    target: str
+    sources: tuple[Source, ...]
+    parts: tuple[tuple[Range, ...], ...]
+    spooled: dict[int, Spooled]
+    starts: dict[tuple[int, int], int]
+    options: ReadOptions
+    shift: NDArray[np.float64]
+    folder: str
+
+
+class Sink(Protocol):
+    """What takes pieces of a result."""
+
+    def write(self, cloud: PointCloud) -> None:
+        """Append points."""
+
+
+def save_labels(folder: str, label: NDArray[np.uint8], probability: NDArray[np.float32]) -> None:
+    """Write the labels (m,) of patches into the work folder."""
+    save_arrays(os.path.join(folder, LABELS), label=label, probability=probability)
+
+
+def patch_of_range(folder: str, part: Range, spooled: Spooled, starts: dict[tuple[int, int], int]) -> Array:
+    """Return the patch (n,) of each point of a range, -1 for none: each from the tile that it belongs to."""
+    whole = load_whole(folder)
+    out = np.full(part.stop - part.start, -1, np.int32)
+    for tile, n_own in zip(spooled.tiles, spooled.n_own, strict=True):
+        if n_own:
+            begin = starts[tile, part.number]
+            region = np.load(regions_path(folder, tile), mmap_mode="r")[begin : begin + n_own]
+            number = np.append(whole.number[whole.first_region[tile] : whole.first_region[tile + 1]], np.int32(-1))
+            out[read_rows(folder, tile, part.number, n_own)] = number[region]
+    return out
+
+
+def write_labels(task: LabelTask) -> int:
+    """Write one file of the result, and return how many points it has."""
+    with np.load(os.path.join(task.folder, LABELS)) as arrays:
+        label, probability = arrays["label"], arrays["probability"]
+    n_points = 0
+    with _open_sink(task) as sink:
+        for source, parts in zip(task.sources, task.parts, strict=True):
+            for part in parts:
+                patch = patch_of_range(task.folder, part, task.spooled[part.number], task.starts)
+                begin = 0
+                for piece in read_range(source, task.options, part, task.shift):
+                    some = patch[begin : begin + len(piece)]
+                    sink.write(result_cloud(piece, some, label, probability))
+                    begin += len(piece)
+                n_points += begin
+    return n_points
+
+
+@contextmanager
+def _open_sink(task: LabelTask) -> Iterator[Sink]:
+    """Give what writes the target: in pieces, but for clouds that are read whole."""
+    if task.target.lower().endswith(LAS_ENDS) and task.sources[0].is_las:
+        with open_las_pieces(task.target) as pieces:
+            yield pieces
+    elif task.sources[0].is_las:
+        with _open_ply(task.target, sum(source.n_points for source in task.sources)) as ply:
+            yield ply
+    else:
+        yield _AtOnce(task.target)
+
+
+class _AtOnce:
+    """A cloud that is one piece."""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+
+    def write(self, cloud: PointCloud) -> None:
+        """Write all points."""
+        write_cloud(self._path, cloud)
+
+
+class _Ply:
+    """A binary PLY that is being written."""
+
+    def __init__(self, stream: IO[Any], n_points: int) -> None:
+        self._stream, self._n_points, self._kind = stream, n_points, np.dtype([])
+
+    def write(self, cloud: PointCloud) -> None:
+        """Append points; the first piece says which properties there are."""
+        rows = vertex_rows(replace(cloud, coordinate_type=np.float64), cloud.fields)
+        if not self._kind.names:
+            self._kind = rows.dtype
+            self._stream.write(_ply_header(self._kind, self._n_points))
+        self._stream.write(rows.astype(self._kind).tobytes())
+
+
+PLY_TYPES = {"i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint"} | {
+    "f4": "float",
+    "f8": "double",
+}
+
+
+def _ply_header(kind: np.dtype[Any], n_points: int) -> bytes:
+    named = [f"property {PLY_TYPES[kind[name].str[1:]]} {name}" for name in kind.names or ()]
+    lines = ["ply", "format binary_little_endian 1.0", f"element vertex {n_points}", *named, "end_header", ""]
+    return "\n".join(lines).encode("ascii")
+
+
+@contextmanager
+def _open_ply(path: str, n_points: int) -> Iterator[_Ply]:
+    with open_output(path, binary=True) as stream:
+        yield _Ply(stream, n_points)

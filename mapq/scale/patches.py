@@ -1,0 +1,159 @@
+"""The patches of the whole map: regions of all tiles united, judged by their sums, and numbered."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.kernels.regions import fit_regions
+from mapq.scale.borders import Shared, unite_regions
+from mapq.scale.cut import Cut, translate
+from mapq.scale.files import save_arrays
+from mapq.segment.finish import is_large, is_upright
+from mapq.segment.parameters import Parameters
+from mapq.segment.regions import MERGE_RMS, Fits
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Whole(NamedTuple):
+    """The patches (m) of a map in tiles, and where their points are.
+
+    Attributes
+    ----------
+    normal, centroid : (m, 3) float64
+    mse : (m,) float64
+        Mean squared distance from the plane, in m².
+    n_points : (m,) int64
+        Repeated ones included.
+    low, high : (m, 3) float64
+        Box of the points.
+    first_piece : (m + 1,) int64
+        Pieces of patch i are ``piece[first_piece[i]:first_piece[i + 1]]``.
+    piece : (p, 3) int64
+        Tile, and where the points begin and end in its file of points.
+    number : (r,) int32
+        Patch of each region of all tiles, -1 for none.
+    first_region : (t + 1,) int64
+        Regions of tile t are numbered from ``first_region[t]``.
+    """
+
+    normal: Floats
+    centroid: Floats
+    mse: Floats
+    n_points: Ints
+    low: Floats
+    high: Floats
+    first_piece: Ints
+    piece: Ints
+    number: NDArray[np.int32]
+    first_region: Ints
+
+    def save(self, folder: str) -> None:
+        """Write them into the work folder, for the tasks."""
+        save_arrays(_path(folder), **self._asdict())
+
+
+def load_whole(folder: str) -> Whole:
+    """Return the patches in a work folder."""
+    with np.load(_path(folder)) as arrays:
+        return Whole(**{name: arrays[name] for name in Whole._fields})
+
+
+def _path(folder: str) -> str:
+    return os.path.join(folder, "patches.npz")
+
+
+def join_regions(cuts: list[Cut], shared: list[Shared], chosen: Parameters) -> tuple[Whole, dict[str, Any]]:
+    """Return the patches of all tiles, largest first (ties: by their first point), and the report's part on them."""
+    first_region = np.concatenate([[0], np.cumsum([len(cut.n_points) for cut in cuts])]).astype(np.int64)
+    joined = Shared(*(np.concatenate(values) for values in zip(*shared, strict=True)))
+    pairs = np.column_stack([first_region[side[:, 0]] + side[:, 1] for side in (joined.one, joined.other)])
+    origin, own, seen = (np.concatenate([getattr(cut, name) for cut in cuts]) for name in ("origin", "own", "seen"))
+    parent = unite_regions(origin, seen, pairs, joined, MERGE_RMS * chosen.max_distance)
+    fits, group = _add_up(parent, origin, own)
+    n_groups = len(fits.planes)
+    n_points = np.bincount(group, _all(cuts, "n_points"), n_groups).astype(np.int64)
+    area = np.bincount(group, _all(cuts, "area"), n_groups).astype(np.float64)
+    large, upright = is_large(fits, chosen), is_upright(fits.planes, chosen)
+    first = np.full(n_groups, np.iinfo(np.uint64).max, np.uint64)
+    has_points = own[:, 0] > 0.0
+    np.minimum.at(first, group[has_points], _all(cuts, "first")[has_points])
+    kept = np.flatnonzero(large & upright)
+    order = kept[np.lexsort((first[kept], -n_points[kept]))]
+    number = np.full(n_groups + 1, -1, np.int32)
+    number[order] = np.arange(len(order))
+    low, high = np.full((n_groups, 3), np.inf), np.full((n_groups, 3), -np.inf)
+    np.minimum.at(low, group, _all(cuts, "low"))
+    np.maximum.at(high, group, _all(cuts, "high"))
+    of_region = number[group]
+    first_piece, piece = _pieces(cuts, of_region, len(order), first_region)
+    report = {
+        "patches": len(order),
+        "points_in_patches": int(n_points[order].sum()),
+        "area": float(area[order].sum()),
+        "dropped_for_tilt": _tally(large & ~upright, n_points, area),
+        "dropped_as_small": _tally(~large & (fits.sums[:, 0] > 0), n_points, area),
+    }
+    whole = Whole(
+        normal=fits.planes[order, :3].copy(),
+        centroid=fits.planes[order, 3:].copy(),
+        mse=np.maximum(fits.spread[order, 0], 0.0),
+        n_points=n_points[order],
+        low=low[order],
+        high=high[order],
+        first_piece=first_piece,
+        piece=piece,
+        number=of_region,
+        first_region=first_region,
+    )
+    return whole, report
+
+
+def _all(cuts: list[Cut], name: str) -> NDArray[Any]:
+    return np.concatenate([getattr(cut, name) for cut in cuts])
+
+
+def _add_up(parent: NDArray[np.int32], origin: Floats, own: Floats) -> tuple[Fits, Ints]:
+    """Return the planes of united regions by the points that belong to each tile, and the group (r,) of each region.
+
+    The origin is that of the group's first region with points.
+    """
+    roots, group = np.unique(parent, return_inverse=True)
+    n_groups = len(roots)
+    place = np.full(n_groups, len(parent), np.int64)
+    with_points = np.flatnonzero(own[:, 0] > 0.0)
+    np.minimum.at(place, group[with_points], with_points)
+    place[place == len(parent)] = roots[place == len(parent)]
+    to = np.ascontiguousarray(origin[place])
+    moved = translate(own, origin, to[group])
+    moved[own[:, 0] == 0.0] = 0.0
+    columns = [np.bincount(group, column, n_groups) for column in moved.T]
+    sums: Floats = np.column_stack(columns).astype(np.float64)
+    planes, spread = np.empty((n_groups, 6)), np.empty((n_groups, 3))
+    fit_regions(to, sums, planes, spread)
+    return Fits(planes, spread, to, sums), group.astype(np.int64)
+
+
+def _pieces(cuts: list[Cut], of_region: NDArray[np.int32], n_patches: int, first_region: Ints) -> tuple[Ints, Ints]:
+    """Return `first_piece` and `piece` of :class:`Whole`."""
+    tile = np.repeat([cut.tile for cut in cuts], np.diff(first_region)).astype(np.int64)
+    begin = np.concatenate([cut.start[:-1] for cut in cuts])
+    end = np.concatenate([cut.start[1:] for cut in cuts])
+    some = np.flatnonzero((of_region >= 0) & (end > begin))
+    some = some[np.argsort(of_region[some], kind="stable")]
+    first = np.zeros(n_patches + 1, np.int64)
+    np.cumsum(np.bincount(of_region[some], minlength=n_patches), out=first[1:])
+    return first, np.column_stack([tile[some], begin[some], end[some]])
+
+
+def _tally(which: NDArray[np.bool_], n_points: Ints, area: Floats) -> dict[str, int | float]:
+    return {
+        "patches": int(np.count_nonzero(which)),
+        "points": int(n_points[which].sum()),
+        "area": float(area[which].sum()),
+    }

@@ -1,0 +1,301 @@
+"""A map from files to a result, tile by tile."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.assess.inputs import feature_settings
+from mapq.cloud import PointCloud
+from mapq.crf import classify, explain
+from mapq.io.options import AS_IT_IS, ReadOptions
+from mapq.model import Model
+from mapq.scale.borders import BorderTask, compare_borders
+from mapq.scale.cut import Cut, CutTask, cut_tile
+from mapq.scale.graph import join_measures
+from mapq.scale.label import LabelTask, save_labels, write_labels
+from mapq.scale.measure import LARGEST_PATCH, MeasureTask, measure_patches, share_out, with_noise
+from mapq.scale.patches import Whole, join_regions
+from mapq.scale.result import TiledResult, tiled_patches
+from mapq.scale.scan import Estimate, EstimateTask, ScanTask, estimate, join_counts, plan_scan, scan_range
+from mapq.scale.source import Range, Source, common_shift, cut_ranges
+from mapq.scale.spool import KEPT_FIELDS, Spooled, SpoolTask, spool_range
+from mapq.scale.tiling import Tiling, halo_width, make_tiling
+from mapq.scale.workers import Workers
+from mapq.segment.settings import SegmentSettings
+from mapq.segment.warnings import warnings_of
+from prf.shell.errors import InputError
+from prf.shell.progress import Reporter
+
+TILE_POINTS = 2_500_000
+"""Points of a tile at most, about: a worker takes half a gigabyte for them, and as much again at most."""
+FEWEST_TILE_POINTS = 10_000
+
+CUTTING = ("counting", "sorting", "segmenting", "joining")
+"""Stages after which a map is cut into patches."""
+COSTS = {"counting": 0.3, "sorting": 0.6, "segmenting": 3.0, "joining": 0.1, "measuring": 0.9, "writing": 1.4}
+"""Stages, and microseconds a point that each takes, about: what is left of the time is told by these."""
+
+
+@dataclass(frozen=True)
+class ScaleSettings:
+    """How a map is cut into tiles.
+
+    Attributes
+    ----------
+    tile_points : int
+        Points of a tile at most, about.
+    segment : SegmentSettings
+    options : ReadOptions
+    """
+
+    tile_points: int = TILE_POINTS
+    segment: SegmentSettings = field(default_factory=SegmentSettings)
+    options: ReadOptions = AS_IT_IS
+
+
+class Cutting(NamedTuple):
+    """A map that is cut into patches.
+
+    Attributes
+    ----------
+    whole : Whole
+    parameters, report : dict
+        Of the segmentation.
+    tiling : Tiling
+    spooled : list of Spooled
+        By range.
+    starts : dict
+        By tile and range, where its points begin in the tile's file of regions.
+    """
+
+    whole: Whole
+    parameters: dict[str, Any]
+    report: dict[str, Any]
+    tiling: Tiling
+    spooled: list[Spooled]
+    starts: dict[tuple[int, int], int]
+
+
+class Job:
+    """One map, the workers and the work folder; stages are called in their order.
+
+    Parameters
+    ----------
+    name : str
+        Of the map, for messages.
+    sources : list of Source
+    settings : ScaleSettings
+    workers : Workers
+    folder : str
+        The work folder.
+    progress : Reporter or None
+        Told the seconds of work that are done, of those that :func:`total_cost` foresees.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        sources: list[Source],
+        settings: ScaleSettings,
+        workers: Workers,
+        folder: str,
+        progress: Reporter | None = None,
+    ) -> None:
+        self.name, self.sources, self.settings = name, sources, settings
+        self.workers, self.folder, self._progress = workers, folder, progress
+        self.ranges = cut_ranges(sources)
+        self.n_points = sum(source.n_points for source in sources)
+        self.shift = common_shift(sources)
+        self.fields = tuple(name for name in KEPT_FIELDS if all(name in each.fields for each in sources))
+        self._cost = 0.0
+
+    def _each(self, stage: str, function: Callable[[Any], Any], tasks: list[Any]) -> list[Any]:
+        """Have a stage done; each of its tasks counts alike."""
+        begun, share = self._cost, COSTS[stage] * 1e-6 * self.n_points / max(len(tasks), 1)
+        n_done = 0
+
+        def done(_: int) -> None:
+            nonlocal n_done
+            n_done += 1
+            if self._progress is not None:
+                self._progress.update(begun + n_done * share, stage=stage)
+
+        found = self.workers.each(function, tasks, done)
+        self._cost = begun + share * len(tasks)
+        return found
+
+    def cut(self) -> Cutting:
+        """Cut the map into patches.
+
+        Raises
+        ------
+        InputError
+            If a file cannot be read, or there are too few points.
+        """
+        tiling, guess, n_finite = self._plan()
+        tasks = [
+            SpoolTask(self._source(part), self.settings.options, part, self.shift, tiling, self.folder)
+            for part in self.ranges
+        ]
+        spooled: list[Spooled] = self._each("sorting", spool_range, tasks)
+        parts = _parts_of_tiles(spooled, len(tiling.tiles))
+        boxes = tiling.boxes()
+        cuts: list[Cut] = self._each(
+            "segmenting", cut_tile, [self._cut_task(*each, guess, boxes, tiling.halo) for each in enumerate(parts)]
+        )
+        shared = self._each("joining", compare_borders, [self._border_task(tiling, tile) for tile in range(len(parts))])
+        whole, found = join_regions(cuts, shared, guess.chosen)
+        whole.save(self.folder)
+        n_distinct = sum(cut.n_distinct for cut in cuts)
+        report = {
+            "points": self.n_points,
+            "points_not_finite": self.n_points - n_finite,
+            "points_far_outside": 0,
+            "points_repeated": n_finite - n_distinct,
+            "points_looked_at": sum(cut.n_looked_at for cut in cuts),
+            **found,
+            "warnings": warnings_of(guess.chosen, 0, found),
+        }
+        return Cutting(whole, guess.chosen.described(), report, tiling, spooled, _starts(parts, spooled))
+
+    def _source(self, part: Range) -> Source:
+        return self.sources[part.file]
+
+    def _plan(self) -> tuple[Tiling, Estimate, int]:
+        """Return the tiles, the parameters, and how many points are finite."""
+        cell, side, share = plan_scan(self.sources)
+        samples = tuple(f"{self.folder}/sample_{part.number:05d}.npz" for part in self.ranges)
+        tasks = [
+            ScanTask(self._source(part), self.settings.options, part, self.shift, cell, side, share, sample)
+            for part, sample in zip(self.ranges, samples, strict=True)
+        ]
+        scans = self._each("counting", scan_range, tasks)
+        n_finite = sum(scan.n_finite for scan in scans)
+        if n_finite == 0:
+            raise InputError(f"{self.name}: no point is finite. Check how the map was written.")
+        low, high = np.min([scan.low for scan in scans], axis=0), np.max([scan.high for scan in scans], axis=0)
+        task = EstimateTask(samples, self.settings.segment, np.array([low, high]), self.name)
+        guess: Estimate = self.workers.each(estimate, [task], lambda _: None)[0]
+        cells, counts = join_counts([scan.cells for scan in scans], [scan.counts for scan in scans])
+        halo = halo_width(guess.chosen.spacing, guess.chosen.max_gap)
+        return make_tiling(cells, counts, cell, self.settings.tile_points, halo), guess, n_finite
+
+    def _cut_task(
+        self, tile: int, parts: list[int], guess: Estimate, boxes: NDArray[np.float64], halo: float
+    ) -> CutTask:
+        bases = tuple(self.ranges[part].base for part in parts)
+        return CutTask(tile, tuple(parts), bases, guess.chosen, guess.frame, boxes[tile], halo, self.folder)
+
+    def _border_task(self, tiling: Tiling, tile: int) -> BorderTask:
+        others = tuple(other for other in tiling.neighbours(tile).tolist() if other > tile)
+        return BorderTask(tile, others, self.folder)
+
+    def assess(self, cutting: Cutting, model: Model) -> TiledResult:
+        """Return what a model says of the patches.
+
+        Raises
+        ------
+        InputError
+            If the model reads the features literally, or asks for some that this release does not have.
+        """
+        settings = feature_settings(model)
+        if settings.reading != "safe":
+            raise InputError(f"the model reads features as '{settings.reading}', which tiles have not. Train another.")
+        settings = with_noise(settings, cutting.whole)
+        whole, up = cutting.whole, _up(settings, cutting.parameters)
+        several = len(share_out(whole, self.settings.tile_points, None)) > 1
+        largest = LARGEST_PATCH if several else None
+        groups = share_out(whole, self.settings.tile_points, largest) or [np.zeros(0, np.int64)]
+        tasks = [MeasureTask(group, settings, up, self.fields, largest, self.folder) for group in groups]
+        measured = self._each("measuring", measure_patches, tasks)
+        features = join_measures(measured, len(whole.n_points), settings, up)
+        labelling = classify(features, model)
+        frame = PointCloud(np.zeros((0, 3)), self.shift, source=self.name, unit=self.sources[0].unit)
+        patches = tiled_patches(whole, frame, self.n_points, cutting.parameters, cutting.report)
+        terms = explain(features, model, labelling.label)
+        return TiledResult(patches, features, model, labelling, terms, whole, len(cutting.tiling.tiles))
+
+    def write(self, cutting: Cutting, result: TiledResult, targets: Mapping[str, list[int]]) -> None:
+        """Write the labels of the points into files, each of which takes those of some source files.
+
+        Parameters
+        ----------
+        cutting : Cutting
+        result : TiledResult
+        targets : mapping of str to list of int
+            Files, and the places of those whose points they take.
+        """
+        save_labels(self.folder, result.labelling.label, result.labelling.probability)
+        tasks = []
+        for target, files in targets.items():
+            parts = tuple(tuple(part for part in self.ranges if part.file == file) for file in files)
+            numbers = {part.number for several in parts for part in several}
+            tasks.append(
+                LabelTask(
+                    target,
+                    tuple(self.sources[file] for file in files),
+                    parts,
+                    {number: cutting.spooled[number] for number in numbers},
+                    {key: begin for key, begin in cutting.starts.items() if key[1] in numbers},
+                    self.settings.options,
+                    self.shift,
+                    self.folder,
+                )
+            )
+        self._each("writing", write_labels, tasks)
+
+
+def total_cost(n_points: int, stages: tuple[str, ...] = tuple(COSTS)) -> float:
+    """Return the seconds of work that a map takes, about: all of it, or some stages."""
+    return sum(COSTS[stage] for stage in stages) * 1e-6 * n_points
+
+
+def _parts_of_tiles(spooled: list[Spooled], n_tiles: int) -> list[list[int]]:
+    """Return for each tile the ranges that have points for it."""
+    parts: list[list[int]] = [[] for _ in range(n_tiles)]
+    for each in spooled:
+        for tile in each.tiles:
+            parts[tile].append(each.part)
+    return parts
+
+
+def _starts(parts: list[list[int]], spooled: list[Spooled]) -> dict[tuple[int, int], int]:
+    """Return by tile and range where the points of the range begin in the tile's file of regions."""
+    sizes = {
+        (tile, each.part): n_own + n_halo
+        for each in spooled
+        for tile, n_own, n_halo in zip(each.tiles, each.n_own, each.n_halo, strict=True)
+    }
+    found = {}
+    for tile, several in enumerate(parts):
+        begin = 0
+        for part in several:
+            found[tile, part] = begin
+            begin += sizes[tile, part]
+    return found
+
+
+def _up(settings: Any, parameters: Mapping[str, Any]) -> list[float]:
+    """Return the unit vector that points up: of the settings, else of the segmentation."""
+    up = np.asarray(settings.up if settings.up is not None else parameters["up"], np.float64)
+    return [float(value) for value in up / np.linalg.norm(up)]
+
+
+@contextmanager
+def work_folder(beside: str) -> Iterator[str]:
+    """Give a folder beside an output that all workers see, and remove it with what is in it."""
+    target = Path(beside).resolve()
+    folder = tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".work", dir=target.parent)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)

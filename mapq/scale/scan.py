@@ -1,0 +1,170 @@
+"""The first pass over the points: where they are, and a sample of whole small blocks for the estimates.
+
+A sample of points drawn one by one would be sparser than the map. Columns of the ground plan are drawn instead, by a
+hash of their place, and keep all their points: which ones they are hangs neither on files nor on tiles.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.cloud import PointCloud
+from mapq.io.options import ReadOptions
+from mapq.scale.files import save_arrays
+from mapq.scale.source import Range, Source, read_range
+from mapq.segment.parameters import Parameters, choose_parameters
+from mapq.segment.points import sort_points
+from mapq.segment.settings import SegmentSettings
+from prf.shell.errors import InputError
+
+SAMPLE = 3_000_000
+"""Points of the sample, about; smaller maps are taken whole."""
+N_COLUMNS = 64
+"""Columns of the sample, about."""
+COLUMN_RANGE = (4.0, 32.0)
+"""Metres: smallest and largest side of a column."""
+N_CELLS = 1000
+"""Cells along the longer side of the map, whose points are counted."""
+SMALLEST_CELL = 0.25
+"""Metres."""
+
+Floats = NDArray[np.float64]
+
+
+class ScanTask(NamedTuple):
+    """What a scan of a range is given.
+
+    Attributes
+    ----------
+    source, options, part
+        What is read.
+    shift : (3,) float64
+    cell : float
+        Side in metres of the cells in which points are counted.
+    side, share : float
+        Side of the columns in metres, and the share of them that are kept.
+    sample : str
+        File of the sample of this range.
+    """
+
+    source: Source
+    options: ReadOptions
+    part: Range
+    shift: Floats
+    cell: float
+    side: float
+    share: float
+    sample: str
+
+
+class Scan(NamedTuple):
+    """What a scan found: cells (k, 2) with their counts (k,), the box of the points, and how many are finite."""
+
+    cells: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    low: Floats
+    high: Floats
+    n_finite: int
+
+
+class Estimate(NamedTuple):
+    """Parameters of the segmentation, and the frame (4,) of its octree: corner and side in metres."""
+
+    chosen: Parameters
+    frame: Floats
+
+
+def scan_range(task: ScanTask) -> Scan:
+    """Count the points of a range in cells, and keep those of the columns that are drawn."""
+    keys, counts, sample = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, 3))]
+    low, high, n_finite = np.full(3, np.inf), np.full(3, -np.inf), 0
+    for piece in read_range(task.source, task.options, task.part, task.shift, ()):
+        xyz = piece.xyz[piece.finite()]
+        if len(xyz) == 0:
+            continue
+        n_finite += len(xyz)
+        low, high = np.minimum(low, xyz.min(axis=0)), np.maximum(high, xyz.max(axis=0))
+        found = _count(np.floor(xyz[:, :2] / task.cell).astype(np.int64))
+        keys.append(found[0])
+        counts.append(found[1])
+        sample.append(xyz[is_drawn(np.floor(xyz[:, :2] / task.side).astype(np.int64), task.share)])
+    save_arrays(task.sample, xyz=np.concatenate(sample))
+    return Scan(*join_counts(keys, counts), low, high, n_finite)
+
+
+def _count(cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the distinct rows of cells (n, 2), and how often each is there."""
+    low = cells.min(axis=0)
+    size = cells.max(axis=0) - low + 1
+    place, n = np.unique((cells[:, 0] - low[0]) * size[1] + cells[:, 1] - low[1], return_counts=True)
+    return np.column_stack([place // size[1] + low[0], place % size[1] + low[1]]), n.astype(np.int64)
+
+
+def join_counts(
+    cells: list[NDArray[np.int64]], counts: list[NDArray[np.int64]]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the distinct cells of several counts with the sums of these."""
+    rows, place = np.unique(np.concatenate(cells), axis=0, return_inverse=True)
+    return rows, np.bincount(place.ravel(), np.concatenate(counts), len(rows)).astype(np.int64)
+
+
+def is_drawn(columns: NDArray[np.int64], share: float) -> NDArray[np.bool_]:
+    """Return which columns (n, 2) are drawn: by the finaliser of SplitMix64 (Steele 2014) of their place."""
+    if share >= 1.0:
+        return np.ones(len(columns), bool)
+    with np.errstate(over="ignore"):
+        bits = columns[:, 0].astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15) + columns[:, 1].astype(np.uint64)
+        bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        bits ^= bits >> np.uint64(31)
+    return np.asarray(bits < np.uint64(share * 2.0**64))
+
+
+def plan_scan(sources: list[Source]) -> tuple[float, float, float]:
+    """Return cell, side and share of :class:`ScanTask` for a map, from what the heads of its files promise."""
+    low = np.min([each.low * each.unit for each in sources], axis=0)
+    extent = np.max([each.high * each.unit for each in sources], axis=0) - low
+    n_points = sum(each.n_points for each in sources)
+    share = min(1.0, SAMPLE / max(n_points, 1))
+    side = float(np.clip(np.sqrt(extent[0] * extent[1] * share / N_COLUMNS), *COLUMN_RANGE))
+    return max(float(extent[:2].max()) / N_CELLS, SMALLEST_CELL), side, share
+
+
+class EstimateTask(NamedTuple):
+    """What the estimate is given: the samples, the settings, the box of the map (2, 3), and its name."""
+
+    samples: tuple[str, ...]
+    settings: SegmentSettings
+    box: Floats
+    name: str
+
+
+def estimate(task: EstimateTask) -> Estimate:
+    """Return the parameters for the whole map.
+
+    Raises
+    ------
+    InputError
+        If there are too few points.
+    """
+    parts = []
+    for path in task.samples:
+        with np.load(path) as arrays:
+            parts.append(arrays["xyz"])
+    xyz = np.concatenate(parts)
+    if len(np.unique(xyz[:1000], axis=0)) < 3:
+        raise InputError(f"{task.name}: {len(xyz)} points in the sample of the map; a plane needs 3.")
+    points = sort_points(PointCloud(xyz, np.zeros(3), source=task.name))
+    chosen = choose_parameters(points, task.settings)
+    frame = points.frame.copy()
+    doublings = 0
+    low, high = task.box
+    if (frame[:3] > low).any() or (frame[:3] + frame[3] <= high).any():
+        frame[:3] = low
+        while (frame[:3] + frame[3] <= high).any():
+            frame[3] *= 2.0
+            doublings += 1
+    return Estimate(chosen._replace(level=chosen.level + doublings), frame)

@@ -1,0 +1,139 @@
+"""Maps in tiles on the command line: folders of tiles, workers, cities, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mapq.io import read_cloud
+from tests.cli.mapq_samples import call, call_json, save_cloud, save_model, save_patches
+
+CITY = ("simulate", "--size", "city", "--n-points", 147_000, "--seed", 5)
+
+
+@pytest.fixture(scope="module")
+def city(tmp_path_factory) -> Path:
+    from mapq.simulate.city_tiles import write_city
+
+    folder = tmp_path_factory.mktemp("map") / "city"
+    write_city(folder, 147_000, 5)
+    return folder
+
+
+def test_a_city_is_made(capsys, tmp_path):
+    target = tmp_path / "city"
+    made = call_json(capsys, *CITY, "-o", target)
+    assert (made["schema"], made["seed"], made["tiles"]) == ("mapq.city/1", 5, 1)
+    assert made["points"] == len(read_cloud(str(target / "tile_000_000.laz")))
+    code, _, err = call(capsys, *CITY, "-o", target)
+    assert (code, "already exists" in err) == (4, True)
+    code, out, _ = call(capsys, *CITY, "-o", target, "-f")
+    assert code == 0
+    assert "tiles           1 in" in out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--size", "city", "--drift", "0", "-o", "x"], "--drift is not for --size city"),
+        (["--size", "city", "--n-points", "1000", "-o", "x"], "--n-points 1000"),
+        (["--size", "city", "-o", "-"], "a city is a folder of tiles"),
+        (["--size", "small", "--tile-points", "9", "-o", "x.ply"], "--tile-points is for --size city"),
+    ],
+)
+def test_cities_that_cannot_be_are_refused(capsys, tmp_path, monkeypatch, options, words):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = call(capsys, "simulate", *options)
+    assert (code, words in err, err.count("\n")) == (2, True, 1)
+
+
+def test_a_folder_gives_a_folder(capsys, city):
+    code, out, _ = call(capsys, "classify", city, "--fail-over", "1%", "--json")
+    assert code == 1
+    content = json.loads(out)
+    target = city.with_name("city.classified")
+    assert content["output"] == str(target)
+    assert sorted(path.name for path in target.iterdir()) == ["result.json", "tile_000_000.laz"]
+    stored = json.loads((target / "result.json").read_text())
+    assert stored["patches"] == content["patches"]
+    assert stored["verdict"] == content["verdict"]
+    cloud = read_cloud(str(target / "tile_000_000.laz"))
+    assert np.bincount(cloud.fields["patch"] + 1)[1:].tolist() == [row["n_points"] for row in stored["patches"]]
+    code, _, err = call(capsys, "classify", city)
+    assert (code, "already exists" in err) == (4, True)
+
+
+@pytest.mark.slow
+def test_two_workers_change_nothing(capsys, city, tmp_path):
+    laz = city / "tile_000_000.laz"
+    args = ["classify", laz, "--tile-points", 80_000, "-o"]
+    for name, options in (("one.laz", []), ("two.laz", ["--workers", 2])):
+        assert call(capsys, *args, tmp_path / name, *options)[0] == 0
+    one, two = (read_cloud(str(tmp_path / name)) for name in ("one.laz", "two.laz"))
+    np.testing.assert_array_equal(one.fields["patch"], two.fields["patch"])
+    np.testing.assert_array_equal(one.fields["p_suspicious"], two.fields["p_suspicious"])
+    rows = [json.loads((tmp_path / name).read_text())["patches"] for name in ("one.json", "two.json")]
+    assert rows[0] == rows[1]
+
+
+def test_clouds_of_other_formats_in_tiles(capsys, tmp_path):
+    path, model = save_cloud(tmp_path), save_model(tmp_path)
+    for name, options in (("plain.ply", []), ("tiles.ply", ["--tile-points", 100_000])):
+        args = ["classify", path, "--model", model, "-o", tmp_path / name]
+        assert call(capsys, *args, *options)[0] == 0
+    plain, tiled = (read_cloud(str(tmp_path / name)) for name in ("plain.ply", "tiles.ply"))
+    for name, values in plain.fields.items():
+        np.testing.assert_array_equal(values, tiled.fields[name])
+    np.testing.assert_array_equal(plain.world(), tiled.world())
+
+
+def test_segment_in_tiles_writes_patches(capsys, city, tmp_path):
+    args = ["segment", city / "tile_000_000.laz", "--max-tilt", 90, "-o", tmp_path / "a.patches"]
+    found = call_json(capsys, *args, "--tile-points", 80_000, "--truth-field", "surface", "--min-iou", 0.5)
+    assert sum(found["n_points"]) == found["report"]["points_in_patches"]
+    assert found["score"]["n_matched"] > 5
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--workers", "0"], "--workers 0"),
+        (["--tile-points", "9"], "--tile-points 9"),
+        (["--workers", "2", "--scheduler", "tcp://x:1"], "exclude one another"),
+        (["--workers", "2", "-o", "-"], "standard output"),
+    ],
+)
+def test_what_cannot_be_is_refused(capsys, city, options, words):
+    code, _, err = call(capsys, "classify", city, *options)
+    assert (code, words in err, err.count("\n")) == (2, True, 1)
+
+
+def test_the_input_is_never_the_output(capsys, city):
+    code, _, err = call(capsys, "classify", city, "-o", city, "-f")
+    assert (code, "is the input" in err) == (2, True)
+
+
+def test_patches_are_no_map_for_tiles(capsys, tmp_path):
+    code, _, err = call(capsys, "classify", save_patches(tmp_path), "--workers", 2, "-o", tmp_path / "r.ply")
+    assert (code, "segmented already" in err) == (2, True)
+    code, _, err = call(capsys, "segment", tmp_path, "--workers", 2)
+    assert (code, "goes to mapq classify" in err) == (2, True)
+
+
+def test_standard_input_cannot_be_read_twice(capsys):
+    code, _, err = call(capsys, "classify", "-", "--workers", 2)
+    assert (code, "read more than once" in err) == (2, True)
+
+
+def test_a_damaged_tile_is_named(capsys, city, tmp_path):
+    folder = tmp_path / "tiles"
+    folder.mkdir()
+    data = (city / "tile_000_000.laz").read_bytes()
+    (folder / "whole.laz").write_bytes(data)
+    (folder / "cut.laz").write_bytes(data[: len(data) // 2])
+    code, _, err = call(capsys, "classify", folder, "-o", tmp_path / "out")
+    assert (code, "cut.laz" in err, err.count("\n")) == (3, True, 1)
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,63 @@
+"""Tiles: they are the whole map, of about one size, and see what lies around them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mapq.scale.scan import is_drawn, join_counts
+from mapq.scale.tiling import MOST_CELLS, make_tiling
+
+
+def counted(xyz: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
+    places = np.floor(xyz[:, :2] / cell).astype(np.int64)
+    return join_counts([places], [np.ones(len(places), np.int64)])
+
+
+@pytest.fixture(scope="module")
+def xyz() -> np.ndarray:
+    rng = np.random.default_rng(1)
+    return np.concatenate([rng.normal(0.0, 5.0, (9000, 3)), rng.uniform(-60.0, 90.0, (9000, 3))])
+
+
+@pytest.mark.parametrize("n_tiles", [1, 2, 3, 7, 16])
+def test_every_point_has_one_tile_that_holds_it(xyz, n_tiles):
+    tiling = make_tiling(*counted(xyz, 0.5), 0.5, -(-len(xyz) // n_tiles), 3.0)
+    assert len(tiling.tiles) == n_tiles
+    tile = tiling.of_points(xyz, tiling.table())
+    sizes = np.bincount(tile, minlength=n_tiles)
+    assert sizes.sum() == len(xyz)
+    assert sizes.max() < 1.2 * len(xyz) / n_tiles
+    boxes = tiling.boxes()[tile]
+    assert ((xyz[:, :2] >= boxes[:, :2]) & (xyz[:, :2] < boxes[:, 2:])).all()
+
+
+def test_neighbours_are_those_whose_halos_meet(xyz):
+    tiling = make_tiling(*counted(xyz, 0.5), 0.5, len(xyz) // 8, 3.0)
+    boxes = tiling.boxes()
+    for tile in range(len(boxes)):
+        gap = np.maximum(boxes[:, :2] - boxes[tile, 2:], boxes[tile, :2] - boxes[:, 2:]).max(axis=1)
+        near = set(np.flatnonzero(gap <= 6.0).tolist()) - {tile}
+        assert near == set(tiling.neighbours(tile).tolist())
+
+
+def test_a_map_of_one_cell_is_one_tile():
+    tiling = make_tiling(np.array([[4, -7]]), np.array([1000]), 1.0, 10, 2.0)
+    assert len(tiling.tiles) == 1
+    assert tiling.of_points(np.array([[1e6, -1e6, 0.0]]), tiling.table()).tolist() == [0]
+
+
+def test_a_map_of_too_many_cells_is_counted_more_coarsely():
+    places = np.array([[0, 0], [10 * MOST_CELLS, 3], [10 * MOST_CELLS + 1, 3]])
+    tiling = make_tiling(places, np.array([5, 5, 5]), 1.0, 10, 2.0)
+    assert (tiling.size <= MOST_CELLS).all()
+    assert len(tiling.tiles) == 2
+
+
+def test_columns_are_drawn_by_their_place_alone():
+    columns = np.stack(np.meshgrid(np.arange(-200, 200), np.arange(-200, 200)), axis=-1).reshape(-1, 2)
+    drawn = is_drawn(columns, 0.1)
+    assert abs(drawn.mean() - 0.1) < 0.005
+    order = np.random.default_rng(2).permutation(len(columns))
+    np.testing.assert_array_equal(is_drawn(columns[order], 0.1), drawn[order])
+    assert is_drawn(columns, 1.0).all()

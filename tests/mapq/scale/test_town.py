@@ -1,0 +1,155 @@
+"""A small town in one tile and in four: the same patches and labels, and those of the map in memory."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mapq.assess import assess
+from mapq.cloud import PointCloud
+from mapq.io import read_cloud, write_cloud
+from mapq.scale.maps import Where, classify_map, segment_map
+from mapq.scale.measure import patches_near
+from mapq.scale.patches import Whole
+from mapq.scale.run import ScaleSettings
+from mapq.segment import SegmentSettings, segment
+from mapq.simulate.city import PITCH, SIDES, make_block
+from mapq.simulate.city_tiles import ORIGIN, plan_city, write_city
+
+N_POINTS = 140_000
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory) -> Path:
+    """A block in four tiles, so that its facades are cut."""
+    folder = tmp_path_factory.mktemp("town") / "tiles"
+    folder.mkdir()
+    block = make_block(5, 0, 0, 0)
+    west, south = (block.xyz[:, :2] < 0.45 * PITCH).T
+    for number, some in enumerate((west & south, west & ~south, ~west & south, ~west & ~south)):
+        part = block.take(some)
+        cloud = PointCloud.from_world(part.xyz + ORIGIN, {"truth": part.truth})
+        write_cloud(folder / f"part_{number}.laz", cloud)
+    return folder
+
+
+def classified(town: Path, name: str, tile_points: int) -> tuple[dict, PointCloud]:
+    target = town.parent / name
+    settings = ScaleSettings(tile_points=tile_points)
+    classify_map(str(town), str(target), None, settings, Where(), False, lambda result: result.head())
+    return json.loads((target / "result.json").read_text()), whole(target)
+
+
+def whole(folder: Path) -> PointCloud:
+    """All tiles of a folder as one cloud."""
+    clouds = [read_cloud(str(path)) for path in sorted(folder.glob("*.laz"))]
+    fields = {name: np.concatenate([cloud.fields[name] for cloud in clouds]) for name in clouds[0].fields}
+    return PointCloud.from_world(np.concatenate([cloud.world() for cloud in clouds]), fields)
+
+
+@pytest.fixture(scope="module")
+def one(town) -> tuple[dict, PointCloud]:
+    return classified(town, "one", 10**6)
+
+
+@pytest.fixture(scope="module")
+def four(town) -> tuple[dict, PointCloud]:
+    return classified(town, "four", N_POINTS // 4)
+
+
+def test_one_tile_is_the_map_in_memory(town, one):
+    head, cloud = one
+    assert head["tiles"] == 1
+    plain = assess(segment(whole(town)))
+    np.testing.assert_array_equal(cloud.fields["patch"], plain.patches.patch)
+    suspicious = np.append(plain.labelling.label, np.uint8(255))[plain.patches.patch]
+    np.testing.assert_array_equal(cloud.fields["suspicious"], suspicious)
+    expected = json.loads(json.dumps(plain.head()["counts"]))
+    assert head["counts"] == pytest.approx(expected, rel=1e-6)
+    for mine, theirs in zip(head["regions"], plain.head()["regions"], strict=True):
+        for name in ("area_m2", "severity_m2", "low", "high", "centre", "n_points"):
+            assert mine[name] == pytest.approx(theirs[name], rel=1e-6)
+    assert [row["reasons"] for row in head["patches"]] == [row["reasons"] for row in plain.patch_rows()]
+
+
+def test_four_tiles_have_the_patches_of_one(one, four):
+    (_, a), (head, b) = one, four
+    assert head["tiles"] == 4
+    np.testing.assert_array_equal(a.world(), b.world())
+    mine, theirs = a.fields["patch"], b.fields["patch"]
+    n_mine, n_theirs = np.bincount(mine[mine >= 0]), np.bincount(theirs[theirs >= 0])
+    shared = np.zeros((len(n_mine), len(n_theirs)), np.int64)
+    both = (mine >= 0) & (theirs >= 0)
+    np.add.at(shared, (mine[both], theirs[both]), 1)
+    iou = (shared / (n_mine[:, None] + n_theirs - shared)).max(axis=1)
+    assert iou @ n_mine / n_mine.sum() > 0.99
+    assert np.mean(a.fields["suspicious"] == b.fields["suspicious"]) > 0.995
+
+
+def test_tiles_keep_their_names_points_and_fields(town, four):
+    for path in sorted(town.glob("*.laz")):
+        old, new = read_cloud(str(path)), read_cloud(str(town.parent / "four" / path.name))
+        np.testing.assert_array_equal(new.world(), old.world())
+        np.testing.assert_array_equal(new.fields["truth"], old.fields["truth"])
+    assert four[1].fields["red"].max() > 255
+    assert not list(town.parent.glob(".*.work"))
+
+
+def test_several_files_become_one_cloud(town, four):
+    for name in ("joined.laz", "joined.ply"):
+        settings = ScaleSettings(tile_points=N_POINTS // 4)
+        target = town.parent / name
+        classify_map(str(town), str(target), None, settings, Where(), True, lambda result: result.head())
+        joined = read_cloud(str(target))
+        np.testing.assert_array_equal(joined.fields["patch"], four[1].fields["patch"])
+        np.testing.assert_allclose(joined.world(), four[1].world(), atol=1e-4)
+        assert target.with_suffix(".json").exists()
+
+
+def test_patches_of_a_cloud_in_tiles_are_returned_whole(town):
+    path = str(sorted(town.glob("*.laz"))[0])
+    settings = SegmentSettings(max_tilt=90.0)
+    plain = segment(read_cloud(path), settings)
+    found = segment_map(path, str(town / "x"), ScaleSettings(tile_points=10**6, segment=settings), Where())
+    np.testing.assert_array_equal(found.patch, plain.patch)
+    np.testing.assert_allclose(found.centroid, plain.centroid, atol=1e-6)
+    assert found.report == plain.report
+    assert found.parameters == plain.parameters
+
+
+def test_a_city_is_the_same_whatever_its_tiles(tmp_path):
+    n_points = 290_000
+    for name, size in (("one", 10**6), ("several", 150_000)):
+        write_city(tmp_path / name, n_points, 5, size)
+    one, several = whole(tmp_path / "one"), whole(tmp_path / "several")
+    assert len(list((tmp_path / "several").iterdir())) > 1
+    order = [np.lexsort(cloud.world().T) for cloud in (one, several)]
+    np.testing.assert_array_equal(one.world()[order[0]], several.world()[order[1]])
+    np.testing.assert_array_equal(one.fields["truth"][order[0]], several.fields["truth"][order[1]])
+    assert 0.05 < one.fields["truth"].mean() < 0.4
+    assert plan_city(n_points).columns * plan_city(n_points).rows == 2
+
+
+def test_sides_that_were_seen_once_are_plausible():
+    blocks = [make_block(1, column, 0, column) for column in range(3)]
+    for block in blocks:
+        numbers = block.surface[block.surface >= 0]
+        share = np.bincount(numbers - numbers.min(), block.truth[block.surface >= 0])
+        assert (share > 0).sum() < SIDES * 5
+    assert any(block.truth.any() for block in blocks)
+    assert not all(block.truth[block.surface >= 0].all() for block in blocks)
+
+
+def test_neighbours_are_found_by_their_boxes():
+    rng = np.random.default_rng(4)
+    low = rng.uniform(0.0, 40.0, (700, 3))
+    high = low + rng.uniform(0.0, 3.0, (700, 3))
+    nothing = np.zeros((700, 3))
+    whole = Whole(nothing, nothing, *(np.zeros(700, np.int64),) * 2, low, high, *(np.zeros(1, np.int64),) * 4)
+    own = np.array([3, 50, 51, 699])
+    gap = np.maximum(np.maximum(low[:, None] - high[own], low[own] - high[:, None]), 0.0)
+    expected = np.flatnonzero(((gap**2).sum(axis=2) <= 4.0).any(axis=1))
+    np.testing.assert_array_equal(patches_near(whole, own, 2.0), expected)
