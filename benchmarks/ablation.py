@@ -28,7 +28,6 @@ ROWS = (
     Row("no passes known", ALL, TrainSettings()),
     Row("no context", PLAIN, TrainSettings()),
     Row("not watched", FeatureSettings(n_watched=0), TrainSettings(), True),
-    Row("plain overlap", FeatureSettings(plain_overlap=True), TrainSettings(), True),
     Row("literal features", LITERAL, TrainSettings(), True),
     Row("symmetric edges", ALL, TrainSettings(edge_model="symmetric"), True),
     Row("no edges", ALL, TrainSettings(edge_model="none"), True),

@@ -20,6 +20,12 @@ MEASURES = {
 }
 """Node feature to the shape measure that says the same to people, and how to say it."""
 
+SHARES = {
+    "seen_through": "rays of other passes go through {:.0%} of it",
+    "seen_apart": "{:.0%} of the points on and over it lie over it and were seen at other times",
+}
+"""Node feature that is a share, and how to say it."""
+
 PARALLEL_DEG = 5.0
 """Planes that part by less are called parallel: so much two passes over one wall are turned against each other."""
 TOUCHING = 0.05
@@ -103,8 +109,8 @@ class Reasons:
             yield self._of_pair(patch, other, gain)
 
     def _of_node(self, patch: int, name: str, value: float, gain: float) -> Reason:
-        if name == "seen_through":
-            return Reason(f"rays of other passes go through {value:.0%} of it", gain, None, {name: value})
+        if name in SHARES:
+            return Reason(SHARES[name].format(value), gain, None, {name: value})
         measure, words = MEASURES.get(name, ("", ""))
         if measure not in self._features.shape_names:
             return Reason(f"{name} {value:.3g}", gain, None, {name: value})

@@ -66,9 +66,6 @@ def features(
         float | None,
         typer.Option("--noise", metavar="METRES", help="Deviation of points from a surface; default: estimated."),
     ] = None,
-    plain_overlap: Annotated[
-        bool, typer.Option("--plain-overlap", help="Count overlap also within the tolerance, or where planes part.")
-    ] = False,
     context: Contexts = None,
     csv: Annotated[
         bool, typer.Option("--csv", help="Print CSV: a row a patch, an empty line, then a row a pair.")
@@ -96,7 +93,6 @@ def features(
         noise=noise,
         n_watched=watched,
         tolerance=tolerance,
-        plain_overlap=plain_overlap,
         **chosen_context(context),
     )
     with progress(3, "features") as reporter:

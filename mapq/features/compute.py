@@ -112,7 +112,6 @@ def _parameters(shapes: PatchShapes, settings: FeatureSettings) -> dict[str, obj
         "tolerance": shapes.tolerance(settings),
         "spacing": settings.spacing,
         "up": shapes.up.tolist(),
-        "plain_overlap": settings.plain_overlap,
         "context": list(settings.context) if settings.reading == "safe" else [],
     }
 

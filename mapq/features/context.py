@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.features.apart import seen_apart
 from mapq.features.edge import EDGE_NAMES, smaller_first
 from mapq.features.provenance import Moments, moments_of, views_of
 from mapq.features.rays import seen_through
@@ -21,7 +22,7 @@ from mapq.graph import PatchGraph
 from mapq.kernels.together import seen_together
 from mapq.patches import Patches
 
-NODE_COLUMNS = {"rays": ("seen_through",)}
+NODE_COLUMNS = {"moments": ("seen_apart",), "rays": ("seen_through",)}
 EDGE_COLUMNS = {
     "outlines": ("partly_covered", "unlike_height"),
     "moments": ("seen_together",),
@@ -64,7 +65,10 @@ def measure_context(
     if "outlines" in wanted:
         columns |= outlines(pairs)
     if "moments" in wanted:
-        columns["seen_together"] = together(pairs, moments_of(patches.cloud, shapes.number))
+        number = np.flatnonzero(patches.cloud.finite())
+        moments = moments_of(patches.cloud, number)
+        columns["seen_together"] = together(pairs, moments, number)
+        node["seen_apart"] = seen_apart(patches, shapes, number, moments, settings)
     if "rays" in wanted:
         through = seen_through(shapes, views_of(patches.cloud, shapes.number), settings)
         node["seen_through"] = through
@@ -96,15 +100,19 @@ def outlines(pairs: _Pairs) -> dict[str, Floats]:
     return {"partly_covered": pairs.over * (1.0 - covered), "unlike_height": pairs.over * (1.0 - ratio)}
 
 
-def together(pairs: _Pairs, moments: Moments | None) -> Floats:
+def together(pairs: _Pairs, moments: Moments | None, number: NDArray[np.int64]) -> Floats:
     """Return W A (2 s - 1), s how far both were seen at the same moments where they lie over one another; 0 unknown.
 
-    What one scan sees twice is twice there; copies of a wall come from different visits.
+    What one scan sees twice is twice there; copies of a wall come from different visits. The moments are those of
+    points `number` (n,) of the cloud, ascending.
     """
     out, shapes = np.zeros(len(pairs.over)), pairs.shapes
     some = np.flatnonzero(pairs.over > CONFLICT)
     if moments is not None and len(some):
-        share = seen_together(shapes.sheets, shapes.planes, shapes.points, shapes.start, pairs.ordered[some], *moments)
+        own = moments.moment[np.searchsorted(number, shapes.number)]
+        share = seen_together(
+            shapes.sheets, shapes.planes, shapes.points, shapes.start, pairs.ordered[some], own, moments.reach
+        )
         out[some] = np.where(np.isnan(share), 0.0, pairs.over[some] * (2.0 * share - 1.0))
     return out
 

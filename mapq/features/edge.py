@@ -41,7 +41,7 @@ def edge_features(shapes: PatchShapes, graph: PatchGraph, settings: FeatureSetti
         graph.middle,
         settings.radius,
         settings.tau,
-        0.0 if settings.plain_overlap else shapes.tolerance(settings),
+        shapes.tolerance(settings),
     )
     crossing = crossings(shapes.trees, shapes.planes, pairs, spacing, shapes.tolerance(settings))
     overlap, area, offset = lying.T

@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 from mapq.features.provenance import Views
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes
-from mapq.kernels.rays import Voxels, count_rays, fill_table, voxel_keys
+from mapq.features.voxels import table_of
+from mapq.kernels.rays import Voxels, count_rays
+from mapq.kernels.voxels import voxel_keys
 
 MOST_RAYS = 400_000
 """Rays that are followed; of more every so manieth."""
@@ -69,7 +71,5 @@ def _voxels(shapes: PatchShapes, views: Views) -> tuple[Voxels, NDArray[np.int64
     owner, votes = np.unique(np.column_stack([place, patch * n_passes + views.seen_by]), axis=0, return_counts=True)
     order = np.lexsort((owner[:, 1], -votes, owner[:, 0]))
     first = order[np.unique(owner[order, 0], return_index=True)[1]]
-    table = np.empty(1 << int(2 * len(key)).bit_length(), np.int64)
-    fill_table(key, table)
     found = owner[first, 1]
-    return Voxels(key, found // n_passes, found % n_passes, table, side), place
+    return Voxels(key, found // n_passes, found % n_passes, table_of(key), side), place

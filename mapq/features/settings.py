@@ -45,9 +45,6 @@ class FeatureSettings:
         Metres between points. None: for each pair that of its sparser patch.
     up : (3,) tuple or None
         Direction of the z axis of equation 7. None: as the segmentation had it, else z.
-    plain_overlap : bool
-        Count all of the shared area as overlap (equation 11 and no more), also where noise explains the offset, and
-        however far apart the planes are there.
     context : tuple of str
         Groups of `CONTEXTS` that are measured, in the safe reading; the literal one has none.
     """
@@ -62,7 +59,6 @@ class FeatureSettings:
     tolerance: float = 0.05
     spacing: float | None = None
     up: tuple[float, float, float] | None = None
-    plain_overlap: bool = False
     context: tuple[str, ...] = CONTEXTS
 
     def __post_init__(self) -> None:

@@ -33,6 +33,7 @@ UNITS = {
         "offset": "m",
         "overlap_area": "m2",
         "plausibility": "1",
+        "seen_apart": "1",
         "seen_through": "1",
         "partly_covered": "1",
         "unlike_height": "1",

@@ -81,13 +81,11 @@ def lay_over(
 
 @part
 def doubled_area(offsets: Floats, areas: Floats, n: int, reach: float, tau: float, tolerance: float) -> float:
-    """How much of n covered points' area counts as a double surface; all of it if the tolerance is 0.
+    """How much of n covered points' area counts as a double surface.
 
     Not what lies within the tolerance (half counts there), and less, exp(-x / tau), where the patch is by x farther
     away than where it is closest: there another weight would be due than that of the pair.
     """
-    if tolerance == 0.0:
-        return float(areas[:n].sum())
     closest = np.inf
     for k in range(n):
         closest = min(closest, offsets[k])

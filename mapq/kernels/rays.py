@@ -9,13 +9,11 @@ from numpy.typing import NDArray
 
 from mapq.kernels._jit import jit, part
 from mapq.kernels.frames import Planes, dot_from
+from mapq.kernels.voxels import EMPTY, find, key_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-EMPTY = -1
-MIX = 0x9E3779B97F4A7C15 - (1 << 64)
-"""Odd number near 2^64 over the golden ratio, as a signed one: spreads keys over the table (Knuth)."""
 GRAZING = 0.1
 """Cosine of the angle to a patch's normal below which a ray says nothing: it runs along the patch."""
 
@@ -28,51 +26,6 @@ class Voxels(NamedTuple):
     seen_by: Ints
     table: Ints
     side: float
-
-
-@part
-def key_of(x: int, y: int, z: int) -> int:
-    """Number of a voxel; 21 bits an axis, enough for 40 km at 2 cm."""
-    return ((x + 1048576) << 42) | ((y + 1048576) << 21) | (z + 1048576)
-
-
-@part
-def slot_of(key: int, n_slots: int) -> int:
-    """First slot of the table, whose size is a power of two, at which to look for a key."""
-    return ((key * MIX) >> 20) & (n_slots - 1)
-
-
-@jit
-def voxel_keys(points: Floats, side: float) -> Ints:
-    """Key (n,) of the voxel of each point."""
-    out = np.empty(len(points), np.int64)
-    for k in range(len(points)):
-        x, y, z = np.floor(points[k, 0] / side), np.floor(points[k, 1] / side), np.floor(points[k, 2] / side)
-        out[k] = key_of(int(x), int(y), int(z))
-    return out
-
-
-@jit
-def fill_table(key: Ints, table: Ints) -> None:
-    """Enter the places of keys (v,) into a table that is at least twice as long, a power of two."""
-    table[:] = EMPTY
-    for place in range(len(key)):
-        slot = slot_of(key[place], len(table))
-        while table[slot] != EMPTY:
-            slot = (slot + 1) & (len(table) - 1)
-        table[slot] = place
-
-
-@part
-def find(voxels: Voxels, key: int) -> int:
-    """Place of a key, or `EMPTY`."""
-    slot = slot_of(key, len(voxels.table))
-    while voxels.table[slot] != EMPTY:
-        place = voxels.table[slot]
-        if voxels.key[place] == key:
-            return place
-        slot = (slot + 1) & (len(voxels.table) - 1)
-    return EMPTY
 
 
 @part
@@ -116,7 +69,7 @@ def count_rays(
             ahead[axis] = (border - origin[r, axis]) / away if away != 0.0 else np.inf
             total += abs(end[axis] - cell[axis])
         for _ in range(total + 1):
-            place = find(voxels, key_of(cell[0], cell[1], cell[2]))
+            place = find(voxels.key, voxels.table, key_of(cell[0], cell[1], cell[2]))
             if place != EMPTY and passes_through(planes, voxels.patch[place], origin[r], hit[r], margin, q):
                 here = key_of(int(np.floor(q[0] / side)), int(np.floor(q[1] / side)), int(np.floor(q[2] / side)))
                 if here == voxels.key[place]:

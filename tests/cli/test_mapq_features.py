@@ -75,12 +75,11 @@ def test_table_for_a_person(capsys, path):
 
 
 def test_flags_reach_the_features(capsys, path):
-    args = ("--radius", "2", "--tau", "0.5", "--neighbours", "1", "--noise", "0.05", "--plain-overlap")
+    args = ("--radius", "2", "--tau", "0.5", "--neighbours", "1", "--noise", "0.05")
     more = ("--watched", "2", "--tolerance", "0.3")
     used = json.loads(run(capsys, path, "--json", *args, *more)[1])["parameters"]
     assert (used["n_watched"], used["tolerance"]) == (2, 0.3)
     assert (used["radius"], used["tau"], used["n_neighbours"], used["noise"]) == (2.0, 0.5, 1, 0.05)
-    assert used["plain_overlap"] is True
 
 
 def test_context_is_chosen_by_group(capsys, path):

@@ -89,13 +89,12 @@ class TestNothingDependsOn:
 
 class TestDegenerate:
     @pytest.mark.parametrize("reading", ["safe", "literal"])
-    @pytest.mark.parametrize("plain", [False, True])
     @pytest.mark.parametrize("name", POINTS)
     @pytest.mark.parametrize("apart", [[0, 0, 0], [0, 0.3, 0], [0, 100.0, 0]])
-    def test_all_is_finite(self, name, apart, plain, reading):
+    def test_all_is_finite(self, name, apart, reading):
         points = POINTS[name]
         patches = make_patches([points, points + apart], [Y, Y], loose=3)
-        features = patch_features(patches, FeatureSettings(reading=reading, plain_overlap=plain))
+        features = patch_features(patches, FeatureSettings(reading=reading))
         assert len(features.pairs) == (apart[1] < 3)
         for values in (features.node, features.edge, features.plausibility, features.shape):
             assert np.isfinite(values).all()
