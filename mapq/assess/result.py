@@ -168,6 +168,7 @@ class Result:
     def head(self) -> dict[str, Any]:
         """Return the JSON of a result but for its patches."""
         return {
+            "unit": "m",
             "counts": self.counts(),
             "regions": [
                 {**region.row(number, DECIMALS), **self._cause_row(region.patches)}

@@ -29,6 +29,7 @@ def test_the_result_has_both_files_and_the_contract_s_fields(capsys, tmp_path, m
     assert {"red", "green", "blue", "truth", "intensity"} <= set(cloud.fields)
     content = json.loads(Path("walls1.classified.json").read_text())
     assert content["schema"] == "mapq.result/1"
+    assert content["unit"] == "m"
     assert content["counts"]["n_suspicious"] == 16
     for row in content["patches"]:
         points = patch == row["patch"]
