@@ -84,6 +84,5 @@ def _parameters(settings: FeatureSettings, up: list[float]) -> dict[str, Any]:
         "tolerance": max(settings.tolerance, TOLERANCE_IN_NOISE * max(noise, settings.eps)),
         "spacing": settings.spacing,
         "up": up,
-        "plain_overlap": settings.plain_overlap,
         "context": list(settings.context),
     }
