@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mapq.assess import Result
 from mapq.assess.reasons import Reason, Reasons, pair_words
@@ -51,7 +52,7 @@ class Surroundings:
             "patch": patch,
             "scene": scene,
             "content": packed(content),
-            "neighbours": [self._neighbour_row(patch, other) for other in neighbours],
+            "neighbours": self._neighbour_rows(patch, neighbours),
             "measures": self._measures(patch),
             "normal": self._patches.normal[patch],
             "centre": world,
@@ -65,14 +66,18 @@ class Surroundings:
             return [int(other) for other in np.argsort(far, kind="stable")[1 : MOST_NEIGHBOURS + 1] if other != patch]
         named = [reason.other for reason in self._largest_reasons(patch)]
         found = [other for other in dict.fromkeys(named) if other is not None]
+        separation = self._result.features.edge_names.index("separation")
+        pairs = self._pairs_of(patch)
+        found += sorted(set(pairs) - set(found), key=lambda other: (pairs[other][separation], other))
+        return found[:MOST_NEIGHBOURS]
+
+    def _pairs_of(self, patch: int) -> dict[int, NDArray[np.float64]]:
+        """Return the edge features of the pairs of a patch, by the other one; none without a model."""
+        if self._result is None:
+            return {}
         features = self._result.features
         rows = np.flatnonzero((features.pairs == patch).any(axis=1))
-        gap = features.edge[rows, features.edge_names.index("separation")]
-        for row in rows[np.argsort(gap, kind="stable")]:
-            other = int(features.pairs[row].sum() - patch)
-            if other not in found:
-                found.append(other)
-        return found[:MOST_NEIGHBOURS]
+        return {int(features.pairs[row].sum()) - patch: features.edge[row] for row in rows}
 
     def _largest_reasons(self, patch: int) -> list[Reason]:
         """Return what speaks for suspicious, then what speaks for plausible."""
@@ -113,14 +118,13 @@ class Surroundings:
             "reasons": [[each.text, round(each.log_odds, 2), each.other] for each in self._largest_reasons(patch)],
         }
 
-    def _neighbour_row(self, patch: int, other: int) -> dict[str, Any]:
-        """Return a neighbour with how it lies to the patch."""
-        row: dict[str, Any] = {"patch": other, "text": "", "p": None}
+    def _neighbour_rows(self, patch: int, neighbours: list[int]) -> list[dict[str, Any]]:
+        """Return the neighbours with how they lie to the patch, as far as that is known."""
         if self._result is None:
-            return row
-        features = self._result.features
-        place = np.flatnonzero((features.pairs == sorted((patch, other))).all(axis=1))
-        if len(place):
-            values = dict(zip(features.edge_names, features.edge[place[0]].tolist(), strict=True))
-            row["text"] = pair_words(values, other)
-        return {**row, "p": float(self._result.labelling.probability[other])}
+            return [{"patch": other, "text": "", "p": None} for other in neighbours]
+        pairs, names = self._pairs_of(patch), self._result.features.edge_names
+        rows = []
+        for other in neighbours:
+            words = pair_words(dict(zip(names, pairs[other].tolist(), strict=True)), other) if other in pairs else ""
+            rows.append({"patch": other, "text": words, "p": float(self._result.labelling.probability[other])})
+        return rows

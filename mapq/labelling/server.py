@@ -108,6 +108,12 @@ class _Handler(BaseHTTPRequestHandler):
         except PrfError as error:
             status, kind = HTTPStatus.INTERNAL_SERVER_ERROR, "application/json"
             body = json.dumps({"error": str(error)}).encode()
+        except OSError:  # the browser hung up
+            raise
+        except Exception as error:
+            logger.warning("internal error: %s: %s", type(error).__name__, error, exc_info=True)
+            status, kind = HTTPStatus.INTERNAL_SERVER_ERROR, "application/json"
+            body = json.dumps({"error": "internal error; see where mapq was started"}).encode()
         self._send(status, kind, body)
 
     do_GET = do_POST = do_HEAD = do_PUT = do_PATCH = do_DELETE = do_OPTIONS = handle_any  # noqa: N815 - their names

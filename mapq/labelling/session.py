@@ -132,5 +132,15 @@ def _shown(url: str, browser: bool) -> Iterator[None]:
         file = os.path.join(folder, "label.html")
         with open(file, "w", encoding="utf-8", opener=lambda name, flags: os.open(name, flags, 0o600)) as stream:
             stream.write(f'<!DOCTYPE html><meta http-equiv="refresh" content="0; url={escape(url, quote=True)}">')
-        webbrowser.open(f"file://{file}")
+        _open(f"file://{file}")
         yield
+
+
+def _open(url: str) -> None:
+    """Open a page in a browser with windows; one in the terminal would take it over, and shows no map."""
+    try:
+        browser = webbrowser.get()
+    except webbrowser.Error:
+        return
+    if type(browser) is not webbrowser.GenericBrowser:
+        browser.open(url)

@@ -14,6 +14,11 @@ from mapq.report.thin import evenly
 MOST_OUTLINES = 20_000
 """Patches with an outline: suspicious ones first, then the largest; points stand for the rest."""
 
+OUTLYING = 0.02
+"""Share of the points on each side that may lie outside the box: through windows sensors see far away."""
+MOST_BOXED = 200_000
+"""Points that say where that is."""
+
 FINEST = 1e-3
 """Metres: coordinates are whole numbers of it, or of more where a map is too large for that."""
 STEPS = 2**30
@@ -35,7 +40,7 @@ class Scene(NamedTuple):
     corner_start : (m + 1,) int64
         Where those of each patch begin; one without outline has none.
     low, high : (3,) float64
-        Box of the points in patches, of all that are finite if there are none.
+        Box of what is worth seeing: all points in patches, and the others but for a few far out.
     n_points : int
         So many points are finite.
     """
@@ -89,17 +94,27 @@ def build_scene(
     without = loose[evenly(xyz[loose], patch[loose], n_loose)] if n_loose else loose[:0]
     start = np.concatenate([[0], np.cumsum(np.bincount(patch[shown], minlength=n_patches)), [0]]).astype(np.int64)
     start[-1] = len(shown) + len(without)
-    boxed = order if len(order) else finite
-    box = xyz[boxed] if len(boxed) else np.zeros((1, 3))
+    low, high = _box(xyz[order], xyz[finite])
     return Scene(
         xyz[np.concatenate([shown, without])],
         start,
         corners,
         corner_start,
-        box.min(axis=0),
-        box.max(axis=0),
+        low,
+        high,
         len(finite),
     )
+
+
+def _box(inside: Floats, all_points: Floats) -> tuple[Floats, Floats]:
+    """Return the corners of a box around the points in patches, and all points but for `OUTLYING` on each side."""
+    if len(all_points) == 0:
+        return np.zeros(3), np.zeros(3)
+    some = all_points[:: max(1, len(all_points) // MOST_BOXED)]
+    low, high = np.quantile(some, (OUTLYING, 1.0 - OUTLYING), axis=0)
+    if len(inside) == 0:
+        return low, high
+    return np.minimum(low, inside.min(axis=0)), np.maximum(high, inside.max(axis=0))
 
 
 def _chosen_outlines(

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
+from mapq.patches import NO_PATCH
 from mapq.report.markup import escape, table
 from mapq.report.source import Told
 
@@ -64,14 +65,12 @@ def _facts(told: Told, counts: Mapping[str, Any], verdict: Mapping[str, Any]) ->
 
 
 def _rows(told: Told, counts: Mapping[str, Any], verdict: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    n_regions = len(regions_of(told))
+    n_regions, n_inside = len(regions_of(told)), int((told.patch != NO_PATCH).sum())
+    where = f", in {n_regions} region{'' if n_regions == 1 else 's'}" if n_regions else ""
     yield "area", f"{number(counts.get('area_suspicious_m2'))} of {number(counts.get('area_m2'))} m² suspicious"
-    yield (
-        "patches",
-        f"{number(counts.get('n_suspicious'), 0)} of {number(len(told.rows), 0)} suspicious, in {n_regions} regions",
-    )
-    points = f"{number(len(told.cloud), 0)}, {number(counts.get('n_points_in_patches'), 0)} of them in patches"
-    yield "points", points
+    yield "patches", f"{number(counts.get('n_suspicious'), 0)} of {number(len(told.rows), 0)} suspicious{where}"
+    share = n_inside / max(len(told.cloud), 1)
+    yield "points", f"{len(told.cloud):,}, {percent(share)} of them in patches; nothing is said of the others"
     yield (
         "expected",
         f"{percent(counts.get('expected_share_of_area'))} of the surface is wrong, if the probabilities are right",

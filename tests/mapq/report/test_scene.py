@@ -83,3 +83,13 @@ def test_a_map_without_patches_and_one_without_points():
     assert (scene.start.tolist(), len(scene.corners)) == ([0, 4], 0)
     empty = build_scene(none, np.zeros(0, np.int32), none, np.zeros(0, np.uint8), 100)
     assert unpack(*empty.pack())[1].tolist() == [0, 0]
+
+
+def test_the_box_holds_every_patch_and_leaves_out_what_lies_far_off():
+    rng = np.random.default_rng(0)
+    xyz = np.concatenate([rng.uniform(20, 30, (100, 3)), rng.uniform(0, 10, (4_000, 3)), [[900.0, -900.0, 50.0]]])
+    patch = np.where(np.arange(len(xyz)) < 100, 0, -1).astype(np.int32)
+    scene = build_scene(xyz, patch, np.array([[0.0, 0.0, 1.0]]), np.zeros(1, np.uint8), 1_000)
+    assert (scene.high >= xyz[:100].max(axis=0)).all()
+    assert (scene.low < 0.5).all()
+    assert (np.abs(np.concatenate([scene.low, scene.high])) <= 30.0).all()
