@@ -47,7 +47,7 @@ class Surroundings:
         """Return a patch for the page: its scene, its neighbours in the scene's order, its measures and reasons."""
         neighbours = self.neighbours(patch)
         scene, content = self._scene([patch, *neighbours]).pack()
-        world = self._patches.cloud.world_of(self._patches.centroid[patch]).tolist()
+        world = self._patches.cloud.metric_of(self._patches.centroid[patch]).tolist()
         return {
             "patch": patch,
             "scene": scene,

@@ -111,7 +111,7 @@
     const rows = [
       ["points", figure(of("n_points"), 0)], ["area", figure(of("area_m2"), 2, " m²")], ["width × height", `${figure(of("width_m"), 2)} × ${figure(of("height_m"), 2)} m`],
       ["off its plane (rms)", figure(of("rms_m"), 3, " m")], ["thickness", figure(of("thickness_m"), 3, " m")], ["tilt from vertical", figure(of("tilt_deg"), 1, "°")],
-      ["centre, world", shown.centre.map((x) => x.toFixed(2)).join(", ")],
+      ["centre, world", shown.centre.map((x) => x.toFixed(2)).join(", ") + " m"],
     ];
     const opinion = shown.p === null ? [] : [
       element("h4", "What the model says", { class: "model" }),
