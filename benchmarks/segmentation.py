@@ -3,7 +3,8 @@
     python -m benchmarks.segmentation [N_POINTS]
 
 Times are CPU seconds of a whole `segment()` with its kernels compiled, and of building and querying one
-scipy.spatial.cKDTree (17 neighbours, one worker) of the same points in the same order of cells, by turns in one run.
+scipy.spatial.cKDTree (17 neighbours, one worker) of the same points in the same order of cells, by turns in one run;
+and, where the extra `bench` is installed, of Open3D's normals (16 neighbours) and `detect_planar_patches`.
 Memory is the peak of a process of its own, less what imports and kernels take.
 """
 
@@ -22,7 +23,7 @@ from scipy.spatial import cKDTree
 
 from benchmarks.city import City, make_city
 from mapq.cloud import PointCloud
-from mapq.segment import SegmentSettings, score_segmentation, segment
+from mapq.segment import STAGES, SegmentSettings, score_segmentation, segment
 from mapq.segment.points import sort_points
 
 ALL_PLANES = SegmentSettings(max_tilt=90.0)
@@ -59,6 +60,49 @@ def show_speed(city: City) -> None:
     print(f"ratio to cKDTree     {statistics.median(ratios):.2f} (from {min(ratios):.2f} to {max(ratios):.2f})")
 
 
+def show_open3d(city: City) -> None:
+    """Print the time of Open3D's planes of the same points beside ours, by turns."""
+    try:
+        import open3d
+    except ImportError:
+        print("Open3D               not installed: pip install prf-mapq[bench]")
+        return
+    cloud, points = PointCloud.from_world(city.xyz), open3d.utility.Vector3dVector(city.xyz)
+    near = open3d.geometry.KDTreeSearchParamKNN(16)
+
+    def detect() -> int:
+        theirs = open3d.geometry.PointCloud(points)
+        theirs.estimate_normals(near)
+        return len(theirs.detect_planar_patches(search_param=near))
+
+    ratios = [cpu(detect) / cpu(lambda: segment(cloud, ALL_PLANES)) for _ in range(REPEATS)]
+    print(f"Open3D by ours       {statistics.median(ratios):.2f} (from {min(ratios):.2f} to {max(ratios):.2f})")
+    print(f"planes of Open3D     {detect()}")
+
+
+def show_stages(city: City) -> None:
+    """Print the share of the CPU time that each stage of one segmentation takes."""
+    clock = StageClock()
+    segment(PointCloud.from_world(city.xyz), ALL_PLANES, clock)
+    clock.update(len(STAGES), stage="")
+    total = sum(clock.seconds.values())
+    print("stages               " + ", ".join(f"{name} {spent / total:.0%}" for name, spent in clock.seconds.items()))
+
+
+class StageClock:
+    """A reporter of progress that measures the CPU seconds between the stages it is told of."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._stage, self._start = "", 0.0
+
+    def update(self, completed: float, **fields: object) -> None:
+        now = time.process_time()
+        if self._stage:
+            self.seconds[self._stage] = now - self._start
+        self._stage, self._start = str(fields["stage"]), now
+
+
 def peak() -> int:
     """Return the largest resident memory of this process in bytes.
 
@@ -93,5 +137,7 @@ if __name__ == "__main__":
         made = make_city(int(sys.argv[1]) if len(sys.argv) > 1 else 1_000_000)
         show_quality(made)
         show_speed(made)
+        show_stages(made)
+        show_open3d(made)
         with tempfile.TemporaryDirectory() as folder:
             show_memory(made, folder)

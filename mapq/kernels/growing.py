@@ -19,7 +19,6 @@ def grow_one(
     xyz: NDArray[np.float64],
     neighbours: NDArray[np.int32],
     normal: NDArray[np.float32],
-    usable: NDArray[np.bool_],
     seed: int,
     number: int,
     cos_angle: float,
@@ -44,12 +43,13 @@ def grow_one(
         for j in neighbours[i]:
             if j < 0:
                 break
-            if region[j] != FREE or not usable[j]:
+            if region[j] != FREE:
+                continue
+            # Normals first: most of those that are turned away are known by them, from half as much memory.
+            if not abs(plane[0] * normal[j, 0] + plane[1] * normal[j, 1] + plane[2] * normal[j, 2]) >= cos_angle:
                 continue
             x, y, z = xyz[j, 0] - x0, xyz[j, 1] - y0, xyz[j, 2] - z0
             if abs(plane[0] * x + plane[1] * y + plane[2] * z - plane[3]) > max_distance:
-                continue
-            if abs(plane[0] * normal[j, 0] + plane[1] * normal[j, 1] + plane[2] * normal[j, 2]) < cos_angle:
                 continue
             region[j] = number
             queue[n_members] = j
@@ -66,7 +66,6 @@ def grow_regions(
     xyz: NDArray[np.float64],
     neighbours: NDArray[np.int32],
     normal: NDArray[np.float32],
-    usable: NDArray[np.bool_],
     seeds: NDArray[np.int64],
     cos_angle: float,
     max_distance: float,
@@ -76,20 +75,19 @@ def grow_regions(
     """Number the points of each region, seed after seed; return how many regions there are.
 
     A point joins if it is a neighbour of a member, its distance to the region's plane is at most `max_distance` and
-    its normal is within the angle of the plane's. Points that are not `usable` have no normal to trust: they neither
-    join nor lead on. What stays below `min_size` is free again.
+    its normal is within the angle of the plane's. Points with a normal of nan neither join nor lead on, and are no
+    seeds. What stays below `min_size` is free again.
     """
     queue = np.empty(len(xyz), np.int32)
     sums, plane, spread = np.empty(MOMENTS), np.empty(4), np.empty(3)
     n_regions = 0
     for seed in seeds:
-        if region[seed] != FREE or not usable[seed]:
+        if region[seed] != FREE:
             continue
         n_members = grow_one(
             xyz,
             neighbours,
             normal,
-            usable,
             seed,
             n_regions,
             cos_angle,

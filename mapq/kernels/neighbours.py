@@ -11,12 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.kernels._jit import jit, part
+from mapq.kernels.blocks import count_block, divide, gather_block, order_block, split
 from mapq.kernels.cells import LEVELS, gather_bits
+from mapq.kernels.nearest import insert, scan
 
 LEAF = 20
 """A cell with more points is divided. At k = 16 the time differs by a tenth from 16 to 26."""
 OPEN = -2
 """First neighbour of a point that has not been searched for."""
+GUESS = 1.25
+"""Times the squared radius of the point before: a circle that holds enough points in nine cases of ten."""
 CROWD = 1500
 """From so many candidates on, walking the tree costs less than looking at all of them."""
 BRINK = 1.0 + 1e-9
@@ -26,140 +30,21 @@ BRIM = 1.0 - 1e-9
 
 
 @part
-def insert(best: NDArray[np.float64], index: NDArray[np.int64], n_best: int, d2: float, j: int) -> int:
-    """Put point `j` into a list sorted by distance and then number; return its length, at most the list's size."""
-    size = len(best)
-    if n_best == size:
-        if d2 > best[size - 1] or (d2 == best[size - 1] and j > index[size - 1]):
-            return size
-        n_best = size - 1
-    at = n_best
-    while at > 0 and d2 < best[at - 1]:
-        best[at] = best[at - 1]
-        index[at] = index[at - 1]
-        at -= 1
-    while at > 0 and d2 == best[at - 1] and j < index[at - 1]:
-        best[at] = best[at - 1]
-        index[at] = index[at - 1]
-        at -= 1
-    best[at] = d2
-    index[at] = j
-    return n_best + 1
-
-
-@part
-def split(code: NDArray[np.uint64], low: int, high: int, level: int, start: NDArray[np.int64]) -> None:
-    """Write where the eight cells of `level` begin among the points low to high - 1 of their parent."""
-    shift = np.uint64(3 * (LEVELS - level))
-    begin = low
-    start[0] = low
-    for octant in range(1, 8):
-        end = high
-        while begin < end:
-            middle = (begin + end) >> 1
-            if np.int64((code[middle] >> shift) & np.uint64(7)) < octant:
-                begin = middle + 1
-            else:
-                end = middle
-        start[octant] = begin
-    start[8] = high
-
-
-@part
-def divide(
-    code: NDArray[np.uint64], blocks: NDArray[np.int64], depth: int, px: int, py: int, pz: int, start: NDArray[np.int64]
-) -> None:
-    """Write the 4 x 4 x 4 cells round a cell's eight children from the 3 x 3 x 3 cells round the cell itself."""
-    for x in range(3):
-        for y in range(3):
-            for z in range(3):
-                sx, sy, sz = px + x - 1, py + y - 1, pz + z - 1
-                split(code, blocks[depth, sx, sy, sz, 0], blocks[depth, sx, sy, sz, 1], depth + 2, start)
-                for octant in range(8):
-                    gx, gy, gz = 2 * x + (octant >> 2) - 1, 2 * y + ((octant >> 1) & 1) - 1, 2 * z + (octant & 1) - 1
-                    if min(gx, gy, gz) >= 0 and max(gx, gy, gz) <= 3:
-                        blocks[depth + 1, gx, gy, gz, 0] = start[octant]
-                        blocks[depth + 1, gx, gy, gz, 1] = start[octant + 1]
-
-
-@part
-def count_block(blocks: NDArray[np.int64], depth: int, px: int, py: int, pz: int) -> int:
-    """Return how many points lie in the 27 cells round a cell."""
-    total = 0
-    for x in range(px - 1, px + 2):
-        for y in range(py - 1, py + 2):
-            for z in range(pz - 1, pz + 2):
-                total += blocks[depth, x, y, z, 1] - blocks[depth, x, y, z, 0]
-    return total
-
-
-@part
-def gather_block(
-    xyz: NDArray[np.float64],
-    blocks: NDArray[np.int64],
-    depth: int,
-    px: int,
-    py: int,
-    pz: int,
-    near: NDArray[np.float64],
-    number: NDArray[np.int64],
-) -> int:
-    """Copy the points of the 27 cells round a cell side by side; return how many."""
-    total = 0
-    for x in range(px - 1, px + 2):
-        for y in range(py - 1, py + 2):
-            for z in range(pz - 1, pz + 2):
-                for j in range(blocks[depth, x, y, z, 0], blocks[depth, x, y, z, 1]):
-                    near[0, total] = xyz[j, 0]
-                    near[1, total] = xyz[j, 1]
-                    near[2, total] = xyz[j, 2]
-                    number[0, total] = j
-                    total += 1
-    return total
-
-
-@part
-def scan(
-    xyz: NDArray[np.float64],
-    i: int,
-    bound: float,
-    near: NDArray[np.float64],
-    number: NDArray[np.int64],
-    total: int,
-    best: NDArray[np.float64],
-    index: NDArray[np.int64],
-) -> int:
-    """List the nearest of the candidates to point i, none beyond the squared distance `bound`; return how many.
-
-    Candidates within the bound are first moved together without a branch, to the last rows of `near` and `number`,
-    which halves the time.
-    """
-    x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-    n_near = 0
-    for c in range(total):
-        dx, dy, dz = near[0, c] - x, near[1, c] - y, near[2, c] - z
-        d2 = dx * dx + dy * dy + dz * dz
-        near[3, n_near] = d2
-        number[1, n_near] = number[0, c]
-        n_near += d2 <= bound
-    n_best = 0
-    worst = np.inf
-    for c in range(n_near):
-        if near[3, c] <= worst and number[1, c] != i:
-            n_best = insert(best, index, n_best, near[3, c], number[1, c])
-            if n_best == len(best):
-                worst = best[n_best - 1]
-    return n_best
-
-
-@part
-def margin(xyz: NDArray[np.float64], i: int, code: NDArray[np.uint64], level: int, frame: NDArray[np.float64]) -> float:
-    """Return the distance from point i to the border of the 27 cells round its cell of `level`."""
+def cell_corner(code: np.uint64, level: int, frame: NDArray[np.float64], corner: NDArray[np.float64]) -> float:
+    """Write the lowest corner (3,) of the cell of `level` that holds a number; return its width."""
     width = frame[3] / (1 << level)
+    for axis in range(3):
+        index = gather_bits(code >> np.uint64(2 - axis)) >> (LEVELS - level)
+        corner[axis] = frame[axis] + index * width
+    return width
+
+
+@part
+def margin(xyz: NDArray[np.float64], i: int, corner: NDArray[np.float64], width: float) -> float:
+    """Return the distance from point i to the border of the 27 cells round its cell."""
     nearest = np.inf
     for axis in range(3):
-        index = gather_bits(code[i] >> np.uint64(2 - axis)) >> (LEVELS - level)
-        inside = xyz[i, axis] - (frame[axis] + index * width)
+        inside = xyz[i, axis] - corner[axis]
         nearest = min(nearest, inside + width, 2.0 * width - inside)
     return nearest * BRIM
 
@@ -232,11 +117,12 @@ def write_row(
     neighbours: NDArray[np.int32],
 ) -> None:
     """Write one point's list up to the squared distance `max_d2`."""
+    k = neighbours.shape[1]
     n_kept = 0
     while n_kept < n_best and best[n_kept] <= max_d2:
         neighbours[r, n_kept] = index[n_kept]
         n_kept += 1
-    for c in range(n_kept, neighbours.shape[1]):
+    for c in range(n_kept, k):
         neighbours[r, c] = -1
 
 
@@ -256,10 +142,16 @@ def search_leaf(
     blocks: NDArray[np.int64],
     octants: NDArray[np.int64],
     depth: int,
+    runs: NDArray[np.int64],
     near: NDArray[np.float64],
     number: NDArray[np.int64],
-    best: NDArray[np.float64],
-    index: NDArray[np.int64],
+    squared: NDArray[np.float64],
+    close: NDArray[np.float64],
+    listed: NDArray[np.int64],
+    ranks: NDArray[np.int64],
+    ordered: NDArray[np.float64],
+    who: NDArray[np.int64],
+    corner: NDArray[np.float64],
     last: NDArray[np.float64],
     max_gap: float,
     neighbours: NDArray[np.int32],
@@ -270,6 +162,7 @@ def search_leaf(
     `last` has that point and its radius.
     """
     k = neighbours.shape[1]
+    best, index = ordered[1 : k + 1], who[1 : k + 1]
     octant = octants[depth] - 1
     px, py, pz = 1 + (octant >> 2), 1 + ((octant >> 1) & 1), 1 + (octant & 1)
     low, high = blocks[depth, px, py, pz, 0], blocks[depth, px, py, pz, 1]
@@ -280,18 +173,37 @@ def search_leaf(
         px, py, pz = 1 + (octant >> 2), 1 + ((octant >> 1) & 1), 1 + (octant & 1)
         if n_open == 0 or count_block(blocks, at, px, py, pz) > CROWD:
             break
-        total = gather_block(xyz, blocks, at, px, py, pz, near, number)
+        n_runs = order_block(blocks, at, px, py, pz, runs)
+        total, place = gather_block(xyz, runs, n_runs, low, near, number)
+        width = cell_corner(code[low], at + 1, frame, corner)
         for i in range(low, high):
             r = before[i]
             if before[i + 1] == r or neighbours[r, 0] != OPEN:
                 continue
             dx, dy, dz = xyz[i, 0] - last[0], xyz[i, 1] - last[1], xyz[i, 2] - last[2]
             bound = min(last[3] + np.sqrt(dx * dx + dy * dy + dz * dz), max_gap)
-            n_best = scan(xyz, i, bound * bound * BRINK, near, number, total, best, index)
+            guess = GUESS * last[3] * last[3]
+            n_best = scan(
+                xyz,
+                i,
+                guess,
+                bound * bound * BRINK,
+                near,
+                number,
+                total,
+                place + i - low,
+                squared,
+                close,
+                listed,
+                ranks,
+                ordered,
+                who,
+                k,
+            )
             if n_best == k:
                 last[0], last[1], last[2] = xyz[i, 0], xyz[i, 1], xyz[i, 2]
                 last[3] = np.sqrt(best[k - 1])
-            border = margin(xyz, i, code, at + 1, frame)
+            border = margin(xyz, i, corner, width)
             if border >= max_gap or (n_best == k and best[k - 1] <= border * border):
                 write_row(r, n_best, best, index, max_gap * max_gap, neighbours)
                 n_open -= 1
@@ -313,12 +225,19 @@ def find_neighbours(
     equal distance come in the order of their numbers; -1 fills up. `code` is sorted; `frame` is the corner of the root
     and its side.
     """
-    best, index = np.empty(neighbours.shape[1]), np.empty(neighbours.shape[1], np.int64)
+    runs, near = np.empty((27, 2), np.int64), np.empty((3, CROWD))
+    number, listed, ranks, who = (
+        np.empty(CROWD, np.int64),
+        np.empty(CROWD, np.int64),
+        np.empty(CROWD, np.int64),
+        np.empty(CROWD, np.int64),
+    )
+    squared, close, ordered, corner = np.empty(CROWD), np.empty(CROWD), np.empty(CROWD), np.empty(3)
+    best, index = ordered[1 : neighbours.shape[1] + 1], who[1 : neighbours.shape[1] + 1]
     blocks = np.zeros((LEVELS, 4, 4, 4, 2), np.int64)
     octants = np.zeros(LEVELS, np.int64)
     start = np.empty(9, np.int64)
     stack = np.empty((8 * LEVELS, 3), np.int64)
-    near, number = np.empty((4, CROWD)), np.empty((2, CROWD), np.int64)
     last = np.zeros(4)
     last[3] = np.inf
     for r in range(len(neighbours)):
@@ -343,7 +262,26 @@ def find_neighbours(
             depth += 1
             octants[depth] = 0
         elif search_leaf(
-            xyz, code, frame, before, blocks, octants, depth, near, number, best, index, last, max_gap, neighbours
+            xyz,
+            code,
+            frame,
+            before,
+            blocks,
+            octants,
+            depth,
+            runs,
+            near,
+            number,
+            squared,
+            close,
+            listed,
+            ranks,
+            ordered,
+            who,
+            corner,
+            last,
+            max_gap,
+            neighbours,
         ):
             for i in range(low, high):
                 if before[i + 1] > before[i] and neighbours[before[i], 0] == OPEN:

@@ -99,8 +99,10 @@ def change_sides(
     for i in range(len(xyz)):
         own = region[i]
         best, nearest = FREE, np.inf
-        if own != FREE and off_plane(xyz, i, planes[own]) <= max_distance:
-            best, nearest = own, off_plane(xyz, i, planes[own])
+        if own != FREE:
+            distance = off_plane(xyz, i, planes[own])
+            if distance <= max_distance:
+                best, nearest = own, distance
         last = own
         for j in neighbours[i]:
             if j < 0:
@@ -143,11 +145,31 @@ def count_support(
     for i in range(len(region)):
         r = region[i]
         if r != FREE:
+            n_own, n_free = 0, 0
             for j in neighbours[i]:
                 if j < 0:
                     break
-                own[r] += region[j] == r
-                free[r] += region[j] == FREE
+                n_own += region[j] == r
+                n_free += region[j] == FREE
+            own[r] += n_own
+            free[r] += n_free
+
+
+@jit
+def list_members(region: NDArray[np.int32], start: NDArray[np.int64], members: NDArray[np.int32]) -> None:
+    """List the points of each region in order: those of region r stand from ``start[r]`` to ``start[r + 1]``."""
+    start[:] = 0
+    for r in region:
+        if r != FREE:
+            start[r + 1] += 1
+    for r in range(len(start) - 1):
+        start[r + 1] += start[r]
+    place = start[:-1].copy()
+    for i in range(len(region)):
+        r = region[i]
+        if r != FREE:
+            members[place[r]] = i
+            place[r] += 1
 
 
 @jit
@@ -159,7 +181,7 @@ def walk_regions(
     cos_angle: float,
     max_distance: float,
     region: NDArray[np.int32],
-    members: NDArray[np.int64],
+    members: NDArray[np.int32],
     start: NDArray[np.int64],
     piece: NDArray[np.int32],
     pairs: NDArray[np.int32],

@@ -41,13 +41,25 @@ def keep(plane: NDArray[np.float64], best: NDArray[np.float64]) -> None:
 
 
 @part
-def widen(i: int, neighbours: NDArray[np.int32], size: int, wide: NDArray[np.int32], n_inner: int) -> int:
-    """List the neighbours of point i and then theirs, each once, the farthest neighbours' first; return how many."""
+def widen(
+    i: int,
+    neighbours: NDArray[np.int32],
+    size: int,
+    stamp: NDArray[np.int32],
+    wide: NDArray[np.int32],
+    n_inner: int,
+) -> int:
+    """List the neighbours of point i and then theirs, each once, the farthest neighbours' first; return how many.
+
+    ``stamp[j]`` is i for what is listed: no search whether a point is.
+    """
     n_wide = 0
+    stamp[i] = i
     for j in neighbours[i]:
         if j < 0:
             break
         wide[n_wide] = j
+        stamp[j] = i
         n_wide += 1
     n_own = n_wide
     for c in range(n_own - 1, -1, -1):
@@ -57,10 +69,8 @@ def widen(i: int, neighbours: NDArray[np.int32], size: int, wide: NDArray[np.int
                 return n_wide
             if j < 0:
                 break
-            known = j == i
-            for other in range(n_wide):
-                known |= wide[other] == j
-            if not known:
+            if stamp[j] != i:
+                stamp[j] = i
                 wide[n_wide] = j
                 n_wide += 1
     for c in range(n_wide, size):
@@ -69,21 +79,41 @@ def widen(i: int, neighbours: NDArray[np.int32], size: int, wide: NDArray[np.int
 
 
 @part
-def candidate(local: NDArray[np.float64], n_local: int, turn: int, plane: NDArray[np.float64]) -> bool:
-    """Write plane number `turn` through the point and two neighbours; False where they lie nearly on a line."""
-    n_others = n_local - 1
-    a = turn % n_others
-    b = (a + n_others // 3 + (turn // n_others) * (1 + n_others // 5)) % n_others
-    ux, uy, uz = local[0, 1 + a], local[1, 1 + a], local[2, 1 + a]
-    vx, vy, vz = local[0, 1 + b], local[1, 1 + b], local[2, 1 + b]
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    squared = nx * nx + ny * ny + nz * nz
-    lengths = (ux * ux + uy * uy + uz * uz) * (vx * vx + vy * vy + vz * vz)
-    if squared <= NARROW * lengths:
-        return False
-    length = np.sqrt(squared)
-    plane[0], plane[1], plane[2], plane[3] = nx / length, ny / length, nz / length, 0.0
-    return True
+def list_pairs(size: int, turns: int) -> NDArray[np.int64]:
+    """Which two of n neighbours, for n up to `size`, make each candidate: pairs (size + 1, 2, turns)."""
+    pairs = np.zeros((size + 1, 2, turns), np.int64)
+    for n in range(1, size + 1):
+        for turn in range(turns):
+            pairs[n, 0, turn] = turn % n
+            pairs[n, 1, turn] = (turn % n + n // 3 + (turn // n) * (1 + n // 5)) % n
+    return pairs
+
+
+@part
+def list_candidates(
+    local: NDArray[np.float64], pairs: NDArray[np.int64], turns: int, planes: NDArray[np.float64]
+) -> None:
+    """Write the planes (4, turns) through the point and two neighbours: normals as long as they come, and that squared.
+
+    0 for the square where the three lie nearly on a line.
+    """
+    for turn in range(turns):
+        a, b = np.uint64(1 + pairs[0, turn]), np.uint64(1 + pairs[1, turn])
+        ux, uy, uz = local[0, a], local[1, a], local[2, a]
+        vx, vy, vz = local[0, b], local[1, b], local[2, b]
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        squared = nx * nx + ny * ny + nz * nz
+        lengths = (ux * ux + uy * uy + uz * uz) * (vx * vx + vy * vy + vz * vz)
+        planes[0, turn], planes[1, turn], planes[2, turn] = nx, ny, nz
+        planes[3, turn] = squared if squared > NARROW * lengths else 0.0
+
+
+@part
+def take(planes: NDArray[np.float64], turn: int, plane: NDArray[np.float64]) -> None:
+    """Copy a candidate that is one, its normal made a unit vector."""
+    length = np.sqrt(planes[3, turn])
+    plane[0], plane[1], plane[2] = planes[0, turn] / length, planes[1, turn] / length, planes[2, turn] / length
+    plane[3] = 0.0
 
 
 @part
@@ -95,13 +125,14 @@ def residuals(local: NDArray[np.float64], n_local: int, plane: NDArray[np.float6
 
 
 @part
-def count_near(local: NDArray[np.float64], n_local: int, plane: NDArray[np.float64], band: float) -> int:
-    """Return how many points lie within `band` of a plane through the point, those within half of it counted twice.
+def count_near(local: NDArray[np.float64], n_local: int, nx: float, ny: float, nz: float, near: float) -> int:
+    """Return how many points lie near a plane through the point, those within half that distance counted twice.
+
+    `near` is the square of the distance, times that of the normal's length.
 
     Whole numbers, because their sums need no order: the loop becomes vector instructions.
     """
-    nx, ny, nz = plane[0], plane[1], plane[2]
-    near, half = band * band, 0.25 * band * band
+    half = 0.25 * near
     score = 0
     for c in range(n_local):
         r = nx * local[0, c] + ny * local[1, c] + nz * local[2, c]
@@ -127,6 +158,15 @@ def fit_within(
     if sums[0] >= 3.0:
         fit_plane(sums, plane, spread)
     return int(sums[0])
+
+
+@part
+def count_below(values: NDArray[np.float64], n: int, limit: float) -> int:
+    """Return how many of the first n values are below a limit: tells most bad planes without sorting."""
+    count = 0
+    for c in range(n):
+        count += int(values[c] < limit)
+    return count
 
 
 @part
@@ -163,8 +203,10 @@ def trimmed_residuals(
     to another surface.
     """
     k = neighbours.shape[1]
+    pairs = list_pairs(k, turns)
     local, values, order = np.empty((3, k + 1)), np.empty(k + 1), np.empty(k + 1)
     plane, best, sums, spread = np.empty(4), np.empty(4), np.empty(MOMENTS), np.empty(3)
+    planes = np.empty((4, turns))
     for s in range(len(points)):
         n_local = local_points(xyz, points[s], neighbours[s], local)
         scale[s] = np.nan
@@ -174,12 +216,13 @@ def trimmed_residuals(
         kept, lowest = n_local // 2, np.inf
         if kept < 4:
             continue
+        list_candidates(local, pairs[n_local - 1], turns, planes)
         for turn in range(turns):
-            if candidate(local, n_local, turn, plane):
+            if planes[3, turn] > 0.0:
+                take(planes, turn, plane)
                 residuals(local, n_local, plane, values)
-                quantile = smallest(values, n_local, kept, order)
-                if quantile < lowest:
-                    lowest = quantile
+                if count_below(values, n_local, lowest) >= kept:
+                    lowest = smallest(values, n_local, kept, order)
                     keep(plane, best)
         if lowest == np.inf:
             continue
@@ -215,7 +258,7 @@ def try_clean(
             break
         if not thick[j]:
             plane[0], plane[1], plane[2], plane[3] = normal[j, 0], normal[j, 1], normal[j, 2], 0.0
-            score = count_near(local, n_local, plane, band)
+            score = count_near(local, n_local, plane[0], plane[1], plane[2], band * band)
             if score > highest:
                 highest = score
                 keep(plane, best)
@@ -228,22 +271,26 @@ def try_clean(
 def try_turns(
     local: NDArray[np.float64],
     n_local: int,
-    turns: int,
+    pairs: NDArray[np.int64],
+    planes: NDArray[np.float64],
     fewest: float,
     band: float,
-    plane: NDArray[np.float64],
     best: NDArray[np.float64],
 ) -> int:
     """Write the best of the planes through the point and two others; return its score, 0 if half of them show none."""
-    highest = 0
-    for turn in range(turns if n_local > 4 else 0):
+    highest, turns = 0, planes.shape[1]
+    if n_local <= 4:
+        return 0
+    list_candidates(local, pairs[n_local - 1], turns, planes)
+    for turn in range(turns):
         if turn == turns // 2 and highest < fewest:
             return 0
-        if candidate(local, n_local, turn, plane):
-            score = count_near(local, n_local, plane, band)
+        squared = planes[3, turn]
+        if squared > 0.0:
+            score = count_near(local, n_local, planes[0, turn], planes[1, turn], planes[2, turn], band * band * squared)
             if score > highest:
                 highest = score
-                keep(plane, best)
+                take(planes, turn, best)
     return highest
 
 
@@ -267,6 +314,7 @@ def robust_normals(
     there is none. `variance` gets the variance across the plane.
     """
     local, values, wide = np.empty((3, size + 1)), np.empty(size + 1), np.empty(size, np.int32)
+    stamp, pairs, planes = np.full(len(xyz), -1, np.int32), list_pairs(size, turns), np.empty((4, turns))
     plane, best, sums, spread = np.empty(4), np.empty(4), np.empty(MOMENTS), np.empty(3)
     for i in range(len(xyz)):
         if not thick[i]:
@@ -275,10 +323,10 @@ def robust_normals(
         fewest = max(min_share * n_local, 4.0)
         score = try_clean(local, n_local, neighbours[i], thick, normal, band, plane, best)
         if score < CLEAN_SHARE * n_local:
-            widen(i, neighbours, size, wide, neighbours.shape[1] // 2)
+            widen(i, neighbours, size, stamp, wide, neighbours.shape[1] // 2)
             n_local = local_points(xyz, i, wide, local)
             fewest = max(min_share * n_local, 4.0)
-            score = try_turns(local, n_local, turns, fewest, band, plane, best)
+            score = try_turns(local, n_local, pairs, planes, fewest, band, best)
         n_near = 0
         for _ in range(REFITS if score >= fewest else 0):
             residuals(local, n_local, best, values)

@@ -73,13 +73,13 @@ def _sorted(cloud: PointCloud, kept: NDArray[np.int64], finite: NDArray[np.bool_
     frame = np.append(low, _root_side(xyz, low, side) if side > 0.0 else 1.0)
     code = number_cells(xyz, low, float(frame[3]))
     order = _order(xyz, code)
-    xyz, code = xyz[order], code[order]
+    xyz, code = xyz.take(order, axis=0), code[order]
     new = np.ones(len(xyz), bool)
     new[1:] = code[1:] != code[:-1]
     tied = np.flatnonzero(~new)
     new[tied] = (xyz[tied] != xyz[tied - 1]).any(axis=1)
     number = np.full(len(cloud), -1, np.int32)
-    number[kept[order]] = np.cumsum(new) - 1
+    number[order if len(kept) == len(cloud) else kept[order]] = np.cumsum(new, dtype=np.int32) - 1
     if not new.all():
         xyz, code = xyz[new], code[new]
     n_finite = int(np.count_nonzero(finite))

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 from mapq.kernels.growing import grow_regions
 from mapq.kernels.merging import pair_rms, resolve, unite
 from mapq.kernels.planes import MOMENTS
-from mapq.kernels.regions import change_sides, count_support, fit_regions, join_rest, sum_regions, walk_regions
+from mapq.kernels.regions import (
+    change_sides,
+    count_support,
+    fit_regions,
+    join_rest,
+    list_members,
+    sum_regions,
+    walk_regions,
+)
 from mapq.segment.core import Core, sure_normals
 from mapq.segment.parameters import Parameters
 from mapq.segment.points import Points
@@ -56,13 +64,10 @@ def find_regions(core: Core, chosen: Parameters) -> NDArray[np.int32]:
 def grow(core: Core, chosen: Parameters) -> NDArray[np.int32]:
     """Return regions grown from the flattest points on."""
     region = np.full(len(core.xyz), -1, np.int32)
-    usable = np.isfinite(core.normal[:, 0])
-    seeds = np.flatnonzero(usable)
+    seeds = np.flatnonzero(np.isfinite(core.normal[:, 0]))
     seeds = seeds[_flattest_first(core.variance[seeds])]
     cosine = float(np.cos(np.radians(chosen.max_angle)))
-    grow_regions(
-        core.xyz, core.neighbours, core.normal, usable, seeds, cosine, chosen.max_distance, MIN_FRAGMENT, region
-    )
+    grow_regions(core.xyz, core.neighbours, core.normal, seeds, cosine, chosen.max_distance, MIN_FRAGMENT, region)
     return region
 
 
@@ -135,8 +140,8 @@ def walk(
     core: Core, chosen: Parameters, region: NDArray[np.int32], planes: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Return the connected piece (c,) of each point, and the pairs (p, 2) of regions that meet, each pair once."""
-    order = np.argsort(region, kind="stable")
-    start = np.searchsorted(region[order], np.arange(len(planes) + 1))
+    members, start = np.empty(len(region), np.int32), np.empty(len(planes) + 1, np.int64)
+    list_members(region, start, members)
     capacity = 16 * len(planes) + 1024
     while True:
         piece = np.full(len(region), -1, np.int32)
@@ -149,7 +154,7 @@ def walk(
             _loose_cosine(chosen),
             chosen.max_distance,
             region,
-            order,
+            members,
             start,
             piece,
             pairs,

@@ -55,16 +55,25 @@ def find_scale(points: Points, settings: SegmentSettings) -> Scale:
 
     Points on scan lines far apart, or denser than their noise, show planes only when they are thinned out.
     """
-    level = find_level(points, settings) if settings.resolution is None else level_of(points, settings.resolution)
-    return measure(points, level, settings, LARGE_SAMPLE)
+    if settings.resolution is not None:
+        return measure(points, level_of(points, settings.resolution), settings, LARGE_SAMPLE)
+    finest = measure(points, LEVELS + 1, settings, LARGE_SAMPLE)
+    if shows_planes(finest):
+        return finest
+    return measure(points, find_level(points, settings, finest), settings, LARGE_SAMPLE)
 
 
-def find_level(points: Points, settings: SegmentSettings) -> int:
-    """Return the level of that scale, from small samples."""
-    found = [measure(points, LEVELS + 1, settings, SAMPLE)]
+def shows_planes(scale: Scale) -> bool:
+    """Return whether a level shows planes well enough to look at no coarser one."""
+    return scale.flat_share >= ENOUGH_FLAT and scale.narrow_share <= FEW_LINES
+
+
+def find_level(points: Points, settings: SegmentSettings, finest: Scale) -> int:
+    """Return the level of that scale, by small samples of the levels coarser than the finest."""
+    found = [finest]
     per_level = np.cumsum(np.bincount(points.first_level, minlength=LEVELS + 2))
     for level in range(LEVELS, 0, -1):
-        if found[-1].flat_share >= ENOUGH_FLAT and found[-1].narrow_share <= FEW_LINES:
+        if len(found) > 1 and shows_planes(found[-1]):
             return found[-1].level
         if FEWEST <= per_level[level] < 0.8 * per_level[found[-1].level]:
             coarser = measure(points, level, settings, SAMPLE)
