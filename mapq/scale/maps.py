@@ -89,7 +89,8 @@ def classify_map(
         cutting = job.cut()
         result = job.assess(cutting, model or read_default_model())
         job.write(cutting, result, made_in(folder, output))
-        publish(folder, output, head_of(result), result.patch_rows())
+        rows = job.telling(result.patch_rows(), len(result.patches))
+        publish(folder, output, head_of(result), rows)
     return result
 
 

@@ -39,9 +39,13 @@ TILE_POINTS = 2_500_000
 """Points of a tile at most, about: a worker takes half a gigabyte for them, and as much again at most."""
 FEWEST_TILE_POINTS = 10_000
 
+TOLD = 500
+"""Patches of the JSON after which progress is told again."""
 CUTTING = ("counting", "sorting", "segmenting", "joining")
 """Stages after which a map is cut into patches."""
-COSTS = {"counting": 0.3, "sorting": 0.6, "segmenting": 3.0, "joining": 0.1, "measuring": 0.9, "writing": 1.4}
+COSTS = {"counting": 0.7, "sorting": 0.6, "segmenting": 3.8, "joining": 0.1, "measuring": 1.5, "writing": 1.5} | {
+    "telling": 0.4
+}
 """Stages, and microseconds a point that each takes, about: what is left of the time is told by these."""
 
 
@@ -132,6 +136,14 @@ class Job:
         found = self.workers.each(function, tasks, done)
         self._cost = begun + share * len(tasks)
         return found
+
+    def telling(self, rows: Iterator[dict[str, Any]], n_rows: int) -> Iterator[dict[str, Any]]:
+        """Yield the patches of the JSON, and tell how far it is."""
+        share = COSTS["telling"] * 1e-6 * self.n_points / max(n_rows, 1)
+        for place, row in enumerate(rows):
+            yield row
+            if place % TOLD == 0 and self._progress is not None:
+                self._progress.update(self._cost + place * share, stage="telling")
 
     def cut(self) -> Cutting:
         """Cut the map into patches.
