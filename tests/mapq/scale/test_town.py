@@ -11,10 +11,14 @@ import pytest
 from mapq.assess import assess
 from mapq.cloud import PointCloud
 from mapq.io import read_cloud, write_cloud
+from mapq.io.models import read_default_model
+from mapq.io.options import AS_IT_IS
 from mapq.scale.maps import Where, classify_map, segment_map
 from mapq.scale.measure import patches_near
 from mapq.scale.patches import Whole
-from mapq.scale.run import ScaleSettings
+from mapq.scale.run import Job, ScaleSettings, work_folder
+from mapq.scale.source import find_sources
+from mapq.scale.workers import Here
 from mapq.segment import SegmentSettings, segment
 from mapq.simulate.city import PITCH, SIDES, make_block
 from mapq.simulate.city_tiles import ORIGIN, plan_city, write_city
@@ -153,3 +157,22 @@ def test_neighbours_are_found_by_their_boxes():
     gap = np.maximum(np.maximum(low[:, None] - high[own], low[own] - high[:, None]), 0.0)
     expected = np.flatnonzero(((gap**2).sum(axis=2) <= 4.0).any(axis=1))
     np.testing.assert_array_equal(patches_near(whole, own, 2.0), expected)
+
+
+def test_the_ground_spans_tiles_and_large_patches_are_thinned(town, monkeypatch):
+    """With all tilts kept, in nine tiles, and no more than 20 000 points of a patch looked at."""
+    found = []
+    for most in (10**9, 20_000):
+        monkeypatch.setattr("mapq.scale.run.LARGEST_PATCH", most)
+        settings = ScaleSettings(tile_points=N_POINTS // 9, segment=SegmentSettings(max_tilt=90.0))
+        with work_folder(str(town)) as folder:
+            job = Job("town", find_sources(str(town), AS_IT_IS), settings, Here(), folder)
+            found.append(job.assess(job.cut(), read_default_model()))
+    whole, thinned = found
+    ground = int(np.argmax(whole.patches.counts))
+    assert whole.n_tiles >= 9
+    assert whole.patches.counts[ground] > 50_000
+    assert abs(whole.patches.normal[ground, 2]) > 0.999
+    np.testing.assert_array_equal(whole.patches.counts, thinned.patches.counts)
+    np.testing.assert_allclose(thinned.area, whole.area, rtol=0.1)
+    assert np.mean(whole.labelling.label == thinned.labelling.label) > 0.98

@@ -1,0 +1,80 @@
+"""LAS a piece at a time: the same points as read at once, the same file as written at once."""
+
+from __future__ import annotations
+
+import laspy
+import numpy as np
+import pytest
+
+from mapq.cloud import choose_shift
+from mapq.io import read_cloud, write_cloud
+from mapq.io.las_pieces import open_las_pieces, read_las_head, read_las_pieces
+from mapq.io.options import AS_IT_IS, ReadOptions
+from prf.shell.errors import InputError, OutputError
+from tests.mapq.io.las_files import las_data
+
+
+@pytest.fixture(params=[(3, "1.2"), (7, "1.4")], ids=["old", "layered"])
+def path(request, tmp_path) -> str:
+    kind, version = request.param
+    target = tmp_path / "some.laz"
+    las_data(n=5000, kind=kind, version=version).write(str(target))
+    return str(target)
+
+
+@pytest.fixture(autouse=True)
+def small_pieces(monkeypatch) -> None:
+    monkeypatch.setattr("mapq.io.las_pieces.PIECE", 700)
+
+
+def test_pieces_are_the_points_read_at_once(path):
+    cloud = read_cloud(path)
+    shift = choose_shift(cloud.world())
+    for start, stop in ((0, 5000), (1234, 4321)):
+        pieces = list(read_las_pieces(path, AS_IT_IS, start, stop, shift))
+        assert max(map(len, pieces)) == 700
+        np.testing.assert_array_equal(np.concatenate([each.xyz for each in pieces]), cloud.xyz[start:stop])
+        for name, values in cloud.fields.items():
+            np.testing.assert_array_equal(np.concatenate([each.fields[name] for each in pieces]), values[start:stop])
+
+
+def test_only_the_fields_that_are_asked_for_are_read(path):
+    cloud = read_cloud(path)
+    for names in ((), ("gps_time", "no_such_field")):
+        pieces = list(read_las_pieces(path, AS_IT_IS, 0, 5000, cloud.shift, names))
+        assert all(set(each.fields) == set(names) & set(cloud.fields) for each in pieces)
+        np.testing.assert_array_equal(np.concatenate([each.xyz for each in pieces]), cloud.xyz)
+
+
+def test_the_head_tells_points_box_and_unit(path):
+    cloud, head = read_cloud(path), read_las_head(path, ReadOptions(unit=0.5))
+    assert head.n_points == len(cloud)
+    np.testing.assert_allclose(head.low, cloud.world().min(axis=0), atol=1e-9)
+    assert head.unit.tolist() == [0.5, 0.5, 0.5]
+    assert set(head.fields) == set(cloud.fields)
+
+
+def test_written_in_pieces_it_is_the_file_written_at_once(path, tmp_path):
+    cloud = read_cloud(path)
+    write_cloud(tmp_path / "once.laz", cloud)
+    with open_las_pieces(tmp_path / "pieces.laz") as pieces:
+        for piece in read_las_pieces(path, AS_IT_IS, 0, 5000, cloud.shift):
+            pieces.write(piece)
+    once, others = (laspy.read(tmp_path / name) for name in ("once.laz", "pieces.laz"))
+    assert list(once.point_format.dimension_names) == list(others.point_format.dimension_names)
+    np.testing.assert_array_equal(once.points.array, others.points.array)
+    np.testing.assert_array_equal(once.header.scales, others.header.scales)
+
+
+def test_pieces_with_other_fields_are_refused(path, tmp_path):
+    first = next(read_las_pieces(path, AS_IT_IS, 0, 700, np.zeros(3)))
+    other = first.with_fields(more=np.zeros(len(first), np.float32))
+    with open_las_pieces(tmp_path / "r.laz") as pieces:
+        pieces.write(first)
+        with pytest.raises(OutputError, match="other fields"):
+            pieces.write(other)
+
+
+def test_a_file_that_ends_early_is_refused(path):
+    with pytest.raises(InputError):
+        list(read_las_pieces(path, AS_IT_IS, 0, 6000, np.zeros(3)))
