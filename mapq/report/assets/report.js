@@ -207,8 +207,8 @@
     const screen = { scale: plan.scale, middle: plan.middle, density: plan.density, paper: null };
     const factor = Math.min(PAPER[0] / plan.canvas.clientWidth, PAPER[1] / plan.canvas.clientHeight);
     Object.assign(plan, { paper: PAPER, density: 3 });
-    plan.scale *= Number.isFinite(factor) && factor > 0 ? factor : 1;
-    plan.draw();
+    if (plan.fitted) plan.show(plan.fitted.box);
+    else { plan.scale *= Number.isFinite(factor) && factor > 0 ? factor : 1; plan.draw(); }
     Views.drawFlat(byId("flat"), scene, look, space.eye(), 3, PAPER);
     return screen;
   }

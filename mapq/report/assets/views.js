@@ -99,6 +99,7 @@ const Views = (() => {
       this.listen();
     }
     show(box) {
+      this.fitted = { box };
       const [low, high] = box || [this.scene.low, this.scene.high];
       const [wide, tall] = this.size();
       const margin = box ? marginOf(low, high) : 0;
@@ -201,12 +202,13 @@ const Views = (() => {
       return best;
     }
     zoom(factor, px, py) {
+      this.fitted = null;
       const x = this.middle[0] + (px - this.canvas.clientWidth / 2) / this.scale, y = this.middle[1] - (py - this.canvas.clientHeight / 2) / this.scale;
       this.scale = Math.min(2000, Math.max(1e-3, this.scale * factor));
       this.middle = [x - (px - this.canvas.clientWidth / 2) / this.scale, y + (py - this.canvas.clientHeight / 2) / this.scale];
       this.soon();
     }
-    move(dx, dy) { this.middle[0] -= dx / this.scale; this.middle[1] += dy / this.scale; this.soon(); }
+    move(dx, dy) { this.fitted = null; this.middle[0] -= dx / this.scale; this.middle[1] += dy / this.scale; this.soon(); }
     soon() {
       if (this.waiting) return;
       this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.draw(); });
