@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
@@ -25,10 +26,20 @@ from mapq.scale.label import LabelTask, save_labels, write_labels
 from mapq.scale.measure import LARGEST_PATCH, MeasureTask, measure_patches, share_out, with_noise
 from mapq.scale.patches import Whole, join_regions
 from mapq.scale.result import TiledResult, tiled_patches
-from mapq.scale.scan import Estimate, EstimateTask, ScanTask, estimate, join_counts, plan_scan, scan_range
+from mapq.scale.scan import (
+    SMALLEST_CELL,
+    Estimate,
+    EstimateTask,
+    Scan,
+    ScanTask,
+    estimate,
+    join_counts,
+    plan_scan,
+    scan_range,
+)
 from mapq.scale.source import Range, Source, common_shift, cut_ranges
 from mapq.scale.spool import KEPT_FIELDS, Spooled, SpoolTask, spool_range
-from mapq.scale.tiling import Tiling, halo_width, make_tiling
+from mapq.scale.tiling import Tiling, halo_width, is_too_coarse, make_tiling
 from mapq.scale.workers import Workers
 from mapq.segment.settings import SegmentSettings
 from mapq.segment.warnings import warnings_of
@@ -39,6 +50,8 @@ TILE_POINTS = 2_500_000
 """Points of a tile at most, about: a worker takes half a gigabyte for them, and as much again at most."""
 FEWEST_TILE_POINTS = 10_000
 
+FINER = 32.0
+"""Times that cells are made finer at once."""
 TOLD = 500
 """Patches of the JSON after which progress is told again."""
 CUTTING = ("counting", "sorting", "segmenting", "joining")
@@ -155,27 +168,27 @@ class Job:
         """
         tiling, guess, n_finite = self._plan()
         tasks = [
-            SpoolTask(self._source(part), self.settings.options, part, self.shift, tiling, self.folder)
+            SpoolTask(self._source(part), self.settings.options, part, self.shift, tiling, guess.near, self.folder)
             for part in self.ranges
         ]
         spooled: list[Spooled] = self._each("sorting", spool_range, tasks)
-        parts = _parts_of_tiles(spooled, len(tiling.tiles))
-        boxes = tiling.boxes()
+        parts = _parts_of_tiles(spooled, len(tiling.boxes))
         cuts: list[Cut] = self._each(
-            "segmenting", cut_tile, [self._cut_task(*each, guess, boxes, tiling.halo) for each in enumerate(parts)]
+            "segmenting", cut_tile, [self._cut_task(*each, guess, tiling) for each in enumerate(parts)]
         )
         shared = self._each("joining", compare_borders, [self._border_task(tiling, tile) for tile in range(len(parts))])
         whole, found = join_regions(cuts, shared, guess.chosen)
         whole.save(self.folder)
         n_distinct = sum(cut.n_distinct for cut in cuts)
+        n_near = sum(sum(each.n_own) for each in spooled)
         report = {
             "points": self.n_points,
             "points_not_finite": self.n_points - n_finite,
-            "points_far_outside": 0,
-            "points_repeated": n_finite - n_distinct,
+            "points_far_outside": n_finite - n_near,
+            "points_repeated": n_near - n_distinct,
             "points_looked_at": sum(cut.n_looked_at for cut in cuts),
             **found,
-            "warnings": warnings_of(guess.chosen, 0, found),
+            "warnings": warnings_of(guess.chosen, n_finite - n_near, found),
         }
         return Cutting(whole, guess.chosen.described(), report, tiling, spooled, _starts(parts, spooled))
 
@@ -184,28 +197,36 @@ class Job:
 
     def _plan(self) -> tuple[Tiling, Estimate, int]:
         """Return the tiles, the parameters, and how many points are finite."""
-        cell, side, share = plan_scan(self.sources)
         samples = tuple(f"{self.folder}/sample_{part.number:05d}.npz" for part in self.ranges)
-        tasks = [
-            ScanTask(self._source(part), self.settings.options, part, self.shift, cell, side, share, sample)
-            for part, sample in zip(self.ranges, samples, strict=True)
-        ]
-        scans = self._each("counting", scan_range, tasks)
-        n_finite = sum(scan.n_finite for scan in scans)
+        scans, cells, counts, cell = self._scan(samples)
+        n_finite = int(counts.sum())
         if n_finite == 0:
             raise InputError(f"{self.name}: no point is finite. Check how the map was written.")
         low, high = np.min([scan.low for scan in scans], axis=0), np.max([scan.high for scan in scans], axis=0)
         task = EstimateTask(samples, self.settings.segment, np.array([low, high]), self.name)
         guess: Estimate = self.workers.each(estimate, [task], lambda _: None)[0]
-        cells, counts = join_counts([scan.cells for scan in scans], [scan.counts for scan in scans])
         halo = halo_width(guess.chosen.spacing, guess.chosen.max_gap)
         return make_tiling(cells, counts, cell, self.settings.tile_points, halo), guess, n_finite
 
-    def _cut_task(
-        self, tile: int, parts: list[int], guess: Estimate, boxes: NDArray[np.float64], halo: float
-    ) -> CutTask:
+    def _scan(self, samples: tuple[str, ...]) -> tuple[list[Scan], NDArray[np.int64], NDArray[np.int64], float]:
+        """Count the points in cells, again in finer ones where a few points far off have made them too coarse."""
+        cell, side, share = plan_scan(self.sources)
+        while True:
+            tasks = [
+                ScanTask(self._source(part), self.settings.options, part, self.shift, cell, side, share, sample)
+                for part, sample in zip(self.ranges, samples, strict=True)
+            ]
+            scans = self._each("counting", scan_range, tasks)
+            cells, counts = join_counts([scan.cells for scan in scans], [scan.counts for scan in scans])
+            if cell <= SMALLEST_CELL or len(counts) == 0 or not is_too_coarse(counts, self.settings.tile_points):
+                return scans, cells, counts, cell
+            cell = max(cell / FINER, SMALLEST_CELL)
+
+    def _cut_task(self, tile: int, parts: list[int], guess: Estimate, tiling: Tiling) -> CutTask:
         bases = tuple(self.ranges[part].base for part in parts)
-        return CutTask(tile, tuple(parts), bases, guess.chosen, guess.frame, boxes[tile], halo, self.folder)
+        return CutTask(
+            tile, tuple(parts), bases, guess.chosen, guess.frame, tiling.boxes[tile], tiling.halo, self.folder
+        )
 
     def _border_task(self, tiling: Tiling, tile: int) -> BorderTask:
         others = tuple(other for other in tiling.neighbours(tile).tolist() if other > tile)
@@ -234,7 +255,7 @@ class Job:
         frame = PointCloud(np.zeros((0, 3)), self.shift, source=self.name, unit=self.sources[0].unit)
         patches = tiled_patches(whole, frame, self.n_points, cutting.parameters, cutting.report)
         terms = explain(features, model, labelling.label)
-        return TiledResult(patches, features, model, labelling, terms, whole, len(cutting.tiling.tiles))
+        return TiledResult(patches, features, model, labelling, terms, whole, len(cutting.tiling.boxes))
 
     def write(self, cutting: Cutting, result: TiledResult, targets: Mapping[str, list[int]]) -> None:
         """Write the labels of the points into files, each of which takes those of some source files.
@@ -305,7 +326,7 @@ def _up(settings: Any, parameters: Mapping[str, Any]) -> list[float]:
 @contextmanager
 def work_folder(beside: str) -> Iterator[str]:
     """Give a folder beside an output that all workers see, and remove it with what is in it."""
-    target = Path(beside).resolve()
+    target = Path(tempfile.gettempdir(), "mapq") if beside == os.devnull else Path(beside).resolve()
     folder = tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".work", dir=target.parent)
     try:
         yield folder

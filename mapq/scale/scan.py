@@ -16,7 +16,7 @@ from mapq.io.options import ReadOptions
 from mapq.scale.files import save_arrays
 from mapq.scale.source import Range, Source, read_range
 from mapq.segment.parameters import Parameters, choose_parameters
-from mapq.segment.points import sort_points
+from mapq.segment.points import FAR, sort_points
 from mapq.segment.settings import SegmentSettings
 from prf.shell.errors import InputError
 
@@ -30,6 +30,8 @@ N_CELLS = 1000
 """Cells along the longer side of the map, whose points are counted."""
 SMALLEST_CELL = 0.25
 """Metres."""
+MOST_SPACINGS = 2.0**20
+"""Spacings of points along a side of the map up to which the cells of its octree are fine enough: two a spacing."""
 
 Floats = NDArray[np.float64]
 
@@ -71,10 +73,14 @@ class Scan(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """Parameters of the segmentation, and the frame (4,) of its octree: corner and side in metres."""
+    """Parameters of the segmentation, the frame (4,) of its octree: corner and side in metres; box (2, 3) of the map.
+
+    Points beyond the box are left out, as absurdly far from all others.
+    """
 
     chosen: Parameters
     frame: Floats
+    near: Floats
 
 
 def scan_range(task: ScanTask) -> Scan:
@@ -161,10 +167,22 @@ def estimate(task: EstimateTask) -> Estimate:
     chosen = choose_parameters(points, task.settings)
     frame = points.frame.copy()
     doublings = 0
-    low, high = task.box
+    low, high = _near(xyz, task.box, chosen.spacing)
     if (frame[:3] > low).any() or (frame[:3] + frame[3] <= high).any():
         frame[:3] = low
         while (frame[:3] + frame[3] <= high).any():
             frame[3] *= 2.0
             doublings += 1
-    return Estimate(chosen._replace(level=chosen.level + doublings), frame)
+    return Estimate(chosen._replace(level=chosen.level + doublings), frame, np.array([low, high]))
+
+
+def _near(xyz: Floats, box: Floats, spacing: float) -> Floats:
+    """Return the box of a map, without what lies far from a sample (n, 3) of it where the octree would be too coarse.
+
+    The same rule as :func:`mapq.segment.points.sort_points` has for clouds in memory.
+    """
+    if float((box[1] - box[0]).max()) < MOST_SPACINGS * spacing:
+        return box
+    low, high = np.quantile(xyz, (0.01, 0.99), axis=0)
+    reach = FAR * float((high - low).max())
+    return np.clip(box, low - reach, high + reach)

@@ -22,13 +22,14 @@ Array = NDArray[Any]
 
 
 class SpoolTask(NamedTuple):
-    """What the spooling of a range is given: what is read, the tiles, and the work folder."""
+    """What the spooling of a range is given: what is read, the tiles, the box (2, 3) of the map, the work folder."""
 
     source: Source
     options: ReadOptions
     part: Range
     shift: NDArray[np.float64]
     tiling: Tiling
+    near: NDArray[np.float64]
     folder: str
 
 
@@ -69,19 +70,20 @@ def spool_range(task: SpoolTask) -> Spooled:
     """Write the points of a range to the files of the tiles."""
     own: dict[int, list[dict[str, Array]]] = {}
     halo: dict[int, list[dict[str, Array]]] = {}
-    table, boxes, begin = task.tiling.table(), task.tiling.boxes(), 0
+    begin, near = 0, task.near
     for piece in read_range(task.source, task.options, task.part, task.shift, KEPT_FIELDS):
-        usable = np.flatnonzero(piece.finite())
+        with np.errstate(invalid="ignore"):
+            usable = np.flatnonzero(((piece.xyz >= near[0]) & (piece.xyz <= near[1])).all(axis=1))
         columns = _columns(piece, usable, begin)
         begin += len(piece)
         if len(usable) == 0:
             continue
-        tile = task.tiling.of_points(columns["xyz"], table)
+        tile = task.tiling.of_points(columns["xyz"])
         order = np.argsort(tile, kind="stable")
         cuts = np.flatnonzero(np.diff(tile[order])) + 1
         for rows in np.split(order, cuts):
             _add(own, int(tile[rows[0]]), columns, rows)
-        for number, rows in _in_halos(columns["xyz"], tile, boxes, task.tiling.halo):
+        for number, rows in _in_halos(columns["xyz"], tile, task.tiling.boxes, task.tiling.halo):
             _add(halo, number, columns, rows)
     tiles = tuple(sorted(own.keys() | halo.keys()))
     sizes = [_write(spool_path(task.folder, tile, task.part.number), own, halo, tile) for tile in tiles]

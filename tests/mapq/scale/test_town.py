@@ -176,3 +176,22 @@ def test_the_ground_spans_tiles_and_large_patches_are_thinned(town, monkeypatch)
     np.testing.assert_array_equal(whole.patches.counts, thinned.patches.counts)
     np.testing.assert_allclose(thinned.area, whole.area, rtol=0.1)
     assert np.mean(whole.labelling.label == thinned.labelling.label) > 0.98
+
+
+def test_points_that_lie_absurdly_far_off_are_left_out(town, tmp_path, four):
+    """As those at 0, 0, 0 that some sensors write into a survey grid for no return."""
+    for path in sorted(town.glob("*.laz")):
+        cloud = read_cloud(str(path))
+        world = np.concatenate([np.zeros((1, 3)), cloud.world()])
+        fields = {"truth": np.append(np.uint8(0), cloud.fields["truth"])}
+        write_cloud(tmp_path / path.name, PointCloud.from_world(world, fields))
+    with work_folder(str(tmp_path)) as folder:
+        settings = ScaleSettings(tile_points=N_POINTS // 4)
+        job = Job("town", find_sources(str(tmp_path), AS_IT_IS), settings, Here(), folder)
+        cutting = job.cut()
+    assert cutting.report["points_far_outside"] == 4
+    assert cutting.report["warnings"]
+    assert len(cutting.tiling.boxes) == 4
+    n_points = np.bincount(four[1].fields["patch"] + 1)[1:]
+    assert cutting.whole.n_points.sum() == pytest.approx(n_points.sum(), rel=0.01)
+    np.testing.assert_allclose(cutting.whole.n_points[:8], n_points[:8], rtol=0.02)
