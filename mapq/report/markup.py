@@ -15,6 +15,9 @@ from typing import Any
 from prf.shell.errors import UsageError
 from prf.shell.jsonout import jsonable
 
+VIEWS = ("scene.js", "plan.js", "space.js")
+"""Scripts of the views, which the report and the labelling page share, in the order in which they run."""
+
 _PLACE = re.compile(r"\{\{(\w+)\}\}")
 
 

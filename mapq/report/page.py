@@ -8,7 +8,17 @@ from typing import Any, Literal, NamedTuple
 
 from mapq import __version__
 from mapq.report.histogram import histogram, histogram_svg
-from mapq.report.markup import asset, escape, fill, packed, packed_json, plotly_script, script_sources, script_tags
+from mapq.report.markup import (
+    VIEWS,
+    asset,
+    escape,
+    fill,
+    packed,
+    packed_json,
+    plotly_script,
+    script_sources,
+    script_tags,
+)
 from mapq.report.scene import Scene, build_scene
 from mapq.report.source import Told
 from mapq.report.words import local, made_table, percent, region_table, regions_of, threshold_of, verdict_words
@@ -68,7 +78,7 @@ def write_report(
     UsageError
         If plotly is not installed.
     """
-    scripts = [plotly_script(), asset("views.js"), asset("report.js")]
+    scripts = [plotly_script(), *map(asset, VIEWS), asset("report.js")]
     scene = build_scene(told.cloud.xyz, told.patch, told.normal, told.label, n_most)
     text = _page(told, scene, title or PurePath(told.path).name, palette, scripts)
     with open_output(path) as stream:

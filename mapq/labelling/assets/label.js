@@ -1,14 +1,33 @@
 "use strict";
 (async () => {
   const byId = (id) => document.getElementById(id);
-  const NOTHING = 254, UNSURE = 255, WORDS = { 0: "plausible", 1: "suspicious", 255: "unsure" }, CODES = { plausible: 0, suspicious: 1, unsure: 255 };
-  const TARGET = [224, 0, 122], TINTS = [[31, 98, 184], [0, 140, 110], [130, 80, 190], [196, 120, 0], [0, 150, 190], [120, 140, 30], [90, 90, 160], [160, 90, 60], [40, 120, 60], [110, 110, 110]];
+  const { element, figure, listed } = Views;
+  const NOTHING = 254,
+    WORDS = { 0: "plausible", 1: "suspicious", 255: "unsure" },
+    CODES = { plausible: 0, suspicious: 1, unsure: 255 };
+  const TARGET = [224, 0, 122],
+    TINTS = [
+      [31, 98, 184],
+      [0, 140, 110],
+      [130, 80, 190],
+      [196, 120, 0],
+      [0, 150, 190],
+      [120, 140, 30],
+      [90, 90, 160],
+      [160, 90, 60],
+      [40, 120, 60],
+      [110, 110, 110],
+    ];
   const LOOSE = [205, 209, 213];
   const token = new URLSearchParams(location.search).get("token") || "";
 
   async function ask(path, given) {
     const options = { headers: { "X-Mapq-Token": token }, cache: "no-store" };
-    if (given) { options.method = "POST"; options.headers["Content-Type"] = "application/json"; options.body = JSON.stringify(given); }
+    if (given) {
+      options.method = "POST";
+      options.headers["Content-Type"] = "application/json";
+      options.body = JSON.stringify(given);
+    }
     let answer;
     try {
       answer = await fetch(path, options);
@@ -26,19 +45,43 @@
   }
 
   let state;
-  try { state = await ask("/api/state"); } catch (error) { trouble(error); return; }
-  const said = state.said, n = said.length, visited = [], cache = new Map();
-  let place = -1, busy = false, space = null, plan = null, scene = null, shown = null, hidden = false;
+  try {
+    state = await ask("/api/state");
+  } catch (error) {
+    trouble(error);
+    return;
+  }
+  const said = state.said,
+    n = said.length,
+    visited = [],
+    cache = new Map();
+  let place = -1,
+    busy = false,
+    space = null,
+    plan = null,
+    scene = null,
+    shown = null,
+    hidden = false;
 
   // ---- looks: the patch in one strong colour, its neighbours in others, the rest grey
   const tint = (index) => (index === 0 ? TARGET : TINTS[(index - 1) % TINTS.length]);
   const look = {
-    selected: 0, points: true, outlines: true, loose: LOOSE, dot: 2.6, opacity: 0.16, eye: null,
+    selected: 0,
+    points: true,
+    outlines: true,
+    loose: LOOSE,
+    dot: 2.6,
+    opacity: 0.16,
+    eye: null,
     mark: { points: TARGET, line: [150, 0, 82] },
     colour: tint,
     rank: (index) => (index === 0 ? 9 : 1),
     value: (index) => (index + 0.5) / (TINTS.length + 1),
-    scale: () => [...Array(TINTS.length + 1).keys()].flatMap((index) => [[index / (TINTS.length + 1), tint(index)], [(index + 1) / (TINTS.length + 1), tint(index)]]),
+    scale: () =>
+      [...Array(TINTS.length + 1).keys()].flatMap((index) => [
+        [index / (TINTS.length + 1), tint(index)],
+        [(index + 1) / (TINTS.length + 1), tint(index)],
+      ]),
   };
 
   function fetchPatch(patch) {
@@ -85,7 +128,8 @@
   }
   // From where to look: at the face of the patch, from aside and above, so that what lies behind it shows.
   function eyeTo([x, y, z]) {
-    const flat = Math.hypot(x, y), turn = flat > 0.3 ? Math.atan2(y, x) + 0.6 : -1;
+    const flat = Math.hypot(x, y),
+      turn = flat > 0.3 ? Math.atan2(y, x) + 0.6 : -1;
     return { x: 1.15 * Math.cos(turn), y: 1.15 * Math.sin(turn), z: 0.65 + 0.3 * Math.abs(z) };
   }
   function pickNeighbour(index) {
@@ -93,42 +137,64 @@
   }
 
   // ---- words; everything by textContent
-  function element(name, content, attributes = {}) {
-    const made = document.createElement(name);
-    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-    for (const child of [content].flat()) made.append(child instanceof Node ? child : String(child ?? "–"));
-    return made;
-  }
-  const figure = (value, digits, unit = "") => (typeof value === "number" ? value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }) + unit : "–");
   function key(index) {
     const made = element("span", "", { class: "key" });
     made.style.background = Views.css(tint(index));
     return made;
   }
   function describe() {
-    const of = (name) => shown.measures[name], patch = shown.patch;
+    const of = (name) => shown.measures[name],
+      patch = shown.patch;
     byId("name").replaceChildren(key(0), `Patch ${patch}`);
     const rows = [
-      ["points", figure(of("n_points"), 0)], ["area", figure(of("area_m2"), 2, " m²")], ["width × height", `${figure(of("width_m"), 2)} × ${figure(of("height_m"), 2)} m`],
-      ["off its plane (rms)", figure(of("rms_m"), 3, " m")], ["thickness", figure(of("thickness_m"), 3, " m")], ["tilt from vertical", figure(of("tilt_deg"), 1, "°")],
+      ["points", figure(of("n_points"), 0)],
+      ["area", figure(of("area_m2"), 2, " m²")],
+      ["width × height", `${figure(of("width_m"), 2)} × ${figure(of("height_m"), 2)} m`],
+      ["off its plane (rms)", figure(of("rms_m"), 3, " m")],
+      ["thickness", figure(of("thickness_m"), 3, " m")],
+      ["tilt from vertical", figure(of("tilt_deg"), 1, "°")],
       ["centre, world", shown.centre.map((x) => x.toFixed(2)).join(", ") + " m"],
     ];
-    const opinion = shown.p === null ? [] : [
-      element("h4", "What the model says", { class: "model" }),
-      element("p", `probability of being suspicious ${figure(shown.p, 3)}, so ${WORDS[shown.model_label]} (from ${figure(state.threshold, 2)} on: suspicious)`, { class: "model" }),
-      element("ul", shown.reasons.map(([words, odds]) => element("li", [words, element("small", ` ${odds > 0 ? "+" : ""}${odds} for ${odds > 0 ? "suspicious" : "plausible"}`)])), { class: "model", id: "reasons" }),
-    ];
+    const opinion =
+      shown.p === null
+        ? []
+        : [
+            element("h4", "What the model says", { class: "model" }),
+            element(
+              "p",
+              `probability of being suspicious ${figure(shown.p, 3)}, so ${WORDS[shown.model_label]} ` +
+                `(from ${figure(state.threshold, 2)} on: suspicious)`,
+              { class: "model" },
+            ),
+            element(
+              "ul",
+              shown.reasons.map(([words, odds]) =>
+                element("li", [
+                  words,
+                  element("small", ` ${odds > 0 ? "+" : ""}${odds} for ${odds > 0 ? "suspicious" : "plausible"}`),
+                ]),
+              ),
+              { class: "model", id: "reasons" },
+            ),
+          ];
     const neighbours = shown.neighbours.map((row, index) => {
       const jump = element("button", `patch ${row.patch}`, { type: "button", class: "link" });
       jump.addEventListener("click", () => go(row.patch));
       const hand = said[row.patch] === NOTHING ? "" : `, you said ${WORDS[said[row.patch]]}`;
       const p = row.p === null ? "" : element("span", `, p ${figure(row.p, 2)}`, { class: "model" });
-      return element("li", [key(index + 1), jump, p, hand, element("br", []), element("small", row.text || "close by")]);
+      return element("li", [
+        key(index + 1),
+        jump,
+        p,
+        hand,
+        element("br", []),
+        element("small", row.text || "close by"),
+      ]);
     });
     byId("details").replaceChildren(
       ...opinion,
       element("h4", "Measured"),
-      element("table", element("tbody", rows.map(([name, value]) => element("tr", [element("td", name), element("td", value)])))),
+      listed(rows),
       element("h4", "Neighbours"),
       element("ul", neighbours, { id: "neighbours" }),
     );
@@ -136,15 +202,31 @@
   }
   function sayLabel() {
     if (!shown) return;
-    const now = said[shown.patch], field = state.from_field[shown.patch];
-    const words = now === NOTHING ? (field === NOTHING ? "not labelled yet" : `labelled ${WORDS[field]} by a point field`) : `you said ${WORDS[now]}`;
-    byId("said").replaceChildren(element("span", words, { class: `tag ${now === 0 ? "plausible" : now === 1 ? "suspicious" : "none"}` }));
+    const now = said[shown.patch],
+      field = state.from_field[shown.patch];
+    const words =
+      now === NOTHING
+        ? field === NOTHING
+          ? "not labelled yet"
+          : `labelled ${WORDS[field]} by a point field`
+        : `you said ${WORDS[now]}`;
+    byId("said").replaceChildren(
+      element("span", words, { class: `tag ${now === 0 ? "plausible" : now === 1 ? "suspicious" : "none"}` }),
+    );
     for (const [word, code] of Object.entries(CODES)) byId(word).setAttribute("aria-pressed", String(now === code));
   }
   function progress(given) {
-    const counts = given.counts, share = (count) => `${(100 * count) / Math.max(n, 1)}%`;
-    byId("counts").textContent = `${counts.n_by_hand} of ${counts.n_patches} labelled: ${counts.n_plausible} plausible, ${counts.n_suspicious} suspicious, ${counts.n_unsure} unsure`;
-    for (const [name, count] of [["p", counts.n_plausible], ["s", counts.n_suspicious], ["u", counts.n_unsure]]) byId("meter").querySelector(`.${name}`).style.width = share(count);
+    const counts = given.counts,
+      share = (count) => `${(100 * count) / Math.max(n, 1)}%`;
+    byId("counts").textContent =
+      `${counts.n_by_hand} of ${counts.n_patches} labelled: ${counts.n_plausible} plausible, ` +
+      `${counts.n_suspicious} suspicious, ${counts.n_unsure} unsure`;
+    for (const [name, count] of [
+      ["p", counts.n_plausible],
+      ["s", counts.n_suspicious],
+      ["u", counts.n_unsure],
+    ])
+      byId("meter").querySelector(`.${name}`).style.width = share(count);
     byId("meter").setAttribute("aria-valuemax", n);
     byId("meter").setAttribute("aria-valuenow", counts.n_by_hand);
     byId("undo").disabled = !given.can_undo;
@@ -162,7 +244,12 @@
     progress(state.last);
   }
   async function forward() {
-    if (place < visited.length - 1) { place += 1; await show(visited[place]); progress(state.last); return; }
+    if (place < visited.length - 1) {
+      place += 1;
+      await show(visited[place]);
+      progress(state.last);
+      return;
+    }
     const next = nextOpen(visited[place]);
     if (next !== undefined) await go(next);
     else saved("every patch is labelled");
@@ -176,7 +263,9 @@
   function saved(words) {
     byId("saved").textContent = words;
     clearTimeout(saved.timer);
-    saved.timer = setTimeout(() => { byId("saved").textContent = ""; }, 2500);
+    saved.timer = setTimeout(() => {
+      byId("saved").textContent = "";
+    }, 2500);
   }
   async function label(word) {
     if (busy || !shown) return;
@@ -209,10 +298,16 @@
     } finally {
       busy = false;
     }
-    if (answer.patch === null) { saved("nothing to undo"); return; }
+    if (answer.patch === null) {
+      saved("nothing to undo");
+      return;
+    }
     said[answer.patch] = answer.said;
     const before = visited.lastIndexOf(answer.patch, place);
-    if (before >= 0) { place = before; await show(answer.patch); } else await go(answer.patch);
+    if (before >= 0) {
+      place = before;
+      await show(answer.patch);
+    } else await go(answer.patch);
     progress(answer);
     saved("taken back");
   }
@@ -235,7 +330,16 @@
     document.body.classList.toggle("hidden-model", hidden);
     byId("blind").setAttribute("aria-pressed", String(hidden));
   }
-  const actions = { p: () => label("plausible"), s: () => label("suspicious"), u: () => label("unsure"), z: undo, Backspace: undo, ArrowLeft: back, ArrowRight: forward, h: hide };
+  const actions = {
+    p: () => label("plausible"),
+    s: () => label("suspicious"),
+    u: () => label("unsure"),
+    z: undo,
+    Backspace: undo,
+    ArrowLeft: back,
+    ArrowRight: forward,
+    h: hide,
+  };
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey || event.repeat || !actions[event.key]) return;
     event.preventDefault();

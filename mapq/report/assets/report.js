@@ -1,23 +1,42 @@
 "use strict";
 (async () => {
   const byId = (id) => document.getElementById(id);
+  const { element, figure, listed } = Views;
   const [text, buffer] = await Promise.all([Views.unpack("data"), Views.unpack("scene")]);
-  const data = JSON.parse(new TextDecoder().decode(text)), m = data.label.length, cut = data.threshold;
+  const data = JSON.parse(new TextDecoder().decode(text)),
+    m = data.label.length,
+    cut = data.threshold;
   const scene = new Views.Scene(data.scene, buffer);
-  const ROWS = 25, LABELS = ["plausible", "suspicious"], MARKS = ["●", "▲"];
+  const ROWS = 25,
+    LABELS = ["plausible", "suspicious"],
+    MARKS = ["●", "▲"];
 
   // How sure a label is, 0 at the threshold and 1 at the end of the scale.
   const sureness = (patch) => {
-    const p = data.p[patch] ?? cut, bad = data.label[patch] === 1;
+    const p = data.p[patch] ?? cut,
+      bad = data.label[patch] === 1;
     return Math.min(1, Math.max(0, bad ? (p - cut) / Math.max(1 - cut, 1e-6) : (cut - p) / Math.max(cut, 1e-6)));
   };
   const shades = () => Views.PALETTES[document.body.dataset.palette] || Views.PALETTES["blue-red"];
   const look = {
-    selected: -1, points: true, outlines: true,
-    colour(patch) { const [pale, deep] = shades()[LABELS[data.label[patch]]]; return Views.mix(pale, deep, sureness(patch)); },
+    selected: -1,
+    points: true,
+    outlines: true,
+    colour(patch) {
+      const [pale, deep] = shades()[LABELS[data.label[patch]]];
+      return Views.mix(pale, deep, sureness(patch));
+    },
     rank: (patch) => (data.label[patch] === 1 ? 2 + sureness(patch) : 1),
     value: (patch) => (data.label[patch] === 1 ? 0.501 + 0.499 * sureness(patch) : 0.499 * (1 - sureness(patch))),
-    scale() { const { plausible, suspicious } = shades(); return [[0, plausible[1]], [0.4999, plausible[0]], [0.5, suspicious[0]], [1, suspicious[1]]]; },
+    scale() {
+      const { plausible, suspicious } = shades();
+      return [
+        [0, plausible[1]],
+        [0.4999, plausible[0]],
+        [0.5, suspicious[0]],
+        [1, suspicious[1]],
+      ];
+    },
   };
   const plan = new Views.Plan(byId("plan"), scene, look, (patch) => select(patch));
   const space = new Views.Space(byId("space"), scene, look, (patch) => select(patch));
@@ -29,13 +48,6 @@
   }
 
   // ---- one patch in words; text of files goes through textContent alone
-  function element(name, content, attributes = {}) {
-    const made = document.createElement(name);
-    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-    for (const child of [content].flat()) made.append(child instanceof Node ? child : String(child ?? "–"));
-    return made;
-  }
-  const figure = (value, digits, unit = "") => (typeof value === "number" ? value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }) + unit : "–");
   const place = (values) => values.map((value) => (typeof value === "number" ? value.toFixed(2) : "–")).join(", ");
   function link(patch) {
     const made = element("button", `patch ${patch}`, { type: "button", class: "link" });
@@ -48,26 +60,38 @@
     return parts.map((piece) => (piece === `patch ${other}` || piece === `neighbour ${other}` ? link(other) : piece));
   }
   function details(patch) {
-    const of = (name) => data.measures[name][patch], label = LABELS[data.label[patch]];
+    const of = (name) => data.measures[name][patch],
+      label = LABELS[data.label[patch]];
     const rows = [
-      ["points", figure(of("n_points"), 0)], ["area", figure(of("area_m2"), 2, " m²")],
+      ["points", figure(of("n_points"), 0)],
+      ["area", figure(of("area_m2"), 2, " m²")],
       ["width × height", `${figure(of("width_m"), 2)} × ${figure(of("height_m"), 2)} m`],
-      ["off its plane (rms)", figure(of("rms_m"), 3, " m")], ["thickness", figure(of("thickness_m"), 3, " m")],
-      ["tilt from vertical", figure(of("tilt_deg"), 1, "°")], ["normal", data.normal[patch].map((x) => figure(x, 3)).join(", ")],
+      ["off its plane (rms)", figure(of("rms_m"), 3, " m")],
+      ["thickness", figure(of("thickness_m"), 3, " m")],
+      ["tilt from vertical", figure(of("tilt_deg"), 1, "°")],
+      ["normal", data.normal[patch].map((x) => figure(x, 3)).join(", ")],
       ["centre", place(data.centre[patch]) + " m"],
     ];
-    if (data.shift) rows.push(["centre, world", place(data.centre[patch].map((x, axis) => x + data.shift[axis])) + " m"]);
+    if (data.shift)
+      rows.push(["centre, world", place(data.centre[patch].map((x, axis) => x + data.shift[axis])) + " m"]);
     if (data.region[patch] !== null) rows.push(["region", data.region[patch]]);
-    const reasons = data.reasons[patch].map(([words, odds, other]) => element("li", [...reasonWords(words, other), element("small", ` ${odds > 0 ? "+" : ""}${odds}`)]));
+    const reasons = data.reasons[patch].map(([words, odds, other]) =>
+      element("li", [...reasonWords(words, other), element("small", ` ${odds > 0 ? "+" : ""}${odds}`)]),
+    );
     const cause = data.cause[patch];
     byId("details").replaceChildren(
       element("h3", `Patch ${patch}`),
-      element("p", [element("span", `${MARKS[data.label[patch]]} ${label}`, { class: `tag ${label}` }), ` probability ${figure(data.p[patch], 3)}`]),
+      element("p", [
+        element("span", `${MARKS[data.label[patch]]} ${label}`, { class: `tag ${label}` }),
+        ` probability ${figure(data.p[patch], 3)}`,
+      ]),
       element("h4", `Why it is called ${label}`),
-      reasons.length ? element("ol", reasons, { id: "reasons" }) : element("p", "Nothing in particular: no feature speaks for its label.", { class: "note" }),
+      reasons.length
+        ? element("ol", reasons, { id: "reasons" })
+        : element("p", "Nothing in particular: no feature speaks for its label.", { class: "note" }),
       ...(cause ? [element("h4", "Cause"), element("p", `${cause[0]}: ${cause[1]}`)] : []),
       element("h4", "Measured"),
-      element("table", element("tbody", rows.map(([name, value]) => element("tr", [element("td", name), element("td", value)])))),
+      listed(rows),
     );
   }
 
@@ -77,18 +101,27 @@
     document.body.classList.add("chosen");
     details(patch);
     if (!fromTable) showRow(patch);
-    for (const row of document.querySelectorAll("tr[data-patch]")) row.setAttribute("aria-selected", String(+row.dataset.patch === patch));
-    for (const row of document.querySelectorAll("tr[data-region]")) row.setAttribute("aria-selected", String(data.region[patch] !== null && +row.dataset.region === data.region[patch]));
+    for (const row of document.querySelectorAll("tr[data-patch]"))
+      row.setAttribute("aria-selected", String(+row.dataset.patch === patch));
+    for (const row of document.querySelectorAll("tr[data-region]"))
+      row.setAttribute(
+        "aria-selected",
+        String(data.region[patch] !== null && +row.dataset.region === data.region[patch]),
+      );
     plan.draw();
     space.select();
     if (!space.works) flat(plan.density);
   }
   const toViews = () => document.querySelector(".stage").scrollIntoView({ block: "nearest" });
-  function goTo(box) { plan.show(box); space.show(box); }
+  function goTo(box) {
+    plan.show(box);
+    space.show(box);
+  }
 
   // ---- the table of patches
   const columns = [
-    ["patch", (patch) => patch, (patch) => patch], ["label", (patch) => -data.label[patch], null],
+    ["patch", (patch) => patch, (patch) => patch],
+    ["label", (patch) => -data.label[patch], null],
     ["p", (patch) => -(data.p[patch] ?? -1), (patch) => figure(data.p[patch], 3)],
     ["area m²", (patch) => -(data.measures.area_m2[patch] ?? 0), (patch) => figure(data.measures.area_m2[patch], 1)],
     ["width m", (patch) => -(data.measures.width_m[patch] ?? 0), (patch) => figure(data.measures.width_m[patch], 1)],
@@ -97,24 +130,49 @@
     ["region", (patch) => data.region[patch] ?? 1e9, (patch) => data.region[patch] ?? "–"],
     ["main reason", null, null],
   ];
-  let order = [], from = 0, sorted = -1, upward = true;
-  function worstFirst(a, b) { return data.label[b] - data.label[a] || (data.measures.difference[b] ?? data.p[b] ?? 0) - (data.measures.difference[a] ?? data.p[a] ?? 0) || a - b; }
+  let order = [],
+    from = 0,
+    sorted = -1,
+    upward = true;
+  function worstFirst(a, b) {
+    return (
+      data.label[b] - data.label[a] ||
+      (data.measures.difference[b] ?? data.p[b] ?? 0) - (data.measures.difference[a] ?? data.p[a] ?? 0) ||
+      a - b
+    );
+  }
   function arrange() {
-    const wanted = byId("find").value.trim(), only = byId("only").checked;
-    order = [...Array(m).keys()].filter((patch) => (!only || data.label[patch] === 1) && (!wanted || String(patch).startsWith(wanted)));
+    const wanted = byId("find").value.trim(),
+      only = byId("only").checked;
+    order = [...Array(m).keys()].filter(
+      (patch) => (!only || data.label[patch] === 1) && (!wanted || String(patch).startsWith(wanted)),
+    );
     const key = sorted < 0 ? null : columns[sorted][1];
     order.sort(key ? (a, b) => (upward ? 1 : -1) * (key(a) - key(b)) || a - b : worstFirst);
     from = 0;
-    [...byId("names").children].forEach((head, place) => head.setAttribute("aria-sort", place !== sorted ? "none" : upward ? "ascending" : "descending"));
+    [...byId("names").children].forEach((head, place) =>
+      head.setAttribute("aria-sort", place !== sorted ? "none" : upward ? "ascending" : "descending"),
+    );
     list();
   }
   function list() {
-    byId("rows").replaceChildren(...order.slice(from, from + ROWS).map((patch) => {
-      const row = element("tr", columns.map(([name, , shown]) => cell(patch, name, shown)), { tabindex: "0", "data-patch": patch, "aria-selected": String(patch === look.selected) });
-      row.addEventListener("click", () => { select(patch, true); toViews(); });
-      return row;
-    }));
-    byId("page").textContent = order.length ? `${from + 1} to ${Math.min(from + ROWS, order.length)} of ${order.length.toLocaleString("en")}` : "none";
+    byId("rows").replaceChildren(
+      ...order.slice(from, from + ROWS).map((patch) => {
+        const row = element(
+          "tr",
+          columns.map(([name, , shown]) => cell(patch, name, shown)),
+          { tabindex: "0", "data-patch": patch, "aria-selected": String(patch === look.selected) },
+        );
+        row.addEventListener("click", () => {
+          select(patch, true);
+          toViews();
+        });
+        return row;
+      }),
+    );
+    byId("page").textContent = order.length
+      ? `${from + 1} to ${Math.min(from + ROWS, order.length)} of ${order.length.toLocaleString("en")}`
+      : "none";
     byId("back").disabled = from === 0;
     byId("more").disabled = from + ROWS >= order.length;
   }
@@ -122,36 +180,65 @@
     if (name === "label") {
       const swatch = element("span", "", { class: "swatch" });
       swatch.style.background = Views.css(look.colour(patch));
-      return element("td", [swatch, `${MARKS[data.label[patch]]}\u00a0${LABELS[data.label[patch]]}`], { class: "label" });
+      return element("td", [swatch, `${MARKS[data.label[patch]]}\u00a0${LABELS[data.label[patch]]}`], {
+        class: "label",
+      });
     }
     if (name === "main reason") return element("td", data.reasons[patch][0]?.[0] ?? "–");
     return element("td", shown(patch), { class: "number" });
   }
   function showRow(patch) {
     let place = order.indexOf(patch);
-    if (place < 0) { byId("only").checked = false; byId("find").value = ""; arrange(); place = order.indexOf(patch); }
-    if (place < from || place >= from + ROWS) { from = place - (place % ROWS); list(); }
+    if (place < 0) {
+      byId("only").checked = false;
+      byId("find").value = "";
+      arrange();
+      place = order.indexOf(patch);
+    }
+    if (place < from || place >= from + ROWS) {
+      from = place - (place % ROWS);
+      list();
+    }
   }
   function step(by) {
     if (!order.length) return;
-    const place = order.indexOf(look.selected), next = order[Math.min(order.length - 1, Math.max(0, place < 0 ? 0 : place + by))];
+    const place = order.indexOf(look.selected),
+      next = order[Math.min(order.length - 1, Math.max(0, place < 0 ? 0 : place + by))];
     select(next);
   }
-  byId("names").append(...columns.map(([name, key], place) => {
-    if (!key) return element("th", name, { scope: "col" });
-    const head = element("th", name, { scope: "col", tabindex: "0", title: "sort by it", class: name === "label" ? "" : "number" });
-    head.addEventListener("click", () => { upward = sorted === place ? !upward : true; sorted = place; arrange(); });
-    return head;
-  }));
+  byId("names").append(
+    ...columns.map(([name, key], place) => {
+      if (!key) return element("th", name, { scope: "col" });
+      const head = element("th", name, {
+        scope: "col",
+        tabindex: "0",
+        title: "sort by it",
+        class: name === "label" ? "" : "number",
+      });
+      head.addEventListener("click", () => {
+        upward = sorted === place ? !upward : true;
+        sorted = place;
+        arrange();
+      });
+      return head;
+    }),
+  );
   byId("only").addEventListener("change", arrange);
   byId("find").addEventListener("input", arrange);
-  byId("back").addEventListener("click", () => { from = Math.max(0, from - ROWS); list(); });
-  byId("more").addEventListener("click", () => { from += ROWS; list(); });
+  byId("back").addEventListener("click", () => {
+    from = Math.max(0, from - ROWS);
+    list();
+  });
+  byId("more").addEventListener("click", () => {
+    from += ROWS;
+    list();
+  });
 
   // ---- regions
   for (const row of document.querySelectorAll("tr[data-region]")) {
     row.addEventListener("click", () => {
-      const region = data.regions[+row.dataset.region], patches = (region?.patches || []).filter((patch) => Number.isInteger(patch) && patch >= 0 && patch < m);
+      const region = data.regions[+row.dataset.region],
+        patches = (region?.patches || []).filter((patch) => Number.isInteger(patch) && patch >= 0 && patch < m);
       if (!patches.length) return;
       goTo(scene.boxOf(patches));
       toViews();
@@ -161,7 +248,12 @@
 
   // ---- buttons and keys
   function legend() {
-    const { plausible, suspicious } = shades(), bar = ([first, last]) => { const made = element("i", ""); made.style.background = `linear-gradient(90deg, ${Views.css(first)}, ${Views.css(last)})`; return made; };
+    const { plausible, suspicious } = shades(),
+      bar = ([first, last]) => {
+        const made = element("i", "");
+        made.style.background = `linear-gradient(90deg, ${Views.css(first)}, ${Views.css(last)})`;
+        return made;
+      };
     const dot = element("i", "", { class: "dot" });
     dot.style.background = Views.css(Views.LOOSE);
     byId("legend").replaceChildren(
@@ -178,18 +270,28 @@
     space.refresh();
     if (!space.works) flat(plan.density);
   }
-  byId("palette").addEventListener("click", () => { document.body.dataset.palette = document.body.dataset.palette === "colour-blind" ? "blue-red" : "colour-blind"; repaint(); });
+  byId("palette").addEventListener("click", () => {
+    document.body.dataset.palette = document.body.dataset.palette === "colour-blind" ? "blue-red" : "colour-blind";
+    repaint();
+  });
   for (const name of ["points", "outlines"]) {
-    byId(name).addEventListener("click", () => { look[name] = !look[name]; byId(name).setAttribute("aria-pressed", String(look[name])); repaint(); });
+    byId(name).addEventListener("click", () => {
+      look[name] = !look[name];
+      byId(name).setAttribute("aria-pressed", String(look[name]));
+      repaint();
+    });
   }
-  const near = () => { if (look.selected >= 0) goTo(scene.boxOf([look.selected])); };
+  const near = () => {
+    if (look.selected >= 0) goTo(scene.boxOf([look.selected]));
+  };
   byId("whole").addEventListener("click", () => goTo());
   byId("near").addEventListener("click", near);
   byId("before").addEventListener("click", () => step(-1));
   byId("after").addEventListener("click", () => step(1));
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey || event.target.matches("input, button")) return;
-    const row = event.target.closest?.("tr[tabindex]"), head = event.target.closest?.("th[tabindex]");
+    const row = event.target.closest?.("tr[tabindex]"),
+      head = event.target.closest?.("th[tabindex]");
     if ((row || head) && (event.key === "Enter" || event.key === " ")) (row || head).click();
     else if (row && event.key === "ArrowDown") (row.nextElementSibling || row).focus();
     else if (row && event.key === "ArrowUp") (row.previousElementSibling || row).focus();
@@ -208,13 +310,25 @@
     const factor = Math.min(PAPER[0] / plan.canvas.clientWidth, PAPER[1] / plan.canvas.clientHeight);
     Object.assign(plan, { paper: PAPER, density: 3 });
     if (plan.fitted) plan.show(plan.fitted.box);
-    else { plan.scale *= Number.isFinite(factor) && factor > 0 ? factor : 1; plan.draw(); }
+    else {
+      plan.scale *= Number.isFinite(factor) && factor > 0 ? factor : 1;
+      plan.draw();
+    }
     Views.drawFlat(byId("flat"), scene, look, space.eye(), 3, PAPER);
     return screen;
   }
   let screen = null;
-  window.addEventListener("beforeprint", () => { screen = forPaper(); });
-  window.addEventListener("afterprint", () => { if (screen) { Object.assign(plan, screen); plan.draw(); screen = null; if (!space.works) flat(plan.density); } });
+  window.addEventListener("beforeprint", () => {
+    screen = forPaper();
+  });
+  window.addEventListener("afterprint", () => {
+    if (screen) {
+      Object.assign(plan, screen);
+      plan.draw();
+      screen = null;
+      if (!space.works) flat(plan.density);
+    }
+  });
 
   arrange();
   legend();

@@ -71,7 +71,7 @@ def test_names_are_text_and_never_markup(tmp_path):
     assert evil not in page
     assert "<img" not in without_plotly(page)
     assert "&lt;script&gt;alert(1)&lt;" in page
-    assert page.count("<script") == page.count("</script>") == 5
+    assert page.count("<script") == page.count("</script>") == 7
     assert data_of(page)["reasons"][0][0][0] == evil
 
 

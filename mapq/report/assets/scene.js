@@ -1,0 +1,171 @@
+"use strict";
+// What the report and the labelling page share: colours, points and outlines of patches, and pieces of pages.
+const Views = (() => {
+  const PALETTES = {
+    "blue-red": {
+      plausible: [
+        [176, 203, 235],
+        [22, 82, 164],
+      ],
+      suspicious: [
+        [247, 178, 164],
+        [205, 20, 24],
+      ],
+    },
+    "colour-blind": {
+      plausible: [
+        [158, 196, 226],
+        [0, 74, 136],
+      ],
+      suspicious: [
+        [253, 217, 142],
+        [214, 120, 0],
+      ],
+    },
+  };
+  const LOOSE = [198, 203, 207],
+    INK = "#1b2126",
+    SOFT = "#566069";
+  const MARK = { points: [17, 17, 17], line: [240, 160, 0] };
+  const mix = (a, b, t) => a.map((value, i) => Math.round(value + (b[i] - value) * t));
+  const css = (rgb) => `rgb(${rgb[0]},${rgb[1]},${rgb[2]})`;
+
+  async function unpack(id) {
+    const text = document.getElementById(id).textContent.trim();
+    return gunzip(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)));
+  }
+  async function gunzip(bytes) {
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+    return new Response(stream).arrayBuffer();
+  }
+
+  // Points and outlines, patch after patch; the numbers are those of mapq/report/scene.py.
+  class Scene {
+    constructor(head, buffer) {
+      let place = 0;
+      const take = (n) => {
+        place += n;
+        return new Int32Array(buffer, 4 * (place - n), n);
+      };
+      const metres = (axis) => (n) => Float32Array.from(take(n), (value) => value * head.step + head.low[axis]);
+      const columns = (n) => [0, 1, 2].map((axis) => metres(axis)(n));
+      this.m = head.m;
+      this.points = columns(head.k);
+      this.start = take(head.m + 2);
+      this.corners = columns(head.h);
+      this.cornerStart = take(head.m + 1);
+      this.low = head.low;
+      this.high = head.high;
+    }
+    patchOf(point) {
+      let low = 0,
+        high = this.m;
+      while (low < high) {
+        const middle = (low + high + 1) >> 1;
+        if (this.start[middle] <= point) low = middle;
+        else high = middle - 1;
+      }
+      return point >= this.start[this.m] ? -1 : low;
+    }
+    ownerOf(corner) {
+      let low = 0,
+        high = this.m - 1;
+      while (low < high) {
+        const middle = (low + high + 1) >> 1;
+        if (this.cornerStart[middle] <= corner) low = middle;
+        else high = middle - 1;
+      }
+      return low;
+    }
+    boxOf(patches) {
+      const low = [Infinity, Infinity, Infinity],
+        high = [-Infinity, -Infinity, -Infinity];
+      for (const patch of patches) {
+        for (const [columns, start] of [
+          [this.points, this.start],
+          [this.corners, this.cornerStart],
+        ]) {
+          for (let i = start[patch]; i < start[patch + 1]; i++) {
+            for (let axis = 0; axis < 3; axis++) {
+              low[axis] = Math.min(low[axis], columns[axis][i]);
+              high[axis] = Math.max(high[axis], columns[axis][i]);
+            }
+          }
+        }
+      }
+      return low[0] <= high[0] ? [low, high] : [this.low, this.high];
+    }
+  }
+
+  // Writes squares of pixels; with depths the nearest stays.
+  class Raster {
+    constructor(wide, high, withDepth) {
+      this.wide = wide;
+      this.high = high;
+      this.image = new ImageData(wide, high);
+      this.pixels = new Uint32Array(this.image.data.buffer);
+      this.depth = withDepth ? new Float32Array(wide * high).fill(-Infinity) : null;
+      this.pixels.fill(0xffffffff);
+    }
+    dot(x, y, size, colour, depth) {
+      const left = Math.max(0, Math.round(x - size / 2)),
+        right = Math.min(this.wide, Math.round(x + size / 2) || 1);
+      const top = Math.max(0, Math.round(y - size / 2)),
+        bottom = Math.min(this.high, Math.round(y + size / 2) || 1);
+      for (let row = top; row < bottom; row++) {
+        for (let i = row * this.wide + left; i < row * this.wide + right; i++) {
+          if (this.depth) {
+            if (this.depth[i] >= depth) continue;
+            this.depth[i] = depth;
+          }
+          this.pixels[i] = colour;
+        }
+      }
+    }
+  }
+  const packedColour = (rgb) => (255 << 24) | (rgb[2] << 16) | (rgb[1] << 8) | rgb[0];
+
+  // Metres shown around a box.
+  const marginOf = (low, high) => Math.max(2, 0.3 * Math.max(...high.map((value, axis) => value - low[axis])));
+
+  // An element with text, or elements, in it; words of files become text and never markup.
+  function element(name, content, attributes = {}) {
+    const made = document.createElement(name);
+    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+    for (const child of [content].flat()) made.append(child instanceof Node ? child : String(child ?? "–"));
+    return made;
+  }
+  const figure = (value, digits, unit = "") => {
+    if (typeof value !== "number") return "–";
+    return value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }) + unit;
+  };
+  // A table of names and values.
+  function listed(rows) {
+    return element(
+      "table",
+      element(
+        "tbody",
+        rows.map(([name, value]) => element("tr", [element("td", name), element("td", value)])),
+      ),
+    );
+  }
+
+  return {
+    PALETTES,
+    LOOSE,
+    INK,
+    SOFT,
+    MARK,
+    Scene,
+    Raster,
+    css,
+    element,
+    figure,
+    gunzip,
+    listed,
+    marginOf,
+    mix,
+    packedColour,
+    unpack,
+  };
+})();
