@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mapq.io.models import SCHEMA, read_model, write_model
+from mapq.assess import feature_settings
+from mapq.features import FeatureSettings
+from mapq.io.models import SCHEMA, read_default_model, read_model, write_model
 from mapq.model import EDGE_MODELS, Calibration
 from prf.shell.errors import InputError
 from tests.reference.mapq_crf import draw_model
@@ -162,3 +164,10 @@ def test_json_beyond_measure_is_one_line(text, tmp_path):
     path.write_text(text)
     with pytest.raises(InputError, match="damaged"):
         read_model(path)
+
+
+def test_the_shipped_model_measures_as_this_release_does_and_holds_nothing_of_one_run():
+    model = read_default_model()
+    assert feature_settings(model) == FeatureSettings()
+    assert "created" not in model.training
+    assert all("sha256" not in row for row in model.training["maps"])
