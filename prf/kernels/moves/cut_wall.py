@@ -13,22 +13,21 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, other_end, pick
+from prf.kernels.graph import Graph, pick
 from prf.kernels.moves.gap import (
+    beyond,
     block_round_cut,
     can_face,
     corners_density,
     foot_and_offset,
-    is_in_window,
     length_after,
     links_after,
     links_now,
     list_block,
     opposite_now,
-    outer_edge,
     passes_block,
     pick_pair,
-    place_off_line,
+    place_two,
     signed_reach,
     turn_round_gap,
 )
@@ -63,11 +62,7 @@ def place_first_corners(graph: Graph, proposal: Proposal, tuning: np.ndarray, e:
     b = graph.edge_vertices[e, 1]
     foot_p = rng.random() * graph.edge_length[e]
     foot_q = foot_p + random_reach(rng, tuning[c.BIRTH_REACH])
-    if foot_q >= graph.edge_length[e]:
-        return False
-    p = place_off_line(graph, proposal, a, b, foot_p, tuning[c.CUT_REACH], rng)
-    q = place_off_line(graph, proposal, a, b, foot_q, tuning[c.CUT_REACH], rng)
-    return is_in_window(graph, p) and is_in_window(graph, q)
+    return place_two(graph, proposal, a, b, foot_p, foot_q, graph.edge_length[e], tuning[c.CUT_REACH], rng)
 
 
 @core
@@ -82,11 +77,7 @@ def place_second_corners(
     shadow_q, _, _ = foot_and_offset(graph, r, u, proposal.new_vertices[1])
     foot_s = shadow_p + signed_reach(rng, near)
     foot_t = shadow_q + signed_reach(rng, near)
-    if not (0.0 < foot_s < length and 0.0 < foot_t < length):
-        return False
-    s = place_off_line(graph, proposal, r, u, foot_s, near, rng)
-    t = place_off_line(graph, proposal, r, u, foot_t, near, rng)
-    return is_in_window(graph, s) and is_in_window(graph, t)
+    return place_two(graph, proposal, r, u, foot_s, foot_t, length, near, rng)
 
 
 @core
@@ -170,18 +161,18 @@ def propose_mend(
         q, t = t, q
     if not are_jambs(graph, p, s, q, t):
         return False, 0.0
-    a = other_end(graph, outer_edge(graph, p, j), p)
-    r = other_end(graph, outer_edge(graph, s, j), s)
-    b = other_end(graph, outer_edge(graph, q, k), q)
-    u = other_end(graph, outer_edge(graph, t, k), t)
+    from_p, a = beyond(graph, p, j)
+    from_s, r = beyond(graph, s, j)
+    from_q, b = beyond(graph, q, k)
+    from_t, u = beyond(graph, t, k)
     if not are_faces(graph, a, b, r, u, p, s, q, t):
         return False, 0.0
     for vertex in (p, q, s, t):
         drop_vertex(proposal, vertex)
     drop_edge(proposal, j)
     drop_edge(proposal, k)
-    for corner in ((p, j), (q, k), (s, j), (t, k)):
-        drop_edge(proposal, outer_edge(graph, corner[0], corner[1]))
+    for edge in (from_p, from_q, from_s, from_t):
+        drop_edge(proposal, edge)
     join(graph, proposal, a, b)
     join(graph, proposal, r, u)
     turn_round_gap(graph, proposal, a, b, p, q, s, t, r, u)

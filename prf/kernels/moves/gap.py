@@ -7,7 +7,7 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, are_adjacent, on_one_side, pick
+from prf.kernels.graph import Graph, are_adjacent, on_one_side, other_end, pick
 from prf.kernels.grid import Grid, axis_index
 from prf.kernels.moves.placing import is_inside, random_reach, reach_density
 from prf.kernels.moves.recolor import begin_list_after, mark_edges_at, note_neighbor
@@ -30,6 +30,33 @@ def foot_and_offset(graph: Graph, a: int, b: int, v: int) -> tuple[float, float,
     vx = graph.vertex_xy[v, 0] - ax
     vy = graph.vertex_xy[v, 1] - ay
     return (vx * ex + vy * ey) / length, (ex * vy - ey * vx) / length, length
+
+
+@core
+def beyond(graph: Graph, v: int, edge: int) -> tuple[int, int]:
+    """The other edge of an interior vertex v of `edge`, and the vertex at its far end."""
+    other = outer_edge(graph, v, edge)
+    return other, other_end(graph, other, v)
+
+
+@core
+def place_two(
+    graph: Graph,
+    proposal: Proposal,
+    a: int,
+    b: int,
+    foot_s: float,
+    foot_t: float,
+    length: float,
+    near: float,
+    rng: np.random.Generator,
+) -> bool:
+    """Place two new vertices off the line ab, a little off two feet on the edge; False if one cannot stand."""
+    if not (0.0 < foot_s < length and 0.0 < foot_t < length):
+        return False
+    s = place_off_line(graph, proposal, a, b, foot_s, near, rng)
+    t = place_off_line(graph, proposal, a, b, foot_t, near, rng)
+    return is_in_window(graph, s) and is_in_window(graph, t)
 
 
 @core

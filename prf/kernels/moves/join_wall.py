@@ -14,14 +14,13 @@ from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, other_end
 from prf.kernels.moves.gap import (
+    beyond,
     can_face,
     foot_and_offset,
-    is_in_window,
     links_after,
     links_now,
-    outer_edge,
     pick_pair,
-    place_off_line,
+    place_two,
     signed_density,
     signed_reach,
 )
@@ -72,12 +71,10 @@ def propose_join(
     foot_p = foot_and_offset(graph, a, b, u)[0] + signed_reach(rng, tuning[c.JOIN_REACH])
     foot_q, _, length = foot_and_offset(graph, a, b, v)
     foot_q += signed_reach(rng, tuning[c.JOIN_REACH])
-    if not (0.0 < foot_p < length and 0.0 < foot_q < length):
+    if not place_two(graph, proposal, a, b, foot_p, foot_q, length, tuning[c.CUT_REACH], rng):
         return False, 0.0
-    p = place_off_line(graph, proposal, a, b, foot_p, tuning[c.CUT_REACH], rng)
-    q = place_off_line(graph, proposal, a, b, foot_q, tuning[c.CUT_REACH], rng)
-    if not (is_in_window(graph, p) and is_in_window(graph, q)):
-        return False, 0.0
+    p = proposal.new_vertices[0]
+    q = proposal.new_vertices[1]
     if foot_p > foot_q:
         a, b = b, a
     drop_edge(proposal, e)
@@ -130,10 +127,8 @@ def propose_part(
         return False, 0.0
     u = other_end(graph, j, p)
     v = other_end(graph, k, q)
-    first = outer_edge(graph, p, j)
-    last = outer_edge(graph, q, k)
-    a = other_end(graph, first, p)
-    b = other_end(graph, last, q)
+    first, a = beyond(graph, p, j)
+    last, b = beyond(graph, q, k)
     if a == q or a == v or b == u or not can_face(graph, a, b) or not can_face(graph, u, v):
         return False, 0.0
     drop_vertex(proposal, p)

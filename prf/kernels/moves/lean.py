@@ -12,20 +12,20 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, are_adjacent, other_end, pick
+from prf.kernels.graph import Graph, are_adjacent, pick
 from prf.kernels.grid import Grid
 from prf.kernels.moves.gap import (
     CUT_RADIUS,
+    beyond,
     block_at,
     can_face,
     foot_and_offset,
     is_in_window,
     list_block,
     opposite_now,
-    outer_edge,
     passes_block,
     place_at_offset,
-    place_off_line,
+    place_two,
     signed_density,
     signed_reach,
 )
@@ -101,14 +101,8 @@ def turn_round(
     graph: Graph, proposal: Proposal, f: int, p: int, q: int, g: int, t: int, b: int, a: int, s: int
 ) -> None:
     """Let the loop run along what goes and what comes in turn."""
-    turn_at_vertex(graph, proposal, f)
-    turn_at_vertex(graph, proposal, p)
-    turn_at_vertex(graph, proposal, q)
-    turn_at_vertex(graph, proposal, g)
-    turn_at_vertex(graph, proposal, t)
-    turn_at_vertex(graph, proposal, b)
-    turn_at_vertex(graph, proposal, a)
-    turn_at_vertex(graph, proposal, s)
+    for vertex in (f, p, q, g, t, b, a, s):
+        turn_at_vertex(graph, proposal, vertex)
 
 
 @core
@@ -132,10 +126,8 @@ def propose_lean(
     q = graph.edge_vertices[back, 1]
     if not (is_interior(graph, p) and is_interior(graph, q)):
         return False, 0.0
-    first = outer_edge(graph, p, back)
-    last = outer_edge(graph, q, back)
-    f = other_end(graph, first, p)
-    g = other_end(graph, last, q)
+    first, f = beyond(graph, p, back)
+    last, g = beyond(graph, q, back)
     a = graph.edge_vertices[wall, 0]
     b = graph.edge_vertices[wall, 1]
     if not are_four(f, g, a, b) or not are_adjacent(graph, f, g):
@@ -143,28 +135,21 @@ def propose_lean(
     near = tuning[c.CUT_REACH]
     foot_s = meeting(graph, a, b, f, p) + signed_reach(rng, near)
     foot_t = meeting(graph, a, b, g, q) + signed_reach(rng, near)
-    length = graph.edge_length[wall]
-    if not (0.0 < foot_s < length and 0.0 < foot_t < length):
+    if not place_two(graph, proposal, a, b, foot_s, foot_t, graph.edge_length[wall], near, rng):
         return False, 0.0
-    s = place_off_line(graph, proposal, a, b, foot_s, near, rng)
-    t = place_off_line(graph, proposal, a, b, foot_t, near, rng)
-    if not (is_in_window(graph, s) and is_in_window(graph, t)):
-        return False, 0.0
+    s = proposal.new_vertices[0]
+    t = proposal.new_vertices[1]
     if foot_s > foot_t:
         a, b = b, a
     density = corners_density(graph, near, a, b, f, p, g, q, s, t)
     if density == 0.0:
         return False, 0.0  # s and t at one foot, but for rounding
-    drop_vertex(proposal, p)
-    drop_vertex(proposal, q)
-    drop_edge(proposal, back)
-    drop_edge(proposal, wall)
-    drop_edge(proposal, first)
-    drop_edge(proposal, last)
-    join(graph, proposal, f, s)
-    join(graph, proposal, g, t)
-    join(graph, proposal, a, s)
-    join(graph, proposal, b, t)
+    for vertex in (p, q):
+        drop_vertex(proposal, vertex)
+    for edge in (back, wall, first, last):
+        drop_edge(proposal, edge)
+    for ends in ((f, s), (g, t), (a, s), (b, t)):
+        join(graph, proposal, ends[0], ends[1])
     turn_round(graph, proposal, f, p, q, g, t, b, a, s)
     return True, -math.log(odds[c.LEAN] * density / n)
 
@@ -183,11 +168,11 @@ def lean_returns(graph: Graph, proposal: Proposal, tuning: np.ndarray, odds: np.
 
 
 @core
-def draw_back(graph: Graph, proposal: Proposal, tuning: np.ndarray, s: int, f: int, rng: np.random.Generator) -> int:
-    """New vertex for the corner s, drawn back along its flank sf; NONE where it cannot stand."""
+def draw_back(graph: Graph, proposal: Proposal, tuning: np.ndarray, s: int, f: int, rng: np.random.Generator) -> bool:
+    """Add a new vertex for the corner s, drawn back along its flank sf; False where it cannot stand."""
     along = random_reach(rng, tuning[c.STAND_REACH])
     p = place_at_offset(graph, proposal, s, f, along, signed_reach(rng, tuning[c.CUT_REACH]))
-    return p if is_in_window(graph, p) and standing_density(graph, tuning, f, s, p) > 0.0 else c.NONE
+    return is_in_window(graph, p) and standing_density(graph, tuning, f, s, p) > 0.0
 
 
 @core
@@ -202,34 +187,24 @@ def propose_stand(
     g = graph.edge_vertices[front, 1]
     if not (is_interior(graph, f) and is_interior(graph, g)):
         return False, 0.0
-    first_flank = outer_edge(graph, f, front)
-    second_flank = outer_edge(graph, g, front)
-    s = other_end(graph, first_flank, f)
-    t = other_end(graph, second_flank, g)
+    first_flank, s = beyond(graph, f, front)
+    second_flank, t = beyond(graph, g, front)
     if s == t or not (is_interior(graph, s) and is_interior(graph, t)):
         return False, 0.0
-    first = outer_edge(graph, s, first_flank)
-    last = outer_edge(graph, t, second_flank)
-    a = other_end(graph, first, s)
-    b = other_end(graph, last, t)
+    first, a = beyond(graph, s, first_flank)
+    last, b = beyond(graph, t, second_flank)
     if a == t or not are_four(f, g, a, b) or not can_face(graph, a, b):
         return False, 0.0
-    p = draw_back(graph, proposal, tuning, s, f, rng)
-    if p == c.NONE:
+    if not (draw_back(graph, proposal, tuning, s, f, rng) and draw_back(graph, proposal, tuning, t, g, rng)):
         return False, 0.0
-    q = draw_back(graph, proposal, tuning, t, g, rng)
-    if q == c.NONE:
-        return False, 0.0
-    drop_vertex(proposal, s)
-    drop_vertex(proposal, t)
-    drop_edge(proposal, first_flank)
-    drop_edge(proposal, second_flank)
-    drop_edge(proposal, first)
-    drop_edge(proposal, last)
-    join(graph, proposal, p, q)
-    join(graph, proposal, a, b)
-    join(graph, proposal, f, p)
-    join(graph, proposal, g, q)
+    p = proposal.new_vertices[0]
+    q = proposal.new_vertices[1]
+    for vertex in (s, t):
+        drop_vertex(proposal, vertex)
+    for edge in (first_flank, second_flank, first, last):
+        drop_edge(proposal, edge)
+    for ends in ((p, q), (a, b), (f, p), (g, q)):
+        join(graph, proposal, ends[0], ends[1])
     turn_round(graph, proposal, f, p, q, g, t, b, a, s)
     density = standing_density(graph, tuning, f, s, p) * standing_density(graph, tuning, g, t, q)
     return True, -math.log(odds[c.STAND] * density)

@@ -11,8 +11,8 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.geometry import sine_of_angle
-from prf.kernels.graph import Graph, other_end, pick
-from prf.kernels.moves.gap import outer_edge, signed_reach
+from prf.kernels.graph import Graph, pick
+from prf.kernels.moves.gap import beyond, signed_reach
 from prf.kernels.moves.interior_triangle import distance
 from prf.kernels.moves.placing import is_inside, reach_density
 from prf.kernels.proposal import Proposal, drop_edge, drop_vertex, join, place_vertex, turn_at_vertex
@@ -101,10 +101,8 @@ def propose_line(graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.r
     v = graph.edge_vertices[e, 1]
     if graph.positions[c.INTERIOR_VERTICES, u] == c.NONE or graph.positions[c.INTERIOR_VERTICES, v] == c.NONE:
         return False, 0.0
-    first = outer_edge(graph, u, e)
-    last = outer_edge(graph, v, e)
-    a = other_end(graph, first, u)
-    b = other_end(graph, last, v)
+    first, a = beyond(graph, u, e)
+    last, b = beyond(graph, v, e)
     x, y, tx, ty, angle = draw_line(graph, tuning, u, v, rng)
     p = place_on_ray(graph, proposal, a, u, x, y, tx, ty)
     if p == c.NONE:

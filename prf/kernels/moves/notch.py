@@ -13,7 +13,7 @@ from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, other_end, pick
-from prf.kernels.moves.gap import can_face, foot_and_offset, is_in_window, outer_edge
+from prf.kernels.moves.gap import beyond, can_face, foot_and_offset, is_in_window, outer_edge
 from prf.kernels.moves.notch_shape import (
     niche_density,
     place_niche,
@@ -154,10 +154,8 @@ def fill(graph: Graph, proposal: Proposal, s: int, t: int, first: int, last: int
     q = other_end(graph, last, t)
     if p == q or not (is_free(graph, p) and is_free(graph, q)):
         return False
-    outer_p = outer_edge(graph, p, first)
-    outer_q = outer_edge(graph, q, last)
-    a = other_end(graph, outer_p, p)
-    b = other_end(graph, outer_q, q)
+    outer_p, a = beyond(graph, p, first)
+    outer_q, b = beyond(graph, q, last)
     if a == q or not can_face(graph, a, b):
         return False
     for edge in (first, last, outer_p, outer_q):
