@@ -39,8 +39,10 @@ class LabelTask(NamedTuple):
         Files whose points go there.
     parts : tuple of tuple of Range
         Of each of them.
-    spooled : tuple of Spooled
-        What each range gave, in the order of all ranges.
+    spooled : dict of int to Spooled
+        What each of these ranges gave.
+    starts : dict of (int, int) to int
+        By tile and range, where the points of the range begin in the tile's file of regions.
     options, shift, folder
         As the ranges were read with.
     """
