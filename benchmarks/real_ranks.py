@@ -3,7 +3,8 @@
 50 maps each of a quad (five scans) and of a hall (eleven): scans with right poses, the second half displaced by up to
 1 m and 2 degrees together. True drift: mean disagreement along the normal over the points of patches, in metres.
 Spearman's rank correlation with it over the maps, of each number; and over the patches of all maps (suspicious above
-0.3 m, plausible up to 0.1 m) the area under the curve, which numbers of whole maps have none of. The quad takes some five minutes, the hall a quarter of an hour.
+0.3 m, plausible up to 0.1 m) the area under the curve, which numbers of whole maps have none of. The quad takes some
+five minutes, the hall a quarter of an hour.
 """
 
 from __future__ import annotations
