@@ -95,25 +95,8 @@ def _features(
         shape=shape_table(shapes),
         shape_names=SHAPE_NAMES,
         context_names=edge_names[len(EDGE_NAMES) :],
-        parameters=_parameters(shapes, settings),
+        parameters=settings.described(shapes.noise(settings), shapes.up.tolist()),
     )
-
-
-def _parameters(shapes: PatchShapes, settings: FeatureSettings) -> dict[str, object]:
-    """Return what the features were computed with, estimates included."""
-    return {
-        "reading": settings.reading,
-        "n_neighbours": settings.n_neighbours,
-        "n_watched": settings.n_watched,
-        "radius": settings.radius,
-        "tau": settings.tau,
-        "eps": settings.eps,
-        "noise": shapes.noise(settings),
-        "tolerance": shapes.tolerance(settings),
-        "spacing": settings.spacing,
-        "up": shapes.up.tolist(),
-        "context": list(settings.context) if settings.reading == "safe" else [],
-    }
 
 
 def _tell(progress: Reporter | None, step: int) -> None:

@@ -14,6 +14,9 @@ Reading = Literal["safe", "literal"]
 CONTEXTS = ("outlines", "moments", "rays")
 """Groups of context features, beyond the paper; all but the first need fields that say when or from where."""
 
+TOLERANCE_IN_NOISE = 3.3
+"""Standard deviations: surfaces closer than this cannot be told from one rough surface."""
+
 LONGEST = 1e6
 """Metres: no map needs a longer length, and the square of one must be a number."""
 
@@ -83,3 +86,31 @@ class FeatureSettings:
                 raise ConfigError(f"features: {name} {value} m. Give a length above 0 and below {LONGEST:g}.")
         if self.up is not None and not 0 < math.hypot(*self.up) < math.inf:
             raise ConfigError(f"features: up {self.up} is no direction.")
+
+    def tolerance_at(self, noise: float) -> float:
+        """Return the distance in metres from which surfaces count as doubled: that given, more where noise is."""
+        return max(self.tolerance, TOLERANCE_IN_NOISE * noise)
+
+    def described(self, noise: float, up: list[float]) -> dict[str, object]:
+        """Return what features were computed with: the settings, and in their places what was estimated.
+
+        Parameters
+        ----------
+        noise : float
+            Standard deviation of points from their surface, in metres.
+        up : list of float
+            Unit vector.
+        """
+        return {
+            "reading": self.reading,
+            "n_neighbours": self.n_neighbours,
+            "n_watched": self.n_watched,
+            "radius": self.radius,
+            "tau": self.tau,
+            "eps": self.eps,
+            "noise": noise,
+            "tolerance": self.tolerance_at(noise),
+            "spacing": self.spacing,
+            "up": up,
+            "context": list(self.context) if self.reading == "safe" else [],
+        }

@@ -22,8 +22,6 @@ SMALLEST_CELL = 0.01
 """Metres: finer than any map's points, and above 0 for patches whose points coincide."""
 N_CELL_SIZES = 8
 """Cell sizes that are tried, each the root of two times the last."""
-TOLERANCE_IN_NOISE = 3.3
-"""Standard deviations: surfaces closer than this cannot be told from one rough surface."""
 LEVEL = 0.3
 """Sine of the tilt below which a plane has no clear horizontal direction, and its longest one is taken instead."""
 CURVE_BITS = 21
@@ -118,7 +116,7 @@ class PatchShapes:
 
     def tolerance(self, settings: FeatureSettings) -> float:
         """Return the distance in metres from which surfaces count as doubled: the setting's, more where noise is."""
-        return max(settings.tolerance, TOLERANCE_IN_NOISE * self.noise(settings))
+        return settings.tolerance_at(self.noise(settings))
 
     def noise(self, settings: FeatureSettings) -> float:
         """Return the standard deviation of points from their surface, in metres, given or estimated."""

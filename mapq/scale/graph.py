@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.features.edge import EDGE_NAMES
 from mapq.features.node import SHAPE_NAMES
 from mapq.features.settings import FeatureSettings
-from mapq.features.shape import TOLERANCE_IN_NOISE
 from mapq.graph import PatchFeatures
 from mapq.scale.measure import Measured
 
@@ -55,7 +52,7 @@ def join_measures(
         shape=shape,
         shape_names=SHAPE_NAMES,
         context_names=first.edge_names[len(EDGE_NAMES) :],
-        parameters=_parameters(settings, up),
+        parameters=settings.described(max(settings.noise or settings.eps, settings.eps), up),
     )
 
 
@@ -68,21 +65,3 @@ def _look_through(node: Floats, pairs: NDArray[np.int32], edge: Floats, names: M
     edge[:, names.edge_names.index(THROUGH_EDGE)] = (
         weight * (overlap + crossing) * through[pairs].max(axis=1, initial=0.0)
     )
-
-
-def _parameters(settings: FeatureSettings, up: list[float]) -> dict[str, Any]:
-    """Return what the features were computed with, as :func:`mapq.features.patch_features` says it."""
-    noise = settings.noise or settings.eps
-    return {
-        "reading": settings.reading,
-        "n_neighbours": settings.n_neighbours,
-        "n_watched": settings.n_watched,
-        "radius": settings.radius,
-        "tau": settings.tau,
-        "eps": settings.eps,
-        "noise": max(noise, settings.eps),
-        "tolerance": max(settings.tolerance, TOLERANCE_IN_NOISE * max(noise, settings.eps)),
-        "spacing": settings.spacing,
-        "up": up,
-        "context": list(settings.context),
-    }
