@@ -106,3 +106,31 @@ def _scaled(scaling: Scaling, name: str, raw: float) -> float:
     index = scaling.names.index(name)
     value = (raw - float(scaling.median[index])) / float(scaling.scale[index])
     return min(max(value, -scaling.clip), scaling.clip)
+
+
+def tree_differences(field: Field) -> np.ndarray:
+    """Return the differences of min-marginals of a tree whose pairs are (parent, child), parents before children.
+
+    By messages up and down (max-product, exact on a tree): each the best score of a side, by the label beside it.
+    """
+    coupling = dict(zip(map(tuple, field.pairs.tolist()), field.coupling.tolist(), strict=True))
+    parent = {child: above for above, child in coupling}
+    n_patches = len(field.theta)
+    up = np.zeros((n_patches, 2))  # of what hangs on a patch, by the label of its parent
+    below = np.zeros((n_patches, 2))  # of a patch and all that hangs on it, by its own label
+    own = np.column_stack([-field.theta, field.theta])
+    for patch in range(n_patches - 1, -1, -1):
+        below[patch] += own[patch]
+        if patch in parent:
+            up[patch] = _message(below[patch], coupling[parent[patch], patch])
+            below[parent[patch]] += up[patch]
+    best = below.copy()
+    for patch in range(1, n_patches):
+        above = best[parent[patch]] - up[patch]
+        best[patch] += _message(above, coupling[parent[patch], patch])
+    return best[:, 1] - best[:, 0]
+
+
+def _message(score: np.ndarray, coupling: float) -> np.ndarray:
+    """Return the best score (2,) over a pair by the label of its other end."""
+    return np.maximum(score + coupling, score[::-1] - coupling)

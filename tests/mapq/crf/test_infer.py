@@ -7,7 +7,7 @@ from mapq.crf.energy import Field
 from mapq.crf.infer import solve
 from mapq.patches import SUSPICIOUS
 from prf.shell.errors import InputError
-from tests.reference.mapq_crf import best_labellings, draw_pairs, enumerate_field, slow_differences
+from tests.reference.mapq_crf import best_labellings, draw_pairs, enumerate_field, slow_differences, tree_differences
 
 NO_PAIRS = np.empty((0, 2), np.int64)
 
@@ -58,6 +58,36 @@ def test_differences_are_those_of_fresh_cuts_on_a_large_graph():
         y = as_signs(solve(field._replace(theta=forced), np.zeros(2000, np.bool_)).label)
         assert y[patch] == -as_signs(cut.label)[patch]
         assert abs(cut.difference[patch]) == pytest.approx(best - field.score(y), abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_cut_of_a_large_graph_is_that_of_another_solver(seed):
+    thinqpbo = pytest.importorskip("thinqpbo")
+    rng = np.random.default_rng(seed)
+    n_patches = 3000
+    pairs = draw_pairs(rng, n_patches, 9000).astype(np.int64)
+    field = Field(rng.normal(size=n_patches), pairs, rng.exponential(rng.choice([0.1, 0.4, 1.0]), len(pairs)))
+    other = thinqpbo.QPBODouble()
+    other.add_node(n_patches)
+    for i, theta in enumerate(field.theta):
+        other.add_unary_term(i, theta, -theta)
+    for (i, j), coupling in zip(field.pairs.tolist(), field.coupling, strict=True):
+        other.add_pairwise_term(i, j, -coupling, coupling, coupling, -coupling)
+    other.solve()
+    other.compute_weak_persistencies()
+    theirs = np.array([other.get_label(i) for i in range(n_patches)])
+    assert (theirs >= 0).all(), "a submodular field leaves no patch unlabelled"
+    np.testing.assert_array_equal(solve(field).label, theirs)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_differences_on_a_tree_are_those_of_messages(seed):
+    rng = np.random.default_rng(seed)
+    n_patches = 1500
+    parents = np.array([rng.integers(0, i) for i in range(1, n_patches)])
+    pairs = np.column_stack([parents, np.arange(1, n_patches)])
+    field = Field(rng.normal(size=n_patches), pairs, rng.exponential(0.6, n_patches - 1))
+    np.testing.assert_allclose(solve(field).difference, tree_differences(field), atol=1e-8)
 
 
 def test_only_wanted_differences_are_computed_and_they_are_the_same():
