@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-HALO_IN_GAPS, HALO_IN_SPACING = 4.0, 24.0
+HALO_IN_GAPS, HALO_IN_SPACING = 8.0, 48.0
 """Width of the halo: so many of the widest gap that a patch may bridge, and of the spacing of points."""
 MIDDLE = (0.05, 0.95)
 """Quantiles of the points between which a part of the map has its length: a stray point far off does not stretch it."""
