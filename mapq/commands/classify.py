@@ -105,7 +105,7 @@ def classify(
     from mapq.assess import assess
     from mapq.io import ReadOptions
     from mapq.io.models import read_default_model
-    from mapq.io.results import SCHEMA, json_beside, refuse_existing_result, write_result
+    from mapq.io.results import SCHEMA, claim_result, json_beside, write_result
     from prf.shell import jsonout
     from prf.shell.files import STREAM
     from prf.shell.manifest import describe_process
@@ -117,7 +117,7 @@ def classify(
         _classify_tiles(file, output, (model, max_false_alarms), (options, chosen, given), fail_over, json, force)
         return
     target = output or (beside(file, ".classified.ply") if file != STREAM else "map.classified.ply")
-    refuse_existing_result(target, force)
+    claim_result(target, force)
     refuse_inputs([json_beside(target)], [file, *([model] if model else [])])
     used = load_model(model, max_false_alarms)
     patches = _patches(file, options, chosen)

@@ -77,7 +77,8 @@ def render(
     from mapq.render import render_views
     from mapq.render.source import read_picture
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM, refuse_existing
+    from prf.shell.files import STREAM
+    from prf.shell.lock import claim_output
     from prf.shell.pictures import picture_format
 
     if (colour is Colour.field) != (field is not None):
@@ -86,7 +87,7 @@ def render(
         raise UsageError("--azimuth and --elevation are angles in degrees, not nan or inf.")
     target = output or f"{PurePath(file).stem if file != STREAM else 'map'}.png"
     picture_format(target)
-    refuse_existing(target, force)
+    claim_output(target, force)
     options = ReadOptions(bin_columns, unit, topic, frame)
     picture = read_picture(file, colour.value if colour is not None else None, field, options)
     views = ("plan", "3d") if view is View.both else (view.value,)

@@ -49,10 +49,11 @@ def report(
     words. Without -o it is report.html in the current folder. It needs the extra: pip install 'prf-mapq[report]'.
     """
     from mapq.report import read_told, write_report
-    from prf.shell.files import STREAM, refuse_existing
+    from prf.shell.files import STREAM
+    from prf.shell.lock import claim_output
 
     target = output or "report.html"
-    refuse_existing(target, force)
+    claim_output(target, force)
     told = read_told(result)
     written = write_report(target, told, title, palette.value, max_points)
     if not told.rows:

@@ -103,10 +103,10 @@ def segment(
     """
     from mapq.io import ReadOptions
     from mapq.segment import SegmentSettings
-    from prf.shell.files import refuse_existing
+    from prf.shell.lock import claim_output
 
     target = output or _beside(cloud)
-    refuse_existing(target, force)
+    claim_output(target, force)
     refuse_inputs([target], [cloud])
     settings = SegmentSettings(
         neighbours=neighbours,

@@ -104,7 +104,8 @@ def simulate(
     from mapq.simulate import Settings, simulate_with_report
     from prf.shell import console, jsonout
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM, refuse_existing
+    from prf.shell.files import STREAM
+    from prf.shell.lock import claim_output
     from prf.shell.progress import progress
     from prf.shell.seeds import resolve_seed
 
@@ -131,7 +132,7 @@ def simulate(
     if tile_points is not None:
         raise UsageError("--tile-points is for --size city: other worlds are one file.")
     check_name(output)
-    refuse_existing(output, force)
+    claim_output(output, force)
     settings, used_seed = Settings.of_size(size, changes), resolve_seed(seed)
     with progress(1.0, "casting beams") as bar:
         simulation = simulate_with_report(settings, used_seed, bar.update)
@@ -153,7 +154,8 @@ def _make_city(
     from mapq.simulate.city_tiles import POINTS_OF_TILE, write_city
     from prf.shell import console, jsonout
     from prf.shell.errors import OutputExists, UsageError
-    from prf.shell.files import STREAM, refuse_existing
+    from prf.shell.files import STREAM
+    from prf.shell.lock import claim, claim_output
     from prf.shell.progress import progress
 
     others = [name for name, value in changes.items() if value is not None and name != "n_points"]
@@ -162,9 +164,10 @@ def _make_city(
     if folder == STREAM:
         raise UsageError("a city is a folder of tiles. Name one with -o FOLDER.")
     if not os.path.isdir(folder):
-        refuse_existing(folder, force)
+        claim_output(folder, force)
     elif os.listdir(folder) and not force:
         raise OutputExists(f"{folder} already exists. Use --force to overwrite.")
+    claim(folder)
     n_points = CITY_POINTS if changes["n_points"] is None else changes["n_points"]
     with progress(1.0, "making tiles") as bar:
         counts = write_city(folder, n_points, seed, tile_points or POINTS_OF_TILE, bar.update)

@@ -146,7 +146,8 @@ def train(
     from mapq.training import train_files
     from prf.shell import jsonout
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM, refuse_existing
+    from prf.shell.files import STREAM
+    from prf.shell.lock import claim_output
     from prf.shell.progress import progress
     from prf.shell.seeds import resolve_seed
 
@@ -156,7 +157,7 @@ def train(
     for strength in (regularisation, coupling_regularisation):
         if strength is not None and not 0.0 < strength < math.inf:
             raise UsageError(f"a regularisation of {strength} is not above 0: separable labels would have no optimum.")
-    refuse_existing(target, force)
+    claim_output(target, force)
     refuse_inputs([target], patches)
     given = {"radius": radius, "tau": tau, "n_neighbours": neighbours, "n_watched": watched, "tolerance": tolerance}
     chosen: dict[str, Any] = {name: value for name, value in given.items() if value is not None}

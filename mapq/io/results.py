@@ -16,8 +16,9 @@ from mapq.cloud import PointCloud
 from mapq.io.write import check_name, write_cloud
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from prf.shell.errors import UsageError
-from prf.shell.files import STREAM, atomic_write, refuse_existing
+from prf.shell.files import STREAM, atomic_write
 from prf.shell.jsonout import dump_object, jsonable
+from prf.shell.lock import claim_output
 
 SCHEMA = "mapq.result/1"
 
@@ -49,11 +50,11 @@ def json_beside(path: str) -> str:
     return beside
 
 
-def refuse_existing_result(path: str, force: bool) -> None:
-    """Raise :class:`OutputExists` if either file of the result stands and `force` is not given."""
+def claim_result(path: str, force: bool) -> None:
+    """Refuse or hold both files of the result, as :func:`prf.shell.lock.claim_output`."""
     check_name(path)
     for name in (path, json_beside(path)):
-        refuse_existing(name, force)
+        claim_output(name, force)
 
 
 def result_cloud(

@@ -14,8 +14,9 @@ from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.perturb.build import Built
 from mapq.perturb.split import split_by_place
 from prf.shell.errors import UsageError
-from prf.shell.files import STREAM, atomic_write, refuse_existing
+from prf.shell.files import STREAM, atomic_write
 from prf.shell.jsonout import dump_object
+from prf.shell.lock import claim_output
 
 SCHEMA = "mapq.perturb/1"
 
@@ -54,7 +55,7 @@ def target_files(output: str | None, is_split: bool, force: bool) -> Targets:
     maps = tuple(str(name.with_name(f"{name.stem}{part}{name.suffix or '.ply'}")) for part in parts)
     targets = Targets(maps, str(name.with_suffix(".json")))
     for target in (*targets.maps, targets.report):
-        refuse_existing(target, force)
+        claim_output(target, force)
     return targets
 
 

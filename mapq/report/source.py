@@ -13,7 +13,7 @@ from mapq.cloud import PointCloud
 from mapq.io.clouds import parse_cloud
 from mapq.io.content import Content
 from mapq.io.patches import holds_patches
-from mapq.io.results import PATCH, RESULT_FIELDS, SCHEMA, json_beside
+from mapq.io.results import LABEL, PATCH, RESULT_FIELDS, SCHEMA, json_beside
 from mapq.patches import NO_PATCH, PLAUSIBLE, SUSPICIOUS
 from prf.shell.errors import InputError, UsageError
 from prf.shell.files import STREAM
@@ -104,6 +104,8 @@ def _told(path: str, cloud: PointCloud, beside: Path, head: dict[str, Any], rows
     if any(row.get("label") not in LABELS for row in rows):
         raise damaged(beside, "a label is neither plausible nor suspicious")
     label = np.array([LABELS[row["label"]] for row in rows], np.uint8)
+    if not np.array_equal(np.asarray(cloud.fields[LABEL])[known], label[patch[known]]):
+        raise InputError(f"{beside}: not the JSON of {path}, which has other labels. Run mapq classify again.")
     normal = np.column_stack([_column(beside, rows, "normal", axis) for axis in range(3)])
     areas = _column(beside, rows, "area_m2"), _column(beside, rows, "p_suspicious")
     return Told(path, cloud, patch.astype(np.int32), head, rows, label, areas[1], areas[0], normal)

@@ -7,11 +7,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mapq.io.results import json_beside, refuse_existing_result, result_lines
+from mapq.io.results import claim_result, json_beside, result_lines
 from mapq.io.write import LAS_ENDS
 from mapq.scale.source import Source
 from prf.shell.errors import OutputExists, UsageError
-from prf.shell.files import STREAM, atomic_write, refuse_existing
+from prf.shell.files import STREAM, atomic_write
+from prf.shell.lock import claim, claim_output
 
 CLOUD_ENDS = (*LAS_ENDS, ".ply")
 RESULT_JSON = "result.json"
@@ -40,16 +41,17 @@ def plan_output(path: str, sources: list[Source], is_tiled: bool, force: bool) -
     if path == STREAM:
         raise UsageError("a map in tiles cannot go to standard output. Name a file or a folder with -o.")
     if not is_tiled or path.lower().endswith(CLOUD_ENDS) or path == os.devnull:
-        refuse_existing_result(path, force)
+        claim_result(path, force)
         files = {} if path == os.devnull else {path: list(range(len(sources)))}
         return Output(path, False, files, json_beside(path))
     folder = Path(path)
     if folder.is_dir() and any(os.path.samefile(folder, Path(source.path).parent) for source in sources):
         raise UsageError(f"{path} is the input and would be overwritten. Name another folder with -o.")
     if not folder.is_dir():
-        refuse_existing(path, force)
+        claim_output(path, force)
     elif not force and any(folder.iterdir()):
         raise OutputExists(f"{path} already exists. Use --force to overwrite.")
+    claim(path)
     return Output(path, True, {_name(source): [place] for place, source in enumerate(sources)}, RESULT_JSON)
 
 
@@ -65,7 +67,9 @@ def made_in(folder: str, output: Output) -> dict[str, list[int]]:
 
 
 def publish(folder: str, output: Output, head: Mapping[str, Any], patches: Iterable[Mapping[str, Any]]) -> None:
-    """Move the files from the work folder to their places, and write the JSON.
+    """Move the files from the work folder to their places, and the JSON, which is on the disk before, after them.
+
+    A JSON of an older result is taken away first: what is killed in between leaves no JSON that tells of other files.
 
     Raises
     ------
@@ -77,8 +81,12 @@ def publish(folder: str, output: Output, head: Mapping[str, Any], patches: Itera
     target = Path(output.path)
     if output.is_folder:
         target.mkdir(exist_ok=True)
-    for name in output.files:
-        made = os.path.join(folder, f"made_{Path(name).name}")
-        os.replace(made, target / name if output.is_folder else target)
-    with atomic_write(target / output.json if output.is_folder else output.json) as stream:
+    beside = target / output.json if output.is_folder else Path(output.json)
+    with atomic_write(beside) as stream:
         stream.writelines(result_lines(head, patches))
+        stream.flush()
+        os.fsync(stream.fileno())
+        beside.unlink(missing_ok=True)
+        for name in output.files:
+            made = os.path.join(folder, f"made_{Path(name).name}")
+            os.replace(made, target / name if output.is_folder else target)

@@ -8,11 +8,16 @@ from __future__ import annotations
 
 import importlib
 import multiprocessing
+import os
+import signal
+import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from multiprocessing.connection import wait as wait_for
 from typing import Any, Protocol, TypeVar
 
 from mapq import __version__
@@ -60,6 +65,32 @@ def _repeated(function: Callable[[Task], Found], task: Task) -> Found:
     return function(task)
 
 
+def end_with(leader: Connection) -> None:
+    """Have this worker end as soon as the other end of `leader` is closed, or Ctrl-C is pressed, and say nothing.
+
+    A leader that is killed closes it too. Else its workers would wait for a next task for ever: each holds the writing
+    end of its own queue, which thus never closes.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    threading.Thread(target=_await_end, args=(leader,), daemon=True).start()
+
+
+def _await_end(leader: Connection) -> None:
+    wait_for([leader])
+    os._exit(1)
+
+
+@contextmanager
+def _interrupts_held_back() -> Iterator[None]:
+    """Keep Ctrl-C for the end of the block; a process that starts in it gets none until it asks for it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 class Processes:
     """Processes on this machine, each with a pool of its own, so that one that is lost does not take the others along.
 
@@ -70,15 +101,18 @@ class Processes:
 
     def __init__(self, n_workers: int) -> None:
         self._context = multiprocessing.get_context("spawn")
+        self._watched, self._leader = self._context.Pipe(duplex=False)
         self._pools = [self._pool() for _ in range(n_workers)]
 
     def _pool(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(1, self._context)
+        return ProcessPoolExecutor(1, self._context, end_with, (self._watched,))
 
     def close(self) -> None:
-        """End the processes."""
+        """End the processes at once, also in the middle of a task that nobody waits for any more."""
+        self._leader.close()
         for pool in self._pools:
             pool.shutdown(cancel_futures=True)
+        self._watched.close()
 
     def each(
         self, function: Callable[[Task], Found], tasks: Sequence[Task], done: Callable[[int], None]
@@ -109,11 +143,12 @@ class Processes:
         return [found[place] for place in range(len(tasks))]
 
     def _submit(self, slot: int, function: Callable[[Task], Found], task: Task) -> Future[Found]:
-        try:
-            return self._pools[slot].submit(function, task)
-        except BrokenProcessPool:
-            self._pools[slot] = self._pool()
-            return self._pools[slot].submit(function, task)
+        with _interrupts_held_back():
+            try:
+                return self._pools[slot].submit(function, task)
+            except BrokenProcessPool:
+                self._pools[slot] = self._pool()
+                return self._pools[slot].submit(function, task)
 
     def _take(self, future: Future[Found], slot: int, place: int, failed: list[int], found: dict[int, Found]) -> bool:
         """Keep what a task gave, and return whether it gave anything; its process is replaced if it is lost."""

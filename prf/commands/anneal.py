@@ -105,7 +105,8 @@ def anneal(
     from prf.sampler.config import SampleConfig
     from prf.sampler.output import default_output
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM, refuse_existing
+    from prf.shell.files import STREAM
+    from prf.shell.lock import claim_output
     from prf.shell.seeds import resolve_seed
 
     logs = [log for log in (laser, sonar, point_data) if log is not None]
@@ -118,7 +119,7 @@ def anneal(
     refuse_shared_stream({"--laser": laser, "--sonar": sonar, "--point-data": point_data, "--config": config})
     science = SampleConfig(**ask(options, config).values)
     target = output or str(default_output(logs[0]).with_suffix(".geojson"))
-    refuse_existing(target, force)
+    claim_output(target, force)
     used_seed = resolve_seed(seed)
     goal = Goal(None, time_budget) if time_budget is not None else Goal(steps or DEFAULT_STEPS)
     inputs = (laser, sonar, point_data)

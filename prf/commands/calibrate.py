@@ -72,7 +72,8 @@ def calibrate(
     from prf.sampler.logs import read_logs
     from prf.settings_file import write_settings
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM, refuse_existing
+    from prf.shell.files import STREAM
+    from prf.shell.lock import claim_output
     from prf.shell.seeds import resolve_seed, spawn_generators
 
     if sonar is None and laser is None:
@@ -81,7 +82,7 @@ def calibrate(
     if json and output == STREAM:
         raise UsageError("--json and -o - both want standard output. Name a file with -o.")
     if output is not None:
-        refuse_existing(output, force)
+        claim_output(output, force)
     config = CalibrateConfig(**asked)
     used_seed = resolve_seed(seed)
     area = read_known_map(known)

@@ -106,7 +106,8 @@ def grid(
     from prf.sampler.logs import read_logs
     from prf.sampler.output import default_output
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM, refuse_existing
+    from prf.shell.files import STREAM
+    from prf.shell.lock import claim_output
     from prf.shell.manifest import describe_process
 
     logs = [log for log in (laser, sonar) if log is not None]
@@ -116,7 +117,7 @@ def grid(
     if output == STREAM:
         raise UsageError("-o -: a grid is a .npz archive. Name one.")
     target = output or str(default_output(logs[0]).with_suffix(".grid.npz"))
-    refuse_existing(target, force)
+    claim_output(target, force)
     settings = GridConfig(**ask(options, config, IN_SETTINGS_FILE).values)
     readings = read_logs(laser, sonar, topic=topic, frame=frame, sonar_topic=sonar_topic, cone=settings.sonar_cone)
     built = build_grid(*readings, settings, describe_process(logs))

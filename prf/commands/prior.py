@@ -60,7 +60,8 @@ def prior(
     from prf.laws import compare
     from prf.shell import console, jsonout
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM, open_output, refuse_existing
+    from prf.shell.files import STREAM, open_output
+    from prf.shell.lock import claim_output
     from prf.shell.seeds import resolve_seed
     from prf.window import Window
 
@@ -69,7 +70,7 @@ def prior(
     if json and output == STREAM:
         raise UsageError("--json and -o - both want standard output. Name a file with -o.")
     if output is not None:
-        refuse_existing(output, force)
+        claim_output(output, force)
     used_seed = resolve_seed(seed)
     drawn, used_thin = _draw(method, scale, Window.checked(*window), draws, thin, used_seed)
     if output is not None:

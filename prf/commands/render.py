@@ -66,7 +66,8 @@ def render(
     The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG in the current folder.
     White is free, black occupied, mid-grey unknown.
     """
-    from prf.shell.files import STREAM, refuse_existing
+    from prf.shell.files import STREAM
+    from prf.shell.lock import claim_output
     from prf.shell.pictures import picture_format
 
     is_run, is_grid = Path(inputs[0]).is_dir(), _is_grid(inputs[0])
@@ -77,7 +78,7 @@ def render(
     name = Path(inputs[0]).resolve().name + f"-{what}" if is_run else Path(inputs[0]).stem
     target = output or f"{'draws' if inputs[0] == STREAM else name}.png"
     picture_format(target)
-    refuse_existing(target, force)
+    claim_output(target, force)
     if is_run:
         _render_run(inputs[0], target, what, draws or 4, outline, path, beams, title)
     elif is_grid:

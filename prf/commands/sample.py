@@ -203,7 +203,7 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None, force:
     from pathlib import Path
 
     from prf.run import is_run
-    from prf.sampler.output import default_output
+    from prf.sampler.output import default_output, is_unfinished
     from prf.shell.errors import InputError, UsageError
     from prf.shell.files import STREAM, refuse_standing
 
@@ -218,7 +218,8 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None, force:
     if output == STREAM:
         raise UsageError("-o -: a run is a directory. Name one.")
     folder = Path(output) if output is not None else default_output(next(iter(logs.values())))
-    refuse_standing(folder, force)
+    if not is_unfinished(folder):
+        refuse_standing(folder, force)
     return folder
 
 

@@ -127,6 +127,7 @@ def simulate(
     from prf.shell import jsonout
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM, refuse_standing
+    from prf.shell.lock import claim
     from prf.shell.progress import progress
     from prf.shell.seeds import resolve_seed
     from prf.simulate import config_of, summary, write_simulation
@@ -135,6 +136,7 @@ def simulate(
     if output is None or output == STREAM:
         raise UsageError("the result is a directory. Name one with -o DIR.")
     refuse_standing(output, force)
+    claim(output)
     options["unknown_is_occupied"] = None if unknown is None else unknown is Unknown.occupied
     config = config_of(options, laser, sonar)
     with progress(1.0, "casting beams") as bar:

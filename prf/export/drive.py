@@ -17,7 +17,8 @@ from prf.export.ros_map import ros_map
 from prf.export.shapes import counts, oriented_polygons
 from prf.export.source import Source, read_source, require_existing, stem_of
 from prf.export.svg import paper_ratio, svg_text
-from prf.shell.files import open_output, refuse_existing
+from prf.shell.files import open_output
+from prf.shell.lock import claim_output
 
 
 class File(NamedTuple):
@@ -73,7 +74,7 @@ def export_source(path: str | os.PathLike[str], output: str | None, options: Opt
     formats.check_options(name, options)
     targets = formats.targets(name, output, stem_of(path), options.mode or formats.TRINARY)
     for target in targets:
-        refuse_existing(target, force)
+        claim_output(target, force)
     content = _content(name, read_source(path), options, targets)
     _write(targets, content.parts)
     sizes = [len(part.encode() if isinstance(part, str) else part) for part in content.parts]

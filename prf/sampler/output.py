@@ -14,13 +14,16 @@ import numpy as np
 from prf.diagnostics import acceptance, document
 from prf.kernels import constants as c
 from prf.render import render_posterior
-from prf.run import Beams, Cones, Points, PosteriorImage, Run, names, write_run
+from prf.run import Beams, Cones, Points, PosteriorImage, Run, names, read_manifest, write_run
 from prf.sampler.checkpoint import save_checkpoint
 from prf.sampler.config import SampleConfig
 from prf.sampler.drive import Progress
 from prf.sampler.several import MOVE_NAMES, Sampler
 from prf.shell.errors import OutputError
-from prf.shell.files import STREAM
+from prf.shell.files import STREAM, is_leftover, remove_leftovers
+
+FILES = (names.MANIFEST, names.CHECKPOINT, names.PICTURE, *names.SCHEMAS)
+"""All that a RUN directory may hold, the manifest first: without it the others are no run."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,14 +54,28 @@ class Output:
     def write(self, sampler: Sampler, progress: Progress, seconds_before: float, picture: bool) -> Run:
         """Write checkpoint and RUN as the chains stand; `picture` draws posterior.png too.
 
-        `seconds_before` is the time of sampling in earlier processes of a resumed run.
+        The manifest comes last: what is killed before can be resumed from a checkpoint, or is no run yet; and one that
+        does not say "running" stands beside files that are all of its step. `seconds_before` is the time of sampling
+        in earlier processes of a resumed run.
         """
         run = self.make_run(sampler, progress, seconds_before)
-        write_run(self.folder, run)
-        save_checkpoint(self.folder, sampler, self.identity())
+        save_checkpoint(self._made_folder(), sampler, self.identity())
         if picture:
             render_posterior(dataclasses.replace(run, path=self.folder), self.folder / names.PICTURE)
+        write_run(self.folder, run)
         return run
+
+    def _made_folder(self) -> Path:
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(f"{self.folder}: cannot be written ({error.strerror}).") from error
+        return self.folder
+
+    def is_written(self, step: int) -> bool:
+        """Return whether the directory holds the whole run as it stands after `step` steps."""
+        manifest = read_manifest(self.folder)
+        return manifest.get("steps") == step and manifest.get("status") != "running"
 
     def make_way(self) -> None:
         """Take away what an older run left in the directory, so that no file of it can pass for one of this run.
@@ -70,11 +87,17 @@ class Output:
         """
         if self.folder.exists() and not self.folder.is_dir():
             raise OutputError(f"{self.folder}: a file is in the way. Choose another directory.")
-        for name in (names.MANIFEST, names.CHECKPOINT, names.PICTURE, *names.SCHEMAS):
+        self.remove_leftovers()
+        for name in FILES:
             try:
                 (self.folder / name).unlink(missing_ok=True)
             except OSError as error:
                 raise OutputError(f"{self.folder / name}: cannot be removed ({error.strerror}).") from error
+
+    def remove_leftovers(self) -> None:
+        """Take away what a killed process had half written; the caller holds the run (:mod:`prf.shell.lock`)."""
+        for name in FILES:
+            remove_leftovers(self.folder / name)
 
     def identity(self) -> str:
         """Return a digest of configuration, seed and readings: a checkpoint of another run is refused by it."""
@@ -149,6 +172,14 @@ def tempering_entry(sampler: Sampler) -> dict[str, Any]:
     """Return what swaps between rungs came to, chain by chain; nothing without parallel tempering."""
     reports = [report._asdict() for report in sampler.swaps()]
     return {"tempering": reports} if reports else {}
+
+
+def is_unfinished(folder: Path) -> bool:
+    """Return whether `folder` is what a run leaves that is killed before its first manifest: nothing of worth."""
+    if not folder.is_dir() or (folder / names.MANIFEST).exists():
+        return False
+    kept = [entry.name for entry in folder.iterdir()]
+    return bool(kept) and all(name in FILES or any(is_leftover(name, output) for output in FILES) for name in kept)
 
 
 LOG_SUFFIXES = (".bag", ".mcap", ".db3", ".csv", ".txt", ".log", ".clf", ".gz")

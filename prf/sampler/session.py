@@ -61,7 +61,9 @@ class Session:
         self, rule: StopRule, on_progress: Callable[[Progress], None], stop_requested: Callable[[], bool]
     ) -> tuple[Run, Progress]:
         """Sample until `rule` is met or `stop_requested` says so, then write the RUN; return it and the end."""
-        if not self.is_resumed:
+        if self.is_resumed:
+            self.output.remove_leftovers()
+        else:
             self.output.make_way()
         written = time.monotonic()
         first_step = self.sampler.step
@@ -73,10 +75,10 @@ class Session:
             if stop_requested() and progress.status == "running":
                 progress = progress._replace(status="interrupted")
                 break
-            if time.monotonic() - written > CHECKPOINT_SECONDS:
+            if progress.status == "running" and time.monotonic() - written > CHECKPOINT_SECONDS:
                 self.output.write(self.sampler, progress, self.seconds_before, picture=False)
                 written = time.monotonic()
-        if self.is_resumed and self.sampler.step == first_step:
+        if self.is_resumed and self.sampler.step == first_step and self.output.is_written(first_step):
             return read_run(self.output.folder), progress
         return self.output.write(self.sampler, progress, self.seconds_before, picture=True), progress
 

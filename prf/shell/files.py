@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -30,13 +32,39 @@ def refuse_existing(path: str | os.PathLike[str], force: bool) -> None:
     target = Path(os.path.realpath(path))
     if target.is_dir() and os.fspath(path) != STREAM:
         raise OutputError(f"{path}: a folder is in the way. Name a file.")
-    is_device = target.exists() and not target.is_file() and not target.is_dir()
-    if os.fspath(path) == STREAM or is_device:
+    if os.fspath(path) == STREAM or is_device(target):
         return
     if not target.parent.is_dir():
         raise OutputError(f"{path}: cannot be written (there is no folder {target.parent}). Make it first.")
     if not os.access(target.parent, os.W_OK | os.X_OK):
         raise OutputError(f"{path}: cannot be written (the folder {target.parent} is not writable).")
+
+
+def is_device(target: Path) -> bool:
+    """Return whether a device or a pipe stands there, which is written directly."""
+    return target.exists() and not target.is_file() and not target.is_dir()
+
+
+def remove_leftovers(path: str | os.PathLike[str]) -> None:
+    """Remove what killed processes left beside the output `path`: files half written, and work folders.
+
+    The caller holds the output (:mod:`prf.shell.lock`), so that nobody is still writing them.
+    """
+    target = Path(path)
+    if not target.parent.is_dir():
+        return
+    for entry in target.parent.iterdir():
+        if not is_leftover(entry.name, target.name):
+            continue
+        if entry.is_dir():
+            shutil.rmtree(entry, ignore_errors=True)
+        else:
+            entry.unlink(missing_ok=True)
+
+
+def is_leftover(name: str, output: str) -> bool:
+    """Return whether a file called `name` is what a killed process left of one called `output`."""
+    return re.fullmatch(rf"\.{re.escape(output)}\.[a-z0-9_]{{8}}\.(tmp|work)", name) is not None
 
 
 def refuse_standing(path: str | os.PathLike[str], force: bool) -> None:
@@ -109,7 +137,7 @@ def atomic_write(path: str | os.PathLike[str], binary: bool = False) -> Iterator
     target = Path(os.path.realpath(path))
     mode = "wb" if binary else "w"
     text = {} if binary else {"encoding": "utf-8", "newline": "\n"}
-    if target.exists() and not target.is_file() and not target.is_dir():
+    if is_device(target):
         with open(target, mode, **text) as device:  # type: ignore[call-overload]
             yield device
         return

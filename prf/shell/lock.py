@@ -2,13 +2,54 @@
 
 from __future__ import annotations
 
+import atexit
 import fcntl
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from prf.shell.errors import OutputError
+from prf.shell.files import STREAM, is_device, refuse_existing, remove_leftovers
+
+_claims = ExitStack()
+_claimed: set[Path] = set()
+
+
+def claim_output(path: str | os.PathLike[str], force: bool) -> None:
+    """Refuse an output before the work for it begins, as :func:`refuse_existing`, or hold it until the tool ends.
+
+    Raises
+    ------
+    OutputExists, OutputError
+        As :func:`refuse_existing`, and if another process is writing it.
+    """
+    refuse_existing(path, force)
+    claim(path)
+
+
+def claim(path: str | os.PathLike[str]) -> None:
+    """Hold the output `path` (file or folder, existing or not) until the tool ends; nobody holds a stream or a device.
+
+    Raises
+    ------
+    OutputError
+        If another process is writing it, or it cannot be written.
+    """
+    target = Path(path).resolve()
+    if os.fspath(path) == STREAM or is_device(target) or target in _claimed:
+        return
+    _claims.enter_context(exclusive(target))
+    _claimed.add(target)
+
+
+def release_claims() -> None:
+    """Let go of all outputs that :func:`claim_output` holds."""
+    _claimed.clear()
+    _claims.close()
+
+
+atexit.register(release_claims)
 
 
 @contextmanager
@@ -16,7 +57,7 @@ def exclusive(path: str | os.PathLike[str]) -> Iterator[None]:
     """Hold the output `path` (file or folder, existing or not) for this process.
 
     The lock file ``.<name>.lock`` stands beside the output. The kernel drops the lock with the process, so a killed run
-    never leaves an output locked.
+    never leaves an output locked. What one left beside the output, half written, is removed.
 
     Raises
     ------
@@ -27,6 +68,7 @@ def exclusive(path: str | os.PathLike[str]) -> Iterator[None]:
     lock_path = target.with_name(f".{target.name}.lock")
     descriptor = _acquire(lock_path, target)
     try:
+        remove_leftovers(target)
         yield
     finally:
         # Unlinked while still held: whoever opened the old file sees in _acquire that it is no longer on disk.

@@ -11,7 +11,7 @@ from typing import Any
 
 import typer
 
-from prf.shell import console, signals
+from prf.shell import console, lock, signals
 from prf.shell.errors import EXIT_BROKEN_PIPE, EXIT_INTERNAL, EXIT_OK, OutputError, PrfError
 
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -49,6 +49,8 @@ def run_app(command: Any, name: str, args: Sequence[str] | None = None) -> int:
         return _report_full(error) if error.errno in _FULL else _report_internal(error)
     except Exception as error:
         return _report_internal(error)
+    finally:
+        lock.release_claims()
     return code if isinstance(code, int) else EXIT_OK
 
 
