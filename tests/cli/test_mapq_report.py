@@ -55,3 +55,14 @@ def test_without_plotly_the_extra_is_named(capsys, result, tmp_path, monkeypatch
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert "pip install 'prf-mapq[report]'" in err
     assert not (tmp_path / "x.html").exists()
+
+
+def test_the_json_of_another_result_is_refused(capsys, result, tmp_path):
+    """Of the same patches with other labels, as a process leaves it that is killed between the two files."""
+    beside = result.with_suffix(".json")
+    text = beside.read_text()
+    assert '"label": "plausible"' in text
+    beside.write_text(text.replace('"label": "plausible"', '"label": "suspicious"', 1))
+    code, out, err = call(capsys, "report", result, "-o", tmp_path / "x.html")
+    assert (code, out, err.count("\n")) == (3, "", 1)
+    assert "which has other labels" in err

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -77,3 +81,57 @@ def test_no_scheduler_is_said_in_one_line(monkeypatch):
     monkeypatch.setattr("mapq.scale.workers.CONNECT_SECONDS", 0.5)
     with pytest.raises(InputError, match=r"no scheduler answers there\. Start one: dask scheduler"):
         Dask("tcp://127.0.0.1:9")
+
+
+LEADER = """
+import threading, sys, time
+from mapq.scale.workers import Processes
+from tests.mapq.scale.test_workers import say_and_sleep
+
+if __name__ == "__main__":
+    Processes(2).each(say_and_sleep, [sys.argv[1] + "/a", sys.argv[1] + "/b"], print)
+"""
+
+
+def say_and_sleep(path: str) -> None:
+    """Say which process this is, and work for longer than any test."""
+    Path(f"{path}.tmp").write_text(str(os.getpid()))
+    os.rename(f"{path}.tmp", path)
+    time.sleep(600.0)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_workers_end_with_their_leader_and_say_nothing(tmp_path, project_root, number):
+    """In the middle of their tasks; SIGINT goes to all of them, as Ctrl-C does."""
+    (tmp_path / "leader.py").write_text(LEADER)
+    with subprocess.Popen(
+        [sys.executable, str(tmp_path / "leader.py"), str(tmp_path)],
+        env={**os.environ, "PYTHONPATH": str(project_root)},
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as leader:
+        pids = [wait_for_pid(tmp_path / name) for name in "ab"]
+        (os.killpg if number == signal.SIGINT else os.kill)(leader.pid, number)
+        assert wait_until(lambda: not any(is_alive(pid) for pid in pids)), "workers live on"
+        _, err = leader.communicate()
+    assert "Spawn" not in err
+
+
+def wait_for_pid(path: Path) -> int:
+    assert wait_until(path.exists)
+    return int(path.read_text())
+
+
+def wait_until(holds: Callable[[], bool], seconds: float = 60.0) -> bool:
+    until = time.monotonic() + seconds
+    while not holds() and time.monotonic() < until:
+        time.sleep(0.02)
+    return holds()
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False

@@ -1,0 +1,52 @@
+"""The result of a map in tiles moves to its place: nothing of two results ever stands together."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from mapq.scale.output import Output, publish
+from prf.shell import files
+
+
+def make_work(folder: Path) -> tuple[Path, Output]:
+    """Return a work folder with a cloud that is made, and where it goes, beside the JSON of an older result."""
+    work = folder / "work"
+    work.mkdir()
+    (work / "made_a.ply").write_text("new")
+    (folder / "a.ply").write_text("old")
+    (folder / "a.json").write_text("old")
+    return work, Output(str(folder / "a.ply"), False, {str(folder / "a.ply"): [0]}, str(folder / "a.json"))
+
+
+def test_both_are_replaced(tmp_path: Path) -> None:
+    work, output = make_work(tmp_path)
+    publish(str(work), output, {"tiles": 3}, [{"patch": 0}])
+    assert (tmp_path / "a.ply").read_text() == "new"
+    assert json.loads((tmp_path / "a.json").read_text())["tiles"] == 3
+
+
+@pytest.mark.parametrize("name", ["a.ply", "a.json"])
+def test_killed_in_between_no_json_tells_of_another_cloud(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    def replace(source: str, target: str | Path) -> None:
+        if Path(target).name == name:
+            raise KeyboardInterrupt
+        os.rename(source, target)
+
+    work, output = make_work(tmp_path)
+    monkeypatch.setattr(files.os, "replace", replace)
+    with pytest.raises(KeyboardInterrupt):
+        publish(str(work), output, {"tiles": 3}, [{"patch": 0}])
+    assert not (tmp_path / "a.json").exists()
+
+
+def test_an_error_before_leaves_the_old_ones(tmp_path: Path) -> None:
+    work, output = make_work(tmp_path)
+    with pytest.raises(ZeroDivisionError):
+        publish(str(work), output, {"tiles": 3}, ({"patch": 1 // n} for n in (1, 0)))
+    assert (tmp_path / "a.ply").read_text() == (tmp_path / "a.json").read_text() == "old"
