@@ -13,10 +13,23 @@ EXIT_BROKEN_PIPE = 141
 """What the shell reports for a program that SIGPIPE ended, as in ``prf query ... | head``."""
 
 
+LONGEST_MESSAGE = 4000
+"""Characters. A message that quotes a damaged file may be longer; its middle is left out."""
+
+
 class PrfError(Exception):
-    """Root of every error that is reported in one line, without a traceback."""
+    """Root of every error that is reported in one line, without a traceback.
+
+    Parameters
+    ----------
+    message : str
+        Line ends become blanks, and what else a terminal would act on is escaped: a file, or its name, may hold it.
+    """
 
     exit_code = EXIT_INTERNAL
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(_one_line(message))
 
 
 class CheckFailed(PrfError):  # noqa: N818 - a "no" for an answer is not an error
@@ -67,3 +80,18 @@ class Interrupted(PrfError):  # noqa: N818 - reads as what happened
     def __init__(self, message: str, signal_number: int = 2) -> None:
         super().__init__(message)
         self.exit_code = 128 + signal_number
+
+
+def _one_line(message: str) -> str:
+    """Return the message as one line of characters that can be shown."""
+    if len(message) > LONGEST_MESSAGE:
+        message = f"{message[: LONGEST_MESSAGE - 1000]} ... {message[-1000:]}"
+    if message.isprintable():
+        return message
+    return "".join(map(_shown, message))
+
+
+def _shown(letter: str) -> str:
+    if letter.isspace():
+        return " "
+    return letter if letter.isprintable() else repr(letter)[1:-1]
