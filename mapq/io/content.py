@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import gzip
 import io
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import BinaryIO
 
-from prf.shell.errors import InputError
 from prf.shell.files import STREAM, open_input
+from prf.shell.gzipped import gunzip
 
 GZIP_MAGIC = b"\x1f\x8b\x08"
 """With the only method that there is: two bytes alone begin one in 65,536 files of plain float32."""
@@ -88,7 +86,7 @@ class Content:
             is_zipped = head.startswith(GZIP_MAGIC)
             if is_zipped or not stream.seekable() or self.path == STREAM:
                 data = head + stream.read()
-                self._data = (_decompress(data, self.source) if is_zipped else data).removeprefix(BYTE_ORDER_MARK)
+                self._data = (gunzip(data, self.source) if is_zipped else data).removeprefix(BYTE_ORDER_MARK)
                 return self._data[:HEAD]
         return head.removeprefix(BYTE_ORDER_MARK)
 
@@ -102,12 +100,3 @@ def read_bytes(path: str) -> bytes:
         If it is missing, a folder, or damaged.
     """
     return Content(path).data()
-
-
-def _decompress(data: bytes, source: str) -> bytes:
-    try:
-        return gzip.decompress(data)
-    except EOFError:
-        raise InputError(f"{source}: the gzip file is cut off at its end. Copy or download it again.") from None
-    except (OSError, zlib.error):
-        raise InputError(f"{source}: the gzip file is damaged. Copy or download it again.") from None

@@ -70,11 +70,7 @@ def read_model(path: str | os.PathLike[str]) -> Model:
         If it is missing, damaged, of another version, lacks a key, holds a number that is not finite, or breaks a
         constraint: a negative coupling, a scale or slope that is not positive, a calibration that falls.
     """
-    try:
-        content = load_object(Path(path), SCHEMA)
-    except (RecursionError, ValueError) as error:  # of nesting and of whole numbers without end
-        raise damaged(Path(path), "not what mapq train writes") from error
-    return _parse(Path(path), content)
+    return _parse(Path(path), load_object(Path(path), SCHEMA))
 
 
 def read_default_model() -> Model:

@@ -13,6 +13,7 @@ import numpy as np
 
 from mapq.io.fields import NUMBERS, Array, axes_of, columns_of
 from prf.shell.errors import InputError
+from prf.shell.storage import is_text, refuse_members
 
 MAGIC = b"\x93NUMPY"
 ZIP_MAGIC = (b"PK\x03\x04", b"PK\x05\x06")
@@ -81,6 +82,7 @@ def parse_archive(data: bytes, source: str) -> dict[str, Array]:
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            refuse_members(archive, source)
             members = {name: archive.read(name) for name in archive.namelist()}
     except ARCHIVE_ERRORS as error:
         what = " ".join(str(error).split())
@@ -115,7 +117,10 @@ def parse_array(data: bytes, source: str) -> Array:
         )
     if size == 0 or dtype.itemsize == 0:
         return np.empty(shape if dtype.itemsize else 0, dtype)
-    return np.frombuffer(data, dtype, size, start).reshape(shape, order="F" if fortran else "C")
+    array = np.frombuffer(data, dtype, size, start).reshape(shape, order="F" if fortran else "C")
+    if not is_text(array):
+        raise InputError(f"{source}: damaged: text with characters that do not exist. Write it anew.")
+    return array
 
 
 def _array_header(data: bytes) -> tuple[np.dtype[np.generic], bool, tuple[int, ...], int]:

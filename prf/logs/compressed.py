@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import gzip
-import zlib
-
-from prf.shell.errors import InputError
+from prf.shell.gzipped import gunzip
 
 GZIP_MAGIC = b"\x1f\x8b"
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -13,12 +10,5 @@ BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 def decompress(data: bytes, source: str) -> bytes:
-    """Return `data`, decompressed if it is gzipped; `source` names it in the error if it is damaged."""
-    if not data.startswith(GZIP_MAGIC):
-        return data
-    try:
-        return gzip.decompress(data)
-    except EOFError:
-        raise InputError(f"{source}: the gzip file is cut off at its end. Copy or download it again.") from None
-    except (OSError, zlib.error):
-        raise InputError(f"{source}: the gzip file is damaged. Copy or download it again.") from None
+    """Return `data`, decompressed if it is gzipped; `source` names it in the error if it is damaged or too large."""
+    return gunzip(data, source) if data.startswith(GZIP_MAGIC) else data

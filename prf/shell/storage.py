@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import struct
+import sys
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -14,8 +17,14 @@ from numpy.typing import DTypeLike, NDArray
 
 from prf.shell.errors import InputError
 from prf.shell.files import atomic_write
+from prf.shell.gzipped import refuse_large
 
 _REMEDY = "Write it anew, or restore it."
+_ARRAY_ERRORS = (
+    *(ValueError, TypeError, LookupError, SyntaxError, OverflowError, RuntimeError, SystemError, EOFError),
+    *(zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError),
+)
+"""What numpy and zipfile raise for a damaged archive; RuntimeError has nesting and unknown packing among it."""
 
 
 def load_arrays(path: Path, schema: str) -> dict[str, NDArray[Any]]:
@@ -30,13 +39,39 @@ def load_arrays(path: Path, schema: str) -> dict[str, NDArray[Any]]:
         with np.load(path, allow_pickle=False) as stored:
             if not isinstance(stored, np.lib.npyio.NpzFile):
                 raise InputError(f"{path}: not a .npz archive. {_REMEDY}")
+            refuse_members(stored.zip, path)
             arrays = {name: stored[name] for name in stored.files}
     except OSError as error:
         raise InputError(f"{path}: {_reason(error)}.") from error
-    except (ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
+    except MemoryError as error:
+        raise damaged(path, "an array promises more than memory holds") from error
+    except _ARRAY_ERRORS as error:
         raise InputError(f"{path}: damaged ({_reason(error)}). {_REMEDY}") from error
+    for name, array in arrays.items():
+        if not isinstance(array, np.ndarray) or not is_text(array):  # bytes of a member that is no .npy
+            raise damaged(path, f"{name} is no array, or text with characters that do not exist")
     check_schema(path, str(arrays.pop("schema", "")), schema)
     return arrays
+
+
+def refuse_members(archive: zipfile.ZipFile | None, path: Path | str) -> None:
+    """Raise InputError for an archive that numpy does not write: so packed, or so large, that memory could not hold it.
+
+    Methods other than numpy's pack a thousand times as tightly as a small file should be able to.
+    """
+    members = archive.infolist() if archive is not None else []
+    for member in members:
+        if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise InputError(f"{path}: damaged ({member.filename} is packed as numpy never does). {_REMEDY}")
+    refuse_large(sum(member.file_size for member in members), str(path))
+
+
+def is_text(array: NDArray[Any]) -> bool:
+    """Return whether all characters of an array of text exist; True for every other array."""
+    if array.dtype.kind != "U" or array.size == 0 or array.dtype.itemsize == 0:
+        return True
+    codes = np.frombuffer(array.tobytes(), array.dtype.byteorder.replace("|", "=") + "u4")
+    return bool(codes.max() <= sys.maxunicode)
 
 
 def save_arrays(path: Path, schema: str, arrays: Mapping[str, Any], compressed: bool = False) -> None:
@@ -56,6 +91,8 @@ def load_object(path: Path, schema: str) -> dict[str, Any]:
         raise InputError(f"{path}:{error.lineno}: damaged ({error.msg}). {_REMEDY}") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: damaged (not UTF-8 text). {_REMEDY}") from error
+    except (RecursionError, ValueError) as error:  # of nesting and of whole numbers without end
+        raise damaged(path, "brackets or digits without end") from error
     if not isinstance(content, dict):
         raise InputError(f"{path}: damaged (not a JSON object). {_REMEDY}")
     check_schema(path, str(content.get("schema", "")), schema)
