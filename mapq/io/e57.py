@@ -84,11 +84,14 @@ def e57_poses(file: Any, source: str) -> NDArray[np.float64]:
     if file.scan_count == 0:
         raise InputError(f"{source}: no scan in this file. Give an E57 that has points.")
     poses = np.tile(np.eye(4), (file.scan_count, 1, 1))
-    for scan in range(file.scan_count):
-        header = file.get_header(scan)
-        if header.has_pose():
-            poses[scan, :3, :3] = header.rotation_matrix
-            poses[scan, :3, 3] = header.translation
+    try:
+        for scan in range(file.scan_count):
+            header = file.get_header(scan)
+            if header.has_pose():
+                poses[scan, :3, :3] = header.rotation_matrix
+                poses[scan, :3, 3] = header.translation
+    except Exception as error:  # as above, and what pye57 makes of a tree that lacks a part
+        raise InputError(f"{source}: the pose of a scan is damaged. Copy or download the file again.") from error
     if not np.isfinite(poses).all():
         raise InputError(f"{source}: the pose of a scan is not finite. Export the file anew.")
     return poses

@@ -152,7 +152,7 @@ def read_journal(journal: Path, n_patches: int) -> tuple[str, list[Event]]:
 def _object(journal: Path, number: int, line: str) -> dict[str, Any]:
     try:
         found = json.loads(line)
-    except (json.JSONDecodeError, RecursionError):
+    except (ValueError, RecursionError):  # whole numbers or nesting without end too
         found = None
     if not isinstance(found, dict):
         raise damaged(journal, f"line {number} is no JSON object")

@@ -149,7 +149,7 @@ def _take_field(file: Path, arrays: dict[str, Array], number: int, n_points: int
 def _take_json(file: Path, arrays: dict[str, Array], name: str, kind: type) -> Any:
     try:
         value = json.loads(str(arrays.get(name, "")))
-    except (json.JSONDecodeError, RecursionError):
+    except (ValueError, RecursionError):  # whole numbers or nesting without end too
         value = None
     if not isinstance(value, kind):
         raise damaged(file, f"{name} is no JSON {'object' if kind is dict else 'list'}")

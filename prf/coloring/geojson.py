@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -15,6 +14,9 @@ from prf.coloring.polygons import sides_of
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.files import atomic_write, open_input
 from prf.window import Window
+
+LARGEST = 1e300
+"""Beyond it lie coordinates of no map, and whole numbers that no float holds."""
 
 
 def to_feature(coloring: Coloring) -> dict[str, Any]:
@@ -156,4 +158,6 @@ def _ends(line: object, number: int) -> Iterator[tuple[float, float]]:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return abs(value) < LARGEST

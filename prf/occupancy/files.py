@@ -70,7 +70,7 @@ def read_grid(path: str | os.PathLike[str]) -> OccupancyGrid:
 def _object(file: Path, arrays: dict[str, NDArray[Any]], name: str) -> dict[str, Any]:
     try:
         content = json.loads(str(arrays[name]))
-    except (KeyError, ValueError):
+    except (KeyError, ValueError, RecursionError):
         content = None
     if not isinstance(content, dict):
         raise damaged(file, f"array {name} holds no JSON object")

@@ -65,7 +65,7 @@ def read_map_feature(path: str | os.PathLike[str]) -> tuple[Coloring, dict[str, 
         coloring = from_polygons(_geometry(content["geometry"]), window)
         if coloring.n_edges == 0:  # all of the window, or nothing: no ring says which
             coloring = Coloring.empty(window, bool(properties["anchor_black"]))
-    except (KeyError, TypeError, ValueError, AttributeError, shapely.errors.ShapelyError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, shapely.errors.ShapelyError) as error:
         raise InputError(f"{file}: not a map that prf wrote ({type(error).__name__}: {error}).") from error
     except (ConfigError, InputError) as error:
         raise InputError(f"{file}: {error}") from error

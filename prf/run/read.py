@@ -22,6 +22,10 @@ PARTS = (names.POSTERIOR, names.READINGS, names.MAP, names.DIAGNOSTICS)
 """Files beside manifest and draws; a run that was interrupted early may lack them."""
 
 
+LARGEST = 1e300
+"""Beyond it lie whole numbers that no float holds."""
+
+
 def read_run(path: str | os.PathLike[str], parts: Collection[str] = PARTS) -> Run:
     """Return the run in the directory `path`.
 
@@ -150,7 +154,9 @@ def read_best(path: Path) -> tuple[Coloring, float]:
     """Return the best map in map.geojson and its log posterior (nan if the file does not say)."""
     coloring, properties = read_map_feature(path)
     value = properties.get("log_posterior")
-    return coloring, float(value) if isinstance(value, int | float) else float("nan")
+    if isinstance(value, int | float) and abs(value) < LARGEST:
+        return coloring, float(value)
+    return coloring, float("nan")
 
 
 def _take_draws(path: Path, arrays: dict[str, NDArray[Any]]) -> Draws:

@@ -15,7 +15,7 @@ from prf.kernels.constants import STEP
 from prf.run import names
 from prf.run.read import read_best, read_draws, read_image, read_manifest, read_readings
 from prf.shell.errors import PrfError
-from prf.shell.storage import damaged, load_arrays, load_object
+from prf.shell.storage import damaged, load_arrays, load_object, take_array
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 
@@ -98,12 +98,9 @@ def _summarise_diagnostics(file: Path) -> str:
 
 def _summarise_checkpoint(file: Path) -> str:
     arrays = load_arrays(file, names.CHECKPOINT_SCHEMA)
-    counts = [
-        array
-        for name, array in arrays.items()
-        if name.endswith(".graph.counts") and len(array) > STEP and ".rung" not in name
-    ]
-    if not counts:
+    chains = [name for name in arrays if name.endswith(".graph.counts") and ".rung" not in name]
+    counts = [take_array(file, arrays, name, np.int64, (None,)) for name in chains]
+    if not counts or min(map(len, counts)) <= STEP:
         raise damaged(file, "no chain in it")
     return f"{len(counts)} chains at step {int(counts[0][STEP]):,}"
 
@@ -132,6 +129,8 @@ def png_size(file: Path) -> tuple[int, int]:
             raise damaged(file, "the picture is cut off or changed")
         kind = chunk[:4]
         if kind == b"IHDR":
+            if length < 8:
+                raise damaged(file, "the picture says no size")
             size = struct.unpack(">II", chunk[4:12])
         place += 12 + length
     return size

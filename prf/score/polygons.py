@@ -54,7 +54,15 @@ def read_occupied_area(path: str | os.PathLike[str]) -> OccupiedArea:
         window = next((Window.checked(*bounds) for bounds in _windows(content)), None)
     except (InputError, ConfigError) as error:
         raise InputError(f"{path}: {error}") from error
-    except (KeyError, TypeError, ValueError, AttributeError, shapely.errors.ShapelyError) as error:
+    except (
+        KeyError,
+        TypeError,
+        ValueError,
+        AttributeError,
+        OverflowError,
+        RecursionError,
+        shapely.errors.ShapelyError,
+    ) as error:
         reason = " ".join(str(error).split())
         raise InputError(
             f"{path}: not a GeoJSON map ({type(error).__name__}: {reason}). Give polygons of the occupied area."

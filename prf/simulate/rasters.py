@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import reprlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -67,9 +68,9 @@ def read_cell_map(path: str | os.PathLike[str]) -> CellMap:
         raise InputError(f"{path}: resolution {resolution:g}, must be a positive number of metres.")
     if yaw != 0.0:
         raise InputError(f"{path}: origin has the yaw {yaw:g}. Maps that are turned are not read: turn it back first.")
-    mode = str(content.get("mode", MODES[0]))
+    mode = content.get("mode", MODES[0])
     if mode not in MODES:
-        raise InputError(f"{path}: mode {mode!r}, must be one of {', '.join(MODES)}.")
+        raise InputError(f"{path}: mode {_shown(mode)}, must be one of {', '.join(MODES)}.")
     if not isinstance(content.get("image"), str):
         raise InputError(f"{path}: no image is named. Give the yaml file of a map_server map.")
     shade, opaque = _load_image(Path(path).parent / content["image"])
@@ -147,13 +148,12 @@ def _joined(taken: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def _load_yaml(path: str | os.PathLike[str]) -> Mapping[str, Any]:
     from ruamel.yaml import YAML  # noqa: PLC0415 - takes a while, and only these maps need it
-    from ruamel.yaml.error import YAMLError  # noqa: PLC0415
 
     with open_input(path) as stream:
         try:
             content = YAML(typ="safe", pure=True).load(stream.read())
-        except (YAMLError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: not YAML ({' '.join(str(error).split())}).") from error
+        except Exception as error:  # beside its own: of digits and nesting without end, and of tags that do not fit
+            raise InputError(f"{path}: not YAML ({_words(error)}).") from error
     if not isinstance(content, Mapping):
         raise InputError(f"{path}: not the yaml file of a map_server map. It has image, resolution and origin.")
     return content
@@ -167,16 +167,28 @@ def _numbers(
     values = value if isinstance(value, list) else [value]
     try:
         numbers = [float(item) for item in values]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         numbers = []
     if len(numbers) != n or not all(math.isfinite(number) for number in numbers):
-        raise InputError(f"{path}: {key} is {value!r}, must be {'a number' if n == 1 else f'{n} numbers'}.")
+        raise InputError(f"{path}: {key} is {_shown(value)}, must be {'a number' if n == 1 else f'{n} numbers'}.")
     return numbers
 
 
 def _is_true(value: object) -> bool:
     """Return what YAML writers mean by 0, 1, false and true."""
-    return str(value).lower() in ("1", "true")
+    return value == 1 or (isinstance(value, str) and value.lower() in ("1", "true"))
+
+
+def _shown(value: object) -> str:
+    """Return a value in few characters: a list that holds itself, or another twice and so on, has no end."""
+    try:
+        return reprlib.repr(value)[:80]
+    except ValueError:  # a whole number of too many digits
+        return f"a {type(value).__name__} without end"
+
+
+def _words(error: BaseException) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__
 
 
 def _load_image(path: Path) -> tuple[Floats, NDArray[np.bool_]]:
@@ -186,8 +198,10 @@ def _load_image(path: Path) -> tuple[Floats, NDArray[np.bool_]]:
     try:
         with open_input(path) as stream:
             pixels = np.asarray(imread(stream, format=path.suffix.lstrip(".").lower() or None))
-    except (ValueError, SyntaxError, OSError) as error:
-        raise InputError(f"{path}: not an image that can be read ({' '.join(str(error).split())}).") from error
+    except InputError:
+        raise
+    except Exception as error:  # each format raises its own, and there are bombs
+        raise InputError(f"{path}: not an image that can be read ({_words(error)}).") from error
     most = 1.0 if pixels.dtype.kind == "f" else 255.0 if pixels.dtype.itemsize == 1 else 65535.0
     levels = pixels.astype(np.float64) / most
     if levels.ndim == 2:
