@@ -1,0 +1,223 @@
+"""Files that once broke a reader; each is refused in one line that names it."""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+import zlib
+
+import numpy as np
+import pytest
+
+from mapq.io import read_cloud, read_patches, write_patches, write_ply
+from mapq.io.e57 import e57_poses
+from mapq.io.journal import journal_beside
+from mapq.io.patches import SCHEMA as PATCHES_SCHEMA
+from prf.coloring import read_geojsonl
+from prf.occupancy import SCHEMA as GRID_SCHEMA
+from prf.occupancy import read_grid, write_grid
+from prf.run import inspect_files, names, read_run, write_run
+from prf.run.state import PNG_MAGIC
+from prf.score import read_occupied_area
+from prf.shell.errors import InputError, OutputError
+from prf.shell.storage import load_arrays, save_arrays
+from prf.simulate.rasters import read_cell_map
+from tests.factories import make_run
+from tests.fuzz.prf_readers import PGM, YAML
+from tests.mapq.io.samples import patches, refusal
+from tests.test_occupancy import BEAM, build
+
+HUGE = 10**400
+"""A whole number that JSON and YAML give, and no float holds."""
+DIGITS = "9" * 5000
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole") / "run"
+    write_run(folder, make_run(n_draws=2))
+    return folder
+
+
+def states(folder) -> dict[str, str]:
+    return {file.name: f"{file.state}: {file.summary}" for file in inspect_files(folder)}
+
+
+@pytest.mark.parametrize("length", [0, 7])
+def test_a_picture_that_says_no_size(whole, length):
+    chunk = b"IHDR" + bytes(length)
+    data = PNG_MAGIC + struct.pack(">I", length) + chunk + struct.pack(">I", zlib.crc32(chunk))
+    (whole / names.PICTURE).write_bytes(data)
+    assert states(whole)[names.PICTURE].startswith("damaged: damaged (the picture says no size)")
+
+
+@pytest.mark.parametrize(
+    "counts", [np.array(3), np.zeros((40, 2), np.int64), np.full(40, np.nan), np.zeros(0, np.int64)]
+)
+def test_a_checkpoint_whose_counts_are_none(whole, counts):
+    save_arrays(whole / names.CHECKPOINT, names.CHECKPOINT_SCHEMA, {"chain0.graph.counts": counts})
+    assert states(whole)[names.CHECKPOINT].startswith("damaged")
+
+
+@pytest.mark.parametrize("part", ["log_posterior", "window", "coordinates"])
+def test_a_map_with_a_number_that_no_float_holds(tmp_path, part):
+    write_run(tmp_path / "run", make_run(n_draws=2))
+    path = tmp_path / "run" / names.MAP
+    content = json.loads(path.read_text())
+    if part == "coordinates":
+        content["geometry"]["coordinates"][0][0][1] = [HUGE, 1]
+    else:
+        content["properties"][part] = HUGE if part == "log_posterior" else [0, 0, HUGE, 1]
+    path.write_text(json.dumps(content))
+    if part == "log_posterior":
+        assert np.isnan(read_run(tmp_path / "run").best_log_posterior)
+    else:
+        assert str(path) in refusal(read_run, tmp_path / "run")
+        assert str(path) in refusal(read_occupied_area, path)
+
+
+def test_draws_with_a_number_that_no_float_holds(tmp_path):
+    path = tmp_path / "a.geojsonl"
+    window = [0, 0, HUGE, 1]
+    geometry = {"type": "MultiLineString", "coordinates": []}
+    feature = {"type": "Feature", "properties": {"anchor_black": True, "window": window}, "geometry": geometry}
+    path.write_text(json.dumps(feature))
+    assert f"{path}:1: property window" in refusal(read_geojsonl, path)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, DIGITS])
+def test_json_without_end_within_arrays(tmp_path, text):
+    write_grid(tmp_path / "a.npz", build(BEAM))
+    arrays = load_arrays(tmp_path / "a.npz", GRID_SCHEMA) | {"settings": np.str_(text)}
+    save_arrays(tmp_path / "a.npz", GRID_SCHEMA, arrays)
+    assert "settings holds no JSON object" in refusal(read_grid, tmp_path / "a.npz")
+    write_patches(tmp_path / "a.patches", patches())
+    arrays = load_arrays(tmp_path / "a.patches", PATCHES_SCHEMA) | {"parameters": np.str_(text)}
+    save_arrays(tmp_path / "a.patches", PATCHES_SCHEMA, arrays)
+    assert "parameters is no JSON object" in refusal(read_patches, tmp_path / "a.patches")
+
+
+@pytest.mark.parametrize("line", [DIGITS, "[" * 100_000])
+def test_a_journal_without_end(tmp_path, line):
+    path = tmp_path / "a.patches"
+    write_patches(path, patches())
+    journal_beside(path).write_text(line + "\n")
+    assert "labels.jsonl: damaged (line 1" in refusal(read_patches, path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("0.05", DIGITS),
+        ("0.05", str(HUGE)),
+        ("0.05", f"[0x{'F' * 9000}, 1]"),
+        ("0.05", "[" * 3000),
+        ("0.05", "!!timestamp x"),
+        ("negate: 0", "mode: [a, b]"),
+        ("negate: 0", "mode: {a: b}"),
+        ("a.pgm", '"a\\0b"'),
+        ("[-1.0, 2.0, 0.0]", "[*a, *a]"),
+    ],
+)
+def test_yaml_that_breaks_its_parser(tmp_path, old, new):
+    (tmp_path / "a.pgm").write_bytes(PGM)
+    (tmp_path / "map.yaml").write_text(YAML.replace(old, new))
+    assert str(tmp_path) in refusal(read_cell_map, tmp_path / "map.yaml")
+
+
+@pytest.mark.parametrize("key", ["mode", "resolution", "image"])
+def test_yaml_that_unfolds_without_end(tmp_path, key):
+    """Twenty lines, each a list of ten times the one before: printed they would fill any memory."""
+    lines = ["a0: &a0 [1, 1]", *(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 21))]
+    (tmp_path / "a.pgm").write_bytes(PGM)
+    (tmp_path / "map.yaml").write_text(
+        "\n".join([*lines, YAML, f"{key}: *a20"]).replace(f"\n{key}: 0.05", "").replace(f"{key}: a.pgm\n", "")
+    )
+    message = refusal(read_cell_map, tmp_path / "map.yaml")
+    assert len(message) < 400
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"P5\n99999999 99999999\n255\n",
+        b"\x89PNG\r\n\x1a\n",
+        b"P5\n4 3\n99999999\n" + bytes(12),
+        PGM[:-20],
+    ],
+)
+def test_images_that_are_none(tmp_path, data):
+    (tmp_path / "map.yaml").write_text(YAML)
+    (tmp_path / "a.pgm").write_bytes(data)
+    assert "a.pgm: not an image" in refusal(read_cell_map, tmp_path / "map.yaml")
+
+
+def test_an_e57_whose_pose_is_damaged():
+    class Header:
+        def has_pose(self):
+            return True
+
+        @property
+        def rotation_matrix(self):
+            raise ValueError("Got: 5, Expected: 4.")
+
+    class File:
+        scan_count = 1
+
+        def get_header(self, _):
+            return Header()
+
+    assert refusal(e57_poses, File(), "a.e57").startswith("a.e57: the pose of a scan is damaged")
+
+
+ODD_NAMES = ["a b.xyz", "ünï✓.xyz", "a\nb.xyz", "-n.xyz", "%s{0}.xyz", "\x1b[31m.xyz", b"\xff\xfe.xyz"]
+
+
+@pytest.mark.parametrize("name", ODD_NAMES)
+def test_odd_names(tmp_path, name):
+    path = os.path.join(os.fsencode(tmp_path), name if isinstance(name, bytes) else os.fsencode(name))
+    path = os.fsdecode(path)
+    with open(path, "w", encoding="utf-8") as stream:
+        stream.write("1 2 3\n4 5 6\n")
+    assert len(read_cloud(path)) == 2
+    with open(path, "w", encoding="utf-8") as stream:
+        stream.write("1 2 3\n4 x 6\n")
+    assert ":2: " in refusal(read_cloud, path)
+
+
+def test_a_folder_or_a_file_that_may_not_be_read(tmp_path, monkeypatch):
+    assert str(tmp_path) in refusal(read_grid, tmp_path)
+    assert str(tmp_path) in refusal(read_geojsonl, tmp_path)
+    (tmp_path / "a.xyz").write_text("1 2 3\n")
+
+    def refuse(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("builtins.open", refuse)
+    assert refusal(read_cloud, str(tmp_path / "a.xyz")) == f"{tmp_path / 'a.xyz'}: permission denied."
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+def test_a_full_disk(tmp_path):
+    cloud = patches().cloud
+    with pytest.raises((OutputError, OSError)) as caught:
+        write_ply("/dev/full", cloud)
+    assert isinstance(caught.value, OutputError) or caught.value.errno == 28
+
+
+def test_a_place_that_takes_no_file(tmp_path):
+    (tmp_path / "file").write_text("")
+    for place in (tmp_path / "file" / "a.ply", tmp_path / "absent" / "a.ply", "/proc/a.ply"):
+        with pytest.raises(OutputError, match="cannot be written"):
+            write_ply(str(place), patches().cloud)
+    assert [file.name for file in tmp_path.iterdir()] == ["file"]
+
+
+def test_the_whole_ones_are_read(whole, tmp_path):
+    assert len(read_run(whole).draws) == 2
+    (tmp_path / "map.yaml").write_text(YAML)
+    (tmp_path / "a.pgm").write_bytes(PGM)
+    assert read_cell_map(tmp_path / "map.yaml").occupied.shape == (3, 4)
+    with pytest.raises(InputError):
+        read_occupied_area(tmp_path / "map.yaml")
