@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ def modules(root: Path) -> list[Path]:
     return [file for package in ("prf", "mapq") for file in sorted((root / package).rglob("*.py"))]
 
 
+@functools.cache
 def calls(file: Path) -> list[tuple[str, ast.Call]]:
     tree = ast.parse(file.read_text(encoding="utf-8"))
     return [(ast.unparse(node.func), node) for node in ast.walk(tree) if isinstance(node, ast.Call)]
