@@ -71,8 +71,9 @@ def stop_once(known: Known, inputs: Path, folder: Path, number: signal.Signals, 
         code, _, err = child.end()
         faults = [f"{len(child.orphans())} workers live on"] if child.orphans() else []
     state = _state(verb, folder, before, known.whole)
-    if code not in (0, 128 + number) and not (code == -number and state in ("whole", "resumable")):
-        # Python dies of the signal itself while it shuts down, after the work is done.
+    # Python may end by SIGINT itself, where that came in an import, and by both at its very end: a shell sees the same.
+    by_itself = code == -number and (number == signal.SIGINT or state in ("whole", "resumable"))
+    if code not in (0, 128 + number) and not by_itself:
         faults.append(f"exit code {code}")
     if "Traceback" in err or err.count("\n") > 1:
         faults.append(f"more than a line: {err.strip()[-2000:]}")

@@ -13,10 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mapq.cli import app
 from mapq.cloud import PointCloud
 from mapq.io import read_cloud, write_ply
-from prf.shell.run import run_app
+from tests.killed.child import complete
 from tests.mapq.factories import wall
 from tests.mapq.perturb.scenes import look, pose_at
 from tests.mapq.posed.test_poses import rows
@@ -178,7 +177,8 @@ def make_inputs(root: Path, folder: Path) -> None:
 
 
 def _call(*args: object) -> None:
-    assert run_app(app, "mapq", [*map(str, args), "-q"]) == 0
+    code, err, _ = complete(mapq(*args))
+    assert code == 0, err
 
 
 def _make_scans(folder: Path) -> None:
