@@ -16,7 +16,7 @@ from tests.killed.moments import Moment, kill_once, run_whole, stop_once
 from tests.killed.verbs import VERBS, Verb, make_inputs
 
 STOPPING = (signal.SIGINT, signal.SIGTERM)
-STATES = ("absent", "whole", "resumable", "wrong")
+STATES = ("absent", "whole", "best so far", "resumable", "wrong")
 
 
 def main() -> int:
@@ -57,11 +57,11 @@ def kill(verbs: list[Verb], n_moments: int, seed: int, folder: Path, signals: bo
 
 def table(moments: list[Moment]) -> list[str]:
     """Return the table: a row a verb, and the sums."""
-    lines = [f"{'verb':<28}{'moments':>9}" + "".join(f"{state:>11}" for state in STATES)]
+    lines = [f"{'verb':<28}{'moments':>9}" + "".join(f"{state:>13}" for state in STATES)]
     for name in [*dict.fromkeys(moment.verb for moment in moments), "all"]:
         mine = [moment for moment in moments if name in (moment.verb, "all")]
         counts = Counter(moment.state for moment in mine)
-        lines.append(f"{name:<28}{len(mine):>9}" + "".join(f"{counts[state]:>11}" for state in STATES))
+        lines.append(f"{name:<28}{len(mine):>9}" + "".join(f"{counts[state]:>13}" for state in STATES))
     return lines
 
 

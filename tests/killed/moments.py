@@ -22,7 +22,7 @@ class Known(NamedTuple):
 
 
 class Moment(NamedTuple):
-    """What came of a kill: "absent", "whole", "resumable" or "wrong", and what is wrong."""
+    """What came of a kill: "absent", "whole", "best so far", "resumable" or "wrong", and what is wrong."""
 
     verb: str
     share: float
@@ -71,6 +71,8 @@ def stop_once(known: Known, inputs: Path, folder: Path, number: signal.Signals, 
         code, _, err = child.end()
         faults = [f"{len(child.orphans())} workers live on"] if child.orphans() else []
     state = _state(verb, folder, before, known.whole)
+    if verb.best_so_far and code == 128 + number and sorted(verb.digest(folder)) == sorted(known.whole):
+        state = "best so far"
     # Python may end by SIGINT itself, where that came in an import, and by both at its very end: a shell sees the same.
     by_itself = code == -number and (number == signal.SIGINT or state in ("whole", "resumable"))
     if code not in (0, 128 + number) and not by_itself:

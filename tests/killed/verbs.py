@@ -65,6 +65,8 @@ class Verb:
         Makes the command line that goes on with what is left.
     start_up : float
         Seconds after which the command surely listens to signals.
+    best_so_far : bool
+        Whether a signal makes it write the best that it has found until then.
     """
 
     name: str
@@ -74,6 +76,7 @@ class Verb:
     moments: int = 1
     resumes: Callable[[Path, Path], list[str]] | None = None
     start_up: float = 0.5
+    best_so_far: bool = False
 
     def put_inputs(self, inputs: Path, folder: Path) -> None:
         """Copy what the verb changes in place."""
@@ -127,6 +130,7 @@ VERBS = (
         "prf anneal",
         lambda i, o: prf("anneal", *laser(i), "--steps", 100_000, "-o", o / "a.geojson"),
         ("a.geojson",),
+        best_so_far=True,
     ),
     Verb("prf grid", lambda i, o: prf("grid", "--laser", i / "office.log", "-o", o / "a.npz"), ("a.npz",)),
     Verb("mapq segment", lambda i, o: mapq("segment", i / "town.ply", "-o", o / "a.patches"), ("a.patches",)),
