@@ -16,7 +16,7 @@ from mapq.cloud import PointCloud
 from mapq.io.write import check_name, write_cloud
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from prf.shell.errors import UsageError
-from prf.shell.files import STREAM, atomic_write
+from prf.shell.files import STREAM, atomic_write, flush_to_disk
 from prf.shell.jsonout import dump_object, jsonable
 from prf.shell.lock import claim_output
 
@@ -121,10 +121,9 @@ def write_result(path: str, cloud: PointCloud, head: Mapping[str, Any], patches:
     """
     if path == os.devnull:
         return
-    with atomic_write(json_beside(path)) as stream:
+    with atomic_write(json_beside(path), sync=False) as stream:
         stream.writelines(result_lines(head, patches))
-        stream.flush()
-        os.fsync(stream.fileno())
+        flush_to_disk(stream)
         write_cloud(path, cloud)
 
 

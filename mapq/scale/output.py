@@ -11,7 +11,7 @@ from mapq.io.results import claim_result, json_beside, result_lines
 from mapq.io.write import LAS_ENDS
 from mapq.scale.source import Source
 from prf.shell.errors import OutputExists, UsageError
-from prf.shell.files import STREAM, atomic_write
+from prf.shell.files import STREAM, atomic_write, flush_to_disk
 from prf.shell.lock import claim, claim_output
 
 CLOUD_ENDS = (*LAS_ENDS, ".ply")
@@ -82,10 +82,9 @@ def publish(folder: str, output: Output, head: Mapping[str, Any], patches: Itera
     if output.is_folder:
         target.mkdir(exist_ok=True)
     beside = target / output.json if output.is_folder else Path(output.json)
-    with atomic_write(beside) as stream:
+    with atomic_write(beside, sync=False) as stream:
         stream.writelines(result_lines(head, patches))
-        stream.flush()
-        os.fsync(stream.fileno())
+        flush_to_disk(stream)
         beside.unlink(missing_ok=True)
         for name in output.files:
             made = os.path.join(folder, f"made_{Path(name).name}")

@@ -115,7 +115,7 @@ def open_output(path: str | os.PathLike[str], binary: bool = False) -> Iterator[
 
 
 @contextmanager
-def atomic_write(path: str | os.PathLike[str], binary: bool = False) -> Iterator[IO[Any]]:
+def atomic_write(path: str | os.PathLike[str], binary: bool = False, sync: bool = True) -> Iterator[IO[Any]]:
     """Write `path` whole or not at all; an exception inside leaves the old file as it was.
 
     Parameters
@@ -124,6 +124,9 @@ def atomic_write(path: str | os.PathLike[str], binary: bool = False) -> Iterator
         A symbolic link is followed; a device or a pipe (``/dev/stdout``) is written directly.
     binary : bool
         Bytes instead of UTF-8 text with Unix line ends.
+    sync : bool
+        Whether the disk must have taken it before it takes its place. False where the caller has seen to that, so that
+        two files take their places at once: to ask the disk takes milliseconds even if there is nothing to do.
 
     Yields
     ------
@@ -146,13 +149,19 @@ def atomic_write(path: str | os.PathLike[str], binary: bool = False) -> Iterator
     try:
         with _reported(path), open(descriptor, mode, **text) as stream:  # type: ignore[call-overload]
             yield stream
-            stream.flush()
-            os.fsync(stream.fileno())
+            if sync:
+                flush_to_disk(stream)
             os.chmod(name, _permissions(target, 0o666))
             os.replace(name, target)
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
+
+
+def flush_to_disk(stream: IO[Any]) -> None:
+    """Have the disk take what was written so far."""
+    stream.flush()
+    os.fsync(stream.fileno())
 
 
 def _permissions(target: Path, default: int) -> int:
