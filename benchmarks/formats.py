@@ -35,6 +35,7 @@ LARGE = ("a.ply", "a.las", "a.laz", "a.npy", "a.xyz")
 
 
 def main(arguments: list[str]) -> None:
+    """Print the table of a folder, that of large files, or the peak of a process that reads one."""
     logging.disable(logging.WARNING)
     if arguments[:1] == ["--large"]:
         show_large(int(arguments[1]) if len(arguments) > 1 else 5_000_000)
@@ -45,6 +46,7 @@ def main(arguments: list[str]) -> None:
 
 
 def show_folder(folder: Path) -> None:
+    """Print for each group of files how many points they hold, how fast they are read, and whether they come back."""
     print(f"{'files':<44}{'number':>7}{'points':>12}{'seconds':>9}  comes back")
     for name, paths in groups(folder):
         n_points, seconds, same, refused = 0, 0.0, True, ""
@@ -77,12 +79,14 @@ def groups(folder: Path) -> Iterator[tuple[str, list[Path]]]:
 
 
 def options_of(path: Path) -> ReadOptions:
+    """Return what a file of the public data does not say of itself: columns and units."""
     return ReadOptions(
         bin_columns=3 if path.parent.name in THREE_COLUMNS else 4, unit=0.01 if path.suffix == ".npy" else None
     )
 
 
 def comes_back(cloud: PointCloud) -> bool:
+    """Return whether a cloud is the same to the last bit after it was written and read."""
     with tempfile.TemporaryDirectory() as folder:
         copy = str(Path(folder) / ("copy.laz" if cloud.las_header else "copy.ply"))
         write_cloud(copy, cloud)
@@ -92,6 +96,7 @@ def comes_back(cloud: PointCloud) -> bool:
 
 
 def show_large(n_points: int) -> None:
+    """Print speed and peak memory of reading each format, for so many points."""
     rng = np.random.default_rng(0)
     world = rng.uniform(0, 200, (n_points, 3)).round(3) + np.array([437_000.0, 5_428_000.0, 100.0])
     fields = {"intensity": rng.integers(0, 65_536, n_points, dtype=np.uint16)}
@@ -132,6 +137,7 @@ def show_peak(path: str) -> None:
 
 
 def peak_kb() -> int:
+    """Return the largest resident memory of this process in kB."""
     found = re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())
     assert found is not None
     return int(found[1])

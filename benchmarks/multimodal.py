@@ -228,6 +228,7 @@ def draw(plain: Result, tempered: Result, target: Path) -> None:
 
 
 def main() -> None:
+    """Run both kinds of chains for each seed, and print in words what came of each."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=SEEDS, help="runs of either kind")
     parser.add_argument("--steps", type=int, default=STEPS, help="of each chain, over all its rungs")

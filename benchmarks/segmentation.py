@@ -31,12 +31,14 @@ REPEATS = 3
 
 
 def cpu(call: Callable[[], object]) -> float:
+    """Return the CPU seconds that a call takes."""
     start = time.process_time()
     call()
     return time.process_time() - start
 
 
 def show_quality(city: City) -> None:
+    """Print how well the planes of the city are found."""
     patches = segment(PointCloud.from_world(city.xyz), ALL_PLANES)
     score = score_segmentation(patches.patch, city.plane)
     used = {name: round(float(patches.parameters[name]), 4) for name in ("spacing", "noise", "max_distance", "max_gap")}
@@ -49,6 +51,7 @@ def show_quality(city: City) -> None:
 
 
 def show_speed(city: City) -> None:
+    """Print points a CPU second, and the ratio to a search of scipy's tree."""
     cloud = PointCloud.from_world(city.xyz)
     cells = sort_points(cloud).xyz
     ours, tree = [], []
@@ -123,6 +126,7 @@ def measure_memory(path: str) -> None:
 
 
 def show_memory(city: City, folder: str) -> None:
+    """Print the peak of a process of its own that segments the city."""
     path = f"{folder}/city.npy"
     np.save(path, city.xyz)
     subprocess.run([sys.executable, "-m", "benchmarks.segmentation", "--memory", path], check=True)
