@@ -18,7 +18,7 @@ from prf.export.shapes import counts, oriented_polygons
 from prf.export.source import Source, read_source, require_existing, stem_of
 from prf.export.svg import paper_ratio, svg_text
 from prf.shell.files import open_output
-from prf.shell.lock import claim_output
+from prf.shell.lock import held_outputs
 
 
 class File(NamedTuple):
@@ -73,10 +73,9 @@ def export_source(path: str | os.PathLike[str], output: str | None, options: Opt
     name = formats.resolve_format(options.format, output)
     formats.check_options(name, options)
     targets = formats.targets(name, output, stem_of(path), options.mode or formats.TRINARY)
-    for target in targets:
-        claim_output(target, force)
-    content = _content(name, read_source(path), options, targets)
-    _write(targets, content.parts)
+    with held_outputs(targets, force):
+        content = _content(name, read_source(path), options, targets)
+        _write(targets, content.parts)
     sizes = [len(part.encode() if isinstance(part, str) else part) for part in content.parts]
     return Exported(name, tuple(map(File, targets, sizes)), content.facts, content.notes)
 

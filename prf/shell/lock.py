@@ -5,7 +5,7 @@ from __future__ import annotations
 import atexit
 import fcntl
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -41,6 +41,17 @@ def claim(path: str | os.PathLike[str]) -> None:
         return
     _claims.enter_context(exclusive(target))
     _claimed.add(target)
+
+
+@contextmanager
+def held_outputs(paths: Iterable[str], force: bool) -> Iterator[None]:
+    """Refuse outputs as :func:`claim_output`, or hold them as long as the block lasts."""
+    with ExitStack() as held:
+        for path in paths:
+            refuse_existing(path, force)
+            if path != STREAM and not is_device(Path(path).resolve()):
+                held.enter_context(exclusive(path))
+        yield
 
 
 def release_claims() -> None:
