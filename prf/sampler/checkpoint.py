@@ -1,30 +1,18 @@
-"""Checkpoints: all that decides a chain's future, so that a resumed run repeats an uninterrupted one bit for bit."""
+"""Checkpoints: a resumed run repeats an uninterrupted one bit for bit."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from prf.coloring import Coloring, Draws
-from prf.kernels.chain import Chain
-from prf.kernels.image import count_all_edges, settle_all
-from prf.posterior import Settings
 from prf.run import names
-from prf.sampler.chain import ChainSampler
-from prf.sampler.record import Draw
+from prf.sampler.chain_state import Arrays, chain_arrays, restore
 from prf.sampler.several import Sampler
-from prf.sampler.tempering import Tempering
-from prf.sampler.tempering_state import with_graph
 from prf.shell.errors import InputError
 from prf.shell.storage import damaged, load_arrays, save_arrays
 
 SCHEMA = names.CHECKPOINT_SCHEMA
-
-Arrays = dict[str, NDArray[Any]]
 
 
 def save_checkpoint(folder: Path, sampler: Sampler, identity: str) -> None:
@@ -55,132 +43,3 @@ def load_checkpoint(folder: Path, sampler: Sampler, identity: str) -> None:
             restore(chain, {name[len(prefix) :]: array for name, array in arrays.items() if name.startswith(prefix)})
     except (KeyError, ValueError, IndexError, TypeError) as error:
         raise damaged(path, f"does not fit this run: {error}") from error
-
-
-def chain_arrays(sampler: ChainSampler) -> Arrays:
-    """Return what decides the future of a chain, and what it has recorded."""
-    chain, times = sampler.chain, sampler.times
-    settle_all(chain.image, sampler.step)
-    arrays = state_arrays(chain, sampler.rng)
-    arrays |= {
-        "image.black": chain.image.black,
-        "image.black_time": chain.image.black_time,
-        "image.mixed_time": chain.image.mixed_time,
-        "times.starts": np.array([times.start, times.previous_start]),
-        "times.previous_black": times.previous_black,
-        "times.previous_mixed": times.previous_mixed,
-        "record.thin": np.array(sampler.record.thin),
-        "record.from": np.array(sampler.recorded_from),
-    }
-    if sampler.tempering is not None:
-        arrays |= tempering_arrays(sampler.tempering)
-    arrays |= draw_arrays("draws", sampler.record.draws, sampler)
-    best = [sampler.record.best] if sampler.record.best is not None else []
-    return arrays | draw_arrays("best", best, sampler)
-
-
-def draw_arrays(prefix: str, draws: list[Draw], sampler: ChainSampler) -> Arrays:
-    """Return draws as ragged arrays."""
-    stored = Draws.from_colorings([draw.coloring for draw in draws], sampler.settings.window)
-    n_functionals = 0 if not draws else len(draws[0].functionals)
-    return {
-        f"{prefix}.vertex_offsets": stored.vertex_offsets,
-        f"{prefix}.xy": stored.xy,
-        f"{prefix}.side": stored.side,
-        f"{prefix}.edge_offsets": stored.edge_offsets,
-        f"{prefix}.edges": stored.edges,
-        f"{prefix}.anchor_black": stored.anchor_black,
-        f"{prefix}.step": np.array([draw.step for draw in draws], np.int64),
-        f"{prefix}.functionals": np.array([draw.functionals for draw in draws]).reshape(len(draws), n_functionals),
-        f"{prefix}.probe_black": np.array([draw.probe_black for draw in draws], np.bool_).reshape(len(draws), -1)
-        if draws
-        else np.zeros((0, 0), np.bool_),
-    }
-
-
-def restore_draws(prefix: str, arrays: Arrays, sampler: ChainSampler) -> list[Draw]:
-    """Return the draws that :func:`draw_arrays` stored."""
-    parts = ("vertex_offsets", "xy", "side", "edge_offsets", "edges", "anchor_black")
-    stored = Draws(sampler.settings.window, *(arrays[f"{prefix}.{part}"] for part in parts))
-    steps = arrays[f"{prefix}.step"].tolist()
-    functionals, probe_black = arrays[f"{prefix}.functionals"], arrays[f"{prefix}.probe_black"]
-    colorings = [Coloring(*coloring) for coloring in stored]
-    return [Draw(steps[i], colorings[i], functionals[i], probe_black[i]) for i in range(len(steps))]
-
-
-def restore(sampler: ChainSampler, arrays: Arrays) -> None:
-    """Put a fresh chain into a stored state: the graph as it was, all that follows from it computed anew."""
-    sampler.chain = restored_state(sampler.chain, sampler.rng, sampler.settings, arrays)
-    restore_image(sampler, arrays)
-    if sampler.tempering is not None:
-        restore_tempering(sampler.tempering, arrays)
-    sampler.recorded_from = int(arrays["record.from"])
-    sampler.record.thin = int(arrays["record.thin"])
-    sampler.record.draws = restore_draws("draws", arrays, sampler)
-    sampler.record.best = next(iter(restore_draws("best", arrays, sampler)), None)
-
-
-def state_arrays(chain: Chain, rng: np.random.Generator) -> Arrays:
-    """Return the map of a chain, what its moves came to, and its generator."""
-    arrays: Arrays = {f"graph.{name}": getattr(chain.graph, name) for name in chain.graph._fields}
-    return arrays | {"outcomes": chain.outcomes, "generator": generator_array(rng)}
-
-
-def restored_state(chain: Chain, rng: np.random.Generator, settings: Settings, arrays: Arrays) -> Chain:
-    """Return the chain at the map of :func:`state_arrays`, and put its generator there too."""
-    if arrays["outcomes"].shape != chain.outcomes.shape:
-        raise ValueError("its moves are those of another version of prf")
-    graph = chain.graph._replace(**{name: arrays[f"graph.{name}"] for name in chain.graph._fields})
-    rng.bit_generator.state = json.loads(str(arrays["generator"]))
-    return with_graph(chain._replace(outcomes=arrays["outcomes"]), settings, graph)
-
-
-def generator_array(rng: np.random.Generator) -> NDArray[Any]:
-    """Return the state of a generator as an array."""
-    return np.array(json.dumps(rng.bit_generator.state))
-
-
-LADDER = ("powers", "tried", "rate_sum", "came_from_hottest")
-
-
-def tempering_arrays(tempering: Tempering) -> Arrays:
-    """Return what decides the future of the hot rungs and of the swaps."""
-    ladder = tempering.ladder
-    arrays: Arrays = {f"ladder.{name}": getattr(ladder, name) for name in LADDER}
-    arrays |= {
-        "ladder.round_trips": np.array(ladder.round_trips),
-        "ladder.first_step": np.array(tempering.first_step),
-        "ladder.generator": generator_array(tempering.swap_rng),
-    }
-    for k, (chain, rng) in enumerate(zip(tempering.hot, tempering.generators, strict=True), 1):
-        arrays |= {f"rung{k}.{name}": array for name, array in state_arrays(chain, rng).items()}
-    return arrays
-
-
-def restore_tempering(tempering: Tempering, arrays: Arrays) -> None:
-    """Put fresh hot rungs into a stored state."""
-    ladder = tempering.ladder
-    for name in LADDER:
-        setattr(ladder, name, arrays[f"ladder.{name}"])
-    ladder.round_trips = int(arrays["ladder.round_trips"])
-    tempering.first_step = int(arrays["ladder.first_step"])
-    tempering.swap_rng.bit_generator.state = json.loads(str(arrays["ladder.generator"]))
-    for k, (chain, rng) in enumerate(zip(tempering.hot, tempering.generators, strict=True), 1):
-        prefix = f"rung{k}."
-        own = {name[len(prefix) :]: array for name, array in arrays.items() if name.startswith(prefix)}
-        tempering.hot[k - 1] = restored_state(chain, rng, tempering.settings, own)
-    tempering.apply_powers()
-
-
-def restore_image(sampler: ChainSampler, arrays: Arrays) -> None:
-    """Put the image of a restored chain and its epochs into the stored state."""
-    image, times = sampler.chain.image, sampler.times
-    image.black[:] = arrays["image.black"]
-    image.black_since[:] = sampler.step
-    image.mixed_since[:] = sampler.step
-    count_all_edges(sampler.chain.graph, image)
-    image.black_time[:] = arrays["image.black_time"]
-    image.mixed_time[:] = arrays["image.mixed_time"]
-    times.start, times.previous_start = (int(start) for start in arrays["times.starts"])
-    times.previous_black = arrays["times.previous_black"]
-    times.previous_mixed = arrays["times.previous_mixed"]

@@ -22,9 +22,9 @@ import numpy as np
 from prf import __version__
 from prf.posterior import Settings
 from prf.sampler.chain import ChainSampler
-from prf.sampler.checkpoint import Arrays, chain_arrays, restore
+from prf.sampler.chain_state import Arrays, chain_arrays, restore
+from prf.sampler.probes import probe_pixels
 from prf.sampler.record import Draw, Record
-from prf.sampler.several import probe_pixels
 from prf.sampler.tiles import Round, TileData, TiledChain, TileResult, make_tile_data, work_tile
 from prf.shell.errors import ConfigError, InputError
 

@@ -18,6 +18,7 @@ from prf.layout import image_grid, pixel_centres
 from prf.posterior import Settings
 from prf.sampler.apart import is_look, stay_apart
 from prf.sampler.chain import ChainSampler
+from prf.sampler.probes import probe_pixels
 from prf.sampler.record import FUNCTIONALS, Draw, burn_in
 from prf.sampler.starts import Start
 from prf.sampler.tempering_ladder import LadderPlan, SwapReport
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
     from prf.sampler.distributed import Remote
 
 logger = logging.getLogger(__name__)
-
-PROBES_PER_AXIS = 4
 
 MOVE_NAMES = (
     "triangle birth",
@@ -263,13 +262,3 @@ class Sampler:
         """Return the mean log posterior of the present maps, up to a constant."""
         sums = [chain.chain.graph.sums for chain in self.chains]
         return float(np.mean([s[c.LOG_PRIOR] + s[c.LOG_LIKELIHOOD] for s in sums]))
-
-
-def probe_pixels(settings: Settings) -> NDArray[np.int64]:
-    """Return the pixels (n,) in the middle of a 4 x 4 division of the window."""
-    assert settings.resolution is not None
-    grid = image_grid(settings.window, settings.resolution)
-    share = (np.arange(PROBES_PER_AXIS) + 0.5) / PROBES_PER_AXIS
-    ix = (share * settings.window.width / grid.cell).astype(np.int64)
-    iy = (share * settings.window.height / grid.cell).astype(np.int64)
-    return np.unique((ix[None, :] + grid.nx * iy[:, None]).ravel())

@@ -183,7 +183,7 @@ def test_json_tells_of_a_run_with_sonar(both: Path, capsys: pytest.CaptureFixtur
 def test_a_restored_chain_has_room_for_what_its_cones_see(both: Path) -> None:
     """A grown graph brings more edges than a fresh chain has room for."""
     from prf.layout import grow
-    from prf.sampler.checkpoint import chain_arrays, restore
+    from prf.sampler.chain_state import chain_arrays, restore
     from prf.sampler.config import make_settings
     from prf.sampler.session import stored_config
     from prf.sampler.several import Sampler

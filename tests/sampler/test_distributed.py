@@ -21,7 +21,7 @@ from prf.posterior import Settings
 from prf.sampler import Sampler
 from prf.sampler.chain import ChainSampler
 from prf.sampler.distributed import Remote, pack, remote_blocks, unpack
-from prf.sampler.several import probe_pixels
+from prf.sampler.probes import probe_pixels
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.seeds import spawn_generators
 from prf.window import Window

@@ -12,8 +12,9 @@ from prf.kernels import constants as c
 from prf.layout import pixel_centres
 from prf.posterior import Settings
 from prf.sampler import Sampler
+from prf.sampler.probes import probe_pixels
 from prf.sampler.record import FUNCTIONALS
-from prf.sampler.several import MOVE_NAMES, probe_pixels
+from prf.sampler.several import MOVE_NAMES
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
 from tests.reference.beams import Sensor
