@@ -217,20 +217,10 @@ def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int, n
     """
     n = len(ray)
     n_cells = grid.nx * grid.ny
-    path = np.empty(most_cells(grid), np.int32)
-    slot_start = np.zeros(n + 1, np.int64)
-    count_slots(grid, ray, path, slot_start)
-    n_slots = int(slot_start[-1])
-    if n_slots >= MOST_SLOTS:
-        raise ConfigError(
-            f"{n} beams pass {n_slots} cells, too many for one index. Thin them: --every-scan, --every-beam."
-        )
-    slot_cell = np.empty(n_slots, np.int32)
-    slot_exit = np.empty(n_slots, np.float32)
     n_levels = number_of_levels(n) if n_levels is None else n_levels
     level = deal_levels(n, n_levels)
-    cell_start = np.zeros(n_levels * n_cells + 1, np.int64)
-    fill_slots(grid, ray, path, level, slot_start, slot_cell, slot_exit, cell_start)
+    slot_start, slot_cell, slot_exit, cell_start = _make_slots(grid, ray, level, n_levels)
+    n_slots = len(slot_cell)
     aim = np.zeros((n, 2), np.int32)
     near, far = model.aim(ray[:, c.RANGE])
     find_aims(near - MARGIN, far + MARGIN, slot_start, slot_exit, aim)
@@ -262,3 +252,23 @@ def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int, n
         touched_log_likelihood=np.zeros(n),
         n_touched=np.zeros(1, np.int64),
     )
+
+
+def _make_slots(
+    grid: Grid, ray: Floats, level: NDArray[np.uint8], n_levels: int
+) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float32], NDArray[np.int64]]:
+    """Return the cells that each beam passes, where it leaves them, and where the beams of each cell begin."""
+    n = len(ray)
+    path = np.empty(most_cells(grid), np.int32)
+    slot_start = np.zeros(n + 1, np.int64)
+    count_slots(grid, ray, path, slot_start)
+    n_slots = int(slot_start[-1])
+    if n_slots >= MOST_SLOTS:
+        raise ConfigError(
+            f"{n} beams pass {n_slots} cells, too many for one index. Thin them: --every-scan, --every-beam."
+        )
+    slot_cell = np.empty(n_slots, np.int32)
+    slot_exit = np.empty(n_slots, np.float32)
+    cell_start = np.zeros(n_levels * grid.nx * grid.ny + 1, np.int64)
+    fill_slots(grid, ray, path, level, slot_start, slot_cell, slot_exit, cell_start)
+    return slot_start, slot_cell, slot_exit, cell_start
