@@ -25,7 +25,7 @@ from mapq.labels import label_from_field
 from mapq.patches import NO_PATCH, SUSPICIOUS, Patches
 from mapq.perturb import PoseErrors, build, displaced
 from mapq.posed import PosedScans
-from mapq.segment import segment
+from mapq.segmentation import segment
 from mapq.simulate import Settings, simulate
 
 SCAN_SECONDS = 2.8

@@ -14,7 +14,7 @@ from mapq.io import read_cloud
 from mapq.labels import label_from_field
 from mapq.patches import FROM_FIELD, NO_PATCH, PLAUSIBLE, Patches
 from mapq.posed import FindSettings, PosedScans, find_scans, read_poses
-from mapq.segment import segment
+from mapq.segmentation import segment
 
 DATA = ROOT.parent / "shared" / "data" / "mapq"
 FEWEST_POINTS = 5000

@@ -14,7 +14,7 @@ from benchmarks.real_methods import say
 from mapq.model import Model
 from mapq.patches import SUSPICIOUS
 from mapq.perturb import PoseErrors, build
-from mapq.segment import segment
+from mapq.segmentation import segment
 
 OFFSETS = (0.05, 0.1, 0.2, 0.5, 1.0)
 TURNS = (0.5, 1.0, 2.0, 5.0)

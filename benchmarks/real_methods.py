@@ -16,7 +16,7 @@ from mapq.io.models import read_default_model
 from mapq.labels import label_from_field
 from mapq.model import Model
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
-from mapq.segment import segment
+from mapq.segmentation import segment
 from mapq.simulate import Settings, simulate
 from mapq.training import N_REGIONS, region_size, regions_of
 

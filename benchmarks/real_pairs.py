@@ -24,7 +24,7 @@ from mapq.model import Model
 from mapq.patches import SUSPICIOUS, Patches
 from mapq.perturb import build
 from mapq.posed import PosedScans
-from mapq.segment import segment
+from mapq.segmentation import segment
 
 LEVELS = ((0.01, 0.1), (0.03, 0.3))
 """Radians and metres."""

@@ -27,7 +27,7 @@ from mapq.patches import SUSPICIOUS
 from mapq.perturb import PoseErrors, build
 from mapq.perturb.label import Rule, label_points
 from mapq.posed import PosedScans
-from mapq.segment import segment
+from mapq.segmentation import segment
 
 LARGEST = (1.0, 2.0)
 """Metres and degrees; sizes grow with the square of an even draw, so that small errors are as well told apart."""

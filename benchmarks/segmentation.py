@@ -23,8 +23,8 @@ from scipy.spatial import cKDTree
 
 from benchmarks.city import City, make_city
 from mapq.cloud import PointCloud
-from mapq.segment import STAGES, SegmentSettings, score_segmentation, segment
-from mapq.segment.points import sort_points
+from mapq.segmentation import STAGES, SegmentSettings, score_segmentation, segment
+from mapq.segmentation.points import sort_points
 
 ALL_PLANES = SegmentSettings(max_tilt=90.0)
 REPEATS = 3

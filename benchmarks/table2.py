@@ -23,7 +23,7 @@ from mapq.features.provenance import PASS, SCAN, TIME, TO_SENSOR
 from mapq.graph import PatchFeatures
 from mapq.labels import label_from_field
 from mapq.patches import Patches
-from mapq.segment import segment
+from mapq.segmentation import segment
 from mapq.simulate import Settings, simulate
 from mapq.training import N_REGIONS, draw_labels, region_size, regions_of
 

@@ -23,7 +23,7 @@ from mapq.io.models import read_model, write_model
 from mapq.labels import label_from_field
 from mapq.patches import Patches
 from mapq.perturb.label import Rule, label_points
-from mapq.segment import segment
+from mapq.segmentation import segment
 from mapq.simulate import Settings, simulate
 from prf.shell.run import run_app
 

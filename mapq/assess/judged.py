@@ -16,7 +16,7 @@ from mapq.io.results import RESULT_FIELDS, json_beside
 from mapq.io.results import SCHEMA as RESULT_SCHEMA
 from mapq.model import Model
 from mapq.patches import NO_PATCH, SUSPICIOUS, Patches
-from mapq.segment import segment
+from mapq.segmentation import segment
 from prf.shell.errors import InputError, UsageError
 from prf.shell.storage import damaged, load_object
 

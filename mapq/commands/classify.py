@@ -164,7 +164,7 @@ def _classify_tiles(
     from mapq.scale.maps import Where, classify_map
     from mapq.scale.result import TiledResult
     from mapq.scale.run import ScaleSettings
-    from mapq.segment import SegmentSettings
+    from mapq.segmentation import SegmentSettings
     from prf.shell import console
     from prf.shell.errors import UsageError
     from prf.shell.manifest import describe_process
@@ -233,7 +233,7 @@ def _patches(file: str, options: ReadOptions, chosen: dict[str, Any]) -> Patches
     """Return the patches of the file, segmented now if it is a cloud."""
     from mapq.assess import read_input
     from mapq.patches import Patches
-    from mapq.segment import STAGES, SegmentSettings, segment
+    from mapq.segmentation import STAGES, SegmentSettings, segment
     from prf.shell.errors import UsageError
     from prf.shell.progress import progress
 

@@ -25,7 +25,7 @@ from prf.shell.options import Force, Json, Output
 if TYPE_CHECKING:
     from mapq.io import ReadOptions
     from mapq.patches import Patches
-    from mapq.segment import SegmentationScore, SegmentSettings
+    from mapq.segmentation import SegmentationScore, SegmentSettings
 
 logger = logging.getLogger(__name__)
 
@@ -102,7 +102,7 @@ def segment(
     not fit go straight to mapq classify.
     """
     from mapq.io import ReadOptions
-    from mapq.segment import SegmentSettings
+    from mapq.segmentation import SegmentSettings
     from prf.shell.lock import claim_output
 
     target = output or _beside(cloud)
@@ -144,7 +144,7 @@ def _run(
     cloud: str, options: ReadOptions, settings: SegmentSettings, truth_field: str | None, min_iou: float
 ) -> tuple[Patches, SegmentationScore | None]:
     from mapq.io import read_cloud
-    from mapq.segment import STAGES, score_segmentation, segment, truth_of
+    from mapq.segmentation import STAGES, score_segmentation, segment, truth_of
     from prf.shell.progress import progress
 
     read = read_cloud(cloud, options)
@@ -164,7 +164,7 @@ def _run_tiles(
     """Cut a cloud into patches tile by tile; `truth` is the field to score against, if any, and the overlap asked."""
     from mapq.scale.maps import Where, segment_map
     from mapq.scale.run import ScaleSettings
-    from mapq.segment import score_segmentation, truth_of
+    from mapq.segmentation import score_segmentation, truth_of
     from prf.shell.errors import UsageError
 
     cloud, target = names

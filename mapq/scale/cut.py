@@ -13,11 +13,11 @@ from mapq.kernels.planes import MOMENTS
 from mapq.kernels.regions import sum_regions
 from mapq.scale.files import save_array, save_arrays
 from mapq.scale.spool import TilePoints, read_tile_points
-from mapq.segment.core import make_core
-from mapq.segment.finish import CELL_IN_SPACING, region_areas
-from mapq.segment.parameters import Parameters
-from mapq.segment.points import Points
-from mapq.segment.regions import Fits, find_regions, fit, spread_out
+from mapq.segmentation.core import make_core
+from mapq.segmentation.finish import CELL_IN_SPACING, region_areas
+from mapq.segmentation.parameters import Parameters
+from mapq.segmentation.points import Points
+from mapq.segmentation.regions import Fits, find_regions, fit, spread_out
 
 FEWEST = 3
 """Distinct points that a tile must have to be looked at."""
@@ -128,7 +128,7 @@ def cut_tile(task: CutTask) -> Cut:
 
 
 def sort_in_frame(xyz: Floats, frame: Floats) -> Points:
-    """Return the distinct points in the order of a given octree, as :func:`mapq.segment.points.sort_points` does."""
+    """Return the distinct points in the order of a given octree; see :func:`mapq.segmentation.points.sort_points`."""
     code = number_cells(xyz, frame[:3].copy(), float(frame[3]))
     order = np.argsort(code)
     tied = np.zeros(len(code) + 1, bool)

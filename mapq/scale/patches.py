@@ -12,9 +12,9 @@ from mapq.kernels.regions import fit_regions
 from mapq.scale.borders import Shared, unite_regions
 from mapq.scale.cut import Cut, translate
 from mapq.scale.files import save_arrays
-from mapq.segment.finish import is_large, is_upright
-from mapq.segment.parameters import Parameters
-from mapq.segment.regions import MERGE_RMS, Fits
+from mapq.segmentation.finish import is_large, is_upright
+from mapq.segmentation.parameters import Parameters
+from mapq.segmentation.regions import MERGE_RMS, Fits
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -41,8 +41,8 @@ from mapq.scale.source import Range, Source, common_shift, cut_ranges
 from mapq.scale.spool import KEPT_FIELDS, Spooled, SpoolTask, spool_range
 from mapq.scale.tiling import Tiling, halo_width, is_too_coarse, make_tiling
 from mapq.scale.workers import Workers
-from mapq.segment.settings import SegmentSettings
-from mapq.segment.warnings import warnings_of
+from mapq.segmentation.settings import SegmentSettings
+from mapq.segmentation.warnings import warnings_of
 from prf.shell.errors import InputError
 from prf.shell.progress import Reporter
 

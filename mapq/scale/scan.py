@@ -15,9 +15,9 @@ from mapq.cloud import PointCloud
 from mapq.io.options import ReadOptions
 from mapq.scale.files import save_arrays
 from mapq.scale.source import Range, Source, read_range
-from mapq.segment.parameters import Parameters, choose_parameters
-from mapq.segment.points import FAR, sort_points
-from mapq.segment.settings import SegmentSettings
+from mapq.segmentation.parameters import Parameters, choose_parameters
+from mapq.segmentation.points import FAR, sort_points
+from mapq.segmentation.settings import SegmentSettings
 from prf.shell.errors import InputError
 
 SAMPLE = 3_000_000
@@ -179,7 +179,7 @@ def estimate(task: EstimateTask) -> Estimate:
 def _near(xyz: Floats, box: Floats, spacing: float) -> Floats:
     """Return the box of a map, without what lies far from a sample (n, 3) of it where the octree would be too coarse.
 
-    The same rule as :func:`mapq.segment.points.sort_points` has for clouds in memory.
+    The same rule as :func:`mapq.segmentation.points.sort_points` has for clouds in memory.
     """
     if float((box[1] - box[0]).max()) < MOST_SPACINGS * spacing:
         return box

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mapq.kernels.merging import pair_rms
-from mapq.segment.regions import fit, merge
+from mapq.segmentation.regions import fit, merge
 from tests.reference.mapq_segment import plane_of, wall
 
 RNG = np.random.default_rng(8)

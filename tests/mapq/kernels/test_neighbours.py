@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from mapq.cloud import PointCloud
-from mapq.segment.points import sort_points
-from mapq.segment.sample import neighbours_of
+from mapq.segmentation.points import sort_points
+from mapq.segmentation.sample import neighbours_of
 from tests.reference.mapq_segment import nearest, wall
 
 RNG = np.random.default_rng(5)

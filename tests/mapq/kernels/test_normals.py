@@ -5,7 +5,7 @@ import pytest
 
 from mapq.kernels.normals import estimate_normals
 from mapq.kernels.robust import robust_normals, trimmed_residuals
-from mapq.segment.noise import pooled_noise, usual_noise
+from mapq.segmentation.noise import pooled_noise, usual_noise
 from tests.reference.mapq_segment import nearest, plane_of, wall
 
 RNG = np.random.default_rng(6)

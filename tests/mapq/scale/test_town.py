@@ -19,7 +19,7 @@ from mapq.scale.patches import Whole
 from mapq.scale.run import Job, ScaleSettings, work_folder
 from mapq.scale.source import find_sources
 from mapq.scale.workers import Here
-from mapq.segment import SegmentSettings, segment
+from mapq.segmentation import SegmentSettings, segment
 from mapq.simulate.city import PITCH, SIDES, make_block
 from mapq.simulate.city_tiles import ORIGIN, plan_city, write_city
 

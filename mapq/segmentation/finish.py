@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.kernels.regions import PLANE_BITS, number_plane_cells
-from mapq.segment.parameters import Parameters
-from mapq.segment.points import Points
-from mapq.segment.regions import Fits, fit
+from mapq.segmentation.parameters import Parameters
+from mapq.segmentation.points import Points
+from mapq.segmentation.regions import Fits, fit
 
 WIDTH_IN_THICKNESS = 4.0
 """Standard deviations along the short side by those across: less is a slab of points, not a surface."""

@@ -13,7 +13,7 @@ MOST_NEIGHBOURS = 64
 
 @dataclass(frozen=True)
 class SegmentSettings:
-    """Parameters of :func:`mapq.segment.segment`; None is estimated from the cloud.
+    """Parameters of :func:`mapq.segmentation.segment`; None is estimated from the cloud.
 
     Attributes
     ----------

@@ -7,16 +7,16 @@ from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
 from mapq.patches import Patches
-from mapq.segment.core import make_core
-from mapq.segment.finish import keep_patches
-from mapq.segment.parameters import choose_parameters
-from mapq.segment.points import Points, sort_points
-from mapq.segment.regions import find_regions, spread_out
-from mapq.segment.score import SegmentationScore as SegmentationScore
-from mapq.segment.score import score_segmentation as score_segmentation
-from mapq.segment.score import truth_of as truth_of
-from mapq.segment.settings import SegmentSettings as SegmentSettings
-from mapq.segment.warnings import warnings_of
+from mapq.segmentation.core import make_core
+from mapq.segmentation.finish import keep_patches
+from mapq.segmentation.parameters import choose_parameters
+from mapq.segmentation.points import Points, sort_points
+from mapq.segmentation.regions import find_regions, spread_out
+from mapq.segmentation.score import SegmentationScore as SegmentationScore
+from mapq.segmentation.score import score_segmentation as score_segmentation
+from mapq.segmentation.score import truth_of as truth_of
+from mapq.segmentation.settings import SegmentSettings as SegmentSettings
+from mapq.segmentation.warnings import warnings_of
 from prf.shell.errors import InputError
 from prf.shell.progress import Reporter
 

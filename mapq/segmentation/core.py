@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from mapq.kernels.normals import estimate_normals
 from mapq.kernels.robust import robust_normals
-from mapq.segment.parameters import Parameters
-from mapq.segment.points import Points
-from mapq.segment.sample import TURNS, neighbours_of
-from mapq.segment.scale import representatives
+from mapq.segmentation.parameters import Parameters
+from mapq.segmentation.points import Points
+from mapq.segmentation.sample import TURNS, neighbours_of
+from mapq.segmentation.scale import representatives
 
 THICK = 1.5
 """Times the noise: a thicker neighbourhood holds more than one surface. One plane looks so in 1 place of 500."""

@@ -19,9 +19,9 @@ from mapq.kernels.regions import (
     sum_regions,
     walk_regions,
 )
-from mapq.segment.core import Core, sure_normals
-from mapq.segment.parameters import Parameters
-from mapq.segment.points import Points
+from mapq.segmentation.core import Core, sure_normals
+from mapq.segmentation.parameters import Parameters
+from mapq.segmentation.points import Points
 
 MIN_FRAGMENT = 12
 """Members of a region worth keeping until it is united with others."""

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.kernels.cells import LEVELS, pick_one_a_cell
-from mapq.segment.noise import usual_noise
-from mapq.segment.points import Points
-from mapq.segment.sample import LARGE_SAMPLE, SAMPLE, Sample, look_at
-from mapq.segment.settings import SegmentSettings
+from mapq.segmentation.noise import usual_noise
+from mapq.segmentation.points import Points
+from mapq.segmentation.sample import LARGE_SAMPLE, SAMPLE, Sample, look_at
+from mapq.segmentation.settings import SegmentSettings
 
 ENOUGH_FLAT, FEW_LINES, NEARLY_BEST = 0.5, 0.05, 0.9
 """Shares of neighbourhoods: with so many that show a plane and so few that are too narrow no coarser level is looked

@@ -5,7 +5,7 @@ import pytest
 
 from mapq.cloud import PointCloud
 from mapq.patches import Patches
-from mapq.segment import STAGES, SegmentSettings, score_segmentation, segment
+from mapq.segmentation import STAGES, SegmentSettings, score_segmentation, segment
 from prf.shell.errors import InputError, UsageError
 from tests.reference.mapq_segment import cloud_of, ground, plane_of, scan_lines, wall
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mapq.kernels.neighbours import find_neighbours
 from mapq.kernels.normals import estimate_normals
 from mapq.kernels.robust import trimmed_residuals
-from mapq.segment.noise import pooled_noise
+from mapq.segmentation.noise import pooled_noise
 
 SAMPLE = 3000
 """Points that are looked at to choose a level, every so many along the curve: their standard error is about 2 %."""

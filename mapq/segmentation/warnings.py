@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from mapq.segment.parameters import Parameters
+from mapq.segmentation.parameters import Parameters
 
 MANY_NARROW = 0.05
 FEW_FLAT = 0.3

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.segment.points import Points
-from mapq.segment.scale import Scale, cell_side, find_scale
-from mapq.segment.settings import SegmentSettings
+from mapq.segmentation.points import Points
+from mapq.segmentation.scale import Scale, cell_side, find_scale
+from mapq.segmentation.settings import SegmentSettings
 
 DISTANCE_IN_NOISE = 3.0
 DISTANCE_IN_SPACING = 0.1

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
-from mapq.segment import score_segmentation, truth_of
+from mapq.segmentation import score_segmentation, truth_of
 from prf.shell.errors import InputError
 
 
