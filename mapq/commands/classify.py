@@ -57,7 +57,7 @@ def classify(
     ],
     model: Annotated[
         str | None,
-        typer.Option("--model", metavar="MODEL", help="What mapq train wrote; the model of the package if absent."),
+        typer.Option("--model", metavar="MODEL", help="What mapq train wrote.  [that of the package]"),
     ] = None,
     max_false_alarms: MaxFalseAlarms = None,
     bin_columns: BinColumns = 4,

@@ -36,7 +36,7 @@ def compare(
     second: Annotated[str, typer.Argument(metavar="B", help="Another map of the same place, in the same frame.")],
     model: Annotated[
         str | None,
-        typer.Option("--model", metavar="MODEL", help="For PATCHES and clouds; the model of the package if absent."),
+        typer.Option("--model", metavar="MODEL", help="For PATCHES and clouds.  [that of the package]"),
     ] = None,
     cell: Annotated[
         float, typer.Option("--cell", metavar="METRES", help="Side of the cubes in which the maps are compared.")

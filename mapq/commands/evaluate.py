@@ -26,7 +26,7 @@ def evaluate(
     ],
     model: Annotated[
         str | None,
-        typer.Option("--model", metavar="MODEL", help="For PATCHES: the model; the one of the package if absent."),
+        typer.Option("--model", metavar="MODEL", help="For PATCHES: the model.  [that of the package]"),
     ] = None,
     max_false_alarms: MaxFalseAlarms = None,
     truth_field: Annotated[

@@ -50,26 +50,34 @@ def segment(
     neighbours: Annotated[int, typer.Option("--neighbours", metavar="N", help="Neighbours of each point.")] = 16,
     resolution: Annotated[
         float | None,
-        typer.Option("--resolution", metavar="METRES", help="Look first at one point of each cell so wide; 0: at all."),
+        typer.Option(
+            "--resolution",
+            metavar="METRES",
+            help="Look first at one point of each cell so wide; 0: at all.  [estimated]",
+        ),
     ] = None,
     noise: Annotated[
-        float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of points off their surface.")
+        float | None,
+        typer.Option("--noise", metavar="METRES", help="Standard deviation of points off their surface.  [estimated]"),
     ] = None,
     max_angle: Annotated[
-        float | None, typer.Option("--max-angle", metavar="DEG", help="Between a point's normal and its patch's.")
+        float | None,
+        typer.Option("--max-angle", metavar="DEG", help="Between a point's normal and its patch's.  [estimated]"),
     ] = None,
     max_distance: Annotated[
-        float | None, typer.Option("--max-distance", metavar="METRES", help="From a point to its patch's plane.")
+        float | None,
+        typer.Option("--max-distance", metavar="METRES", help="From a point to its patch's plane.  [estimated]"),
     ] = None,
     max_gap: Annotated[
-        float | None, typer.Option("--max-gap", metavar="METRES", help="Patches end at wider gaps.")
+        float | None, typer.Option("--max-gap", metavar="METRES", help="Patches end at wider gaps.  [estimated]")
     ] = None,
     max_variation: Annotated[
-        float | None, typer.Option("--max-variation", metavar="SHARE", help="Of normals that count: 0 plane, 1/3 ball.")
+        float | None,
+        typer.Option("--max-variation", metavar="SHARE", help="Of normals that count: 0 plane, 1/3 ball.  [estimated]"),
     ] = None,
     min_points: Annotated[int, typer.Option("--min-points", metavar="N", help="Smaller patches are dropped.")] = 50,
     min_extent: Annotated[
-        float | None, typer.Option("--min-extent", metavar="METRES", help="Narrower patches are dropped.")
+        float | None, typer.Option("--min-extent", metavar="METRES", help="Narrower patches are dropped.  [estimated]")
     ] = None,
     max_tilt: Annotated[
         float, typer.Option("--max-tilt", metavar="DEG", help="Planes farther from vertical are dropped; 90 keeps all.")

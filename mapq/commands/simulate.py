@@ -38,23 +38,26 @@ def simulate(
             "city of any number of points, as LAZ tiles in a folder.",
         ),
     ] = "medium",
-    n_points: Annotated[int | None, typer.Option("--n-points", metavar="N", help="Points of the map, about.")] = None,
+    n_points: Annotated[
+        int | None, typer.Option("--n-points", metavar="N", help="Points of the map, about.  [by --size]")
+    ] = None,
     blocks: Annotated[
-        int | None, typer.Option("--blocks", metavar="N", help="Blocks that the robot rounds, one after the other.")
+        int | None,
+        typer.Option("--blocks", metavar="N", help="Blocks that the robot rounds, one after the other.  [by --size]"),
     ] = None,
     loops: Annotated[
-        int | None, typer.Option("--loops", metavar="N", help="How often the robot rounds each block.")
+        int | None, typer.Option("--loops", metavar="N", help="How often the robot rounds each block.  [2]")
     ] = None,
     drift: Annotated[
         float | None,
-        typer.Option("--drift", metavar="FACTOR", help="Drift of odometry, times the usual; 0 gives a clean map."),
+        typer.Option("--drift", metavar="FACTOR", help="Drift of odometry, times the usual; 0 gives a clean map.  [1]"),
     ] = None,
     look_alikes: Annotated[
         float | None,
         typer.Option(
             "--look-alikes",
             metavar="FACTOR",
-            help="True walls close to each other (gaps, fences, garden walls), times the usual; 0 for none.",
+            help="True walls close to each other (gaps, fences, garden walls), times the usual; 0 for none.  [1]",
         ),
     ] = None,
     variety: Annotated[
@@ -62,27 +65,27 @@ def simulate(
         typer.Option(
             "--variety",
             metavar="FACTOR",
-            help="Lorries side by side, sheds, balconies, hedges: 0 for none, as it is without this option; at most 3.",
+            help="Lorries side by side, sheds, balconies, hedges: 3 at most.  [0]",
         ),
     ] = None,
     clutter: Annotated[
-        float | None, typer.Option("--clutter", metavar="FACTOR", help="Cars, trees, people, times the usual.")
+        float | None, typer.Option("--clutter", metavar="FACTOR", help="Cars, trees, people, times the usual.  [1]")
     ] = None,
     noise: Annotated[
-        float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range (0.015).")
+        float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range.  [0.015]")
     ] = None,
     all_round: Annotated[
         bool, typer.Option("--all-round", help="The laser looks all round, as on cars; else half a turn ahead.")
     ] = False,
     max_range: Annotated[
-        float | None, typer.Option("--max-range", metavar="METRES", help="Longest range of the laser (35).")
+        float | None, typer.Option("--max-range", metavar="METRES", help="Longest range of the laser.  [35]")
     ] = None,
     disagreement: Annotated[
         float | None,
         typer.Option(
             "--disagreement",
             metavar="METRES",
-            help="Suspicious is where passes disagree by more than this along the normal (0.05).",
+            help="Suspicious is where passes disagree by more than this along the normal.  [0.05]",
         ),
     ] = None,
     tile_points: Annotated[

@@ -91,15 +91,11 @@ def train(
     context: Contexts = None,
     regularisation: Annotated[
         float | None,
-        typer.Option(
-            "--regularisation", metavar="X", help="Precision of each weight's prior; cross-validated if absent."
-        ),
+        typer.Option("--regularisation", metavar="X", help="Precision of each weight's prior.  [cross-validated]"),
     ] = None,
     coupling_regularisation: Annotated[
         float | None,
-        typer.Option(
-            "--coupling-regularisation", metavar="X", help="The same, of the coupling; cross-validated if absent."
-        ),
+        typer.Option("--coupling-regularisation", metavar="X", help="The same, of the coupling.  [cross-validated]"),
     ] = None,
     class_weight: Annotated[
         ClassWeight, typer.Option("--class-weight", help="balanced: both labels weigh the same in sum.")
@@ -109,20 +105,24 @@ def train(
         typer.Option("--conservative", help="Patches without a label count as suspicious: not surely plausible."),
     ] = False,
     radius: Annotated[
-        float | None, typer.Option("--radius", metavar="METRES", help="Patches farther apart are no neighbours.")
+        float | None, typer.Option("--radius", metavar="METRES", help="Patches farther apart are no neighbours.  [3]")
     ] = None,
     tau: Annotated[
-        float | None, typer.Option("--tau", metavar="METRES", help="The weight of a pair falls to 1/e over it.")
+        float | None, typer.Option("--tau", metavar="METRES", help="The weight of a pair falls to 1/e over it.  [2]")
     ] = None,
     neighbours: Annotated[
-        int | None, typer.Option("--neighbours", metavar="N", min=1, help="Closest patches that a patch is joined to.")
+        int | None,
+        typer.Option("--neighbours", metavar="N", min=1, help="Closest patches that a patch is joined to.  [4]"),
     ] = None,
     watched: Annotated[
         int | None,
-        typer.Option("--watched", metavar="N", help="Of so many closest also join those that lie over or cross it."),
+        typer.Option(
+            "--watched", metavar="N", help="Of so many closest also join those that lie over or cross it.  [16]"
+        ),
     ] = None,
     tolerance: Annotated[
-        float | None, typer.Option("--tolerance", metavar="METRES", help="So far apart surfaces count half as doubled.")
+        float | None,
+        typer.Option("--tolerance", metavar="METRES", help="So far apart surfaces count half as doubled.  [0.05]"),
     ] = None,
     max_false_alarms: MaxFalseAlarms = None,
     max_patches: Annotated[

@@ -77,8 +77,8 @@ MaxRange = Annotated[
     float | None,
     typer.Option("--max-range", metavar="METRES", help="No return from here on.  [0.97 x the largest range]"),
 ]
-EveryScan = Annotated[int | None, typer.Option("--every-scan", metavar="K", min=1, help="Scans 0, K, 2K ...")]
-EveryBeam = Annotated[int | None, typer.Option("--every-beam", metavar="K", min=1, help="Beams 0, K, 2K ...")]
+EveryScan = Annotated[int | None, typer.Option("--every-scan", metavar="K", min=1, help="Scans 0, K, 2K ...  [1]")]
+EveryBeam = Annotated[int | None, typer.Option("--every-beam", metavar="K", min=1, help="Beams 0, K, 2K ...  [1]")]
 BeamDensity = Annotated[
     float | None,
     typer.Option("--beam-density", metavar="1/METRE2", help="Thin a denser log of a laser to about this.  [16]"),
