@@ -21,6 +21,7 @@ import numpy as np
 from benchmarks import commands
 from benchmarks.commands import made, prf, say
 from benchmarks.contours import write_contours
+from benchmarks.octomap import INSTALLED, write_octomap
 from prf.occupancy import read_grid
 from prf.run import names
 from prf.run.mapfile import read_map_feature
@@ -91,11 +92,17 @@ def grids(task: Task) -> list[Map]:
     made("grid", odds, method="log-odds", resolution=CELL, **task.readings)
     times.append(time.monotonic())
     corners = write_contours(read_grid(count), contours)
-    first, second, third = np.diff([*times, time.monotonic()]).tolist()
+    times.append(time.monotonic())
+    octomap = task.folder / "octomap.grid.npz"
+    if INSTALLED:
+        write_octomap(read_grid(count), task.log, octomap, **SETS[task.scans])
+    first, second, third, fourth = np.diff([*times, time.monotonic()]).tolist()
+    peers = [Map("OctoMap", octomap, None, fourth)] if INSTALLED else []
     return [
         Map("count grid", count, None, first),
         Map("log-odds grid", odds, None, second),
         Map("count grid, contours", contours, corners, first + third),
+        *peers,
     ]
 
 
