@@ -12,13 +12,13 @@ from mapq.assess.inputs import read_input
 from mapq.assess.result import AREA, Result, assess
 from mapq.cloud import PointCloud
 from mapq.io.options import AS_IT_IS, ReadOptions
+from mapq.io.result_json import read_result_json
 from mapq.io.results import RESULT_FIELDS, json_beside
-from mapq.io.results import SCHEMA as RESULT_SCHEMA
 from mapq.model import Model
 from mapq.patches import NO_PATCH, SUSPICIOUS, Patches
 from mapq.segmentation import segment
 from prf.shell.errors import InputError, UsageError
-from prf.shell.storage import damaged, load_object
+from prf.shell.storage import damaged
 
 Floats = NDArray[np.float64]
 
@@ -79,12 +79,12 @@ def _judged_result(cloud: PointCloud, path: str) -> Judged:
     beside = Path(json_beside(path))
     if not beside.exists():
         raise InputError(f"{path}: the JSON of this result is not beside it ({beside}). Run mapq classify again.")
-    rows = load_object(beside, RESULT_SCHEMA).get("patches")
+    _, rows = read_result_json(beside)
     number, label, probability = (np.asarray(cloud.fields[name]) for name in RESULT_FIELDS)
     inside = np.flatnonzero((number != NO_PATCH) & cloud.finite())
     patch = number[inside].astype(np.int64)
     try:
-        area = np.array([float(row[AREA]) for row in rows or ()])
+        area = np.array([float(row[AREA]) for row in rows])
     except (TypeError, KeyError, ValueError):
         raise damaged(beside, f"patches without {AREA}") from None
     if len(patch) and not 0 <= int(patch.min()) <= int(patch.max()) < len(area):

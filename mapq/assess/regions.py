@@ -82,22 +82,31 @@ def find_regions(
         Areas may be nan: then points stand for them.
     """
     size = area if np.isfinite(area).all() else patches.counts.astype(np.float64)
-    pairs = features.pairs[suspicious[features.pairs].all(axis=1)]
+    inside = np.flatnonzero(suspicious[features.pairs].all(axis=1))
+    pairs = features.pairs[inside]
     links = coo_matrix((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), shape=(len(patches),) * 2)
     part = connected_components(links, directed=False)[1]
     members = np.flatnonzero(suspicious)
     order = members[np.argsort(part[members], kind="stable")]
     groups = np.split(order, np.flatnonzero(np.diff(part[order])) + 1) if len(order) else []
-    found = [_region(patches, features, group, probability.astype(np.float64), size) for group in groups]
+    # Pairs are dealt to regions once: looking through all of them for each region would be quadratic.
+    inside = inside[np.argsort(part[pairs[:, 0]], kind="stable")]
+    wanted, dealt = [part[group[0]] for group in groups], part[features.pairs[inside, 0]]
+    first, last = (np.searchsorted(dealt, wanted, side) for side in ("left", "right"))
+    wide = probability.astype(np.float64)
+    found = [
+        _region(patches, group, wide, size, _displacement(features, inside[begin:end]))
+        for group, begin, end in zip(groups, first.tolist(), last.tolist(), strict=True)
+    ]
     return sorted(found, key=lambda region: (-region.severity, int(region.patches[0])))
 
 
 def _region(
     patches: Patches,
-    features: PatchFeatures,
     group: NDArray[np.int64],
     probability: NDArray[np.float64],
     size: NDArray[np.float64],
+    displacement: float,
 ) -> Region:
     points, start = patches.members
     mine = np.concatenate([points[start[patch] : start[patch + 1]] for patch in group])
@@ -115,18 +124,15 @@ def _region(
         world_of(xyz.min(axis=0)),
         world_of(xyz.max(axis=0)),
         world_of(np.sort(xyz, axis=0).mean(axis=0)),
-        _displacement(features, group),
+        displacement,
         severity / area if area > 0.0 else float(probability[group].mean()),
     )
 
 
-def _displacement(features: PatchFeatures, group: NDArray[np.int64]) -> float:
-    """Return the median offset of the pairs within a region that lie over one another, weighted by the shared area."""
-    inside = np.isin(features.pairs, group).all(axis=1)
-    names = features.edge_names
-    overlap, offset, shared = (
-        features.edge[inside, names.index(name)] for name in ("overlap", "offset", "overlap_area")
-    )
+def _displacement(features: PatchFeatures, inside: NDArray[np.int64]) -> float:
+    """Return the median offset of the pairs `inside` a region that lie over one another, by the shared area."""
+    columns = [features.edge_names.index(name) for name in ("overlap", "offset", "overlap_area")]
+    overlap, offset, shared = features.edge[inside[:, None], columns].T
     over = overlap > CONFLICT
     if not over.any():
         return float("nan")

@@ -105,7 +105,7 @@ def classify(
     from mapq.assess import assess
     from mapq.io import ReadOptions
     from mapq.io.models import read_default_model
-    from mapq.io.results import SCHEMA, claim_result, json_beside, write_result
+    from mapq.io.results import claim_result, json_beside, result_lines, write_result
     from prf.shell import jsonout
     from prf.shell.files import STREAM
     from prf.shell.manifest import describe_process
@@ -129,10 +129,9 @@ def classify(
         logger.warning("%s: no plane patch was found, so nothing is labelled", file)
     head = {**describe_process([file, *([model] if model else [])]), "model": model or "default", **result.head()}
     head["verdict"] = result.verdict(fail_over)
-    rows = list(result.patch_rows())
-    write_result(target, result.cloud(), head, rows)
+    write_result(target, result.cloud(), head, result.patch_rows())
     if json:
-        jsonout.emit_object(SCHEMA, {"output": target, **head, "patches": rows})
+        jsonout.emit_pieces(result_lines({"output": target, **head}, result.patch_rows()))
     else:
         _show(result, target)
     _judge(file, result, fail_over)
@@ -165,7 +164,7 @@ def _classify_tiles(
     from mapq.scale.result import TiledResult
     from mapq.scale.run import ScaleSettings
     from mapq.segmentation import SegmentSettings
-    from prf.shell import console
+    from prf.shell import jsonout
     from prf.shell.errors import UsageError
     from prf.shell.manifest import describe_process
 
@@ -190,8 +189,7 @@ def _classify_tiles(
     for warning in result.patches.report["warnings"]:
         logger.warning("%s: %s", file, warning)
     if json:
-        for line in result_lines({"output": target, **head_of(result)}, result.patch_rows()):
-            console.emit(line.rstrip("\n"))
+        jsonout.emit_pieces(result_lines({"output": target, **head_of(result)}, result.patch_rows()))
     else:
         _show(result, target)
     _judge(file, result, fail_over)

@@ -56,7 +56,7 @@ def report(
     claim_output(target, force)
     told = read_told(result)
     written = write_report(target, told, title, palette.value, max_points)
-    if not told.rows:
+    if not len(told.label):
         logger.warning("%s: no patch was found, so the report says nothing of this map", result)
     if target != STREAM:
         shown = f"{written.n_shown:,} of {written.n_points:,} points"

@@ -21,6 +21,8 @@ from prf.shell.jsonout import dump_object, jsonable
 from prf.shell.lock import claim_output
 
 SCHEMA = "mapq.result/1"
+OPENING = '"patches": ['
+"""End of the first line of the JSON; a patch a line follows."""
 
 PATCH, LABEL, PROBABILITY = "patch", "suspicious", "p_suspicious"
 RESULT_FIELDS = (PATCH, LABEL, PROBABILITY)
@@ -129,7 +131,7 @@ def write_result(path: str, cloud: PointCloud, head: Mapping[str, Any], patches:
 
 def result_lines(head: Mapping[str, Any], patches: Iterable[Mapping[str, Any]]) -> Iterator[str]:
     """Yield the JSON of a result, a patch a line."""
-    yield dump_object(SCHEMA, head)[:-1] + ', "patches": ['
+    yield dump_object(SCHEMA, head)[:-1] + ", " + OPENING
     separator = "\n"
     for patch in patches:
         yield separator + json.dumps(jsonable(patch), allow_nan=False, ensure_ascii=False)

@@ -7,6 +7,7 @@ from pathlib import PurePath
 from typing import Any, Literal, NamedTuple
 
 from mapq import __version__
+from mapq.report.choice import Shown, shown_patches
 from mapq.report.histogram import histogram, histogram_svg
 from mapq.report.markup import (
     VIEWS,
@@ -20,8 +21,8 @@ from mapq.report.markup import (
     script_tags,
 )
 from mapq.report.scene import Scene, build_scene
-from mapq.report.source import Told
-from mapq.report.words import local, made_table, percent, region_table, regions_of, threshold_of, verdict_words
+from mapq.report.source import MOST_REGIONS, Told, regions_in
+from mapq.report.words import local, made_table, percent, region_table, threshold_of, verdict_words
 from prf.shell.files import open_output
 
 MOST_POINTS = 120_000
@@ -79,15 +80,16 @@ def write_report(
         If plotly is not installed.
     """
     scripts = [plotly_script(), *map(asset, VIEWS), asset("report.js")]
-    scene = build_scene(told.cloud.xyz, told.patch, told.normal, told.label, n_most)
-    text = _page(told, scene, title or PurePath(told.path).name, palette, scripts)
+    shown = shown_patches(told.patch, told.number, told.label, told.probability, told.normal)
+    scene = build_scene(told.cloud.xyz, shown.patch, shown.normal, shown.label, n_most)
+    text = _page(told, shown, scene, title or PurePath(told.path).name, palette, scripts)
     with open_output(path) as stream:
         stream.write(text)
     n_outlines = int((scene.corner_start[1:] > scene.corner_start[:-1]).sum())
     return Written(len(text.encode()), len(scene.points), scene.n_points, n_outlines)
 
 
-def _page(told: Told, scene: Scene, title: str, palette: Palette, scripts: list[str]) -> str:
+def _page(told: Told, shown: Shown, scene: Scene, title: str, palette: Palette, scripts: list[str]) -> str:
     head, content = scene.pack()
     sums, unit = histogram(told.probability, told.label, told.area)
     verdict, facts = verdict_words(told)
@@ -108,7 +110,7 @@ def _page(told: Told, scene: Scene, title: str, palette: Palette, scripts: list[
             "regions": region_table(told),
             "made": made_table(told),
             "version": escape(__version__),
-            "data": packed_json(page_data(told, head)),
+            "data": packed_json(page_data(told, shown, head)),
             "scene": packed(content),
             "scripts": script_tags(scripts),
         },
@@ -120,22 +122,30 @@ def _share(told: Told) -> Any:
     return counts.get("share_of_area") if isinstance(counts, dict) else None
 
 
-def page_data(told: Told, scene: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the scripts of the page read: columns of numbers and words of the patches."""
+def page_data(told: Told, shown: Shown, scene: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the scripts of the page read: columns of numbers and words of the patches that it tells of.
+
+    Behind them come two more where there are others, which have a label and a probability and nothing else.
+    """
     shift = (told.cloud.shift * told.cloud.unit).tolist()
+    rows: list[Mapping[str, Any]] = [*told.rows, *[{}] * (len(shown.label) - len(told.rows))]
     return {
         "scene": scene,
         "threshold": threshold_of(told),
         "shift": shift if any(shift) else None,
-        "label": told.label,
-        "p": [_short(value) for value in told.probability.tolist()],
-        "measures": {name: [_short(row.get(name)) for row in told.rows] for name in MEASURES},
-        "centre": [[_short(x, 9) for x in local(told, row.get("centroid"))] for row in told.rows],
-        "normal": [[_short(x, 4) for x in row] for row in told.normal.tolist()],
-        "region": [row.get("region") for row in told.rows],
-        "cause": [_cause(row) for row in told.rows],
-        "reasons": [list(_reasons(row)) for row in told.rows],
-        "regions": [{"patches": row.get("patches"), "box": _box(told, row)} for row in regions_of(told)],
+        "number": told.number,
+        "others": shown.others,
+        "label": shown.label,
+        "p": [_short(value) for value in shown.probability.tolist()],
+        "measures": {name: [_short(row.get(name)) for row in rows] for name in MEASURES},
+        "centre": [[_short(x, 9) for x in local(told, row.get("centroid"))] for row in rows],
+        "normal": [[_short(x, 4) for x in row] for row in shown.normal.tolist()],
+        "region": [row.get("region") for row in rows],
+        "cause": [_cause(row) for row in rows],
+        "reasons": [list(_reasons(row)) for row in rows],
+        "regions": [
+            {"patches": row.get("patches"), "box": _box(told, row)} for row in regions_in(told.head)[:MOST_REGIONS]
+        ],
     }
 
 

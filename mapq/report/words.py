@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import PurePath
 from typing import Any
 
 from mapq.patches import NO_PATCH
 from mapq.report.markup import escape, table
-from mapq.report.source import Told
-
-MOST_REGIONS = 50
-"""Regions that are listed; smaller ones are counted."""
+from mapq.report.source import MOST_REGIONS, Told, regions_in
 
 
 def number(value: Any, digits: int = 1, unit: str = "") -> str:
@@ -44,7 +41,7 @@ def threshold_of(told: Told) -> float:
 def verdict_words(told: Told) -> tuple[str, str]:
     """Return the verdict in one line, and the lines below it, both as markup."""
     counts, verdict = part(told.head, "counts"), part(told.head, "verdict")
-    if not told.rows:
+    if not len(told.label):
         return "No plane patch was found: nothing is said of this map.", _facts(told, counts, verdict)
     share = verdict.get("share_of_area", counts.get("share_of_area"))
     limit = verdict.get("fail_over")
@@ -65,12 +62,18 @@ def _facts(told: Told, counts: Mapping[str, Any], verdict: Mapping[str, Any]) ->
 
 
 def _rows(told: Told, counts: Mapping[str, Any], verdict: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    n_regions, n_inside = len(regions_of(told)), int((told.patch != NO_PATCH).sum())
+    n_regions, n_inside = len(regions_in(told.head)), int((told.patch != NO_PATCH).sum())
     where = f", in {n_regions} region{'' if n_regions == 1 else 's'}" if n_regions else ""
     yield "area", f"{number(counts.get('area_suspicious_m2'))} of {number(counts.get('area_m2'))} m² suspicious"
-    yield "patches", f"{number(counts.get('n_suspicious'), 0)} of {number(len(told.rows), 0)} suspicious{where}"
+    yield "patches", f"{number(counts.get('n_suspicious'), 0)} of {number(len(told.label), 0)} suspicious{where}"
     share = n_inside / max(len(told.cloud), 1)
     yield "points", f"{len(told.cloud):,}, {percent(share)} of them in patches; nothing is said of the others"
+    if len(told.rows) < len(told.label):
+        yield (
+            "told of",
+            f"{len(told.rows):,} of these patches one by one: those of the regions listed, then suspicious ones, the "
+            "surest first, then the largest; the JSON of the result has all",
+        )
     yield (
         "expected",
         f"{percent(counts.get('expected_share_of_area'))} of the surface is wrong, if the probabilities are right",
@@ -90,24 +93,21 @@ def _rows(told: Told, counts: Mapping[str, Any], verdict: Mapping[str, Any]) -> 
         yield "warning", escape(warning)
 
 
-def regions_of(told: Told) -> Sequence[Mapping[str, Any]]:
-    """Return the regions of a result, worst first."""
-    found = told.head.get("regions")
-    return [row for row in found if isinstance(row, dict)] if isinstance(found, list) else []
-
-
 def region_table(told: Told) -> str:
     """Return the table of regions, worst first."""
-    regions = regions_of(told)
+    regions = regions_in(told.head)
     if not regions:
         return "<p>No region: no patch is suspicious.</p>" if not told.label.any() else "<p>The result lists none.</p>"
     names = ("region", "severity", "area", "patches", "extent", "centre", "surfaces apart", "mean p", "cause")
     units = ("", "m²", "m²", "", "m", "m", "m", "", "")
     head = [name + (f" <small>{unit}</small>" if unit else "") for name, unit in zip(names, units, strict=True)]
-    rows = [(f' tabindex="0" data-region="{place}"', _region_cells(told, row)) for place, row in enumerate(regions)]
+    rows = [
+        (f' tabindex="0" data-region="{place}"', _region_cells(told, row))
+        for place, row in enumerate(regions[:MOST_REGIONS])
+    ]
     more = len(regions) - MOST_REGIONS
     rest = f"<p>And {more} less severe ones, which the JSON of the result lists.</p>" if more > 0 else ""
-    return table(head, rows[:MOST_REGIONS], "list") + rest
+    return table(head, rows, "list") + rest
 
 
 def _region_cells(told: Told, region: Mapping[str, Any]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -47,3 +47,13 @@ def dump_object(schema: str, content: Mapping[str, Any], indent: int | None = No
 def emit_object(schema: str, content: Mapping[str, Any]) -> None:
     """Print one JSON object on standard output, as ``--json`` promises."""
     print(dump_object(schema, content))
+
+
+def emit_pieces(pieces: Iterable[str]) -> None:
+    """Print the pieces of one JSON object as one line, as :func:`emit_object`; they need not be held at once.
+
+    Line feeds between values are left out; in strings JSON has none.
+    """
+    for piece in pieces:
+        print(piece.replace("\n", ""), end="")
+    print()

@@ -192,3 +192,17 @@ def test_without_webgl_the_map_in_space_stands_still(report, browser):
         assert "Patch" in shown(page)
     finally:
         other.close()
+
+
+def test_of_a_map_of_many_patches_those_told_of_keep_their_numbers(page, told, tmp_path, monkeypatch):
+    monkeypatch.setattr("mapq.report.source.MOST_TOLD", 20)
+    few = read_told(told.path)
+    write_report(str(tmp_path / "few.html"), few)
+    open_report(page, tmp_path / "few.html")
+    assert page.locator("#page").inner_text().endswith("of 20")
+    page.locator("#find").fill(str(few.number[-1]))
+    page.locator("#rows tr").first.click()
+    assert f"Patch {few.number[-1]}" in shown(page)
+    other = next(patch for patch in range(len(told.label)) if patch not in few.number)
+    page.mouse.click(*place_of(page, told, other))
+    assert "12 more plausible patches are not told of" in shown(page)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from prf.shell.jsonout import dump_object, emit_object
+from prf.shell.jsonout import dump_object, emit_object, emit_pieces
 
 
 class Window(NamedTuple):
@@ -54,3 +54,8 @@ def test_one_line_on_standard_output(capsys: pytest.CaptureFixture[str]) -> None
     out, err = capsys.readouterr()
     assert out.count("\n") == 1
     assert err == ""
+
+
+def test_pieces_of_an_object_become_one_line(capsys):
+    emit_pieces(iter(['{"a": [', "\n1,", '\n"x\\n"', "\n]}\n"]))
+    assert capsys.readouterr().out == '{"a": [1,"x\\n"]}\n'

@@ -4,9 +4,12 @@
   const { element, figure, listed } = Views;
   const [text, buffer] = await Promise.all([Views.unpack("data"), Views.unpack("scene")]);
   const data = JSON.parse(new TextDecoder().decode(text)),
-    m = data.label.length,
     cut = data.threshold;
   const scene = new Views.Scene(data.scene, buffer);
+  // Places of patches in the columns are not their numbers where the map has more than the page tells of; then two
+  // places at the end stand for all others, plausible and suspicious.
+  const told = data.number.length,
+    places = new Map(data.number.map((number, place) => [number, place]));
   const ROWS = 25,
     LABELS = ["plausible", "suspicious"],
     MARKS = ["●", "▲"];
@@ -50,16 +53,25 @@
   // ---- one patch in words; text of files goes through textContent alone
   const place = (values) => values.map((value) => (typeof value === "number" ? value.toFixed(2) : "–")).join(", ");
   function link(patch) {
-    const made = element("button", `patch ${patch}`, { type: "button", class: "link" });
+    const made = element("button", `patch ${data.number[patch]}`, { type: "button", class: "link" });
     made.addEventListener("click", () => select(patch));
     return made;
   }
   function reasonWords(words, other) {
-    if (!Number.isInteger(other) || other < 0 || other >= m) return [words];
+    if (!places.has(other)) return [words];
     const parts = words.split(new RegExp(`(patch ${other}|neighbour ${other})(?![0-9])`));
-    return parts.map((piece) => (piece === `patch ${other}` || piece === `neighbour ${other}` ? link(other) : piece));
+    const made = () => link(places.get(other));
+    return parts.map((piece) => (piece === `patch ${other}` || piece === `neighbour ${other}` ? made() : piece));
   }
   function details(patch) {
+    if (patch >= told) {
+      const [count, label] = [data.others[patch - told].toLocaleString("en"), LABELS[data.label[patch]]];
+      byId("details").replaceChildren(
+        element("h3", "One of the others"),
+        element("p", `${count} more ${label} patches are not told of one by one: the JSON of the result has them.`),
+      );
+      return;
+    }
     const of = (name) => data.measures[name][patch],
       label = LABELS[data.label[patch]];
     const rows = [
@@ -80,7 +92,7 @@
     );
     const cause = data.cause[patch];
     byId("details").replaceChildren(
-      element("h3", `Patch ${patch}`),
+      element("h3", `Patch ${data.number[patch]}`),
       element("p", [
         element("span", `${MARKS[data.label[patch]]} ${label}`, { class: `tag ${label}` }),
         ` probability ${figure(data.p[patch], 3)}`,
@@ -100,7 +112,7 @@
     look.selected = patch;
     document.body.classList.add("chosen");
     details(patch);
-    if (!fromTable) showRow(patch);
+    if (!fromTable && patch < told) showRow(patch);
     for (const row of document.querySelectorAll("tr[data-patch]"))
       row.setAttribute("aria-selected", String(+row.dataset.patch === patch));
     for (const row of document.querySelectorAll("tr[data-region]"))
@@ -120,7 +132,7 @@
 
   // ---- the table of patches
   const columns = [
-    ["patch", (patch) => patch, (patch) => patch],
+    ["patch", (patch) => patch, (patch) => data.number[patch]],
     ["label", (patch) => -data.label[patch], null],
     ["p", (patch) => -(data.p[patch] ?? -1), (patch) => figure(data.p[patch], 3)],
     ["area m²", (patch) => -(data.measures.area_m2[patch] ?? 0), (patch) => figure(data.measures.area_m2[patch], 1)],
@@ -144,8 +156,8 @@
   function arrange() {
     const wanted = byId("find").value.trim(),
       only = byId("only").checked;
-    order = [...Array(m).keys()].filter(
-      (patch) => (!only || data.label[patch] === 1) && (!wanted || String(patch).startsWith(wanted)),
+    order = [...Array(told).keys()].filter(
+      (patch) => (!only || data.label[patch] === 1) && (!wanted || String(data.number[patch]).startsWith(wanted)),
     );
     const key = sorted < 0 ? null : columns[sorted][1];
     order.sort(key ? (a, b) => (upward ? 1 : -1) * (key(a) - key(b)) || a - b : worstFirst);
@@ -238,7 +250,7 @@
   for (const row of document.querySelectorAll("tr[data-region]")) {
     row.addEventListener("click", () => {
       const region = data.regions[+row.dataset.region],
-        patches = (region?.patches || []).filter((patch) => Number.isInteger(patch) && patch >= 0 && patch < m);
+        patches = (region?.patches || []).filter((number) => places.has(number)).map((number) => places.get(number));
       if (!patches.length) return;
       goTo(scene.boxOf(patches));
       toViews();

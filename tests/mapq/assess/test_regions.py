@@ -5,6 +5,7 @@ import pytest
 
 from mapq.assess import assess
 from mapq.assess.regions import find_regions
+from tests.load.town import town
 from tests.mapq.assess.test_result import make_model
 from tests.mapq.factories import make_patches, sample_patches, shuffled, wall
 
@@ -83,3 +84,38 @@ def test_the_verdict_is_that_of_the_area(result, fail_over, passed):
         "area_by_cause_m2": area,
         "scans_apart_m": pytest.approx(float("nan"), nan_ok=True),
     }
+
+
+class Looked:
+    """Features that count how often all pairs were looked through, and how many numbers of pairs were taken."""
+
+    def __init__(self, features):
+        self.features, self.times, self.taken = features, 0, 0
+
+    def __getattr__(self, name):
+        return getattr(self.features, name)
+
+    @property
+    def pairs(self):
+        self.times += 1
+        return self.features.pairs
+
+    @property
+    def edge(self):
+        return self
+
+    def __getitem__(self, key):
+        found = self.features.edge[key]
+        self.taken += found.size
+        return found
+
+
+@pytest.mark.parametrize("n_patches", [800, 3200])
+def test_the_pairs_of_a_map_are_looked_through_once_however_many_regions_there_are(n_patches):
+    result = assess(town(n_patches))
+    assert len(result.regions) > n_patches // 10
+    looked = Looked(result.features)
+    again = find_regions(result.patches, looked, result.suspicious, result.labelling.probability, result.area)
+    assert [region.displacement for region in again] == [region.displacement for region in result.regions]
+    assert looked.times <= 5
+    assert 0 < looked.taken <= 3 * len(result.features.pairs)

@@ -11,8 +11,7 @@ import pytest
 
 from mapq.cloud import PointCloud
 from mapq.io import write_ply
-from mapq.io.results import json_beside
-from mapq.report import read_told, write_report
+from mapq.report import choice, read_told, write_report
 from mapq.report.markup import fill, script_sources, script_tags
 from mapq.report.page import page_data
 from prf.shell.errors import InputError, UsageError
@@ -112,7 +111,8 @@ def test_numbers_that_do_not_exist_are_null(tmp_path):
     told = read_told(str(save_result(tmp_path / "r.ply")))
     told.rows[0]["rms_m"] = told.rows[1]["rms_m"] = None
     told.rows[2]["rms_m"] = "<b>"
-    assert page_data(told, {})["measures"]["rms_m"][:3] == [None, None, None]
+    shown = choice.shown_patches(told.patch, told.number, told.label, told.probability, told.normal)
+    assert page_data(told, shown, {})["measures"]["rms_m"][:3] == [None, None, None]
 
 
 def test_the_json_must_be_there_and_of_this_result(tmp_path):
@@ -144,9 +144,42 @@ def test_clouds_and_streams_are_no_results(tmp_path):
         read_told("-")
 
 
-def test_too_many_patches_are_refused(tmp_path, monkeypatch):
+def test_of_many_patches_a_page_tells_of_those_that_matter_and_counts_the_others(tmp_path, monkeypatch):
     path = save_result(tmp_path / "r.ply")
-    monkeypatch.setattr("mapq.report.source.MOST_PATCHES", 31)
-    with pytest.raises(InputError, match="32 patches are more than a page can show"):
-        read_told(str(path))
-    assert json_beside(str(path)).endswith("r.json")
+    every = read_told(str(path))
+    monkeypatch.setattr("mapq.report.source.MOST_TOLD", 20)
+    told = read_told(str(path))
+    listed = {patch for region in told.head["regions"] for patch in region["patches"]}
+    assert len(listed) < 20 == len(told.rows)
+    assert listed < set(told.number.tolist())
+    others = np.setdiff1d(np.arange(32), told.number)
+    assert every.area[others].max() <= every.area[np.setdiff1d(told.number, list(listed))].min()
+    np.testing.assert_array_equal(told.label, every.label)
+    page = report(tmp_path / "r.html", told)
+    data = data_of(page)
+    assert data["others"] == [12, 0]
+    assert data["number"] == told.number.tolist()
+    assert data["label"] == [*every.label[told.number].tolist(), 0, 1]
+    assert "told of</dt><dd>20 of these patches" in page
+    assert "16 of 32 suspicious" in page
+    assert data["scene"]["n_points"] == data_of(report(tmp_path / "e.html", every))["scene"]["n_points"]
+
+
+def test_rows_that_are_not_told_of_are_not_kept(monkeypatch):
+    held = [0, 0]
+
+    class Row(dict):
+        def __init__(self, *args):
+            super().__init__(*args)
+            held[0] += 1
+            held[1] = max(held)
+
+        def __del__(self):
+            held[0] -= 1
+
+    monkeypatch.setattr(choice, "_without_terms", Row)
+    rows = ({"label": "plausible", "area_m2": float(-number % 97), "terms": []} for number in range(5000))
+    chosen = choice.choose(rows, [], 100)
+    assert len(chosen) == 100
+    assert min(row["area_m2"] for _, row in chosen) == 95.0
+    assert held[1] <= 102

@@ -1,0 +1,74 @@
+"""The JSON of a result, read a patch at a time: that of a million patches has gigabytes, too much to hold at once."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from io import TextIOWrapper
+from pathlib import Path
+from typing import Any
+
+from mapq.io.results import OPENING, SCHEMA
+from prf.shell.errors import InputError
+from prf.shell.storage import check_schema, damaged, load_object
+
+Row = dict[str, Any]
+
+
+def read_result_json(path: Path) -> tuple[Row, Iterator[Row]]:
+    """Return the JSON of a result but for its patches, and an iterator over these.
+
+    A result has a patch a line, and is read so. JSON that was laid out anew by another program is read at once.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged, or of another schema; of a patch when the iterator comes to it.
+    """
+    try:
+        with path.open(encoding="utf-8") as stream:
+            first = stream.readline()
+    except (OSError, UnicodeDecodeError):  # said below
+        first = ""
+    if first.rstrip().endswith(OPENING):
+        head = _parse(path, 1, first.rstrip() + "]}")
+        check_schema(path, str(head.get("schema", "")), SCHEMA)
+        del head["patches"]
+        return head, _lines(path)
+    head = load_object(path, SCHEMA)
+    rows = head.pop("patches", None)
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise damaged(path, "no list of patches")
+    return head, iter(rows)
+
+
+def _lines(path: Path) -> Iterator[Row]:
+    """Yield the patches of a file whose first line was read and is well."""
+    with path.open(encoding="utf-8") as stream:
+        stream.readline()
+        line, number = "", 1
+        for number, line in enumerate(_decoded(path, stream), 2):
+            if line.rstrip() == "]}":
+                break
+            row = line.rstrip()
+            yield _parse(path, number, row.removesuffix(","))
+        if line.rstrip() != "]}" or stream.read(1):
+            raise InputError(f"{path}:{number}: damaged (the list of patches does not end). Run mapq classify again.")
+
+
+def _decoded(path: Path, stream: TextIOWrapper) -> Iterator[str]:
+    try:
+        while line := stream.readline():
+            yield line
+    except UnicodeDecodeError as error:
+        raise damaged(path, "not UTF-8 text") from error
+
+
+def _parse(path: Path, number: int, text: str) -> Row:
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict):
+        raise InputError(f"{path}:{number}: damaged (not a JSON object). Run mapq classify again.")
+    return found
