@@ -20,11 +20,15 @@ Floats = NDArray[np.float64]
 
 
 class BorderTask(NamedTuple):
-    """A tile, the tiles of higher number that it may share points with, and the work folder."""
+    """A tile, the tiles of higher number that it may share points with, the work folder, and which regions are meant.
+
+    Those are ``region``, or ``grown``: as they grew, before pieces of one plane were united.
+    """
 
     tile: int
     others: tuple[int, ...]
     folder: str
+    column: str = "region"
 
 
 class Shared(NamedTuple):
@@ -49,17 +53,21 @@ class Shared(NamedTuple):
 
 def compare_borders(task: BorderTask) -> Shared:
     """Return which regions of a tile and of its neighbours share points, and how many."""
-    found = [_compare(task.folder, task.tile, other) for other in task.others]
+    return join_shared([_compare(task, other) for other in task.others])
+
+
+def join_shared(parts: list[Shared]) -> Shared:
+    """Return the pairs of all parts."""
     nothing = np.zeros((0, 2), np.int64)
     empty = Shared(nothing, nothing, *(np.zeros(0, np.int64),) * 3)
-    joined = zip(*([empty, *found]), strict=True)
-    return Shared(*(np.concatenate(values) for values in joined))
+    return Shared(*(np.concatenate(values) for values in zip(*[empty, *parts], strict=True)))
 
 
-def _compare(folder: str, tile: int, other: int) -> Shared:
-    with np.load(border_path(folder, tile)) as mine, np.load(border_path(folder, other)) as theirs:
+def _compare(task: BorderTask, other: int) -> Shared:
+    tile, column = task.tile, task.column
+    with np.load(border_path(task.folder, tile)) as mine, np.load(border_path(task.folder, other)) as theirs:
         _, here, there = np.intersect1d(mine["number"], theirs["number"], assume_unique=True, return_indices=True)
-        a, b = mine["region"][here].astype(np.int64), theirs["region"][there].astype(np.int64)
+        a, b = mine[column][here].astype(np.int64), theirs[column][there].astype(np.int64)
     n_a, n_b = np.bincount(a[a >= 0], minlength=1), np.bincount(b[b >= 0], minlength=1)
     both = (a >= 0) & (b >= 0)
     key, n_shared = np.unique(a[both] * len(n_b) + b[both], return_counts=True)
@@ -73,11 +81,14 @@ def _compare(folder: str, tile: int, other: int) -> Shared:
     )
 
 
-def unite_regions(origin: Floats, seen: Floats, pairs: Ints, shared: Shared, max_rms: float) -> NDArray[np.int32]:
+def unite_regions(
+    origin: Floats, seen: Floats, pairs: Ints, shared: Shared, max_rms: float, label: Ints | None = None
+) -> NDArray[np.int32]:
     """Return into which region (m,) each goes, over all tiles.
 
     Pairs (k, 2) that share a fair part of what both tiles see of the smaller one are united, best fits first, as long
-    as one plane does for both: neither lies farther off it than `max_rms`, in the root mean square.
+    as one plane does for both: neither lies farther off it than `max_rms`, in the root mean square. Before these go the
+    pairs that are known to be of one plane.
 
     Parameters
     ----------
@@ -89,15 +100,26 @@ def unite_regions(origin: Floats, seen: Floats, pairs: Ints, shared: Shared, max
         What is known of the pairs.
     max_rms : float
         Metres.
+    label : (m,) int64, optional
+        Regions of one label lie in one plane; -1 where that is not known.
     """
     smaller = np.minimum(shared.n_one, shared.n_other)
     fair = (shared.n_shared >= FEWEST_SHARED) & (shared.n_shared >= FAIR_SHARE * smaller)
     parent = np.arange(len(seen), dtype=np.int32)
     sums = seen.copy()
     some = np.ascontiguousarray(pairs[fair].astype(np.int32))
-    rms = pair_rms(some, parent, origin, sums)
-    order = np.lexsort((some[:, 1], some[:, 0], rms))
-    order = order[rms[order] <= max_rms]
-    unite(np.ascontiguousarray(some[order]), parent, origin, sums, max_rms)
+    known = np.zeros(len(some), bool)
+    if label is not None:
+        known = (label[some[:, 0]] == label[some[:, 1]]) & (label[some[:, 0]] >= 0)
+    for which, limit in ((known, np.inf), (~known, max_rms)):
+        _unite(np.ascontiguousarray(some[which]), parent, origin, sums, limit)
     resolve(parent)
     return parent
+
+
+def _unite(pairs: NDArray[np.int32], parent: NDArray[np.int32], origin: Floats, sums: Floats, max_rms: float) -> None:
+    """Unite pairs (k, 2) in place, best fits first."""
+    rms = pair_rms(pairs, parent, origin, sums)
+    order = np.lexsort((pairs[:, 1], pairs[:, 0], rms))
+    order = order[rms[order] <= max_rms]
+    unite(np.ascontiguousarray(pairs[order]), parent, origin, sums, max_rms)

@@ -17,7 +17,7 @@ from mapq.segmentation.core import make_core
 from mapq.segmentation.finish import CELL_IN_SPACING, region_areas
 from mapq.segmentation.parameters import Parameters
 from mapq.segmentation.points import Points
-from mapq.segmentation.regions import Fits, find_regions, fit, spread_out
+from mapq.segmentation.regions import Fits, Grown, fit, grow_pieces, spread_out, unions, unite_pieces
 
 FEWEST = 3
 """Distinct points that a tile must have to be looked at."""
@@ -25,6 +25,21 @@ CLEARLY_TILTED, CLEARLY_LARGE = 15.0, 200
 """Degrees beyond the limit of tilt, and points, from which on a region is surely dropped: its points are not kept."""
 
 Floats = NDArray[np.float64]
+
+
+class Decided(NamedTuple):
+    """Which of the regions of a tile, as they grew, are one by what is known of them in all tiles.
+
+    Attributes
+    ----------
+    parent : (r,) int32
+        Into which region each goes.
+    planes : (r, 6) float64
+        Of the united regions, by all of their points; nan where they are not known.
+    """
+
+    parent: NDArray[np.int32]
+    planes: Floats
 
 
 class CutTask(NamedTuple):
@@ -44,6 +59,8 @@ class CutTask(NamedTuple):
     halo : float
     folder : str
         The work folder.
+    decided : Decided or None
+        None: what is one plane is for the tile to say.
     """
 
     tile: int
@@ -54,6 +71,27 @@ class CutTask(NamedTuple):
     box: Floats
     halo: float
     folder: str
+    decided: Decided | None = None
+
+
+class Pieces(NamedTuple):
+    """The regions (r) of a tile as they grew, before pieces of one plane are united.
+
+    Attributes
+    ----------
+    origin, own, seen : (r, 3), (r, 10), (r, 10) float64
+        Moments of the tile's own points, and of all that it sees, about an origin.
+    pairs : (p, 2) int32
+        Regions that meet.
+    parent : (r,) int32
+        Into which each goes, as far as the tile tells.
+    """
+
+    origin: Floats
+    own: Floats
+    seen: Floats
+    pairs: NDArray[np.int32]
+    parent: NDArray[np.int32]
 
 
 class Cut(NamedTuple):
@@ -76,6 +114,9 @@ class Cut(NamedTuple):
         In m².
     start : (m + 1,) int64
         Where the points of each begin in the tile's file of points.
+    root : (m,) int32
+        Which of the regions that grew each is of, once these were united.
+    grown : Pieces
     n_looked_at, n_distinct : int
         Own points that were looked at first, and distinct own points.
     """
@@ -90,6 +131,8 @@ class Cut(NamedTuple):
     first: NDArray[np.uint64]
     area: Floats
     start: NDArray[np.int64]
+    root: NDArray[np.int32]
+    grown: Pieces
     n_looked_at: int
     n_distinct: int
 
@@ -115,16 +158,49 @@ def cut_tile(task: CutTask) -> Cut:
     xyz = np.concatenate([part.xyz for part in parts])
     is_own = np.concatenate([np.arange(len(part.row)) < part.n_own for part in parts])
     points = sort_in_frame(xyz, task.frame)
-    if len(points.xyz) < FEWEST:
-        region, n_looked_at = np.full(len(points.xyz), -1, np.int32), 0
-    else:
-        core = make_core(points, task.chosen)
-        region = spread_out(points, core, task.chosen, find_regions(core, task.chosen))
-        n_looked_at = len(core.place)
-    of_point = region[points.number]
+    own_place = np.zeros(len(points.xyz), bool)
+    own_place[points.number[is_own]] = True
+    found = _regions(task, points, own_place)
+    of_point = found.region[points.number]
     save_array(regions_path(task.folder, task.tile), of_point)
-    _save_border(task, parts, xyz, is_own, of_point)
-    return _described(task, parts, points, region, is_own, n_looked_at)
+    _save_border(task, parts, xyz, is_own, {"region": of_point, "grown": found.first[points.number]})
+    return _described(task, parts, points, found, is_own, own_place)
+
+
+class _Regions(NamedTuple):
+    """The regions of the distinct points (u,) of a tile, those that grew first, and what they are made of."""
+
+    region: NDArray[np.int32]
+    first: NDArray[np.int32]
+    root: NDArray[np.int32]
+    grown: Pieces
+    n_looked_at: int
+
+
+def _regions(task: CutTask, points: Points, own_place: NDArray[np.bool_]) -> _Regions:
+    """Return the regions of the points of a tile, of which some (u,) are its own."""
+    first = np.full(len(points.xyz), -1, np.int32)
+    if len(points.xyz) < FEWEST:
+        nothing, no_pairs = np.zeros(0, np.int32), np.zeros((0, 2), np.int32)
+        none = Pieces(np.zeros((0, 3)), *(np.zeros((0, MOMENTS)),) * 2, no_pairs, nothing)
+        return _Regions(first, first, nothing, none, 0)
+    core = make_core(points, task.chosen)
+    grown = grow_pieces(core, task.chosen)
+    parent, planes = task.decided or (unions(grown, task.chosen), None)
+    united = unite_pieces(grown, task.chosen, parent, planes)
+    first[core.place] = grown.region
+    pieces = _pieces_of(grown, parent, own_place[core.place])
+    return _Regions(spread_out(points, core, task.chosen, united.piece), first, united.region, pieces, len(core.place))
+
+
+def _pieces_of(grown: Grown, parent: NDArray[np.int32], is_own: NDArray[np.bool_]) -> Pieces:
+    """Return the sums of regions that grew, over core points (c,) of which some are the tile's own."""
+    n_regions = len(grown.fits.planes)
+    origin, own = np.zeros((n_regions, 3)), np.empty((n_regions, MOMENTS))
+    sum_regions(grown.core.xyz, np.where(is_own, grown.region, np.int32(-1)), origin, own)
+    some = own[:, 0] > 0.0
+    origin[~some] = grown.fits.origin[~some]
+    return Pieces(origin, own, translate(grown.fits.sums, grown.fits.origin, origin), grown.pairs, parent)
 
 
 def sort_in_frame(xyz: Floats, frame: Floats) -> Points:
@@ -151,15 +227,14 @@ def _described(
     task: CutTask,
     parts: list[TilePoints],
     points: Points,
-    region: NDArray[np.int32],
+    found: _Regions,
     is_own: NDArray[np.bool_],
-    n_looked_at: int,
+    own_place: NDArray[np.bool_],
 ) -> Cut:
     """Write the tile's own points region after region, and return what is said of the regions."""
+    region = found.region
     seen = fit(points.xyz, region)
     n_regions = len(seen.planes)
-    own_place = np.zeros(len(points.xyz), bool)
-    own_place[points.number[is_own]] = True
     own_region = np.where(own_place, region, np.int32(-1))
     own = np.empty((n_regions, MOMENTS))
     origin = np.zeros((n_regions, 3))
@@ -190,7 +265,9 @@ def _described(
         first=first,
         area=area,
         start=start,
-        n_looked_at=round(n_looked_at * share),
+        root=found.root[:n_regions],
+        grown=found.grown,
+        n_looked_at=round(found.n_looked_at * share),
         n_distinct=int(own_place.sum()),
     )
 
@@ -238,11 +315,16 @@ def _save_points(
 
 
 def _save_border(
-    task: CutTask, parts: list[TilePoints], xyz: Floats, is_own: NDArray[np.bool_], of_point: NDArray[np.int32]
+    task: CutTask,
+    parts: list[TilePoints],
+    xyz: Floats,
+    is_own: NDArray[np.bool_],
+    columns: dict[str, NDArray[np.int32]],
 ) -> None:
-    """Write number among all points, ascending, and region of the points that other tiles see too."""
+    """Write number among all points, ascending, and columns (regions) of the points that other tiles see too."""
     near = (xyz[:, :2] < task.box[:2] + task.halo) | (xyz[:, :2] >= task.box[2:] - task.halo)
     shared = ~is_own | near.any(axis=1)
     number = np.concatenate([part.row + base for part, base in zip(parts, task.bases, strict=True)])[shared]
     order = np.argsort(number)
-    save_arrays(border_path(task.folder, task.tile), number=number[order], region=of_point[shared][order])
+    ordered = {name: values[shared][order] for name, values in columns.items()}
+    save_arrays(border_path(task.folder, task.tile), number=number[order], **ordered)

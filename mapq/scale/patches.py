@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.kernels.regions import fit_regions
 from mapq.scale.borders import Shared, unite_regions
-from mapq.scale.cut import Cut, translate
+from mapq.scale.cut import Cut
 from mapq.scale.files import save_arrays
+from mapq.scale.unions import add_up
 from mapq.segmentation.finish import is_large, is_upright
 from mapq.segmentation.parameters import Parameters
-from mapq.segmentation.regions import MERGE_RMS, Fits
+from mapq.segmentation.regions import MERGE_RMS
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -68,14 +68,27 @@ def _path(folder: str) -> str:
     return os.path.join(folder, "patches.npz")
 
 
-def join_regions(cuts: list[Cut], shared: list[Shared], chosen: Parameters) -> tuple[Whole, dict[str, Any]]:
-    """Return the patches of all tiles, largest first (ties: by their first point), and the report's part on them."""
+def join_regions(
+    cuts: list[Cut], shared: Shared, label: list[Ints], chosen: Parameters
+) -> tuple[Whole, dict[str, Any]]:
+    """Return the patches of all tiles, largest first (ties: by their first point), and the report's part on them.
+
+    Parameters
+    ----------
+    cuts : list of Cut
+        By tile.
+    shared : Shared
+        Pairs of their regions that share points.
+    label : list of (r,) int64
+        By tile, which of the regions that grew there are one plane, as :class:`mapq.scale.unions.Unions` has it.
+    chosen : Parameters
+    """
     first_region = np.concatenate([[0], np.cumsum([len(cut.n_points) for cut in cuts])]).astype(np.int64)
-    joined = Shared(*(np.concatenate(values) for values in zip(*shared, strict=True)))
-    pairs = np.column_stack([first_region[side[:, 0]] + side[:, 1] for side in (joined.one, joined.other)])
-    origin, own, seen = (np.concatenate([getattr(cut, name) for cut in cuts]) for name in ("origin", "own", "seen"))
-    parent = unite_regions(origin, seen, pairs, joined, MERGE_RMS * chosen.max_distance)
-    fits, group = _add_up(parent, origin, own)
+    pairs = np.column_stack([first_region[side[:, 0]] + side[:, 1] for side in (shared.one, shared.other)])
+    origin, own, seen = (_all(cuts, name) for name in ("origin", "own", "seen"))
+    of_root = np.concatenate([labels[cut.root] for labels, cut in zip(label, cuts, strict=True)])
+    parent = unite_regions(origin, seen, pairs, shared, MERGE_RMS * chosen.max_distance, of_root)
+    fits, group = add_up(parent, origin, own)
     n_groups = len(fits.planes)
     n_points = np.bincount(group, _all(cuts, "n_points"), n_groups).astype(np.int64)
     area = np.bincount(group, _all(cuts, "area"), n_groups).astype(np.float64)
@@ -116,27 +129,6 @@ def join_regions(cuts: list[Cut], shared: list[Shared], chosen: Parameters) -> t
 
 def _all(cuts: list[Cut], name: str) -> NDArray[Any]:
     return np.concatenate([getattr(cut, name) for cut in cuts])
-
-
-def _add_up(parent: NDArray[np.int32], origin: Floats, own: Floats) -> tuple[Fits, Ints]:
-    """Return the planes of united regions by the points that belong to each tile, and the group (r,) of each region.
-
-    The origin is that of the group's first region with points.
-    """
-    roots, group = np.unique(parent, return_inverse=True)
-    n_groups = len(roots)
-    place = np.full(n_groups, len(parent), np.int64)
-    with_points = np.flatnonzero(own[:, 0] > 0.0)
-    np.minimum.at(place, group[with_points], with_points)
-    place[place == len(parent)] = roots[place == len(parent)]
-    to = np.ascontiguousarray(origin[place])
-    moved = translate(own, origin, to[group])
-    moved[own[:, 0] == 0.0] = 0.0
-    columns = [np.bincount(group, column, n_groups) for column in moved.T]
-    sums: Floats = np.column_stack(columns).astype(np.float64)
-    planes, spread = np.empty((n_groups, 6)), np.empty((n_groups, 3))
-    fit_regions(to, sums, planes, spread)
-    return Fits(planes, spread, to, sums), group.astype(np.int64)
 
 
 def _pieces(cuts: list[Cut], of_region: NDArray[np.int32], n_patches: int, first_region: Ints) -> tuple[Ints, Ints]:

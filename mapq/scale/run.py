@@ -19,7 +19,7 @@ from mapq.cloud import PointCloud
 from mapq.crf import classify, explain
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.model import Model
-from mapq.scale.borders import BorderTask, compare_borders
+from mapq.scale.borders import BorderTask, Shared, compare_borders, join_shared
 from mapq.scale.cut import Cut, CutTask, cut_tile
 from mapq.scale.graph import join_measures
 from mapq.scale.label import LabelTask, save_labels, write_labels
@@ -40,7 +40,9 @@ from mapq.scale.scan import (
 from mapq.scale.source import Range, Source, common_shift, cut_ranges
 from mapq.scale.spool import KEPT_FIELDS, Spooled, SpoolTask, spool_range
 from mapq.scale.tiling import Tiling, halo_width, is_too_coarse, make_tiling
+from mapq.scale.unions import decide_unions
 from mapq.scale.workers import Workers
+from mapq.segmentation.regions import MERGE_RMS
 from mapq.segmentation.settings import SegmentSettings
 from mapq.segmentation.warnings import warnings_of
 from prf.shell.errors import InputError
@@ -54,10 +56,12 @@ FINER = 32.0
 """Times that cells are made finer at once."""
 TOLD = 500
 """Patches of the JSON after which progress is told again."""
-CUTTING = ("counting", "sorting", "segmenting", "joining")
+CUTTING = ("counting", "sorting", "segmenting", "comparing", "cutting again", "joining")
 """Stages after which a map is cut into patches."""
-COSTS = {"counting": 0.7, "sorting": 0.6, "segmenting": 3.8, "joining": 0.1, "measuring": 1.5, "writing": 1.5} | {
-    "telling": 0.4
+COSTS = {"counting": 0.7, "sorting": 0.6, "segmenting": 3.8, "comparing": 0.1, "cutting again": 1.0, "joining": 0.1} | {
+    "measuring": 1.5,
+    "writing": 1.5,
+    "telling": 0.4,
 }
 """Stages, and microseconds a point that each takes, about: what is left of the time is told by these."""
 
@@ -167,17 +171,17 @@ class Job:
             If a file cannot be read, or there are too few points.
         """
         tiling, guess, n_finite = self._plan()
-        tasks = [
-            SpoolTask(self._source(part), self.settings.options, part, self.shift, tiling, guess.near, self.folder)
-            for part in self.ranges
-        ]
-        spooled: list[Spooled] = self._each("sorting", spool_range, tasks)
-        parts = _parts_of_tiles(spooled, len(tiling.boxes))
-        cuts: list[Cut] = self._each(
-            "segmenting", cut_tile, [self._cut_task(*each, guess, tiling) for each in enumerate(parts)]
+        spooled: list[Spooled] = self._each(
+            "sorting",
+            spool_range,
+            [
+                SpoolTask(self._source(part), self.settings.options, part, self.shift, tiling, guess.near, self.folder)
+                for part in self.ranges
+            ],
         )
-        shared = self._each("joining", compare_borders, [self._border_task(tiling, tile) for tile in range(len(parts))])
-        whole, found = join_regions(cuts, shared, guess.chosen)
+        parts = _parts_of_tiles(spooled, len(tiling.boxes))
+        cuts, label = self._regions([self._cut_task(*each, guess, tiling) for each in enumerate(parts)], tiling)
+        whole, found = join_regions(cuts, self._shared("joining", tiling, "region"), label, guess.chosen)
         whole.save(self.folder)
         n_distinct = sum(cut.n_distinct for cut in cuts)
         n_near = sum(sum(each.n_own) for each in spooled)
@@ -191,6 +195,16 @@ class Job:
             "warnings": warnings_of(guess.chosen, n_finite - n_near, found),
         }
         return Cutting(whole, guess.chosen.described(), report, tiling, spooled, _starts(parts, spooled))
+
+    def _regions(self, tasks: list[CutTask], tiling: Tiling) -> tuple[list[Cut], list[NDArray[np.int64]]]:
+        """Return the regions of all tiles, and by tile which of those that grew there are one plane."""
+        cuts: list[Cut] = self._each("segmenting", cut_tile, tasks)
+        shared = self._shared("comparing", tiling, "grown")
+        unions = decide_unions(cuts, shared, MERGE_RMS * tasks[0].chosen.max_distance)
+        again = [task._replace(decided=each) for task, each in zip(tasks, unions.decided, strict=True) if each]
+        for task, cut in zip(again, self._each("cutting again", cut_tile, again), strict=True):
+            cuts[task.tile] = cut
+        return cuts, unions.label
 
     def _source(self, part: Range) -> Source:
         return self.sources[part.file]
@@ -228,9 +242,13 @@ class Job:
             tile, tuple(parts), bases, guess.chosen, guess.frame, tiling.boxes[tile], tiling.halo, self.folder
         )
 
-    def _border_task(self, tiling: Tiling, tile: int) -> BorderTask:
-        others = tuple(other for other in tiling.neighbours(tile).tolist() if other > tile)
-        return BorderTask(tile, others, self.folder)
+    def _shared(self, stage: str, tiling: Tiling, column: str) -> Shared:
+        """Return which regions of neighbouring tiles share points."""
+        tasks = []
+        for tile in range(len(tiling.boxes)):
+            others = tuple(other for other in tiling.neighbours(tile).tolist() if other > tile)
+            tasks.append(BorderTask(tile, others, self.folder, column))
+        return join_shared(self._each(stage, compare_borders, tasks))
 
     def assess(self, cutting: Cutting, model: Model) -> TiledResult:
         """Return what a model says of the patches.

@@ -24,8 +24,8 @@ SIGMA = 0.015
 """Metres: noise along all axes."""
 HOUSES = (2, 5)
 """Houses on a side of a block: from, and below."""
-SETBACK, N_SETBACKS = 0.15, 6
-"""Metres by which a house stands behind the street line: a whole number of such steps, below the second number."""
+SETBACK = 0.8
+"""Metres by which a house stands behind the street line at most: some stand in one line but for less than the noise."""
 HEIGHT = (6.0, 13.0)
 TWICE = 0.3
 """Chance that a side was seen on two visits that drift parts."""
@@ -115,7 +115,7 @@ def _side(rng: np.random.Generator, side: int, surface: int) -> list[Part]:
     parts = []
     for house, (begin, stop) in enumerate(zip(cuts * (length / n_houses), ends, strict=True)):
         place, kind, is_pane = _facade(rng, stop - begin)
-        away = place[:, 2] + SETBACK * rng.integers(N_SETBACKS)
+        away = place[:, 2] + rng.uniform(0.0, SETBACK)
         s = place[:, 0] + begin
         moved = np.zeros(len(s))
         if shift is not None:

@@ -23,7 +23,7 @@ from mapq.segmentation import SegmentSettings, segment
 from mapq.simulate.city import PITCH, SIDES, make_block
 from mapq.simulate.city_tiles import ORIGIN, plan_city, write_city
 
-N_POINTS = 140_000
+N_POINTS = 145_000
 
 
 @pytest.fixture(scope="module")
