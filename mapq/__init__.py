@@ -1,3 +1,77 @@
-"""How plausible a point cloud map is, plane patch by plane patch."""
+"""How plausible a point cloud map is, plane patch by plane patch.
+
+What stands here is imported when it is first used, so that `import mapq` is quick (docs/python-api.md).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 from prf import __version__ as __version__
+
+if TYPE_CHECKING:
+    from mapq.api.clouds import point_cloud, read_cloud
+    from mapq.api.patches import Features, Patches, read_patches, segment
+    from mapq.api.result import Result, classify
+    from mapq.api.training import train, write_model
+    from mapq.cloud import PointCloud
+    from mapq.crf import TrainSettings
+    from mapq.features import FeatureSettings
+    from mapq.io.models import read_model
+    from mapq.io.options import ReadOptions
+    from mapq.model import Model
+    from mapq.segmentation import SegmentSettings
+    from prf.shell.errors import PrfError
+
+__all__ = [
+    "FeatureSettings",
+    "Features",
+    "Model",
+    "Patches",
+    "PointCloud",
+    "PrfError",
+    "ReadOptions",
+    "Result",
+    "SegmentSettings",
+    "TrainSettings",
+    "classify",
+    "point_cloud",
+    "read_cloud",
+    "read_model",
+    "read_patches",
+    "segment",
+    "train",
+    "write_model",
+]
+
+_HOMES = {
+    "mapq.api.clouds": ("point_cloud", "read_cloud"),
+    "mapq.api.patches": ("Features", "Patches", "read_patches", "segment"),
+    "mapq.api.result": ("Result", "classify"),
+    "mapq.api.training": ("train", "write_model"),
+    "mapq.cloud": ("PointCloud",),
+    "mapq.crf": ("TrainSettings",),
+    "mapq.features": ("FeatureSettings",),
+    "mapq.io.models": ("read_model",),
+    "mapq.io.options": ("ReadOptions",),
+    "mapq.model": ("Model",),
+    "mapq.segmentation": ("SegmentSettings",),
+    "prf.shell.errors": ("PrfError",),
+}
+"""Module to the names that it lends to this package; a test holds them to what type checkers see above."""
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is used for the first time."""
+    from importlib import import_module  # noqa: PLC0415
+
+    for module, names in _HOMES.items():
+        if name in names:
+            value = globals()[name] = getattr(import_module(module), name)
+            return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """Return the names that this package offers."""
+    return sorted({*globals(), *__all__})

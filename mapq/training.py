@@ -1,7 +1,8 @@
-"""From labelled PATCHES files to a model."""
+"""From labelled patches to a model."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import PurePath
@@ -18,7 +19,7 @@ from mapq.io import read_patches
 from mapq.model import PLAUSIBILITY, Model
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.errors import ConfigError
-from prf.shell.manifest import describe_process
+from prf.shell.manifest import describe_input, describe_process
 from prf.shell.progress import Reporter
 
 N_REGIONS = 20
@@ -29,8 +30,8 @@ PIECES = 10
 """A limited number of patches is drawn as so many regions or a few more: each a place with its neighbours."""
 
 
-def train_files(
-    paths: Sequence[str],
+def train_maps(
+    sources: Sequence[Patches | str | os.PathLike[str]],
     settings: TrainSettings | None = None,
     features: FeatureSettings | None = None,
     max_patches: int | None = None,
@@ -38,11 +39,12 @@ def train_files(
     progress: Reporter | None = None,
     conservative: bool = False,
 ) -> tuple[Model, Trained, Scores | None]:
-    """Return the model that labelled PATCHES files teach, how it was chosen, and its held-out scores.
+    """Return the model that labelled patches teach, how it was chosen, and its held-out scores.
 
     Parameters
     ----------
-    paths : sequence of str
+    sources : sequence of Patches or path
+        Maps, or PATCHES files of them.
     settings : TrainSettings
     features : FeatureSettings
         Stored in the model: it measures other maps in the same way.
@@ -63,8 +65,8 @@ def train_files(
     """
     settings, features = settings or TrainSettings(), features or FeatureSettings()
     maps = []
-    for number, path in enumerate(paths):
-        maps.append(read_patches(path))
+    for number, source in enumerate(sources):
+        maps.append(source if isinstance(source, Patches) else read_patches(source))
         if progress is not None:
             progress.update(number + 0.5)
     labels = [conservative_label(patches) if conservative else patches.label for patches in maps]
@@ -84,7 +86,7 @@ def train_files(
     drawn: dict[str, Any] = {"labels": "conservative" if conservative else "given"}
     if max_patches is not None:
         drawn |= {"max_patches": max_patches, "seed": seed}
-    summary = {**summarise(paths, maps, labels, trained, settings, scores), **drawn}
+    summary = {**summarise(sources, maps, labels, trained, settings, scores), **drawn}
     return replace(trained.model, features=asdict(features), training=summary), trained, scores
 
 
@@ -143,7 +145,7 @@ def draw_labels(
 
 
 def summarise(
-    paths: Sequence[str],
+    sources: Sequence[Patches | str | os.PathLike[str]],
     maps: Sequence[Patches],
     labels: Sequence[NDArray[np.uint8]],
     trained: Trained,
@@ -151,7 +153,8 @@ def summarise(
     scores: Scores | None,
 ) -> dict[str, Any]:
     """Return what the model file says of its training."""
-    process = describe_process(paths)
+    process = describe_process()
+    inputs = [_input(number, source) for number, source in enumerate(sources)]
     held_out = {
         "n_folds": trained.n_folds,
         "tried": [
@@ -172,8 +175,15 @@ def summarise(
         "n_suspicious": sum(int(np.count_nonzero(label == SUSPICIOUS)) for label in labels),
         "pseudo_log_likelihood": trained.pseudo_log_likelihood,
         "held_out": held_out,
-        "maps": [_map_row(*each) for each in zip(process["inputs"], maps, labels, strict=True)],
+        "maps": [_map_row(*each) for each in zip(inputs, maps, labels, strict=True)],
     }
+
+
+def _input(number: int, source: Patches | str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the name of a map and the digest of its file, which patches in memory do not have."""
+    if isinstance(source, Patches):
+        return {"path": source.cloud.source or f"map {number}", "sha256": None}
+    return describe_input(source)
 
 
 def _map_row(given: dict[str, Any], patches: Patches, label: NDArray[np.uint8]) -> dict[str, Any]:

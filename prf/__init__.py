@@ -1,3 +1,69 @@
-"""Posterior over polygonal maps from localized laser and sonar readings."""
+"""Posterior over polygonal maps from localized laser and sonar readings.
+
+What stands here is imported when it is first used, so that `import prf` is quick (docs/python-api.md).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from prf.api.arrays import laser, points, sonar
+    from prf.api.run import Run, open_run
+    from prf.api.sampling import Snapshot, resume, sample
+    from prf.api.science import Prior, read_readings
+    from prf.logs import PointTable, Readings
+    from prf.sensors.laser import LaserModel
+    from prf.sensors.points import PointModel
+    from prf.sensors.sonar import SonarModel
+    from prf.shell.errors import PrfError
+
+__all__ = [
+    "LaserModel",
+    "PointModel",
+    "PointTable",
+    "PrfError",
+    "Prior",
+    "Readings",
+    "Run",
+    "Snapshot",
+    "SonarModel",
+    "laser",
+    "open_run",
+    "points",
+    "read_readings",
+    "resume",
+    "sample",
+    "sonar",
+]
+
+_HOMES = {
+    "prf.api.arrays": ("laser", "points", "sonar"),
+    "prf.api.run": ("Run", "open_run"),
+    "prf.api.sampling": ("Snapshot", "resume", "sample"),
+    "prf.api.science": ("Prior", "read_readings"),
+    "prf.logs": ("PointTable", "Readings"),
+    "prf.sensors.laser": ("LaserModel",),
+    "prf.sensors.points": ("PointModel",),
+    "prf.sensors.sonar": ("SonarModel",),
+    "prf.shell.errors": ("PrfError",),
+}
+"""Module to the names that it lends to this package; a test holds them to what type checkers see above."""
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is used for the first time."""
+    from importlib import import_module  # noqa: PLC0415
+
+    for module, names in _HOMES.items():
+        if name in names:
+            value = globals()[name] = getattr(import_module(module), name)
+            return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """Return the names that this package offers."""
+    return sorted({*globals(), *__all__})

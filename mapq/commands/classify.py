@@ -28,7 +28,6 @@ from prf.shell.options import Force, Json, Output
 if TYPE_CHECKING:
     from mapq.assess import Result
     from mapq.io import ReadOptions
-    from mapq.patches import Patches
 
 logger = logging.getLogger(__name__)
 
@@ -102,13 +101,12 @@ def classify(
     A folder of LAS or LAZ tiles, or any cloud with one of --workers, --scheduler and --tile-points, is worked on tile
     by tile and need not fit into memory. Of a folder the result is a folder: tiles of the same names, and result.json.
     """
-    from mapq.assess import assess
+    from mapq.api.result import classify as label
     from mapq.io import ReadOptions
-    from mapq.io.models import read_default_model
-    from mapq.io.results import claim_result, json_beside, result_lines, write_result
+    from mapq.io.results import claim_result, json_beside, result_lines
+    from mapq.segmentation import SegmentSettings
     from prf.shell import jsonout
     from prf.shell.files import STREAM
-    from prf.shell.manifest import describe_process
 
     options = ReadOptions(bin_columns, unit, topic, frame)
     chosen: dict[str, Any] = {name: value for name, value in (("max_tilt", max_tilt), ("up", up)) if value is not None}
@@ -119,22 +117,14 @@ def classify(
     target = output or (beside(file, ".classified.ply") if file != STREAM else "map.classified.ply")
     claim_result(target, force)
     refuse_inputs([json_beside(target)], [file, *([model] if model else [])])
-    used = load_model(model, max_false_alarms)
-    patches = _patches(file, options, chosen)
-    result = assess(patches, used or read_default_model())
-    warnings = patches.report.get("warnings", ())
-    for warning in warnings:
-        logger.warning("%s: %s", file, warning)
-    if not len(patches) and not warnings:
-        logger.warning("%s: no plane patch was found, so nothing is labelled", file)
-    head = {**describe_process([file, *([model] if model else [])]), "model": model or "default", **result.head()}
-    head["verdict"] = result.verdict(fail_over)
-    write_result(target, result.cloud(), head, result.patch_rows())
+    segmentation = SegmentSettings(**chosen) if chosen else None
+    result = label(file, model, max_false_alarms=max_false_alarms, segmentation=segmentation, options=options)
+    result.save(target, fail_over=fail_over, force=True)
     if json:
-        jsonout.emit_pieces(result_lines({"output": target, **head}, result.patch_rows()))
+        jsonout.emit_pieces(result_lines({"output": target, **result.head(fail_over)}, result.rows()))
     else:
-        _show(result, target)
-    _judge(file, result, fail_over)
+        _show(result.assessment, target)
+    _judge(file, result.assessment, fail_over)
 
 
 def _in_tiles(file: str, given: dict[str, Any]) -> bool:
@@ -225,23 +215,6 @@ def _judge(file: str, result: Result, fail_over: float | None) -> None:
         raise CheckFailed(f"{file}: there is no patch to be judged by, so nothing speaks for this map.")
     share = verdict["share_of_area"]
     raise CheckFailed(f"{file}: {share:.1%} of the area of patches is suspicious, more than {fail_over:.1%}.")
-
-
-def _patches(file: str, options: ReadOptions, chosen: dict[str, Any]) -> Patches:
-    """Return the patches of the file, segmented now if it is a cloud."""
-    from mapq.assess import read_input
-    from mapq.patches import Patches
-    from mapq.segmentation import STAGES, SegmentSettings, segment
-    from prf.shell.errors import UsageError
-    from prf.shell.progress import progress
-
-    found = read_input(file, options)
-    if isinstance(found, Patches):
-        if chosen:
-            raise UsageError(f"{file} is segmented already: --max-tilt and --up are for clouds.")
-        return found
-    with progress(len(STAGES), "segmenting") as reporter:
-        return segment(found, SegmentSettings(**chosen), reporter)
 
 
 def _lines(result: Result, target: str) -> Iterator[str]:

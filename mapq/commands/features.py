@@ -78,10 +78,9 @@ def features(
     Nodes: how well a patch's points make a plane (equations 6-8), and its size. Edges: how a patch lies to the closest
     ones (equations 9-12), and the plausibility x_ij of that (equation 13), low where walls are doubled or cross.
     """
-    from mapq.features import FeatureSettings, patch_features
-    from mapq.io import read_patches
+    from mapq.api.patches import read_patches
+    from mapq.features import FeatureSettings
     from prf.shell.errors import UsageError
-    from prf.shell.progress import progress
 
     if csv and json:
         raise UsageError("--csv and --json do not go together.")
@@ -95,8 +94,7 @@ def features(
         tolerance=tolerance,
         **chosen_context(context),
     )
-    with progress(3, "features") as reporter:
-        found = patch_features(read_patches(patches), settings, reporter)
+    found = read_patches(patches).measured(settings).arrays
     if found.n_clipped:
         logger.warning("%s: %d values were infinite, undefined or beyond 1e6 and were cut.", patches, found.n_clipped)
     _show(found, _tables(found, only), csv, json)

@@ -110,6 +110,7 @@ def segment(
     not fit go straight to mapq classify.
     """
     from mapq.io import ReadOptions
+    from mapq.io.patches import write_patches
     from mapq.segmentation import SegmentSettings
     from prf.shell.lock import claim_output
 
@@ -136,7 +137,7 @@ def segment(
         patches, score = _run_tiles((cloud, target), options, settings, given, (truth_field, min_iou))
     else:
         patches, score = _run(cloud, options, settings, truth_field, min_iou)
-    _write(target, patches)
+    write_patches(target, patches)
     _show(cloud, target, patches, score, json)
 
 
@@ -151,14 +152,13 @@ def _beside(cloud: str) -> str:
 def _run(
     cloud: str, options: ReadOptions, settings: SegmentSettings, truth_field: str | None, min_iou: float
 ) -> tuple[Patches, SegmentationScore | None]:
-    from mapq.io import read_cloud
-    from mapq.segmentation import STAGES, score_segmentation, segment, truth_of
-    from prf.shell.progress import progress
+    from mapq.api.clouds import read_cloud
+    from mapq.api.patches import segment
+    from mapq.segmentation import score_segmentation, truth_of
 
     read = read_cloud(cloud, options)
     truth = truth_of(read, truth_field) if truth_field else None
-    with progress(len(STAGES), "segmenting") as reporter:
-        patches = segment(read, settings, reporter)
+    patches = segment(read, settings)
     return patches, None if truth is None else score_segmentation(patches.patch, truth, min_iou)
 
 
@@ -181,18 +181,12 @@ def _run_tiles(
     sizes = {} if given["tile_points"] is None else {"tile_points": given["tile_points"]}
     where = Where(1 if given["workers"] is None else given["workers"], given["scheduler"])
     patches = segment_map(cloud, target, ScaleSettings(**sizes, segment=settings, options=options), where)
+    for warning in patches.report["warnings"]:
+        logger.warning(warning)
     name, min_iou = truth
     if name is None:
         return patches, None
     return patches, score_segmentation(patches.patch, truth_of(patches.cloud, name), min_iou)
-
-
-def _write(target: str, patches: Patches) -> None:
-    from mapq.io import write_patches
-
-    for warning in patches.report["warnings"]:
-        logger.warning(warning)
-    write_patches(target, patches)
 
 
 def _show(cloud: str, target: str, patches: Patches, score: SegmentationScore | None, json: bool) -> None:

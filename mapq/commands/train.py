@@ -14,8 +14,7 @@ from mapq.commands._options import Contexts, MaxFalseAlarms, chosen_context, ref
 from prf.shell.options import Force, Json, Output, Seed
 
 if TYPE_CHECKING:
-    from mapq.crf import Model, Trained
-    from mapq.evaluate import Scores
+    from mapq.crf import Model
 
 logger = logging.getLogger(__name__)
 
@@ -139,16 +138,15 @@ def train(
     the probabilities and counts false alarms. The seed draws the regions of --max-patches; nothing else is random.
     Default output: model.json.
     """
+    from mapq.api.training import train as teach
     from mapq.crf import TrainSettings
     from mapq.crf.operating import with_false_alarms
     from mapq.features import FeatureSettings
     from mapq.io.models import SCHEMA, model_content, write_model
-    from mapq.training import train_files
     from prf.shell import jsonout
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM
     from prf.shell.lock import claim_output
-    from prf.shell.progress import progress
     from prf.shell.seeds import resolve_seed
 
     target = output or "model.json"
@@ -171,24 +169,23 @@ def train(
         objective=objective.value,
     )
     used_seed = resolve_seed(seed) if max_patches is not None else 0
-    with progress(len(patches), "maps") as reporter:
-        reading = FeatureSettings(reading=features.value, **chosen)
-        model, trained, scores = train_files(patches, settings, reading, max_patches, used_seed, reporter, conservative)
+    reading = FeatureSettings(reading=features.value, **chosen)
+    model = teach(patches, None, settings, reading, max_patches=max_patches, seed=used_seed, conservative=conservative)
     if max_false_alarms is not None:
         model = with_false_alarms(model, max_false_alarms, target)
     write_model(target, model)
     if json:
         jsonout.emit_object(SCHEMA, {**model_content(model), "output": target})
         return
-    _show(model, trained, scores, target == STREAM)
+    _show(model, target == STREAM)
 
 
-def _show(model: Model, trained: Trained, scores: Scores | None, output_is_model: bool) -> None:
+def _show(model: Model, output_is_model: bool) -> None:
     from prf.shell import console
 
     # Standard output belongs to the model if it goes there.
     say = logger.info if output_is_model else console.emit
-    for line in (*_weights(model), *_held_out(trained, scores)):
+    for line in (*_weights(model), *_held_out(model)):
         say(line)
 
 
@@ -208,25 +205,28 @@ def _scaling_rows(scaling: object) -> Iterator[tuple[str, float, float]]:
     yield from zip(names, median.tolist(), scale.tolist(), strict=True)
 
 
-def _held_out(trained: Trained, scores: Scores | None) -> Iterator[str]:
+def _held_out(model: Model) -> Iterator[str]:
     """Return how well the model did on regions that it had not seen."""
-    yield f"{'regularisation':<24}{trained.strength.weights:g}, of the coupling {trained.strength.coupling:g}"
-    yield f"{'calibration':<24}{_calibration(trained)}"
-    if scores is None:
+    made = model.training
+    held_out = made["held_out"]
+    yield f"{'regularisation':<24}{made['regularisation']:g}, of the coupling {made['coupling_regularisation']:g}"
+    yield f"{'calibration':<24}{_calibration(model)}"
+    if "n" not in held_out:
         yield "held out                none: too few regions with labels of both kinds; p is not calibrated"
         return
-    yield f"{'held out':<24}{scores.n} patches in {trained.n_folds} folds, {scores.base_rate:.1%} suspicious"
+    of = f"{held_out['n']} patches in {held_out['n_folds']} folds"
+    yield f"{'held out':<24}{of}, {held_out['base_rate']:.1%} suspicious"
     for name in ("accuracy", "balanced_accuracy", "precision", "recall", "f1", "mcc", "auc", "ece", "log_loss"):
-        yield f"  {name.replace('_', ' '):<22}{getattr(scores, name):.3f}"
-    yield from _operating(trained.model)
+        yield f"  {name.replace('_', ' '):<22}{held_out[name]:.3f}"
+    yield from _operating(model)
 
 
-def _calibration(trained: Trained) -> str:
+def _calibration(model: Model) -> str:
     """Return how p follows from differences of min-marginals, and what the kinds were chosen by."""
-    found = trained.model.calibration
+    found = model.calibration
     numbers = f"{len(found.knots)} knots" if len(found.knots) else f"slope {found.slope:.4g}"
     shift = f", intercept {found.intercept:+.4g}" if found.kind == "platt" else ""
-    tried = trained.held_out.calibrations if trained.held_out is not None else {}
+    tried = model.training["held_out"]["calibrations"]
     losses = ", ".join(f"{kind} {loss:.4f}" for kind, loss in tried.items())
     return f"{found.kind}, {numbers}{shift}" + (f"; held-out log-loss: {losses}" if losses else "")
 

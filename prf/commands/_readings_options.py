@@ -5,13 +5,10 @@ None stands for the default that the help text gives in brackets.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
 from typing import Annotated
 
 import typer
-
-logger = logging.getLogger(__name__)
 
 SCIENCE = (
     "scale",
@@ -117,16 +114,3 @@ def chosen_density(beam_density: float | None, no_thinning: bool) -> float | Non
     if no_thinning and beam_density:
         raise UsageError(f"--no-thinning and --beam-density {beam_density:g}: give one of them.")
     return 0.0 if no_thinning else beam_density
-
-
-def words_for_beams(n_used: int, n_thinned: int) -> str:
-    """Return how many beams are used, of how many."""
-    return f"{n_used:,} of {n_used + n_thinned:,} beams (thinned)" if n_thinned else f"{n_used} beams"
-
-
-def warn_of_dropped(n_outside: int, n_points_outside: int) -> None:
-    """Say how many readings and point observations lie outside the window, if any do."""
-    if n_outside:
-        logger.warning(f"{n_outside} readings dropped: their sensors stand outside the window")
-    if n_points_outside:
-        logger.warning(f"{n_points_outside} points dropped: they lie outside the window or on its border")

@@ -33,8 +33,6 @@ from prf.commands._readings_options import (
     WindowOption,
     chosen_density,
     refuse_shared_stream,
-    warn_of_dropped,
-    words_for_beams,
 )
 from prf.shell.options import Force, Json, Output, Seed, Threads
 
@@ -142,6 +140,7 @@ def _cool(
     import os
 
     from prf.anneal import anneal as cool
+    from prf.api.words import warn_of_dropped, words_for_beams
     from prf.sampler.session import needs_compiling, read_prepared
     from prf.shell.progress import progress
     from prf.shell.seeds import spawn_generators
@@ -149,7 +148,7 @@ def _cool(
 
     laser, sonar, point_data = inputs
     prepared = read_prepared(laser, config, sonar, point_data)
-    warn_of_dropped(prepared.n_outside, prepared.n_points_outside)
+    warn_of_dropped(prepared)
     n_beams = 0 if prepared.beams is None else len(prepared.beams.range)
     if prepared.n_beams_thinned:
         logger.info(words_for_beams(n_beams, prepared.n_beams_thinned))

@@ -10,8 +10,8 @@ import typer
 from prf.shell.options import Json
 
 if TYPE_CHECKING:
+    from prf.api.run import Run
     from prf.occupancy import OccupancyGrid
-    from prf.run import Run
 
 logger = logging.getLogger(__name__)
 
@@ -54,8 +54,8 @@ def query(
     share of draws in which a disc can follow the whole path. A GRID answers for its cells, taken as independent: that
     not all cells of a square, or all cells that the disc touches, are free.
     """
+    from prf.api.run import open_run
     from prf.occupancy import is_grid, read_grid
-    from prf.run import read_run
     from prf.shell.errors import UsageError
 
     if (points is None) == (path is None):
@@ -64,7 +64,7 @@ def query(
         raise UsageError("--path and --radius METRES go together.")
     if path is not None and square is not None:
         raise UsageError("--square goes with --points.")
-    source = read_grid(run) if is_grid(run) else read_run(run, parts=())
+    source = read_grid(run) if is_grid(run) else open_run(run, parts=())
     if points is not None:
         _answer_points(source, points, square or 0.0, json)
     elif path is not None and radius is not None:
@@ -72,7 +72,7 @@ def query(
 
 
 def _answer_points(source: Run | OccupancyGrid, points: str, square: float, json: bool) -> None:
-    from prf import estimate, occupancy
+    from prf import occupancy
     from prf.run import read_points
     from prf.shell import console, jsonout
 
@@ -80,7 +80,7 @@ def _answer_points(source: Run | OccupancyGrid, points: str, square: float, json
     if isinstance(source, occupancy.OccupancyGrid):
         n_draws, answers = None, occupancy.occupied_probability(source, xy, square).tolist()
     else:
-        n_draws, answers = len(source.draws), estimate.occupied_probability(source.draws, xy, square).tolist()
+        n_draws, answers = len(source.draws), source.query(xy, square).tolist()
     rows = [(x, y, p) for (x, y), p in zip(xy.tolist(), answers, strict=True)]
     if json:
         content = [dict(zip(("x", "y", "p_occupied"), row, strict=True)) for row in rows]
@@ -90,7 +90,7 @@ def _answer_points(source: Run | OccupancyGrid, points: str, square: float, json
 
 
 def _answer_path(source: Run | OccupancyGrid, path: str, radius: float, json: bool) -> None:
-    from prf import estimate, occupancy
+    from prf import occupancy
     from prf.run import read_points
     from prf.shell import console, jsonout
 
@@ -98,7 +98,7 @@ def _answer_path(source: Run | OccupancyGrid, path: str, radius: float, json: bo
     if isinstance(source, occupancy.OccupancyGrid):
         found = {"p_free": occupancy.path_free(source, xy, radius), "n_draws": None}
     else:
-        found = estimate.path_free(source.draws, xy, radius)._asdict()
+        found = {"p_free": float(source.paths(xy, radius)[0]), "n_draws": len(source.draws)}
     if found["p_free"] != found["p_free"]:
         logger.warning("%s: the path leaves the window, so nothing is known of it: p_free is nan.", path)
     if json:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -33,21 +32,14 @@ from prf.commands._readings_options import (
     WindowOption,
     chosen_density,
     refuse_shared_stream,
-    warn_of_dropped,
-    words_for_beams,
 )
 from prf.shell.options import Force, Json, Output, Seed, Threads
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from prf.run import Run
-    from prf.sampler.asked import Asked
-    from prf.sampler.drive import Progress
-    from prf.sampler.session import Session
-    from prf.sampler.tempering_ladder import SwapReport
-
-logger = logging.getLogger(__name__)
+    from prf.api.run import Run
+    from prf.api.science import Name, Source
 
 EXAMPLES = (
     "prf sample --laser data/demo-office.log.gz -o office --time-budget 30",
@@ -103,7 +95,8 @@ Hottest = Annotated[
 Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Go on with this run from its checkpoint.")]
 
 RUN_SCIENCE = (*SCIENCE, "chains", "resolution", "start", "rungs", "hottest")
-MOST_TILES = 1024
+SOURCES: dict[Name, str] = {"laser": "--laser", "sonar": "--sonar", "points": "--point-data"}
+"""Kind of readings to the option that names its log."""
 
 
 def sample(
@@ -156,10 +149,11 @@ def sample(
     options["tiles"] = _number_of_tiles(tiles)
     options["rungs"] = _number_of_rungs(rungs)
 
+    from prf.api.sampling import resume as go_on
+    from prf.api.sampling import sample as draw
     from prf.sampler.asked import ask
-    from prf.sampler.drive import StopRule
+    from prf.sampler.config import SampleConfig
     from prf.shell.errors import UsageError
-    from prf.shell.lock import exclusive
 
     if steps is not None and time_budget is not None:
         raise UsageError("--steps and --time-budget: give one of them.")
@@ -167,16 +161,20 @@ def sample(
     logs = {flag: log for flag, log in given if log is not None}
     refuse_shared_stream({**logs, "--config": config})
     asked = ask(options, config)
-    folder = _folder(logs, output, resume, force)
-    with exclusive(folder):
-        session = _open(logs, folder, resume is not None, asked, seed, (threads, scheduler))
-        with session.sampler:
-            run, progress = _carry_out(session, StopRule(steps, time_budget))
-    _report(run, progress, folder, session, json)
+    folder = _folder(logs, output, resume)
+    how: dict[str, Any] = {"steps": steps, "seconds": time_budget, "threads": threads, "scheduler": scheduler}
+    how |= {"seed": seed, "on_interrupt": "raise"}
+    if resume is not None:
+        run = go_on(folder, asked=asked, logs=logs, **how)
+    else:
+        sources: dict[Name, Source] = {name: logs[flag] for name, flag in SOURCES.items() if flag in logs}
+        run = draw(sources, config=SampleConfig(**asked.values), output=folder, force=force, **how)
+    _report(run, folder, json)
 
 
 def _number_of_tiles(tiles: str | None) -> int | None:
     """Return the number that is asked for, 0 for none; None: chosen from the window and the readings."""
+    from prf.api.sampling import MOST_TILES
     from prf.shell.errors import UsageError
 
     if tiles is None or tiles == "auto":
@@ -198,14 +196,14 @@ def _number_of_rungs(rungs: str | None) -> int | str | None:
     return int(rungs)
 
 
-def _folder(logs: dict[str, str], output: str | None, resume: str | None, force: bool) -> Path:
-    """Return the RUN directory, refused where it would overwrite one."""
+def _folder(logs: dict[str, str], output: str | None, resume: str | None) -> Path:
+    """Return the RUN directory."""
     from pathlib import Path
 
     from prf.run import is_run
-    from prf.sampler.output import default_output, is_unfinished
+    from prf.sampler.output import default_output
     from prf.shell.errors import InputError, UsageError
-    from prf.shell.files import STREAM, refuse_standing
+    from prf.shell.files import STREAM
 
     if resume is not None:
         if output is not None:
@@ -217,103 +215,27 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None, force:
         raise UsageError("Nothing to sample: give --laser LOG, --sonar LOG or --point-data FILE.csv, or --resume RUN.")
     if output == STREAM:
         raise UsageError("-o -: a run is a directory. Name one.")
-    folder = Path(output) if output is not None else default_output(next(iter(logs.values())))
-    if not is_unfinished(folder):
-        refuse_standing(folder, force)
-    return folder
+    return Path(output) if output is not None else default_output(next(iter(logs.values())))
 
 
-def _open(
-    logs: dict[str, str], folder: Path, resumed: bool, asked: Asked, seed: int | None, means: tuple[int, str | None]
-) -> Session:
-    """Return the session, which steps by `means` of threads or of a scheduler, and say what it is about."""
-    import os
-
-    from prf.sampler import session as sessions
-    from prf.sampler.config import SampleConfig
-    from prf.shell.seeds import resolve_seed
-
-    threads, scheduler = means[0] or len(os.sched_getaffinity(0)), means[1]
-    if resumed:
-        session = sessions.resume(folder, logs, asked, seed, threads, scheduler)
-        logger.info(f"resuming at step {session.sampler.step}")
-    else:
-        used_seed = resolve_seed(seed)
-        others = (logs.get(flag) for flag in ("--sonar", "--point-data"))
-        prepared = sessions.read_prepared(logs.get("--laser"), SampleConfig(**asked.values), *others)
-        warn_of_dropped(prepared.n_outside, prepared.n_points_outside)
-        if sessions.needs_compiling():
-            logger.info("compiling kernels (once; about half a minute) ...")
-        session = sessions.start(list(logs.values()), prepared, folder, used_seed, threads, scheduler)
-        session.sampler.compile()
-    window = session.sampler.settings.window
-    logger.info(
-        f"{_readings(session)}, window {window.width:.1f} x {window.height:.1f} m, "
-        f"{len(session.sampler.chains)} chains, seed {session.output.seed}"
-    )
-    return session
-
-
-def _readings(session: Session) -> str:
-    """Return how many readings of each sensor the run uses, in words."""
-    used = session.output
-    thinned = int(used.process.get("n_beams_thinned", 0))
-    parts = [words_for_beams(len(used.beams.range), thinned)] if used.beams is not None else []
-    parts += [f"{len(used.cones.range)} sonar readings"] if used.cones is not None else []
-    return " and ".join(parts + ([f"{len(used.points.value)} points"] if used.points is not None else []))
-
-
-def _carry_out(session: Session, rule: Any) -> tuple[Run, Progress]:
-    """Sample with progress; Ctrl-C ends it in good order."""
-    from prf.shell.progress import progress as show_progress
-    from prf.shell.signals import graceful_stop
-
-    with graceful_stop() as stop, show_progress(1.0, "sampling") as reporter:
-        run, end = session.carry_out(
-            rule,
-            lambda progress: reporter.update(progress.share, **_fields(session, progress)),
-            lambda: stop.requested,
-        )
-    if end.status == "interrupted":
-        stop.raise_if_requested(
-            f"interrupted after {end.step} steps; {session.output.folder} is valid. "
-            f"Continue with: prf sample --resume {session.output.folder}"
-        )
-    return run, end
-
-
-def _fields(session: Session, progress: Progress) -> dict[str, str]:
-    """Return what the progress bar shows beside the share."""
-    fields = {
-        "step": f"{progress.step:,}",
-        "steps/s": f"{progress.steps_per_second:,.0f}",
-        "log posterior": f"{session.sampler.log_posterior():,.0f}",
-    }
-    if session.sampler.chains[0].rungs > 1:
-        fields["rungs"] = f"{session.sampler.chains[0].rungs}"
-    if progress.diagnoses:
-        from prf.diagnostics import converged
-
-        fields["worst"] = converged(progress.diagnoses).reason
-    return fields
-
-
-def _report(run: Run, progress: Progress, folder: Path, session: Session, json: bool) -> None:
+def _report(run: Run, folder: Path, json: bool) -> None:
     """Print what came of it."""
     from prf.shell import console, jsonout
 
     assert run.diagnostics is not None
+    assert run.progress is not None
+    progress, configuration = run.progress, run.manifest["configuration"]
     result = {
         "run": str(folder),
         "status": progress.status,
         "steps": progress.step,
         "draws": len(run.draws),
-        "chains": len(session.sampler.chains),
+        "chains": configuration["chains"],
         "seconds": progress.seconds,
         "steps_per_second": progress.steps_per_second,
-        "seed": session.output.seed,
-        "n_beams": 0 if session.output.beams is None else len(session.output.beams.range),
-        "n_beams_thinned": int(session.output.process.get("n_beams_thinned", 0)),
+        "seed": run.manifest["seed"],
+        "n_beams": 0 if run.beams is None else len(run.beams.range),
+        "n_beams_thinned": int(run.manifest.get("n_beams_thinned", 0)),
         "converged": run.diagnostics["converged"],
         "reason": run.diagnostics["reason"],
         "log_posterior": run.best_log_posterior,
@@ -323,11 +245,11 @@ def _report(run: Run, progress: Progress, folder: Path, session: Session, json: 
         return
     agree = "the chains agree" if result["converged"] else f"the chains do not agree yet ({result['reason']})"
     console.emit(f"{progress.status}: {agree}")
-    swaps = session.sampler.swaps()
+    swaps = run.diagnostics.get("tempering")
     if swaps:
         console.emit(_ladders(swaps))
     elif not result["converged"] and progress.status != "running":
-        console.emit(_advice(session.output.config.rungs == "auto"))
+        console.emit(_advice(configuration.get("rungs") == "auto"))
     console.emit(f"{result['draws']} draws of {result['chains']} chains, {progress.step:,} steps each, {folder}/")
     console.emit(f"picture {folder}/posterior.png" + (f", best map {folder}/map.geojson" if run.best else ""))
 
@@ -339,12 +261,13 @@ def _advice(waits: bool) -> str:
     return "chains that stay apart: run longer, or with parallel tempering (--rungs auto; docs/tempering.md)"
 
 
-def _ladders(reports: list[SwapReport]) -> str:
+def _ladders(reports: list[dict[str, Any]]) -> str:
     """Return in words what the ladders of all chains came to."""
-    rates = [rate for report in reports for rate in report.swap_rates if rate is not None]
-    lowest = min(report.powers[-1] for report in reports)
+    rates = [rate for report in reports for rate in report["swap_rates"] if rate is not None]
+    lowest = min(report["powers"][-1] for report in reports)
     worst = f"swaps accepted {min(rates):.0%} to {max(rates):.0%}" if rates else "no swap tried"
-    trips = sum(report.round_trips for report in reports)
-    since = f"from step {reports[0].first_step:,} on " if reports[0].first_step else ""
-    rungs = len(reports[0].powers)
+    trips = sum(report["round_trips"] for report in reports)
+    first_step = reports[0]["first_step"]
+    since = f"from step {first_step:,} on " if first_step else ""
+    rungs = len(reports[0]["powers"])
     return f"tempering: {rungs} rungs {since}down to power {lowest:.3g}, {worst}, {trips} round trips"

@@ -14,7 +14,7 @@ import numpy as np
 from prf.diagnostics import acceptance, document
 from prf.kernels import constants as c
 from prf.render import render_posterior
-from prf.run import Beams, Cones, Points, PosteriorImage, Run, names, read_manifest, write_run
+from prf.run import Beams, Cones, Points, PosteriorImage, Run, names, read_manifest, read_run, write_run
 from prf.sampler.checkpoint import save_checkpoint
 from prf.sampler.config import SampleConfig
 from prf.sampler.drive import Progress
@@ -32,7 +32,8 @@ class Output:
 
     Attributes
     ----------
-    folder : Path
+    folder : Path or None
+        None: nothing is written, runs stay in memory.
     process : dict
         Versions, platform, command, inputs (:func:`prf.shell.manifest.describe_process`).
     config : SampleConfig
@@ -43,7 +44,7 @@ class Output:
     points : Points or None
     """
 
-    folder: Path
+    folder: Path | None
     process: dict[str, Any]
     config: SampleConfig
     seed: int
@@ -59,45 +60,32 @@ class Output:
         in earlier processes of a resumed run.
         """
         run = self.make_run(sampler, progress, seconds_before)
-        save_checkpoint(self._made_folder(), sampler, self.identity())
+        if self.folder is None:
+            return run
+        _make_folder(self.folder)
+        save_checkpoint(self.folder, sampler, self.identity())
         if picture:
             render_posterior(dataclasses.replace(run, path=self.folder), self.folder / names.PICTURE)
         write_run(self.folder, run)
         return run
 
-    def _made_folder(self) -> Path:
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(f"{self.folder}: cannot be written ({error.strerror}).") from error
-        return self.folder
-
-    def is_written(self, step: int) -> bool:
-        """Return whether the directory holds the whole run as it stands after `step` steps."""
+    def read_written(self, step: int) -> Run | None:
+        """Return the run that the directory holds if it is whole and stands after `step` steps, else None."""
+        if self.folder is None:
+            return None
         manifest = read_manifest(self.folder)
-        return manifest.get("steps") == step and manifest.get("status") != "running"
+        is_whole = manifest.get("steps") == step and manifest.get("status") != "running"
+        return read_run(self.folder) if is_whole else None
 
     def make_way(self) -> None:
-        """Take away what an older run left in the directory, so that no file of it can pass for one of this run.
-
-        Raises
-        ------
-        OutputError
-            If a plain file is in the way, or what stands there cannot be removed.
-        """
-        if self.folder.exists() and not self.folder.is_dir():
-            raise OutputError(f"{self.folder}: a file is in the way. Choose another directory.")
-        self.remove_leftovers()
-        for name in FILES:
-            try:
-                (self.folder / name).unlink(missing_ok=True)
-            except OSError as error:
-                raise OutputError(f"{self.folder / name}: cannot be removed ({error.strerror}).") from error
+        """Take away what an older run left in the directory; see :func:`make_way`."""
+        if self.folder is not None:
+            make_way(self.folder)
 
     def remove_leftovers(self) -> None:
         """Take away what a killed process had half written; the caller holds the run (:mod:`prf.shell.lock`)."""
-        for name in FILES:
-            remove_leftovers(self.folder / name)
+        if self.folder is not None:
+            _remove_leftovers(self.folder)
 
     def identity(self) -> str:
         """Return a digest of configuration, seed and readings: a checkpoint of another run is refused by it."""
@@ -148,6 +136,36 @@ class Output:
             **({"tempered_from": swaps[0].first_step} if swaps else {}),
             "seconds": round(seconds_before + progress.seconds, 3),
         }
+
+
+def make_way(folder: Path) -> None:
+    """Take away what an older run left in a directory, so that no file of it can pass for one of the new run.
+
+    Raises
+    ------
+    OutputError
+        If a plain file is in the way, or what stands there cannot be removed.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{folder}: a file is in the way. Choose another directory.")
+    _remove_leftovers(folder)
+    for name in FILES:
+        try:
+            (folder / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(f"{folder / name}: cannot be removed ({error.strerror}).") from error
+
+
+def _remove_leftovers(folder: Path) -> None:
+    for name in FILES:
+        remove_leftovers(folder / name)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be written ({error.strerror}).") from error
 
 
 def make_image(sampler: Sampler) -> PosteriorImage:

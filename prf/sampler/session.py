@@ -12,7 +12,7 @@ from pathlib import Path
 
 from prf.kernels import step
 from prf.kernels._jit import CACHE
-from prf.logs import read_point_data, thin
+from prf.logs import PointTable, Readings, read_point_data, thin
 from prf.logs.describe import default_max_range
 from prf.posterior import Settings
 from prf.run import Run, names, read_run
@@ -75,11 +75,14 @@ class Session:
             if stop_requested() and progress.status == "running":
                 progress = progress._replace(status="interrupted")
                 break
-            if progress.status == "running" and time.monotonic() - written > CHECKPOINT_SECONDS:
+            is_late = self.output.folder is not None and time.monotonic() - written > CHECKPOINT_SECONDS
+            if progress.status == "running" and is_late:
                 self.output.write(self.sampler, progress, self.seconds_before, picture=False)
                 written = time.monotonic()
-        if self.is_resumed and self.sampler.step == first_step and self.output.is_written(first_step):
-            return read_run(self.output.folder), progress
+        stands = self.is_resumed and self.sampler.step == first_step
+        written_run = self.output.read_written(first_step) if stands else None
+        if written_run is not None:
+            return written_run, progress
         return self.output.write(self.sampler, progress, self.seconds_before, picture=True), progress
 
 
@@ -95,6 +98,14 @@ def read_prepared(
         sonar_topic=config.sonar_topic,
         cone=config.sonar_cone,
     )
+    observed = None if point_data is None else read_point_data(point_data)
+    return prepare_whole(config, laser, sonar, observed)
+
+
+def prepare_whole(
+    config: SampleConfig, laser: Readings | None, sonar: Readings | None, observed: PointTable | None
+) -> Prepared:
+    """Thin the readings of whole logs, and resolve `config` for them."""
     if laser is not None and config.max_range is None and math.isfinite(default_max_range(laser)):
         # Of the whole log: what is left after thinning may hold no "no return" at all.
         config = dataclasses.replace(config, max_range=default_max_range(laser))
@@ -104,14 +115,16 @@ def read_prepared(
         else None
         for readings in (laser, sonar)
     )
-    observed = None if point_data is None else read_point_data(point_data)
     return prepare(config, kept_laser, kept_sonar, observed)
 
 
 def start(
-    logs: list[str], prepared: Prepared, folder: Path, seed: int, threads: int, scheduler: str | None = None
+    logs: list[str], prepared: Prepared, folder: Path | None, seed: int, threads: int, scheduler: str | None = None
 ) -> Session:
-    """Return a fresh session on prepared logs, which steps on the workers of a `scheduler` if there is one."""
+    """Return a fresh session on prepared logs, which steps on the workers of a `scheduler` if there is one.
+
+    Without a `folder` nothing is written.
+    """
     sampler = make_sampler(prepared.config, prepared.settings, seed, threads, scheduler)
     beams, cones, points = prepared.beams, prepared.cones, prepared.points
     counts = {

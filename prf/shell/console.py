@@ -85,6 +85,12 @@ def can_redraw(stream: IO[str]) -> bool:
     return is_terminal(stream) and os.environ.get("TERM") != "dumb"
 
 
+def in_notebook() -> bool:
+    """Return whether a notebook shows what is printed; it draws a line anew though it is no terminal."""
+    ipython = sys.modules.get("IPython")
+    return ipython is not None and type(ipython.get_ipython()).__name__ == "ZMQInteractiveShell"
+
+
 def use_color(stream: IO[str]) -> bool:
     """Return whether to write colour to `stream`.
 

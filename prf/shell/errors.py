@@ -44,6 +44,10 @@ class UsageError(PrfError):
     exit_code = 2
 
 
+class ArgumentError(UsageError, ValueError):
+    """An argument of a Python call that cannot be used: wrong shape, not finite, of another unit or kind."""
+
+
 class ConfigError(PrfError):
     """A configuration that cannot be used: unknown key, wrong type, value outside its domain."""
 

@@ -80,7 +80,7 @@ def progress(total: float | None, description: str) -> Iterator[Reporter]:
     """
     if not console.show_progress():
         yield _Silent()
-    elif not console.can_redraw(sys.stderr):
+    elif not (console.can_redraw(sys.stderr) or console.in_notebook()):
         yield _Plain(total, description)
     else:
         with _make_bar() as bar:

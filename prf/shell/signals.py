@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
 from typing import NoReturn
@@ -47,8 +47,8 @@ class StopFlag:
 
 
 @contextmanager
-def graceful_stop() -> Iterator[StopFlag]:
-    """Turn the first SIGINT or SIGTERM into a :class:`StopFlag`; the second acts at once.
+def graceful_stop(signals: Sequence[signal.Signals] = _STOPPING) -> Iterator[StopFlag]:
+    """Turn the first SIGINT or SIGTERM (or other `signals`) into a :class:`StopFlag`; the second acts at once.
 
     Outside the main thread, where Python cannot install handlers, the flag stays unset.
     """
@@ -56,7 +56,7 @@ def graceful_stop() -> Iterator[StopFlag]:
     if threading.current_thread() is not threading.main_thread():
         yield flag
         return
-    before = {number: signal.getsignal(number) for number in _STOPPING}
+    before = {number: signal.getsignal(number) for number in signals}
 
     def request(number: int, _frame: FrameType | None) -> None:
         flag.signal_number = number
@@ -64,7 +64,7 @@ def graceful_stop() -> Iterator[StopFlag]:
             signal.signal(each, handler)
         logger.info("stopping in good order; once more to stop at once")
 
-    for number in _STOPPING:
+    for number in signals:
         signal.signal(number, request)
     try:
         yield flag

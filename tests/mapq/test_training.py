@@ -11,7 +11,7 @@ from mapq.features import FeatureSettings
 from mapq.io import write_patches
 from mapq.io.models import read_model, write_model
 from mapq.patches import UNLABELLED
-from mapq.training import draw_labels, train_files
+from mapq.training import draw_labels, train_maps
 from prf.shell.errors import InputError
 from tests.mapq.labelled import draw_patches
 
@@ -28,7 +28,7 @@ def files(tmp_path_factory):
 
 
 def test_double_walls_are_learnt_and_found_on_another_map(files, tmp_path):
-    model, trained, scores = train_files(files)
+    model, trained, scores = train_maps(files)
     assert scores.accuracy > 0.9
     write_model(tmp_path / "m.json", model)
     other = draw_patches(3)
@@ -42,8 +42,8 @@ def test_the_coupling_needs_a_strength_of_its_own(files):
 
     Held-out patches, labelled by the graph cut as a new map is, show it: the cross-validation holds the coupling back.
     """
-    alike = train_files(files, TrainSettings(regularisation=1.0, coupling_regularisation=1.0))[2]
-    chosen, trained, scores = train_files(files, TrainSettings(regularisation=1.0))
+    alike = train_maps(files, TrainSettings(regularisation=1.0, coupling_regularisation=1.0))[2]
+    chosen, trained, scores = train_maps(files, TrainSettings(regularisation=1.0))
     assert alike.recall < 0.5
     assert scores.recall > 0.9
     assert trained.strength.coupling > 1.0
@@ -52,7 +52,7 @@ def test_the_coupling_needs_a_strength_of_its_own(files):
 
 def test_the_summary_says_what_was_trained_on(files):
     features = FeatureSettings(radius=2.5)
-    model, trained, scores = train_files(files, TrainSettings(regularisation=1.0), features)
+    model, trained, scores = train_maps(files, TrainSettings(regularisation=1.0), features)
     summary = model.training
     assert summary["n_patches"] == 64
     assert summary["n_suspicious"] == 32
@@ -66,7 +66,7 @@ def test_the_summary_says_what_was_trained_on(files):
 
 
 def test_training_repeats(files):
-    first, again = (train_files(files)[0] for _ in range(2))
+    first, again = (train_maps(files)[0] for _ in range(2))
     np.testing.assert_array_equal(first.weights, again.weights)
     assert first.calibration.slope == again.calibration.slope
     np.testing.assert_array_equal(first.operating, again.operating)
@@ -86,7 +86,7 @@ def test_a_limited_number_of_patches_is_drawn_in_places():
 
 
 def test_max_patches_stands_in_the_model(files):
-    summary = train_files(files, max_patches=40, seed=5)[0].training
+    summary = train_maps(files, max_patches=40, seed=5)[0].training
     assert (summary["max_patches"], summary["seed"], summary["n_patches"]) == (40, 5, 40)
 
 
@@ -94,11 +94,11 @@ def test_maps_without_labels_are_refused(tmp_path):
     path = str(tmp_path / "bare.patches")
     write_patches(path, draw_patches(1, labelled=False))
     with pytest.raises(InputError, match="mapq label"):
-        train_files([path])
+        train_maps([path])
 
 
 def test_settings_of_features_that_are_strange_are_refused(files):
-    model = train_files(files, TrainSettings(regularisation=1.0))[0]
+    model = train_maps(files, TrainSettings(regularisation=1.0))[0]
     for change, message in (
         ({"colour": 1}, "colour is not known"),
         ({"radius": "wide"}, "cannot be used"),
@@ -119,7 +119,7 @@ def test_conservative_training_counts_what_has_no_label_as_suspicious(tmp_path):
     paths = [str(tmp_path / "a.patches"), str(tmp_path / "bare.patches")]
     write_patches(paths[0], replace(patches, label=label))
     write_patches(paths[1], draw_patches(2, labelled=False))
-    plain, careful = (train_files(paths, conservative=each)[0].training for each in (False, True))
+    plain, careful = (train_maps(paths, conservative=each)[0].training for each in (False, True))
     assert careful["n_suspicious"] == plain["n_suspicious"] + 6 == 16
     assert careful["n_patches"] == 32
     assert (plain["labels"], careful["labels"]) == ("given", "conservative")

@@ -1,0 +1,295 @@
+"""`sample` and `resume`: the posterior over polygonal maps, in memory or in a RUN directory."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import MappingProxyType
+from typing import Literal, TypeVar
+
+from prf.api.run import Run
+from prf.api.science import Given, Name, Prior, Sensor, Source, by_kind, config_of, paths_of, prepared_for
+from prf.api.words import describe_session, warn_of_dropped
+from prf.diagnostics import converged
+from prf.sampler import session as sessions
+from prf.sampler.asked import Asked
+from prf.sampler.config import SampleConfig
+from prf.sampler.drive import Progress, StopRule
+from prf.sampler.output import is_unfinished
+from prf.sampler.session import Session
+from prf.sampler.starts import Start
+from prf.shell.errors import ArgumentError
+from prf.shell.files import refuse_standing
+from prf.shell.lock import exclusive
+from prf.shell.notebook import Told, reported
+from prf.shell.seeds import resolve_seed
+from prf.shell.signals import StopFlag, graceful_stop
+
+logger = logging.getLogger(__name__)
+
+MOST_TILES = 1024
+NOTHING_ASKED = Asked({}, {})
+
+OnInterrupt = Literal["return", "raise"]
+Number = TypeVar("Number", int | None, int | str | None)
+
+
+class Snapshot:
+    """A run between two rounds, for whoever watches it.
+
+    Attributes
+    ----------
+    progress : Progress
+        Step, seconds, share of the goal, latest check of agreement.
+    """
+
+    def __init__(self, session: Session, progress: Progress) -> None:
+        self._session, self.progress = session, progress
+
+    def run(self) -> Run:
+        """Return the run as it stands: its draws so far, its image."""
+        output = self._session.output
+        made = output.make_run(self._session.sampler, self.progress, self._session.seconds_before)
+        return Run.of(made, self.progress)
+
+    def fields(self) -> dict[str, str]:
+        """Return what a progress bar shows beside the share."""
+        progress, sampler = self.progress, self._session.sampler
+        fields = {
+            "step": f"{progress.step:,}",
+            "steps/s": f"{progress.steps_per_second:,.0f}",
+            "log posterior": f"{sampler.log_posterior():,.0f}",
+        }
+        if sampler.chains[0].rungs > 1:
+            fields["rungs"] = f"{sampler.chains[0].rungs}"
+        if progress.diagnoses:
+            fields["worst"] = converged(progress.diagnoses).reason
+        return fields
+
+
+Watch = Callable[[Snapshot], None]
+
+
+def sample(
+    readings: Given,
+    prior: Prior | None = None,
+    sensors: Sensor | Sequence[Sensor] = (),
+    *,
+    steps: int | None = None,
+    seconds: float | None = None,
+    chains: int | None = None,
+    seed: int | None = None,
+    output: str | os.PathLike[str] | None = None,
+    force: bool = False,
+    config: str | os.PathLike[str] | SampleConfig | None = None,
+    beam_density: float | None = None,
+    resolution: float | None = None,
+    start: Start | None = None,
+    rungs: int | Literal["auto"] | None = None,
+    hottest: float | None = None,
+    tiles: int | None = None,
+    threads: int = 0,
+    scheduler: str | None = None,
+    progress: bool | Told = True,
+    watch: Watch | None = None,
+    on_interrupt: OnInterrupt = "return",
+) -> Run:
+    """Draw the posterior over polygonal maps from localized readings, or values at points.
+
+    Without `steps` and `seconds` it stops when the chains agree (R-hat < 1.05 and ESS > 100 for every functional), or
+    after 30 minutes; ``run.manifest["status"]`` says which. The seed decides the draws, whatever the threads.
+
+    Parameters
+    ----------
+    readings : Readings, PointTable, path, a sequence of these, or a mapping
+        What :func:`prf.laser`, :func:`prf.sonar`, :func:`prf.points` or :func:`prf.read_readings` made, several kinds
+        together as a list; or a log of a laser; or a mapping of "laser", "sonar" and "points" to such.
+    prior : Prior, optional
+    sensors : LaserModel, SonarModel, PointModel, or a sequence of these
+        Parameters of the sensors; defaults for those that are not given.
+    steps : int, optional
+        Steps a chain, burn-in included; whole rounds.
+    seconds : float, optional
+        Of sampling, instead.
+    chains : int, optional
+        4 unless given.
+    seed : int, optional
+        Drawn if absent; ``run.manifest["seed"]`` has it.
+    output : path, optional
+        RUN directory, with checkpoints on the way, that every verb reads and :func:`prf.resume` goes on with. None:
+        all stays in memory.
+    force : bool
+        Replace a run that stands there.
+    config : path or SampleConfig, optional
+        A settings file (docs/configuration.md); what is given here wins.
+    beam_density : float, optional
+        Beams of a laser a square metre of seen ground to which a dense log is thinned (16); 0 keeps all.
+    resolution, start, rungs, hottest, tiles, threads, scheduler
+        As the options of `prf sample`; tiles: 0 for none, None to choose; threads: 0 for one a core.
+    progress : bool or callable
+        Show a bar, in notebooks too. A callable is told the share that is done, and a mapping of words beside it.
+    watch : callable, optional
+        Given a :class:`Snapshot` after every round, whose ``run()`` is the run so far: for pictures that move.
+    on_interrupt : {"return", "raise"}
+        What Ctrl-C, or a notebook's stop button, does after the round: return the run so far, with status
+        "interrupted"; or raise :class:`prf.shell.errors.Interrupted`, after writing it if there is an `output` (then
+        SIGTERM does so too). A second Ctrl-C raises KeyboardInterrupt at once.
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    ArgumentError
+        If an argument cannot be used; it is a ValueError too.
+    ConfigError
+        If a parameter is out of its range.
+    InputError
+        If a log cannot be read, or no reading is left.
+    OutputError
+        If the output stands already, is being written by another process, or cannot be written.
+    """
+    rule = _rule(steps, seconds)
+    options = {
+        "chains": _at_least("chains", chains, 1),
+        "beam_density": beam_density,
+        "resolution": resolution,
+        "start": start,
+        "rungs": _at_least("rungs", rungs, 1),
+        "hottest": hottest,
+        "tiles": _tiles(tiles),
+    }
+    sources = by_kind(readings, sensors)
+    science = config_of(config, prior, sensors, options)
+    folder = None if output is None else Path(output)
+    with _held(folder, force):
+        session = _fresh(sources, science, folder, seed, _threads(threads), scheduler)
+        return _carry_out(session, rule, progress, watch, on_interrupt)
+
+
+def resume(
+    run: str | os.PathLike[str],
+    *,
+    steps: int | None = None,
+    seconds: float | None = None,
+    threads: int = 0,
+    scheduler: str | None = None,
+    progress: bool | Told = True,
+    watch: Watch | None = None,
+    on_interrupt: OnInterrupt = "return",
+    asked: Asked = NOTHING_ASKED,
+    logs: Mapping[str, str] = MappingProxyType({}),
+    seed: int | None = None,
+) -> Run:
+    """Go on with a run from its checkpoint; the draws are those of a run that was never stopped.
+
+    Parameters
+    ----------
+    run : path
+        RUN directory that :func:`sample` wrote by its `output`, or `prf sample`.
+    steps : int, optional
+        A chain, in total.
+    seconds, threads, scheduler, progress, watch, on_interrupt
+        As :func:`sample`.
+    asked, logs, seed
+        What the run must have been made with, if anything: values, option to log, seed.
+
+    Raises
+    ------
+    ConfigError, InputError, OutputError
+        If the run was made otherwise, cannot be read, or is being written by another process.
+    """
+    rule = _rule(steps, seconds)
+    with exclusive(run):
+        session = sessions.resume(Path(run), dict(logs), asked, seed, _threads(threads), scheduler)
+        logger.info(f"resuming at step {session.sampler.step}")
+        return _carry_out(session, rule, progress, watch, on_interrupt)
+
+
+def _fresh(
+    sources: Mapping[Name, Source],
+    config: SampleConfig,
+    folder: Path | None,
+    seed: int | None,
+    threads: int,
+    scheduler: str | None,
+) -> Session:
+    used_seed = resolve_seed(seed)
+    prepared = prepared_for(sources, config)
+    warn_of_dropped(prepared)
+    if sessions.needs_compiling():
+        logger.info("compiling kernels (once; about half a minute) ...")
+    session = sessions.start(paths_of(sources), prepared, folder, used_seed, threads, scheduler)
+    session.sampler.compile()
+    return session
+
+
+def _carry_out(
+    session: Session, rule: StopRule, progress: bool | Told, watch: Watch | None, on_interrupt: OnInterrupt
+) -> Run:
+    """Sample with progress; Ctrl-C ends it in good order."""
+    logger.info(describe_session(session))
+    signals = (signal.SIGINT, signal.SIGTERM) if on_interrupt == "raise" else (signal.SIGINT,)
+    with session.sampler, graceful_stop(signals) as stop, reported(progress, 1.0, "sampling") as reporter:
+
+        def tell(state: Progress) -> None:
+            snapshot = Snapshot(session, state)
+            reporter.update(state.share, **snapshot.fields())
+            if watch is not None:
+                watch(snapshot)
+
+        made, end = session.carry_out(rule, tell, lambda: stop.requested)
+    if end.status == "interrupted":
+        _tell_of_interrupt(session, end, stop, on_interrupt)
+    return Run.of(made, end)
+
+
+def _tell_of_interrupt(session: Session, end: Progress, stop: StopFlag, on_interrupt: OnInterrupt) -> None:
+    words = f"interrupted after {end.step} steps"
+    folder = session.output.folder
+    if folder is not None:
+        words += f"; {folder} is valid. Continue with: prf sample --resume {folder}"
+    if on_interrupt == "raise":
+        stop.raise_if_requested(words)
+    logger.warning(words)
+
+
+@contextmanager
+def _held(folder: Path | None, force: bool) -> Iterator[None]:
+    """Refuse to overwrite a RUN directory, or hold it for this process."""
+    if folder is None:
+        yield
+        return
+    if not is_unfinished(folder):
+        refuse_standing(folder, force)
+    with exclusive(folder):
+        yield
+
+
+def _rule(steps: int | None, seconds: float | None) -> StopRule:
+    if steps is not None and seconds is not None:
+        raise ArgumentError("steps and seconds: give one of them.")
+    if seconds is not None and not seconds >= 0.0:
+        raise ArgumentError(f"seconds {seconds}: must not be negative.")
+    return StopRule(_at_least("steps", steps, 1), seconds)
+
+
+def _at_least(name: str, value: Number, least: int) -> Number:
+    if isinstance(value, int) and value < least:
+        raise ArgumentError(f"{name} {value}: must be at least {least}.")
+    return value
+
+
+def _tiles(tiles: int | None) -> int | None:
+    if tiles is not None and tiles != 0 and not 2 <= tiles <= MOST_TILES:
+        raise ArgumentError(f"tiles {tiles}: give 0 for none, or a number from 2 to {MOST_TILES}.")
+    return tiles
+
+
+def _threads(threads: int) -> int:
+    return threads or len(os.sched_getaffinity(0))

@@ -1,0 +1,198 @@
+"""What is asked of a run: the prior, the sensors, and the readings of each."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, Literal
+
+import numpy as np
+
+from prf.logs import CONE, Kind, PointTable, Readings, read_point_data
+from prf.logs import read_readings as read_log
+from prf.sampler.asked import ask
+from prf.sampler.config import Prepared, SampleConfig
+from prf.sampler.logs import read_logs
+from prf.sampler.session import prepare_whole
+from prf.sensors.laser import LaserModel
+from prf.sensors.points import PointModel
+from prf.sensors.sonar import SonarModel
+from prf.shell.errors import ArgumentError
+
+Sensor = LaserModel | SonarModel | PointModel
+Path = str | os.PathLike[str]
+Source = Readings | PointTable | Path
+"""Readings of one kind, or a log of them."""
+Name = Literal["laser", "sonar", "points"]
+Given = Source | Sequence[Source] | Mapping[Name, Source]
+
+PREFIXES: Mapping[type, tuple[Name, str]] = MappingProxyType(
+    {LaserModel: ("laser", ""), SonarModel: ("sonar", "sonar_"), PointModel: ("points", "points_")}
+)
+"""What a sensor's readings are called, and what stands before its parameters in the fields of a configuration."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Prior:
+    """The Arak process over maps.
+
+    Attributes
+    ----------
+    scale : float
+        Scale parameter p, 1/m: the expected length of edges is pi p a square metre.
+    window : sequence of 4 floats or None
+        x_min, y_min, x_max, y_max in metres; None: all sensors and 99.5 % of the returns, and a metre round them.
+    """
+
+    scale: float = SampleConfig.scale
+    window: Sequence[float] | None = None
+
+
+def read_readings(
+    path: Path, kind: Kind = "laser", *, topic: str | None = None, frame: str | None = None, cone: float = CONE
+) -> Readings:
+    """Read the readings of a laser or of sonars from a log; the format is recognised from the content.
+
+    Parameters
+    ----------
+    path : path
+        A CARMEN or Player log, a ROS bag, or a CSV table x,y,theta,range; gzipped or not.
+    kind : {"laser", "sonar"}
+    topic, frame : str, optional
+        Whose readings of a bag or a log with several, and in what frame.
+    cone : float
+        Full opening angle of sonars whose log has none, radians.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged, of another format, or has no readings of this kind.
+    ConfigError
+        If `topic` or `frame` is needed and missing, or is not in the log.
+    """
+    return read_log(os.fspath(path), kind, topic=topic, frame=frame, cone=cone)
+
+
+def config_of(
+    config: Path | SampleConfig | None,
+    prior: Prior | None,
+    sensors: Sensor | Sequence[Sensor],
+    options: Mapping[str, Any],
+) -> SampleConfig:
+    """Return the configuration: options, prior and sensors over a settings file, or another one, over defaults."""
+    base = config if isinstance(config, SampleConfig) else SampleConfig(**ask({}, config).values)
+    changes = {name: value for name, value in options.items() if value is not None}
+    if prior is not None:
+        changes |= {"scale": prior.scale, "window": _window(prior.window)}
+    for sensor in _listed(sensors):
+        if type(sensor) not in PREFIXES:
+            raise ArgumentError(f"sensors: a {type(sensor).__name__} is none of {_names_of_sensors()}.")
+        prefix = PREFIXES[type(sensor)][1]
+        changes |= {prefix + name: value for name, value in dataclasses.asdict(sensor).items()}
+    return dataclasses.replace(base, **changes)
+
+
+def by_kind(given: Given, sensors: Sensor | Sequence[Sensor] = ()) -> dict[Name, Source]:
+    """Return the source of each kind of readings, the laser first.
+
+    Parameters
+    ----------
+    given : Source, sequence of Source, or mapping of kind to Source
+        Where no kind is said: readings with a cone are sonar's, tables of points are points', a path is a laser's log.
+    sensors : Sensor or sequence of Sensor
+        Models of sensors that must have readings.
+
+    Raises
+    ------
+    ArgumentError
+        If a kind is unknown, comes twice, or has a model but no readings.
+    """
+    pairs = list(given.items()) if isinstance(given, Mapping) else [(_kind(each), each) for each in _listed(given)]
+    found: dict[Name, Source] = {}
+    for kind, source in pairs:
+        if kind in found:
+            raise ArgumentError(f"readings: {kind} comes twice. Join them to one.")
+        found[kind] = _checked_source(kind, source)
+    for sensor in _listed(sensors):
+        kind = PREFIXES.get(type(sensor), ("laser", ""))[0]
+        if kind not in found:
+            raise ArgumentError(f"sensors: there is a {type(sensor).__name__}, but no readings of the {kind}.")
+    if not found:
+        raise ArgumentError("readings: there are none. Give a log, or what prf.laser, prf.sonar or prf.points made.")
+    return {kind: found[kind] for kind in KINDS if kind in found}
+
+
+KINDS: tuple[Name, ...] = ("laser", "sonar", "points")
+
+
+def paths_of(sources: Mapping[Name, Source]) -> list[str]:
+    """Return the logs among the sources."""
+    return [os.fspath(source) for source in sources.values() if isinstance(source, str | os.PathLike)]
+
+
+def prepared_for(sources: Mapping[Name, Source], config: SampleConfig) -> Prepared:
+    """Read what is a log, thin all, and resolve the configuration for it.
+
+    Raises
+    ------
+    InputError, ConfigError
+        As :func:`prf.sampler.session.read_prepared`.
+    """
+    log = {kind: os.fspath(each) for kind, each in sources.items() if isinstance(each, str | os.PathLike)}
+    laser, sonar = read_logs(
+        log.get("laser"),
+        log.get("sonar"),
+        topic=config.topic,
+        frame=config.frame,
+        sonar_topic=config.sonar_topic,
+        cone=config.sonar_cone,
+    )
+    held = {kind: each for kind, each in sources.items() if isinstance(each, Readings)}
+    table = sources.get("points")
+    observed = table if isinstance(table, PointTable) else read_point_data(log["points"]) if "points" in log else None
+    return prepare_whole(config, held.get("laser", laser), held.get("sonar", sonar), observed)
+
+
+def _kind(source: Source) -> Name:
+    """Return whose readings these are."""
+    if isinstance(source, PointTable):
+        return "points"
+    if not isinstance(source, Readings):
+        return "laser"
+    is_cone = source.cone > 0.0
+    if is_cone.any() and not is_cone.all():
+        raise ArgumentError(f"readings: {source.source} has readings with a cone and without. Part laser and sonar.")
+    return "sonar" if is_cone.any() else "laser"
+
+
+def _checked_source(kind: str, source: Source) -> Source:
+    wanted: tuple[type, ...] = (PointTable if kind == "points" else Readings, str, os.PathLike)
+    if kind not in KINDS:
+        raise ArgumentError(f"readings: {kind!r} is none of {', '.join(KINDS)}.")
+    if not isinstance(source, wanted):
+        raise ArgumentError(
+            f"readings: a {type(source).__name__} is no log and not what prf.{kind} makes. Arrays go through that."
+        )
+    return source
+
+
+def _listed(given: Any) -> list[Any]:
+    """Return one or several as a list; a table of points is one though it is a tuple."""
+    if isinstance(given, Sequence) and not isinstance(given, str | PointTable | np.ndarray):
+        return list(given)
+    return [given]
+
+
+def _window(window: Sequence[float] | None) -> tuple[float, ...] | None:
+    if window is None:
+        return None
+    bounds = tuple(map(float, window))
+    if len(bounds) != 4:
+        raise ArgumentError(f"window: has {len(bounds)} numbers, must have 4: x_min, y_min, x_max, y_max.")
+    return bounds
+
+
+def _names_of_sensors() -> str:
+    return ", ".join(kind.__name__ for kind in PREFIXES)

@@ -1,0 +1,68 @@
+"""What Python calls show: progress while they work, and a card with a picture in a notebook when they are done."""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+
+from prf.shell.progress import Reporter, progress
+
+Told = Callable[[float, Mapping[str, object]], None]
+"""What a caller may give instead of True: it is told the share that is done, and what a bar shows beside it."""
+
+
+class _Quiet:
+    """Tells nobody."""
+
+    def update(self, completed: float, **fields: object) -> None:
+        """Do nothing."""
+
+
+class _Teller:
+    """Tells a callable the share that is done."""
+
+    def __init__(self, told: Told, total: float) -> None:
+        self._told, self._total = told, total
+
+    def update(self, completed: float, **fields: object) -> None:
+        """Tell it."""
+        self._told(completed / self._total, fields)
+
+
+@contextmanager
+def reported(wanted: bool | Told, total: float, description: str) -> Iterator[Reporter]:
+    """Yield what long work reports to.
+
+    Parameters
+    ----------
+    wanted : bool or callable
+        True: a bar on a terminal or in a notebook, elsewhere a line every ten seconds. False: nothing. A callable is
+        told the share in [0, 1] and a mapping of what the bar would show beside it.
+    total : float
+        What is counted up to.
+    description : str
+        What is being done.
+    """
+    if callable(wanted):
+        yield _Teller(wanted, total)
+    elif not wanted:
+        yield _Quiet()
+    else:
+        with progress(total, description) as reporter:
+            yield reporter
+
+
+def card(title: str, facts: Mapping[str, str], png: bytes | None = None) -> str:
+    """Return the HTML of a result for a notebook: a table of facts, and a picture below it if there is one."""
+    rows = "".join(
+        f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
+        f"<td style='text-align:left'>{html.escape(value)}</td></tr>"
+        for name, value in facts.items()
+    )
+    picture = ""
+    if png is not None:
+        data = base64.b64encode(png).decode("ascii")
+        picture = f"<img alt='{html.escape(title)}' style='max-width:100%' src='data:image/png;base64,{data}'>"
+    return f"<div><b>{html.escape(title)}</b><table>{rows}</table>{picture}</div>"
