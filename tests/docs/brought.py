@@ -1,0 +1,191 @@
+"""Files that readers of the pages bring: small ones of the right kind, under the names that the pages use."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from mapq.io import write_cloud, write_patches
+from mapq.patches import Patches
+from prf.logs import read_readings, write_table
+from prf.run import write_run
+from tests.conftest import ROOT
+from tests.factories import make_run
+from tests.mapq.labelled import draw_patches
+
+OUTPUTS = ("-o", "--output")
+OFFICE = ROOT / "data" / "demo-office.log.gz"
+SONAR_REACH = 3.5
+
+
+def bring(words: list[str], folder: Path) -> None:
+    """Make every file that a command names, that is not there, and that `MAKERS` know."""
+    for before, word in pairwise(words):
+        path = folder / word
+        if before in OUTPUTS or word.startswith("-") or path.exists():
+            continue
+        for pattern, make in MAKERS:
+            if re.fullmatch(pattern, word):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                make(path)
+                break
+
+
+def make_log(path: Path) -> None:
+    """Write a table of every third scan and sixth beam of the demo office."""
+    readings = read_readings(str(OFFICE))
+    write_table(path, readings.where((readings.scan % 3 == 0) & (readings.beam % 6 == 0)))
+
+
+def make_ring(path: Path) -> None:
+    """Write a table of sonar readings: what cones of 20 degrees round a few of those beams may have read."""
+    readings = read_readings(str(OFFICE))
+    readings = readings.where((readings.scan % 3 == 0) & (readings.beam % 20 == 10))
+    rows = zip(*readings.origin.T, readings.angle, readings.range, readings.scan // 3, strict=True)
+    lines = [
+        f"{x:.3f},{y:.3f},{a:.5f},{r if r < SONAR_REACH else np.inf:.3f},0.349,{scan}" for x, y, a, r, scan in rows
+    ]
+    path.write_text("\n".join(["x,y,theta,range,cone,scan", *lines]) + "\n")
+
+
+def make_points(path: Path) -> None:
+    path.write_text("x,y\n2.0,7.0\n11.0,7.0\n20.0,3.0\n")
+
+
+def make_route(path: Path) -> None:
+    path.write_text("x,y\n3.0,7.0\n19.0,7.0\n")
+
+
+def make_values(path: Path) -> None:
+    """Write a bitmap of 12 x 12 pixels, a black block in white, a tenth of it flipped."""
+    rng = np.random.default_rng(1)
+    lines = [
+        f"{x},{y},{int((4 <= x <= 8 and 3 <= y <= 9) != (rng.random() < 0.1))}" for y in range(12) for x in range(12)
+    ]
+    path.write_text("\n".join(["x,y,value", *lines]) + "\n")
+
+
+def make_plan(path: Path) -> None:
+    shutil.copy(ROOT / "data" / "demo-office.geojson", path)
+
+
+@cache
+def _patches(seed: int) -> Patches:
+    return draw_patches(seed, labelled=False)
+
+
+def make_cloud(path: Path) -> None:
+    """Write walls along streets, a third of them twice; points have a scan number, and whether they are copies."""
+    patches = _patches(len(path.stem) % 3 + 1)
+    cloud = patches.cloud.with_fields(plane=patches.patch)
+    if path.suffix == ".pcd":
+        xyz = cloud.xyz + cloud.shift
+        head = "VERSION .7\nFIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\n"
+        head += f"WIDTH {len(xyz)}\nHEIGHT 1\nPOINTS {len(xyz)}\nDATA ascii\n"
+        path.write_text(head + "".join(f"{x} {y} {z}\n" for x, y, z in xyz))
+    else:
+        write_cloud(str(path), cloud)
+
+
+def make_patches(path: Path) -> None:
+    write_patches(path, draw_patches(len(path.stem) % 3 + 1))
+
+
+def make_result(path: Path) -> None:
+    """Classify a small map."""
+    from tests.docs.runner import TOOLS, run_app
+
+    patches = path.with_name("brought.patches")
+    make_patches(patches)
+    assert run_app(TOOLS["mapq"], "mapq", ["classify", str(patches), "-o", str(path), "-q", "--force"]) == 0
+
+
+def make_grid(path: Path) -> None:
+    """Make a grid of the sonar readings."""
+    from tests.docs.runner import TOOLS, run_app
+
+    ring = path.with_name("brought.csv")
+    make_ring(ring)
+    assert run_app(TOOLS["prf"], "prf", ["grid", "--sonar", str(ring), "-o", str(path), "-q"]) == 0
+
+
+def make_tiles(path: Path) -> None:
+    """Write a folder of two tiles in LAZ."""
+    path.mkdir()
+    for number in (1, 2):
+        make_cloud(path / f"{'t' * number}.laz")
+
+
+STOPS = (4.0, 18.0, 20.0, 34.0, 46.0, 48.0, 60.0)
+"""Where those scans were taken along the street, in metres: some places were seen twice, others once."""
+
+
+def make_scans(path: Path) -> None:
+    """Write scans from a drive along those streets as KITTI lays them out, with right poses."""
+    rng = np.random.default_rng(5)
+    cloud = _patches(1).cloud
+    walls = np.repeat((cloud.xyz + cloud.shift)[cloud.fields["truth"] == 0], 3, axis=0)
+    walls += rng.normal(0.0, 0.1, walls.shape) * [1.0, 0.0, 1.0]
+    (path / "velodyne").mkdir(parents=True)
+    for number, x in enumerate(STOPS):
+        seen = walls - [x, 6.0, 1.0]
+        seen = seen[(np.hypot(seen[:, 0], seen[:, 1]) < 10.0) & (rng.random(len(seen)) < 0.5)]
+        points = np.column_stack([seen + rng.normal(0.0, 0.01, seen.shape), np.zeros(len(seen))])
+        (path / "velodyne" / f"{number:06d}.bin").write_bytes(points.astype("<f4").tobytes())
+    make_poses(path / "poses.txt")
+
+
+def make_poses(path: Path) -> None:
+    """Write poses of those scans that are right, or, for odometry and the like, drift by a metre."""
+    drift = 0.01 if path.stem in ("odometry", "chain") else 0.0
+    rows = [f"1 0 0 {x} 0 1 0 {6.0 + drift * x} 0 0 1 1.0\n" for x in STOPS]
+    path.write_text("".join(rows))
+
+
+def make_settings(path: Path) -> None:
+    path.write_text({"flips": "[points]\nflip_probability = 0.1\n"}.get(path.stem, "[sonar]\nmax_range = 3.0\n"))
+
+
+def make_run_folder(path: Path) -> None:
+    write_run(path, make_run(n_draws=12))
+
+
+def make_ros_map(path: Path) -> None:
+    """Write a room of 10 x 8 m as a ROS map."""
+    pixels = np.full((80, 100), 254, np.uint8)
+    pixels[:3], pixels[-3:], pixels[:, :3], pixels[:, -3:] = 0, 0, 0, 0
+    path.with_suffix(".pgm").write_bytes(b"P5 100 80 255\n" + pixels.tobytes())
+    path.write_text(
+        f"image: {path.stem}.pgm\nresolution: 0.1\norigin: [0.0, 0.0, 0.0]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+
+
+MAKERS: tuple[tuple[str, Callable[[Path], None]], ...] = (
+    (r"points\.csv", make_points),
+    (r"(path|route)\.csv", make_route),
+    (r"drive\.csv", lambda path: path.write_text("x,y\n3.0,3.0\n7.0,3.0\n7.0,5.0\n")),
+    (r"(bitmap|soil|taps)\.csv", make_values),
+    (r"(ring|elsewhere)\.csv", make_ring),
+    (r"(?!data/).*\.log(\.gz)?|doors\.csv|readings\.csv", make_log),
+    (r"(floor|plan|truth)\.geojson", make_plan),
+    (r".*\.classified\.(ply|laz|las)", make_result),
+    (r"(?!data/).*\.(ply|laz|las|pcd)", make_cloud),
+    (r".*\.patches", make_patches),
+    (r"(sequences/)?00|scans|drive/", make_scans),
+    (r"pcd", make_scans),
+    (r"(odometry|slam|chain|icp)\.txt", make_poses),
+    (r"calib\.txt", lambda path: path.write_text("Tr: 1 0 0 0 0 1 0 0 0 0 1 0\n")),
+    (r"city/", make_tiles),
+    (r"(sonar|site|flips|robot)\.toml", make_settings),
+    (r"office|ring|posterior|run", make_run_folder),
+    (r"map\.yaml", make_ros_map),
+    (r".*\.grid\.npz", make_grid),
+)
+"""Names, in the order in which they are tried, and what makes such a file."""
