@@ -140,16 +140,24 @@ class Patches(plain.Patches):
 
     def __repr__(self) -> str:
         """Return the patches in a line."""
-        known = int((self.label != UNLABELLED).sum())
-        words = f", {known:,} labelled" if known else ""
-        return f"<mapq.Patches: {len(self):,} patches of {int(self.counts.sum()):,} points{words}>"
+        return f"<mapq.Patches: {self._words}>"
 
-    def _repr_png_(self) -> bytes | None:
-        """Return the plan view that a notebook shows; None without a point."""
+    @property
+    def _words(self) -> str:
+        known = int((self.label != UNLABELLED).sum())
+        labelled = f", {known:,} labelled" if known else ""
+        return f"{len(self):,} patches of {int(self.counts.sum()):,} points{labelled}"
+
+    @cached_property
+    def _picture(self) -> bytes | None:
         has_labels = bool((self.label != UNLABELLED).any())
         label = np.append(self.label, np.uint8(UNLABELLED))[self.patch]
         scheme = label_colours(label, self.patch) if has_labels else patch_colours(self.patch)
-        return plan_view(self.cloud, scheme, "Plane patches", repr(self)[7:-1])
+        return plan_view(self.cloud, scheme, "Plane patches", self._words)
+
+    def _repr_png_(self) -> bytes | None:
+        """Return the plan view that a notebook shows; None without a point."""
+        return self._picture
 
     def _repr_html_(self) -> str:
         """Return the card that a notebook shows."""
@@ -161,7 +169,7 @@ class Patches(plain.Patches):
             "source": self.cloud.source or "arrays",
         }
         warnings = " ".join(self.report.get("warnings", ()))
-        return card("Plane patches", facts | ({"warning": warnings} if warnings else {}), self._repr_png_())
+        return card("Plane patches", facts | ({"warning": warnings} if warnings else {}), self._picture)
 
 
 def segment(

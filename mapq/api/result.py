@@ -36,6 +36,9 @@ from prf.shell.notebook import Told, card
 
 logger = logging.getLogger(__name__)
 
+N_REGIONS = 5
+"""Regions that a card lists."""
+
 Map = plain.Patches | PointCloud | ArrayLike | Path
 
 
@@ -192,23 +195,31 @@ class Result:
 
     def __repr__(self) -> str:
         """Return the result in a line."""
+        return f"<mapq.Result: {self._words}>"
+
+    @property
+    def _words(self) -> str:
         counts = self.counts
         share = counts["share_of_area"]
-        words = "" if share != share else f", {share:.1%} of the area"
-        return f"<mapq.Result: {counts['n_suspicious']:,} of {counts['n_patches']:,} patches suspicious{words}>"
+        area = "" if share != share else f", {share:.1%} of the area"
+        return f"{counts['n_suspicious']:,} of {counts['n_patches']:,} patches suspicious{area}"
+
+    @cached_property
+    def _picture(self) -> bytes | None:
+        scheme = label_colours(self.suspicious, self.patch)
+        return plan_view(self.assessment.patches.cloud, scheme, "Plausible and suspicious patches", self._words)
 
     def _repr_png_(self) -> bytes | None:
         """Return the plan view that a notebook shows; None without a point."""
-        scheme = label_colours(self.suspicious, self.patch)
-        return plan_view(self.assessment.patches.cloud, scheme, "Plausible and suspicious patches", repr(self)[14:-1])
+        return self._picture
 
     def _repr_html_(self) -> str:
         """Return the card that a notebook shows, with the worst regions."""
-        facts = {"suspicious": repr(self)[14:-1], "model": self.origin.model}
-        for number, region in enumerate(self.regions[:5]):
+        facts = {"suspicious": self._words, "model": self.origin.model}
+        for number, region in enumerate(self.regions[:N_REGIONS]):
             where = " ".join(f"{x:.1f}" for x in region.centre.tolist())
             facts[f"region {number}"] = f"{len(region.patches)} patches, {region.area:.1f} m² at {where}"
-        return card("Plausibility of the map", facts, self._repr_png_())
+        return card("Plausibility of the map", facts, self._picture)
 
 
 def classify(

@@ -6,6 +6,7 @@ import dataclasses
 import io
 import os
 from collections.abc import Collection, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
 
@@ -161,17 +162,21 @@ class Run(stored.Run):
         status = self.manifest.get("status", "unknown")
         return f"<prf.Run: {len(self.draws):,} draws, window {window.width:.4g} x {window.height:.4g} m, {status}>"
 
-    def _repr_png_(self) -> bytes | None:
-        """Return the picture that a notebook shows; None without an image."""
+    @cached_property
+    def _picture(self) -> bytes | None:
         if self.image is None:
             return None
         buffer = io.BytesIO()
         render_posterior(self, buffer)
         return buffer.getvalue()
 
+    def _repr_png_(self) -> bytes | None:
+        """Return the picture that a notebook shows; None without an image."""
+        return self._picture
+
     def _repr_html_(self) -> str:
         """Return the card that a notebook shows."""
-        return card("Posterior over polygonal maps", self._facts(), self._repr_png_())
+        return card("Posterior over polygonal maps", self._facts(), self._picture)
 
 
 def open_run(folder: str | os.PathLike[str], parts: Collection[str] = PARTS) -> Run:

@@ -173,7 +173,7 @@ def _checked_source(kind: str, source: Source) -> Source:
         raise ArgumentError(f"readings: {kind!r} is none of {', '.join(KINDS)}.")
     if not isinstance(source, wanted):
         raise ArgumentError(
-            f"readings: a {type(source).__name__} is no log and not what prf.{kind} makes. Arrays go through that."
+            f"readings: {type(source).__name__} is no log, and not what prf.{kind} makes, through which arrays go."
         )
     return source
 

@@ -10,6 +10,7 @@ import os
 import sys
 from dataclasses import dataclass
 from enum import StrEnum
+from importlib.util import find_spec
 from typing import IO
 
 LOGGERS = ("prf", "mapq")
@@ -86,9 +87,11 @@ def can_redraw(stream: IO[str]) -> bool:
 
 
 def in_notebook() -> bool:
-    """Return whether a notebook shows what is printed; it draws a line anew though it is no terminal."""
+    """Return whether a notebook shows what is printed, with the widgets by which a bar is drawn anew in it."""
     ipython = sys.modules.get("IPython")
-    return ipython is not None and type(ipython.get_ipython()).__name__ == "ZMQInteractiveShell"
+    if ipython is None or type(ipython.get_ipython()).__name__ != "ZMQInteractiveShell":
+        return False
+    return find_spec("ipywidgets") is not None
 
 
 def use_color(stream: IO[str]) -> bool:
