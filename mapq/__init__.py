@@ -5,7 +5,7 @@ What stands here is imported when it is first used, so that `import mapq` is qui
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from prf import __version__ as __version__
 
@@ -61,15 +61,17 @@ _HOMES = {
 """Module to the names that it lends to this package; a test holds them to what type checkers see above."""
 
 
-def __getattr__(name: str) -> Any:
-    """Import what is used for the first time."""
-    from importlib import import_module  # noqa: PLC0415
+if not TYPE_CHECKING:  # which would take any misspelt name for one of these
 
-    for module, names in _HOMES.items():
-        if name in names:
-            value = globals()[name] = getattr(import_module(module), name)
-            return value
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    def __getattr__(name: str) -> object:
+        """Import what is used for the first time."""
+        from importlib import import_module  # noqa: PLC0415
+
+        for module, names in _HOMES.items():
+            if name in names:
+                value = globals()[name] = getattr(import_module(module), name)
+                return value
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
