@@ -53,9 +53,10 @@ def sonar(
 
     Parameters
     ----------
-    pose, angle, ranges, source
-        As :func:`laser`; a transducer for a beam. Each pose is that of the transducers: give a ring whose transducers
-        stand apart as one scan a transducer.
+    pose : (n_scans, 3) or (n_scans, n_beams, 3) array
+        As :func:`laser`; or of each transducer by itself, whose own direction `angle` is added to, so mostly 0.
+    angle, ranges, source
+        As :func:`laser`, a transducer for a beam.
     cone : float
         Full field of view, radians.
 
@@ -92,19 +93,20 @@ def points(xy: ArrayLike, value: ArrayLike, *, source: str = "point arrays") -> 
 
 
 def _readings(pose: ArrayLike, angle: ArrayLike, ranges: ArrayLike, cone: float, source: str) -> Readings:
-    poses = checked("pose", pose, (None, 3), FARTHEST)
-    distance = _ranges(ranges, len(poses))
+    distance = _ranges(ranges)
     n_beams = distance.shape[1]
+    poses = checked("pose", pose, (len(distance), n_beams, 3) if np.ndim(pose) == 3 else (len(distance), 3), FARTHEST)
     beams = np.asarray(angle)
-    shape = (n_beams,) if beams.ndim == 1 else (len(poses), n_beams)
+    shape = (n_beams,) if beams.ndim == 1 else distance.shape
     on_sensor = np.broadcast_to(checked("angle", beams, shape, WIDEST, "radians"), distance.shape)
     row, beam = np.nonzero(distance > 0.0)
     if len(row) == 0:
         raise ArgumentError("ranges: none is a reading (all are nan or 0).")
+    of_beam = poses[row, beam] if poses.ndim == 3 else poses[row]
     notes = LogNotes("arrays", n_zero_ranges=int((distance == 0.0).sum()), n_invalid=int(np.isnan(distance).sum()))
     return Readings.from_arrays(
-        poses[row, :2],
-        poses[row, 2] + on_sensor[row, beam],
+        of_beam[:, :2],
+        of_beam[:, 2] + on_sensor[row, beam],
         distance[row, beam],
         scan=row,
         beam=beam,
@@ -114,10 +116,10 @@ def _readings(pose: ArrayLike, angle: ArrayLike, ranges: ArrayLike, cone: float,
     )
 
 
-def _ranges(ranges: ArrayLike, n_scans: int) -> Floats:
+def _ranges(ranges: ArrayLike) -> Floats:
     """Return ranges (n_scans, n_beams) that may be inf, nan or 0, but neither negative nor in millimetres."""
     distance = _numbers("ranges", ranges)
-    _require_shape("ranges", distance, (n_scans, None))
+    _require_shape("ranges", distance, (None, None))
     if (distance < 0.0).any():
         place = _first(distance < 0.0)
         raise ArgumentError(f"ranges{list(place)} is {distance[place]:g}: negative. Give inf where there is no return.")

@@ -36,6 +36,16 @@ def test_angles_may_differ_from_scan_to_scan() -> None:
     np.testing.assert_allclose(made.angle, (POSE[:, 2, None] + both).ravel())
 
 
+def test_transducers_may_stand_apart() -> None:
+    apart = np.stack([POSE, POSE + 0.1, POSE - 0.1], axis=1)
+    made = prf.sonar(apart, np.zeros(3), RANGES)
+    np.testing.assert_array_equal(made.origin, apart[:, :, :2].reshape(-1, 2))
+    np.testing.assert_array_equal(made.angle, apart[:, :, 2].ravel())
+    np.testing.assert_array_equal(made.scan, [0, 0, 0, 1, 1, 1])
+    with pytest.raises(ArgumentError, match=r"pose: has shape \(2, 2, 3\), must be \(2, 3, 3\)"):
+        prf.sonar(apart[:, :2], np.zeros(3), RANGES)
+
+
 def test_what_is_no_reading_is_left_out_and_counted() -> None:
     made = prf.laser(POSE, ANGLE, [[1.0, np.nan, np.inf], [0.0, 4.0, 5.0]])
     np.testing.assert_array_equal(made.range, [1.0, np.inf, 4.0, 5.0])
@@ -55,9 +65,9 @@ def test_sonars_have_a_cone_and_lasers_have_none() -> None:
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: prf.laser([1.0, 2.0, 3.0], ANGLE, RANGES), "pose: has shape (3,), must be (n, 3)"),
+        (lambda: prf.laser([1.0, 2.0, 3.0], ANGLE, RANGES), "pose: has shape (3,), must be (2, 3)"),
         (lambda: prf.laser(POSE, ANGLE[:2], RANGES), "angle: has shape (2,), must be (3,)"),
-        (lambda: prf.laser(POSE, ANGLE, RANGES[0]), "ranges: has shape (3,), must be (2, n)"),
+        (lambda: prf.laser(POSE, ANGLE, RANGES[0]), "ranges: has shape (3,), must be (n, n)"),
         (lambda: prf.laser(POSE * [np.nan, 1.0, 1.0], ANGLE, RANGES), "pose[0, 0] is nan: must be finite"),
         (lambda: prf.laser(POSE, np.degrees(ANGLE) + 90.0, RANGES), "must be finite and in radians"),
         (lambda: prf.laser(POSE, ANGLE, -RANGES), "ranges[0, 0] is -1: negative"),

@@ -1,0 +1,52 @@
+"""Progress of Python calls, and the cards of notebooks."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from types import SimpleNamespace
+
+import pytest
+
+from prf.shell import console
+from prf.shell.notebook import card, reported
+
+
+def test_a_callable_is_told_shares_and_words() -> None:
+    told: list[tuple[float, Mapping[str, object]]] = []
+    with reported(lambda share, words: told.append((share, words)), 4.0, "working") as reporter:
+        reporter.update(1, stage="first")
+        reporter.update(4)
+    assert told == [(0.25, {"stage": "first"}), (1.0, {})]
+
+
+def test_nobody_is_told_unless_asked(capsys: pytest.CaptureFixture[str]) -> None:
+    with reported(False, 4.0, "working") as reporter:
+        reporter.update(1, stage="first")
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_card_shows_facts_as_they_are_and_the_picture() -> None:
+    page = card("A <b>map", {"source & more": "<script>"}, b"png")
+    assert "A &lt;b&gt;map" in page
+    assert "source &amp; more" in page
+    assert "<script>" not in page
+    assert "data:image/png;base64,cG5n" in page
+    assert "<img" not in card("A map", {})
+
+
+@pytest.mark.parametrize(
+    ("shell", "widgets", "is_one"), [("ZMQ", True, True), ("ZMQ", False, False), ("T", True, False)]
+)
+def test_a_notebook_is_known_by_its_shell(
+    monkeypatch: pytest.MonkeyPatch, shell: str, widgets: bool, is_one: bool
+) -> None:
+    running = type(f"{shell}InteractiveShell", (), {})()
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: running))  # type: ignore[arg-type]
+    monkeypatch.setattr(console, "find_spec", lambda name: object() if widgets else None)
+    assert console.in_notebook() is is_one
+
+
+def test_without_a_notebook_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, "IPython", raising=False)
+    assert not console.in_notebook()
