@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from mapq.features.apart import seen_apart
 from mapq.features.edge import EDGE_NAMES, smaller_first
-from mapq.features.provenance import Moments, moments_of, views_of
-from mapq.features.rays import seen_through
+from mapq.features.provenance import Known, Moments, known_of, moments_of, views_of
+from mapq.features.rays import Rays, seen_through
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes
 from mapq.graph import PatchGraph
@@ -44,8 +44,31 @@ class Context(NamedTuple):
     edge_names: tuple[str, ...]
 
 
+class Beyond(NamedTuple):
+    """What is known of a whole map, where the patches that are measured are a part of it.
+
+    Attributes
+    ----------
+    known : Known
+        Which of its fields count.
+    rays : Rays or None
+        Those that are followed and come near the patches; None where no rays are known.
+    side : float or None
+        Of the voxels that rays go through, in metres.
+    """
+
+    known: Known
+    rays: Rays | None
+    side: float | None
+
+
 def measure_context(
-    patches: Patches, shapes: PatchShapes, graph: PatchGraph, edge: Floats, settings: FeatureSettings
+    patches: Patches,
+    shapes: PatchShapes,
+    graph: PatchGraph,
+    edge: Floats,
+    settings: FeatureSettings,
+    beyond: Beyond | None = None,
 ) -> Context:
     """Return the columns of the groups that the settings name.
 
@@ -57,8 +80,11 @@ def measure_context(
     edge : (e, 7) float64
         Edge features, named by `EDGE_NAMES`.
     settings : FeatureSettings
+    beyond : Beyond, optional
+        None: the patches are all of the map.
     """
     wanted = settings.context
+    known, rays, side = beyond or Beyond(known_of(patches.cloud), None, None)
     pairs = _Pairs(shapes, graph, edge)
     node: dict[str, Floats] = {}
     columns: dict[str, Floats] = {}
@@ -66,11 +92,11 @@ def measure_context(
         columns |= outlines(pairs)
     if "moments" in wanted:
         number = np.flatnonzero(patches.cloud.finite())
-        moments = moments_of(patches.cloud, number)
+        moments = moments_of(patches.cloud, number, known)
         columns["seen_together"] = together(pairs, moments, number)
         node["seen_apart"] = seen_apart(patches, shapes, number, moments, settings)
     if "rays" in wanted:
-        through = seen_through(shapes, views_of(patches.cloud, shapes.number), settings)
+        through = seen_through(shapes, views_of(patches.cloud, shapes.number, known), settings, rays, side)
         node["seen_through"] = through
         columns["through_conflict"] = pairs.conflict * through[graph.pairs].max(axis=1, initial=-np.inf)
     return Context(_stack(node, len(shapes)), tuple(node), _stack(columns, len(graph.pairs)), tuple(columns))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -12,11 +13,65 @@ from mapq.cloud import PointCloud
 SCAN, TIME, PASS = "scan", "time", "pass_id"
 TO_SENSOR = ("to_sensor_x", "to_sensor_y", "to_sensor_z")
 """Point fields that are read: number of the scan, seconds, number of the pass, and the way to the sensor in metres."""
+FIELDS = (SCAN, TIME, PASS, *TO_SENSOR)
 
 MOMENT = 10.0
 """Seconds of a moment, where times are known but scans are not."""
 MOST_MOMENTS = 1_000_000
 """Times that span more are none: a field of that name may hold anything."""
+
+
+class Span(NamedTuple):
+    """What a field of a map holds, as far as it matters for what the field may be; of parts it can be added up.
+
+    Attributes
+    ----------
+    low, high : float
+        Of its finite values; inf and -inf where there are none.
+    is_known, is_whole : bool
+        Whether all values are finite, and whether those are whole numbers.
+    """
+
+    low: float = np.inf
+    high: float = -np.inf
+    is_known: bool = True
+    is_whole: bool = True
+
+    def joined(self, other: Span) -> Span:
+        """Return the span of both."""
+        return Span(
+            min(self.low, other.low),
+            max(self.high, other.high),
+            self.is_known and other.is_known,
+            self.is_whole and other.is_whole,
+        )
+
+
+class Known(NamedTuple):
+    """Which fields say where and when the points of a map were seen; decided once for a map.
+
+    Attributes
+    ----------
+    moment : str or None
+        Field of the moments.
+    start : float
+        Least time, where moments are times.
+    passes : str or None
+        Field by which rays are told apart.
+    has_rays : bool
+        Whether it is known where the sensor was.
+    """
+
+    moment: str | None
+    start: float
+    passes: str | None
+    has_rays: bool
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of the fields that count."""
+        rays = (self.passes, *TO_SENSOR) if self.has_rays and self.passes is not None else ()
+        return tuple(dict.fromkeys(name for name in (self.moment, *rays) if name is not None))
 
 
 class Moments(NamedTuple):
@@ -41,57 +96,77 @@ class Views(NamedTuple):
     ----------
     to_sensor : (k, 3) float64
         Metres, nan where it is not known.
-    seen_by : (k,) int64
-        Number of the pass, or else of the scan; all 0 where neither is known.
-    passes_known : bool
+    seen_by : (k,) float64
+        Number of the pass, or else of the scan, as the field has it.
     """
 
     to_sensor: NDArray[np.float64]
-    seen_by: NDArray[np.int64]
-    passes_known: bool
+    seen_by: NDArray[np.float64]
 
 
-def moments_of(cloud: PointCloud, number: NDArray[np.int64]) -> Moments | None:
-    """Return the moments of some points (k,) of a cloud: of its scans, else of its times, else of its passes."""
-    scan = _whole(cloud, SCAN, number, least=1)
-    if scan is not None:
-        return Moments(scan, 0)
-    time = _numbers(cloud, TIME, number)
-    # Below a moment in all, the field is no clock of the drive, such as the time within one turn of the laser.
-    if time is not None and np.isfinite(time).all() and MOMENT < np.ptp(time) < MOST_MOMENTS * MOMENT:
-        return Moments(((time - time.min()) / MOMENT).astype(np.int64), 1)
-    seen_by = _whole(cloud, PASS, number)
-    return None if seen_by is None else Moments(seen_by, 0)
-
-
-def views_of(cloud: PointCloud, number: NDArray[np.int64]) -> Views | None:
-    """Return from where some points (k,) of a cloud were seen; None if it does not say."""
-    columns = [_numbers(cloud, name, number) for name in TO_SENSOR]
-    known = [column for column in columns if column is not None]
-    if len(known) < len(columns):
+def span_of(cloud: PointCloud, name: str, number: NDArray[np.int64]) -> Span | None:
+    """Return what a field holds at some points (k,) of a cloud; None if it is no number a point."""
+    values = _numbers(cloud, name, number)
+    if values is None:
         return None
-    seen_by = _whole(cloud, PASS, number)
-    if seen_by is None:
-        seen_by = _whole(cloud, SCAN, number)
-    if seen_by is None:
-        return Views(np.column_stack(known), np.zeros(len(number), np.int64), False)
-    return Views(np.column_stack(known), seen_by, True)
+    known = np.isfinite(values)
+    finite = values[known]
+    if len(finite) == 0:
+        return Span(is_known=len(values) == 0)
+    return Span(float(finite.min()), float(finite.max()), bool(known.all()), bool((finite == np.floor(finite)).all()))
+
+
+def decide(spans: Mapping[str, Span]) -> Known:
+    """Return which fields count, of those whose spans over a whole map are given.
+
+    Moments are scans, else times, else passes. One scan sees all that it sees at once, but a pass may come by twice, so
+    a single pass says nothing.
+    """
+    moment, start = None, 0.0
+    scan, time = spans.get(SCAN, Span()), spans.get(TIME, Span())
+    if _are_numbers(scan, least=1):
+        moment = SCAN
+    # Below a moment in all, the field is no clock of the drive, such as the time within one turn of the laser.
+    elif time.is_known and MOMENT < time.high - time.low < MOST_MOMENTS * MOMENT:
+        moment, start = TIME, time.low
+    elif _are_numbers(spans.get(PASS, Span()), least=2):
+        moment = PASS
+    passes = next((name for name in (PASS, SCAN) if _are_numbers(spans.get(name, Span()), least=2)), None)
+    return Known(moment, start, passes, all(name in spans for name in TO_SENSOR))
+
+
+def known_of(cloud: PointCloud) -> Known:
+    """Return which fields of a cloud count."""
+    number = np.flatnonzero(cloud.finite())
+    spans = {name: span_of(cloud, name, number) for name in FIELDS if name in cloud.fields}
+    return decide({name: span for name, span in spans.items() if span is not None})
+
+
+def _are_numbers(span: Span, least: int) -> bool:
+    """Return whether a field numbers scans or passes, and has one or at least two different values."""
+    return span.is_known and span.is_whole and (span.low <= span.high if least == 1 else span.low < span.high)
+
+
+def moments_of(cloud: PointCloud, number: NDArray[np.int64], known: Known) -> Moments | None:
+    """Return the moments of some points (k,) of a cloud; None if they are not known."""
+    if known.moment is None or len(number) == 0:
+        return None
+    values = np.asarray(cloud.fields[known.moment][number], np.float64)
+    if known.moment == TIME:
+        return Moments(((values - known.start) / MOMENT).astype(np.int64), 1)
+    return Moments(np.unique(values, return_inverse=True)[1].astype(np.int64), 0)
+
+
+def views_of(cloud: PointCloud, number: NDArray[np.int64], known: Known) -> Views | None:
+    """Return from where and on which pass some points (k,) of a cloud were seen; None if that is not known."""
+    if not known.has_rays or known.passes is None:
+        return None
+    columns = [np.asarray(cloud.fields[name][number], np.float64) for name in TO_SENSOR]
+    return Views(np.column_stack(columns), np.asarray(cloud.fields[known.passes][number], np.float64))
 
 
 def _numbers(cloud: PointCloud, name: str, number: NDArray[np.int64]) -> NDArray[np.float64] | None:
     values = cloud.fields.get(name)
-    if values is None or len(number) == 0 or values.ndim != 1 or values.dtype.kind not in "fiub":
+    if values is None or values.ndim != 1 or values.dtype.kind not in "fiub":
         return None
     return np.asarray(values[number], np.float64)
-
-
-def _whole(cloud: PointCloud, name: str, number: NDArray[np.int64], least: int = 2) -> NDArray[np.int64] | None:
-    """Return a field of numbers of scans or passes, renumbered from 0 in ascending order; None if it is none.
-
-    It must have `least` different values: one scan sees all that it sees at once, but a pass may come by twice.
-    """
-    values = _numbers(cloud, name, number)
-    if values is None or not np.isfinite(values).all() or (values != np.floor(values)).any():
-        return None
-    distinct, renumbered = np.unique(values, return_inverse=True)
-    return renumbered.astype(np.int64) if len(distinct) >= least else None

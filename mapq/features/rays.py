@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,24 +26,87 @@ MARGIN = 1.5
 Floats = NDArray[np.float64]
 
 
-def seen_through(shapes: PatchShapes, views: Views | None, settings: FeatureSettings) -> Floats:
+class Rays(NamedTuple):
+    """Rays (r) that are followed, from sensors to points of patches.
+
+    Attributes
+    ----------
+    sensor, hit : (r, 3) float64
+    seen_by : (r,) float64
+        Pass of each, as the field has it.
+    patch : (r,) int64
+        Whose point each hits; -1 for one that is not at hand.
+    """
+
+    sensor: Floats
+    hit: Floats
+    seen_by: Floats
+    patch: NDArray[np.int64]
+
+
+def draw_rays(shapes: PatchShapes, views: Views) -> Rays:
+    """Return the rays that are followed: of all patches one after the other, every so manieth."""
+    known = np.flatnonzero(has_ray(views.to_sensor))
+    return take_rays(shapes, views, known[:: ray_step(len(known))])
+
+
+def ray_step(n_rays: int) -> int:
+    """Return of how many rays one is followed."""
+    return max(1, -(-n_rays // MOST_RAYS))
+
+
+def has_ray(to_sensor: Floats) -> NDArray[np.bool_]:
+    """Return of which points (k,) it is known where the sensor was."""
+    return np.asarray(np.isfinite(to_sensor).all(axis=1))
+
+
+def take_rays(shapes: PatchShapes, views: Views, some: NDArray[np.int64]) -> Rays:
+    """Return the rays to some of the points of patches (k,)."""
+    hit = np.ascontiguousarray(shapes.points[some])
+    patch = np.repeat(np.arange(len(shapes)), shapes.counts)[some]
+    return Rays(hit + views.to_sensor[some], hit, views.seen_by[some], patch)
+
+
+def voxel_side(spacing: Floats) -> float:
+    """Return the side of the voxels in metres, for the spacings (m,) of all patches of a map."""
+    return max(VOXEL, 2.0 * float(np.median(spacing)))
+
+
+def seen_through(
+    shapes: PatchShapes,
+    views: Views | None,
+    settings: FeatureSettings,
+    rays: Rays | None = None,
+    side: float | None = None,
+) -> Floats:
     """Return how far (m,) rays of other passes go through each patch, less what its own pass sees through; 0 unknown.
 
     Mean over its voxels of rays that go through in rays that go through or end there; of its own pass the share of the
     voxels that any go through. Where another pass saw through a wall there is none: the strongest sign of a misplaced
     one. Fences and panes are seen through by their own pass too, and what the others hit as well is there.
+
+    Parameters
+    ----------
+    shapes : PatchShapes
+    views : Views or None
+        Of the points of the patches.
+    settings : FeatureSettings
+    rays : Rays, optional
+        Those of the whole map, where the patches are a part of it; as those are that come near.
+    side : float, optional
+        Of its voxels, in metres.
     """
     out = np.zeros(len(shapes))
-    if views is None or not views.passes_known or not len(shapes.points):
+    if views is None or not len(shapes.points):
         return out
-    voxels, place = _voxels(shapes, views)
-    known = np.flatnonzero(np.isfinite(views.to_sensor).all(axis=1))
-    known = known[:: max(1, -(-len(known) // MOST_RAYS))]
-    hit = np.ascontiguousarray(shapes.points[known])
+    rays = draw_rays(shapes, views) if rays is None else rays
+    distinct, number = np.unique(np.concatenate([views.seen_by, rays.seen_by]), return_inverse=True)
+    seen_by, ray_by = np.split(number.astype(np.int64), [len(views.seen_by)])
+    voxels = _voxels(shapes, seen_by, len(distinct), voxel_side(shapes.spacing) if side is None else side)
     through = np.zeros((len(voxels.key), 2), np.int64)
     margin = MARGIN * shapes.tolerance(settings)
-    count_rays(voxels, shapes.planes, hit + views.to_sensor[known], hit, views.seen_by[known], margin, through)
-    ended = _ended(voxels, place[known], np.repeat(np.arange(len(shapes)), shapes.counts)[known], views.seen_by[known])
+    count_rays(voxels, shapes.planes, rays.sensor, rays.hit, ray_by, margin, through)
+    ended = _ended(voxels, shapes, rays, ray_by)
     is_seen = through >= LEAST_RAYS
     shares = is_seen[:, 0], is_seen[:, 1] * through[:, 1] / np.maximum(through[:, 1] + ended, 1)
     n_voxels = np.maximum(np.bincount(voxels.patch, minlength=len(shapes)), 1)
@@ -49,27 +114,32 @@ def seen_through(shapes: PatchShapes, views: Views | None, settings: FeatureSett
     return np.asarray(np.maximum(others - own, 0.0))
 
 
-def _ended(
-    voxels: Voxels, place: NDArray[np.int64], patch: NDArray[np.int64], seen_by: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Return how many rays (n,) of passes other than a voxel's own end in it on its patch."""
-    counted = (patch == voxels.patch[place]) & (seen_by != voxels.seen_by[place])
+def _ended(voxels: Voxels, shapes: PatchShapes, rays: Rays, ray_by: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return how many rays (v,) of passes other than a voxel's own end in it on its patch."""
+    some = rays.patch >= 0
+    patch = rays.patch[some]
+    key = voxel_keys(_on_plane(shapes, rays.hit[some], patch), voxels.side)
+    place = np.minimum(np.searchsorted(voxels.key, key), len(voxels.key) - 1)
+    counted = (voxels.key[place] == key) & (patch == voxels.patch[place]) & (ray_by[some] != voxels.seen_by[place])
     return np.bincount(place[counted], minlength=len(voxels.key))
 
 
-def _voxels(shapes: PatchShapes, views: Views) -> tuple[Voxels, NDArray[np.int64]]:
-    """Return the voxels that hold points, each with the patch and the pass of most of them, and that of each point.
+def _voxels(shapes: PatchShapes, seen_by: NDArray[np.int64], n_passes: int, side: float) -> Voxels:
+    """Return the voxels that hold points, each with the patch and the pass of most of them.
 
     Points are put on their patch's plane first, where rays are tested: noise would part them among two layers.
     """
-    side = max(VOXEL, 2.0 * float(np.median(shapes.spacing)))
     patch = np.repeat(np.arange(len(shapes)), shapes.counts)
-    normal = shapes.normal[patch]
-    height = np.einsum("ij,ij->i", shapes.points - shapes.centre[patch], normal)
-    key, place = np.unique(voxel_keys(shapes.points - height[:, None] * normal, side), return_inverse=True)
-    n_passes = int(views.seen_by.max()) + 1
-    owner, votes = np.unique(np.column_stack([place, patch * n_passes + views.seen_by]), axis=0, return_counts=True)
+    key, place = np.unique(voxel_keys(_on_plane(shapes, shapes.points, patch), side), return_inverse=True)
+    owner, votes = np.unique(np.column_stack([place, patch * n_passes + seen_by]), axis=0, return_counts=True)
     order = np.lexsort((owner[:, 1], -votes, owner[:, 0]))
     first = order[np.unique(owner[order, 0], return_index=True)[1]]
     found = owner[first, 1]
-    return Voxels(key, found // n_passes, found % n_passes, table_of(key), side), place
+    return Voxels(key, found // n_passes, found % n_passes, table_of(key), side)
+
+
+def _on_plane(shapes: PatchShapes, points: Floats, patch: NDArray[np.int64]) -> Floats:
+    """Return points (k, 3) dropped onto the planes of their patches (k,)."""
+    normal = shapes.normal[patch]
+    height = np.einsum("ij,ij->i", points - shapes.centre[patch], normal)
+    return np.asarray(points - height[:, None] * normal)

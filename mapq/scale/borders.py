@@ -12,6 +12,8 @@ from mapq.scale.cut import border_path
 
 FAIR_SHARE = 0.5
 """Of the points that both tiles see of the smaller region: so many must be of the other region too."""
+NEARLY_ALL = 0.9
+"""Of the points of a region in a halo that must be of one region of another tile, to tell what that one meets."""
 FEWEST_SHARED = 3
 """Points that two regions must share at least."""
 
@@ -82,18 +84,28 @@ def _compare(task: BorderTask, other: int) -> Shared:
 
 
 def unite_regions(
-    origin: Floats, seen: Floats, pairs: Ints, shared: Shared, max_rms: float, label: Ints | None = None
+    origin: Floats,
+    seen: Floats,
+    has_own: NDArray[np.bool_],
+    pairs: Ints,
+    shared: Shared,
+    max_rms: float,
+    label: Ints | None = None,
 ) -> NDArray[np.int32]:
     """Return into which region (m,) each goes, over all tiles.
 
     Pairs (k, 2) that share a fair part of what both tiles see of the smaller one are united, best fits first, as long
     as one plane does for both: neither lies farther off it than `max_rms`, in the root mean square. Before these go the
-    pairs that are known to be of one plane.
+    pairs that are known to be of one plane; others must be of both regions the one that shares the most. What only the
+    halo of a tile shows unites nothing, as others see it better; it goes with the one of these that nearly all of its
+    points are of.
 
     Parameters
     ----------
     origin, seen : (m, 3), (m, 10) float64
         Moments of the regions of all tiles, halo included.
+    has_own : (m,) bool
+        Which of them have points that belong to their tile.
     pairs : (k, 2) int64
         Numbers among these regions.
     shared : Shared
@@ -107,14 +119,42 @@ def unite_regions(
     fair = (shared.n_shared >= FEWEST_SHARED) & (shared.n_shared >= FAIR_SHARE * smaller)
     parent = np.arange(len(seen), dtype=np.int32)
     sums = seen.copy()
-    some = np.ascontiguousarray(pairs[fair].astype(np.int32))
-    known = np.zeros(len(some), bool)
+    fair &= has_own[pairs].all(axis=1)
+    known = np.zeros(len(pairs), bool)
     if label is not None:
-        known = (label[some[:, 0]] == label[some[:, 1]]) & (label[some[:, 0]] >= 0)
-    for which, limit in ((known, np.inf), (~known, max_rms)):
-        _unite(np.ascontiguousarray(some[which]), parent, origin, sums, limit)
+        known = (label[pairs[:, 0]] == label[pairs[:, 1]]) & (label[pairs[:, 0]] >= 0)
+    for which, limit in ((fair & known, np.inf), (fair & ~known & best_of_both(shared), max_rms)):
+        _unite(np.ascontiguousarray(pairs[which].astype(np.int32)), parent, origin, sums, limit)
+    _follow(parent, has_own, pairs, shared)
     resolve(parent)
     return parent
+
+
+def best_of_both(shared: Shared) -> NDArray[np.bool_]:
+    """Return of which pairs (k,) neither region has another of that tile with which it shares more points.
+
+    A region that grew over two walls where a tile saw little of them would else make one of both. Pieces that one tile
+    has and another has not are united like all that meet.
+    """
+    best = np.ones(len(shared.n_shared), bool)
+    for mine, theirs in ((shared.one, shared.other), (shared.other, shared.one)):
+        order = np.lexsort((theirs[:, 1], -shared.n_shared, theirs[:, 0], mine[:, 1], mine[:, 0]))
+        key = np.column_stack([mine, theirs[:, :1]])[order]
+        begins = np.ones(len(order), bool)
+        begins[1:] = (key[1:] != key[:-1]).any(axis=1)
+        best[order[~begins]] = False
+    return best
+
+
+def _follow(parent: NDArray[np.int32], has_own: NDArray[np.bool_], pairs: Ints, shared: Shared) -> None:
+    """Have regions without points of their own go, in place, with those that nearly all of their points are of."""
+    halo, other = np.concatenate([pairs, pairs[:, ::-1]]).T
+    n_shared, n_halo = np.tile(shared.n_shared, 2), np.concatenate([shared.n_one, shared.n_other])
+    usable = ~has_own[halo] & has_own[other] & (n_shared >= FEWEST_SHARED) & (n_shared >= NEARLY_ALL * n_halo)
+    halo, other, n_shared = halo[usable], other[usable], n_shared[usable]
+    order = np.lexsort((other, -n_shared, halo))
+    some, first = np.unique(halo[order], return_index=True)
+    parent[some] = other[order[first]]
 
 
 def _unite(pairs: NDArray[np.int32], parent: NDArray[np.int32], origin: Floats, sums: Floats, max_rms: float) -> None:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.features.provenance import TO_SENSOR, Known
+from mapq.features.rays import has_ray
 from mapq.kernels.cells import first_levels, number_cells
 from mapq.kernels.planes import MOMENTS
 from mapq.kernels.regions import sum_regions
@@ -59,6 +62,8 @@ class CutTask(NamedTuple):
     halo : float
     folder : str
         The work folder.
+    known : Known
+        Which fields say where and when points were seen.
     decided : Decided or None
         None: what is one plane is for the tile to say.
     """
@@ -71,6 +76,7 @@ class CutTask(NamedTuple):
     box: Floats
     halo: float
     folder: str
+    known: Known
     decided: Decided | None = None
 
 
@@ -104,8 +110,8 @@ class Cut(NamedTuple):
         Moments of the tile's own distinct points about an origin.
     seen : (m, 10) float64
         Those of all points that the tile sees, halo included, about the same origin.
-    n_points : (m,) int64
-        Own points, repeated ones included.
+    n_points, n_rays : (m,) int64
+        Own points, repeated ones included, and those of which it is known where the sensor was.
     low, high : (m, 3) float64
         Box of the own points.
     first : (m,) uint64
@@ -126,6 +132,7 @@ class Cut(NamedTuple):
     own: Floats
     seen: Floats
     n_points: NDArray[np.int64]
+    n_rays: NDArray[np.int64]
     low: Floats
     high: Floats
     first: NDArray[np.uint64]
@@ -145,6 +152,11 @@ def regions_path(folder: str, tile: int) -> str:
 def points_path(folder: str, tile: int, name: str) -> str:
     """Return the file with the own points of a tile, region after region: ``xyz`` or one of the fields."""
     return os.path.join(folder, f"points_{tile:05d}_{name}.npy")
+
+
+def loose_path(folder: str, tile: int, name: str) -> str:
+    """Return the file with the own points of a tile that are in none of these regions; only of moments' maps."""
+    return os.path.join(folder, f"loose_{tile:05d}_{name}.npy")
 
 
 def border_path(folder: str, tile: int) -> str:
@@ -252,7 +264,7 @@ def _described(
     area = region_areas(points.xyz, own_region, seen, CELL_IN_SPACING * task.chosen.spacing)
     of_point = np.where(is_own, region[points.number], np.int32(-1))
     n_points = np.bincount(of_point[of_point >= 0], minlength=n_regions).astype(np.int64)
-    start = _save_points(task, parts, of_point, ~_surely_tilted(seen, task.chosen))
+    start = _save_points(task, parts, of_point, is_own, ~_surely_tilted(seen, task.chosen))
     share = int(own_place.sum()) / max(len(own_place), 1)
     return Cut(
         tile=task.tile,
@@ -260,6 +272,7 @@ def _described(
         own=own,
         seen=_about(seen.origin, origin, seen.sums, some),
         n_points=n_points,
+        n_rays=_count_rays(task.known, parts, of_point, n_regions),
         low=low,
         high=high,
         first=first,
@@ -297,21 +310,53 @@ def _surely_tilted(fits: Fits, chosen: Parameters) -> NDArray[np.bool_]:
     return np.asarray((off > chosen.max_tilt + CLEARLY_TILTED) & (fits.sums[:, 0] >= CLEARLY_LARGE))
 
 
-def _save_points(
-    task: CutTask, parts: list[TilePoints], of_point: NDArray[np.int32], wanted: NDArray[np.bool_]
+def _count_rays(
+    known: Known, parts: list[TilePoints], of_point: NDArray[np.int32], n_regions: int
 ) -> NDArray[np.int64]:
-    """Write the own points of the regions that are wanted, and return where each region's begin (m + 1,)."""
+    """Return how many points (m,) of each region have a way to the sensor."""
+    if not known.has_rays or known.passes is None:
+        return np.zeros(n_regions, np.int64)
+    ways = [np.concatenate([part.fields[name] for part in parts]) for name in TO_SENSOR]
+    some = has_ray(np.column_stack(ways)) & (of_point >= 0)
+    return np.bincount(of_point[some], minlength=n_regions).astype(np.int64)
+
+
+def _save_points(
+    task: CutTask,
+    parts: list[TilePoints],
+    of_point: NDArray[np.int32],
+    is_own: NDArray[np.bool_],
+    wanted: NDArray[np.bool_],
+) -> NDArray[np.int64]:
+    """Write the own points of the regions that are wanted, and return where each region's begin (m + 1,).
+
+    Where moments are known the others are written too: they may lie over a patch.
+    """
     kept = np.flatnonzero(of_point >= 0)
     kept = kept[wanted[of_point[kept]]]
     order = kept[np.argsort(of_point[kept], kind="stable")]
-    xyz = np.concatenate([part.xyz for part in parts])[order]
-    save_array(points_path(task.folder, task.tile, "xyz"), xyz)
-    for name in parts[0].fields:
-        column: NDArray[Any] = np.concatenate([part.fields[name] for part in parts])[order]
-        save_array(points_path(task.folder, task.tile, name), column)
+    _save_columns(task, parts, points_path, order, tuple(parts[0].fields))
+    if task.known.moment is not None:
+        is_own = is_own.copy()
+        is_own[kept] = False
+        _save_columns(task, parts, loose_path, np.flatnonzero(is_own), (task.known.moment,))
     start = np.zeros(len(wanted) + 1, np.int64)
     np.cumsum(np.bincount(of_point[order], minlength=len(wanted)), out=start[1:])
     return start
+
+
+def _save_columns(
+    task: CutTask,
+    parts: list[TilePoints],
+    path: Callable[[str, int, str], str],
+    rows: NDArray[np.int64],
+    names: tuple[str, ...],
+) -> None:
+    """Write coordinates and some fields of some points."""
+    save_array(path(task.folder, task.tile, "xyz"), np.concatenate([part.xyz for part in parts])[rows])
+    for name in names:
+        column: NDArray[Any] = np.concatenate([part.fields[name] for part in parts])[rows]
+        save_array(path(task.folder, task.tile, name), column)
 
 
 def _save_border(

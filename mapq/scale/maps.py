@@ -14,8 +14,9 @@ from mapq.patches import Patches
 from mapq.scale.label import patch_of_range
 from mapq.scale.output import made_in, plan_output, publish
 from mapq.scale.result import TiledResult
-from mapq.scale.run import CUTTING, FEWEST_TILE_POINTS, Job, ScaleSettings, total_cost, work_folder
+from mapq.scale.run import FEWEST_TILE_POINTS, Job, ScaleSettings, work_folder
 from mapq.scale.source import find_sources, is_tiled
+from mapq.scale.stages import CUTTING, total_cost
 from mapq.scale.workers import open_workers
 from prf.shell.errors import UsageError
 from prf.shell.progress import progress
@@ -89,7 +90,7 @@ def classify_map(
         cutting = job.cut()
         result = job.assess(cutting, model or read_default_model())
         job.write(cutting, result, made_in(folder, output))
-        rows = job.telling(result.patch_rows(), len(result.patches))
+        rows = job.stages.telling(result.patch_rows(), len(result.patches))
         publish(folder, output, head_of(result), rows)
     return result
 

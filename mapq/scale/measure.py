@@ -7,28 +7,26 @@ as the ground, is thinned for it: all measures follow the spacing of a patch's o
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.cloud import PointCloud
 from mapq.features.compute import CONFLICT
-from mapq.features.context import measure_context
+from mapq.features.context import Beyond, measure_context
 from mapq.features.edge import EDGE_NAMES, edge_features
 from mapq.features.neighbours import measure_candidates, take_pairs
 from mapq.features.node import NODE_NAMES, node_features, shape_table
+from mapq.features.provenance import Known
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes, curve_places, measure_shapes
 from mapq.graph import PatchGraph
-from mapq.patches import Patches
-from mapq.scale.cut import points_path
+from mapq.scale.gather import LOOSE_REACH, Part, gather, patches_near, with_loose
 from mapq.scale.patches import Whole, load_whole
+from mapq.scale.rays import rays_near
 
 LARGEST_PATCH = 1_000_000
 """Points of a patch that are looked at, where a map has several parts: of a larger one every so manieth."""
-LOOKED_AT = 256
-"""Boxes that are compared with all others at once."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -43,22 +41,24 @@ class MeasureTask(NamedTuple):
         The patches, ascending.
     settings : FeatureSettings
         With the noise of the whole map.
-    up : list of float
-        Direction of the segmentation.
-    fields : tuple of str
-        Fields of the points that are known.
-    largest : int or None
-        Points of a patch that are looked at; None: all.
-    folder : str
-        The work folder.
+    part : Part
+        How points are loaded.
+    known : Known
+        Which fields of the map count.
+    side : float or None
+        Of the voxels that rays go through, in metres; None where no rays are known.
+    n_ray_files : int
+    tiles : tuple of int
+        Those whose loose points may lie over the patches.
     """
 
     patches: Ints
     settings: FeatureSettings
-    up: list[float]
-    fields: tuple[str, ...]
-    largest: int | None
-    folder: str
+    part: Part
+    known: Known
+    side: float | None
+    n_ray_files: int
+    tiles: tuple[int, ...]
 
 
 class Measured(NamedTuple):
@@ -96,17 +96,19 @@ def share_out(whole: Whole, most_points: int, largest: int | None) -> list[Ints]
 
 def measure_patches(task: MeasureTask) -> Measured:
     """Measure some patches, and the pairs that they are in."""
-    whole = load_whole(task.folder)
-    chosen = patches_near(whole, task.patches, task.settings.radius)
-    patches = _gather(whole, chosen, task)
+    whole = load_whole(task.part.folder)
+    chosen = patches_near(whole, task.patches, max(task.settings.radius, LOOSE_REACH))
     is_own = np.isin(chosen, task.patches, assume_unique=True)
-    shapes = measure_shapes(patches, task.settings)
+    patches = gather(whole, chosen, task.part)
+    if task.known.moment is not None and "moments" in task.settings.context:
+        patches = with_loose(patches, is_own, whole, task.known.moment, task.tiles, task.part.folder)
+    shapes = measure_shapes(patches, task.settings, whole.box)
     graph = _watched(shapes, is_own, task.settings)
     edge, plausibility = edge_features(shapes, graph, task.settings)
     conflict = edge[:, EDGE_NAMES.index("overlap")] + edge[:, EDGE_NAMES.index("crossing")] > CONFLICT
     joined = graph.close | conflict
     graph, edge, plausibility = take_pairs(graph, joined), edge[joined], plausibility[joined]
-    context = measure_context(patches, shapes, graph, edge, task.settings)
+    context = measure_context(patches, shapes, graph, edge, task.settings, _beyond(task, whole, chosen))
     shape = shape_table(shapes)[is_own]
     shape[:, 0] = whole.n_points[task.patches]
     return Measured(
@@ -121,44 +123,13 @@ def measure_patches(task: MeasureTask) -> Measured:
     )
 
 
-def patches_near(whole: Whole, own: Ints, radius: float) -> Ints:
-    """Return the patches, ascending, whose boxes come within `radius` of one of some patches; these themselves too."""
-    if len(own) == 0:
-        return own
-    low, high = whole.low[own].min(axis=0) - radius, whole.high[own].max(axis=0) + radius
-    rest = np.flatnonzero((whole.low <= high).all(axis=1) & (whole.high >= low).all(axis=1))
-    rest = rest[~np.isin(rest, own, assume_unique=True)]
-    is_near = np.zeros(len(rest), bool)
-    for begin in range(0, len(rest), LOOKED_AT):
-        some = rest[begin : begin + LOOKED_AT]
-        gap = np.zeros((len(some), len(own)))
-        for axis in range(3):
-            below = whole.low[some, axis][:, None] - whole.high[own, axis]
-            above = whole.low[own, axis] - whole.high[some, axis][:, None]
-            gap += np.maximum(np.maximum(below, above), 0.0) ** 2
-        is_near[begin : begin + LOOKED_AT] = (gap <= radius * radius).any(axis=1)
-    return np.sort(np.concatenate([own, rest[is_near]]))
-
-
-def _gather(whole: Whole, chosen: Ints, task: MeasureTask) -> Patches:
-    """Return the patches with their points as a map of their own, patch after patch."""
-    slices, owner = [], []
-    for place, patch in enumerate(chosen.tolist()):
-        step = 1 if task.largest is None else max(1, -(-int(whole.n_points[patch]) // task.largest))
-        for tile, begin, end in whole.piece[whole.first_piece[patch] : whole.first_piece[patch + 1]].tolist():
-            slices.append((tile, slice(begin, end, step)))
-            owner.append(place)
-    xyz = [np.zeros((0, 3)), *_read(task.folder, "xyz", slices)]
-    fields = {name: np.concatenate(_read(task.folder, name, slices)) for name in task.fields if slices}
-    number = np.repeat(np.array(owner, np.int32), [len(part) for part in xyz[1:]])
-    cloud = PointCloud(np.concatenate(xyz), np.zeros(3), fields)
-    return Patches.unlabelled(cloud, number, whole.normal[chosen], whole.centroid[chosen], {"up": task.up}, {})
-
-
-def _read(folder: str, name: str, slices: list[tuple[int, slice]]) -> list[NDArray[Any]]:
-    """Return parts of the files of several tiles."""
-    files = {tile: np.load(points_path(folder, tile, name), mmap_mode="r") for tile in {tile for tile, _ in slices}}
-    return [files[tile][rows] for tile, rows in slices]
+def _beyond(task: MeasureTask, whole: Whole, chosen: Ints) -> Beyond:
+    """Return what is known of the map beyond the patches that are measured."""
+    if task.side is None or len(task.patches) == 0:
+        return Beyond(task.known, None, task.side)
+    low, high = whole.low[task.patches].min(axis=0), whole.high[task.patches].max(axis=0)
+    box = np.array([low - 2.0 * task.side, high + 2.0 * task.side])
+    return Beyond(task.known, rays_near(task.part.folder, task.n_ray_files, box, chosen), task.side)
 
 
 def _watched(shapes: PatchShapes, is_own: NDArray[np.bool_], settings: FeatureSettings) -> PatchGraph:

@@ -28,14 +28,16 @@ class Whole(NamedTuple):
     normal, centroid : (m, 3) float64
     mse : (m,) float64
         Mean squared distance from the plane, in m².
-    n_points : (m,) int64
-        Repeated ones included.
+    n_points, n_rays : (m,) int64
+        Repeated ones included; those of which it is known where the sensor was.
     low, high : (m, 3) float64
         Box of the points.
     first_piece : (m + 1,) int64
         Pieces of patch i are ``piece[first_piece[i]:first_piece[i + 1]]``.
     piece : (p, 3) int64
         Tile, and where the points begin and end in its file of points.
+    rest : (q, 3) int64
+        As `piece`, of what is in the files of points and in no patch.
     number : (r,) int32
         Patch of each region of all tiles, -1 for none.
     first_region : (t + 1,) int64
@@ -46,12 +48,19 @@ class Whole(NamedTuple):
     centroid: Floats
     mse: Floats
     n_points: Ints
+    n_rays: Ints
     low: Floats
     high: Floats
     first_piece: Ints
     piece: Ints
+    rest: Ints
     number: NDArray[np.int32]
     first_region: Ints
+
+    @property
+    def box(self) -> Floats:
+        """Corners (2, 3) of the box around all patches."""
+        return np.array([self.low.min(axis=0, initial=np.inf), self.high.max(axis=0, initial=-np.inf)])
 
     def save(self, folder: str) -> None:
         """Write them into the work folder, for the tasks."""
@@ -87,7 +96,8 @@ def join_regions(
     pairs = np.column_stack([first_region[side[:, 0]] + side[:, 1] for side in (shared.one, shared.other)])
     origin, own, seen = (_all(cuts, name) for name in ("origin", "own", "seen"))
     of_root = np.concatenate([labels[cut.root] for labels, cut in zip(label, cuts, strict=True)])
-    parent = unite_regions(origin, seen, pairs, shared, MERGE_RMS * chosen.max_distance, of_root)
+    max_rms = MERGE_RMS * chosen.max_distance
+    parent = unite_regions(origin, seen, own[:, 0] > 0.0, pairs, shared, max_rms, of_root)
     fits, group = add_up(parent, origin, own)
     n_groups = len(fits.planes)
     n_points = np.bincount(group, _all(cuts, "n_points"), n_groups).astype(np.int64)
@@ -104,7 +114,7 @@ def join_regions(
     np.minimum.at(low, group, _all(cuts, "low"))
     np.maximum.at(high, group, _all(cuts, "high"))
     of_region = number[group]
-    first_piece, piece = _pieces(cuts, of_region, len(order), first_region)
+    first_piece, piece, rest = _pieces(cuts, of_region, len(order), first_region)
     report = {
         "patches": len(order),
         "points_in_patches": int(n_points[order].sum()),
@@ -117,10 +127,12 @@ def join_regions(
         centroid=fits.planes[order, 3:].copy(),
         mse=np.maximum(fits.spread[order, 0], 0.0),
         n_points=n_points[order],
+        n_rays=np.bincount(group, _all(cuts, "n_rays"), n_groups).astype(np.int64)[order],
         low=low[order],
         high=high[order],
         first_piece=first_piece,
         piece=piece,
+        rest=rest,
         number=of_region,
         first_region=first_region,
     )
@@ -131,16 +143,19 @@ def _all(cuts: list[Cut], name: str) -> NDArray[Any]:
     return np.concatenate([getattr(cut, name) for cut in cuts])
 
 
-def _pieces(cuts: list[Cut], of_region: NDArray[np.int32], n_patches: int, first_region: Ints) -> tuple[Ints, Ints]:
-    """Return `first_piece` and `piece` of :class:`Whole`."""
+def _pieces(
+    cuts: list[Cut], of_region: NDArray[np.int32], n_patches: int, first_region: Ints
+) -> tuple[Ints, Ints, Ints]:
+    """Return `first_piece`, `piece` and `rest` of :class:`Whole`."""
     tile = np.repeat([cut.tile for cut in cuts], np.diff(first_region)).astype(np.int64)
     begin = np.concatenate([cut.start[:-1] for cut in cuts])
     end = np.concatenate([cut.start[1:] for cut in cuts])
+    rows = np.column_stack([tile, begin, end])
     some = np.flatnonzero((of_region >= 0) & (end > begin))
     some = some[np.argsort(of_region[some], kind="stable")]
     first = np.zeros(n_patches + 1, np.int64)
     np.cumsum(np.bincount(of_region[some], minlength=n_patches), out=first[1:])
-    return first, np.column_stack([tile[some], begin[some], end[some]])
+    return first, rows[some], rows[(of_region < 0) & (end > begin)]
 
 
 def _tally(which: NDArray[np.bool_], n_points: Ints, area: Floats) -> dict[str, int | float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,14 +17,19 @@ from numpy.typing import NDArray
 from mapq.assess.inputs import feature_settings
 from mapq.cloud import PointCloud
 from mapq.crf import classify, explain
+from mapq.features.provenance import FIELDS, Known, decide
+from mapq.features.rays import ray_step, voxel_side
+from mapq.features.settings import FeatureSettings
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.model import Model
 from mapq.scale.borders import BorderTask, Shared, compare_borders, join_shared
 from mapq.scale.cut import Cut, CutTask, cut_tile
+from mapq.scale.gather import LOOSE_REACH, Part
 from mapq.scale.graph import join_measures
 from mapq.scale.label import LabelTask, save_labels, write_labels
-from mapq.scale.measure import LARGEST_PATCH, MeasureTask, measure_patches, share_out, with_noise
+from mapq.scale.measure import LARGEST_PATCH, Measured, MeasureTask, measure_patches, share_out, with_noise
 from mapq.scale.patches import Whole, join_regions
+from mapq.scale.rays import RayTask, draw_part
 from mapq.scale.result import TiledResult, tiled_patches
 from mapq.scale.scan import (
     SMALLEST_CELL,
@@ -34,11 +39,13 @@ from mapq.scale.scan import (
     ScanTask,
     estimate,
     join_counts,
+    join_spans,
     plan_scan,
     scan_range,
 )
 from mapq.scale.source import Range, Source, common_shift, cut_ranges
-from mapq.scale.spool import KEPT_FIELDS, Spooled, SpoolTask, spool_range
+from mapq.scale.spool import Spooled, SpoolTask, spool_range
+from mapq.scale.stages import Stages
 from mapq.scale.tiling import Tiling, halo_width, is_too_coarse, make_tiling
 from mapq.scale.unions import decide_unions
 from mapq.scale.workers import Workers
@@ -54,16 +61,6 @@ FEWEST_TILE_POINTS = 10_000
 
 FINER = 32.0
 """Times that cells are made finer at once."""
-TOLD = 500
-"""Patches of the JSON after which progress is told again."""
-CUTTING = ("counting", "sorting", "segmenting", "comparing", "cutting again", "joining")
-"""Stages after which a map is cut into patches."""
-COSTS = {"counting": 0.7, "sorting": 0.6, "segmenting": 3.8, "comparing": 0.1, "cutting again": 1.0, "joining": 0.1} | {
-    "measuring": 1.5,
-    "writing": 1.5,
-    "telling": 0.4,
-}
-"""Stages, and microseconds a point that each takes, about: what is left of the time is told by these."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +89,8 @@ class Cutting(NamedTuple):
     parameters, report : dict
         Of the segmentation.
     tiling : Tiling
+    known : Known
+        Which fields say where and when points were seen.
     spooled : list of Spooled
         By range.
     starts : dict
@@ -102,6 +101,7 @@ class Cutting(NamedTuple):
     parameters: dict[str, Any]
     report: dict[str, Any]
     tiling: Tiling
+    known: Known
     spooled: list[Spooled]
     starts: dict[tuple[int, int], int]
 
@@ -119,7 +119,7 @@ class Job:
     folder : str
         The work folder.
     progress : Reporter or None
-        Told the seconds of work that are done, of those that :func:`total_cost` foresees.
+        Told the seconds of work that are done, of those that :func:`mapq.scale.stages.total_cost` foresees.
     """
 
     def __init__(
@@ -132,35 +132,12 @@ class Job:
         progress: Reporter | None = None,
     ) -> None:
         self.name, self.sources, self.settings = name, sources, settings
-        self.workers, self.folder, self._progress = workers, folder, progress
+        self.workers, self.folder = workers, folder
         self.ranges = cut_ranges(sources)
         self.n_points = sum(source.n_points for source in sources)
         self.shift = common_shift(sources)
-        self.fields = tuple(name for name in KEPT_FIELDS if all(name in each.fields for each in sources))
-        self._cost = 0.0
-
-    def _each(self, stage: str, function: Callable[[Any], Any], tasks: list[Any]) -> list[Any]:
-        """Have a stage done; each of its tasks counts alike."""
-        begun, share = self._cost, COSTS[stage] * 1e-6 * self.n_points / max(len(tasks), 1)
-        n_done = 0
-
-        def done(_: int) -> None:
-            nonlocal n_done
-            n_done += 1
-            if self._progress is not None:
-                self._progress.update(begun + n_done * share, stage=stage)
-
-        found = self.workers.each(function, tasks, done)
-        self._cost = begun + share * len(tasks)
-        return found
-
-    def telling(self, rows: Iterator[dict[str, Any]], n_rows: int) -> Iterator[dict[str, Any]]:
-        """Yield the patches of the JSON, and tell how far it is."""
-        share = COSTS["telling"] * 1e-6 * self.n_points / max(n_rows, 1)
-        for place, row in enumerate(rows):
-            yield row
-            if place % TOLD == 0 and self._progress is not None:
-                self._progress.update(self._cost + place * share, stage="telling")
+        self.fields = tuple(name for name in FIELDS if all(name in each.fields for each in sources))
+        self.stages = Stages(workers, self.n_points, progress)
 
     def cut(self) -> Cutting:
         """Cut the map into patches.
@@ -170,17 +147,15 @@ class Job:
         InputError
             If a file cannot be read, or there are too few points.
         """
-        tiling, guess, n_finite = self._plan()
-        spooled: list[Spooled] = self._each(
+        tiling, guess, n_finite, known = self._plan()
+        spooled: list[Spooled] = self.stages.each(
             "sorting",
             spool_range,
-            [
-                SpoolTask(self._source(part), self.settings.options, part, self.shift, tiling, guess.near, self.folder)
-                for part in self.ranges
-            ],
+            [self._spool_task(part, tiling, guess, known) for part in self.ranges],
         )
         parts = _parts_of_tiles(spooled, len(tiling.boxes))
-        cuts, label = self._regions([self._cut_task(*each, guess, tiling) for each in enumerate(parts)], tiling)
+        tasks = [self._cut_task(*each, guess, tiling, known) for each in enumerate(parts)]
+        cuts, label = self._regions(tasks, tiling)
         whole, found = join_regions(cuts, self._shared("joining", tiling, "region"), label, guess.chosen)
         whole.save(self.folder)
         n_distinct = sum(cut.n_distinct for cut in cuts)
@@ -194,23 +169,23 @@ class Job:
             **found,
             "warnings": warnings_of(guess.chosen, n_finite - n_near, found),
         }
-        return Cutting(whole, guess.chosen.described(), report, tiling, spooled, _starts(parts, spooled))
+        return Cutting(whole, guess.chosen.described(), report, tiling, known, spooled, _starts(parts, spooled))
 
     def _regions(self, tasks: list[CutTask], tiling: Tiling) -> tuple[list[Cut], list[NDArray[np.int64]]]:
         """Return the regions of all tiles, and by tile which of those that grew there are one plane."""
-        cuts: list[Cut] = self._each("segmenting", cut_tile, tasks)
+        cuts: list[Cut] = self.stages.each("segmenting", cut_tile, tasks)
         shared = self._shared("comparing", tiling, "grown")
         unions = decide_unions(cuts, shared, MERGE_RMS * tasks[0].chosen.max_distance)
         again = [task._replace(decided=each) for task, each in zip(tasks, unions.decided, strict=True) if each]
-        for task, cut in zip(again, self._each("cutting again", cut_tile, again), strict=True):
+        for task, cut in zip(again, self.stages.each("cutting again", cut_tile, again), strict=True):
             cuts[task.tile] = cut
         return cuts, unions.label
 
     def _source(self, part: Range) -> Source:
         return self.sources[part.file]
 
-    def _plan(self) -> tuple[Tiling, Estimate, int]:
-        """Return the tiles, the parameters, and how many points are finite."""
+    def _plan(self) -> tuple[Tiling, Estimate, int, Known]:
+        """Return the tiles, the parameters, how many points are finite, and which fields count."""
         samples = tuple(f"{self.folder}/sample_{part.number:05d}.npz" for part in self.ranges)
         scans, cells, counts, cell = self._scan(samples)
         n_finite = int(counts.sum())
@@ -220,27 +195,33 @@ class Job:
         task = EstimateTask(samples, self.settings.segment, np.array([low, high]), self.name)
         guess: Estimate = self.workers.each(estimate, [task], lambda _: None)[0]
         halo = halo_width(guess.chosen.spacing, guess.chosen.max_gap)
-        return make_tiling(cells, counts, cell, self.settings.tile_points, halo), guess, n_finite
+        tiling = make_tiling(cells, counts, cell, self.settings.tile_points, halo)
+        return tiling, guess, n_finite, decide(join_spans(scans))
 
     def _scan(self, samples: tuple[str, ...]) -> tuple[list[Scan], NDArray[np.int64], NDArray[np.int64], float]:
         """Count the points in cells, again in finer ones where a few points far off have made them too coarse."""
         cell, side, share = plan_scan(self.sources)
         while True:
             tasks = [
-                ScanTask(self._source(part), self.settings.options, part, self.shift, cell, side, share, sample)
+                ScanTask(
+                    self._source(part), self.settings.options, part, self.shift, cell, side, share, sample, self.fields
+                )
                 for part, sample in zip(self.ranges, samples, strict=True)
             ]
-            scans = self._each("counting", scan_range, tasks)
+            scans = self.stages.each("counting", scan_range, tasks)
             cells, counts = join_counts([scan.cells for scan in scans], [scan.counts for scan in scans])
             if cell <= SMALLEST_CELL or len(counts) == 0 or not is_too_coarse(counts, self.settings.tile_points):
                 return scans, cells, counts, cell
             cell = max(cell / FINER, SMALLEST_CELL)
 
-    def _cut_task(self, tile: int, parts: list[int], guess: Estimate, tiling: Tiling) -> CutTask:
+    def _spool_task(self, part: Range, tiling: Tiling, guess: Estimate, known: Known) -> SpoolTask:
+        source, options = self._source(part), self.settings.options
+        return SpoolTask(source, options, part, self.shift, tiling, guess.near, known.fields, self.folder)
+
+    def _cut_task(self, tile: int, parts: list[int], guess: Estimate, tiling: Tiling, known: Known) -> CutTask:
         bases = tuple(self.ranges[part].base for part in parts)
-        return CutTask(
-            tile, tuple(parts), bases, guess.chosen, guess.frame, tiling.boxes[tile], tiling.halo, self.folder
-        )
+        box, halo = tiling.boxes[tile], tiling.halo
+        return CutTask(tile, tuple(parts), bases, guess.chosen, guess.frame, box, halo, self.folder, known)
 
     def _shared(self, stage: str, tiling: Tiling, column: str) -> Shared:
         """Return which regions of neighbouring tiles share points."""
@@ -248,7 +229,7 @@ class Job:
         for tile in range(len(tiling.boxes)):
             others = tuple(other for other in tiling.neighbours(tile).tolist() if other > tile)
             tasks.append(BorderTask(tile, others, self.folder, column))
-        return join_shared(self._each(stage, compare_borders, tasks))
+        return join_shared(self.stages.each(stage, compare_borders, tasks))
 
     def assess(self, cutting: Cutting, model: Model) -> TiledResult:
         """Return what a model says of the patches.
@@ -263,17 +244,40 @@ class Job:
             raise InputError(f"the model reads features as '{settings.reading}', which tiles have not. Train another.")
         settings = with_noise(settings, cutting.whole)
         whole, up = cutting.whole, _up(settings, cutting.parameters)
-        several = len(share_out(whole, self.settings.tile_points, None)) > 1
-        largest = LARGEST_PATCH if several else None
-        groups = share_out(whole, self.settings.tile_points, largest) or [np.zeros(0, np.int64)]
-        tasks = [MeasureTask(group, settings, up, self.fields, largest, self.folder) for group in groups]
-        measured = self._each("measuring", measure_patches, tasks)
+        measured = self._measure(cutting, settings, up)
         features = join_measures(measured, len(whole.n_points), settings, up)
         labelling = classify(features, model)
         frame = PointCloud(np.zeros((0, 3)), self.shift, source=self.name, unit=self.sources[0].unit)
         patches = tiled_patches(whole, frame, self.n_points, cutting.parameters, cutting.report)
         terms = explain(features, model, labelling.label)
         return TiledResult(patches, features, model, labelling, terms, whole, len(cutting.tiling.boxes))
+
+    def _measure(self, cutting: Cutting, settings: FeatureSettings, up: list[float]) -> list[Measured]:
+        """Return what is measured of the patches, part by part."""
+        whole, known = cutting.whole, cutting.known
+        several = len(share_out(whole, self.settings.tile_points, None)) > 1
+        part = Part(up, known.fields, LARGEST_PATCH if several else None, self.folder)
+        groups = share_out(whole, self.settings.tile_points, part.largest) or [np.zeros(0, np.int64)]
+        side = self._draw_rays(cutting, settings, part, groups)
+        tasks = [
+            MeasureTask(group, settings, part, known, side, len(groups), _tiles_about(cutting, group))
+            for group in groups
+        ]
+        return self.stages.each("measuring", measure_patches, tasks)
+
+    def _draw_rays(
+        self, cutting: Cutting, settings: FeatureSettings, part: Part, groups: list[NDArray[np.int64]]
+    ) -> float | None:
+        """Draw the rays that are followed, and return the side of their voxels in metres; None if there are none."""
+        whole, known = cutting.whole, cutting.known
+        n_rays = int(whole.n_rays.sum())
+        if n_rays == 0 or "rays" not in settings.context:
+            return None
+        first, step = np.cumsum(whole.n_rays) - whole.n_rays, ray_step(n_rays)
+        tasks = [
+            RayTask(number, group, first[group], step, settings, part, known) for number, group in enumerate(groups)
+        ]
+        return voxel_side(np.concatenate(self.stages.each("drawing rays", draw_part, tasks)))
 
     def write(self, cutting: Cutting, result: TiledResult, targets: Mapping[str, list[int]]) -> None:
         """Write the labels of the points into files, each of which takes those of some source files.
@@ -302,12 +306,18 @@ class Job:
                     self.folder,
                 )
             )
-        self._each("writing", write_labels, tasks)
+        self.stages.each("writing", write_labels, tasks)
 
 
-def total_cost(n_points: int, stages: tuple[str, ...] = tuple(COSTS)) -> float:
-    """Return the seconds of work that a map takes, about: all of it, or some stages."""
-    return sum(COSTS[stage] for stage in stages) * 1e-6 * n_points
+def _tiles_about(cutting: Cutting, patches: NDArray[np.int64]) -> tuple[int, ...]:
+    """Return the tiles whose loose points may lie over some patches."""
+    if len(patches) == 0:
+        return ()
+    low = cutting.whole.low[patches, :2].min(axis=0) - LOOSE_REACH
+    high = cutting.whole.high[patches, :2].max(axis=0) + LOOSE_REACH
+    boxes = cutting.tiling.boxes
+    near = (boxes[:, :2] <= high).all(axis=1) & (boxes[:, 2:] >= low).all(axis=1)
+    return tuple(np.flatnonzero(near).tolist())
 
 
 def _parts_of_tiles(spooled: list[Spooled], n_tiles: int) -> list[list[int]]:

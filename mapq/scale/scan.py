@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
+from mapq.features.provenance import Span, span_of
 from mapq.io.options import ReadOptions
 from mapq.scale.files import save_arrays
 from mapq.scale.source import Range, Source, read_range
@@ -50,6 +51,8 @@ class ScanTask(NamedTuple):
         Side of the columns in metres, and the share of them that are kept.
     sample : str
         File of the sample of this range.
+    fields : tuple of str
+        That may say where and when points were seen.
     """
 
     source: Source
@@ -60,16 +63,18 @@ class ScanTask(NamedTuple):
     side: float
     share: float
     sample: str
+    fields: tuple[str, ...]
 
 
 class Scan(NamedTuple):
-    """What a scan found: cells (k, 2) with their counts (k,), the box of the points, and how many are finite."""
+    """What a scan found: cells (k, 2) with their counts (k,), the box of the points, how many are finite; fields."""
 
     cells: NDArray[np.int64]
     counts: NDArray[np.int64]
     low: Floats
     high: Floats
     n_finite: int
+    spans: dict[str, Span]
 
 
 class Estimate(NamedTuple):
@@ -87,10 +92,13 @@ def scan_range(task: ScanTask) -> Scan:
     """Count the points of a range in cells, and keep those of the columns that are drawn."""
     keys, counts, sample = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, 3))]
     low, high, n_finite = np.full(3, np.inf), np.full(3, -np.inf), 0
-    for piece in read_range(task.source, task.options, task.part, task.shift, ()):
-        xyz = piece.xyz[piece.finite()]
+    spans: dict[str, Span | None] = dict.fromkeys(task.fields, Span())
+    for piece in read_range(task.source, task.options, task.part, task.shift, task.fields):
+        number = np.flatnonzero(piece.finite())
+        xyz = piece.xyz[number]
         if len(xyz) == 0:
             continue
+        spans = {name: _join(span, span_of(piece, name, number)) for name, span in spans.items()}
         n_finite += len(xyz)
         low, high = np.minimum(low, xyz.min(axis=0)), np.maximum(high, xyz.max(axis=0))
         found = _count(np.floor(xyz[:, :2] / task.cell).astype(np.int64))
@@ -98,7 +106,20 @@ def scan_range(task: ScanTask) -> Scan:
         counts.append(found[1])
         sample.append(xyz[is_drawn(np.floor(xyz[:, :2] / task.side).astype(np.int64), task.share)])
     save_arrays(task.sample, xyz=np.concatenate(sample))
-    return Scan(*join_counts(keys, counts), low, high, n_finite)
+    known = {name: span for name, span in spans.items() if span is not None}
+    return Scan(*join_counts(keys, counts), low, high, n_finite, known)
+
+
+def join_spans(scans: list[Scan]) -> dict[str, Span]:
+    """Return what the fields hold over the whole map; those that are no numbers somewhere are left out."""
+    joined = dict(scans[0].spans)
+    for scan in scans[1:]:
+        joined = {name: span.joined(scan.spans[name]) for name, span in joined.items() if name in scan.spans}
+    return joined
+
+
+def _join(one: Span | None, other: Span | None) -> Span | None:
+    return None if one is None or other is None else one.joined(other)
 
 
 def _count(cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

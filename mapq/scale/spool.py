@@ -9,20 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.features.provenance import PASS, SCAN, TIME, TO_SENSOR
 from mapq.io.options import ReadOptions
 from mapq.scale.files import save_arrays
 from mapq.scale.source import Range, Source, read_range
 from mapq.scale.tiling import Tiling
 
-KEPT_FIELDS = (SCAN, TIME, PASS, *TO_SENSOR)
-"""Fields that features look at."""
-
 Array = NDArray[Any]
 
 
 class SpoolTask(NamedTuple):
-    """What the spooling of a range is given: what is read, the tiles, the box (2, 3) of the map, the work folder."""
+    """What the spooling of a range is given: what is read, with which fields; the tiles; the box (2, 3) of the map."""
 
     source: Source
     options: ReadOptions
@@ -30,6 +26,7 @@ class SpoolTask(NamedTuple):
     shift: NDArray[np.float64]
     tiling: Tiling
     near: NDArray[np.float64]
+    fields: tuple[str, ...]
     folder: str
 
 
@@ -71,7 +68,7 @@ def spool_range(task: SpoolTask) -> Spooled:
     own: dict[int, list[dict[str, Array]]] = {}
     halo: dict[int, list[dict[str, Array]]] = {}
     begin, near = 0, task.near
-    for piece in read_range(task.source, task.options, task.part, task.shift, KEPT_FIELDS):
+    for piece in read_range(task.source, task.options, task.part, task.shift, task.fields):
         with np.errstate(invalid="ignore"):
             usable = np.flatnonzero(((piece.xyz >= near[0]) & (piece.xyz <= near[1])).all(axis=1))
         columns = _columns(piece, usable, begin)

@@ -56,9 +56,10 @@ def decide_unions(cuts: list[Cut], shared: Shared, max_rms: float) -> Unions:
     first = np.concatenate([[0], np.cumsum([len(each.parent) for each in pieces])]).astype(np.int64)
     origin, own, seen = (np.concatenate([getattr(each, name) for each in pieces]) for name in ("origin", "own", "seen"))
     pairs = np.column_stack([first[side[:, 0]] + side[:, 1] for side in (shared.one, shared.other)])
-    same = unite_regions(origin, seen, pairs, shared, max_rms)
+    same = unite_regions(origin, seen, own[:, 0] > 0.0, pairs, shared, max_rms)
     fits, group = add_up(same, origin, own)
     touching = np.concatenate([each.pairs + begin for each, begin in zip(pieces, first[:-1], strict=True)])
+    touching = touching[(own[touching, 0] > 0.0).any(axis=1)]
     meeting = np.sort(group[touching], axis=1).astype(np.int32)
     meeting = np.unique(meeting[meeting[:, 0] != meeting[:, 1]], axis=0)
     into = merge(fits, meeting, max_rms)

@@ -12,7 +12,7 @@ from mapq.features import FeatureSettings, patch_features
 from mapq.features.context import EDGE_COLUMNS, NODE_COLUMNS
 from mapq.features.edge import EDGE_NAMES
 from mapq.features.node import NODE_NAMES
-from mapq.features.provenance import moments_of, views_of
+from mapq.features.provenance import known_of, moments_of, views_of
 from mapq.features.settings import CONTEXTS
 from mapq.patches import Patches
 from prf.shell.errors import ConfigError
@@ -97,7 +97,8 @@ class TestMoments:
         ],
     )
     def test_fields_that_say_nothing_are_passed_over(self, fields):
-        assert moments_of(PointCloud(np.zeros((10, 3)), np.zeros(3), fields), np.arange(10)) is None
+        cloud = PointCloud(np.zeros((10, 3)), np.zeros(3), fields)
+        assert moments_of(cloud, np.arange(10), known_of(cloud)) is None
 
     def test_one_scan_sees_all_at_once(self):
         patches = sample_patches(DOUBLE, 1, DENSITY, NOISE)
@@ -186,15 +187,15 @@ class TestRays:
 
     def test_rays_that_are_followed_agree_with_the_definition(self):
         """Each ray against each voxel, without a walk."""
-        from mapq.features.rays import _voxels
+        from mapq.features.rays import _voxels, voxel_side
         from mapq.features.shape import measure_shapes
         from mapq.kernels.rays import count_rays
 
         rng = np.random.default_rng(3)
         patches = seen(sample_patches(DOUBLE, 2, 8.0, NOISE), [(5, -5, 1)] * 2, [0, 1])
         shapes = measure_shapes(patches)
-        views = views_of(patches.cloud, shapes.number)
-        voxels, _ = _voxels(shapes, views)
+        views = views_of(patches.cloud, shapes.number, known_of(patches.cloud))
+        voxels = _voxels(shapes, views.seen_by.astype(np.int64), 2, voxel_side(shapes.spacing))
         origin, hit = rng.uniform((-2, -4, -1), (12, 1, 5), (200, 3)), rng.uniform((-2, -2, -1), (12, 6, 5), (200, 3))
         seen_by = rng.integers(0, 2, 200)
         counts = np.zeros((len(voxels.key), 2), np.int64)

@@ -25,15 +25,18 @@ def wall(x: float, offset: float = 0.0, n: int = 300, length: float = 10.0) -> n
     return np.column_stack([rng.uniform(x, x + length, n), rng.normal(offset, 0.01, n), rng.uniform(0.0, 5.0, n)])
 
 
-def shared(n: list[tuple[int, int, int]]) -> Shared:
-    nothing = np.zeros((len(n), 2), np.int64)
+def shared(pairs: list[tuple[int, int]], n: list[tuple[int, int, int]]) -> Shared:
+    """Pairs of regions of which each is in a tile of its own."""
+    one, other = np.array(pairs, np.int64).reshape(-1, 2).T
     counts = np.array(n, np.int64).reshape(-1, 3)
-    return Shared(nothing, nothing, *counts.T)
+    return Shared(np.column_stack([one, one]), np.column_stack([other, other]), *counts.T)
 
 
 def united(pieces: list[np.ndarray], pairs: list[tuple[int, int]], n: list[tuple[int, int, int]]) -> list[int]:
     origin, sums = moments(pieces)
-    return unite_regions(origin, sums, np.array(pairs, np.int64).reshape(-1, 2), shared(n), 0.03).tolist()
+    everyone = np.ones(len(pieces), bool)
+    places = np.array(pairs, np.int64).reshape(-1, 2)
+    return unite_regions(origin, sums, everyone, places, shared(pairs, n), 0.03).tolist()
 
 
 def test_a_chain_of_pieces_is_one_patch_whatever_the_order_of_pairs():
@@ -49,6 +52,24 @@ def test_pieces_in_different_planes_stay_apart():
 @pytest.mark.parametrize(("n", "is_one"), [((26, 50, 400), True), ((24, 50, 400), False), ((2, 2, 2), False)])
 def test_a_fair_share_of_what_both_see_of_the_smaller_one_is_asked(n, is_one):
     assert (united([wall(0.0), wall(10.0)], [(0, 1)], [n]) == [0, 0]) is is_one
+
+
+def test_what_only_a_halo_shows_bridges_nothing():
+    origin, sums = moments([wall(0.0), wall(5.0, n=400), wall(10.0)])
+    pairs, has_own = [(0, 1), (1, 2)], np.array([True, False, True])
+    counts = shared(pairs, [(60, 100, 90), (85, 90, 99)])
+    found = unite_regions(origin, sums, has_own, np.array(pairs), counts, 0.03)
+    assert found.tolist() == [0, 2, 2]
+
+
+def test_a_region_over_two_walls_is_that_of_which_it_has_more():
+    """Tile 0 has both walls apart, tile 1 one region over them."""
+    origin, sums = moments([wall(0.0), wall(10.0), wall(5.0, n=400)])
+    one, other = np.array([[0, 0], [0, 1]]), np.array([[1, 2], [1, 2]])
+    counts = Shared(one, other, *np.array([(60, 70, 200), (120, 130, 200)]).T)
+    pairs = np.array([[0, 2], [1, 2]])
+    for label, expected in ((None, [0, 1, 1]), (np.array([5, 5, 5]), [0, 0, 0])):
+        assert unite_regions(origin, sums, np.ones(3, bool), pairs, counts, 0.03, label).tolist() == expected
 
 
 def test_nothing_shared_unites_nothing():

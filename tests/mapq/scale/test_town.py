@@ -13,8 +13,8 @@ from mapq.cloud import PointCloud
 from mapq.io import read_cloud, write_cloud
 from mapq.io.models import read_default_model
 from mapq.io.options import AS_IT_IS
+from mapq.scale.gather import patches_near
 from mapq.scale.maps import Where, classify_map, segment_map
-from mapq.scale.measure import patches_near
 from mapq.scale.patches import Whole
 from mapq.scale.run import Job, ScaleSettings, work_folder
 from mapq.scale.source import find_sources
@@ -152,7 +152,7 @@ def test_neighbours_are_found_by_their_boxes():
     low = rng.uniform(0.0, 40.0, (700, 3))
     high = low + rng.uniform(0.0, 3.0, (700, 3))
     nothing = np.zeros((700, 3))
-    whole = Whole(nothing, nothing, *(np.zeros(700, np.int64),) * 2, low, high, *(np.zeros(1, np.int64),) * 4)
+    whole = Whole(nothing, nothing, *(np.zeros(700, np.int64),) * 3, low, high, *(np.zeros(1, np.int64),) * 5)
     own = np.array([3, 50, 51, 699])
     gap = np.maximum(np.maximum(low[:, None] - high[own], low[own] - high[:, None]), 0.0)
     expected = np.flatnonzero(((gap**2).sum(axis=2) <= 4.0).any(axis=1))

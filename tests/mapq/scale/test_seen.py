@@ -1,0 +1,97 @@
+"""A map that tells when and from where it was seen: in tiles the same patches, features and labels as in memory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mapq.assess import Result, assess
+from mapq.cloud import PointCloud
+from mapq.features.provenance import Known, Span, decide, known_of
+from mapq.io import read_cloud, write_cloud
+from mapq.io.models import read_default_model
+from mapq.io.options import AS_IT_IS
+from mapq.scale.result import TiledResult
+from mapq.scale.run import Job, ScaleSettings, work_folder
+from mapq.scale.source import find_sources
+from mapq.scale.workers import Here
+from mapq.segmentation import segment
+from mapq.simulate import SIZES, Settings, simulate
+
+SEED = 3
+TILES = 4
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory) -> str:
+    """A drive that drifts, with two passes, times, scans of 5 s, and where the sensor was."""
+    cloud = simulate(Settings(**SIZES["small"]), SEED)
+    scan = (cloud.fields["time"] // 5.0).astype(np.int32)
+    path = str(tmp_path_factory.mktemp("drive") / "drive.ply")
+    write_cloud(path, cloud.with_fields(scan=scan))
+    return path
+
+
+def without(path: str, names: tuple[str, ...]) -> str:
+    """The same map without some fields."""
+    cloud = read_cloud(path)
+    fields = {name: values for name, values in cloud.fields.items() if name not in names}
+    target = str(Path(path).with_name("without_" + "_".join(names) + ".ply"))
+    write_cloud(target, PointCloud.from_world(cloud.world(), fields))
+    return target
+
+
+def in_tiles(path: str, n_tiles: int) -> TiledResult:
+    settings = ScaleSettings(tile_points=-(-len(read_cloud(path)) // n_tiles))
+    with work_folder(path) as folder:
+        job = Job(path, find_sources(path, AS_IT_IS), settings, Here(), folder)
+        return job.assess(job.cut(), read_default_model())
+
+
+def assert_alike(found: TiledResult, plain: Result) -> None:
+    """The same patches, with the same features up to rounding."""
+    np.testing.assert_array_equal(found.patches.counts, plain.patches.counts)
+    mine, theirs = found.features, plain.features
+    assert (mine.node_names, mine.edge_names) == (theirs.node_names, theirs.edge_names)
+    np.testing.assert_allclose(mine.node, theirs.node, rtol=0.0, atol=1e-9)
+    np.testing.assert_array_equal(mine.pairs, theirs.pairs)
+    np.testing.assert_allclose(mine.edge, theirs.edge, rtol=0.0, atol=1e-9)
+    np.testing.assert_array_equal(found.labelling.label, plain.labelling.label)
+
+
+@pytest.mark.parametrize("missing", [(), ("scan",), ("scan", "time")])
+def test_tiles_have_the_features_of_the_map_in_memory(drive, missing):
+    """Moments are scans, times, or passes."""
+    path = without(drive, missing) if missing else drive
+    plain = assess(segment(read_cloud(path)))
+    assert_alike(in_tiles(path, TILES), plain)
+    for name in ("seen_apart", "seen_through"):
+        assert np.count_nonzero(plain.features.node[:, plain.features.node_names.index(name)]) > 10
+
+
+def test_of_too_many_rays_tiles_follow_the_same(drive, monkeypatch):
+    monkeypatch.setattr("mapq.features.rays.MOST_RAYS", 5_000)
+    plain = assess(segment(read_cloud(drive)))
+    assert_alike(in_tiles(drive, TILES), plain)
+    through = plain.features.node[:, plain.features.node_names.index("seen_through")]
+    assert np.count_nonzero(through) > 10
+
+
+class TestWhichFieldsCount:
+    def test_of_parts_it_is_decided_as_of_the_whole(self):
+        whole = PointCloud(np.zeros((4, 3)), np.zeros(3), {"pass_id": np.array([1, 1, 2, 2]), "time": np.arange(4.0)})
+        parts = [Span(1.0, 1.0), Span(2.0, 2.0)]
+        joined = parts[0].joined(parts[1])
+        assert decide({"pass_id": parts[0]}).passes is None
+        assert decide({"pass_id": joined}) == Known("pass_id", 0.0, "pass_id", False) == known_of(whole)
+
+    def test_a_field_with_a_value_that_is_none_does_not(self):
+        for span in (Span(0.0, 3.0, is_known=False), Span(0.0, 3.0, is_whole=False)):
+            assert decide({"scan": Span(0.0, 1.0).joined(span)}).moment is None
+
+    def test_rays_need_passes_to_count(self):
+        ways = dict.fromkeys(("to_sensor_x", "to_sensor_y", "to_sensor_z"), Span(0.0, 1.0))
+        assert decide(ways).fields == ()
+        assert decide({**ways, "pass_id": Span(0.0, 1.0)}).fields == ("pass_id", *ways)
