@@ -28,6 +28,7 @@ from mapq.render import render_views
 from mapq.render.colours import label_colours, patch_colours
 from mapq.segmentation import STAGES, SegmentSettings
 from mapq.segmentation import segment as cut
+from mapq.settings import Asked, segment_settings
 from prf.shell.errors import ArgumentError
 from prf.shell.files import refuse_existing
 from prf.shell.notebook import Told, card, reported
@@ -205,10 +206,13 @@ def segment(
     return Patches.of(patches)
 
 
-def cut_reported(cloud: PointCloud, settings: SegmentSettings | None, progress: bool | Told) -> plain.Patches:
-    """Return the patches of a cloud, with progress."""
+def cut_reported(cloud: PointCloud, settings: SegmentSettings | Asked | None, progress: bool | Told) -> plain.Patches:
+    """Return the patches of a cloud, with progress; their report says who asked for what."""
+    asked = settings if isinstance(settings, Asked) else Asked({}, {})
+    used = segment_settings(settings.values) if isinstance(settings, Asked) else settings
     with reported(progress, len(STAGES), "segmenting") as reporter:
-        return cut(cloud, settings, reporter)
+        patches = cut(cloud, used, reporter)
+    return replace(patches, report={**patches.report, "sources": asked.places}) if asked.places else patches
 
 
 def read_patches(path: Path) -> Patches:

@@ -29,6 +29,7 @@ from mapq.patches import UNLABELLED
 from mapq.render.colours import label_colours
 from mapq.report import MOST_POINTS, Palette, read_told, write_report
 from mapq.segmentation import SegmentSettings
+from mapq.settings import Asked
 from prf.shell.errors import ArgumentError, UsageError
 from prf.shell.files import refuse_existing
 from prf.shell.manifest import describe_process
@@ -227,7 +228,7 @@ def classify(
     model: Model | Path | None = None,
     *,
     max_false_alarms: float | None = None,
-    segmentation: SegmentSettings | None = None,
+    segmentation: SegmentSettings | Asked | None = None,
     options: ReadOptions = AS_IT_IS,
     progress: bool | Told = True,
 ) -> Result:
@@ -241,8 +242,8 @@ def classify(
         None: the model that ships with the package.
     max_false_alarms : float, optional
         Call as many suspicious as this share of the plausible patches allows, such as 0.02.
-    segmentation : SegmentSettings, optional
-        For a cloud.
+    segmentation : SegmentSettings or Asked, optional
+        For a cloud. What is asked by a settings file (:func:`mapq.settings.ask`) is passed over where there is none.
     options : ReadOptions
         For the file of a cloud.
     progress : bool or callable
@@ -267,7 +268,7 @@ def classify(
     found, name = _read(map, options)
     if isinstance(found, PointCloud):
         patches = cut_reported(found, segmentation, progress)
-    elif segmentation is not None:
+    elif segmentation.by_option if isinstance(segmentation, Asked) else segmentation is not None:
         raise UsageError(f"{name} is segmented already: settings of a segmentation are for clouds.")
     else:
         patches = found

@@ -17,6 +17,11 @@ BinColumns = Annotated[
     typer.Option("--bin-columns", metavar="N", min=3, max=4, help="Columns of a KITTI .bin: 4 with intensity, or 3."),
 ]
 
+Config = Annotated[
+    str | None,
+    typer.Option("--config", metavar="FILE.toml", help="Parameters of the steps; options win over the file."),
+]
+
 
 def parse_unit(text: str) -> float:
     """Return the metres in a unit; see :func:`mapq.io.options.parse_unit`, which is imported when it is needed."""

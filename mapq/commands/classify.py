@@ -11,6 +11,7 @@ import typer
 
 from mapq.commands._options import (
     BinColumns,
+    Config,
     Frame,
     MaxFalseAlarms,
     Scheduler,
@@ -23,17 +24,18 @@ from mapq.commands._options import (
     parse_share,
     refuse_inputs,
 )
-from prf.shell.options import Force, Json, Output
+from prf.shell.options import Force, Json, Output, Presets
 
 if TYPE_CHECKING:
     from mapq.assess import Result
     from mapq.io import ReadOptions
+    from mapq.settings import Asked
 
 logger = logging.getLogger(__name__)
 
 EXAMPLES = (
     "mapq classify map.pcd --model city.model.json --json",
-    "mapq classify survey.laz -o survey.classified.laz",
+    "mapq classify survey.laz --preset survey-scanner -o survey.classified.laz",
     "mapq classify city.patches --fail-over 5%",
     "mapq classify city/ -o city.classified/ --workers 8",
 )
@@ -59,6 +61,8 @@ def classify(
         typer.Option("--model", metavar="MODEL", help="What mapq train wrote.  [that of the package]"),
     ] = None,
     max_false_alarms: MaxFalseAlarms = None,
+    config: Config = None,
+    preset: Presets = None,
     bin_columns: BinColumns = 4,
     unit: Unit = None,
     topic: Topic = None,
@@ -104,12 +108,14 @@ def classify(
     from mapq.api.result import classify as label
     from mapq.io import ReadOptions
     from mapq.io.results import claim_result, json_beside, result_lines
-    from mapq.segmentation import SegmentSettings
+    from mapq.settings import ask, settings_from
     from prf.shell import jsonout
     from prf.shell.files import STREAM
 
     options = ReadOptions(bin_columns, unit, topic, frame)
-    chosen: dict[str, Any] = {name: value for name, value in (("max_tilt", max_tilt), ("up", up)) if value is not None}
+    found = settings_from(config, preset)
+    chosen = ask("segment", {"max_tilt": max_tilt, "up": up}, found)
+    max_false_alarms = ask("crf", {"max_false_alarms": max_false_alarms}, found).values.get("max_false_alarms")
     given = {"workers": workers, "scheduler": scheduler, "tile_points": tile_points}
     if _in_tiles(file, given):
         _classify_tiles(file, output, (model, max_false_alarms), (options, chosen, given), fail_over, json, force)
@@ -117,8 +123,7 @@ def classify(
     target = output or (beside(file, ".classified.ply") if file != STREAM else "map.classified.ply")
     claim_result(target, force)
     refuse_inputs([json_beside(target)], [file, *([model] if model else [])])
-    segmentation = SegmentSettings(**chosen) if chosen else None
-    result = label(file, model, max_false_alarms=max_false_alarms, segmentation=segmentation, options=options)
+    result = label(file, model, max_false_alarms=max_false_alarms, segmentation=chosen, options=options)
     result.save(target, fail_over=fail_over, force=True)
     if json:
         jsonout.emit_pieces(result_lines({"output": target, **result.head(fail_over)}, result.rows()))
@@ -142,7 +147,7 @@ def _classify_tiles(
     file: str,
     output: str | None,
     model: tuple[str | None, float | None],
-    how: tuple[ReadOptions, dict[str, Any], dict[str, Any]],
+    how: tuple[ReadOptions, Asked, dict[str, Any]],
     fail_over: float | None,
     json: bool,
     force: bool,
@@ -153,7 +158,7 @@ def _classify_tiles(
     from mapq.scale.maps import Where, classify_map
     from mapq.scale.result import TiledResult
     from mapq.scale.run import ScaleSettings
-    from mapq.segmentation import SegmentSettings
+    from mapq.settings import segment_settings
     from prf.shell import jsonout
     from prf.shell.errors import UsageError
     from prf.shell.manifest import describe_process
@@ -169,11 +174,12 @@ def _classify_tiles(
     def head_of(result: TiledResult) -> dict[str, Any]:
         if not about:
             about.update({**describe_process(inputs), "model": model[0] or "default", **result.head()})
+            about["segmentation"]["report"] = {**about["segmentation"]["report"], "sources": chosen.places}
             about["verdict"] = result.verdict(fail_over)
         return about
 
     sizes = {} if given["tile_points"] is None else {"tile_points": given["tile_points"]}
-    settings = ScaleSettings(**sizes, segment=SegmentSettings(**chosen), options=options)
+    settings = ScaleSettings(**sizes, segment=segment_settings(chosen.values), options=options)
     where = Where(1 if given["workers"] is None else given["workers"], given["scheduler"])
     result = classify_map(file, target, load_model(*model), settings, where, force, head_of)
     for warning in result.patches.report["warnings"]:

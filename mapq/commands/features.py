@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import Contexts, chosen_context
-from prf.shell.options import Json
+from mapq.commands._options import Config, Contexts, chosen_context
+from prf.shell.options import Json, Presets
 
 if TYPE_CHECKING:
     from mapq.features.table import Table
@@ -23,6 +23,7 @@ EXAMPLES = (
     "mapq features map.patches --csv --only edges > pairs.csv",
     "mapq features map.patches --json --radius 2 --tau 0.5",
 )
+OPTIONS = ("reading", "radius", "tau", "neighbours", "watched", "tolerance", "noise")
 N_LEAST = 15
 """Pairs that the table for a person shows."""
 
@@ -43,25 +44,32 @@ class Only(StrEnum):
 
 def features(
     patches: Annotated[str, typer.Argument(metavar="PATCHES", help="What mapq segment wrote; - is standard input.")],
+    config: Config = None,
+    preset: Presets = None,
     reading: Annotated[
-        Reading, typer.Option("--features", help="Bounded features in metres, or the equations as printed.")
-    ] = Reading.safe,
+        Reading | None,
+        typer.Option("--features", help="Bounded features in metres, or the equations as printed.  [safe]"),
+    ] = None,
     radius: Annotated[
-        float, typer.Option("--radius", metavar="METRES", help="Patches farther apart are no neighbours.")
-    ] = 3.0,
+        float | None, typer.Option("--radius", metavar="METRES", help="Patches farther apart are no neighbours.  [3]")
+    ] = None,
     tau: Annotated[
-        float, typer.Option("--tau", metavar="METRES", help="Distance over which a pair's weight falls to 1/e.")
-    ] = 2.0,
+        float | None,
+        typer.Option("--tau", metavar="METRES", help="Distance over which a pair's weight falls to 1/e.  [2]"),
+    ] = None,
     neighbours: Annotated[
-        int, typer.Option("--neighbours", metavar="N", help="Closest patches that each patch is joined to.")
-    ] = 4,
+        int | None, typer.Option("--neighbours", metavar="N", help="Closest patches that each patch is joined to.  [4]")
+    ] = None,
     watched: Annotated[
-        int,
-        typer.Option("--watched", metavar="N", help="Of so many closest also join those that lie over or cross it."),
-    ] = 16,
+        int | None,
+        typer.Option(
+            "--watched", metavar="N", help="Of so many closest also join those that lie over or cross it.  [16]"
+        ),
+    ] = None,
     tolerance: Annotated[
-        float, typer.Option("--tolerance", metavar="METRES", help="So far apart surfaces count half as doubled.")
-    ] = 0.05,
+        float | None,
+        typer.Option("--tolerance", metavar="METRES", help="So far apart surfaces count half as doubled.  [0.05]"),
+    ] = None,
     noise: Annotated[
         float | None,
         typer.Option("--noise", metavar="METRES", help="Deviation of points from a surface; default: estimated."),
@@ -78,22 +86,15 @@ def features(
     Nodes: how well a patch's points make a plane (equations 6-8), and its size. Edges: how a patch lies to the closest
     ones (equations 9-12), and the plausibility x_ij of that (equation 13), low where walls are doubled or cross.
     """
+    asked = {name: value for name, value in locals().items() if name in OPTIONS} | chosen_context(context)
+
     from mapq.api.patches import read_patches
-    from mapq.features import FeatureSettings
+    from mapq.settings import ask, feature_settings, settings_from
     from prf.shell.errors import UsageError
 
     if csv and json:
         raise UsageError("--csv and --json do not go together.")
-    settings = FeatureSettings(
-        reading.value,
-        neighbours,
-        radius,
-        tau,
-        noise=noise,
-        n_watched=watched,
-        tolerance=tolerance,
-        **chosen_context(context),
-    )
+    settings = feature_settings(ask("features", asked, settings_from(config, preset)).values)
     found = read_patches(patches).measured(settings).arrays
     if found.n_clipped:
         logger.warning("%s: %d values were infinite, undefined or beyond 1e6 and were cut.", patches, found.n_clipped)

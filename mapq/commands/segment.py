@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import os
 from collections.abc import Iterator, Mapping
@@ -11,6 +12,7 @@ import typer
 
 from mapq.commands._options import (
     BinColumns,
+    Config,
     Frame,
     Scheduler,
     TilePoints,
@@ -20,7 +22,7 @@ from mapq.commands._options import (
     beside,
     refuse_inputs,
 )
-from prf.shell.options import Force, Json, Output
+from prf.shell.options import Force, Json, Output, Presets
 
 if TYPE_CHECKING:
     from mapq.io import ReadOptions
@@ -33,9 +35,13 @@ EXAMPLES = (
     "mapq segment map.ply",
     "mapq segment map.pcd -o walls.patches --max-tilt 15 --json",
     "mapq segment city.ply --max-tilt 90 --truth-field plane",
-    "mapq segment survey.laz --workers 4",
+    "mapq segment survey.laz --preset survey-scanner --workers 4",
 )
 STREAM = "-"
+OPTIONS = (
+    *("neighbours", "resolution", "noise", "max_angle", "max_distance", "max_gap", "max_variation"),
+    *("min_points", "min_extent", "max_tilt", "up"),
+)
 LENGTHS = ("resolution", "spacing", "noise", "max_distance", "max_gap", "min_extent")
 
 
@@ -47,7 +53,11 @@ def segment(
         ),
     ],
     output: Output = None,
-    neighbours: Annotated[int, typer.Option("--neighbours", metavar="N", help="Neighbours of each point.")] = 16,
+    config: Config = None,
+    preset: Presets = None,
+    neighbours: Annotated[
+        int | None, typer.Option("--neighbours", metavar="N", help="Neighbours of each point.  [16]")
+    ] = None,
     resolution: Annotated[
         float | None,
         typer.Option(
@@ -75,16 +85,20 @@ def segment(
         float | None,
         typer.Option("--max-variation", metavar="SHARE", help="Of normals that count: 0 plane, 1/3 ball.  [estimated]"),
     ] = None,
-    min_points: Annotated[int, typer.Option("--min-points", metavar="N", help="Smaller patches are dropped.")] = 50,
+    min_points: Annotated[
+        int | None, typer.Option("--min-points", metavar="N", help="Smaller patches are dropped.  [50]")
+    ] = None,
     min_extent: Annotated[
         float | None, typer.Option("--min-extent", metavar="METRES", help="Narrower patches are dropped.  [estimated]")
     ] = None,
     max_tilt: Annotated[
-        float, typer.Option("--max-tilt", metavar="DEG", help="Planes farther from vertical are dropped; 90 keeps all.")
-    ] = 30.0,
+        float | None,
+        typer.Option("--max-tilt", metavar="DEG", help="Planes farther from vertical are dropped; 90 keeps all.  [30]"),
+    ] = None,
     up: Annotated[
-        tuple[float, float, float], typer.Option("--up", metavar="X Y Z", help="The vertical, of any length.")
-    ] = (0.0, 0.0, 1.0),
+        tuple[float, float, float] | None,
+        typer.Option("--up", metavar="X Y Z", help="The vertical, of any length.  [0 0 1]"),
+    ] = None,
     truth_field: Annotated[
         str | None,
         typer.Option("--truth-field", metavar="NAME", help="Score against this point field: planes, negative none."),
@@ -109,35 +123,25 @@ def segment(
     --workers tiles of the cloud are cut side by side; PATCHES themselves hold all points, as does memory. Maps that do
     not fit go straight to mapq classify.
     """
+    asked = {name: value for name, value in locals().items() if name in OPTIONS}
+
     from mapq.io import ReadOptions
     from mapq.io.patches import write_patches
-    from mapq.segmentation import SegmentSettings
+    from mapq.settings import ask, segment_settings, settings_from
     from prf.shell.lock import claim_output
 
     target = output or _beside(cloud)
     claim_output(target, force)
     refuse_inputs([target], [cloud])
-    settings = SegmentSettings(
-        neighbours=neighbours,
-        resolution=resolution,
-        noise=noise,
-        max_angle=max_angle,
-        max_distance=max_distance,
-        max_gap=max_gap,
-        max_variation=max_variation,
-        min_points=min_points,
-        min_extent=min_extent,
-        max_tilt=max_tilt,
-        up=up,
-    )
-    settings.check()
+    found = ask("segment", asked, settings_from(config, preset))
+    settings = segment_settings(found.values)
     options = ReadOptions(bin_columns, unit, topic, frame)
     given = {"workers": workers, "scheduler": scheduler, "tile_points": tile_points}
     if any(value is not None for value in given.values()):
         patches, score = _run_tiles((cloud, target), options, settings, given, (truth_field, min_iou))
     else:
         patches, score = _run(cloud, options, settings, truth_field, min_iou)
-    write_patches(target, patches)
+    write_patches(target, dataclasses.replace(patches, report={**patches.report, "sources": found.places}))
     _show(cloud, target, patches, score, json)
 
 

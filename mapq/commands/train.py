@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
-import math
 from collections.abc import Iterator
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import Contexts, MaxFalseAlarms, chosen_context, refuse_inputs
-from prf.shell.options import Force, Json, Output, Seed
+from mapq.commands._options import Config, Contexts, MaxFalseAlarms, chosen_context, refuse_inputs
+from prf.shell.options import Force, Json, Output, Presets, Seed
 
 if TYPE_CHECKING:
     from mapq.crf import Model
@@ -23,6 +23,10 @@ EXAMPLES = (
     "mapq train north.patches south.patches -o both.model.json",
     "mapq train city.patches --edge-model none --json -o nodes.model.json",
     "mapq train city.patches --max-false-alarms 2% -o careful.model.json",
+)
+OPTIONS = (
+    *("objective", "edge_model", "regularisation", "coupling_regularisation", "class_weight", "max_false_alarms"),
+    *("radius", "tau", "neighbours", "watched", "tolerance"),
 )
 SHOWN = (0.001, 0.01, 0.02, 0.05, 0.1, 0.2)
 """False alarms of the operating points that the table shows."""
@@ -62,19 +66,22 @@ def train(
         list[str], typer.Argument(metavar="PATCHES...", help="Labelled patches, as mapq label leaves them.")
     ],
     output: Output = None,
+    config: Config = None,
+    preset: Presets = None,
     objective: Annotated[
-        Objective,
+        Objective | None,
         typer.Option(
-            "--objective", help="pl: maximum pseudo-likelihood; max-margin: structured support vector machine."
+            "--objective", help="pl: maximum pseudo-likelihood; max-margin: structured support vector machine.  [pl]"
         ),
-    ] = Objective.pl,
+    ] = None,
     edge_model: Annotated[
-        EdgeModel,
+        EdgeModel | None,
         typer.Option(
             "--edge-model",
-            help="full: pairs may speak for a label; symmetric: for equal labels only, as in the paper; none: alone.",
+            help="full: pairs may speak for a label; symmetric: for equal labels only, as in the paper; none: alone.  "
+            "[full]",
         ),
-    ] = EdgeModel.full,
+    ] = None,
     edge_feature: Annotated[
         list[str] | None,
         typer.Option(
@@ -85,8 +92,9 @@ def train(
         ),
     ] = None,
     features: Annotated[
-        Reading, typer.Option("--features", help="Bounded features in metres, or the paper's formulas as printed.")
-    ] = Reading.safe,
+        Reading | None,
+        typer.Option("--features", help="Bounded features in metres, or the paper's formulas as printed.  [safe]"),
+    ] = None,
     context: Contexts = None,
     regularisation: Annotated[
         float | None,
@@ -97,8 +105,9 @@ def train(
         typer.Option("--coupling-regularisation", metavar="X", help="The same, of the coupling.  [cross-validated]"),
     ] = None,
     class_weight: Annotated[
-        ClassWeight, typer.Option("--class-weight", help="balanced: both labels weigh the same in sum.")
-    ] = ClassWeight.balanced,
+        ClassWeight | None,
+        typer.Option("--class-weight", help="balanced: both labels weigh the same in sum.  [balanced]"),
+    ] = None,
     conservative: Annotated[
         bool,
         typer.Option("--conservative", help="Patches without a label count as suspicious: not surely plausible."),
@@ -138,11 +147,12 @@ def train(
     the probabilities and counts false alarms. The seed draws the regions of --max-patches; nothing else is random.
     Default output: model.json.
     """
+    given = {name: value for name, value in locals().items() if name in OPTIONS}
+
     from mapq.api.training import train as teach
-    from mapq.crf import TrainSettings
     from mapq.crf.operating import with_false_alarms
-    from mapq.features import FeatureSettings
     from mapq.io.models import SCHEMA, model_content, write_model
+    from mapq.settings import ask, feature_settings, settings_from, train_settings
     from prf.shell import jsonout
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM
@@ -152,25 +162,17 @@ def train(
     target = output or "model.json"
     if json and target == STREAM:
         raise UsageError("--json and -o - both want standard output. Name a file with -o.")
-    for strength in (regularisation, coupling_regularisation):
-        if strength is not None and not 0.0 < strength < math.inf:
-            raise UsageError(f"a regularisation of {strength} is not above 0: separable labels would have no optimum.")
+    found = settings_from(config, preset)
+    field = ask("crf", {**given, "edge_features": tuple(edge_feature) if edge_feature else None}, found)
+    measured = ask("features", {**given, "reading": features} | chosen_context(context), found)
+    settings, reading = train_settings(field.values), feature_settings(measured.values)
+    max_false_alarms = field.values.get("max_false_alarms")
     claim_output(target, force)
     refuse_inputs([target], patches)
-    given = {"radius": radius, "tau": tau, "n_neighbours": neighbours, "n_watched": watched, "tolerance": tolerance}
-    chosen: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
-    chosen |= chosen_context(context)
-    settings = TrainSettings(
-        edge_model.value,
-        tuple(edge_feature) if edge_feature else TrainSettings().edge_features,
-        regularisation,
-        coupling_regularisation,
-        class_weight is ClassWeight.balanced,
-        objective=objective.value,
-    )
     used_seed = resolve_seed(seed) if max_patches is not None else 0
-    reading = FeatureSettings(reading=features.value, **chosen)
     model = teach(patches, None, settings, reading, max_patches=max_patches, seed=used_seed, conservative=conservative)
+    sources = {"features": measured.places, "crf": field.places}
+    model = dataclasses.replace(model, training={**model.training, "sources": sources})
     if max_false_alarms is not None:
         model = with_false_alarms(model, max_false_alarms, target)
     write_model(target, model)

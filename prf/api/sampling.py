@@ -12,7 +12,19 @@ from types import MappingProxyType
 from typing import Literal, TypeVar
 
 from prf.api.run import Run
-from prf.api.science import Given, Name, Prior, Sensor, Source, by_kind, config_of, paths_of, prepared_for
+from prf.api.science import (
+    Given,
+    Name,
+    Prior,
+    Sensor,
+    Source,
+    asked_of,
+    by_kind,
+    config_of,
+    paths_of,
+    places_in,
+    prepared_for,
+)
 from prf.api.words import describe_session, warn_of_dropped
 from prf.diagnostics import converged
 from prf.sampler import session as sessions
@@ -85,7 +97,7 @@ def sample(
     seed: int | None = None,
     output: str | os.PathLike[str] | None = None,
     force: bool = False,
-    config: str | os.PathLike[str] | SampleConfig | None = None,
+    config: str | os.PathLike[str] | SampleConfig | Asked | None = None,
     beam_density: float | None = None,
     resolution: float | None = None,
     start: Start | None = None,
@@ -124,8 +136,9 @@ def sample(
         all stays in memory.
     force : bool
         Replace a run that stands there.
-    config : path or SampleConfig, optional
-        A settings file (docs/configuration.md); what is given here wins.
+    config : path, SampleConfig or Asked, optional
+        A settings file (docs/configuration.md), or what :func:`prf.sampler.asked.ask` makes of one and of presets;
+        what is given here wins.
     beam_density : float, optional
         Beams of a laser a square metre of seen ground to which a dense log is thinned (16); 0 keeps all.
     resolution, start, rungs, hottest, tiles, threads, scheduler
@@ -165,10 +178,11 @@ def sample(
         "tiles": _tiles(tiles),
     }
     sources = by_kind(readings, sensors)
-    science = config_of(config, prior, sensors, options)
+    asked = asked_of(config)
+    science = config_of(asked, prior, sensors, options)
     folder = None if output is None else Path(output)
     with _held(folder, force):
-        session = _fresh(sources, science, folder, seed, _threads(threads), scheduler)
+        session = _fresh(sources, science, folder, seed, _threads(threads), scheduler, places_in(science, asked))
         return _carry_out(session, rule, progress, watch, on_interrupt)
 
 
@@ -218,13 +232,14 @@ def _fresh(
     seed: int | None,
     threads: int,
     scheduler: str | None,
+    places: Mapping[str, str],
 ) -> Session:
     used_seed = resolve_seed(seed)
     prepared = prepared_for(sources, config)
     warn_of_dropped(prepared)
     if sessions.needs_compiling():
         logger.info("compiling kernels (once; about half a minute) ...")
-    session = sessions.start(paths_of(sources), prepared, folder, used_seed, threads, scheduler)
+    session = sessions.start(paths_of(sources), prepared, folder, used_seed, threads, scheduler, places)
     session.sampler.compile()
     return session
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from prf.logs import CONE, Kind, PointTable, Readings, read_point_data
 from prf.logs import read_readings as read_log
-from prf.sampler.asked import ask
+from prf.sampler.asked import Asked, ask
 from prf.sampler.config import Prepared, SampleConfig
 from prf.sampler.logs import read_logs
 from prf.sampler.session import prepare_whole
@@ -75,14 +75,26 @@ def read_readings(
     return read_log(os.fspath(path), kind, topic=topic, frame=frame, cone=cone)
 
 
+def asked_of(config: Path | SampleConfig | Asked | None) -> Asked:
+    """Return what is asked by a settings file; of a configuration, its fields, which nobody in particular asked for."""
+    if isinstance(config, SampleConfig):
+        return Asked({field.name: getattr(config, field.name) for field in dataclasses.fields(config)}, {})
+    return config if isinstance(config, Asked) else ask({}, config)
+
+
+def places_in(config: SampleConfig, asked: Asked) -> dict[str, str]:
+    """Return who asked for which field, of those that `config` has as they were asked for."""
+    return {name: place for name, place in asked.places.items() if getattr(config, name) == asked.values[name]}
+
+
 def config_of(
-    config: Path | SampleConfig | None,
+    asked: Asked,
     prior: Prior | None,
     sensors: Sensor | Sequence[Sensor],
     options: Mapping[str, Any],
 ) -> SampleConfig:
-    """Return the configuration: options, prior and sensors over a settings file, or another one, over defaults."""
-    base = config if isinstance(config, SampleConfig) else SampleConfig(**ask({}, config).values)
+    """Return the configuration: options, prior and sensors over what a settings file asks for, over defaults."""
+    base = SampleConfig(**asked.values)
     changes = {name: value for name, value in options.items() if value is not None}
     if prior is not None:
         changes |= {"scale": prior.scale, "window": _window(prior.window)}

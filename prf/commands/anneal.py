@@ -34,7 +34,7 @@ from prf.commands._readings_options import (
     chosen_density,
     refuse_shared_stream,
 )
-from prf.shell.options import Force, Json, Output, Seed, Threads
+from prf.shell.options import Force, Json, Output, Presets, Seed, Threads
 
 if TYPE_CHECKING:
     from prf.anneal import Annealed
@@ -59,6 +59,7 @@ def anneal(
     frame: Frame = None,
     output: Output = None,
     config: Config = None,
+    preset: Presets = None,
     scale: Scale = None,
     window: WindowOption = None,
     max_range: MaxRange = None,
@@ -77,7 +78,9 @@ def anneal(
     coldest: Annotated[
         float, typer.Option("--coldest", metavar="T", help="Temperature before the last steps, which take no loss.")
     ] = 0.003,
-    chains: Annotated[int, typer.Option("--chains", metavar="N", min=1, help="Chains; the best of all counts.")] = 4,
+    chains: Annotated[
+        int | None, typer.Option("--chains", metavar="N", min=1, help="Chains; the best of all counts.  [4]")
+    ] = None,
     steps: Annotated[
         int | None, typer.Option("--steps", metavar="N", min=1, help="Steps a chain; whole rounds.  [3,000,000]")
     ] = None,
@@ -115,14 +118,15 @@ def anneal(
     if json and output == STREAM:
         raise UsageError("--json and -o - both want standard output. Name a file with -o.")
     refuse_shared_stream({"--laser": laser, "--sonar": sonar, "--point-data": point_data, "--config": config})
-    science = SampleConfig(**ask(options, config).values)
+    asked = ask(options, config, presets=preset or ())
+    science = SampleConfig(**asked.values)
     target = output or str(default_output(logs[0]).with_suffix(".geojson"))
     claim_output(target, force)
     used_seed = resolve_seed(seed)
     goal = Goal(None, time_budget) if time_budget is not None else Goal(steps or DEFAULT_STEPS)
     inputs = (laser, sonar, point_data)
     found, made, stop = _cool(inputs, science, goal, Schedule(coldest=coldest), used_seed, threads)
-    text = _write(target, found, made, logs)
+    text = _write(target, found, {**made, "sources": asked.places}, logs)
     _report(found, text, target, made, json)
     stop.raise_if_requested(f"interrupted after {found.steps} steps; {target} has the best map so far")
 

@@ -1,4 +1,4 @@
-"""Show the parameters of prior and sensors as a settings file, or check such a file."""
+"""Show the parameters of prior and sensors as a settings file, list presets, or check a file."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from typing import Annotated
 
 import typer
 
-from prf.shell.options import Json
+from prf.shell.options import Json, Presets
 
 EXAMPLES = (
     "prf config show > site.toml",
-    "prf config show site.toml",
+    "prf config show site.toml --preset hokuyo-utm-30lx",
     "prf config check site.toml",
+    "prf config presets sick-lms200",
 )
 
 
@@ -21,56 +22,49 @@ class Action(StrEnum):
 
     show = "show"
     check = "check"
+    presets = "presets"
 
 
 def config(
     action: Annotated[
-        Action, typer.Argument(metavar="show|check", help="Print all parameters, or what is wrong with a file.")
+        Action,
+        typer.Argument(metavar="show|check|presets", help="Print all parameters, what is wrong with a file, presets."),
     ] = Action.show,
     file: Annotated[
-        str | None, typer.Argument(metavar="FILE", help="Settings file, TOML; - is standard input.")
+        str | None, typer.Argument(metavar="FILE|NAME", help="Settings file, TOML, - is standard input; or a preset.")
     ] = None,
+    preset: Presets = None,
     json: Json = False,
 ) -> None:
-    """Show the parameters of prior and sensors as a settings file, or check such a file.
+    """Show the parameters of prior and sensors as a settings file, list presets, or check a file.
 
-    show prints a settings file with every parameter, its unit and its meaning: the defaults, or what FILE makes of
-    them. sample, anneal, grid and others take it by --config. check says all that is wrong with FILE, one problem a
-    line, and ends with exit code 1 if there is any.
+    show prints a settings file with every parameter, its unit and its meaning: the defaults, or what FILE and presets
+    make of them, and which of these said so. sample, anneal, grid and others take it by --config. check says all that
+    is wrong with FILE, one problem a line, and ends with exit code 1 if there is any. presets lists the sensors whose
+    parameters are known by name; presets NAME prints them, each with its source.
     """
-    from prf.shell.errors import UsageError
+    from prf.settings_file import SCHEMA
+    from prf.shell.configuration.verb import check, needed_file, refuse_preset, show_presets
 
     if action is Action.show:
-        _show(file, json)
-    elif file is None:
-        raise UsageError("config check needs a FILE.")
+        _show(file, preset or [], json)
+        return
+    refuse_preset(action.value, preset)
+    if action is Action.check:
+        check(needed_file(file), SCHEMA, "prf.config.check/1" if json else None)
     else:
-        _check(file, json)
+        show_presets(file, SCHEMA, "prf.config.presets/1" if json else None)
 
 
-def _show(file: str | None, json: bool) -> None:
+def _show(file: str | None, presets: list[str], json: bool) -> None:
     from prf.sampler.asked import ask, explain, settings_of
     from prf.sampler.config import SampleConfig
     from prf.settings_file import settings_text
     from prf.shell import console, jsonout
 
-    asked = ask({}, file)
+    asked = ask({}, file, presets=presets)
     settings = SampleConfig(**asked.values)
     if json:
         jsonout.emit_object("prf.config/1", {"settings": settings_of(settings), "set": sorted(asked.places.values())})
         return
     console.emit(settings_text(settings_of(settings), explain(settings, asked)).rstrip())
-
-
-def _check(file: str, json: bool) -> None:
-    from prf.settings_file import check_settings
-    from prf.shell import console, jsonout
-    from prf.shell.errors import CheckFailed
-
-    problems = check_settings(file)
-    if json:
-        jsonout.emit_object("prf.config.check/1", {"path": file, "problems": problems})
-    else:
-        console.emit("\n".join(problems) or f"{file}: sound")
-    if problems:
-        raise CheckFailed(f"{file}: {len(problems)} {'problem' if len(problems) == 1 else 'problems'}.")

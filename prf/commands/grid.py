@@ -25,7 +25,7 @@ from prf.commands._readings_options import (
     WindowOption,
     refuse_shared_stream,
 )
-from prf.shell.options import Force, Json, Output
+from prf.shell.options import Force, Json, Output, Presets
 
 if TYPE_CHECKING:
     from prf.occupancy.build import BuiltGrid
@@ -62,6 +62,7 @@ def grid(
     frame: Frame = None,
     output: Output = None,
     config: Config = None,
+    preset: Presets = None,
     method: Annotated[
         Method, typer.Option("--method", help="Count hits and misses (Beta 0.5, 0.5), or add clamped log odds.")
     ] = Method.counts,
@@ -118,16 +119,20 @@ def grid(
         raise UsageError("-o -: a grid is a .npz archive. Name one.")
     target = output or str(default_output(logs[0]).with_suffix(".grid.npz"))
     claim_output(target, force)
-    settings = GridConfig(**ask(options, config, IN_SETTINGS_FILE).values)
+    asked = ask(options, config, IN_SETTINGS_FILE, preset or ())
+    settings = GridConfig(**asked.values)
     readings = read_logs(laser, sonar, topic=topic, frame=frame, sonar_topic=sonar_topic, cone=settings.sonar_cone)
-    built = build_grid(*readings, settings, describe_process(logs))
+    # Options of this verb have values even where nobody gave them.
+    default = GridConfig()
+    sources = {name: place for name, place in asked.places.items() if getattr(settings, name) != getattr(default, name)}
+    built = build_grid(*readings, settings, {**describe_process(logs), "sources": sources})
     write_grid(target, built.grid)
     if built.n_outside:
         logger.warning(f"{built.n_outside} readings dropped: their sensors stand outside the window")
     _report(built, target, json)
 
 
-NOT_SETTINGS = ("laser", "sonar", "output", "config", "force", "json")
+NOT_SETTINGS = ("laser", "sonar", "output", "config", "preset", "force", "json")
 IN_SETTINGS_FILE = ("window", "max_range", "sonar_max_range", "sonar_cone")
 """What a grid takes of a settings file; its inverse models share no other parameter with the sensors' densities."""
 

@@ -33,7 +33,7 @@ from prf.commands._readings_options import (
     chosen_density,
     refuse_shared_stream,
 )
-from prf.shell.options import Force, Json, Output, Seed, Threads
+from prf.shell.options import Force, Json, Output, Presets, Seed, Threads
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "prf sample --laser data/demo-office.log.gz -o office --time-budget 30",
-    "prf sample --laser drive.bag --topic /scan --frame odom --sonar ring.csv --config site.toml",
+    "prf sample --laser drive.bag --topic /scan --preset hokuyo-utm-30lx --sonar ring.csv --config site.toml",
     "prf sample --point-data bitmap.csv --scale 0.05 --config flips.toml --seed 1",
     "prf sample --resume office --steps 5000000",
 )
@@ -108,6 +108,7 @@ def sample(
     frame: Frame = None,
     output: Output = None,
     config: Config = None,
+    preset: Presets = None,
     scale: Scale = None,
     window: WindowOption = None,
     max_range: MaxRange = None,
@@ -152,7 +153,6 @@ def sample(
     from prf.api.sampling import resume as go_on
     from prf.api.sampling import sample as draw
     from prf.sampler.asked import ask
-    from prf.sampler.config import SampleConfig
     from prf.shell.errors import UsageError
 
     if steps is not None and time_budget is not None:
@@ -160,7 +160,7 @@ def sample(
     given = (("--laser", laser), ("--sonar", sonar), ("--point-data", point_data))
     logs = {flag: log for flag, log in given if log is not None}
     refuse_shared_stream({**logs, "--config": config})
-    asked = ask(options, config)
+    asked = ask(options, config, presets=preset or ())
     folder = _folder(logs, output, resume)
     how: dict[str, Any] = {"steps": steps, "seconds": time_budget, "threads": threads, "scheduler": scheduler}
     how |= {"seed": seed, "on_interrupt": "raise"}
@@ -168,7 +168,7 @@ def sample(
         run = go_on(folder, asked=asked, logs=logs, **how)
     else:
         sources: dict[Name, Source] = {name: logs[flag] for name, flag in SOURCES.items() if flag in logs}
-        run = draw(sources, config=SampleConfig(**asked.values), output=folder, force=force, **how)
+        run = draw(sources, config=asked, output=folder, force=force, **how)
     _report(run, folder, json)
 
 

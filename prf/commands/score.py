@@ -21,7 +21,7 @@ from prf.commands._readings_options import (
     Topic,
     refuse_shared_stream,
 )
-from prf.shell.options import Json, Seed
+from prf.shell.options import Json, Presets, Seed
 
 logger = logging.getLogger(__name__)
 
@@ -71,6 +71,7 @@ def score(
     sonar_max_range: SonarMaxRange = None,
     sonar_cone: SonarCone = None,
     config: Config = None,
+    preset: Presets = None,
     every_scan: EveryScan = None,
     every_beam: EveryBeam = None,
     scans: Scans = None,
@@ -91,14 +92,14 @@ def score(
     from prf.sampler.logs import read_logs
     from prf.score import hold_out, hold_out_sonar, open_map, read_occupied_area, score_config, true_cells
     from prf.score import score as score_map
-    from prf.settings_file import read_settings
+    from prf.settings_file import settings_from
     from prf.shell.errors import UsageError
     from prf.shell.seeds import resolve_seed
 
     if laser is None and sonar is None and truth is None:
         raise UsageError("Nothing to score by: give --laser HELDOUT, --sonar HELDOUT or --truth PLAN.geojson.")
     refuse_shared_stream({"MAP": scored, "--laser": laser, "--sonar": sonar, "--truth": truth, "--config": config})
-    settings = score_config(options, read_settings(config) if config is not None else {})
+    settings = score_config(options, settings_from(config, preset or ()).tables)
     found = open_map(scored)
     readings = read_logs(laser, sonar, topic=topic, frame=frame, sonar_topic=sonar_topic, cone=settings.sonar_cone)
     beams = None if readings[0] is None else hold_out(readings[0], settings)
@@ -109,7 +110,19 @@ def score(
     _report(result, json)
 
 
-NOT_SETTINGS = ("scored", "laser", "sonar", "truth", "topic", "sonar_topic", "frame", "config", "seed", "json")
+NOT_SETTINGS = (
+    "scored",
+    "laser",
+    "sonar",
+    "truth",
+    "topic",
+    "sonar_topic",
+    "frame",
+    "config",
+    "preset",
+    "seed",
+    "json",
+)
 
 
 def _warn(scored: str, result: dict[str, Any]) -> None:

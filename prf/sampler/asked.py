@@ -1,14 +1,14 @@
-"""What a user asks of the science of a run: options of the verb, over a settings file, over defaults."""
+"""What a user asks of the science of a run: options of the verb, over a settings file, over presets, over defaults."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from prf.sampler.config import SampleConfig
-from prf.settings_file import KEY_WORDS, TABLE_WORDS, TABLES, read_settings
+from prf.settings_file import KEY_WORDS, TABLE_WORDS, TABLES, settings_from
 
 PREFIXES: Mapping[str, str] = MappingProxyType({"sonar": "sonar_", "points": "points_"})
 """What stands before the keys of a table in the fields of a configuration; nothing for other tables."""
@@ -21,7 +21,8 @@ class Asked(NamedTuple):
     ----------
     values : dict of str to Any
     places : dict of str to str
-        Where each was said, for messages: ``--noise`` or ``site.toml: [laser] noise``.
+        Where each was said, for messages and manifests: ``--noise``, ``site.toml: [laser] noise`` or
+        ``preset sick-lms200: [laser] noise``.
     """
 
     values: dict[str, Any]
@@ -46,8 +47,9 @@ def ask(
     options: Mapping[str, Any],
     settings: str | os.PathLike[str] | None = None,
     known: Collection[str] | None = None,
+    presets: Sequence[str] = (),
 ) -> Asked:
-    """Return what options and a settings file ask for; options win.
+    """Return what options, a settings file and presets ask for; options win over the file, the file over presets.
 
     Parameters
     ----------
@@ -57,19 +59,22 @@ def ask(
         A settings file.
     known : collection of str, optional
         The fields of a configuration that takes only some of what a settings file may say; the rest is passed over.
+    presets : sequence of str
+        Names, in place of those in the settings file.
 
     Raises
     ------
     InputError, ConfigError
-        As :func:`prf.settings_file.read_settings`.
+        As :func:`prf.settings_file.settings_from`.
     """
     values: dict[str, Any] = {}
     places: dict[str, str] = {}
-    for table, content in ({} if settings is None else read_settings(settings)).items():
+    found = settings_from(settings, presets)
+    for table, content in found.tables.items():
         for key, value in content.items():
             field = field_of(table, key)
             if known is None or field in known:
-                values[field], places[field] = value, f"{settings}: [{table}] {key}"
+                values[field], places[field] = value, found.places[table][key]
     for field, value in options.items():
         if value is not None:
             values[field], places[field] = value, "--" + field.replace("_", "-")
@@ -96,6 +101,14 @@ def explain(config: SampleConfig, asked: Asked) -> dict[str, str]:
             if getattr(config, field) is None:
                 lines.append(f"{key}: {words}; {source_of(table)} unless given")
             else:
-                comments[f"{table}.{key}"] = f"{words}{' (set here)' if field in asked.values else ''}"
+                comments[f"{table}.{key}"] = words + _set_by(asked.places.get(field))
         comments[table] = "\n".join(lines)
     return comments
+
+
+def _set_by(place: str | None) -> str:
+    """Return in brackets what has set a key, for a comment; nothing for a default."""
+    if place is None:
+        return ""
+    preset = place.partition(":")[0] if place.startswith("preset ") else "set here"
+    return f" ({preset})"

@@ -7,8 +7,9 @@ import logging
 import math
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from prf.kernels import step
 from prf.kernels._jit import CACHE
@@ -33,7 +34,7 @@ CHECKPOINT_SECONDS = 60.0
 """Sampling between two checkpoints: what a killed run loses at most."""
 
 COUNTS = ("n_beams", "n_beams_thinned", "n_cones", "n_outside", "n_points", "n_points_outside")
-PROCESS_KEYS = ("versions", "platform", "command", "created", "inputs", *COUNTS)
+PROCESS_KEYS = ("versions", "platform", "command", "created", "inputs", "sources", *COUNTS)
 
 logger = logging.getLogger(__name__)
 
@@ -119,11 +120,18 @@ def prepare_whole(
 
 
 def start(
-    logs: list[str], prepared: Prepared, folder: Path | None, seed: int, threads: int, scheduler: str | None = None
+    logs: list[str],
+    prepared: Prepared,
+    folder: Path | None,
+    seed: int,
+    threads: int,
+    scheduler: str | None = None,
+    sources: Mapping[str, str] = MappingProxyType({}),
 ) -> Session:
     """Return a fresh session on prepared logs, which steps on the workers of a `scheduler` if there is one.
 
-    Without a `folder` nothing is written.
+    Without a `folder` nothing is written. The manifest keeps `sources`: who asked for which field of the configuration
+    (:class:`prf.sampler.asked.Asked`).
     """
     sampler = make_sampler(prepared.config, prepared.settings, seed, threads, scheduler)
     beams, cones, points = prepared.beams, prepared.cones, prepared.points
@@ -135,7 +143,7 @@ def start(
         "n_points": 0 if points is None else len(points.value),
         "n_points_outside": prepared.n_points_outside,
     }
-    process = {**describe_process(logs), **counts}
+    process = {**describe_process(logs), "sources": dict(sources), **counts}
     return Session(sampler, Output(folder, process, prepared.config, seed, beams, cones, points))
 
 

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import os
-import re
-import tomllib
-from collections.abc import Iterator
+from collections.abc import Sequence
 from typing import Any
 
-from prf.settings_file.tables import Place, checked_tables, sort_out
-from prf.shell.errors import ConfigError
-from prf.shell.files import STREAM, open_input
+from prf.settings_file.tables import SCHEMA
+from prf.shell import configuration
+from prf.shell.configuration import Preset, Settings
 
 
 def read_settings(path: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
-    """Read a settings file; ``-`` is standard input.
+    """Read a settings file and the presets that it stands on; ``-`` is standard input.
 
     Parameters
     ----------
@@ -24,7 +22,7 @@ def read_settings(path: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
     Returns
     -------
     dict of str to dict
-        The tables and keys that the file has, no defaults: floats, a tuple of four floats for a window, a word for a
+        The tables and keys that are set there, no defaults: floats, a tuple of four floats for a window, a word for a
         kind. SI units.
 
     Raises
@@ -32,10 +30,27 @@ def read_settings(path: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
     InputError
         If the file is missing or may not be read.
     ConfigError
-        If it is no TOML, or has an unknown table or key, or a value of another type or out of its range.
+        If it is no TOML, or has an unknown preset, table or key, or a value of another type or out of its range.
     """
-    content, place = _load(path)
-    return checked_tables(content, place)
+    return settings_from(path).tables
+
+
+def settings_from(path: str | os.PathLike[str] | None, presets: Sequence[str] = ()) -> Settings:
+    """Return what a settings file sets over presets, and where each value was said.
+
+    Parameters
+    ----------
+    path : path or None
+        A settings file.
+    presets : sequence of str
+        Names that take the place of those in the file.
+
+    Raises
+    ------
+    InputError, ConfigError
+        As :func:`read_settings`.
+    """
+    return configuration.settings_from(path, presets, SCHEMA)
 
 
 def check_settings(path: str | os.PathLike[str]) -> list[str]:
@@ -46,50 +61,9 @@ def check_settings(path: str | os.PathLike[str]) -> list[str]:
     InputError
         If the file is missing or may not be read.
     """
-    try:
-        content, place = _load(path)
-    except ConfigError as error:
-        return [str(error)]
-    return sort_out(content, place)[1]
+    return configuration.problems_of(path, SCHEMA)
 
 
-def _load(path: str | os.PathLike[str]) -> tuple[dict[str, Any], Place]:
-    """Return what the TOML says, and where it says it."""
-    with open_input(path) as stream:
-        data = stream.read()
-    source = "standard input" if os.fspath(path) == STREAM else os.fspath(path)
-    try:
-        text = data.decode("utf-8-sig")
-        content = tomllib.loads(text)
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{source}: not UTF-8 (byte {error.start}). A settings file is TOML text.") from None
-    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
-        raise ConfigError(_not_toml(source, str(error))) from None
-    return content, lambda table, key: source + _line_of(text, table, key)
-
-
-def _not_toml(source: str, words: str) -> str:
-    """Return the message for a text that is no TOML, with the line in front where the parser tells it."""
-    found = re.search(r" \(at line (\d+), column (\d+)\)$", words)
-    if found is None:
-        return f"{source}: not valid TOML ({words})."
-    return f"{source}:{found[1]}: not valid TOML ({words[: found.start()]}, column {found[2]})."
-
-
-def _line_of(text: str, table: str, key: str) -> str:
-    """Return ``:LINE`` of a key, or of a table if `key` is empty; nothing where the file writes it in a rarer way."""
-    for number, found in _names(text):
-        if found in ((table, key), ("", f"{table}.{key}")):
-            return f":{number}"
-    return ""
-
-
-def _names(text: str) -> Iterator[tuple[int, tuple[str, str]]]:
-    """Yield the line, from 1, of every ``[table]`` and every ``key =`` with the pair of table and key that it names."""
-    table = ""
-    for number, line in enumerate(text.splitlines(), start=1):
-        if head := re.match(r"\s*\[\s*([^\[\]]+?)\s*\]", line):
-            table = head[1].strip("\"'")
-            yield number, (table, "")
-        elif name := re.match(r"\s*([\w.\"'-]+?)\s*=", line):
-            yield number, (table, name[1].strip("\"'"))
+def read_presets() -> list[Preset]:
+    """Return the presets of sensors that come with the package, by name."""
+    return [configuration.read_preset(name, SCHEMA) for name in configuration.preset_names(SCHEMA)]

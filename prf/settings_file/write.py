@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
 
-from prf.settings_file.tables import Tables, checked_tables
+from prf.settings_file.tables import SCHEMA, Tables
+from prf.shell.configuration import checked_tables, settings_text
 from prf.shell.files import open_output
 
 NO_COMMENTS: Mapping[str, str] = MappingProxyType({})
@@ -32,28 +32,6 @@ def write_settings(path: str | os.PathLike[str], tables: Tables, comments: Mappi
     OutputError
         If it cannot be written.
     """
-    checked = checked_tables(tables, lambda table, key: os.fspath(path))
+    checked = checked_tables(tables, lambda table, key: os.fspath(path), SCHEMA)
     with open_output(path) as stream:
         stream.write(settings_text(checked, comments))
-
-
-def settings_text(tables: Tables, comments: Mapping[str, str] = NO_COMMENTS) -> str:
-    """Return the text of a settings file; for the parameters see :func:`write_settings`."""
-    parts = [_comment(comments.get("", ""))]
-    for table, values in tables.items():
-        lines = {key: f"{key} = {_written(value)}" for key, value in values.items()}
-        width = max(map(len, lines.values()), default=0)
-        notes = {key: comments.get(f"{table}.{key}", "") for key in lines}
-        rows = [f"{line:<{width}}  # {notes[key]}" if notes[key] else line for key, line in lines.items()]
-        parts.append(_comment(comments.get(table, "")) + "\n".join([f"[{table}]", *rows]) + "\n")
-    return "\n".join(part for part in parts if part)
-
-
-def _comment(text: str) -> str:
-    return "".join(f"# {line}".rstrip() + "\n" for line in text.splitlines())
-
-
-def _written(value: Any) -> str:
-    if isinstance(value, str):
-        return f'"{value}"'
-    return f"[{', '.join(map(_written, value))}]" if isinstance(value, list | tuple) else repr(float(value))

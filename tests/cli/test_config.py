@@ -65,9 +65,34 @@ def test_all_problems_are_told_at_once(bad: Path, capsys: pytest.CaptureFixture[
     assert "bad.toml:1: not valid TOML" in capsys.readouterr().out
 
 
+def test_it_shows_what_presets_make(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "site.toml").write_text('preset = "sick-lms200"\n[laser]\nnoise = 0.05\n')
+    assert config("show", tmp_path / "site.toml") == 0
+    shown = capsys.readouterr().out
+    assert (tomllib.loads(shown)["laser"]["max_range"], tomllib.loads(shown)["laser"]["noise"]) == (80.0, 0.05)
+    assert [line.split()[0] for line in shown.splitlines() if "(preset sick-lms200)" in line] == ["max_range"]
+    assert config("show", tmp_path / "site.toml", "--preset", "hokuyo-urg-04lx", "--preset", "pioneer-ring") == 0
+    shown = capsys.readouterr().out
+    assert tomllib.loads(shown)["laser"]["max_range"] == 4.0
+    assert "(preset pioneer-ring)" in shown
+
+
+def test_presets_are_listed_and_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert config("presets") == 0
+    names = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    assert {"hokuyo-utm-30lx", "sick-lms200", "pioneer-ring"} <= set(names)
+    assert config("presets", "sick-lms200") == 0
+    assert tomllib.loads(capsys.readouterr().out) == {"laser": {"max_range": 80.0, "noise": 0.04}}
+    assert config("presets", "--json") == 0
+    assert [preset["name"] for preset in json.loads(capsys.readouterr().out)["presets"]] == names
+
+
 @pytest.mark.parametrize(
     ("args", "code"),
     [
+        (["presets", "kinect"], 2),
+        (["check", "BAD", "--preset", "sick-lms200"], 2),
+        (["show", "--preset", "kinect"], 2),
         (["check"], 2),
         (["chekc", "x"], 2),
         (["check", "absent.toml"], 3),

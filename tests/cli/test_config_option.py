@@ -52,6 +52,45 @@ def test_a_run_keeps_what_the_file_says(ring: Path, site: Path, tmp_path: Path, 
     assert prf("sample", "--resume", folder, "--config", site, "--scale", 0.3, *more) == 0
 
 
+def test_options_win_over_the_file_over_presets_and_the_manifest_says_so(
+    ring: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PRF_SAMPLE_NOISE", "0.06")
+    Path("site.toml").write_text('preset = "sick-lms200"\n[laser]\nmiss_probability = 0.1\nmax_range = 7\n')
+    args = ("--laser", ring, "--config", "site.toml", "--scale", 0.3, *QUICK)
+    assert prf("sample", *args, "-o", "run") == 0
+    manifest = read_run("run").manifest
+    used = manifest["configuration"]
+    assert (used["noise"], used["max_range"], used["miss_probability"], used["scale"]) == (0.06, 7.0, 0.1, 0.3)
+    assert manifest["sources"] == {
+        "noise": "--noise",
+        "scale": "--scale",
+        "chains": "--chains",
+        "max_range": "site.toml: [laser] max_range",
+        "miss_probability": "site.toml: [laser] miss_probability",
+    }
+    monkeypatch.delenv("PRF_SAMPLE_NOISE")
+    assert prf("sample", *args, "--preset", "hokuyo-urg-04lx", "-o", "other") == 0
+    manifest = read_run("other").manifest
+    assert (manifest["configuration"]["noise"], manifest["configuration"]["max_range"]) == (0.02, 7.0)
+    assert manifest["sources"]["noise"] == "preset hokuyo-urg-04lx: [laser] noise"
+    assert prf("sample", "--resume", "other", "--steps", "3000", "-q") == 0
+    assert read_run("other").manifest["sources"] == manifest["sources"]
+
+
+def test_grid_and_anneal_take_presets_too(ring: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert prf("grid", "--laser", ring, "--preset", "hokuyo-urg-04lx", "-o", "g.npz", "-q") == 0
+    grid = read_grid("g.npz")
+    assert grid.settings["max_range"] == 4.0
+    assert grid.process["sources"] == {"max_range": "preset hokuyo-urg-04lx: [laser] max_range"}
+    assert prf("anneal", "--laser", ring, "--preset", "hokuyo-urg-04lx", *QUICK, "-o", "m.geojson") == 0
+    found = json.loads(Path("m.geojson").read_text())["properties"]
+    assert found["configuration"]["noise"] == 0.02
+    assert found["sources"]["noise"] == "preset hokuyo-urg-04lx: [laser] noise"
+
+
 def test_a_parameter_of_the_file_changes_the_likelihood(ring: Path, site: Path, tmp_path: Path) -> None:
     values = []
     for oblique in (8, 16):

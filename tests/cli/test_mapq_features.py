@@ -1,14 +1,12 @@
 from __future__ import annotations
 
 import csv
-import inspect
 import io
 import json
 
 import pytest
 
 from mapq.cli import app
-from mapq.commands import features as command
 from mapq.features import FeatureSettings, patch_features
 from mapq.io import write_patches
 from prf.shell.run import run_app
@@ -95,15 +93,6 @@ def test_context_is_chosen_by_group(capsys, path):
     code, _, err = run(capsys, path, "--context", "colour")
     assert code == 2
     assert "no context colour" in err
-
-
-def test_defaults_are_those_of_the_library():
-    flags = inspect.signature(command.features).parameters
-    plain = FeatureSettings()
-    other = {"neighbours": "n_neighbours", "watched": "n_watched"}
-    for flag in ("radius", "tau", "neighbours", "watched", "tolerance", "noise"):
-        assert flags[flag].default == getattr(plain, other.get(flag, flag))
-    assert flags["reading"].default.value == plain.reading
 
 
 def test_literal_reading_says_what_it_cut(capsys, path):

@@ -89,7 +89,7 @@ def test_an_output_that_stands_is_refused_before_the_work(capsys, tmp_path):
 @pytest.mark.parametrize(
     ("options", "code", "message"),
     [
-        (["--regularisation", "0"], 2, "not above 0"),
+        (["--regularisation", "0"], 2, "must be above 0"),
         (["--objective", "likelihood"], 2, "max-margin"),
         (["--edge-feature", "colour"], 2, "no edge feature colour"),
         (["--radius", "-1"], 2, "radius"),

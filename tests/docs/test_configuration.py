@@ -7,6 +7,10 @@ from typing import Any
 
 import pytest
 
+import mapq.cli
+import mapq.settings
+from mapq.settings.asked import FLAGS
+from mapq.settings.words import source_of as mapq_source_of
 from prf.cli import app
 from prf.sampler.asked import field_of, source_of
 from prf.sampler.config import SampleConfig
@@ -30,8 +34,43 @@ def default_text(table: str, value: Any) -> str:
     return source_of(table) if value is None else repr(value)
 
 
+def written(value: Any) -> str:
+    """Return a value as TOML has it."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(written, value))}]"
+    return f'"{value}"' if isinstance(value, str) else repr(value)
+
+
+MAPQ_VERBS = {"segment": "segment", "features": "features", "crf": "train"}
+
+
+def mapq_flags(table: str) -> set[str]:
+    """Return the options of the verb whose table it is."""
+    return {flag for param in mapq.cli.app.get_command(None, MAPQ_VERBS[table]).params for flag in param.opts}
+
+
+def mapq_option(table: str, key: str) -> str:
+    flag = FLAGS.get(key, "--" + key.replace("_", "-"))
+    return f"`{flag}`" if flag in mapq_flags(table) else "–"
+
+
+def test_every_key_of_mapq_stands_there_as_the_code_has_it(project_root: Path) -> None:
+    rows = {place: row for place, row in documented(project_root).items() if place[0] in mapq.settings.TABLES}
+    defaults = mapq.settings.defaults()
+    assert list(rows) == [(table, key) for table, values in defaults.items() for key in values]
+    for (table, key), (unit, default, meaning, option) in rows.items():
+        words, value = mapq.settings.KEY_WORDS[f"{table}.{key}"], defaults[table][key]
+        assert (unit, meaning) == (words.unit or "–", words.meaning), key
+        assert default == (written(value) if value is not None else mapq_source_of(table, key)), key
+        assert option == mapq_option(table, key), key
+
+
+def prf_rows(project_root: Path) -> dict[tuple[str, str], list[str]]:
+    return {place: row for place, row in documented(project_root).items() if place[0] in TABLES}
+
+
 def test_every_key_stands_there_as_the_code_has_it(project_root: Path) -> None:
-    config, rows = SampleConfig(), documented(project_root)
+    config, rows = SampleConfig(), prf_rows(project_root)
     assert list(rows) == [(table, key) for table, content in TABLES.items() for key in content.keys]
     for (table, key), (unit, default, meaning, _) in rows.items():
         words = KEY_WORDS[f"{table}.{key}"]
@@ -42,7 +81,7 @@ def test_every_key_stands_there_as_the_code_has_it(project_root: Path) -> None:
 @pytest.mark.parametrize("verb", ["sample", "anneal"])
 def test_options_are_those_of_the_verbs(project_root: Path, verb: str) -> None:
     flags = {flag for param in app.get_command(None, verb).params for flag in param.opts}
-    for (table, key), (*_, option) in documented(project_root).items():
+    for (table, key), (*_, option) in prf_rows(project_root).items():
         flag = "--" + field_of(table, key).replace("_", "-")
         assert option == (f"`{flag}`" if flag in flags else "–"), (table, key)
 
