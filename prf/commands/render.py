@@ -5,19 +5,26 @@ from __future__ import annotations
 import logging
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from prf.shell.errors import UsageError
-from prf.shell.options import Force, Output
+from prf.shell.options import Force, Output, Terminal, TerminalWidth
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+    from prf.coloring import Coloring
+    from prf.run import PosteriorImage
+    from prf.shell.terminal import Screen
 
 logger = logging.getLogger(__name__)
 
 EXAMPLES = (
     "prf render office -o posterior.png",
+    "prf render office --terminal",
     "prf render office --what draws --draws 6 -o draws.svg",
-    "prf render office.grid.npz -o grid.png",
     'prf render p1.geojsonl p10.geojsonl --caption "p = 1" --caption "p = 10" -o prior.png',
 )
 
@@ -58,23 +65,30 @@ def render(
     caption: Annotated[
         list[str] | None, typer.Option("--caption", metavar="TEXT", help="Caption of a map of DRAWS; once for each.")
     ] = None,
+    terminal: Terminal = False,
+    width: TerminalWidth = None,
     output: Output = None,
     force: Force = False,
 ) -> None:
     """Draw a picture of a run, of a grid, or of draws from the prior.
 
     The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG in the current folder.
-    White is free, black occupied, mid-grey unknown.
+    White is free, black occupied, mid-grey unknown. With --terminal the picture goes to standard output: half blocks
+    in the colours that the terminal has, shades of characters without any, plain ASCII in a pipe.
     """
     from prf.shell.files import STREAM
     from prf.shell.lock import claim_output
     from prf.shell.pictures import picture_format
+    from prf.shell.terminal.verb import refuse_files
 
     is_run, is_grid = Path(inputs[0]).is_dir(), _is_grid(inputs[0])
     if (is_run or is_grid) and len(inputs) > 1:
         raise UsageError("one RUN or GRID gives one picture; only DRAWS go side by side.")
     if is_grid and (what is not What.posterior or draws or outline or path or beams):
         raise UsageError("a GRID has cells only: leave --what, --draws, --outline, --path and --beams out.")
+    if refuse_files(terminal, width, output, force):
+        _show(inputs, is_run, is_grid, what, draws, (outline, path, beams), title, caption or [], width)
+        return
     name = Path(inputs[0]).resolve().name + f"-{what}" if is_run else Path(inputs[0]).stem
     target = output or f"{'draws' if inputs[0] == STREAM else name}.png"
     picture_format(target)
@@ -128,16 +142,84 @@ def _is_grid(source: str) -> bool:
 
 
 def _render_grid(source: str, target: str, title: str | None) -> None:
-    from prf import occupancy, render
+    from prf import render
+
+    image, head, words = _grid_picture(source, title)
+    render.render_cells(image, target, title=head, words=words)
+
+
+def _grid_picture(source: str, title: str | None) -> tuple[PosteriorImage, str, str]:
+    """Return the cells of a grid, the title and the small print over them."""
+    from prf import occupancy
 
     grid = occupancy.read_grid(source)
     words = f"{Path(source).stem}  ·  {grid.settings.get('method', 'unknown method')}"
-    render.render_cells(grid.image(), target, title=title or "Occupancy grid", words=words)
+    return grid.image(), title or "Occupancy grid", words
+
+
+def _show(
+    inputs: list[str],
+    is_run: bool,
+    is_grid: bool,
+    what: What,
+    draws: int | None,
+    layers: tuple[bool | None, bool | None, bool],
+    title: str | None,
+    captions: list[str],
+    width: int | None,
+) -> None:
+    """Print the picture."""
+    import sys
+
+    from prf.render import terminal
+    from prf.shell.terminal import find_screen, put
+
+    screen = find_screen(sys.stdout, width)
+    if is_run:
+        lines = _run_lines(inputs[0], screen, what, draws or 4, layers, title)
+    elif is_grid:
+        image, *words = _grid_picture(inputs[0], title)
+        lines = terminal.cell_lines(image, screen, title=words[0], words=words[1])
+    else:
+        lines = terminal.map_lines(*_read_draws(inputs, draws, captions), screen, title=title)
+    put(lines, sys.stdout, screen)
+
+
+def _run_lines(
+    source: str,
+    screen: Screen,
+    what: What,
+    n_draws: int,
+    layers: tuple[bool | None, bool | None, bool],
+    title: str | None,
+) -> list[Text]:
+    from prf.render import terminal
+    from prf.run import read_run
+
+    run = read_run(source)
+    outline, path, beams = layers
+    if what is What.best:
+        return terminal.best_lines(run, screen, path=bool(path), title=title)
+    if what is What.draws:
+        return terminal.draw_lines(run, screen, n_draws=n_draws, title=title)
+    if what is What.beams:
+        return terminal.reading_lines(run, screen, outline=bool(outline), path=path is not False, title=title)
+    # Without colours lines would hide what they are drawn over.
+    lined = outline if outline is not None else screen.colours is not None
+    return terminal.posterior_lines(
+        run, screen, squares=what is What.squares, outline=lined, path=bool(path), beams=beams, title=title
+    )
 
 
 def _render_draws(sources: list[str], target: str, n_draws: int | None, title: str | None, captions: list[str]) -> None:
-    from prf.coloring import check, read_geojsonl
     from prf.render import render_maps
+
+    render_maps(*_read_draws(sources, n_draws, captions), target, title=title)
+
+
+def _read_draws(sources: list[str], n_draws: int | None, captions: list[str]) -> tuple[list[Coloring], list[str]]:
+    """Return the maps and their captions."""
+    from prf.coloring import check, read_geojsonl
     from prf.shell.errors import InputError
 
     maps, names = [], []
@@ -153,4 +235,6 @@ def _render_draws(sources: list[str], target: str, n_draws: int | None, title: s
                 raise InputError(f"{source}: draw {number}: {error}") from error
     if captions and len(captions) != len(maps):
         raise UsageError(f"{len(captions)} captions for {len(maps)} maps. Give one --caption a map, or none.")
-    render_maps(maps, captions or names, target, title=title)
+    if not maps:
+        raise UsageError("no map to draw.")
+    return maps, captions or names

@@ -56,7 +56,7 @@ def render_posterior(
         raise run.missing(names.POSTERIOR)
     window = run.draws.window
     what = "Posterior of squares that are not free" if squares else "Posterior over polygonal maps"
-    page, axes = style.map_page(window, style.margins_of(window, right=1.35), title or what, _small_print(run))
+    page, axes = style.map_page(window, style.margins_of(window, right=1.35), title or what, small_print(run))
     values = run.image.square_occupancy if squares else run.image.occupancy
     drawn = layers.draw_occupancy(axes, run.image, values)
     style.show_window(axes, window)
@@ -96,7 +96,8 @@ def render_cells(image: PosteriorImage, target: Target, *, title: str, words: st
     style.save(page, target)
 
 
-def _small_print(run: Run) -> str:
+def small_print(run: Run) -> str:
+    """Return what stands under the title: the run, its draws, the window, and its status if that is a bad one."""
     parts = [
         run.name,
         f"{style.counted(len(run.draws), 'draw')} of {style.counted(run.n_chains, 'chain')}",

@@ -10,6 +10,8 @@ Force      ``-f/--force``           overwrite an output that exists
 Seed       ``--seed``               seed of every random number; drawn and printed if absent
 Threads    ``--threads``            threads to use, 0 = one a core; never changes a result
 Json       ``--json``               the result as one JSON object on standard output
+Presets    ``--preset``             presets of sensors, beneath the settings file
+Terminal   ``--terminal``           the picture as text on standard output
 ========== ======================== =====================================================
 
 ``-v/--verbose``, ``-q/--quiet``, ``--color`` and ``--no-progress`` are added to every verb (:mod:`prf.shell.flags`), so
@@ -34,3 +36,12 @@ Threads = Annotated[
     int, typer.Option("--threads", metavar="N", min=0, help="Threads, 0 = one a core; never changes a result.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")]
+Presets = Annotated[
+    list[str] | None,
+    typer.Option("--preset", metavar="NAME", help="Preset of a sensor, repeatable; config presets lists them."),
+]
+Terminal = Annotated[bool, typer.Option("--terminal", help="Print the picture here, in blocks or characters.")]
+TerminalWidth = Annotated[
+    int | None,
+    typer.Option("--width", metavar="COLUMNS", min=8, max=1000, help="Of the picture in a terminal.  [the terminal's]"),
+]

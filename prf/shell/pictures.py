@@ -63,6 +63,13 @@ IMPACT = "#c92a2a"
 UNSEEN = "#f6e7d8"
 """Cells about which a file says nothing."""
 
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """Return red, green and blue, 0 to 255, of a colour such as ``#e8590c``."""
+    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    return red, green, blue
+
+
 DPI = 160
 FORMATS = ("png", "svg", "pdf")
 LARGEST_WIDTH = 9.0
