@@ -15,7 +15,7 @@ from mapq.io.content import Content
 from mapq.io.fields import LARGEST_COORDINATE
 from mapq.io.las import RAW, check_head, field_names, scale_and_offset, stored_head, told
 from mapq.io.las_unit import unit_of
-from mapq.io.las_write import LARGEST_INTEGER, columns_of_cloud, old_header, packed_record
+from mapq.io.las_write import LARGEST_INTEGER, columns_of_cloud, old_header, packed_record, told_writing
 from mapq.io.laz_chunks import check_chunks
 from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError, OutputError
@@ -172,7 +172,7 @@ def open_las_pieces(path: str | os.PathLike[str]) -> Iterator[LasPieces]:
     OutputError
         If it cannot be written.
     """
-    with open_output(path, binary=True) as stream:
+    with open_output(path, binary=True) as stream, told_writing(path):
         pieces = LasPieces(os.fspath(path), stream)
         yield pieces
         pieces.close()

@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 import logging
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -82,12 +83,24 @@ def write_las(path: str | os.PathLike[str], cloud: PointCloud) -> None:
         )
     with (
         open_output(path, binary=True) as stream,
+        told_writing(path),
         LasWriter(stream, header, compress, closefd=False, encoding_errors="ignore") as writer,
     ):
         for start in range(0, len(cloud), CHUNK):
             rows = slice(start, start + CHUNK)
             some = {name: values[rows] for name, values in columns.items()}
             writer.write_points(packed_record(header, whole[rows], some))
+
+
+@contextmanager
+def told_writing(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Turn what the packer of LAZ says of a disk without room, no `OSError`, into one line."""
+    try:
+        yield
+    except Exception as error:
+        if type(error).__name__ != "LazrsError":
+            raise
+        raise OutputError(f"{path}: cannot be written ({error}).") from error
 
 
 def packed_record(header: LasHeader, whole: NDArray[np.float64], columns: Mapping[str, Array]) -> PackedPointRecord:

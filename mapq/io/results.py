@@ -16,9 +16,10 @@ from mapq.cloud import PointCloud
 from mapq.io.write import check_name, write_cloud
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from prf.shell.errors import UsageError
-from prf.shell.files import STREAM, atomic_write, flush_to_disk
+from prf.shell.files import STREAM, atomic_write
 from prf.shell.jsonout import dump_object, jsonable
 from prf.shell.lock import claim_output
+from prf.shell.together import together
 
 SCHEMA = "mapq.result/1"
 OPENING = '"patches": ['
@@ -111,10 +112,7 @@ def _original_names(fields: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any
 
 
 def write_result(path: str, cloud: PointCloud, head: Mapping[str, Any], patches: Iterable[Mapping[str, Any]]) -> None:
-    """Write both files of a result, each whole or not at all.
-
-    The JSON is on the disk under another name before the cloud is written, and takes its place after it: an error on
-    the way leaves both old files, or none. Nothing is written to the null device.
+    """Write both files of a result, which take their places together. Nothing is written to the null device.
 
     Raises
     ------
@@ -123,10 +121,10 @@ def write_result(path: str, cloud: PointCloud, head: Mapping[str, Any], patches:
     """
     if path == os.devnull:
         return
-    with atomic_write(json_beside(path), sync=False) as stream:
-        stream.writelines(result_lines(head, patches))
-        flush_to_disk(stream)
+    with together():
         write_cloud(path, cloud)
+        with atomic_write(json_beside(path)) as stream:
+            stream.writelines(result_lines(head, patches))
 
 
 def result_lines(head: Mapping[str, Any], patches: Iterable[Mapping[str, Any]]) -> Iterator[str]:

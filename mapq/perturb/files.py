@@ -14,9 +14,10 @@ from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.perturb.build import Built
 from mapq.perturb.split import split_by_place
 from prf.shell.errors import UsageError
-from prf.shell.files import STREAM, atomic_write, flush_to_disk
+from prf.shell.files import STREAM, atomic_write
 from prf.shell.jsonout import dump_object
 from prf.shell.lock import claim_output
+from prf.shell.together import together
 
 SCHEMA = "mapq.perturb/1"
 
@@ -62,9 +63,7 @@ def target_files(output: str | None, is_split: bool, force: bool) -> Targets:
 def write_map(
     targets: Targets, built: Built, head: Mapping[str, Any], share: float | None, buffer: float
 ) -> dict[str, Any]:
-    """Write the files, and return what stands in the JSON.
-
-    The JSON is on the disk under another name before the maps are written, and takes its place after them, at once.
+    """Write the files, which take their places together, and return what stands in the JSON.
 
     Parameters
     ----------
@@ -90,11 +89,11 @@ def write_map(
         parts = (split.train, split.test)
         content["split"] = {"axis": "xy"[split.axis], "strip": split.strip, "n_dropped": split.n_dropped}
     content["files"] = [_file_row(*each) for each in zip(targets.maps, parts, strict=True)]
-    with atomic_write(targets.report, sync=False) as stream:
-        stream.write(dump_object(SCHEMA, content) + "\n")
-        flush_to_disk(stream)
+    with together():
         for path, part in zip(targets.maps, parts, strict=True):
             write_ply(path, part)
+        with atomic_write(targets.report) as stream:
+            stream.write(dump_object(SCHEMA, content) + "\n")
     return content
 
 

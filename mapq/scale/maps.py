@@ -14,12 +14,13 @@ from mapq.patches import Patches
 from mapq.scale.label import patch_of_range
 from mapq.scale.output import made_in, plan_output, publish
 from mapq.scale.result import TiledResult
-from mapq.scale.run import FEWEST_TILE_POINTS, Job, ScaleSettings, work_folder
+from mapq.scale.run import FEWEST_TILE_POINTS, Job, ScaleSettings
 from mapq.scale.source import find_sources, is_tiled
 from mapq.scale.stages import CUTTING, total_cost
 from mapq.scale.workers import open_workers
 from prf.shell.errors import UsageError
 from prf.shell.progress import progress
+from prf.shell.work import work_folder
 
 MOST_WORKERS = 1024
 

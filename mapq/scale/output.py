@@ -11,8 +11,9 @@ from mapq.io.results import claim_result, json_beside, result_lines
 from mapq.io.write import LAS_ENDS
 from mapq.scale.source import Source
 from prf.shell.errors import OutputExists, UsageError
-from prf.shell.files import STREAM, atomic_write, flush_to_disk
+from prf.shell.files import STREAM, atomic_write
 from prf.shell.lock import claim, claim_output
+from prf.shell.together import together
 
 CLOUD_ENDS = (*LAS_ENDS, ".ply")
 RESULT_JSON = "result.json"
@@ -67,9 +68,7 @@ def made_in(folder: str, output: Output) -> dict[str, list[int]]:
 
 
 def publish(folder: str, output: Output, head: Mapping[str, Any], patches: Iterable[Mapping[str, Any]]) -> None:
-    """Move the files from the work folder to their places, and the JSON, which is on the disk before, after them.
-
-    A JSON of an older result is taken away first: what is killed in between leaves no JSON that tells of other files.
+    """Move the files from the work folder to their places, and the JSON after them, together.
 
     Raises
     ------
@@ -81,11 +80,9 @@ def publish(folder: str, output: Output, head: Mapping[str, Any], patches: Itera
     target = Path(output.path)
     if output.is_folder:
         target.mkdir(exist_ok=True)
-    beside = target / output.json if output.is_folder else Path(output.json)
-    with atomic_write(beside, sync=False) as stream:
-        stream.writelines(result_lines(head, patches))
-        flush_to_disk(stream)
-        beside.unlink(missing_ok=True)
+    with together() as group:
         for name in output.files:
             made = os.path.join(folder, f"made_{Path(name).name}")
-            os.replace(made, target / name if output.is_folder else target)
+            group.add(made, Path(os.path.realpath(target / name if output.is_folder else target)))
+        with atomic_write(target / output.json if output.is_folder else output.json) as stream:
+            stream.writelines(result_lines(head, patches))

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -349,14 +344,3 @@ def _up(settings: Any, parameters: Mapping[str, Any]) -> list[float]:
     """Return the unit vector that points up: of the settings, else of the segmentation."""
     up = np.asarray(settings.up if settings.up is not None else parameters["up"], np.float64)
     return [float(value) for value in up / np.linalg.norm(up)]
-
-
-@contextmanager
-def work_folder(beside: str) -> Iterator[str]:
-    """Give a folder beside an output that all workers see, and remove it with what is in it."""
-    target = Path(tempfile.gettempdir(), "mapq") if beside == os.devnull else Path(beside).resolve()
-    folder = tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".work", dir=target.parent)
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)

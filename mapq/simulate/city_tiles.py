@@ -15,6 +15,8 @@ from mapq.cloud import PointCloud
 from mapq.io.write import write_cloud
 from mapq.simulate.city import PITCH, Part, join, make_block
 from prf.shell.errors import UsageError
+from prf.shell.together import together
+from prf.shell.work import made_folder, work_folder
 
 POINTS_OF_BLOCK = 146_500
 """Points of a block in the mean."""
@@ -106,8 +108,9 @@ def write_city(
 ) -> dict[str, int]:
     """Write a city as LAZ tiles into a folder, which is made; return counts of tiles, points and suspicious points.
 
-    Tiles have the fields `truth`, `kind` and `surface`. The same numbers and seed give the same tiles, whatever the
-    size of tiles the same points.
+    The tiles are made beside it and take their places together; those of an earlier city go. They have the fields
+    `truth`, `kind` and `surface`. The same numbers and seed give the same tiles, whatever the size of tiles the same
+    points.
 
     Parameters
     ----------
@@ -129,15 +132,25 @@ def write_city(
         If a tile cannot be written.
     """
     city = plan_city(n_points, points_of_tile)
-    target = Path(folder)
-    target.mkdir(parents=True, exist_ok=True)
+    target = Path(os.path.realpath(folder))
     tiles = list(city.tiles())
     counts = {"tiles": len(tiles), "points": 0, "suspicious_points": 0}
-    for done, tile in enumerate(tiles, 1):
-        part = make_tile(city, tile, seed)
-        fields: dict[str, NDArray[Any]] = {"truth": part.truth, "kind": part.kind, "surface": part.surface}
-        write_cloud(target / tile.name, PointCloud.from_world(part.xyz + ORIGIN, fields, "simulated"))
-        counts["points"] += len(part.xyz)
-        counts["suspicious_points"] += int(part.truth.sum())
-        progress(done / len(tiles))
+    with work_folder(target) as work:
+        for done, tile in enumerate(tiles, 1):
+            part = make_tile(city, tile, seed)
+            fields: dict[str, NDArray[Any]] = {"truth": part.truth, "kind": part.kind, "surface": part.surface}
+            write_cloud(Path(work, tile.name), PointCloud.from_world(part.xyz + ORIGIN, fields, "simulated"))
+            counts["points"] += len(part.xyz)
+            counts["suspicious_points"] += int(part.truth.sum())
+            progress(done / len(tiles))
+        _publish(Path(work), target)
     return counts
+
+
+def _publish(work: Path, target: Path) -> None:
+    """Move the tiles to their folder at once, or, where other files are in it, in place of older tiles."""
+    with made_folder(target), together() as group:
+        for old in sorted(target.glob("tile_*.laz")):
+            group.drop(old)
+        for made in sorted(work.iterdir()):
+            group.add(str(made), target / made.name)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from contextlib import ExitStack
 from pathlib import PurePath
 from typing import Any, NamedTuple
 
@@ -19,6 +18,7 @@ from prf.export.source import Source, read_source, require_existing, stem_of
 from prf.export.svg import paper_ratio, svg_text
 from prf.shell.files import open_output
 from prf.shell.lock import held_outputs
+from prf.shell.together import together
 
 
 class File(NamedTuple):
@@ -123,11 +123,8 @@ def _netcdf(source: Source) -> _Content:
 
 
 def _write(targets: tuple[str, ...], parts: tuple[str | bytes, ...]) -> None:
-    """Write all files before the first takes its place; the last one does so first.
-
-    The yaml file comes first here: it must not be there before the image that it names.
-    """
-    with ExitStack() as stack:
-        for target, part in zip(targets, parts, strict=True):
-            stream = stack.enter_context(open_output(target, binary=isinstance(part, bytes)))
-            stream.write(part)
+    """Write the files, which take their places together; the yaml file, which names the image, comes last."""
+    with together():
+        for target, part in reversed(list(zip(targets, parts, strict=True))):
+            with open_output(target, binary=isinstance(part, bytes)) as stream:
+                stream.write(part)

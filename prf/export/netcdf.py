@@ -6,10 +6,9 @@ point, a draw.
 
 from __future__ import annotations
 
+import io
 import json
-import tempfile
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,12 +88,12 @@ def netcdf_bytes(run: Run) -> tuple[bytes, Chains]:
             _sample_stats(run, chains.rows), coordinates, {**provenance, **_acceptance(run)}
         ),
     }
-    # HDF5 wants a file of its own to seek in; the folder goes with its content.
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "run.nc"
-        for name, group in groups.items():
-            group.to_netcdf(file, mode="a" if file.exists() else "w", group=name, engine=ENGINE)
-        return file.read_bytes(), chains
+    # In memory: on a disk without room HDF5 crashes.
+    stream = io.BytesIO()
+    for name, group in groups.items():
+        mode: Literal["a", "w"] = "a" if stream.getbuffer().nbytes else "w"
+        group.to_netcdf(stream, mode=mode, group=name, engine=ENGINE)
+    return stream.getvalue(), chains
 
 
 def _posterior(run: Run, rows: NDArray[np.int64]) -> dict[str, Any]:

@@ -57,16 +57,20 @@ class Output:
 
         The manifest comes last: what is killed before can be resumed from a checkpoint, or is no run yet; and one that
         does not say "running" stands beside files that are all of its step. `seconds_before` is the time of sampling
-        in earlier processes of a resumed run.
+        in earlier processes of a resumed run. Where one cannot be written, what is no run yet goes.
         """
         run = self.make_run(sampler, progress, seconds_before)
         if self.folder is None:
             return run
         _make_folder(self.folder)
-        save_checkpoint(self.folder, sampler, self.identity())
-        if picture:
-            render_posterior(dataclasses.replace(run, path=self.folder), self.folder / names.PICTURE)
-        write_run(self.folder, run)
+        try:
+            save_checkpoint(self.folder, sampler, self.identity())
+            if picture:
+                render_posterior(dataclasses.replace(run, path=self.folder), self.folder / names.PICTURE)
+            write_run(self.folder, run)
+        except OutputError:
+            _remove_unfinished(self.folder)
+            raise
         return run
 
     def read_written(self, step: int) -> Run | None:
@@ -166,6 +170,14 @@ def _make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{folder}: cannot be written ({error.strerror}).") from error
+
+
+def _remove_unfinished(folder: Path) -> None:
+    """Take away files that are no run without a manifest, and the directory if nothing else is in it."""
+    if is_unfinished(folder):
+        make_way(folder)
+    if folder.is_dir() and not any(folder.iterdir()):
+        folder.rmdir()
 
 
 def make_image(sampler: Sampler) -> PosteriorImage:

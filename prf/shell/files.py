@@ -14,6 +14,7 @@ from typing import IO, Any, BinaryIO
 
 from prf.shell.console import is_terminal
 from prf.shell.errors import InputError, OutputError, OutputExists
+from prf.shell.together import take_place
 
 STREAM = "-"
 
@@ -118,6 +119,8 @@ def open_output(path: str | os.PathLike[str], binary: bool = False) -> Iterator[
 def atomic_write(path: str | os.PathLike[str], binary: bool = False, sync: bool = True) -> Iterator[IO[Any]]:
     """Write `path` whole or not at all; an exception inside leaves the old file as it was.
 
+    Within :func:`prf.shell.together.together` it takes its place with the others, at the end of that block.
+
     Parameters
     ----------
     path : path
@@ -125,8 +128,7 @@ def atomic_write(path: str | os.PathLike[str], binary: bool = False, sync: bool 
     binary : bool
         Bytes instead of UTF-8 text with Unix line ends.
     sync : bool
-        Whether the disk must have taken it before it takes its place. False where the caller has seen to that, so that
-        two files take their places at once: to ask the disk takes milliseconds even if there is nothing to do.
+        Whether the disk must have taken it before it takes its place; False where the caller has seen to that.
 
     Yields
     ------
@@ -141,7 +143,7 @@ def atomic_write(path: str | os.PathLike[str], binary: bool = False, sync: bool 
     mode = "wb" if binary else "w"
     text = {} if binary else {"encoding": "utf-8", "newline": "\n"}
     if is_device(target):
-        with open(target, mode, **text) as device:  # type: ignore[call-overload]
+        with _reported(path), open(target, mode, **text) as device:  # type: ignore[call-overload]
             yield device
         return
     with _reported(path):
@@ -152,7 +154,7 @@ def atomic_write(path: str | os.PathLike[str], binary: bool = False, sync: bool 
             if sync:
                 flush_to_disk(stream)
             os.chmod(name, _permissions(target, 0o666))
-            os.replace(name, target)
+            take_place(name, target)
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise

@@ -104,10 +104,20 @@ def _acquire(lock_path: Path, target: Path) -> int:
                 f"{target}: another process (pid {holder}) is writing it. Wait for it, or choose another output."
             ) from None
         if _is_current(descriptor, lock_path):
-            os.ftruncate(descriptor, 0)
-            os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
+            _sign(descriptor, lock_path, target)
             return descriptor
         os.close(descriptor)
+
+
+def _sign(descriptor: int, lock_path: Path, target: Path) -> None:
+    """Write the number of this process into its lock file."""
+    try:
+        os.ftruncate(descriptor, 0)
+        os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
+    except OSError as error:
+        lock_path.unlink(missing_ok=True)
+        os.close(descriptor)
+        raise OutputError(f"{target}: cannot be written ({error.strerror}).") from error
 
 
 def _is_current(descriptor: int, lock_path: Path) -> bool:

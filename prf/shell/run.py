@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import sys
 import traceback
@@ -13,9 +12,7 @@ import typer
 
 from prf.shell import console, lock, signals
 from prf.shell.errors import EXIT_BROKEN_PIPE, EXIT_INTERNAL, EXIT_OK, OutputError, PrfError
-
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""What the system answers when there is no room for a result, on standard output too."""
+from prf.shell.work import FULL
 
 
 def run_app(command: Any, name: str, args: Sequence[str] | None = None) -> int:
@@ -46,7 +43,7 @@ def run_app(command: Any, name: str, args: Sequence[str] | None = None) -> int:
     except (BrokenPipeError, SystemExit) as error:
         return _code_of_exit(error)
     except OSError as error:
-        return _report_full(error) if error.errno in _FULL else _report_internal(error)
+        return _report_full(error) if error.errno in FULL else _report_internal(error)
     except Exception as error:
         return _report_internal(error)
     finally:

@@ -13,10 +13,11 @@ import numpy as np
 import shapely
 
 from prf.run.mapfile import map_text
-from prf.shell.errors import OutputError
 from prf.shell.files import atomic_write
 from prf.shell.jsonout import dump_object
 from prf.shell.manifest import describe_input, versions
+from prf.shell.together import Group, together
+from prf.shell.work import made_folder
 from prf.simulate.log_text import carmen_lines, no_return_number, path_lines, sonar_lines
 from prf.simulate.picture import draw_plan
 from prf.simulate.simulation import ARAK, OFFICE, Simulation
@@ -38,8 +39,8 @@ LEVEL = 6
 def write_simulation(folder: str | os.PathLike[str], simulation: Simulation) -> dict[str, Any]:
     """Write a simulation into a directory, which is made if need be; the same simulation gives the same bytes.
 
-    Every file is replaced whole; the old manifest goes first and the new one comes last, so that a directory that has
-    one is complete. A log of an earlier simulation goes; files of other names are left alone.
+    All files take their places together, the manifest last, so that a directory that has one is complete. A log of an
+    earlier simulation goes; files of other names are left alone.
 
     Parameters
     ----------
@@ -56,25 +57,34 @@ def write_simulation(folder: str | os.PathLike[str], simulation: Simulation) -> 
     OutputError
         If the directory or a file cannot be written.
     """
-    place, config, scans = Path(folder), simulation.config, simulation.scans
+    place = Path(folder)
     inputs = [describe_input(path) for path in _inputs(simulation)]  # one may be a file that is replaced now
-    try:
-        place.mkdir(parents=True, exist_ok=True)
-        (place / MANIFEST).unlink(missing_ok=True)
-    except OSError as error:
-        raise OutputError(f"{place}: cannot be written ({error.strerror}).") from error
+    with made_folder(place), together() as group:
+        _write_files(place, simulation, group)
+        manifest = _manifest(place, simulation, inputs, group)
+        with atomic_write(place / MANIFEST) as stream:
+            stream.write(dump_object(SCHEMA, manifest, indent=2) + "\n")
+    return manifest
+
+
+def _write_files(place: Path, simulation: Simulation, group: Group) -> None:
+    """Write all but the manifest."""
+    scans = simulation.scans
     with atomic_write(place / TRUTH) as stream:
         stream.write(map_text(simulation.world.coloring(), {"made_by": "prf simulate", "seed": simulation.seed}))
     with atomic_write(place / PATH) as stream:
         stream.writelines(f"{line}\n" for line in path_lines(scans))
     draw_plan(simulation, place / PLAN)
-    laser, physics, sonar = simulation.laser, config.laser, simulation.sonar
-    _write_packed(place / LASER, None if laser is None or physics is None else carmen_lines(scans, laser, physics))
-    _write_packed(place / SONAR, None if sonar is None else sonar_lines(scans, sonar))
-    manifest = _manifest(place, simulation, inputs)
-    with atomic_write(place / MANIFEST) as stream:
-        stream.write(dump_object(SCHEMA, manifest, indent=2) + "\n")
-    return manifest
+    laser, physics, sonar = simulation.laser, simulation.config.laser, simulation.sonar
+    logs = (
+        (LASER, None if laser is None or physics is None else carmen_lines(scans, laser, physics)),
+        (SONAR, None if sonar is None else sonar_lines(scans, sonar)),
+    )
+    for name, lines in logs:
+        if lines is None:
+            group.drop(place / name)
+        else:
+            _write_packed(place / name, lines)
 
 
 def summary(simulation: Simulation) -> dict[str, Any]:
@@ -108,24 +118,22 @@ def _inputs(simulation: Simulation) -> list[str]:
     ]
 
 
-def _manifest(place: Path, simulation: Simulation, inputs: list[dict[str, Any]]) -> dict[str, Any]:
+def _manifest(place: Path, simulation: Simulation, inputs: list[dict[str, Any]], group: Group) -> dict[str, Any]:
     """Return all that the simulation follows from, and nothing that differs from one day to the next."""
-    written = [describe_input(place / name) for name in FILES if name != MANIFEST and (place / name).exists()]
+    made = {name: group.where(place / name) for name in FILES if name != MANIFEST}
+    written = {name: describe_input(path) for name, path in made.items() if path is not None}
     return {
         **summary(simulation),
         "dark_walls": simulation.world.walls[simulation.is_dark],
         "configuration": dataclasses.asdict(simulation.config),
         "versions": versions(),
         "inputs": inputs,
-        "files": [{**entry, "path": Path(entry["path"]).name} for entry in written],
+        "files": [{**entry, "path": name} for name, entry in written.items()],
     }
 
 
-def _write_packed(path: Path, lines: Iterable[str] | None) -> None:
-    """Write lines as gzip without a date, so that the bytes depend on the content alone; none: leave no file."""
-    if lines is None:
-        path.unlink(missing_ok=True)
-        return
+def _write_packed(path: Path, lines: Iterable[str]) -> None:
+    """Write lines as gzip without a date, so that the bytes depend on the content alone."""
     text = "".join(f"{line}\n" for line in lines)
     with atomic_write(path, binary=True) as stream:
         stream.write(gzip.compress(text.encode("ascii"), compresslevel=LEVEL, mtime=0))

@@ -177,7 +177,7 @@ def make_inputs(root: Path, folder: Path) -> None:
     shutil.copy(folder / "bare.patches", folder / "town.patches")
     _call("label", folder / "town.patches", "--from-field", "truth")
     _call("classify", folder / "town.ply", "-o", folder / "result.ply")
-    _make_scans(folder)
+    make_scans(folder)
 
 
 def _call(*args: object) -> None:
@@ -185,7 +185,7 @@ def _call(*args: object) -> None:
     assert code == 0, err
 
 
-def _make_scans(folder: Path) -> None:
+def make_scans(folder: Path) -> None:
     """Write scans of a long wall with their poses, and poses of which half are wrong."""
     poses = np.array([pose_at(3.0 + 1.5 * scan, -5.0, 5.0 * scan) for scan in range(8)])
     scans = folder / "scans"

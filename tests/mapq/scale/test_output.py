@@ -30,7 +30,7 @@ def test_both_are_replaced(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["a.ply", "a.json"])
-def test_killed_in_between_no_json_tells_of_another_cloud(
+def test_interrupted_in_between_the_old_ones_come_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     def replace(source: str, target: str | Path) -> None:
@@ -42,7 +42,7 @@ def test_killed_in_between_no_json_tells_of_another_cloud(
     monkeypatch.setattr(files.os, "replace", replace)
     with pytest.raises(KeyboardInterrupt):
         publish(str(work), output, {"tiles": 3}, [{"patch": 0}])
-    assert not (tmp_path / "a.json").exists()
+    assert (tmp_path / "a.ply").read_text() == (tmp_path / "a.json").read_text() == "old"
 
 
 def test_an_error_before_leaves_the_old_ones(tmp_path: Path) -> None:

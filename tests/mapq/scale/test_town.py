@@ -16,12 +16,13 @@ from mapq.io.options import AS_IT_IS
 from mapq.scale.gather import patches_near
 from mapq.scale.maps import Where, classify_map, segment_map
 from mapq.scale.patches import Whole
-from mapq.scale.run import Job, ScaleSettings, work_folder
+from mapq.scale.run import Job, ScaleSettings
 from mapq.scale.source import find_sources
 from mapq.scale.workers import Here
 from mapq.segmentation import SegmentSettings, segment
 from mapq.simulate.city import PITCH, SIDES, make_block
 from mapq.simulate.city_tiles import ORIGIN, plan_city, write_city
+from prf.shell.work import work_folder
 
 N_POINTS = 145_000
 
