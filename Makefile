@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 PYTEST := $(BIN)/python -m pytest
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow check docs bench model clean
+.PHONY: help setup demo test test-slow verify check docs bench model clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -33,6 +33,9 @@ test: setup ## all tests but the slow ones
 test-slow: setup ## the slow tests: long chains, statistics with many draws
 	$(PYTEST) -n 2 -m slow
 
+verify: setup ## show that the sampler is right: calibration, joint law, a second sampler; half an hour, plots in verify/
+	$(BIN)/python -m tests.verify --output verify
+
 check: setup ## lint, format, types, import contracts, spelling
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -53,5 +56,5 @@ model: setup ## train the model that ships with mapq anew, on simulated maps
 	$(BIN)/python data/make_default_model.py
 
 clean: ## remove .venv, what the demo made, and caches
-	rm -rf $(VENV) demo .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks .coverage build dist
+	rm -rf $(VENV) demo verify .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks .coverage build dist
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy import special, stats
+from scipy import special
 
 from prf.coloring import Coloring
 from prf.window import Window
@@ -33,13 +33,18 @@ class Sensor(NamedTuple):
         return max(self.noise, self.relative * d)
 
 
+def normal(r: Floats, mean: float, s: float) -> Floats:
+    """Density of the normal; scipy's takes thirty times as long to check its arguments."""
+    return np.exp(-0.5 * ((r - mean) / s) ** 2) / (s * math.sqrt(2.0 * math.pi))
+
+
 def density(sensor: Sensor, r: Floats, d: float) -> Floats:
     """Density of returns r < max: w_hit [d < max] N(r; d, s^2) / Phi(d/s) + w_outlier / max."""
     flat = np.full(np.shape(r), sensor.outlier / sensor.max)
     if d >= sensor.max:
         return flat
     s = sensor.spread(d)
-    return flat + sensor.hit * stats.norm.pdf(r, d, s) / stats.norm.cdf(d / s)
+    return flat + sensor.hit * normal(r, d, s) / special.ndtr(d / s)
 
 
 def mass_of_no_return(sensor: Sensor, d: float) -> float:
@@ -47,7 +52,7 @@ def mass_of_no_return(sensor: Sensor, d: float) -> float:
     if d >= sensor.max:
         return sensor.miss + sensor.hit
     s = sensor.spread(d)
-    return sensor.miss + sensor.hit * float(stats.norm.cdf((d - sensor.max) / s) / stats.norm.cdf(d / s))
+    return sensor.miss + sensor.hit * float(special.ndtr((d - sensor.max) / s) / special.ndtr(d / s))
 
 
 def log_likelihood(sensor: Sensor, r: float, d: float) -> float:

@@ -16,6 +16,7 @@ from scipy import integrate, special, stats
 
 from prf.coloring import Coloring
 from prf.window import INTERIOR
+from tests.reference.beams import normal
 
 Floats = NDArray[np.float64]
 Part = tuple[float, float]
@@ -185,22 +186,22 @@ def weights(ring: Ring, seen: Iterable[Feature]) -> Floats:
 def density(ring: Ring, seen: list[Feature], r: Floats) -> Floats:
     """Density of readings r below the maximum range."""
     chance = weights(ring, seen)
-    stray = ring.uniform / ring.max + ring.short * stats.expon.pdf(r, scale=ring.short_length)
+    stray = ring.uniform / ring.max + ring.short * np.exp(-r / ring.short_length) / ring.short_length
     total = chance[-1] * stray
     for share, feature in zip(chance, seen, strict=False):
         s = ring.spread(feature.depth)
-        total = total + share * stats.norm.pdf(r, feature.depth, s) / stats.norm.cdf(feature.depth / s)
+        total = total + share * normal(r, feature.depth, s) / special.ndtr(feature.depth / s)
     return np.asarray(total, dtype=np.float64)
 
 
 def mass_of_no_return(ring: Ring, seen: list[Feature]) -> float:
     """Probability of a reading of the maximum range or more."""
     chance = weights(ring, seen)
-    missed = 1.0 - ring.uniform - ring.short + ring.short * stats.expon.sf(ring.max, scale=ring.short_length)
+    missed = 1.0 - ring.uniform - ring.short + ring.short * math.exp(-ring.max / ring.short_length)
     total = chance[-1] * missed
     for share, feature in zip(chance, seen, strict=False):
         s = ring.spread(feature.depth)
-        total += share * stats.norm.sf((ring.max - feature.depth) / s) / stats.norm.cdf(feature.depth / s)
+        total += share * special.ndtr((feature.depth - ring.max) / s) / special.ndtr(feature.depth / s)
     return float(total)
 
 

@@ -1,0 +1,76 @@
+"""Mistakes made on purpose: the checks must catch each of them, with as many worlds as they need to pass."""
+
+from __future__ import annotations
+
+import dataclasses
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from prf.arak import exact_draws
+from prf.coloring import Coloring, Draws
+from prf.layout import read_coloring
+from prf.posterior import Settings, make_chain
+from prf.sampler.tempering import run_chain
+from tests.statistical import mutants
+from tests.verify.problems import PROBLEMS
+from tests.verify.sbc import Arm, Ranks
+from tests.verify.ways import N_CHAINS, N_DRAWS, Answer, plain, white_at_sensors
+
+NOISE_FACTOR = 0.4
+SHORT = 1000
+"""Steps of chains that are looked at too early."""
+MUTANT = mutants.BIRTH
+"""A ratio that is wrong by a number of permutations."""
+
+
+def sharper(settings: Settings) -> Settings:
+    """Return settings in which the noise of all readings is taken for less than it is."""
+    changes = {}
+    for name in ("laser", "sonar"):
+        data = getattr(settings, name)
+        if data is not None:
+            model = dataclasses.replace(data.model, noise=NOISE_FACTOR * data.model.noise)
+            changes[name] = dataclasses.replace(data, model=model)
+    return dataclasses.replace(settings, **changes)
+
+
+def from_prior(settings: Settings, rng: np.random.Generator, threads: int) -> Answer:
+    """Draws of the prior, whatever the readings: their ranks are uniform in all that does not look at these."""
+    draws: list[Coloring] = []
+    while len(draws) < N_DRAWS:
+        some = exact_draws(settings.scale, settings.window, N_DRAWS, rng)
+        draws += [draw for draw in some if white_at_sensors(settings, draw)]
+    return Answer(Draws.from_colorings(draws[:N_DRAWS]), 0, True)
+
+
+def too_early(settings: Settings, rng: np.random.Generator, threads: int) -> Answer:
+    """Draws of chains that have not left their start, the white map."""
+    maps = []
+    for generator in rng.spawn(N_CHAINS):
+        chain = make_chain(dataclasses.replace(settings, resolution=None), Coloring.empty(settings.window))
+        for step in np.linspace(SHORT // 2, SHORT, N_DRAWS // N_CHAINS).astype(int).tolist():
+            chain = run_chain(chain, generator, step)
+            maps.append(read_coloring(chain.graph))
+    return Answer(Draws.from_colorings(maps), SHORT, True)
+
+
+def control_arms() -> list[Arm]:
+    """Return the arms that must leave the band, in this process."""
+    laser, sonar = PROBLEMS["laser"], PROBLEMS["sonar"]
+    return [
+        Arm("laser, noise taken for less than half", laser, plain, sharper),
+        Arm("sonar, noise taken for less than half", sonar, plain, sharper),
+        Arm("laser, draws of the prior for those of the posterior", laser, from_prior),
+        Arm("laser, chains stopped too early", laser, too_early),
+    ]
+
+
+def run_mutant(n_worlds: int, seed: int) -> Ranks:
+    """Return ranks of a copy of the sampler with a mistake in a ratio, compiled in a process of its own."""
+    with tempfile.TemporaryDirectory() as folder:
+        arguments = ("tests.verify.mutant_arm", str(n_worlds), str(seed))
+        found = mutants.run_check(Path(folder), MUTANT, *arguments, compiled=True)
+    ranks, steps = np.array(found["ranks"]), np.array(found["steps"])
+    return Ranks(ranks, steps, np.array(found["agreed"], np.bool_), found["seconds"])

@@ -1,0 +1,157 @@
+"""Ways to draw from a posterior: a plain chain that uses no accelerator, and the sampler with all that keep the law.
+
+How long a way goes on is decided by its chains alone, never by the truth: chains double their steps until they agree
+(R-hat) and are worth as many independent draws as are ranked (ESS). Half of the steps, at least, are burn-in.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import NamedTuple
+from unittest import mock
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.arak import exact_draws
+from prf.coloring import Coloring, Draws, black_at
+from prf.diagnostics import diagnose
+from prf.kernels.chain import Chain
+from prf.layout import read_coloring
+from prf.posterior import Settings, make_chain
+from prf.sampler import Sampler
+from prf.sampler.tempering import run_chain
+from prf.sampler.tempering_ladder import LadderPlan
+from prf.sampler.tempering_state import with_map
+from prf.sampler.tiles import schedule, tiled
+from tests.verify.problems import NAMES, from_map
+
+Floats = NDArray[np.float64]
+
+N_DRAWS = 40
+"""Ranked draws of a posterior, L."""
+N_CHAINS = 2
+MOST_RHAT = 1.1
+FIRST_STEPS, MOST_STEPS = 320_000, 5_120_000
+"""Of a chain; the powers of rungs move after the first for the last time."""
+KEPT = 256
+"""Maps that a plain chain keeps of the second half of its steps."""
+UNREACHED = 1e6
+"""Nats that any beam may gain: bounds so wide reject nothing."""
+LEVELS = 3
+LADDER = LadderPlan(3, hottest=0.0)
+"""The lowest rung has exact draws of the prior."""
+TILES = 4
+TILE_ROUND, PLAIN_SHARE = 16_000, 0.5
+"""Steps of a round, and the share of them on the whole window: the sampler's own are for windows of many rooms. In one
+that an edge may cross, few edges lie in one tile."""
+
+
+class Answer(NamedTuple):
+    """Draws of a posterior, as many from each chain, and what the chains came to.
+
+    Attributes
+    ----------
+    draws : Draws
+        ``N_DRAWS`` of them.
+    steps : int
+        That each chain made.
+    agreed : bool
+        Whether chains agreed in the end.
+    """
+
+    draws: Draws
+    steps: int
+    agreed: bool
+
+
+Way = Callable[[Settings, np.random.Generator, int], Answer]
+"""Called with the posterior, a generator, and the number of threads."""
+
+
+def white_at_sensors(settings: Settings, draw: Coloring) -> bool:
+    """Return whether every sensor stands in white."""
+    sensors = [sensor.origin for sensor in (settings.laser, settings.sonar) if sensor is not None]
+    return not any(black_at(draw, origin).any() for origin in sensors)
+
+
+def prior_start(settings: Settings, rng: np.random.Generator) -> Coloring:
+    """Return a draw of the prior in which every sensor stands in white: it knows nothing of the truth."""
+    while True:
+        draw = exact_draws(settings.scale, settings.window, 1, rng)[0]
+        if white_at_sensors(settings, draw):
+            return draw
+
+
+def unbounded(chain: Chain) -> Chain:
+    """Return a fresh chain in which no bound ever rejects: all readings are asked before a decision."""
+    return chain._replace(beams=chain.beams._replace(best=np.full_like(chain.beams.best, UNREACHED)))
+
+
+def plain(settings: Settings, rng: np.random.Generator, threads: int) -> Answer:
+    """One step after the other, in one thread, all readings asked; chains start from draws of the prior."""
+    settings = dataclasses.replace(settings, levels=1, resolution=None)
+    chains = []
+    for generator in rng.spawn(N_CHAINS):
+        chain = make_chain(settings, Coloring.empty(settings.window))
+        chains.append((with_map(unbounded(chain), settings, prior_start(settings, generator)), generator))
+    steps = FIRST_STEPS
+    while True:
+        kept = []
+        for k, (chain, generator) in enumerate(chains):
+            maps = []
+            for step in np.linspace(steps // 2, steps, KEPT + 1).astype(int).tolist():
+                chain = run_chain(chain, generator, step)
+                maps.append(read_coloring(chain.graph))
+            chains[k] = chain, generator
+            kept.append(Draws.from_colorings(maps[1:]))
+        agreed = agree(kept)
+        if agreed or steps >= MOST_STEPS:
+            return Answer(spread(kept), steps, agreed)
+        steps *= 2
+
+
+def by_sampler(settings: Settings, rng: np.random.Generator, threads: int, plan: LadderPlan | None) -> Answer:
+    """As ``prf sample`` does it, from the white map."""
+    with Sampler(settings, rng.spawn(N_CHAINS), threads, plan=plan) as sampler:
+        goal = FIRST_STEPS
+        while True:
+            while sampler.step < goal:
+                sampler.advance()
+            sample = sampler.sample()
+            kept = [sample.draws.take(sample.chain == chain) for chain in range(N_CHAINS)]
+            agreed = agree(kept)
+            if agreed or goal >= MOST_STEPS:
+                return Answer(spread(kept), sampler.step, agreed)
+            goal *= 2
+
+
+def with_rungs(settings: Settings, rng: np.random.Generator, threads: int) -> Answer:
+    """Bounds, levels, hot rungs below every chain, chains in threads."""
+    return by_sampler(dataclasses.replace(settings, levels=LEVELS), rng, threads, LADDER)
+
+
+def with_tiles(settings: Settings, rng: np.random.Generator, threads: int) -> Answer:
+    """Bounds, levels, tiles, tiles in threads. Rungs and tiles cannot be combined."""
+    with (
+        mock.patch.object(schedule, "ROUND_LENGTHS", (TILE_ROUND, TILE_ROUND)),
+        mock.patch.object(tiled, "PLAIN_SHARE", PLAIN_SHARE),
+    ):
+        return by_sampler(dataclasses.replace(settings, levels=LEVELS, tiles=TILES), rng, threads, None)
+
+
+WAYS: dict[str, Way] = {"plain": plain, "rungs": with_rungs, "tiles": with_tiles}
+
+
+def agree(kept: list[Draws]) -> bool:
+    """Return whether chains agree in what is compared, and are worth ``N_DRAWS`` independent draws together."""
+    found = np.array([from_map(draws) for draws in kept])
+    diagnoses = diagnose({name: found[:, :, k] for k, name in enumerate(NAMES[: found.shape[2]])})
+    return all(one.agrees(MOST_RHAT, N_DRAWS) for one in diagnoses.values())
+
+
+def spread(kept: list[Draws]) -> Draws:
+    """Return ``N_DRAWS`` draws, as many from each chain, as far from each other as can be."""
+    each = N_DRAWS // len(kept)
+    return Draws.concatenate(draws.take(np.arange(1, each + 1) * len(draws) // each - 1) for draws in kept)
