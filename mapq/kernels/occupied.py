@@ -17,6 +17,9 @@ STEP = 2.0**0.5
 
 GROWTH = 1.05
 """Ratio of areas at two sizes below which there are no holes left to be filled."""
+TIE = 1e-9
+"""Share within which two areas count as equal: they are whole numbers of cells that double from size to size but for
+rounding, so ties are common, and rounding is not to decide them."""
 
 
 @part
@@ -112,7 +115,7 @@ def choose_cell(u: Floats, v: Floats, box: Floats, smallest: float, marks: Bytes
         return 2.0 * finest
     cell = finest
     for k in range(len(inner) - 1):
-        if inner[k] >= 0.5 * most and inner[k + 1] <= GROWTH * inner[k]:
+        if inner[k] >= 0.5 * most * (1.0 - TIE) and inner[k + 1] <= GROWTH * inner[k] * (1.0 + TIE):
             break
         cell *= STEP
     return cell

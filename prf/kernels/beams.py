@@ -109,7 +109,7 @@ def first_hit(
     uy = ray[c.DIRECTION_Y]
     best = limit
     best_edge = c.NONE
-    before = beams.level[beam] * index.cell_count.shape[0]
+    before = np.int64(beams.level[beam]) * index.cell_count.shape[0]
     for at in range(slot, beams.slot_start[beam + 1]):
         cell = beams.slot_cell[at] - before
         for place in range(index.cell_count[cell]):
@@ -203,7 +203,7 @@ def fill_slots(
         uy = ray[beam, c.DIRECTION_Y]
         reach = ray[beam, c.REACH]
         n = walk(grid, ox, oy, ox + reach * ux, oy + reach * uy, path)
-        before = level[beam] * grid.nx * grid.ny
+        before = np.int64(level[beam]) * grid.nx * grid.ny
         latest = 0.0
         for k in range(n):
             slot = slot_start[beam] + k
