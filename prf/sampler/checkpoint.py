@@ -34,7 +34,10 @@ def load_checkpoint(folder: Path, sampler: Sampler, identity: str) -> None:
     path = folder / names.CHECKPOINT
     arrays = load_arrays(path, SCHEMA)
     if str(arrays.pop("run", "")) != identity:
-        raise InputError(f"{path}: belongs to a run of other readings or configuration. Sample anew with --force.")
+        raise InputError(
+            f"{path}: belongs to a run of other readings or configuration, or was written by another release. "
+            "Sample anew with --force."
+        )
     try:
         if "chain0.ladder.powers" in arrays:
             sampler.put_rungs()
