@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 PYTEST := $(BIN)/python -m pytest
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow verify check docs bench model clean
+.PHONY: help setup demo test test-slow verify check docs figures bench model clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -45,6 +45,9 @@ check: setup ## lint, format, types, import contracts, spelling
 
 docs: setup ## write the reference pages in docs/reference from the command lines
 	$(BIN)/python -m docs.make_reference
+
+figures: setup ## make the pictures of README and tutorials anew; about a minute
+	$(BIN)/python -m docs.make_figures
 
 bench: setup ## speed and quality beside references in the same run; some ten minutes
 	$(BIN)/python -m benchmarks.step_rate

@@ -108,13 +108,14 @@ def _console(name: str, number: int, lines: list[str]) -> Iterator[Command]:
         yield Command(f"{name}:{number}", text.strip(), shown.rstrip() or None)
 
 
+FRACTION = 0.2
 NUMBER = re.compile(r"(?<![A-Za-z_])-?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 def differences(shown: str, printed: str, share: float) -> str | None:
     """Compare what a page shows with what was printed; None if words agree and numbers do within `share`.
 
-    Numbers below 0.05 apart agree as well: shares and probabilities come of a few draws.
+    Of fractions up to 1 a distance of `FRACTION` is let pass: they are counted in draws of chains.
     """
     pattern, expected = "", []
     for piece in re.split(r"(\.\.\.)", shown):
@@ -132,7 +133,8 @@ def differences(shown: str, printed: str, share: float) -> str | None:
         return f"shown:\n{shown}\nprinted:\n{printed}"
     for one, other in zip(expected, match.groups(), strict=True):
         low, high = sorted(float(number.replace(",", "")) for number in (one, other))
-        if high - low > max(0.05, share * max(abs(low), abs(high))):
+        is_fraction = "." in one and 0.0 <= low and high <= 1.0
+        if high - low > (FRACTION if is_fraction else share * max(abs(low), abs(high))):
             return f"shown {one}, printed {other} in:\n{printed}"
     return None
 

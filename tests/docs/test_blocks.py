@@ -56,6 +56,7 @@ def test_commands_of_a_page_run(
     runner = Runner(folder, rules, capsys, scheduler)
     for command, follower in zip(commands, [*commands[1:], None], strict=True):
         runner.run(command, follower)
+    assert runner.n_run > 0
     with capsys.disabled():
         if os.environ.get("SHOW_BLOCKS"):
             print(f"\n{name}: {runner.n_run} run, {runner.n_compared} compared, {runner.n_left_out} left out")

@@ -1,0 +1,135 @@
+"""Makes the pictures of README and tutorials anew from data/: `make figures`, about a minute.
+
+The same seeds as in the tutorials. Screenshots of pages (`label-town.png`, `report-town.png`) and figures of
+benchmarks (`bitmap.png`, `two-doors.png`) are made elsewhere.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+from PIL import Image
+
+import mapq.cli
+import prf.cli
+from prf.shell.run import run_app
+
+ROOT = Path(__file__).parent.parent
+IMAGES = Path(__file__).parent / "images"
+LOG = ROOT / "data" / "demo-office.log.gz"
+TOWN = ROOT / "data" / "demo-town.ply.gz"
+
+MOST_BYTES = 200_000
+STEPS = "600000"
+"""As many as the tutorial has."""
+
+ROUTES = {
+    "desk: free with 1.00": ([(6.6, 6.6), (6.6, 3.0), (8.2, 2.0)], "#0a7d4f"),
+    "corner: 0.84": ([(12.4, 6.6), (12.6, 5.4), (10.6, 5.2)], "#c77700"),
+    "hall: 0.00": ([(10.4, 7.0), (10.4, 9.0), (12.0, 11.2), (13.6, 12.6)], "#c2185b"),
+}
+RADIUS = 0.3
+"""Of the cart that takes those routes, in metres."""
+
+
+def call(tool: Any, *words: object) -> None:
+    """Run a command in this process; stop if it fails."""
+    name = tool.__name__.partition(".")[0]
+    code = run_app(tool.app, name, [str(word) for word in words])
+    if code:
+        sys.exit(code)
+
+
+def save(figure: Any, path: Path) -> None:
+    """Write a figure with as few colours as its size asks for."""
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+    shrink(path)
+
+
+def shrink(path: Path) -> None:
+    """Reduce a picture to 256 colours, and its size until it has at most `MOST_BYTES`."""
+    picture = Image.open(path).convert("RGB")
+    while True:
+        picture.quantize(256, kmeans=3, dither=Image.Dither.NONE).save(path, optimize=True)
+        if path.stat().st_size <= MOST_BYTES:
+            return
+        picture = picture.resize((picture.width * 9 // 10, picture.height * 9 // 10), Image.Resampling.LANCZOS)
+
+
+def show_cells(axes: Any, file: Path, title: str) -> None:
+    """Draw the array `occupancy` of posterior.npz or of a GRID, white where free."""
+    with np.load(file) as content:
+        cells, (x, y), side = content["occupancy"], content["origin"], float(content["resolution"])
+    rows, columns = cells.shape
+    extent = (x, x + columns * side, y, y + rows * side)
+    axes.imshow(cells, origin="lower", extent=extent, cmap="gray_r", vmin=0, vmax=1, interpolation="nearest")
+    axes.set_title(title, loc="left", fontsize=11)
+    axes.set_xlabel("x (m)")
+    axes.set_ylabel("y (m)")
+
+
+def beside_a_grid(run: Path, grid: Path, path: Path) -> None:
+    """Draw the posterior beside an occupancy grid of the same readings."""
+    figure, axes = plt.subplots(1, 2, figsize=(13, 5), layout="constrained", sharex=True, sharey=True)
+    show_cells(axes[0], run / "posterior.npz", "prf sample: probability of being occupied")
+    show_cells(axes[1], grid, "prf grid: the same 5,580 beams, cell by cell")
+    axes[0].set_xlim(-0.7, 22.7)
+    axes[0].set_ylim(-0.7, 14.7)
+    save(figure, path)
+
+
+def with_routes(run: Path, path: Path) -> None:
+    """Draw the posterior with the routes of the tutorial, as wide as the cart."""
+    figure, axes = plt.subplots(figsize=(9.5, 6.4), layout="constrained")
+    show_cells(axes, run / "posterior.npz", "Three routes for a cart of 0.3 m radius")
+    figure.canvas.draw()
+    points = axes.transData.transform([(0.0, 0.0), (2 * RADIUS, 0.0)])
+    width = (points[1, 0] - points[0, 0]) * 72 / figure.dpi
+    for label, (corners, colour) in ROUTES.items():
+        x, y = zip(*corners, strict=True)
+        axes.plot(x, y, color=colour, alpha=0.35, lw=width, solid_capstyle="round", solid_joinstyle="round")
+        axes.plot(x, y, color=colour, lw=1.5, label=label)
+    axes.legend(loc="lower right", framealpha=0.95)
+    save(figure, path)
+
+
+def draw_office(folder: Path) -> None:
+    """Make the three pictures of the office."""
+    run, grid = folder / "office", folder / "office.grid.npz"
+    call(prf.cli, "sample", "--laser", LOG, "--steps", STEPS, "--seed", 1, "-o", run, "-q")
+    call(prf.cli, "grid", "--laser", LOG, "-o", grid, "-q")
+    call(prf.cli, "render", run, "-o", IMAGES / "demo-office.png", "--force", "-q")
+    shrink(IMAGES / "demo-office.png")
+    beside_a_grid(run, grid, IMAGES / "posterior-and-grid.png")
+    with_routes(run, IMAGES / "tutorial-office.png")
+
+
+def draw_town(folder: Path) -> None:
+    """Make the picture of the classified town."""
+    result = folder / "town.classified.ply"
+    call(mapq.cli, "classify", TOWN, "-o", result, "-q")
+    call(mapq.cli, "render", result, "-o", IMAGES / "demo-town.png", "--force", "-q")
+    shrink(IMAGES / "demo-town.png")
+
+
+def main() -> None:
+    """Make every picture."""
+    drawings: tuple[Callable[[Path], None], ...] = (draw_office, draw_town)
+    for draw in drawings:
+        with TemporaryDirectory() as folder:
+            draw(Path(folder))
+
+
+if __name__ == "__main__":
+    main()
