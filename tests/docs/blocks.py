@@ -133,7 +133,7 @@ def differences(shown: str, printed: str, share: float) -> str | None:
         return f"shown:\n{shown}\nprinted:\n{printed}"
     for one, other in zip(expected, match.groups(), strict=True):
         low, high = sorted(float(number.replace(",", "")) for number in (one, other))
-        is_fraction = "." in one and 0.0 <= low and high <= 1.0
+        is_fraction = "." in one and low >= 0.0 and high <= 1.0
         if high - low > (FRACTION if is_fraction else share * max(abs(low), abs(high))):
             return f"shown {one}, printed {other} in:\n{printed}"
     return None

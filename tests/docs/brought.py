@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mapq.io import write_cloud, write_patches
 from mapq.patches import Patches
@@ -17,7 +18,11 @@ from prf.logs import read_readings, write_table
 from prf.run import write_run
 from tests.conftest import ROOT
 from tests.factories import make_run
+from tests.logs.bags import Maker, Note, yaw
+from tests.logs.samples import player_laser, position
 from tests.mapq.labelled import draw_patches
+
+Floats = NDArray[np.float64]
 
 OUTPUTS = ("-o", "--output")
 OFFICE = ROOT / "data" / "demo-office.log.gz"
@@ -52,6 +57,40 @@ def make_ring(path: Path) -> None:
         f"{x:.3f},{y:.3f},{a:.5f},{r if r < SONAR_REACH else np.inf:.3f},0.349,{scan}" for x, y, a, r, scan in rows
     ]
     path.write_text("\n".join(["x,y,theta,range,cone,scan", *lines]) + "\n")
+
+
+def make_bag(path: Path) -> None:
+    """Write a ROS 1 bag with every third scan of the demo office, two sonars, and tf to the frame of the map."""
+    make = Maker("ros1")
+    notes = []
+    for time, (pose, angle, distance) in enumerate(_scans(), start=1):
+        heading = angle[len(angle) // 2]
+        for frame in ("laser", "left", "right"):
+            notes.append(Note("/tf", time, make.tf(time, "map", frame, (*pose, 0.0), yaw(heading))))
+        fields = {"angle_min": angle[0] - heading, "angle_increment": angle[1] - angle[0], "range_max": 30.0}
+        notes.append(Note("/scan", time, make.scan(time, distance.tolist(), **fields)))
+        notes += [Note(f"/sonar_{side}", time, make.range(time, 2.0, side)) for side in ("left", "right")]
+    make.write(path, notes)
+
+
+def make_player(path: Path) -> None:
+    """Write a log of Player 2.x with every third scan of the demo office, localized twice."""
+    lines = []
+    for time, (pose, angle, distance) in enumerate(_scans()):
+        heading = angle[len(angle) // 2]
+        lines += [position(*pose, heading, time), position(*pose, heading, time, index="01")]
+        ranges = np.minimum(distance, 30.0).round(3).tolist()
+        lines.append(player_laser(ranges, time, angle[0] - heading, angle[1] - angle[0], 30.0))
+    path.write_text("".join(lines))
+
+
+def _scans() -> Iterator[tuple[Floats, Floats, Floats]]:
+    """Yield place, directions and ranges of every third scan of the demo office, every sixth beam."""
+    readings = read_readings(str(OFFICE))
+    readings = readings.where((readings.scan % 3 == 0) & (readings.beam % 6 == 0))
+    for scan in np.unique(readings.scan):
+        its = readings.scan == scan
+        yield readings.origin[its][0], readings.angle[its], readings.range[its]
 
 
 def make_points(path: Path) -> None:
@@ -173,6 +212,8 @@ MAKERS: tuple[tuple[str, Callable[[Path], None]], ...] = (
     (r"drive\.csv", lambda path: path.write_text("x,y\n3.0,3.0\n7.0,3.0\n7.0,5.0\n")),
     (r"(bitmap|soil|taps)\.csv", make_values),
     (r"(ring|elsewhere)\.csv", make_ring),
+    (r"drive\.bag", make_bag),
+    (r"player\.log", make_player),
     (r"(?!data/).*\.log(\.gz)?|doors\.csv|readings\.csv", make_log),
     (r"(floor|plan|truth)\.geojson", make_plan),
     (r".*\.classified\.(ply|laz|las)", make_result),
