@@ -1,0 +1,47 @@
+"""The examples of CONTRIBUTING.md: each is applied to a copy of the tree, where its own test passes."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import ROOT
+from tests.docs.patches import apply_to, examples_of, files_of
+
+EXAMPLES = examples_of((ROOT / "CONTRIBUTING.md").read_text())
+MOST_FILES = {"A move": 6, "A reader of clouds": 4}
+"""Files that an example may touch, its test among them, where that is more than three."""
+
+
+def test_examples_are_there() -> None:
+    assert set(EXAMPLES) == {"A node feature", "A reader of clouds", "A sensor", "A move"}
+
+
+@pytest.mark.parametrize("title", EXAMPLES)
+def test_examples_touch_few_files(title: str) -> None:
+    files = files_of(EXAMPLES[title])
+    assert len(files) <= MOST_FILES.get(title, 3)
+    assert sum(name.startswith("tests/") for name in files) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("title", EXAMPLES)
+def test_an_example_can_be_followed(tmp_path: Path, title: str) -> None:
+    for name in ("prf", "mapq", "tests"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    apply_to(tmp_path, EXAMPLES[title])
+    test = next(name for name in files_of(EXAMPLES[title]) if name.startswith("tests/"))
+    # As plain Python: nothing has to be compiled for a copy that is used once.
+    there = {**os.environ, "PYTHONPATH": str(tmp_path), "NUMBA_DISABLE_JIT": "1"}
+    words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", test]
+    done = subprocess.run(words, cwd=tmp_path, env=there, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-4000:]
+    with_ruff = [sys.executable, "-m", "ruff", "check", "--select", "F,I,D1", *files_of(EXAMPLES[title])]
+    done = subprocess.run(with_ruff, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
