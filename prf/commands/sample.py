@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from prf.api.run import Run
+    from prf.api.sampling import Watch
     from prf.api.science import Name, Source
 
 EXAMPLES = (
@@ -92,6 +95,9 @@ Hottest = Annotated[
         help="Of the likelihood on the last rung; 0: the prior.  [half of the swaps succeed]",
     ),
 ]
+Live = Annotated[
+    bool, typer.Option("--live", help="On a terminal show posterior, best map and agreement while sampling.")
+]
 Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Go on with this run from its checkpoint.")]
 
 RUN_SCIENCE = (*SCIENCE, "chains", "resolution", "start", "rungs", "hottest")
@@ -136,6 +142,7 @@ def sample(
     scheduler: Scheduler = None,
     seed: Seed = None,
     threads: Threads = 0,
+    live: Live = False,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -143,7 +150,8 @@ def sample(
 
     Without --steps and --time-budget it stops when the chains agree (R-hat < 1.05 and ESS > 100 for every functional),
     or after 30 minutes, saying that they do not. Ctrl-C keeps what was sampled; --resume goes on from there, and gives
-    the same draws as a run that was never stopped.
+    the same draws as a run that was never stopped. --live draws pictures on standard error; elsewhere than on a
+    terminal it changes nothing.
     """
     beam_density = chosen_density(beam_density, no_thinning)
     options = {name: value for name, value in locals().items() if name in RUN_SCIENCE}
@@ -164,12 +172,26 @@ def sample(
     folder = _folder(logs, output, resume)
     how: dict[str, Any] = {"steps": steps, "seconds": time_budget, "threads": threads, "scheduler": scheduler}
     how |= {"seed": seed, "on_interrupt": "raise"}
-    if resume is not None:
-        run = go_on(folder, asked=asked, logs=logs, **how)
-    else:
-        sources: dict[Name, Source] = {name: logs[flag] for name, flag in SOURCES.items() if flag in logs}
-        run = draw(sources, config=asked, output=folder, force=force, **how)
+    with _shown(live, folder.name, steps is None and time_budget is None) as watch:
+        how |= {"watch": watch, "progress": watch is None}
+        if resume is not None:
+            run = go_on(folder, asked=asked, logs=logs, **how)
+        else:
+            sources: dict[Name, Source] = {name: logs[flag] for name, flag in SOURCES.items() if flag in logs}
+            run = draw(sources, config=asked, output=folder, force=force, **how)
     _report(run, folder, json)
+
+
+@contextmanager
+def _shown(live: bool, name: str, is_limit: bool) -> Iterator[Watch | None]:
+    """Yield what shows the run while it is sampled; None for a bar, or lines in a pipe."""
+    if not live:
+        yield None
+        return
+    from prf.api.live import live_view
+
+    with live_view(name, is_limit) as watch:
+        yield watch
 
 
 def _number_of_tiles(tiles: str | None) -> int | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
@@ -236,13 +237,18 @@ class Sampler:
         totals = [chain.times.total(chain.chain.image, self.step) for chain in self.chains]
         grid = self.chains[0].chain.image.grid
         steps = (self.step - self.burn_in) * len(self.chains)
-        inside = self.settings.window.contains(pixel_centres(grid)) & (steps > 0)
+        inside = self._pixels_inside & (steps > 0)
         shares = []
         for which in range(2):
             share = np.full(grid.nx * grid.ny, np.nan, np.float32)
             share[inside] = sum(total[which][inside] for total in totals) / max(steps, 1)
             shares.append(share.reshape(grid.ny, grid.nx))
         return shares[0], shares[1]
+
+    @cached_property
+    def _pixels_inside(self) -> NDArray[np.bool_]:
+        """Which pixels of the image have their centre in the window."""
+        return self.settings.window.contains(pixel_centres(self.chains[0].chain.image.grid))
 
     def best(self) -> Draw | None:
         """Return the recorded map of highest log posterior of all chains."""

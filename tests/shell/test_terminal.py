@@ -137,7 +137,7 @@ def test_half_blocks_have_the_colours_of_both_pixels() -> None:
     coarse = COLOURS._replace(blocks=False, braille=False)
     line = lines_of(grey_raster(values, inside, coarse), coarse)[0]
     assert line.plain == "   "
-    assert [span.style.bgcolor.triplet.hex for span in line.spans] == ["#ffffff", "#7f7f7f", "#ffffff"]
+    assert [span.style.bgcolor.triplet.hex for span in line.spans] == ["#ffffff", "#808080", "#ffffff"]
 
 
 def test_lines_are_braille_or_a_letter() -> None:

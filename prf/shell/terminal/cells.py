@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from prf.shell.terminal.screen import Screen
 
 if TYPE_CHECKING:
+    from rich.color import Color
     from rich.style import Style
     from rich.text import Text
 
@@ -19,6 +21,11 @@ BRAILLE = 0x2800
 """The pattern without dots; each dot is a bit."""
 BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 """Bit of the dot in each row and column of a pattern."""
+
+WEIGHTS = np.array([0x10000, 0x100, 1])
+"""By which red, green and blue make one number."""
+NOTHING = -1
+"""What stands in its place where nothing is painted."""
 
 RGB = tuple[int, int, int]
 
@@ -61,77 +68,90 @@ class Raster(NamedTuple):
 
 def lines_of(raster: Raster, screen: Screen) -> list[Text]:
     """Return the picture as lines of text, styled where the screen has colours."""
+    if screen.colours is None:
+        return _plain(raster, screen)
+    return _coloured(raster, screen)
+
+
+def _plain(raster: Raster, screen: Screen) -> list[Text]:
     from rich.text import Text
 
-    cells = _coloured(raster, screen) if screen.colours is not None else _plain(raster, screen)
-    lines = []
-    for row in cells:
-        line = Text(no_wrap=True)
-        for characters, style in _runs(row):
-            line.append(characters, style)
-        lines.append(line)
-    return lines
-
-
-Cell = tuple[str, "Style | None"]
-
-
-def _plain(raster: Raster, screen: Screen) -> list[list[Cell]]:
     letters = raster.letters.copy()
     for layer in raster.layers:
-        patterns = _patterns(layer.dots)
-        for row, column in np.argwhere(patterns > 0):
-            letters[row, column] = chr(BRAILLE + patterns[row, column]) if screen.braille else layer.letter
-    return [[(letter, None) for letter in row] for row in letters.tolist()]
+        _write(letters, layer, screen)
+    return [Text("".join(row), no_wrap=True) for row in letters.tolist()]
 
 
-def _coloured(raster: Raster, screen: Screen) -> list[list[Cell]]:
-    known = np.isfinite(raster.rgb).all(axis=2)
-    whole = np.where(known[:, :, None], np.clip(np.round(raster.rgb), 0, 255), -1).astype(np.int64).tolist()
-    cells = [
-        [_half_blocks(tuple(above), tuple(below), screen.blocks) for above, below in zip(*pair, strict=True)]
-        for pair in zip(whole[::2], whole[1::2], strict=True)
-    ]
+def _write(letters: NDArray[np.str_], layer: Layer, screen: Screen) -> NDArray[np.bool_]:
+    """Write the characters of a layer over others; return where there are any."""
+    patterns = _patterns(layer.dots)
+    drawn: NDArray[np.bool_] = patterns > 0
+    if screen.braille:
+        letters[drawn] = (BRAILLE + patterns[drawn]).astype(np.uint32).view("<U1")
+    else:
+        letters[drawn] = layer.letter
+    return drawn
+
+
+def _coloured(raster: Raster, screen: Screen) -> list[Text]:
+    """Return half blocks and lines: as runs of equal colours, since every change of colour takes time and bytes."""
+    above, below = _packed(raster.rgb[::2]), _packed(raster.rgb[1::2])
+    mixed = _packed(_mean(raster.rgb[::2], raster.rgb[1::2]))
+    if not screen.blocks:
+        above = below = mixed
+    letters = np.where(above == below, " ", np.where(above == NOTHING, LOWER, UPPER))
+    front = np.where(above == below, NOTHING, np.where(above == NOTHING, below, above))
+    behind = np.where((above == below) | (above != NOTHING), below, NOTHING)
     for layer in raster.layers:
-        patterns = _patterns(layer.dots)
-        for row, column in np.argwhere(patterns > 0).tolist():
-            behind = _mixed(whole[2 * row][column], whole[2 * row + 1][column])
-            letter = chr(BRAILLE + patterns[row, column]) if screen.braille else layer.letter
-            cells[row][column] = (letter, _style(layer.rgb, behind))
-    return cells
+        drawn = _write(letters, layer, screen)
+        front[drawn], behind[drawn] = _pack(layer.rgb), mixed[drawn]
+    return [_line(*row) for row in zip(letters, front, behind, strict=True)]
 
 
-def _half_blocks(above: tuple[int, ...], below: tuple[int, ...], blocks: bool) -> Cell:
-    """Return one cell of two pixels; negative ones are not painted."""
-    if above == below:
-        return " ", _style(None, None if above[0] < 0 else above)
-    if not blocks:
-        mixed = _mixed(list(above), list(below))
-        return " ", _style(None, mixed)
-    if above[0] < 0:
-        return LOWER, _style(below, None)
-    return UPPER, _style(above, None if below[0] < 0 else below)
+def _line(letters: NDArray[np.str_], front: NDArray[np.int64], behind: NDArray[np.int64]) -> Text:
+    """Return a row of cells (columns,) as text, a span for every run of one style."""
+    from rich.text import Span, Text
+
+    starts = np.flatnonzero(np.diff(front, prepend=-2) | np.diff(behind, prepend=-2)).tolist()
+    spans = [
+        Span(start, end, style)
+        for start, end in pairwise([*starts, len(letters)])
+        if (style := _style(int(front[start]), int(behind[start]))) is not None
+    ]
+    return Text("".join(letters.tolist()), no_wrap=True, spans=spans)
 
 
-def _mixed(above: list[int], below: list[int]) -> tuple[int, ...] | None:
-    """Return the colour half way between two pixels, of those that are painted."""
-    painted = [pixel for pixel in (above, below) if pixel[0] >= 0]
-    if not painted:
-        return None
-    return tuple(sum(channel) // len(painted) for channel in zip(*painted, strict=True))
+def _packed(rgb: NDArray[np.floating]) -> NDArray[np.int64]:
+    """Return colours (rows, columns, 3) as one number each, `NOTHING` where they are nan."""
+    known = np.isfinite(rgb).all(axis=2)
+    whole = np.clip(np.round(np.where(known[:, :, None], rgb, 0.0)), 0, 255).astype(np.int64)
+    packed: NDArray[np.int64] = np.where(known, whole @ WEIGHTS, NOTHING)
+    return packed
+
+
+def _pack(rgb: RGB) -> int:
+    return int(np.array(rgb) @ WEIGHTS)
+
+
+def _mean(above: NDArray[np.floating], below: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return the colours half way between two pixels, of those that are painted."""
+    known = np.isfinite(above), np.isfinite(below)
+    return np.where(known[0], np.where(known[1], 0.5 * (above + below), above), below)
 
 
 @functools.lru_cache(maxsize=65536)
-def _style(front: tuple[int, ...] | None, behind: tuple[int, ...] | None) -> Style | None:
-    from rich.color import Color
+def _style(front: int, behind: int) -> Style | None:
     from rich.style import Style
 
-    if front is None and behind is None:
+    if front == behind == NOTHING:
         return None
-    return Style(
-        color=None if front is None else Color.from_rgb(*front),
-        bgcolor=None if behind is None else Color.from_rgb(*behind),
-    )
+    return Style(color=_colour(front), bgcolor=_colour(behind))
+
+
+def _colour(packed: int) -> Color | None:
+    from rich.color import Color
+
+    return None if packed == NOTHING else Color.from_rgb(*packed.to_bytes(3, "big"))
 
 
 def _patterns(dots: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -140,14 +160,3 @@ def _patterns(dots: NDArray[np.bool_]) -> NDArray[np.int64]:
     parts = dots.reshape(rows, 4, columns, 2)
     patterns: NDArray[np.int64] = np.einsum("ricj,ij->rc", parts.astype(np.int64), BITS)
     return patterns
-
-
-def _runs(cells: list[Cell]) -> list[tuple[str, Style | None]]:
-    """Return neighbours of one style as one."""
-    runs: list[tuple[str, Style | None]] = []
-    for letter, style in cells:
-        if runs and runs[-1][1] is style:
-            runs[-1] = (runs[-1][0] + letter, style)
-        else:
-            runs.append((letter, style))
-    return runs
