@@ -13,6 +13,7 @@ import pytest
 
 import mapq.cli
 import prf.cli
+from prf.shell.run import run_app
 
 TOOLS = {"prf": prf.cli, "mapq": mapq.cli}
 VERBS = [(tool, verb) for tool, module in TOOLS.items() for verb in module.VERBS]
@@ -117,6 +118,27 @@ class TestVerb:
         assert (done.returncode, done.stdout) == (2, "")
         assert done.stderr.startswith("error: ")
         assert done.stderr.count("\n") == 1
+
+    def test_a_misspelt_option_is_answered_with_the_right_one(
+        self, tool: str, verb: str, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        options = {option for param in verb_command(tool, verb).params for option in param.opts}
+        for option in sorted(option for option in options if option.startswith("--")):
+            assert run_app(TOOLS[tool].app, tool, [verb, f"{option}x"]) == 2
+            assert option in capsys.readouterr().err.partition("Possible options:")[2]
+
+    def test_colour_is_forced_or_left_out_as_the_environment_asks(
+        self, tool: str, verb: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        for variables, coloured in (({"FORCE_COLOR": "1"}, True), ({"FORCE_COLOR": "1", "NO_COLOR": "1"}, False)):
+            for name in ("FORCE_COLOR", "NO_COLOR"):
+                monkeypatch.delenv(name, raising=False)
+            for name, value in variables.items():
+                monkeypatch.setenv(name, value)
+            assert run_app(TOOLS[tool].app, tool, [verb, "--no-such-flag"]) == 2
+            assert ("\x1b[" in capsys.readouterr().err) is coloured
+            assert run_app(TOOLS[tool].app, tool, [verb, "--help"]) == 0
+            assert "\x1b[" not in capsys.readouterr().out
 
     def test_missing_input_is_one_line(self, tool: str, verb: str, tmp_path: Path) -> None:
         args = missing_input_args(tool, verb)
