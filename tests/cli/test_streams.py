@@ -1,4 +1,4 @@
-"""``-`` is standard input wherever a verb reads one file, and standard output wherever it writes one for other tools."""
+"""``-`` is standard input wherever a verb reads one file, and standard output wherever it writes one for others."""
 
 from __future__ import annotations
 

@@ -1,14 +1,15 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from mapq.crf import classify, explain, local_log_odds
-from mapq.crf.energy import make_field, model_inputs
+from mapq.crf.energy import label_design, make_field, model_inputs, sum_over_pairs, unary_design
 from mapq.crf.explain import BASE, NEIGHBOUR_LABEL, NEIGHBOURS
-from mapq.model import EDGE_MODELS, SYMMETRIC
+from mapq.model import EDGE_MODELS, NONE, SYMMETRIC
 from prf.shell.errors import InputError
 from tests.reference.mapq_crf import draw_features, draw_model, slow_score
 
@@ -30,6 +31,50 @@ def test_the_field_scores_as_the_definition(edge_model, seed):
     field = make_field(model_inputs(features, model), edge_model, model.weights)
     for y in itertools.product([-1, 1], repeat=7):
         assert field.score(np.array(y, float)) == pytest.approx(slow_score(features, model, list(y)), abs=1e-9)
+
+
+@pytest.mark.parametrize(("edge_model", "seed"), CASES)
+def test_the_columns_of_the_labels_give_each_patch_its_score_given_the_others(edge_model, seed):
+    features, model = draw(edge_model, seed)
+    y = np.random.default_rng(seed).choice([-1.0, 1.0], 7)
+    inputs = model_inputs(features, model)
+    design = np.hstack([unary_design(inputs, edge_model), label_design(inputs, edge_model, y)])
+    for patch, half in enumerate(design @ model.weights):
+        up, down = np.where(np.arange(7) == patch, 1.0, y), np.where(np.arange(7) == patch, -1.0, y)
+        expected = slow_score(features, model, up.tolist()) - slow_score(features, model, down.tolist())
+        assert 2.0 * half == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_neighbour_without_a_label_says_nothing():
+    features, model = draw(SYMMETRIC, 6)
+    inputs = model_inputs(features, model)
+    y = np.zeros(7)
+    np.testing.assert_array_equal(label_design(inputs, SYMMETRIC, y), np.zeros((7, 2)))
+    y[2] = 1.0
+    touched = np.unique(features.pairs[(features.pairs == 2).any(axis=1)])
+    np.testing.assert_array_equal(
+        np.flatnonzero(label_design(inputs, SYMMETRIC, y).any(axis=1)), np.setdiff1d(touched, 2)
+    )
+
+
+def test_without_edges_there_are_no_inputs_of_pairs():
+    features, model = draw(NONE, 2)
+    inputs = model_inputs(features, model)
+    assert (inputs.pairs.shape, inputs.edge.shape, inputs.position.shape) == ((0, 2), (0, 0), (0,))
+
+
+def test_a_range_of_one_value_puts_every_pair_at_its_lower_end():
+    features, model = draw("full", 5)
+    inputs = model_inputs(features, replace(model, x_range=(0.3, 0.3)))
+    np.testing.assert_array_equal(inputs.position, np.zeros(len(features.pairs)))
+
+
+@pytest.mark.parametrize("n_pairs", [0, 1, 2])
+def test_values_of_pairs_are_summed_at_both_of_their_patches(n_pairs):
+    pairs, values = np.array([[0, 2], [2, 3]]), np.array([[1.0, 10.0], [2.0, 20.0]])
+    found = sum_over_pairs(pairs[:n_pairs], values[:n_pairs], 4)
+    by_hand = {0: np.zeros(4), 1: np.array([1.0, 0.0, 1.0, 0.0]), 2: np.array([1.0, 0.0, 3.0, 2.0])}
+    np.testing.assert_array_equal(found, np.outer(by_hand[n_pairs], [1.0, 10.0]))
 
 
 @pytest.mark.parametrize(("edge_model", "seed"), CASES)

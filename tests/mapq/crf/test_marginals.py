@@ -7,7 +7,7 @@ import pytest
 from scipy.special import expit
 
 from mapq.crf.calibrate import choose_calibration, fit_isotonic, fit_platt, fit_temperature
-from mapq.crf.marginals import cut_probability, log_loss, probabilities
+from mapq.crf.marginals import cut_probability, keep_sides, log_loss, probabilities
 from mapq.crf.operating import SHARES, operating_points, with_false_alarms
 from mapq.model import ISOTONIC, PLATT, TEMPERATURE, Calibration
 from prf.shell.errors import UsageError
@@ -42,6 +42,13 @@ def test_the_best_labelling_is_cut_at_one_half_whatever_the_calibration():
     p = probabilities(np.array([0.5, 1.0, 4.0, -1.0]), np.array([1, 1, 1, 0], np.uint8), model)
     assert (p[:2] > 0.5).all()
     np.testing.assert_allclose(p[2:], expit([2.0, -3.0]), rtol=1e-6)
+
+
+@pytest.mark.parametrize("cut", [0.0, 0.5, 1.0])
+def test_a_probability_stays_one_beside_any_cut(cut):
+    p = keep_sides(np.array([0.0, cut, 1.0, 0.0, cut, 1.0]), np.array([0, 0, 0, 1, 1, 1], np.uint8), cut)
+    assert ((p >= 0.0) & (p <= 1.0)).all()
+    assert (np.abs(p[[1, 4]] - np.float32(cut)) <= np.spacing(np.float32(cut))).all(), "moved by no more than it must"
 
 
 @pytest.mark.parametrize("temperature", [0.2, 1.0, 4.0])
