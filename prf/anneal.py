@@ -90,6 +90,31 @@ class Annealed(NamedTuple):
     is_complete: bool
 
 
+class Moment(NamedTuple):
+    """The chains on their way down, after a round.
+
+    Attributes
+    ----------
+    share : float
+        Of the work that is done.
+    temperature : float
+    step : int
+        Of each chain.
+    seconds : float
+    best : Coloring
+        The best map that any chain saw.
+    by_chain : tuple of float
+        The best score of each chain.
+    """
+
+    share: float
+    temperature: float
+    step: int
+    seconds: float
+    best: Coloring
+    by_chain: tuple[float, ...]
+
+
 class Goal(NamedTuple):
     """When the schedule ends: after `steps` a chain, or after `seconds`."""
 
@@ -141,7 +166,7 @@ def anneal(
     goal: Goal,
     schedule: Schedule | None = None,
     threads: int = 1,
-    on_progress: Callable[[float, float, float], None] | None = None,
+    on_progress: Callable[[Moment], None] | None = None,
     stop_requested: Callable[[], bool] | None = None,
 ) -> Annealed:
     """Cool one chain a generator and return the best map.
@@ -156,7 +181,7 @@ def anneal(
     schedule : Schedule, optional
     threads : int
     on_progress : callable
-        Told the share done, the temperature, and the best score.
+        Given a :class:`Moment` after every round.
     stop_requested : callable
         Ends the cooling early; the best map so far is returned.
     """
@@ -176,9 +201,12 @@ def anneal(
             beta = schedule.inverse_temperature(share)
             for future in [pool.submit(chain.advance, beta) for chain in chains]:
                 future.result()
-            share = goal.share(chains[0].sampler.step, time.monotonic() - start)
+            seconds = time.monotonic() - start
+            share = goal.share(chains[0].sampler.step, seconds)
             if on_progress is not None:
-                on_progress(share, 1.0 / beta, max(chain.score for chain in chains))
-    best = max(chains, key=lambda chain: chain.score)
+                best = max(chains, key=lambda chain: chain.score).best
+                scores = tuple(chain.score for chain in chains)
+                on_progress(Moment(share, 1.0 / beta, chains[0].sampler.step, seconds, best, scores))
+    first = max(chains, key=lambda chain: chain.score)
     by_chain = tuple(chain.score for chain in chains)
-    return Annealed(best.best, best.score, by_chain, chains[0].sampler.step, share >= 1.0)
+    return Annealed(first.best, first.score, by_chain, chains[0].sampler.step, share >= 1.0)

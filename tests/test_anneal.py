@@ -73,7 +73,7 @@ class TestAnneal:
             settings,
             spawn_generators(1, 1),
             Goal(10 * STEPS),
-            on_progress=lambda share, temperature, best: seen.append(best),
+            on_progress=lambda moment: seen.append(max(moment.by_chain)),
             stop_requested=lambda: len(seen) >= 2,
         )
         assert not found.is_complete

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import pytest
 
 from prf.diagnostics import Diagnosis
 from prf.render.live import FACTS, WIDE, Glance, live_lines
+from prf.render.live_map import MapGlance, live_map_lines
 from prf.shell.terminal import Screen
 from tests.factories import make_run
 
@@ -103,7 +102,26 @@ def test_agreement_is_told_by_colour_too() -> None:
     assert styles == {"n edges": "green", "log posterior": "yellow", "worst of 2 points": "yellow"}
 
 
-def test_a_glance_is_data_alone() -> None:
-    """It is looked at in another thread while the chains go on."""
-    assert not any(callable(value) for value in glance())
-    assert not dataclasses.is_dataclass(glance())
+def map_glance(**changes: object) -> MapGlance:
+    best = make_run().best
+    assert best is not None
+    return MapGlance("office", best, (-1250.5, -1300.25), 0.05, 40_000, 20.0, 0.5)._replace(**changes)
+
+
+@pytest.mark.parametrize("columns", [20, 80, WIDE, 200])
+@pytest.mark.parametrize("rows", [8, 24, 60])
+def test_the_best_map_fits_the_terminal(columns: int, rows: int) -> None:
+    lines = live_map_lines(map_glance(), SCREEN._replace(columns=columns, rows=rows))
+    assert len(lines) < max(rows, 12)
+    assert max(line.cell_len for line in lines) <= columns
+
+
+def test_the_best_map_has_its_score_and_the_temperature() -> None:
+    view = map_glance()
+    text = "\n".join(line.plain for line in live_map_lines(view, SCREEN._replace(colours=None)))
+    assert f"office: best of 2 chains, {view.best.n_edges} edges" in text
+    assert "score -1,250.5 nats, temperature 0.05" in text
+    assert "step 40,000, 4,000 steps/s" in text
+    assert "██████░░░░░░ 0:00:20, 0:00:20 left" in text
+    assert "-1,300.2  nats, best of a chain" in text
+    assert text.count("█") > 100, "its occupied area is filled"

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -37,7 +40,7 @@ from prf.commands._readings_options import (
 from prf.shell.options import Force, Json, Output, Presets, Seed, Threads
 
 if TYPE_CHECKING:
-    from prf.anneal import Annealed
+    from prf.anneal import Annealed, Moment
 
 logger = logging.getLogger(__name__)
 
@@ -47,6 +50,7 @@ EXAMPLES = (
     "prf anneal --sonar ring.csv --config site.toml --time-budget 60",
 )
 
+Live = Annotated[bool, typer.Option("--live", help="On a terminal show the best map while it is looked for.")]
 DEFAULT_STEPS = 3_000_000
 
 
@@ -89,6 +93,7 @@ def anneal(
     ] = None,
     seed: Seed = None,
     threads: Threads = 0,
+    live: Live = False,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -96,7 +101,8 @@ def anneal(
 
     Chains are cooled from the posterior to its mode, and end by taking only what is better; the best map that any saw
     is written, its occupied area as a GeoJSON MultiPolygon. What is maximised is the density over the lines of the map,
-    |E| log p - 2 p length + log likelihood. Ctrl-C writes the best map so far.
+    |E| log p - 2 p length + log likelihood. Ctrl-C writes the best map so far. --live draws it on standard
+    error while it is looked for; elsewhere than on a terminal that changes nothing.
     """
     beam_density = chosen_density(beam_density, no_thinning)
     options = {name: value for name, value in locals().items() if name in (*SCIENCE, "chains")}
@@ -125,7 +131,8 @@ def anneal(
     used_seed = resolve_seed(seed)
     goal = Goal(None, time_budget) if time_budget is not None else Goal(steps or DEFAULT_STEPS)
     inputs = (laser, sonar, point_data)
-    found, made, stop = _cool(inputs, science, goal, Schedule(coldest=coldest), used_seed, threads)
+    name = PurePath(target).name if live else None
+    found, made, stop = _cool(inputs, science, goal, Schedule(coldest=coldest), used_seed, threads, name)
     text = _write(target, found, {**made, "sources": asked.places}, logs)
     _report(found, text, target, made, json)
     stop.raise_if_requested(f"interrupted after {found.steps} steps; {target} has the best map so far")
@@ -138,15 +145,15 @@ def _cool(
     schedule: Any,
     seed: int,
     threads: int,
+    live: str | None,
 ) -> tuple[Annealed, dict[str, Any], Any]:
-    """Return what annealing found, how it was made, and whether it was asked to stop."""
+    """Return what annealing found, how it was made, and whether it was asked to stop; `live`: under this name."""
     import dataclasses
     import os
 
     from prf.anneal import anneal as cool
     from prf.api.words import warn_of_dropped, words_for_beams
     from prf.sampler.session import needs_compiling, read_prepared
-    from prf.shell.progress import progress
     from prf.shell.seeds import spawn_generators
     from prf.shell.signals import graceful_stop
 
@@ -158,14 +165,14 @@ def _cool(
         logger.info(words_for_beams(n_beams, prepared.n_beams_thinned))
     if needs_compiling():
         logger.info("compiling kernels (once; about half a minute) ...")
-    with graceful_stop() as stop, progress(1.0, "annealing") as reporter:
+    with graceful_stop() as stop, _shown(live) as tell:
         found = cool(
             prepared.settings,
             spawn_generators(seed, config.chains),
             goal,
             schedule,
             threads or len(os.sched_getaffinity(0)),
-            lambda share, temperature, best: reporter.update(share, T=f"{temperature:.2g}", best=f"{best:,.1f}"),
+            tell,
             lambda: stop.requested,
         )
     configuration = {name: value for name, value in dataclasses.asdict(prepared.config).items() if name != "resolution"}
@@ -178,6 +185,22 @@ def _cool(
         "n_beams_thinned": prepared.n_beams_thinned,
     }
     return found, made, stop
+
+
+@contextmanager
+def _shown(name: str | None) -> Iterator[Callable[[Moment], None]]:
+    """Yield what is told of every round: a picture if there is a `name` for it and a terminal, else a bar."""
+    from prf.api.live import live_map
+    from prf.shell.progress import progress
+
+    with live_map(name) if name is not None else nullcontext() as watch:
+        if watch is not None:
+            yield watch
+            return
+        with progress(1.0, "annealing") as reporter:
+            yield lambda moment: reporter.update(
+                moment.share, T=f"{moment.temperature:.2g}", best=f"{max(moment.by_chain):,.1f}"
+            )
 
 
 def _write(target: str, found: Annealed, made: dict[str, Any], logs: list[str]) -> str:

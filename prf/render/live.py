@@ -76,7 +76,7 @@ def live_lines(glance: Glance, screen: Screen) -> list[Text]:
         return [*picture, *fitted(_few_facts(glance, screen), screen)]
     picture = _picture(glance, screen, screen.columns - FACTS - 2, rows - 2)
     facts = fitted(_all_facts(glance, screen, rows), screen._replace(columns=FACTS))
-    return _beside(picture, facts, max(line.cell_len for line in picture))
+    return beside(picture, facts, max(line.cell_len for line in picture))
 
 
 def _picture(glance: Glance, screen: Screen, columns: int, rows: int) -> list[Text]:
@@ -87,7 +87,7 @@ def _picture(glance: Glance, screen: Screen, columns: int, rows: int) -> list[Te
     return with_words(raster, canvas, screen._replace(columns=columns))
 
 
-def _beside(picture: list[Text], facts: list[Text], width: int) -> list[Text]:
+def beside(picture: list[Text], facts: list[Text], width: int) -> list[Text]:
     """Return facts at the right of a picture."""
     from rich.text import Text
 
@@ -134,13 +134,16 @@ def _speed(glance: Glance) -> str:
     return f"step {glance.step:,}, {glance.steps_per_second:,.0f} steps/s"
 
 
-def _clock(glance: Glance, screen: Screen) -> str:
-    """Return a bar of the share that is done, and the time that is left."""
+def clock(share: float, seconds: float, screen: Screen) -> str:
+    """Return a bar of the share that is done, the seconds that went by, and what is left."""
     full, empty = ("█", "░") if screen.blocks else ("#", ".")
-    done = round(BAR * glance.share)
-    left = glance.seconds * (1.0 - glance.share) / glance.share if glance.share > 0.0 else math.nan
-    time_left = "" if math.isnan(left) else f", {_time(left)} left{' at most' if glance.is_limit else ''}"
-    return f"{full * done}{empty * (BAR - done)} {_time(glance.seconds)}{time_left}"
+    done = round(BAR * share)
+    left = f", {_time(seconds * (1.0 - share) / share)} left" if share > 0.0 else ""
+    return f"{full * done}{empty * (BAR - done)} {_time(seconds)}{left}"
+
+
+def _clock(glance: Glance, screen: Screen) -> str:
+    return clock(glance.share, glance.seconds, screen) + (" at most" if glance.is_limit and glance.share else "")
 
 
 def _agreement(diagnoses: Mapping[str, Diagnosis]) -> list[Text]:

@@ -31,7 +31,7 @@ from prf.window import Window
 if TYPE_CHECKING:
     from rich.text import Text
 
-FINE = 2
+FINE = 3
 """Points asked across a pixel, to see how much of it is occupied."""
 ARC_POINTS = 9
 
@@ -155,11 +155,11 @@ def map_lines(
 def _map_lines(
     coloring: Coloring, canvas: Canvas, screen: Screen, title: str, small: str, layers: tuple[Layer, ...]
 ) -> list[Text]:
-    raster = grey_raster(_covered(coloring, canvas), canvas.inside(coloring.window), screen, layers)
+    raster = grey_raster(covered(coloring, canvas), canvas.inside(coloring.window), screen, layers)
     return with_words(raster, canvas, screen, title, small)
 
 
-def _covered(coloring: Coloring, canvas: Canvas) -> NDArray[np.float64]:
+def covered(coloring: Coloring, canvas: Canvas) -> NDArray[np.float64]:
     """Return the occupied share (2 rows, columns) of every pixel, of FINE x FINE points in it."""
     shift = canvas.pixel * ((np.arange(FINE) + 0.5) / FINE - 0.5)
     offsets = np.stack(np.meshgrid(shift, shift), axis=-1).reshape(-1, 1, 2)

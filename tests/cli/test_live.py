@@ -66,6 +66,24 @@ def test_it_draws_on_standard_error_and_changes_nothing_else(
     np.testing.assert_array_equal(ours.image.occupancy, theirs.image.occupancy)
 
 
+def test_the_best_map_is_drawn_while_it_is_looked_for(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    args = ("--laser", log, *QUICK[:6], "--seed", "5", "--steps", "20000", "-o", "best.geojson")
+    code, written = run_on_terminal("prf", "anneal", *args, "--live", stdout=tmp_path / "out")
+    assert code == 0
+    seen = ESCAPE.sub("", written)
+    assert "best.geojson: best of 2 chains" in seen
+    assert "temperature" in seen
+    assert "▀" in seen
+    shown = (tmp_path / "out").read_text().splitlines()
+    done = call("prf", "anneal", *map(str, args), "--force", "--live", cwd=tmp_path)
+    # The file has the command line in it, and so another size.
+    assert [row for row in done.stdout.splitlines() if not row.startswith("size")] == shown[:2] + shown[3:]
+    assert "\x1b" not in done.stderr
+
+
 def test_in_a_pipe_there_are_the_usual_lines(log: Path, plain: tuple[str, Path], tmp_path: Path) -> None:
     args = ("--laser", str(log), *QUICK, "--steps", "20000", "-o", "office", "--live")
     done = call("prf", "sample", *args, cwd=tmp_path)
