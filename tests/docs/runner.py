@@ -63,7 +63,8 @@ class Runner:
         asks_code = follower is not None and follower.text == "echo $?"
         for part in re.split(r"&&|;\s", command.text.partition(" #")[0]):
             printed += self._part(part.strip())
-            expected = INTERRUPTED if _is_by_hand(part.split()) else self.rules.code_of(part.strip())
+            by_hand = _is_by_hand([*part.split(), *self.rules.options_of(part.strip())])
+            expected = INTERRUPTED if by_hand else self.rules.code_of(part.strip())
             assert asks_code or self.code == expected, (command.place, part, self.code, printed)
         self.n_run += 1
         if command.shown is not None:
