@@ -105,12 +105,10 @@ def with_routes(run: Path, path: Path) -> None:
 
 
 def draw_office(folder: Path) -> None:
-    """Make the three pictures of the office."""
+    """Make the two pictures of the office."""
     run, grid = folder / "office", folder / "office.grid.npz"
     call(prf.cli, "sample", "--laser", LOG, "--steps", STEPS, "--seed", 1, "-o", run, "-q")
     call(prf.cli, "grid", "--laser", LOG, "-o", grid, "-q")
-    call(prf.cli, "render", run, "-o", IMAGES / "demo-office.png", "--force", "-q")
-    shrink(IMAGES / "demo-office.png")
     beside_a_grid(run, grid, IMAGES / "posterior-and-grid.png")
     with_routes(run, IMAGES / "tutorial-office.png")
 
