@@ -204,8 +204,8 @@ def _run_lines(
         return terminal.draw_lines(run, screen, n_draws=n_draws, title=title)
     if what is What.beams:
         return terminal.reading_lines(run, screen, outline=bool(outline), path=path is not False, title=title)
-    # Without colours lines would hide what they are drawn over.
-    lined = outline if outline is not None else screen.colours is not None
+    # Without colours, or without dots, lines would hide what they are drawn over.
+    lined = outline if outline is not None else screen.colours is not None and screen.braille
     return terminal.posterior_lines(
         run, screen, squares=what is What.squares, outline=lined, path=bool(path), beams=beams, title=title
     )

@@ -82,8 +82,12 @@ def live_lines(glance: Glance, screen: Screen) -> list[Text]:
 def _picture(glance: Glance, screen: Screen, columns: int, rows: int) -> list[Text]:
     canvas = Canvas.fit(glance.window, columns, rows)
     means = canvas.means(glance.image.occupancy, glance.image.origin, glance.image.resolution)
-    layers = () if glance.best is None or screen.colours is None else (outline_layer(glance.best, canvas),)
-    raster = grey_raster(means, canvas.inside(glance.window), screen, layers)
+    layers = (
+        ()
+        if glance.best is None or screen.colours is None or not screen.braille
+        else (outline_layer(glance.best, canvas),)
+    )
+    raster = grey_raster(means, screen, layers)
     return with_words(raster, canvas, screen._replace(columns=columns))
 
 

@@ -53,7 +53,7 @@ def live_map_lines(glance: MapGlance, screen: Screen) -> list[Text]:
 
 def _picture(glance: MapGlance, screen: Screen, columns: int, rows: int) -> list[Text]:
     canvas = Canvas.fit(glance.best.window, columns, rows)
-    raster = grey_raster(covered(glance.best, canvas), canvas.inside(glance.best.window), screen)
+    raster = grey_raster(covered(glance.best, canvas), screen)
     return with_words(raster, canvas, screen._replace(columns=columns))
 
 

@@ -70,7 +70,7 @@ def posterior_lines(
     means = canvas.means(values, run.image.origin, run.image.resolution)
     layers = [*(reading_layers(run, canvas) if beams else []), *_line_layers(run, canvas, outline, path)]
     what = "Posterior of squares that are not free" if squares else "Posterior over polygonal maps"
-    raster = grey_raster(means, canvas.inside(window), screen, tuple(layers))
+    raster = grey_raster(means, screen, tuple(layers))
     legend = legend_of_greys(screen, "not free" if squares else "occupied") if screen.colours is None else ""
     return with_words(raster, canvas, screen, title or what, small_print(run), legend)
 
@@ -106,7 +106,7 @@ def reading_lines(
     window = run.draws.window
     canvas = Canvas.fit(window, screen.columns, picture_rows(screen))
     layers = [*reading_layers(run, canvas), *_line_layers(run, canvas, outline, path)]
-    raster = grey_raster(np.zeros(canvas.shape), canvas.inside(window), screen, tuple(layers))
+    raster = grey_raster(np.zeros(canvas.shape), screen, tuple(layers))
     small = f"{run.name}  ·  {style.window_words(window)}"
     return with_words(raster, canvas, screen, title or "Readings", small)
 
@@ -134,7 +134,7 @@ def cell_lines(image: PosteriorImage, screen: Screen, *, title: str, words: str 
     means = canvas.means(image.occupancy, image.origin, image.resolution)
     small = "  ·  ".join([*([words] if words else []), f"cells of {image.resolution:g} m", style.window_words(window)])
     legend = legend_of_greys(screen) if screen.colours is None else ""
-    return with_words(grey_raster(means, canvas.inside(window), screen), canvas, screen, title, small, legend)
+    return with_words(grey_raster(means, screen), canvas, screen, title, small, legend)
 
 
 def map_lines(
@@ -155,7 +155,7 @@ def map_lines(
 def _map_lines(
     coloring: Coloring, canvas: Canvas, screen: Screen, title: str, small: str, layers: tuple[Layer, ...]
 ) -> list[Text]:
-    raster = grey_raster(covered(coloring, canvas), canvas.inside(coloring.window), screen, layers)
+    raster = grey_raster(covered(coloring, canvas), screen, layers)
     return with_words(raster, canvas, screen, title, small)
 
 

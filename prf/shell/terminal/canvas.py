@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 FEWEST_COLUMNS = 8
-ALMOST = 1e-9
-"""Share of a pixel by which a window may stand out of its last one: no more than rounding."""
+SLIVER = 0.25
+"""Share of a pixel that a window may stand out of the last one: no pixel is painted for so little."""
 
 
 class Extent(Protocol):
@@ -75,8 +75,8 @@ class Canvas:
             extent.x_min,
             extent.y_min + extent.height,
             pixel,
-            max(1, math.ceil(extent.width / pixel - ALMOST)),
-            max(1, math.ceil(extent.height / (2 * pixel) - ALMOST)),
+            max(1, math.ceil(extent.width / pixel - SLIVER)),
+            max(1, math.ceil(extent.height / (2 * pixel) - SLIVER)),
         )
 
     @property
@@ -89,13 +89,6 @@ class Canvas:
         n_rows, n_columns = self.shape
         y, x = np.mgrid[0:n_rows, 0:n_columns] + 0.5
         return np.column_stack((self.x_min + self.pixel * x.ravel(), self.y_max - self.pixel * y.ravel()))
-
-    def inside(self, extent: Extent) -> NDArray[np.bool_]:
-        """Return which pixels (2 rows, columns) have their middle in `extent`."""
-        x, y = self.centres().T
-        x_max, y_max = extent.x_min + extent.width, extent.y_min + extent.height
-        within: NDArray[np.bool_] = (x >= extent.x_min) & (x <= x_max) & (y >= extent.y_min) & (y <= y_max)
-        return within.reshape(self.shape)
 
     def places(self, xy: Floats, fine: tuple[int, int] = (1, 1)) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return the row and the column of the pixel of each point (n, 2); pixels may be cut `fine` in y and x.
@@ -163,8 +156,9 @@ def _cuts(start: float, step: float, n_pixels: int, n_cells: int, sign: float = 
     edges = sign * (start + step * np.arange(n_pixels + 1))
     middle = np.floor(0.5 * (edges[:-1] + edges[1:]))
     first, last = np.round(edges[:-1]), np.round(edges[1:])
-    first, last = np.where(last > first, first, middle), np.where(last > first, last, middle + 1)
-    cuts: NDArray[np.int64] = np.clip(np.stack((first, last)), 0, n_cells).astype(np.int64)
+    first = np.clip(np.where(last > first, first, middle), 0, n_cells - 1)
+    last = np.clip(last, first + 1, n_cells)
+    cuts: NDArray[np.int64] = np.stack((first, last)).astype(np.int64)
     return cuts
 
 

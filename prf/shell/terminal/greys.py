@@ -21,27 +21,20 @@ def shades_of(screen: Screen) -> str:
     return BLOCK_SHADES if screen.blocks else ASCII_SHADES
 
 
-def grey_raster(
-    values: NDArray[np.floating], inside: NDArray[np.bool_], screen: Screen, layers: tuple[Layer, ...] = ()
-) -> Raster:
+def grey_raster(values: NDArray[np.floating], screen: Screen, layers: tuple[Layer, ...] = ()) -> Raster:
     """Return a picture of probabilities.
 
     Parameters
     ----------
     values : (2 rows, columns) float
         From the top; nan where nothing is known.
-    inside : (2 rows, columns) bool
-        Which pixels belong to the window; the others are not painted.
     screen : Screen
     layers : tuple of Layer
     """
     known = np.isfinite(values)
     grey = 255.0 * (1.0 - np.clip(np.where(known, values, 0.0), 0.0, 1.0))
     rgb = np.where(known[:, :, None], grey[:, :, None], np.array(UNKNOWN_RGB, np.float64))
-    rgb[~inside] = np.nan
-    letters = _letters(values, shades_of(screen))
-    letters[~(inside[::2] | inside[1::2])] = " "
-    return Raster(rgb, letters, layers)
+    return Raster(rgb, _letters(values, shades_of(screen)), layers)
 
 
 def legend_of_greys(screen: Screen, event: str = "occupied") -> str:
