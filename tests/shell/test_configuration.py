@@ -55,7 +55,7 @@ def test_a_kind_reads_its_values(kind: Kind, value: object, read: object) -> Non
     ("kind", "values"),
     [
         (Number(), ["1", True, None, float("nan"), float("inf"), [1], 10**400]),
-        (Whole(), [1.5, False, "1", float("inf")]),
+        (Whole(), [1.5, False, "1", float("inf"), 1e300]),
         (Flag(), [1, "true"]),
         (Array(2), [[1], [1, 2, 3], 1, "ab", [1, "b"], [1, True]]),
         (Word(("a", "b")), ["c", 1, ["a"]]),
@@ -140,6 +140,27 @@ def test_what_is_wrong_with_presets_is_told_with_its_line(file: Path, text: str,
     with pytest.raises(ConfigError) as caught:
         settings_from(file, (), SCHEMAS["prf"])
     assert str(caught.value) == problems[0]
+
+
+@pytest.mark.parametrize("text", ["[[laser]]\nnoise = 1\n", "laser = 1\n", "laser = [1]\n"])
+def test_a_table_is_written_as_one(file: Path, text: str) -> None:
+    file.write_text(text)
+    assert problems_of(file, SCHEMAS["prf"]) == [f"{file}:1: laser is a table. Write [laser] once, and its keys below."]
+
+
+ODD = ("1979-05-27", "07:32:00", "inf", "nan", "-1", "0", "1e300", "123456789012345678901234567890", "true", "''",
+       "'safe'", "[]", "[[1]]", "[1, 2, 3]", "[0, 0, 0]", "[1e200, 1, 1]", "{}", "{ a = 1 }", "['x', 1]")  # fmt: skip
+
+
+@pytest.mark.parametrize("tool", SCHEMAS)
+@pytest.mark.parametrize("value", ODD)
+def test_whatever_a_value_is_the_answer_is_a_line_each(tool: str, value: str, file: Path) -> None:
+    keys = [(table, key) for table, content in SCHEMAS[tool].tables.items() for key in content.keys]
+    for table, key in [*keys, ("preset", "x"), ("", "preset"), ("", "nothing"), ("nothing", "x")]:
+        file.write_text(f"[{table}]\n{key} = {value}\n" if table else f"{key} = {value}\n")
+        for problem in problems_of(file, SCHEMAS[tool]):
+            assert problem.startswith(f"{file}:")
+            assert "\n" not in problem
 
 
 def test_a_name_on_the_command_line_is_told_as_such() -> None:

@@ -98,7 +98,7 @@ def _names(text: str) -> Iterator[tuple[int, tuple[str, str]]]:
     """Yield the line, from 1, of every ``[table]`` and every ``key =`` with the pair of table and key that it names."""
     table = ""
     for number, line in enumerate(text.splitlines(), start=1):
-        if head := re.match(r"\s*\[\s*([^\[\]]+?)\s*\]", line):
+        if head := re.match(r"\s*\[\[?\s*([^\[\]]+?)\s*\]", line):
             table = head[1].strip("\"'")
             yield number, (table, "")
         elif name := re.match(r"\s*([\w.\"'-]+?)\s*=", line):

@@ -8,6 +8,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+LARGEST_WHOLE = 2**53
+"""Beyond it floats leave some out, and arrays of numpy take none of much larger ones."""
+
 
 class Kind(Protocol):
     """A kind of values."""
@@ -41,7 +44,7 @@ class Whole:
 
     def read(self, value: Any) -> int:
         """Return it as an int."""
-        if not is_number(value) or value != int(value):
+        if not is_number(value) or value != int(value) or abs(value) > LARGEST_WHOLE:
             raise ValueError("a whole number")
         return int(value)
 

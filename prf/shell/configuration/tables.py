@@ -44,6 +44,8 @@ def sort_out(content: Mapping[str, Any], place: Place, schema: Schema) -> tuple[
 
 
 def _table(name: str, values: Any, place: Place, schema: Schema) -> Mapping[str, Any]:
+    if not isinstance(values, Mapping) and name in schema.tables:
+        raise ConfigError(f"{place('', name)}: {name} is a table. Write [{name}] once, and its keys below.")
     if not isinstance(values, Mapping):
         homes = [f"[{table}]" for table in schema.tables if name in schema.tables[table].keys]
         to = f"to {' or '.join(homes)}" if homes else "into its table"
