@@ -55,7 +55,11 @@ def spine(function: _Function) -> _Function:
 
 
 def core_entry(function: _Function) -> _Function:
-    """Compile a part of the sampler that Python calls: as :func:`core`, with an entry and cached."""
+    """Compile a part of the sampler that Python calls: as :func:`core`, with an entry and cached.
+
+    It must not take a random generator: numba wraps one at every call in what reference counts alone set free, 64 bytes
+    a call. A function of :func:`jit` that takes it calls a :func:`core` in turn.
+    """
     with CACHE.own():
         compiled: _Function = numba.njit(**CORE_FLAGS)(function)
     return compiled

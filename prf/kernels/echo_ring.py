@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.kernels._jit import core, core_entry
+from prf.kernels._jit import core, jit
 from prf.kernels.echo_levels import Acoustics, Echoes
 from prf.kernels.echo_paths import Link, corner_echo, edge_echo, patch_echo, two_wall_echo, wall_echo
 from prf.kernels.echo_receiver import Listening, listen
@@ -179,7 +179,29 @@ def ring_echoes(
                 link_echoes(scene, sound, echoes, near, effects, ring, link, t)
 
 
-@core_entry
+@core
+def sense_poses(
+    scene: Scene,
+    sound: Acoustics,
+    effects: Effects,
+    ring: Ring,
+    listening: Listening,
+    near: Nearby,
+    echoes: Echoes,
+    poses: np.ndarray,
+    rng: np.random.Generator,
+    ranges: np.ndarray,
+) -> None:
+    """The loop of :func:`sense_ring`, without reference counts."""
+    for m in range(poses.shape[0]):
+        for r in range(ring.group.size):
+            ring.firing[r] = ring.spread * rng.random()
+        ring_echoes(scene, sound, effects, ring, near, echoes, poses[m])
+        for r in range(ring.group.size):
+            ranges[m, r] = listen(sound, listening, echoes, r, rng)
+
+
+@jit
 def sense_ring(
     scene: Scene,
     sound: Acoustics,
@@ -196,9 +218,4 @@ def sense_ring(
 
     `echoes` keeps those of the last pose.
     """
-    for m in range(poses.shape[0]):
-        for r in range(ring.group.size):
-            ring.firing[r] = ring.spread * rng.random()
-        ring_echoes(scene, sound, effects, ring, near, echoes, poses[m])
-        for r in range(ring.group.size):
-            ranges[m, r] = listen(sound, listening, echoes, r, rng)
+    sense_poses(scene, sound, effects, ring, listening, near, echoes, poses, rng, ranges)

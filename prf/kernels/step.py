@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from prf.kernels import constants as c
-from prf.kernels._jit import core, core_entry, spine
+from prf.kernels._jit import core, jit, spine
 from prf.kernels.chain import Chain, apply
 from prf.kernels.cone_touch import sonar_change, touch_cones
 from prf.kernels.crossing import is_valid
@@ -233,12 +233,18 @@ def step(chain: Chain, rng: np.random.Generator) -> bool:
     return accepted
 
 
-@core_entry
-def run(chain: Chain, rng: np.random.Generator, until: int) -> bool:
-    """Step until the step counter reaches `until`; False if the chain needs room first (:func:`prf.layout.grow`)."""
+@core
+def run_steps(chain: Chain, rng: np.random.Generator, until: int) -> bool:
+    """The loop of :func:`run`, without reference counts."""
     counts = chain.graph.counts
     while counts[c.STEP] < until:
         if counts[c.NEEDS_ROOM] != 0:
             return False
         step(chain, rng)
     return True
+
+
+@jit
+def run(chain: Chain, rng: np.random.Generator, until: int) -> bool:
+    """Step until the step counter reaches `until`; False if the chain needs room first (:func:`prf.layout.grow`)."""
+    return run_steps(chain, rng, until)
