@@ -59,6 +59,13 @@ def test_the_temperature_that_made_the_labels_is_found(temperature):
     assert log_loss(difference, y, found) < log_loss(difference, y, Calibration(slope=1.3 * found.slope))
 
 
+def test_the_loss_is_that_of_the_labels_probabilities():
+    difference, y = np.array([1.0, -2.0, 0.5]), np.array([1.0, 1.0, -1.0])
+    p = 1.0 / (1.0 + np.exp(-(1.5 * difference - 0.3)))
+    expected = -(np.log(p[0]) + np.log(p[1]) + np.log(1.0 - p[2])) / 3.0
+    assert log_loss(difference, y, Calibration(PLATT, 1.5, -0.3)) == pytest.approx(expected, rel=1e-12)
+
+
 def test_the_shift_that_made_the_labels_is_found():
     difference, y, _, _ = draw(lambda d: 0.7 * d - 1.2)
     found = fit_platt(difference, y)
