@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 PYTEST := $(BIN)/python -m pytest
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow verify check docs figures bench model clean
+.PHONY: help setup demo test test-slow test-oldest verify check coverage mutants package docs figures bench model clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -33,6 +33,12 @@ test: setup ## all tests but the slow ones
 test-slow: setup ## the slow tests: long chains, statistics with many draws
 	$(PYTEST) -n 2 -m slow
 
+test-oldest: ## all tests but the slow ones, with the oldest versions allowed of everything, in .venv-oldest
+	./.ci/make-venv "$(PYTHON)" .venv-oldest
+	.venv-oldest/bin/python -m pip install --quiet --disable-pip-version-check -c tests/packaging/minimum.txt -e ".[all]"
+	.venv-oldest/bin/python -m tests.warm_kernels
+	.venv-oldest/bin/python -m pytest -n 2 -m "not slow"
+
 verify: setup ## show that the sampler is right: calibration, joint law, a second sampler; half an hour, plots in verify/
 	$(BIN)/python -m tests.verify --output verify
 
@@ -42,6 +48,20 @@ check: setup ## lint, format, types, import contracts, spelling
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/codespell
+
+coverage: setup ## lines and branches that the tests run, kernels uncompiled; some half an hour
+	rm -rf build/coverage
+	$(BIN)/python -m tests.warm_kernels
+	$(BIN)/coverage run -m pytest -m "not slow"
+	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest -m "not slow" @tests/uncompiled.txt
+	$(BIN)/coverage combine --quiet
+	$(BIN)/coverage report
+
+mutants: setup ## small mistakes in ratios, likelihoods and energies that no test notices; hours (MUTANTS="--share 0.05")
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m tests.mutation $(MUTANTS)
+
+package: setup ## build wheel and source archive, install the wheel alone, run the main jobs with it; a quarter of an hour
+	$(BIN)/python -m tests.packaging
 
 docs: setup ## write the reference pages in docs/reference from the command lines
 	$(BIN)/python -m docs.make_reference
@@ -59,5 +79,5 @@ model: setup ## train the model that ships with mapq anew, on simulated maps
 	$(BIN)/python data/make_default_model.py
 
 clean: ## remove .venv, what the demo made, and caches
-	rm -rf $(VENV) demo verify .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks .coverage build dist
+	rm -rf $(VENV) .venv-oldest demo verify .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks .coverage build dist
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
