@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import signal
 import subprocess
 from pathlib import Path
@@ -9,8 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from prf.cli import app
 from prf.run import read_run
-from tests.cli.test_verbs import call
+from prf.shell.run import run_app
 from tests.shell.terminals import ESCAPE, run_on_terminal
 
 QUICK = (
@@ -29,6 +32,14 @@ QUICK = (
 )
 
 
+def in_a_pipe(*args: object) -> tuple[int, str, str]:
+    """Return exit code, standard output and standard error of `prf` where none of its streams is a terminal."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = run_app(app, "prf", [*map(str, args)])
+    return code, out.getvalue(), err.getvalue()
+
+
 @pytest.fixture(scope="module")
 def log() -> Path:
     return Path(__file__).resolve().parents[2] / "data" / "demo-office.log.gz"
@@ -36,11 +47,12 @@ def log() -> Path:
 
 @pytest.fixture(scope="module")
 def plain(log: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
-    """What a run without --live prints, in a pipe."""
+    """What a run without --live prints, in a pipe, and where it is."""
     folder = tmp_path_factory.mktemp("plain")
-    done = call("prf", "sample", "--laser", str(log), *QUICK, "--steps", "20000", "-o", "office", cwd=folder)
-    assert done.returncode == 0
-    return done.stdout, folder / "office"
+    with contextlib.chdir(folder):
+        code, out, _ = in_a_pipe("sample", "--laser", log, *QUICK, "--steps", "20000", "-o", "office")
+    assert code == 0
+    return out, folder / "office"
 
 
 def test_it_draws_on_standard_error_and_changes_nothing_else(
@@ -78,20 +90,24 @@ def test_the_best_map_is_drawn_while_it_is_looked_for(
     assert "temperature" in seen
     assert "▀" in seen
     shown = (tmp_path / "out").read_text().splitlines()
-    done = call("prf", "anneal", *map(str, args), "--force", "--live", cwd=tmp_path)
+    code, out, err = in_a_pipe("anneal", *args, "--force", "--live")
     # The file has the command line in it, and so another size.
-    assert [row for row in done.stdout.splitlines() if not row.startswith("size")] == shown[:2] + shown[3:]
-    assert "\x1b" not in done.stderr
+    assert [row for row in out.splitlines() if not row.startswith("size")] == shown[:2] + shown[3:]
+    assert "\x1b" not in err
 
 
-def test_in_a_pipe_there_are_the_usual_lines(log: Path, plain: tuple[str, Path], tmp_path: Path) -> None:
-    args = ("--laser", str(log), *QUICK, "--steps", "20000", "-o", "office", "--live")
-    done = call("prf", "sample", *args, cwd=tmp_path)
-    assert (done.returncode, done.stdout) == (0, plain[0])
-    assert "\x1b" not in done.stderr
+def test_in_a_pipe_there_are_the_usual_lines(
+    log: Path, plain: tuple[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, out, err = in_a_pipe("sample", "--laser", log, *QUICK, "--steps", "20000", "-o", "office", "--live")
+    assert (code, out) == (0, plain[0])
+    assert "\x1b" not in err
 
 
-def test_ctrl_c_ends_it_in_good_order(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_colours_it_has_shades_and_ctrl_c_ends_it_in_good_order(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     sent = []
 
@@ -101,19 +117,12 @@ def test_ctrl_c_ends_it_in_good_order(log: Path, tmp_path: Path, monkeypatch: py
             process.send_signal(signal.SIGINT)
 
     args = ("--laser", log, *QUICK, "--time-budget", "200", "-o", "office", "--live")
-    code, written = run_on_terminal("prf", "sample", *args, size=(24, 80), act=interrupt)
+    code, written = run_on_terminal("prf", "sample", *args, environment={"NO_COLOR": "1"}, act=interrupt)
     assert code == 130
     assert "stopping in good order" in written
     assert "office is valid" in ESCAPE.sub("", written)
     assert written.rindex("\x1b[?25h") > written.rindex("\x1b[?25l"), "the cursor is back"
     assert read_run("office").manifest["status"] == "interrupted"
-
-
-def test_without_colours_it_has_shades(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    args = ("--laser", log, *QUICK, "--steps", "10000", "-o", "office", "--live")
-    code, written = run_on_terminal("prf", "sample", *args, environment={"NO_COLOR": "1"})
-    assert code == 0
     assert "\x1b[38" not in written
     assert "\x1b[48" not in written
-    assert {"█", "░"} & set(written)
+    assert {"█", "░"} <= set(written)
