@@ -1,5 +1,17 @@
-"""``python -m mapq``."""
+"""``python -m mapq``, and what the command `mapq` runs."""
 
-from mapq.cli import main
+from __future__ import annotations
 
-main()
+from prf.shell.early import end_quietly
+
+
+def main() -> None:
+    """Run the tool; Ctrl-C while it is imported ends it without a traceback."""
+    end_quietly()
+    from mapq.cli import main as run  # noqa: PLC0415 - takes a fifth of a second, in which Ctrl-C may come
+
+    run()
+
+
+if __name__ == "__main__":
+    main()

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, BinaryIO
 
+from prf.shell import litter
 from prf.shell.console import is_terminal
 from prf.shell.errors import InputError, OutputError, OutputExists
 from prf.shell.together import take_place
@@ -148,6 +149,7 @@ def atomic_write(path: str | os.PathLike[str], binary: bool = False, sync: bool 
         return
     with _reported(path):
         descriptor, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent)
+    litter.mark(name)
     try:
         with _reported(path), open(descriptor, mode, **text) as stream:  # type: ignore[call-overload]
             yield stream
@@ -157,6 +159,7 @@ def atomic_write(path: str | os.PathLike[str], binary: bool = False, sync: bool 
             take_place(name, target)
     except BaseException:
         Path(name).unlink(missing_ok=True)
+        litter.unmark(name)
         raise
 
 

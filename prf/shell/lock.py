@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from prf.shell import litter
 from prf.shell.errors import OutputError
 from prf.shell.files import STREAM, is_device, refuse_existing, remove_leftovers
 
@@ -78,12 +79,14 @@ def exclusive(path: str | os.PathLike[str]) -> Iterator[None]:
     target = Path(path).resolve()
     lock_path = target.with_name(f".{target.name}.lock")
     descriptor = _acquire(lock_path, target)
+    litter.mark(lock_path)
     try:
         remove_leftovers(target)
         yield
     finally:
         # Unlinked while still held: whoever opened the old file sees in _acquire that it is no longer on disk.
         lock_path.unlink(missing_ok=True)
+        litter.unmark(lock_path)
         os.close(descriptor)
 
 

@@ -28,7 +28,11 @@ def run_app(command: Any, name: str, args: Sequence[str] | None = None) -> int:
         Instead of ``sys.argv[1:]``.
     """
     console.reset()
-    signals.exit_on_sigterm()
+    with signals.ending_the_tool():
+        return _run(command, name, args)
+
+
+def _run(command: Any, name: str, args: Sequence[str] | None) -> int:
     try:
         code = command.main(args, prog_name=name, standalone_mode=False)
         sys.stdout.flush()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import signal
 import threading
 from collections.abc import Iterator, Sequence
@@ -10,6 +11,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import NoReturn
 
+from prf.shell import litter
 from prf.shell.errors import Interrupted
 
 logger = logging.getLogger(__name__)
@@ -73,11 +75,37 @@ def graceful_stop(signals: Sequence[signal.Signals] = _STOPPING) -> Iterator[Sto
             signal.signal(number, handler)
 
 
-def _exit_terminated(number: int, _frame: FrameType | None) -> NoReturn:
+def _is_importing(frame: FrameType | None) -> bool:
+    """Return whether what a signal interrupts is an import, or called by one."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _end(number: int, frame: FrameType | None) -> NoReturn:
+    """End the tool through its ``finally`` clauses; in an import, which would make other errors of it, at once."""
+    if _is_importing(frame):
+        litter.sweep()
+        os._exit(128 + number)
+    if number == signal.SIGINT:
+        raise KeyboardInterrupt
     raise SystemExit(128 + number)
 
 
-def exit_on_sigterm() -> None:
-    """Let SIGTERM end the program through its ``finally`` clauses (temporary files go), with exit code 143."""
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, _exit_terminated)
+@contextmanager
+def ending_the_tool() -> Iterator[None]:
+    """Let SIGINT and SIGTERM end the tool (exit codes 130 and 143) and leave nothing half written, while it runs."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in _STOPPING}
+    taken = {number: handler for number, handler in before.items() if handler not in (None, signal.SIG_IGN)}
+    for number in taken:
+        signal.signal(number, _end)
+    try:
+        yield
+    finally:
+        for number, handler in taken.items():
+            signal.signal(number, handler)

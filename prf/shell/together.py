@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 
+from prf.shell import litter
 from prf.shell.errors import OutputError
 
 _current: ContextVar[Group | None] = ContextVar("_current", default=None)
@@ -65,6 +66,7 @@ class Group:
         """Remove what has not taken its place."""
         for made in self._made.values():
             Path(made).unlink(missing_ok=True)
+            litter.unmark(made)
 
     def _put_aside(self, target: Path) -> None:
         """Give an old file a name that a later process takes for a leftover."""
@@ -115,6 +117,7 @@ def take_place(made: str, target: Path) -> None:
     group = _current.get()
     if group is None:
         os.replace(made, target)
+        litter.unmark(made)
     else:
         group.add(made, target)
 

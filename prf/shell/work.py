@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from prf.shell import litter
 from prf.shell.errors import OutputError
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -27,9 +28,10 @@ def work_folder(beside: str | os.PathLike[str]) -> Iterator[str]:
     """
     target = Path(tempfile.gettempdir(), "work") if os.fspath(beside) == os.devnull else Path(beside).resolve()
     try:
-        folder = tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".work", dir=target.parent)
+        folder = tempfile.mkdtemp(prefix=f".{target.name}.", suffix=litter.WORK, dir=target.parent)
     except OSError as error:
         raise OutputError(f"{beside}: cannot be written ({error.strerror}).") from error
+    litter.mark(folder)
     try:
         yield folder
     except OSError as error:
@@ -38,6 +40,7 @@ def work_folder(beside: str | os.PathLike[str]) -> Iterator[str]:
         raise OutputError(f"{beside}: cannot be written ({error.strerror}, in the work folder beside it).") from error
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+        litter.unmark(folder)
 
 
 @contextmanager
@@ -55,6 +58,8 @@ def made_folder(path: str | os.PathLike[str]) -> Iterator[None]:
         place.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{place}: cannot be written ({error.strerror}).") from error
+    if not stood:
+        litter.mark(place)
     try:
         yield
     except BaseException:
@@ -62,3 +67,5 @@ def made_folder(path: str | os.PathLike[str]) -> Iterator[None]:
             with suppress(OSError):
                 place.rmdir()
         raise
+    finally:
+        litter.unmark(place)
