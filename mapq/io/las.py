@@ -26,7 +26,10 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 CHUNK = 200_000
-"""Points that are decoded at once: some 10 MB."""
+"""Points that are decoded at once, usually some 10 MB, ..."""
+
+PIECE = 1 << 26
+"""... and bytes of them at most: a header may promise points of any length."""
 
 NEWEST = 5
 """Minor version of LAS."""
@@ -122,7 +125,7 @@ def _read_points(reader: LasReader, source: str) -> tuple[NDArray[np.float64], d
     scales, offsets = scale_and_offset(reader.header, source)
     pieces: dict[str, list[Array]] = {name: [] for name in names}
     places: list[NDArray[np.float64]] = []
-    for points in reader.chunk_iterator(CHUNK):
+    for points in reader.chunk_iterator(max(1, min(CHUNK, PIECE // reader.header.point_format.size))):
         whole = np.column_stack([np.asarray(points[axis]) for axis in RAW])
         places.append(whole * scales + offsets)
         for name in names:

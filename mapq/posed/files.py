@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -33,6 +34,10 @@ def scan_files(folder: str, pattern: str | None) -> list[str]:
         If there is none, or more than one set of scans.
     """
     here = Path(folder)
+    try:
+        os.scandir(here).close()
+    except OSError as error:
+        raise InputError(f"{folder}: {(error.strerror or '').lower()}.") from error
     files = sorted(path for path in (*here.glob("*"), *here.glob("*/*")) if path.is_file())
     if pattern is not None:
         named = (path for path in files if fnmatch.fnmatch(path.relative_to(here).as_posix(), pattern))

@@ -23,7 +23,7 @@ from mapq.report.markup import (
 from mapq.report.scene import Scene, build_scene
 from mapq.report.source import MOST_REGIONS, Told, regions_in
 from mapq.report.words import local, made_table, percent, region_table, threshold_of, verdict_words
-from prf.shell.files import open_output
+from prf.shell.files import encoded, open_output
 
 MOST_POINTS = 120_000
 """Points that the views show unless told otherwise: a laptop turns so many without a jolt."""
@@ -86,7 +86,7 @@ def write_report(
     with open_output(path) as stream:
         stream.write(text)
     n_outlines = int((scene.corner_start[1:] > scene.corner_start[:-1]).sum())
-    return Written(len(text.encode()), len(scene.points), scene.n_points, n_outlines)
+    return Written(len(encoded(text)), len(scene.points), scene.n_points, n_outlines)
 
 
 def _page(told: Told, shown: Shown, scene: Scene, title: str, palette: Palette, scripts: list[str]) -> str:

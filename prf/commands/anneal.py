@@ -218,7 +218,7 @@ def _write(target: str, found: Annealed, made: dict[str, Any], logs: list[str]) 
 def _report(found: Annealed, text: str, target: str, made: dict[str, Any], json: bool) -> None:
     """Print what came of it."""
     from prf.shell import console, jsonout
-    from prf.shell.files import STREAM
+    from prf.shell.files import STREAM, encoded
 
     # Two coordinates of 16 bits a vertex: a window of 65 m to the millimetre.
     packed = 4 * found.best.n_vertices
@@ -228,7 +228,7 @@ def _report(found: Annealed, text: str, target: str, made: dict[str, Any], json:
         "score_by_chain": list(found.by_chain),
         "n_vertices": found.best.n_vertices,
         "n_edges": found.best.n_edges,
-        "geojson_bytes": len(text.encode()),
+        "geojson_bytes": len(encoded(text)),
         "packed_bytes": packed,
         "steps": found.steps,
         "complete": found.is_complete,

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.occupancy.model import OccupancyGrid
+from prf.shell.files import open_input
 from prf.shell.jsonout import jsonable
 from prf.shell.storage import damaged, load_arrays, save_arrays, take_array
 
@@ -19,14 +20,17 @@ ARCHIVE_MAGIC = b"PK"
 
 
 def is_grid(path: str | os.PathLike[str]) -> bool:
-    """Return whether `path` is an archive, as a GRID file is; what is in it is for :func:`read_grid` to judge."""
+    """Return whether `path` is an archive, as a GRID file is; what is in it is for :func:`read_grid` to judge.
+
+    Raises
+    ------
+    InputError
+        If it may not be read.
+    """
     if not Path(path).is_file():
         return False
-    try:
-        with open(path, "rb") as stream:
-            return stream.read(2) == ARCHIVE_MAGIC
-    except OSError:
-        return False
+    with open_input(path) as stream:
+        return stream.read(2) == ARCHIVE_MAGIC
 
 
 def write_grid(path: str | os.PathLike[str], grid: OccupancyGrid) -> None:

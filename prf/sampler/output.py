@@ -206,7 +206,7 @@ def tempering_entry(sampler: Sampler) -> dict[str, Any]:
 
 def is_unfinished(folder: Path) -> bool:
     """Return whether `folder` is what a run leaves that is killed before its first manifest: nothing of worth."""
-    if not folder.is_dir() or (folder / names.MANIFEST).exists():
+    if not os.path.isdir(folder) or (folder / names.MANIFEST).exists():
         return False
     kept = [entry.name for entry in folder.iterdir()]
     return bool(kept) and all(name in FILES or any(is_leftover(name, output) for output in FILES) for name in kept)

@@ -5,6 +5,7 @@ Library code logs through ``logging.getLogger(__name__)``; the handler that :fun
 
 from __future__ import annotations
 
+import io
 import logging
 import os
 import sys
@@ -58,6 +59,8 @@ class _Handler(logging.Handler):
 def reset() -> None:
     """Go back to what holds without flags, as a tool does when it starts."""
     settings.verbosity, settings.color, settings.progress = 0, ColorChoice.auto, True
+    if isinstance(sys.stdout, io.TextIOWrapper):  # names of files may hold bytes that are no text
+        sys.stdout.reconfigure(errors="backslashreplace")
     configure()
 
 

@@ -19,6 +19,9 @@ from prf.shell.together import take_place
 
 STREAM = "-"
 
+ESCAPED = "backslashreplace"
+"""How text is encoded: names of files may hold bytes that are no UTF-8, which JSON gives back from their escapes."""
+
 
 def refuse_existing(path: str | os.PathLike[str], force: bool) -> None:
     """Refuse an output file before the work for it begins: one that stands, or one that could not be written.
@@ -70,10 +73,14 @@ def is_leftover(name: str, output: str) -> bool:
 
 
 def refuse_standing(path: str | os.PathLike[str], force: bool) -> None:
-    """Raise :class:`OutputExists` if `path` stands and `force` is not given; streams and devices never "exist"."""
+    """Raise :class:`OutputExists` if `path` stands and `force` is not given; streams and devices never "exist".
+
+    A name that no file can have, or a folder that may not be looked into, raises :class:`OutputError`.
+    """
     target = Path(path)
-    is_dangling = target.is_symlink() and not target.exists()
-    stands = target.is_file() or target.is_dir() or is_dangling
+    with _reported(path):
+        is_dangling = target.is_symlink() and not target.exists()
+        stands = target.is_file() or target.is_dir() or is_dangling
     if os.fspath(path) != STREAM and stands and not force:
         raise OutputExists(f"{path} already exists. Use --force to overwrite.")
 
@@ -142,7 +149,7 @@ def atomic_write(path: str | os.PathLike[str], binary: bool = False, sync: bool 
     """
     target = Path(os.path.realpath(path))
     mode = "wb" if binary else "w"
-    text = {} if binary else {"encoding": "utf-8", "newline": "\n"}
+    text = {} if binary else {"encoding": "utf-8", "errors": ESCAPED, "newline": "\n"}
     if is_device(target):
         with _reported(path), open(target, mode, **text) as device:  # type: ignore[call-overload]
             yield device
@@ -161,6 +168,11 @@ def atomic_write(path: str | os.PathLike[str], binary: bool = False, sync: bool 
         Path(name).unlink(missing_ok=True)
         litter.unmark(name)
         raise
+
+
+def encoded(text: str) -> bytes:
+    """Return the bytes that :func:`atomic_write` makes of `text`."""
+    return text.encode("utf-8", ESCAPED)
 
 
 def flush_to_disk(stream: IO[Any]) -> None:

@@ -210,12 +210,24 @@ def save(page: Figure, target: Target) -> None:
     OutputError
         If the file cannot be written.
     """
+    _spell_out(page)
     if not isinstance(target, str | os.PathLike):
         page.savefig(target, format="png", dpi=DPI)
         return
     kind = picture_format(target)
     with open_output(target, binary=True) as stream:
         page.savefig(stream, format=kind, dpi=DPI)
+
+
+def _spell_out(page: Figure) -> None:
+    """Write bytes of file names that are no UTF-8 as escapes: fonts have no letters for them."""
+    from matplotlib.text import Text
+
+    for text in page.findobj(Text):
+        assert isinstance(text, Text)
+        words = text.get_text()
+        if not words.isascii():
+            text.set_text(words.encode("utf-8", "backslashreplace").decode())
 
 
 def picture_format(path: str | os.PathLike[str]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import traceback
@@ -11,8 +12,11 @@ from typing import Any
 import typer
 
 from prf.shell import console, lock, signals
-from prf.shell.errors import EXIT_BROKEN_PIPE, EXIT_INTERNAL, EXIT_OK, OutputError, PrfError
+from prf.shell.errors import EXIT_BROKEN_PIPE, EXIT_INTERNAL, EXIT_OK, InputError, OutputError, PrfError
 from prf.shell.work import FULL
+
+_NOT_GIVEN = (errno.EACCES, errno.EPERM, errno.ENAMETOOLONG, errno.ELOOP, errno.EIO, errno.ENXIO)
+"""What the system answers already when it is asked whether there is a file."""
 
 
 def run_app(command: Any, name: str, args: Sequence[str] | None = None) -> int:
@@ -47,7 +51,9 @@ def _run(command: Any, name: str, args: Sequence[str] | None) -> int:
     except (BrokenPipeError, SystemExit) as error:
         return _code_of_exit(error)
     except OSError as error:
-        return _report_full(error) if error.errno in FULL else _report_internal(error)
+        return _report_refusal(error)
+    except MemoryError as error:
+        return _report_no_memory(error)
     except Exception as error:
         return _report_internal(error)
     finally:
@@ -72,6 +78,14 @@ def _report_usage(error: Any, name: str) -> int:
     return int(error.exit_code)
 
 
+def _report_no_memory(error: MemoryError) -> int:
+    """Report that a result, or what leads to it, does not fit into memory."""
+    _show_traceback()
+    words = f" ({error})" if str(error) else ""
+    console.report_error(f"out of memory{words}. Give less to do, or use a machine with more.")
+    return EXIT_INTERNAL
+
+
 def _report_internal(error: Exception) -> int:
     """Report a fault of ours."""
     hint = "" if _show_traceback() else " Please rerun with -vv and report the traceback."
@@ -90,11 +104,16 @@ def _code_of_exit(error: BaseException) -> int:
     return error.code if isinstance(error, SystemExit) and isinstance(error.code, int) else EXIT_OK
 
 
-def _report_full(error: OSError) -> int:
-    """Report a disk without room."""
-    _abandon_stdout()
-    console.report_error(f"the result cannot be written: {error.strerror}.")
-    return OutputError.exit_code
+def _report_refusal(error: OSError) -> int:
+    """Report a disk without room, or a file that the system does not give."""
+    if error.errno in FULL:
+        _abandon_stdout()
+        console.report_error(f"the result cannot be written: {error.strerror}.")
+        return OutputError.exit_code
+    if error.errno in _NOT_GIVEN and error.filename is not None:
+        console.report_error(str(InputError(f"{os.fsdecode(error.filename)}: {(error.strerror or '').lower()}.")))
+        return InputError.exit_code
+    return _report_internal(error)
 
 
 def _abandon_stdout() -> None:

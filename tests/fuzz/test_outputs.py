@@ -18,11 +18,9 @@ import pytest
 from prf.shell.errors import OutputError
 from prf.shell.files import atomic_write
 from prf.shell.together import together
-from tests.fuzz.verbs import VERBS, Said, Verb, call, make_samples
+from tests.fuzz.verbs import VERBS, Said, Verb, call, make_samples, marked
 
 WRITING = [verb for verb in VERBS if verb.writes]
-QUICK = {"prf export run", "prf simulate", "mapq perturb"}
-"""Beginnings of the names of calls that stand for the kinds of writers in the quick tests."""
 SYSTEM: dict[str, Any] = {"fsync": os, "replace": os, "chmod": os, "mkstemp": tempfile}
 """What the system is asked for on the way of a file to its place."""
 
@@ -37,14 +35,6 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def folder(samples: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(samples, tmp_path / "work"))
-
-
-def marked(verbs: list[Verb]) -> list[Any]:
-    """Return the calls as parameters, all but the quick ones as slow."""
-    return [
-        pytest.param(verb, id=verb.name, marks=() if verb.name.startswith(tuple(QUICK)) else pytest.mark.slow)
-        for verb in verbs
-    ]
 
 
 def content(folder: Path) -> dict[str, bytes]:

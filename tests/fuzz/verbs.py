@@ -6,9 +6,11 @@ import contextlib
 import importlib
 import io
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import pytest
 
 from mapq.io import write_ply
 from mapq.io.models import write_model
@@ -53,14 +55,11 @@ class Verb(NamedTuple):
         Files among the arguments, each of which can be damaged.
     writes : tuple of str
         Files that a whole result has; a folder ends in "/".
-    is_slow : bool
-        Whether a call takes more than half a second.
     """
 
     call: str
     reads: tuple[str, ...]
     writes: tuple[str, ...] = ()
-    is_slow: bool = False
 
     @property
     def name(self) -> str:
@@ -119,7 +118,7 @@ VERBS = (
     Verb("mapq segment cloud.ply -o out.patches", ("cloud.ply",), ("out.patches",)),
     Verb("mapq label bare.patches --from-field truth", ("bare.patches",)),
     Verb("mapq label --agreement walls.patches walls.patches", ("walls.patches",)),
-    Verb("mapq train walls.patches -o out.json", ("walls.patches",), ("out.json",), is_slow=True),
+    Verb("mapq train walls.patches -o out.json", ("walls.patches",), ("out.json",)),
     Verb(
         "mapq classify walls.patches --model model.json -o out.ply",
         ("walls.patches", "model.json"),
@@ -128,7 +127,7 @@ VERBS = (
     Verb("mapq classify cloud.ply -o out.laz", ("cloud.ply",), ("out.laz", "out.json")),
     Verb("mapq classify cloud.ply -o out.ply --workers 1 --tile-points 10000", ("cloud.ply",), ("out.ply", "out.json")),
     Verb("mapq compare result.ply walls.patches", ("result.ply", "walls.patches")),
-    Verb("mapq evaluate result.ply --truth-field truth", ("result.ply", "result.json")),
+    Verb("mapq evaluate result.ply --truth-field truth", ("result.ply",)),
     Verb("mapq features walls.patches --csv", ("walls.patches",)),
     Verb("mapq report result.ply -o out.html", ("result.ply", "result.json"), ("out.html",)),
     Verb("mapq render cloud.ply -o out.png", ("cloud.ply",), ("out.png",)),
@@ -139,14 +138,28 @@ VERBS = (
         ("odometry.txt", "scans"),
         ("out.ply", "out.json"),
     ),
-    Verb("mapq simulate --size small --n-points 2000 --seed 1 -o out.ply", (), ("out.ply",), is_slow=True),
+    Verb("mapq simulate --size small --n-points 2000 --seed 1 -o out.ply", (), ("out.ply",)),
     Verb(
         "mapq simulate --size city --n-points 250000 --tile-points 1 --seed 1 -o out.city",
         (),
         ("out.city/",),
-        is_slow=True,
     ),
 )
+
+
+QUICK = ("prf grid", "prf info laser", "prf export room", "mapq inspect cloud", "mapq label bare")
+"""Beginnings of the names of calls that are tried in every test; the others are, in the slow ones."""
+
+
+def marked(cases: Iterable[Any]) -> list[Any]:
+    """Return calls, or tuples that begin with a call, as parameters of a test, all but the quick ones marked slow."""
+    found = []
+    for case in cases:
+        verb, *others = case if not isinstance(case, Verb) else (case,)
+        name = ": ".join([verb.name, *others])
+        marks = () if name.startswith(QUICK) else pytest.mark.slow
+        found.append(pytest.param(verb, *others, id=name, marks=marks))
+    return found
 
 
 def make_samples(folder: Path) -> None:

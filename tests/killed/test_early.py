@@ -65,13 +65,8 @@ def interrupted(verb: Verb, folder: Path, nth: int, number: int) -> tuple[int, s
     return done.returncode, done.stderr
 
 
-@pytest.mark.parametrize(
-    "verb",
-    [
-        pytest.param(verb, id=verb.name, marks=() if verb.call.startswith("prf export") else pytest.mark.slow)
-        for verb in OF_EACH_VERB
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("verb", OF_EACH_VERB, ids=lambda verb: verb.name)
 def test_at_an_import(verb: Verb, samples: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(samples, tmp_path / "work"))
     code, err = interrupted(verb, folder, -1, signal.SIGINT)
