@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,8 +12,9 @@ from scipy.stats import rankdata
 
 from mapq import assess
 from mapq.cloud import PointCloud
+from mapq.io.result_folder import is_result_folder, open_result_folder
 from mapq.io.results import RESULT_FIELDS
-from mapq.labels import majority_labels, truth_values
+from mapq.labels import majority_labels, majority_of, truth_values, votes
 from mapq.model import Model
 from mapq.patches import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.errors import InputError, UsageError
@@ -162,7 +164,8 @@ def area_under_curve(p: NDArray[np.float64], true: NDArray[np.bool_]) -> float:
 def read_labelled(path: str, model: Model | None, truth_field: str | None) -> Labelled:
     """Return what was inferred of the patches of a RESULT or PATCHES file, and what is true of them.
 
-    A result carries its labels; PATCHES are classified with `model` (None: the one that ships with the package). The
+    A result carries its labels, and one in tiles is read a piece at a time; PATCHES are classified with `model` (None:
+    the one that ships with the package). The
     truth of a patch is that of most of its points in `truth_field`; without one it is the labels stored in PATCHES,
     else point field `TRUTH_FIELD`.
 
@@ -173,40 +176,74 @@ def read_labelled(path: str, model: Model | None, truth_field: str | None) -> La
     UsageError
         If a model is given for a result.
     """
+    if is_result_folder(path):
+        _refuse_model(path, model)
+        folder = open_result_folder(path)
+        wanted = truth_field or TRUTH_FIELD
+        if wanted not in folder.fields:
+            raise _no_truth(path, wanted if truth_field else None, folder.fields)
+        return _labelled_result(folder.pieces((*RESULT_FIELDS, wanted)), path, wanted)
     found = assess.read_input(path)
     if isinstance(found, Patches):
         truth, truth_from = _patches_truth(found, path, truth_field)
         result = assess.assess(found, model)
         return Labelled(result.labelling.label, truth, result.labelling.probability, truth_from)
+    _refuse_model(path, model)
+    return _labelled_result([found], path, truth_field)
+
+
+def _refuse_model(path: str, model: Model | None) -> None:
     if model is not None:
         raise UsageError(
             f"{path} is not a PATCHES file, so it has labels of a model already. Leave out --model "
             "and --max-false-alarms."
         )
-    return _labelled_result(found, path, truth_field)
 
 
-def _labelled_result(cloud: PointCloud, path: str, truth_field: str | None) -> Labelled:
-    """Return what a result says of the patches that have points in it; a part of a result may lack some."""
-    missing = [name for name in RESULT_FIELDS if name not in cloud.fields]
+def _labelled_result(pieces: Iterable[PointCloud], path: str, truth_field: str | None) -> Labelled:
+    """Return what a result says of the patches that have points in it; a part of a result may lack some.
+
+    It comes in pieces, of which what is counted is added up.
+    """
+    parts, name = [], truth_field
+    for cloud in pieces:
+        name = name or _default_truth(path, cloud)
+        parts.append(_counted(cloud, path, name))
+    numbers, first, place = np.unique(
+        np.concatenate([part.number for part in parts]), return_index=True, return_inverse=True
+    )
+    label, probability, counts = (
+        np.concatenate([getattr(part, column) for part in parts]) for column in ("label", "probability", "counts")
+    )
+    sums = np.column_stack([np.bincount(place, column, len(numbers)) for column in counts.T])
+    truth, _ = majority_of(sums.astype(np.int64))
+    return Labelled(label[first].astype(np.uint8), truth, probability[first].astype(np.float64), f"point field {name}")
+
+
+class _Counted(NamedTuple):
+    """Numbers (k,) of the patches of a piece, what it says of them, and votes (k, 3) for the truth."""
+
+    number: NDArray[Any]
+    label: NDArray[Any]
+    probability: NDArray[Any]
+    counts: NDArray[np.int64]
+
+
+def _counted(cloud: PointCloud, path: str, name: str) -> _Counted:
+    """Return what a piece of a result says of its patches."""
+    missing = [field for field in RESULT_FIELDS if field not in cloud.fields]
     if missing:
         raise InputError(
             f"{path}: neither PATCHES nor a result: no point field {', '.join(missing)}. Run mapq classify on it."
         )
-    number, label, probability = (np.asarray(cloud.fields[name]) for name in RESULT_FIELDS)
+    number, label, probability = (np.asarray(cloud.fields[field]) for field in RESULT_FIELDS)
     inside = number != NO_PATCH
     _check_result(path, number[inside], label[inside], probability[inside])
     numbers, first, of_point = np.unique(number[inside], return_index=True, return_inverse=True)
     patch = np.full(len(cloud), NO_PATCH, np.int32)
     patch[inside] = of_point
-    name = truth_field or _default_truth(path, cloud)
-    truth, _ = majority_labels(patch, len(numbers), truth_values(cloud, name, patch, path))
-    return Labelled(
-        label[inside][first].astype(np.uint8),
-        truth,
-        probability[inside][first].astype(np.float64),
-        f"point field {name}",
-    )
+    counts = votes(patch, len(numbers), truth_values(cloud, name, patch, path))
+    return _Counted(numbers, label[inside][first], probability[inside][first], counts)
 
 
 def _check_result(path: str, number: NDArray[Any], label: NDArray[Any], probability: NDArray[Any]) -> None:
@@ -233,8 +270,16 @@ def _patches_truth(patches: Patches, path: str, truth_field: str | None) -> tupl
 def _default_truth(path: str, cloud: PointCloud) -> str:
     if TRUTH_FIELD in cloud.fields:
         return TRUTH_FIELD
-    known = ", ".join(cloud.fields) or "none"
-    raise InputError(f"{path}: nothing says what is true. Name a 0/1 point field with --truth-field (fields: {known}).")
+    raise _no_truth(path, None, tuple(cloud.fields))
+
+
+def _no_truth(path: str, name: str | None, fields: tuple[str, ...]) -> InputError:
+    known = ", ".join(fields) or "none"
+    if name is not None:
+        return InputError(f"{path}: no point field {name}; there are {known}.")
+    return InputError(
+        f"{path}: nothing says what is true. Name a 0/1 point field with --truth-field (fields: {known})."
+    )
 
 
 def _ratio(part: float, whole: float) -> float:

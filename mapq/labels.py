@@ -52,10 +52,19 @@ def majority_labels(
         only what is definitely plausible shall be called so. A patch of which more points are not known than have
         the label that it would get, or without a point that counts, is `UNLABELLED`.
     """
+    return majority_of(votes(patch, n_patches, values))
+
+
+def votes(patch: NDArray[np.integer], n_patches: int, values: NDArray[Any]) -> NDArray[np.int64]:
+    """Return how many points (m, 3) of each patch are plausible, suspicious, and not known; these can be added up."""
     inside = patch != NO_PATCH
-    suspicious = np.bincount(patch[inside & (values == SUSPICIOUS)], minlength=n_patches)
-    plausible = np.bincount(patch[inside & (values == PLAUSIBLE)], minlength=n_patches)
-    not_known = np.bincount(patch[inside & (values == UNLABELLED)], minlength=n_patches)
+    kinds = (PLAUSIBLE, SUSPICIOUS, UNLABELLED)
+    return np.column_stack([np.bincount(patch[inside & (values == kind)], minlength=n_patches) for kind in kinds])
+
+
+def majority_of(counts: NDArray[np.int64]) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """Return labels (m,) and ties (m,) as :func:`majority_labels`, of votes (m, 3)."""
+    plausible, suspicious, not_known = counts.T
     label = np.where(suspicious >= plausible, SUSPICIOUS, PLAUSIBLE)
     most = np.maximum(suspicious, plausible)
     known = (most > 0) & (most >= not_known)

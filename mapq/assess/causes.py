@@ -119,8 +119,17 @@ def scans_apart(patches: Patches, features: PatchFeatures, visits: Visits | None
     if visits is None or len(patches) == 0:
         return float("nan")
     copies = copies_of(features, len(patches))
-    asked = range(0, len(patches), -(-len(patches) // MOST_ASKED))
-    metres = np.array([measure_spread(patches, patch, copies[patch], visits).scans for patch in asked])
+    return median_apart([measure_spread(patches, patch, copies[patch], visits) for patch in some_of(len(patches))])
+
+
+def some_of(n_patches: int) -> range:
+    """Return the patches of which the distance of scans is taken."""
+    return range(0, n_patches, max(1, -(-n_patches // MOST_ASKED)))
+
+
+def median_apart(spreads: list[Spread]) -> float:
+    """Return how far apart scans of one visit put patches, in the median; nan where that is unknown of all."""
+    metres = np.array([spread.scans for spread in spreads], np.float64)
     known = metres[np.isfinite(metres)]
     return float(np.median(known)) if len(known) else float("nan")
 

@@ -96,8 +96,7 @@ def compare(first: Judged, second: Judged, cell: float) -> Comparison:
     InputError
         If no cell has patches of both.
     """
-    if not 0.0 < cell < 1e6:
-        raise UsageError(f"--cell {cell:g} is no length in metres. Give one above 0.")
+    check_cell(cell)
     keys, of_point = np.unique(
         np.floor(np.vstack([first.xyz, second.xyz]) / cell).astype(np.int64), axis=0, return_inverse=True
     )
@@ -116,6 +115,12 @@ def compare(first: Judged, second: Judged, cell: float) -> Comparison:
     places = _places(keys[common], area, expected / area, cell)
     covered = total / sums[:, 0].sum(axis=1)
     return Comparison(cell, len(common), total, suspicious.sum(axis=1) / total, shares, covered, winner, places)
+
+
+def check_cell(cell: float) -> None:
+    """Raise UsageError if the side of the cubes is no length."""
+    if not 0.0 < cell < 1e6:
+        raise UsageError(f"--cell {cell:g} is no length in metres. Give one above 0.")
 
 
 def _sums(judged: Judged, cell: NDArray[np.int64], n_cells: int) -> Floats:

@@ -12,6 +12,7 @@ from mapq.assess.inputs import read_input
 from mapq.assess.result import AREA, Result, assess
 from mapq.cloud import PointCloud
 from mapq.io.options import AS_IT_IS, ReadOptions
+from mapq.io.result_folder import ResultFolder, is_result_folder, open_result_folder
 from mapq.io.result_json import read_result_json
 from mapq.io.results import RESULT_FIELDS, json_beside
 from mapq.model import Model
@@ -44,8 +45,10 @@ class Judged(NamedTuple):
     source: str
 
 
-def read_judged(path: str, model: Model | None, options: ReadOptions = AS_IT_IS) -> Judged:
+def read_judged(path: str, model: Model | None, options: ReadOptions = AS_IT_IS, cell: float = 1.0) -> Judged:
     """Return what is said of the map in a RESULT, or what `model` says of PATCHES or of a cloud.
+
+    Of a result in tiles all points of a patch in one cube of `cell` metres count as one.
 
     Raises
     ------
@@ -54,11 +57,12 @@ def read_judged(path: str, model: Model | None, options: ReadOptions = AS_IT_IS)
     UsageError
         If a model is given for a result, which has labels already.
     """
-    found = read_input(path, options)
-    if isinstance(found, PointCloud) and set(RESULT_FIELDS) <= set(found.fields):
+    is_folder = is_result_folder(path)
+    found = None if is_folder else read_input(path, options)
+    if found is None or (isinstance(found, PointCloud) and set(RESULT_FIELDS) <= set(found.fields)):
         if model is not None:
             raise UsageError(f"{path} has labels of a model already. Leave out --model.")
-        return _judged_result(found, path)
+        return _judged_folder(open_result_folder(path, options), cell) if found is None else _judged_result(found, path)
     patches = found if isinstance(found, Patches) else segment(found)
     return judge(assess(patches, model), path)
 
@@ -74,21 +78,52 @@ def judge(result: Result, source: str) -> Judged:
     return Judged(xyz, area[patch], result.suspicious[patch], probability[patch], source)
 
 
+def _judged_folder(folder: ResultFolder, cell: float) -> Judged:
+    """Return what a result in tiles says of its patches, cube by cube."""
+    area, n_points = _columns(folder.json, (AREA, "n_points"))
+    per_point = area / np.maximum(n_points, 1.0)
+    parts = []
+    for piece in folder.pieces(RESULT_FIELDS):
+        number, label, p = (np.asarray(piece.fields[name]) for name in RESULT_FIELDS)
+        inside = np.flatnonzero((number != NO_PATCH) & piece.finite())
+        patch = number[inside].astype(np.int64)
+        _check_numbers(patch, len(area), folder.json, folder.path)
+        places = np.floor(piece.metric_of(piece.xyz[inside]) / cell)
+        rows, first, counts = np.unique(np.column_stack([patch, places]), axis=0, return_index=True, return_counts=True)
+        chosen = inside[first]
+        is_bad = label[chosen] == SUSPICIOUS
+        parts.append(
+            ((rows[:, 1:] + 0.5) * cell, counts * per_point[patch[first]], is_bad, p[chosen].astype(np.float64))
+        )
+    xyz, areas, suspicious, probability = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    return Judged(xyz, areas, suspicious, probability, folder.path)
+
+
+def _columns(beside: Path, names: tuple[str, ...]) -> Floats:
+    """Return numbers (k, m) of all patches from the JSON of a result."""
+    try:
+        found = [[float(row[name]) for name in names] for row in read_result_json(beside)[1]]
+    except (TypeError, KeyError, ValueError):
+        raise damaged(beside, f"patches without {' or '.join(names)}") from None
+    return np.array(found, np.float64).reshape(-1, len(names)).T
+
+
+def _check_numbers(patch: NDArray[np.int64], n_patches: int, beside: Path, path: str) -> None:
+    """Refuse patches of points (k,) that the JSON of a result does not have."""
+    if len(patch) and not 0 <= int(patch.min()) <= int(patch.max()) < n_patches:
+        raise InputError(f"{beside}: not the JSON of {path}, which has other patches. Run mapq classify again.")
+
+
 def _judged_result(cloud: PointCloud, path: str) -> Judged:
     """Return the points of a RESULT, with the areas of its patches from the JSON beside it."""
     beside = Path(json_beside(path))
     if not beside.exists():
         raise InputError(f"{path}: the JSON of this result is not beside it ({beside}). Run mapq classify again.")
-    _, rows = read_result_json(beside)
+    (area,) = _columns(beside, (AREA,))
     number, label, probability = (np.asarray(cloud.fields[name]) for name in RESULT_FIELDS)
     inside = np.flatnonzero((number != NO_PATCH) & cloud.finite())
     patch = number[inside].astype(np.int64)
-    try:
-        area = np.array([float(row[AREA]) for row in rows])
-    except (TypeError, KeyError, ValueError):
-        raise damaged(beside, f"patches without {AREA}") from None
-    if len(patch) and not 0 <= int(patch.min()) <= int(patch.max()) < len(area):
-        raise InputError(f"{beside}: not the JSON of {path}, which has other patches. Run mapq classify again.")
+    _check_numbers(patch, len(area), beside, path)
     per_point = area / np.maximum(np.bincount(patch, minlength=len(area)), 1)
     xyz = cloud.metric_of(cloud.xyz[inside])
     p = probability[inside].astype(np.float64)

@@ -58,13 +58,19 @@ class Result:
 
     def cloud(self) -> PointCloud:
         """Return all points with the fields of a result."""
-        cause = None
-        if self.visits is not None:
-            cause = np.full(len(self.patches), UNLABELLED, np.uint8)
-            for patch, found in self.causes.items():
-                cause[patch] = CAUSES.index(found.kind)
         labelling = self.labelling
-        return result_cloud(self.patches.cloud, self.patches.patch, labelling.label, labelling.probability, cause)
+        return result_cloud(
+            self.patches.cloud, self.patches.patch, labelling.label, labelling.probability, self.cause_codes()
+        )
+
+    def cause_codes(self) -> NDArray[np.uint8] | None:
+        """Return the place of each patch's cause (m,) among `CAUSES`, 255 where it is plausible; None if unknown."""
+        if self.visits is None:
+            return None
+        codes = np.full(len(self.patches), UNLABELLED, np.uint8)
+        for patch, found in self.causes.items():
+            codes[patch] = CAUSES.index(found.kind)
+        return codes
 
     @cached_property
     def suspicious(self) -> NDArray[np.bool_]:

@@ -6,16 +6,18 @@ been elsewhere, and errors have grown that closing the loop would have removed.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.features.provenance import PASS, SCAN, TIME, TO_SENSOR
+from mapq.features.provenance import PASS, SCAN, TIME, TO_SENSOR, Span, span_of
 
 TIMES, PASSES = (TIME, "gps_time"), (PASS, "point_source_id")
 """Fields of seconds, and of numbers of passes: the names of this package, then those of LAS."""
+FIELDS = (SCAN, *TIMES, *PASSES, *TO_SENSOR)
 
 MOMENT = 1.0
 """Seconds of a moment, where scans are not known."""
@@ -62,81 +64,160 @@ class Visits(NamedTuple):
         return np.asarray(later >= self.leaves[earlier])
 
 
+class Clock(NamedTuple):
+    """Which fields tell when and from where points were seen; decided once for a map.
+
+    Attributes
+    ----------
+    unit : str
+        What moments are, as of :class:`Visits`.
+    field : str
+        By which they are told.
+    start : float
+        Its least value.
+    times : str or None
+        Field of seconds.
+    has_sensor : bool
+        Whether it is known where the sensor was.
+    """
+
+    unit: str
+    field: str
+    start: float
+    times: str | None
+    has_sensor: bool
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of the fields that count."""
+        sensor = TO_SENSOR if self.has_sensor else ()
+        return tuple(dict.fromkeys(name for name in (self.field, self.times, *sensor) if name is not None))
+
+    def values(self, cloud: PointCloud) -> Floats:
+        """Return a number (n,) of the moment of each point of a cloud, ascending along the drive; nan if unknown."""
+        found = np.asarray(cloud.fields[self.field], np.float64)
+        return np.floor((found - self.start) / MOMENT) if self.unit == "second" else found
+
+
+class Stays(NamedTuple):
+    """Where the sensor was at the moments (k) of a drive.
+
+    Attributes
+    ----------
+    value : (k,) float64
+        Of the clock, ascending.
+    n_points : (k,) int64
+    place, sensor : (k, 3) float64
+        Of what was seen, and of the sensor; nan where it is not known.
+    seconds : (k,) float64
+        Time, nan where it is not known.
+    """
+
+    value: Floats
+    n_points: Ints
+    place: Floats
+    sensor: Floats
+    seconds: Floats
+
+
+def clock_of(spans: Mapping[str, Span]) -> Clock | None:
+    """Return by what the points of a map were seen: its scans, else its times, else its passes; None if unknown.
+
+    Parameters
+    ----------
+    spans : mapping of str to Span
+        What those of `FIELDS` hold that the map has.
+    """
+    times, passes = (next((name for name in names if name in spans), None) for names in (TIMES, PASSES))
+    for unit, name in (("scan", SCAN), ("second", times), ("pass", passes)):
+        span = spans.get(name or "", Span())
+        length = span.high - span.low
+        is_clock = MOMENT < length < MOST_MOMENTS * MOMENT if unit == "second" else length > 0.0 and span.is_whole
+        if name is not None and is_clock:
+            return Clock(unit, name, span.low, times, all(each in spans for each in TO_SENSOR))
+    return None
+
+
 def visits_of(cloud: PointCloud) -> Visits | None:
-    """Return when the points of a cloud were seen: by its scans, else its times, else its passes; None if unknown."""
-    known = cloud.finite()
-    times = _column(cloud, TIMES)
-    for unit, values in (("scan", _column(cloud, (SCAN,))), ("second", times), ("pass", _column(cloud, PASSES))):
-        if values is None:
-            continue
-        usable = known & np.isfinite(values)
-        found = _numbered(values[usable], unit)
-        if found is not None:
-            moment = np.full(len(cloud), -1, np.int64)
-            moment[usable] = found[1]
-            return _visits(cloud, moment, found[0], unit, times)._replace(to_sensor=_to_sensor(cloud))
-    return None
-
-
-def _column(cloud: PointCloud, names: tuple[str, ...]) -> Floats | None:
-    for name in names:
-        values = cloud.fields.get(name)
-        if values is not None and values.ndim == 1 and values.dtype.kind in "fiub":
-            return np.asarray(values, np.float64)
-    return None
-
-
-def _numbered(values: Floats, unit: str) -> tuple[Floats, Ints] | None:
-    """Return the values of moments (k,), ascending, and the moment (n,) of each point; None if there is only one."""
-    if len(values) == 0:
+    """Return when the points of a cloud were seen; None if unknown."""
+    number = np.flatnonzero(cloud.finite())
+    spans = {name: span_of(cloud, name, number) for name in FIELDS if name in cloud.fields}
+    clock = clock_of({name: span for name, span in spans.items() if span is not None})
+    if clock is None:
         return None
-    if unit == "second":
-        if not MOMENT < np.ptp(values) < MOST_MOMENTS * MOMENT:
-            return None
-        values = np.floor((values - values.min()) / MOMENT)
-    elif (values != np.floor(values)).any():
+    stays, moment = stays_of(cloud, clock)
+    return visits_from(clock, stays, moment, to_sensor_of(cloud, clock))
+
+
+def to_sensor_of(cloud: PointCloud, clock: Clock) -> Floats | None:
+    """Return the way from each point to its sensor (n, 3) in metres; None where the cloud does not say."""
+    if not clock.has_sensor:
         return None
-    distinct, number = np.unique(values, return_inverse=True)
-    return (distinct, number.astype(np.int64)) if len(distinct) > 1 else None
+    return np.column_stack([np.asarray(cloud.fields[name], np.float64) for name in TO_SENSOR])
 
 
-def _visits(cloud: PointCloud, moment: Ints, value: Floats, unit: str, times: Floats | None) -> Visits:
-    rows = np.flatnonzero(moment >= 0)
+def stays_of(cloud: PointCloud, clock: Clock) -> tuple[Stays, Ints]:
+    """Return where the sensor was at each moment, by medians over its points, and the moment (n,) of each point."""
+    values = clock.values(cloud)
+    rows = np.flatnonzero(cloud.finite() & np.isfinite(values))
+    moment = np.full(len(cloud), -1, np.int64)
+    value, moment[rows], n_points = np.unique(values[rows], return_inverse=True, return_counts=True)
     order = rows[np.argsort(moment[rows], kind="stable")]
-    counts = np.bincount(moment[rows])
-    groups = np.split(order, np.cumsum(counts)[:-1])
-    seconds = None if times is None else np.array([_middle(times[group]) for group in groups])
-    if unit == "pass":
-        return Visits(moment, np.arange(1, len(counts) + 1), None, seconds, unit)
-    sensor = _sensors(cloud, groups)
-    place = sensor if sensor is not None else np.array([np.median(cloud.xyz[group], axis=0) for group in groups])
+    groups = np.split(order, np.cumsum(n_points)[:-1])
+    away, unknown = to_sensor_of(cloud, clock), np.full((len(value), 3), np.nan)
+    times = None if clock.times is None else np.asarray(cloud.fields[clock.times], np.float64)
+    stays = Stays(
+        value,
+        n_points.astype(np.int64),
+        np.array([np.median(cloud.xyz[group], axis=0) for group in groups]),
+        unknown if away is None else np.array([np.median(cloud.xyz[g] + away[g], axis=0) for g in groups]),
+        unknown[:, 0] if times is None else np.array([_middle(times[group]) for group in groups]),
+    )
+    return stays, moment
+
+
+def join_stays(parts: list[Stays]) -> Stays:
+    """Return where the sensor was, by means over the parts of a map: medians cannot be put together from those."""
+    value, moment = np.unique(np.concatenate([part.value for part in parts]), return_inverse=True)
+    weight = np.concatenate([part.n_points for part in parts])
+    n_points = np.bincount(moment, weight, len(value))
+    places = np.concatenate([np.column_stack([part.place, part.sensor]) for part in parts])
+    means = [np.bincount(moment, weight * column, len(value)) / n_points for column in places.T]
+    seconds = np.concatenate([part.seconds for part in parts])
+    timed = np.where(np.isfinite(seconds), weight, 0)
+    with np.errstate(invalid="ignore"):
+        when = np.bincount(moment, timed * np.nan_to_num(seconds), len(value)) / np.bincount(moment, timed, len(value))
+    return Stays(value, n_points.astype(np.int64), np.column_stack(means[:3]), np.column_stack(means[3:]), when)
+
+
+def visits_from(clock: Clock, stays: Stays, moment: Ints, to_sensor: Floats | None) -> Visits:
+    """Return how long visits last, and the moments (n,) of points, from where the sensor was.
+
+    Parameters
+    ----------
+    clock : Clock
+    stays : Stays
+    moment : (n,) int64
+    to_sensor : (n, 3) float64 or None
+    """
+    value, n_moments = stays.value, len(stays.value)
+    seconds = None if clock.times is None else stays.seconds
+    if clock.unit == "pass":
+        return Visits(moment, np.arange(1, n_moments + 1), None, seconds, clock.unit, to_sensor)
     # Neighbours in the order of the drive are one visit, however sparse they are.
     after_next = np.searchsorted(value, value + 1.5 * np.median(np.diff(value)))
-    if sensor is None:
-        return Visits(moment, np.maximum(_first_away(place), after_next), None, seconds, unit)
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(place, axis=0), axis=1))])
-    return Visits(moment, np.maximum(np.searchsorted(way, way + AWAY, side="right"), after_next), way, seconds, unit)
+    if not np.isfinite(stays.sensor).all():
+        leaves = np.maximum(_first_away(stays.place), after_next)
+        return Visits(moment, leaves, None, seconds, clock.unit, to_sensor)
+    steps = np.linalg.norm(np.diff(stays.sensor, axis=0), axis=1)
+    way = np.concatenate([[0.0], np.cumsum(steps)])
+    leaves = np.maximum(np.searchsorted(way, way + AWAY, side="right"), after_next)
+    return Visits(moment, leaves, way, seconds, clock.unit, to_sensor)
 
 
 def _middle(values: Floats) -> float:
     finite = values[np.isfinite(values)]
     return float(np.median(finite)) if len(finite) else float("nan")
-
-
-def _to_sensor(cloud: PointCloud) -> Floats | None:
-    """Return the way from each point to its sensor (n, 3) in metres; None where the cloud does not say."""
-    columns = [_column(cloud, (name,)) for name in TO_SENSOR]
-    known = [column for column in columns if column is not None]
-    return np.column_stack(known) if len(known) == len(columns) else None
-
-
-def _sensors(cloud: PointCloud, groups: list[NDArray[np.intp]]) -> Floats | None:
-    """Return where the sensor was at each moment (k, 3); None unless that is known of all."""
-    away = _to_sensor(cloud)
-    if away is None:
-        return None
-    found = np.array([np.median(cloud.xyz[group] + away[group], axis=0) for group in groups])
-    return found if np.isfinite(found).all() else None
 
 
 def _first_away(place: Floats) -> Ints:

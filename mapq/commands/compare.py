@@ -31,7 +31,10 @@ LITTLE = 0.1
 def compare(
     first: Annotated[
         str,
-        typer.Argument(metavar="A", help="A map: RESULT of mapq classify, PATCHES, or a cloud, which is assessed now."),
+        typer.Argument(
+            metavar="A",
+            help="A map: RESULT of mapq classify (also in tiles), PATCHES, or a cloud, which is assessed now.",
+        ),
     ],
     second: Annotated[str, typer.Argument(metavar="B", help="Another map of the same place, in the same frame.")],
     model: Annotated[
@@ -61,8 +64,8 @@ def compare(
     Only common ground counts: cells in which both have patches. The expected share is the mean of p_suspicious over the
     area. Places are cells side by side whose expected share differs by more than a quarter. The maps are not aligned.
     """
+    from mapq.assess.compare import check_cell, comparison_content
     from mapq.assess.compare import compare as compare_maps
-    from mapq.assess.compare import comparison_content
     from mapq.assess.judged import read_judged
     from mapq.io import ReadOptions
     from mapq.io.models import read_model
@@ -71,7 +74,9 @@ def compare(
 
     used = read_model(model) if model is not None else None
     options = ReadOptions(bin_columns, unit, topic, frame)
-    found = compare_maps(read_judged(first, used, options), read_judged(second, used, options), cell)
+    check_cell(cell)
+    one, other = (read_judged(name, used, options, cell) for name in (first, second))
+    found = compare_maps(one, other, cell)
     if found.covered.max() < LITTLE:
         logger.warning(
             "common ground is %.1f %% of %s and %.1f %% of %s: are both in one frame?",

@@ -29,7 +29,7 @@ def inspect(
         typer.Argument(
             metavar="FILE",
             help="A cloud (PLY, PCD, LAS/LAZ, E57, PTX, XYZ/TXT/CSV, VTK, .npy, .npz, 3DTK .3d, KITTI .bin, ROS bag; "
-            "also gzipped), PATCHES, a RESULT or a model; - is standard input.",
+            "also gzipped), PATCHES, a RESULT (also a folder of tiles) or a model; - is standard input.",
         ),
     ],
     bin_columns: BinColumns = 4,
@@ -73,16 +73,19 @@ def _measure(file: str, options: ReadOptions, radius: float) -> MapMetrics:
     Raises
     ------
     UsageError
-        If it is standard input, which was read already.
+        If it is standard input, which was read already, or a result in tiles.
     InputError
         If it has no points.
     """
     from mapq.assess import read_input
+    from mapq.io.result_folder import is_result_folder
     from mapq.metrics import map_metrics
     from mapq.patches import Patches
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM
 
+    if is_result_folder(file):
+        raise UsageError(f"--metrics needs all points in memory. Name one tile of {file}.")
     if file == STREAM:
         raise UsageError("--metrics reads the file a second time. Name a file instead of -.")
     found = read_input(file, options)

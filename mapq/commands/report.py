@@ -27,7 +27,10 @@ class PaletteChoice(StrEnum):
 
 
 def report(
-    result: Annotated[str, typer.Argument(metavar="RESULT", help="What mapq classify wrote, with its JSON beside it.")],
+    result: Annotated[
+        str,
+        typer.Argument(metavar="RESULT", help="What mapq classify wrote, its JSON beside it or in the folder."),
+    ],
     palette: Annotated[
         PaletteChoice,
         typer.Option("--palette", help="Colours that the page starts with; a button of the page changes them."),
@@ -46,7 +49,8 @@ def report(
 
     The verdict with a histogram of probabilities, plan view and 3D view, regions worst first, and a table of patches. A
     click on a patch, in a view or in the table, shows its features, its label with its probability, and the reasons in
-    words. Without -o it is report.html in the current folder. It needs the extra: pip install 'prf-mapq[report]'.
+    words. Of a result in tiles a part of the points is read. Without -o it is report.html in the current folder. It
+    needs the extra: pip install 'prf-mapq[report]'.
     """
     from mapq.report import read_told, write_report
     from prf.shell.files import STREAM

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,20 +17,24 @@ from mapq.cloud import PointCloud
 from mapq.io.clouds import parse_cloud
 from mapq.io.content import Content
 from mapq.io.fields import Array
+from mapq.io.las_pieces import read_las_pieces
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.patches import holds_patches, parse_patches
 from mapq.io.recognise import end_of
+from mapq.io.result_folder import ResultFolder, is_result_folder, open_result_folder
+from mapq.io.result_json import patch_counts, read_result_json
+from mapq.io.results import RESULT_FIELDS
 from mapq.patches import FROM_FIELD, FROM_HAND, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.errors import InputError
 from prf.shell.files import STREAM
 
 logger = logging.getLogger(__name__)
 
-RESULT_FIELDS = ("patch", "suspicious", "p_suspicious")
-"""The fields that make a cloud a RESULT."""
-
 SAMPLE = 2000
 """Points whose nearest neighbour is looked for: enough for the median to within a few per cent."""
+
+WHOLE_TILE = 5_000_000
+"""Points of a tile of a result up to which it is read whole."""
 
 MOST_SHOWN = 64
 """A list of JSON longer than this, or of objects, is told by its length."""
@@ -119,7 +123,7 @@ def describe(path: str, options: ReadOptions = AS_IT_IS) -> Description:
     Parameters
     ----------
     path : str
-        The file, recognised by its content; ``-`` is standard input.
+        The file, recognised by its content, or the folder of a result in tiles; ``-`` is standard input.
     options : ReadOptions
         As for :func:`mapq.io.read_cloud`.
 
@@ -128,6 +132,8 @@ def describe(path: str, options: ReadOptions = AS_IT_IS) -> Description:
     InputError
         If it is missing, damaged, or none of these.
     """
+    if is_result_folder(path):
+        return _describe_folder(open_result_folder(path, options))
     found = Content(path)
     if found.head[:64].lstrip().startswith(b"{") and end_of(path) != ".bin":
         content = _parse_object(found.data(), found.source)
@@ -141,6 +147,53 @@ def describe(path: str, options: ReadOptions = AS_IT_IS) -> Description:
     if not _is_result(cloud):
         return Description(path, "cloud", format_name, _cloud(cloud), None, {})
     return Description(path, "result", format_name, _cloud(cloud), _result(cloud), _beside(path))
+
+
+def _describe_folder(folder: ResultFolder) -> Description:
+    """Return what is in a result in tiles, which is read a piece at a time."""
+    head, _ = read_result_json(folder.json)
+    n_patches, n_suspicious = patch_counts(folder.json, head)
+    parts, n_points = [], np.zeros(n_patches + 1, np.int64)
+    for piece in folder.pieces(folder.fields):
+        patch = piece.fields[RESULT_FIELDS[0]].astype(np.int64)
+        if len(patch) and not -1 <= int(patch.min()) <= int(patch.max()) < n_patches:
+            raise InputError(f"{folder.json}: not the JSON of {folder.path}, which has other patches.")
+        n_points += np.bincount(patch + 1, minlength=n_patches + 1)
+        parts.append(_cloud(piece, float("nan")))
+    labels = {"plausible": n_patches - n_suspicious, "suspicious": n_suspicious}
+    median = float(np.median(n_points[1:])) if n_patches else float("nan")
+    patches = PatchSummary(n_patches, int(n_points[1:].sum()), median, labels, {})
+    tiles = f"{len(folder.tiles)} tile{'' if len(folder.tiles) == 1 else 's'}"
+    told = {**_brief(head), "patches": f"{n_patches} entries"}
+    return Description(folder.path, "result", tiles, _joined(parts, _spacing_in(folder)), patches, told)
+
+
+def _joined(parts: list[CloudSummary], spacing: float) -> CloudSummary:
+    """Return the summary of all pieces of a cloud."""
+    fields = [
+        several[0]._replace(low=min(each.low for each in several), high=max(each.high for each in several))
+        for several in zip(*(part.fields for part in parts), strict=True)
+    ]
+    return replace(
+        parts[0],
+        n_points=sum(part.n_points for part in parts),
+        n_finite=sum(part.n_finite for part in parts),
+        low=np.min([part.low for part in parts], axis=0),
+        high=np.max([part.high for part in parts], axis=0),
+        fields=tuple(fields),
+        spacing=spacing,
+    )
+
+
+def _spacing_in(folder: ResultFolder) -> float:
+    """Return the spacing in the largest tile that is read whole without much ado; nan if none is."""
+    sizes = {tile: head.n_points for tile, head in zip(folder.tiles, folder.heads, strict=True)}
+    small = [tile for tile, n_points in sizes.items() if n_points <= WHOLE_TILE]
+    if not small:
+        return float("nan")
+    tile = max(small, key=lambda each: sizes[each])
+    pieces = read_las_pieces(tile, folder.options, 0, sizes[tile], folder.shift, ())
+    return median_spacing(np.concatenate([piece.xyz for piece in pieces]))
 
 
 def median_spacing(xyz: NDArray[np.float64]) -> float:
@@ -159,7 +212,8 @@ def median_spacing(xyz: NDArray[np.float64]) -> float:
     return float(np.median(tree.query(xyz[chosen], k=2)[0][:, 1]))
 
 
-def _cloud(cloud: PointCloud) -> CloudSummary:
+def _cloud(cloud: PointCloud, spacing: float | None = None) -> CloudSummary:
+    """Return the summary of a cloud; its spacing is measured unless it is given."""
     finite = cloud.finite()
     xyz = cloud.xyz[finite]
     return CloudSummary(
@@ -171,7 +225,7 @@ def _cloud(cloud: PointCloud) -> CloudSummary:
         unit=cloud.unit,
         coordinate_type=np.dtype(cloud.coordinate_type).name,
         fields=tuple(_field(name, values) for name, values in cloud.fields.items()),
-        spacing=median_spacing(xyz),
+        spacing=median_spacing(xyz) if spacing is None else spacing,
     )
 
 

@@ -103,7 +103,13 @@ def read_las_pieces(
 
     head = read_las_head(path, options)
     wanted = head.fields if names is None else tuple(name for name in head.fields if name in names)
-    selection = DecompressionSelection.all() if wanted else DecompressionSelection.base().decompress_z()
+    selection = DecompressionSelection.all()
+    if set(wanted) <= {"gps_time", "point_source_id"}:
+        selection = DecompressionSelection.base().decompress_z()
+        if "gps_time" in wanted:
+            selection = selection.decompress_gps_time()
+        if "point_source_id" in wanted:
+            selection = selection.decompress_point_source_id()
     with (
         Content(path).stream() as stream,
         told(path),

@@ -42,6 +42,22 @@ def read_result_json(path: Path) -> tuple[Row, Iterator[Row]]:
     return head, iter(rows)
 
 
+def patch_counts(path: Path, head: Row) -> tuple[int, int]:
+    """Return how many patches a result has, and how many of these are suspicious, by the counts in its JSON.
+
+    Raises
+    ------
+    InputError
+        If there are none.
+    """
+    counts = head.get("counts")
+    found = [counts.get(name) if isinstance(counts, dict) else None for name in ("n_patches", "n_suspicious")]
+    n_patches, n_suspicious = found
+    if not (isinstance(n_patches, int) and isinstance(n_suspicious, int) and 0 <= n_suspicious <= n_patches):
+        raise damaged(path, "no counts of patches")
+    return n_patches, n_suspicious
+
+
 def _lines(path: Path) -> Iterator[Row]:
     """Yield the patches of a file whose first line was read and is well."""
     with path.open(encoding="utf-8") as stream:

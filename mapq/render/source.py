@@ -13,12 +13,19 @@ from mapq.io.clouds import parse_cloud
 from mapq.io.content import Content
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.patches import holds_patches, parse_patches
+from mapq.io.result_folder import is_result_folder, open_result_folder, thinned
+from mapq.io.result_json import patch_counts, read_result_json
+from mapq.io.results import RESULT_FIELDS
 from mapq.patches import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.render.colours import Scheme, label_colours, patch_colours, probability_colours
 from prf.shell.errors import InputError
 
 Colour = Literal["label", "probability", "patch", "field"]
 """What the colour of a point shows."""
+
+
+MOST_DRAWN = 4_000_000
+"""Points of a result in tiles that are drawn: as many as a picture has room for."""
 
 
 class Picture(NamedTuple):
@@ -39,12 +46,17 @@ class Picture(NamedTuple):
 
 
 class _Points(NamedTuple):
-    """What of a file a picture may need: the cloud, the patch of each point, its label, its probability if known."""
+    """What of a file a picture may need.
+
+    The cloud, the patch of each point, its label, its probability if known; and of a result in tiles, of which not all
+    points are drawn, how many points, patches and suspicious patches it has.
+    """
 
     cloud: PointCloud
     patch: NDArray[np.int32]
     label: NDArray[np.uint8]
     probability: NDArray[np.float32] | None
+    counts: tuple[int, int, int] | None = None
 
 
 def read_picture(
@@ -55,7 +67,7 @@ def read_picture(
     Parameters
     ----------
     path : str
-        A result of ``mapq classify``, a PATCHES file, or a cloud.
+        A result of ``mapq classify`` (one cloud, or a folder of tiles), a PATCHES file, or a cloud.
     colour : Colour, optional
         Default: labels where there are any, else patches.
     field : str, optional
@@ -68,14 +80,10 @@ def read_picture(
     InputError
         If the file has not what the colour needs.
     """
-    points = _read_points(path, options)
+    points = _read_points(path, options, field)
     chosen: Colour = colour or ("label" if np.any(points.label != UNLABELLED) else "patch")
     scheme = _scheme(path, points, chosen, field)
-    n_patches = _count_patches(points.patch[points.patch != NO_PATCH])
-    words = f"{PurePath(path).name}  ·  {len(points.cloud):,} points  ·  {n_patches:,} patches"
-    if chosen == "label":
-        suspicious = (points.patch != NO_PATCH) & (points.label == SUSPICIOUS)
-        words += f"  ·  {_count_patches(points.patch[suspicious]):,} suspicious"
+    words = f"{PurePath(path).name}  ·  {_words(points, chosen)}"
     titles = {
         "label": "Plausible and suspicious patches",
         "probability": "Probability that a patch is suspicious",
@@ -85,13 +93,40 @@ def read_picture(
     return Picture(points.cloud.metric_of(points.cloud.xyz), scheme, titles[chosen], words)
 
 
-def _read_points(path: str, options: ReadOptions) -> _Points:
+def _words(points: _Points, colour: Colour) -> str:
+    """Return how much of what is drawn."""
+    suspicious = (points.patch != NO_PATCH) & (points.label == SUSPICIOUS)
+    n_points, n_patches, n_suspicious = points.counts or (
+        len(points.cloud),
+        _count_patches(points.patch[points.patch != NO_PATCH]),
+        _count_patches(points.patch[suspicious]),
+    )
+    drawn = "" if len(points.cloud) == n_points else f"{len(points.cloud):,} of "
+    words = f"{drawn}{n_points:,} points  ·  {n_patches:,} patches"
+    return words + (f"  ·  {n_suspicious:,} suspicious" if colour == "label" else "")
+
+
+def _read_folder(path: str, options: ReadOptions, field: str | None) -> _Points:
+    """Return a part of the points of a result in tiles."""
+    folder = open_result_folder(path, options)
+    wanted = (*RESULT_FIELDS, *((field,) if field is not None and field in folder.fields else ()))
+    points = _of_cloud(thinned(folder, wanted, MOST_DRAWN))
+    counts = patch_counts(folder.json, read_result_json(folder.json)[0])
+    return points._replace(counts=(folder.n_points, *counts))
+
+
+def _read_points(path: str, options: ReadOptions, field: str | None) -> _Points:
+    if is_result_folder(path):
+        return _read_folder(path, options, field)
     content = Content(path)
     if holds_patches(content):
         patches = parse_patches(content.data(), path)
         label = np.append(patches.label, np.uint8(UNLABELLED))[patches.patch]
         return _Points(patches.cloud, patches.patch, label, None)
-    cloud = parse_cloud(content, options)[1]
+    return _of_cloud(parse_cloud(content, options)[1])
+
+
+def _of_cloud(cloud: PointCloud) -> _Points:
     none = np.full(len(cloud), NO_PATCH, np.int32)
     number = _whole(cloud.fields.get("patch", none), NO_PATCH, np.iinfo(np.int32).max)
     marked = _whole(cloud.fields.get("suspicious", none), UNLABELLED, SUSPICIOUS)

@@ -81,7 +81,7 @@ def write_report(
     """
     scripts = [plotly_script(), *map(asset, VIEWS), asset("report.js")]
     shown = shown_patches(told.patch, told.number, told.label, told.probability, told.normal)
-    scene = build_scene(told.cloud.xyz, shown.patch, shown.normal, shown.label, n_most)
+    scene = build_scene(told.cloud.xyz, shown.patch, shown.normal, shown.label, n_most)._replace(n_points=told.n_points)
     text = _page(told, shown, scene, title or PurePath(told.path).name, palette, scripts)
     with open_output(path) as stream:
         stream.write(text)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ from mapq.cloud import PointCloud
 from mapq.io.clouds import parse_cloud
 from mapq.io.content import Content
 from mapq.io.patches import holds_patches
+from mapq.io.result_folder import ResultFolder, is_result_folder, open_result_folder, thinned_by_patch
 from mapq.io.result_json import read_result_json
 from mapq.io.results import LABEL, PATCH, RESULT_FIELDS, json_beside
 from mapq.patches import NO_PATCH
@@ -22,6 +23,8 @@ from prf.shell.files import STREAM
 
 MOST_TOLD = 50_000
 """Patches that a page tells of one by one: of more no browser makes a table, and nobody looks at them."""
+MOST_READ = 4_000_000
+"""Points of a result in tiles that outlines and views are made from, about."""
 MOST_REGIONS = 50
 """Regions that a page lists; smaller ones are counted."""
 
@@ -35,7 +38,9 @@ class Told(NamedTuple):
     ----------
     path : str
     cloud : PointCloud
-        All points.
+        All points; of a result in tiles a part of them, evenly spread over each patch.
+    n_points : int
+        Of the map.
     patch : (n,) int32
         Patch of each point, `NO_PATCH` for none.
     head : mapping
@@ -53,6 +58,7 @@ class Told(NamedTuple):
 
     path: str
     cloud: PointCloud
+    n_points: int
     patch: NDArray[np.int32]
     head: Mapping[str, Any]
     rows: Sequence[Mapping[str, Any]]
@@ -64,7 +70,7 @@ class Told(NamedTuple):
 
 
 def read_told(path: str) -> Told:
-    """Read a RESULT and the JSON beside it.
+    """Read a RESULT and the JSON beside it, or a result in tiles and the JSON among them.
 
     Raises
     ------
@@ -75,6 +81,8 @@ def read_told(path: str) -> Told:
     """
     if path == STREAM:
         raise UsageError("a report needs RESULT and the JSON beside it, which standard input does not have. Name it.")
+    if is_result_folder(path):
+        return _told_of_folder(open_result_folder(path))
     content = Content(path)
     if holds_patches(content):
         raise InputError(f"{path}: these are patches without a verdict. Run mapq classify {path} first.")
@@ -85,8 +93,15 @@ def read_told(path: str) -> Told:
     beside = Path(json_beside(path))
     if not beside.exists():
         raise InputError(f"{path}: the JSON of this result is not beside it ({beside}). Run mapq classify again.")
-    head, rows = read_result_json(beside)
-    return _told(path, cloud, beside, head, rows)
+    return _told(path, beside, lambda columns: cloud)._replace(n_points=int(cloud.finite().sum()))
+
+
+def _told_of_folder(folder: ResultFolder) -> Told:
+    def cloud_of(columns: Columns) -> PointCloud:
+        n_points = np.nan_to_num(columns.of("n_points")).astype(np.int64)
+        return thinned_by_patch(folder, n_points, MOST_READ)
+
+    return _told(folder.path, folder.json, cloud_of)._replace(n_points=folder.n_points)
 
 
 def regions_in(head: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
@@ -95,12 +110,14 @@ def regions_in(head: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
     return [row for row in found if isinstance(row, dict)] if isinstance(found, list) else []
 
 
-def _told(path: str, cloud: PointCloud, beside: Path, head: dict[str, Any], rows: Iterator[dict[str, Any]]) -> Told:
+def _told(path: str, beside: Path, cloud_of: Callable[[Columns], PointCloud]) -> Told:
     """Check points and JSON against each other."""
+    head, rows = read_result_json(beside)
     columns = Columns(beside)
     worst = [region.get("patches") for region in regions_in(head)[:MOST_REGIONS]]
     chosen = choose(columns.passing(rows), worst, MOST_TOLD)
     label = np.frombuffer(columns.label, np.uint8)
+    cloud = cloud_of(columns)
     number = np.asarray(cloud.fields[PATCH])
     with np.errstate(invalid="ignore"):
         known = (number >= 0) & cloud.finite() if number.ndim == 1 else np.zeros(len(cloud), np.bool_)
@@ -113,6 +130,7 @@ def _told(path: str, cloud: PointCloud, beside: Path, head: dict[str, Any], rows
     return Told(
         path,
         cloud,
+        len(cloud),
         patch.astype(np.int32),
         head,
         [row for _, row in chosen],

@@ -64,9 +64,12 @@ class Sink(Protocol):
         """Append points."""
 
 
-def save_labels(folder: str, label: NDArray[np.uint8], probability: NDArray[np.float32]) -> None:
-    """Write the labels (m,) of patches into the work folder."""
-    save_arrays(os.path.join(folder, LABELS), label=label, probability=probability)
+def save_labels(
+    folder: str, label: NDArray[np.uint8], probability: NDArray[np.float32], cause: NDArray[np.uint8] | None
+) -> None:
+    """Write the labels (m,) of patches, and their causes where these are known, into the work folder."""
+    causes = {} if cause is None else {"cause": cause}
+    save_arrays(os.path.join(folder, LABELS), label=label, probability=probability, **causes)
 
 
 def patch_of_range(folder: str, part: Range, spooled: Spooled, starts: dict[tuple[int, int], int]) -> Array:
@@ -86,6 +89,7 @@ def write_labels(task: LabelTask) -> int:
     """Write one file of the result, and return how many points it has."""
     with np.load(os.path.join(task.folder, LABELS)) as arrays:
         label, probability = arrays["label"], arrays["probability"]
+        cause = arrays.get("cause")
     n_points = 0
     with _open_sink(task) as sink:
         for source, parts in zip(task.sources, task.parts, strict=True):
@@ -94,7 +98,7 @@ def write_labels(task: LabelTask) -> int:
                 begin = 0
                 for piece in read_range(source, task.options, part, task.shift):
                     some = patch[begin : begin + len(piece)]
-                    sink.write(result_cloud(piece, some, label, probability))
+                    sink.write(result_cloud(piece, some, label, probability, cause))
                     begin += len(piece)
                 n_points += begin
     return n_points

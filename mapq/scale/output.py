@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from mapq.io.result_folder import RESULT_JSON
 from mapq.io.results import claim_result, json_beside, result_lines
 from mapq.io.write import LAS_ENDS
 from mapq.scale.source import Source
@@ -16,7 +17,6 @@ from prf.shell.lock import claim, claim_output
 from prf.shell.together import together
 
 CLOUD_ENDS = (*LAS_ENDS, ".ply")
-RESULT_JSON = "result.json"
 COPC = ".copc.laz"
 
 

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.assess.causes import Cause
 from mapq.assess.regions import Region, find_regions
 from mapq.assess.result import Result
 from mapq.assess.visits import Visits
 from mapq.cloud import PointCloud
 from mapq.patches import Patches
+from mapq.scale.causes import Found
 from mapq.scale.patches import Whole
 
 
@@ -44,15 +46,28 @@ class TiledResult(Result):
     whole : Whole or None
         Its patches.
     n_tiles : int
+    found : Found or None
+        What is known of when the map was seen.
     """
 
     whole: Whole | None = None
     n_tiles: int = 0
+    found: Found | None = None
 
     @cached_property
     def visits(self) -> Visits | None:
-        """When points were seen is not followed over tiles."""
-        return None
+        """Return how long visits of the map last, without points; None where it does not say."""
+        return None if self.found is None else self.found.visits
+
+    @cached_property
+    def causes(self) -> dict[int, Cause]:
+        """Return what made each suspicious patch so, as far as it is known, by its number."""
+        return super().causes if self.found is None else self.found.causes
+
+    @cached_property
+    def scans_apart(self) -> float:
+        """Return how far apart scans of one visit put a patch in metres, in the median; nan where that is unknown."""
+        return float("nan") if self.found is None else self.found.scans_apart
 
     @cached_property
     def regions(self) -> list[Region]:

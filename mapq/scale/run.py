@@ -4,27 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.assess import visits
 from mapq.assess.inputs import feature_settings
 from mapq.cloud import PointCloud
 from mapq.crf import classify, explain
 from mapq.features.provenance import FIELDS, Known, decide
-from mapq.features.rays import ray_step, voxel_side
-from mapq.features.settings import FeatureSettings
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.model import Model
+from mapq.patches import SUSPICIOUS
 from mapq.scale.borders import BorderTask, Shared, compare_borders, join_shared
 from mapq.scale.cut import Cut, CutTask, cut_tile
-from mapq.scale.gather import LOOSE_REACH, Part
-from mapq.scale.graph import join_measures
 from mapq.scale.label import LabelTask, save_labels, write_labels
-from mapq.scale.measure import LARGEST_PATCH, Measured, MeasureTask, measure_patches, share_out, with_noise
-from mapq.scale.patches import Whole, join_regions
-from mapq.scale.rays import RayTask, draw_part
+from mapq.scale.measure import with_noise
+from mapq.scale.measuring import Cutting, Measuring, Seen
+from mapq.scale.patches import join_regions
 from mapq.scale.result import TiledResult, tiled_patches
 from mapq.scale.scan import (
     SMALLEST_CELL,
@@ -75,32 +73,6 @@ class ScaleSettings:
     options: ReadOptions = AS_IT_IS
 
 
-class Cutting(NamedTuple):
-    """A map that is cut into patches.
-
-    Attributes
-    ----------
-    whole : Whole
-    parameters, report : dict
-        Of the segmentation.
-    tiling : Tiling
-    known : Known
-        Which fields say where and when points were seen.
-    spooled : list of Spooled
-        By range.
-    starts : dict
-        By tile and range, where its points begin in the tile's file of regions.
-    """
-
-    whole: Whole
-    parameters: dict[str, Any]
-    report: dict[str, Any]
-    tiling: Tiling
-    known: Known
-    spooled: list[Spooled]
-    starts: dict[tuple[int, int], int]
-
-
 class Job:
     """One map, the workers and the work folder; stages are called in their order.
 
@@ -131,7 +103,8 @@ class Job:
         self.ranges = cut_ranges(sources)
         self.n_points = sum(source.n_points for source in sources)
         self.shift = common_shift(sources)
-        self.fields = tuple(name for name in FIELDS if all(name in each.fields for each in sources))
+        names = dict.fromkeys((*FIELDS, *visits.FIELDS))
+        self.fields = tuple(name for name in names if all(name in each.fields for each in sources))
         self.stages = Stages(workers, self.n_points, progress)
 
     def cut(self) -> Cutting:
@@ -142,14 +115,14 @@ class Job:
         InputError
             If a file cannot be read, or there are too few points.
         """
-        tiling, guess, n_finite, known = self._plan()
+        tiling, guess, n_finite, seen = self._plan()
         spooled: list[Spooled] = self.stages.each(
             "sorting",
             spool_range,
-            [self._spool_task(part, tiling, guess, known) for part in self.ranges],
+            [self._spool_task(part, tiling, guess, seen) for part in self.ranges],
         )
         parts = _parts_of_tiles(spooled, len(tiling.boxes))
-        tasks = [self._cut_task(*each, guess, tiling, known) for each in enumerate(parts)]
+        tasks = [self._cut_task(*each, guess, tiling, seen.known) for each in enumerate(parts)]
         cuts, label = self._regions(tasks, tiling)
         whole, found = join_regions(cuts, self._shared("joining", tiling, "region"), label, guess.chosen)
         whole.save(self.folder)
@@ -164,7 +137,7 @@ class Job:
             **found,
             "warnings": warnings_of(guess.chosen, n_finite - n_near, found),
         }
-        return Cutting(whole, guess.chosen.described(), report, tiling, known, spooled, _starts(parts, spooled))
+        return Cutting(whole, guess.chosen.described(), report, tiling, seen, spooled, _starts(parts, spooled))
 
     def _regions(self, tasks: list[CutTask], tiling: Tiling) -> tuple[list[Cut], list[NDArray[np.int64]]]:
         """Return the regions of all tiles, and by tile which of those that grew there are one plane."""
@@ -179,7 +152,7 @@ class Job:
     def _source(self, part: Range) -> Source:
         return self.sources[part.file]
 
-    def _plan(self) -> tuple[Tiling, Estimate, int, Known]:
+    def _plan(self) -> tuple[Tiling, Estimate, int, Seen]:
         """Return the tiles, the parameters, how many points are finite, and which fields count."""
         samples = tuple(f"{self.folder}/sample_{part.number:05d}.npz" for part in self.ranges)
         scans, cells, counts, cell = self._scan(samples)
@@ -191,7 +164,8 @@ class Job:
         guess: Estimate = self.workers.each(estimate, [task], lambda _: None)[0]
         halo = halo_width(guess.chosen.spacing, guess.chosen.max_gap)
         tiling = make_tiling(cells, counts, cell, self.settings.tile_points, halo)
-        return tiling, guess, n_finite, decide(join_spans(scans))
+        spans = join_spans(scans)
+        return tiling, guess, n_finite, Seen(decide(spans), visits.clock_of(spans))
 
     def _scan(self, samples: tuple[str, ...]) -> tuple[list[Scan], NDArray[np.int64], NDArray[np.int64], float]:
         """Count the points in cells, again in finer ones where a few points far off have made them too coarse."""
@@ -209,9 +183,9 @@ class Job:
                 return scans, cells, counts, cell
             cell = max(cell / FINER, SMALLEST_CELL)
 
-    def _spool_task(self, part: Range, tiling: Tiling, guess: Estimate, known: Known) -> SpoolTask:
+    def _spool_task(self, part: Range, tiling: Tiling, guess: Estimate, seen: Seen) -> SpoolTask:
         source, options = self._source(part), self.settings.options
-        return SpoolTask(source, options, part, self.shift, tiling, guess.near, known.fields, self.folder)
+        return SpoolTask(source, options, part, self.shift, tiling, guess.near, seen.fields, seen.clock, self.folder)
 
     def _cut_task(self, tile: int, parts: list[int], guess: Estimate, tiling: Tiling, known: Known) -> CutTask:
         bases = tuple(self.ranges[part].base for part in parts)
@@ -239,40 +213,14 @@ class Job:
             raise InputError(f"the model reads features as '{settings.reading}', which tiles have not. Train another.")
         settings = with_noise(settings, cutting.whole)
         whole, up = cutting.whole, _up(settings, cutting.parameters)
-        measured = self._measure(cutting, settings, up)
-        features = join_measures(measured, len(whole.n_points), settings, up)
+        measuring = Measuring(cutting, settings, up, self.stages, self.settings.tile_points, self.folder)
+        features = measuring.features()
         labelling = classify(features, model)
         frame = PointCloud(np.zeros((0, 3)), self.shift, source=self.name, unit=self.sources[0].unit)
         patches = tiled_patches(whole, frame, self.n_points, cutting.parameters, cutting.report)
         terms = explain(features, model, labelling.label)
-        return TiledResult(patches, features, model, labelling, terms, whole, len(cutting.tiling.boxes))
-
-    def _measure(self, cutting: Cutting, settings: FeatureSettings, up: list[float]) -> list[Measured]:
-        """Return what is measured of the patches, part by part."""
-        whole, known = cutting.whole, cutting.known
-        several = len(share_out(whole, self.settings.tile_points, None)) > 1
-        part = Part(up, known.fields, LARGEST_PATCH if several else None, self.folder)
-        groups = share_out(whole, self.settings.tile_points, part.largest) or [np.zeros(0, np.int64)]
-        side = self._draw_rays(cutting, settings, part, groups)
-        tasks = [
-            MeasureTask(group, settings, part, known, side, len(groups), _tiles_about(cutting, group))
-            for group in groups
-        ]
-        return self.stages.each("measuring", measure_patches, tasks)
-
-    def _draw_rays(
-        self, cutting: Cutting, settings: FeatureSettings, part: Part, groups: list[NDArray[np.int64]]
-    ) -> float | None:
-        """Draw the rays that are followed, and return the side of their voxels in metres; None if there are none."""
-        whole, known = cutting.whole, cutting.known
-        n_rays = int(whole.n_rays.sum())
-        if n_rays == 0 or "rays" not in settings.context:
-            return None
-        first, step = np.cumsum(whole.n_rays) - whole.n_rays, ray_step(n_rays)
-        tasks = [
-            RayTask(number, group, first[group], step, settings, part, known) for number, group in enumerate(groups)
-        ]
-        return voxel_side(np.concatenate(self.stages.each("drawing rays", draw_part, tasks)))
+        found = measuring.causes(features, labelling.label == SUSPICIOUS)
+        return TiledResult(patches, features, model, labelling, terms, whole, len(cutting.tiling.boxes), found)
 
     def write(self, cutting: Cutting, result: TiledResult, targets: Mapping[str, list[int]]) -> None:
         """Write the labels of the points into files, each of which takes those of some source files.
@@ -284,7 +232,7 @@ class Job:
         targets : mapping of str to list of int
             Files, and the places of those whose points they take.
         """
-        save_labels(self.folder, result.labelling.label, result.labelling.probability)
+        save_labels(self.folder, result.labelling.label, result.labelling.probability, result.cause_codes())
         tasks = []
         for target, files in targets.items():
             parts = tuple(tuple(part for part in self.ranges if part.file == file) for file in files)
@@ -302,17 +250,6 @@ class Job:
                 )
             )
         self.stages.each("writing", write_labels, tasks)
-
-
-def _tiles_about(cutting: Cutting, patches: NDArray[np.int64]) -> tuple[int, ...]:
-    """Return the tiles whose loose points may lie over some patches."""
-    if len(patches) == 0:
-        return ()
-    low = cutting.whole.low[patches, :2].min(axis=0) - LOOSE_REACH
-    high = cutting.whole.high[patches, :2].max(axis=0) + LOOSE_REACH
-    boxes = cutting.tiling.boxes
-    near = (boxes[:, :2] <= high).all(axis=1) & (boxes[:, 2:] >= low).all(axis=1)
-    return tuple(np.flatnonzero(near).tolist())
 
 
 def _parts_of_tiles(spooled: list[Spooled], n_tiles: int) -> list[list[int]]:

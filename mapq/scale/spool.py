@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.assess.visits import Clock, Stays, join_stays, stays_of
 from mapq.cloud import PointCloud
 from mapq.io.options import ReadOptions
 from mapq.scale.files import save_arrays
@@ -18,7 +19,11 @@ Array = NDArray[Any]
 
 
 class SpoolTask(NamedTuple):
-    """What the spooling of a range is given: what is read, with which fields; the tiles; the box (2, 3) of the map."""
+    """What the spooling of a range is given.
+
+    What is read, with which fields; the tiles; the box (2, 3) of the map; by which fields it is known when points were
+    seen; the work folder.
+    """
 
     source: Source
     options: ReadOptions
@@ -27,16 +32,18 @@ class SpoolTask(NamedTuple):
     tiling: Tiling
     near: NDArray[np.float64]
     fields: tuple[str, ...]
+    clock: Clock | None
     folder: str
 
 
 class Spooled(NamedTuple):
-    """What a range gave: the tiles it touches, with the points that belong to them and those of their halos."""
+    """What a range gave: tiles that it touches, points that belong to them and those of halos; the sensor's way."""
 
     part: int
     tiles: tuple[int, ...]
     n_own: tuple[int, ...]
     n_halo: tuple[int, ...]
+    stays: Stays | None
 
 
 class TilePoints(NamedTuple):
@@ -67,6 +74,7 @@ def spool_range(task: SpoolTask) -> Spooled:
     """Write the points of a range to the files of the tiles."""
     own: dict[int, list[dict[str, Array]]] = {}
     halo: dict[int, list[dict[str, Array]]] = {}
+    stays: list[Stays] = []
     begin, near = 0, task.near
     for piece in read_range(task.source, task.options, task.part, task.shift, task.fields):
         with np.errstate(invalid="ignore"):
@@ -75,6 +83,8 @@ def spool_range(task: SpoolTask) -> Spooled:
         begin += len(piece)
         if len(usable) == 0:
             continue
+        if task.clock is not None:
+            stays.append(stays_of(piece.take(usable), task.clock)[0])
         tile = task.tiling.of_points(columns["xyz"])
         order = np.argsort(tile, kind="stable")
         cuts = np.flatnonzero(np.diff(tile[order])) + 1
@@ -84,7 +94,8 @@ def spool_range(task: SpoolTask) -> Spooled:
             _add(halo, number, columns, rows)
     tiles = tuple(sorted(own.keys() | halo.keys()))
     sizes = [_write(spool_path(task.folder, tile, task.part.number), own, halo, tile) for tile in tiles]
-    return Spooled(task.part.number, tiles, tuple(n for n, _ in sizes), tuple(n for _, n in sizes))
+    n_own, n_halo = (tuple(size[side] for size in sizes) for side in (0, 1))
+    return Spooled(task.part.number, tiles, n_own, n_halo, join_stays(stays) if stays else None)
 
 
 def _columns(piece: PointCloud, usable: NDArray[np.int64], begin: int) -> dict[str, Array]:

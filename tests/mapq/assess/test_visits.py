@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.assess.visits import visits_of
+from mapq.assess.visits import Clock, join_stays, stays_of, visits_of
 from mapq.cloud import PointCloud
 
 ROUND = np.array([[0.0, 0.0], [30.0, 0.0], [60.0, 0.0], [60.0, 30.0], [30.0, 30.0], [0.0, 30.0], [0.0, 1.0]])
@@ -101,3 +101,19 @@ def test_scans_are_neighbours_by_their_numbers():
     visits = visits_of(cloud.with_fields(scan=np.array([0, 2, 4, 40, 42])[cloud.fields["scan"]]))
     assert visits is not None
     assert visits.leaves.tolist() == [3, 3, 3, 5, 5]
+
+
+def test_parts_of_a_map_are_put_together():
+    """Halves of each scan, in other orders: means of medians, weighted by points; times where there are some."""
+    cloud = driven(ROUND)
+    cloud = cloud.with_fields(time=np.where(np.arange(21) % 3 == 0, np.nan, 10.0 * cloud.fields["scan"]))
+    clock = Clock("scan", "scan", 0.0, "time", True)
+    whole, _ = stays_of(cloud, clock)
+    parts = [stays_of(cloud.take(rows), clock)[0] for rows in (np.arange(1, 21, 3), np.arange(21)[::-1])]
+    joined = join_stays([parts[0]._replace(seconds=np.full(7, np.nan)), parts[1]])
+    np.testing.assert_array_equal(joined.value, whole.value)
+    np.testing.assert_array_equal(joined.n_points, whole.n_points + 1)
+    np.testing.assert_allclose(joined.sensor, whole.sensor, atol=1e-12)
+    np.testing.assert_allclose(joined.place, (3.0 * whole.place + parts[0].place) / 4.0)
+    np.testing.assert_allclose(joined.seconds, 10.0 * np.arange(7))
+    assert np.isnan(join_stays([parts[0]._replace(sensor=np.full((7, 3), np.nan)), parts[1]]).sensor).all()

@@ -13,12 +13,14 @@ from mapq.features.provenance import Known, Span, decide, known_of
 from mapq.io import read_cloud, write_cloud
 from mapq.io.models import read_default_model
 from mapq.io.options import AS_IT_IS
+from mapq.scale.maps import Where, classify_map
 from mapq.scale.result import TiledResult
-from mapq.scale.run import Job, ScaleSettings, work_folder
+from mapq.scale.run import Job, ScaleSettings
 from mapq.scale.source import find_sources
 from mapq.scale.workers import Here
 from mapq.segmentation import segment
 from mapq.simulate import SIZES, Settings, simulate
+from prf.shell.work import work_folder
 
 SEED = 3
 TILES = 4
@@ -69,6 +71,42 @@ def test_tiles_have_the_features_of_the_map_in_memory(drive, missing):
     assert_alike(in_tiles(path, TILES), plain)
     for name in ("seen_apart", "seen_through"):
         assert np.count_nonzero(plain.features.node[:, plain.features.node_names.index(name)]) > 10
+
+
+@pytest.mark.parametrize("missing", [("scan", "time"), ("to_sensor_x",)])
+def test_tiles_have_the_causes_of_the_map_in_memory(drive, missing):
+    """Where one range of points is all of the map, they are the same to the last word."""
+    path = without(drive, missing)
+    plain, found = assess(segment(read_cloud(path))), in_tiles(path, TILES)
+    assert plain.visits is not None
+    assert found.visits is not None
+    assert found.visits.unit == plain.visits.unit
+    assert {patch: cause.text for patch, cause in found.causes.items()} == {
+        patch: cause.text for patch, cause in plain.causes.items()
+    }
+    assert found.scans_apart == pytest.approx(plain.scans_apart, nan_ok=True)
+    np.testing.assert_array_equal(found.cause_codes(), plain.cause_codes())
+    assert len(plain.causes) > 10
+
+
+def test_points_of_a_result_in_tiles_have_causes(drive, tmp_path):
+    target = str(tmp_path / "result.ply")
+    settings = ScaleSettings(tile_points=20_000)
+    result = classify_map(drive, target, None, settings, Where(), False, lambda each: each.head())
+    fields = read_cloud(target).fields
+    codes = result.cause_codes()
+    assert codes is not None
+    np.testing.assert_array_equal(fields["cause"], np.append(codes, np.uint8(255))[fields["patch"]])
+
+
+def test_a_map_that_says_nothing_has_unknown_causes_that_say_so(drive):
+    path = without(drive, ("scan", "time", "pass_id"))
+    found = in_tiles(path, TILES)
+    assert found.visits is None
+    assert found.cause_codes() is None
+    assert {cause.text for cause in found.causes.values()} == {
+        "the map does not tell by which scans or when it was seen"
+    }
 
 
 def test_of_too_many_rays_tiles_follow_the_same(drive, monkeypatch):

@@ -164,7 +164,7 @@ def test_the_ground_spans_tiles_and_large_patches_are_thinned(town, monkeypatch)
     """With all tilts kept, in nine tiles, and no more than 20 000 points of a patch looked at."""
     found = []
     for most in (10**9, 20_000):
-        monkeypatch.setattr("mapq.scale.run.LARGEST_PATCH", most)
+        monkeypatch.setattr("mapq.scale.measuring.LARGEST_PATCH", most)
         settings = ScaleSettings(tile_points=N_POINTS // 9, segment=SegmentSettings(max_tilt=90.0))
         with work_folder(str(town)) as folder:
             job = Job("town", find_sources(str(town), AS_IT_IS), settings, Here(), folder)

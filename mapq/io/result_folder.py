@@ -1,0 +1,148 @@
+"""A result in tiles, as `mapq classify` makes it of a folder: read a piece at a time, as it may not fit into memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.cloud import PointCloud, choose_shift
+from mapq.io.las_pieces import LasHead, read_las_head, read_las_pieces
+from mapq.io.options import AS_IT_IS, ReadOptions
+from mapq.io.results import PATCH, RESULT_FIELDS
+from mapq.io.write import LAS_ENDS
+from mapq.patches import NO_PATCH
+from prf.shell.errors import InputError
+
+RESULT_JSON = "result.json"
+
+Ints = NDArray[np.int64]
+
+
+class ResultFolder(NamedTuple):
+    """A result in tiles.
+
+    Attributes
+    ----------
+    path : str
+    json : Path
+    tiles : tuple of str
+    heads : tuple of LasHead
+    shift : (3,) float64
+        Of all points, in world coordinates.
+    options : ReadOptions
+    """
+
+    path: str
+    json: Path
+    tiles: tuple[str, ...]
+    heads: tuple[LasHead, ...]
+    shift: NDArray[np.float64]
+    options: ReadOptions
+
+    @property
+    def n_points(self) -> int:
+        """Points of all tiles."""
+        return sum(head.n_points for head in self.heads)
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Fields that every tile has."""
+        return tuple(name for name in self.heads[0].fields if all(name in head.fields for head in self.heads))
+
+    def pieces(self, names: tuple[str, ...]) -> Iterator[PointCloud]:
+        """Yield the points of all tiles, tile after tile in pieces, with some of the fields.
+
+        Raises
+        ------
+        InputError
+            If a tile is damaged or cut off.
+        """
+        for path, head in zip(self.tiles, self.heads, strict=True):
+            yield from read_las_pieces(path, self.options, 0, head.n_points, self.shift, names)
+
+
+def is_result_folder(path: str) -> bool:
+    """Return whether a path is a folder with the JSON of a result in it."""
+    return Path(path, RESULT_JSON).is_file()
+
+
+def open_result_folder(path: str, options: ReadOptions = AS_IT_IS) -> ResultFolder:
+    """Return a result in tiles, of which only the heads are read.
+
+    Raises
+    ------
+    InputError
+        If there are no tiles, or one of them is damaged, no result, or in another unit.
+    """
+    tiles = tuple(str(each) for each in sorted(Path(path).iterdir()) if each.suffix.lower() in LAS_ENDS)
+    if not tiles:
+        raise InputError(f"{path}: no LAS or LAZ tile beside {RESULT_JSON}. Run mapq classify again.")
+    heads = tuple(read_las_head(tile, options) for tile in tiles)
+    for tile, head in zip(tiles, heads, strict=True):
+        missing = [name for name in RESULT_FIELDS if name not in head.fields]
+        if missing:
+            raise InputError(f"{tile}: this is no tile of a result (no field {missing[0]}). Run mapq classify again.")
+        if not np.array_equal(head.unit, heads[0].unit):
+            raise InputError(f"{tile}: its unit is not that of {tiles[0]}. Say which with --unit.")
+    box = np.array([np.min([head.low for head in heads], axis=0), np.max([head.high for head in heads], axis=0)])
+    return ResultFolder(path, Path(path, RESULT_JSON), tiles, heads, choose_shift(box), options)
+
+
+def thinned(folder: ResultFolder, names: tuple[str, ...], n_most: int) -> PointCloud:
+    """Return at most `n_most` of the points as one cloud: every so manieth of each piece."""
+    step = max(1, -(-folder.n_points // n_most))
+    begin, parts = 0, []
+    for piece in folder.pieces(names):
+        parts.append(piece.take(np.arange(-begin % step, len(piece), step)))
+        begin += len(piece)
+    return _joined(parts)
+
+
+def thinned_by_patch(folder: ResultFolder, n_points: Ints, n_most: int) -> PointCloud:
+    """Return about `n_most` of the points as one cloud, with the fields of a result; of small patches all of them.
+
+    Parameters
+    ----------
+    folder : ResultFolder
+    n_points : (m,) int64
+        Of each patch.
+    n_most : int
+    """
+    n_loose = max(folder.n_points - int(n_points.sum()), 0)
+    share = n_most // 4 if n_loose > n_most // 4 else n_loose
+    step = np.append(steps_of(n_points, n_most - share), max(1, -(-n_loose // max(share, 1))))
+    gone = np.zeros(len(step), np.int64)
+    parts = []
+    for piece in folder.pieces(RESULT_FIELDS):
+        patch = np.asarray(piece.fields[PATCH]).astype(np.int64)
+        patch = np.where((patch < 0) | (patch >= len(n_points)), NO_PATCH, patch) % len(step)
+        order = np.argsort(patch, kind="stable")
+        rank = np.empty(len(order), np.int64)
+        rank[order] = np.arange(len(order)) - np.searchsorted(patch[order], patch[order])
+        parts.append(piece.take(np.flatnonzero((gone[patch] + rank) % step[patch] == 0)))
+        gone += np.bincount(patch, minlength=len(step))
+    return _joined(parts)
+
+
+def steps_of(n_points: Ints, n_most: int) -> Ints:
+    """Return of how many points of each patch (m,) one is taken: about `n_most` in all, and all of small patches."""
+    ordered = np.sort(n_points)
+    taken = np.cumsum(ordered) - ordered + ordered * np.arange(len(ordered), 0, -1)
+    fits = int(np.searchsorted(taken, n_most, side="right"))
+    if fits == len(ordered):
+        return np.ones(len(n_points), np.int64)
+    left = n_most - int(ordered[:fits].sum())
+    return np.maximum(1, -(-n_points // max(left // (len(ordered) - fits), 1)))
+
+
+def _joined(parts: list[PointCloud]) -> PointCloud:
+    fields: Mapping[str, NDArray[Any]] = {
+        name: np.concatenate([part.fields[name] for part in parts]) for name in parts[0].fields
+    }
+    first = parts[0]
+    xyz = np.concatenate([part.xyz for part in parts])
+    return PointCloud(xyz, first.shift, fields, first.coordinate_type, first.source, first.unit)

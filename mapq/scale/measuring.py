@@ -1,0 +1,144 @@
+"""What is measured of the patches of a map in tiles: features, and why those that are suspicious are so."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.assess.visits import Clock, join_stays
+from mapq.features.provenance import Known
+from mapq.features.rays import ray_step, voxel_side
+from mapq.features.settings import FeatureSettings
+from mapq.graph import PatchFeatures
+from mapq.scale.causes import Found, judge_spreads, measure_spreads, plan_causes
+from mapq.scale.gather import LOOSE_REACH, Part
+from mapq.scale.graph import join_measures
+from mapq.scale.measure import LARGEST_PATCH, MeasureTask, measure_patches, share_out
+from mapq.scale.patches import Whole
+from mapq.scale.rays import RayTask, draw_part
+from mapq.scale.spool import Spooled
+from mapq.scale.stages import Stages
+from mapq.scale.tiling import Tiling
+
+Ints = NDArray[np.int64]
+
+
+class Seen(NamedTuple):
+    """Which fields say where and when points were seen: those for the features, and those for causes."""
+
+    known: Known
+    clock: Clock | None
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of all of them."""
+        return tuple(dict.fromkeys((*self.known.fields, *(self.clock.fields if self.clock is not None else ()))))
+
+
+class Cutting(NamedTuple):
+    """A map that is cut into patches.
+
+    Attributes
+    ----------
+    whole : Whole
+    parameters, report : dict
+        Of the segmentation.
+    tiling : Tiling
+    seen : Seen
+        Which fields say where and when points were seen.
+    spooled : list of Spooled
+        By range.
+    starts : dict
+        By tile and range, where its points begin in the tile's file of regions.
+    """
+
+    whole: Whole
+    parameters: dict[str, Any]
+    report: dict[str, Any]
+    tiling: Tiling
+    seen: Seen
+    spooled: list[Spooled]
+    starts: dict[tuple[int, int], int]
+
+
+class Measuring:
+    """The measuring of the patches of a map.
+
+    Parameters
+    ----------
+    cutting : Cutting
+    settings : FeatureSettings
+        With the noise of the map.
+    up : list of float
+        Unit vector.
+    stages : Stages
+    tile_points : int
+        That a task loads, about.
+    folder : str
+        The work folder.
+    """
+
+    def __init__(
+        self,
+        cutting: Cutting,
+        settings: FeatureSettings,
+        up: list[float],
+        stages: Stages,
+        tile_points: int,
+        folder: str,
+    ) -> None:
+        self._cutting, self._settings, self._up = cutting, settings, up
+        self._stages, self._folder = stages, folder
+        several = len(share_out(cutting.whole, tile_points, None)) > 1
+        self._largest = LARGEST_PATCH if several else None
+        self._groups = share_out(cutting.whole, tile_points, self._largest) or [np.zeros(0, np.int64)]
+
+    def features(self) -> PatchFeatures:
+        """Return the features of all patches and pairs."""
+        known = self._cutting.seen.known
+        part, side = self._part(known.fields), self._draw_rays()
+        tasks = [
+            MeasureTask(group, self._settings, part, known, side, len(self._groups), self._tiles_about(group))
+            for group in self._groups
+        ]
+        measured = self._stages.each("measuring", measure_patches, tasks)
+        return join_measures(measured, len(self._cutting.whole.n_points), self._settings, self._up)
+
+    def causes(self, features: PatchFeatures, suspicious: NDArray[np.bool_]) -> Found | None:
+        """Return why suspicious patches (a mask) are so; None where the map does not say when it was seen."""
+        clock = self._cutting.seen.clock
+        parts = [each.stays for each in self._cutting.spooled if each.stays is not None]
+        if clock is None or not parts:
+            return None
+        stays, part = join_stays(parts), self._part(clock.fields)
+        tasks = plan_causes(self._groups, suspicious, features, clock, stays, part)
+        return judge_spreads(tasks, self._stages.each("finding causes", measure_spreads, tasks), suspicious)
+
+    def _part(self, fields: tuple[str, ...]) -> Part:
+        return Part(self._up, fields, self._largest, self._folder)
+
+    def _draw_rays(self) -> float | None:
+        """Draw the rays that are followed, and return the side of their voxels in metres; None if there are none."""
+        whole, known = self._cutting.whole, self._cutting.seen.known
+        n_rays = int(whole.n_rays.sum())
+        if n_rays == 0 or "rays" not in self._settings.context:
+            return None
+        first, step = np.cumsum(whole.n_rays) - whole.n_rays, ray_step(n_rays)
+        part = self._part(known.fields)
+        tasks = [
+            RayTask(number, group, first[group], step, self._settings, part, known)
+            for number, group in enumerate(self._groups)
+        ]
+        return voxel_side(np.concatenate(self._stages.each("drawing rays", draw_part, tasks)))
+
+    def _tiles_about(self, patches: Ints) -> tuple[int, ...]:
+        """Return the tiles whose loose points may lie over some patches."""
+        if len(patches) == 0:
+            return ()
+        whole, boxes = self._cutting.whole, self._cutting.tiling.boxes
+        low = whole.low[patches, :2].min(axis=0) - LOOSE_REACH
+        high = whole.high[patches, :2].max(axis=0) + LOOSE_REACH
+        near = (boxes[:, :2] <= high).all(axis=1) & (boxes[:, 2:] >= low).all(axis=1)
+        return tuple(np.flatnonzero(near).tolist())
