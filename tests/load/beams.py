@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from prf.arak import exact_draws
+from prf.coloring import Coloring
 from prf.simulate.laser import LaserPhysics
 from prf.window import Window
 from tests.load.edges import EDGES_A_METRE, SCALE, call, write_log
@@ -17,11 +18,16 @@ from tests.load.meter import Meter
 N_EDGES = 400
 
 
+def world() -> Coloring:
+    """Return the map that the laser reads."""
+    side = math.sqrt(N_EDGES / EDGES_A_METRE)
+    return exact_draws(SCALE, Window(0.0, 0.0, side, side), 1, np.random.default_rng(1))[0]
+
+
 def run(n_beams: int, steps: int, folder: Path, meter: Meter) -> None:
     """Carry a log of about so many beams through every verb that reads one."""
-    side = math.sqrt(N_EDGES / EDGES_A_METRE)
-    window = Window(0.0, 0.0, side, side)
-    coloring = exact_draws(SCALE, window, 1, np.random.default_rng(1))[0]
+    coloring = world()
+    side = coloring.window.x_max
     with meter.stage("simulate and write the log") as note:
         note.append(f"{write_log(folder / 'log.csv', coloring, n_beams // LaserPhysics().beams):,} beams")
         note.append(f"{(folder / 'log.csv').stat().st_size / 1e6:.0f} MB")

@@ -27,11 +27,12 @@ def draw(sampled: Trace, rounds: Trace, cooled: Trace, path: Path) -> None:
         axis.plot(np.arange(len(trace.memory))[::every], trace.memory[::every], color="#1f62b8", linewidth=1.0)
         axis.set(title=f"{title}: {growth(trace.memory):+.2f} MB", xlabel=unit, ylabel="resident memory, MB")
         axis.set_ylim(0.0, 1.25 * trace.memory.max())
+        axis.locator_params(axis="x", nbins=6)
     axis = axes[1, 0]
     axis.plot(sampled.bytes / 1e6, color="#1f62b8", linewidth=1.0)
     axis.set(title="draws.npz, and the steps between draws", xlabel="checkpoints", ylabel="MB", ylim=(0.0, None))
     steps = axis.twinx()
     steps.semilogy(sampled.spacing, color="#d61a1c", linewidth=1.0, drawstyle="steps-post", base=2)
-    steps.set_ylabel(f"steps between draws (at most {MOST} draws a chain)", color="#d61a1c")
+    steps.set_ylabel(f"steps; {MOST} draws a chain", color="#d61a1c")
     figure.savefig(path, dpi=110)
     pyplot.close(figure)

@@ -98,7 +98,7 @@ def sample(
     memory: Callable[[], float] = resident,
 ) -> Trace:
     """Sample the demo office in so many rounds, each with a checkpoint or none; return what was seen at each."""
-    seen: list[tuple[float, int, int, int]] = []
+    seen = _Seen(n_rounds)
     with shortened(block, checkpoints):
         config = SampleConfig(chains=CHAINS, every_scan=10, every_beam=10, resolution=0.5, start="empty")
         prepared = sessions.read_prepared(str(LOG), config)
@@ -108,30 +108,41 @@ def sample(
             records = [chain.record for chain in session.sampler.chains]
             file = folder / names.DRAWS
             size = file.stat().st_size if file.exists() else 0
-            seen.append((memory(), sum(len(each.draws) for each in records), size, records[0].thin))
+            seen.note(memory(), sum(len(each.draws) for each in records), size, records[0].thin)
 
         with session.sampler:
             session.carry_out(StopRule(steps=n_rounds * block), look, lambda: False)
-    return _trace(seen)
+    return seen.trace()
 
 
 def cool(n_rounds: int, memory: Callable[[], float] = resident, block: int = 200) -> Trace:
     """Cool towards the best map of the demo office in so many rounds; return what was seen at each."""
-    seen: list[tuple[float, int, int, int]] = []
+    seen = _Seen(n_rounds)
     with shortened(block):
         settings = sessions.read_prepared(str(LOG), SampleConfig(every_scan=10, every_beam=10)).settings
         anneal(
             settings,
             spawn_generators(1, CHAINS),
             Goal(steps=n_rounds * block),
-            on_progress=lambda *_: seen.append((memory(), 0, 0, 0)),
+            on_progress=lambda *_: seen.note(memory(), 0, 0, 0),
         )
-    return _trace(seen)
+    return seen.trace()
 
 
-def _trace(seen: list[tuple[float, int, int, int]]) -> Trace:
-    memory, *counts = zip(*seen, strict=True)
-    return Trace(np.array(memory), *(np.array(column, np.int64) for column in counts))
+class _Seen:
+    """What is seen round by round, in an array that is there from the start: a list would pass for a leak."""
+
+    def __init__(self, n_rounds: int) -> None:
+        self.rows = np.full((n_rounds + 1, 4), -1.0)
+        self.n = 0
+
+    def note(self, *row: float) -> None:
+        self.rows[self.n] = row
+        self.n += 1
+
+    def trace(self) -> Trace:
+        memory, *counts = self.rows[: self.n].T.copy()
+        return Trace(memory, *(column.astype(np.int64) for column in counts))
 
 
 def growth(memory: NDArray[np.float64]) -> float:
