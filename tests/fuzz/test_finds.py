@@ -9,10 +9,12 @@ import zlib
 
 import numpy as np
 import pytest
+from laspy import ExtraBytesParams, LasHeader
 
 from mapq.io import read_cloud, read_patches, write_patches, write_ply
 from mapq.io.e57 import e57_poses
 from mapq.io.journal import journal_beside
+from mapq.io.las import _read_points
 from mapq.io.patches import SCHEMA as PATCHES_SCHEMA
 from prf.coloring import read_geojsonl
 from prf.occupancy import SCHEMA as GRID_SCHEMA
@@ -212,6 +214,23 @@ def test_a_place_that_takes_no_file(tmp_path):
         with pytest.raises(OutputError, match="cannot be written"):
             write_ply(str(place), patches().cloud)
     assert [file.name for file in tmp_path.iterdir()] == ["file"]
+
+
+def test_laz_whose_points_are_long_is_read_in_small_pieces():
+    """A file of 2.7 kB promised points of 15,258 bytes, of which 200,000 were to be decoded at once."""
+
+    class Reader:
+        header = LasHeader(point_format=7, version="1.4")
+
+        def chunk_iterator(self, n_points):
+            self.at_once = n_points
+            return iter(())
+
+    reader = Reader()
+    reader.header.add_extra_dims([ExtraBytesParams(f"a{n}", "f8") for n in range(1900)])
+    with pytest.raises(ValueError, match="at least one array"):
+        _read_points(reader, "a.laz")
+    assert reader.at_once * reader.header.point_format.size < 1 << 27
 
 
 def test_the_whole_ones_are_read(whole, tmp_path):

@@ -41,6 +41,33 @@ def test_nothing_is_run_that_a_file_says(project_root, forbidden):
     assert [file for file in modules(project_root) for name, _ in calls(file) if name == forbidden] == []
 
 
+def imports(file: Path) -> set[str]:
+    """Return the modules that a file imports, anywhere in it."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            found.add((node.module or "").partition(".")[0])
+    return found
+
+
+def test_no_module_can_unpickle_or_unpack(project_root):
+    for file in modules(project_root):
+        allowed = {"pickle"} if file == project_root / BETWEEN_WORKERS else set()
+        assert imports(file) & {"pickle", "dill", "joblib", "marshal", "shelve", "tarfile"} <= allowed, file
+
+
+def test_no_shell_and_no_unsafe_yaml(project_root):
+    for file in modules(project_root):
+        for name, call in calls(file):
+            words = {word.arg: word.value for word in call.keywords}
+            assert "shell" not in words, (file, name)
+            if name.endswith("YAML"):
+                assert ast.unparse(words["typ"]) == "'safe'", (file, name)
+            assert not name.startswith(("os.popen", "os.spawn", "os.exec", "yaml.full_load")), (file, name)
+
+
 def test_no_archive_is_unpacked_to_the_disk(project_root):
     ends = (".extractall", ".extract", "unpack_archive")
     found = [(file, name) for file in modules(project_root) for name, _ in calls(file) if name.endswith(ends)]
