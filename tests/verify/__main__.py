@@ -26,14 +26,7 @@ from tests.verify.sbc import Ranks, control_check, run_arm, standard_arm, unifor
 from tests.verify.station import small_station
 from tests.verify.ways import LADDER, LEVELS
 
-ARMS = (
-    ("laser", "plain"),
-    ("laser", "rungs"),
-    ("laser", "tiles"),
-    ("sonar", "plain"),
-    ("sonar", "rungs"),
-    ("sonar", "tiles"),
-)
+ARMS = (("laser", "plain"), ("laser", "rungs"), ("laser", "tiles"), ("sonar", "plain"), ("sonar", "rungs"))
 PARTS = (*(f"{kind}-{way}" for kind, way in ARMS), "joint", "images", "controls")
 IMAGE_RESOLUTION = 0.25
 
@@ -137,7 +130,7 @@ class Run:
         """Make mistakes."""
         asked = self.asked
         for number, arm in enumerate(control_arms()):
-            found = run_arm(arm, self.n_worlds(arm.name.split(",")[0]), asked.seed, asked.threads)
+            found = run_arm(arm, asked.worlds, asked.seed, asked.threads)
             self.keep_ranks(f"control-{number}-{asked.seed}", f"control, {arm.name}", found)
             yield [control_check(arm.name, found)]
         found = run_mutant(asked.worlds, asked.seed)
@@ -156,7 +149,12 @@ def joint_figures(found: Joint) -> dict[str, Any]:
     return {name: dict(zip(names, row, strict=True)) for name, row in zip(QUANTITIES, rows, strict=True)}
 
 
-def main(arguments: list[str] | None = None, say: Callable[[str], None] = print) -> int:
+def say_now(line: str) -> None:
+    """Print a line at once, into a pipe too."""
+    print(line, flush=True)
+
+
+def main(arguments: list[str] | None = None, say: Callable[[str], None] = say_now) -> int:
     """Make the checks; return 1 if one fails."""
     asked = parser().parse_args(arguments)
     asked.output.mkdir(parents=True, exist_ok=True)

@@ -28,7 +28,7 @@ from prf.sampler.tempering_ladder import LadderPlan
 from prf.sampler.tiles import finish_round, make_round, make_tile_data, work_tile
 from prf.shell.progress import progress
 from tests.verify.check import Check
-from tests.verify.problems import NAMES, from_map
+from tests.verify.problems import from_map, names
 from tests.verify.station import Station
 from tests.verify.ways import LEVELS, TILES, unbounded
 
@@ -41,8 +41,10 @@ SPACING = 250
 LEAST_SIDE = 0.8
 """Metres: width of the narrowest tile."""
 CONFIDENCE = 0.99
+PLACES = np.array([[0.8, 1.2], [2.0, 2.0], [3.0, 0.9], [1.5, 3.0]])
+"""Two of them on a side of the station's window."""
 QUANTITIES = (
-    *NAMES,
+    *names(PLACES),
     "number of edges, squared",
     "length, squared",
     "mean laser return",
@@ -111,7 +113,7 @@ def quantities(settings: Settings, coloring: Coloring, chain: Chain) -> Floats:
     assert settings.laser is not None
     assert settings.sonar is not None
     assert settings.points is not None
-    shape = from_map(Draws.from_colorings([coloring]))[0]
+    shape = from_map(Draws.from_colorings([coloring]), PLACES)[0]
     read = []
     for readings, most in (
         (settings.laser.readings, settings.laser.model.max_range),

@@ -32,15 +32,16 @@ RING = Ring(4.0, noise=0.15, surface=(3.0, 0.3, 6.0, 3.0))
 N_CONES, VIEW = 6, 0.6
 RESOLUTION = 0.25
 PLACES = np.array([[0.8, 1.2], [2.0, 2.0], [3.3, 0.9], [1.5, 3.4]])
-NAMES = (
-    "number of edges",
-    "length",
-    "black area",
-    *(f"colour at ({x:g}, {y:g})" for x, y in PLACES),
-    "log prior",
-    "log likelihood",
-)
-"""What is compared. Only the log likelihood looks at the readings: without it draws of the prior would pass."""
+
+
+def names(places: Floats) -> tuple[str, ...]:
+    """Return the names of what is compared, the colours at these places among it."""
+    colours = [f"colour at ({x:g}, {y:g})" for x, y in places]
+    return ("number of edges", "length", "black area", *colours, "log prior", "log likelihood")
+
+
+NAMES = names(PLACES)
+"""Only the log likelihood looks at the readings: without it draws of the prior would pass."""
 
 
 class Problem(NamedTuple):
@@ -71,9 +72,9 @@ def sonar_problem(rng: np.random.Generator) -> Problem:
 PROBLEMS: dict[str, DrawProblem] = {"laser": laser_problem, "sonar": sonar_problem}
 
 
-def from_map(draws: Draws) -> Floats:
-    """Return what does not look at readings or prior, (n_draws, len(NAMES) - 2)."""
-    colours = black_at_draws(draws, PLACES)
+def from_map(draws: Draws, places: Floats = PLACES) -> Floats:
+    """Return what does not look at readings or prior, (n_draws, len(places) + 3)."""
+    colours = black_at_draws(draws, places)
     return np.column_stack([draws.n_edges, draws.total_length(), black_areas(draws), colours]).astype(np.float64)
 
 
