@@ -2,6 +2,7 @@
 
     python -m benchmarks.city_tiles run --points 100000000 --workers 2     time, memory and points a second
     python -m benchmarks.city_tiles tiles --points 2000000 --tiles 16      the same patches for 1 and for 16 tiles?
+    python -m benchmarks.city_tiles drives --tiles 5                       simulated drives, in tiles and in memory
     python -m benchmarks.city_tiles lost --points 2000000                  a worker killed in the middle: same result?
 
 The city is made first where it is not yet (`--folder`, by default in the folder for temporary files).
@@ -23,10 +24,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.io import read_cloud
+from mapq.assess import assess
+from mapq.io import read_cloud, write_cloud
+from mapq.patches import UNLABELLED
+from mapq.segmentation import segment
+from mapq.simulate import SIZES, Settings, simulate
 from mapq.simulate.city_tiles import POINTS_OF_TILE, write_city
 
 SEED = 7
+DRIVES = (1, 2, 3, 4, 5)
+"""Seeds of the simulated drives."""
 INTERVAL = 0.2
 """Seconds between two looks at the memory of all processes."""
 PAGE = os.sysconf("SC_PAGE_SIZE")
@@ -162,6 +169,23 @@ def tiles(arguments: argparse.Namespace) -> dict[str, Any]:
     return {"points": n_points, "tiles": [n_one, n_several], **agreement(one, several)}
 
 
+def drives(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Compare maps of drifting drives, which tell when and from where they were seen, in tiles with those in memory."""
+    found: dict[str, Any] = {}
+    for seed in DRIVES:
+        path = arguments.folder / f"drive_{seed}.ply"
+        write_cloud(path, simulate(Settings(**SIZES["small"]), seed))
+        cloud = read_cloud(str(path))
+        plain = assess(segment(cloud))
+        label = np.append(plain.labelling.label, np.uint8(UNLABELLED))[plain.patches.patch]
+        target = arguments.folder / f"drive_{seed}.classified.ply"
+        classify(path, target, "--tile-points", str(-(-len(cloud) // arguments.tiles)))
+        fields = read_cloud(str(target)).fields
+        equal = agreement(Labels(plain.patches.patch, label), Labels(fields["patch"], fields["suspicious"]))
+        found |= {f"seed_{seed}_{name}": equal[name] for name in ("iou_by_points", "labels_equal")}
+    return found
+
+
 def lost(arguments: argparse.Namespace) -> dict[str, Any]:
     """Kill a worker of a Dask scheduler in the middle of a run, and compare the result with that of this process."""
     source = city(arguments.folder, arguments.points, arguments.points // 4)
@@ -203,7 +227,7 @@ def wait_for_regions(folder: Path, process: subprocess.Popen[bytes]) -> None:
 def main() -> None:
     """Run what the command line asks for, and print it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("run", "tiles", "lost"))
+    parser.add_argument("what", choices=("run", "tiles", "drives", "lost"))
     parser.add_argument("--points", type=int, default=2_000_000)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--tiles", type=int, default=16)
@@ -212,7 +236,7 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=Path(tempfile.gettempdir()) / "mapq_city")
     arguments = parser.parse_args()
     arguments.folder.mkdir(parents=True, exist_ok=True)
-    found = {"run": run, "tiles": tiles, "lost": lost}[arguments.what](arguments)
+    found = {"run": run, "tiles": tiles, "drives": drives, "lost": lost}[arguments.what](arguments)
     for name, value in found.items():
         print(f"{name:<26}{value:.7g}" if isinstance(value, float) else f"{name:<26}{value}")
 
