@@ -12,6 +12,8 @@ import pytest
 from mapq.cli import app
 from mapq.cloud import PointCloud
 from mapq.io import read_patches, write_ply
+from mapq.labelling.store import open_store
+from prf.shell.lock import release_claims
 from prf.shell.run import run_app
 from tests.reference.mapq_segment import cloud_of, ground, wall
 
@@ -50,6 +52,20 @@ def test_an_output_that_stands_is_refused_without_force(capsys, map_ply):
     code, out, err = run(capsys, map_ply)
     assert (code, out) == (4, "")
     assert "already exists" in err
+    assert run(capsys, map_ply, "-f")[0] == 0
+
+
+def test_patches_that_are_being_labelled_are_not_replaced(capsys, map_ply):
+    """Not even with force: labels would be lost."""
+    assert run(capsys, map_ply)[0] == 0
+    path = Path(map_ply).with_suffix(".patches")
+    before = path.read_bytes()
+    with open_store(str(path)):
+        release_claims()
+        code, _, err = run(capsys, map_ply, "-f")
+    assert code == 4
+    assert "another process" in err
+    assert path.read_bytes() == before
     assert run(capsys, map_ply, "-f")[0] == 0
 
 
