@@ -15,6 +15,7 @@ from prf.occupancy import is_grid, read_grid
 from prf.run import FileState, inspect_files, names, read_manifest, read_map_feature
 from prf.score import read_occupied_area
 from prf.shell.errors import InputError
+from prf.shell.files import open_input
 
 Kind = Literal["run", "grid", "map", "draws"]
 
@@ -65,14 +66,12 @@ def _read_json(file: Path) -> dict[str, Any] | None:
     InputError
         If it cannot be read, or does not even begin with an object.
     """
-    try:
-        data = file.read_bytes()
-        for text in (data, data.lstrip().partition(b"\n")[0]):
-            content = _object(text)
-            if content is not None:
-                return content if text is data else None
-    except OSError as error:
-        raise InputError(f"{file}: {(error.strerror or str(error)).lower()}.") from error
+    with open_input(file) as stream:
+        data = stream.read()
+    for text in (data, data.lstrip().partition(b"\n")[0]):
+        content = _object(text)
+        if content is not None:
+            return content if text is data else None
     raise InputError(f"{file}: neither a RUN, a GRID, a MAP nor DRAWS. What is in a log says prf info.")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import stat
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -92,7 +93,7 @@ def open_input(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     Raises
     ------
     InputError
-        If there is no such file, it is a folder, or it may not be read.
+        If there is no such file, it is a folder or a device without end, or it may not be read.
     """
     if os.fspath(path) == STREAM:
         yield sys.stdin.buffer
@@ -102,7 +103,16 @@ def open_input(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     except OSError as error:
         raise InputError(f"{path}: {_reason(error)}.") from error
     with stream:
+        if _is_endless(stream):
+            raise InputError(f"{path}: a device, not a file.")
         yield stream
+
+
+def _is_endless(stream: BinaryIO) -> bool:
+    """Return whether a device is read that may never end: all but terminals and the null device."""
+    state = os.fstat(stream.fileno())
+    is_null = os.path.exists(os.devnull) and state.st_rdev == os.stat(os.devnull).st_rdev
+    return stat.S_ISCHR(state.st_mode) and not is_null and not stream.isatty()
 
 
 @contextmanager
