@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from prf.shell.errors import InputError
-from prf.shell.files import atomic_write
+from prf.shell.files import atomic_write, open_input
 from prf.shell.gzipped import refuse_large
 
 _REMEDY = "Write it anew, or restore it."
@@ -84,9 +84,8 @@ def save_arrays(path: Path, schema: str, arrays: Mapping[str, Any], compressed: 
 def load_object(path: Path, schema: str) -> dict[str, Any]:
     """Return the JSON object in `path`, whose ``schema`` must be `schema`; errors as :func:`load_arrays`."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: {_reason(error)}.") from error
+        with open_input(path) as stream:
+            content = json.loads(stream.read().decode("utf-8"))
     except json.JSONDecodeError as error:
         raise InputError(f"{path}:{error.lineno}: damaged ({error.msg}). {_REMEDY}") from error
     except UnicodeDecodeError as error:
