@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from tests.verify.check import Check, settled
-from tests.verify.controls import control_arms, run_mutant, sharper
+from tests.verify.controls import control_arms, rougher, run_mutant, sharper
 from tests.verify.geweke import ACCELERATED, PLAIN, QUANTITIES, Joint, Program, joint_check, run_joint
 from tests.verify.images import by_loops, by_sampler, image_check, mixing_check
 from tests.verify.pictures import plot_images, plot_joint, plot_ranks
@@ -136,9 +136,7 @@ class Run:
         found = run_mutant(asked.worlds, asked.seed)
         self.keep_ranks(f"control-mutant-{asked.seed}", "control, a wrong ratio", found)
         yield [control_check("laser, births in a ratio that is wrong", found)]
-        yield [
-            self.joint(PLAIN._replace(name="plain, noise taken for less than half", spoil=sharper), asked.seed, True)
-        ]
+        yield [self.joint(PLAIN._replace(name="plain, scale of the prior doubled", spoil=rougher), asked.seed, True)]
 
 
 def joint_figures(found: Joint) -> dict[str, Any]:

@@ -36,6 +36,11 @@ def blunter(settings: Settings) -> Settings:
     return with_noise(settings, BLUNTER)
 
 
+def rougher(settings: Settings) -> Settings:
+    """Return settings whose prior expects walls of half their length."""
+    return dataclasses.replace(settings, scale=2.0 * settings.scale)
+
+
 def with_noise(settings: Settings, factor: float) -> Settings:
     """Return settings whose sensors have so many times their noise."""
     changes = {}

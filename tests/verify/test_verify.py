@@ -16,7 +16,7 @@ from prf.posterior import make_chain
 from tests.verify import ways
 from tests.verify.__main__ import main
 from tests.verify.check import Check, settled
-from tests.verify.controls import control_arms, run_mutant, sharper
+from tests.verify.controls import control_arms, rougher, run_mutant
 from tests.verify.geweke import ACCELERATED, PLAIN, Program, run_joint
 from tests.verify.images import by_loops, by_sampler, compare
 from tests.verify.problems import NAMES, PROBLEMS, laser_problem
@@ -155,8 +155,8 @@ def test_maps_and_readings_keep_their_joint_law(program: Program) -> None:
 
 
 @pytest.mark.slow
-def test_a_joint_law_with_another_noise_is_caught() -> None:
-    found = run_joint(small_station(), PLAIN._replace(spoil=sharper), 30, 20, 500, SEED)
+def test_a_joint_law_with_another_prior_is_caught() -> None:
+    found = run_joint(small_station(), PLAIN._replace(spoil=rougher), 30, 20, 500, SEED)
     assert np.abs(found.z).max() > 6.0, found.z
 
 
