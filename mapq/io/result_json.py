@@ -10,6 +10,7 @@ from typing import Any
 
 from mapq.io.results import OPENING, SCHEMA
 from prf.shell.errors import InputError
+from prf.shell.files import open_input
 from prf.shell.storage import check_schema, damaged, load_object
 
 Row = dict[str, Any]
@@ -26,9 +27,9 @@ def read_result_json(path: Path) -> tuple[Row, Iterator[Row]]:
         If the file is missing, damaged, or of another schema; of a patch when the iterator comes to it.
     """
     try:
-        with path.open(encoding="utf-8") as stream:
-            first = stream.readline()
-    except (OSError, UnicodeDecodeError):  # said below
+        with open_input(path) as stream:
+            first = stream.readline().decode("utf-8")
+    except UnicodeDecodeError:  # said below
         first = ""
     if first.rstrip().endswith(OPENING):
         head = _parse(path, 1, first.rstrip() + "]}")
