@@ -21,34 +21,8 @@ from prf.window import Window
 
 Floats = NDArray[np.float64]
 
-DEFAULT_ODDS = {
-    c.TRIANGLE_BIRTH: 0.07,
-    c.TRIANGLE_DEATH: 0.07,
-    c.BOUNDARY_BIRTH: 0.02,
-    c.BOUNDARY_DEATH: 0.02,
-    c.CORNER_BIRTH: 0.005,
-    c.CORNER_DEATH: 0.005,
-    c.SPLIT: 0.1,
-    c.MERGE: 0.1,
-    c.MOVE_INTERIOR: 0.2,
-    c.MOVE_BOUNDARY: 0.04,
-    c.PAST_CORNER: 0.01,
-    c.RECOLOR: 0.02,
-    c.LOCAL_RECOLOR: 0.1,
-    c.SLIDE: 0.19,
-    c.CUT_WALL: 0.03,
-    c.MEND_WALL: 0.03,
-    c.JOIN_WALL: 0.04,
-    c.PART_WALL: 0.04,
-    c.DOCK: 0.04,
-    c.UNDOCK: 0.04,
-    c.NOTCH: 0.03,
-    c.FILL: 0.03,
-    c.MOVE_LINE: 0.02,
-    c.LEAN: 0.03,
-    c.STAND: 0.03,
-}
-"""Weight of each move; births and deaths equal, so that these cancel in the ratios."""
+DEFAULT_ODDS = {move: weight for move, (_, weight) in enumerate(c.MOVES)}
+"""Weight of each move."""
 
 FIRST_CAPACITY = 256
 FIRST_CELL_ROOM = 24

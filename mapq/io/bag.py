@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.io.content import Content
+from mapq.io.content import ACCEPTED, Content
 from mapq.io.fields import Array, axes_of, cloud_of_world, refuse_doubles
 from mapq.io.joined import joined_fields
 from mapq.io.options import ReadOptions
-from mapq.io.recognise import ACCEPTED
 from prf.shell.bag import Bag, Message, bag_in, bag_suffix, named_bag, open_bag, seconds
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.tf import Rigid, Tree, frame_name, turned

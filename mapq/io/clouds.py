@@ -2,42 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-
 from mapq.cloud import PointCloud
-from mapq.io.bag import read_bag
 from mapq.io.content import Content
-from mapq.io.e57 import read_e57
-from mapq.io.fields import Array, make_cloud
+from mapq.io.fields import make_cloud
+from mapq.io.formats import COLUMNS, SELF_MADE
 from mapq.io.kitti import read_kitti
-from mapq.io.las import read_las
-from mapq.io.npy import read_npy, read_npz
+from mapq.io.npy import read_npy
 from mapq.io.options import AS_IT_IS, ReadOptions
-from mapq.io.pcd import read_pcd
-from mapq.io.ply import read_ply
-from mapq.io.ptx import read_ptx
-from mapq.io.recognise import Format, recognise
-from mapq.io.text import read_text
-from mapq.io.uos import read_uos
-from mapq.io.vtk import read_vtk
-
-COLUMNS: Mapping[Format, Callable[[bytes, str], dict[str, Array]]] = {
-    "ply": read_ply,
-    "pcd": read_pcd,
-    "npz": read_npz,
-    "ptx": read_ptx,
-    "vtk": read_vtk,
-    "text": read_text,
-}
-"""Readers that make columns of the bytes of a file, given its name for messages."""
-
-SELF_MADE: Mapping[Format, Callable[[Content, ReadOptions], PointCloud]] = {
-    "las": read_las,
-    "e57": read_e57,
-    "3d": read_uos,
-    "bag": read_bag,
-}
-"""Readers of formats that say more of a cloud than columns do: its unit, axes, poses."""
+from mapq.io.recognise import recognise
 
 
 def read_cloud(path: str, options: ReadOptions = AS_IT_IS) -> PointCloud:

@@ -18,6 +18,12 @@ GZIP_MAGIC = b"\x1f\x8b\x08"
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 """UTF-8's, which spreadsheets put before a CSV header."""
 
+ACCEPTED = (
+    "Read are PLY, PCD, LAS/LAZ, E57, PTX, XYZ/TXT/CSV, VTK, .npy, .npz, 3DTK .3d, KITTI .bin and ROS bags, "
+    "also gzipped."
+)
+"""What is read, for messages."""
+
 HEAD = 1 << 16
 """Bytes that tell a format."""
 

@@ -3,31 +3,11 @@
 from __future__ import annotations
 
 import re
-from typing import Literal
 
-from mapq.io.content import Content
-from mapq.io.npy import MAGIC as NPY_MAGIC
-from mapq.io.npy import ZIP_MAGIC
-from mapq.io.ply import MAGIC as PLY_MAGIC
+from mapq.io.content import ACCEPTED, Content
+from mapq.io.formats import MAGICS, Format
 from prf.shell.bag import bag_suffix
 from prf.shell.errors import InputError
-
-Format = Literal["ply", "pcd", "las", "e57", "ptx", "vtk", "npy", "npz", "3d", "kitti", "bag", "text"]
-
-ACCEPTED = (
-    "Read are PLY, PCD, LAS/LAZ, E57, PTX, XYZ/TXT/CSV, VTK, .npy, .npz, 3DTK .3d, KITTI .bin and ROS bags, "
-    "also gzipped."
-)
-
-MAGICS: tuple[tuple[bytes, Format], ...] = (
-    *((magic, "ply") for magic in PLY_MAGIC),
-    (b"LASF", "las"),
-    (b"ASTM-E57", "e57"),
-    (b"# vtk DataFile", "vtk"),
-    (NPY_MAGIC, "npy"),
-    *((magic, "npz") for magic in ZIP_MAGIC),
-)
-"""How files begin that say what they are."""
 
 REFUSED = (
     (b"#ROSBAG", "a ROS 1 bag of an old version, which rosbag fix can convert"),

@@ -62,7 +62,37 @@ FILL = 21
 MOVE_LINE = 22
 LEAN = 23
 STAND = 24
-N_MOVES = 25
+
+MOVES = (
+    ("triangle birth", 0.07),
+    ("triangle death", 0.07),
+    ("boundary triangle birth", 0.02),
+    ("boundary triangle death", 0.02),
+    ("corner cut birth", 0.005),
+    ("corner cut death", 0.005),
+    ("split edge", 0.1),
+    ("merge edges", 0.1),
+    ("move interior vertex", 0.2),
+    ("move boundary vertex", 0.04),
+    ("move vertex past corner", 0.01),
+    ("recolor quadrilateral", 0.02),
+    ("recolor local quadrilateral", 0.1),
+    ("slide vertex", 0.19),
+    ("cut wall", 0.03),
+    ("mend wall", 0.03),
+    ("join to wall", 0.04),
+    ("part from wall", 0.04),
+    ("join to window side", 0.04),
+    ("part from window side", 0.04),
+    ("notch wall", 0.03),
+    ("fill notch", 0.03),
+    ("move line of edge", 0.02),
+    ("lean on wall", 0.03),
+    ("stand off wall", 0.03),
+)
+"""Name and weight of each, in that order; births and deaths weigh the same, so that weights cancel in the ratios."""
+
+N_MOVES = len(MOVES)
 
 # Columns of the table of outcomes.
 PROPOSED = 0

@@ -42,24 +42,6 @@ def choose_move(odds: np.ndarray, rng: np.random.Generator) -> int:
 
 
 @spine
-def propose_vertex_move(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, float]:
-    """Fill the proposal of a move that keeps the numbers of edges and vertices."""
-    if move == c.MOVE_INTERIOR:
-        return move_vertex.propose_interior(chain.graph, chain.proposal, chain.tuning, rng)
-    if move == c.SLIDE:
-        return move_vertex.propose_slide(chain.graph, chain.proposal, rng)
-    if move == c.MOVE_BOUNDARY:
-        return move_vertex.propose_boundary(chain.graph, chain.proposal, chain.tuning, rng)
-    if move == c.PAST_CORNER:
-        return move_vertex.propose_past_corner(chain.graph, chain.proposal, chain.tuning, rng)
-    if move == c.MOVE_LINE:
-        return move_line.propose_line(chain.graph, chain.proposal, chain.tuning, rng)
-    if move == c.RECOLOR:
-        return recolor.propose_global(chain.graph, chain.proposal, rng)
-    return recolor.propose_local(chain.graph, chain.edge_index, chain.proposal, rng)
-
-
-@spine
 def propose(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, float]:
     """Fill the proposal; return whether it is legal and the log ratio of proposals (see ``moves``)."""
     graph, proposal, tuning, odds = chain.graph, chain.proposal, chain.tuning, chain.odds
@@ -100,7 +82,13 @@ def propose(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, fl
         return notch.propose_notch(graph, chain.edge_index, chain.targets, proposal, tuning, odds, rng)
     if move == c.FILL:
         return notch.propose_fill(graph, proposal, odds, rng)
-    return propose_vertex_move(chain, move, rng)
+    if move == c.MOVE_LINE:
+        return move_line.propose_line(graph, proposal, tuning, rng)
+    if move == c.RECOLOR:
+        return recolor.propose_global(graph, proposal, rng)
+    if move == c.LOCAL_RECOLOR:
+        return recolor.propose_local(graph, chain.edge_index, proposal, rng)
+    return move_vertex.propose_vertex_move(graph, proposal, tuning, move, rng)
 
 
 @spine

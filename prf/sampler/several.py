@@ -30,34 +30,7 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-MOVE_NAMES = (
-    "triangle birth",
-    "triangle death",
-    "boundary triangle birth",
-    "boundary triangle death",
-    "corner cut birth",
-    "corner cut death",
-    "split edge",
-    "merge edges",
-    "move interior vertex",
-    "move boundary vertex",
-    "move vertex past corner",
-    "recolor quadrilateral",
-    "recolor local quadrilateral",
-    "slide vertex",
-    "cut wall",
-    "mend wall",
-    "join to wall",
-    "part from wall",
-    "join to window side",
-    "part from window side",
-    "notch wall",
-    "fill notch",
-    "move line of edge",
-    "lean on wall",
-    "stand off wall",
-)
-"""Names of the moves in the order of their table."""
+MOVE_NAMES = tuple(name for name, _ in c.MOVES)
 
 
 class Sample(NamedTuple):

@@ -153,3 +153,17 @@ def propose_past_corner(
     forward = landing_density(graph, tuning, other, side, distance_to_corner(window, other, side, position))
     backward = landing_density(graph, tuning, side, other, distance_to_corner(window, side, other, before))
     return True, math.log(backward / forward)
+
+
+@core
+def propose_vertex_move(
+    graph: Graph, proposal: Proposal, tuning: np.ndarray, move: int, rng: np.random.Generator
+) -> tuple[bool, float]:
+    """Fill the proposal of one of the moves above."""
+    if move == c.MOVE_INTERIOR:
+        return propose_interior(graph, proposal, tuning, rng)
+    if move == c.SLIDE:
+        return propose_slide(graph, proposal, rng)
+    if move == c.MOVE_BOUNDARY:
+        return propose_boundary(graph, proposal, tuning, rng)
+    return propose_past_corner(graph, proposal, tuning, rng)

@@ -5,7 +5,7 @@ import gzip
 import pytest
 
 from mapq.io import read_cloud
-from mapq.io.recognise import ACCEPTED
+from mapq.io.content import ACCEPTED
 from tests.mapq.io.samples import pcd, ply, refusal, save, table
 
 
