@@ -16,7 +16,7 @@ from prf.posterior import make_chain
 from tests.verify import ways
 from tests.verify.__main__ import main
 from tests.verify.check import Check, settled
-from tests.verify.controls import control_arms, rougher, run_mutant
+from tests.verify.controls import control_arms, rougher
 from tests.verify.geweke import ACCELERATED, PLAIN, Program, run_joint
 from tests.verify.images import by_loops, by_sampler, compare
 from tests.verify.problems import NAMES, PROBLEMS, laser_problem
@@ -139,11 +139,6 @@ def test_ranks_are_uniform_in_some_worlds(kind: str, way: str, n: int) -> None:
 def test_a_wrong_noise_leaves_the_band() -> None:
     arm = next(arm for arm in control_arms() if "noise" in arm.name)
     assert "log likelihood" in outside(run_arm(arm, 60, SEED, 1).verdicts())
-
-
-@pytest.mark.slow
-def test_births_in_a_wrong_ratio_leave_the_band() -> None:
-    assert "number of edges" in outside(run_mutant(40, SEED).verdicts())
 
 
 @pytest.mark.slow
