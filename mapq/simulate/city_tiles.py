@@ -15,6 +15,7 @@ from mapq.cloud import PointCloud
 from mapq.io.write import write_cloud
 from mapq.simulate.city import PITCH, Part, join, make_block
 from prf.shell.errors import UsageError
+from prf.shell.files import remove_leftovers
 from prf.shell.together import together
 from prf.shell.work import made_folder, work_folder
 
@@ -149,6 +150,8 @@ def write_city(
 
 def _publish(work: Path, target: Path) -> None:
     """Move the tiles to their folder at once, or, where other files are in it, in place of older tiles."""
+    for made in work.iterdir():
+        remove_leftovers(target / made.name)
     with made_folder(target), together() as group:
         for old in sorted(target.glob("tile_*.laz")):
             group.drop(old)

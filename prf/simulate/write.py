@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from prf.run.mapfile import map_text
-from prf.shell.files import atomic_write
+from prf.shell.files import atomic_write, remove_leftovers
 from prf.shell.jsonout import dump_object
 from prf.shell.manifest import describe_input, versions
 from prf.shell.together import Group, together
@@ -59,6 +59,8 @@ def write_simulation(folder: str | os.PathLike[str], simulation: Simulation) -> 
     """
     place = Path(folder)
     inputs = [describe_input(path) for path in _inputs(simulation)]  # one may be a file that is replaced now
+    for name in FILES:
+        remove_leftovers(place / name)
     with made_folder(place), together() as group:
         _write_files(place, simulation, group)
         manifest = _manifest(place, simulation, inputs, group)

@@ -39,7 +39,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def outputs(folder: Path) -> dict[str, int]:
     """Return the files of the output and when each was made: the same number is the same file."""
-    found = {str(path.relative_to(folder)): path for path in folder.rglob("*") if path.is_file()}
+    found = {str(path.relative_to(folder)): path for path in folder.rglob("[!.]*") if path.is_file()}
     return {name: path.stat().st_ino for name, path in found.items() if name.startswith("out")}
 
 
