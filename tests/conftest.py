@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,16 @@ ROOT = Path(__file__).resolve().parent.parent
 # A first call compiles for seconds, so no deadline; examples are derived from the test, so that a red run repeats.
 settings.register_profile("project", deadline=None, derandomize=True)
 settings.load_profile("project")
+
+
+@pytest.fixture(autouse=True)
+def _loggers_of_no_verb() -> None:
+    """Put the packages' loggers back: a verb that ran in this process keeps their messages from `caplog`."""
+    for name in ("prf", "mapq"):
+        logger = logging.getLogger(name)
+        logger.handlers.clear()
+        logger.setLevel(logging.NOTSET)
+        logger.propagate = True
 
 
 @pytest.fixture(scope="session")

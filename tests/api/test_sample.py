@@ -144,8 +144,7 @@ def test_whoever_listens_is_told(tmp_path: Path) -> None:
     assert seen[0].occupancy.shape == (50, 70)
 
 
-def test_an_interrupt_gives_the_run_so_far(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(logging.getLogger("prf"), "propagate", True)
+def test_an_interrupt_gives_the_run_so_far(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.WARNING, logger="prf")
     before = signal.getsignal(signal.SIGINT)
     run = prf.sample(room(), PRIOR, seconds=300.0, watch=lambda _: signal.raise_signal(signal.SIGINT), **HOW)

@@ -55,7 +55,7 @@ def test_the_wheel_says_what_it_is(wheel: dict[str, bytes]) -> None:
     )
     assert said.get_payload() == (ROOT / "README.md").read_text(encoding="utf-8")
     scripts = wheel[f"{INFO}/entry_points.txt"].decode().split("\n")
-    assert {"prf = prf.cli:main", "mapq = mapq.cli:main"} <= set(scripts)
+    assert {"prf = prf.__main__:main", "mapq = mapq.__main__:main"} <= set(scripts)
     assert b"Root-Is-Purelib: true" in wheel[f"{INFO}/WHEEL"]
 
 

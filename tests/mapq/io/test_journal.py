@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import json
-import logging
 
 import numpy as np
 import pytest
@@ -78,8 +77,7 @@ def test_a_journal_that_was_only_begun_says_nothing(saved):
     assert read_patches(saved).label[6] == PLAUSIBLE
 
 
-def test_labels_of_other_patches_are_left_alone_and_said(saved, caplog, monkeypatch):
-    monkeypatch.setattr(logging.getLogger("mapq"), "propagate", True)
+def test_labels_of_other_patches_are_left_alone_and_said(saved, caplog):
     add(saved, Event(3, SUSPICIOUS))
     write_patches(saved, draw_patches(2, n_walls=12, labelled=False))
     assert (read_patches(saved).label == UNLABELLED).all()
