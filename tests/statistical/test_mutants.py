@@ -29,8 +29,14 @@ SUSPECTS = {
 }
 
 
-def by_name(*chosen: mutants.Mutant) -> Any:
-    return pytest.mark.parametrize("mutant", chosen, ids=[mutant.name for mutant in chosen])
+QUICK = 3
+"""Kernels that `make test` compiles wrong; each takes ten seconds, and the others are for `make test-slow`."""
+
+
+def by_name(*chosen: mutants.Mutant, quick: int | None = None) -> Any:
+    marks = [() if quick is None or k < quick else pytest.mark.slow for k in range(len(chosen))]
+    cases = [pytest.param(one, id=one.name, marks=mark) for one, mark in zip(chosen, marks, strict=True)]
+    return pytest.mark.parametrize("mutant", cases)
 
 
 def wrong_moves(found: dict[str, Any]) -> set[str]:
@@ -42,7 +48,7 @@ def wrong_moves(found: dict[str, Any]) -> set[str]:
     }
 
 
-@by_name(mutants.INTACT, *SUSPECTS)
+@by_name(mutants.INTACT, *SUSPECTS, quick=QUICK)
 def test_hastings_check_names_the_wrong_move(mutant: mutants.Mutant, tmp_path: Path) -> None:
     found = mutants.run_check(tmp_path, mutant, "tests.reference.hastings", "2", str(SEED), compiled=False)
     assert set(found["moves"]) == set(NAMES)
