@@ -192,7 +192,8 @@ class Dask:
             raise ConfigError("--scheduler needs the extra: pip install 'prf-mapq[distributed]'") from error
         try:
             self._client = self._dask.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
-        except (OSError, TimeoutError, ValueError) as error:
+        # What else answers there may be taken for the length of a message beyond all memory.
+        except (OSError, TimeoutError, ValueError, MemoryError) as error:
             raise InputError(
                 f"--scheduler {address}: no scheduler answers there. Start one: dask scheduler."
             ) from error

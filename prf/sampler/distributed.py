@@ -119,7 +119,8 @@ def _connect(address: str) -> Any:
     dask = _dask()
     try:
         client = dask.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
-    except (OSError, TimeoutError, ValueError) as error:
+    # What else answers there may be taken for the length of a message beyond all memory.
+    except (OSError, TimeoutError, ValueError, MemoryError) as error:
         raise InputError(f"--scheduler {address}: no scheduler answers there. Start one: dask scheduler.") from error
     try:
         found = client.run(_version)

@@ -83,6 +83,18 @@ def test_no_scheduler_is_said_in_one_line(monkeypatch):
         Dask("tcp://127.0.0.1:9")
 
 
+def test_something_else_that_answers_is_no_scheduler(monkeypatch):
+    """The first bytes of an answer are the length of a message, and may ask for more than all memory."""
+    distributed = pytest.importorskip("distributed")
+
+    def too_long(*_args: object, **_options: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(distributed, "Client", too_long)
+    with pytest.raises(InputError, match="no scheduler answers there"):
+        Dask("tcp://127.0.0.1:80")
+
+
 LEADER = """
 import threading, sys, time
 from mapq.scale.workers import Processes
