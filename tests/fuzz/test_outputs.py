@@ -102,7 +102,8 @@ class TestFaults:
     def test_a_full_disk(self, verb: Verb, folder: Path, has_old: bool) -> None:
         assert call(verb.call, folder).code == 0
         sizes = made(folder, verb)
-        for room in sorted({0, sizes[0] // 2, sizes[-1] - 1}):
+        # A file may be some bytes shorter the next time: times that stand in it are compressed.
+        for room in sorted({0, sizes[0] // 2, sizes[-1] * 9 // 10}):
             before, force = self.begin(verb, folder, has_old)
             with room_for(room):
                 said = call(verb.call, folder, *force)
