@@ -207,6 +207,6 @@ def anneal(
                 best = max(chains, key=lambda chain: chain.score).best
                 scores = tuple(chain.score for chain in chains)
                 on_progress(Moment(share, 1.0 / beta, chains[0].sampler.step, seconds, best, scores))
-    first = max(chains, key=lambda chain: chain.score)
+    winner = max(chains, key=lambda chain: chain.score)
     by_chain = tuple(chain.score for chain in chains)
-    return Annealed(first.best, first.score, by_chain, chains[0].sampler.step, share >= 1.0)
+    return Annealed(winner.best, winner.score, by_chain, chains[0].sampler.step, share >= 1.0)

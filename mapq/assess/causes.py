@@ -114,7 +114,7 @@ def find_causes(
 def scans_apart(patches: Patches, features: PatchFeatures, visits: Visits | None) -> float:
     """Return how far apart in metres scans of one visit put a patch, in the median; nan where no two scans saw one.
 
-    Of many patches every so manieth is asked, at most `MOST_ASKED`.
+    Of many patches every n-th is asked, at most `MOST_ASKED`.
     """
     if visits is None or len(patches) == 0:
         return float("nan")

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
-from typing import Annotated
-
-import typer
-
-from prf.shell.options import Json, Presets
+from prf.shell.options import ConfigAction, ConfigFile, ConfigWhat, Json, Presets
 
 EXAMPLES = (
     "mapq config show > site.toml",
@@ -17,22 +12,9 @@ EXAMPLES = (
 )
 
 
-class Action(StrEnum):
-    """What to do."""
-
-    show = "show"
-    check = "check"
-    presets = "presets"
-
-
 def config(
-    action: Annotated[
-        Action,
-        typer.Argument(metavar="show|check|presets", help="Print all parameters, what is wrong with a file, presets."),
-    ] = Action.show,
-    file: Annotated[
-        str | None, typer.Argument(metavar="FILE|NAME", help="Settings file, TOML, - is standard input; or a preset.")
-    ] = None,
+    action: ConfigWhat = ConfigAction.show,
+    file: ConfigFile = None,
     preset: Presets = None,
     json: Json = False,
 ) -> None:
@@ -47,11 +29,11 @@ def config(
     from mapq.settings import SCHEMA
     from prf.shell.configuration.verb import check, needed_file, refuse_preset, show_presets
 
-    if action is Action.show:
+    if action is ConfigAction.show:
         _show(file, preset, json)
         return
     refuse_preset(action.value, preset)
-    if action is Action.check:
+    if action is ConfigAction.check:
         check(needed_file(file), SCHEMA, "mapq.config.check/1" if json else None)
     else:
         show_presets(file, SCHEMA, "mapq.config.presets/1" if json else None)

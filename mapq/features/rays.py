@@ -15,7 +15,7 @@ from mapq.kernels.rays import Voxels, count_rays
 from mapq.kernels.voxels import voxel_keys
 
 MOST_RAYS = 400_000
-"""Rays that are followed; of more every so manieth."""
+"""Rays that are followed; of more every n-th."""
 LEAST_RAYS = 2
 """Rays through a voxel that make it one that is seen through: a single one may be a mixed range."""
 VOXEL = 0.25
@@ -45,7 +45,7 @@ class Rays(NamedTuple):
 
 
 def draw_rays(shapes: PatchShapes, views: Views) -> Rays:
-    """Return the rays that are followed: of all patches one after the other, every so manieth."""
+    """Return the rays that are followed: of all patches one after the other, every n-th."""
     known = np.flatnonzero(has_ray(views.to_sensor))
     return take_rays(shapes, views, known[:: ray_step(len(known))])
 

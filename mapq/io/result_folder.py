@@ -93,7 +93,7 @@ def open_result_folder(path: str, options: ReadOptions = AS_IT_IS) -> ResultFold
 
 
 def thinned(folder: ResultFolder, names: tuple[str, ...], n_most: int) -> PointCloud:
-    """Return at most `n_most` of the points as one cloud: every so manieth of each piece."""
+    """Return at most `n_most` of the points as one cloud: every n-th of each piece."""
     step = max(1, -(-folder.n_points // n_most))
     begin, parts = 0, []
     for piece in folder.pieces(names):

@@ -26,7 +26,7 @@ from mapq.scale.patches import Whole, load_whole
 from mapq.scale.rays import rays_near
 
 LARGEST_PATCH = 1_000_000
-"""Points of a patch that are looked at, where a map has several parts: of a larger one every so manieth."""
+"""Points of a patch that are looked at, where a map has several parts: of a larger one every n-th."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -1,6 +1,6 @@
 """The rays of a whole map that are followed: those that the map in memory follows, whatever the tiles are.
 
-Those are, of all patches one after the other, every so manieth along the curve through the map. How many rays each
+Those are, of all patches one after the other, every n-th along the curve through the map. How many rays each
 patch has is known before; so a task that loads some patches can tell which of theirs they are.
 """
 

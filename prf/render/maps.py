@@ -78,11 +78,7 @@ def render_draws(run: Run, target: Target, *, n_draws: int = 4, title: str | Non
     InputError
         If the run has no draws.
     """
-    chosen = spread(len(run.draws), n_draws)
-    if not chosen:
-        raise InputError(f"{run.name}: no draws yet. Go on with prf sample --resume.")
-    captions = [f"chain {run.chain[i] + 1}, step {run.step[i]:,}" for i in chosen]
-    maps = [run.draws[i] for i in chosen]
+    maps, captions = spread_draws(run, n_draws)
     small = f"{run.name}  ·  {len(maps)} of {style.counted(len(run.draws), 'draw')}"
     render_maps(maps, captions, target, title=title or "Draws from the posterior", subtitle=small)
 
@@ -136,6 +132,21 @@ def columns_for(n_maps: int, width: float) -> int:
     most = max(1, min(n_maps, int(PAGE_WIDTH / width)))
     n_rows = -(-n_maps // most)
     return -(-n_maps // n_rows)
+
+
+def spread_draws(run: Run, n_draws: int) -> tuple[list[Coloring], list[str]]:
+    """Return so many draws of a run, spread evenly over chains and time, and what to write below each.
+
+    Raises
+    ------
+    InputError
+        If the run has no draws.
+    """
+    chosen = spread(len(run.draws), n_draws)
+    if not chosen:
+        raise InputError(f"{run.name}: no draws yet. Go on with prf sample --resume.")
+    captions = [f"chain {run.chain[i] + 1}, step {run.step[i]:,}" for i in chosen]
+    return [run.draws[i] for i in chosen], captions
 
 
 def spread(n_draws: int, n_chosen: int) -> list[int]:

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.coloring import Coloring, black_at
-from prf.render.maps import spread
+from prf.render.maps import spread_draws
 from prf.render.posterior import small_print
 from prf.run import Cones, PosteriorImage, Run, names
 from prf.shell import pictures as style
-from prf.shell.errors import InputError
 from prf.shell.terminal import (
     Canvas,
     Layer,
@@ -119,11 +118,8 @@ def draw_lines(run: Run, screen: Screen, *, n_draws: int = 4, title: str | None 
     InputError
         If the run has no draws.
     """
-    chosen = spread(len(run.draws), n_draws)
-    if not chosen:
-        raise InputError(f"{run.name}: no draws yet. Go on with prf sample --resume.")
-    captions = [f"chain {run.chain[i] + 1}, step {run.step[i]:,}" for i in chosen]
-    return map_lines([run.draws[i] for i in chosen], captions, screen, title=title or "Draws from the posterior")
+    maps, captions = spread_draws(run, n_draws)
+    return map_lines(maps, captions, screen, title=title or "Draws from the posterior")
 
 
 def cell_lines(image: PosteriorImage, screen: Screen, *, title: str, words: str = "") -> list[Text]:

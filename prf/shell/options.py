@@ -20,6 +20,7 @@ that no verb can forget one; a verb must not declare them.
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Annotated
 
 import typer
@@ -39,6 +40,23 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as one JSON
 Presets = Annotated[
     list[str] | None,
     typer.Option("--preset", metavar="NAME", help="Preset of a sensor, repeatable; config presets lists them."),
+]
+
+
+class ConfigAction(StrEnum):
+    """What `prf config` and `mapq config` do."""
+
+    show = "show"
+    check = "check"
+    presets = "presets"
+
+
+ConfigWhat = Annotated[
+    ConfigAction,
+    typer.Argument(metavar="show|check|presets", help="Print all parameters, what is wrong with a file, presets."),
+]
+ConfigFile = Annotated[
+    str | None, typer.Argument(metavar="FILE|NAME", help="Settings file, TOML, - is standard input; or a preset.")
 ]
 Terminal = Annotated[bool, typer.Option("--terminal", help="Print the picture here, in blocks or characters.")]
 TerminalWidth = Annotated[
