@@ -138,7 +138,7 @@ def test_an_old_model_is_refused_in_one_line(file, words, old, capsys):
     assert words in errors[0]
 
 
-@pytest.mark.parametrize(("run", "state"), zip(RUNS, ["damaged", "ok"], strict=True))
+@pytest.mark.parametrize(("run", "state"), list(zip(RUNS, ["damaged", "ok"], strict=True)))
 def test_inspect_says_which_file_of_an_old_run_is_of_use(run, state, old, capsys):
     (old / run / "posterior.png").unlink(missing_ok=True)
     code, out, _ = call(f"prf inspect {run} --json", capsys)

@@ -31,6 +31,7 @@ def test_a_bomb_is_refused_before_it_is_unpacked(monkeypatch):
         (gzip.compress(DATA)[:20] + b"\xff" * 9, "damaged"),
         (gzip.compress(DATA) + b"tail", "damaged"),
     ],
+    ids=["cut", "overwritten", "with a tail"],  # the bytes hold the time of day, and names must not
 )
 def test_damage_is_told(data, words):
     with pytest.raises(InputError, match=f"a.gz: the gzip file is {words}"):
