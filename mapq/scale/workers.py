@@ -6,7 +6,6 @@ at all. So it may be done twice: a worker that is lost costs its task, which ano
 
 from __future__ import annotations
 
-import importlib
 import multiprocessing
 import os
 import signal
@@ -21,12 +20,11 @@ from multiprocessing.connection import wait as wait_for
 from typing import Any, Protocol, TypeVar
 
 from mapq import __version__
-from prf.shell.errors import ConfigError, InputError, PrfError
+from prf.shell.errors import InputError, PrfError
+from prf.shell.scheduler import Cluster
 
 RETRIES = 3
 """Times that a task is done again if it fails or its worker is lost."""
-CONNECT_SECONDS = 10.0
-"""A scheduler that does not answer for so long is not there."""
 
 Task = TypeVar("Task")
 Found = TypeVar("Found")
@@ -186,35 +184,12 @@ class Dask:
 
     def __init__(self, address: str) -> None:
         self.address = address
-        try:
-            self._dask = importlib.import_module("distributed")
-        except ImportError as error:
-            raise ConfigError("--scheduler needs the extra: pip install 'prf-mapq[distributed]'") from error
-        try:
-            self._client = self._dask.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
-        # What else answers there may be taken for the length of a message beyond all memory.
-        except (OSError, TimeoutError, ValueError, MemoryError) as error:
-            raise InputError(
-                f"--scheduler {address}: no scheduler answers there. Start one: dask scheduler."
-            ) from error
-        self._check_versions()
-
-    def _check_versions(self) -> None:
-        try:
-            versions = set(self._client.run(_version).values())
-        except Exception as error:
-            self.close()
-            raise ConfigError(
-                f"--scheduler {self.address}: its workers cannot import mapq {__version__}. Install it."
-            ) from error
-        if versions != {__version__}:
-            self.close()
-            what = f"its workers have mapq {', '.join(sorted(versions))}" if versions else "it has no workers"
-            raise ConfigError(f"--scheduler {self.address}: {what}. Start workers with mapq {__version__}.")
+        self._cluster = Cluster(address, "mapq", _version)
+        self._dask, self._client = self._cluster.dask, self._cluster.client
 
     def close(self) -> None:
         """Leave the scheduler and its workers to themselves."""
-        self._client.close()
+        self._cluster.close()
 
     def each(
         self, function: Callable[[Task], Found], tasks: Sequence[Task], done: Callable[[int], None]

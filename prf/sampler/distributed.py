@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import copy
 import hashlib
-import importlib
 import json
 import pickle
 import threading
@@ -26,10 +25,9 @@ from prf.sampler.chain_state import Arrays, chain_arrays, restore
 from prf.sampler.probes import probe_pixels
 from prf.sampler.record import Draw, Record
 from prf.sampler.tiles import Round, TileData, TiledChain, TileResult, make_tile_data, work_tile
-from prf.shell.errors import ConfigError, InputError
+from prf.shell.errors import InputError
+from prf.shell.scheduler import Cluster
 
-CONNECT_SECONDS = 10.0
-"""A scheduler that does not answer for so long is not there."""
 RETRIES = 3
 """Times that a task is repeated if it fails, besides those that a lost worker makes necessary."""
 MOST_KEPT = 2
@@ -58,14 +56,15 @@ class Remote:
 
     def __init__(self, address: str, settings: Settings) -> None:
         self.address = address
-        self._client = _connect(address)
+        self._cluster = Cluster(address, "prf", _version)
+        self._client = self._cluster.client
         payload = pickle.dumps(settings)
         self.key = hashlib.sha256(payload).hexdigest()
         self._readings = self._send(payload)
 
     def close(self) -> None:
         """Leave the scheduler and its workers to themselves."""
-        self._client.close()
+        self._cluster.close()
 
     def work_tiles(self, chains: Sequence[TiledChain], begun: Sequence[Round]) -> list[list[TileResult]]:
         """Have the tiles of all chains worked."""
@@ -96,7 +95,7 @@ class Remote:
 
     def _gather(self, futures: Any) -> Any:
         """Wait for the values of futures; what goes wrong on the way ends the run in one line."""
-        dask = _dask()
+        dask = self._cluster.dask
         try:
             return self._client.gather(futures)
         except (dask.CancelledError, dask.KilledWorker, OSError, TimeoutError) as error:
@@ -104,35 +103,6 @@ class Remote:
                 f"--scheduler {self.address}: scheduler or workers are lost ({type(error).__name__}). "
                 "Start them again, and go on with --resume."
             ) from error
-
-
-def _dask() -> Any:
-    """Return Dask's package, which is an extra."""
-    try:
-        return importlib.import_module("distributed")
-    except ImportError as error:
-        raise ConfigError("--scheduler needs the extra: pip install 'prf-mapq[distributed]'") from error
-
-
-def _connect(address: str) -> Any:
-    """Return a client of the scheduler at an address."""
-    dask = _dask()
-    try:
-        client = dask.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
-    # What else answers there may be taken for the length of a message beyond all memory.
-    except (OSError, TimeoutError, ValueError, MemoryError) as error:
-        raise InputError(f"--scheduler {address}: no scheduler answers there. Start one: dask scheduler.") from error
-    try:
-        found = client.run(_version)
-    except Exception as error:
-        client.close()
-        raise ConfigError(f"--scheduler {address}: its workers cannot import prf {__version__}. Install it.") from error
-    others = sorted(set(found.values()) - {__version__})
-    if others or not found:
-        client.close()
-        what = f"its workers have prf {', '.join(others)}" if others else "it has no workers"
-        raise ConfigError(f"--scheduler {address}: {what}. Start workers with prf {__version__}.")
-    return client
 
 
 def _version() -> str:

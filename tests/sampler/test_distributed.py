@@ -22,7 +22,7 @@ from prf.sampler import Sampler
 from prf.sampler.chain import ChainSampler
 from prf.sampler.distributed import Remote, pack, remote_blocks, unpack
 from prf.sampler.probes import probe_pixels
-from prf.shell.errors import ConfigError, InputError
+from prf.shell.errors import ConfigError
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
 from tests.reference.beams import Sensor
@@ -80,18 +80,6 @@ def test_a_missing_extra_is_named(settings: Settings, monkeypatch: pytest.Monkey
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ConfigError, match=r"prf-mapq\[distributed\]"):
         Remote("tcp://127.0.0.1:8786", settings)
-
-
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x"])
-def test_no_scheduler_there_is_said_in_one_line(
-    settings: Settings, address: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pytest.importorskip("distributed")
-    monkeypatch.setattr(distributed, "CONNECT_SECONDS", 0.2)
-    with pytest.raises(InputError) as caught:
-        Remote(address, settings)
-    assert address in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 @pytest.fixture(scope="module")

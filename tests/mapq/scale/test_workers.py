@@ -78,21 +78,9 @@ def test_a_task_that_loses_every_process_ends_the_run_in_one_line():
 
 def test_no_scheduler_is_said_in_one_line(monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("mapq.scale.workers.CONNECT_SECONDS", 0.5)
+    monkeypatch.setattr("prf.shell.scheduler.CONNECT_SECONDS", 0.2)
     with pytest.raises(InputError, match=r"no scheduler answers there\. Start one: dask scheduler"):
         Dask("tcp://127.0.0.1:9")
-
-
-def test_something_else_that_answers_is_no_scheduler(monkeypatch):
-    """The first bytes of an answer are the length of a message, and may ask for more than all memory."""
-    distributed = pytest.importorskip("distributed")
-
-    def too_long(*_args: object, **_options: object) -> None:
-        raise MemoryError
-
-    monkeypatch.setattr(distributed, "Client", too_long)
-    with pytest.raises(InputError, match="no scheduler answers there"):
-        Dask("tcp://127.0.0.1:80")
 
 
 LEADER = """
