@@ -1,7 +1,7 @@
 """What must not outlive the process: files half written, locks, work folders.
 
-Their makers remove them. A process that a signal ends in the middle of an import, where no exception may pass, sweeps
-them itself.
+Their makers remove them. A process that a signal ends in the middle of an import or of a compiler, where no exception
+passes, sweeps them itself.
 """
 
 from __future__ import annotations

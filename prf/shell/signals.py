@@ -17,6 +17,8 @@ from prf.shell.errors import Interrupted
 logger = logging.getLogger(__name__)
 
 _STOPPING = (signal.SIGINT, signal.SIGTERM)
+_DEAF = ("numba", "llvmlite")
+"""Packages that are called back from compiled code, which prints an exception and goes on."""
 
 
 class StopFlag:
@@ -75,18 +77,19 @@ def graceful_stop(signals: Sequence[signal.Signals] = _STOPPING) -> Iterator[Sto
             signal.signal(number, handler)
 
 
-def _is_importing(frame: FrameType | None) -> bool:
-    """Return whether what a signal interrupts is an import, or called by one."""
+def _is_deaf(frame: FrameType | None) -> bool:
+    """Return whether what a signal interrupts, or what called that, would lose an exception or make another of it."""
     while frame is not None:
-        if frame.f_code.co_filename.startswith("<frozen importlib"):
+        package = str(frame.f_globals.get("__name__")).partition(".")[0]
+        if package in _DEAF or frame.f_code.co_filename.startswith("<frozen importlib"):
             return True
         frame = frame.f_back
     return False
 
 
 def _end(number: int, frame: FrameType | None) -> NoReturn:
-    """End the tool through its ``finally`` clauses; in an import, which would make other errors of it, at once."""
-    if _is_importing(frame):
+    """End the tool through its ``finally`` clauses; where no exception passes, in imports and compilers, at once."""
+    if _is_deaf(frame):
         litter.sweep()
         os._exit(128 + number)
     if number == signal.SIGINT:

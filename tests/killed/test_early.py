@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM while a verb starts: nothing is said, nothing is left, and the exit code is 130 or 143."""
+"""Ctrl-C and SIGTERM while a verb starts or compiles: nothing is said or left, and the exit code is 130 or 143."""
 
 from __future__ import annotations
 
@@ -32,6 +32,32 @@ try:
     runpy.run_module("{tool}", run_name="__main__", alter_sys=True)
 finally:
     print(counting.count, file=sys.stderr)
+"""
+IN_A_CALLBACK = """
+import ctypes, os, signal
+from prf.shell import files, signals
+code = "def notify(): os.kill(os.getpid(), {number})"
+names = dict(os=os, __name__="{package}.binding")
+exec(code, names)
+with signals.ending_the_tool(), files.atomic_write("a.txt"):
+    ctypes.CFUNCTYPE(None)(names["notify"])()
+"""
+COMPILING = """
+import os, sys, numba
+from llvmlite.binding.executionengine import ExecutionEngine
+from prf.shell.run import run_app
+
+class Verb:
+    def main(self, *_, **__):
+        find = ExecutionEngine._find_module_ptr
+        def interrupted(self, pointer):
+            os.kill(os.getpid(), {number})
+            return find(self, pointer)
+        ExecutionEngine._find_module_ptr = interrupted
+        numba.njit(lambda x: 2.0 * x)(1.0)
+        print("nothing came of it")
+
+sys.exit(run_app(Verb(), "prf", []))
 """
 FINISHING = ("sample", "anneal")
 """Verbs that end in good order: asked to after their last step they are done."""
@@ -106,6 +132,25 @@ def test_in_the_first_moments(number: signal.Signals, tmp_path: Path) -> None:
             is_pythons = not of_ours and process.returncode in (-number, 1, 130)
             is_missing = process.returncode == 3
             assert is_pythons or is_missing or (process.returncode, err) == (128 + number, ""), (seconds, err)
+
+
+@pytest.mark.parametrize(("package", "code"), [("llvmlite", 143), ("unknown", 0)])
+def test_in_a_callback_that_loses_exceptions(package: str, code: int, tmp_path: Path) -> None:
+    """The other package shows that the exception is lost indeed: Python prints it and goes on."""
+    script = IN_A_CALLBACK.format(number=int(signal.SIGTERM), package=package)
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, env=environment(), capture_output=True)
+    assert done.returncode == code
+    assert (done.stderr == b"") == (code != 0)
+    assert sorted(path.name for path in tmp_path.iterdir()) == (["a.txt"] if code == 0 else [])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", SIGNALS)
+def test_while_numba_compiles(number: signal.Signals, tmp_path: Path) -> None:
+    """Machine code is handed over by a callback; an exception there left half of it, and exit code 0 or 70."""
+    script = COMPILING.format(number=int(number))
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, env=environment(), capture_output=True)
+    assert (done.returncode, done.stdout, done.stderr) == (128 + number, b"", b"")
 
 
 def test_what_is_marked_goes(tmp_path: Path) -> None:
