@@ -29,8 +29,8 @@ def inspect(
     """Show what a result is, how it was made, and the state of its files.
 
     Prints what the result says of itself (of a run and a grid: versions, configuration, seed, inputs, status) and for
-    each file whether it is ok, missing or damaged. A damaged file makes the exit code 3; a missing one does not, since
-    a run may end early.
+    each file whether it is ok, missing, damaged or of another version. A file that cannot be read makes the exit code
+    3; a missing one does not, since a run may end early, nor a checkpoint of another version, since draws are read.
     """
     from prf.inspection import inspect as look_into
     from prf.shell import console, jsonout
@@ -43,9 +43,10 @@ def inspect(
     else:
         for line in (*_manifest_lines({"kind": found.kind, **found.manifest}), "", *_file_lines(found.files)):
             console.emit(line)
-    damaged = [file.name for file in found.files if file.state == "damaged"]
-    if damaged:
-        raise InputError(f"{source}: damaged: {', '.join(damaged)}.")
+    for state in ("damaged", "other version"):
+        lost = [file.name for file in found.files if file.state == state and file.is_lost]
+        if lost:
+            raise InputError(f"{source}: {state}: {', '.join(lost)}.")
 
 
 def _manifest_lines(manifest: Mapping[str, Any]) -> Iterator[str]:
@@ -72,4 +73,4 @@ def _file_lines(files: list[FileState]) -> Iterator[str]:
     width = max(18, *(len(file.name) + 2 for file in files))
     for file in files:
         size = "" if file.bytes is None else f"{file.bytes:,} B"
-        yield f"{file.name:<{width}}{file.state:<9}{size:>15}  {file.summary}".rstrip()
+        yield f"{file.name:<{width}}{file.state:<14}{size:>15}  {file.summary}".rstrip()

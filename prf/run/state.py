@@ -15,19 +15,28 @@ from prf.kernels.constants import STEP
 from prf.run import names
 from prf.run.read import read_best, read_draws, read_image, read_manifest, read_readings
 from prf.shell.errors import PrfError
-from prf.shell.storage import damaged, load_arrays, load_object, take_array
+from prf.shell.storage import OtherVersion, damaged, load_arrays, load_object, take_array
 
+_OLD_CHECKPOINT = (
+    "this release reads the draws, but cannot go on from here. Use the release that wrote it, or sample anew."
+)
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 
 
 class FileState(NamedTuple):
-    """State of one file: "ok", "missing" or "damaged"; what it holds, or why it cannot be read."""
+    """State of one file: "ok", "missing", "damaged" or "other version"; what it holds, or why it cannot be read."""
 
     name: str
     state: str
     bytes: int | None
     schema: str | None
     summary: str
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether it stands there and cannot be read, nor the run without it, as without an old checkpoint."""
+        spare = self.state == "other version" and self.name == names.CHECKPOINT
+        return self.state in ("damaged", "other version") and not spare
 
 
 def inspect_files(path: str | os.PathLike[str]) -> list[FileState]:
@@ -51,8 +60,15 @@ def _inspect(file: Path, summarise: Callable[[Path], str]) -> FileState:
     size = file.stat().st_size
     try:
         return FileState(file.name, "ok", size, schema, summarise(file))
+    except OtherVersion as error:
+        words = f"{error.found}: {_OLD_CHECKPOINT}" if file.name == names.CHECKPOINT else _without_name(error, file)
+        return FileState(file.name, "other version", size, error.found, words)
     except PrfError as error:
-        return FileState(file.name, "damaged", size, schema, str(error).removeprefix(f"{file}: "))
+        return FileState(file.name, "damaged", size, schema, _without_name(error, file))
+
+
+def _without_name(error: PrfError, file: Path) -> str:
+    return str(error).removeprefix(f"{file}: ")
 
 
 def _summarise_manifest(file: Path) -> str:

@@ -27,6 +27,21 @@ _ARRAY_ERRORS = (
 """What numpy and zipfile raise for a damaged archive; RuntimeError has nesting and unknown packing among it."""
 
 
+class OtherVersion(InputError):  # noqa: N818 - reads as what happened
+    """A file of a kind that is read, in a version that is not.
+
+    Parameters
+    ----------
+    message : str
+    found : str
+        The schema of the file.
+    """
+
+    def __init__(self, message: str, found: str) -> None:
+        super().__init__(message)
+        self.found = found
+
+
 def load_arrays(path: Path, schema: str) -> dict[str, NDArray[Any]]:
     """Return all arrays of the .npz file `path`, whose array ``schema`` must be `schema`.
 
@@ -107,9 +122,10 @@ def check_schema(path: Path, found: str, expected: str) -> None:
         tool = kind.partition(".")[0]
         raise InputError(f"{path}: no schema: this is not a file that {tool} wrote. Expected {expected}.")
     if found.startswith(f"{kind}/"):
-        raise InputError(
+        raise OtherVersion(
             f"{path}: version {found.rpartition('/')[2]} of {kind} is not known to this release, which reads version "
-            f"{version}. Use the release that wrote it."
+            f"{version}. Use the release that wrote it.",
+            found,
         )
     raise InputError(f"{path}: schema {found}, expected {expected}.")
 

@@ -56,6 +56,23 @@ def test_an_unknown_version_is_refused(folder: Path, capsys: pytest.CaptureFixtu
     assert "version 7 of prf.run is not known" in capsys.readouterr().err
 
 
+def test_files_of_other_versions(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    """A checkpoint of another release takes nothing from what can be read; draws do."""
+    save_arrays(folder / "checkpoint.npz", "prf.checkpoint/1", {})
+    assert run_app(app, "prf", ["inspect", str(folder)]) == 0
+    shown = capsys.readouterr()
+    assert shown.err == ""
+    assert "checkpoint.npz    other version" in shown.out
+    assert "prf.checkpoint/1: this release reads the draws, but cannot go on from here" in shown.out
+    save_arrays(folder / "draws.npz", "prf.draws/9", {})
+    assert run_app(app, "prf", ["inspect", str(folder), "--json"]) == 3
+    shown = capsys.readouterr()
+    assert shown.err.strip().endswith("other version: draws.npz.")
+    files = {file["name"]: file for file in json.loads(shown.out)["files"]}
+    assert (files["draws.npz"]["state"], files["draws.npz"]["schema"]) == ("other version", "prf.draws/9")
+    assert "version 9 of prf.draws is not known" in files["draws.npz"]["summary"]
+
+
 def test_a_cut_picture_or_checkpoint_is_seen(folder: Path, capsys: pytest.CaptureFixture) -> None:
     render_posterior(read_run(folder), folder / "posterior.png")
     whole = (folder / "posterior.png").read_bytes()
