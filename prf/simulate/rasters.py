@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from prf.coloring.polygons import from_segments, occupied_polygons
-from prf.shell.errors import InputError
+from prf.shell.errors import ConfigError, InputError
 from prf.shell.files import open_input
 from prf.simulate.world import Floats, World
 from prf.window import Window
@@ -40,12 +40,22 @@ class CellMap(NamedTuple):
         Lower left corner of cell (0, 0), metres.
     resolution : float
         Side of a cell, metres.
+    yaw : float
+        By which the map is turned round its origin, radians, counter-clockwise.
     """
 
     occupied: NDArray[np.bool_]
     unknown: NDArray[np.bool_]
     origin: tuple[float, float]
     resolution: float
+    yaw: float = 0.0
+
+    def window(self, padding: int = 0) -> Window:
+        """Return the window of the cells and `padding` more round them, as if the map were not turned."""
+        ny, nx = self.occupied.shape
+        x0, y0 = (at - padding * self.resolution for at in self.origin)
+        side = self.resolution
+        return Window.checked(x0, y0, x0 + (nx + 2 * padding) * side, y0 + (ny + 2 * padding) * side)
 
 
 def read_cell_map(path: str | os.PathLike[str]) -> CellMap:
@@ -59,15 +69,13 @@ def read_cell_map(path: str | os.PathLike[str]) -> CellMap:
     Raises
     ------
     InputError
-        If either file is missing or damaged, or the map is turned against the axes.
+        If either file is missing or damaged.
     """
     content = _load_yaml(path)
     x, y, yaw = _numbers(path, content, "origin", 3)
     (resolution,) = _numbers(path, content, "resolution", 1)
     if resolution <= 0.0:
         raise InputError(f"{path}: resolution {resolution:g}, must be a positive number of metres.")
-    if yaw != 0.0:
-        raise InputError(f"{path}: origin has the yaw {yaw:g}. Maps that are turned are not read: turn it back first.")
     mode = content.get("mode", MODES[0])
     if mode not in MODES:
         raise InputError(f"{path}: mode {_shown(mode)}, must be one of {', '.join(MODES)}.")
@@ -85,7 +93,12 @@ def read_cell_map(path: str | os.PathLike[str]) -> CellMap:
         (taken,) = _numbers(path, content, "occupied_thresh", 1, taken)
     occupied = known & (occupancy > taken)
     unknown = ~known | ((occupancy >= free) & (occupancy <= taken))
-    return CellMap(occupied[::-1], unknown[::-1], (x, y), resolution)
+    cells = CellMap(occupied[::-1], unknown[::-1], (x, y), resolution, yaw)
+    try:
+        cells.window(PADDING)
+    except ConfigError as error:
+        raise InputError(f"{path}: {error}") from error
+    return cells
 
 
 def world_of_cells(cells: CellMap, unknown_is_occupied: bool) -> World:
@@ -95,11 +108,9 @@ def world_of_cells(cells: CellMap, unknown_is_occupied: bool) -> World:
     """
     taken = cells.occupied | (cells.unknown & unknown_is_occupied)
     taken = np.pad(taken, PADDING, constant_values=unknown_is_occupied)
-    ny, nx = taken.shape
-    x0, y0 = (at - PADDING * cells.resolution for at in cells.origin)
-    window = Window.checked(x0, y0, x0 + nx * cells.resolution, y0 + ny * cells.resolution)
+    window = cells.window(PADDING)
     contours = cell_contours(_joined(taken))
-    outlines = shapely.transform(contours, lambda xy: xy * cells.resolution + np.array([x0, y0]))
+    outlines = shapely.transform(contours, lambda xy: xy * cells.resolution + np.array([window.x_min, window.y_min]))
     return World.from_polygons(shapely.simplify(outlines, TOLERANCE * cells.resolution), window)
 
 

@@ -42,10 +42,14 @@ def read_world(path: str | os.PathLike[str], unknown_is_occupied: bool = False) 
     Raises
     ------
     InputError
-        If it cannot be read, or its walls have no inside and outside: polygons that touch at a point.
+        If it cannot be read, or its walls have no inside and outside: polygons that touch at a point; or if a ROS map
+        is turned against the axes.
     """
     if Path(path).suffix.lower() in YAML_SUFFIXES:
-        return world_of_cells(read_cell_map(path), unknown_is_occupied)
+        cells = read_cell_map(path)
+        if cells.yaw != 0.0:
+            raise InputError(f"{path}: origin has the yaw {cells.yaw:g}. A turned map is no world: turn it back first.")
+        return world_of_cells(cells, unknown_is_occupied)
     area = read_occupied_area(path)
     if area.window is None and area.region.is_empty:
         raise InputError(f"{path}: neither a polygon nor a window. Give polygons of the occupied area.")

@@ -175,7 +175,8 @@ class TestRosMap:
         ("yaml", "words"),
         [
             ("hello\n", "not the yaml file"),
-            (INLINE.replace("0.65", "much"), "not the yaml file"),
+            (INLINE.replace("0.65", "much"), "occupied_thresh is 'much'"),
+            (INLINE.replace("0.5", "1e308"), "every bound must be finite"),
             (INLINE.replace("0.5", "-0.5"), "resolution"),
             (INLINE.replace("map.pgm", "none.pgm"), "none.pgm: no such file"),
             (INLINE.replace("map.pgm", "map.yaml"), "not an image"),

@@ -119,7 +119,6 @@ YAML = "image: map.pgm\nresolution: 0.1\norigin: [0.0, 0.0, 0.0]\nnegate: 0\n"
         ("- 1", "not the yaml file"),
         (YAML.replace("0.1", "-1"), "resolution -1"),
         (YAML.replace("0.1", "fine"), "resolution is 'fine'"),
-        (YAML.replace("0.0]", "0.5]"), "yaw 0.5"),
         (YAML.replace("[0.0, 0.0, 0.0]", "[0.0]"), "origin is"),
         (YAML + "mode: colourful\n", "mode 'colourful'"),
         (YAML.replace("image", "picture"), "no image"),
@@ -130,6 +129,14 @@ def test_damaged_maps_are_refused(text: str, message: str, tmp_path: Path) -> No
     (tmp_path / "map.yaml").write_text(text)
     with pytest.raises(InputError, match=message):
         read_cell_map(tmp_path / "map.yaml")
+
+
+def test_a_turned_map_is_no_world(tmp_path: Path) -> None:
+    (tmp_path / "map.pgm").write_bytes(b"P5\n2 1\n255\n\xff\x00")
+    (tmp_path / "map.yaml").write_text(YAML.replace("0.0]", "0.5]"))
+    assert read_cell_map(tmp_path / "map.yaml").yaw == 0.5
+    with pytest.raises(InputError, match=r"map\.yaml: origin has the yaw 0\.5"):
+        read_world(tmp_path / "map.yaml")
 
 
 def test_a_damaged_image_is_refused(tmp_path: Path) -> None:
