@@ -20,6 +20,7 @@ from mapq.patches import SUSPICIOUS
 from mapq.posed import find_scans, read_poses
 from mapq.posed.calibration import read_calibration
 from mapq.posed.uos import read_uos_pose
+from mapq.settings import check_settings, read_settings
 from tests.fuzz.reader import Reader
 from tests.logs.bags import START, Maker, Note, drive
 from tests.mapq.io.las_files import FOOT_WKT, geo_keys, las_bytes, wkt
@@ -35,6 +36,9 @@ LISTS = b"ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty list 
     b"property float %c\n" % axis for axis in b"xyz"
 )
 LISTS += b"end_header\n" + (b"\x02" + bytes(8) + np.ones(3, "<f4").tobytes()) * 2
+SETTINGS = (
+    b'[segment]\nneighbours = 20\nnoise = 0.02\nup = [0, 1, 0]\n[features]\nreading = "literal"\ncontext = ["rays"]\n'
+)
 KITTI_POSE = "1 0 0 0.5 0 1 0 0 0 0 1 0\n"
 TUM = "# time x y z q\n0.0 1 2 3 0 0 0 1\n1.0 1 2 4 0 0 0.6 0.8\n"
 GRAPH = "v0 1 2 3 0 0 0 1\nv1 1 2 4 0 0 0.6 0.8\n"
@@ -153,6 +157,11 @@ def _result_cloud(folder: Path) -> None:
     (folder / "a.ply").write_bytes(ply(labelled))
 
 
+def _settings(path: Path) -> None:
+    check_settings(path)
+    read_settings(path)
+
+
 def _uos(path: Path) -> None:
     read_uos_pose(str(path))
 
@@ -197,6 +206,7 @@ READERS: dict[str, Reader] = {
     "cloud-mcap": Reader("a.mcap", partial(_bag, "mcap"), _cloud),
     "patches": Reader("b.patches", _patches, _read_patches),
     "journal": Reader(f"a.patches{SUFFIX}", _journal, _read_journal, _patches),
+    "mapq-settings": Reader("a.toml", _bytes(SETTINGS), _settings),
     "model": Reader("a.json", _model, _read_model),
     "result": Reader("a.json", _bytes(RESULT.encode()), _result, _result_cloud),
     "poses": Reader("poses.txt", _bytes(KITTI_POSE.encode() * 2, TUM.encode(), GRAPH.encode()), read_poses),

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from prf.calibrate import read_known_map
 from prf.coloring import read_geojsonl, write_geojsonl
 from prf.inspection import inspect
 from prf.logs import Kind, describe, describe_points, read_point_data, read_readings
@@ -21,8 +22,8 @@ from prf.score import read_occupied_area
 from prf.settings_file import check_settings, read_settings
 from prf.shell.errors import InputError
 from prf.shell.storage import save_arrays
+from prf.simulate import read_world
 from prf.simulate.path_file import read_path
-from prf.simulate.rasters import read_cell_map
 from prf.window import Window
 from tests.factories import make_run, random_draws
 from tests.fuzz.reader import Reader
@@ -137,6 +138,24 @@ def _points(path: Path) -> None:
     table.refuse_other_than_colours()
 
 
+def _ros2(folder: Path) -> Path:
+    """Write the folder of a ROS 2 bag and return it."""
+    make = Maker("sqlite3")
+    notes = [*drive(make), Note("/scan", START + 0.5, make.scan(START + 0.5, [1.0, 2.0, np.inf]))]
+    return make.write(folder / "bag", sorted(notes, key=lambda note: note.time))
+
+
+def _metadata(folder: Path) -> Sequence[bytes]:
+    return [(_ros2(folder) / "metadata.yaml").read_bytes()]
+
+
+def _beside_metadata(folder: Path) -> None:
+    bag = _ros2(folder)
+    for file in bag.iterdir():
+        file.rename(folder / file.name)
+    bag.rmdir()
+
+
 def _png(_: Path) -> Sequence[bytes]:
     from matplotlib.image import imsave
 
@@ -145,8 +164,18 @@ def _png(_: Path) -> Sequence[bytes]:
     return [PGM, stream.getvalue()]
 
 
+def _cell_map(path: Path) -> None:
+    """Read a map for ROS as the world to be simulated, and as the map to calibrate in."""
+    for read in (partial(read_world, unknown_is_occupied=True), read_world, read_known_map):
+        try:
+            read(path)
+        except InputError:
+            if read is read_known_map:
+                raise
+
+
 def _raster(image: Path) -> None:
-    read_cell_map(image.parent / "map.yaml")
+    _cell_map(image.parent / "map.yaml")
 
 
 READERS: dict[str, Reader] = {
@@ -166,7 +195,8 @@ READERS: dict[str, Reader] = {
     "map": Reader("a.geojson", _part(names.MAP), _map),
     "draws-lines": Reader("a.geojsonl", _draws, read_geojsonl),
     "grid": Reader("a.npz", _grid, read_grid),
-    "cell-map": Reader("map.yaml", _texts(YAML), read_cell_map, lambda folder: (folder / "a.pgm").write_bytes(PGM)),
+    "ros2-metadata": Reader("metadata.yaml", _metadata, lambda path: _log(path.parent), _beside_metadata),
+    "cell-map": Reader("map.yaml", _texts(YAML), _cell_map, lambda folder: (folder / "a.pgm").write_bytes(PGM)),
     "cell-image": Reader("a.pgm", _png, _raster, lambda folder: (folder / "map.yaml").write_text(YAML)),
     **{
         f"run-{Path(name).stem}": Reader(name, _part(name), _of_run, _beside)
