@@ -25,6 +25,7 @@ def main() -> int:
     parser.add_argument("readers", nargs="*", metavar="READER", help="default: all")
     parser.add_argument("--seconds", type=float, default=60.0, help="of CPU time for each reader")
     parser.add_argument("--keep", type=Path, default=Path("fuzz-finds"), help="folder for files that break a reader")
+    parser.add_argument("--corpus", type=Path, help="folder for files that reached new branches, to go on from; guided")
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     guiding = run.instrumented()
@@ -59,7 +60,8 @@ def fuzz_one(name: str, reader: Reader, given: argparse.Namespace, is_guided: bo
         os._exit(BROKEN if tell(name, record, given.keep, is_guided) else 0)
 
     if is_guided:
-        run.run_guided(reader, given.seconds, done, given.seed)
+        corpus = given.corpus and given.corpus / name
+        run.run_guided(reader, given.seconds, done, given.seed, corpus)
     else:
         done(run.run_plain(reader, given.seconds, given.seed))
 

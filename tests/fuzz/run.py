@@ -55,14 +55,21 @@ def run_plain(reader: Reader, seconds: float, seed: int = 0) -> Record:
     return record
 
 
-def run_guided(reader: Reader, seconds: float, done: Callable[[Record], None], seed: int = 1) -> None:
-    """Try damage that reaches new branches; it ends with `done`, which must end the process."""
+def run_guided(
+    reader: Reader, seconds: float, done: Callable[[Record], None], seed: int = 1, corpus: Path | None = None
+) -> None:
+    """Try damage that reaches new branches; it ends with `done`, which must end the process.
+
+    Files that reached some are kept in `corpus`, and those that lie there already are damaged further.
+    """
     import atheris
 
     record, rng = Record(), random.Random(seed)
-    folder, corpus = Path(tempfile.mkdtemp()), Path(tempfile.mkdtemp())
+    folder = Path(tempfile.mkdtemp())
+    corpus = corpus or Path(tempfile.mkdtemp())
+    corpus.mkdir(parents=True, exist_ok=True)
     for number, data in enumerate(prepared(reader, folder)):
-        (corpus / str(number)).write_bytes(data)
+        (corpus / f"whole-{number}").write_bytes(data)
         record.note(try_reader(reader, folder, data), data)
     begun = time.process_time()
 
