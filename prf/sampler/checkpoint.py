@@ -9,6 +9,7 @@ import numpy as np
 from prf.run import names
 from prf.sampler.chain_state import Arrays, chain_arrays, restore
 from prf.sampler.several import Sampler
+from prf.sampler.stored import check_stored
 from prf.shell.errors import InputError
 from prf.shell.storage import damaged, load_arrays, save_arrays
 
@@ -43,6 +44,8 @@ def load_checkpoint(folder: Path, sampler: Sampler, identity: str) -> None:
             sampler.put_rungs()
         for i, chain in enumerate(sampler.chains):
             prefix = f"chain{i}."
-            restore(chain, {name[len(prefix) :]: array for name, array in arrays.items() if name.startswith(prefix)})
-    except (KeyError, ValueError, IndexError, TypeError) as error:
+            own = {name[len(prefix) :]: array for name, array in arrays.items() if name.startswith(prefix)}
+            check_stored(chain_arrays(chain), own)
+            restore(chain, own)
+    except (KeyError, ValueError, IndexError, TypeError, OverflowError) as error:
         raise damaged(path, f"does not fit this run: {error}") from error
