@@ -181,9 +181,12 @@ def test_twins_agree_on_sonar(at_truth: bool, with_laser: bool) -> None:
         assert (chain.cones.pose[:, cones.EXTENT] < 4.0).mean() > 0.1
 
 
-@pytest.mark.parametrize("cell", [None, 0.23, 7.0], ids=["chosen", "small", "large"])
+@pytest.mark.parametrize(
+    "cell", [pytest.param(None, marks=pytest.mark.slow), 0.23, 7.0], ids=["chosen", "small", "large"]
+)
 @pytest.mark.parametrize("view", [0.02, 2.9], ids=["1 degree", "170 degrees"])
 def test_twins_agree_on_sonar_whatever_cells_and_cones(view: float, cell: float | None) -> None:
+    """The cells that a chain would choose are the smallest, and their twins take longest."""
     _, n_accepted = follow(sonar_chain(12, True, False, view, cell), np.random.default_rng(12), 300)
     assert n_accepted > 10
 

@@ -1,7 +1,8 @@
 """Call every kernel that Python calls, once and on little data: ``python -m tests.warm_kernels``.
 
-`make test` runs it before pytest, so that the workers of pytest-xdist find machine code instead of compiling side by
-side. Prints one JSON object: cache hits and misses of each kernel that was called from Python.
+`make test` runs it before pytest, so that the workers of pytest-xdist find machine code instead of compiling the same
+side by side. The two tools are warmed in a process each, or one of them alone: ``python -m tests.warm_kernels mapq``.
+Prints one JSON object: cache hits and misses of each kernel that was called from Python.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -61,17 +63,17 @@ CLOUD_COMMANDS = (
 )
 
 
-def run_commands() -> None:
+def run_commands(tool: str) -> None:
     """Run the verbs that there are in a folder of their own, and throw their results away."""
+    app, commands = {"prf": (prf.cli.app, COMMANDS), "mapq": (mapq.cli.app, CLOUD_COMMANDS)}[tool]
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
         Path("points.csv").write_text("x,y\n5.0,7.0\n6.0,7.0\n")
         Path("values.csv").write_text("x,y,value\n5.0,7.0,0\n6.0,7.0,1\n5.0,8.0,1\n6.0,8.0,0\n")
         Path("sonar.csv").write_text("x,y,theta,range,cone\n5.0,7.0,0.0,2.0,0.349\n")
-        for tool, app, commands in (("prf", prf.cli.app, COMMANDS), ("mapq", mapq.cli.app, CLOUD_COMMANDS)):
-            for command in commands:
-                code = run_app(app, tool, [*command.split(), "-q"])
-                if code != 0:
-                    raise SystemExit(f"{tool} {command}: exit code {code}")
+        for command in commands:
+            code = run_app(app, tool, [*command.split(), "-q"])
+            if code != 0:
+                raise SystemExit(f"{tool} {command}: exit code {code}")
 
 
 def call_library() -> None:
@@ -107,7 +109,23 @@ def cache_counts() -> dict[str, tuple[int, int]]:
     return counts
 
 
+def warm(tool: str) -> dict[str, tuple[int, int]]:
+    """Call the kernels of one tool in this process."""
+    run_commands(tool)
+    if tool == "prf":
+        call_library()
+    return cache_counts()
+
+
+def warm_side_by_side() -> dict[str, tuple[int, int]]:
+    """Call the kernels of each tool in a process of its own."""
+    commands = [[sys.executable, "-m", "tests.warm_kernels", tool] for tool in ("prf", "mapq")]
+    processes = [subprocess.Popen(command, stdout=subprocess.PIPE) for command in commands]
+    printed = [process.communicate()[0] for process in processes]
+    if any(process.returncode for process in processes):
+        raise SystemExit("error: a tool's commands failed, see above")
+    return {name: counts for text in printed for name, counts in json.loads(text).items()}
+
+
 if __name__ == "__main__":
-    run_commands()
-    call_library()
-    print(json.dumps(cache_counts(), indent=1))
+    print(json.dumps(warm(sys.argv[1]) if sys.argv[1:] else warm_side_by_side(), indent=1))

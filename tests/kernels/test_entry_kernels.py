@@ -44,11 +44,14 @@ def is_kernel(name: str) -> bool:
 
 @pytest.fixture(scope="module")
 def counts(project_root: Path) -> dict[str, tuple[int, int]]:
-    """Return the cache hits and misses of each kernel in a second process that does the same work."""
-    work = [sys.executable, "-m", "tests.warm_kernels"]
-    subprocess.run(work, cwd=project_root, capture_output=True, check=True)
-    second = subprocess.run(work, cwd=project_root, capture_output=True, check=True, text=True)
-    return {name: (hits, misses) for name, (hits, misses) in json.loads(second.stdout).items()}
+    """Return the cache hits and misses of each kernel in a process that found all compiled, or in the second one."""
+    for _ in range(2):
+        work = [sys.executable, "-m", "tests.warm_kernels"]
+        done = subprocess.run(work, cwd=project_root, capture_output=True, check=True, text=True)
+        found = {name: (hits, misses) for name, (hits, misses) in json.loads(done.stdout).items()}
+        if not any(misses for _, misses in found.values()):
+            break
+    return found
 
 
 def test_the_second_process_compiles_nothing(counts: dict[str, tuple[int, int]]) -> None:

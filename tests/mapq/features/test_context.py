@@ -146,7 +146,8 @@ class TestSeenApart:
             plan = np.column_stack([away @ shapes.across[i], away @ shapes.along[i]])
             own = patches.patch == i
             cells = np.floor((plan - plan[own].min(axis=0)) / shapes.cell[i]).astype(int)
-            inside = np.array([tuple(cell) in set(map(tuple, cells[own])) for cell in cells])
+            occupied = set(map(tuple, cells[own]))
+            inside = np.array([tuple(cell) in occupied for cell in cells])
             height = np.abs(away @ shapes.normal[i])
             over = ~own & inside & (height > 2 * tolerance) & (height <= 1.5)
             mine, theirs = (np.bincount(scan[some], minlength=10) / some.sum() for some in (own, over))
