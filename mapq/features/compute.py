@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.axes import GroundPlan, turn, turn_patches
 from mapq.features import literal
 from mapq.features.context import measure_context
 from mapq.features.edge import EDGE_NAMES, edge_features
 from mapq.features.neighbours import find_neighbours, take_pairs
 from mapq.features.node import NODE_NAMES, SHAPE_NAMES, node_features, shape_table
 from mapq.features.settings import FeatureSettings
-from mapq.features.shape import PatchShapes, measure_shapes
+from mapq.features.shape import PatchShapes, measure_shapes, up_direction
 from mapq.graph import PatchFeatures, PatchGraph
 from mapq.patches import Patches
 from prf.shell.progress import Reporter
@@ -40,9 +43,16 @@ def patch_features(
     Notes
     -----
     Section 3.2 of the paper. The safe reading is finite for every patch with a point, and changes with neither the
-    order of the points nor a shift of the map.
+    order of the points nor a shift of the map, nor a turn by quarters about z.
     """
     settings = settings or FeatureSettings()
+    up, quarter = up_direction(patches, settings), GroundPlan.of(patches.cloud.xyz).quarter()
+    x, y, z = turn(up, quarter).tolist()
+    found = _in_own_axes(turn_patches(patches, quarter), replace(settings, up=(x, y, z)), progress)
+    return found._replace(parameters={**found.parameters, "up": up.tolist()})
+
+
+def _in_own_axes(patches: Patches, settings: FeatureSettings, progress: Reporter | None) -> PatchFeatures:
     shapes = measure_shapes(patches, settings)
     _tell(progress, 1)
     graph = find_neighbours(shapes, settings)

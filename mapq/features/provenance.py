@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.axes import TO_SENSOR as TO_SENSOR
 from mapq.cloud import PointCloud
 
 SCAN, TIME, PASS = "scan", "time", "pass_id"
-TO_SENSOR = ("to_sensor_x", "to_sensor_y", "to_sensor_z")
-"""Point fields that are read: number of the scan, seconds, number of the pass, and the way to the sensor in metres."""
+"""Point fields that are read, besides the way to the sensor: number of the scan, seconds, number of the pass."""
 FIELDS = (SCAN, TIME, PASS, *TO_SENSOR)
 
 MOMENT = 10.0

@@ -32,8 +32,6 @@ class Part(NamedTuple):
 
     Attributes
     ----------
-    up : list of float
-        Direction of the segmentation.
     fields : tuple of str
     largest : int or None
         Points of a patch that are looked at; None: all.
@@ -41,7 +39,6 @@ class Part(NamedTuple):
         The work folder.
     """
 
-    up: list[float]
     fields: tuple[str, ...]
     largest: int | None
     folder: str
@@ -82,7 +79,7 @@ def gather(whole: Whole, chosen: Ints, part: Part) -> Patches:
     fields = {name: np.concatenate(_read(part.folder, name, slices)) for name in part.fields if slices}
     number = np.repeat(np.array(owner, np.int32), [len(part) for part in xyz[1:]])
     cloud = PointCloud(np.concatenate(xyz), np.zeros(3), fields)
-    return Patches.unlabelled(cloud, number, whole.normal[chosen], whole.centroid[chosen], {"up": part.up}, {})
+    return Patches.unlabelled(cloud, number, whole.normal[chosen], whole.centroid[chosen], {}, {})
 
 
 def _read(folder: str, name: str, slices: list[tuple[int, slice]]) -> list[NDArray[Any]]:

@@ -127,6 +127,6 @@ def segment_map(path: str, beside: str, settings: ScaleSettings, where: Where) -
             for part, spooled in zip(job.ranges, cutting.spooled, strict=True)
         ]
     cloud = read_cloud(path, settings.options)
-    centroid = cutting.whole.centroid + (job.shift - cloud.shift) * cloud.unit
-    patch = np.concatenate(parts)
-    return Patches.unlabelled(cloud, patch, cutting.whole.normal, centroid, cutting.parameters, cutting.report)
+    whole = cutting.whole.turned(-cutting.quarter)
+    centroid = whole.centroid + (job.shift - cloud.shift) * cloud.unit
+    return Patches.unlabelled(cloud, np.concatenate(parts), whole.normal, centroid, cutting.parameters, cutting.report)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.assess.visits import Clock, join_stays
+from mapq.axes import turn
 from mapq.features.provenance import Known
 from mapq.features.rays import ray_step, voxel_side
 from mapq.features.settings import FeatureSettings
@@ -43,8 +45,11 @@ class Cutting(NamedTuple):
     Attributes
     ----------
     whole : Whole
+        Like all files of the work folder in the map's own axes.
+    quarter : int
+        Quarters by which those are turned against the axes of its files; see :mod:`mapq.axes`.
     parameters, report : dict
-        Of the segmentation.
+        Of the segmentation, in the axes of the files.
     tiling : Tiling
     seen : Seen
         Which fields say where and when points were seen.
@@ -55,6 +60,7 @@ class Cutting(NamedTuple):
     """
 
     whole: Whole
+    quarter: int
     parameters: dict[str, Any]
     report: dict[str, Any]
     tiling: Tiling
@@ -72,7 +78,7 @@ class Measuring:
     settings : FeatureSettings
         With the noise of the map.
     up : list of float
-        Unit vector.
+        Unit vector in the axes of the files.
     stages : Stages
     tile_points : int
         That a task loads, about.
@@ -89,7 +95,8 @@ class Measuring:
         tile_points: int,
         folder: str,
     ) -> None:
-        self._cutting, self._settings, self._up = cutting, settings, up
+        x, y, z = turn(np.array(up), cutting.quarter).tolist()
+        self._cutting, self._settings, self._up = cutting, replace(settings, up=(x, y, z)), up
         self._stages, self._folder = stages, folder
         several = len(share_out(cutting.whole, tile_points, None)) > 1
         self._largest = LARGEST_PATCH if several else None
@@ -117,7 +124,7 @@ class Measuring:
         return judge_spreads(tasks, self._stages.each("finding causes", measure_spreads, tasks), suspicious)
 
     def _part(self, fields: tuple[str, ...]) -> Part:
-        return Part(self._up, fields, self._largest, self._folder)
+        return Part(fields, self._largest, self._folder)
 
     def _draw_rays(self) -> float | None:
         """Draw the rays that are followed, and return the side of their voxels in metres; None if there are none."""

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.axes import turn
 from mapq.scale.borders import Shared, unite_regions
 from mapq.scale.cut import Cut
 from mapq.scale.files import save_arrays
@@ -61,6 +62,12 @@ class Whole(NamedTuple):
     def box(self) -> Floats:
         """Corners (2, 3) of the box around all patches."""
         return np.array([self.low.min(axis=0, initial=np.inf), self.high.max(axis=0, initial=-np.inf)])
+
+    def turned(self, quarter: int) -> Whole:
+        """Return the patches turned by quarters; the files of their points are not."""
+        corners = np.sort([turn(self.low, quarter), turn(self.high, quarter)], axis=0)
+        normal, centroid = turn(self.normal, quarter), turn(self.centroid, quarter)
+        return self._replace(normal=normal, centroid=centroid, low=corners[0], high=corners[1])
 
     def save(self, folder: str) -> None:
         """Write them into the work folder, for the tasks."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from mapq.assess import visits
 from mapq.assess.inputs import feature_settings
+from mapq.axes import GroundPlan, turn
 from mapq.cloud import PointCloud
 from mapq.crf import classify, explain
 from mapq.features.provenance import FIELDS, Known, decide
@@ -115,11 +117,12 @@ class Job:
         InputError
             If a file cannot be read, or there are too few points.
         """
-        tiling, guess, n_finite, seen = self._plan()
+        tiling, guess, plan, seen = self._plan()
+        quarter, n_finite = plan.quarter(), plan.n_points
         spooled: list[Spooled] = self.stages.each(
             "sorting",
             spool_range,
-            [self._spool_task(part, tiling, guess, seen) for part in self.ranges],
+            [self._spool_task(part, quarter, tiling, guess, seen) for part in self.ranges],
         )
         parts = _parts_of_tiles(spooled, len(tiling.boxes))
         tasks = [self._cut_task(*each, guess, tiling, seen.known) for each in enumerate(parts)]
@@ -137,7 +140,8 @@ class Job:
             **found,
             "warnings": warnings_of(guess.chosen, n_finite - n_near, found),
         }
-        return Cutting(whole, guess.chosen.described(), report, tiling, seen, spooled, _starts(parts, spooled))
+        described, starts = guess.chosen.described(quarter), _starts(parts, spooled)
+        return Cutting(whole, quarter, described, report, tiling, seen, spooled, starts)
 
     def _regions(self, tasks: list[CutTask], tiling: Tiling) -> tuple[list[Cut], list[NDArray[np.int64]]]:
         """Return the regions of all tiles, and by tile which of those that grew there are one plane."""
@@ -152,20 +156,19 @@ class Job:
     def _source(self, part: Range) -> Source:
         return self.sources[part.file]
 
-    def _plan(self) -> tuple[Tiling, Estimate, int, Seen]:
-        """Return the tiles, the parameters, how many points are finite, and which fields count."""
+    def _plan(self) -> tuple[Tiling, Estimate, GroundPlan, Seen]:
+        """Return the tiles, the parameters, the ground plan, and which fields count."""
         samples = tuple(f"{self.folder}/sample_{part.number:05d}.npz" for part in self.ranges)
         scans, cells, counts, cell = self._scan(samples)
-        n_finite = int(counts.sum())
-        if n_finite == 0:
+        plan = reduce(GroundPlan.joined, [scan.plan for scan in scans], GroundPlan())
+        if plan.n_points == 0:
             raise InputError(f"{self.name}: no point is finite. Check how the map was written.")
-        low, high = np.min([scan.low for scan in scans], axis=0), np.max([scan.high for scan in scans], axis=0)
-        task = EstimateTask(samples, self.settings.segment, np.array([low, high]), self.name)
+        task = EstimateTask(samples, self.settings.segment, plan, self.name)
         guess: Estimate = self.workers.each(estimate, [task], lambda _: None)[0]
         halo = halo_width(guess.chosen.spacing, guess.chosen.max_gap)
-        tiling = make_tiling(cells, counts, cell, self.settings.tile_points, halo)
+        tiling = make_tiling(turn(cells, plan.quarter()), counts, cell, self.settings.tile_points, halo)
         spans = join_spans(scans)
-        return tiling, guess, n_finite, Seen(decide(spans), visits.clock_of(spans))
+        return tiling, guess, plan, Seen(decide(spans), visits.clock_of(spans))
 
     def _scan(self, samples: tuple[str, ...]) -> tuple[list[Scan], NDArray[np.int64], NDArray[np.int64], float]:
         """Count the points in cells, again in finer ones where a few points far off have made them too coarse."""
@@ -183,9 +186,9 @@ class Job:
                 return scans, cells, counts, cell
             cell = max(cell / FINER, SMALLEST_CELL)
 
-    def _spool_task(self, part: Range, tiling: Tiling, guess: Estimate, seen: Seen) -> SpoolTask:
-        source, options = self._source(part), self.settings.options
-        return SpoolTask(source, options, part, self.shift, tiling, guess.near, seen.fields, seen.clock, self.folder)
+    def _spool_task(self, part: Range, quarter: int, tiling: Tiling, guess: Estimate, seen: Seen) -> SpoolTask:
+        read = self._source(part), self.settings.options, part, self.shift
+        return SpoolTask(*read, quarter, tiling, guess.near, seen.fields, seen.clock, self.folder)
 
     def _cut_task(self, tile: int, parts: list[int], guess: Estimate, tiling: Tiling, known: Known) -> CutTask:
         bases = tuple(self.ranges[part].base for part in parts)
@@ -211,9 +214,10 @@ class Job:
         settings = feature_settings(model)
         if settings.reading != "safe":
             raise InputError(f"the model reads features as '{settings.reading}', which tiles have not. Train another.")
+        up = _up(settings, cutting.parameters)
         settings = with_noise(settings, cutting.whole)
-        whole, up = cutting.whole, _up(settings, cutting.parameters)
         measuring = Measuring(cutting, settings, up, self.stages, self.settings.tile_points, self.folder)
+        whole = cutting.whole.turned(-cutting.quarter)
         features = measuring.features()
         labelling = classify(features, model)
         frame = PointCloud(np.zeros((0, 3)), self.shift, source=self.name, unit=self.sources[0].unit)

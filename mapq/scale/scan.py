@@ -1,7 +1,9 @@
 """The first pass over the points: where they are, and a sample of whole small blocks for the estimates.
 
 A sample of points drawn one by one would be sparser than the map. Columns of the ground plan are drawn instead, by a
-hash of their place, and keep all their points: which ones they are hangs neither on files nor on tiles.
+hash of their place, and keep all their points: which ones they are hangs neither on files nor on tiles. The axes of the
+map's own (:mod:`mapq.axes`) are known after this pass alone; so columns and cells lie symmetrically about the origin,
+and those of a turned map are those of the map, turned.
 """
 
 from __future__ import annotations
@@ -11,11 +13,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.axes import GroundPlan, turn
 from mapq.cloud import PointCloud
 from mapq.features.provenance import Span, span_of
 from mapq.io.options import ReadOptions
 from mapq.scale.files import save_arrays
 from mapq.scale.source import Range, Source, read_range
+from mapq.scale.tiling import cells_of
 from mapq.segmentation.parameters import Parameters, choose_parameters
 from mapq.segmentation.points import FAR, sort_points
 from mapq.segmentation.settings import SegmentSettings
@@ -67,20 +71,18 @@ class ScanTask(NamedTuple):
 
 
 class Scan(NamedTuple):
-    """What a scan found: cells (k, 2) with their counts (k,), the box of the points, how many are finite; fields."""
+    """What a scan found: cells (k, 2) with their counts (k,), the ground plan, and what fields hold."""
 
     cells: NDArray[np.int64]
     counts: NDArray[np.int64]
-    low: Floats
-    high: Floats
-    n_finite: int
+    plan: GroundPlan
     spans: dict[str, Span]
 
 
 class Estimate(NamedTuple):
     """Parameters of the segmentation, the frame (4,) of its octree: corner and side in metres; box (2, 3) of the map.
 
-    Points beyond the box are left out, as absurdly far from all others.
+    All are in the map's own axes. Points beyond the box are left out, as absurdly far from all others.
     """
 
     chosen: Parameters
@@ -91,7 +93,7 @@ class Estimate(NamedTuple):
 def scan_range(task: ScanTask) -> Scan:
     """Count the points of a range in cells, and keep those of the columns that are drawn."""
     keys, counts, sample = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, 3))]
-    low, high, n_finite = np.full(3, np.inf), np.full(3, -np.inf), 0
+    plan = GroundPlan()
     spans: dict[str, Span | None] = dict.fromkeys(task.fields, Span())
     for piece in read_range(task.source, task.options, task.part, task.shift, task.fields):
         number = np.flatnonzero(piece.finite())
@@ -99,15 +101,14 @@ def scan_range(task: ScanTask) -> Scan:
         if len(xyz) == 0:
             continue
         spans = {name: _join(span, span_of(piece, name, number)) for name, span in spans.items()}
-        n_finite += len(xyz)
-        low, high = np.minimum(low, xyz.min(axis=0)), np.maximum(high, xyz.max(axis=0))
-        found = _count(np.floor(xyz[:, :2] / task.cell).astype(np.int64))
+        plan = plan.joined(GroundPlan.of(xyz))
+        found = _count(cells_of(xyz, task.cell))
         keys.append(found[0])
         counts.append(found[1])
-        sample.append(xyz[is_drawn(np.floor(xyz[:, :2] / task.side).astype(np.int64), task.share)])
+        sample.append(xyz[is_drawn(cells_of(xyz, task.side), task.share)])
     save_arrays(task.sample, xyz=np.concatenate(sample))
     known = {name: span for name, span in spans.items() if span is not None}
-    return Scan(*join_counts(keys, counts), low, high, n_finite, known)
+    return Scan(*join_counts(keys, counts), plan, known)
 
 
 def join_spans(scans: list[Scan]) -> dict[str, Span]:
@@ -139,11 +140,18 @@ def join_counts(
 
 
 def is_drawn(columns: NDArray[np.int64], share: float) -> NDArray[np.bool_]:
-    """Return which columns (n, 2) are drawn: by the finaliser of SplitMix64 (Steele 2014) of their place."""
+    """Return which columns (n, 2) are drawn: by the finaliser of SplitMix64 (Steele 2014) of their place.
+
+    Of the four places that quarter turns about the origin take to one another, all are drawn or none.
+    """
     if share >= 1.0:
         return np.ones(len(columns), bool)
+    i, j = np.abs(columns).T
+    product = columns[:, 0] * columns[:, 1]
+    other_way = (product < 0) | ((product == 0) & (i < j))
+    i, j = np.where(other_way, j, i), np.where(other_way, i, j)
     with np.errstate(over="ignore"):
-        bits = columns[:, 0].astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15) + columns[:, 1].astype(np.uint64)
+        bits = i.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15) + j.astype(np.uint64)
         bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
         bits ^= bits >> np.uint64(31)
@@ -161,11 +169,11 @@ def plan_scan(sources: list[Source]) -> tuple[float, float, float]:
 
 
 class EstimateTask(NamedTuple):
-    """What the estimate is given: the samples, the settings, the box of the map (2, 3), and its name."""
+    """What the estimate is given: the samples, the settings, the ground plan of the map, and its name."""
 
     samples: tuple[str, ...]
     settings: SegmentSettings
-    box: Floats
+    plan: GroundPlan
     name: str
 
 
@@ -181,14 +189,15 @@ def estimate(task: EstimateTask) -> Estimate:
     for path in task.samples:
         with np.load(path) as arrays:
             parts.append(arrays["xyz"])
-    xyz = np.concatenate(parts)
+    quarter = task.plan.quarter()
+    xyz = turn(np.concatenate(parts), quarter)
     if len(np.unique(xyz[:1000], axis=0)) < 3:
         raise InputError(f"{task.name}: {len(xyz)} points in the sample of the map; a plane needs 3.")
     points = sort_points(PointCloud(xyz, np.zeros(3), source=task.name))
-    chosen = choose_parameters(points, task.settings)
+    chosen = choose_parameters(points, task.settings.turned(quarter))
     frame = points.frame.copy()
     doublings = 0
-    low, high = _near(xyz, task.box, chosen.spacing)
+    low, high = _near(xyz, task.plan.box(quarter), chosen.spacing)
     if (frame[:3] > low).any() or (frame[:3] + frame[3] <= high).any():
         frame[:3] = low
         while (frame[:3] + frame[3] <= high).any():

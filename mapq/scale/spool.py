@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.assess.visits import Clock, Stays, join_stays, stays_of
+from mapq.axes import turn_cloud
 from mapq.cloud import PointCloud
 from mapq.io.options import ReadOptions
 from mapq.scale.files import save_arrays
@@ -21,14 +22,15 @@ Array = NDArray[Any]
 class SpoolTask(NamedTuple):
     """What the spooling of a range is given.
 
-    What is read, with which fields; the tiles; the box (2, 3) of the map; by which fields it is known when points were
-    seen; the work folder.
+    What is read, with which fields; by how many quarters points are turned to lie in the map's own axes, in which all
+    else is; the tiles; the box (2, 3) of the map; by which fields it is known when points were seen; the work folder.
     """
 
     source: Source
     options: ReadOptions
     part: Range
     shift: NDArray[np.float64]
+    quarter: int
     tiling: Tiling
     near: NDArray[np.float64]
     fields: tuple[str, ...]
@@ -76,7 +78,8 @@ def spool_range(task: SpoolTask) -> Spooled:
     halo: dict[int, list[dict[str, Array]]] = {}
     stays: list[Stays] = []
     begin, near = 0, task.near
-    for piece in read_range(task.source, task.options, task.part, task.shift, task.fields):
+    for read in read_range(task.source, task.options, task.part, task.shift, task.fields):
+        piece = turn_cloud(read, task.quarter)
         with np.errstate(invalid="ignore"):
             usable = np.flatnonzero(((piece.xyz >= near[0]) & (piece.xyz <= near[1])).all(axis=1))
         columns = _columns(piece, usable, begin)

@@ -41,7 +41,7 @@ class Tiling(NamedTuple):
 
     def of_points(self, xyz: Floats) -> NDArray[np.int32]:
         """Return the tile (n,) of each point (n, 3)."""
-        places = np.floor(xyz[:, :2] / self.cell).astype(np.int64)
+        places = cells_of(xyz, self.cell)
         tile = np.zeros(len(xyz), np.int32)
         waiting = [(0, np.arange(len(xyz)))] if len(self.splits) else []
         while waiting:
@@ -60,6 +60,15 @@ class Tiling(NamedTuple):
         low, high = self.boxes[:, :2] - 2.0 * self.halo, self.boxes[:, 2:] + 2.0 * self.halo
         near = (low <= self.boxes[tile, 2:]).all(axis=1) & (high >= self.boxes[tile, :2]).all(axis=1)
         return np.setdiff1d(np.flatnonzero(near), [tile])
+
+
+def cells_of(xyz: Floats, side: float) -> Ints:
+    """Return the cell (n, 2) of the ground plan that each point (n, 3) lies in.
+
+    The middles of cells are the multiples of their side. So cells of points turned by quarters are the cells turned;
+    also of points on a border, which are common where coordinates are whole centimetres: they go to the even cell.
+    """
+    return np.rint(xyz[:, :2] / side).astype(np.int64)
 
 
 def halo_width(spacing: float, max_gap: float) -> float:
@@ -82,7 +91,7 @@ def make_tiling(cells: Ints, counts: Ints, cell: float, most_points: int, halo: 
     boxes: list[Floats] = []
     _split(cells, counts, np.array([-np.inf, -np.inf, np.inf, np.inf]), n_tiles, splits, boxes)
     rows = np.array(splits, np.int64).reshape(-1, 4)
-    return Tiling(cell, rows, np.array(boxes) * cell, halo)
+    return Tiling(cell, rows, (np.array(boxes) - 0.5) * cell, halo)
 
 
 def _split(cells: Ints, counts: Ints, box: Floats, n_tiles: int, splits: list[list[int]], boxes: list[Floats]) -> int:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.axes import GroundPlan, turn
 from mapq.cloud import PointCloud
 from mapq.patches import Patches
 from mapq.segmentation.core import make_core
@@ -32,7 +35,7 @@ def segment(
 ) -> Patches:
     """Cut a cloud into plane patches.
 
-    The same patches with the same numbers come out for any order of the points.
+    The same patches with the same numbers come out for any order of the points, and turned by quarters about z.
 
     Parameters
     ----------
@@ -58,10 +61,11 @@ def segment(
     settings = settings or SegmentSettings()
     settings.check()
     _tell(progress, 0)
-    points = sort_points(cloud)
+    quarter = GroundPlan.of(cloud.xyz).quarter()
+    points = sort_points(replace(cloud, xyz=turn(cloud.xyz, quarter)))
     _refuse_lines(points, cloud)
     _tell(progress, 1)
-    chosen = choose_parameters(points, settings)
+    chosen = choose_parameters(points, settings.turned(quarter))
     _tell(progress, 2)
     core = make_core(points, chosen)
     _tell(progress, 3)
@@ -78,8 +82,8 @@ def segment(
         "warnings": warnings_of(chosen, points.n_far, kept.report),
     }
     patch = np.where(points.number >= 0, kept.patch[points.number], -1).astype(np.int32)
-    normal, centroid = kept.planes[:, :3].copy(), kept.planes[:, 3:].copy()
-    return Patches.unlabelled(cloud, patch, normal, centroid, chosen.described(), report)
+    normal, centroid = (turn(each.copy(), -quarter) for each in (kept.planes[:, :3], kept.planes[:, 3:]))
+    return Patches.unlabelled(cloud, patch, normal, centroid, chosen.described(quarter), report)
 
 
 def _tell(progress: Reporter | None, done: int) -> None:

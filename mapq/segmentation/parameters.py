@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.axes import turn
 from mapq.segmentation.points import Points
 from mapq.segmentation.scale import Scale, cell_side, find_scale
 from mapq.segmentation.settings import SegmentSettings
@@ -41,9 +42,9 @@ class Parameters(NamedTuple):
     max_tilt: float
     up: NDArray[np.float64]
 
-    def described(self) -> dict[str, Any]:
-        """Return them as :class:`mapq.patches.Patches` keeps them."""
-        values = {**self._asdict(), "up": self.up.tolist()}
+    def described(self, quarter: int) -> dict[str, Any]:
+        """Return them as :class:`mapq.patches.Patches` keeps them, in the axes of before so many turns by quarters."""
+        values = {**self._asdict(), "up": turn(self.up, -quarter).tolist()}
         del values["level"]
         return values
 

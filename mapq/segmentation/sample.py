@@ -15,9 +15,8 @@ from mapq.segmentation.noise import pooled_noise
 SAMPLE = 3000
 """Points that are looked at to choose a level, every so many along the curve: their standard error is about 2 %."""
 LARGE_SAMPLE = 8_000
-"""Points that spacing and noise are estimated from then, to about 1 %. Patches of sparse walls hang on the noise: a
-sample is another one when the map is turned, and labels turned with it. Eight times as many would cost a third more
-time on a million points."""
+"""Points that spacing and noise are estimated from then, to about 1 %. Eight times as many would cost a third more time
+on a million points."""
 WIDEST = 48
 """Neighbours of the sample: so many tell a plane with others beside it from a ball."""
 TURNS = 28

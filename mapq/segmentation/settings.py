@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from mapq.axes import turn
 from prf.shell.errors import UsageError
 
 MOST_NEIGHBOURS = 64
@@ -73,6 +74,11 @@ class SegmentSettings:
                 raise UsageError(f"{_flag(name)} must be above 0.")
         if not 1e-100 < max(abs(number) for number in self.up) < 1e100:
             raise UsageError("--up must not be 0 0 0, nor so short or long that squares are.")
+
+    def turned(self, quarter: int) -> SegmentSettings:
+        """Return the settings for axes that were turned by quarters."""
+        x, y, z = turn(np.array(self.up, np.float64), quarter).tolist()
+        return replace(self, up=(x, y, z))
 
 
 def _flag(name: str) -> str:

@@ -1,25 +1,27 @@
-"""A cloud in another order, place or unit: the same patches, labels and probabilities; turned, nearly the same."""
+"""A cloud in another order, place or unit, or turned by quarters: the same patches, labels and probabilities."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from mapq.assess import Result, assess
+from mapq.axes import GroundPlan, turn, turn_cloud
 from mapq.cloud import PointCloud
 from mapq.features import measure_shapes
 from mapq.io import read_cloud
-from mapq.segmentation import segment
+from mapq.segmentation import SegmentSettings, segment
+from mapq.simulate import SIZES, Settings, simulate
 from tests.load.town import town
-from tests.mapq.factories import moved, turn
+from tests.mapq.factories import moved
 
 Floats = NDArray[np.float64]
 N_POINTS = 40_000
 FOOT = 0.3048
-QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 @pytest.fixture(scope="module")
@@ -77,18 +79,74 @@ def test_a_cloud_that_differs_is_seen(cloud, known):
     assert not np.array_equal(other.patches.patch, known.patches.patch)
 
 
-def test_a_cloud_turned_by_90_degrees_has_nearly_the_same_patches_and_labels(data_dir):
-    """Parameters are estimated from another sample then, about 1 per cent off, and pieces of walls end elsewhere."""
-    cloud = read_cloud(str(data_dir / "demo-town.ply.gz"))
-    known, other = assess(segment(cloud)), elsewhere(cloud, lambda xyz: xyz @ QUARTER.T)
-    for name in ("spacing", "noise", "max_distance", "max_gap", "max_angle"):
-        assert other.patches.parameters[name] == pytest.approx(known.patches.parameters[name], rel=0.02)
-    assert abs(len(other.patches) - len(known.patches)) <= 0.05 * len(known.patches)
-    both = (known.patches.patch >= 0) & (other.patches.patch >= 0)
-    either = (known.patches.patch >= 0) | (other.patches.patch >= 0)
-    assert both.sum() > 0.95 * either.sum()
-    labels = [found.labelling.label[found.patches.patch[both]] for found in (known, other)]
-    assert np.mean(labels[0] == labels[1]) > 0.9
+def turned(cloud: PointCloud, quarter: int, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> PointCloud:
+    """Return a cloud turned by quarters, then shifted, as if it had been written like that."""
+    moved = turn_cloud(cloud, quarter)
+    return PointCloud.from_world(moved.world() + np.array(shift), moved.fields)
+
+
+@pytest.mark.parametrize("quarter", [1, 2, 3])
+def test_a_cloud_turned_by_90_degrees_changes_nothing_to_the_last_bit(cloud, known, quarter):
+    other = assess(segment(turned(cloud, quarter)))
+    check_same(known, other, 0.0)
+    np.testing.assert_array_equal(other.features.shape, known.features.shape)
+    np.testing.assert_array_equal(other.labelling.difference, known.labelling.difference)
+    np.testing.assert_array_equal(turn(other.patches.normal, -quarter), known.patches.normal)
+    np.testing.assert_array_equal(turn(other.patches.centroid, -quarter), known.patches.centroid)
+    assert other.patches.parameters == known.patches.parameters
+    assert other.patches.report == known.patches.report
+
+
+def test_a_cloud_turned_and_shifted_in_another_order_has_the_same_patches_and_labels(cloud, known):
+    order = np.random.default_rng(3).permutation(len(cloud))
+    other = assess(segment(turned(cloud, 3, SHIFTS[0]).take(order)))
+    back = replace(other.patches, patch=other.patches.patch[np.argsort(order)])
+    check_same(known, replace(other, patches=back), 1e-7)
+
+
+def test_a_cloud_in_the_axes_of_its_file_would_differ_when_turned(cloud, known, monkeypatch):
+    """What the axes of a map's own are for: else another sample tells its noise, and walks begin elsewhere."""
+    monkeypatch.setattr(GroundPlan, "quarter", lambda plan: 0)
+    other = segment(turned(cloud, 1))
+    assert other.parameters["noise"] != known.patches.parameters["noise"]
+    assert not np.array_equal(other.patch, known.patches.patch)
+
+
+def test_a_map_with_passes_and_sensors_changes_nothing_when_it_is_turned():
+    cloud = simulate(Settings(**SIZES["small"]), 3)
+    known, other = assess(segment(cloud)), assess(segment(turned(cloud, 3)))
+    check_same(known, other, 0.0)
+    assert {patch: cause.text for patch, cause in other.causes.items()} == {
+        patch: cause.text for patch, cause in known.causes.items()
+    }
+    for name in ("seen_apart", "seen_through"):
+        assert np.count_nonzero(known.features.node[:, known.features.node_names.index(name)]) > 10
+
+
+def test_a_direction_of_up_is_turned_with_the_map(cloud):
+    up = (0.1, 0.02, 1.0)
+    known = assess(segment(cloud, SegmentSettings(up=up)))
+    other = assess(segment(turned(cloud, 1), SegmentSettings(up=(-0.02, 0.1, 1.0))))
+    check_same(known, other, 0.0)
+    for found in (known.patches, known.features):
+        assert found.parameters["up"] == pytest.approx(np.array(up) / np.linalg.norm(up))
+
+
+@pytest.mark.parametrize("quarter", [1, 2, 3])
+@pytest.mark.parametrize("n_fold", [2, 4])
+def test_a_symmetrical_map_has_the_same_answer_at_each_place(n_fold, quarter):
+    """Its own axes are not to be told from those turned by its symmetry, nor the points of one wall from another's."""
+    rng = np.random.default_rng(5)
+    side = np.column_stack([rng.uniform(-6.0, 8.0, 4000), 9.0 + rng.normal(0.0, 0.02, 4000), rng.uniform(0, 4, 4000)])
+    xyz = np.concatenate([turn(side, k * 4 // n_fold) for k in range(n_fold)])
+    answers = []
+    for here in (xyz, turn(xyz, quarter)):
+        found = assess(segment(PointCloud.from_world(here), SegmentSettings(min_extent=0.5)))
+        assert len(found.patches) >= n_fold
+        own = turn(here, GroundPlan.of(here).quarter())
+        answers.append((own[np.lexsort(own.T)], found.patches.patch[np.lexsort(own.T)], found.labelling.probability))
+    for one, two in zip(*answers, strict=True):
+        np.testing.assert_array_equal(one, two)
 
 
 def test_the_area_of_a_small_patch_does_not_hang_on_where_it_stands():
@@ -96,6 +154,6 @@ def test_the_area_of_a_small_patch_does_not_hang_on_where_it_stands():
     known = measure_shapes(patches)
     rng = np.random.default_rng(2)
     for _ in range(40):
-        other = measure_shapes(moved(patches, turn(0.0), rng.uniform(-300.0, 300.0, 3)))
+        other = measure_shapes(moved(patches, np.eye(3), rng.uniform(-300.0, 300.0, 3)))
         np.testing.assert_allclose(other.cell, known.cell, rtol=1e-9)
         np.testing.assert_allclose(other.area, known.area, rtol=1e-9)

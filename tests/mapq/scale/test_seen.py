@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from mapq.assess import Result, assess
+from mapq.axes import turn, turn_cloud
 from mapq.cloud import PointCloud
 from mapq.features.provenance import Known, Span, decide, known_of
 from mapq.io import read_cloud, write_cloud
 from mapq.io.models import read_default_model
 from mapq.io.options import AS_IT_IS
+from mapq.scale import scan
 from mapq.scale.maps import Where, classify_map
 from mapq.scale.result import TiledResult
 from mapq.scale.run import Job, ScaleSettings
@@ -71,6 +73,24 @@ def test_tiles_have_the_features_of_the_map_in_memory(drive, missing):
     assert_alike(in_tiles(path, TILES), plain)
     for name in ("seen_apart", "seen_through"):
         assert np.count_nonzero(plain.features.node[:, plain.features.node_names.index(name)]) > 10
+
+
+def test_a_map_turned_by_a_quarter_has_the_same_features_in_tiles(drive, monkeypatch):
+    """Also where parameters are estimated from columns, which are drawn before the map's own axes are known."""
+    monkeypatch.setattr(scan, "SAMPLE", 20_000)
+    path = str(Path(drive).with_name("turned.ply"))
+    write_cloud(path, turn_cloud(read_cloud(drive), 1))
+    known, found = in_tiles(drive, TILES), in_tiles(path, TILES)
+    assert len(found.patches) > 100
+    assert found.patches.parameters == known.patches.parameters != segment(read_cloud(drive)).parameters
+    for name in ("node", "pairs", "edge", "shape"):
+        np.testing.assert_array_equal(getattr(found.features, name), getattr(known.features, name))
+    np.testing.assert_array_equal(found.labelling.difference, known.labelling.difference)
+    for name in ("normal", "centroid"):
+        np.testing.assert_array_equal(turn(getattr(found.patches, name), -1), getattr(known.patches, name))
+    for one, two in zip(known.regions, found.regions, strict=True):
+        corners = turn(np.array([two.low, two.high]), -1)
+        np.testing.assert_array_equal(np.sort(corners, axis=0), [one.low, one.high])
 
 
 @pytest.mark.parametrize("missing", [("scan", "time"), ("to_sensor_x",)])

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mapq.axes import turn
 from mapq.scale.scan import is_drawn, join_counts
-from mapq.scale.tiling import make_tiling
+from mapq.scale.tiling import cells_of, make_tiling
 
 
 def counted(xyz: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
-    places = np.floor(xyz[:, :2] / cell).astype(np.int64)
+    places = cells_of(xyz, cell)
     return join_counts([places], [np.ones(len(places), np.int64)])
 
 
@@ -62,3 +63,13 @@ def test_columns_are_drawn_by_their_place_alone():
     order = np.random.default_rng(2).permutation(len(columns))
     np.testing.assert_array_equal(is_drawn(columns[order], 0.1), drawn[order])
     assert is_drawn(columns, 1.0).all()
+
+
+@pytest.mark.parametrize("quarter", [1, 2, 3])
+def test_cells_and_columns_of_a_turned_map_are_turned(xyz, quarter):
+    places = np.concatenate([xyz, np.rint(xyz), np.rint(xyz / 0.25) * 0.25])
+    cells = cells_of(places, 0.5)
+    np.testing.assert_array_equal(cells_of(turn(places, quarter), 0.5), turn(cells, quarter))
+    drawn = is_drawn(cells, 0.3)
+    assert 0.2 < drawn.mean() < 0.4
+    np.testing.assert_array_equal(is_drawn(turn(cells, quarter), 0.3), drawn)

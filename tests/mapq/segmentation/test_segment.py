@@ -128,9 +128,8 @@ class TestOrder:
         xyz = np.concatenate(walls)
         first = segment(PointCloud.from_world(xyz))
         again = segment(PointCloud.from_world(xyz @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])))
-        for name in ("spacing", "noise", "max_gap"):
-            assert again.parameters[name] == pytest.approx(first.parameters[name], rel=1e-9)
-        assert score_segmentation(again.patch, first.patch).mean_iou > 0.995
+        assert again.parameters == first.parameters
+        np.testing.assert_array_equal(again.patch, first.patch)
 
     def test_patches_are_numbered_largest_first(self) -> None:
         cloud, _ = cloud_of(wall(rng(1), 4), wall(rng(2), 9, offset=3), wall(rng(3), 6, offset=6))

@@ -1,0 +1,115 @@
+"""The axes of a map's own: they turn with the map, and hang on neither the order nor the parts of its points."""
+
+from __future__ import annotations
+
+from functools import reduce
+
+import numpy as np
+import pytest
+
+from mapq.axes import TO_SENSOR, GroundPlan, turn, turn_cloud, turn_patches
+from mapq.cloud import PointCloud
+from tests.mapq.factories import sample_patches, wall
+
+SHIFT = np.array([500_000.0, 5_000_000.0, 300.0])
+
+
+def clouds() -> list[np.ndarray]:
+    rng = np.random.default_rng(3)
+    middles = rng.uniform(-80.0, 80.0, (12, 3))
+    return [middle + rng.gamma(1.0, (9.0, 4.0, 2.0), (200, 3)) * rng.choice([-1.0, 1.0], 3) for middle in middles]
+
+
+def quarter_of(xyz: np.ndarray) -> int:
+    return GroundPlan.of(xyz).quarter()
+
+
+def test_a_turn_is_exact_and_leaves_no_negative_zero():
+    xyz = np.array([[0.0, 3.5, -0.0], [-1e-300, 0.0, 2.0]])
+    assert turn(xyz, 1).tolist() == [[-3.5, 0.0, 0.0], [0.0, -1e-300, 2.0]]
+    assert not np.signbit(turn(xyz, 1)[1, 0])
+    for quarter in range(-4, 5):
+        np.testing.assert_array_equal(turn(turn(xyz, quarter), -quarter), xyz)
+        np.testing.assert_array_equal(turn(turn(xyz, quarter), 1), turn(xyz, quarter + 1))
+
+
+@pytest.mark.parametrize("quarter", [1, 2, 3])
+def test_axes_turn_with_the_map(quarter):
+    found = set()
+    for xyz in clouds():
+        own = quarter_of(xyz)
+        found.add(own)
+        assert quarter_of(turn(xyz, quarter)) == (own - quarter) % 4
+        assert quarter_of(turn(xyz, quarter) + SHIFT) == (own - quarter) % 4
+    assert found == {0, 1, 2, 3}
+
+
+def test_a_plan_hangs_on_neither_order_nor_parts():
+    for xyz in clouds():
+        known = GroundPlan.of(xyz)
+        broken = np.concatenate([xyz, [[np.nan, 1e5, 0.0], [np.inf, 0.0, 0.0]]])
+        shuffled = broken[np.random.default_rng(1).permutation(len(broken))]
+        parts = [GroundPlan.of(part) for part in np.array_split(shuffled, 7)]
+        for other in (GroundPlan.of(shuffled), reduce(GroundPlan.joined, parts, GroundPlan())):
+            assert (other.n_points, other.sums) == (known.n_points, known.sums)
+            np.testing.assert_array_equal([other.low, other.high], [known.low, known.high])
+
+
+def test_no_axis_of_symmetry_is_a_border_of_the_choice():
+    """The mean of a map with a mirror lies on its axis but for rounding, which must not decide."""
+    for degrees in range(0, 360, 45):
+        direction = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees)), 0.0])
+        xyz = np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0], 0.9 * direction])
+        off = np.array([[0, 0, 0], [0, 0, 0], [1e-9, 0, 0]])
+        assert len({quarter_of(xyz + turn(off, quarter)) for quarter in range(4)}) == 1
+
+
+@pytest.mark.parametrize("shift", [0.0, 1234.567])
+def test_a_map_with_its_mean_in_the_middle_lies_along_x(shift):
+    corners = np.array([[x, y, 0.0] for x in (-1.0, 1.0) for y in (-3.0, 3.0)])
+    for quarter in range(4):
+        own = quarter_of(turn(corners, quarter) + shift)
+        assert np.ptp(turn(turn(corners, quarter), own), axis=0).tolist() == [6.0, 2.0, 0.0]
+    assert quarter_of(np.array([[x, y, 0.0] for x in (-1.0, 1.0) for y in (-1.0, 1.0)]) + shift) == 0
+
+
+@pytest.mark.parametrize(
+    "xyz",
+    [
+        np.zeros((0, 3)),
+        np.full((4, 3), np.nan),
+        np.ones((1, 3)),
+        np.array([[1e308, -1e308, 0.0], [-1e308, 1e308, 0.0], [1.0, 2.0, 3.0]]),
+        np.array([[1.7e308, 1.7e308, 0.0], [1.6e308, 0.0, 0.0]]),
+    ],
+    ids=["none", "not finite", "one", "all over", "far off"],
+)
+def test_any_points_have_axes(xyz):
+    with np.errstate(over="raise", invalid="raise"):
+        assert quarter_of(xyz) in range(4)
+
+
+def test_a_cloud_turns_with_its_frame_and_the_ways_to_its_sensors():
+    rng = np.random.default_rng(2)
+    way = rng.normal(0.0, 1.0, (5, 3)).astype(np.float32)
+    fields = {**dict(zip(TO_SENSOR, way.T, strict=True)), "scan": np.arange(5)}
+    cloud = PointCloud.from_world(rng.normal(0.0, 9.0, (5, 3)) + SHIFT, fields, unit=np.array([2.0, 1.0, 0.5]))
+    other = turn_cloud(cloud, 1)
+    np.testing.assert_array_equal(other.world(), turn(cloud.world(), 1))
+    np.testing.assert_array_equal(np.column_stack([other.fields[name] for name in TO_SENSOR]), turn(way, 1))
+    np.testing.assert_array_equal(other.fields["scan"], cloud.fields["scan"])
+    assert turn_cloud(cloud, 4) is cloud
+
+
+def test_fields_that_are_no_ways_stay_as_they_are():
+    fields = {name: np.array(["a", "b"]) for name in TO_SENSOR}
+    assert turn_cloud(PointCloud(np.eye(3)[:2], np.zeros(3), fields), 1).fields == fields
+
+
+def test_patches_turn_with_their_planes():
+    patches = sample_patches([wall((0, 0), (9, 0)), wall((0, 5), (3, 9))])
+    other = turn_patches(patches, 3)
+    np.testing.assert_array_equal(other.cloud.xyz, turn(patches.cloud.xyz, 3))
+    np.testing.assert_array_equal(other.normal, turn(patches.normal, 3))
+    np.testing.assert_array_equal(other.centroid, turn(patches.centroid, 3))
+    assert turn_patches(patches, 0) is patches
