@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from prf.kernels.constants import BOTTOM, INTERIOR, LEFT, RIGHT, TOP
 from prf.shell.errors import ConfigError
 
-__all__ = ["BOTTOM", "INTERIOR", "LEFT", "RIGHT", "SIDES", "SIDE_NAMES", "TOP", "Window"]
+__all__ = ["BOTTOM", "INTERIOR", "LARGEST_COORDINATE", "LEFT", "RIGHT", "SIDES", "SIDE_NAMES", "TOP", "Window"]
 
 SIDES = (BOTTOM, RIGHT, TOP, LEFT)
 """Counter-clockwise: y = y_min, x = x_max, y = y_max, x = x_min. Corner i lies between sides i and (i + 1) % 4.
@@ -19,6 +19,8 @@ SIDES = (BOTTOM, RIGHT, TOP, LEFT)
 A vertex that lies on no side is ``INTERIOR``.
 """
 SIDE_NAMES = ("bottom", "right", "top", "left")
+LARGEST_COORDINATE = 1e8
+"""Metres. Beyond any projected map (1e7), and small enough that millimetres survive in double precision."""
 
 
 class Window(NamedTuple):
@@ -36,12 +38,14 @@ class Window(NamedTuple):
         Raises
         ------
         ConfigError
-            If a bound is not finite, or a lower bound is not below the upper one.
+            If a bound is not finite or lies beyond `LARGEST_COORDINATE`, or a lower bound is not below the upper one.
         """
         window = cls(float(x_min), float(y_min), float(x_max), float(y_max))
         written = " ".join(repr(bound) for bound in window)
         if not all(math.isfinite(bound) for bound in window):
             raise ConfigError(f"window {written}: every bound must be finite. Give X0 Y0 X1 Y1 in metres.")
+        if max(map(abs, window)) > LARGEST_COORDINATE:
+            raise ConfigError(f"window {written}: a bound lies beyond {LARGEST_COORDINATE:g} m. Use a local origin.")
         if not (window.x_min < window.x_max and window.y_min < window.y_max):
             raise ConfigError(f"window {written}: needs X0 < X1 and Y0 < Y1.")
         return window

@@ -11,7 +11,8 @@ from shapely.geometry.base import BaseGeometry
 from prf.coloring.colours import black_at
 from prf.coloring.graph import Coloring
 from prf.coloring.validity import check
-from prf.window import BOTTOM, INTERIOR, LEFT, RIGHT, SIDES, TOP, Window
+from prf.shell.errors import InputError
+from prf.window import BOTTOM, INTERIOR, LARGEST_COORDINATE, LEFT, RIGHT, SIDES, TOP, Window
 
 SNAP = 1e-9
 """Share of the window's extent within which a vertex that clipping computed is put on the side: GEOS rounds."""
@@ -38,6 +39,12 @@ def occupied_polygons(coloring: Coloring) -> MultiPolygon:
     return MultiPolygon(list(faces[black_at(coloring, inside)]))
 
 
+def refuse_far(region: BaseGeometry) -> None:
+    """Raise InputError if a coordinate is not finite, or so large that GEOS computes nothing with it."""
+    if not (np.abs(shapely.get_coordinates(region)) <= LARGEST_COORDINATE).all():
+        raise InputError(f"a coordinate is not finite, or lies beyond {LARGEST_COORDINATE:g} m")
+
+
 def from_polygons(occupied: BaseGeometry, window: Window) -> Coloring:
     """Return the coloring of `window` that is black on `occupied`.
 
@@ -54,8 +61,10 @@ def from_polygons(occupied: BaseGeometry, window: Window) -> Coloring:
     Raises
     ------
     InputError
-        If the region is no polygonal coloring: polygons that touch at a point, or a corner that touches the border.
+        If the region is no polygonal coloring: polygons that touch at a point, or a corner that touches the border; or
+        if a coordinate is not finite, or lies beyond `LARGEST_COORDINATE`.
     """
+    refuse_far(occupied)
     region = shapely.union_all(shapely.get_parts(occupied))
     box = shapely.box(*window)
     if not shapely.covers(box, region):

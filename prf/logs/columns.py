@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.logs.numbers import LARGEST_COORDINATE, MEND, is_number, show
+from prf.logs.numbers import MEND, is_number, show
 from prf.logs.readings import FloatArray, IntArray
 from prf.shell.errors import InputError
+from prf.window import LARGEST_COORDINATE
 
 BLOCK = 65536
 """Rows parsed at a time, so that the text fields of a long table are never all in memory."""

@@ -8,9 +8,7 @@ import numpy as np
 
 from prf.logs.readings import FloatArray
 from prf.shell.errors import InputError
-
-LARGEST_COORDINATE = 1e8
-"""Metres. Beyond any projected map (1e7), and small enough that millimetres survive in double precision."""
+from prf.window import LARGEST_COORDINATE
 
 LARGEST_TIME = 1e20
 """Seconds. Beyond any clock, nanoseconds taken for seconds included, and safe to subtract."""

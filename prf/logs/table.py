@@ -14,11 +14,12 @@ import os
 import numpy as np
 
 from prf.logs.columns import PLACE, Domain, Rows, column_names, content_lines, read_header, read_rows, refuse_value
-from prf.logs.numbers import LARGEST_COORDINATE, LARGEST_TIME
+from prf.logs.numbers import LARGEST_TIME
 from prf.logs.readings import FloatArray, IntArray, Kind, LogNotes, Readings, ScanTable, beam_numbers
 from prf.logs.rings import CONE
 from prf.shell.errors import InputError
 from prf.shell.files import open_output
+from prf.window import LARGEST_COORDINATE
 
 REQUIRED = ("x", "y", "theta", "range")
 OPTIONAL = ("cone", "t", "scan")

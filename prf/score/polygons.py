@@ -12,6 +12,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from prf.coloring.polygons import refuse_far
 from prf.run import names
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.files import open_input
@@ -113,8 +114,7 @@ def _polygons(geometry: Mapping[str, Any]) -> Iterator[BaseGeometry]:
     with np.errstate(invalid="ignore"):  # a nan is told below
         parts = shapely.get_parts(shapely.geometry.shape(geometry))
     for polygon in parts:
-        if not np.isfinite(shapely.get_coordinates(polygon)).all():
-            raise InputError("a coordinate is not finite.")
+        refuse_far(polygon)
         if not shapely.is_valid(polygon):
             raise InputError(f"a polygon is not valid ({shapely.is_valid_reason(polygon)}). Repair it.")
         yield polygon

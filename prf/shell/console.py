@@ -9,10 +9,15 @@ import io
 import logging
 import os
 import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from importlib.util import find_spec
 from typing import IO
+
+logger = logging.getLogger(__name__)
 
 LOGGERS = ("prf", "mapq")
 """Only our own packages' messages are shown; a library's chatter is none of the user's business."""
@@ -72,6 +77,21 @@ def configure() -> None:
         logger.handlers = [_Handler()]
         logger.propagate = False
         logger.setLevel(level)
+
+
+@contextmanager
+def warnings_as_details() -> Iterator[None]:
+    """Show what libraries warn of, such as numpy of an overflow, in a line each and with ``-v`` alone."""
+
+    def show(message: Warning | str, category: type[Warning], *_place: object, **_more: object) -> None:
+        logger.debug(f"{category.__name__}: {' '.join(str(message).split())}")
+
+    before = warnings.showwarning
+    warnings.showwarning = show
+    try:
+        yield
+    finally:
+        warnings.showwarning = before
 
 
 def emit(text: str) -> None:

@@ -32,7 +32,7 @@ def run_app(command: Any, name: str, args: Sequence[str] | None = None) -> int:
         Instead of ``sys.argv[1:]``.
     """
     console.reset()
-    with signals.ending_the_tool():
+    with signals.ending_the_tool(), console.warnings_as_details():
         return _run(command, name, args)
 
 

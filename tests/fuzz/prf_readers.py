@@ -7,11 +7,13 @@ import io
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from prf.calibrate import read_known_map
 from prf.coloring import read_geojsonl, write_geojsonl
+from prf.export.source import read_source
 from prf.inspection import inspect
 from prf.logs import Kind, describe, describe_points, read_point_data, read_readings
 from prf.logs.suspicions import find_suspicions
@@ -20,7 +22,7 @@ from prf.run import names, read_run, write_run
 from prf.run.points import read_points
 from prf.score import read_occupied_area
 from prf.settings_file import check_settings, read_settings
-from prf.shell.errors import InputError
+from prf.shell.errors import InputError, PrfError
 from prf.shell.storage import save_arrays
 from prf.simulate import read_world
 from prf.simulate.path_file import read_path
@@ -127,9 +129,25 @@ def _settings(path: Path) -> None:
     read_settings(path)
 
 
-def _map(path: Path) -> None:
-    for read in (inspect, read_occupied_area):
-        read(path)
+def _each(*reads: Callable[[Path], Any]) -> Callable[[Path], None]:
+    """Read a file in several ways, each of which may refuse it; the last error is that of the whole."""
+
+    def read_each(path: Path) -> None:
+        last: PrfError | None = None
+        for read in reads:
+            try:
+                read(path)
+            except PrfError as error:
+                last = error
+        if last is not None:
+            raise last
+
+    return read_each
+
+
+_map = _each(inspect, read_occupied_area, read_source, read_world)
+_cell_map = _each(partial(read_world, unknown_is_occupied=True), read_world, read_known_map)
+"""As the world to be simulated, and as the map to calibrate in."""
 
 
 def _points(path: Path) -> None:
@@ -162,16 +180,6 @@ def _png(_: Path) -> Sequence[bytes]:
     stream = io.BytesIO()
     imsave(stream, np.zeros((2, 3)), format="png")
     return [PGM, stream.getvalue()]
-
-
-def _cell_map(path: Path) -> None:
-    """Read a map for ROS as the world to be simulated, and as the map to calibrate in."""
-    for read in (partial(read_world, unknown_is_occupied=True), read_world, read_known_map):
-        try:
-            read(path)
-        except InputError:
-            if read is read_known_map:
-                raise
 
 
 def _raster(image: Path) -> None:

@@ -7,6 +7,7 @@ import resource
 import signal
 import time
 import traceback
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -54,7 +55,8 @@ def try_reader(reader: Reader, folder: Path, data: bytes) -> Defect | None:
     path.write_bytes(data)
     begun = time.process_time()
     try:
-        with _interrupted_after(HANGS):
+        with _interrupted_after(HANGS), warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)  # of numpy, in lines that no user can make use of
             reader.read(path)
     except PrfError as error:
         wrong = _wrong_words(error, path)

@@ -17,6 +17,8 @@ from mapq.io.journal import journal_beside
 from mapq.io.las import _read_points
 from mapq.io.patches import SCHEMA as PATCHES_SCHEMA
 from prf.coloring import read_geojsonl
+from prf.export.source import read_source
+from prf.inspection import inspect
 from prf.occupancy import SCHEMA as GRID_SCHEMA
 from prf.occupancy import read_grid, write_grid
 from prf.run import inspect_files, names, read_run, write_run
@@ -24,6 +26,7 @@ from prf.run.state import PNG_MAGIC
 from prf.score import read_occupied_area
 from prf.shell.errors import InputError, OutputError
 from prf.shell.storage import load_arrays, save_arrays
+from prf.simulate import read_world
 from prf.simulate.rasters import read_cell_map
 from tests.factories import make_run
 from tests.fuzz.prf_readers import PGM, YAML
@@ -77,6 +80,27 @@ def test_a_map_with_a_number_that_no_float_holds(tmp_path, part):
     else:
         assert str(path) in refusal(read_run, tmp_path / "run")
         assert str(path) in refusal(read_occupied_area, path)
+
+
+@pytest.mark.parametrize("read", [inspect, read_occupied_area, read_source, read_world])
+@pytest.mark.parametrize("part", ["coordinates", "window"])
+def test_polygons_beyond_all_maps(tmp_path, part, read, recwarn):
+    """GEOS computed infinities, numpy said so in many lines, and export ended with an internal error."""
+    far = 1e200
+    ring = [[0, 0], [4, 0], [4, 4], [0, far if part == "coordinates" else 4], [0, 0]]
+    properties = {"window": [-1, -1, far if part == "window" else 5, 5]}
+    geometry = {"type": "Polygon", "coordinates": [ring]}
+    path = tmp_path / "a.geojson"
+    path.write_text(json.dumps({"type": "Feature", "properties": properties, "geometry": geometry}))
+    assert "beyond 1e+08 m" in refusal(read, path)
+    assert len(recwarn) == 0
+
+
+@pytest.mark.parametrize("resolution", ["1e308", "1e9"])
+def test_cells_beyond_all_maps(tmp_path, resolution):
+    (tmp_path / "a.pgm").write_bytes(PGM)
+    (tmp_path / "map.yaml").write_text(YAML.replace("0.05", resolution))
+    assert "map.yaml: window " in refusal(read_cell_map, tmp_path / "map.yaml")
 
 
 def test_draws_with_a_number_that_no_float_holds(tmp_path):

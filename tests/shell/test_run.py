@@ -32,6 +32,9 @@ def finish(how: Annotated[str, typer.Argument(metavar="HOW", help="How.")], seed
         import time
         print("waiting", flush=True)
         time.sleep(60)
+    if how == "warned":
+        import warnings
+        warnings.warn("overflow\\nin a library", RuntimeWarning)
     if how == "seed":
         print(seed)
     if how == "flood":
@@ -67,6 +70,12 @@ def call(tool: Path, *args: str, **variables: str) -> subprocess.CompletedProces
 def test_success_prints_only_the_result(tool: Path) -> None:
     done = call(tool, "finish", "well")
     assert (done.returncode, done.stdout, done.stderr) == (0, "well\n", "")
+
+
+def test_what_a_library_warns_of_is_a_detail(tool: Path) -> None:
+    done = call(tool, "finish", "warned")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "well\n", "")
+    assert call(tool, "finish", "warned", "-v").stderr == "RuntimeWarning: overflow in a library\n"
 
 
 @pytest.mark.parametrize(
