@@ -1,14 +1,30 @@
-"""Fields under names and in shapes that formats of plain columns have."""
+"""Fields under names and in shapes that formats of plain columns have, and under names that nothing else needs."""
 
 from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Container, Iterator
+from collections.abc import Collection, Container, Iterator, Mapping
 
 from mapq.io.fields import Array
 
 logger = logging.getLogger(__name__)
+
+ORIGINAL = "original_"
+"""Before the names of fields that points had and something else needs."""
+
+
+def original_names(fields: Mapping[str, Array], needed: Collection[str]) -> dict[str, Array]:
+    """Return the fields, those with `needed` names under `ORIGINAL` ones: with the prefix as often as it takes."""
+    renamed: dict[str, Array] = {}
+    for name, values in fields.items():
+        free = name
+        if name in needed:
+            free = ORIGINAL + name
+            while free in fields or free in renamed or free in needed:
+                free = ORIGINAL + free
+        renamed[free] = values
+    return renamed
 
 
 def scalar_columns(name: str, values: Array) -> Iterator[tuple[str, Array]]:

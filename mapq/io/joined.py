@@ -27,6 +27,14 @@ def joined_fields(parts: Sequence[Mapping[str, Array]], counts: Sequence[int], s
     source : str
         Name of the file; a warning names the fields that are dropped.
     """
+    fields = common_fields(parts, source)
+    if len(parts) > 1 and SCAN not in fields:
+        fields[SCAN] = np.repeat(np.arange(len(parts), dtype=np.int32), counts)
+    return fields
+
+
+def common_fields(parts: Sequence[Mapping[str, Array]], source: str) -> dict[str, Array]:
+    """Return the fields (n, ...) that all scans have in one shape, scan after scan; a warning names the others."""
     fields = {}
     for name in dict.fromkeys(name for part in parts for name in part):
         values = [part[name] for part in parts if name in part]
@@ -34,6 +42,4 @@ def joined_fields(parts: Sequence[Mapping[str, Array]], counts: Sequence[int], s
             fields[name] = np.concatenate(values)
         else:
             logger.warning("%s: field %s is dropped: not every scan has it alike", source, name)
-    if len(parts) > 1 and SCAN not in fields:
-        fields[SCAN] = np.repeat(np.arange(len(parts), dtype=np.int32), counts)
     return fields

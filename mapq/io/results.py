@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
+from mapq.io.free_names import original_names
 from mapq.io.write import check_name, write_cloud
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from prf.shell.errors import UsageError
@@ -31,8 +32,6 @@ RESULT_FIELDS = (PATCH, LABEL, PROBABILITY)
 COLOURS = ("red", "green", "blue")
 CAUSE = "cause"
 """Of maps that tell when their points were seen."""
-ORIGINAL = "original_"
-"""Before the names of fields that the points had and a result needs."""
 
 _RGB = {PLAUSIBLE: (31, 98, 184), SUSPICIOUS: (214, 26, 28), UNLABELLED: (140, 148, 153)}
 
@@ -72,8 +71,8 @@ def result_cloud(
     Parameters
     ----------
     cloud : PointCloud
-        Fields of its own with the names of a result's are kept under `ORIGINAL` names. Fields of an earlier result,
-        its colours included, are replaced.
+        Fields of its own with the names of a result's are kept (:func:`mapq.io.free_names.original_names`). Fields of
+        an earlier result, its colours included, are replaced.
     patch : (n,) int32
     label, probability : (m,)
         Of each patch; points without one get 255 and nan.
@@ -84,7 +83,7 @@ def result_cloud(
     if set(RESULT_FIELDS) <= set(fields):
         for name in (*RESULT_FIELDS, *COLOURS, CAUSE):
             fields.pop(name, None)
-    fields = _original_names(fields)
+    fields = original_names(fields, (*RESULT_FIELDS, *COLOURS, CAUSE))
     labels = np.append(label, np.uint8(UNLABELLED))[patch]
     table = np.zeros((256, 3), np.uint8)
     for kind, rgb in _RGB.items():
@@ -96,19 +95,6 @@ def result_cloud(
         fields[CAUSE] = np.append(cause, np.uint8(UNLABELLED))[patch]
     fields |= {name: table[labels, index] for index, name in enumerate(COLOURS)}
     return replace(cloud, fields=fields)
-
-
-def _original_names(fields: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Return the fields, those whose names a result needs under `ORIGINAL` names, as often as it takes to be free."""
-    renamed: dict[str, NDArray[Any]] = {}
-    for name, values in fields.items():
-        free = name
-        if name in (*RESULT_FIELDS, *COLOURS, CAUSE):
-            free = ORIGINAL + name
-            while free in fields or free in renamed:
-                free = ORIGINAL + free
-        renamed[free] = values
-    return renamed
 
 
 def write_result(path: str, cloud: PointCloud, head: Mapping[str, Any], patches: Iterable[Mapping[str, Any]]) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import SHIFT_ABOVE, PointCloud
+from mapq.io.free_names import original_names
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.perturb.disagree import Disagreement, known_disagreement
 from mapq.perturb.errors import PoseErrors, displaced
@@ -23,8 +24,7 @@ from prf.shell.errors import UsageError
 Vector = NDArray[np.float64]
 
 ADDED = ("scan", "suspicious", "disagreement", "pass_id", "time", "to_sensor_x", "to_sensor_y", "to_sensor_z")
-"""Fields that a labelled map gets; those of the scans with these names are kept behind `ORIGINAL`."""
-ORIGINAL = "original_"
+"""Fields that a labelled map gets; those of the scans with these names are kept under others."""
 
 
 @dataclass(frozen=True)
@@ -141,9 +141,7 @@ def _cloud(
 ) -> PointCloud:
     """Return the map with its fields."""
     world = merged.placed(used)
-    fields: dict[str, NDArray[Any]] = {
-        (ORIGINAL + name if name in ADDED else name): values for name, values in merged.fields.items()
-    }
+    fields = original_names(merged.fields, ADDED)
     fields["scan"] = merged.scan
     fields["suspicious"] = label
     fields["disagreement"] = found.metres.astype(np.float32)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -10,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
+from mapq.io.joined import common_fields
 from mapq.perturb.cells import cell_keys
 from mapq.posed import PosedScans
 from prf.shell.errors import InputError
-
-logger = logging.getLogger(__name__)
 
 Vector = NDArray[np.float64]
 
@@ -85,7 +83,8 @@ def merge(
         raise InputError(f"{scans.source}: no point is left of {sum(counts)}. Check --min-range and --max-range.")
     of_scan = np.repeat(np.arange(len(parts), dtype=np.int32), [len(part) for part in parts])
     xyz = np.concatenate([part.metric_of(part.xyz) for part in parts])
-    return Merged(xyz, of_scan, _common_fields(parts, scans.source), np.array(counts, np.int64))
+    fields = common_fields([part.fields for part in parts], scans.source)
+    return Merged(xyz, of_scan, fields, np.array(counts, np.int64))
 
 
 def _kept(cloud: PointCloud, voxel: float | None, reach: tuple[float, float]) -> PointCloud:
@@ -97,16 +96,3 @@ def _kept(cloud: PointCloud, voxel: float | None, reach: tuple[float, float]) ->
         return cloud
     _, first = np.unique(cell_keys(cloud.xyz, voxel, cloud.source), return_index=True)
     return cloud.take(np.sort(first))
-
-
-def _common_fields(parts: list[PointCloud], source: str) -> dict[str, NDArray[Any]]:
-    """Return the fields (n, ...) that all scans have in the same shape; a warning names the others."""
-    names = list(dict.fromkeys(name for part in parts for name in part.fields))
-    fields = {}
-    for name in names:
-        values = [part.fields[name] for part in parts if name in part.fields]
-        if len(values) == len(parts) and len({value.shape[1:] for value in values}) == 1:
-            fields[name] = np.concatenate(values)
-        else:
-            logger.warning("%s: field %s is dropped: not every scan has it alike", source, name)
-    return fields

@@ -69,6 +69,15 @@ def test_fields_of_the_scans_that_bear_our_names_are_kept_under_another():
     assert set(fields["scan"].tolist()) == {0, 1}
 
 
+def test_a_field_whose_kept_name_is_taken_too_is_not_lost():
+    scans = two_scans()
+    nine, eight = (np.full(len(scans.read(0)), value) for value in (9.0, 8.0))
+    clouds = [scans.read(k).with_fields(scan=nine, original_scan=eight) for k in (0, 1)]
+    fields = build(with_clouds(scans, clouds), reference=scans.poses).cloud.fields
+    assert (fields["original_scan"] == 8.0).all()
+    assert (fields["original_original_scan"] == 9.0).all()
+
+
 def test_coordinates_of_a_survey_lose_nothing():
     scans = two_scans()
     far = scans.poses.copy()
