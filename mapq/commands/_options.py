@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 if TYPE_CHECKING:
+    from mapq.io import ReadOptions
     from mapq.model import Model
+    from mapq.scale.maps import Where
+    from mapq.scale.run import ScaleSettings
+    from mapq.segmentation import SegmentSettings
 
 BinColumns = Annotated[
     int,
@@ -63,9 +68,29 @@ Scheduler = Annotated[
 TilePoints = Annotated[
     int | None,
     typer.Option(
-        "--tile-points", metavar="N", help="Cut the map into tiles of so many points: memory follows them.  [2500000]"
+        "--tile-points",
+        metavar="N",
+        help="Points of a tile of the work, about: memory follows them.  [2500000]",
     ),
 ]
+
+
+def tiling(given: Mapping[str, Any], segment: SegmentSettings, options: ReadOptions) -> tuple[ScaleSettings, Where]:
+    """Return how a map is worked on in tiles and who does it.
+
+    Parameters
+    ----------
+    given : mapping
+        ``workers``, ``scheduler`` and ``tile_points`` as the options have them, None where not given.
+    segment : SegmentSettings
+    options : ReadOptions
+    """
+    from mapq.scale.maps import Where
+    from mapq.scale.run import ScaleSettings
+
+    sizes = {} if given["tile_points"] is None else {"tile_points": given["tile_points"]}
+    where = Where(1 if given["workers"] is None else given["workers"], given["scheduler"])
+    return ScaleSettings(**sizes, segment=segment, options=options), where
 
 
 def load_model(path: str | None, max_false_alarms: float | None) -> Model | None:
@@ -104,6 +129,44 @@ def parse_share(text: str) -> float:
         raise ValueError(f"{text} is no share between 0 and 1. Give one such as 0.05 or 5%")
     return share
 
+
+class Reading(StrEnum):
+    """How equations 6 to 13 of the paper are read."""
+
+    safe = "safe"
+    literal = "literal"
+
+
+Features = Annotated[
+    Reading | None,
+    typer.Option("--features", help="Bounded features in metres, or the paper's equations as printed.  [safe]"),
+]
+
+Radius = Annotated[
+    float | None, typer.Option("--radius", metavar="METRES", help="Patches farther apart are no neighbours.  [3]")
+]
+
+Tau = Annotated[
+    float | None,
+    typer.Option("--tau", metavar="METRES", help="Distance over which a pair's weight falls to 1/e.  [2]"),
+]
+
+Neighbours = Annotated[
+    int | None,
+    typer.Option("--neighbours", metavar="N", help="Closest patches that each patch is joined to.  [4]"),
+]
+
+Watched = Annotated[
+    int | None,
+    typer.Option(
+        "--watched", metavar="N", help="Of its N closest patches also join those that lie over it or cross it.  [16]"
+    ),
+]
+
+Tolerance = Annotated[
+    float | None,
+    typer.Option("--tolerance", metavar="METRES", help="Distance at which surfaces count half as doubled.  [0.05]"),
+]
 
 Contexts = Annotated[
     list[str] | None,

@@ -23,6 +23,7 @@ from mapq.commands._options import (
     load_model,
     parse_share,
     refuse_inputs,
+    tiling,
 )
 from prf.shell.options import Force, Json, Output, Presets
 
@@ -155,9 +156,8 @@ def _classify_tiles(
     """Classify a map tile by tile; as :func:`classify`, but for what needs all points at once."""
     from mapq.io import is_patches
     from mapq.io.results import result_lines
-    from mapq.scale.maps import Where, classify_map
+    from mapq.scale.maps import classify_map
     from mapq.scale.result import TiledResult
-    from mapq.scale.run import ScaleSettings
     from mapq.settings import segment_settings
     from prf.shell import jsonout
     from prf.shell.errors import UsageError
@@ -178,9 +178,7 @@ def _classify_tiles(
             about["verdict"] = result.verdict(fail_over)
         return about
 
-    sizes = {} if given["tile_points"] is None else {"tile_points": given["tile_points"]}
-    settings = ScaleSettings(**sizes, segment=segment_settings(chosen.values), options=options)
-    where = Where(1 if given["workers"] is None else given["workers"], given["scheduler"])
+    settings, where = tiling(given, segment_settings(chosen.values), options)
     result = classify_map(file, target, load_model(*model), settings, where, force, head_of)
     for warning in result.patches.report["warnings"]:
         logger.warning("%s: %s", file, warning)

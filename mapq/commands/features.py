@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import Config, Contexts, chosen_context
+from mapq.commands._options import (
+    Config,
+    Contexts,
+    Features,
+    Neighbours,
+    Radius,
+    Tau,
+    Tolerance,
+    Watched,
+    chosen_context,
+)
 from prf.shell.options import Json, Presets
 
 if TYPE_CHECKING:
@@ -28,13 +38,6 @@ N_LEAST = 15
 """Pairs that the table for a person shows."""
 
 
-class Reading(StrEnum):
-    """How equations 6 to 13 are read."""
-
-    safe = "safe"
-    literal = "literal"
-
-
 class Only(StrEnum):
     """Which of the tables to show."""
 
@@ -46,33 +49,15 @@ def features(
     patches: Annotated[str, typer.Argument(metavar="PATCHES", help="What mapq segment wrote; - is standard input.")],
     config: Config = None,
     preset: Presets = None,
-    reading: Annotated[
-        Reading | None,
-        typer.Option("--features", help="Bounded features in metres, or the equations as printed.  [safe]"),
-    ] = None,
-    radius: Annotated[
-        float | None, typer.Option("--radius", metavar="METRES", help="Patches farther apart are no neighbours.  [3]")
-    ] = None,
-    tau: Annotated[
-        float | None,
-        typer.Option("--tau", metavar="METRES", help="Distance over which a pair's weight falls to 1/e.  [2]"),
-    ] = None,
-    neighbours: Annotated[
-        int | None, typer.Option("--neighbours", metavar="N", help="Closest patches that each patch is joined to.  [4]")
-    ] = None,
-    watched: Annotated[
-        int | None,
-        typer.Option(
-            "--watched", metavar="N", help="Of so many closest also join those that lie over or cross it.  [16]"
-        ),
-    ] = None,
-    tolerance: Annotated[
-        float | None,
-        typer.Option("--tolerance", metavar="METRES", help="So far apart surfaces count half as doubled.  [0.05]"),
-    ] = None,
+    reading: Features = None,
+    radius: Radius = None,
+    tau: Tau = None,
+    neighbours: Neighbours = None,
+    watched: Watched = None,
+    tolerance: Tolerance = None,
     noise: Annotated[
         float | None,
-        typer.Option("--noise", metavar="METRES", help="Deviation of points from a surface; default: estimated."),
+        typer.Option("--noise", metavar="METRES", help="Standard deviation of points from a surface.  [estimated]"),
     ] = None,
     context: Contexts = None,
     csv: Annotated[

@@ -53,7 +53,7 @@ def label(
         typer.Option(
             "--model",
             metavar="MODEL",
-            help="Which patches are uncertain says this model.  [that of the package]",
+            help="Model that says which patches are uncertain.  [that of the package]",
         ),
     ] = None,
     port: Annotated[

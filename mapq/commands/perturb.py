@@ -48,7 +48,8 @@ def perturb(
         bool, typer.Option("--submaps", help="Scans are sub-maps of a drive, without a single sensor.")
     ] = False,
     voxel: Annotated[
-        float | None, typer.Option("--voxel", metavar="METRES", help="Keep one point of a scan in each cube so wide.")
+        float | None,
+        typer.Option("--voxel", metavar="METRES", help="Keep one point of a scan in each cube of this side."),
     ] = None,
     min_range: Annotated[
         float | None, typer.Option("--min-range", metavar="METRES", help="Drop returns closer to the sensor.")
@@ -57,36 +58,41 @@ def perturb(
         float | None, typer.Option("--max-range", metavar="METRES", help="Drop returns farther from the sensor.")
     ] = None,
     offset: Annotated[
-        float, typer.Option("--offset", metavar="METRES", help="Displace every scan but the first by so much.")
+        float, typer.Option("--offset", metavar="METRES", help="Displace every scan but the first by this.")
     ] = 0.0,
     yaw: Annotated[
         float, typer.Option("--yaw", metavar="DEG", help="Turn every scan but the first about its sensor.")
     ] = 0.0,
     drift: Annotated[
         tuple[float, float],
-        typer.Option("--drift", metavar="METRES DEG", help="Errors that grow along the way to so much at its end."),
+        typer.Option("--drift", metavar="METRES DEG", help="Errors that grow along the way, to these at its end."),
     ] = (0.0, 0.0),
     missed_loop: Annotated[
         tuple[float, float],
         typer.Option("--missed-loop", metavar="METRES DEG", help="Displace all scans from the first revisit on."),
     ] = (0.0, 0.0),
     suspicious_above: Annotated[
-        float, typer.Option("--suspicious-above", metavar="METRES", help="Scans that disagree by more are suspicious.")
+        float,
+        typer.Option("--suspicious-above", metavar="METRES", help="Where scans disagree by more they are suspicious."),
     ] = 0.3,
     plausible_below: Annotated[
-        float, typer.Option("--plausible-below", metavar="METRES", help="Scans that disagree by less agree.")
+        float,
+        typer.Option("--plausible-below", metavar="METRES", help="Where scans disagree by less they are plausible."),
     ] = 0.1,
     reach: Annotated[
         float | None,
-        typer.Option("--reach", metavar="METRES", help="So close along a surface scans see the same.  [estimated]"),
+        typer.Option(
+            "--reach", metavar="METRES", help="Distance along a surface within which scans see the same.  [estimated]"
+        ),
     ] = None,
     search: Annotated[
-        float, typer.Option("--search", metavar="METRES", help="Without right poses: so far off is looked for.")
+        float,
+        typer.Option("--search", metavar="METRES", help="Without right poses: how far off each other scans may lie."),
     ] = 3.0,
     split: Annotated[
         float | None,
         typer.Option(
-            "--split", metavar="SHARE", help="Write MAP.train and MAP.test, parted by place: so much to test."
+            "--split", metavar="SHARE", help="Write MAP.train and MAP.test, parted by place; the share of the test."
         ),
     ] = None,
     buffer: Annotated[

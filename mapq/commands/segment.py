@@ -21,6 +21,7 @@ from mapq.commands._options import (
     Workers,
     beside,
     refuse_inputs,
+    tiling,
 )
 from prf.shell.options import Force, Json, Output, Presets
 
@@ -37,7 +38,6 @@ EXAMPLES = (
     "mapq segment city.ply --max-tilt 90 --truth-field plane",
     "mapq segment survey.laz --preset survey-scanner --workers 4",
 )
-STREAM = "-"
 OPTIONS = (
     *("neighbours", "resolution", "noise", "max_angle", "max_distance", "max_gap", "max_variation"),
     *("min_points", "min_extent", "max_tilt", "up"),
@@ -63,7 +63,7 @@ def segment(
         typer.Option(
             "--resolution",
             metavar="METRES",
-            help="Look first at one point of each cell so wide; 0: at all.  [estimated]",
+            help="Side of cells, of each of which one point is looked at first; 0: all.  [estimated]",
         ),
     ] = None,
     noise: Annotated[
@@ -147,6 +147,7 @@ def segment(
 
 def _beside(cloud: str) -> str:
     from prf.shell.errors import UsageError
+    from prf.shell.files import STREAM
 
     if cloud == STREAM:
         raise UsageError("a cloud from standard input has no name to put .patches to. Name the output with -o.")
@@ -174,17 +175,15 @@ def _run_tiles(
     truth: tuple[str | None, float],
 ) -> tuple[Patches, SegmentationScore | None]:
     """Cut a cloud into patches tile by tile; `truth` is the field to score against, if any, and the overlap asked."""
-    from mapq.scale.maps import Where, segment_map
-    from mapq.scale.run import ScaleSettings
+    from mapq.scale.maps import segment_map
     from mapq.segmentation import score_segmentation, truth_of
     from prf.shell.errors import UsageError
+    from prf.shell.files import STREAM
 
     cloud, target = names
     if STREAM in names or os.path.isdir(cloud):
         raise UsageError("tiles need files: name a CLOUD and an output. A folder of tiles goes to mapq classify.")
-    sizes = {} if given["tile_points"] is None else {"tile_points": given["tile_points"]}
-    where = Where(1 if given["workers"] is None else given["workers"], given["scheduler"])
-    patches = segment_map(cloud, target, ScaleSettings(**sizes, segment=settings, options=options), where)
+    patches = segment_map(cloud, target, *tiling(given, settings, options))
     for warning in patches.report["warnings"]:
         logger.warning(warning)
     name, min_iou = truth
@@ -195,6 +194,7 @@ def _run_tiles(
 
 def _show(cloud: str, target: str, patches: Patches, score: SegmentationScore | None, json: bool) -> None:
     from prf.shell import console, jsonout
+    from prf.shell.files import STREAM
 
     if json and target != STREAM:
         head = {"cloud": cloud, "output": target, "parameters": patches.parameters, "report": patches.report}

@@ -10,7 +10,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import Config, Contexts, MaxFalseAlarms, chosen_context, refuse_inputs
+from mapq.commands._options import (
+    Config,
+    Contexts,
+    Features,
+    MaxFalseAlarms,
+    Neighbours,
+    Radius,
+    Tau,
+    Tolerance,
+    Watched,
+    chosen_context,
+    refuse_inputs,
+)
 from prf.shell.options import Force, Json, Output, Presets, Seed
 
 if TYPE_CHECKING:
@@ -47,13 +59,6 @@ class EdgeModel(StrEnum):
     none = "none"
 
 
-class Reading(StrEnum):
-    """How equations 6 to 13 of the paper are read."""
-
-    safe = "safe"
-    literal = "literal"
-
-
 class ClassWeight(StrEnum):
     """How patches of the two labels are weighed."""
 
@@ -78,7 +83,7 @@ def train(
         EdgeModel | None,
         typer.Option(
             "--edge-model",
-            help="full: pairs may speak for a label; symmetric: for equal labels only, as in the paper; none: alone.  "
+            help="full: pairs may speak for a label; symmetric: only for equal labels, as in the paper; none: none.  "
             "[full]",
         ),
     ] = None,
@@ -91,10 +96,7 @@ def train(
             "plausibility (x_ij) and context if absent.",
         ),
     ] = None,
-    features: Annotated[
-        Reading | None,
-        typer.Option("--features", help="Bounded features in metres, or the paper's formulas as printed.  [safe]"),
-    ] = None,
+    features: Features = None,
     context: Contexts = None,
     regularisation: Annotated[
         float | None,
@@ -112,30 +114,15 @@ def train(
         bool,
         typer.Option("--conservative", help="Patches without a label count as suspicious: not surely plausible."),
     ] = False,
-    radius: Annotated[
-        float | None, typer.Option("--radius", metavar="METRES", help="Patches farther apart are no neighbours.  [3]")
-    ] = None,
-    tau: Annotated[
-        float | None, typer.Option("--tau", metavar="METRES", help="The weight of a pair falls to 1/e over it.  [2]")
-    ] = None,
-    neighbours: Annotated[
-        int | None,
-        typer.Option("--neighbours", metavar="N", min=1, help="Closest patches that a patch is joined to.  [4]"),
-    ] = None,
-    watched: Annotated[
-        int | None,
-        typer.Option(
-            "--watched", metavar="N", help="Of so many closest also join those that lie over or cross it.  [16]"
-        ),
-    ] = None,
-    tolerance: Annotated[
-        float | None,
-        typer.Option("--tolerance", metavar="METRES", help="So far apart surfaces count half as doubled.  [0.05]"),
-    ] = None,
+    radius: Radius = None,
+    tau: Tau = None,
+    neighbours: Neighbours = None,
+    watched: Watched = None,
+    tolerance: Tolerance = None,
     max_false_alarms: MaxFalseAlarms = None,
     max_patches: Annotated[
         int | None,
-        typer.Option("--max-patches", metavar="N", min=2, help="Train on so many labelled patches, in whole regions."),
+        typer.Option("--max-patches", metavar="N", min=2, help="Train on about N labelled patches, in whole regions."),
     ] = None,
     seed: Seed = None,
     json: Json = False,

@@ -17,7 +17,7 @@ TABLE_WORDS: Mapping[str, str] = MappingProxyType(
 KEY_WORDS: Mapping[str, Meaning] = MappingProxyType(
     {
         "segment.neighbours": Meaning("", "nearest neighbours that make a normal"),
-        "segment.resolution": Meaning("m", "look first at one point of each cell so wide; 0: at all"),
+        "segment.resolution": Meaning("m", "side of cells, of each of which one point is looked at first; 0: all"),
         "segment.noise": Meaning("m", "standard deviation of points off their surface"),
         "segment.max_angle": Meaning("deg", "between a point's normal and its patch's"),
         "segment.max_distance": Meaning("m", "from a point to its patch's plane"),
@@ -29,12 +29,12 @@ KEY_WORDS: Mapping[str, Meaning] = MappingProxyType(
         "segment.up": Meaning("", "the vertical, of any length"),
         "features.reading": Meaning("", "safe: bounded features in metres; literal: the equations as printed"),
         "features.neighbours": Meaning("", "closest patches that each patch is joined to"),
-        "features.watched": Meaning("", "of so many closest also join those that lie over or cross it"),
+        "features.watched": Meaning("", "of so many closest patches those are joined too that lie over it or cross it"),
         "features.radius": Meaning("m", "patches farther apart are no neighbours"),
         "features.tau": Meaning("m", "distance over which a pair's weight falls to 1/e"),
         "features.eps": Meaning("m", "what the sensor cannot resolve"),
         "features.noise": Meaning("m", "standard deviation of points from a surface"),
-        "features.tolerance": Meaning("m", "so far apart surfaces count half as doubled; 3.3 of the noise at least"),
+        "features.tolerance": Meaning("m", "distance at which surfaces count half as doubled; at least 3.3 noise"),
         "features.spacing": Meaning("m", "between points"),
         "features.up": Meaning("", "direction of the z axis of equation 7"),
         "features.context": Meaning("", "groups of context features: outlines, moments, rays"),
