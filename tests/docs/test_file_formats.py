@@ -1,4 +1,4 @@
-"""docs/file-formats.md has an entry for every schema that prf and mapq write."""
+"""docs/file-formats.md has an entry for every schema that prf and mapq write; tables of codes have every code."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import re
 from pathlib import Path
 
 import pytest
+
+from mapq.simulate import Kind
 
 
 @pytest.mark.parametrize("tool", ["prf", "mapq"])
@@ -18,3 +20,8 @@ def test_every_schema_of_the_code_has_an_entry(project_root: Path, tool: str) ->
     assert len(written) > 10
     assert written - entries == set(), "without a row | ... | `schema` | in a table of docs/file-formats.md"
     assert entries - written == set(), "of no file or object that the code writes"
+
+
+def test_every_kind_of_a_simulated_point_is_in_its_table(project_root: Path) -> None:
+    text = (project_root / "docs" / "simulator.md").read_text()
+    assert {int(code) for code in re.findall(r"\| (\d+) \| [a-z]", text)} == set(Kind)
