@@ -51,7 +51,8 @@ def load_arrays(path: Path, schema: str) -> dict[str, NDArray[Any]]:
         If the file is missing, damaged, holds pickled objects, or is of another schema.
     """
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        # Numpy multiplies a shape that a damaged header makes of numbers without end, and would warn of it.
+        with np.errstate(all="ignore"), np.load(path, allow_pickle=False) as stored:
             if not isinstance(stored, np.lib.npyio.NpzFile):
                 raise InputError(f"{path}: not a .npz archive. {_REMEDY}")
             refuse_members(stored.zip, path)

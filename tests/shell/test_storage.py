@@ -46,6 +46,7 @@ def refusal(read, *args) -> str:
     [
         with_header("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,)}"),
         with_header("{'descr': '<f8', 'fortran_order': False, 'shape': (4611686018427387904, 9)}"),
+        with_header("{'descr': '<f8', 'fortran_order': False, 'shape': (9223372036854775808, 50)}"),
         with_header("{'descr': '<f8', 'fortran_order': False, 'shape': (-1,)}"),
         with_header("{'descr': '|O', 'fortran_order': False, 'shape': (3,)}"),
         with_header("{'descr': [[]], 'fortran_order': False, 'shape': 3}"),
@@ -54,11 +55,12 @@ def refusal(read, *args) -> str:
         b"",
         stored(np.ones(9))[:-1],
     ],
-    ids=["terabytes", "overflow", "negative", "pickled", "types", "nesting", "other", "empty", "cut"],
+    ids=["terabytes", "overflow", "unsigned", "negative", "pickled", "types", "nesting", "other", "empty", "cut"],
 )
-def test_damaged_arrays_are_told(tmp_path, member):
+def test_damaged_arrays_are_told(tmp_path, member, recwarn):
     path = archive(tmp_path / "a.npz", schema=stored(np.str_(SCHEMA)), values=member)
     assert str(path) in refusal(load_arrays, path, SCHEMA)
+    assert len(recwarn) == 0
 
 
 def test_text_with_characters_that_do_not_exist(tmp_path):
