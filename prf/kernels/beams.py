@@ -14,7 +14,7 @@ from prf.kernels._jit import core, core_entry
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.geometry import ray_hit
 from prf.kernels.graph import Graph
-from prf.kernels.grid import Grid, exit_distance, walk
+from prf.kernels.grid import HAIR, HAIR_SHARE, Grid, exit_distance, walk
 from prf.kernels.laser import beam_log_likelihood
 from prf.kernels.slots import list_slot
 
@@ -23,7 +23,7 @@ class Beams(NamedTuple):
     """Readings, their present impacts, and the index; slots are numbered over all beams."""
 
     model: np.ndarray  # (N_LASER_MODEL,) f8
-    ray: np.ndarray  # (n, 8) f8 one cache line a beam: columns ORIGIN_X ... BEAM_LOG_LIKELIHOOD
+    ray: np.ndarray  # (n, N_RAY) f8 one cache line a beam: columns ORIGIN_X ... BEAM_LOG_LIKELIHOOD
     beyond: np.ndarray  # (n,) f8 distance of what stands beyond the reach, which nothing moves; inf for nothing
     impact_edge: np.ndarray  # (n,) i4 edge that the beam meets, or NONE
     last_slot: np.ndarray  # (n,) i4 slot in which the impact lies: the last that is listed
@@ -208,7 +208,7 @@ def fill_slots(
         for k in range(n):
             slot = slot_start[beam] + k
             slot_cell[slot] = before + path[k]
-            latest = max(latest, exit_distance(grid, path[k], ox, oy, ux, uy) * (1.0 - 1e-6) - 1e-9)
+            latest = max(latest, exit_distance(grid, path[k], ox, oy, ux, uy) * (1.0 - HAIR_SHARE) - HAIR)
             slot_exit[slot] = latest if k < n - 1 else reach
             cell_start[before + path[k] + 1] += 1
     for cell in range(cell_start.size - 1):

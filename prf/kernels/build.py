@@ -10,7 +10,7 @@ from prf.kernels.beams import relist_beams, trace_beam
 from prf.kernels.chain import Chain
 from prf.kernels.cones import relist_cones, sense_now
 from prf.kernels.edge_index import EdgeIndex, index_edge
-from prf.kernels.graph import Graph, add_edge, add_vertex, classify_vertex, vertex_sine_now
+from prf.kernels.graph import Graph, add_edge, add_vertex, classify_vertex, distance, vertex_sine_now
 from prf.kernels.grid import Grid, cell_at
 from prf.kernels.guards import index_frozen
 from prf.kernels.points import sum_points
@@ -25,9 +25,7 @@ def fill_graph(graph: Graph, n_vertices: int, edges: np.ndarray) -> None:
     for k in range(edges.shape[0]):
         a = edges[k, 0]
         b = edges[k, 1]
-        dx = graph.vertex_xy[b, 0] - graph.vertex_xy[a, 0]
-        dy = graph.vertex_xy[b, 1] - graph.vertex_xy[a, 1]
-        add_edge(graph, a, b, math.sqrt(dx * dx + dy * dy))
+        add_edge(graph, a, b, distance(graph, a, b))
     for v in range(n_vertices):
         graph.vertex_sine[v] = vertex_sine_now(graph, v)
         classify_vertex(graph, v)

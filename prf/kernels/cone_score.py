@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.kernels._jit import core, core_entry, jit
+from prf.kernels._jit import core, core_entry
 from prf.kernels.cones import READING, cells_of_cone
 from prf.kernels.grid import Grid
 from prf.kernels.laser import WHOLE
-from prf.kernels.score import UNKNOWN, blurred_bin, cdf_integral, count_edges, list_edges
+from prf.kernels.score import UNKNOWN, blurred_bin, cdf_integral
 from prf.kernels.sonar import (
     SONAR_MAX,
     SONAR_NOISE,
@@ -46,16 +46,6 @@ class Scene(NamedTuple):
     cells: np.ndarray  # i4 scratch: the cells of one cone
     near: np.ndarray  # f8 scratch: where it enters them
     sight: Sight
-
-
-@jit
-def edges_by_cell(grid: Grid, segments: np.ndarray, path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where each cell's list of edges begins, (n_cells + 1,), and all lists in a row."""
-    start = np.zeros(grid.nx * grid.ny + 1, np.int64)
-    count_edges(grid, segments, path, start)
-    listed = np.empty(start[-1], np.int32)
-    list_edges(grid, segments, path, start, np.zeros(grid.nx * grid.ny, np.int64), listed)
-    return start, listed
 
 
 @core

@@ -13,8 +13,8 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core, core_entry
 from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph
-from prf.kernels.grid import Grid, axis_index
+from prf.kernels.graph import Graph, ends_of
+from prf.kernels.grid import HAIR, HAIR_SHARE, Grid, axis_index
 from prf.kernels.proposal import N_NEW_EDGES, Proposal, goes
 from prf.kernels.slots import list_slot
 from prf.kernels.sonar import SONAR_MAX, sonar_log_likelihood
@@ -26,7 +26,7 @@ EXTENT = 6  # up to where the map matters now, m
 CONE_LOG_LIKELIHOOD = 7
 N_POSE = 8
 
-SLACK = 1.0 + 1e-6
+SLACK = 1.0 + HAIR_SHARE
 """Extents are raised by a hair: rounding may then ask a cone in vain, but never forget one."""
 
 
@@ -80,8 +80,7 @@ def see_indexed(
             index.marks[edge] = index.mark[0]
             if with_change and goes(gone, edge):
                 continue
-            a = graph.edge_vertices[edge, 0]
-            b = graph.edge_vertices[edge, 1]
+            a, b = ends_of(graph, edge)
             see_edge(
                 cones.sight,
                 pose,
@@ -176,7 +175,7 @@ def enters_cell(grid: Grid, pose: np.ndarray, reach: float, ix: int, iy: int) ->
         across = pose[POSE_COS] * centre_y - pose[POSE_SIN] * centre_x
         if abs(math.atan2(across, along)) > math.atan(pose[BORDER]) + math.asin(radius / distance):
             return math.inf
-    return max(0.0, near * (1.0 - 1e-6) - 1e-9)
+    return max(0.0, near * (1.0 - HAIR_SHARE) - HAIR)
 
 
 @core
@@ -231,7 +230,7 @@ def fill_cone_slots(
         n = cells_of_cone(grid, pose[cone], reach, cells, near)
         for k in range(n):
             slot_cell[slot_start[cone] + k] = cells[k]
-            slot_near[slot_start[cone] + k] = near[k] * (1.0 - 1e-6)
+            slot_near[slot_start[cone] + k] = near[k] * (1.0 - HAIR_SHARE)
             cell_start[cells[k] + 1] += 1
     for cell in range(cell_start.size - 1):
         cell_start[cell + 1] += cell_start[cell]

@@ -126,6 +126,7 @@ REACH = 4  # no obstacle is met beyond this distance: window border or max range
 RANGE = 5  # the reading, inf for no return
 DISTANCE = 6  # to the first obstacle in the current map, inf for none
 BEAM_LOG_LIKELIHOOD = 7
+N_RAY = 8
 
 # Entries of the laser model's array.
 MAX_RANGE = 0

@@ -16,7 +16,7 @@ class Acoustics(NamedTuple):
     """Constants of the sound and of the detector, lengths in metres.
 
     `wavelength`; `loss` nepers a metre of path; `level` amplitude at the detector of an on-axis echo after 1 m of
-    path; `window` longest range listened to; `faint` amplitudes below this share of the threshold are dropped;
+    path; `max_range` longest range listened to; `faint` amplitudes below this share of the threshold are dropped;
     `detour` amplitude of the beam below which two walls in turn are not followed; `edge_radius` rounding of edges;
     `directivity` amplitude by angle off the axis, from 0 to pi/2 in equal steps;
     `fresnel_re`, `fresnel_im` integrals of exp(i pi t^2 / 2) from 0 to -MOST_ZONES .. MOST_ZONES in equal steps;
@@ -26,7 +26,7 @@ class Acoustics(NamedTuple):
     wavelength: float
     loss: float
     level: float
-    window: float
+    max_range: float
     faint: float
     detour: float
     edge_radius: float
@@ -92,9 +92,9 @@ def zones(sound: Acoustics, first: float, last: float) -> tuple[float, float]:
 
 
 @core
-def audible(sound: Acoustics, amplitude: float, length: float) -> bool:
+def is_audible(sound: Acoustics, amplitude: float, length: float) -> bool:
     """Whether an echo of this amplitude, after a path of this length, is worth a place in the list."""
-    if length >= 2.0 * sound.window:
+    if length >= 2.0 * sound.max_range:
         return False
     heard = amplitude * sound.level * math.exp(-sound.loss * length)
     return heard * sound.gain[int(0.5 * length / sound.bin)] >= sound.faint

@@ -9,8 +9,18 @@ import math
 from typing import NamedTuple
 
 from prf.kernels._jit import core
-from prf.kernels.echo_levels import Acoustics, Echoes, audible, collect, off_axis, toward, zones
-from prf.kernels.echo_scene import NO_WALL, Ear, Scene, clear, crossing_place, height_over, image_of, place_along, seen
+from prf.kernels.echo_levels import Acoustics, Echoes, collect, is_audible, off_axis, toward, zones
+from prf.kernels.echo_scene import (
+    NO_WALL,
+    Ear,
+    EchoScene,
+    crossing_place,
+    height_over,
+    image_of,
+    is_clear,
+    is_seen,
+    place_along,
+)
 
 FARTHEST = 30.0
 """Fresnel argument at which what fades over the end of a wall is given up: 42 dB under the mirror."""
@@ -38,15 +48,17 @@ class Link(NamedTuple):
 
 
 @core
-def both_see(scene: Scene, link: Link, x: float, y: float, skip: int, skip_too: int) -> bool:
+def both_see(scene: EchoScene, link: Link, x: float, y: float, skip: int, skip_too: int) -> bool:
     """Whether both transducers see a point."""
-    if not seen(scene, link.real_p, link.p, link.mirror, x, y, skip, skip_too):
+    if not is_seen(scene, link.real_p, link.p, link.mirror, x, y, skip, skip_too):
         return False
-    return link.same or seen(scene, link.real_q, link.q, link.mirror, x, y, skip, skip_too)
+    return link.same or is_seen(scene, link.real_q, link.q, link.mirror, x, y, skip, skip_too)
 
 
 @core
-def zones_to_end(scene: Scene, sound: Acoustics, link: Link, w: int, end: int, beyond: bool, length: float) -> float:
+def zones_to_end(
+    scene: EchoScene, sound: Acoustics, link: Link, w: int, end: int, beyond: bool, length: float
+) -> float:
     """Fresnel argument of an end of wall `w`: sqrt(4 / wavelength) of what the path by it is longer than by the foot.
 
     Negative if the foot lies beyond that end; an end in a right-angled corner is no end.
@@ -60,7 +72,7 @@ def zones_to_end(scene: Scene, sound: Acoustics, link: Link, w: int, end: int, b
 
 
 @core
-def wall_echo(scene: Scene, sound: Acoustics, echoes: Echoes, link: Link, w: int) -> None:
+def wall_echo(scene: EchoScene, sound: Acoustics, echoes: Echoes, link: Link, w: int) -> None:
     """Mirror reflection: mirror / L, times the share of the Fresnel zones round the foot that lie on the wall."""
     p, q = link.p, link.q
     hp = height_over(scene, w, p.x, p.y)
@@ -71,7 +83,7 @@ def wall_echo(scene: Scene, sound: Acoustics, echoes: Echoes, link: Link, w: int
     across = place_along(scene, w, q.x, q.y) - sp
     foot = sp + across * hp / (hp + hq)
     length = math.sqrt(across * across + (hp + hq) * (hp + hq))
-    if length >= 2.0 * sound.window or not foot_counts(scene, w, foot):
+    if length >= 2.0 * sound.max_range or not foot_counts(scene, w, foot):
         return
     first = -zones_to_end(scene, sound, link, w, 0, foot < 0.0, length)
     last = zones_to_end(scene, sound, link, w, 1, foot > scene.length[w], length)
@@ -84,12 +96,12 @@ def wall_echo(scene: Scene, sound: Acoustics, echoes: Echoes, link: Link, w: int
     y = scene.wall[w, 1] + s * scene.along[w, 1]
     arrival = math.hypot(x - p.x, y - p.y) + math.hypot(x - q.x, y - q.y)
     size = scene.mirror[w] * link.gain * toward(sound, p, x, y) * toward(sound, q, x, y) / arrival
-    if audible(sound, size * math.sqrt(re * re + im * im), arrival) and both_see(scene, link, x, y, w, NO_WALL):
+    if is_audible(sound, size * math.sqrt(re * re + im * im), arrival) and both_see(scene, link, x, y, w, NO_WALL):
         collect(sound, echoes, link.receiver, link.delay, arrival, length, size * re, size * im)
 
 
 @core
-def foot_counts(scene: Scene, w: int, foot: float) -> bool:
+def foot_counts(scene: EchoScene, w: int, foot: float) -> bool:
     """Whether a foot may lie there: beyond an end in a right-angled corner the corner's echo takes over."""
     if foot < 0.0:
         return scene.partner[w, 0] == NO_WALL
@@ -97,7 +109,7 @@ def foot_counts(scene: Scene, w: int, foot: float) -> bool:
 
 
 @core
-def corner_echo(scene: Scene, sound: Acoustics, echoes: Echoes, link: Link, k: int) -> None:
+def corner_echo(scene: EchoScene, sound: Acoustics, echoes: Echoes, link: Link, k: int) -> None:
     """Two reflections in a corner of the room: mirror^2 / L back to where they came from, from any direction.
 
     By either order of the walls the sound comes from p turned about the corner by twice its angle; the ray between
@@ -111,7 +123,7 @@ def corner_echo(scene: Scene, sound: Acoustics, echoes: Echoes, link: Link, k: i
     px, py = p.x - vx, p.y - vy
     qx, qy = q.x - vx, q.y - vy
     dp, dq = math.sqrt(px * px + py * py), math.sqrt(qx * qx + qy * qy)
-    if dp >= 2.0 * sound.window or dq >= 2.0 * sound.window:
+    if dp >= 2.0 * sound.max_range or dq >= 2.0 * sound.max_range:
         return
     over_before, over_after = height_over(scene, before, p.x, p.y), height_over(scene, after, p.x, p.y)
     if over_before <= 0.0 or over_after <= 0.0:
@@ -119,7 +131,7 @@ def corner_echo(scene: Scene, sound: Acoustics, echoes: Echoes, link: Link, k: i
     if height_over(scene, before, q.x, q.y) <= 0.0 or height_over(scene, after, q.x, q.y) <= 0.0:
         return
     mirror = scene.mirror[before] * scene.mirror[after] * link.gain
-    if not audible(sound, 2.0 * mirror * toward(sound, p, vx, vy) / (dp + dq), dp + dq):
+    if not is_audible(sound, 2.0 * mirror * toward(sound, p, vx, vy) / (dp + dq), dp + dq):
         return
     widest = min(over_before * scene.length[before], over_after * scene.length[after]) / dp
     # Angle at the corner from q to p, counter-clockwise: the wall `after` lies clockwise of both, `before` beyond.
@@ -137,7 +149,7 @@ def corner_echo(scene: Scene, sound: Acoustics, echoes: Echoes, link: Link, k: i
         out = turned(sound, p, -px, -py, dp, -side * aside)
         back = turned(sound, q, -qx, -qy, dq, side * aside)
         size = mirror * out * back / length
-        if audible(sound, size * math.sqrt(re * re + im * im), length):
+        if is_audible(sound, size * math.sqrt(re * re + im * im), length):
             visible = visible or both_see(scene, link, vx, vy, before, after)
             if not visible:
                 return
@@ -154,13 +166,13 @@ def turned(sound: Acoustics, ear: Ear, dx: float, dy: float, distance: float, as
 
 
 @core
-def edge_echo(scene: Scene, sound: Acoustics, echoes: Echoes, link: Link, k: int) -> None:
+def edge_echo(scene: EchoScene, sound: Acoustics, echoes: Echoes, link: Link, k: int) -> None:
     """Reflection by the rounding of an edge, a cylinder of radius a: about sqrt(a/d) / 2d, within its normals."""
     p, q = link.p, link.q
     before, after = scene.before[k], scene.after[k]
     vx, vy = scene.corner[k, 0], scene.corner[k, 1]
     dp, dq = math.hypot(p.x - vx, p.y - vy), math.hypot(q.x - vx, q.y - vy)
-    if dp + dq >= 2.0 * sound.window:
+    if dp + dq >= 2.0 * sound.max_range:
         return
     nx = (p.x - vx) / dp + (q.x - vx) / dq
     ny = (p.y - vy) / dp + (q.y - vy) / dq
@@ -175,12 +187,12 @@ def edge_echo(scene: Scene, sound: Acoustics, echoes: Echoes, link: Link, k: int
     size = math.sqrt(focus / ((focus + dq) * dp * (dp + dq))) * min(-scene.turn[k] / (0.5 * math.pi), 1.0)
     size *= math.sqrt(scene.mirror[before] * scene.mirror[after]) * link.gain
     size *= toward(sound, p, vx, vy) * toward(sound, q, vx, vy)
-    if audible(sound, size, dp + dq) and both_see(scene, link, vx, vy, before, after):
+    if is_audible(sound, size, dp + dq) and both_see(scene, link, vx, vy, before, after):
         collect(sound, echoes, link.receiver, link.delay, dp + dq, dp + dq, size, 0.0)
 
 
 @core
-def patch_echo(scene: Scene, sound: Acoustics, echoes: Echoes, link: Link, k: int) -> None:
+def patch_echo(scene: EchoScene, sound: Acoustics, echoes: Echoes, link: Link, k: int) -> None:
     """Diffuse scattering by a patch of a rough wall: amplitude gain sqrt(d cos cos) / d^2, of a phase of its own."""
     p, q = link.p, link.q
     w = scene.patch_wall[k]
@@ -189,17 +201,17 @@ def patch_echo(scene: Scene, sound: Acoustics, echoes: Echoes, link: Link, k: in
     if hp <= 0.0 or hq <= 0.0:
         return
     dp, dq = math.hypot(p.x - x, p.y - y), math.hypot(q.x - x, q.y - y)
-    if dp + dq >= 2.0 * sound.window:
+    if dp + dq >= 2.0 * sound.max_range:
         return
     size = scene.patch_gain[k] * math.sqrt(0.5 * (dp + dq) * hp * hq / (dp * dq)) / (dp * dq)
     size *= link.gain * toward(sound, p, x, y) * toward(sound, q, x, y)
-    if audible(sound, size, dp + dq) and both_see(scene, link, x, y, w, NO_WALL):
+    if is_audible(sound, size, dp + dq) and both_see(scene, link, x, y, w, NO_WALL):
         re, im = size * math.cos(scene.patch_phase[k]), size * math.sin(scene.patch_phase[k])
         collect(sound, echoes, link.receiver, link.delay, dp + dq, dp + dq, re, im)
 
 
 @core
-def two_wall_echo(scene: Scene, sound: Acoustics, echoes: Echoes, link: Link, one: int, two: int) -> None:
+def two_wall_echo(scene: EchoScene, sound: Acoustics, echoes: Echoes, link: Link, one: int, two: int) -> None:
     """Two reflections in walls that do not make a corner: the image of the image, if both feet lie on their walls."""
     p, q = link.p, link.q
     first = image_of(scene, one, p)
@@ -208,7 +220,7 @@ def two_wall_echo(scene: Scene, sound: Acoustics, echoes: Echoes, link: Link, on
     second = image_of(scene, two, first)
     length = math.hypot(second.x - q.x, second.y - q.y)
     size = scene.mirror[one] * scene.mirror[two] / length
-    if not audible(sound, size, length):
+    if not is_audible(sound, size, length):
         return
     s = crossing_place(scene, two, second.x, second.y, q.x, q.y)
     if not s >= 0.0:
@@ -222,7 +234,7 @@ def two_wall_echo(scene: Scene, sound: Acoustics, echoes: Echoes, link: Link, on
     size *= out * back
     if min(out, back) < sound.detour:
         return
-    if not audible(sound, size, length) or not clear(scene, p.x, p.y, ax, ay, one, NO_WALL, NO_WALL):
+    if not is_audible(sound, size, length) or not is_clear(scene, p.x, p.y, ax, ay, one, NO_WALL, NO_WALL):
         return
-    if clear(scene, ax, ay, bx, by, one, two, NO_WALL) and clear(scene, bx, by, q.x, q.y, two, NO_WALL, NO_WALL):
+    if is_clear(scene, ax, ay, bx, by, one, two, NO_WALL) and is_clear(scene, bx, by, q.x, q.y, two, NO_WALL, NO_WALL):
         collect(sound, echoes, link.receiver, link.delay, length, length, size, 0.0)

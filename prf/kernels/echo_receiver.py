@@ -87,11 +87,11 @@ def listen(sound: Acoustics, listening: Listening, echoes: Echoes, receiver: int
     loud = math.exp(listening.flutter * rng.standard_normal())
     long = 1.0 + listening.stretch * rng.standard_normal()
     burst = rng.random() < listening.burst
-    burst_at = listening.blanking + (sound.window - listening.blanking) * rng.random()
+    burst_at = listening.blanking + (sound.max_range - listening.blanking) * rng.random()
     drive_circuit(sound, listening, echoes, receiver, loud, long)
-    found = first_crossing(sound, listening, int(sound.window / sound.bin), rng)
+    found = first_crossing(sound, listening, int(sound.max_range / sound.bin), rng)
     if burst and burst_at < found:
         found = burst_at
-    if found >= sound.window:
+    if found >= sound.max_range:
         return math.inf
     return listening.quantum * math.floor(listening.scale * found / listening.quantum + 0.5)

@@ -9,7 +9,10 @@ from prf.kernels._jit import core, jit
 from prf.kernels.echo_levels import Acoustics, Echoes
 from prf.kernels.echo_paths import Link, corner_echo, edge_echo, patch_echo, two_wall_echo, wall_echo
 from prf.kernels.echo_receiver import Listening, listen
-from prf.kernels.echo_scene import NO_WALL, Ear, Scene, height_over, image_of, place_along
+from prf.kernels.echo_scene import NO_WALL, Ear, EchoScene, height_over, image_of, place_along
+
+LARGEST_RING = 1.0
+"""Metres from the middle of the robot within which all of its transducers sit."""
 
 
 class Effects(NamedTuple):
@@ -54,7 +57,7 @@ class Ring(NamedTuple):
 
 
 @core
-def wall_distance(scene: Scene, w: int, x: float, y: float) -> float:
+def wall_distance(scene: EchoScene, w: int, x: float, y: float) -> float:
     """Distance of a point from wall `w`."""
     s = min(max(place_along(scene, w, x, y), 0.0), scene.length[w])
     return math.hypot(
@@ -64,7 +67,7 @@ def wall_distance(scene: Scene, w: int, x: float, y: float) -> float:
 
 
 @core
-def gather(scene: Scene, near: Nearby, x: float, y: float, reach: float) -> None:
+def gather(scene: EchoScene, near: Nearby, x: float, y: float, reach: float) -> None:
     """List the walls, corners and patches within `reach` of a point."""
     near.n[:] = 0
     for w in range(scene.length.size):
@@ -82,7 +85,7 @@ def gather(scene: Scene, near: Nearby, x: float, y: float, reach: float) -> None
 
 
 @core
-def in_beam(scene: Scene, ear: Ear, w: int, beam: float) -> bool:
+def in_beam(scene: EchoScene, ear: Ear, w: int, beam: float) -> bool:
     """Whether a part of wall `w`, seen from its free side, lies within `beam` of the axis."""
     if height_over(scene, w, ear.x, ear.y) <= 0.0:
         return False
@@ -95,7 +98,7 @@ def in_beam(scene: Scene, ear: Ear, w: int, beam: float) -> bool:
 
 
 @core
-def gather_mirrors(scene: Scene, near: Nearby, ear: Ear, beam: float, transducer: int) -> None:
+def gather_mirrors(scene: EchoScene, near: Nearby, ear: Ear, beam: float, transducer: int) -> None:
     """List the nearby walls in the beam of a transducer."""
     n = 0
     for c in range(near.n[0]):
@@ -106,7 +109,7 @@ def gather_mirrors(scene: Scene, near: Nearby, ear: Ear, beam: float, transducer
 
 
 @core
-def scattered(scene: Scene, sound: Acoustics, echoes: Echoes, near: Nearby, effects: Effects, link: Link) -> None:
+def scattered(scene: EchoScene, sound: Acoustics, echoes: Echoes, near: Nearby, effects: Effects, link: Link) -> None:
     """List the echoes of everything nearby but the mirror of `link`, and in a mirror of all but rough patches."""
     if effects.walls:
         for c in range(near.n[0]):
@@ -125,7 +128,7 @@ def scattered(scene: Scene, sound: Acoustics, echoes: Echoes, near: Nearby, effe
 
 
 @core
-def behind(scene: Scene, link: Link, m: int) -> Link:
+def behind(scene: EchoScene, link: Link, m: int) -> Link:
     """The pair where wall `m` shows it, which reflects the sound on its way out and on its way back."""
     if m == NO_WALL:
         return link
@@ -135,7 +138,14 @@ def behind(scene: Scene, link: Link, m: int) -> Link:
 
 @core
 def link_echoes(
-    scene: Scene, sound: Acoustics, echoes: Echoes, near: Nearby, effects: Effects, ring: Ring, link: Link, emitter: int
+    scene: EchoScene,
+    sound: Acoustics,
+    echoes: Echoes,
+    near: Nearby,
+    effects: Effects,
+    ring: Ring,
+    link: Link,
+    emitter: int,
 ) -> None:
     """List the echoes of the world, of the worlds that walls in both beams show, and of two walls in turn."""
     n_mirrors = near.n_mirrors[emitter] if effects.detours else 0
@@ -162,11 +172,11 @@ def ear_at(ring: Ring, k: int, x: float, y: float, cosine: float, sine: float) -
 
 @core
 def ring_echoes(
-    scene: Scene, sound: Acoustics, effects: Effects, ring: Ring, near: Nearby, echoes: Echoes, pose: np.ndarray
+    scene: EchoScene, sound: Acoustics, effects: Effects, ring: Ring, near: Nearby, echoes: Echoes, pose: np.ndarray
 ) -> None:
     """List every echo that each transducer of a robot at `pose` (x, y, heading) receives in the cycle of its group."""
     x, y, cosine, sine = pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2])
-    gather(scene, near, x, y, sound.window + 1.0)
+    gather(scene, near, x, y, sound.max_range + LARGEST_RING)
     echoes.n_heard[:] = 0
     for t in range(ring.group.size):
         gather_mirrors(scene, near, ear_at(ring, t, x, y, cosine, sine), ring.beam, t)
@@ -181,7 +191,7 @@ def ring_echoes(
 
 @core
 def sense_poses(
-    scene: Scene,
+    scene: EchoScene,
     sound: Acoustics,
     effects: Effects,
     ring: Ring,
@@ -203,7 +213,7 @@ def sense_poses(
 
 @jit
 def sense_ring(
-    scene: Scene,
+    scene: EchoScene,
     sound: Acoustics,
     effects: Effects,
     ring: Ring,

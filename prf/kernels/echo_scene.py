@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.kernels._jit import core, core_entry
+from prf.kernels._jit import core
 from prf.kernels.geometry import segments_meet
 from prf.kernels.grid import Grid, walk
 
 
-class Scene(NamedTuple):
+class EchoScene(NamedTuple):
     """Reflectors as arrays; ``n`` walls, ``k`` corners, ``m`` patches of rough walls.
 
     `wall` (n, 4) ends, `along` (n, 2) unit vectors from the first end to the second, `length` (n,) metres, `mirror`
@@ -58,7 +58,7 @@ NO_WALL = -1
 
 
 @core
-def clear(scene: Scene, ax: float, ay: float, bx: float, by: float, one: int, two: int, three: int) -> bool:
+def is_clear(scene: EchoScene, ax: float, ay: float, bx: float, by: float, one: int, two: int, three: int) -> bool:
     """Whether no wall but the three to be skipped touches the segment ab."""
     n = walk(scene.grid, ax, ay, bx, by, scene.cells)
     for c in range(n):
@@ -73,19 +73,19 @@ def clear(scene: Scene, ax: float, ay: float, bx: float, by: float, one: int, tw
 
 
 @core
-def height_over(scene: Scene, w: int, x: float, y: float) -> float:
+def height_over(scene: EchoScene, w: int, x: float, y: float) -> float:
     """Distance of a point from the line of wall `w`, positive on its free side."""
     return scene.along[w, 0] * (y - scene.wall[w, 1]) - scene.along[w, 1] * (x - scene.wall[w, 0])
 
 
 @core
-def place_along(scene: Scene, w: int, x: float, y: float) -> float:
+def place_along(scene: EchoScene, w: int, x: float, y: float) -> float:
     """Distance from the first end of wall `w` to the foot of the perpendicular from a point."""
     return scene.along[w, 0] * (x - scene.wall[w, 0]) + scene.along[w, 1] * (y - scene.wall[w, 1])
 
 
 @core
-def image_of(scene: Scene, w: int, ear: Ear) -> Ear:
+def image_of(scene: EchoScene, w: int, ear: Ear) -> Ear:
     """Mirror image of a transducer in the line of wall `w`."""
     nx = -scene.along[w, 1]
     ny = scene.along[w, 0]
@@ -95,7 +95,7 @@ def image_of(scene: Scene, w: int, ear: Ear) -> Ear:
 
 
 @core
-def crossing_place(scene: Scene, w: int, ax: float, ay: float, bx: float, by: float) -> float:
+def crossing_place(scene: EchoScene, w: int, ax: float, ay: float, bx: float, by: float) -> float:
     """Place along wall `w` at which the segment ab crosses its line, nan if it does not or beyond the wall's ends."""
     ha = height_over(scene, w, ax, ay)
     hb = height_over(scene, w, bx, by)
@@ -107,32 +107,15 @@ def crossing_place(scene: Scene, w: int, ax: float, ay: float, bx: float, by: fl
 
 
 @core
-def seen(scene: Scene, real: Ear, ear: Ear, mirror: int, x: float, y: float, skip: int, skip_too: int) -> bool:
+def is_seen(scene: EchoScene, real: Ear, ear: Ear, mirror: int, x: float, y: float, skip: int, skip_too: int) -> bool:
     """Whether sound goes from a transducer to a point, straight or by the wall `mirror` in which `ear` is its image."""
     if mirror == NO_WALL:
-        return clear(scene, real.x, real.y, x, y, skip, skip_too, NO_WALL)
+        return is_clear(scene, real.x, real.y, x, y, skip, skip_too, NO_WALL)
     s = crossing_place(scene, mirror, ear.x, ear.y, x, y)
     if not s >= 0.0:
         return False
     mx = scene.wall[mirror, 0] + s * scene.along[mirror, 0]
     my = scene.wall[mirror, 1] + s * scene.along[mirror, 1]
-    if not clear(scene, real.x, real.y, mx, my, mirror, NO_WALL, NO_WALL):
+    if not is_clear(scene, real.x, real.y, mx, my, mirror, NO_WALL, NO_WALL):
         return False
-    return clear(scene, mx, my, x, y, mirror, skip, skip_too)
-
-
-@core_entry
-def count_cells(grid: Grid, walls: np.ndarray, cells: np.ndarray, count: np.ndarray) -> None:
-    """Add to `count` the number of walls that pass through each cell."""
-    for w in range(walls.shape[0]):
-        for c in range(walk(grid, walls[w, 0], walls[w, 1], walls[w, 2], walls[w, 3], cells)):
-            count[cells[c]] += 1
-
-
-@core_entry
-def fill_cells(grid: Grid, walls: np.ndarray, cells: np.ndarray, free: np.ndarray, names: np.ndarray) -> None:
-    """Write the walls of each cell into `names`, from the place `free` of the cell on."""
-    for w in range(walls.shape[0]):
-        for c in range(walk(grid, walls[w, 0], walls[w, 1], walls[w, 2], walls[w, 3], cells)):
-            names[free[cells[c]]] = w
-            free[cells[c]] += 1
+    return is_clear(scene, mx, my, x, y, mirror, skip, skip_too)

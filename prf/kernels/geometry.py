@@ -59,6 +59,19 @@ def inside_loop(x: float, y: float, loop: np.ndarray, n: int) -> bool:
 
 
 @core
+def loop_box(loop: np.ndarray, n: int) -> tuple[float, float, float, float]:
+    """Bounding box of the first n rows of `loop`."""
+    x_min = x_max = loop[0, 0]
+    y_min = y_max = loop[0, 1]
+    for k in range(1, n):
+        x_min = min(x_min, loop[k, 0])
+        x_max = max(x_max, loop[k, 0])
+        y_min = min(y_min, loop[k, 1])
+        y_max = max(y_max, loop[k, 1])
+    return x_min, y_min, x_max, y_max
+
+
+@core
 def sine_of_angle(vx: float, vy: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Sine of the angle at v between the segments va and vb."""
     px = ax - vx

@@ -1,5 +1,6 @@
 """The discontinuity graph of one chain: slots for vertices and edges, and the sets that moves sample from."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -58,6 +59,31 @@ def pick(graph: Graph, kind: int, rng: np.random.Generator) -> int:
 
 
 @core
+def pick_two(graph: Graph, kind: int, rng: np.random.Generator) -> tuple[int, int]:
+    """Two distinct uniform members of a set that has two."""
+    n = graph.counts[kind]
+    i = int(rng.random() * n)
+    k = int(rng.random() * (n - 1))
+    if k >= i:
+        k += 1
+    return graph.members[kind, i], graph.members[kind, k]
+
+
+@core
+def ends_of(graph: Graph, edge: int) -> tuple[int, int]:
+    """Both ends of an edge, in the order in which they are kept."""
+    return graph.edge_vertices[edge, 0], graph.edge_vertices[edge, 1]
+
+
+@core
+def distance(graph: Graph, a: int, b: int) -> float:
+    """Distance between two vertices."""
+    dx = graph.vertex_xy[a, 0] - graph.vertex_xy[b, 0]
+    dy = graph.vertex_xy[a, 1] - graph.vertex_xy[b, 1]
+    return math.sqrt(dx * dx + dy * dy)
+
+
+@core
 def other_end(graph: Graph, edge: int, vertex: int) -> int:
     """The end of `edge` that is not `vertex`."""
     if graph.edge_vertices[edge, 0] == vertex:
@@ -85,6 +111,12 @@ def are_adjacent(graph: Graph, a: int, b: int) -> bool:
 def is_drawn(graph: Graph, edge: int) -> bool:
     """Whether moves may draw an edge: all but the frozen ones of a part of a map (``guards``)."""
     return graph.positions[c.EDGES, edge] != c.NONE
+
+
+@core
+def may_go(graph: Graph, v: int) -> bool:
+    """Whether v lies in the interior and moves may take it away: none of its edges is frozen."""
+    return graph.positions[c.INTERIOR_VERTICES, v] != c.NONE
 
 
 @core

@@ -18,6 +18,12 @@ ORIGIN_SHIFT = 0.6180339887498949
 coordinates then never lies exactly on a border of cells."""
 
 
+HAIR_SHARE = 1e-6
+HAIR = 1e-9
+"""Share, and metres besides, by which distances to borders of cells are lowered: rounding may then ask a cell in vain,
+but never pass one over."""
+
+
 class Grid(NamedTuple):
     """Cells ``ix + nx * iy`` with corner (`x0`, `y0`) and side `cell` (metres)."""
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from prf.kernels import constants as c
 from prf.kernels._jit import core, core_entry
+from prf.kernels.geometry import loop_box
 from prf.kernels.graph import Graph
 from prf.kernels.grid import Grid, axis_index, walk
-from prf.kernels.sites import loop_box
 
 
 class Image(NamedTuple):

@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from prf.kernels._jit import core, core_entry
-from prf.kernels.geometry import inside_loop
+from prf.kernels.geometry import inside_loop, loop_box
 from prf.kernels.image import row_crossings
-from prf.kernels.sites import loop_box
 
 # Rows of ``Points.column``.
 X = 0

@@ -9,36 +9,10 @@ from prf.kernels._jit import core, core_entry, jit
 from prf.kernels.geometry import ray_hit
 from prf.kernels.grid import Grid, axis_index, exit_distance, walk
 from prf.kernels.laser import ROOT_TWO_PI, WHOLE, beam_log_likelihood, normal_cdf
-
-REACH = 4
-"""Column of a ray after its origin and its unit direction: the distance up to which it can meet anything."""
+from prf.kernels.segment_lists import segments_by_cell
 
 UNKNOWN = 0.5
 """Probability outside the grid."""
-
-
-@core
-def count_edges(grid: Grid, segments: np.ndarray, path: np.ndarray, start: np.ndarray) -> None:
-    """Set ``start`` (n_cells + 1,), zeros so far: where each cell's list of the edges that pass it begins."""
-    for e in range(segments.shape[0]):
-        n = walk(grid, segments[e, 0], segments[e, 1], segments[e, 2], segments[e, 3], path)
-        for k in range(n):
-            start[path[k] + 1] += 1
-    for cell in range(start.size - 1):
-        start[cell + 1] += start[cell]
-
-
-@core
-def list_edges(
-    grid: Grid, segments: np.ndarray, path: np.ndarray, start: np.ndarray, filled: np.ndarray, listed: np.ndarray
-) -> None:
-    """Fill the lists that :func:`count_edges` laid out; `filled` (n_cells,) begins as zeros."""
-    for e in range(segments.shape[0]):
-        n = walk(grid, segments[e, 0], segments[e, 1], segments[e, 2], segments[e, 3], path)
-        for k in range(n):
-            cell = path[k]
-            listed[start[cell] + filled[cell]] = e
-            filled[cell] += 1
 
 
 @core
@@ -48,7 +22,7 @@ def first_edge(
     """Distance to the first edge on a ray before its reach, inf if there is none."""
     ox, oy, ux, uy = ray[0], ray[1], ray[2], ray[3]
     best = math.inf
-    n = walk(grid, ox, oy, ox + ray[REACH] * ux, oy + ray[REACH] * uy, path)
+    n = walk(grid, ox, oy, ox + ray[c.REACH] * ux, oy + ray[c.REACH] * uy, path)
     for k in range(n):
         cell = path[k]
         for i in range(start[cell], start[cell + 1]):
@@ -56,16 +30,16 @@ def first_edge(
             best = min(best, ray_hit(ox, oy, ux, uy, s[0], s[1], s[2], s[3]))
         if best < exit_distance(grid, cell, ox, oy, ux, uy):
             break
-    return best if best < ray[REACH] else math.inf
+    return best if best < ray[c.REACH] else math.inf
 
 
 @jit
 def trace_rays(grid: Grid, rays: np.ndarray, segments: np.ndarray, path: np.ndarray, distance: np.ndarray) -> None:
-    """Set ``distance`` (n,) to the first of the segments (n_edges, 4) on each ray (n, 5), inf for none."""
-    start = np.zeros(grid.nx * grid.ny + 1, np.int64)
-    count_edges(grid, segments, path, start)
-    listed = np.empty(start[-1], np.int32)
-    list_edges(grid, segments, path, start, np.zeros(grid.nx * grid.ny, np.int64), listed)
+    """Set ``distance`` (n,) to the first of the segments (n_edges, 4) on each ray, inf for none.
+
+    Rays (n, 5) have the columns ORIGIN_X ... REACH of ``Beams.ray``.
+    """
+    start, listed = segments_by_cell(grid, segments, path)
     for beam in range(rays.shape[0]):
         distance[beam] = first_edge(grid, rays[beam], segments, path, start, listed)
 

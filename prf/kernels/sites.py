@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from prf.kernels._jit import core
-from prf.kernels.geometry import inside_loop
+from prf.kernels.geometry import inside_loop, loop_box
 from prf.kernels.grid import Grid, axis_index
 
 
@@ -19,19 +19,6 @@ class Sites(NamedTuple):
     xy: np.ndarray  # (n, 2) f8
     cell_start: np.ndarray  # (n_cells + 1,) i8
     black: np.ndarray  # (n,) u1 whether a site is occupied now
-
-
-@core
-def loop_box(loop: np.ndarray, n: int) -> tuple[float, float, float, float]:
-    """Bounding box of the first n rows of `loop`."""
-    x_min = x_max = loop[0, 0]
-    y_min = y_max = loop[0, 1]
-    for k in range(1, n):
-        x_min = min(x_min, loop[k, 0])
-        x_max = max(x_max, loop[k, 0])
-        y_min = min(y_min, loop[k, 1])
-        y_max = max(y_max, loop[k, 1])
-    return x_min, y_min, x_max, y_max
 
 
 @core

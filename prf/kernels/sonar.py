@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from prf.kernels._jit import core
-from prf.kernels.laser import normal_cdf
+from prf.kernels.laser import ROOT_TWO_PI, normal_cdf
 from prf.kernels.visibility import BEARING, CORNER, DEPTH, KIND, N_FEATURES, PROJECTION, SUBTENDED, Sight
 
 # Entries of the sonar model's array.
@@ -23,19 +23,17 @@ OUTLIER_SHORT = 10  # share that are exponential
 SHORT_RATE = 11  # of the exponential, 1/m
 N_SONAR_MODEL = 12
 
-ROOT_TWO_PI = math.sqrt(2.0 * math.pi)
-
 
 @core
 def return_probability(model: np.ndarray, feature: np.ndarray) -> float:
     """q_f: probability that a feature alone would return the pulse (logistic)."""
     if feature[KIND] == CORNER:
-        odds = model[CORNER_BIAS] - model[CORNER_DISTANCE] * feature[DEPTH]
+        log_odds = model[CORNER_BIAS] - model[CORNER_DISTANCE] * feature[DEPTH]
     else:
         oblique = 0.5 * math.pi - feature[PROJECTION]
-        odds = model[SURFACE_BIAS] - model[SURFACE_DISTANCE] * feature[DEPTH]
-        odds += model[SURFACE_SUBTENDED] * feature[SUBTENDED] - model[SURFACE_OBLIQUE] * oblique
-    return 1.0 / (1.0 + math.exp(-odds))
+        log_odds = model[SURFACE_BIAS] - model[SURFACE_DISTANCE] * feature[DEPTH]
+        log_odds += model[SURFACE_SUBTENDED] * feature[SUBTENDED] - model[SURFACE_OBLIQUE] * oblique
+    return 1.0 / (1.0 + math.exp(-log_odds))
 
 
 @core

@@ -145,8 +145,8 @@ def evaluate(
     """Decide on a legal proposal; return the decision and the changes of log prior and log likelihood.
 
     The threshold `log_u` is drawn before, so that what cannot be reached is not computed; it decides on all but the
-    beams of further levels, which draw their own from `rng`. A comparison with nan
-    is false: such a proposal is rejected.
+    beams of further levels, which draw their own from `rng`. A comparison with nan is false: such a proposal is
+    rejected.
     """
     graph, proposal = chain.graph, chain.proposal
     if not is_valid(graph, chain.edge_index, proposal):

@@ -7,8 +7,17 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core, core_entry
 from prf.kernels.geometry import ray_hit
-from prf.kernels.graph import Graph, add_edge, add_vertex, classify_vertex, is_drawn, set_remove, vertex_sine_now
-from prf.kernels.grid import Grid, exit_distance, walk
+from prf.kernels.graph import (
+    Graph,
+    add_edge,
+    add_vertex,
+    classify_vertex,
+    distance,
+    is_drawn,
+    set_remove,
+    vertex_sine_now,
+)
+from prf.kernels.grid import HAIR, HAIR_SHARE, Grid, exit_distance, walk
 from prf.kernels.guards import Guards, meets_triangle
 from prf.kernels.image import Image, count_edge
 
@@ -52,26 +61,6 @@ def clip_beams(ray: np.ndarray, influence: np.ndarray, tile: np.ndarray, span: n
 
 
 @core_entry
-def count_crossed(grid: Grid, segments: np.ndarray, path: np.ndarray, start: np.ndarray) -> None:
-    """Fill `start` (n_cells + 1,) with the numbers of segments (n, 4) in the cells, summed, the first 0."""
-    start[:] = 0
-    for k in range(segments.shape[0]):
-        for i in range(walk(grid, segments[k, 0], segments[k, 1], segments[k, 2], segments[k, 3], path)):
-            start[path[i] + 1] += 1
-    for cell in range(start.size - 1):
-        start[cell + 1] += start[cell]
-
-
-@core_entry
-def list_crossed(grid: Grid, segments: np.ndarray, path: np.ndarray, place: np.ndarray, entries: np.ndarray) -> None:
-    """Write the segments of each cell from its `place` (n_cells,) in `entries` on; places move to the ends."""
-    for k in range(segments.shape[0]):
-        for i in range(walk(grid, segments[k, 0], segments[k, 1], segments[k, 2], segments[k, 3], path)):
-            entries[place[path[i]]] = k
-            place[path[i]] += 1
-
-
-@core_entry
 def first_outside(
     grid: Grid,
     start: np.ndarray,
@@ -106,7 +95,7 @@ def first_outside(
                 if t < best:
                     best = t
                     found[beam] = edge
-            if best <= exit_distance(grid, path[i], ox, oy, ux, uy) * (1.0 - 1e-6) - 1e-9:
+            if best <= exit_distance(grid, path[i], ox, oy, ux, uy) * (1.0 - HAIR_SHARE) - HAIR:
                 break
         distance[beam] = best
 
@@ -141,9 +130,7 @@ def fill_part(graph: Graph, n_vertices: int, edges: np.ndarray, is_live: np.ndar
     for k in range(edges.shape[0]):
         a = edges[k, 0]
         b = edges[k, 1]
-        dx = graph.vertex_xy[b, 0] - graph.vertex_xy[a, 0]
-        dy = graph.vertex_xy[b, 1] - graph.vertex_xy[a, 1]
-        edge = add_edge(graph, a, b, math.sqrt(dx * dx + dy * dy))
+        edge = add_edge(graph, a, b, distance(graph, a, b))
         if is_live[k] == 0:
             set_remove(graph, c.EDGES, edge)
             set_remove(graph, c.CORNER_CUTS, edge)

@@ -11,8 +11,9 @@ from shapely.geometry.base import BaseGeometry
 
 from prf.coloring import Coloring
 from prf.kernels import constants as c
-from prf.kernels.cone_score import Scene, edges_by_cell, list_features
+from prf.kernels.cone_score import Scene, list_features
 from prf.kernels.grid import most_cells
+from prf.kernels.segment_lists import segments_by_cell
 from prf.kernels.visibility import N_FEATURE, POSE_X, POSE_Y
 from prf.score.trace import index_grid
 from prf.sensors.sonar import make_sight
@@ -52,7 +53,7 @@ def make_scene(segments: Floats, corners: NDArray[np.integer], window: Window, r
     """Return edges (n, 4), and the vertices (n, 2) at their ends (NONE: no corner), indexed by cell."""
     grid = index_grid(window, len(segments))
     segments = np.ascontiguousarray(segments, dtype=np.float64).reshape(-1, 4)
-    start, listed = edges_by_cell(grid, segments, np.empty(most_cells(grid), np.int32))
+    start, listed = segments_by_cell(grid, segments, np.empty(most_cells(grid), np.int32))
     across = 2 * math.ceil(reach / grid.cell) + 3
     room = min(across, grid.nx) * min(across, grid.ny)
     return Scene(

@@ -151,7 +151,7 @@ def window_exit(window: Window, origin: Floats, direction: Floats) -> Floats:
 
 
 def make_rays(window: Window, model: LaserModel, origin: Floats, angle: Floats, readings: Floats) -> Floats:
-    """Return the (n, 8) array of beams that the kernels keep, with no impact yet.
+    """Return the (n, N_RAY) array of beams that the kernels keep, with no impact yet.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def make_rays(window: Window, model: LaserModel, origin: Floats, angle: Floats, 
     readings : (n,) array
         Metres; inf or at least the maximum range: no return.
     """
-    ray = np.zeros((len(angle), 8))
+    ray = np.zeros((len(angle), c.N_RAY))
     ray[:, c.ORIGIN_X : c.ORIGIN_Y + 1] = origin
     ray[:, c.DIRECTION_X] = np.cos(angle)
     ray[:, c.DIRECTION_Y] = np.sin(angle)
@@ -205,7 +205,7 @@ def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int, n
     ----------
     grid : Grid
     model : LaserModel
-    ray : (n, 8) array
+    ray : (n, N_RAY) array
     edge_capacity : int
     n_levels : int, optional
         Stages of a decision; None: by the number of beams.

@@ -10,8 +10,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from prf.kernels.echo_scene import NO_WALL, Scene, count_cells, fill_cells
+from prf.kernels.echo_scene import NO_WALL, EchoScene
 from prf.kernels.grid import Grid, make_grid, most_cells
+from prf.kernels.segment_lists import segments_by_cell
 from prf.shell.errors import InputError
 from prf.simulate.sonar_physics import SonarPhysics
 
@@ -126,21 +127,16 @@ def _patches(walls: Floats, rough: NDArray[np.bool_]) -> tuple[Floats, Integers,
     return np.concatenate(middle), np.concatenate(wall), np.concatenate(width)
 
 
-def _cells(walls: Floats, places: Floats) -> tuple[Grid, Integers, Integers, Integers]:
+def _cells(walls: Floats, places: Floats) -> tuple[Grid, Integers, NDArray[np.int32], NDArray[np.int32]]:
     """Return a grid over walls and places, where the walls of each of its cells begin, these walls, and scratch."""
     ends = np.concatenate([walls[:, :2], walls[:, 2:], places])
     low, high = ends.min(axis=0) - CELL, ends.max(axis=0) + CELL
     grid = make_grid(low[0], low[1], high[0], high[1], CELL)
-    scratch = np.zeros(most_cells(grid), np.int64)
-    count = np.zeros(grid.nx * grid.ny, np.int64)
-    count_cells(grid, walls, scratch, count)
-    start = np.concatenate([[0], np.cumsum(count)])
-    names = np.zeros(start[-1], np.int64)
-    fill_cells(grid, walls, scratch, start[:-1].copy(), names)
-    return grid, start, names, scratch
+    path = np.zeros(most_cells(grid), np.int32)
+    return grid, *segments_by_cell(grid, walls, path), path
 
 
-def make_scene(walls: Floats, places: Floats, physics: SonarPhysics, rng: np.random.Generator) -> Scene:
+def make_echo_scene(walls: Floats, places: Floats, physics: SonarPhysics, rng: np.random.Generator) -> EchoScene:
     """Return the reflectors of a world as the kernels take them.
 
     Parameters
@@ -166,7 +162,7 @@ def make_scene(walls: Floats, places: Floats, physics: SonarPhysics, rng: np.ran
     counts = square | (turn < 0.0)
     patch, patch_wall, width = _patches(walls, rough)
     grid, cell_start, cell_wall, cells = _cells(walls, places)
-    return Scene(
+    return EchoScene(
         wall=walls,
         along=across / length[:, None],
         length=length,

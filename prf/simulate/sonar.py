@@ -17,10 +17,10 @@ from scipy.special import fresnel
 from prf.kernels.echo_levels import MOST_ZONES, Acoustics, Echoes
 from prf.kernels.echo_receiver import Listening
 from prf.kernels.echo_ring import Effects, Nearby, Ring, sense_ring
-from prf.kernels.echo_scene import Scene
+from prf.kernels.echo_scene import EchoScene
 from prf.logs.rings import PIONEER
 from prf.shell.errors import InputError
-from prf.simulate.reflectors import make_scene
+from prf.simulate.reflectors import make_echo_scene
 from prf.simulate.sonar_physics import SonarPhysics
 
 Floats = NDArray[np.float64]
@@ -130,11 +130,11 @@ def _rows_of_3(name: str, rows: Floats) -> Floats:
     return rows
 
 
-def _scene(walls: Floats, poses: Floats, ring: Floats, physics: SonarPhysics, rng: np.random.Generator) -> Scene:
+def _scene(walls: Floats, poses: Floats, ring: Floats, physics: SonarPhysics, rng: np.random.Generator) -> EchoScene:
     """Return the reflectors round the robot."""
     size = np.abs(ring[:, :2]).sum(axis=1).max(initial=0.0)
     places = np.concatenate([poses[:, :2] - size, poses[:, :2] + size])
-    return make_scene(walls, places, physics, rng)
+    return make_echo_scene(walls, places, physics, rng)
 
 
 def _acoustics(physics: SonarPhysics) -> Acoustics:
@@ -145,7 +145,7 @@ def _acoustics(physics: SonarPhysics) -> Acoustics:
         wavelength=physics.wavelength,
         loss=physics.absorption_db * math.log(10.0) / 20.0,
         level=10.0 ** (physics.level_db / 20.0),
-        window=physics.max_range,
+        max_range=physics.max_range,
         faint=FAINT,
         detour=MIRROR_LEVEL,
         edge_radius=physics.edge_radius,
@@ -195,7 +195,7 @@ def _listening(physics: SonarPhysics) -> Listening:
     )
 
 
-def _nearby(scene: Scene, n_transducers: int) -> Nearby:
+def _nearby(scene: EchoScene, n_transducers: int) -> Nearby:
     """Return scratch for what lies within earshot."""
     n_walls = len(scene.length)
     walls, corners, patches = (np.zeros(n, np.int64) for n in (n_walls, len(scene.turn), len(scene.patch_wall)))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from prf.kernels.echo_scene import NO_WALL
 from prf.shell.errors import InputError
-from prf.simulate.reflectors import join_walls, make_scene
+from prf.simulate.reflectors import join_walls, make_echo_scene
 from prf.simulate.sonar import FAINT, SonarPhysics, trace_echoes
 from tests.reference.slow_echoes import slow_mirror_echoes
 
@@ -86,7 +86,7 @@ def test_corners_of_rooms_and_edges_are_told_apart() -> None:
     """An L-shaped room: five corners of the room, one edge that sticks out into it."""
     xy = np.array([(0, 0), (4, 0), (4, 2), (2, 2), (2, 4), (0, 4)], dtype=np.float64)
     walls = np.hstack([xy, np.roll(xy, -1, axis=0)])
-    scene = make_scene(walls, np.ones((1, 2)), MIRRORS, np.random.default_rng(1))
+    scene = make_echo_scene(walls, np.ones((1, 2)), MIRRORS, np.random.default_rng(1))
     assert np.sum(scene.turn > 0.0) == 5
     assert scene.corner[scene.turn < 0.0].tolist() == [[2.0, 2.0]]
     np.testing.assert_allclose(np.abs(scene.turn), 0.5 * math.pi)
@@ -96,7 +96,7 @@ def test_corners_of_rooms_and_edges_are_told_apart() -> None:
 def test_patches_cover_the_rough_walls_evenly() -> None:
     physics = dataclasses.replace(MIRRORS, rough_share=0.5)
     walls = np.array([[0.0, k, 3.0, k] for k in range(200)])
-    scene = make_scene(walls, np.zeros((1, 2)), physics, np.random.default_rng(1))
+    scene = make_echo_scene(walls, np.zeros((1, 2)), physics, np.random.default_rng(1))
     rough = np.unique(scene.patch_wall)
     # 100 of 200, standard deviation 7.
     assert 72 <= len(rough) <= 128

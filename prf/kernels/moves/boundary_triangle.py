@@ -6,8 +6,8 @@ import numpy as np
 
 from prf.kernels import constants as c
 from prf.kernels._jit import core
-from prf.kernels.graph import Graph, other_end, pick
-from prf.kernels.moves.interior_triangle import distance, uniform_vertex, vertex_near
+from prf.kernels.graph import Graph, distance, other_end, pick
+from prf.kernels.moves.interior_triangle import uniform_vertex, vertex_near
 from prf.kernels.moves.placing import (
     area,
     is_inside,

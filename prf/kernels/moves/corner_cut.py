@@ -6,7 +6,7 @@ import numpy as np
 
 from prf.kernels import constants as c
 from prf.kernels._jit import core
-from prf.kernels.graph import Graph, pick
+from prf.kernels.graph import Graph, ends_of, pick
 from prf.kernels.moves.placing import (
     area,
     corner_between,
@@ -92,8 +92,7 @@ def propose_death(
     if cuts == 0:
         return False, 0.0
     edge = pick(graph, c.CORNER_CUTS, rng)
-    u = graph.edge_vertices[edge, 0]
-    v = graph.edge_vertices[edge, 1]
+    u, v = ends_of(graph, edge)
     drop_edge(proposal, edge)
     drop_vertex(proposal, u)
     drop_vertex(proposal, v)

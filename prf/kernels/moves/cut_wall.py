@@ -13,7 +13,7 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, pick
+from prf.kernels.graph import Graph, ends_of, pick
 from prf.kernels.moves.gap import (
     beyond,
     block_round_cut,
@@ -58,8 +58,7 @@ def pick_by_length(graph: Graph, rng: np.random.Generator) -> int:
 @core
 def place_first_corners(graph: Graph, proposal: Proposal, tuning: np.ndarray, e: int, rng: np.random.Generator) -> bool:
     """Place the corners p, q on e as new vertices 0 and 1; False if one cannot stand."""
-    a = graph.edge_vertices[e, 0]
-    b = graph.edge_vertices[e, 1]
+    a, b = ends_of(graph, e)
     foot_p = rng.random() * graph.edge_length[e]
     foot_q = foot_p + random_reach(rng, tuning[c.BIRTH_REACH])
     return place_two(graph, proposal, a, b, foot_p, foot_q, graph.edge_length[e], tuning[c.CUT_REACH], rng)
@@ -71,8 +70,7 @@ def place_second_corners(
 ) -> bool:
     """Place the corners s, t on f, opposite to p and q, as new vertices 2 and 3; False if one cannot stand."""
     near = tuning[c.CUT_REACH]
-    r = graph.edge_vertices[f, 0]
-    u = graph.edge_vertices[f, 1]
+    r, u = ends_of(graph, f)
     shadow_p, _, length = foot_and_offset(graph, r, u, proposal.new_vertices[0])
     shadow_q, _, _ = foot_and_offset(graph, r, u, proposal.new_vertices[1])
     foot_s = shadow_p + signed_reach(rng, near)
@@ -95,8 +93,7 @@ def propose_cut(
     e = pick_by_length(graph, rng)
     if not place_first_corners(graph, proposal, tuning, e, rng):
         return False, 0.0
-    a = graph.edge_vertices[e, 0]
-    b = graph.edge_vertices[e, 1]
+    a, b = ends_of(graph, e)
     p = proposal.new_vertices[0]
     q = proposal.new_vertices[1]
     n_e = opposite_now(graph, index, e, block_round_cut(graph, index.grid, a, b, p, q))
@@ -105,8 +102,7 @@ def propose_cut(
     f = index.neighbors[int(rng.random() * n_e)]
     if not place_second_corners(graph, proposal, tuning, f, rng):
         return False, 0.0
-    r = graph.edge_vertices[f, 0]
-    u = graph.edge_vertices[f, 1]
+    r, u = ends_of(graph, f)
     s = proposal.new_vertices[2]
     t = proposal.new_vertices[3]
     if foot_and_offset(graph, r, u, s)[0] > foot_and_offset(graph, r, u, t)[0]:
@@ -153,10 +149,8 @@ def propose_mend(
     j, k, n_j = pick_pair(graph, index, 6, rng)
     if j == c.NONE:
         return False, 0.0
-    p = graph.edge_vertices[j, 0]
-    s = graph.edge_vertices[j, 1]
-    q = graph.edge_vertices[k, 0]
-    t = graph.edge_vertices[k, 1]
+    p, s = ends_of(graph, j)
+    q, t = ends_of(graph, k)
     if rng.random() < 0.5:
         q, t = t, q
     if not are_jambs(graph, p, s, q, t):

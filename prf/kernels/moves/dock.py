@@ -10,7 +10,7 @@ import numpy as np
 
 from prf.kernels import constants as c
 from prf.kernels._jit import core
-from prf.kernels.graph import Graph, other_end, pick
+from prf.kernels.graph import Graph, ends_of, other_end, pick, pick_two
 from prf.kernels.moves.gap import can_face, signed_density, signed_reach
 from prf.kernels.moves.placing import is_on_side, position_on_side, side_point
 from prf.kernels.proposal import Proposal, drop_edge, drop_vertex, join, place_vertex, turn_at_vertex
@@ -75,8 +75,7 @@ def propose_dock(
     if edges == 0:
         return False, 0.0
     e = pick(graph, c.EDGES, rng)
-    u = graph.edge_vertices[e, 0]
-    v = graph.edge_vertices[e, 1]
+    u, v = ends_of(graph, e)
     side = side_near(graph, u, v, DOCK_REACH / tuning[c.SCALE])
     if side == c.NONE or graph.vertex_side[u] == side or graph.vertex_side[v] == side:
         return False, 0.0
@@ -103,12 +102,7 @@ def propose_undock(
     boundary = graph.counts[c.BOUNDARY_VERTICES]
     if boundary < 2:
         return False, 0.0
-    i = int(rng.random() * boundary)
-    k = int(rng.random() * (boundary - 1))
-    if k >= i:
-        k += 1
-    p = graph.members[c.BOUNDARY_VERTICES, i]
-    q = graph.members[c.BOUNDARY_VERTICES, k]
+    p, q = pick_two(graph, c.BOUNDARY_VERTICES, rng)
     if graph.vertex_side[p] != graph.vertex_side[q]:
         return False, 0.0
     first = graph.vertex_edges[p, 0]

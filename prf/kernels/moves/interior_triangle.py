@@ -6,18 +6,10 @@ import numpy as np
 
 from prf.kernels import constants as c
 from prf.kernels._jit import core
-from prf.kernels.graph import Graph, other_end, pick
+from prf.kernels.graph import Graph, distance, other_end, pick
 from prf.kernels.moves.placing import area, beside, beside_density, is_inside, near_density, random_reach
 from prf.kernels.proposal import Proposal, drop_edge, drop_vertex, join, place_vertex, turn_at_vertex
 from prf.kernels.targets import Targets, first_density, pick_near, pick_target, point_in, second_density, target_of
-
-
-@core
-def distance(graph: Graph, a: int, b: int) -> float:
-    """Distance between two vertices."""
-    dx = graph.vertex_xy[a, 0] - graph.vertex_xy[b, 0]
-    dy = graph.vertex_xy[a, 1] - graph.vertex_xy[b, 1]
-    return math.sqrt(dx * dx + dy * dy)
 
 
 @core

@@ -12,7 +12,7 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, other_end
+from prf.kernels.graph import Graph, ends_of, may_go, other_end
 from prf.kernels.moves.gap import (
     beyond,
     can_face,
@@ -64,10 +64,8 @@ def propose_join(
     e, f, n = pick_pair(graph, index, 2, rng)
     if e == c.NONE:
         return False, 0.0
-    u = graph.edge_vertices[e, 0]
-    v = graph.edge_vertices[e, 1]
-    a = graph.edge_vertices[f, 0]
-    b = graph.edge_vertices[f, 1]
+    u, v = ends_of(graph, e)
+    a, b = ends_of(graph, f)
     foot_p = foot_and_offset(graph, a, b, u)[0] + signed_reach(rng, tuning[c.JOIN_REACH])
     foot_q, _, length = foot_and_offset(graph, a, b, v)
     foot_q += signed_reach(rng, tuning[c.JOIN_REACH])
@@ -123,7 +121,7 @@ def propose_part(
         return False, 0.0
     p = random_end(graph, j, rng)
     q = random_end(graph, k, rng)
-    if graph.positions[c.INTERIOR_VERTICES, p] == c.NONE or graph.positions[c.INTERIOR_VERTICES, q] == c.NONE:
+    if not (may_go(graph, p) and may_go(graph, q)):
         return False, 0.0
     u = other_end(graph, j, p)
     v = other_end(graph, k, q)

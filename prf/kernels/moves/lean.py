@@ -12,7 +12,7 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, are_adjacent, pick
+from prf.kernels.graph import Graph, are_adjacent, ends_of, may_go, pick
 from prf.kernels.grid import Grid
 from prf.kernels.moves.gap import (
     CUT_RADIUS,
@@ -91,12 +91,6 @@ def are_four(f: int, g: int, a: int, b: int) -> bool:
 
 
 @core
-def is_interior(graph: Graph, v: int) -> bool:
-    """Whether a vertex lies inside the window."""
-    return graph.positions[c.INTERIOR_VERTICES, v] != c.NONE
-
-
-@core
 def turn_round(
     graph: Graph, proposal: Proposal, f: int, p: int, q: int, g: int, t: int, b: int, a: int, s: int
 ) -> None:
@@ -122,14 +116,12 @@ def propose_lean(
     if n == 0:
         return False, 0.0
     wall = index.neighbors[int(rng.random() * n)]
-    p = graph.edge_vertices[back, 0]
-    q = graph.edge_vertices[back, 1]
-    if not (is_interior(graph, p) and is_interior(graph, q)):
+    p, q = ends_of(graph, back)
+    if not (may_go(graph, p) and may_go(graph, q)):
         return False, 0.0
     first, f = beyond(graph, p, back)
     last, g = beyond(graph, q, back)
-    a = graph.edge_vertices[wall, 0]
-    b = graph.edge_vertices[wall, 1]
+    a, b = ends_of(graph, wall)
     if not are_four(f, g, a, b) or not are_adjacent(graph, f, g):
         return False, 0.0
     near = tuning[c.CUT_REACH]
@@ -183,13 +175,12 @@ def propose_stand(
     if graph.counts[c.EDGES] < 5:
         return False, 0.0
     front = pick(graph, c.EDGES, rng)
-    f = graph.edge_vertices[front, 0]
-    g = graph.edge_vertices[front, 1]
-    if not (is_interior(graph, f) and is_interior(graph, g)):
+    f, g = ends_of(graph, front)
+    if not (may_go(graph, f) and may_go(graph, g)):
         return False, 0.0
     first_flank, s = beyond(graph, f, front)
     second_flank, t = beyond(graph, g, front)
-    if s == t or not (is_interior(graph, s) and is_interior(graph, t)):
+    if s == t or not (may_go(graph, s) and may_go(graph, t)):
         return False, 0.0
     first, a = beyond(graph, s, first_flank)
     last, b = beyond(graph, t, second_flank)

@@ -11,9 +11,8 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.geometry import sine_of_angle
-from prf.kernels.graph import Graph, pick
+from prf.kernels.graph import Graph, distance, ends_of, may_go, pick
 from prf.kernels.moves.gap import beyond, signed_reach
-from prf.kernels.moves.interior_triangle import distance
 from prf.kernels.moves.placing import is_inside, reach_density
 from prf.kernels.proposal import Proposal, drop_edge, drop_vertex, join, place_vertex, turn_at_vertex
 
@@ -97,9 +96,8 @@ def propose_line(graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.r
     if graph.counts[c.EDGES] == 0:
         return False, 0.0
     e = pick(graph, c.EDGES, rng)
-    u = graph.edge_vertices[e, 0]
-    v = graph.edge_vertices[e, 1]
-    if graph.positions[c.INTERIOR_VERTICES, u] == c.NONE or graph.positions[c.INTERIOR_VERTICES, v] == c.NONE:
+    u, v = ends_of(graph, e)
+    if not (may_go(graph, u) and may_go(graph, v)):
         return False, 0.0
     first, a = beyond(graph, u, e)
     last, b = beyond(graph, v, e)

@@ -12,7 +12,7 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, other_end, pick
+from prf.kernels.graph import Graph, ends_of, may_go, other_end, pick
 from prf.kernels.moves.gap import beyond, can_face, foot_and_offset, is_in_window, outer_edge
 from prf.kernels.moves.notch_shape import (
     niche_density,
@@ -58,8 +58,7 @@ def propose_notch(
     if n == 0 or not is_in_window(graph, v):
         return False, 0.0
     e = index.neighbors[int(rng.random() * n)]
-    a = graph.edge_vertices[e, 0]
-    b = graph.edge_vertices[e, 1]
+    a, b = ends_of(graph, e)
     drop_edge(proposal, e)
     if is_tooth:
         if not place_tooth(graph, proposal, tuning, a, b, v, rng):
@@ -95,8 +94,7 @@ def join_niche(
     graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: np.ndarray, e: int
 ) -> float:
     """Let the edges of a niche in the edge e come; return its density, whichever of its inner corners was aimed."""
-    a = graph.edge_vertices[e, 0]
-    b = graph.edge_vertices[e, 1]
+    a, b = ends_of(graph, e)
     s = proposal.new_vertices[0]
     t = proposal.new_vertices[1]
     p = proposal.new_vertices[2]
@@ -131,9 +129,8 @@ def propose_fill(graph: Graph, proposal: Proposal, odds: np.ndarray, rng: np.ran
         legal = fill(graph, proposal, t, t, graph.vertex_edges[t, 0], graph.vertex_edges[t, 1])
     else:
         e = pick(graph, c.EDGES, rng)
-        s = graph.edge_vertices[e, 0]
-        t = graph.edge_vertices[e, 1]
-        if not (is_free(graph, s) and is_free(graph, t)):
+        s, t = ends_of(graph, e)
+        if not (may_go(graph, s) and may_go(graph, t)):
             return False, 0.0
         drop_edge(proposal, e)
         places = graph.counts[c.EDGES]
@@ -142,17 +139,11 @@ def propose_fill(graph: Graph, proposal: Proposal, odds: np.ndarray, rng: np.ran
 
 
 @core
-def is_free(graph: Graph, v: int) -> bool:
-    """Whether v lies in the interior and may go."""
-    return graph.positions[c.INTERIOR_VERTICES, v] != c.NONE
-
-
-@core
 def fill(graph: Graph, proposal: Proposal, s: int, t: int, first: int, last: int) -> bool:
     """Let the corners s and t (one vertex, or joined) of a notch go, and those beside them that end `first`, `last`."""
     p = other_end(graph, first, s)
     q = other_end(graph, last, t)
-    if p == q or not (is_free(graph, p) and is_free(graph, q)):
+    if p == q or not (may_go(graph, p) and may_go(graph, q)):
         return False
     outer_p, a = beyond(graph, p, first)
     outer_q, b = beyond(graph, q, last)

@@ -7,7 +7,7 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, are_adjacent, on_one_side, pick
+from prf.kernels.graph import Graph, are_adjacent, ends_of, on_one_side, pick, pick_two
 from prf.kernels.grid import walk
 from prf.kernels.proposal import N_OLD_EDGES, Proposal, drop_edge, join, turn_at_vertex
 
@@ -15,10 +15,8 @@ from prf.kernels.proposal import N_OLD_EDGES, Proposal, drop_edge, join, turn_at
 @core
 def exchange(graph: Graph, proposal: Proposal, e: int, f: int, rng: np.random.Generator) -> bool:
     """Propose one of the two ways to rejoin the ends of e and f; tell whether it is legal."""
-    a = graph.edge_vertices[e, 0]
-    b = graph.edge_vertices[e, 1]
-    p = graph.edge_vertices[f, 0]
-    q = graph.edge_vertices[f, 1]
+    a, b = ends_of(graph, e)
+    p, q = ends_of(graph, f)
     if rng.random() < 0.5:
         p, q = q, p
     if a == p or a == q or b == p or b == q:
@@ -39,14 +37,10 @@ def exchange(graph: Graph, proposal: Proposal, e: int, f: int, rng: np.random.Ge
 @core
 def propose_global(graph: Graph, proposal: Proposal, rng: np.random.Generator) -> tuple[bool, float]:
     """(h): two distinct uniform edges (symmetric: the number of edges does not change)."""
-    edges = graph.counts[c.EDGES]
-    if edges < 2:
+    if graph.counts[c.EDGES] < 2:
         return False, 0.0
-    i = int(rng.random() * edges)
-    k = int(rng.random() * (edges - 1))
-    if k >= i:
-        k += 1
-    return exchange(graph, proposal, graph.members[c.EDGES, i], graph.members[c.EDGES, k], rng), 0.0
+    e, f = pick_two(graph, c.EDGES, rng)
+    return exchange(graph, proposal, e, f, rng), 0.0
 
 
 @core

@@ -6,7 +6,7 @@ import numpy as np
 
 from prf.kernels import constants as c
 from prf.kernels._jit import core
-from prf.kernels.graph import Graph, are_adjacent, on_one_side, other_end, pick
+from prf.kernels.graph import Graph, are_adjacent, ends_of, on_one_side, other_end, pick
 from prf.kernels.moves.placing import beside, beside_density, is_inside
 from prf.kernels.proposal import Proposal, drop_edge, drop_vertex, join, place_vertex, turn_at_vertex
 
@@ -26,8 +26,7 @@ def propose_split(
     if edges == 0:
         return False, 0.0
     edge = pick(graph, c.EDGES, rng)
-    u = graph.edge_vertices[edge, 0]
-    w = graph.edge_vertices[edge, 1]
+    u, w = ends_of(graph, edge)
     x, y = beside(graph.vertex_xy[u], graph.vertex_xy[w], tuning[c.SPLIT_REACH], rng)
     density = split_density(graph, tuning, u, w, x, y)
     if density == 0.0 or not is_inside(graph.window, x, y):

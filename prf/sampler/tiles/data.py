@@ -32,7 +32,7 @@ class TileData:
     settings : Settings
     laser, sonar
         Models; of no consequence without readings.
-    ray : (n, 8) array
+    ray : (n, N_RAY) array
         Beams as :func:`prf.sensors.laser.make_rays` lays them out.
     influence : (n,) array
         Distance beyond which no obstacle changes the likelihood of the beam, metres.

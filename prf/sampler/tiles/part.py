@@ -23,7 +23,7 @@ from prf.kernels.build import resum, trace_all
 from prf.kernels.chain import Chain
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph
-from prf.kernels.grid import Grid, make_grid, most_cells
+from prf.kernels.grid import HAIR, HAIR_SHARE, Grid, make_grid, most_cells
 from prf.kernels.guards import GUARD_RAY, GUARD_TRIANGLE, N_SHAPE, Guards, count_guards, index_frozen, list_guards
 from prf.kernels.image import Image
 from prf.kernels.points import Points
@@ -324,7 +324,7 @@ def part_beams(data: TileData, grid: Grid, shared: Shared, capacity: int) -> Bea
     ray[:, c.REACH] = end
     # Exits are distances from the sensor, rounded down as before.
     exits = beams.slot_exit + np.repeat(enter, np.diff(beams.slot_start))
-    exits = exits * (1.0 - 1e-6) - 1e-9
+    exits = exits * (1.0 - HAIR_SHARE) - HAIR
     last = beams.slot_start[1:] - 1
     exits[last] = end
     slot_exit = exits.astype(np.float32)

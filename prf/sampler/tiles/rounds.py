@@ -11,7 +11,8 @@ from prf.coloring import Coloring
 from prf.kernels import constants as c
 from prf.kernels.chain import Chain
 from prf.kernels.grid import Grid, make_grid, most_cells
-from prf.kernels.tile import count_crossed, list_crossed, tiles_at
+from prf.kernels.segment_lists import segments_by_cell
+from prf.kernels.tile import tiles_at
 from prf.layout import read_coloring
 from prf.sampler.tiles.data import TileData
 from prf.sampler.tiles.partition import random_tiles
@@ -112,9 +113,5 @@ def make_round(data: TileData, chain: Chain, n_tiles: int, least: float, steps: 
 def _crossed(data: TileData, coloring: Coloring) -> tuple[Grid, NDArray[np.int64], NDArray[np.int32]]:
     """Return the edges by cells."""
     grid = make_grid(*data.settings.window, COARSE * data.settings.cell_size())
-    segments, path = coloring.segments(), np.zeros(most_cells(grid), np.int32)
-    start = np.zeros(grid.nx * grid.ny + 1, np.int64)
-    count_crossed(grid, segments, path, start)
-    entries = np.zeros(int(start[-1]), np.int32)
-    list_crossed(grid, segments, path, start[:-1].copy(), entries)
-    return grid, start, entries
+    path = np.zeros(most_cells(grid), np.int32)
+    return grid, *segments_by_cell(grid, coloring.segments(), path)
