@@ -25,7 +25,6 @@ from matplotlib.collections import LineCollection
 from benchmarks import commands, panels
 from benchmarks.commands import made, prf, say
 from prf.occupancy import read_grid
-from prf.render import layers
 from prf.run import Cones, names, read_run
 from prf.run.mapfile import read_map_feature
 from prf.shell import pictures as style
@@ -173,10 +172,8 @@ def table(rows: list[dict[str, Any]], name: str) -> str:
 
 def arcs(cones: Cones, caption: str) -> panels.Panel:
     """Return a panel of the impact arcs: of every reading that returned, the arc of its cone at its range."""
-    hit = np.flatnonzero(cones.range < cones.max_range)
-    turn = cones.angle[hit, None] + cones.cone[hit, None] * np.linspace(-0.5, 0.5, layers.ARC_POINTS)
-    lines = cones.origin[hit, None] + cones.range[hit, None, None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-    strength = float(np.clip(60.0 / len(hit) ** 0.5, 0.25, 1.0))
+    lines = cones.arcs()
+    strength = float(np.clip(60.0 / len(lines) ** 0.5, 0.25, 1.0))
 
     def draw(axes: Any) -> None:
         axes.add_collection(LineCollection(list(lines), colors=style.INK, linewidths=0.25, alpha=strength))

@@ -26,7 +26,7 @@ from prf.kernels import constants as c
 from prf.kernels.build import resum
 from prf.kernels.step import run
 from prf.layout import grow
-from prf.posterior import Settings, first_map, make_chain
+from prf.posterior import Settings, make_chain, one_colour_map
 from prf.run import read_run
 from prf.sampler.config import SampleConfig
 from prf.sampler.session import read_prepared
@@ -57,7 +57,7 @@ def span(costs: list[float], threads: int) -> float:
 
 def shares(settings: Settings, n_rounds: int, seed: int) -> dict[str, float]:
     """CPU seconds of the parts of a round, tile by tile, beside as many steps of a chain without tiles."""
-    chain, data = make_chain(settings, first_map(settings)), make_tile_data(settings)
+    chain, data = make_chain(settings, one_colour_map(settings)), make_tile_data(settings)
     rng = np.random.default_rng(seed)
     length = round_length(settings)
     least, steps = narrowest(settings.window, settings.tiles), length - round(PLAIN_SHARE * length)

@@ -72,7 +72,7 @@ def _read_json(file: Path) -> dict[str, Any] | None:
         content = _object(text)
         if content is not None:
             return content if text is data else None
-    raise InputError(f"{file}: neither a RUN, a GRID, a MAP nor DRAWS. What is in a log says prf info.")
+    raise InputError(f"{file}: neither a RUN, a GRID, a MAP nor DRAWS. prf info says what is in a log.")
 
 
 def _object(text: bytes) -> dict[str, Any] | None:

@@ -1,4 +1,4 @@
-"""Arrays of a chain: laid out for a map, grown when they run short, read back as a coloring."""
+"""Arrays of a chain: laid out for a map, grown when they run short on a run, read back as a coloring."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from prf.kernels.guards import N_SHAPE, Guards
 from prf.kernels.image import Image, count_all_edges
 from prf.kernels.proposal import N_PROPOSAL_COUNTS, Proposal
 from prf.kernels.sites import Sites
+from prf.kernels.step import run
 from prf.kernels.targets import NEAR, Targets
 from prf.sensors.sonar import make_sight
 from prf.window import Window
@@ -265,3 +266,10 @@ def grow(chain: Chain) -> Chain:
         ),
         cones=chain.cones._replace(sight=make_sight(capacity + c.MOST_CHANGES)),
     )
+
+
+def run_chain(chain: Chain, rng: np.random.Generator, step: int) -> Chain:
+    """Run a chain up to `step`, making room on the way; return it."""
+    while not run(chain, rng, step):
+        chain = grow(chain)
+    return chain

@@ -14,7 +14,7 @@ from prf.kernels.chain import Chain
 from prf.kernels.grid import make_grid
 from prf.kernels.points import Points, Y, paint
 from prf.layout import make_graph, make_image, make_index, make_proposal, make_sites, make_targets, no_guards
-from prf.sensors.laser import LaserModel, make_beams, make_rays
+from prf.sensors.laser import LaserModel, make_beams, make_rays, unit_vectors
 from prf.sensors.points import PointModel, make_points
 from prf.sensors.sonar import SonarModel, make_cones, make_poses
 from prf.window import Window
@@ -182,7 +182,7 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
     """Build the state of a chain at `coloring`.
 
     Every sensor must stand in white there, unless the tuning is given a finite cost of occupied ones before the first
-    step; :func:`first_map` is such a map.
+    step; :func:`one_colour_map` is such a map.
     """
     window = settings.window
     capacity = max(FIRST_CAPACITY, 2 * (len(coloring.xy) + c.MOST_CHANGES))
@@ -229,7 +229,7 @@ def painted_points(data: PointData | None, coloring: Coloring) -> Points:
     return points
 
 
-def first_map(settings: Settings) -> Coloring:
+def one_colour_map(settings: Settings) -> Coloring:
     """Return the map of one colour that a chain starts from: white, or what points prefer if there is no sensor."""
     empty = Coloring.empty(settings.window)
     if settings.points is None or settings.laser is not None or settings.sonar is not None:
@@ -244,7 +244,7 @@ def return_points(settings: Settings) -> Floats:
     for sensor in (settings.laser, settings.sonar):
         if sensor is not None:
             hit = sensor.readings < sensor.model.max_range
-            direction = np.stack([np.cos(sensor.angle[hit]), np.sin(sensor.angle[hit])], axis=1)
+            direction = unit_vectors(sensor.angle[hit])
             points.append(sensor.origin[hit] + sensor.readings[hit, None] * direction)
     return np.concatenate(points)
 

@@ -18,7 +18,7 @@ from prf.kernels import constants as c
 from prf.kernels.build import resum
 from prf.kernels.step import run
 from prf.layout import grow, read_coloring
-from prf.posterior import DEFAULT_ODDS, PointData, Settings, SonarData, first_map, make_chain
+from prf.posterior import DEFAULT_ODDS, PointData, Settings, SonarData, make_chain, one_colour_map
 from prf.recompute import differences
 from prf.window import Window
 from tests.reference.beams import Sensor, impacts, log_likelihood
@@ -201,9 +201,9 @@ def test_the_first_map_has_the_colour_that_points_prefer_if_no_sensor_forbids() 
     world = draw_world(0.2, ROOM, NEAR, 1, 4, np.random.default_rng(14))
     for value, black in ((1.0, True), (0.0, False)):
         points = PointData(scattered(), np.full(40, value), Flips().model)
-        assert first_map(Settings(ROOM, 0.2, points=points)).anchor_black == black
-        assert not first_map(Settings(ROOM, 0.2, world.data, points=points)).anchor_black
-    assert not first_map(Settings(ROOM, 0.2)).anchor_black
+        assert one_colour_map(Settings(ROOM, 0.2, points=points)).anchor_black == black
+        assert not one_colour_map(Settings(ROOM, 0.2, world.data, points=points)).anchor_black
+    assert not one_colour_map(Settings(ROOM, 0.2)).anchor_black
 
 
 def test_cells_follow_the_scale_for_sonar_too() -> None:

@@ -18,7 +18,7 @@ from prf.kernels.chain import Chain
 from prf.kernels.grid import make_grid
 from prf.kernels.step import run
 from prf.layout import grow, read_coloring
-from prf.posterior import LaserData, Settings, first_map, make_chain
+from prf.posterior import LaserData, Settings, make_chain, one_colour_map
 from prf.recompute import differences
 from prf.sampler.config import SampleConfig
 from prf.sampler.session import read_prepared
@@ -232,7 +232,7 @@ def test_twins_agree_on_points(law: Normal | Flips, places: str) -> None:
     data = observe(world.coloring, law, PLACES[places], rng)
     for laser in (None, world.data):
         settings = Settings(ROOM, 0.3, laser, resolution=0.5, cell=1.0, points=data)
-        chain, n_accepted = follow(make_chain(settings, first_map(settings)), rng, 2000)
+        chain, n_accepted = follow(make_chain(settings, one_colour_map(settings)), rng, 2000)
         assert n_accepted > 40
         assert 0.0 < chain.points.column[points.BLACK].mean() < 1.0
 

@@ -14,8 +14,8 @@ from typing import Literal, TypeVar
 from prf.api.run import Run
 from prf.api.science import (
     Given,
-    Name,
     Prior,
+    ReadingKind,
     Sensor,
     Source,
     asked_of,
@@ -249,7 +249,7 @@ def resume(
 
 
 def _fresh(
-    sources: Mapping[Name, Source],
+    sources: Mapping[ReadingKind, Source],
     config: SampleConfig,
     folder: Path | None,
     seed: int | None,

@@ -14,8 +14,7 @@ from prf.logs import CONE, Kind, PointTable, Readings, read_point_data
 from prf.logs import read_readings as read_log
 from prf.sampler.asked import Asked, ask
 from prf.sampler.config import Prepared, SampleConfig
-from prf.sampler.logs import read_logs
-from prf.sampler.session import prepare_whole
+from prf.sampler.session import prepare_whole, read_configured
 from prf.sensors.laser import LaserModel
 from prf.sensors.points import PointModel
 from prf.sensors.sonar import SonarModel
@@ -25,10 +24,11 @@ Sensor = LaserModel | SonarModel | PointModel
 Path = str | os.PathLike[str]
 Source = Readings | PointTable | Path
 """Readings of one kind, or a log of them."""
-Name = Literal["laser", "sonar", "points"]
-Given = Source | Sequence[Source] | Mapping[Name, Source]
+ReadingKind = Literal["laser", "sonar", "points"]
+KINDS: tuple[ReadingKind, ...] = ("laser", "sonar", "points")
+Given = Source | Sequence[Source] | Mapping[ReadingKind, Source]
 
-PREFIXES: Mapping[type, tuple[Name, str]] = MappingProxyType(
+PREFIXES: Mapping[type, tuple[ReadingKind, str]] = MappingProxyType(
     {LaserModel: ("laser", ""), SonarModel: ("sonar", "sonar_"), PointModel: ("points", "points_")}
 )
 """What a sensor's readings are called, and what stands before its parameters in the fields of a configuration."""
@@ -106,7 +106,7 @@ def config_of(
     return dataclasses.replace(base, **changes)
 
 
-def by_kind(given: Given, sensors: Sensor | Sequence[Sensor] = ()) -> dict[Name, Source]:
+def by_kind(given: Given, sensors: Sensor | Sequence[Sensor] = ()) -> dict[ReadingKind, Source]:
     """Return the source of each kind of readings, the laser first.
 
     Parameters
@@ -122,7 +122,7 @@ def by_kind(given: Given, sensors: Sensor | Sequence[Sensor] = ()) -> dict[Name,
         If a kind is unknown, comes twice, or has a model but no readings.
     """
     pairs = list(given.items()) if isinstance(given, Mapping) else [(_kind(each), each) for each in _listed(given)]
-    found: dict[Name, Source] = {}
+    found: dict[ReadingKind, Source] = {}
     for kind, source in pairs:
         if kind in found:
             raise ArgumentError(f"readings: {kind} comes twice. Join them to one.")
@@ -136,15 +136,12 @@ def by_kind(given: Given, sensors: Sensor | Sequence[Sensor] = ()) -> dict[Name,
     return {kind: found[kind] for kind in KINDS if kind in found}
 
 
-KINDS: tuple[Name, ...] = ("laser", "sonar", "points")
-
-
-def paths_of(sources: Mapping[Name, Source]) -> list[str]:
+def paths_of(sources: Mapping[ReadingKind, Source]) -> list[str]:
     """Return the logs among the sources."""
     return [os.fspath(source) for source in sources.values() if isinstance(source, str | os.PathLike)]
 
 
-def prepared_for(sources: Mapping[Name, Source], config: SampleConfig) -> Prepared:
+def prepared_for(sources: Mapping[ReadingKind, Source], config: SampleConfig) -> Prepared:
     """Read what is a log, thin all, and resolve the configuration for it.
 
     Raises
@@ -153,21 +150,14 @@ def prepared_for(sources: Mapping[Name, Source], config: SampleConfig) -> Prepar
         As :func:`prf.sampler.session.read_prepared`.
     """
     log = {kind: os.fspath(each) for kind, each in sources.items() if isinstance(each, str | os.PathLike)}
-    laser, sonar = read_logs(
-        log.get("laser"),
-        log.get("sonar"),
-        topic=config.topic,
-        frame=config.frame,
-        sonar_topic=config.sonar_topic,
-        cone=config.sonar_cone,
-    )
+    laser, sonar = read_configured(config, log.get("laser"), log.get("sonar"))
     held = {kind: each for kind, each in sources.items() if isinstance(each, Readings)}
     table = sources.get("points")
     observed = table if isinstance(table, PointTable) else read_point_data(log["points"]) if "points" in log else None
     return prepare_whole(config, held.get("laser", laser), held.get("sonar", sonar), observed)
 
 
-def _kind(source: Source) -> Name:
+def _kind(source: Source) -> ReadingKind:
     """Return whose readings these are."""
     if isinstance(source, PointTable):
         return "points"

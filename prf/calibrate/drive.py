@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from prf.calibrate.fit import Family, Fit, fit, held_out_loss
 from prf.calibrate.laser import LaserProblem
 from prf.calibrate.sonar import SonarProblem, sonar_problem
-from prf.logs import Readings, thin
+from prf.logs import CONE, Readings, thin
 from prf.logs.describe import default_max_range
+from prf.logs.rings import fields_of_view
 from prf.score import OccupiedArea, ScoreConfig, hold_out_sonar
-from prf.score.scene import features_seen, frame, outline, scene_of_region
+from prf.score.scene import enclosing_window, features_seen, outline, scene_of_region
 from prf.score.trace import first_edges
-from prf.sensors.laser import LaserModel, window_exit
+from prf.sensors.laser import LaserModel, unit_vectors, window_exit
 from prf.sensors.sonar import SonarModel
 from prf.shell.errors import ConfigError, InputError
 
@@ -51,7 +52,7 @@ class CalibrateConfig:
 
     max_range: float | None = None
     sonar_max_range: float = SonarModel.max_range
-    sonar_cone: float = 0.349
+    sonar_cone: float = CONE
     folds: int = 5
     every_scan: int = 1
     every_beam: int = 1
@@ -132,7 +133,7 @@ def calibrate_sonar(
     scene = scene_of_region(area.region, area.window, cones.origin, model.max_range)
     start, feature = features_seen(scene, cones.pose, model.max_range)
     problem = sonar_problem(cones.range, start, feature, model.max_range)
-    view = np.where(used.readings.cone > 0.0, used.readings.cone, config.sonar_cone)
+    view = fields_of_view(used.readings, config.sonar_cone)
     return _fitted("sonar", problem, used, np.any(problem.there, axis=1), float(np.median(view)), config.folds, rng)
 
 
@@ -145,13 +146,13 @@ def calibrate_laser(
         raise InputError(f"{readings.source}: no reading has a finite range. Give --max-range.")
     LaserModel(max_range)
     used = _usable(readings, area, config)
-    direction = np.stack([np.cos(used.readings.angle), np.sin(used.readings.angle)], axis=1)
+    direction = unit_vectors(used.readings.angle)
     origin = used.readings.origin
     reach = np.full(len(origin), max_range)
     if area.window is not None:
         reach = np.minimum(reach, window_exit(area.window, origin, direction))
     rays = np.ascontiguousarray(np.column_stack([origin, direction, reach]))
-    window = area.window or frame(origin, max_range, area.region)
+    window = area.window or enclosing_window(origin, max_range, area.region)
     distance = first_edges(rays, outline(area.region, area.window)[0], window)
     ranges = np.where(used.readings.range < max_range, used.readings.range, np.inf)
     problem = LaserProblem(ranges, distance, max_range)
@@ -172,7 +173,7 @@ def _usable(readings: Readings, area: OccupiedArea, config: CalibrateConfig) -> 
     if used.n_beams == 0:
         raise InputError(
             f"{readings.source}: none of {kept.n_beams} readings can be used: {n_outside} sensors stand outside the "
-            f"map and {n_occupied} in its walls. Are log and map in one frame, metres and radians?"
+            f"map and {n_occupied} in its walls. Are log and map in one enclosing_window, metres and radians?"
         )
     for n, where in ((n_outside, "outside the map"), (n_occupied, "in a wall of the map")):
         if n:

@@ -69,7 +69,7 @@ def calibrate(
     asked = {name: given[name] for name in names if given[name] is not None}
 
     from prf.calibrate import CalibrateConfig, calibrate_laser, calibrate_sonar, fitted_tables, read_known_map
-    from prf.sampler.logs import read_logs
+    from prf.logs import read_logs
     from prf.settings_file import write_settings
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM

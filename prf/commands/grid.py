@@ -102,9 +102,9 @@ def grid(
     """
     options = {name: value for name, value in locals().items() if name not in NOT_SETTINGS}
 
+    from prf.logs import read_logs
     from prf.occupancy import GridConfig, build_grid, write_grid
     from prf.sampler.asked import ask
-    from prf.sampler.logs import read_logs
     from prf.sampler.output import default_output
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM

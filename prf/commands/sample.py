@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     from prf.api.run import Run
     from prf.api.sampling import Watch
-    from prf.api.science import Name, Source
+    from prf.api.science import ReadingKind, Source
 
 EXAMPLES = (
     "prf sample --laser data/demo-office.log.gz -o office --time-budget 30",
@@ -101,7 +101,7 @@ Live = Annotated[
 Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Go on with this run from its checkpoint.")]
 
 RUN_SCIENCE = (*SCIENCE, "chains", "resolution", "start", "rungs", "hottest")
-SOURCES: dict[Name, str] = {"laser": "--laser", "sonar": "--sonar", "points": "--point-data"}
+SOURCES: dict[ReadingKind, str] = {"laser": "--laser", "sonar": "--sonar", "points": "--point-data"}
 """Kind of readings to the option that names its log."""
 
 
@@ -177,7 +177,7 @@ def sample(
         if resume is not None:
             run = go_on(folder, asked=asked, logs=logs, **how)
         else:
-            sources: dict[Name, Source] = {name: logs[flag] for name, flag in SOURCES.items() if flag in logs}
+            sources: dict[ReadingKind, Source] = {name: logs[flag] for name, flag in SOURCES.items() if flag in logs}
             run = draw(sources, config=asked, output=folder, force=force, **how)
     _report(run, folder, json)
 
@@ -236,7 +236,7 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None) -> Pat
     if not logs:
         raise UsageError("Nothing to sample: give --laser LOG, --sonar LOG or --point-data FILE.csv, or --resume RUN.")
     if output == STREAM:
-        raise UsageError("-o -: a run is a directory. Name one.")
+        raise UsageError("-o -: a run is a directory. ReadingKind one.")
     return Path(output) if output is not None else default_output(next(iter(logs.values())))
 
 

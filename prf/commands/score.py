@@ -89,7 +89,7 @@ def score(
     """
     options = {name: value for name, value in locals().items() if name not in NOT_SETTINGS}
 
-    from prf.sampler.logs import read_logs
+    from prf.logs import read_logs
     from prf.score import hold_out, hold_out_sonar, open_map, read_occupied_area, score_config, true_cells
     from prf.score import score as score_map
     from prf.settings_file import settings_from

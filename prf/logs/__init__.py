@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from prf.logs.both import read_logs
 from prf.logs.describe import LogSummary, describe
 from prf.logs.open import read_readings
 from prf.logs.points import PointSummary, PointTable, describe_points, read_point_data
@@ -22,6 +23,7 @@ __all__ = [
     "ScanTable",
     "describe",
     "describe_points",
+    "read_logs",
     "read_point_data",
     "read_readings",
     "thin",

@@ -31,7 +31,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.logs.numbers import MEND, check_pose, check_ranges, check_time, parse_count, parse_floats, show
+from prf.logs.numbers import MEND, check_pose, check_ranges, check_time, count_odd_kind, parse_count, parse_floats
 from prf.logs.readings import FloatArray, LogNotes, NoReadings, Readings
 from prf.logs.scans import Scan, assemble
 from prf.shell.errors import ConfigError, InputError
@@ -59,11 +59,6 @@ BASE = (
 COMMANDS = ("NMEARMC", "VECTORMOVE", "ROBOTVELOCITY", "FOLLOWTRAJECTORY", "BASEVELOCITY")
 KNOWN_KINDS = frozenset((*LASERS, *RAW_LASERS, *ROBOT_LASERS, *BASE, *COMMANDS))
 """First fields of CARMEN's log format; NEFF is an addition of GMapping's."""
-
-MANY_KINDS = 20
-"""Odd kinds of line that are counted one by one; a damaged file may have thousands."""
-
-REST = "others"
 
 
 class LaserLine(NamedTuple):
@@ -133,8 +128,7 @@ def _read_line(fields: list[bytes], number: int, source: str, log: _Log) -> None
     elif kind in KNOWN_KINDS:
         log.kinds[kind] += 1
     else:
-        shown = show(fields[0]).strip("'\"")
-        log.odd[shown if shown in log.odd or len(log.odd) < MANY_KINDS else REST] += 1
+        count_odd_kind(log.odd, fields[0])
 
 
 def _parse_plain_laser(kind: str, fields: list[bytes], number: int, where: str) -> LaserLine:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.logs.numbers import MEND, is_number, show
+from prf.logs.numbers import MEND, as_floats, is_number, show
 from prf.logs.readings import FloatArray, IntArray
 from prf.shell.errors import InputError
 from prf.window import LARGEST_COORDINATE
@@ -173,11 +173,8 @@ def _counts(line: bytes) -> bool:
 
 
 def _column(fields: list[bytes], name: str, number: IntArray, source: str) -> FloatArray:
-    try:
-        values = np.array(fields, dtype=np.float64)
-    except ValueError:
-        values = None
-    if values is None or b"_" in b"".join(fields):
+    values = as_floats(fields)
+    if values is None:
         bad = next(i for i, text in enumerate(fields) if not is_number(text))
         raise InputError(f"{source}:{number[bad]}: {name} is {show(fields[bad].strip())}, not a number. {MEND}")
     return values

@@ -9,6 +9,7 @@ import numpy as np
 
 from prf.logs.readings import FloatArray, Kind, Readings, ScanTable
 from prf.logs.suspicions import Suspicion, find_suspicions
+from prf.sensors.laser import unit_vectors
 
 MAX_RANGE_SHARE = 0.97
 """Default maximum range over largest range: the numbers that mean "no return" in a log spread by less (51.05-51.16)."""
@@ -159,7 +160,7 @@ def _returns_extent(readings: Readings, max_range: float) -> Extent | None:
     hit = readings.range < max_range
     if not hit.any():
         return None
-    direction = np.column_stack((np.cos(readings.angle[hit]), np.sin(readings.angle[hit])))
+    direction = unit_vectors(readings.angle[hit])
     return _extent(readings.origin[hit] + readings.range[hit, None] * direction)
 
 

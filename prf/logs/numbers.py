@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,7 +14,19 @@ from prf.window import LARGEST_COORDINATE
 LARGEST_TIME = 1e20
 """Seconds. Beyond any clock, nanoseconds taken for seconds included, and safe to subtract."""
 
+MANY_KINDS = 20
+"""Odd kinds of line that are counted one by one; a damaged file may have thousands."""
+
 MEND = "Remove or mend this line and run again."
+
+
+def as_floats(fields: Sequence[bytes]) -> FloatArray | None:
+    """Return text fields as float64; None if one is not a number in the C notation (so ``1_0`` is none)."""
+    try:
+        numbers = np.array(fields, dtype=np.float64)
+    except ValueError:
+        return None
+    return None if b"_" in b" ".join(fields) else numbers
 
 
 def parse_floats(fields: Sequence[bytes], where: str) -> FloatArray:
@@ -31,11 +44,8 @@ def parse_floats(fields: Sequence[bytes], where: str) -> FloatArray:
     InputError
         If a field is not a number in the C notation (so ``1_0`` is none).
     """
-    try:
-        numbers = np.array(fields, dtype=np.float64)
-    except ValueError:
-        numbers = None
-    if numbers is None or b"_" in b" ".join(fields):
+    numbers = as_floats(fields)
+    if numbers is None:
         bad = next(i for i, text in enumerate(fields) if not is_number(text))
         raise InputError(f"{where}: {show(fields[bad])} is not a number. {MEND}")
     return numbers
@@ -87,3 +97,9 @@ def show(text: bytes) -> str:
     """Return a text field for a message: quoted, short, one line."""
     shown = text[:24].decode("ascii", "backslashreplace")
     return repr(shown + ("..." if len(text) > 24 else ""))
+
+
+def count_odd_kind(odd: Counter[str], kind: bytes) -> None:
+    """Count a line of an unknown kind, under "others" once :data:`MANY_KINDS` have been counted one by one."""
+    shown = show(kind).strip("'\"")
+    odd[shown if shown in odd or len(odd) < MANY_KINDS else "others"] += 1

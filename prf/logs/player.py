@@ -31,16 +31,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.logs.numbers import MEND, check_pose, check_ranges, check_time, parse_count, parse_floats, show
+from prf.logs.numbers import MEND, check_pose, check_ranges, check_time, count_odd_kind, parse_count, parse_floats
 from prf.logs.readings import FloatArray, Kind
 from prf.shell.errors import InputError
 
 POSITIONS = (b"position", b"position2d")
 DATA, GEOMETRY = 1, 4
 """Types of the messages that hold readings and answers to questions about geometry."""
-
-MANY_KINDS = 20
-"""Odd kinds of line that are counted one by one; a damaged file may have thousands."""
 
 PRINTED = 0.0005
 """Metres. Ranges are printed to the millimetre, the maximum range to a tenth of it."""
@@ -160,8 +157,7 @@ def _read_line(header: Header, interface: bytes, log: PlayerLog, kinds: tuple[Ki
     elif interface.isalnum() and interface[:1].isalpha():
         log.lines[interface.decode("ascii", "replace")] += 1
     else:
-        shown = show(interface).strip("'\"")
-        log.odd_lines[shown if shown in log.odd_lines or len(log.odd_lines) < MANY_KINDS else "others"] += 1
+        count_odd_kind(log.odd_lines, interface)
 
 
 def _read_laser(header: Header, log: PlayerLog) -> None:

@@ -1,4 +1,4 @@
-"""Which format a log has, from its content alone; what cannot be read is named, so that the user knows what he has."""
+"""Which format a log has, from its content alone; what cannot be read is named, so that users know what they have."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from prf.logs.describe import default_max_range
 from prf.occupancy.config import GridConfig
 from prf.occupancy.model import OccupancyGrid
 from prf.sampler.config import SampleConfig, chosen_window
-from prf.sensors.laser import window_exit
+from prf.sensors.laser import unit_vectors, window_exit
 from prf.shell.errors import ConfigError, InputError
 from prf.window import Window
 
@@ -137,7 +137,7 @@ def _enter_beams(cells: Cells, beams: _Rays) -> None:
     """Enter laser beams, each up to its end, its maximum range or the border of the grid."""
     grid = cells.grid
     border = Window(grid.x0, grid.y0, grid.x0 + grid.nx * grid.cell, grid.y0 + grid.ny * grid.cell)
-    direction = np.stack([np.cos(beams.angle), np.sin(beams.angle)], axis=1)
+    direction = unit_vectors(beams.angle)
     leaves = window_exit(border, beams.origin, direction)
     length = np.minimum(np.minimum(beams.range, beams.max_range), leaves)
     segments = np.hstack([beams.origin, beams.origin + length[:, None] * direction])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 MOST_BEAMS = 4000
 """More beams than this make a solid patch: they are thinned evenly before drawing."""
-
-ARC_POINTS = 9
 
 
 def fill_map(axes: Axes, coloring: Coloring, colour: str = INK) -> None:
@@ -64,15 +62,17 @@ def draw_occupancy(axes: Axes, image: PosteriorImage, values: NDArray[np.float32
     return drawn
 
 
+def thinned(rows: NDArray[Any]) -> NDArray[Any]:
+    """Return every k-th row, so that no more than :data:`MOST_BEAMS` are drawn."""
+    return rows[:: max(1, -(-len(rows) // MOST_BEAMS))]
+
+
 def draw_beams(axes: Axes, beams: Beams, width: float = 0.4, strength: float = 0.45) -> None:
     """Draw the beams that returned, from sensor to impact."""
     from matplotlib.collections import LineCollection
 
-    hit = np.flatnonzero(np.isfinite(beams.range) & (beams.range < beams.max_range))
-    hit = hit[:: max(1, -(-len(hit) // MOST_BEAMS))]
-    direction = np.column_stack((np.cos(beams.angle[hit]), np.sin(beams.angle[hit])))
-    ends = beams.origin[hit] + beams.range[hit, None] * direction
-    lines = np.stack((beams.origin[hit], ends), axis=1)
+    hit = thinned(np.flatnonzero(beams.returned))
+    lines = np.stack((beams.origin[hit], beams.select(hit).impacts()), axis=1)
     axes.add_collection(
         LineCollection(list(lines), colors=BEAM, linewidths=width, alpha=strength, zorder=1.5), autolim=False
     )
@@ -89,10 +89,7 @@ def draw_cones(axes: Axes, cones: Cones, width: float = 0.5, strength: float = 0
     """Draw an arc across the field of view at the distance of every sonar reading that returned."""
     from matplotlib.collections import LineCollection
 
-    hit = np.flatnonzero(np.isfinite(cones.range) & (cones.range < cones.max_range))
-    hit = hit[:: max(1, -(-len(hit) // MOST_BEAMS))]
-    turn = cones.angle[hit, None] + cones.cone[hit, None] * np.linspace(-0.5, 0.5, ARC_POINTS)
-    arcs = cones.origin[hit, None] + cones.range[hit, None, None] * np.stack((np.cos(turn), np.sin(turn)), axis=-1)
+    arcs = thinned(cones.arcs())
     axes.add_collection(
         LineCollection(list(arcs), colors=IMPACT, linewidths=width, alpha=strength, zorder=1.6), autolim=False
     )

@@ -57,6 +57,6 @@ def render_beams(
 def _words(readings: Beams | Cones) -> str:
     """Return how many readings of a sensor there are, and how many are not drawn."""
     n, n_scans = len(readings.angle), style.counted(len(readings.sensor_path()), "scan")
-    n_silent = int(np.count_nonzero(~(readings.range < readings.max_range)))
+    n_silent = int(np.count_nonzero(~readings.returned))
     what = style.counted(n, "sonar reading" if isinstance(readings, Cones) else "beam")
     return f"{what} in {n_scans}  ·  {n_silent:,} without return below {readings.max_range:.4g} m (not drawn)"

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
 FINE = 3
 """Points asked across a pixel, to see how much of it is occupied."""
-ARC_POINTS = 9
 
 
 def posterior_lines(
@@ -200,8 +199,6 @@ def reading_layers(run: Run, canvas: Canvas) -> list[Layer]:
 
 
 def _arcs(cones: Cones) -> NDArray[np.float64]:
-    """Return the arcs across the field of view of readings that returned, as straight pieces (n, 2, 2)."""
-    hit = np.flatnonzero(np.isfinite(cones.range) & (cones.range < cones.max_range))
-    turn = cones.angle[hit, None] + cones.cone[hit, None] * np.linspace(-0.5, 0.5, ARC_POINTS)
-    arcs = cones.origin[hit, None] + cones.range[hit, None, None] * np.stack((np.cos(turn), np.sin(turn)), axis=-1)
+    """Return the arcs of readings that returned as straight pieces (n, 2, 2)."""
+    arcs = cones.arcs()
     return np.stack((arcs[:, :-1], arcs[:, 1:]), axis=2).reshape(-1, 2, 2)

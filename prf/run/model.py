@@ -10,7 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.coloring import Coloring, Draws
+from prf.sensors.laser import unit_vectors
 from prf.shell.errors import InputError
+
+ARC_POINTS = 9
+"""Points by which the arc of a sonar reading is drawn."""
 
 
 class PosteriorImage(NamedTuple):
@@ -68,12 +72,15 @@ class Beams(NamedTuple):
         """Return the beams that a boolean mask (n,) or an array of indices picks."""
         return Beams(self.origin[mask], self.angle[mask], self.range[mask], self.scan[mask], self.max_range)
 
+    @property
+    def returned(self) -> NDArray[np.bool_]:
+        """Which beams (n,) have a return below the maximum range."""
+        return np.isfinite(self.range) & (self.range < self.max_range)
+
     def impacts(self) -> NDArray[np.float64]:
         """Return the end points of the beams with a return, (n_returns, 2) in metres."""
-        hit = np.isfinite(self.range) & (self.range < self.max_range)
-        reach = self.range[hit, None]
-        direction = np.column_stack((np.cos(self.angle[hit]), np.sin(self.angle[hit])))
-        impacts: NDArray[np.float64] = self.origin[hit] + reach * direction
+        hit = self.returned
+        impacts: NDArray[np.float64] = self.origin[hit] + self.range[hit, None] * unit_vectors(self.angle[hit])
         return impacts
 
     def sensor_path(self) -> NDArray[np.float64]:
@@ -112,6 +119,19 @@ class Cones(NamedTuple):
         """Return the readings that `mask` (n,) picks."""
         origin, angle, cone, ranges = (array[mask] for array in (self.origin, self.angle, self.cone, self.range))
         return Cones(origin, angle, cone, ranges, self.scan[mask], self.max_range)
+
+    @property
+    def returned(self) -> NDArray[np.bool_]:
+        """Which readings (n,) have a return below the maximum range."""
+        return np.isfinite(self.range) & (self.range < self.max_range)
+
+    def arcs(self) -> NDArray[np.float64]:
+        """Return the arcs across the field of view of readings with a return, (n_returns, ARC_POINTS, 2) in metres."""
+        hit = self.returned
+        turn = self.angle[hit, None] + self.cone[hit, None] * np.linspace(-0.5, 0.5, ARC_POINTS)
+        away = self.range[hit, None, None] * np.stack((np.cos(turn), np.sin(turn)), axis=-1)
+        arcs: NDArray[np.float64] = self.origin[hit, None] + away
+        return arcs
 
     def sensor_path(self) -> NDArray[np.float64]:
         """Return the position of the first transducer of every scan, (n_scans, 2), in the order of the scans."""

@@ -95,7 +95,7 @@ def _summarise_readings(file: Path) -> str:
     if beams is not None:
         parts.append(f"{len(beams.angle)} beams, {len(beams.impacts())} with a return below {beams.max_range:g} m")
     if cones is not None:
-        n_returns = int(np.count_nonzero(cones.range < cones.max_range))
+        n_returns = int(np.count_nonzero(cones.returned))
         parts.append(f"{len(cones.angle)} sonar readings, {n_returns} with a return below {cones.max_range:g} m")
     if points is not None:
         parts.append(f"{len(points.value)} points")

@@ -11,11 +11,11 @@ from prf.coloring import Coloring
 from prf.kernels import constants as c
 from prf.kernels.build import resum
 from prf.kernels.chain import Chain
-from prf.layout import make_image, read_coloring
-from prf.posterior import Settings, first_map, make_chain
+from prf.layout import make_image, read_coloring, run_chain
+from prf.posterior import Settings, make_chain, one_colour_map
 from prf.sampler.record import FIRST_THIN, ImageTimes, Record
-from prf.sampler.starts import Start, find_start_map, is_found
-from prf.sampler.tempering import Tempering, run_chain
+from prf.sampler.starts import Start, find_start_map, needs_search
+from prf.sampler.tempering import Tempering
 from prf.sampler.tempering_ladder import LadderPlan
 from prf.sampler.tempering_state import copied, with_map
 
@@ -67,7 +67,7 @@ class ChainSampler:
         self.settings = settings
         self.rng = rng
         self.starts_from = starts_from
-        fresh = start if start is not None else first_map(settings)
+        fresh = start if start is not None else one_colour_map(settings)
         self.chain: Chain = make_chain(settings, fresh) if like is None else copied(like)
         self.record = Record(probes)
         self.times = ImageTimes(self.chain.image.black.size)
@@ -113,7 +113,7 @@ class ChainSampler:
 
     def find_start(self, stop_requested: Callable[[], bool]) -> None:
         """Before the first step: go to the map that the chain shall start from."""
-        if is_found(self.starts_from, self.settings):
+        if needs_search(self.starts_from, self.settings):
             start = find_start_map(self.starts_from, self.settings, self.rng, stop_requested)
             chain = with_map(self.chain, self.settings, start)
             self.chain = chain._replace(image=make_image(start, chain.graph, self.settings.resolution))

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from prf.arak import checked_scale
 from prf.logs import CONE, PointTable, Readings
 from prf.logs.describe import default_max_range
+from prf.logs.rings import fields_of_view
 from prf.posterior import LaserData, PointData, Settings, SonarData
 from prf.run import Beams, Cones, Points
 from prf.sampler.starts import STARTS, Start
 from prf.sampler.tempering_ladder import AUTO_RUNGS, LadderPlan
 from prf.sampler.tiles.schedule import chosen_tiles
-from prf.sensors.laser import LaserModel
+from prf.sensors.laser import LaserModel, unit_vectors
 from prf.sensors.points import PointModel, window_round
 from prf.sensors.sonar import SonarModel
 from prf.shell.errors import ConfigError, InputError
@@ -252,12 +253,8 @@ def _beams(config: SampleConfig, readings: Readings) -> Beams:
 
 def _cones(config: SampleConfig, readings: Readings) -> Cones:
     """Return the sonar readings, inf where there was no return below the maximum range."""
-    if not 0.0 < config.sonar_cone < math.pi:
-        raise ConfigError(f"--sonar-cone {config.sonar_cone}: must lie between 0 and pi radians")
+    view = fields_of_view(readings, config.sonar_cone)
     max_range = sonar_model(config).max_range
-    view = np.where(readings.cone > 0.0, readings.cone, config.sonar_cone)
-    if view.max() >= math.pi:
-        raise InputError(f"{readings.source}: a sonar cone of {view.max():g} radians. It must be narrower than pi.")
     ranges = np.where(readings.range < max_range, readings.range, np.inf)
     return Cones(readings.origin, readings.angle, view, ranges, readings.scan, max_range)
 
@@ -350,7 +347,7 @@ def chosen_window(
     if config.window is not None:
         return Window.checked(*config.window)
     hit = np.isfinite(ranges)
-    ends = origin[hit] + ranges[hit, None] * np.stack([np.cos(angle[hit]), np.sin(angle[hit])], axis=1)
+    ends = origin[hit] + ranges[hit, None] * unit_vectors(angle[hit])
     low, high = origin.min(axis=0), origin.max(axis=0)
     if len(ends) > 0:
         # A quarter of what may be left out on each of the four sides.

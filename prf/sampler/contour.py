@@ -10,8 +10,8 @@ from shapely.geometry.base import BaseGeometry
 from prf.coloring import Coloring, from_polygons
 from prf.kernels.grid import make_grid, most_cells
 from prf.kernels.occupancy import Cells, update_beams
-from prf.posterior import LaserData, Settings, first_map
-from prf.sensors.laser import window_exit
+from prf.posterior import LaserData, Settings, one_colour_map
+from prf.sensors.laser import unit_vectors, window_exit
 from prf.shell.errors import ConfigError, InputError
 from prf.window import Window
 
@@ -69,7 +69,7 @@ def map_of_region(region: BaseGeometry, settings: Settings, cell: float = CELL) 
             return from_polygons(shapely.MultiPolygon(list(kept)), settings.window)
         except InputError:
             continue
-    return first_map(settings)
+    return one_colour_map(settings)
 
 
 def _occupied_region(window: Window, laser: LaserData, chosen: NDArray[np.bool_], cell: float) -> BaseGeometry:
@@ -86,7 +86,7 @@ def _occupied_region(window: Window, laser: LaserData, chosen: NDArray[np.bool_]
     )
     hit = chosen & (laser.readings < laser.model.max_range)
     origin, angle, readings = laser.origin[hit], laser.angle[hit], laser.readings[hit]
-    direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    direction = unit_vectors(angle)
     length = np.minimum(readings, window_exit(window, origin, direction))
     segments = np.ascontiguousarray(np.hstack([origin, origin + length[:, None] * direction]))
     update_beams(cells, segments, np.ascontiguousarray(readings <= length))

@@ -78,9 +78,9 @@ class Remote:
 
     def advance(self, chains: Sequence[ChainSampler], latest: int | None, blocks: int) -> None:
         """Run some blocks in every chain, side by side, no step beyond `latest`."""
-        futures = [self._submit(remote_blocks, pack(chain), latest, blocks) for chain in chains]
+        futures = [self._submit(remote_blocks, state_to_send(chain), latest, blocks) for chain in chains]
         for chain, arrays in zip(chains, self._gather(futures), strict=True):
-            unpack(chain, arrays)
+            take_state(chain, arrays)
 
     def _send(self, value: Any) -> Any:
         """Return a future of `value` that the scheduler can make again if the worker that holds it is lost."""
@@ -143,7 +143,7 @@ def remote_blocks(key: str, readings: bytes, arrays: Arrays, latest: int | None,
         sampler.record.best = Draw(-1, nothing, np.array(best), nothing)
     for _ in range(blocks):
         sampler.advance(latest)
-    found = packed(sampler, [draw for draw in sampler.record.draws if draw.coloring is not nothing])
+    found = state_with_draws(sampler, [draw for draw in sampler.record.draws if draw.coloring is not nothing])
     with _lock:
         _idle[key][_state(found)] = sampler
     return found
@@ -180,15 +180,15 @@ def _state(arrays: Arrays) -> str:
 # What follows serves both ends.
 
 
-def pack(sampler: ChainSampler) -> Arrays:
+def state_to_send(sampler: ChainSampler) -> Arrays:
     """Return the state of a chain without its draws."""
     best = sampler.record.best
-    arrays = packed(sampler, [], with_best=False)
+    arrays = state_with_draws(sampler, [], with_best=False)
     arrays["record.best"] = np.array([] if best is None else best.functionals, np.float64)
     return arrays
 
 
-def packed(sampler: ChainSampler, draws: list[Draw], with_best: bool = True) -> Arrays:
+def state_with_draws(sampler: ChainSampler, draws: list[Draw], with_best: bool = True) -> Arrays:
     """Return the state of a chain with some of its draws, and the best if it is a map."""
     light = copy.copy(sampler)
     light.record = Record(sampler.record.probes)
@@ -200,7 +200,7 @@ def packed(sampler: ChainSampler, draws: list[Draw], with_best: bool = True) -> 
     return {**arrays, "record.steps": np.array([draw.step for draw in sampler.record.draws], np.int64)}
 
 
-def unpack(sampler: ChainSampler, arrays: Arrays) -> None:
+def take_state(sampler: ChainSampler, arrays: Arrays) -> None:
     """Put a chain into the state that :func:`remote_blocks` gave back, its draws added to those that it has."""
     before, best = sampler.record.draws, sampler.record.best
     restore(sampler, arrays)

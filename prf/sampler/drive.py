@@ -85,22 +85,24 @@ def drive(sampler: Sampler, rule: StopRule, stop_requested: Callable[[], bool] =
         yield Progress(sampler.step, seconds, speed, share_done(sampler, rule, seconds), diagnoses, status)
 
 
-def is_check(sampler: Sampler) -> bool:
-    """Whether agreement is checked after the present round."""
-    block = sampler.step // sampler.block
+def next_check(block: int) -> int:
+    """Return the first block from `block` on after which agreement is checked."""
     check = 1
     while check < block:
         check = max(check + 1, int(check * CHECK_GROWTH))
-    return check == block
+    return check
+
+
+def is_check(sampler: Sampler) -> bool:
+    """Whether agreement is checked after the present round."""
+    block = sampler.step // sampler.block
+    return next_check(block) == block
 
 
 def blocks_ahead(sampler: Sampler, rule: StopRule) -> int:
     """Return the blocks to the next step at which something may be decided."""
     block = sampler.step // sampler.block
-    check = 1
-    while check <= block:
-        check = max(check + 1, int(check * CHECK_GROWTH))
-    ahead = check - block
+    ahead = next_check(block + 1) - block
     if rule.steps is not None:
         ahead = min(ahead, math.ceil((rule.steps - sampler.step) / sampler.block))
     return max(1, ahead)

@@ -16,9 +16,8 @@ import numpy as np
 from prf.coloring import Coloring
 from prf.kernels import constants as c
 from prf.kernels.build import resum
-from prf.kernels.step import run
-from prf.layout import grow, make_sites, read_coloring
-from prf.posterior import LaserData, PointData, Settings, SonarData, first_map, make_chain
+from prf.layout import make_sites, read_coloring, run_chain
+from prf.posterior import LaserData, PointData, Settings, SonarData, make_chain, one_colour_map
 
 FEWEST = 4000
 """Readings that a share must have at least."""
@@ -69,7 +68,7 @@ def find_first_map(settings: Settings, rng: np.random.Generator, stop_requested:
     stop_requested : callable
         Ends the search at the next look; the map found so far is returned.
     """
-    coloring = first_map(settings)
+    coloring = one_colour_map(settings)
     for share in shares(settings):
         if stop_requested():
             break
@@ -91,8 +90,7 @@ def _climb(
     least = LEAST_GAIN * (len(chain.beams.ray) + len(chain.cones.pose))
     best = -np.inf
     for look in range(1, MOST_LOOKS + 1):
-        while not run(chain, rng, look * LOOK):
-            chain = grow(chain)
+        chain = run_chain(chain, rng, look * LOOK)
         resum(chain)
         now = chain.graph.sums[c.LOG_PRIOR] + chain.graph.sums[c.LOG_LIKELIHOOD]
         if now < best + least or stop_requested():

@@ -7,9 +7,8 @@ import math
 from prf.arak import checked_scale
 from prf.coloring import Coloring, Draws
 from prf.kernels.build import resum
-from prf.kernels.step import run
 from prf.laws import expected_edges
-from prf.layout import grow, read_coloring
+from prf.layout import read_coloring, run_chain
 from prf.posterior import Settings, make_chain
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
@@ -51,8 +50,7 @@ def mcmc_draws(scale: float, window: Window, n_draws: int, thin: int | None = No
     until = BURN_IN_DRAWS * chosen_thin(scale, window)
     colorings = []
     for _ in range(n_draws):
-        while not run(chain, rng, until):
-            chain = grow(chain)
+        chain = run_chain(chain, rng, until)
         resum(chain)
         colorings.append(read_coloring(chain.graph))
         until += spacing

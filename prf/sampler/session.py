@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 from prf.kernels import step
 from prf.kernels._jit import CACHE
-from prf.logs import PointTable, Readings, read_point_data, thin
+from prf.logs import PointTable, Readings, read_logs, read_point_data, thin
 from prf.logs.describe import default_max_range
 from prf.posterior import Settings
 from prf.run import Run, names, read_run
@@ -22,10 +22,9 @@ from prf.sampler.checkpoint import load_checkpoint
 from prf.sampler.config import Prepared, SampleConfig, make_settings, prepare
 from prf.sampler.distributed import Remote
 from prf.sampler.drive import Progress, StopRule, drive
-from prf.sampler.logs import read_logs
 from prf.sampler.output import Output
 from prf.sampler.several import Sampler
-from prf.sampler.starts import is_found
+from prf.sampler.starts import needs_search
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.manifest import describe_input, describe_process, versions
 from prf.shell.seeds import spawn_generators
@@ -69,7 +68,7 @@ class Session:
         written = time.monotonic()
         first_step = self.sampler.step
         progress = Progress(first_step, 0.0, 0.0, 1.0, None, "finished")
-        if first_step == 0 and is_found(self.sampler.chains[0].starts_from, self.sampler.settings):
+        if first_step == 0 and needs_search(self.sampler.chains[0].starts_from, self.sampler.settings):
             logger.info("finding maps to start from ...")
         for progress in drive(self.sampler, rule, stop_requested):
             on_progress(progress)
@@ -91,7 +90,16 @@ def read_prepared(
     laser_log: str | None, config: SampleConfig, sonar_log: str | None = None, point_data: str | None = None
 ) -> Prepared:
     """Read the logs of a laser and a sonar, thin them, read point observations, and resolve `config` for all these."""
-    laser, sonar = read_logs(
+    laser, sonar = read_configured(config, laser_log, sonar_log)
+    observed = None if point_data is None else read_point_data(point_data)
+    return prepare_whole(config, laser, sonar, observed)
+
+
+def read_configured(
+    config: SampleConfig, laser_log: str | None, sonar_log: str | None
+) -> tuple[Readings | None, Readings | None]:
+    """Read the logs of a laser and a sonar, of the topics and in the frame of a configuration; None without a log."""
+    return read_logs(
         laser_log,
         sonar_log,
         topic=config.topic,
@@ -99,8 +107,6 @@ def read_prepared(
         sonar_topic=config.sonar_topic,
         cone=config.sonar_cone,
     )
-    observed = None if point_data is None else read_point_data(point_data)
-    return prepare_whole(config, laser, sonar, observed)
 
 
 def prepare_whole(

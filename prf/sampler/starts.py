@@ -16,11 +16,10 @@ from prf.arak import exact_draws
 from prf.coloring import Coloring, occupied_polygons
 from prf.kernels import constants as c
 from prf.kernels.build import resum
-from prf.layout import read_coloring
+from prf.layout import read_coloring, run_chain
 from prf.posterior import Settings, make_chain
 from prf.sampler.contour import contour_map, map_of_region
 from prf.sampler.first_map import find_first_map, has_shares
-from prf.sampler.tempering import run_chain
 from prf.sampler.tempering_state import occupied_cost
 
 Start = Literal["empty", "grid", "prior"]
@@ -36,8 +35,8 @@ MOST_DOUBLINGS = 20
 """How often, from look to look, the cost of an occupied sensor doubles if one still is."""
 
 
-def is_found(start: Start, settings: Settings) -> bool:
-    """Return whether chains have to find where they start: work before their first step."""
+def needs_search(start: Start, settings: Settings) -> bool:
+    """Return whether where chains start must be searched for: work before their first step."""
     return start != "empty" or has_shares(settings)
 
 

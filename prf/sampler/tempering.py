@@ -20,14 +20,13 @@ from prf.coloring import Coloring
 from prf.kernels import constants as c
 from prf.kernels.build import resum
 from prf.kernels.chain import Chain
-from prf.kernels.step import run
-from prf.layout import grow
+from prf.layout import run_chain
 from prf.posterior import Settings
 from prf.sampler.tempering_ladder import Ladder, LadderPlan, SwapReport
 from prf.sampler.tempering_state import (
-    energy,
     exchanged,
     occupied_cost,
+    penalised_log_likelihood,
     repaint,
     settle_image,
     with_map,
@@ -36,15 +35,8 @@ from prf.sampler.tempering_state import (
 
 SWAP_SPACING = 1000
 """Steps of every rung between two tries to swap."""
-DUE = tuple(20_000 * 2**k for k in range(6))
+ADAPTATIONS = tuple(20_000 * 2**k for k in range(6))
 """Steps of the rungs after which the powers are moved, and the burn-in begins anew; after the last they stay."""
-
-
-def run_chain(chain: Chain, rng: np.random.Generator, step: int) -> Chain:
-    """Run a chain up to `step`, making room on the way; return it."""
-    while not run(chain, rng, step):
-        chain = grow(chain)
-    return chain
 
 
 class Tempering:
@@ -97,7 +89,7 @@ class Tempering:
 
     def adapt(self, step: int) -> bool:
         """Move the powers if it is time; return whether it was."""
-        if step - self.first_step not in DUE or self.ladder.tried.sum() == 0:
+        if step - self.first_step not in ADAPTATIONS or self.ladder.tried.sum() == 0:
             return False
         self.ladder.even_out()
         self.apply_powers()
@@ -147,7 +139,7 @@ class Tempering:
         if pair == 0 and hotter.graph.counts[c.OCCUPIED] > 0:
             return -math.inf
         powers = self.ladder.powers
-        gain = energy(hotter, self.cost) - energy(colder, self.cost)
+        gain = penalised_log_likelihood(hotter, self.cost) - penalised_log_likelihood(colder, self.cost)
         return float((powers[pair] - powers[pair + 1]) * gain)
 
     def drawn_from_prior(self) -> Chain:

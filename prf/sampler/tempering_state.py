@@ -103,8 +103,8 @@ def settle_image(chain: Chain) -> None:
     settle_all(chain.image, int(chain.graph.counts[c.STEP]))
 
 
-def energy(chain: Chain, cost: float) -> float:
-    """Return the log likelihood less what occupied sensors cost, nats: what the power of a rung multiplies."""
+def penalised_log_likelihood(chain: Chain, cost: float) -> float:
+    """Return E: the log likelihood less what occupied sensors cost, nats, which the power of a rung multiplies."""
     occupied = int(chain.graph.counts[c.OCCUPIED])
     return float(chain.graph.sums[c.LOG_LIKELIHOOD]) - (cost * occupied if occupied else 0.0)
 

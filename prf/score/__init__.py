@@ -4,7 +4,7 @@ from prf.score.cones import HeldOutSonar, hold_out_sonar
 from prf.score.config import ScoreConfig, score_config
 from prf.score.heldout import HeldOut, hold_out
 from prf.score.maps import DrawsMap, GridMap, PolygonMap, ScoredMap, open_map
-from prf.score.points import Points, classification_scores, draw_points, ranking_area
+from prf.score.points import LabelledPoints, classification_scores, draw_points, ranking_area
 from prf.score.polygons import OccupiedArea, read_occupied_area
 from prf.score.score import score
 from prf.score.truth import TrueCells, true_cells
@@ -14,8 +14,8 @@ __all__ = [
     "GridMap",
     "HeldOut",
     "HeldOutSonar",
+    "LabelledPoints",
     "OccupiedArea",
-    "Points",
     "PolygonMap",
     "ScoreConfig",
     "ScoredMap",

@@ -15,12 +15,12 @@ from prf.coloring import Draws, black_at_draws
 from prf.kernels.cone_score import add_sonar_densities, grid_cones
 from prf.kernels.cones import READING
 from prf.logs import Readings, thin
+from prf.logs.rings import fields_of_view
 from prf.occupancy import OccupancyGrid
 from prf.score.config import ScoreConfig
 from prf.score.polygons import area_of_cells
 from prf.score.scene import places, scene_of_coloring, scene_of_region
 from prf.sensors.sonar import SonarModel, make_poses
-from prf.shell.errors import ConfigError, InputError
 from prf.window import Window
 
 Floats = NDArray[np.float64]
@@ -91,14 +91,8 @@ def hold_out_sonar(readings: Readings, config: ScoreConfig) -> HeldOutSonar:
     ConfigError
         If a parameter of the sensor model is out of its range.
     """
-    if not 0.0 < config.sonar_cone < math.pi:
-        raise ConfigError(f"--sonar-cone {config.sonar_cone}: must lie between 0 and pi radians")
     kept = thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
-    if kept.n_beams == 0:
-        raise InputError(f"{readings.source}: no reading is left. There is nothing to score.")
-    view = np.where(kept.cone > 0.0, kept.cone, config.sonar_cone)
-    if view.max() >= math.pi:
-        raise InputError(f"{readings.source}: a sonar cone of {view.max():g} radians. It must be narrower than pi.")
+    view = fields_of_view(kept, config.sonar_cone)
     return HeldOutSonar(make_poses(config.sonar, kept.origin, kept.angle, view, kept.range), config.sonar)
 
 

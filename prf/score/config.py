@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
+from prf.logs import CONE
 from prf.sensors.sonar import SonarModel
 from prf.settings_file import Tables
 
@@ -35,7 +36,7 @@ class ScoreConfig:
     outlier_probability: float = 0.05
     miss_probability: float = 0.0
     sonar: SonarModel = dataclasses.field(default_factory=SonarModel)
-    sonar_cone: float = 0.349
+    sonar_cone: float = CONE
     every_scan: int = 1
     every_beam: int = 1
     scans: str | None = None

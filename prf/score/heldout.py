@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from prf.logs import Readings, thin
 from prf.logs.describe import default_max_range
 from prf.score.config import ScoreConfig
-from prf.sensors.laser import LaserModel, window_exit
+from prf.sensors.laser import LaserModel, unit_vectors, window_exit
 from prf.shell.errors import InputError
 from prf.window import Window
 
@@ -80,7 +80,7 @@ def hold_out(readings: Readings, config: ScoreConfig) -> HeldOut:
     returned = kept.range < max_range
     if not returned.any():
         raise InputError(f"{readings.source}: no beam has a return below {max_range:g} m. There is nothing to score.")
-    direction = np.stack([np.cos(kept.angle), np.sin(kept.angle)], axis=1)
+    direction = unit_vectors(kept.angle)
     return HeldOut(
         kept.origin[returned], direction[returned], kept.range[returned], model, int(np.count_nonzero(~returned))
     )

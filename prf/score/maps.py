@@ -19,7 +19,7 @@ from prf.run import names, read_run
 from prf.score.cones import HeldOutSonar, SonarPrediction, predict_by_cells, predict_by_draws, predict_by_region
 from prf.score.heldout import HeldOut
 from prf.score.polygons import OccupiedArea, read_occupied_area
-from prf.score.scene import frame, outline
+from prf.score.scene import enclosing_window, outline
 from prf.score.trace import first_edges
 from prf.shell.errors import InputError
 from prf.window import Window
@@ -149,7 +149,7 @@ class PolygonMap:
         """Return density and distances of the one map."""
         rays = beams.rays(self.window)
         black = shapely.contains_xy(self.region, beams.origin)
-        window = self.window or frame(beams.origin, beams.model.max_range, self.region)
+        window = self.window or enclosing_window(beams.origin, beams.model.max_range, self.region)
         distance = first_edges(rays, outline(self.region, self.window)[0], window)
         density = np.zeros(len(rays))
         add_densities(beams.model.to_array(), beams.range, distance, black, density)

@@ -20,7 +20,7 @@ OUTSIDE = 0.5
 """Probability of a point of which a map says nothing."""
 
 
-class Points(NamedTuple):
+class LabelledPoints(NamedTuple):
     """Points of known state.
 
     Attributes
@@ -34,14 +34,14 @@ class Points(NamedTuple):
     occupied: NDArray[np.bool_]
 
 
-def draw_points(beams: HeldOut, rng: np.random.Generator) -> Points:
+def draw_points(beams: HeldOut, rng: np.random.Generator) -> LabelledPoints:
     """Return one occupied point at each return r, and int(r / 2) free points uniform on [0, 0.95 r] of its beam."""
     n_free = (beams.range / METRES_PER_FREE_POINT).astype(np.int64)
     beam = np.repeat(np.arange(len(n_free)), n_free)
     along = rng.random(len(beam)) * FREE_UP_TO * beams.range[beam]
     free = beams.origin[beam] + along[:, None] * beams.direction[beam]
     occupied = np.arange(len(n_free) + len(beam)) < len(n_free)
-    return Points(np.concatenate([beams.returns(), free]), occupied)
+    return LabelledPoints(np.concatenate([beams.returns(), free]), occupied)
 
 
 def classification_scores(probability: Floats, occupied: NDArray[np.bool_]) -> dict[str, float]:

@@ -46,7 +46,7 @@ def scene_of_region(region: BaseGeometry, window: Window | None, origin: Floats,
         What lies along its border is no wall. None: everywhere.
     """
     segments, corners = outline(region, window)
-    return make_scene(segments, corners, window or frame(origin, reach, region), reach)
+    return make_scene(segments, corners, window or enclosing_window(origin, reach, region), reach)
 
 
 def make_scene(segments: Floats, corners: NDArray[np.integer], window: Window, reach: float) -> Scene:
@@ -100,7 +100,7 @@ def _without_flat(ring: Floats) -> Floats:
     return kept if len(kept) >= 3 else ring
 
 
-def frame(origin: Floats, reach: float, region: BaseGeometry) -> Window:
+def enclosing_window(origin: Floats, reach: float, region: BaseGeometry) -> Window:
     """Return a box round everything within `reach` metres of the sensors, and all polygons."""
     xy = np.vstack([origin - reach, origin + reach, shapely.get_coordinates(region)])
     return Window(*(xy.min(axis=0) - 1.0).tolist(), *(xy.max(axis=0) + 1.0).tolist())

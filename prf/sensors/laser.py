@@ -135,6 +135,11 @@ class LaserModel:
         return near, far
 
 
+def unit_vectors(angle: Floats) -> Floats:
+    """Return the directions (n, 2) of beams at angles (n,), radians counter-clockwise from +x."""
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
 def window_exit(window: Window, origin: Floats, direction: Floats) -> Floats:
     """Return the distance (n,) at which rays from inside the window leave it.
 

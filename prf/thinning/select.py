@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.sensors.laser import window_exit
+from prf.sensors.laser import unit_vectors, window_exit
 from prf.shell.errors import ConfigError
 from prf.thinning.cover import Passages
 from prf.thinning.quotas import draw_evenly, strata_of, weights
@@ -78,7 +78,7 @@ def thin_beams(
 
 def _ends(window: Window, origin: Floats, angle: Floats, ranges: Floats, max_range: float) -> tuple[Floats, Bools]:
     """Return where the beams end inside the window and within reach (n, 2), and which of them by a return."""
-    direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    direction = unit_vectors(angle)
     reach = np.minimum(window_exit(window, origin, direction), max_range)
     returned: Bools = ranges < reach
     return origin + np.where(returned, ranges, reach)[:, None] * direction, returned

@@ -20,7 +20,7 @@ import prf.sampler.tiles.schedule as schedule
 from prf.posterior import Settings
 from prf.sampler import Sampler
 from prf.sampler.chain import ChainSampler
-from prf.sampler.distributed import Remote, pack, remote_blocks, unpack
+from prf.sampler.distributed import Remote, remote_blocks, state_to_send, take_state
 from prf.sampler.probes import probe_pixels
 from prf.shell.errors import ConfigError
 from prf.shell.seeds import spawn_generators
@@ -55,8 +55,8 @@ def blocks_as_tasks(sampler: ChainSampler, settings: Settings, n: int, key: str)
     """What a scheduler would have done, with everything pickled on the way."""
     readings = pickle.dumps(settings)
     for _ in range(n):
-        arrays = pickle.loads(pickle.dumps(pack(sampler)))
-        unpack(sampler, pickle.loads(pickle.dumps(remote_blocks(key, readings, arrays, None, 2))))
+        arrays = pickle.loads(pickle.dumps(state_to_send(sampler)))
+        take_state(sampler, pickle.loads(pickle.dumps(remote_blocks(key, readings, arrays, None, 2))))
 
 
 @pytest.mark.parametrize("forgets", [False, True])

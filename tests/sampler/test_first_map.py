@@ -59,7 +59,7 @@ def test_first_map_is_valid_with_every_sensor_in_white_and_far_better_than_none(
     assert not violations(coloring)
     assert not black_at(coloring, many.laser.origin).any()
     found = make_chain(many, coloring).graph.sums
-    empty = make_chain(many, first_map.first_map(many)).graph.sums
+    empty = make_chain(many, first_map.one_colour_map(many)).graph.sums
     assert found.sum() > empty.sum() + 100.0
 
 

@@ -14,7 +14,7 @@ from prf.posterior import Settings, make_chain
 from prf.sampler import Sampler, starts
 from prf.sampler.config import SampleConfig
 from prf.sampler.contour import contour_map, map_of_region
-from prf.sampler.starts import find_start_map, is_found
+from prf.sampler.starts import find_start_map, needs_search
 from prf.shell.errors import ConfigError
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
@@ -109,9 +109,9 @@ def test_sonar_may_start_from_the_prior_and_not_from_a_grid() -> None:
 
 
 def test_starts_that_are_not_found_are_the_empty_map(settings: Settings) -> None:
-    assert not is_found("empty", settings)
-    assert is_found("grid", settings)
-    assert is_found("prior", settings)
+    assert not needs_search("empty", settings)
+    assert needs_search("grid", settings)
+    assert needs_search("prior", settings)
     assert find_start_map("empty", settings, np.random.default_rng(1), never).n_edges == 0
 
 

@@ -14,7 +14,7 @@ from prf.kernels import constants as c
 from prf.kernels.beams import Beams
 from prf.kernels.chain import Chain
 from prf.kernels.targets import Targets
-from prf.layout import image_grid, read_coloring
+from prf.layout import image_grid, read_coloring, run_chain
 from prf.posterior import Settings, make_chain
 from prf.recompute import differences, recompute_impacts
 from prf.sampler import Sampler
@@ -28,7 +28,6 @@ from prf.sampler.tiles import (
     work_tile,
 )
 from prf.sampler.tiles.part import cut_targets, make_part
-from prf.sampler.tiles.work import run_part
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
 from tests.reference.beams import Sensor
@@ -111,7 +110,7 @@ def test_each_beam_is_decided_by_one_tile(settings: Settings, world: World, seed
     for number in trial.numbers:
         part = make_part(trial.data, trial.begun, number)
         rng = np.random.default_rng(int(trial.begun.seeds[number]))
-        chain = run_part(part, trial.begun.steps, rng)
+        chain = run_chain(part.chain, rng, trial.begun.steps)
         owners[part.beams] += 1
         distance[part.beams] = chain.beams.ray[:, c.DISTANCE]
         likelihood[part.beams] = chain.beams.ray[:, c.BEAM_LOG_LIKELIHOOD]

@@ -16,7 +16,7 @@ from prf.arak import exact_draws
 from prf.coloring import Draws, black_at_draws
 from prf.kernels.step import run
 from prf.layout import grow, read_coloring
-from prf.posterior import PointData, Settings, first_map, make_chain
+from prf.posterior import PointData, Settings, make_chain, one_colour_map
 from prf.window import Window
 from tests.reference.slow_points import Flips, Normal
 
@@ -81,7 +81,7 @@ def z_scores(name: str, repeat: int, steps: int) -> Floats:
     data = observations(case)
     told = PointData(np.tile(data.xy, (repeat, 1)), np.tile(data.values, repeat), data.model)
     settings = Settings(UNIT, case.scale, points=told)
-    chain, rng = make_chain(settings, first_map(settings)), np.random.default_rng([SEED, 3])
+    chain, rng = make_chain(settings, one_colour_map(settings)), np.random.default_rng([SEED, 3])
     maps = []
     for until in range(BURN_IN, steps + 1, THIN):
         while not run(chain, rng, until):

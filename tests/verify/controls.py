@@ -10,9 +10,8 @@ import numpy as np
 
 from prf.arak import exact_draws
 from prf.coloring import Coloring, Draws
-from prf.layout import read_coloring
+from prf.layout import read_coloring, run_chain
 from prf.posterior import Settings, make_chain
-from prf.sampler.tempering import run_chain
 from tests.statistical import mutants
 from tests.verify.problems import PROBLEMS
 from tests.verify.sbc import Arm, Ranks

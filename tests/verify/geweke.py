@@ -21,9 +21,9 @@ from prf.coloring import Coloring, Draws
 from prf.kernels import constants as c
 from prf.kernels.build import resum
 from prf.kernels.chain import Chain
-from prf.layout import read_coloring
+from prf.layout import read_coloring, run_chain
 from prf.posterior import Settings, make_chain
-from prf.sampler.tempering import Tempering, run_chain
+from prf.sampler.tempering import Tempering
 from prf.sampler.tempering_ladder import LadderPlan
 from prf.sampler.tiles import finish_round, make_round, make_tile_data, work_tile
 from prf.shell.progress import progress

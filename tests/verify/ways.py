@@ -18,10 +18,9 @@ from prf.arak import exact_draws
 from prf.coloring import Coloring, Draws, black_at
 from prf.diagnostics import diagnose
 from prf.kernels.chain import Chain
-from prf.layout import read_coloring
+from prf.layout import read_coloring, run_chain
 from prf.posterior import Settings, make_chain
 from prf.sampler import Sampler
-from prf.sampler.tempering import run_chain
 from prf.sampler.tempering_ladder import LadderPlan
 from prf.sampler.tempering_state import with_map
 from prf.sampler.tiles import schedule, tiled

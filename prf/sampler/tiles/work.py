@@ -8,12 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.kernels import constants as c
-from prf.kernels.chain import Chain
 from prf.kernels.image import settle_all
-from prf.kernels.step import run
-from prf.layout import grow
+from prf.layout import run_chain
 from prf.sampler.tiles.data import TileData
-from prf.sampler.tiles.part import Part, make_part
+from prf.sampler.tiles.part import make_part
 from prf.sampler.tiles.rounds import Round
 
 
@@ -49,7 +47,7 @@ class TileResult(NamedTuple):
 def work_tile(data: TileData, begun: Round, number: int) -> TileResult:
     """Run the chain of one tile from the map of the round; the same on any machine."""
     part = make_part(data, begun, number)
-    chain = run_part(part, begun.steps, np.random.default_rng(int(begun.seeds[number])))
+    chain = run_chain(part.chain, np.random.default_rng(int(begun.seeds[number])), begun.steps)
     settle_all(chain.image, begun.steps)
     graph = chain.graph
     ends = graph.edge_vertices[graph.members[c.EDGES, : graph.counts[c.EDGES]]]
@@ -69,11 +67,3 @@ def work_tile(data: TileData, begun: Round, number: int) -> TileResult:
         chain.image.black_time,
         chain.image.mixed_time,
     )
-
-
-def run_part(part: Part, steps: int, rng: np.random.Generator) -> Chain:
-    """Run the chain of a part, making room on the way."""
-    chain = part.chain
-    while not run(chain, rng, steps):
-        chain = grow(chain)
-    return chain

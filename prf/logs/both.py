@@ -1,8 +1,10 @@
-"""The logs that a map is made from."""
+"""The logs of a laser and of a sonar, read together."""
 
 from __future__ import annotations
 
-from prf.logs import CONE, Readings, read_readings
+from prf.logs.open import read_readings
+from prf.logs.readings import Readings
+from prf.logs.rings import CONE
 from prf.shell.errors import ConfigError
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from prf.sampler.logs import read_logs
+from prf.logs import read_logs
 from prf.sampler.output import default_output
 from prf.shell.errors import ConfigError
 from tests.logs.bags import START, Maker, Note, drive
