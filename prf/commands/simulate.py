@@ -25,93 +25,112 @@ class Unknown(StrEnum):
     free = "free"
 
 
+World = Annotated[
+    str,
+    typer.Option(
+        "--world",
+        metavar="office|arak|FILE",
+        help="A generated floor, a draw from the prior, GeoJSON of occupied area, or the yaml file of a ROS map.",
+    ),
+]
+Size = Annotated[
+    tuple[float, float] | None,
+    typer.Option("--size", metavar="W H", help="Of an office or of a draw's window, metres.  [60 40]"),
+]
+Scale = Annotated[float | None, typer.Option("--scale", metavar="1/METRE", help="Scale parameter p of a draw.  [0.1]")]
+Room = Annotated[float | None, typer.Option("--room", metavar="METRES", help="Usual width of an office's rooms.  [4]")]
+Door = Annotated[float | None, typer.Option("--door", metavar="METRES", help="Width of its doors.  [0.9]")]
+Corridor = Annotated[float | None, typer.Option("--corridor", metavar="METRES", help="Width of its corridors.  [2]")]
+Furniture = Annotated[
+    bool | None, typer.Option("--furniture/--no-furniture", help="Cupboards and tables in an office.  [furniture]")
+]
+UnknownCells = Annotated[
+    Unknown | None, typer.Option("--unknown", help="What the unknown cells of a ROS map are.  [occupied]")
+]
+PathFile = Annotated[
+    str | None,
+    typer.Option("--path", metavar="FILE", help="CSV of waypoints x,y, or of poses x,y,theta to measure at."),
+]
+Start = Annotated[
+    tuple[float, float] | None, typer.Option("--start", metavar="X Y", help="Where a planned drive begins.")
+]
+RobotRadius = Annotated[
+    float | None, typer.Option("--robot-radius", metavar="METRES", help="Distance kept from walls.  [0.25]")
+]
+Reach = Annotated[
+    float | None,
+    typer.Option("--reach", metavar="METRES", help="A planned drive comes so near to every place.  [3.5]"),
+]
+Spacing = Annotated[
+    float | None,
+    typer.Option(
+        "--spacing", metavar="METRES", help="Driven from scan to scan.  [0.5, or for --readings in one drive]"
+    ),
+]
+TurnSpacing = Annotated[
+    float | None, typer.Option("--turn-spacing", metavar="RAD", help="Turned from scan to scan; likewise.")
+]
+Readings = Annotated[
+    int | None,
+    typer.Option("--readings", metavar="N", help="So many readings, about: of the sonar, or else laser beams."),
+]
+Laser = Annotated[bool, typer.Option("--laser/--no-laser", help="Write laser.log.gz.")]
+LaserBeams = Annotated[int | None, typer.Option("--beams", metavar="N", help="Beams of a scan.  [180]")]
+FieldOfView = Annotated[
+    float | None, typer.Option("--field-of-view", metavar="RAD", help="Of the laser, symmetric to ahead.  [pi]")
+]
+MaxRange = Annotated[float | None, typer.Option("--max-range", metavar="METRES", help="Of the laser.  [30]")]
+Noise = Annotated[
+    float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range.  [0.03]")
+]
+NoiseRelative = Annotated[
+    float | None,
+    typer.Option("--noise-relative", metavar="SHARE", help="The same as a share of the distance.  [0.01]"),
+]
+OutlierProbability = Annotated[
+    float | None, typer.Option("--outlier-probability", metavar="SHARE", help="Stray readings.  [0.003]")
+]
+MissProbability = Annotated[
+    float | None, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.  [0.02]")
+]
+Dropped = Annotated[
+    float | None, typer.Option("--dropped", metavar="SHARE", help="Readings marked as failed, range 0.  [0]")
+]
+Dark = Annotated[
+    float | None, typer.Option("--dark", metavar="SHARE", help="Of the walls, returning nothing as glass.  [0]")
+]
+Sonar = Annotated[bool, typer.Option("--sonar", help="Write sonar.csv.gz, of a ring of 16 transducers.")]
+SonarMaxRange = Annotated[float | None, typer.Option("--sonar-max-range", metavar="METRES", help="Of the sonar.  [8]")]
+
+
 def simulate(
-    world: Annotated[
-        str,
-        typer.Option(
-            "--world",
-            metavar="office|arak|FILE",
-            help="A generated floor, a draw from the prior, GeoJSON of occupied area, or the yaml file of a ROS map.",
-        ),
-    ] = "office",
-    size: Annotated[
-        tuple[float, float] | None,
-        typer.Option("--size", metavar="W H", help="Of an office or of a draw's window, metres.  [60 40]"),
-    ] = None,
-    scale: Annotated[
-        float | None, typer.Option("--scale", metavar="1/METRE", help="Scale parameter p of a draw.  [0.1]")
-    ] = None,
-    room: Annotated[
-        float | None, typer.Option("--room", metavar="METRES", help="Usual width of an office's rooms.  [4]")
-    ] = None,
-    door: Annotated[float | None, typer.Option("--door", metavar="METRES", help="Width of its doors.  [0.9]")] = None,
-    corridor: Annotated[
-        float | None, typer.Option("--corridor", metavar="METRES", help="Width of its corridors.  [2]")
-    ] = None,
-    furniture: Annotated[
-        bool | None, typer.Option("--furniture/--no-furniture", help="Cupboards and tables in an office.  [furniture]")
-    ] = None,
-    unknown: Annotated[
-        Unknown | None, typer.Option("--unknown", help="What the unknown cells of a ROS map are.  [occupied]")
-    ] = None,
-    path: Annotated[
-        str | None,
-        typer.Option("--path", metavar="FILE", help="CSV of waypoints x,y, or of poses x,y,theta to measure at."),
-    ] = None,
-    start: Annotated[
-        tuple[float, float] | None, typer.Option("--start", metavar="X Y", help="Where a planned drive begins.")
-    ] = None,
-    robot_radius: Annotated[
-        float | None, typer.Option("--robot-radius", metavar="METRES", help="Distance kept from walls.  [0.25]")
-    ] = None,
-    reach: Annotated[
-        float | None,
-        typer.Option("--reach", metavar="METRES", help="A planned drive comes so near to every place.  [3.5]"),
-    ] = None,
-    spacing: Annotated[
-        float | None,
-        typer.Option(
-            "--spacing", metavar="METRES", help="Driven from scan to scan.  [0.5, or for --readings in one drive]"
-        ),
-    ] = None,
-    turn_spacing: Annotated[
-        float | None, typer.Option("--turn-spacing", metavar="RAD", help="Turned from scan to scan; likewise.")
-    ] = None,
-    readings: Annotated[
-        int | None,
-        typer.Option("--readings", metavar="N", help="So many readings, about: of the sonar, or else laser beams."),
-    ] = None,
-    laser: Annotated[bool, typer.Option("--laser/--no-laser", help="Write laser.log.gz.")] = True,
-    laser_beams: Annotated[int | None, typer.Option("--beams", metavar="N", help="Beams of a scan.  [180]")] = None,
-    laser_field_of_view: Annotated[
-        float | None, typer.Option("--field-of-view", metavar="RAD", help="Of the laser, symmetric to ahead.  [pi]")
-    ] = None,
-    laser_max_range: Annotated[
-        float | None, typer.Option("--max-range", metavar="METRES", help="Of the laser.  [30]")
-    ] = None,
-    laser_noise: Annotated[
-        float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range.  [0.03]")
-    ] = None,
-    laser_noise_relative: Annotated[
-        float | None,
-        typer.Option("--noise-relative", metavar="SHARE", help="The same as a share of the distance.  [0.01]"),
-    ] = None,
-    laser_outlier_probability: Annotated[
-        float | None, typer.Option("--outlier-probability", metavar="SHARE", help="Stray readings.  [0.003]")
-    ] = None,
-    laser_miss_probability: Annotated[
-        float | None, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.  [0.02]")
-    ] = None,
-    laser_dropped: Annotated[
-        float | None, typer.Option("--dropped", metavar="SHARE", help="Readings marked as failed, range 0.  [0]")
-    ] = None,
-    laser_dark: Annotated[
-        float | None, typer.Option("--dark", metavar="SHARE", help="Of the walls, returning nothing as glass.  [0]")
-    ] = None,
-    sonar: Annotated[bool, typer.Option("--sonar", help="Write sonar.csv.gz, of a ring of 16 transducers.")] = False,
-    sonar_max_range: Annotated[
-        float | None, typer.Option("--sonar-max-range", metavar="METRES", help="Of the sonar.  [8]")
-    ] = None,
+    world: World = "office",
+    size: Size = None,
+    scale: Scale = None,
+    room: Room = None,
+    door: Door = None,
+    corridor: Corridor = None,
+    furniture: Furniture = None,
+    unknown: UnknownCells = None,
+    path: PathFile = None,
+    start: Start = None,
+    robot_radius: RobotRadius = None,
+    reach: Reach = None,
+    spacing: Spacing = None,
+    turn_spacing: TurnSpacing = None,
+    readings: Readings = None,
+    laser: Laser = True,
+    laser_beams: LaserBeams = None,
+    laser_field_of_view: FieldOfView = None,
+    laser_max_range: MaxRange = None,
+    laser_noise: Noise = None,
+    laser_noise_relative: NoiseRelative = None,
+    laser_outlier_probability: OutlierProbability = None,
+    laser_miss_probability: MissProbability = None,
+    laser_dropped: Dropped = None,
+    laser_dark: Dark = None,
+    sonar: Sonar = False,
+    sonar_max_range: SonarMaxRange = None,
     seed: Seed = None,
     output: Output = None,
     force: Force = False,

@@ -14,7 +14,9 @@ import shapely
 from prf.calibrate import CalibrateConfig, calibrate_laser, calibrate_sonar, fitted_tables, read_known_map
 from prf.calibrate.maps import read_ros_map
 from prf.calibrate.settings import lines_of, report_of
+from prf.export.cells import Cells
 from prf.export.images import pgm_bytes, png_bytes
+from prf.export.ros_map import ros_map
 from prf.logs import Readings
 from prf.score import OccupiedArea
 from prf.settings_file import read_settings, write_settings
@@ -170,6 +172,16 @@ class TestRosMap:
         assert turned.window is None
         expected = shapely.affinity.rotate(plain, 90, origin=(-1.0, 2.0))
         assert turned.region.symmetric_difference(expected).area < 1e-9
+
+    @pytest.mark.parametrize("mode", ["trinary", "scale", "raw"])
+    def test_what_export_writes_has_walls_in_every_mode(self, tmp_path: Path, mode: str) -> None:
+        """In mode scale the thresholds are 0 and 1, which no probability exceeds."""
+        image = "map.png" if mode == "scale" else "map.pgm"
+        made = ros_map(Cells((shades() == 0)[::-1].astype(float), np.array([-1.0, 2.0]), 0.5), mode, None, image)
+        (tmp_path / "exported.yaml").write_text(made.yaml)
+        plain = read_known_map(self.write(tmp_path, INLINE)).region
+        (tmp_path / image).write_bytes(made.image)
+        assert read_known_map(tmp_path / "exported.yaml").region.equals(plain)
 
     @pytest.mark.parametrize(
         ("yaml", "words"),

@@ -11,7 +11,6 @@ import prf.sampler.tiles.schedule as schedule
 from prf.arak import exact_draws
 from prf.coloring import violations
 from prf.kernels import constants as c
-from prf.kernels.beams import Beams
 from prf.kernels.chain import Chain
 from prf.kernels.targets import Targets
 from prf.layout import image_grid, read_coloring, run_chain
@@ -93,12 +92,6 @@ def test_a_window_too_narrow_for_so_many_tiles_has_fewer() -> None:
         ROOM, 50, np.zeros((0, 2)), 4.0, image_grid(ROOM, 1.0)._replace(nx=0), np.random.default_rng(1)
     )
     assert 2 <= len(tiles) <= 6
-
-
-def own_distances(beams: Beams, numbers: np.ndarray, n: int) -> np.ndarray:
-    found = np.full(n, np.nan)
-    found[numbers] = beams.ray[:, c.DISTANCE]
-    return found
 
 
 @pytest.mark.parametrize("seed", range(4))
