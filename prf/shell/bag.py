@@ -69,6 +69,8 @@ class Bag:
         self.topics: dict[str, Topic] = {}
         # Several publishers of one topic, usual for /tf, are several connections.
         for connection in sorted(reader.connections, key=lambda connection: connection.topic):
+            if not (isinstance(connection.topic, str) and isinstance(connection.msgtype, str)):
+                raise TypeError("name or type of a topic is no text")
             count = connection.msgcount + self.topics.get(connection.topic, Topic("", 0)).n_messages
             self.topics[connection.topic] = Topic(connection.msgtype, count)
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import sqlite3
 import struct
 import zlib
 
@@ -19,6 +21,7 @@ from mapq.io.patches import SCHEMA as PATCHES_SCHEMA
 from prf.coloring import read_geojsonl
 from prf.export.source import read_source
 from prf.inspection import inspect
+from prf.logs import read_readings
 from prf.occupancy import SCHEMA as GRID_SCHEMA
 from prf.occupancy import read_grid, write_grid
 from prf.run import inspect_files, names, read_run, write_run
@@ -30,6 +33,7 @@ from prf.simulate import read_world
 from prf.simulate.rasters import read_cell_map
 from tests.factories import make_run
 from tests.fuzz.prf_readers import PGM, YAML
+from tests.logs.bags import Maker, drive
 from tests.mapq.io.samples import patches, refusal
 from tests.test_occupancy import BEAM, build
 
@@ -195,6 +199,18 @@ def test_an_e57_whose_pose_is_damaged():
             return Header()
 
     assert refusal(e57_poses, File(), "a.e57").startswith("a.e57: the pose of a scan is damaged")
+
+
+@pytest.mark.parametrize("column", ["type", "name"])
+def test_a_bag_whose_topics_are_bytes(tmp_path, column):
+    """SQLite takes any value for any column."""
+    make = Maker("sqlite3")
+    folder = make.write(tmp_path / "bag", drive(make))
+    (path,) = folder.glob("*.db3")
+    with contextlib.closing(sqlite3.connect(path)) as base:
+        base.execute(f"UPDATE topics SET {column} = CAST({column} AS BLOB)")
+        base.commit()
+    assert "name or type of a topic is no text" in refusal(read_readings, str(path))
 
 
 ODD_NAMES = ["a b.xyz", "ünï✓.xyz", "a\nb.xyz", "-n.xyz", "%s{0}.xyz", "\x1b[31m.xyz", b"\xff\xfe.xyz"]
