@@ -3,6 +3,9 @@
 Which points make a sample, which of them leads a walk, and where cells begin hang on the axes. So a map is cut and
 measured in axes that turn with it; what goes out is in those of the file again. A turn by a quarter swaps and negates
 coordinates, which is exact: maps that differ by one are the same in their own axes to the last bit.
+
+Features are measured in places counted from the corner of the box round all patches: cells of space that begin at the
+origin lie otherwise in a map once it is shifted.
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
 from mapq.kernels.cells import find_bounds
-from mapq.patches import Patches
+from mapq.patches import NO_PATCH, Patches
 
 TO_SENSOR = ("to_sensor_x", "to_sensor_y", "to_sensor_z")
 """Point fields of the way to the sensor in metres, which turns with the map."""
@@ -138,13 +141,24 @@ def turn_patches(patches: Patches, quarter: int) -> Patches:
     """Return patches turned by quarters: their points, normals and centroids; parameters stay as they are."""
     if quarter % 4 == 0:
         return patches
-    return Patches(
-        turn_cloud(patches.cloud, quarter),
-        patches.patch,
-        turn(patches.normal, quarter),
-        turn(patches.centroid, quarter),
-        patches.label,
-        patches.label_source,
-        patches.parameters,
-        patches.report,
-    )
+    normal, centroid = turn(patches.normal, quarter), turn(patches.centroid, quarter)
+    return _moved(patches, turn_cloud(patches.cloud, quarter), normal, centroid)
+
+
+def corner_of(patches: Patches) -> Floats:
+    """Return the lowest corner (3,) of the box round the finite points of all patches; 0 without any."""
+    in_patches = patches.cloud.xyz[(patches.patch != NO_PATCH) & patches.cloud.finite()]
+    return find_bounds(in_patches)[0] if len(in_patches) else np.zeros(3)
+
+
+def from_corner(patches: Patches, corner: Floats) -> Patches:
+    """Return patches with their places counted from a corner (3,)."""
+    cloud = patches.cloud
+    cloud = replace(cloud, xyz=cloud.xyz - corner, shift=cloud.shift + corner / cloud.unit)
+    return _moved(patches, cloud, patches.normal, patches.centroid - corner)
+
+
+def _moved(patches: Patches, cloud: PointCloud, normal: Floats, centroid: Floats) -> Patches:
+    """Return patches with another cloud and other planes."""
+    label, source = patches.label, patches.label_source
+    return Patches(cloud, patches.patch, normal, centroid, label, source, patches.parameters, patches.report)

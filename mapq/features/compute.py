@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.axes import GroundPlan, turn, turn_patches
+from mapq.axes import GroundPlan, corner_of, from_corner, turn, turn_patches
 from mapq.features import literal
 from mapq.features.context import measure_context
 from mapq.features.edge import EDGE_NAMES, edge_features
@@ -48,7 +48,8 @@ def patch_features(
     settings = settings or FeatureSettings()
     up, quarter = up_direction(patches, settings), GroundPlan.of(patches.cloud.xyz).quarter()
     x, y, z = turn(up, quarter).tolist()
-    found = _in_own_axes(turn_patches(patches, quarter), replace(settings, up=(x, y, z)), progress)
+    turned = turn_patches(patches, quarter)
+    found = _in_own_axes(from_corner(turned, corner_of(turned)), replace(settings, up=(x, y, z)), progress)
     return found._replace(parameters={**found.parameters, "up": up.tolist()})
 
 

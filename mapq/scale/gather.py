@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.axes import from_corner
 from mapq.cloud import PointCloud
 from mapq.features.apart import FARTHEST
 from mapq.kernels.voxels import voxel_keys
@@ -68,7 +69,7 @@ def patches_near(whole: Whole, own: Ints, radius: float) -> Ints:
 
 
 def gather(whole: Whole, chosen: Ints, part: Part) -> Patches:
-    """Return the patches with their points as a map of their own, patch after patch."""
+    """Return the patches with their points as a map of their own, patch after patch, from the corner of all patches."""
     slices, owner = [], []
     for place, patch in enumerate(chosen.tolist()):
         step = part.step_of(int(whole.n_points[patch]))
@@ -79,7 +80,8 @@ def gather(whole: Whole, chosen: Ints, part: Part) -> Patches:
     fields = {name: np.concatenate(_read(part.folder, name, slices)) for name in part.fields if slices}
     number = np.repeat(np.array(owner, np.int32), [len(part) for part in xyz[1:]])
     cloud = PointCloud(np.concatenate(xyz), np.zeros(3), fields)
-    return Patches.unlabelled(cloud, number, whole.normal[chosen], whole.centroid[chosen], {}, {})
+    patches = Patches.unlabelled(cloud, number, whole.normal[chosen], whole.centroid[chosen], {}, {})
+    return from_corner(patches, whole.corner)
 
 
 def _read(folder: str, name: str, slices: list[tuple[int, slice]]) -> list[NDArray[Any]]:
@@ -109,8 +111,9 @@ def with_loose(
     cloud = patches.cloud
     found, moments = [cloud.xyz], [cloud.fields[moment]] if len(cloud) else []
     for tile in tiles:
-        for xyz, values in _loose(whole, moment, tile, folder):
-            some = np.isin(voxel_keys(np.ascontiguousarray(xyz), FARTHEST), keys)
+        for places, values in _loose(whole, moment, tile, folder):
+            xyz = places - whole.corner
+            some = np.isin(voxel_keys(xyz, FARTHEST), keys)
             found.append(xyz[some])
             moments.append(values[some])
     xyz = np.concatenate(found)

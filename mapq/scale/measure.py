@@ -102,7 +102,7 @@ def measure_patches(task: MeasureTask) -> Measured:
     patches = gather(whole, chosen, task.part)
     if task.known.moment is not None and "moments" in task.settings.context:
         patches = with_loose(patches, is_own, whole, task.known.moment, task.tiles, task.part.folder)
-    shapes = measure_shapes(patches, task.settings, whole.box)
+    shapes = measure_shapes(patches, task.settings, whole.box - whole.corner)
     graph = _watched(shapes, is_own, task.settings)
     edge, plausibility = edge_features(shapes, graph, task.settings)
     conflict = edge[:, EDGE_NAMES.index("overlap")] + edge[:, EDGE_NAMES.index("crossing")] > CONFLICT
@@ -128,7 +128,7 @@ def _beyond(task: MeasureTask, whole: Whole, chosen: Ints) -> Beyond:
     if task.side is None or len(task.patches) == 0:
         return Beyond(task.known, None, task.side)
     low, high = whole.low[task.patches].min(axis=0), whole.high[task.patches].max(axis=0)
-    box = np.array([low - 2.0 * task.side, high + 2.0 * task.side])
+    box = np.array([low - 2.0 * task.side, high + 2.0 * task.side]) - whole.corner
     return Beyond(task.known, rays_near(task.part.folder, task.n_ray_files, box, chosen), task.side)
 
 

@@ -63,6 +63,11 @@ class Whole(NamedTuple):
         """Corners (2, 3) of the box around all patches."""
         return np.array([self.low.min(axis=0, initial=np.inf), self.high.max(axis=0, initial=-np.inf)])
 
+    @property
+    def corner(self) -> Floats:
+        """Lowest corner (3,) of that box, from which patches are measured; 0 where there are none."""
+        return self.box[0] if len(self.low) else np.zeros(3)
+
     def turned(self, quarter: int) -> Whole:
         """Return the patches turned by quarters; the files of their points are not."""
         corners = np.sort([turn(self.low, quarter), turn(self.high, quarter)], axis=0)

@@ -7,10 +7,11 @@ from functools import reduce
 import numpy as np
 import pytest
 
-from mapq.axes import TO_SENSOR, GroundPlan, turn, turn_cloud, turn_patches
+from mapq.axes import TO_SENSOR, GroundPlan, corner_of, from_corner, turn, turn_cloud, turn_patches
 from mapq.cloud import PointCloud
-from tests.mapq.factories import sample_patches, wall
+from tests.mapq.factories import make_patches, sample_patches, wall
 
+POINTS = np.array([[-4.0, 2.0, 1.0], [3.0, 0.0, 5.0], [1.0, 1.0, 1.0]])
 SHIFT = np.array([500_000.0, 5_000_000.0, 300.0])
 
 
@@ -113,3 +114,15 @@ def test_patches_turn_with_their_planes():
     np.testing.assert_array_equal(other.normal, turn(patches.normal, 3))
     np.testing.assert_array_equal(other.centroid, turn(patches.centroid, 3))
     assert turn_patches(patches, 0) is patches
+
+
+def test_places_are_counted_from_the_corner_of_all_patches():
+    broken = np.concatenate([POINTS, [[np.nan, -9.0, 0.0]]])
+    patches = make_patches([broken], [[0.0, 1.0, 0.0]], loose=3)
+    corner = corner_of(patches)
+    assert corner.tolist() == [-4.0, 0.0, 1.0]
+    other = from_corner(patches, corner)
+    np.testing.assert_array_equal(other.cloud.xyz, patches.cloud.xyz - corner)
+    np.testing.assert_array_equal(other.centroid, patches.centroid - corner)
+    np.testing.assert_array_equal(other.cloud.world(), patches.cloud.world())
+    assert corner_of(make_patches([], [], loose=2)).tolist() == [0.0, 0.0, 0.0]

@@ -112,13 +112,16 @@ def test_a_cloud_in_the_axes_of_its_file_would_differ_when_turned(cloud, known, 
     assert not np.array_equal(other.patch, known.patches.patch)
 
 
-def test_a_map_with_passes_and_sensors_changes_nothing_when_it_is_turned():
+def test_a_map_with_passes_and_sensors_is_the_same_turned_and_shifted():
+    """Rays are followed through cells of space, and what lies over a patch is found by them."""
     cloud = simulate(Settings(**SIZES["small"]), 3)
-    known, other = assess(segment(cloud)), assess(segment(turned(cloud, 3)))
-    check_same(known, other, 0.0)
-    assert {patch: cause.text for patch, cause in other.causes.items()} == {
-        patch: cause.text for patch, cause in known.causes.items()
-    }
+    known = assess(segment(cloud))
+    for shift, tolerance in (((0.0, 0.0, 0.0), 0.0), (SHIFTS[1], 1e-7)):
+        other = assess(segment(turned(cloud, 3, shift)))
+        check_same(known, other, tolerance)
+        assert {patch: cause.text for patch, cause in other.causes.items()} == {
+            patch: cause.text for patch, cause in known.causes.items()
+        }
     for name in ("seen_apart", "seen_through"):
         assert np.count_nonzero(known.features.node[:, known.features.node_names.index(name)]) > 10
 
