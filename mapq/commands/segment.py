@@ -193,8 +193,9 @@ def _run_tiles(
 
 
 def _show(cloud: str, target: str, patches: Patches, score: SegmentationScore | None, json: bool) -> None:
-    from prf.shell import console, jsonout
+    from prf.shell import jsonout
     from prf.shell.files import STREAM
+    from prf.shell.streams import say_beside
 
     if json and target != STREAM:
         head = {"cloud": cloud, "output": target, "parameters": patches.parameters, "report": patches.report}
@@ -202,7 +203,7 @@ def _show(cloud: str, target: str, patches: Patches, score: SegmentationScore | 
         jsonout.emit_object("mapq.segment/1", {**head, "n_points": patches.counts, **scored})
         return
     # Standard output belongs to the patches if they go there.
-    say = logger.info if target == STREAM else console.emit
+    say = say_beside(target)
     for line in (*_lines(cloud, target, patches), *_score_lines(score)):
         say(line)
 

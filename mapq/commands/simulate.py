@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,8 +12,6 @@ from prf.shell.options import Force, Json, Output, Seed
 
 if TYPE_CHECKING:
     from mapq.simulate import Report
-
-logger = logging.getLogger(__name__)
 
 EXAMPLES = (
     "mapq simulate -o map.ply --seed 1",
@@ -105,17 +102,16 @@ def simulate(
     from mapq.io import write_cloud
     from mapq.io.write import check_name
     from mapq.simulate import Settings, simulate_with_report
-    from prf.shell import console, jsonout
+    from prf.shell import jsonout
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM
     from prf.shell.lock import claim_output
     from prf.shell.progress import progress
     from prf.shell.seeds import resolve_seed
+    from prf.shell.streams import refuse_json_beside, say_beside
 
     if output is None:
         raise UsageError("the map has no name. Give one with -o MAP.ply.")
-    if json and output == STREAM:
-        raise UsageError("--json and -o - both want standard output. Name a file with -o.")
+    refuse_json_beside(output, json)
     changes = {
         "n_points": n_points,
         "blocks": blocks,
@@ -144,8 +140,7 @@ def simulate(
         content = {"output": output, "seed": used_seed, "settings": settings.as_dict()}
         jsonout.emit_object("mapq.simulate/1", {**content, **simulation.report._asdict()})
         return
-    # Standard output belongs to the map if it goes there.
-    say = logger.info if output == STREAM else console.emit
+    say = say_beside(output)
     for name, value in _rows(simulation.report, output, used_seed):
         say(f"{name:<16}{value}")
 

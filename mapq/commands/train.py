@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import logging
 from collections.abc import Iterator
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
@@ -27,8 +26,6 @@ from prf.shell.options import Force, Json, Output, Presets, Seed
 
 if TYPE_CHECKING:
     from mapq.crf import Model
-
-logger = logging.getLogger(__name__)
 
 EXAMPLES = (
     "mapq train city.patches -o city.model.json",
@@ -141,14 +138,12 @@ def train(
     from mapq.io.models import SCHEMA, model_content, write_model
     from mapq.settings import ask, feature_settings, settings_from, train_settings
     from prf.shell import jsonout
-    from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM
     from prf.shell.lock import claim_output
     from prf.shell.seeds import resolve_seed
+    from prf.shell.streams import refuse_json_beside
 
     target = output or "model.json"
-    if json and target == STREAM:
-        raise UsageError("--json and -o - both want standard output. Name a file with -o.")
+    refuse_json_beside(target, json)
     found = settings_from(config, preset)
     field = ask("crf", {**given, "edge_features": tuple(edge_feature) if edge_feature else None}, found)
     measured = ask("features", {**given, "reading": features} | chosen_context(context), found)
@@ -166,14 +161,13 @@ def train(
     if json:
         jsonout.emit_object(SCHEMA, {**model_content(model), "output": target})
         return
-    _show(model, target == STREAM)
+    _show(model, target)
 
 
-def _show(model: Model, output_is_model: bool) -> None:
-    from prf.shell import console
+def _show(model: Model, target: str) -> None:
+    from prf.shell.streams import say_beside
 
-    # Standard output belongs to the model if it goes there.
-    say = logger.info if output_is_model else console.emit
+    say = say_beside(target)
     for line in (*_weights(model), *_held_out(model)):
         say(line)
 

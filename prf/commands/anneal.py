@@ -112,17 +112,16 @@ def anneal(
     from prf.sampler.config import SampleConfig
     from prf.sampler.output import default_output
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM
     from prf.shell.lock import claim_output
     from prf.shell.seeds import resolve_seed
+    from prf.shell.streams import refuse_json_beside
 
     logs = [log for log in (laser, sonar, point_data) if log is not None]
     if not logs:
         raise UsageError("Nothing to map: give --laser LOG, --sonar LOG or --point-data FILE.csv.")
     if steps is not None and time_budget is not None:
         raise UsageError("--steps and --time-budget: give one of them.")
-    if json and output == STREAM:
-        raise UsageError("--json and -o - both want standard output. Name a file with -o.")
+    refuse_json_beside(output, json)
     refuse_shared_stream({"--laser": laser, "--sonar": sonar, "--point-data": point_data, "--config": config})
     asked = ask(options, config, presets=preset or ())
     science = SampleConfig(**asked.values)
@@ -217,8 +216,9 @@ def _write(target: str, found: Annealed, made: dict[str, Any], logs: list[str]) 
 
 def _report(found: Annealed, text: str, target: str, made: dict[str, Any], json: bool) -> None:
     """Print what came of it."""
-    from prf.shell import console, jsonout
-    from prf.shell.files import STREAM, encoded
+    from prf.shell import jsonout
+    from prf.shell.files import encoded
+    from prf.shell.streams import say_beside
 
     # Two coordinates of 16 bits a vertex: a window of 65 m to the millimetre.
     packed = 4 * found.best.n_vertices
@@ -239,7 +239,7 @@ def _report(found: Annealed, text: str, target: str, made: dict[str, Any], json:
     if json:
         jsonout.emit_object("prf.anneal/1", result)
         return
-    say = logger.info if target == STREAM else console.emit
+    say = say_beside(target)
     others = ", ".join(f"{value:,.1f}" for value in sorted(found.by_chain, reverse=True))
     say(f"score           {found.score:,.1f} nats (chains: {others})")
     say(f"map             {found.best.n_vertices} vertices, {found.best.n_edges} edges, {target}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -26,8 +25,6 @@ from prf.shell.options import Force, Json, Output, Seed
 
 if TYPE_CHECKING:
     from prf.calibrate import Calibrated
-
-logger = logging.getLogger(__name__)
 
 EXAMPLES = (
     "prf calibrate --sonar ring.csv --map floor.geojson -o sonar.toml",
@@ -72,15 +69,14 @@ def calibrate(
     from prf.logs import read_logs
     from prf.settings_file import write_settings
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM
     from prf.shell.lock import claim_output
     from prf.shell.seeds import resolve_seed, spawn_generators
+    from prf.shell.streams import refuse_json_beside
 
     if sonar is None and laser is None:
         raise UsageError("Nothing to calibrate by: give --sonar LOG, --laser LOG, or both.")
     refuse_shared_stream({"--map": known, "--sonar": sonar, "--laser": laser})
-    if json and output == STREAM:
-        raise UsageError("--json and -o - both want standard output. Name a file with -o.")
+    refuse_json_beside(output, json)
     if output is not None:
         claim_output(output, force)
     config = CalibrateConfig(**asked)
@@ -102,14 +98,14 @@ def calibrate(
 def _report(found: list[Calibrated], output: str | None, seed: int, json: bool) -> None:
     """Print what came of it."""
     from prf.calibrate.settings import lines_of, report_of
-    from prf.shell import console, jsonout
-    from prf.shell.files import STREAM
+    from prf.shell import jsonout
+    from prf.shell.streams import say_beside
 
     if json:
         parts = {part.kind: report_of(part) for part in found}
         jsonout.emit_object("prf.calibrate/1", {**parts, "output": output, "seed": seed})
         return
-    say = logger.info if output == STREAM else console.emit
+    say = say_beside(output)
     for part in found:
         for line in lines_of(part):
             say(line)

@@ -82,12 +82,10 @@ def export(
     is the one format for a GRID. dxf and netcdf need libraries: pip install 'prf-mapq[dxf,netcdf]'.
     """
     from prf.export import Options, export_source
-    from prf.shell import console, jsonout
-    from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM
+    from prf.shell import jsonout
+    from prf.shell.streams import refuse_json_beside, say_beside
 
-    if json and output == STREAM:
-        raise UsageError("--json and -o - both want standard output. Name a file with -o.")
+    refuse_json_beside(output, json)
     options = Options(format, draw, mode, unknown, squares, resolution)
     done = export_source(source, output, options, force)
     for note in done.notes:
@@ -96,8 +94,7 @@ def export(
         content = {"format": done.format, "files": [file._asdict() for file in done.files], **done.facts}
         jsonout.emit_object("prf.export/1", content)
         return
-    # Standard output belongs to the map if it goes there.
-    say = logger.info if output == STREAM else console.emit
+    say = say_beside(output)
     for line in _lines(done):
         say(line)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,8 +13,6 @@ if TYPE_CHECKING:
     from prf.coloring import Draws
     from prf.laws import Comparison
     from prf.window import Window
-
-logger = logging.getLogger(__name__)
 
 EXAMPLES = (
     "prf prior --scale 1 --window 0 0 1 1 --draws 1000 --method exact --seed 1 -o draws.geojsonl",
@@ -58,17 +55,17 @@ def prior(
     """
     from prf.coloring import feature_lines
     from prf.laws import compare
-    from prf.shell import console, jsonout
+    from prf.shell import jsonout
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM, open_output
+    from prf.shell.files import open_output
     from prf.shell.lock import claim_output
     from prf.shell.seeds import resolve_seed
+    from prf.shell.streams import refuse_json_beside, say_beside
     from prf.window import Window
 
     if thin is not None and method is Method.exact:
         raise UsageError("--thin is for --method mcmc: exact draws are independent.")
-    if json and output == STREAM:
-        raise UsageError("--json and -o - both want standard output. Name a file with -o.")
+    refuse_json_beside(output, json)
     if output is not None:
         claim_output(output, force)
     used_seed = resolve_seed(seed)
@@ -87,8 +84,7 @@ def prior(
         }
         jsonout.emit_object("prf.prior/1", {**settings, **comparison._asdict(), "output": output})
         return
-    # Standard output belongs to the draws if they go there.
-    say = logger.info if output == STREAM else console.emit
+    say = say_beside(output)
     for line in _lines(comparison, used_seed, used_thin):
         say(line)
 
