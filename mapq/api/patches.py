@@ -31,7 +31,7 @@ from mapq.segmentation import segment as cut
 from mapq.settings import Asked, segment_settings
 from prf.shell.errors import ArgumentError
 from prf.shell.files import refuse_existing
-from prf.shell.notebook import Told, card, reported
+from prf.shell.notebook import ProgressCallback, card, reported
 
 logger = logging.getLogger(__name__)
 
@@ -89,7 +89,9 @@ class Patches(plain.Patches):
         """The features of patches and pairs, with the default settings."""
         return self.measured(progress=False)
 
-    def measured(self, settings: FeatureSettings | None = None, *, progress: bool | Told = True) -> Features:
+    def measured(
+        self, settings: FeatureSettings | None = None, *, progress: bool | ProgressCallback = True
+    ) -> Features:
         """Return the features of patches and pairs.
 
         Parameters
@@ -174,7 +176,10 @@ class Patches(plain.Patches):
 
 
 def segment(
-    cloud: PointCloud | ArrayLike | Path, settings: SegmentSettings | None = None, *, progress: bool | Told = True
+    cloud: PointCloud | ArrayLike | Path,
+    settings: SegmentSettings | None = None,
+    *,
+    progress: bool | ProgressCallback = True,
 ) -> Patches:
     """Cut a cloud into plane patches by region growing.
 
@@ -206,7 +211,9 @@ def segment(
     return Patches.of(patches)
 
 
-def cut_reported(cloud: PointCloud, settings: SegmentSettings | Asked | None, progress: bool | Told) -> plain.Patches:
+def cut_reported(
+    cloud: PointCloud, settings: SegmentSettings | Asked | None, progress: bool | ProgressCallback
+) -> plain.Patches:
     """Return the patches of a cloud, with progress; their report says who asked for what."""
     asked = settings if isinstance(settings, Asked) else Asked({}, {})
     used = segment_settings(settings.values) if isinstance(settings, Asked) else settings

@@ -27,13 +27,13 @@ from mapq.io.results import json_beside, write_result
 from mapq.model import Model
 from mapq.patches import UNLABELLED
 from mapq.render.colours import label_colours
-from mapq.report import MOST_POINTS, Palette, read_told, write_report
+from mapq.report import MOST_POINTS, Palette, read_findings, write_report
 from mapq.segmentation import SegmentSettings
 from mapq.settings import Asked
 from prf.shell.errors import ArgumentError, UsageError
 from prf.shell.files import refuse_existing
 from prf.shell.manifest import describe_process
-from prf.shell.notebook import Told, card
+from prf.shell.notebook import ProgressCallback, card
 
 logger = logging.getLogger(__name__)
 
@@ -187,8 +187,8 @@ class Result:
         with TemporaryDirectory() as folder:
             copy = os.path.join(folder, "map.ply")
             self.save(copy)
-            told = read_told(copy)._replace(path=self.origin.name)
-        write_report(os.fspath(path), told, title, palette, max_points)
+            findings = read_findings(copy)._replace(path=self.origin.name)
+        write_report(os.fspath(path), findings, title, palette, max_points)
 
     @cached_property
     def _process(self) -> Mapping[str, Any]:
@@ -230,7 +230,7 @@ def classify(
     max_false_alarms: float | None = None,
     segmentation: SegmentSettings | Asked | None = None,
     options: ReadOptions = AS_IT_IS,
-    progress: bool | Told = True,
+    progress: bool | ProgressCallback = True,
 ) -> Result:
     """Label the patches of a map plausible or suspicious, and say why.
 

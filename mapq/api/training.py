@@ -17,7 +17,7 @@ from mapq.model import Model
 from mapq.training import train_maps
 from prf.shell.errors import ArgumentError
 from prf.shell.files import refuse_existing
-from prf.shell.notebook import Told, reported
+from prf.shell.notebook import ProgressCallback, reported
 
 Map = plain.Patches | Path
 
@@ -31,7 +31,7 @@ def train(
     max_patches: int | None = None,
     seed: int = 0,
     conservative: bool = False,
-    progress: bool | Told = True,
+    progress: bool | ProgressCallback = True,
 ) -> Model:
     """Return the model that labelled patches teach.
 

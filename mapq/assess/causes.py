@@ -106,7 +106,7 @@ def find_causes(
         return {int(patch): nothing for patch in np.flatnonzero(suspicious)}
     copies = copies_of(features, len(patches))
     return {
-        int(patch): judge(measure_spread(patches, int(patch), copies[patch], visits), visits)
+        int(patch): cause_of(measure_spread(patches, int(patch), copies[patch], visits), visits)
         for patch in np.flatnonzero(suspicious)
     }
 
@@ -146,7 +146,7 @@ def copies_of(features: PatchFeatures, n_patches: int) -> list[list[int]]:
     return found
 
 
-def judge(spread: Spread, visits: Visits) -> Cause:
+def cause_of(spread: Spread, visits: Visits) -> Cause:
     """Return the cause that a spread speaks for."""
     measures: dict[str, Any] = {
         "between_visits_m": spread.visits,

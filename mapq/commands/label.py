@@ -10,8 +10,7 @@ import typer
 from prf.shell.options import Json
 
 if TYPE_CHECKING:
-    from mapq.labelling import Agreement
-    from mapq.labelling import LabelCounts as HandCounts
+    from mapq.labelling import Agreement, HandCounts
     from mapq.labels import LabelCounts
 
 EXAMPLES = (

@@ -52,15 +52,15 @@ def report(
     words. Of a result in tiles a part of the points is read. Without -o it is report.html in the current folder. It
     needs the extra: pip install 'prf-mapq[report]'.
     """
-    from mapq.report import read_told, write_report
+    from mapq.report import read_findings, write_report
     from prf.shell.files import STREAM
     from prf.shell.lock import claim_output
 
     target = output or "report.html"
     claim_output(target, force)
-    told = read_told(result)
-    written = write_report(target, told, title, palette.value, max_points)
-    if not len(told.label):
+    findings = read_findings(result)
+    written = write_report(target, findings, title, palette.value, max_points)
+    if not len(findings.label):
         logger.warning("%s: no patch was found, so the report says nothing of this map", result)
     if target != STREAM:
         shown = f"{written.n_shown:,} of {written.n_points:,} points"

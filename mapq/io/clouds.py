@@ -5,7 +5,7 @@ from __future__ import annotations
 from mapq.cloud import PointCloud
 from mapq.io.content import Content
 from mapq.io.fields import make_cloud
-from mapq.io.formats import COLUMNS, SELF_MADE
+from mapq.io.formats import CLOUD_READERS, COLUMN_READERS
 from mapq.io.kitti import read_kitti
 from mapq.io.npy import read_npy
 from mapq.io.options import AS_IT_IS, ReadOptions
@@ -39,12 +39,12 @@ def read_cloud(path: str, options: ReadOptions = AS_IT_IS) -> PointCloud:
 def parse_cloud(content: Content, options: ReadOptions = AS_IT_IS) -> tuple[str, PointCloud]:
     """Return format and cloud of an input; parameters and errors as :func:`read_cloud`."""
     kind = recognise(content)
-    if kind in SELF_MADE:
-        return kind, SELF_MADE[kind](content, options)
+    if kind in CLOUD_READERS:
+        return kind, CLOUD_READERS[kind](content, options)
     if kind == "kitti":
         fields = read_kitti(content.data(), content.source, options.bin_columns)
     elif kind == "npy":
         fields = read_npy(content.data(), content.source, scale_known=options.unit is not None)
     else:
-        fields = COLUMNS[kind](content.data(), content.source)
+        fields = COLUMN_READERS[kind](content.data(), content.source)
     return kind, make_cloud(fields, content.source, options.unit or 1.0)

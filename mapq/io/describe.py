@@ -19,8 +19,9 @@ from mapq.io.content import Content
 from mapq.io.fields import Array
 from mapq.io.las_pieces import read_las_pieces
 from mapq.io.options import AS_IT_IS, ReadOptions
+from mapq.io.patches import SCHEMA as PATCHES_SCHEMA
 from mapq.io.patches import holds_patches, parse_patches
-from mapq.io.recognise import end_of
+from mapq.io.recognise import suffix_of
 from mapq.io.result_folder import ResultFolder, is_result_folder, open_result_folder
 from mapq.io.result_json import patch_counts, read_result_json
 from mapq.io.results import RESULT_FIELDS
@@ -135,14 +136,14 @@ def describe(path: str, options: ReadOptions = AS_IT_IS) -> Description:
     if is_result_folder(path):
         return _describe_folder(open_result_folder(path, options))
     found = Content(path)
-    if found.head[:64].lstrip().startswith(b"{") and end_of(path) != ".bin":
+    if found.head[:64].lstrip().startswith(b"{") and suffix_of(path) != ".bin":
         content = _parse_object(found.data(), found.source)
         schema = content["schema"]
         return Description(path, schema.partition("/")[0].removeprefix("mapq."), schema, None, None, _brief(content))
     if holds_patches(found):
         patches = parse_patches(found.data(), path)
         content = {"parameters": patches.parameters, "report": patches.report}
-        return Description(path, "patches", "mapq.patches/1", _cloud(patches.cloud), _patches(patches), _brief(content))
+        return Description(path, "patches", PATCHES_SCHEMA, _cloud(patches.cloud), _patches(patches), _brief(content))
     format_name, cloud = parse_cloud(found, options)
     if not _is_result(cloud):
         return Description(path, "cloud", format_name, _cloud(cloud), None, {})

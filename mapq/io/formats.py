@@ -34,7 +34,7 @@ MAGICS: tuple[tuple[bytes, Format], ...] = (
 )
 """How files begin that say what they are."""
 
-COLUMNS: Mapping[Format, Callable[[bytes, str], dict[str, Array]]] = {
+COLUMN_READERS: Mapping[Format, Callable[[bytes, str], dict[str, Array]]] = {
     "ply": read_ply,
     "pcd": read_pcd,
     "npz": read_npz,
@@ -44,7 +44,7 @@ COLUMNS: Mapping[Format, Callable[[bytes, str], dict[str, Array]]] = {
 }
 """Readers that make columns of the bytes of a file, given its name for messages."""
 
-SELF_MADE: Mapping[Format, Callable[[Content, ReadOptions], PointCloud]] = {
+CLOUD_READERS: Mapping[Format, Callable[[Content, ReadOptions], PointCloud]] = {
     "las": read_las,
     "e57": read_e57,
     "3d": read_uos,

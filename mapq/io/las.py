@@ -70,7 +70,7 @@ def read_las(content: Content, options: ReadOptions) -> PointCloud:
         If the file is damaged, cut off, of a version that cannot be read, or has no points.
     """
     source = content.source
-    with content.stream() as stream, told(source):
+    with content.stream() as stream, refusing_damage(source):
         check_head(stream, source)
         from laspy import LasHeader, LasReader, LazBackend  # noqa: PLC0415 - takes a fifth of a second
 
@@ -201,7 +201,7 @@ def _late_systems(stream: BinaryIO, header: LasHeader) -> list[VLR]:
 
 
 @contextmanager
-def told(source: str) -> Iterator[None]:
+def refusing_damage(source: str) -> Iterator[None]:
     """Turn whatever laspy and its decompressor stumble on into one line."""
     try:
         yield

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from mapq.cloud import PointCloud
 from mapq.io.content import Content
 from mapq.io.fields import LARGEST_COORDINATE
-from mapq.io.las import RAW, check_head, field_names, scale_and_offset, stored_head, told
+from mapq.io.las import RAW, check_head, field_names, refusing_damage, scale_and_offset, stored_head
 from mapq.io.las_unit import unit_of
-from mapq.io.las_write import LARGEST_INTEGER, columns_of_cloud, old_header, packed_record, told_writing
+from mapq.io.las_write import LARGEST_INTEGER, columns_of_cloud, old_header, packed_record, refusing_full_disk
 from mapq.io.laz_chunks import check_chunks
 from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError, OutputError
@@ -61,7 +61,7 @@ def read_las_head(path: str, options: ReadOptions) -> LasHead:
         As :func:`mapq.io.las.read_las`, as far as head and chunks show it.
     """
     content = Content(path)
-    with content.stream() as stream, told(path):
+    with content.stream() as stream, refusing_damage(path):
         check_head(stream, path)
         from laspy import LasHeader  # noqa: PLC0415 - takes a fifth of a second
 
@@ -112,7 +112,7 @@ def read_las_pieces(
             selection = selection.decompress_point_source_id()
     with (
         Content(path).stream() as stream,
-        told(path),
+        refusing_damage(path),
         LasReader(
             stream, closefd=False, laz_backend=LazBackend.Lazrs, read_evlrs=False, decompression_selection=selection
         ) as reader,
@@ -178,7 +178,7 @@ def open_las_pieces(path: str | os.PathLike[str]) -> Iterator[LasPieces]:
     OutputError
         If it cannot be written.
     """
-    with open_output(path, binary=True) as stream, told_writing(path):
+    with open_output(path, binary=True) as stream, refusing_full_disk(path):
         pieces = LasPieces(os.fspath(path), stream)
         yield pieces
         pieces.close()

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mapq.cloud import PointCloud
 from mapq.io.fields import Array
 from mapq.io.free_names import free_name, scalar_columns
-from mapq.io.las import LAYERED_WAVES, told
+from mapq.io.las import LAYERED_WAVES, refusing_damage
 from prf.shell.errors import OutputError
 from prf.shell.files import open_output
 
@@ -83,7 +83,7 @@ def write_las(path: str | os.PathLike[str], cloud: PointCloud) -> None:
         )
     with (
         open_output(path, binary=True) as stream,
-        told_writing(path),
+        refusing_full_disk(path),
         LasWriter(stream, header, compress, closefd=False, encoding_errors="ignore") as writer,
     ):
         for start in range(0, len(cloud), CHUNK):
@@ -93,7 +93,7 @@ def write_las(path: str | os.PathLike[str], cloud: PointCloud) -> None:
 
 
 @contextmanager
-def told_writing(path: str | os.PathLike[str]) -> Iterator[None]:
+def refusing_full_disk(path: str | os.PathLike[str]) -> Iterator[None]:
     """Turn what the packer of LAZ says of a disk without room, no `OSError`, into one line."""
     try:
         yield
@@ -128,7 +128,7 @@ def old_header(cloud: PointCloud) -> LasHeader:
     from laspy.point import dims  # noqa: PLC0415
     from laspy.point.format import PointFormat  # noqa: PLC0415
 
-    with told(cloud.source):
+    with refusing_damage(cloud.source):
         header = LasHeader.read_from(io.BytesIO(cloud.las_header))
         if header.number_of_evlrs and not any(record.user_id == COPC for record in header.vlrs):
             logger.warning("%s: records behind the points (EVLR) are left out", cloud.source)

@@ -46,7 +46,7 @@ class ReadOptions:
 
 
 AS_IT_IS = ReadOptions()
-"""Nothing said."""
+"""No option given: all is as the file says, or as files of its format are."""
 
 
 def parse_unit(text: str) -> float:

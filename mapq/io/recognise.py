@@ -29,13 +29,13 @@ REFUSED = (
 """Contents that are known and not read."""
 
 REFUSED_NAMES = {".obj": "an OBJ mesh"}
-"""Ends of names of formats that are not read, for text without a magic number."""
+"""Suffixes of formats that are not read, for text without a magic number."""
 
 HEADERS = {
     **{".ply": "PLY", ".pcd": "PCD", ".npy": "NPY", ".npz": "NPZ", ".las": "LAS", ".laz": "LAS", ".e57": "E57"},
     **{".ptx": "PTX", ".vtk": "VTK", ".bag": "ROS bag", ".db3": "SQLite", ".mcap": "MCAP"},
 }
-"""Formats that need a header, by the end of the name."""
+"""Formats that need a header, by their suffix."""
 
 _PCD = re.compile(rb"\A(?:[ \t\r]*(?:#[^\n]*)?\n)*[ \t]*(?:VERSION[ \t]+\.?\d|(?:FIELDS|COLUMNS)[ \t])")
 _PTX = re.compile(rb"\A\s*\d+\s*\n\s*\d+\s*\n(?:[ \t]*\S+[ \t]+\S+[ \t]+\S+\s*\n){4}")
@@ -51,24 +51,24 @@ def recognise(content: Content) -> Format:
     """
     if content.is_folder:
         return "bag"
-    head, end = content.head, end_of(content.name)
+    head, suffix = content.head, suffix_of(content.name)
     if not head.strip():
         raise InputError(f"{content.source}: the file is empty. {ACCEPTED}")
     known = _by_content(head)
     if known is not None:
         return known
-    if end == ".bin":
+    if suffix == ".bin":
         return "kitti"
-    looks_like = _unreadable(head, end)
+    looks_like = _unreadable(head, suffix)
     if looks_like:
         raise InputError(f"{content.source}: {looks_like}. {ACCEPTED}")
-    return "3d" if end == ".3d" else "text"
+    return "3d" if suffix == ".3d" else "text"
 
 
-def end_of(name: str) -> str:
-    """Return the end of a file's name that tells its kind, such as ``.ply`` of ``A.PLY.gz``; empty without a point."""
-    _, point, end = re.sub(r"\.gz$", "", name.lower()).rpartition(".")
-    return point + end if point else ""
+def suffix_of(name: str) -> str:
+    """Return the suffix that tells a file's kind, such as ``.ply`` of ``A.PLY.gz``; empty without a point."""
+    _, point, suffix = re.sub(r"\.gz$", "", name.lower()).rpartition(".")
+    return point + suffix if point else ""
 
 
 def _by_content(head: bytes) -> Format | None:
@@ -82,13 +82,13 @@ def _by_content(head: bytes) -> Format | None:
     return "ptx" if _PTX.match(head[:1024]) else None
 
 
-def _unreadable(head: bytes, end: str) -> str | None:
+def _unreadable(head: bytes, suffix: str) -> str | None:
     """Return what content that no magic number names looks like, None for text that may be points."""
     for magic, name in REFUSED:
         if head.startswith(magic):
             return f"this is {name}"
-    if end in REFUSED_NAMES:
-        return f"this is {REFUSED_NAMES[end]}"
-    if end in HEADERS:
-        return f"no {HEADERS[end]} header: the file is damaged, or its name is wrong"
+    if suffix in REFUSED_NAMES:
+        return f"this is {REFUSED_NAMES[suffix]}"
+    if suffix in HEADERS:
+        return f"no {HEADERS[suffix]} header: the file is damaged, or its name is wrong"
     return "this is binary data of an unknown kind" if b"\0" in head[:4096] else None

@@ -13,7 +13,7 @@ from mapq.cloud import PointCloud, choose_shift
 from mapq.io.las_pieces import LasHead, read_las_head, read_las_pieces
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.results import PATCH, RESULT_FIELDS
-from mapq.io.write import LAS_ENDS
+from mapq.io.write import LAS_SUFFIXES
 from mapq.patches import NO_PATCH
 from prf.shell.errors import InputError
 
@@ -78,7 +78,7 @@ def open_result_folder(path: str, options: ReadOptions = AS_IT_IS) -> ResultFold
     InputError
         If there are no tiles, or one of them is damaged, no result, or in another unit.
     """
-    tiles = tuple(str(each) for each in sorted(Path(path).iterdir()) if each.suffix.lower() in LAS_ENDS)
+    tiles = tuple(str(each) for each in sorted(Path(path).iterdir()) if each.suffix.lower() in LAS_SUFFIXES)
     if not tiles:
         raise InputError(f"{path}: no LAS or LAZ tile beside {RESULT_JSON}. Run mapq classify again.")
     heads = tuple(read_las_head(tile, options) for tile in tiles)

@@ -1,4 +1,4 @@
-"""3DTK's .3d files: centimetres, left-handed, y upwards.
+"""3DTK's .3d files, which it calls `uos`: centimetres, left-handed, y upwards.
 
 The axes of 3DTK are x to the right, y upwards, z ahead. Here they become x ahead, y to the left, z upwards, in metres.
 """

@@ -9,7 +9,7 @@ from mapq.io.las_write import write_las
 from mapq.io.ply_write import write_ply
 from prf.shell.errors import UsageError
 
-LAS_ENDS = (".las", ".laz")
+LAS_SUFFIXES = (".las", ".laz")
 
 
 def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
@@ -23,7 +23,7 @@ def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
         As :func:`check_name`.
     """
     check_name(path)
-    write = write_las if os.fspath(path).lower().endswith(LAS_ENDS) else write_ply
+    write = write_las if os.fspath(path).lower().endswith(LAS_SUFFIXES) else write_ply
     write(path, cloud)
 
 

@@ -32,7 +32,7 @@ LOOK = 0.2
 """Seconds between two looks at whether to end."""
 
 
-class LabelCounts(NamedTuple):
+class HandCounts(NamedTuple):
     """How far labelling by hand has come.
 
     Attributes
@@ -53,7 +53,7 @@ class LabelCounts(NamedTuple):
     n_from_field: int
 
 
-def label_by_hand(path: str, model: Model | None = None, port: int = 0, browser: bool = True) -> LabelCounts:
+def label_by_hand(path: str, model: Model | None = None, port: int = 0, browser: bool = True) -> HandCounts:
     """Serve the labelling page of a PATCHES file until it is finished or a signal comes, and store the labels in it.
 
     Parameters
@@ -88,7 +88,7 @@ def label_by_hand(path: str, model: Model | None = None, port: int = 0, browser:
                 while not flag.requested and not server.done.wait(LOOK):
                     pass
             store.merge()
-            counts = LabelCounts(**store.counts())
+            counts = HandCounts(**store.counts())
             flag.raise_if_requested(f"labelling was stopped; all {counts.n_by_hand} labels are in {path}")
         return counts
 

@@ -21,7 +21,7 @@ from mapq.perturb.surfaces import find_surfaces
 from mapq.posed import PosedScans, drive_passes
 from prf.shell.errors import UsageError
 
-Vector = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 ADDED = ("scan", "suspicious", "disagreement", "pass_id", "time", "to_sensor_x", "to_sensor_y", "to_sensor_z")
 """Fields that a labelled map gets; those of the scans with these names are kept under others."""
@@ -77,7 +77,7 @@ def build(
     errors: PoseErrors | None = None,
     rule: Rule | None = None,
     settings: MergeSettings | None = None,
-    reference: Vector | None = None,
+    reference: Floats | None = None,
     seed: int = 0,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Built:
@@ -133,7 +133,7 @@ def build(
 
 def _cloud(
     merged: Merged,
-    used: Vector,
+    used: Floats,
     scans: PosedScans,
     found: Disagreement,
     label: NDArray[np.uint8],
@@ -169,7 +169,7 @@ def _counts(merged: Merged, found: Disagreement, label: NDArray[np.uint8]) -> di
     }
 
 
-def _rows(scans: PosedScans, merged: Merged, used: Vector, right: Vector | None) -> list[dict[str, Any]]:
+def _rows(scans: PosedScans, merged: Merged, used: Floats, right: Floats | None) -> list[dict[str, Any]]:
     """Return what is told of each scan."""
     passes = drive_passes(scans.poses)
     n_points = np.bincount(merged.scan, minlength=len(scans))

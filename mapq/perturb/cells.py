@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from prf.shell.errors import InputError
 
-Vector = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 BITS = 21
 """Of the number of a cell along each axis."""
@@ -31,7 +31,7 @@ LEAST_WIDTH = 0.05
 CHUNK = 20_000
 
 
-def cell_keys(xyz: Vector, side: float, source: str = "the map") -> NDArray[np.int64]:
+def cell_keys(xyz: Floats, side: float, source: str = "the map") -> NDArray[np.int64]:
     """Return a number (n,) for the cube of this side in which each point (n, 3) lies; equal for points of one cube.
 
     Raises
@@ -59,18 +59,18 @@ class Planes(NamedTuple):
         Whether the neighbours make a plane at all.
     """
 
-    normal: Vector
+    normal: Floats
     flat: NDArray[np.bool_]
 
 
-def mean_of(groups: NDArray[np.int64], n_groups: int, values: Vector) -> Vector:
+def mean_of(groups: NDArray[np.int64], n_groups: int, values: Floats) -> Floats:
     """Return the mean (m, 3) of values (n, 3) over groups (n,)."""
     counts = np.bincount(groups, minlength=n_groups)
     sums = np.stack([np.bincount(groups, column, n_groups) for column in values.T], axis=1)
     return np.asarray(sums / counts[:, None])
 
 
-def planes_round(places: Vector) -> Planes:
+def planes_round(places: Floats) -> Planes:
     """Return the plane round each of the places (m, 3), which are means of the points of a cell.
 
     It is the plane through the place on which most of its `NEIGHBOURS` lie: beside another surface, such as the other
@@ -88,7 +88,7 @@ def planes_round(places: Vector) -> Planes:
     return Planes(normal, flat)
 
 
-def _planes(offset: Vector, slab: Vector) -> tuple[Vector, NDArray[np.bool_]]:
+def _planes(offset: Floats, slab: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     """Return normal (c, 3) and flatness (c,) from offsets (c, k, 3) to neighbours, nearest first, and slabs (c,)."""
     best, weight = np.zeros(len(offset), np.int64), np.zeros(offset.shape[:2], bool)
     # A plane after the other, in single precision: a tenth of the time of all at once.

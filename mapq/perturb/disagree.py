@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mapq.perturb.surfaces import Surfaces
 
-Vector = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 
 class Disagreement(NamedTuple):
@@ -24,11 +24,11 @@ class Disagreement(NamedTuple):
         Other scans that see the same surface.
     """
 
-    metres: Vector
+    metres: Floats
     n_others: NDArray[np.int64]
 
 
-def known_disagreement(surfaces: Surfaces, right: Vector, used: Vector, agree: float) -> Disagreement:
+def known_disagreement(surfaces: Surfaces, right: Floats, used: Floats, agree: float) -> Disagreement:
     """Return how far apart the poses that are used put what is one place under the right poses.
 
     At an element each scan b puts the place x of the right map at ``used_b inv(right_b) x``. The differences between
@@ -70,12 +70,12 @@ def known_disagreement(surfaces: Surfaces, right: Vector, used: Vector, agree: f
     return Disagreement(value[surfaces.entry], n_others[surfaces.entry])
 
 
-def _put(moved: Vector, scan: NDArray[np.int64], place: Vector) -> Vector:
+def _put(moved: Floats, scan: NDArray[np.int64], place: Floats) -> Floats:
     """Return where scans (e,) put places (e, 3)."""
     return np.asarray(np.einsum("eij,ej->ei", moved[scan, :3, :3], place) + moved[scan, :3, 3])
 
 
-def _mean_normal(surfaces: Surfaces, moved: Vector) -> Vector:
+def _mean_normal(surfaces: Surfaces, moved: Floats) -> Floats:
     """Return the unit normals (m, 3) as the scans at each element turn them, in the mean."""
     turned = np.einsum("eij,ej->ei", moved[surfaces.by, :3, :3], surfaces.normal[surfaces.at])
     total = np.stack([np.bincount(surfaces.at, column, len(surfaces.place)) for column in turned.T], axis=1)

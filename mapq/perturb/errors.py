@@ -13,7 +13,7 @@ from mapq.posed.scans import drive_passes, driven
 from prf.shell.errors import UsageError
 from prf.shell.seeds import spawn_generators
 
-Vector = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 STANDING = 1.0
 """Metres: on a shorter way errors grow from scan to scan, not along it."""
@@ -63,7 +63,7 @@ class PoseErrors:
         return asdict(self)
 
 
-def displaced(poses: Vector, errors: PoseErrors, seed: int) -> Vector:
+def displaced(poses: Floats, errors: PoseErrors, seed: int) -> Floats:
     """Return poses (k, 4, 4) with errors; the first scan stays where it is.
 
     Each kind of error draws from a generator of its own, so that one does not change the others.
@@ -91,7 +91,7 @@ def first_revisit(passes: NDArray[np.int16]) -> int:
     return int(again[0]) if len(again) else (len(passes) + 1) // 2
 
 
-def _drifted(poses: Vector, size: tuple[float, float], rng: np.random.Generator) -> Vector:
+def _drifted(poses: Floats, size: tuple[float, float], rng: np.random.Generator) -> Floats:
     """Return the poses as odometry has them, whose errors grow evenly."""
     metres, degrees = size
     share = _share_of_way(poses)
@@ -109,8 +109,8 @@ def _drifted(poses: Vector, size: tuple[float, float], rng: np.random.Generator)
 
 
 def _with_missed_loop(
-    poses: Vector, passes: NDArray[np.int16], size: tuple[float, float], rng: np.random.Generator
-) -> Vector:
+    poses: Floats, passes: NDArray[np.int16], size: tuple[float, float], rng: np.random.Generator
+) -> Floats:
     """Return the poses with all from the first revisit on displaced together, turned about where it is."""
     metres, degrees = size
     direction, sign = _direction(rng), rng.choice([-1.0, 1.0])
@@ -125,18 +125,18 @@ def _with_missed_loop(
     return np.concatenate([poses[:begin], motion @ poses[begin:]])
 
 
-def _share_of_way(poses: Vector) -> Vector:
+def _share_of_way(poses: Floats) -> Floats:
     """Return the share (k,) of the way at each scan; of the scans, where the sensor hardly moves."""
     way = driven(poses)
     return way / way[-1] if way[-1] > STANDING else np.linspace(0.0, 1.0, len(poses))
 
 
-def _direction(rng: np.random.Generator) -> Vector:
+def _direction(rng: np.random.Generator) -> Floats:
     angle = rng.uniform(0.0, 2.0 * np.pi)
     return np.array([np.cos(angle), np.sin(angle)])
 
 
-def _about_z(degrees: float) -> Vector:
+def _about_z(degrees: float) -> Floats:
     """Return the rotation (3, 3) about the vertical."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

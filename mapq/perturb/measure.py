@@ -19,7 +19,7 @@ from mapq.perturb.disagree import Disagreement
 from mapq.perturb.merge import Merged
 from mapq.perturb.register import Piece, Sheet, lies_on, register
 
-Vector = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 GRAIN = 0.25
 """Metres: side of the cells whose means are registered."""
@@ -55,7 +55,7 @@ class Compared(NamedTuple):
     """
 
     in_doubt: NDArray[np.bool_]
-    along: Vector
+    along: Floats
     partner: NDArray[np.int64]
 
 
@@ -69,7 +69,7 @@ class Parted(NamedTuple):
 
 def measured_disagreement(
     merged: Merged,
-    poses: Vector,
+    poses: Floats,
     search: float = 3.0,
     sided: bool = True,
     proven: float = 0.3,
@@ -116,7 +116,7 @@ def measured_disagreement(
     return Disagreement(metres, n_others)
 
 
-def _parted(points: Vector, origin: Vector | None) -> Parted:
+def _parted(points: Floats, origin: Floats | None) -> Parted:
     """Return the elements of a scan, of points (n, 3) in the map; normals point to the origin if it is known."""
     if len(points) == 0:
         nothing = np.zeros((0, 3))
@@ -152,7 +152,7 @@ def _compare(
 
 def _gathered(
     part: Parted, scan: int, compared: dict[tuple[int, int], Compared], proven: float
-) -> tuple[Vector, NDArray[np.int64]]:
+) -> tuple[Floats, NDArray[np.int64]]:
     """Return the disagreement (m,) of each element of a scan with all others, and how many of them see it.
 
     What one scan says of another counts unless that says otherwise of it: two wrong registrations seldom agree.
@@ -174,7 +174,7 @@ def _gathered(
     return np.where(known, worst, np.nan), n_seen
 
 
-def _windows(place: Vector) -> list[NDArray[np.int64]]:
+def _windows(place: Floats) -> list[NDArray[np.int64]]:
     """Return the places (m, 2) that lie in each of the overlapping squares that have any."""
     if len(place) == 0:
         return []

@@ -14,7 +14,7 @@ from mapq.perturb.cells import cell_keys
 from mapq.posed import PosedScans
 from prf.shell.errors import InputError
 
-Vector = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 AT_THE_SENSOR = 0.01
 """Metres: a return so close is none; many sensors write (0, 0, 0) for "no return"."""
@@ -34,12 +34,12 @@ class Merged(NamedTuple):
         Points read of each scan.
     """
 
-    xyz: Vector
+    xyz: Floats
     scan: NDArray[np.int32]
     fields: dict[str, NDArray[Any]]
     counts: NDArray[np.int64]
 
-    def placed(self, poses: Vector) -> Vector:
+    def placed(self, poses: Floats) -> Floats:
         """Return the points (n, 3) where poses (k, 4, 4) put them."""
         world = np.empty_like(self.xyz)
         starts = np.searchsorted(self.scan, np.arange(len(poses) + 1))

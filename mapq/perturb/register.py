@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-Vector = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 FIT = 0.2
 """Metres from the other scan's surface at which a point lies on it."""
@@ -42,8 +42,8 @@ class Sheet(NamedTuple):
         Of the places.
     """
 
-    place: Vector
-    normal: Vector
+    place: Floats
+    normal: Floats
     upright: NDArray[np.bool_]
     tree: cKDTree
 
@@ -55,8 +55,8 @@ class Sheet(NamedTuple):
 class Piece(NamedTuple):
     """Elements to be laid onto a sheet: places and normals (p, 3), and which (p,) are of walls."""
 
-    place: Vector
-    normal: Vector
+    place: Floats
+    normal: Floats
     upright: NDArray[np.bool_]
 
 
@@ -71,7 +71,7 @@ class Fitted(NamedTuple):
         Share of its elements of walls that then lie on the sheet.
     """
 
-    motion: Vector
+    motion: Floats
     overlap: float
 
 
@@ -91,14 +91,14 @@ def register(piece: Piece, sheet: Sheet, search: float, sided: bool) -> Fitted:
     return min(good, key=lambda fitted: float(np.linalg.norm(_put(fitted.motion, middle) - middle)))
 
 
-def overlap(piece: Piece, sheet: Sheet, motion: Vector, sided: bool) -> float:
+def overlap(piece: Piece, sheet: Sheet, motion: Floats, sided: bool) -> float:
     """Return the share of the piece's elements of walls that lie on the sheet after a motion (4, 4)."""
     on_it, _ = lies_on(piece, sheet, motion, sided, FIT)
     return float(on_it[piece.upright].mean()) if piece.upright.any() else 0.0
 
 
 def lies_on(
-    piece: Piece, sheet: Sheet, motion: Vector, sided: bool, within: float
+    piece: Piece, sheet: Sheet, motion: Floats, sided: bool, within: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
     """Return which elements (p,) lie `within` metres of a parallel element of the sheet after a motion, and which."""
     place = _put(motion, piece.place)
@@ -107,13 +107,13 @@ def lies_on(
     return np.asarray(on_it), nearest
 
 
-def _facing(normal: Vector, sheet: Sheet, nearest: NDArray[np.int64], sided: bool) -> NDArray[np.bool_]:
+def _facing(normal: Floats, sheet: Sheet, nearest: NDArray[np.int64], sided: bool) -> NDArray[np.bool_]:
     """Return which normals (p, 3) are parallel to those of the nearest elements; no element: any."""
     cosine = np.einsum("ij,ij->i", normal, sheet.normal[np.minimum(nearest, len(sheet.normal) - 1)])
     return np.asarray((cosine if sided else np.abs(cosine)) > PARALLEL)
 
 
-def _starts(piece: Piece, sheet: Sheet, search: float, sided: bool) -> list[Vector]:
+def _starts(piece: Piece, sheet: Sheet, search: float, sided: bool) -> list[Floats]:
     """Return the motions to begin with: none, and the horizontal displacements that fit best."""
     walls = np.flatnonzero(piece.upright)
     some = walls[:: max(1, len(walls) // FEW_STARTING)]
@@ -137,7 +137,7 @@ def _starts(piece: Piece, sheet: Sheet, search: float, sided: bool) -> list[Vect
     return list(motions)
 
 
-def _refine(piece: Piece, sheet: Sheet, motion: Vector, sided: bool) -> Vector:
+def _refine(piece: Piece, sheet: Sheet, motion: Floats, sided: bool) -> Floats:
     """Return the motion after least squares of distances to the sheet's planes, nearer and nearer ones alone."""
     middle = piece.place.mean(axis=0)
     for trim in TRIMS:
@@ -150,7 +150,7 @@ def _refine(piece: Piece, sheet: Sheet, motion: Vector, sided: bool) -> Vector:
     return motion
 
 
-def _step(place: Vector, target: Vector, normal: Vector, middle: Vector) -> Vector:
+def _step(place: Floats, target: Floats, normal: Floats, middle: Floats) -> Floats:
     """Return the small motion (4, 4) about `middle` that brings places (p, 3) nearest to planes."""
     arm = place - middle
     rows = np.column_stack([np.cross(arm, normal), normal])
@@ -165,7 +165,7 @@ def _step(place: Vector, target: Vector, normal: Vector, middle: Vector) -> Vect
     return motion
 
 
-def _rotation(vector: Vector) -> Vector:
+def _rotation(vector: Floats) -> Floats:
     """Return the rotation (3, 3) about a vector by its length in radians."""
     angle = float(np.linalg.norm(vector))
     if angle < 1e-12:
@@ -175,5 +175,5 @@ def _rotation(vector: Vector) -> Vector:
     return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross))
 
 
-def _put(motion: Vector, place: Vector) -> Vector:
+def _put(motion: Floats, place: Floats) -> Floats:
     return np.asarray(place @ motion[:3, :3].T + motion[:3, 3])

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from mapq.perturb.cells import cell_keys, mean_of, planes_round
 from mapq.perturb.merge import Merged
 
-Vector = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 GRAIN, WIDEST_GRAIN = 0.4, 0.3
 """Side of the cells, by the reach; and at most, in metres, lest one cell hold more than one surface."""
@@ -54,8 +54,8 @@ class Surfaces(NamedTuple):
         Metres.
     """
 
-    place: Vector
-    normal: Vector
+    place: Floats
+    normal: Floats
     flat: NDArray[np.bool_]
     entry: NDArray[np.int64]
     at: NDArray[np.int64]
@@ -65,7 +65,7 @@ class Surfaces(NamedTuple):
     reach: float
 
 
-def find_surfaces(merged: Merged, poses: Vector, reach: float | None = None, sided: bool = True) -> Surfaces:
+def find_surfaces(merged: Merged, poses: Floats, reach: float | None = None, sided: bool = True) -> Surfaces:
     """Return the surfaces of a map with the right poses.
 
     Parameters
@@ -115,7 +115,7 @@ def estimate_reach(merged: Merged) -> float:
     return float(np.clip(REACH_IN_SPACING * wide, *REACHES))
 
 
-def _same_surface(place: Vector, normal: Vector, flat: NDArray[np.bool_], reach: float, sided: bool) -> csr_array:
+def _same_surface(place: Floats, normal: Floats, flat: NDArray[np.bool_], reach: float, sided: bool) -> csr_array:
     """Return the matrix (m, m) of the elements that continue each other: near, parallel, and in one plane.
 
     Elements without a plane continue those without one.

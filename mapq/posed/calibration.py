@@ -13,7 +13,7 @@ from prf.shell.errors import InputError
 NAMES = ("Tr", "Tr_velo_to_cam", "Tr_velo_cam")
 """Rows of a calibration file that take points of the laser to the camera."""
 
-SIDEWAYS = 0.8
+AHEAD = 0.8
 """Share of the way along the z axis of the sensor above which that axis points ahead, as that of a camera does."""
 WAY_NEEDED = 1.0
 """Metres: on a shorter way the direction says nothing."""
@@ -52,7 +52,7 @@ def looks_ahead(poses: NDArray[np.float64]) -> bool | None:
     if way <= WAY_NEEDED:
         return None
     ahead = np.einsum("kji,kj->ki", poses[:-1, :3, :3], steps).sum(axis=0)
-    return bool(abs(ahead[2]) > SIDEWAYS * way)
+    return bool(abs(ahead[2]) > AHEAD * way)
 
 
 def _matrix(fields: list[str], where: str) -> NDArray[np.float64]:

@@ -8,11 +8,11 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from mapq.io.recognise import end_of
+from mapq.io.recognise import suffix_of
 from prf.shell.errors import InputError
 
-UOS_END, E57_END = ".3d", ".e57"
-SCAN_ENDS = (".bin", ".pcd", ".ply", ".xyz", ".npy", ".npz", ".las", ".laz", ".ptx", UOS_END, E57_END)
+UOS_SUFFIX, E57_SUFFIX = ".3d", ".e57"
+SCAN_SUFFIXES = (".bin", ".pcd", ".ply", ".xyz", ".npy", ".npz", ".las", ".laz", ".ptx", UOS_SUFFIX, E57_SUFFIX)
 POSE_NAME = re.compile(r"(pose|traj|graph|odometry).*\.(txt|json|csv|tum)$", re.IGNORECASE)
 """Names that files of poses have; ``graph.txt`` is that of gtsam_points: a name, a place and a quaternion a row."""
 SCANS_SHOWN = 4
@@ -47,9 +47,9 @@ def scan_files(folder: str, pattern: str | None) -> list[str]:
         return found
     families: dict[str, list[str]] = {}
     for path in files:
-        if end_of(path.name) in SCAN_ENDS:
+        if suffix_of(path.name) in SCAN_SUFFIXES:
             families.setdefault(family(path.relative_to(here)), []).append(str(path))
-    several = {name: found for name, found in families.items() if "*" in name or end_of(name) == E57_END}
+    several = {name: found for name, found in families.items() if "*" in name or suffix_of(name) == E57_SUFFIX}
     if not several:
         raise InputError(f"{folder}: no scans in it: no numbered files such as 000000.bin, 0.pcd or scan000.3d.")
     if len(several) > 1:
@@ -61,7 +61,7 @@ def scan_files(folder: str, pattern: str | None) -> list[str]:
 def family(path: Path) -> str:
     """Return the name of a path with its last number replaced by ``*``."""
     stem, found = re.subn(r"\d+(?=\D*$)", "*", path.name.removesuffix(".gz").rpartition(".")[0], count=1)
-    name = f"{stem}{end_of(path.name)}" if found else path.name
+    name = f"{stem}{suffix_of(path.name)}" if found else path.name
     return (path.parent / name).as_posix()
 
 

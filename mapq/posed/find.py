@@ -15,9 +15,9 @@ from mapq.io.clouds import read_cloud
 from mapq.io.content import read_bytes
 from mapq.io.e57 import e57_poses, open_e57, read_e57_scan
 from mapq.io.options import ReadOptions
-from mapq.io.recognise import end_of
+from mapq.io.recognise import suffix_of
 from mapq.posed.calibration import laser_poses, looks_ahead, read_calibration
-from mapq.posed.files import E57_END, UOS_END, natural_key, number_of, pose_file, refuse_missing, scan_files
+from mapq.posed.files import E57_SUFFIX, UOS_SUFFIX, natural_key, number_of, pose_file, refuse_missing, scan_files
 from mapq.posed.poses import PoseTable, check_rotations, read_poses
 from mapq.posed.scans import PosedScans
 from mapq.posed.uos import read_uos_pose
@@ -74,10 +74,10 @@ def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> P
     is_folder = len(inputs) == 1 and Path(inputs[0]).is_dir()
     files = scan_files(inputs[0], settings.pattern) if is_folder else sorted(inputs, key=natural_key)
     refuse_missing(files)
-    if any(end_of(Path(name).name) == E57_END for name in files):
+    if any(suffix_of(Path(name).name) == E57_SUFFIX for name in files):
         scans = _e57_scans(files)
         return scans if settings.poses is None else replace_poses(scans, settings.poses, settings)
-    if settings.poses is None and all(end_of(Path(name).name) == UOS_END for name in files):
+    if settings.poses is None and all(suffix_of(Path(name).name) == UOS_SUFFIX for name in files):
         return _listed(files, np.array([read_uos_pose(_pose_beside(name)) for name in files]), None, settings)
     path = settings.poses or pose_file(files)
     poses, chosen, table = _poses_of(path, files, settings)
@@ -132,7 +132,7 @@ def _poses_of(
     """Return the pose (k, 4, 4) of the sensor at each scan, the rows they stand in, and the table."""
     table = read_poses(path, settings.quaternion)
     chosen = match_poses(names, table, path)
-    if table.is_matrix and all(end_of(Path(name).name) == ".bin" for name in names):
+    if table.is_matrix and all(suffix_of(Path(name).name) == ".bin" for name in names):
         return _of_laser(table.poses, path, settings.calibration, is_reference)[chosen], chosen, table
     if settings.calibration not in (None, NO_CALIBRATION) and not is_reference:
         raise InputError(
@@ -202,7 +202,7 @@ def _listed(
 
 def _e57_scans(files: Sequence[str]) -> PosedScans:
     """Return the scans of E57 files, one file after the other."""
-    strange = [path for path in files if end_of(Path(path).name) != E57_END]
+    strange = [path for path in files if suffix_of(Path(path).name) != E57_SUFFIX]
     if strange:
         raise InputError(f"{strange[0]}: not E57, beside files that are. Give scans of one kind.")
     opened = [open_e57(path, path) for path in files]

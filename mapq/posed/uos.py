@@ -1,4 +1,4 @@
-"""Poses of 3DTK: scan000.pose beside scan000.3d, in the same centimetres and left-handed axes."""
+"""Poses of 3DTK (its format `uos`): scan000.pose beside scan000.3d, in the same centimetres and left-handed axes."""
 
 from __future__ import annotations
 

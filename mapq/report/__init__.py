@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from mapq.report.page import MOST_POINTS, Palette, write_report
-from mapq.report.source import Told, read_told
+from mapq.report.source import Findings, read_findings
 
-__all__ = ["MOST_POINTS", "Palette", "Told", "read_told", "write_report"]
+__all__ = ["MOST_POINTS", "Findings", "Palette", "read_findings", "write_report"]

@@ -21,7 +21,7 @@ from mapq.report.markup import (
     script_tags,
 )
 from mapq.report.scene import Scene, build_scene
-from mapq.report.source import MOST_REGIONS, Told, regions_in
+from mapq.report.source import MOST_REGIONS, Findings, regions_in
 from mapq.report.words import local, made_table, percent, region_table, threshold_of, verdict_words
 from prf.shell.files import encoded, open_output
 
@@ -56,15 +56,15 @@ class Written(NamedTuple):
 
 
 def write_report(
-    path: str, told: Told, title: str | None = None, palette: Palette = "blue-red", n_most: int = MOST_POINTS
+    path: str, findings: Findings, title: str | None = None, palette: Palette = "blue-red", n_most: int = MOST_POINTS
 ) -> Written:
     """Write the report on a result, whole or not at all; ``-`` is standard output.
 
     Parameters
     ----------
     path : str
-    told : Told
-        From :func:`mapq.report.read_told`.
+    findings : Findings
+        From :func:`mapq.report.read_findings`.
     title : str, optional
         Instead of the name of the file.
     palette : Palette
@@ -80,19 +80,21 @@ def write_report(
         If plotly is not installed.
     """
     scripts = [plotly_script(), *map(asset, VIEWS), asset("report.js")]
-    shown = shown_patches(told.patch, told.number, told.label, told.probability, told.normal)
-    scene = build_scene(told.cloud.xyz, shown.patch, shown.normal, shown.label, n_most)._replace(n_points=told.n_points)
-    text = _page(told, shown, scene, title or PurePath(told.path).name, palette, scripts)
+    shown = shown_patches(findings.patch, findings.number, findings.label, findings.probability, findings.normal)
+    scene = build_scene(findings.cloud.xyz, shown.patch, shown.normal, shown.label, n_most)._replace(
+        n_points=findings.n_points
+    )
+    text = _page(findings, shown, scene, title or PurePath(findings.path).name, palette, scripts)
     with open_output(path) as stream:
         stream.write(text)
     n_outlines = int((scene.corner_start[1:] > scene.corner_start[:-1]).sum())
     return Written(len(encoded(text)), len(scene.points), scene.n_points, n_outlines)
 
 
-def _page(told: Told, shown: Shown, scene: Scene, title: str, palette: Palette, scripts: list[str]) -> str:
+def _page(findings: Findings, shown: Shown, scene: Scene, title: str, palette: Palette, scripts: list[str]) -> str:
     head, content = scene.pack()
-    sums, unit = histogram(told.probability, told.label, told.area)
-    verdict, facts = verdict_words(told)
+    sums, unit = histogram(findings.probability, findings.label, findings.area)
+    verdict, facts = verdict_words(findings)
     return fill(
         asset("report.html"),
         {
@@ -103,48 +105,49 @@ def _page(told: Told, shown: Shown, scene: Scene, title: str, palette: Palette, 
             "palette": palette,
             "verdict": verdict,
             "facts": facts,
-            "histogram": histogram_svg(sums, unit, threshold_of(told)),
+            "histogram": histogram_svg(sums, unit, threshold_of(findings)),
             "unit": unit,
-            "share": percent(_share(told)),
+            "share": percent(_share(findings)),
             "shown": f"{len(scene.points):,} of {scene.n_points:,} points shown, evenly spread",
-            "regions": region_table(told),
-            "made": made_table(told),
+            "regions": region_table(findings),
+            "made": made_table(findings),
             "version": escape(__version__),
-            "data": packed_json(page_data(told, shown, head)),
+            "data": packed_json(page_data(findings, shown, head)),
             "scene": packed(content),
             "scripts": script_tags(scripts),
         },
     )
 
 
-def _share(told: Told) -> Any:
-    counts = told.head.get("counts")
+def _share(findings: Findings) -> Any:
+    counts = findings.head.get("counts")
     return counts.get("share_of_area") if isinstance(counts, dict) else None
 
 
-def page_data(told: Told, shown: Shown, scene: Mapping[str, Any]) -> dict[str, Any]:
+def page_data(findings: Findings, shown: Shown, scene: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the scripts of the page read: columns of numbers and words of the patches that it tells of.
 
     Behind them come two more where there are others, which have a label and a probability and nothing else.
     """
-    shift = (told.cloud.shift * told.cloud.unit).tolist()
-    rows: list[Mapping[str, Any]] = [*told.rows, *[{}] * (len(shown.label) - len(told.rows))]
+    shift = (findings.cloud.shift * findings.cloud.unit).tolist()
+    rows: list[Mapping[str, Any]] = [*findings.rows, *[{}] * (len(shown.label) - len(findings.rows))]
     return {
         "scene": scene,
-        "threshold": threshold_of(told),
+        "threshold": threshold_of(findings),
         "shift": shift if any(shift) else None,
-        "number": told.number,
+        "number": findings.number,
         "others": shown.others,
         "label": shown.label,
         "p": [_short(value) for value in shown.probability.tolist()],
         "measures": {name: [_short(row.get(name)) for row in rows] for name in MEASURES},
-        "centre": [[_short(x, 9) for x in local(told, row.get("centroid"))] for row in rows],
+        "centre": [[_short(x, 9) for x in local(findings, row.get("centroid"))] for row in rows],
         "normal": [[_short(x, 4) for x in row] for row in shown.normal.tolist()],
         "region": [row.get("region") for row in rows],
         "cause": [_cause(row) for row in rows],
         "reasons": [list(_reasons(row)) for row in rows],
         "regions": [
-            {"patches": row.get("patches"), "box": _box(told, row)} for row in regions_in(told.head)[:MOST_REGIONS]
+            {"patches": row.get("patches"), "box": _box(findings, row)}
+            for row in regions_in(findings.head)[:MOST_REGIONS]
         ],
     }
 
@@ -168,5 +171,5 @@ def _reasons(row: Mapping[str, Any]) -> Iterator[list[Any]]:
             yield [str(reason.get("text")), _short(reason.get("log_odds"), 3), reason.get("other")]
 
 
-def _box(told: Told, region: Mapping[str, Any]) -> list[list[Any]]:
-    return [[_short(x, 9) for x in local(told, region.get(name))] for name in ("low", "high")]
+def _box(findings: Findings, region: Mapping[str, Any]) -> list[list[Any]]:
+    return [[_short(x, 9) for x in local(findings, region.get(name))] for name in ("low", "high")]

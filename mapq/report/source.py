@@ -31,7 +31,7 @@ MOST_REGIONS = 50
 Floats = NDArray[np.float64]
 
 
-class Told(NamedTuple):
+class Findings(NamedTuple):
     """What is said of a map.
 
     Attributes
@@ -69,7 +69,7 @@ class Told(NamedTuple):
     normal: Floats
 
 
-def read_told(path: str) -> Told:
+def read_findings(path: str) -> Findings:
     """Read a RESULT and the JSON beside it, or a result in tiles and the JSON among them.
 
     Raises
@@ -82,7 +82,7 @@ def read_told(path: str) -> Told:
     if path == STREAM:
         raise UsageError("a report needs RESULT and the JSON beside it, which standard input does not have. Name it.")
     if is_result_folder(path):
-        return _told_of_folder(open_result_folder(path))
+        return _findings_of_folder(open_result_folder(path))
     content = Content(path)
     if holds_patches(content):
         raise InputError(f"{path}: these are patches without a verdict. Run mapq classify {path} first.")
@@ -93,15 +93,15 @@ def read_told(path: str) -> Told:
     beside = Path(json_beside(path))
     if not beside.exists():
         raise InputError(f"{path}: the JSON of this result is not beside it ({beside}). Run mapq classify again.")
-    return _told(path, beside, lambda columns: cloud)._replace(n_points=int(cloud.finite().sum()))
+    return _findings(path, beside, lambda columns: cloud)._replace(n_points=int(cloud.finite().sum()))
 
 
-def _told_of_folder(folder: ResultFolder) -> Told:
+def _findings_of_folder(folder: ResultFolder) -> Findings:
     def cloud_of(columns: Columns) -> PointCloud:
         n_points = np.nan_to_num(columns.of("n_points")).astype(np.int64)
         return thinned_by_patch(folder, n_points, MOST_READ)
 
-    return _told(folder.path, folder.json, cloud_of)._replace(n_points=folder.n_points)
+    return _findings(folder.path, folder.json, cloud_of)._replace(n_points=folder.n_points)
 
 
 def regions_in(head: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
@@ -110,7 +110,7 @@ def regions_in(head: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
     return [row for row in found if isinstance(row, dict)] if isinstance(found, list) else []
 
 
-def _told(path: str, beside: Path, cloud_of: Callable[[Columns], PointCloud]) -> Told:
+def _findings(path: str, beside: Path, cloud_of: Callable[[Columns], PointCloud]) -> Findings:
     """Check points and JSON against each other."""
     head, rows = read_result_json(beside)
     columns = Columns(beside)
@@ -127,7 +127,7 @@ def _told(path: str, beside: Path, cloud_of: Callable[[Columns], PointCloud]) ->
         raise InputError(f"{beside}: not the JSON of {path}, which has other patches. Run mapq classify again.")
     if not np.array_equal(np.asarray(cloud.fields[LABEL])[known], label[patch[known]]):
         raise InputError(f"{beside}: not the JSON of {path}, which has other labels. Run mapq classify again.")
-    return Told(
+    return Findings(
         path,
         cloud,
         len(cloud),

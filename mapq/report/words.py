@@ -9,7 +9,7 @@ from typing import Any
 
 from mapq.patches import NO_PATCH
 from mapq.report.markup import escape, table
-from mapq.report.source import MOST_REGIONS, Told, regions_in
+from mapq.report.source import MOST_REGIONS, Findings, regions_in
 
 
 def number(value: Any, digits: int = 1, unit: str = "") -> str:
@@ -32,53 +32,53 @@ def part(head: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def threshold_of(told: Told) -> float:
+def threshold_of(findings: Findings) -> float:
     """Return the probability from which patches are called suspicious."""
-    value = part(told.head, "threshold").get("p_suspicious")
+    value = part(findings.head, "threshold").get("p_suspicious")
     return float(value) if isinstance(value, int | float) and 0.0 <= value <= 1.0 else 0.5
 
 
-def verdict_words(told: Told) -> tuple[str, str]:
+def verdict_words(findings: Findings) -> tuple[str, str]:
     """Return the verdict in one line, and the lines below it, both as markup."""
-    counts, verdict = part(told.head, "counts"), part(told.head, "verdict")
-    if not len(told.label):
-        return "No plane patch was found: nothing is said of this map.", _facts(told, counts, verdict)
+    counts, verdict = part(findings.head, "counts"), part(findings.head, "verdict")
+    if not len(findings.label):
+        return "No plane patch was found: nothing is said of this map.", _facts(findings, counts, verdict)
     share = verdict.get("share_of_area", counts.get("share_of_area"))
     limit = verdict.get("fail_over")
     line = f"<strong>{percent(share)}</strong> of the surface is suspicious"
     if limit is not None and verdict.get("passed") is not None:
         state = "passes" if verdict["passed"] is True else "fails"
         line += f' <span class="verdict-{state}">{state}: no more than {percent(limit)} was asked for</span>'
-    return line, _facts(told, counts, verdict)
+    return line, _facts(findings, counts, verdict)
 
 
-def _facts(told: Told, counts: Mapping[str, Any], verdict: Mapping[str, Any]) -> str:
+def _facts(findings: Findings, counts: Mapping[str, Any], verdict: Mapping[str, Any]) -> str:
     """Return facts of the whole map as a list."""
     return (
         "<dl>"
-        + "".join(f"<div><dt>{name}</dt><dd>{text}</dd></div>" for name, text in _rows(told, counts, verdict))
+        + "".join(f"<div><dt>{name}</dt><dd>{text}</dd></div>" for name, text in _rows(findings, counts, verdict))
         + "</dl>"
     )
 
 
-def _rows(told: Told, counts: Mapping[str, Any], verdict: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    n_regions, n_inside = len(regions_in(told.head)), int((told.patch != NO_PATCH).sum())
+def _rows(findings: Findings, counts: Mapping[str, Any], verdict: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    n_regions, n_inside = len(regions_in(findings.head)), int((findings.patch != NO_PATCH).sum())
     where = f", in {n_regions} region{'' if n_regions == 1 else 's'}" if n_regions else ""
     yield "area", f"{number(counts.get('area_suspicious_m2'))} of {number(counts.get('area_m2'))} m² suspicious"
-    yield "patches", f"{number(counts.get('n_suspicious'), 0)} of {number(len(told.label), 0)} suspicious{where}"
-    share = n_inside / max(len(told.cloud), 1)
-    yield "points", f"{len(told.cloud):,}, {percent(share)} of them in patches; nothing is said of the others"
-    if len(told.rows) < len(told.label):
+    yield "patches", f"{number(counts.get('n_suspicious'), 0)} of {number(len(findings.label), 0)} suspicious{where}"
+    share = n_inside / max(len(findings.cloud), 1)
+    yield "points", f"{len(findings.cloud):,}, {percent(share)} of them in patches; nothing is said of the others"
+    if len(findings.rows) < len(findings.label):
         yield (
             "told of",
-            f"{len(told.rows):,} of these patches one by one: those of the regions listed, then suspicious ones, the "
-            "surest first, then the largest; the JSON of the result has all",
+            f"{len(findings.rows):,} of these patches one by one: those of the regions listed, then suspicious ones, "
+            "the surest first, then the largest; the JSON of the result has all",
         )
     yield (
         "expected",
         f"{percent(counts.get('expected_share_of_area'))} of the surface is wrong, if the probabilities are right",
     )
-    if verdict.get("cause") is not None and told.cloud.fields.get("cause") is not None:
+    if verdict.get("cause") is not None and findings.cloud.fields.get("cause") is not None:
         areas = part(verdict, "area_by_cause_m2")
         yield "causes", escape(", ".join(f"{name} {number(value)} m²" for name, value in areas.items() if value))
     if isinstance(verdict.get("scans_apart_m"), float):
@@ -86,23 +86,25 @@ def _rows(told: Told, counts: Mapping[str, Any], verdict: Mapping[str, Any]) -> 
             "scans apart",
             f"{number(verdict['scans_apart_m'], 3)} m in the median of patches that several scans of a visit saw",
         )
-    if told.cloud.shift.any():
-        shift = ", ".join(f"{value:,.0f}" for value in told.cloud.shift * told.cloud.unit)
+    if findings.cloud.shift.any():
+        shift = ", ".join(f"{value:,.0f}" for value in findings.cloud.shift * findings.cloud.unit)
         yield "global shift", f"{shift} m: views and tables leave it out of coordinates; a selected patch shows both"
-    for warning in part(part(told.head, "segmentation"), "report").get("warnings") or ():
+    for warning in part(part(findings.head, "segmentation"), "report").get("warnings") or ():
         yield "warning", escape(warning)
 
 
-def region_table(told: Told) -> str:
+def region_table(findings: Findings) -> str:
     """Return the table of regions, worst first."""
-    regions = regions_in(told.head)
+    regions = regions_in(findings.head)
     if not regions:
-        return "<p>No region: no patch is suspicious.</p>" if not told.label.any() else "<p>The result lists none.</p>"
+        return (
+            "<p>No region: no patch is suspicious.</p>" if not findings.label.any() else "<p>The result lists none.</p>"
+        )
     names = ("region", "severity", "area", "patches", "extent", "centre", "surfaces apart", "mean p", "cause")
     units = ("", "m²", "m²", "", "m", "m", "m", "", "")
     head = [name + (f" <small>{unit}</small>" if unit else "") for name, unit in zip(names, units, strict=True)]
     rows = [
-        (f' tabindex="0" data-region="{place}"', _region_cells(told, row))
+        (f' tabindex="0" data-region="{place}"', _region_cells(findings, row))
         for place, row in enumerate(regions[:MOST_REGIONS])
     ]
     more = len(regions) - MOST_REGIONS
@@ -110,8 +112,8 @@ def region_table(told: Told) -> str:
     return table(head, rows, "list") + rest
 
 
-def _region_cells(told: Told, region: Mapping[str, Any]) -> list[str]:
-    low, high, centre = (local(told, region.get(name)) for name in ("low", "high", "centre"))
+def _region_cells(findings: Findings, region: Mapping[str, Any]) -> list[str]:
+    low, high, centre = (local(findings, region.get(name)) for name in ("low", "high", "centre"))
     extent = " × ".join(number(b - a) for a, b in zip(low, high, strict=True))
     return [
         number(region.get("region"), 0),
@@ -126,21 +128,21 @@ def _region_cells(told: Told, region: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def local(told: Told, place: Any) -> list[float]:
+def local(findings: Findings, place: Any) -> list[float]:
     """Return a place (3) of the JSON in metres without the global shift; nan if it is none."""
     if not isinstance(place, list) or len(place) != 3 or not all(isinstance(x, int | float) for x in place):
         return [math.nan] * 3
-    unit, shift = told.cloud.unit.tolist(), told.cloud.shift.tolist()
+    unit, shift = findings.cloud.unit.tolist(), findings.cloud.shift.tolist()
     return [(x - moved) * factor for x, moved, factor in zip(place, shift, unit, strict=True)]
 
 
-def made_table(told: Told) -> str:
+def made_table(findings: Findings) -> str:
     """Return how the result was made, from its head."""
-    head = told.head
+    head = findings.head
     versions = ", ".join(f"{name} {value}" for name, value in part(head, "versions").items())
     inputs = head.get("inputs") if isinstance(head.get("inputs"), list) else []
     rows = [
-        ("result", PurePath(told.path).name),
+        ("result", PurePath(findings.path).name),
         ("made on", head.get("created", "–")),
         ("command", " ".join(map(str, head.get("command") or ()))),
         *(("input", _input_words(row)) for row in inputs or () if isinstance(row, dict)),
@@ -148,7 +150,7 @@ def made_table(told: Told) -> str:
             "model, edges, calibration",
             ", ".join(str(head.get(name, "–")) for name in ("model", "edge_model", "calibration")),
         ),
-        ("called suspicious", f"from a probability of {threshold_of(told):.3f}"),
+        ("called suspicious", f"from a probability of {threshold_of(findings):.3f}"),
         ("versions", versions),
     ]
     return table(("", ""), [("", (escape(name), escape(text))) for name, text in rows], "plain")

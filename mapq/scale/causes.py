@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.assess.causes import Cause, Spread, copies_of, judge, measure_spread, median_apart, some_of
+from mapq.assess.causes import Cause, Spread, cause_of, copies_of, measure_spread, median_apart, some_of
 from mapq.assess.visits import Clock, Stays, Visits, to_sensor_of, visits_from
 from mapq.graph import PatchFeatures
 from mapq.scale.gather import Part, gather
@@ -102,5 +102,5 @@ def judge_spreads(tasks: list[CauseTask], spreads: list[list[Spread]], suspiciou
         for task, several in zip(tasks, spreads, strict=True)
         for patch, spread in zip(task.patches.tolist(), several, strict=True)
     }
-    causes = {int(patch): judge(by_patch[int(patch)], visits) for patch in np.flatnonzero(suspicious)}
+    causes = {int(patch): cause_of(by_patch[int(patch)], visits) for patch in np.flatnonzero(suspicious)}
     return Found(visits, causes, median_apart([by_patch[patch] for patch in some_of(len(suspicious))]))

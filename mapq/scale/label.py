@@ -17,7 +17,7 @@ from mapq.io.las_pieces import open_las_pieces
 from mapq.io.options import ReadOptions
 from mapq.io.ply_write import vertex_rows
 from mapq.io.results import result_cloud
-from mapq.io.write import LAS_ENDS, write_cloud
+from mapq.io.write import LAS_SUFFIXES, write_cloud
 from mapq.scale.cut import regions_path
 from mapq.scale.files import save_arrays
 from mapq.scale.patches import load_whole
@@ -107,7 +107,7 @@ def write_labels(task: LabelTask) -> int:
 @contextmanager
 def _open_sink(task: LabelTask) -> Iterator[Sink]:
     """Give what writes the target: in pieces, but for clouds that are read whole."""
-    if task.target.lower().endswith(LAS_ENDS) and task.sources[0].is_las:
+    if task.target.lower().endswith(LAS_SUFFIXES) and task.sources[0].is_las:
         with open_las_pieces(task.target) as pieces:
             yield pieces
     elif task.sources[0].is_las:

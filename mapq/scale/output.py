@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 
 from mapq.io.result_folder import RESULT_JSON
 from mapq.io.results import claim_result, json_beside, result_lines
-from mapq.io.write import LAS_ENDS
+from mapq.io.write import LAS_SUFFIXES
 from mapq.scale.source import Source
 from prf.shell.errors import OutputExists, UsageError
 from prf.shell.files import STREAM, atomic_write
 from prf.shell.lock import claim, claim_output
 from prf.shell.together import together
 
-CLOUD_ENDS = (*LAS_ENDS, ".ply")
+CLOUD_SUFFIXES = (*LAS_SUFFIXES, ".ply")
 COPC = ".copc.laz"
 
 
@@ -41,7 +41,7 @@ def plan_output(path: str, sources: list[Source], is_tiled: bool, force: bool) -
     """
     if path == STREAM:
         raise UsageError("a map in tiles cannot go to standard output. Name a file or a folder with -o.")
-    if not is_tiled or path.lower().endswith(CLOUD_ENDS) or path == os.devnull:
+    if not is_tiled or path.lower().endswith(CLOUD_SUFFIXES) or path == os.devnull:
         claim_result(path, force)
         files = {} if path == os.devnull else {path: list(range(len(sources)))}
         return Output(path, False, files, json_beside(path))

@@ -14,7 +14,7 @@ from mapq.io.clouds import read_cloud
 from mapq.io.content import Content
 from mapq.io.las_pieces import read_las_head, read_las_pieces
 from mapq.io.options import ReadOptions
-from mapq.io.write import LAS_ENDS
+from mapq.io.write import LAS_SUFFIXES
 from prf.shell.errors import InputError
 
 RANGE = 2_000_000
@@ -60,7 +60,7 @@ class Range(NamedTuple):
 def is_tiled(path: str) -> bool:
     """Return whether a path is a folder of LAS or LAZ tiles."""
     folder = Path(path)
-    return folder.is_dir() and any(each.suffix.lower() in LAS_ENDS for each in folder.iterdir())
+    return folder.is_dir() and any(each.suffix.lower() in LAS_SUFFIXES for each in folder.iterdir())
 
 
 def find_sources(path: str, options: ReadOptions) -> list[Source]:
@@ -74,7 +74,7 @@ def find_sources(path: str, options: ReadOptions) -> list[Source]:
     folder = Path(path)
     paths = [path]
     if is_tiled(path):
-        paths = [str(each) for each in sorted(folder.iterdir()) if each.suffix.lower() in LAS_ENDS]
+        paths = [str(each) for each in sorted(folder.iterdir()) if each.suffix.lower() in LAS_SUFFIXES]
     sources = [_look_at(each, options) for each in paths]
     for other in sources[1:]:
         if not np.array_equal(other.unit, sources[0].unit):

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from mapq.simulate.robot import STEP, Trajectory
 from mapq.simulate.settings import Settings
 
-Vector = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 SMOOTH = 12.0
 """Metres over which the scale error keeps its value: slip comes with the ground, not with the instant."""
@@ -35,7 +35,7 @@ def odometry(truth: Trajectory, settings: Settings, rng: np.random.Generator) ->
     return truth._replace(xy=xy, heading=truth.heading + turned)
 
 
-def _wandering(n_steps: int, rng: np.random.Generator) -> Vector:
+def _wandering(n_steps: int, rng: np.random.Generator) -> Floats:
     """Return a stationary series (n_steps,) of variance 1 that forgets itself over `SMOOTH` metres."""
     knots = rng.standard_normal(int(n_steps * STEP / SMOOTH) + 2)
     # Between knots the variance falls to a half; the factor makes it 1 on average.

@@ -21,7 +21,7 @@ from mapq.simulate.traffic import add_traffic
 from mapq.simulate.truth import Seen, Truth, judge
 from prf.shell.seeds import spawn_generators
 
-Vector = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 CHUNK = 200_000
 """Beams cast at once: enough for speed, few enough for progress and memory."""
@@ -100,7 +100,7 @@ def _build(builder: SceneBuilder, settings: Settings, rng: np.random.Generator) 
     return drive_along(waypoints, rng)
 
 
-def _frame(plan: Plan, start: Vector, heading: float, side: float) -> Frame:
+def _frame(plan: Plan, start: Floats, heading: float, side: float) -> Frame:
     """Return the frame in which the plan's street begins at `start` and runs along `heading`."""
     along = plan.bend - plan.start
     turned = Frame(np.zeros(2), heading - side * float(np.arctan2(along[1], along[0])), side)
@@ -123,7 +123,7 @@ def _render(world: World, returns: Returns, way: Trajectory, believed: Trajector
     turn = believed_heading - heading
     c, s = np.cos(turn), np.sin(turn)
 
-    def placed(points: Vector) -> Vector:
+    def placed(points: Floats) -> Floats:
         away = points[:, :2] - returns.origins[:, :2]
         x, y = c * away[:, 0] - s * away[:, 1], s * away[:, 0] + c * away[:, 1]
         return np.column_stack([origin[:, 0] + x, origin[:, 1] + y, points[:, 2]])
@@ -140,7 +140,7 @@ def _render(world: World, returns: Returns, way: Trajectory, believed: Trajector
     return Simulation(cloud, summarise(cloud, world, truth, way, believed, settings))
 
 
-def _seen(world: World, returns: Returns, moved: Vector) -> Seen:
+def _seen(world: World, returns: Returns, moved: Floats) -> Seen:
     """Return what the rule of truth asks for."""
     never = returns.mixed | np.isin(world.kind[returns.items], MOVING)
     surface = np.where(returns.mixed, NO_SURFACE, world.surface[returns.items])

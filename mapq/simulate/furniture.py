@@ -9,7 +9,7 @@ from mapq.simulate.kinds import Kind
 from mapq.simulate.line import Line
 from mapq.simulate.scene import SceneBuilder
 
-Vector = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 PAVEMENT = 2.2
 """Width of a pavement in metres."""
@@ -49,14 +49,14 @@ def add_garden_wall(builder: SceneBuilder, line: Line, height: float, thickness:
     builder.sheet(np.array([*line.start, height]), np.array([*(line.end - line.start), 0.0]), across, Kind.GARDEN_WALL)
 
 
-def add_parked_car(builder: SceneBuilder, centre: Vector, along: Vector, rng: np.random.Generator) -> None:
+def add_parked_car(builder: SceneBuilder, centre: Floats, along: Floats, rng: np.random.Generator) -> None:
     """Add a car: a body with upright sides, and a cabin with a sloped front and rear."""
     length, width = rng.uniform(3.7, 4.7), rng.uniform(1.6, 1.8)
     waist, top = rng.uniform(0.78, 0.95), rng.uniform(1.38, 1.6)
     across = np.array([-along[1], along[0]])
     marks = length * np.array([0.0, 0.24, 0.38, 0.82, 0.95, 1.0])
 
-    def corner(u: float, side: float) -> Vector:
+    def corner(u: float, side: float) -> Floats:
         return np.asarray(centre + (u - 0.5 * length) * along + side * 0.5 * width * across)
 
     for side in (-1.0, 1.0):
@@ -72,7 +72,7 @@ def add_parked_car(builder: SceneBuilder, centre: Vector, along: Vector, rng: np
         builder.sheet(np.array([*corner(marks[first], -1.0), low]), rise, over, Kind.PARKED_CAR)
 
 
-def add_tree(builder: SceneBuilder, xy: Vector, rng: np.random.Generator) -> None:
+def add_tree(builder: SceneBuilder, xy: Floats, rng: np.random.Generator) -> None:
     """Add a trunk and a crown of two or three overlapping volumes of leaves."""
     height = rng.uniform(2.2, 3.2)
     builder.post(xy, rng.uniform(0.1, 0.2), (0.0, height + 0.8))
@@ -83,13 +83,13 @@ def add_tree(builder: SceneBuilder, xy: Vector, rng: np.random.Generator) -> Non
         builder.blob(centre, radii, rng.uniform(0.5, 1.6))
 
 
-def add_bush(builder: SceneBuilder, xy: Vector, rng: np.random.Generator) -> None:
+def add_bush(builder: SceneBuilder, xy: Floats, rng: np.random.Generator) -> None:
     """Add a volume of leaves on the ground."""
     radii = (rng.uniform(0.4, 0.9), rng.uniform(0.4, 0.8))
     builder.blob(np.array([*xy, 0.8 * radii[1]]), radii, rng.uniform(2.0, 6.0))
 
 
-def add_lamp(builder: SceneBuilder, xy: Vector, rng: np.random.Generator) -> None:
+def add_lamp(builder: SceneBuilder, xy: Floats, rng: np.random.Generator) -> None:
     """Add a lamp post."""
     builder.post(xy, rng.uniform(0.06, 0.1), (0.0, rng.uniform(5.0, 8.0)))
 
@@ -129,7 +129,7 @@ def add_archway(
     builder.sheet(np.array([*(a + step), clear]), soffit, through, Kind.ARCH)
 
 
-def _add_pier(builder: SceneBuilder, foot: Vector, line: Line, side: float) -> None:
+def _add_pier(builder: SceneBuilder, foot: Floats, line: Line, side: float) -> None:
     """Add a pier that stands out of the front beside the opening."""
     reach = -0.45 * line.inward
     outer = foot + side * 0.7 * line.along

@@ -13,7 +13,7 @@ from mapq.simulate.robot import Trajectory
 from mapq.simulate.scene import World
 from mapq.simulate.settings import Settings
 
-Vector = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 BEAMS = 180
 """Beams of a scan, one a degree, from the right to the left."""
@@ -59,9 +59,9 @@ class Beams(NamedTuple):
     origins, directions : (n, 3) float64
     """
 
-    time: Vector
-    origins: Vector
-    directions: Vector
+    time: Floats
+    origins: Floats
+    directions: Floats
 
 
 class Returns(NamedTuple):
@@ -81,10 +81,10 @@ class Returns(NamedTuple):
         Ranges between the two sides of an edge.
     """
 
-    time: Vector
-    origins: Vector
-    hits: Vector
-    measured: Vector
+    time: Floats
+    origins: Floats
+    hits: Floats
+    measured: Floats
     items: NDArray[np.int32]
     mixed: NDArray[np.bool_]
 
@@ -115,7 +115,7 @@ def make_beams(numbers: NDArray[np.int64], way: Trajectory, speed: float, all_ro
     return Beams(time, origins, _directions(heading, pitch, angle))
 
 
-def _directions(heading: Vector, pitch: Vector, angle: Vector) -> Vector:
+def _directions(heading: Floats, pitch: Floats, angle: Floats) -> Floats:
     """Return unit vectors (n, 3); `angle` is counter-clockwise in the scan plane from straight ahead."""
     ahead, left, up = np.cos(angle) * np.cos(pitch), np.sin(angle), np.abs(np.cos(angle)) * np.sin(pitch)
     c, s = np.cos(heading), np.sin(heading)
@@ -144,7 +144,7 @@ def observe(world: World, beams: Beams, settings: Settings, rng: np.random.Gener
     return Returns(beams.time[kept], beams.origins[kept], hits[kept], measured[kept], items[kept], mixed[kept])
 
 
-def _cast(world: World, beams: Beams, draws: Vector, max_range: float) -> tuple[Vector, NDArray[np.int32]]:
+def _cast(world: World, beams: Beams, draws: Floats, max_range: float) -> tuple[Floats, NDArray[np.int32]]:
     """Return range and item of each beam."""
     ranges, items = np.empty(len(draws)), np.empty(len(draws), np.int32)
     directions = np.ascontiguousarray(beams.directions)
@@ -152,7 +152,7 @@ def _cast(world: World, beams: Beams, draws: Vector, max_range: float) -> tuple[
     return ranges, items
 
 
-def _spread(directions: Vector, chance: Vector) -> Vector:
+def _spread(directions: Floats, chance: Floats) -> Floats:
     """Return directions (n, 3) at the rim of each beam's spot, sideways or up and down."""
     sideways = np.stack([-directions[:, 1], directions[:, 0], np.zeros(len(directions))], axis=1)
     sideways /= np.maximum(np.hypot(sideways[:, 0], sideways[:, 1]), 1e-9)[:, None]
@@ -162,7 +162,7 @@ def _spread(directions: Vector, chance: Vector) -> Vector:
     return np.asarray(moved / np.linalg.norm(moved, axis=1, keepdims=True))
 
 
-def _lost(world: World, beams: Beams, items: NDArray[np.int32], luck: Vector) -> NDArray[np.bool_]:
+def _lost(world: World, beams: Beams, items: NDArray[np.int32], luck: Floats) -> NDArray[np.bool_]:
     """Return which returns (n,) the laser does not see: some of all, many from glass, those at grazing angles."""
     safe = np.where(items == NOTHING, 0, items)
     surface = world.surface[safe]

@@ -15,7 +15,7 @@ from mapq.simulate.settings import Settings
 from mapq.simulate.street import Row, add_row
 from mapq.simulate.variety import SHED_CHANCE, add_shed
 
-Vector = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 LANE = 1.2
 """Metres to the right of the middle of a wide street on which the robot drives."""
@@ -43,15 +43,15 @@ class Plan(NamedTuple):
         Of the pathway.
     """
 
-    corners: Vector
-    start: Vector
-    bend: Vector
+    corners: Floats
+    start: Floats
+    bend: Floats
     width: float
     depth: float
-    gardens: Vector
+    gardens: Floats
     exit_length: float
 
-    def ring(self, distance: float) -> Vector:
+    def ring(self, distance: float) -> Floats:
         """Return the corners (4, 2) of the block, `distance` metres farther out."""
         return offset_corners(self.corners, distance)
 
@@ -61,11 +61,11 @@ class Plan(NamedTuple):
         return min(LANE, max(0.5 * self.width - 5.0, 0.0))
 
     @property
-    def exit_direction(self) -> Vector:
+    def exit_direction(self) -> Floats:
         """Unit vector along the pathway: on along the block's last side."""
         return unit(self.corners[0] - self.corners[3])
 
-    def exit_point(self, along: float, left: float) -> Vector:
+    def exit_point(self, along: float, left: float) -> Floats:
         """Return the point so far along the pathway's middle, from the ring's corner, and so far to the left."""
         d = self.exit_direction
         return np.asarray(self.ring(0.5 * self.width)[0] + along * d + left * left_of(d))
@@ -94,7 +94,7 @@ def draw_plan(settings: Settings, rng: np.random.Generator) -> Plan:
     )
 
 
-def _draw_gardens(settings: Settings, largest: float, rng: np.random.Generator) -> Vector:
+def _draw_gardens(settings: Settings, largest: float, rng: np.random.Generator) -> Floats:
     """Return the sides of the gardens (4,) at the block's corners; at least one where there are look-alikes."""
     sides = np.minimum(rng.uniform(7.0, 10.0, 4), largest)
     wanted = rng.random(4) < 0.6 * settings.look_alikes
@@ -212,7 +212,7 @@ def _add_arch(builder: SceneBuilder, plan: Plan, rng: np.random.Generator) -> No
     add_archway(builder, line, rng.uniform(3.5, 7.0), rng.uniform(7.0, 10.0), opening)
 
 
-def offset_corners(corners: Vector, distance: float) -> Vector:
+def offset_corners(corners: Floats, distance: float) -> Floats:
     """Return the corners of a counter-clockwise polygon whose sides are moved outward by `distance`."""
     sides = np.roll(corners, -1, axis=0) - corners
     moved = [a - distance * left_of(unit(s)) for a, s in zip(corners, sides, strict=True)]

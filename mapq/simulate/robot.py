@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mapq.simulate.layout import Plan
 from mapq.simulate.scene import Frame
 
-Vector = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 STEP = 0.05
 """Metres between two poses of a trajectory; between them the robot moves evenly."""
@@ -31,17 +31,17 @@ class Trajectory(NamedTuple):
         Driven distance at which each pass but the first begins.
     """
 
-    distance: Vector
-    xy: Vector
-    heading: Vector
-    pass_starts: Vector
+    distance: Floats
+    xy: Floats
+    heading: Floats
+    pass_starts: Floats
 
     @property
     def length(self) -> float:
         """Length of the path in metres."""
         return float(self.distance[-1])
 
-    def at(self, distance: Vector) -> tuple[Vector, Vector]:
+    def at(self, distance: Floats) -> tuple[Floats, Floats]:
         """Return positions (n, 2) and headings (n,) at driven distances (n,)."""
         x, y, heading = (
             np.interp(distance, self.distance, values) for values in (self.xy[:, 0], self.xy[:, 1], self.heading)
@@ -52,7 +52,7 @@ class Trajectory(NamedTuple):
 class Waypoint(NamedTuple):
     """A corner of the path before it is rounded; a new pass may begin there."""
 
-    xy: Vector
+    xy: Floats
     begins_pass: bool = False
 
 
@@ -101,7 +101,7 @@ def drive_along(waypoints: Sequence[Waypoint], rng: np.random.Generator) -> Traj
     return Trajectory(distance, xy, heading + sway, np.array(marks))
 
 
-def _rounded(before: Vector, corner: Vector, after: Vector, radius: float) -> Vector:
+def _rounded(before: Floats, corner: Floats, after: Floats, radius: float) -> Floats:
     """Return points (n, 2) of the arc that replaces a corner."""
     a, b = before - corner, after - corner
     la, lb = np.hypot(*a), np.hypot(*b)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mapq.kernels.raycast import Scene
 from mapq.simulate.kinds import Kind
 
-Vector = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 NO_SURFACE = -1
 """Surface number of what is not a plane."""
@@ -37,15 +37,15 @@ class Frame(NamedTuple):
         1, or -1 for a mirrored block.
     """
 
-    origin: Vector
+    origin: Floats
     heading: float
     side: float
 
-    def place(self, xy: Vector) -> Vector:
+    def place(self, xy: Floats) -> Floats:
         """Return points (..., 2) of the block's frame in the world."""
         return self.origin + self.turn(xy)
 
-    def turn(self, vector: Vector) -> Vector:
+    def turn(self, vector: Floats) -> Floats:
         """Return vectors (..., 2) of the block's frame in the world."""
         c, s = np.cos(self.heading), np.sin(self.heading)
         x, y = vector[..., 0], self.side * vector[..., 1]
@@ -91,7 +91,7 @@ class _Items:
         self.rows.append(row)
         self.tags.append((surface, thing, int(kind)))
 
-    def array(self) -> Vector:
+    def array(self) -> Floats:
         return np.array(self.rows, np.float64).reshape(-1, self.width)
 
 
@@ -111,7 +111,7 @@ class SceneBuilder:
         self._n_things += 1
         return self._n_things - 1
 
-    def surface(self, normal: Sequence[float] | Vector) -> int:
+    def surface(self, normal: Sequence[float] | Floats) -> int:
         """Return the number of a new planar surface with this normal (2 or 3 components, of the block's frame)."""
         n = np.asarray(normal, np.float64)
         turned = self.frame.turn(n[:2])
@@ -126,8 +126,8 @@ class SceneBuilder:
 
     def wall(
         self,
-        a: Vector,
-        b: Vector,
+        a: Floats,
+        b: Floats,
         z: tuple[float, float],
         kind: Kind,
         surface: int | None = None,
@@ -142,7 +142,7 @@ class SceneBuilder:
         self._walls.add((*start, *direction, length, *z, *holes[0], *holes[1]), surface, -1, kind)
         return surface
 
-    def sheet(self, corner: Vector, a: Vector, b: Vector, kind: Kind, surface: int | None = None) -> int:
+    def sheet(self, corner: Floats, a: Floats, b: Floats, kind: Kind, surface: int | None = None) -> int:
         """Add the parallelogram of a corner (3,) and two sides (3,), and return its surface, a new one if None."""
         if surface is None:
             surface = self.surface(np.cross(a, b))
@@ -160,19 +160,19 @@ class SceneBuilder:
         self._sheets.add((*c, *normal, *dual[0], *dual[1]), surface, -1, kind)
         return surface
 
-    def post(self, xy: Vector, radius: float, z: tuple[float, float], kind: Kind = Kind.POST) -> None:
+    def post(self, xy: Floats, radius: float, z: tuple[float, float], kind: Kind = Kind.POST) -> None:
         """Add a vertical cylinder."""
         self._posts.add((*self.frame.place(xy), radius, *z), NO_SURFACE, self.thing(), kind)
 
-    def blob(self, centre: Vector, radii: tuple[float, float], density: float) -> None:
+    def blob(self, centre: Floats, radii: tuple[float, float], density: float) -> None:
         """Add a spheroid of foliage: centre (3,), horizontal and vertical radius, returns per metre."""
         place = self.frame.place(centre[:2])
         self._blobs.add((*place, centre[2], *radii, density), NO_SURFACE, self.thing(), Kind.FOLIAGE)
 
     def mover(
         self,
-        start: Vector,
-        velocity: Vector,
+        start: Floats,
+        velocity: Floats,
         times: tuple[float, float],
         half: tuple[float, float] | float,
         z: tuple[float, float],
@@ -204,13 +204,13 @@ class SceneBuilder:
         )
 
 
-def _wall_boxes(walls: Vector) -> Vector:
+def _wall_boxes(walls: Floats) -> Floats:
     """Return x0, y0, x1, y1 (n, 4) of walls."""
     ends = walls[:, :2] + walls[:, 2:4] * walls[:, 4:5]
     return np.hstack([np.minimum(walls[:, :2], ends), np.maximum(walls[:, :2], ends)])
 
 
-def _sheet_boxes(sheets: Vector) -> Vector:
+def _sheet_boxes(sheets: Floats) -> Floats:
     """Return x0, y0, x1, y1 (n, 4) of sheets, whose sides are the dual vectors of their coordinates."""
     boxes = np.zeros((len(sheets), 4))
     for box, sheet in zip(boxes, sheets, strict=True):
@@ -220,7 +220,7 @@ def _sheet_boxes(sheets: Vector) -> Vector:
     return boxes
 
 
-def _round_boxes(posts: Vector, blobs: Vector) -> Vector:
+def _round_boxes(posts: Floats, blobs: Floats) -> Floats:
     """Return x0, y0, x1, y1 (n, 4) of posts and foliage."""
     centre = np.vstack([posts[:, :2], blobs[:, :2]])
     radius = np.concatenate([posts[:, 2], blobs[:, 3]])[:, None]
@@ -228,8 +228,8 @@ def _round_boxes(posts: Vector, blobs: Vector) -> Vector:
 
 
 def _index(
-    boxes: Vector, walls: Vector, reach: float
-) -> tuple[NDArray[np.int32], NDArray[np.int32], Vector, NDArray[np.int32]]:
+    boxes: Floats, walls: Floats, reach: float
+) -> tuple[NDArray[np.int32], NDArray[np.int32], Floats, NDArray[np.int32]]:
     """Return the start of each cell, the items of cells, the grid's corner and side, and its shape."""
     low = np.floor(boxes[:, :2].min(axis=0) - reach)
     shape = np.ceil((boxes[:, 2:].max(axis=0) + reach - low) / GRID_CELL).astype(np.int64)
@@ -254,7 +254,7 @@ def _index(
     return start, found[order].astype(np.int32), grid, shape.astype(np.int32)
 
 
-def _near_line(wall: Vector, x: Vector, y: Vector) -> NDArray[np.bool_]:
+def _near_line(wall: Floats, x: Floats, y: Floats) -> NDArray[np.bool_]:
     """Return which cells, by their centres, a wall's line can cross."""
     away = np.abs((x - wall[0]) * wall[3] - (y - wall[1]) * wall[2])
     return np.asarray(away <= 0.7072 * GRID_CELL + 1e-6)

@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 from mapq.simulate.scene import NO_SURFACE
 from mapq.simulate.settings import Settings
 
-Vector = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 
 class Truth(NamedTuple):
@@ -28,7 +28,7 @@ class Truth(NamedTuple):
     """
 
     suspicious: NDArray[np.bool_]
-    disagreement: Vector
+    disagreement: Floats
     cell: NDArray[np.int64]
 
 
@@ -48,12 +48,12 @@ class Seen(NamedTuple):
         Of the surface; anything for points without one.
     """
 
-    hits: Vector
-    moved: Vector
-    time: Vector
+    hits: Floats
+    moved: Floats
+    time: Floats
     surface: NDArray[np.int32]
     thing: NDArray[np.int32]
-    normal: Vector
+    normal: Floats
 
 
 def judge(seen: Seen, settings: Settings) -> Truth:
@@ -105,11 +105,11 @@ class Visits(NamedTuple):
     """
 
     cell: NDArray[np.int64]
-    hits: Vector
-    normal: Vector
-    moved: Vector
-    begin: Vector
-    end: Vector
+    hits: Floats
+    normal: Floats
+    moved: Floats
+    begin: Floats
+    end: Floats
     counted: NDArray[np.bool_]
     planar: NDArray[np.bool_]
 
@@ -126,7 +126,7 @@ class Visits(NamedTuple):
         n_visits = len(cell)
         counts = np.maximum(np.bincount(visit, minlength=n_visits), 1)[:, None]
 
-        def mean(values: Vector) -> Vector:
+        def mean(values: Floats) -> Floats:
             sums = [np.bincount(visit, column, n_visits) for column in values[order].T]
             return np.asarray(np.stack(sums, axis=1) / counts)
 
@@ -142,7 +142,7 @@ class Visits(NamedTuple):
         return np.flatnonzero(self.planar & self.counted & (n_counted[self.cell] == 1))
 
 
-def disagreement_of_touching(visits: Visits, some: NDArray[np.intp], settings: Settings) -> Vector:
+def disagreement_of_touching(visits: Visits, some: NDArray[np.intp], settings: Settings) -> Floats:
     """Return for `some` visits (k,) the largest displacement along their normal from an earlier or later visit near by.
 
     Near by is a parallel cell (within 30 degrees) whose points lie in the mean not farther than a cell and a half. From
@@ -190,7 +190,7 @@ def cells_of(seen: Seen, side: float) -> NDArray[np.int64]:
     return cell
 
 
-def _worst(cell: NDArray[np.int64], mean: Vector, counted: NDArray[np.bool_]) -> Vector:
+def _worst(cell: NDArray[np.int64], mean: Floats, counted: NDArray[np.bool_]) -> Floats:
     """Return for each visit the largest distance to another visit of its cell that counts."""
     worst = np.zeros(len(cell))
     lag = 1

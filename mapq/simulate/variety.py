@@ -13,7 +13,7 @@ from mapq.simulate.kinds import Kind
 from mapq.simulate.line import Line
 from mapq.simulate.scene import SceneBuilder
 
-Vector = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 YARD_CHANCE = 0.12
 """Chance that a lot has a yard in place of a building, times `variety`."""

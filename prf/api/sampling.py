@@ -40,7 +40,7 @@ from prf.sampler.starts import Start
 from prf.shell.errors import ArgumentError
 from prf.shell.files import refuse_standing
 from prf.shell.lock import exclusive
-from prf.shell.notebook import Told, reported
+from prf.shell.notebook import ProgressCallback, reported
 from prf.shell.seeds import resolve_seed
 from prf.shell.signals import StopFlag, graceful_stop
 
@@ -129,7 +129,7 @@ def sample(
     tiles: int | None = None,
     threads: int = 0,
     scheduler: str | None = None,
-    progress: bool | Told = True,
+    progress: bool | ProgressCallback = True,
     watch: Watch | None = None,
     on_interrupt: OnInterrupt = "return",
 ) -> Run:
@@ -216,7 +216,7 @@ def resume(
     seconds: float | None = None,
     threads: int = 0,
     scheduler: str | None = None,
-    progress: bool | Told = True,
+    progress: bool | ProgressCallback = True,
     watch: Watch | None = None,
     on_interrupt: OnInterrupt = "return",
     asked: Asked = NOTHING_ASKED,
@@ -268,7 +268,7 @@ def _fresh(
 
 
 def _carry_out(
-    session: Session, rule: StopRule, progress: bool | Told, watch: Watch | None, on_interrupt: OnInterrupt
+    session: Session, rule: StopRule, progress: bool | ProgressCallback, watch: Watch | None, on_interrupt: OnInterrupt
 ) -> Run:
     """Sample with progress; Ctrl-C ends it in good order."""
     logger.info(describe_session(session))

@@ -96,7 +96,7 @@ class Bag:
         connections = [connection for connection in self._reader.connections if connection.topic in topics]
         if not connections:
             return
-        with _told(self.source):
+        with _refusing_damage(self.source):
             stream = self._reader.messages(connections)
             for connection, nanoseconds, raw in stream:
                 body = self._reader.deserialize(raw, connection.msgtype)
@@ -149,11 +149,11 @@ def open_bag(path: Path, source: str) -> Iterator[Bag]:
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
-    with _told(source):
+    with _refusing_damage(source):
         reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
         reader.open()
     try:
-        with _told(source):
+        with _refusing_damage(source):
             bag = Bag(reader, source)
         yield bag
     finally:
@@ -167,7 +167,7 @@ def seconds(stamp: Any, received: float) -> float:
 
 
 @contextmanager
-def _told(source: str) -> Iterator[None]:
+def _refusing_damage(source: str) -> Iterator[None]:
     """Turn whatever `rosbags` stumbles on, bare assertions among it, into one line."""
     try:
         yield

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from prf.shell.progress import Reporter, progress
 
-Told = Callable[[float, Mapping[str, object]], None]
+ProgressCallback = Callable[[float, Mapping[str, object]], None]
 """What a caller may give instead of True: it is told the share that is done, and what a bar shows beside it."""
 
 
@@ -23,16 +23,16 @@ class _Quiet:
 class _Teller:
     """Tells a callable the share that is done."""
 
-    def __init__(self, told: Told, total: float) -> None:
-        self._told, self._total = told, total
+    def __init__(self, callback: ProgressCallback, total: float) -> None:
+        self._callback, self._total = callback, total
 
     def update(self, completed: float, **fields: object) -> None:
         """Tell it."""
-        self._told(completed / self._total, fields)
+        self._callback(completed / self._total, fields)
 
 
 @contextmanager
-def reported(wanted: bool | Told, total: float, description: str) -> Iterator[Reporter]:
+def reported(wanted: bool | ProgressCallback, total: float, description: str) -> Iterator[Reporter]:
     """Yield what long work reports to.
 
     Parameters

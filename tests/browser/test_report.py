@@ -7,7 +7,7 @@ import shutil
 
 import pytest
 
-from mapq.report import read_told, write_report
+from mapq.report import read_findings, write_report
 from tests.browser.conftest import FLAGS
 from tests.mapq.factories import make_patches
 from tests.mapq.report.results import save_result
@@ -18,7 +18,7 @@ MOVED_BY = 0.4
 
 @pytest.fixture(scope="module")
 def told(tmp_path_factory):
-    return read_told(str(save_result(tmp_path_factory.mktemp("report") / "walls.ply")))
+    return read_findings(str(save_result(tmp_path_factory.mktemp("report") / "walls.ply")))
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +144,7 @@ def test_nothing_is_fetched(page, report):
 
 
 def test_scripts_in_names_do_not_run(page, tmp_path):
-    told = read_told(str(save_result(tmp_path / "<script>document.title='taken'<.ply")))
+    told = read_findings(str(save_result(tmp_path / "<script>document.title='taken'<.ply")))
     evil = "<img src=x onerror=\"document.title='taken'\"><script>document.title='taken'</script>"
     for row in told.rows:
         row["reasons"] = [{"text": evil, "log_odds": 1.0, "other": 2}]
@@ -159,7 +159,7 @@ def test_scripts_in_names_do_not_run(page, tmp_path):
 
 @pytest.mark.slow
 def test_a_map_without_patches_opens(page, tmp_path):
-    told = read_told(str(save_result(tmp_path / "r.ply", make_patches([], [], loose=20))))
+    told = read_findings(str(save_result(tmp_path / "r.ply", make_patches([], [], loose=20))))
     write_report(str(tmp_path / "r.html"), told)
     open_report(page, tmp_path / "r.html")
     assert "No plane patch was found" in page.locator("header").inner_text()
@@ -196,7 +196,7 @@ def test_without_webgl_the_map_in_space_stands_still(report, browser):
 
 def test_of_a_map_of_many_patches_those_told_of_keep_their_numbers(page, told, tmp_path, monkeypatch):
     monkeypatch.setattr("mapq.report.source.MOST_TOLD", 20)
-    few = read_told(told.path)
+    few = read_findings(told.path)
     write_report(str(tmp_path / "few.html"), few)
     open_report(page, tmp_path / "few.html")
     assert page.locator("#page").inner_text().endswith("of 20")

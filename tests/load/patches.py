@@ -14,7 +14,7 @@ from mapq.features import patch_features
 from mapq.io import read_patches, write_patches
 from mapq.io.models import read_default_model
 from mapq.io.results import json_beside, write_result
-from mapq.report import read_told, write_report
+from mapq.report import read_findings, write_report
 from prf.shell.manifest import describe_process
 from tests.load.meter import Meter
 from tests.load.town import town
@@ -51,7 +51,7 @@ def run(n_patches: int, folder: Path, meter: Meter) -> int:
         note.append(f"{len(judged.xyz):,} points")
     del judged
     with meter.stage("report") as note:
-        told = read_told(target)
+        told = read_findings(target)
         written = write_report(str(folder / "town.html"), told)
         assert len(told.label) == len(labelling.label)
         np.testing.assert_array_equal(told.label, labelling.label)

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from mapq.report import read_told, write_report
+from mapq.report import read_findings, write_report
 from prf.run import read_run
 from tests.load import beams, edges, patches
 from tests.load.meter import Meter, forget_peak, peak, resident
@@ -57,6 +57,6 @@ def test_a_report_stays_small_however_many_patches_there_are(tmp_path, monkeypat
     monkeypatch.setattr("mapq.report.source.MOST_TOLD", 100)
     sizes = []
     for n_patches in (200, 1600):
-        told = read_told(str(save_result(tmp_path / f"{n_patches}.ply", town(n_patches))))
+        told = read_findings(str(save_result(tmp_path / f"{n_patches}.ply", town(n_patches))))
         sizes.append(write_report(str(tmp_path / "r.html"), told, n_most=2000).n_bytes)
     assert sizes[1] < sizes[0] + 100_000

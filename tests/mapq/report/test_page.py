@@ -11,7 +11,7 @@ import pytest
 
 from mapq.cloud import PointCloud
 from mapq.io import write_ply
-from mapq.report import choice, read_told, write_report
+from mapq.report import choice, read_findings, write_report
 from mapq.report.markup import fill, script_sources, script_tags
 from mapq.report.page import page_data
 from prf.shell.errors import InputError, UsageError
@@ -31,7 +31,7 @@ def data_of(page: str) -> dict:
 
 
 def test_a_page_says_what_the_result_says(tmp_path):
-    told = read_told(str(save_result(tmp_path / "r.ply")))
+    told = read_findings(str(save_result(tmp_path / "r.ply")))
     page = report(tmp_path / "r.html", told)
     data = data_of(page)
     assert data["label"] == draw_patches(1).label.tolist()
@@ -45,7 +45,7 @@ def test_a_page_says_what_the_result_says(tmp_path):
 
 
 def test_nothing_of_a_page_lies_elsewhere(tmp_path):
-    page = without_plotly(report(tmp_path / "r.html", read_told(str(save_result(tmp_path / "r.ply")))))
+    page = without_plotly(report(tmp_path / "r.html", read_findings(str(save_result(tmp_path / "r.ply")))))
     assert re.findall(r"(?:src|href)=[\"'](?!#)", page) == []
     assert "url(" not in page
     assert "@import" not in page
@@ -56,7 +56,7 @@ def test_nothing_of_a_page_lies_elsewhere(tmp_path):
 
 def test_names_are_text_and_never_markup(tmp_path):
     wicked = "<script>alert(1)<"  # a slash cannot stand in a name
-    told = read_told(str(save_result(tmp_path / f"{wicked}.ply")))
+    told = read_findings(str(save_result(tmp_path / f"{wicked}.ply")))
     evil = '"><img src=x onerror=alert(2)></script><!--'
     for row in told.rows:
         row["reasons"] = [{"text": evil, "log_odds": 1.0, "other": 3}]
@@ -92,7 +92,7 @@ def test_survey_coordinates_lose_their_shift_and_the_page_says_so(tmp_path):
     far = PointCloud.from_world(patches.cloud.xyz + np.array([413_000.0, 5_317_000.0, 0.0]))
     moved = patches.cloud.xyz[0] - far.xyz[0]
     centroid = patches.centroid - moved
-    told = read_told(str(save_result(tmp_path / "r.ply", replace(patches, cloud=far, centroid=centroid))))
+    told = read_findings(str(save_result(tmp_path / "r.ply", replace(patches, cloud=far, centroid=centroid))))
     page = report(tmp_path / "r.html", told)
     data = data_of(page)
     assert "global shift" in page
@@ -101,14 +101,14 @@ def test_survey_coordinates_lose_their_shift_and_the_page_says_so(tmp_path):
 
 
 def test_a_map_without_patches_is_said_to_have_none(tmp_path):
-    told = read_told(str(save_result(tmp_path / "r.ply", make_patches([], np.zeros((0, 3)), loose=20))))
+    told = read_findings(str(save_result(tmp_path / "r.ply", make_patches([], np.zeros((0, 3)), loose=20))))
     page = report(tmp_path / "r.html", told)
     assert "No plane patch was found" in page
     assert data_of(page)["label"] == []
 
 
 def test_numbers_that_do_not_exist_are_null(tmp_path):
-    told = read_told(str(save_result(tmp_path / "r.ply")))
+    told = read_findings(str(save_result(tmp_path / "r.ply")))
     told.rows[0]["rms_m"] = told.rows[1]["rms_m"] = None
     told.rows[2]["rms_m"] = "<b>"
     shown = choice.shown_patches(told.patch, told.number, told.label, told.probability, told.normal)
@@ -119,10 +119,10 @@ def test_the_json_must_be_there_and_of_this_result(tmp_path):
     path, other = save_result(tmp_path / "r.ply"), save_result(tmp_path / "o.ply", draw_patches(2, n_walls=6))
     (tmp_path / "r.json").write_bytes((tmp_path / "o.json").read_bytes())
     with pytest.raises(InputError, match="not the JSON of"):
-        read_told(str(path))
+        read_findings(str(path))
     (tmp_path / "o.json").unlink()
     with pytest.raises(InputError, match="not beside it"):
-        read_told(str(other))
+        read_findings(str(other))
 
 
 @pytest.mark.parametrize(("key", "value"), [("label", "odd"), ("normal", [1.0]), ("area_m2", "x"), ("n_points", [])])
@@ -132,23 +132,23 @@ def test_a_damaged_json_is_refused(tmp_path, key, value):
     content["patches"][3][key] = value
     (tmp_path / "r.json").write_text(json.dumps(content))
     with pytest.raises(InputError, match=r"r\.json.*damaged"):
-        read_told(str(path))
+        read_findings(str(path))
 
 
 def test_clouds_and_streams_are_no_results(tmp_path):
     path = tmp_path / "c.ply"
     write_ply(path, draw_patches(1).cloud)
     with pytest.raises(InputError, match="no result"):
-        read_told(str(path))
+        read_findings(str(path))
     with pytest.raises(UsageError, match="standard input"):
-        read_told("-")
+        read_findings("-")
 
 
 def test_of_many_patches_a_page_tells_of_those_that_matter_and_counts_the_others(tmp_path, monkeypatch):
     path = save_result(tmp_path / "r.ply")
-    every = read_told(str(path))
+    every = read_findings(str(path))
     monkeypatch.setattr("mapq.report.source.MOST_TOLD", 20)
-    told = read_told(str(path))
+    told = read_findings(str(path))
     listed = {patch for region in told.head["regions"] for patch in region["patches"]}
     assert len(listed) < 20 == len(told.rows)
     assert listed < set(told.number.tolist())

@@ -17,7 +17,7 @@ from mapq.io import read_cloud, write_cloud
 from mapq.io.describe import describe
 from mapq.io.result_folder import open_result_folder, steps_of, thinned_by_patch
 from mapq.render.source import read_picture
-from mapq.report import read_told, write_report
+from mapq.report import read_findings, write_report
 from mapq.scale.maps import Where, classify_map
 from mapq.scale.run import ScaleSettings
 from mapq.simulate.city import PITCH, make_block
@@ -61,9 +61,9 @@ def test_errors_of_scores_are_those_of_one_cloud(results):
 
 
 def test_a_report_tells_of_all_patches_and_shows_some_of_the_points(results, tmp_path, monkeypatch):
-    whole = read_told(results[1])
+    whole = read_findings(results[1])
     monkeypatch.setattr("mapq.report.source.MOST_READ", 8_000)
-    told = read_told(results[0])
+    told = read_findings(results[0])
     assert told.rows == whole.rows
     assert told.n_points == whole.n_points == len(whole.cloud)
     assert 5_000 < len(told.cloud) < 10_000
@@ -130,7 +130,7 @@ class TestBroken:
         folder = self.copied(results, tmp_path)
         for tile in folder.glob("*.laz"):
             tile.unlink()
-        for reader in (read_told, describe, read_picture):
+        for reader in (read_findings, describe, read_picture):
             with pytest.raises(InputError, match="no LAS or LAZ tile"):
                 reader(str(folder))
 
@@ -138,7 +138,7 @@ class TestBroken:
         folder = self.copied(results, tmp_path)
         write_cloud(folder / "c.laz", PointCloud.from_world(ORIGIN + np.eye(3)))
         with pytest.raises(InputError, match=r"c\.laz: this is no tile of a result"):
-            read_told(str(folder))
+            read_findings(str(folder))
 
     def test_the_json_of_another(self, results, tmp_path):
         folder = self.copied(results, tmp_path)
@@ -147,6 +147,6 @@ class TestBroken:
         head["counts"]["n_patches"] = head["counts"]["n_suspicious"] = 1
         fewer = json.dumps(head).removesuffix("]}")
         (folder / "result.json").write_text("\n".join([fewer, lines[1].removesuffix(","), "]}", ""]))
-        for reader in (read_told, describe, lambda path: read_judged(path, None)):
+        for reader in (read_findings, describe, lambda path: read_judged(path, None)):
             with pytest.raises(InputError, match="not the JSON of"):
                 reader(str(folder))
