@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.axes import GroundPlan, corner_of, from_corner, turn, turn_patches
 from mapq.features import literal
-from mapq.features.context import measure_context
+from mapq.features.context import Beyond, measure_context
 from mapq.features.edge import EDGE_NAMES, edge_features
 from mapq.features.neighbours import find_neighbours, take_pairs
 from mapq.features.node import NODE_NAMES, SHAPE_NAMES, node_features, shape_table
@@ -63,16 +64,47 @@ def _in_own_axes(patches: Patches, settings: FeatureSettings, progress: Reporter
     return found
 
 
-def _safe(patches: Patches, shapes: PatchShapes, graph: PatchGraph, settings: FeatureSettings) -> PatchFeatures:
+class Columns(NamedTuple):
+    """What a reading measures of patches (m) and pairs (n).
+
+    Attributes
+    ----------
+    graph : PatchGraph
+        Of the pairs that are joined.
+    node, edge : (m, p), (n, q) float64
+    plausibility : (n,) float64
+    node_names, edge_names : tuple of str
+    """
+
+    graph: PatchGraph
+    node: Floats
+    edge: Floats
+    plausibility: Floats
+    node_names: tuple[str, ...]
+    edge_names: tuple[str, ...]
+
+
+def safe_features(
+    patches: Patches,
+    shapes: PatchShapes,
+    graph: PatchGraph,
+    settings: FeatureSettings,
+    beyond: Beyond | None = None,
+) -> Columns:
+    """Return the features of patches and of those pairs that are close or in conflict; context from `beyond`, too."""
     edge, plausibility = edge_features(shapes, graph, settings)
     conflict = edge[:, EDGE_NAMES.index("overlap")] + edge[:, EDGE_NAMES.index("crossing")] > CONFLICT
     joined = graph.close | conflict
     graph, edge, plausibility = take_pairs(graph, joined), edge[joined], plausibility[joined]
-    context = measure_context(patches, shapes, graph, edge, settings)
+    context = measure_context(patches, shapes, graph, edge, settings, beyond)
     node = np.hstack([node_features(shapes, settings), context.node])
-    names = (*NODE_NAMES, *context.node_names)
     edge = np.hstack([edge, context.edge])
-    return _features(shapes, graph, settings, node, edge, plausibility, names, (*EDGE_NAMES, *context.edge_names), 0)
+    names = (*NODE_NAMES, *context.node_names), (*EDGE_NAMES, *context.edge_names)
+    return Columns(graph, node, edge, plausibility, *names)
+
+
+def _safe(patches: Patches, shapes: PatchShapes, graph: PatchGraph, settings: FeatureSettings) -> PatchFeatures:
+    return _features(shapes, settings, safe_features(patches, shapes, graph, settings), 0)
 
 
 def _literal(shapes: PatchShapes, graph: PatchGraph, settings: FeatureSettings) -> PatchFeatures:
@@ -80,32 +112,23 @@ def _literal(shapes: PatchShapes, graph: PatchGraph, settings: FeatureSettings) 
     node, n_node = literal.cut(literal.literal_nodes(shapes, hulls))
     edge, n_edge = literal.cut(literal.literal_edges(shapes, graph, hulls, settings))
     plausibility = 1.0 - edge[:, 1] * (edge[:, 2] + edge[:, 3])
-    return _features(shapes, graph, settings, node, edge, plausibility, literal.NODE_NAMES, EDGE_NAMES, n_node + n_edge)
+    columns = Columns(graph, node, edge, plausibility, literal.NODE_NAMES, EDGE_NAMES)
+    return _features(shapes, settings, columns, n_node + n_edge)
 
 
-def _features(
-    shapes: PatchShapes,
-    graph: PatchGraph,
-    settings: FeatureSettings,
-    node: Floats,
-    edge: Floats,
-    plausibility: Floats,
-    node_names: tuple[str, ...],
-    edge_names: tuple[str, ...],
-    n_clipped: int,
-) -> PatchFeatures:
+def _features(shapes: PatchShapes, settings: FeatureSettings, columns: Columns, n_clipped: int) -> PatchFeatures:
     return PatchFeatures(
         reading=settings.reading,
-        node=node,
-        pairs=graph.pairs,
-        edge=edge,
-        plausibility=plausibility,
-        node_names=node_names,
-        edge_names=edge_names,
+        node=columns.node,
+        pairs=columns.graph.pairs,
+        edge=columns.edge,
+        plausibility=columns.plausibility,
+        node_names=columns.node_names,
+        edge_names=columns.edge_names,
         n_clipped=n_clipped,
         shape=shape_table(shapes),
         shape_names=SHAPE_NAMES,
-        context_names=edge_names[len(EDGE_NAMES) :],
+        context_names=columns.edge_names[len(EDGE_NAMES) :],
         parameters=settings.described(shapes.noise(settings), shapes.up.tolist()),
     )
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.kernels.merging import pair_rms, resolve, unite
-from mapq.scale.cut import border_path
+from mapq.scale.tile_files import border_path
 
 FAIR_SHARE = 0.5
 """Of the points that both tiles see of the smaller region: so many must be of the other region too."""

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.features.provenance import TO_SENSOR, Known
 from mapq.features.rays import has_ray
-from mapq.kernels.cells import first_levels, number_cells
 from mapq.kernels.planes import MOMENTS
 from mapq.kernels.regions import sum_regions
-from mapq.scale.files import save_array, save_arrays
+from mapq.scale.moments import translate
 from mapq.scale.spool import TilePoints, read_tile_points
+from mapq.scale.tile_files import TileFiles
 from mapq.segmentation.core import make_core
-from mapq.segmentation.finish import CELL_IN_SPACING, region_areas
+from mapq.segmentation.finish import CELL_IN_SPACING, region_areas, tilt_of
 from mapq.segmentation.parameters import Parameters
-from mapq.segmentation.points import Points
+from mapq.segmentation.points import Points, sort_in_frame
 from mapq.segmentation.regions import Fits, Grown, fit, grow_pieces, spread_out, unions, unite_pieces
 
 FEWEST = 3
@@ -144,26 +142,6 @@ class Cut(NamedTuple):
     n_distinct: int
 
 
-def regions_path(folder: str, tile: int) -> str:
-    """Return the file with the region of each point of a tile, range after range, own points before the halo's."""
-    return os.path.join(folder, f"regions_{tile:05d}.npy")
-
-
-def points_path(folder: str, tile: int, name: str) -> str:
-    """Return the file with the own points of a tile, region after region: ``xyz`` or one of the fields."""
-    return os.path.join(folder, f"points_{tile:05d}_{name}.npy")
-
-
-def loose_path(folder: str, tile: int, name: str) -> str:
-    """Return the file with the own points of a tile that are in none of these regions; only of moments' maps."""
-    return os.path.join(folder, f"loose_{tile:05d}_{name}.npy")
-
-
-def border_path(folder: str, tile: int) -> str:
-    """Return the file with the points of a tile that others see too."""
-    return os.path.join(folder, f"border_{tile:05d}.npz")
-
-
 def cut_tile(task: CutTask) -> Cut:
     """Segment one tile with what lies around it, and write what others need of it."""
     parts = [read_tile_points(task.folder, task.tile, part) for part in task.parts]
@@ -174,9 +152,17 @@ def cut_tile(task: CutTask) -> Cut:
     own_place[points.number[is_own]] = True
     found = _regions(task, points, own_place)
     of_point = found.region[points.number]
-    save_array(regions_path(task.folder, task.tile), of_point)
-    _save_border(task, parts, xyz, is_own, {"region": of_point, "grown": found.first[points.number]})
-    return _described(task, parts, points, found, is_own, own_place)
+    files = TileFiles(task.folder, task.tile, parts)
+    files.save_regions(of_point)
+    shared = _seen_by_others(task, xyz, is_own)
+    files.save_border(shared, task.bases, {"region": of_point, "grown": found.first[points.number]})
+    return _described(task, files, points, found, is_own, own_place)
+
+
+def _seen_by_others(task: CutTask, xyz: Floats, is_own: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which points (n,) of a tile other tiles see too: its halo's, and those in the halos of others."""
+    near = (xyz[:, :2] < task.box[:2] + task.halo) | (xyz[:, :2] >= task.box[2:] - task.halo)
+    return np.asarray(~is_own | near.any(axis=1))
 
 
 class _Regions(NamedTuple):
@@ -215,29 +201,9 @@ def _pieces_of(grown: Grown, parent: NDArray[np.int32], is_own: NDArray[np.bool_
     return Pieces(origin, own, translate(grown.fits.sums, grown.fits.origin, origin), grown.pairs, parent)
 
 
-def sort_in_frame(xyz: Floats, frame: Floats) -> Points:
-    """Return the distinct points in the order of a given octree; see :func:`mapq.segmentation.points.sort_points`."""
-    code = number_cells(xyz, frame[:3].copy(), float(frame[3]))
-    order = np.argsort(code)
-    tied = np.zeros(len(code) + 1, bool)
-    tied[1:-1] = np.diff(code[order]) == 0
-    rows = np.flatnonzero(tied[1:] | tied[:-1])
-    among = order[rows]
-    order[rows] = among[np.lexsort((*xyz[among].T[::-1], code[among]))]
-    code, xyz = code[order], xyz[order]
-    new = np.ones(len(xyz), bool)
-    new[1:] = (code[1:] != code[:-1]) | (xyz[1:] != xyz[:-1]).any(axis=1)
-    number = np.empty(len(xyz), np.int32)
-    number[order] = np.cumsum(new) - 1
-    xyz, code = np.ascontiguousarray(xyz[new]), code[new]
-    return Points(
-        xyz=xyz, code=code, frame=frame, first_level=first_levels(code), number=number, n_not_finite=0, n_far=0
-    )
-
-
 def _described(
     task: CutTask,
-    parts: list[TilePoints],
+    files: TileFiles,
     points: Points,
     found: _Regions,
     is_own: NDArray[np.bool_],
@@ -264,7 +230,7 @@ def _described(
     area = region_areas(points.xyz, own_region, seen, CELL_IN_SPACING * task.chosen.spacing)
     of_point = np.where(is_own, region[points.number], np.int32(-1))
     n_points = np.bincount(of_point[of_point >= 0], minlength=n_regions).astype(np.int64)
-    start = _save_points(task, parts, of_point, is_own, ~_surely_tilted(seen, task.chosen))
+    start = files.save_points(of_point, is_own, ~_surely_tilted(seen, task.chosen), task.known.moment)
     share = int(own_place.sum()) / max(len(own_place), 1)
     return Cut(
         tile=task.tile,
@@ -272,7 +238,7 @@ def _described(
         own=own,
         seen=_about(seen.origin, origin, seen.sums, some),
         n_points=n_points,
-        n_rays=_count_rays(task.known, parts, of_point, n_regions),
+        n_rays=_count_rays(task.known, files.parts, of_point, n_regions),
         low=low,
         high=high,
         first=first,
@@ -291,23 +257,10 @@ def _about(origin: Floats, to: Floats, sums: Floats, some: NDArray[np.bool_]) ->
     return np.where(some[:, None], moved, sums)
 
 
-def translate(sums: Floats, origin: Floats, to: Floats) -> Floats:
-    """Return moments (m, 10) about origins (m, 3) as they are about others (m, 3)."""
-    n, x = sums[:, :1], origin - to
-    linear = sums[:, 1:4]
-    out = np.empty_like(sums)
-    out[:, :1] = n
-    out[:, 1:4] = linear + n * x
-    for place, (a, b) in enumerate(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)), 4):
-        mixed = x[:, a] * linear[:, b] + x[:, b] * linear[:, a]
-        out[:, place] = sums[:, place] + mixed + sums[:, 0] * x[:, a] * x[:, b]
-    return out
-
-
 def _surely_tilted(fits: Fits, chosen: Parameters) -> NDArray[np.bool_]:
     """Return which regions (m,) no whole patch can be made of: they lie far too flat."""
-    off = np.degrees(np.arcsin(np.clip(np.abs(fits.planes[:, :3] @ chosen.up), 0.0, 1.0)))
-    return np.asarray((off > chosen.max_tilt + CLEARLY_TILTED) & (fits.sums[:, 0] >= CLEARLY_LARGE))
+    tilted = tilt_of(fits.planes, chosen) > chosen.max_tilt + CLEARLY_TILTED
+    return np.asarray(tilted & (fits.sums[:, 0] >= CLEARLY_LARGE))
 
 
 def _count_rays(
@@ -319,57 +272,3 @@ def _count_rays(
     ways = [np.concatenate([part.fields[name] for part in parts]) for name in TO_SENSOR]
     some = has_ray(np.column_stack(ways)) & (of_point >= 0)
     return np.bincount(of_point[some], minlength=n_regions).astype(np.int64)
-
-
-def _save_points(
-    task: CutTask,
-    parts: list[TilePoints],
-    of_point: NDArray[np.int32],
-    is_own: NDArray[np.bool_],
-    wanted: NDArray[np.bool_],
-) -> NDArray[np.int64]:
-    """Write the own points of the regions that are wanted, and return where each region's begin (m + 1,).
-
-    Where moments are known the others are written too: they may lie over a patch.
-    """
-    kept = np.flatnonzero(of_point >= 0)
-    kept = kept[wanted[of_point[kept]]]
-    order = kept[np.argsort(of_point[kept], kind="stable")]
-    _save_columns(task, parts, points_path, order, tuple(parts[0].fields))
-    if task.known.moment is not None:
-        is_own = is_own.copy()
-        is_own[kept] = False
-        _save_columns(task, parts, loose_path, np.flatnonzero(is_own), (task.known.moment,))
-    start = np.zeros(len(wanted) + 1, np.int64)
-    np.cumsum(np.bincount(of_point[order], minlength=len(wanted)), out=start[1:])
-    return start
-
-
-def _save_columns(
-    task: CutTask,
-    parts: list[TilePoints],
-    path: Callable[[str, int, str], str],
-    rows: NDArray[np.int64],
-    names: tuple[str, ...],
-) -> None:
-    """Write coordinates and some fields of some points."""
-    save_array(path(task.folder, task.tile, "xyz"), np.concatenate([part.xyz for part in parts])[rows])
-    for name in names:
-        column: NDArray[Any] = np.concatenate([part.fields[name] for part in parts])[rows]
-        save_array(path(task.folder, task.tile, name), column)
-
-
-def _save_border(
-    task: CutTask,
-    parts: list[TilePoints],
-    xyz: Floats,
-    is_own: NDArray[np.bool_],
-    columns: dict[str, NDArray[np.int32]],
-) -> None:
-    """Write number among all points, ascending, and columns (regions) of the points that other tiles see too."""
-    near = (xyz[:, :2] < task.box[:2] + task.halo) | (xyz[:, :2] >= task.box[2:] - task.halo)
-    shared = ~is_own | near.any(axis=1)
-    number = np.concatenate([part.row + base for part, base in zip(parts, task.bases, strict=True)])[shared]
-    order = np.argsort(number)
-    ordered = {name: values[shared][order] for name, values in columns.items()}
-    save_arrays(border_path(task.folder, task.tile), number=number[order], **ordered)

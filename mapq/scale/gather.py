@@ -14,8 +14,8 @@ from mapq.cloud import PointCloud
 from mapq.features.apart import FARTHEST
 from mapq.kernels.voxels import voxel_keys
 from mapq.patches import NO_PATCH, Patches
-from mapq.scale.cut import loose_path, points_path
 from mapq.scale.patches import Whole
+from mapq.scale.tile_files import loose_path, points_path
 
 LOOKED_AT = 256
 """Boxes that are compared with all others at once."""

@@ -18,11 +18,11 @@ from mapq.io.options import ReadOptions
 from mapq.io.ply_write import vertex_rows
 from mapq.io.results import result_cloud
 from mapq.io.write import LAS_SUFFIXES, write_cloud
-from mapq.scale.cut import regions_path
 from mapq.scale.files import save_arrays
 from mapq.scale.patches import load_whole
 from mapq.scale.source import Range, Source, read_range
 from mapq.scale.spool import Spooled, read_rows
+from mapq.scale.tile_files import regions_path
 from prf.shell.files import open_output
 
 LABELS = "labels.npz"

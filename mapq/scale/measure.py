@@ -12,11 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.features.compute import CONFLICT
-from mapq.features.context import Beyond, measure_context
-from mapq.features.edge import EDGE_NAMES, edge_features
-from mapq.features.neighbours import measure_candidates, take_pairs
-from mapq.features.node import NODE_NAMES, node_features, shape_table
+from mapq.features.compute import safe_features
+from mapq.features.context import Beyond
+from mapq.features.neighbours import measure_candidates
+from mapq.features.node import shape_table
 from mapq.features.provenance import Known
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes, curve_places, measure_shapes
@@ -104,22 +103,18 @@ def measure_patches(task: MeasureTask) -> Measured:
         patches = with_loose(patches, is_own, whole, task.known.moment, task.tiles, task.part.folder)
     shapes = measure_shapes(patches, task.settings, whole.box - whole.corner)
     graph = _watched(shapes, is_own, task.settings)
-    edge, plausibility = edge_features(shapes, graph, task.settings)
-    conflict = edge[:, EDGE_NAMES.index("overlap")] + edge[:, EDGE_NAMES.index("crossing")] > CONFLICT
-    joined = graph.close | conflict
-    graph, edge, plausibility = take_pairs(graph, joined), edge[joined], plausibility[joined]
-    context = measure_context(patches, shapes, graph, edge, task.settings, _beyond(task, whole, chosen))
+    found = safe_features(patches, shapes, graph, task.settings, _beyond(task, whole, chosen))
     shape = shape_table(shapes)[is_own]
     shape[:, 0] = whole.n_points[task.patches]
     return Measured(
         patches=task.patches,
-        node=np.hstack([node_features(shapes, task.settings), context.node])[is_own],
+        node=found.node[is_own],
         shape=shape,
-        pairs=chosen[graph.pairs],
-        edge=np.hstack([edge, context.edge]),
-        plausibility=plausibility,
-        node_names=(*NODE_NAMES, *context.node_names),
-        edge_names=(*EDGE_NAMES, *context.edge_names),
+        pairs=chosen[found.graph.pairs],
+        edge=found.edge,
+        plausibility=found.plausibility,
+        node_names=found.node_names,
+        edge_names=found.edge_names,
     )
 
 

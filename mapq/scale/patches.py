@@ -13,7 +13,7 @@ from mapq.scale.borders import Shared, unite_regions
 from mapq.scale.cut import Cut
 from mapq.scale.files import save_arrays
 from mapq.scale.unions import add_up
-from mapq.segmentation.finish import is_large, is_upright
+from mapq.segmentation.finish import is_large, is_upright, number_regions, report_of
 from mapq.segmentation.parameters import Parameters
 from mapq.segmentation.regions import MERGE_RMS
 
@@ -114,12 +114,10 @@ def join_regions(
     n_groups = len(fits.planes)
     n_points = np.bincount(group, _all(cuts, "n_points"), n_groups).astype(np.int64)
     area = np.bincount(group, _all(cuts, "area"), n_groups).astype(np.float64)
-    large, upright = is_large(fits, chosen), is_upright(fits.planes, chosen)
     first = np.full(n_groups, np.iinfo(np.uint64).max, np.uint64)
     has_points = own[:, 0] > 0.0
     np.minimum.at(first, group[has_points], _all(cuts, "first")[has_points])
-    kept = np.flatnonzero(large & upright)
-    order = kept[np.lexsort((first[kept], -n_points[kept]))]
+    order = number_regions(is_large(fits, chosen) & is_upright(fits.planes, chosen), n_points, first)
     number = np.full(n_groups + 1, -1, np.int32)
     number[order] = np.arange(len(order))
     low, high = np.full((n_groups, 3), np.inf), np.full((n_groups, 3), -np.inf)
@@ -127,13 +125,6 @@ def join_regions(
     np.maximum.at(high, group, _all(cuts, "high"))
     of_region = number[group]
     first_piece, piece, rest = _pieces(cuts, of_region, len(order), first_region)
-    report = {
-        "patches": len(order),
-        "points_in_patches": int(n_points[order].sum()),
-        "area": float(area[order].sum()),
-        "dropped_for_tilt": _tally(large & ~upright, n_points, area),
-        "dropped_as_small": _tally(~large & (fits.sums[:, 0] > 0), n_points, area),
-    }
     whole = Whole(
         normal=fits.planes[order, :3].copy(),
         centroid=fits.planes[order, 3:].copy(),
@@ -148,7 +139,7 @@ def join_regions(
         number=of_region,
         first_region=first_region,
     )
-    return whole, report
+    return whole, report_of(fits, chosen, n_points, area)
 
 
 def _all(cuts: list[Cut], name: str) -> NDArray[Any]:
@@ -168,11 +159,3 @@ def _pieces(
     first = np.zeros(n_patches + 1, np.int64)
     np.cumsum(np.bincount(of_region[some], minlength=n_patches), out=first[1:])
     return first, rows[some], rows[(of_region < 0) & (end > begin)]
-
-
-def _tally(which: NDArray[np.bool_], n_points: Ints, area: Floats) -> dict[str, int | float]:
-    return {
-        "patches": int(np.count_nonzero(which)),
-        "points": int(n_points[which].sum()),
-        "area": float(area[which].sum()),
-    }

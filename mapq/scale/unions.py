@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from mapq.kernels.regions import fit_regions
 from mapq.scale.borders import Shared, unite_regions
-from mapq.scale.cut import Cut, Decided, Pieces, translate
+from mapq.scale.cut import Cut, Decided, Pieces
+from mapq.scale.moments import translate
 from mapq.segmentation.regions import Fits, merge
 
 FEWEST = 3

@@ -33,22 +33,34 @@ def keep_patches(points: Points, region: NDArray[np.int32], chosen: Parameters) 
     upright = is_upright(fits.planes, chosen)
     copies = points.multiplicity()
     n_points = np.bincount(region[region >= 0], weights=copies[region >= 0], minlength=len(large)).astype(np.int64)
-    tilted = large & ~upright
-    chosen_regions = np.flatnonzero(large & upright)
-    first = _first_points(region, len(large))
-    order = chosen_regions[np.lexsort((first[chosen_regions], -n_points[chosen_regions]))]
+    order = number_regions(large & upright, n_points, _first_points(region, len(large)))
     number = np.full(len(large) + 1, -1, np.int32)
     number[order] = np.arange(len(order))
-    small = ~large & (fits.sums[:, 0] > 0)
     areas = region_areas(points.xyz, region, fits, CELL_IN_SPACING * chosen.spacing)
-    report = {
-        "patches": len(order),
-        "points_in_patches": int(n_points[order].sum()),
-        "area": float(areas[order].sum()),
-        "dropped_for_tilt": _tally(tilted, n_points, areas),
-        "dropped_as_small": _tally(small, n_points, areas),
+    return Kept(number[region], fits.planes[order], report_of(fits, chosen, n_points, areas))
+
+
+def number_regions(
+    kept: NDArray[np.bool_], n_points: NDArray[np.int64], first: NDArray[np.int64] | NDArray[np.uint64]
+) -> NDArray[np.int64]:
+    """Return the regions that are kept (a mask) in the order of their numbers: largest first, ties by first point."""
+    regions = np.flatnonzero(kept)
+    return np.asarray(regions[np.lexsort((first[regions], -n_points[regions]))])
+
+
+def report_of(
+    fits: Fits, chosen: Parameters, n_points: NDArray[np.int64], areas: NDArray[np.float64]
+) -> dict[str, Any]:
+    """Return the report's part on regions (m): which are patches, and what was dropped."""
+    large, upright = is_large(fits, chosen), is_upright(fits.planes, chosen)
+    kept = _tally(large & upright, n_points, areas)
+    return {
+        "patches": kept["patches"],
+        "points_in_patches": kept["points"],
+        "area": kept["area"],
+        "dropped_for_tilt": _tally(large & ~upright, n_points, areas),
+        "dropped_as_small": _tally(~large & (fits.sums[:, 0] > 0), n_points, areas),
     }
-    return Kept(number[region], fits.planes[order], report)
 
 
 def is_large(fits: Fits, chosen: Parameters) -> NDArray[np.bool_]:
@@ -60,8 +72,12 @@ def is_large(fits: Fits, chosen: Parameters) -> NDArray[np.bool_]:
 
 def is_upright(planes: NDArray[np.float64], chosen: Parameters) -> NDArray[np.bool_]:
     """Return which planes (m,) are within the tilt allowed from vertical."""
-    off_vertical = np.degrees(np.arcsin(np.clip(np.abs(planes[:, :3] @ chosen.up), 0.0, 1.0)))
-    return np.asarray(~(off_vertical > chosen.max_tilt))
+    return np.asarray(~(tilt_of(planes, chosen) > chosen.max_tilt))
+
+
+def tilt_of(planes: NDArray[np.float64], chosen: Parameters) -> NDArray[np.float64]:
+    """Return the degrees (m,) by which planes are off vertical."""
+    return np.asarray(np.degrees(np.arcsin(np.clip(np.abs(planes[:, :3] @ chosen.up), 0.0, 1.0))))
 
 
 def region_areas(xyz: NDArray[np.float64], region: NDArray[np.int32], fits: Fits, cell: float) -> NDArray[np.float64]:

@@ -71,19 +71,29 @@ def _sorted(cloud: PointCloud, kept: NDArray[np.int64], finite: NDArray[np.bool_
     low, high = find_bounds(xyz) if len(xyz) else np.zeros((2, 3))
     side = float((high - low).max())
     frame = np.append(low, _root_side(xyz, low, side) if side > 0.0 else 1.0)
-    code = number_cells(xyz, low, float(frame[3]))
+    points = sort_in_frame(xyz, frame)
+    number = points.number
+    if len(kept) < len(cloud):
+        number = np.full(len(cloud), -1, np.int32)
+        number[kept] = points.number
+    n_finite = int(np.count_nonzero(finite))
+    return points._replace(number=number, n_not_finite=len(cloud) - n_finite, n_far=n_finite - len(kept))
+
+
+def sort_in_frame(xyz: NDArray[np.float64], frame: NDArray[np.float64]) -> Points:
+    """Return the distinct ones of finite points (n, 3) in the canonical order of an octree with a given frame (4,)."""
+    code = number_cells(xyz, frame[:3].copy(), float(frame[3]))
     order = _order(xyz, code)
-    xyz, code = xyz.take(order, axis=0), code[order]
-    new = np.ones(len(xyz), bool)
+    ordered, code = xyz.take(order, axis=0), code[order]
+    new = np.ones(len(code), bool)
     new[1:] = code[1:] != code[:-1]
     tied = np.flatnonzero(~new)
-    new[tied] = (xyz[tied] != xyz[tied - 1]).any(axis=1)
-    number = np.full(len(cloud), -1, np.int32)
-    number[order if len(kept) == len(cloud) else kept[order]] = np.cumsum(new, dtype=np.int32) - 1
+    new[tied] = (ordered[tied] != ordered[tied - 1]).any(axis=1)
+    number = np.empty(len(code), np.int32)
+    number[order] = np.cumsum(new, dtype=np.int32) - 1
     if not new.all():
-        xyz, code = xyz[new], code[new]
-    n_finite = int(np.count_nonzero(finite))
-    return Points(xyz, code, frame, first_levels(code), number, len(cloud) - n_finite, n_finite - len(kept))
+        ordered, code = ordered[new], code[new]
+    return Points(ordered, code, frame, first_levels(code), number, 0, 0)
 
 
 def _root_side(xyz: NDArray[np.float64], low: NDArray[np.float64], extent: float) -> float:

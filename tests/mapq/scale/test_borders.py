@@ -8,8 +8,9 @@ import pytest
 from mapq.kernels.planes import MOMENTS
 from mapq.kernels.regions import sum_regions
 from mapq.scale.borders import BorderTask, Shared, compare_borders, unite_regions
-from mapq.scale.cut import border_path, translate
 from mapq.scale.files import save_arrays
+from mapq.scale.moments import translate
+from mapq.scale.tile_files import border_path
 
 
 def moments(pieces: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -12,8 +12,9 @@ from mapq.io import write_cloud
 from mapq.kernels.planes import MOMENTS
 from mapq.kernels.regions import sum_regions
 from mapq.scale.borders import Shared
-from mapq.scale.cut import Cut, Pieces, translate
+from mapq.scale.cut import Cut, Pieces
 from mapq.scale.maps import Where, segment_map
+from mapq.scale.moments import translate
 from mapq.scale.run import ScaleSettings
 from mapq.scale.unions import decide_unions
 from mapq.segmentation import SegmentSettings, segment
