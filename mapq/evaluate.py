@@ -165,9 +165,8 @@ def read_labelled(path: str, model: Model | None, truth_field: str | None) -> La
     """Return what was inferred of the patches of a RESULT or PATCHES file, and what is true of them.
 
     A result carries its labels, and one in tiles is read a piece at a time; PATCHES are classified with `model` (None:
-    the one that ships with the package). The
-    truth of a patch is that of most of its points in `truth_field`; without one it is the labels stored in PATCHES,
-    else point field `TRUTH_FIELD`.
+    the one that ships with the package). The truth of a patch is that of most of its points in `truth_field`; without
+    one it is the labels stored in PATCHES, else point field `TRUTH_FIELD`.
 
     Raises
     ------

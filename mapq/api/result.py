@@ -134,6 +134,11 @@ class Result:
         ----------
         fail_over : float, optional
             The share, such as 0.05; without one "passed" is None.
+
+        Raises
+        ------
+        ArgumentError
+            If it is no share.
         """
         if fail_over is not None and not 0.0 <= fail_over <= 1.0:
             raise ArgumentError(f"fail_over {fail_over}: must be a share between 0 and 1.")

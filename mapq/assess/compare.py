@@ -18,6 +18,8 @@ LEAST_AREA = 1.0
 """m² of patches that both maps need in a cell for it to be common ground."""
 CHANGE = 0.25
 """Expected suspicious share by which a cell must differ to be called better or worse."""
+CORNER = 1.9
+"""Sides: centres of cells that touch, be it at a corner, are sqrt(3) apart at most, and of all others 2 or more."""
 SAME = 0.005
 """Expected suspicious shares of whole maps closer than this are called the same."""
 
@@ -137,7 +139,7 @@ def _places(keys: NDArray[np.int64], area: Floats, share: Floats, cell: float) -
         some = np.flatnonzero(change > CHANGE if worse else change < -CHANGE)
         if len(some) == 0:
             continue
-        near = KDTree(keys[some].astype(np.float64)).query_pairs(1.9, output_type="ndarray")
+        near = KDTree(keys[some].astype(np.float64)).query_pairs(CORNER, output_type="ndarray")
         links = coo_matrix((np.ones(len(near), np.int8), (near[:, 0], near[:, 1])), shape=(len(some),) * 2)
         n_parts, part = connected_components(links, directed=False)
         found += [_place(worse, some[part == index], keys, area, share, cell) for index in range(n_parts)]

@@ -30,7 +30,7 @@ EDGE_COLUMNS = {
 }
 """Group to its columns, of patches and of pairs."""
 
-CONFLICT = 1e-3
+LEAST_OVERLAP = 1e-3
 """Weighted overlap below which a pair is not looked at: there is nothing to be explained."""
 Floats = NDArray[np.float64]
 
@@ -133,7 +133,7 @@ def together(pairs: _Pairs, moments: Moments | None, number: NDArray[np.int64]) 
     points `number` (n,) of the cloud, ascending.
     """
     out, shapes = np.zeros(len(pairs.over)), pairs.shapes
-    some = np.flatnonzero(pairs.over > CONFLICT)
+    some = np.flatnonzero(pairs.over > LEAST_OVERLAP)
     if moments is not None and len(some):
         own = moments.moment[np.searchsorted(number, shapes.number)]
         share = seen_together(

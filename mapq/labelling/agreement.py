@@ -132,9 +132,9 @@ def _n_unsure(patches: Patches) -> int:
 def cohen_kappa(confusion: Counts) -> tuple[float, tuple[float, float]]:
     """Return Cohen's kappa of a table (2, 2) of counts and its 95 % interval, nan where it is not defined.
 
-    The interval holds the values that a table as likely as not 1.92 nats worse could have, both base rates being free
-    (profile likelihood): it stays within -1 and 1, and says something of few patches and of perfect agreement, where
-    the usual standard error is 0. Cohen 1960, A Coefficient of Agreement for Nominal Scales.
+    The interval holds every kappa whose log-likelihood, maximised over the base rates of both, is at most `DROP` below
+    the best (profile likelihood): it stays within -1 and 1, and says something of few patches and of perfect agreement,
+    where the usual standard error is 0. Cohen 1960, A Coefficient of Agreement for Nominal Scales.
     """
     n = int(confusion.sum())
     rows, columns = confusion.sum(axis=1) / max(n, 1), confusion.sum(axis=0) / max(n, 1)

@@ -12,11 +12,9 @@ from mapq import __version__
 from mapq.assess import Result
 from mapq.labelling.around import Surroundings
 from mapq.labelling.order import most_uncertain_first
-from mapq.labelling.store import Store
-from mapq.patches import UNLABELLED
+from mapq.labelling.store import NOTHING_YET, Store
+from mapq.patches import FROM_FIELD, UNLABELLED
 from mapq.report.markup import VIEWS, asset, escape, fill, plotly_script, script_sources, script_tags
-
-NOTHING_YET = 254
 
 
 class Page:
@@ -72,7 +70,7 @@ class Page:
         return {
             "order": self._order,
             "said": self._store.by_hand(),
-            "from_field": np.where(self._store.source == 1, self._store.label, NOTHING_YET),
+            "from_field": np.where(self._store.source == FROM_FIELD, self._store.label, NOTHING_YET),
             "has_model": self._result is not None,
             "threshold": None if self._result is None else self._cut(),
             **self._progress(),

@@ -19,6 +19,9 @@ from prf.shell.errors import OutputError
 from prf.shell.files import open_input, refuse_existing
 from prf.shell.lock import exclusive
 
+NOTHING_YET = np.uint8(254)
+"""What the page is told of a patch that nobody has looked at; ``NOTHING`` of label.js is the same number."""
+
 
 class Store:
     """Labels of a PATCHES file, one writer at a time; made by :func:`open_store`.
@@ -98,8 +101,8 @@ class Store:
             self._now.apply(event)
 
     def by_hand(self) -> NDArray[np.uint8]:
-        """Return of each patch (m,) what a person says: a label, `UNLABELLED` for unsure, 254 for nothing yet."""
-        return np.where(self.source == FROM_HAND, self.label, np.uint8(254))
+        """Return of each patch (m,) what a person says: a label, `UNLABELLED` for unsure, or `NOTHING_YET`."""
+        return np.where(self.source == FROM_HAND, self.label, NOTHING_YET)
 
     def counts(self) -> dict[str, int]:
         """Return how many patches there are, and how many have which label of a person."""

@@ -7,17 +7,10 @@ import html
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
-from prf.shell.progress import Reporter, progress
+from prf.shell.progress import Reporter, Silent, progress
 
 ProgressCallback = Callable[[float, Mapping[str, object]], None]
 """What a caller may give instead of True: it is told the share that is done, and what a bar shows beside it."""
-
-
-class _Quiet:
-    """Tells nobody."""
-
-    def update(self, completed: float, **fields: object) -> None:
-        """Do nothing."""
 
 
 class _Teller:
@@ -48,7 +41,7 @@ def reported(wanted: bool | ProgressCallback, total: float, description: str) ->
     if callable(wanted):
         yield _Teller(wanted, total)
     elif not wanted:
-        yield _Quiet()
+        yield Silent()
     else:
         with progress(total, description) as reporter:
             yield reporter

@@ -25,8 +25,8 @@ class Reporter(Protocol):
         """Say that `completed` of the total is done; `fields` are shown as ``name value``."""
 
 
-class _Silent:
-    """Says nothing (``-q``, ``--no-progress``)."""
+class Silent:
+    """Says nothing (``-q``, ``--no-progress``, `progress=False`)."""
 
     def update(self, completed: float, **fields: object) -> None:
         """Do nothing."""
@@ -79,7 +79,7 @@ def progress(total: float | None, description: str) -> Iterator[Reporter]:
         ``update(completed, **fields)``, cheap enough for every poll.
     """
     if not console.show_progress():
-        yield _Silent()
+        yield Silent()
     elif not (console.can_redraw(sys.stderr) or console.in_notebook()):
         yield _Plain(total, description)
     else:
