@@ -37,10 +37,14 @@ from tests.reference.plain_map import (
 )
 from tests.reference.proposals import Plan, line_measure, log_proposal_density, new_points
 from tests.reference.scripted import (
-    LAST,
+    FIRST,
     SCRIPTS,
+    SECOND,
+    Way,
     across,
     along,
+    below,
+    beyond,
     edge_slot,
     end_points,
     gone_vertex,
@@ -53,6 +57,8 @@ from tests.reference.scripted import (
 
 SEED = 20050726
 STEP = 1e-4
+NEAR = 1e-5
+"""Share by which differences may miss a density."""
 
 
 class Branch(NamedTuple):
@@ -73,9 +79,10 @@ def triangle_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterat
         first = across(x.window, u)
         others = [*across(x.window, v), *across(x.window, w)]
         free = 1.0 - plan.aimed
-        yield Branch(free * (1.0 - plan.local), [LAST, LAST, *first, *others], [2, 3, 4, 5, 6, 7])
+        is_free = beyond(plan.aimed)
+        yield Branch(free * (1.0 - plan.local), [is_free, beyond(plan.local), *first, *others], [2, 3, 4, 5, 6, 7])
         others = [reached(math.dist(u, v), m), turn(u, v), reached(math.dist(u, w), m), turn(u, w)]
-        yield Branch(free * plan.local, [LAST, 0.0, *first, *others], [2, 3, 4, 5, 6, 7])
+        yield Branch(free * plan.local, [is_free, below(plan.local), *first, *others], [2, 3, 4, 5, 6, 7])
         yield from aimed_birth(chain.targets, u, v, w, plan)
 
 
@@ -88,14 +95,14 @@ def aimed_birth(targets: Targets, u: Point, v: Point, w: Point, plan: Plan) -> I
     first = [(number + 0.5) / len(plan.targets), *within(plan, one, u)]
     others = [reached(math.dist(u, v), m), turn(u, v), reached(math.dist(u, w), m), turn(u, w)]
     picked = 0.5 * plan.aimed / len(plan.targets)
-    yield Branch(picked, [0.0, 0.0, *first, *others], [3, 4, 5, 6, 7, 8])
+    yield Branch(picked, [below(plan.aimed), FIRST, *first, *others], [3, 4, 5, 6, 7, 8])
     foot, offset = foot_and_offset(w, u, v)
     if other is None or other not in plan.near_target(one) or not 0.0 < foot < 1.0:
         return
     near = targets.near[targets.near_start[number] : targets.near_start[number + 1]].tolist()
     second = [(near.index(number_of(targets, other)) + 0.5) / len(near), *within(plan, other, v)]
-    apex = [foot, reached(abs(offset), m), LAST if offset > 0.0 else 0.0]
-    yield Branch(0.5 * picked / len(near), [0.0, LAST, *first, *second, *apex], [3, 4, 6, 7, 8, 9])
+    apex = [foot, reached(abs(offset), m), SECOND if offset > 0.0 else FIRST]
+    yield Branch(0.5 * picked / len(near), [below(plan.aimed), SECOND, *first, *second, *apex], [3, 4, 6, 7, 8, 9])
 
 
 def boundary_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
@@ -106,11 +113,11 @@ def boundary_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterat
         of_side = window.side_length(side) / window.perimeter
         middle = sum(window.side_length(s) for s in range(side)) / window.perimeter + 0.5 * of_side
         start = [middle, along(window, side, u)]
-        uniform = [LAST, *start, along(window, side, v), *across(window, apex)]
+        uniform = [beyond(plan.local), *start, along(window, side, v), *across(window, apex)]
         yield Branch((1.0 - plan.local) * of_side, uniform, [2, 3, 4, 5])
-        way = 0.0 if along(window, side, v) > along(window, side, u) else LAST
+        way = FIRST if along(window, side, v) > along(window, side, u) else SECOND
         local = [reached(math.dist(u, v), m), way, reached(math.dist(u, apex), m), turn(u, apex)]
-        yield Branch(0.5 * plan.local * of_side, [0.0, *start, *local], [2, 3, 5, 6])
+        yield Branch(0.5 * plan.local * of_side, [below(plan.local), *start, *local], [2, 3, 5, 6])
 
 
 def corner_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
@@ -122,7 +129,7 @@ def corner_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator
     if (y.side[u] + 1) % 4 != y.side[v]:
         u, v = v, u
     distances = [reached(math.dist(corner, w), plan.birth_reach) for w in (u, v)]
-    yield Branch(0.25 * plan.local, [0.0, uniform[1], *distances], [2, 3])
+    yield Branch(0.25 * plan.local, [below(plan.local), uniform[1], *distances], [2, 3])
 
 
 def split(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
@@ -142,8 +149,8 @@ def move_boundary(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterato
     picked = 1.0 / len(x.boundary())
     yield Branch((1.0 - plan.local) * picked, uniform, [2])
     v, (moved,) = gone_vertex(x, y), new_points(x, y, True)
-    way = 0.0 if sum(moved) > sum(v) else LAST
-    local = [uniform[0], 0.0, reached(math.dist(v, moved), plan.move_reach), way]
+    way = FIRST if sum(moved) > sum(v) else SECOND
+    local = [uniform[0], below(plan.local), reached(math.dist(v, moved), plan.move_reach), way]
     yield Branch(0.5 * plan.local * picked, local, [2])
 
 
@@ -154,7 +161,7 @@ def past_corner(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[
     v, (moved,) = gone_vertex(x, y), new_points(x, y, True)
     corner = corner_between(x.window, x.side[v], y.side[moved])
     assert corner is not None
-    local = [*uniform[:2], 0.0, reached(math.dist(corner, moved), plan.birth_reach)]
+    local = [*uniform[:2], below(plan.local), reached(math.dist(corner, moved), plan.birth_reach)]
     yield Branch(plan.local * picked, local, [3])
 
 
@@ -176,7 +183,8 @@ def cut_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Bra
 def leads_to(chain: Chain, move: int, numbers: list[float], x: PlainMap, y: PlainMap) -> bool:
     """Whether a move with these numbers leads to y, but for rounding: they may pick another edge from a list."""
     trial = copy.deepcopy(chain)
-    attempt(trial, move, scripted(numbers))
+    if attempt(trial, move, scripted(numbers))[3] == -math.inf:
+        return False
     return rounded(plain_map(read_coloring(trial.graph)).edges) == rounded(y.edges)
 
 
@@ -303,6 +311,14 @@ def proposals(lab: Lab, move: int, rng: np.random.Generator) -> Iterator[tuple[C
                 break
 
 
+def densities(lab: Lab, move: int, start: Chain, end: Chain) -> tuple[float, float]:
+    """The density of a way from the map of `start` to that of `end`: by the kernel's draws, and by the reference."""
+    x, y = read_coloring(start.graph), read_coloring(end.graph)
+    a, b = plain_map(x), plain_map(y)
+    drawn = sum(density(start, move, branch, b) for branch in BRANCHES[move](start, a, b, lab.plan))
+    return drawn, math.exp(log_proposal_density(move, x, y, lab.plan)) / lab.plan.odds[move]
+
+
 @pytest.mark.parametrize("move", BRANCHES, ids=[NAMES[move] for move in BRANCHES])
 def test_draws_have_the_density_of_the_reference(move: int) -> None:
     rng = np.random.default_rng(SEED)
@@ -310,10 +326,26 @@ def test_draws_have_the_density_of_the_reference(move: int) -> None:
     for settings in CASES:
         lab = make_lab(settings, rng)
         for start, end in proposals(lab, move, rng):
-            x, y = read_coloring(start.graph), read_coloring(end.graph)
-            a, b = plain_map(x), plain_map(y)
-            found = sum(density(start, move, branch, b) for branch in BRANCHES[move](start, a, b, lab.plan))
-            expected = math.exp(log_proposal_density(move, x, y, lab.plan)) / lab.plan.odds[move]
-            assert found == pytest.approx(expected, rel=1e-5)
+            found, expected = densities(lab, move, start, end)
+            assert found == pytest.approx(expected, rel=NEAR)
             n += 1
     assert n >= 10
+
+
+def idle_choices(lab: Lab, move: int, start: Chain, end: Chain) -> int:
+    """Number of the choices between two equal ways, from `start` to `end`, of which the other leads there too."""
+    x, y = plain_map(read_coloring(start.graph)), plain_map(read_coloring(end.graph))
+    scripts = SCRIPTS[move](start, x, y, lab.plan)
+    numbers = next((n for n in scripts if leads_to(start, move, n, x, y)), [])
+    ways = [k for k, n in enumerate(numbers) if isinstance(n, Way)]
+    others = [[*numbers[:k], FIRST if numbers[k] == SECOND else SECOND, *numbers[k + 1 :]] for k in ways]
+    return sum(leads_to(start, move, other, x, y) for other in others)
+
+
+@pytest.mark.parametrize("move", SCRIPTS, ids=[NAMES[move] for move in SCRIPTS])
+def test_of_two_ways_each_leads_elsewhere(move: int) -> None:
+    rng = np.random.default_rng(SEED)
+    for settings in CASES[:2]:
+        lab = make_lab(settings, rng)
+        start, end = next(proposals(lab, move, rng))
+        assert idle_choices(lab, move, start, end) == 0

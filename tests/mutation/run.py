@@ -105,9 +105,11 @@ def run_guard(guard: Guard, source: str, limit: float, states: Path) -> Outcome:
     def child() -> int:
         sys.meta_path.insert(0, _Finder(guard.module, source))
         if guard.moves:
-            from tests.mutation.ratios import faults
+            from tests.mutation.ratios import draw_faults, faults, load_states
 
-            found = faults(states, guard.moves)
+            worlds = load_states(states)
+            found = faults(worlds, guard.moves)
+            found += [fault for move in guard.moves for fault in draw_faults(worlds, move)]
             if found:
                 print(found[0])
                 return KILLED

@@ -6,13 +6,16 @@ import ast
 import os
 import subprocess
 import sys
+import types
 from pathlib import Path
 
 import pytest
 
 from tests.mutation.equivalent import read_equivalent
 from tests.mutation.guards import GROUPS
+from tests.mutation.ledger import Ledger
 from tests.mutation.mistakes import altered, mistakes
+from tests.mutation.patch import exchange_code
 from tests.mutation.run import path_of
 
 GUARDS = [guard for guards in GROUPS.values() for guard in guards]
@@ -91,3 +94,33 @@ def test_a_guard_fails_on_a_mistake_and_passes_where_nothing_changed(project_roo
         [sys.executable, "-c", TINY], env=environment, cwd=project_root, capture_output=True, text=True, check=False
     )
     assert done.stdout.split() == ["True", "False", "True", "False"], done.stderr
+
+
+def test_a_mistake_is_made_in_a_function_that_is_imported_and_nowhere_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    source = (
+        "LIMIT = 3\n\n\nclass A:\n    def f(self, x=1):\n        return x + 2\n\n\ndef g(x):\n    return A().f(x) * 2\n"
+    )
+    module = types.ModuleType("imported")
+    exec(compile(source, "imported", "exec"), module.__dict__)
+    monkeypatch.setitem(sys.modules, "imported", module)
+    found = {mistake.after: mistake for mistake in mistakes(source, borders=False)}
+    assert not exchange_code("imported", source, found["LIMIT = 4"])
+    assert not exchange_code("imported", source, found["def f(self, x=2):"])
+    assert module.g(5) == 14
+    assert exchange_code("imported", source, found["return (x - 2)"])
+    assert module.g(5) == 6
+    assert exchange_code("imported", source, found["return A().f(x) * 3"])
+    assert module.g(5) == 9
+
+
+def test_what_was_noticed_is_not_tried_again_while_its_source_stands(tmp_path: Path) -> None:
+    path = tmp_path / "build" / "ledger.jsonl"
+    ledger = Ledger(path)
+    ledger.note("a", "source", "x -> y", "survived", "")
+    ledger.note("a", "source", "x -> z", "killed", "test")
+    ledger.note("b", "source", "x -> y", "killed", "test")
+    assert Ledger(path).killed("a", "source") == {"x -> z"}
+    ledger.note("a", "source", "x -> y", "killed", "a new test")
+    assert Ledger(path).killed("a", "source") == {"x -> y", "x -> z"}
+    assert Ledger(path).killed("a", "another") == set()
+    assert Ledger(path, anew=True).killed("a", "source") == set()

@@ -15,15 +15,16 @@ from dataclasses import asdict, dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 import prf
 from prf.arak import exact_draws
-from prf.coloring import Coloring, violations
+from prf.coloring import Coloring, black_at, violations
 from prf.kernels import constants as c
 from prf.kernels._jit import core_entry
 from prf.kernels.chain import Chain, apply
 from prf.kernels.crossing import is_valid
-from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, log_prior_change
+from prf.kernels.proposal import N_LOOP, N_NEW_EDGES, N_OLD_EDGES, log_prior_change
 from prf.kernels.step import evaluate, log_ratio_of_cells, propose, run
 from prf.kernels.targets import Targets
 from prf.layout import grow, make_targets, read_coloring
@@ -69,6 +70,12 @@ WALL_TRIES = 600
 RING_TRIES = 5000
 """Attempts at a move in one state, until one is valid; at those with many corners, of which few are; at that of four
 edges in a ring before a wall, of which hardly any are there."""
+SMALL_TRIES = 12
+"""The same in the smallest maps, in which many moves are never valid."""
+SMALL_CASES = 2
+"""Cases whose smallest maps are examined."""
+N_BETWEEN, N_ANYWHERE = 24, 8
+"""Places at which colours are compared before and after a move."""
 
 CASES = (
     Settings(Window(0.0, 0.0, 1.0, 1.0), 1.0, cell=0.2, cut_reach=0.03),
@@ -187,6 +194,18 @@ def states(lab: Lab, n: int, rng: np.random.Generator) -> Iterator[Chain]:
         yield with_room(chain)
 
 
+def small_states(lab: Lab, rng: np.random.Generator) -> Iterator[Chain]:
+    """Yield the empty map, those that one birth makes of it, and these with an edge split."""
+    empty = lab.chain_at(Coloring.empty(lab.settings.window))
+    yield empty
+    for birth in (c.TRIANGLE_BIRTH, c.BOUNDARY_BIRTH, c.CORNER_BIRTH):
+        chain = copy.deepcopy(empty)
+        for move in (birth, c.SPLIT):
+            while attempt(chain, move, rng)[3] == -math.inf:
+                pass
+            yield copy.deepcopy(chain)
+
+
 def with_room(chain: Chain) -> Chain:
     return grow(chain) if chain.graph.counts[c.NEEDS_ROOM] else chain
 
@@ -242,10 +261,34 @@ def check_valid(lab: Lab, move: int, x: Coloring, chain: Chain, ratio: float, fo
     """Hold an applied proposal to the rules of a map, to the reference and to its way back."""
     y = read_coloring(chain.graph)
     found.problems += violations(y)
+    if not is_loop_round_change(chain, x, y):
+        found.problems.append("the loop does not enclose what changes its colour")
     error = relative_error(ratio, log_acceptance_ratio(move, x, y, lab.plan))
     found.reference_error = max(found.reference_error, error)
     error = relative_error(-log_ratio_back(lab, move, x, y), ratio)
     found.antisymmetry_error = max(found.antisymmetry_error, error)
+
+
+def is_loop_round_change(chain: Chain, x: Coloring, y: Coloring) -> bool:
+    """Whether the loop of an applied proposal encloses the places whose colour differs between x and y, and no others.
+
+    Places are drawn between corners of the loop, where colours change, and in the whole window.
+    """
+    loop = chain.proposal.loop[: chain.proposal.counts[N_LOOP]]
+    rng = np.random.default_rng(len(loop))
+    between = rng.dirichlet(np.full(len(loop), 0.5), N_BETWEEN) @ loop
+    places = np.concatenate([between, rng.uniform(x.window[:2], x.window[2:], (N_ANYWHERE, 2))])
+    return bool((black_at(x, places) ^ black_at(y, places) == is_inside(loop, places)).all())
+
+
+def is_inside(loop: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether each place (n, 2) has an odd number of the loop's sides to its right."""
+    (ax, ay), (bx, by) = loop.T[:, :, None], np.roll(loop, -1, axis=0).T[:, :, None]
+    x, y = places.T
+    straddles = (ay > y) != (by > y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = ax + (y - ay) / (by - ay) * (bx - ax)
+    return np.asarray(np.count_nonzero(straddles & (crossing > x), axis=0) % 2 == 1)
 
 
 def check_unapplied(lab: Lab, move: int, x: Coloring, chain: Chain, valid: bool, found: Findings) -> None:
@@ -263,11 +306,13 @@ def check_unapplied(lab: Lab, move: int, x: Coloring, chain: Chain, valid: bool,
             found.problems.append(f"refused without a crossing: {broken}")
 
 
-def try_move(lab: Lab, move: int, start: Chain, rng: np.random.Generator, found: Findings) -> None:
-    """Attempt one move from the same state until it is applied."""
+def try_move(
+    lab: Lab, move: int, start: Chain, rng: np.random.Generator, found: Findings, most: int | None = None
+) -> None:
+    """Attempt one move from the same state until it is applied, so many times at most (default: by the move)."""
     x = read_coloring(start.graph)
     chain = copy.deepcopy(start)
-    for _ in range(tries(move)):
+    for _ in range(most or tries(move)):
         legal, valid, decided, ratio = attempt(chain, move, rng)
         if not decided:
             found.problems.append(f"`evaluate` does not decide by log R = {ratio}")
@@ -285,11 +330,15 @@ def examine(n_states: int, seed: int) -> dict[str, Findings]:
     """Attempt every move in `n_states` states of each case."""
     rng = np.random.default_rng(seed)
     findings = {name: Findings() for name in NAMES}
-    for settings in CASES:
+    for number, settings in enumerate(CASES):
         lab = make_lab(settings, rng)
         for chain in states(lab, n_states, rng):
             for move, name in enumerate(NAMES):
                 try_move(lab, move, chain, rng, findings[name])
+        apart = np.random.default_rng(seed)
+        for chain in small_states(lab, apart) if number < SMALL_CASES else ():
+            for move, name in enumerate(NAMES):
+                try_move(lab, move, chain, apart, findings[name], SMALL_TRIES)
     return findings
 
 

@@ -19,8 +19,18 @@ from prf.window import Window
 from tests.reference.plain_map import PlainMap, Point, foot_and_offset, other
 from tests.reference.proposals import Plan, meeting, new_points
 
-LAST = 1.0 - 2.0**-20
-"""A number above every probability in the kernels: not local, the second of two ways."""
+FINEST = 2.0**-53
+"""Numbers are multiples of this."""
+
+
+class Way(float):
+    """A number that chooses between two equal ways."""
+
+
+FIRST, SECOND = Way(0.5 - FINEST), Way(0.5)
+"""The first and the second of two equal ways, as near to where they part as numbers come: a kernel that parts them
+elsewhere goes the wrong way.
+"""
 WORDS = 624
 
 
@@ -37,6 +47,16 @@ def scripted(numbers: Sequence[float]) -> np.random.Generator:
     generator = np.random.MT19937()
     generator.state = {"bit_generator": "MT19937", "state": {"key": key, "pos": 0}}
     return np.random.Generator(generator)
+
+
+def below(share: float) -> float:
+    """The last number for which a kernel does what it does with this probability."""
+    return max((math.ceil(share / FINEST) - 1) * FINEST, 0.0)
+
+
+def beyond(share: float) -> float:
+    """The first number for which it does not."""
+    return min(math.ceil(share / FINEST) * FINEST, 1.0 - FINEST)
 
 
 def _untempered(word: int) -> int:
@@ -104,12 +124,12 @@ def gone_vertex(x: PlainMap, y: PlainMap) -> Point:
 
 
 def triangle_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
-    yield [*aimed(plan, LAST), LAST, *(share for v in new_points(x, y, False) for share in across(x.window, v))]
+    yield [*aimed(plan), beyond(plan.local), *(share for v in new_points(x, y, False) for share in across(x.window, v))]
 
 
-def aimed(plan: Plan, number: float) -> list[float]:
-    """The number that decides whether a birth is aimed, which none is where there are no targets."""
-    return [number] if plan.aimed > 0.0 else []
+def aimed(plan: Plan) -> list[float]:
+    """The number that lets a birth be free, which all are where there are no targets."""
+    return [beyond(plan.aimed)] if plan.aimed > 0.0 else []
 
 
 def triangle_death(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
@@ -123,7 +143,7 @@ def boundary_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterat
     side, window = y.side[u], x.window
     before = sum(window.side_length(s) for s in range(side))
     middle = (before + 0.5 * window.side_length(side)) / window.perimeter
-    yield [LAST, middle, along(window, side, u), along(window, side, v), *across(window, apex)]
+    yield [beyond(plan.local), middle, along(window, side, u), along(window, side, v), *across(window, apex)]
 
 
 def boundary_death(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
@@ -135,7 +155,7 @@ def corner_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator
     u, v = new_points(x, y, True)
     if (y.side[u] + 1) % 4 != y.side[v]:
         u, v = v, u
-    yield [LAST, (y.side[u] + 0.5) / 4.0, along(x.window, y.side[u], u), along(x.window, y.side[v], v)]
+    yield [beyond(plan.local), (y.side[u] + 0.5) / 4.0, along(x.window, y.side[u], u), along(x.window, y.side[v], v)]
 
 
 def corner_death(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
@@ -149,7 +169,7 @@ def split(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[f
     u, w = end_points(chain, edge)
     foot, offset = foot_and_offset(v, u, w)
     picked = pick(chain, c.EDGES, edge_slot(chain, edge))
-    yield [picked, foot, reached(abs(offset), plan.split_reach), LAST if offset > 0.0 else 0.0]
+    yield [picked, foot, reached(abs(offset), plan.split_reach), SECOND if offset > 0.0 else FIRST]
 
 
 def merge(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
@@ -165,19 +185,19 @@ def move_interior(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterato
 
 def move_boundary(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
     v, (moved,) = gone_vertex(x, y), new_points(x, y, True)
-    yield [pick_vertex(chain, c.BOUNDARY_VERTICES, v), LAST, along(x.window, y.side[moved], moved)]
+    yield [pick_vertex(chain, c.BOUNDARY_VERTICES, v), beyond(plan.local), along(x.window, y.side[moved], moved)]
 
 
 def past_corner(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
     v, (moved,) = gone_vertex(x, y), new_points(x, y, True)
-    turn = 0.0 if (x.side[v] + 1) % 4 == y.side[moved] else LAST
-    yield [pick_vertex(chain, c.BOUNDARY_VERTICES, v), turn, LAST, along(x.window, y.side[moved], moved)]
+    turn = FIRST if (x.side[v] + 1) % 4 == y.side[moved] else SECOND
+    yield [pick_vertex(chain, c.BOUNDARY_VERTICES, v), turn, beyond(plan.local), along(x.window, y.side[moved], moved)]
 
 
 def rejoining(chain: Chain, e: frozenset[Point], f: frozenset[Point], y: PlainMap) -> float:
     a, _ = end_points(chain, e)
     p, _ = end_points(chain, f)
-    return LAST if frozenset((a, p)) in y.edges else 0.0
+    return SECOND if frozenset((a, p)) in y.edges else FIRST
 
 
 def recolor(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
@@ -203,7 +223,7 @@ def slide(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[f
         stretch = math.dist(u, moved) / math.dist(u, v)
         k = 0 if chain.graph.vertex_edges[slot, 0] == edge_slot(chain, edge) else 1
         if 0.5 <= stretch < 2.0:
-            yield [pick(chain, c.INTERIOR_VERTICES, slot), LAST if k else 0.0, (stretch - 0.5) / 1.5]
+            yield [pick(chain, c.INTERIOR_VERTICES, slot), SECOND if k else FIRST, (stretch - 0.5) / 1.5]
 
 
 def outer(x: PlainMap, jamb: Iterable[Point]) -> list[Point]:
@@ -213,7 +233,7 @@ def outer(x: PlainMap, jamb: Iterable[Point]) -> list[Point]:
 
 
 def signed(distance: float, m: float) -> list[float]:
-    return [reached(abs(distance), m), 0.0 if distance > 0.0 else LAST]
+    return [reached(abs(distance), m), FIRST if distance > 0.0 else SECOND]
 
 
 def cut_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
@@ -231,9 +251,10 @@ def cut_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[lis
         for (foot, _), shadow in zip(far, shadows, strict=True):
             second += signed((foot - shadow) * math.dist(*face), m)
         second += [*signed(far[0][1], m), *signed(far[1][1], m)]
+        # The largest number that lets an edge of its length pass.
+        kept = below(math.dist(a, b) / math.hypot(x.window.width, x.window.height) * (1.0 - 1e-12))
         for place in range(len(x.edges)):
-            # The second number lets the edge pass whatever its length.
-            yield [pick(chain, c.EDGES, edge_slot(chain, e)), 0.0, *first, (place + 0.5) / len(x.edges), *second]
+            yield [pick(chain, c.EDGES, edge_slot(chain, e)), kept, *first, (place + 0.5) / len(x.edges), *second]
 
 
 def mend_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
@@ -241,7 +262,7 @@ def mend_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[li
     for j, k in itertools.permutations(jambs):
         a, _ = outer(x, end_points(chain, j))
         b, _ = outer(x, end_points(chain, k))
-        pairing = LAST if frozenset((a, b)) in y.edges else 0.0
+        pairing = SECOND if frozenset((a, b)) in y.edges else FIRST
         for place in range(len(x.edges)):
             yield [pick(chain, c.EDGES, edge_slot(chain, j)), (place + 0.5) / len(x.edges), pairing]
 
@@ -269,7 +290,7 @@ def part_wall(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[li
     gone = x.side.keys() - y.side.keys()
     links = [edge for edge in x.edges - y.edges if len(edge & gone) == 1]
     for j, k in itertools.permutations(links, 2):
-        ends = [0.0 if end_points(chain, link)[0] in gone else LAST for link in (j, k)]
+        ends = [FIRST if end_points(chain, link)[0] in gone else SECOND for link in (j, k)]
         for place in places(x):
             yield [pick(chain, c.EDGES, edge_slot(chain, j)), place, *ends]
 
@@ -328,11 +349,11 @@ def move_line(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[li
         picked = pick(chain, c.EDGES, edge_slot(chain, e))
         for p, q in itertools.permutations(new_points(x, y, False)):
             (on_p, off_p), (on_q, off_q) = foot_and_offset(p, u, v), foot_and_offset(q, u, v)
-            yield [picked, LAST, *signed(off_p, plan.line_reach)]
+            yield [picked, SECOND, *signed(off_p, plan.line_reach)]
             if off_p * off_q < 0.0:
                 pivot = on_p + (on_q - on_p) * off_p / (off_p - off_q)
                 turn = math.atan((off_q - off_p) / ((on_q - on_p) * math.dist(u, v)))
-                yield [picked, 0.0, *signed(0.5 * turn * math.dist(u, v), plan.line_reach), pivot]
+                yield [picked, FIRST, *signed(0.5 * turn * math.dist(u, v), plan.line_reach), pivot]
 
 
 def number_of(targets: Targets, square: tuple[int, int]) -> int:
@@ -361,7 +382,7 @@ def notch(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[f
         number = (number_of(chain.targets, square) + 0.5) / len(plan.targets)
         corners = tooth(a, b, p, first, q, plan) if len(new) == 3 else niche(a, b, near, first, last, far, plan)
         for place in places(x):
-            yield [0.0 if len(new) == 3 else LAST, number, *within(plan, square, first), place, *corners]
+            yield [FIRST if len(new) == 3 else SECOND, number, *within(plan, square, first), place, *corners]
 
 
 def tooth(a: Point, b: Point, p: Point, t: Point, q: Point, plan: Plan) -> list[float]:
@@ -387,9 +408,9 @@ def fill(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[fl
     gone = x.side.keys() - y.side.keys()
     inner = [v for v in gone if not any(w in new for w in x.neighbors(v))]
     if len(gone) == 3:
-        yield [0.0, pick_vertex(chain, c.INTERIOR_VERTICES, inner[0])]
+        yield [FIRST, pick_vertex(chain, c.INTERIOR_VERTICES, inner[0])]
     else:
-        yield [LAST, pick(chain, c.EDGES, edge_slot(chain, frozenset(inner)))]
+        yield [SECOND, pick(chain, c.EDGES, edge_slot(chain, frozenset(inner)))]
 
 
 SCRIPTS: dict[int, Script] = {

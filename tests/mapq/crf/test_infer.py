@@ -117,6 +117,35 @@ def test_without_coupling_a_patch_has_its_own_sign():
     np.testing.assert_array_equal(cut.difference, [1.0, -0.5, 0.0])
 
 
+@pytest.mark.parametrize(
+    ("theta", "coupling", "unit"),
+    [
+        ([1.0, 1.0], 0.25, 2.0**-40),
+        ([2.0**70, 2.0], 0.0, 2.0**12),
+        ([3.0 * 2.0**40, 0.0], 0.0, 2.0**-16),
+        ([3.0 * 2.0**38, -3.0 * 2.0**38], 0.0, 2.0**-17),
+        ([2.0**40, 0.0], 2.0**41, 2.0**-16),
+        ([2.0**42 - 2.25, 0.0], 0.0, 2.0**-15),
+        ([2.0**42 - 2.75, 0.0], 0.0, 2.0**-16),
+    ],
+)
+def test_energies_are_rounded_to_a_fine_unit_or_to_what_the_flow_has_room_for(theta, coupling, unit):
+    """2**59 units hold twice the sum of all energies, and one unit of 1 for each: four patches and a pair."""
+    field = Field(np.array([*theta, -0.4 * unit, -0.6 * unit]), np.array([[0, 1]]), np.array([coupling]))
+    cut = solve(field)
+    np.testing.assert_array_equal(cut.label[2:], [1, 0])
+    np.testing.assert_array_equal(cut.difference[2:], [0.0, -2.0 * unit])
+
+
+def test_a_coupling_of_one_unit_couples():
+    unit = 2.0**-40
+    cut = solve(Field(np.array([2.0, -1.0]) * unit, np.array([[0, 1]]), np.array([unit])))
+    np.testing.assert_array_equal(cut.label, [1, 1])
+    np.testing.assert_array_equal(cut.difference, [2.0 * unit, 0.0])
+    even = solve(Field(np.ones(2), np.array([[0, 1]]), np.ones(1)))
+    np.testing.assert_array_equal(even.difference, [4.0, 4.0])
+
+
 @pytest.mark.parametrize("n_patches", [0, 1])
 def test_almost_nothing(n_patches):
     cut = solve(Field(np.ones(n_patches), NO_PAIRS, np.empty(0)))

@@ -26,8 +26,9 @@ def test_the_clip_spares_all_but_one_value_in_a_hundred_on_either_side(sign):
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-12])
-def test_a_column_that_is_constant_but_for_rounding_has_scale_one(noise):
-    found = fit_scaling(3.0 + noise * np.arange(5.0)[:, None], ("x",))
+@pytest.mark.parametrize("value", [3.0, -3.0])
+def test_a_column_that_is_constant_but_for_rounding_has_scale_one(value, noise):
+    found = fit_scaling(value + noise * np.arange(5.0)[:, None], ("x",))
     assert found.scale == 1.0
 
 
@@ -49,3 +50,4 @@ def test_the_range_ends_where_values_do_or_at_the_clip():
     wild = np.concatenate([np.linspace(-2.0, 2.0, 999), [1e6, -1e6]])
     low, high = fit_range(wild)
     assert high == -low == pytest.approx(CLIP * 2.0, rel=0.01)
+    np.testing.assert_allclose(fit_range(wild + 7.0), (low + 7.0, high + 7.0), rtol=1e-12)

@@ -99,6 +99,18 @@ def test_separable_labels_give_finite_weights():
     assert np.abs(gradient(problem, weights)).max() < 1e-6
 
 
+@pytest.mark.parametrize("seed", [57, 60, 158])
+def test_the_optimum_is_found_where_a_whole_step_goes_too_far(seed):
+    """Features over many orders of magnitude: Newton's step has to be cut to a half or to a thirtieth."""
+    rng = np.random.default_rng(seed)
+    n_patches = rng.integers(4, 12)
+    design = np.column_stack([np.ones(n_patches), rng.standard_cauchy((n_patches, 2)) ** 3])
+    y = np.where(rng.random(n_patches) < 0.5, 1.0, -1.0)
+    y[:2] = 1.0, -1.0
+    problem = Problem(design, y, np.ones(n_patches), np.array([0.0, 1e-4, 1e-4]), ())
+    assert np.abs(gradient(problem, fit(problem))).max() < 1e-6
+
+
 def test_an_unlabelled_patch_counts_as_label_zero_for_its_neighbours():
     rng = np.random.default_rng(3)
     features = draw_features(rng, 12, 25)

@@ -1,0 +1,179 @@
+"""Calibrations on few patches, by their definitions: written-out losses, pooled groups, folds one by one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from mapq.crf.calibrate import FITS, choose_calibration, fit_isotonic, fit_platt, fit_temperature
+from mapq.crf.marginals import keep_sides
+from mapq.model import ISOTONIC, LEAST_SLOPE, PLATT, TEMPERATURE
+
+
+def some_patches(seed, n, shift=0.0):
+    """Return differences, labels by a shifted logistic curve with both kinds among them, best labels."""
+    rng = np.random.default_rng(seed)
+    difference = rng.normal(scale=2.0, size=n)
+    y = np.where(rng.random(n) < 1.0 / (1.0 + np.exp(-0.8 * difference - shift)), 1.0, -1.0)
+    y[:2] = 1.0, -1.0
+    return difference, y, (difference >= 0.0).astype(np.uint8)
+
+
+def slow_loss(difference, y, slope, intercept):
+    """The mean log-loss against Platt's targets, patch by patch."""
+    n_suspicious, n_plausible = int((y > 0).sum()), int((y < 0).sum())
+    total = 0.0
+    for d, label in zip(difference, y, strict=True):
+        target = (n_suspicious + 1) / (n_suspicious + 2) if label > 0 else 1 / (n_plausible + 2)
+        p = 1.0 / (1.0 + math.exp(-(slope * d + intercept)))
+        total -= target * math.log(p) + (1.0 - target) * math.log(1.0 - p)
+    return total / len(y)
+
+
+def best(difference, y, n_free):
+    """Slope and intercept of least loss, by a search without slopes; the slope alone with `n_free` 1."""
+    found = minimize(
+        lambda x: slow_loss(difference, y, x[0], x[1] if n_free == 2 else 0.0),
+        np.array([0.5, 0.1])[:n_free],
+        method="Nelder-Mead",
+        options={"xatol": 1e-9, "fatol": 1e-15, "maxiter": 4000},
+    )
+    return found.x
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_temperature_and_slope_are_those_of_least_loss(seed):
+    difference, y, _ = some_patches(seed, 19, shift=1.0)
+    assert fit_temperature(difference, y).slope == pytest.approx(best(difference, y, 1)[0], rel=1e-5)
+    found = fit_platt(difference, y)
+    assert (found.kind, found.slope, found.intercept) == (PLATT, *map(near, best(difference, y, 2)))
+
+
+def near(value):
+    return pytest.approx(value, rel=1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize(("size", "slope"), [(1e-6, 1e3), (-1e-6, 1e-3), (1e6, 1e-3)])
+def test_slopes_end_at_their_bounds(size, slope):
+    y = np.array([1.0, -1.0] * 10)
+    assert fit_temperature(size * y, y).slope == pytest.approx(slope, rel=1e-4)
+    assert fit_platt(size * y, y).slope == pytest.approx(slope, rel=1e-4)
+
+
+def slow_isotonic(difference, y, n_groups):
+    """Knots (k, 2) of the pooled groups: neighbours that fall are pooled until none does."""
+    order = sorted(range(len(y)), key=lambda i: (difference[i], y[i]))
+    blocks = [list(group) for group in np.array_split(order, n_groups)]
+
+    def share(block):
+        return np.mean([y[i] > 0 for i in block])
+
+    place = 0
+    while place + 1 < len(blocks):
+        if share(blocks[place]) > share(blocks[place + 1]):
+            blocks[place : place + 2] = [blocks[place] + blocks[place + 1]]
+            place = max(place - 1, 0)
+        else:
+            place += 1
+    same = [0]
+    for k in range(1, len(blocks)):  # Blocks of one share are one.
+        if share(blocks[k]) == share(blocks[same[-1]]):
+            blocks[same[-1]] = blocks[same[-1]] + blocks[k]
+        else:
+            same.append(k)
+    knots = []
+    for k in same:
+        n_suspicious, n = sum(y[i] > 0 for i in blocks[k]), len(blocks[k])
+        at, p = np.mean([difference[i] for i in blocks[k]]), (n_suspicious + 1.0) / (n + 2.0)
+        value = max([math.log(p / (1.0 - p)), *(before for _, before in knots)])
+        if not knots or at > knots[-1][0]:
+            knots.append((at, value))
+    return np.array([(at, value + LEAST_SLOPE * (at - knots[0][0])) for at, value in knots])
+
+
+@pytest.mark.parametrize(("n", "n_groups"), [(20, 2), (49, 4), (305, 30), (2030, 100)])
+def test_the_isotonic_curve_is_that_of_pooled_groups(n, n_groups):
+    difference, y, _ = some_patches(n, n)
+    found = fit_isotonic(difference, y)
+    assert found.kind == ISOTONIC
+    np.testing.assert_allclose(found.knots, slow_isotonic(difference, y, n_groups), rtol=1e-12)
+
+
+def test_blocks_of_one_difference_make_one_knot():
+    """At -1 there are groups without suspicious patches, with half, and with all, which are one with those at 2."""
+    difference = np.repeat([-1.0, 2.0], [40, 20])
+    y = np.where(np.arange(60) < 25, -1.0, 1.0)
+    found = fit_isotonic(difference, y)
+    np.testing.assert_allclose(found.knots, slow_isotonic(difference, y, 6), rtol=1e-12)
+    assert found.knots[:, 0].tolist() == [-1.0, 1.0]
+
+
+def test_too_few_patches_for_two_groups_have_a_slope():
+    difference, y, _ = some_patches(1, 19)
+    assert same(fit_isotonic(difference, y), fit_platt(difference, y))
+
+
+def same(one, other):
+    return (one.kind, one.slope, one.intercept) == (other.kind, other.slope, other.intercept)
+
+
+def slow_choice(difference, y, label, fold, kind):
+    """Losses and probabilities of one kind, fold by fold; folds without which one label is left are filled at last."""
+    losses, p = [], np.zeros(len(y))
+    for number in sorted(set(fold.tolist())):
+        inside = fold == number
+        if len(set(y[~inside].tolist())) < 2:
+            p[inside] = curve(FITS[kind](difference, y), difference[inside], label[inside])
+            continue
+        p[inside] = curve(FITS[kind](difference[~inside], y[~inside]), difference[inside], label[inside])
+        for value, true in zip(p[inside], y[inside], strict=True):
+            chance = min(max(value, 1e-6), 1.0 - 1e-6)
+            losses.append(-math.log(chance if true > 0 else 1.0 - chance))
+    return np.mean(losses), p
+
+
+def curve(calibration, difference, label):
+    return keep_sides(1.0 / (1.0 + np.exp(-calibration.log_odds(difference))), label).astype(float)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_losses_and_probabilities_are_those_of_each_fold_by_itself(seed):
+    difference, y, label = some_patches(seed, 61, shift=0.5)
+    fold = np.random.default_rng(seed).integers(0, 3, 61)
+    if seed == 1:
+        fold = np.where(y > 0.0, 0, 1 + fold % 2)  # Without fold 0 all are plausible.
+    if seed == 2:  # Two folds, and a patch of each label far on the wrong side.
+        fold = np.minimum(fold, 1)
+        wrong = [np.argmax(y), np.argmin(y)]
+        difference[wrong], fold[wrong] = (-700.0, 700.0), 0
+        label = (difference >= 0.0).astype(np.uint8)
+    chosen = choose_calibration(difference, y, label, fold)
+    for kind in FITS:
+        loss, p = slow_choice(difference, y, label, fold, kind)
+        assert chosen.losses[kind] == pytest.approx(loss, rel=1e-9)
+        if kind == chosen.calibration.kind:
+            np.testing.assert_allclose(chosen.probability, p, rtol=1e-7)
+    assert chosen.losses[chosen.calibration.kind] == min(chosen.losses.values())
+    assert chosen.calibration.kind in FITS
+    np.testing.assert_array_equal(
+        chosen.calibration.log_odds(difference), FITS[chosen.calibration.kind](difference, y).log_odds(difference)
+    )
+
+
+def test_of_kinds_that_are_alike_the_simplest_is_chosen():
+    """Patches of two labels and one difference each: a slope fits what any curve does."""
+    y = np.array([1.0, -1.0] * 9)
+    chosen = choose_calibration(y, y, (y > 0).astype(np.uint8), np.arange(18) // 2 % 3)
+    assert chosen.losses[PLATT] == chosen.losses[ISOTONIC]
+    assert chosen.calibration.kind in (TEMPERATURE, PLATT)
+
+
+def test_one_fold_leaves_the_temperature_of_all():
+    difference, y, label = some_patches(3, 30)
+    chosen = choose_calibration(difference, y, label, np.full(30, 7))
+    assert same(chosen.calibration, fit_temperature(difference, y))
+    assert chosen.losses == {}
+    np.testing.assert_allclose(chosen.probability, curve(chosen.calibration, difference, label), rtol=1e-12)
