@@ -333,13 +333,20 @@ def test_draws_have_the_density_of_the_reference(move: int) -> None:
 
 
 def idle_choices(lab: Lab, move: int, start: Chain, end: Chain) -> int:
-    """Number of the choices between two equal ways, from `start` to `end`, of which the other leads there too."""
+    """Number of the choices between two ways, from `start` to `end`, of which the other leads there too.
+
+    A cut besides refuses an edge for a number above its share of the diagonal, and draws again.
+    """
     x, y = plain_map(read_coloring(start.graph)), plain_map(read_coloring(end.graph))
     scripts = SCRIPTS[move](start, x, y, lab.plan)
     numbers = next((n for n in scripts if leads_to(start, move, n, x, y)), [])
     ways = [k for k, n in enumerate(numbers) if isinstance(n, Way)]
     others = [[*numbers[:k], FIRST if numbers[k] == SECOND else SECOND, *numbers[k + 1 :]] for k in ways]
-    return sum(leads_to(start, move, other, x, y) for other in others)
+    n_idle = sum(leads_to(start, move, other, x, y) for other in others)
+    if move == c.CUT_WALL:
+        refused = [numbers[0], beyond(numbers[1] * (1.0 + 1e-11)), *numbers] if numbers else []
+        n_idle += not leads_to(start, move, refused, x, y)
+    return n_idle
 
 
 @pytest.mark.parametrize("move", SCRIPTS, ids=[NAMES[move] for move in SCRIPTS])

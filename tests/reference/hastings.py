@@ -272,11 +272,13 @@ def check_valid(lab: Lab, move: int, x: Coloring, chain: Chain, ratio: float, fo
 def is_loop_round_change(chain: Chain, x: Coloring, y: Coloring) -> bool:
     """Whether the loop of an applied proposal encloses the places whose colour differs between x and y, and no others.
 
-    Places are drawn between corners of the loop, where colours change, and in the whole window.
+    Places are drawn between corners of the loop and ends of what goes and comes, and in the whole window.
     """
     loop = chain.proposal.loop[: chain.proposal.counts[N_LOOP]]
-    rng = np.random.default_rng(len(loop))
-    between = rng.dirichlet(np.full(len(loop), 0.5), N_BETWEEN) @ loop
+    changed = {*map(tuple, x.segments())} ^ {*map(tuple, y.segments())}
+    corners = np.concatenate([loop, np.array(sorted(changed)).reshape(-1, 2)])
+    rng = np.random.default_rng(len(corners))
+    between = (0.99 * rng.dirichlet(np.full(len(corners), 0.3), N_BETWEEN) + 0.01 / len(corners)) @ corners
     places = np.concatenate([between, rng.uniform(x.window[:2], x.window[2:], (N_ANYWHERE, 2))])
     return bool((black_at(x, places) ^ black_at(y, places) == is_inside(loop, places)).all())
 
