@@ -31,6 +31,11 @@ def solve_quadratic(curvature: Floats, slope: Floats, left: Floats, right: Float
     slope : (n,) float64
     left : (m, n) float64
     right : (m,) float64
+
+    Notes
+    -----
+    Numbers should be of order 1, as the caller makes them: it starts from ones, and of programs whose units lie up to
+    six orders of magnitude apart one in eleven ends beyond 1e-6 of the largest number.
     """
     z = np.zeros(len(slope))
     s = np.maximum(right - left @ z, 1.0)
