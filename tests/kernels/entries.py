@@ -11,7 +11,7 @@ from prf.kernels.geometry import inside_loop, ray_hit, segments_meet, sine_of_an
 from prf.kernels.grid import Grid, cell_at, exit_distance, walk
 from prf.kernels.image import Image, count_edge, recolor_inside
 from prf.kernels.laser import beam_log_likelihood
-from prf.kernels.points import Points, gain_inside
+from prf.kernels.points import Points, gain_inside, sum_points
 from prf.kernels.sites import Sites, any_inside, occupied_change
 from prf.kernels.sonar import sonar_log_likelihood
 from prf.kernels.step import choose_move, propose
@@ -89,6 +89,11 @@ def turn_sites(sites: Sites, loop: np.ndarray, turns: bool) -> int:
 @core_entry
 def gain_of(points: Points, loop: np.ndarray, crossings: np.ndarray, turns: bool) -> float:
     return gain_inside(points, loop, loop.shape[0], crossings, turns)
+
+
+@core_entry
+def sum_of(points: Points) -> float:
+    return sum_points(points)
 
 
 @core_entry

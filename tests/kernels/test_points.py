@@ -9,7 +9,7 @@ from prf.kernels import constants as c
 from prf.kernels import points as k
 from prf.kernels.points import Points, paint
 from prf.sensors.points import make_points
-from tests.kernels.entries import gain_of, inside_table
+from tests.kernels.entries import gain_of, inside_table, sum_of
 from tests.reference.slow_points import lattice
 
 
@@ -84,6 +84,15 @@ def test_a_lattice_is_taken_by_rows_and_scattered_points_are_not() -> None:
     assert np.array_equal(by_row.band[k.LOWEST], by_row.band[k.HIGHEST])
     loose = make_points(scattered(rng), np.zeros((300, 2)))
     assert 5 <= loose.band.shape[1] <= 20
+
+
+def test_the_likelihood_takes_each_value_in_the_colour_of_its_place() -> None:
+    """Log densities that are all different, so that no other choice of them has the same sum."""
+    density = np.array([[1.0, 0.1], [2.0, 0.02], [4.0, 0.004], [8.0, 0.0008]])
+    for black in np.ndindex(2, 2, 2, 2):
+        points = make_points(np.column_stack([np.arange(4.0), np.zeros(4)]), density)
+        paint(points, np.array(black, bool))
+        assert sum_of(points) == pytest.approx(sum(density[place, colour] for place, colour in enumerate(black)))
 
 
 @pytest.mark.parametrize("name", LAYOUTS)

@@ -27,6 +27,7 @@ RINGS = [
     pytest.param(Ring(), id="defaults"),
     pytest.param(Ring(8.0, 0.1, 0.05, (2.0, 0.1), (1.0, 0.1, 2.0, 1.0), 0.5, 0.3, 2.0), id="blunt"),
     pytest.param(Ring(1.5, 1e-3, 0.0, (-3.0, 2.0), (9.0, 3.0, 40.0, 0.0), 1e-6, 0.0), id="sharp"),
+    pytest.param(Ring(1.5, 0.8, 0.3), id="as wide as the range"),
 ]
 
 

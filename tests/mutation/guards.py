@@ -60,6 +60,8 @@ MARGIN = tuple(
         "test_a_patch_alone_is_a_support_vector_machine",
         "test_the_cut_finds_the_labelling_that_breaks_the_margin_most",
         "test_no_weights_are_better_than_the_bound_says",
+        "test_a_wrong_label_costs_what_its_class_is_short_of",
+        "test_too_few_rounds_are_said",
     )
 )
 GROUPS: dict[str, tuple[Guard, ...]] = {

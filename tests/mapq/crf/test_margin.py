@@ -1,15 +1,16 @@
 from __future__ import annotations
 
 import itertools
+import sys
 
 import numpy as np
 import pytest
 
-from mapq.crf import TrainSettings, classify, train
-from mapq.crf.margin import BIAS_PRECISION, GAP, fit_margin, make_part
+from mapq.crf import TrainingMap, TrainSettings, classify, train
+from mapq.crf.margin import BIAS_PRECISION, GAP, MarginFit, fit_margin, make_part
 from mapq.crf.quadratic import solve_quadratic
 from mapq.crf.select import MARGIN_STRENGTHS
-from mapq.crf.train import MAX_MARGIN, Strength, precisions, prepare, signs
+from mapq.crf.train import MAX_MARGIN, Strength, margin_weights, precisions, prepare, signs
 from mapq.evaluate import area_under_curve
 from mapq.model import EDGE_MODELS, FULL, NONE
 from mapq.patches import UNLABELLED
@@ -19,8 +20,6 @@ from tests.reference.mapq_crf import draw_features
 
 def small_parts(seed, edge_model, n_maps=2, n_patches=6):
     """Return parts of maps small enough to score every labelling, some patches without a label."""
-    from mapq.crf import TrainingMap
-
     rng = np.random.default_rng(seed)
     maps = []
     for _ in range(n_maps):
@@ -82,6 +81,45 @@ def test_no_weights_are_better_than_the_bound_says(edge_model, seed):
             other = found.weights + scale * rng.normal(size=len(precision))
             other[len(other) - n_coupling :] = np.abs(other[len(other) - n_coupling :])
             assert objective(other) >= found.bound
+
+
+def uneven_maps(balanced=True):
+    """Three maps with 3, 5 and 4 labelled patches, more plausible than suspicious."""
+    rng = np.random.default_rng(8)
+    maps = []
+    for n_labelled in (3, 5, 4):
+        label = np.full(6, UNLABELLED, np.uint8)
+        label[:n_labelled] = (np.arange(n_labelled) % 3 == 1).astype(np.uint8)
+        maps.append(TrainingMap(draw_features(rng, 6, 9), label, np.zeros(6, int)))
+    settings = TrainSettings(FULL, objective=MAX_MARGIN, balanced=balanced)
+    return maps, settings, prepare(maps, settings)
+
+
+@pytest.mark.parametrize("balanced", [False, True])
+def test_a_wrong_label_costs_what_its_class_is_short_of(balanced):
+    maps, settings, prepared = uneven_maps(balanced)
+    labels = [each.label for each in maps]
+    known = np.concatenate(labels)
+    share = {0: np.sum(known == 0) / np.sum(known < 2), 1: np.sum(known == 1) / np.sum(known < 2)}
+    assert share[0] > 1.5 * share[1]
+    parts = []
+    for inputs, unary, label in zip(prepared.inputs, prepared.unary, labels, strict=True):
+        cost = [0.0 if one > 1 else 0.5 / share[int(one)] if balanced else 1.0 for one in label]
+        parts.append(make_part(inputs, unary, signs(label), np.array(cost)))
+    strength = Strength(0.5, 2.0)
+    expected = fit_margin(parts, FULL, precisions(prepared.unary[0].shape[1], FULL, strength))
+    found = margin_weights(prepared, labels, settings, strength)
+    np.testing.assert_array_equal(found, expected.weights)
+    assert np.abs(found).max() > 0.01
+
+
+@pytest.mark.parametrize(("objective", "share", "warns"), [(2.0, 1.0, False), (0.5, 0.999, True), (2.0, 0.999, True)])
+def test_too_few_rounds_are_said(monkeypatch, caplog, objective, share, warns):
+    maps, settings, prepared = uneven_maps()
+    fit = MarginFit(np.zeros(1), objective, share * (1.0 - GAP) * objective, 1)
+    monkeypatch.setattr(sys.modules[margin_weights.__module__], "fit_margin", lambda *_: fit)
+    margin_weights(prepared, [each.label for each in maps], settings, Strength(0.5, 2.0))
+    assert bool(caplog.messages) == warns
 
 
 def test_the_quadratic_program_meets_its_optimality_conditions():

@@ -217,6 +217,23 @@ def test_labels_that_cannot_train_are_refused(label, message):
         train([draw_map(1)._replace(label=np.full(300, label, np.uint8))])
 
 
+def test_one_label_alone_and_no_map_at_all_are_refused():
+    label = np.full(300, UNLABELLED, np.uint8)
+    label[7] = 1
+    with pytest.raises(InputError, match="all 1 labelled patches are suspicious"):
+        train([draw_map(1)._replace(label=label)])
+    with pytest.raises(InputError, match="no patch has a label"):
+        train([])
+
+
+@pytest.mark.parametrize(("edge_model", "last"), [(NONE, 0), (SYMMETRIC, 2), (FULL, 2)])
+def test_no_coupling_may_be_negative(edge_model, last):
+    one, settings = draw_map(1), TrainSettings(edge_model)
+    problem = make_problem(prepare([one], settings), [one.label], settings, Strength(1.0, 1.0))
+    n_weights = problem.design.shape[1]
+    assert problem.bounded == tuple(range(n_weights - last, n_weights))
+
+
 @pytest.mark.parametrize("edge_model", EDGE_MODELS)
 def test_maps_without_pairs_and_empty_maps_train_along(edge_model):
     rng = np.random.default_rng(1)

@@ -84,11 +84,12 @@ def test_no_scheduler_is_said_in_one_line(monkeypatch):
 
 
 LEADER = """
-import threading, sys, time
+import signal, sys
 from mapq.scale.workers import Processes
 from tests.mapq.scale.test_workers import say_and_sleep
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # what a script starts with & ignores it
     Processes(2).each(say_and_sleep, [sys.argv[1] + "/a", sys.argv[1] + "/b"], print)
 """
 
@@ -113,8 +114,10 @@ def test_workers_end_with_their_leader_and_say_nothing(tmp_path, project_root, n
     ) as leader:
         pids = [wait_for_pid(tmp_path / name) for name in "ab"]
         (os.killpg if number == signal.SIGINT else os.kill)(leader.pid, number)
-        assert wait_until(lambda: not any(is_alive(pid) for pid in pids)), "workers live on"
+        ended = wait_until(lambda: not any(is_alive(pid) for pid in pids))
+        leader.kill()  # else a failure would be waited for without end
         _, err = leader.communicate()
+    assert ended, "workers live on"
     assert "Spawn" not in err
 
 
