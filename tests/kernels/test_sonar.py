@@ -13,6 +13,7 @@ from prf.arak import exact_draws
 from prf.coloring import Coloring, black_at
 from prf.coloring.polygons import from_polygons
 from prf.kernels import visibility as v
+from prf.kernels.sonar import OUTLIER_SHORT, OUTLIER_UNIFORM
 from prf.sensors.sonar import make_poses, make_sight
 from prf.window import INTERIOR, Window
 from tests.kernels.entries import see_all, sonar_table
@@ -278,6 +279,16 @@ def test_walls_in_line_with_the_sonar_leave_no_gap() -> None:
         found = found_features(see(block, Cone(3.0 - gap, 3.0, turn, 1.5), Ring(8.0))[0])
         assert all(math.isfinite(f.depth) and gap - 1e-9 < f.depth < 8.0 for f in found), found
         assert all(f.is_corner or f.subtended > 1e-7 for f in found), found
+
+
+def test_what_no_pulse_and_no_stray_reading_explains_is_impossible() -> None:
+    """An empty room, and no share of stray readings, which settings do not allow."""
+    model = model_of(Ring()).to_array()
+    model[[OUTLIER_UNIFORM, OUTLIER_SHORT]] = 0.0
+    sight, _ = see(Coloring.empty(ROOM), AHEAD, Ring())
+    found = np.empty(2)
+    sonar_table(model, sight, np.array([1.0, math.inf]), found)
+    assert found.tolist() == [-math.inf, 0.0]
 
 
 def test_readings_at_the_maximum_range_or_beyond_are_one_event() -> None:

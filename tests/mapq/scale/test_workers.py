@@ -84,12 +84,11 @@ def test_no_scheduler_is_said_in_one_line(monkeypatch):
 
 
 LEADER = """
-import signal, sys
+import sys
 from mapq.scale.workers import Processes
 from tests.mapq.scale.test_workers import say_and_sleep
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # what a script starts with & ignores it
     Processes(2).each(say_and_sleep, [sys.argv[1] + "/a", sys.argv[1] + "/b"], print)
 """
 
