@@ -161,6 +161,15 @@ def make_tiles(path: Path) -> None:
         make_cloud(path / f"{'t' * number}.laz")
 
 
+def make_tiled_result(path: Path) -> None:
+    """Classify such a folder."""
+    from tests.docs.runner import TOOLS, run_app
+
+    tiles = path.with_name("brought")
+    make_tiles(tiles)
+    assert run_app(TOOLS["mapq"], "mapq", ["classify", str(tiles), "-o", str(path), "-q"]) == 0
+
+
 STOPS = (4.0, 18.0, 20.0, 34.0, 46.0, 48.0, 60.0)
 """Where those scans were taken along the street, in metres: some places were seen twice, others once."""
 
@@ -217,6 +226,7 @@ MAKERS: tuple[tuple[str, Callable[[Path], None]], ...] = (
     (r"(?!data/).*\.log(\.gz)?|doors\.csv|readings\.csv", make_log),
     (r"(floor|plan|truth)\.geojson", make_plan),
     (r".*\.classified\.(ply|laz|las)", make_result),
+    (r".*\.classified/", make_tiled_result),
     (r"(?!data/).*\.(ply|laz|las|pcd)", make_cloud),
     (r".*\.patches", make_patches),
     (r"(sequences/)?00|scans|drive/", make_scans),
