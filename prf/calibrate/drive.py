@@ -173,7 +173,7 @@ def _usable(readings: Readings, area: OccupiedArea, config: CalibrateConfig) -> 
     if used.n_beams == 0:
         raise InputError(
             f"{readings.source}: none of {kept.n_beams} readings can be used: {n_outside} sensors stand outside the "
-            f"map and {n_occupied} in its walls. Are log and map in one enclosing_window, metres and radians?"
+            f"map and {n_occupied} in its walls. Are log and map in one frame, metres and radians?"
         )
     for n, where in ((n_outside, "outside the map"), (n_occupied, "in a wall of the map")):
         if n:

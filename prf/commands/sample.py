@@ -236,7 +236,7 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None) -> Pat
     if not logs:
         raise UsageError("Nothing to sample: give --laser LOG, --sonar LOG or --point-data FILE.csv, or --resume RUN.")
     if output == STREAM:
-        raise UsageError("-o -: a run is a directory. ReadingKind one.")
+        raise UsageError("-o -: a run is a directory. Name one.")
     return Path(output) if output is not None else default_output(next(iter(logs.values())))
 
 
