@@ -188,8 +188,7 @@ def measure_spread(patches: Patches, patch: int, copies: list[int], visits: Visi
     points, start = patches.members
     own = points[start[patch] : start[patch + 1]]
     rows = np.concatenate([own, *(points[start[other] : start[other + 1]] for other in copies)])
-    rows = rows[:: max(1, -(-len(rows) // MOST_POINTS))]
-    rows = rows[visits.moment[rows] >= 0]
+    rows = _thinned(rows[visits.moment[rows] >= 0], patches.cloud.xyz, visits.moment)
     normal = patches.normal[patch]
     apart = patches.cloud.xyz[rows] - patches.centroid[patch]
     height = apart @ normal
@@ -199,6 +198,14 @@ def measure_spread(patches: Patches, patch: int, copies: list[int], visits: Visi
     if visits.to_sensor is not None:
         near &= _same_side(visits.to_sensor[rows] @ normal, is_own)
     return nested_spread(height[near], cell[near], visits.moment[rows[near]], visits)
+
+
+def _thinned(rows: Ints, xyz: Floats, moment: NDArray[np.integer[Any]]) -> Ints:
+    """Return every n-th of the rows (k,), at most `MOST_POINTS`, by moment and place, not by order."""
+    if len(rows) <= MOST_POINTS:
+        return rows
+    x, y, z = xyz[rows].T
+    return rows[np.lexsort((z, y, x, moment[rows]))][:: -(-len(rows) // MOST_POINTS)]
 
 
 def _in_plane(apart: Floats, normal: Floats) -> Floats:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mapq.assess import assess
+from mapq.assess import assess, causes
 from mapq.assess.causes import LOCAL, MISSED_LOOP, UNKNOWN, find_causes, nested_spread, scans_apart
 from mapq.assess.visits import Visits, visits_of
 from mapq.features import patch_features
@@ -113,6 +113,16 @@ def test_neither_the_order_of_points_nor_the_sign_of_a_normal_matters():
     turned = shuffled(replace(patches, normal=-patches.normal))
     for one, other in zip(causes_of(patches), causes_of(turned), strict=True):
         assert (one.kind, one.text) == (other.kind, other.text)
+
+
+def test_the_order_of_points_does_not_matter_where_some_are_looked_at(monkeypatch):
+    patches = wall_of_two_laps(0.4, 0.1)
+    whole = causes_of(patches)
+    monkeypatch.setattr(causes, "MOST_POINTS", 300)
+    some = causes_of(patches)
+    assert some[0].measures != whole[0].measures
+    for one, other in zip(some, causes_of(shuffled(patches)), strict=True):
+        assert one.measures == pytest.approx(other.measures, rel=1e-9)
 
 
 def test_components_are_those_of_a_nested_analysis_of_variance():
