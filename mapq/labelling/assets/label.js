@@ -1,7 +1,7 @@
 "use strict";
 (async () => {
   const byId = (id) => document.getElementById(id);
-  const { element, figure, listed } = Views;
+  const { element, figure, listed, measured } = Views;
   const NOTHING = 254,
     WORDS = { 0: "plausible", 1: "suspicious", 255: "unsure" },
     CODES = { plausible: 0, suspicious: 1, unsure: 255 };
@@ -143,16 +143,10 @@
     return made;
   }
   function describe() {
-    const of = (name) => shown.measures[name],
-      patch = shown.patch;
+    const patch = shown.patch;
     byId("name").replaceChildren(key(0), `Patch ${patch}`);
     const rows = [
-      ["points", figure(of("n_points"), 0)],
-      ["area", figure(of("area_m2"), 2, " m²")],
-      ["width × height", `${figure(of("width_m"), 2)} × ${figure(of("height_m"), 2)} m`],
-      ["off its plane (rms)", figure(of("rms_m"), 3, " m")],
-      ["thickness", figure(of("thickness_m"), 3, " m")],
-      ["tilt from vertical", figure(of("tilt_deg"), 1, "°")],
+      ...measured((name) => shown.measures[name]),
       ["centre, world", shown.centre.map((x) => x.toFixed(2)).join(", ") + " m"],
     ];
     const opinion =

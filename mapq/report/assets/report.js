@@ -1,7 +1,7 @@
 "use strict";
 (async () => {
   const byId = (id) => document.getElementById(id);
-  const { element, figure, listed } = Views;
+  const { element, figure, listed, measured } = Views;
   const [text, buffer] = await Promise.all([Views.unpack("data"), Views.unpack("scene")]);
   const data = JSON.parse(new TextDecoder().decode(text)),
     cut = data.threshold;
@@ -72,15 +72,9 @@
       );
       return;
     }
-    const of = (name) => data.measures[name][patch],
-      label = LABELS[data.label[patch]];
+    const label = LABELS[data.label[patch]];
     const rows = [
-      ["points", figure(of("n_points"), 0)],
-      ["area", figure(of("area_m2"), 2, " m²")],
-      ["width × height", `${figure(of("width_m"), 2)} × ${figure(of("height_m"), 2)} m`],
-      ["off its plane (rms)", figure(of("rms_m"), 3, " m")],
-      ["thickness", figure(of("thickness_m"), 3, " m")],
-      ["tilt from vertical", figure(of("tilt_deg"), 1, "°")],
+      ...measured((name) => data.measures[name][patch]),
       ["normal", data.normal[patch].map((x) => figure(x, 3)).join(", ")],
       ["centre", place(data.centre[patch]) + " m"],
     ];

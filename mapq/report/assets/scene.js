@@ -150,6 +150,18 @@ const Views = (() => {
     );
   }
 
+  // Rows of what was measured of a patch, whose measures `of` gives by name.
+  function measured(of) {
+    return [
+      ["points", figure(of("n_points"), 0)],
+      ["area", figure(of("area_m2"), 2, " m²")],
+      ["width × height", `${figure(of("width_m"), 2)} × ${figure(of("height_m"), 2)} m`],
+      ["off its plane (rms)", figure(of("rms_m"), 3, " m")],
+      ["thickness", figure(of("thickness_m"), 3, " m")],
+      ["tilt from vertical", figure(of("tilt_deg"), 1, "°")],
+    ];
+  }
+
   return {
     PALETTES,
     LOOSE,
@@ -164,6 +176,7 @@ const Views = (() => {
     gunzip,
     listed,
     marginOf,
+    measured,
     mix,
     packedColour,
     unpack,

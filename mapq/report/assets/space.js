@@ -226,9 +226,6 @@
     eye() {
       return (this.works && this.element._fullLayout?.scene?.camera?.eye) || this.look.eye || EYE;
     }
-    close() {
-      if (this.works) Plotly.purge(this.element);
-    }
   }
 
   // The map in space without WebGL, and for paper: points projected along the eye's line of sight.
