@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.patches import FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
-from prf.shell.errors import InputError, OutputError
+from prf.shell.errors import InputError, cannot_write, system_reason
 from prf.shell.storage import check_schema, damaged
 
 logger = logging.getLogger(__name__)
@@ -132,7 +132,7 @@ def read_journal(journal: Path, n_patches: int) -> tuple[str, list[Event]]:
     try:
         lines = journal.read_text(encoding="utf-8", errors="replace").split("\n")[:-1]
     except OSError as error:
-        raise InputError(f"{journal}: {error.strerror}.") from error
+        raise InputError(f"{journal}: {system_reason(error)}.") from error
     if not lines:
         return "", []
     head = _object(journal, 1, lines[0])
@@ -224,7 +224,7 @@ class Journal:
             if is_new:
                 _sync_folder(self.file.parent)
         except OSError as error:
-            raise OutputError(f"{self.file}: cannot be written ({error.strerror}).") from error
+            raise cannot_write(self.file, error) from error
         self.events.append(event)
 
     def remove(self) -> None:

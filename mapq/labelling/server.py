@@ -15,7 +15,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from mapq.io.journal import WORDS
 from mapq.labelling.page import Page
-from prf.shell.errors import PrfError, UsageError
+from prf.shell.errors import PrfError, UsageError, system_reason
 from prf.shell.jsonout import jsonable
 
 logger = logging.getLogger(__name__)
@@ -75,7 +75,9 @@ class LabelServer(ThreadingHTTPServer):
         try:
             super().__init__((HOST, port), _Handler)
         except OSError as error:
-            raise UsageError(f"port {port} cannot be used ({error.strerror}). Give another --port, or none.") from error
+            raise UsageError(
+                f"port {port} cannot be used ({system_reason(error)}). Give another --port, or none."
+            ) from error
 
     @property
     def url(self) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mapq.io.recognise import suffix_of
-from prf.shell.errors import InputError
+from prf.shell.errors import InputError, system_reason
 
 UOS_SUFFIX, E57_SUFFIX = ".3d", ".e57"
 SCAN_SUFFIXES = (".bin", ".pcd", ".ply", ".xyz", ".npy", ".npz", ".las", ".laz", ".ptx", UOS_SUFFIX, E57_SUFFIX)
@@ -37,7 +37,7 @@ def scan_files(folder: str, pattern: str | None) -> list[str]:
     try:
         os.scandir(here).close()
     except OSError as error:
-        raise InputError(f"{folder}: {(error.strerror or '').lower()}.") from error
+        raise InputError(f"{folder}: {system_reason(error)}.") from error
     files = sorted(path for path in (*here.glob("*"), *here.glob("*/*")) if path.is_file())
     if pattern is not None:
         named = (path for path in files if fnmatch.fnmatch(path.relative_to(here).as_posix(), pattern))

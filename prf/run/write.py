@@ -12,7 +12,7 @@ import numpy as np
 from prf.run import names
 from prf.run.mapfile import map_text
 from prf.run.model import Beams, Cones, Points, PosteriorImage, Run
-from prf.shell.errors import OutputError
+from prf.shell.errors import cannot_write
 from prf.shell.files import atomic_write
 from prf.shell.jsonout import dump_object
 from prf.shell.storage import save_arrays
@@ -41,7 +41,7 @@ def write_run(path: str | os.PathLike[str], run: Run) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{folder}: cannot be written ({error.strerror}).") from error
+        raise cannot_write(folder, error) from error
     write_draws(folder, run)
     if run.image is not None:
         write_image(folder, run.image)

@@ -19,7 +19,7 @@ from prf.sampler.checkpoint import save_checkpoint
 from prf.sampler.config import SampleConfig
 from prf.sampler.drive import Progress
 from prf.sampler.several import MOVE_NAMES, Sampler
-from prf.shell.errors import OutputError
+from prf.shell.errors import OutputError, cannot_write, system_reason
 from prf.shell.files import STREAM, is_leftover, remove_leftovers
 
 FILES = (names.MANIFEST, names.CHECKPOINT, names.PICTURE, *names.SCHEMAS)
@@ -157,7 +157,7 @@ def make_way(folder: Path) -> None:
         try:
             (folder / name).unlink(missing_ok=True)
         except OSError as error:
-            raise OutputError(f"{folder / name}: cannot be removed ({error.strerror}).") from error
+            raise OutputError(f"{folder / name}: cannot be removed ({system_reason(error)}).") from error
 
 
 def _remove_leftovers(folder: Path) -> None:
@@ -169,7 +169,7 @@ def _make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{folder}: cannot be written ({error.strerror}).") from error
+        raise cannot_write(folder, error) from error
 
 
 def _remove_unfinished(folder: Path) -> None:

@@ -6,6 +6,8 @@ A message is one line: what is wrong, where (``file:line`` or the option), and w
 
 from __future__ import annotations
 
+import os
+
 EXIT_OK = 0
 EXIT_INTERNAL = 70
 """``EX_SOFTWARE`` of sysexits.h: the fault is the program's."""
@@ -84,6 +86,17 @@ class Interrupted(PrfError):  # noqa: N818 - reads as what happened
     def __init__(self, message: str, signal_number: int = 2) -> None:
         super().__init__(message)
         self.exit_code = 128 + signal_number
+
+
+def system_reason(error: OSError) -> str:
+    """Return the system's words for an error, with a small letter first as the rest of our messages have it."""
+    words = error.strerror or str(error)
+    return words[:1].lower() + words[1:]
+
+
+def cannot_write(place: str | os.PathLike[str], error: OSError) -> OutputError:
+    """Return what to raise when the system refuses that `place` be written."""
+    return OutputError(f"{os.fspath(place)}: cannot be written ({system_reason(error)}).")
 
 
 def _one_line(message: str) -> str:

@@ -15,7 +15,7 @@ from typing import IO, Any, BinaryIO
 
 from prf.shell import litter
 from prf.shell.console import is_terminal
-from prf.shell.errors import InputError, OutputError, OutputExists
+from prf.shell.errors import InputError, OutputError, OutputExists, cannot_write, system_reason
 from prf.shell.together import take_place
 
 STREAM = "-"
@@ -101,7 +101,7 @@ def open_input(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     try:
         stream = open(path, "rb")  # noqa: SIM115 - closed below; errors of the block itself are not errors of opening
     except OSError as error:
-        raise InputError(f"{path}: {_reason(error)}.") from error
+        raise InputError(f"{path}: {system_reason(error)}.") from error
     with stream:
         if _is_endless(stream):
             raise InputError(f"{path}: a device, not a file.")
@@ -208,10 +208,4 @@ def _reported(path: str | os.PathLike[str]) -> Iterator[None]:
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({_reason(error)}).") from error
-
-
-def _reason(error: OSError) -> str:
-    """Return the system's words for `error`, starting small as the rest of our messages do."""
-    words = error.strerror or str(error)
-    return words[:1].lower() + words[1:]
+        raise cannot_write(path, error) from error

@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from prf.shell import litter
-from prf.shell.errors import OutputError
+from prf.shell.errors import OutputError, cannot_write
 from prf.shell.files import STREAM, is_device, refuse_existing, remove_leftovers
 
 _claims = ExitStack()
@@ -97,7 +97,7 @@ def _acquire(lock_path: Path, target: Path) -> int:
             lock_path.parent.mkdir(parents=True, exist_ok=True)
             descriptor = os.open(lock_path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         except OSError as error:
-            raise OutputError(f"{target}: cannot be written ({error.strerror}).") from error
+            raise cannot_write(target, error) from error
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -120,7 +120,7 @@ def _sign(descriptor: int, lock_path: Path, target: Path) -> None:
     except OSError as error:
         lock_path.unlink(missing_ok=True)
         os.close(descriptor)
-        raise OutputError(f"{target}: cannot be written ({error.strerror}).") from error
+        raise cannot_write(target, error) from error
 
 
 def _is_current(descriptor: int, lock_path: Path) -> bool:

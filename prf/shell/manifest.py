@@ -12,7 +12,7 @@ from importlib import metadata
 from typing import Any
 
 from prf import __version__
-from prf.shell.errors import InputError
+from prf.shell.errors import InputError, system_reason
 
 _PACKAGES = {"numpy": "numpy", "numba": "numba", "scipy": "scipy"}
 
@@ -33,7 +33,7 @@ def describe_input(path: str | os.PathLike[str]) -> dict[str, Any]:
             digest = hashlib.file_digest(stream, "sha256").hexdigest()
             return {"path": os.fspath(path), "sha256": digest, "bytes": stream.tell()}
     except OSError as error:
-        raise InputError(f"{path}: {error.strerror}.") from error
+        raise InputError(f"{path}: {system_reason(error)}.") from error
 
 
 def versions() -> dict[str, str]:

@@ -12,7 +12,7 @@ from typing import Any
 import typer
 
 from prf.shell import console, lock, signals
-from prf.shell.errors import EXIT_BROKEN_PIPE, EXIT_INTERNAL, EXIT_OK, InputError, OutputError, PrfError
+from prf.shell.errors import EXIT_BROKEN_PIPE, EXIT_INTERNAL, EXIT_OK, InputError, OutputError, PrfError, system_reason
 from prf.shell.work import FULL
 
 _NOT_GIVEN = (errno.EACCES, errno.EPERM, errno.ENAMETOOLONG, errno.ELOOP, errno.EIO, errno.ENXIO)
@@ -108,10 +108,10 @@ def _report_refusal(error: OSError) -> int:
     """Report a disk without room, or a file that the system does not give."""
     if error.errno in FULL:
         _abandon_stdout()
-        console.report_error(f"the result cannot be written: {error.strerror}.")
+        console.report_error(f"the result cannot be written: {system_reason(error)}.")
         return OutputError.exit_code
     if error.errno in _NOT_GIVEN and error.filename is not None:
-        console.report_error(str(InputError(f"{os.fsdecode(error.filename)}: {(error.strerror or '').lower()}.")))
+        console.report_error(str(InputError(f"{os.fsdecode(error.filename)}: {system_reason(error)}.")))
         return InputError.exit_code
     return _report_internal(error)
 

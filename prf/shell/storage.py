@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from prf.shell.errors import InputError
+from prf.shell.errors import InputError, system_reason
 from prf.shell.files import atomic_write, open_input
 from prf.shell.gzipped import refuse_large
 
@@ -163,6 +163,6 @@ def damaged(path: Path, what: str) -> InputError:
 def _reason(error: BaseException) -> str:
     """Return what went wrong in one line, without numpy's advice to allow pickles."""
     if isinstance(error, OSError) and error.strerror:
-        return error.strerror.lower()
+        return system_reason(error)
     text = " ".join(str(error).split())
     return "holds pickled objects" if "pickle" in text else text or type(error).__name__

@@ -10,7 +10,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from prf.shell import litter
-from prf.shell.errors import OutputError
+from prf.shell.errors import cannot_write
 
 _current: ContextVar[Group | None] = ContextVar("_current", default=None)
 
@@ -75,7 +75,7 @@ class Group:
         try:
             descriptor, aside = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent)
         except OSError as error:
-            raise _refusal(target, error) from error
+            raise cannot_write(target, error) from error
         os.close(descriptor)
         try:
             _moved(str(target), Path(aside), target)
@@ -126,9 +126,4 @@ def _moved(source: str, destination: Path, told: Path | None = None) -> None:
     try:
         os.replace(source, destination)
     except OSError as error:
-        raise _refusal(told or destination, error) from error
-
-
-def _refusal(target: Path, error: OSError) -> OutputError:
-    words = error.strerror or str(error)
-    return OutputError(f"{target}: cannot be written ({words[:1].lower()}{words[1:]}).")
+        raise cannot_write(told or destination, error) from error

@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from prf.shell import litter
-from prf.shell.errors import OutputError
+from prf.shell.errors import OutputError, cannot_write, system_reason
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What the system answers when there is no room for a result."""
@@ -30,14 +30,16 @@ def work_folder(beside: str | os.PathLike[str]) -> Iterator[str]:
     try:
         folder = tempfile.mkdtemp(prefix=f".{target.name}.", suffix=litter.WORK, dir=target.parent)
     except OSError as error:
-        raise OutputError(f"{beside}: cannot be written ({error.strerror}).") from error
+        raise cannot_write(beside, error) from error
     litter.mark(folder)
     try:
         yield folder
     except OSError as error:
         if error.errno not in FULL:
             raise
-        raise OutputError(f"{beside}: cannot be written ({error.strerror}, in the work folder beside it).") from error
+        raise OutputError(
+            f"{beside}: cannot be written ({system_reason(error)}, in the work folder beside it)."
+        ) from error
     finally:
         shutil.rmtree(folder, ignore_errors=True)
         litter.unmark(folder)
@@ -57,7 +59,7 @@ def made_folder(path: str | os.PathLike[str]) -> Iterator[None]:
     try:
         place.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{place}: cannot be written ({error.strerror}).") from error
+        raise cannot_write(place, error) from error
     if not stood:
         litter.mark(place)
     try:

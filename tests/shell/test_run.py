@@ -197,4 +197,4 @@ def test_a_full_disk_is_an_output_error(tool: Path) -> None:
             [sys.executable, str(tool), "finish", "well"], stdout=full, stderr=subprocess.PIPE, text=True
         )
     assert done.returncode == 4
-    assert done.stderr == "error: the result cannot be written: No space left on device.\n"
+    assert done.stderr == "error: the result cannot be written: no space left on device.\n"

@@ -112,7 +112,7 @@ def test_what_cannot_be_written_is_not_said(saved, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(OutputError, match="No space left"):
+    with pytest.raises(OutputError, match="no space left"):
         journal.add(Event(4, SUSPICIOUS))
     assert journal.file.read_bytes() == before
     assert len(journal.events) == 1

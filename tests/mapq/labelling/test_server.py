@@ -191,7 +191,7 @@ def test_a_label_that_cannot_be_stored_is_an_error_on_the_page(tmp_path, monkeyp
     with serving(path) as (server, store):
         monkeypatch.setattr("os.fsync", full)
         status, _, content = ask(server, "POST", "/api/label", LABEL)
-        assert (status, "No space left" in content["error"]) == (500, True)
+        assert (status, "no space left" in content["error"]) == (500, True)
         assert store.counts()["n_by_hand"] == 0
 
 
