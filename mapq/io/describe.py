@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from mapq.cloud import PointCloud
 from mapq.io.clouds import parse_cloud
-from mapq.io.content import Content
+from mapq.io.content import Content, read_bytes
 from mapq.io.fields import Array
 from mapq.io.las_pieces import read_las_pieces
 from mapq.io.options import AS_IT_IS, ReadOptions
@@ -277,7 +277,7 @@ def _beside(path: str) -> dict[str, Any]:
     beside = Path(path).with_suffix(".json")
     if path == STREAM or not beside.is_file():
         return {}
-    content = _load_json(beside.read_bytes(), str(beside))
+    content = _load_json(read_bytes(str(beside)), str(beside))
     if not _schema_of(content).startswith("mapq.result/"):
         logger.warning("%s is not the JSON of this result", beside)
         return {}

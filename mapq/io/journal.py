@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.patches import FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
-from prf.shell.errors import InputError, cannot_write, system_reason
+from prf.shell.errors import InputError, cannot_write
+from prf.shell.files import open_input
 from prf.shell.storage import check_schema, damaged
 
 logger = logging.getLogger(__name__)
@@ -129,10 +130,8 @@ def read_journal(journal: Path, n_patches: int) -> tuple[str, list[Event]]:
     InputError
         If it cannot be read, is damaged, or of another version.
     """
-    try:
-        lines = journal.read_text(encoding="utf-8", errors="replace").split("\n")[:-1]
-    except OSError as error:
-        raise InputError(f"{journal}: {system_reason(error)}.") from error
+    with open_input(journal) as stream:
+        lines = stream.read().decode("utf-8", "replace").split("\n")[:-1]
     if not lines:
         return "", []
     head = _object(journal, 1, lines[0])
@@ -200,7 +199,8 @@ class Journal:
 
     def _cut_torn_line(self) -> None:
         """Take away what a killed writer left after the last whole line."""
-        content = self.file.read_bytes()
+        with open_input(self.file) as stream:
+            content = stream.read()
         whole = content.rfind(b"\n") + 1
         if whole < len(content):
             os.truncate(self.file, whole)

@@ -61,7 +61,7 @@ def patch_counts(path: Path, head: Row) -> tuple[int, int]:
 
 def _lines(path: Path) -> Iterator[Row]:
     """Yield the patches of a file whose first line was read and is well."""
-    with path.open(encoding="utf-8") as stream:
+    with open_input(path) as source, TextIOWrapper(source, encoding="utf-8") as stream:
         stream.readline()
         line, number = "", 1
         for number, line in enumerate(_decoded(path, stream), 2):

@@ -13,6 +13,7 @@ from prf.occupancy import OccupancyGrid, is_grid, read_grid
 from prf.run import Run, names, read_map_feature, read_run
 from prf.score import read_occupied_area
 from prf.shell.errors import InputError, UsageError
+from prf.shell.files import open_input
 from prf.window import Window
 
 PARTS = (names.POSTERIOR, names.MAP, names.DIAGNOSTICS)
@@ -109,7 +110,9 @@ def read_source(path: str | os.PathLike[str]) -> Source:
 def _read_map(file: Path) -> Map:
     """Return the map of a GeoJSON file: as it is if prf wrote it, else in the window that it names or one round it."""
     area = read_occupied_area(file)
-    if json.loads(file.read_bytes()).get("schema") == names.SCHEMAS[names.MAP]:
+    with open_input(file) as stream:
+        content = json.loads(stream.read())
+    if content.get("schema") == names.SCHEMAS[names.MAP]:
         coloring, properties = read_map_feature(file)
         kept: dict[str, Any] = {key: properties[key] for key in KEPT if key in properties}
         return Map(coloring, kept, stem_of(file))

@@ -15,6 +15,7 @@ from prf.kernels.constants import STEP
 from prf.run import names
 from prf.run.read import read_best, read_draws, read_image, read_manifest, read_readings
 from prf.shell.errors import PrfError
+from prf.shell.files import open_input
 from prf.shell.storage import OtherVersion, damaged, load_arrays, load_object, take_array
 
 _OLD_CHECKPOINT = (
@@ -134,7 +135,8 @@ def png_size(file: Path) -> tuple[int, int]:
     InputError
         If it is damaged, or no PNG.
     """
-    data = file.read_bytes()
+    with open_input(file) as stream:
+        data = stream.read()
     if not data.startswith(PNG_MAGIC):
         raise damaged(file, "not a PNG picture")
     place, kind, size = len(PNG_MAGIC), b"", (0, 0)

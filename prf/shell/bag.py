@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from prf.shell.errors import InputError
+from prf.shell.errors import InputError, system_reason
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -174,6 +174,8 @@ def _refusing_damage(source: str) -> Iterator[None]:
     except (InputError, GeneratorExit):
         raise
     except Exception as error:
+        if isinstance(error, OSError) and error.strerror and error.filename is None:
+            raise InputError(f"{source}: cannot be read ({system_reason(error)}).") from error
         too_large = "it promises more than memory holds" if isinstance(error, MemoryError) else ""
         words = too_large or " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(

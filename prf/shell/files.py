@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import shutil
@@ -16,6 +17,7 @@ from typing import IO, Any, BinaryIO
 from prf.shell import litter
 from prf.shell.console import is_terminal
 from prf.shell.errors import InputError, OutputError, OutputExists, cannot_write, system_reason
+from prf.shell.input_stream import buffered
 from prf.shell.together import take_place
 
 STREAM = "-"
@@ -93,22 +95,25 @@ def open_input(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     Raises
     ------
     InputError
-        If there is no such file, it is a folder or a device without end, or it may not be read.
+        If there is no such file, it is a folder or a device without end, or it may not be read; and later, if the
+        system fails to read on.
     """
     if os.fspath(path) == STREAM:
-        yield sys.stdin.buffer
+        with buffered(sys.stdin.buffer, "standard input") as told:
+            yield told
         return
     try:
-        stream = open(path, "rb")  # noqa: SIM115 - closed below; errors of the block itself are not errors of opening
+        stream = open(path, "rb", buffering=0)  # noqa: SIM115 - closed below; errors of the block are not of opening
     except OSError as error:
         raise InputError(f"{path}: {system_reason(error)}.") from error
     with stream:
         if _is_endless(stream):
             raise InputError(f"{path}: a device, not a file.")
-        yield stream
+        with buffered(stream, path) as told:
+            yield told
 
 
-def _is_endless(stream: BinaryIO) -> bool:
+def _is_endless(stream: io.FileIO) -> bool:
     """Return whether a device is read that may never end: all but terminals and the null device."""
     state = os.fstat(stream.fileno())
     is_null = os.path.exists(os.devnull) and state.st_rdev == os.stat(os.devnull).st_rdev

@@ -52,7 +52,7 @@ def load_arrays(path: Path, schema: str) -> dict[str, NDArray[Any]]:
     """
     try:
         # Numpy multiplies a shape that a damaged header makes of numbers without end, and would warn of it.
-        with np.errstate(all="ignore"), np.load(path, allow_pickle=False) as stored:
+        with open_input(path) as stream, np.errstate(all="ignore"), np.load(stream, allow_pickle=False) as stored:
             if not isinstance(stored, np.lib.npyio.NpzFile):
                 raise InputError(f"{path}: not a .npz archive. {_REMEDY}")
             refuse_members(stored.zip, path)

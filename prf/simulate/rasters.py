@@ -161,8 +161,9 @@ def _load_yaml(path: str | os.PathLike[str]) -> Mapping[str, Any]:
     from ruamel.yaml import YAML  # noqa: PLC0415 - takes a while, and only these maps need it
 
     with open_input(path) as stream:
+        text = stream.read()
         try:
-            content = YAML(typ="safe", pure=True).load(stream.read())
+            content = YAML(typ="safe", pure=True).load(text)
         except Exception as error:  # beside its own: of digits and nesting without end, and of tags that do not fit
             raise InputError(f"{path}: not YAML ({_words(error)}).") from error
     if not isinstance(content, Mapping):
