@@ -64,6 +64,19 @@ MARGIN = tuple(
         "test_too_few_rounds_are_said",
     )
 )
+LASER = (
+    "tests/sensors/test_laser_layout.py",
+    *(
+        f"tests/sensors/test_laser.py::{test}"
+        for test in (
+            "test_parameters_without_a_density_are_refused",
+            "test_weights_that_leave_nothing_for_hits_are_refused",
+            "test_rays_along_the_axes_leave_exactly",
+            "test_rays_keep_readings_and_reach",
+            "test_no_beams_and_no_edges",
+        )
+    ),
+)
 SMALL_MAPS = ("tests/kernels/test_few_edges.py", "tests/kernels/test_refused.py")
 """Maps made by hand, beside those of chains."""
 BY_HAND = {"interior_triangle", "lean", "move_vertex", "notch", "notch_shape", "recolor", "split_edge"}
@@ -84,7 +97,7 @@ GROUPS: dict[str, tuple[Guard, ...]] = {
         Guard("prf.kernels.laser", ("tests/kernels/test_laser.py",)),
         Guard("prf.kernels.sonar", ("tests/kernels/test_sonar.py",)),
         Guard("prf.kernels.points", ("tests/kernels/test_points.py",)),
-        Guard("prf.sensors.laser", ("tests/sensors/test_laser.py", "tests/kernels/test_laser.py")),
+        Guard("prf.sensors.laser", LASER),
         Guard("prf.sensors.sonar", ("tests/sensors/test_sonar.py",)),
         Guard("prf.sensors.points", ("tests/sensors/test_points.py", "tests/kernels/test_points.py")),
     ),
