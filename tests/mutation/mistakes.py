@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import itertools
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -72,6 +73,8 @@ class Mistake(NamedTuple):
         The stretch, in bytes of the source.
     text : str
         In its place.
+    earlier : int
+        Where a line stands again further down in its function, which one it is, from 1 on; 0 for the last.
     """
 
     function: str
@@ -80,9 +83,11 @@ class Mistake(NamedTuple):
     start: int
     end: int
     text: str
+    earlier: int = 0
 
     def __str__(self) -> str:
-        return f"{self.function}: {self.before} -> {self.after}"
+        which = f" (line {self.earlier} of those alike)" if self.earlier else ""
+        return f"{self.function}: {self.before} -> {self.after}{which}"
 
 
 class Edit(NamedTuple):
@@ -104,8 +109,13 @@ def mistakes(source: str, *, borders: bool) -> list[Mistake]:
         that are drawn from a continuous law.
     """
     edits = _edits(ast.parse(source), "<module>", borders)
-    found = {str(mistake): mistake for mistake in (_placed(source, edit) for edit in edits)}
-    return list(found.values())
+    placed = {(one.start, one.end, one.text): one for one in (_placed(source, edit) for edit in edits)}
+    alike: dict[str, list[Mistake]] = {}
+    for mistake in placed.values():
+        alike.setdefault(str(mistake), []).append(mistake)
+    for same in alike.values():
+        same[:-1] = [mistake._replace(earlier=number) for number, mistake in enumerate(same[:-1], 1)]
+    return list(itertools.chain.from_iterable(alike.values()))
 
 
 def altered(source: str, mistake: Mistake) -> str:

@@ -49,6 +49,13 @@ def test_a_constant_is_another_one_and_a_function_its_counterpart() -> None:
     assert after("f(a)") == {"pass"}
 
 
+def test_lines_that_are_alike_are_told_apart() -> None:
+    found = mistakes("a -= 1\nif b:\n    a -= 1\n", borders=False)
+    turned = [one for one in found if one.after == "a += 1"]
+    assert [str(one).partition(" -> ")[2] for one in turned] == ["a += 1 (line 1 of those alike)", "a += 1"]
+    assert [one.start for one in turned] == sorted({one.start for one in turned})
+
+
 def test_what_makes_no_number_is_left_alone() -> None:
     source = '"""Two: 2."""\n\nimport a\n\n\n@jit(cache=True)\ndef f(a: A[2]) -> B[3]:\n    raise E(f"{a + 2}")\n'
     assert mistakes(source, borders=True) == []
