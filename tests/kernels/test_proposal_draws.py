@@ -222,6 +222,16 @@ def stand(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch
         yield Branch(0.5**2 / len(x.edges), numbers, [1, 2, 4, 5])
 
 
+def move_line(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
+    """As densities over lines, of which the reference makes densities over places of two vertices on given rays."""
+    p, q = new_points(x, y, False)
+    (a,), (b,) = set(y.neighbors(p)) - {q}, set(y.neighbors(q)) - {p}
+    scripts = SCRIPTS[c.MOVE_LINE](chain, x, y, plan)
+    numbers = next(n for n in scripts if leads_to(chain, c.MOVE_LINE, n, x, y))
+    continuous = [2, 4] if numbers[1] == FIRST else [2]
+    yield Branch(0.5**2 / (len(x.edges) * line_measure(a, p, q, b)), numbers, continuous)
+
+
 def notch(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
     scripts = list(SCRIPTS[c.NOTCH](chain, x, y, plan))
     (edge,) = x.edges - y.edges
@@ -252,6 +262,7 @@ BRANCHES: dict[int, Callable[[Chain, PlainMap, PlainMap, Plan], Iterator[Branch]
     c.JOIN_WALL: join_wall,
     c.DOCK: dock,
     c.NOTCH: notch,
+    c.MOVE_LINE: move_line,
     c.LEAN: lean,
     c.STAND: stand,
 }
@@ -267,6 +278,15 @@ def placed(start: Chain, move: int, numbers: list[float]) -> np.ndarray:
     return np.array([graph.vertex_xy[v, k] for v, axes in zip(slots, free, strict=True) for k in axes])
 
 
+def coordinates(move: int, places: np.ndarray) -> np.ndarray:
+    """What a density is of: the places; of a line through two places its direction and its distance from the origin."""
+    if move != c.MOVE_LINE:
+        return places
+    (px, py), (qx, qy) = places.reshape(2, 2)
+    theta = math.atan2(qy - py, qx - px)
+    return np.array([theta, py * math.cos(theta) - px * math.sin(theta)])
+
+
 def density(start: Chain, move: int, branch: Branch, target: PlainMap) -> float:
     """Probability of the branch over the Jacobian determinant of the places by the numbers, by central differences."""
     reached_places = placed(start, move, branch.numbers)
@@ -278,8 +298,10 @@ def density(start: Chain, move: int, branch: Branch, target: PlainMap) -> float:
         for sign in (-1.0, 1.0):
             numbers = list(branch.numbers)
             numbers[k] += sign * step
-            ends.append(placed(start, move, numbers))
+            ends.append(coordinates(move, placed(start, move, numbers)))
         columns.append((ends[1] - ends[0]) / (2.0 * step))
+    if len(columns) < len(columns[0]):  # a shift, which keeps the direction of its line
+        return branch.probability / float(np.linalg.norm(columns))
     return branch.probability / abs(float(np.linalg.det(np.array(columns))))
 
 

@@ -81,6 +81,11 @@ SMALL_MAPS = ("tests/kernels/test_few_edges.py", "tests/kernels/test_refused.py"
 """Maps made by hand, beside those of chains."""
 BY_HAND = {"interior_triangle", "lean", "move_vertex", "notch", "notch_shape", "recolor", "split_edge"}
 """Moves of which chains do not meet everything."""
+KERNELS = "tests/kernels"
+OF_MOVES = {
+    "move_line": (f"{KERNELS}/test_move_line.py",),
+}
+"""What is asked besides the ratios and draws of moves."""
 GROUPS: dict[str, tuple[Guard, ...]] = {
     "crf": (
         Guard("mapq.crf.energy", (f"{CRF}/test_energy.py",), borders=True),
@@ -102,7 +107,7 @@ GROUPS: dict[str, tuple[Guard, ...]] = {
         Guard("prf.sensors.points", ("tests/sensors/test_points.py", "tests/kernels/test_points.py")),
     ),
     "hastings": tuple(
-        Guard(f"prf.kernels.moves.{name}", SMALL_MAPS if name in BY_HAND else (), moves)
+        Guard(f"prf.kernels.moves.{name}", OF_MOVES.get(name, SMALL_MAPS if name in BY_HAND else ()), moves)
         for name, moves in (
             ("interior_triangle", ("triangle birth", "triangle death")),
             ("boundary_triangle", ("boundary birth", "boundary death")),
