@@ -82,7 +82,10 @@ SMALL_MAPS = ("tests/kernels/test_few_edges.py", "tests/kernels/test_refused.py"
 BY_HAND = {"interior_triangle", "lean", "move_vertex", "notch", "notch_shape", "recolor", "split_edge"}
 """Moves of which chains do not meet everything."""
 KERNELS = "tests/kernels"
+SMALLEST = f"{KERNELS}/test_smallest_maps.py"
 OF_MOVES = {
+    "cut_wall": (SMALLEST,),
+    "join_wall": (SMALLEST,),
     "move_line": (f"{KERNELS}/test_move_line.py",),
 }
 """What is asked besides the ratios and draws of moves."""
