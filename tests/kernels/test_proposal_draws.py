@@ -16,12 +16,13 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from prf.coloring import Coloring
 from prf.kernels import constants as c
 from prf.kernels.chain import Chain
 from prf.kernels.proposal import N_NEW_VERTICES
 from prf.kernels.targets import Targets
 from prf.layout import read_coloring
-from prf.window import INTERIOR
+from prf.window import INTERIOR, SIDES
 from tests.reference.hastings import CASES, NAMES, Lab, attempt, make_lab, states, tries
 from tests.reference.plain_map import (
     Edges,
@@ -303,6 +304,33 @@ def density(start: Chain, move: int, branch: Branch, target: PlainMap) -> float:
     if len(columns) < len(columns[0]):  # a shift, which keeps the direction of its line
         return branch.probability / float(np.linalg.norm(columns))
     return branch.probability / abs(float(np.linalg.det(np.array(columns))))
+
+
+def test_sides_come_in_proportion_to_their_lengths() -> None:
+    """By the number that picks the side of a birth, at both ends of the stretch of each side."""
+    lab = make_lab(CASES[1], np.random.default_rng(SEED))
+    window = lab.settings.window
+    for side in SIDES:
+        ends = [sum(window.side_length(s) for s in range(k)) / window.perimeter for k in (side, side + 1)]
+        for share in (ends[0] + 1e-12, ends[1] - 1e-12):
+            chain = lab.chain_at(Coloring.empty(window))
+            legal = attempt(chain, c.BOUNDARY_BIRTH, scripted([beyond(lab.plan.local), share, 0.3, 0.6, 0.4, 0.7]))[0]
+            slots = chain.proposal.new_vertices[: chain.proposal.counts[N_NEW_VERTICES]]
+            assert legal
+            assert sorted(chain.graph.vertex_side[slots].tolist()) == [INTERIOR, side, side]
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_near_a_corner_is_a_reach_from_it_along_each_side(side: int) -> None:
+    lab = make_lab(CASES[1], np.random.default_rng(SEED))
+    window, m = lab.settings.window, lab.plan.birth_reach
+    corner = corner_between(window, side, (side + 1) % 4)
+    assert corner is not None
+    numbers = [below(lab.plan.local), (side + 0.5) / 4.0, reached(0.2, m), reached(0.3, m)]
+    along_sides = placed(lab.chain_at(Coloring.empty(window)), c.CORNER_BIRTH, numbers)
+    ways = [1.0 if 2.0 * corner[s % 2] < sum(window[s % 2 :: 2]) else -1.0 for s in (side, side + 1)]
+    expected = [corner[side % 2] + 0.2 * ways[0], corner[(side + 1) % 2] + 0.3 * ways[1]]
+    assert along_sides == pytest.approx(expected, abs=1e-12)
 
 
 def test_measure_of_lines_by_finite_differences() -> None:

@@ -87,6 +87,10 @@ OF_MOVES = {
     "cut_wall": (SMALLEST,),
     "join_wall": (SMALLEST,),
     "move_line": (f"{KERNELS}/test_move_line.py",),
+    "placing": (
+        f"{KERNELS}/test_proposal_draws.py::test_sides_come_in_proportion_to_their_lengths",
+        f"{KERNELS}/test_proposal_draws.py::test_near_a_corner_is_a_reach_from_it_along_each_side",
+    ),
 }
 """What is asked besides the ratios and draws of moves."""
 GROUPS: dict[str, tuple[Guard, ...]] = {
@@ -126,7 +130,7 @@ GROUPS: dict[str, tuple[Guard, ...]] = {
             ("notch_shape", ("notch", "fill")),
             ("move_line", ("move line",)),
             ("lean", ("lean", "stand")),
-            ("placing", ("triangle birth", "split", "cut wall", "join wall", "dock", "notch", "lean")),
+            ("placing", ("boundary birth", "corner birth", "past corner", "triangle birth", "move boundary", "split")),
         )
     ),
 }
