@@ -117,6 +117,7 @@ def fit_margin(parts: Sequence[Part], edge_model: str, precision: Floats) -> Mar
     Parameters
     ----------
     parts : sequence of Part
+        One at least; wrong labels cost something.
     edge_model : str
         One of `mapq.model.EDGE_MODELS`.
     precision : (n_parameters,) float64
@@ -160,8 +161,6 @@ def _master(planes: _Planes, n_parts: int, precision: Floats, bounded: NDArray[n
     The bound holds whatever the accuracy of the program: any shares of the planes that sum to 1 for each part give one.
     """
     slope, height, owner = np.array(planes.slope), np.array(planes.height), np.array(planes.owner, np.int64)
-    if len(slope) == 0:
-        return np.zeros(len(precision)), 0.0
     n_weights, scale = len(precision), max(float(np.abs(slope).max()), 1.0)
     lift = np.zeros((len(slope), n_parts))
     lift[np.arange(len(slope)), owner] = -1.0

@@ -6,33 +6,40 @@ import sys
 import numpy as np
 import pytest
 
-from mapq.crf import TrainingMap, TrainSettings, classify, train
-from mapq.crf.margin import BIAS_PRECISION, GAP, MarginFit, fit_margin, make_part
+from mapq.crf import TrainingMap, TrainSettings, classify, margin, train
+from mapq.crf.margin import BIAS_PRECISION, GAP, MarginFit, Part, fit_margin, make_part
 from mapq.crf.quadratic import solve_quadratic
 from mapq.crf.select import MARGIN_STRENGTHS
 from mapq.crf.train import MAX_MARGIN, Strength, margin_weights, precisions, prepare, signs
 from mapq.evaluate import area_under_curve
-from mapq.model import EDGE_MODELS, FULL, NONE
+from mapq.model import EDGE_MODELS, FULL, NONE, Model, parameter_names
 from mapq.patches import UNLABELLED
 from tests.mapq.crf.worlds import draw_map
-from tests.reference.mapq_crf import draw_features
+from tests.reference.mapq_crf import draw_features, slow_score
 
 
-def small_parts(seed, edge_model, n_maps=2, n_patches=6):
-    """Return parts of maps small enough to score every labelling, some patches without a label."""
-    rng = np.random.default_rng(seed)
+def small_maps(rng, n_maps=2, n_patches=6):
+    """Return maps small enough to score every labelling, some patches without a label."""
     maps = []
     for _ in range(n_maps):
         label = rng.integers(0, 2, n_patches).astype(np.uint8)
         label[0] = UNLABELLED
         label[1:3] = 0, 1
         maps.append(TrainingMap(draw_features(rng, n_patches, 9), label, np.zeros(n_patches, int)))
-    prepared = prepare(maps, TrainSettings(edge_model))
+    return maps
+
+
+def parts_of(prepared, maps):
     parts = []
     for inputs, unary, each in zip(prepared.inputs, prepared.unary, maps, strict=True):
         y = signs(each.label)
         parts.append(make_part(inputs, unary, y, np.where(y > 0.0, 1.5, 0.7) * (y != 0.0)))
     return parts
+
+
+def small_parts(seed, edge_model):
+    maps = small_maps(np.random.default_rng(seed))
+    return parts_of(prepare(maps, TrainSettings(edge_model)), maps)
 
 
 def slow_risk(part, weights, n_coupling):
@@ -43,6 +50,28 @@ def slow_risk(part, weights, n_coupling):
         y = np.array(labels)
         values.append(part.cost[y != part.y].sum() + part.joint(y, n_coupling) @ weights - true)
     return max(values)
+
+
+@pytest.mark.parametrize("edge_model", EDGE_MODELS)
+def test_a_part_scores_labels_as_the_definition_does_with_0_for_no_label(edge_model):
+    rng = np.random.default_rng(6)
+    maps = small_maps(rng)
+    maps[1].label[3] = UNLABELLED
+    names = ("plausibility", "overlap") if edge_model == FULL else ()
+    prepared = prepare(maps, TrainSettings(edge_model, names))
+    weights = rng.normal(size=len(parameter_names(edge_model, prepared.node.names, names)))
+    model = Model(edge_model, {}, prepared.node, prepared.edge, prepared.x_range, weights)
+    n_coupling = 0 if edge_model == NONE else 2
+    for part, each in zip(parts_of(prepared, maps), maps, strict=True):
+        for _ in range(8):
+            y = np.where(signs(each.label) == 0.0, 0.0, rng.choice([-1.0, 1.0], len(each.label)))
+            score = part.joint(y[y != 0.0], n_coupling) @ weights
+            assert score == pytest.approx(slow_score(each.features, model, y.tolist()), abs=1e-10)
+
+
+def test_pairs_without_weights_of_a_coupling_have_none():
+    part = Part(np.array([[1.0], [-1.0]]), np.array([[0, 1]]), np.array([0.5]), np.array([1.0, 1.0]), np.zeros(2))
+    assert part.worst(np.array([0.25])).tolist() == [1.0, -1.0]
 
 
 @pytest.mark.parametrize("edge_model", EDGE_MODELS)
@@ -81,6 +110,57 @@ def test_no_weights_are_better_than_the_bound_says(edge_model, seed):
             other = found.weights + scale * rng.normal(size=len(precision))
             other[len(other) - n_coupling :] = np.abs(other[len(other) - n_coupling :])
             assert objective(other) >= found.bound
+
+
+def lone_part(features, cost):
+    """One suspicious patch."""
+    return Part(np.array([features]), np.empty((0, 2), np.int64), np.empty(0), np.ones(1), np.array([cost]))
+
+
+def test_the_bias_alone_is_as_weak_as_documented():
+    """Of 0.001 w² / 2 + max(0, 1 - 2 w) the least is at w = 1/2."""
+    found = fit_margin([lone_part([1.0], 1.0)], NONE, np.zeros(1))
+    assert found.weights == pytest.approx([0.5], rel=1e-2)
+    assert found.objective == pytest.approx(0.001 / 8.0, rel=1.1e-3)
+
+
+@pytest.mark.parametrize(("bounds", "rounds"), [([998.0, 998.9, 999.0, 999.9], 3), ([998.0], 300)])
+def test_the_search_ends_within_a_thousandth_of_the_optimum_or_after_300_rounds(monkeypatch, bounds, rounds):
+    told = itertools.chain(bounds, itertools.repeat(bounds[-1]))
+    monkeypatch.setattr(margin, "_master", lambda *_: (np.zeros(1), next(told)))
+    found = fit_margin([lone_part([0.0], 1000.0)], NONE, np.zeros(1))
+    assert (found.objective, found.n_rounds) == (1000.0, rounds)
+
+
+@pytest.mark.parametrize("factor", [2.0, 5.0])
+def test_the_bound_holds_however_rough_the_program_is(monkeypatch, factor):
+    """Of 10 w² / 2 + 2 max(0, 1 - 2 w) the least is 1.2, at w = 0.4; multipliers have to sum to 1 a part."""
+
+    def rough(*program):
+        z, multiplier = solve_quadratic(*program)
+        return z, factor * multiplier
+
+    monkeypatch.setattr(margin, "solve_quadratic", rough)
+    found = fit_margin([lone_part([0.0, 1.0], 1.0)] * 2, NONE, np.array([0.0, 10.0]))
+    assert found.weights == pytest.approx([0.0, 0.4], abs=1e-2)
+    assert found.objective == pytest.approx(1.2, rel=1e-3)
+    assert found.bound == pytest.approx(1.2, rel=1e-6)
+
+
+def test_the_optimum_is_the_same_in_other_units():
+    """A feature 100,000 times as large, as sums over many patches are, and a prior on its weight as much tighter."""
+    rng, unit, parts = np.random.default_rng(0), 1e5, []
+    for _ in range(2):
+        y = np.where(rng.random(25) < 0.4, 1.0, -1.0)
+        unary = np.column_stack([np.ones(25), rng.normal(size=25) + 0.5 * y])
+        parts.append(Part(unary, np.empty((0, 2), np.int64), np.empty(0), y, np.where(y > 0.0, 1.5, 0.7)))
+    found = fit_margin(parts, NONE, np.array([0.0, 0.1]))
+    parts = [part._replace(unary=part.unary * [1.0, unit]) for part in parts]
+    other = fit_margin(parts, NONE, np.array([0.0, 0.1 * unit**2]))
+    for fit in (found, other):
+        assert fit.bound >= 0.999 * fit.objective
+    assert other.objective == pytest.approx(found.objective, rel=1e-3)
+    assert other.bound <= found.objective
 
 
 def uneven_maps(balanced=True):
