@@ -70,6 +70,23 @@ MARGIN = tuple(
         "test_too_few_rounds_are_said",
     )
 )
+ONE_MAP = f"{CRF}/test_margin.py::test_labels_that_weigh_nothing_to_tell_still_train"
+TRAIN = tuple(
+    f"{CRF}/test_train.py::{test}"
+    for test in (
+        "test_labels_that_cannot_train_are_refused",
+        "test_one_label_alone_and_no_map_at_all_are_refused",
+        "test_no_coupling_may_be_negative",
+        "test_the_bias_of_nodes_has_no_prior_and_the_coupling_one_of_its_own",
+        "test_the_field_has_the_columns_asked_for_each_once",
+        "test_both_labels_weigh_alike_unless_asked_otherwise",
+        "test_an_unlabelled_patch_counts_as_label_zero_for_its_neighbours",
+        "test_the_objective_is_the_pseudo_likelihood_by_its_definition",
+        "test_labels_too_few_for_folds_still_train",
+        "test_pseudo_likelihood_is_highest_at_the_weights_found",
+        "test_there_are_five_folds_unless_asked_otherwise",
+    )
+)
 LASER = (
     "tests/sensors/test_laser_layout.py",
     *(
@@ -109,7 +126,7 @@ GROUPS: dict[str, tuple[Guard, ...]] = {
         Guard("mapq.crf.quadratic", (f"{CRF}/test_quadratic.py",), borders=True),
         Guard("mapq.crf.margin", MARGIN, borders=True),
         Guard("mapq.crf.calibrate", (f"{CRF}/test_calibrate.py",), borders=True),
-        Guard("mapq.crf.train", (f"{CRF}/test_train.py", *MARGIN), borders=True),
+        Guard("mapq.crf.train", (*TRAIN, *MARGIN, ONE_MAP), borders=True),
     ),
     "likelihoods": (
         Guard("prf.kernels.laser", ("tests/kernels/test_laser.py",)),

@@ -177,7 +177,47 @@ def test_both_labels_weigh_alike_unless_asked_otherwise():
     maps = [draw_map(1)]
     prepared, labels = prepare(maps, TrainSettings()), [m.label for m in maps]
     problem = make_problem(prepared, labels, TrainSettings(), Strength(1.0, 1.0))
-    assert problem.importance[problem.y > 0].sum() == pytest.approx(problem.importance[problem.y < 0].sum())
+    assert problem.importance[problem.y > 0].sum() == pytest.approx(0.5 * len(problem.y))
+    assert problem.importance[problem.y < 0].sum() == pytest.approx(0.5 * len(problem.y))
+
+
+@pytest.mark.parametrize(("edge_model", "coupling"), [(NONE, []), (SYMMETRIC, [7.0, 7.0]), (FULL, [7.0, 7.0])])
+def test_the_bias_of_nodes_has_no_prior_and_the_coupling_one_of_its_own(edge_model, coupling):
+    one, settings = draw_map(1), TrainSettings(edge_model)
+    problem = make_problem(prepare([one], settings), [one.label], settings, Strength(3.0, 7.0))
+    n_weights = problem.design.shape[1]
+    assert problem.precision.tolist() == [0.0, *[3.0] * (n_weights - 1 - len(coupling)), *coupling]
+
+
+@pytest.mark.parametrize(("settings", "n_folds"), [({}, 5), ({"n_folds": 3}, 3)])
+def test_there_are_five_folds_unless_asked_otherwise(settings, n_folds):
+    assert train([draw_map(1)], TrainSettings(NONE, regularisation=1.0, **settings)).n_folds == n_folds
+
+
+@pytest.mark.parametrize(
+    ("edge_model", "asked", "names"),
+    [
+        (FULL, {}, ("plausibility", "near", "far")),
+        (FULL, {"edge_features": ("far", "context", "w")}, ("far", "near", "w")),
+        (FULL, {"edge_features": ("all",)}, ("plausibility", "w", "near", "far")),
+        (FULL, {"edge_features": ("all", "w")}, None),
+        (SYMMETRIC, {}, ()),
+        (NONE, {"edge_features": ("all",)}, ()),
+    ],
+)
+def test_the_field_has_the_columns_asked_for_each_once(edge_model, asked, names):
+    """Columns of context stand for themselves; all is alone."""
+    one = draw_map(1)
+    context = np.random.default_rng(1).normal(size=(len(one.features.pairs), 2))
+    features = one.features._replace(
+        edge=np.hstack([one.features.edge, context]), edge_names=("w", "near", "far"), context_names=("near", "far")
+    )
+    settings, maps = TrainSettings(edge_model, **asked), [one._replace(features=features)]
+    if names is None:
+        with pytest.raises(InputError, match="no edge feature all"):
+            prepare(maps, settings)
+    else:
+        assert prepare(maps, settings).edge.names == names
 
 
 def test_the_coupling_is_tried_in_proportion_to_the_labels():
