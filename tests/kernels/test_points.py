@@ -63,7 +63,8 @@ def test_points_are_laid_out_band_by_band(name: str) -> None:
     rng = np.random.default_rng(30)
     xy = LAYOUTS[name](rng)
     density = rng.normal(size=(len(xy), 2))
-    points = make_points(xy, density)
+    with np.errstate(divide="raise", invalid="raise"):
+        points = make_points(xy, density)
     rows = points.column[[k.X, k.Y, k.LOG_WHITE, k.LOG_BLACK]].T
     given = np.column_stack([xy, density])
     assert np.array_equal(rows[np.lexsort(rows.T)], given[np.lexsort(given.T)])
@@ -84,6 +85,22 @@ def test_a_lattice_is_taken_by_rows_and_scattered_points_are_not() -> None:
     assert np.array_equal(by_row.band[k.LOWEST], by_row.band[k.HIGHEST])
     loose = make_points(scattered(rng), np.zeros((300, 2)))
     assert 5 <= loose.band.shape[1] <= 20
+
+
+def test_four_points_a_row_in_the_mean_are_taken_by_rows() -> None:
+    xy = np.column_stack([np.tile(np.arange(4.0), 9), np.repeat(np.arange(9.0) ** 2, 4)])
+    assert make_points(xy, np.zeros((36, 2))).band[k.FIRST].tolist() == list(range(0, 37, 4))
+    loose = make_points(xy[1:], np.zeros((35, 2)))
+    assert loose.band[k.FIRST, 1] > 4
+
+
+def test_bands_of_scattered_points_are_equally_high() -> None:
+    """About as many as half the root of the points, wherever the window lies."""
+    xy = np.column_stack([np.zeros(110), np.linspace(-30.0, -20.0, 110)])
+    _, low, high = make_points(xy, np.zeros((110, 2))).band[:, :-1]
+    assert len(low) <= 7
+    assert (high - low).max() < 10.0 / 6.0
+    assert (np.diff(low)[:-1] > 0.9 * 10.0 / 6.0).all()
 
 
 def test_the_likelihood_takes_each_value_in_the_colour_of_its_place() -> None:

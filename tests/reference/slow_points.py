@@ -6,6 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import minimize
+from scipy.special import expit
 
 from prf.coloring import Coloring, black_at
 from prf.posterior import PointData
@@ -58,6 +60,19 @@ def observe(coloring: Coloring, law: Law, xy: np.ndarray, rng: np.random.Generat
 def log_likelihood(coloring: Coloring, law: Law, data: PointData) -> float:
     colours = black_at(coloring, data.xy).tolist()
     return sum(law.log_density(value, black) for value, black in zip(data.values.tolist(), colours, strict=True))
+
+
+def most_likely_sigma(values: np.ndarray, black: float, white: float) -> float:
+    """Of a mixture of two normals of these means and of one sigma, their share free; by a generic search."""
+
+    def loss(x: np.ndarray) -> float:
+        law, share = Normal(black, white, math.exp(x[0])), expit(x[1])
+        density = [[math.exp(law.log_density(value, colour)) for colour in (True, False)] for value in values.tolist()]
+        return -sum(math.log(share * in_black + (1.0 - share) * in_white) for in_black, in_white in density)
+
+    start = np.array([math.log(np.std(values)), 0.0])
+    found = minimize(loss, start, method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12, "maxiter": 2000})
+    return math.exp(found.x[0])
 
 
 def lattice(n: int, low: float, high: float) -> np.ndarray:

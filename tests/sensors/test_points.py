@@ -10,7 +10,7 @@ import pytest
 
 from prf.sensors.points import PointModel, estimated_sigma, window_round
 from prf.shell.errors import ConfigError
-from tests.reference.slow_points import Flips, Normal, lattice
+from tests.reference.slow_points import Flips, Normal, lattice, most_likely_sigma
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,11 @@ def test_the_kind_follows_from_the_values_unless_it_is_given() -> None:
     assert PointModel().resolved(np.array([0.0, 1.0, 0.5])).kind == "gaussian"
     assert PointModel("gaussian", sigma=0.2).resolved(np.array([0.0, 1.0])) == PointModel("gaussian", sigma=0.2)
     with pytest.raises(ConfigError, match=r"a value is 0\.5, neither 0 nor 1"):
-        PointModel("binary").resolved(np.array([0.0, 0.5]))
+        PointModel("binary").resolved(np.array([0.0, 1.0, 0.5, 2.0]))
+
+
+def test_one_value_in_ten_is_flipped_unless_told_otherwise() -> None:
+    assert np.exp(PointModel().log_density(np.array([1.0, 0.0]))) == pytest.approx(np.array([[0.1, 0.9], [0.9, 0.1]]))
 
 
 @pytest.mark.parametrize("law", [Normal(), Normal(-3.0, 40.0, 11.0), Flips(), Flips(0.01)], ids=str)
@@ -50,7 +54,7 @@ def test_densities_are_those_written(law: Normal | Flips) -> None:
 
 def test_densities_beyond_double_precision_are_refused() -> None:
     with pytest.raises(ConfigError, match="points-sigma 1e-200: too small"):
-        PointModel("gaussian", sigma=1e-200).log_density(np.array([3.0]))
+        PointModel("gaussian", sigma=1e-200).log_density(np.array([0.0, 3.0]))
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 1.0])
@@ -64,9 +68,38 @@ def test_sigma_is_estimated_whatever_the_share_of_black(sigma: float, share: flo
     assert resolved.sigma == estimated_sigma(values, 5.0, 3.0)
 
 
-def test_values_without_noise_leave_a_little_sigma() -> None:
-    assert estimated_sigma(np.array([0.0, 2.0, 2.0]), 2.0, 0.0) == pytest.approx(2e-3)
-    assert estimated_sigma(np.array([1.0]), 1.0, 0.0) == pytest.approx(1e-3)
+@pytest.mark.parametrize(("black", "white"), [(1.0, 0.0), (3.0, 5.0)])
+@pytest.mark.parametrize("unit", [1.0, 1e-6, 1e6])
+@pytest.mark.parametrize("noise", [0.3, 0.6])
+def test_sigma_is_the_most_likely_one_in_any_unit(black: float, white: float, unit: float, noise: float) -> None:
+    rng = np.random.default_rng(43)
+    law = Normal(black, white, noise * abs(black - white))
+    for share in (0.15, 0.5, 0.7):
+        values = law.draw(rng.random(61) < share, rng)
+        sigma = estimated_sigma(unit * values, unit * black, unit * white) / unit
+        assert sigma == pytest.approx(most_likely_sigma(values, black, white), rel=1e-6)
+
+
+@pytest.mark.parametrize("off", [[-0.05, 0.05], [-0.145, 0.145], [-0.2, 0.2], [0.95, 1.05]])
+def test_values_of_one_colour_have_their_deviation_from_its_mean(off: list[float]) -> None:
+    """Also where all lie beyond the mean, or where the share of the other colour comes to nothing within a round."""
+    expected = math.sqrt(np.mean(np.square(off)))
+    assert estimated_sigma(1.0 + np.array(off), 1.0, 0.0) == pytest.approx(expected, rel=1e-6)
+    assert estimated_sigma(-np.array(off), 1.0, 0.0) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(("n", "sigma"), [(199_998, math.sqrt(0.5 * (0.01 + 0.04))), (200_000, 0.1)])
+def test_of_many_values_every_second_will_do(n: int, sigma: float) -> None:
+    off = np.resize([0.1, 0.2, -0.1, -0.2], n)
+    values = np.resize([0.0, 0.0, 0.0, 0.0, 5.0, 5.0, 5.0, 5.0], n) + off
+    assert estimated_sigma(values, 5.0, 0.0) == pytest.approx(sigma, rel=1e-6)
+
+
+def test_values_without_noise_leave_a_thousandth_of_the_distance_of_the_means() -> None:
+    with np.errstate(divide="raise", invalid="raise"):
+        assert estimated_sigma(np.array([0.0, 2.0, 2.0]), 2.0, 0.0) == pytest.approx(2e-3)
+        assert estimated_sigma(np.array([3.0, 5.0]), 3.0, 5.0) == pytest.approx(2e-3)
+        assert estimated_sigma(np.array([1.0]), 1.0, 0.0) == pytest.approx(1e-3)
 
 
 def test_a_bitmap_fills_the_window_round_it() -> None:
@@ -76,4 +109,5 @@ def test_a_bitmap_fills_the_window_round_it() -> None:
 
 def test_the_window_round_few_points() -> None:
     assert window_round(np.array([[3.0, 4.0], [3.0, 4.0]])) == (2.0, 3.0, 4.0, 5.0)
+    assert window_round(np.array([[0.0, 0.0], [4.0, 0.0]])) == (-2.0, -2.0, 6.0, 2.0)
     assert window_round(np.array([[0.0, 0.0], [2.0, 0.0], [5.0, 0.0]])) == (-1.0, -1.0, 6.0, 1.0)
