@@ -16,6 +16,7 @@ from prf.kernels import cones as k
 from prf.kernels import visibility as v
 from prf.kernels.build import trace_all
 from prf.kernels.cone_score import Scene, add_sonar_densities
+from prf.kernels.constants import MOST_CHANGES
 from prf.posterior import Settings, make_chain
 from prf.recompute import differences
 from prf.score.scene import features_seen, scene_of_coloring
@@ -23,6 +24,7 @@ from prf.sensors import sonar as sensor
 from prf.sensors.sonar import SonarModel, make_poses
 from prf.shell.errors import ConfigError
 from prf.window import Window
+from tests.kernels.entries import see_all
 from tests.reference.slow_sonar import Cone, Feature, Ring, features, log_likelihood, return_probability, weights
 from tests.reference.sonar_worlds import data_of, model_of, random_office, ring_all_round
 
@@ -50,7 +52,7 @@ VIEW = 0.349
     ],
 )
 def test_parameters_without_a_density_are_refused(field: str, value: float) -> None:
-    with pytest.raises(ConfigError, match="sonar-" + field.replace("_", "-")):
+    with pytest.raises(ConfigError, match="^sonar-" + field.replace("_", "-")):
         dataclasses.replace(SonarModel(), **{field: value})
 
 
@@ -129,7 +131,7 @@ def test_densities_and_the_mass_of_no_return_come_to_one() -> None:
 @pytest.mark.parametrize("view", [0.0, -0.1, math.pi, 4.0, math.nan])
 def test_fields_of_view_that_are_none_are_refused(view: float) -> None:
     with pytest.raises(ConfigError, match="field of view"):
-        make_poses(SonarModel(), np.zeros((1, 2)), np.zeros(1), np.full(1, view), np.ones(1))
+        make_poses(SonarModel(), np.zeros((2, 2)), np.zeros(2), np.array([VIEW, view]), np.ones(2))
 
 
 @pytest.mark.parametrize(("window", "scale"), [(ROOM, 0.4), (FAR, 0.3)], ids=["room", "far from the origin"])
@@ -151,12 +153,24 @@ def test_the_index_loses_nothing(window: Window, scale: float, cell: float | Non
         assert differences(chain) == []
 
 
-def test_slots_hold_every_cell_that_a_cone_enters() -> None:
+@pytest.mark.parametrize(
+    ("window", "cell", "n_places", "n_cones", "view"),
+    [
+        (ROOM, 0.3, 6, 4, 0.9),
+        (ROOM, 0.2, 1, 2, 3.1),
+        (ROOM, 3.6, 3, 2, 3.1),
+        (Window(-5.0, -0.4, 5.0, 0.4), 0.2, 2, 2, 3.1),
+    ],
+    ids=["narrow", "small cells", "large cells", "corridor"],
+)
+def test_slots_hold_every_cell_that_a_cone_enters(
+    window: Window, cell: float, n_places: int, n_cones: int, view: float
+) -> None:
     """Points at random in the cone lie in a slot, and no nearer than it begins."""
     rng = np.random.default_rng(2)
-    cones = ring_all_round(rng.uniform(-5, 5, (6, 2)), 4, 0.9, rng)
-    settings = Settings(ROOM, 0.3, cell=0.3, sonar=data_of(Ring(), cones, np.ones(len(cones))))
-    chain = make_chain(settings, Coloring.empty(ROOM))
+    cones = ring_all_round(rng.uniform(window[:2], window[2:], (n_places, 2)), n_cones, view, rng)
+    settings = Settings(window, 0.3, cell=cell, sonar=data_of(Ring(), cones, np.ones(len(cones))))
+    chain = make_chain(settings, Coloring.empty(window))
     grid, slots = chain.edge_index.grid, chain.cones.slot_start
     for number, cone in enumerate(cones):
         near = {
@@ -169,11 +183,33 @@ def test_slots_hold_every_cell_that_a_cone_enters() -> None:
         }
         r, turn = 3.5 * np.sqrt(rng.random(500)), cone.angle + cone.view * (rng.random(500) - 0.5)
         xy = np.stack([cone.x + r * np.cos(turn), cone.y + r * np.sin(turn)], axis=1)
-        for (x, y), distance in zip(xy[ROOM.contains(xy)], r[ROOM.contains(xy)], strict=True):
+        for (x, y), distance in zip(xy[window.contains(xy)], r[window.contains(xy)], strict=True):
             cell = int((x - grid.x0) / grid.cell) + grid.nx * int((y - grid.y0) / grid.cell)
             assert near[cell] <= distance
         entries = chain.cones.slot_near[slots[number] : slots[number + 1]]
         assert (np.diff(entries) >= 0.0).all()
+
+
+def test_every_wall_and_corner_finds_room() -> None:
+    """As many walls as there is room for, side by side: each is a surface and two corners."""
+    walls = np.array([[1.0, y, 1.0, y + 0.1] for y in np.arange(-0.6, 0.6, 0.2)])
+    pose = make_poses(SonarModel(), np.zeros((1, 2)), np.zeros(1), np.full(1, 2.0), np.ones(1))[0]
+    sight = sensor.make_sight(len(walls))
+    assert see_all(sight, walls, np.arange(2 * len(walls), dtype=np.int32).reshape(-1, 2), pose, 3.5) == 3.5
+    assert sight.counts[v.N_FEATURES] == 3 * len(walls)
+
+
+def test_a_new_chain_has_room_for_edges_that_come_and_has_asked_no_cone_for_a_proposal() -> None:
+    data = data_of(Ring(), [Cone(0.0, 0.0, 0.0, 1.0)], np.ones(1))
+    chain = make_chain(Settings(ROOM, 0.3, sonar=data), Coloring.empty(ROOM))
+    assert len(chain.cones.sight.line) >= len(chain.graph.edge_xy) + MOST_CHANGES
+    assert (chain.cones.mark <= chain.cones.proposals[0]).all()
+
+
+def test_without_sonar_no_cone_is_touched() -> None:
+    """What is accepted is applied to the cones that were touched, also where there are none to ask."""
+    cones = make_chain(Settings(ROOM, 0.3), Coloring.empty(ROOM)).cones
+    assert (len(cones.pose), cones.n_touched[0]) == (0, 0)
 
 
 def test_too_many_slots_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
