@@ -68,7 +68,7 @@ def test_sigma_is_estimated_whatever_the_share_of_black(sigma: float, share: flo
     assert resolved.sigma == estimated_sigma(values, 5.0, 3.0)
 
 
-@pytest.mark.parametrize(("black", "white"), [(1.0, 0.0), (3.0, 5.0)])
+@pytest.mark.parametrize(("black", "white"), [(1.0, 0.0), (0.0, 1.0), (-1.0, 1.0), (3.0, 5.0)])
 @pytest.mark.parametrize("unit", [1.0, 1e-6, 1e6])
 @pytest.mark.parametrize("noise", [0.3, 0.6])
 def test_sigma_is_the_most_likely_one_in_any_unit(black: float, white: float, unit: float, noise: float) -> None:
@@ -76,7 +76,8 @@ def test_sigma_is_the_most_likely_one_in_any_unit(black: float, white: float, un
     law = Normal(black, white, noise * abs(black - white))
     for share in (0.15, 0.5, 0.7):
         values = law.draw(rng.random(61) < share, rng)
-        sigma = estimated_sigma(unit * values, unit * black, unit * white) / unit
+        with np.errstate(divide="raise", invalid="raise"):
+            sigma = estimated_sigma(unit * values, unit * black, unit * white) / unit
         assert sigma == pytest.approx(most_likely_sigma(values, black, white), rel=1e-6)
 
 
