@@ -62,6 +62,10 @@ def test_what_makes_no_number_is_left_alone() -> None:
     assert after("return False, 0.0") == {"return True, 0.0"}
 
 
+def test_a_source_has_one_guard() -> None:
+    assert len({guard.module for guard in GUARDS}) == len(GUARDS)
+
+
 @pytest.mark.parametrize("guard", GUARDS, ids=[guard.module for guard in GUARDS])
 def test_each_mistake_alters_its_source_in_one_place(guard) -> None:
     source = path_of(guard.module).read_text()
