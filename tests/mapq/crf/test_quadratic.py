@@ -34,6 +34,14 @@ def test_a_bound_that_holds_back_has_the_slope_as_its_multiplier():
     np.testing.assert_allclose(multiplier, [4.0], atol=1e-9)
 
 
+def test_bounds_that_the_start_breaks_are_kept_at_the_end():
+    """Least z1^2/2 + z2^2/2 with z1 >= 1, z1 + z2 >= 3 and z2 <= 1/2: at (5/2, 1/2) the last two hold."""
+    left = np.array([[-1.0, 0.0], [-1.0, -1.0], [0.0, 1.0]])
+    z, multiplier = solve_quadratic(np.ones(2), np.zeros(2), left, np.array([-1.0, -3.0, 0.5]))
+    np.testing.assert_allclose(z, [2.5, 0.5], atol=1e-8)
+    np.testing.assert_allclose(multiplier, [0.0, 2.5, 2.0], atol=1e-8)
+
+
 def test_directions_without_curvature_go_to_the_bounds():
     """Least z1 + z2 with z1 >= -1, z2 >= -2 and z1 + z2 >= -2.5: the last holds, as in the risk of a part."""
     left = np.array([[-1.0, 0.0], [0.0, -1.0], [-1.0, -1.0]])
