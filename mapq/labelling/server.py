@@ -96,6 +96,7 @@ class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     server_version, sys_version = "mapq", ""
     timeout = PATIENCE
+    is_last = False
 
     def handle_any(self) -> None:
         """Answer a request of whatever method."""
@@ -116,7 +117,11 @@ class _Handler(BaseHTTPRequestHandler):
             logger.warning("internal error: %s: %s", type(error).__name__, error, exc_info=True)
             status, kind = HTTPStatus.INTERNAL_SERVER_ERROR, "application/json"
             body = json.dumps({"error": "internal error; see where mapq was started"}).encode()
-        self._send(status, kind, body)
+        try:
+            self._send(status, kind, body)
+        finally:
+            if self.is_last:  # not before the answer went out: mapq ends at once, and the page would wait for the rest
+                self.server.done.set()
 
     do_GET = do_POST = do_HEAD = do_PUT = do_PATCH = do_DELETE = do_OPTIONS = handle_any  # noqa: N815 - their names
 
@@ -160,7 +165,7 @@ class _Handler(BaseHTTPRequestHandler):
         raise _Refused(HTTPStatus.METHOD_NOT_ALLOWED if known else HTTPStatus.NOT_FOUND)
 
     def _finish(self) -> dict[str, Any]:
-        self.server.done.set()
+        self.is_last = True
         return {"done": True}
 
     def _number(self, given: Any) -> int:

@@ -174,11 +174,28 @@ def test_labels_are_taken_and_taken_back(tmp_path):
         assert (answer["patch"], answer["said"], answer["can_undo"]) == (4, 254, True)
         assert ask(server, "GET", "/api/state")[2]["said"][3] == 1
         assert ask(server, "POST", "/api/finish", {})[0] == 200
-        assert server.done.is_set()
+        assert server.done.wait(60.0)
         store.merge()
         status, _, content = ask(server, "POST", "/api/label", LABEL)
         assert (status, "has ended" in content["error"]) == (500, True)
     assert read_patches(path).label[3] == 1
+
+
+def test_it_is_over_when_the_page_has_its_answer_and_not_before(tmp_path, monkeypatch):
+    path = tmp_path / "a.patches"
+    write_patches(path, draw_patches(1, labelled=False))
+    with serving(path) as (server, _):
+        sent = []
+
+        def send(handler, *answer):
+            sent.append(server.done.is_set())
+            original(handler, *answer)
+
+        original = server.RequestHandlerClass._send
+        monkeypatch.setattr(server.RequestHandlerClass, "_send", send)
+        assert ask(server, "POST", "/api/finish", {})[0] == 200
+        assert server.done.wait(60.0)
+        assert sent == [False]
 
 
 def test_a_label_that_cannot_be_stored_is_an_error_on_the_page(tmp_path, monkeypatch):
