@@ -37,6 +37,7 @@ def browser():
 def page(browser):
     """Yield a page on which every error fails the test."""
     page = browser.new_page(viewport={"width": 1400, "height": 900})
+    page.set_default_timeout(120_000)  # of milliseconds: machines may be busy
     errors: list[str] = []
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)

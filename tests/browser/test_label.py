@@ -40,7 +40,7 @@ def running():
 
 def open_page(page, server):
     page.goto(server.url)
-    page.wait_for_selector("body[data-ready]", timeout=60_000)
+    page.wait_for_selector("body[data-ready]")
 
 
 def patch_on(page) -> int:
