@@ -196,7 +196,7 @@ def _laser_scan(header: Header, start: int, robot: FloatArray | None, has_max: b
 
 def _bearings(low: float, high: float, step: float, n: int, where: str) -> FloatArray:
     """Return n angles from `low` on: up to `high` if the step, which is rounded in old logs, leads there."""
-    within_circle = 0 < abs(step) * max(n - 1, 1) <= 2 * np.pi + abs(step)
+    within_circle = 0 < abs(step) * max(n - 1, 1) <= 2 * np.pi + abs(step) < np.inf
     if not (within_circle and max(abs(low), abs(high)) <= 2 * np.pi):
         raise InputError(f"{where}: {n} beams from {low:g} to {high:g} in steps of {step:g} rad are no scan. {MEND}")
     if n > 1 and abs((n - 1) * step - (high - low)) < abs(step) / 2:

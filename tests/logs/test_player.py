@@ -163,6 +163,7 @@ class TestRefusals:
             (player_laser([1, "x", 3], 2), "'x' is not a number"),
             (player_laser([1, 2, 3], 2, step=0.0), "are no scan"),
             (player_laser([1, 2, 3], 2, step=57.0), "are no scan"),
+            (player("laser", ("0000", -0.5, 0.5, "inf", 8.0, 1, 2, 7), 2), "in steps of inf rad are no scan"),
             (player("position2d", (1, 2, 0), 2), "position2d:0 line ends before"),
             (player("position2d", ("nan", 2, 0, 0, 0, 0, 0), 2), "is not finite"),
             ("0000000000.200 1677\n", "line of 2 fields ends before its message"),
