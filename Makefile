@@ -57,7 +57,7 @@ coverage: setup ## lines and branches that the tests run, kernels uncompiled; fa
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report
 
-mutants: setup ## small mistakes in ratios, likelihoods and energies that no test notices; about an hour (MUTANTS="--share 0.05")
+mutants: setup ## small mistakes in ratios, likelihoods and energies that no test notices; half an hour (MUTANTS="--share 0.05")
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m tests.mutation $(MUTANTS)
 
 package: setup ## build wheel and source archive, install the wheel alone, run the main jobs with it; a quarter of an hour
