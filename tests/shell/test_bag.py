@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
 
 import pytest
 
-from prf.shell.bag import bag_in, bag_suffix, named_bag
+from prf.shell.bag import bag_in, bag_suffix, named_bag, open_bag
 from prf.shell.errors import InputError
 
 
@@ -43,3 +45,13 @@ def test_a_bag_gets_a_name_that_tells_its_format(tmp_path: Path) -> None:
     right = file.rename(tmp_path / "recording.bag")
     with named_bag(right, ".bag") as path:
         assert path == right
+
+
+def test_a_disk_that_fails_is_not_taken_for_a_damaged_bag(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr("rosbags.highlevel.AnyReader.__init__", fail)
+    file = tmp_path / "a.bag"
+    with pytest.raises(InputError, match=r"^a log: cannot be read \(input/output error\)\.$"), open_bag(file, "a log"):
+        pass
