@@ -34,9 +34,9 @@ class _Told(io.RawIOBase):
     def __init__(self, stream: BinaryIO, path: str | os.PathLike[str]) -> None:
         self._stream, self._path = stream, path
 
-    def readinto(self, buffer: WriteableBuffer) -> int:
+    def readinto(self, buffer: WriteableBuffer) -> int | None:
         with self._telling():
-            return int(self._stream.readinto(buffer) or 0)  # type: ignore[attr-defined]
+            return self._stream.readinto(buffer)  # type: ignore[attr-defined, no-any-return]
 
     def readall(self) -> bytes:
         with self._telling():
