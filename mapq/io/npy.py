@@ -116,7 +116,10 @@ def parse_array(data: bytes, source: str) -> Array:
             f"follow. Copy or write it again."
         )
     if size == 0 or dtype.itemsize == 0:
-        return np.empty(shape if dtype.itemsize else 0, dtype)
+        try:
+            return np.empty(shape if dtype.itemsize else 0, dtype)
+        except ValueError:  # numpy counts the bytes of all but the empty axis too
+            raise InputError(f"{source}: damaged: no value, in a shape without end. Write it anew.") from None
     array = np.frombuffer(data, dtype, size, start).reshape(shape, order="F" if fortran else "C")
     if not is_text(array):
         raise InputError(f"{source}: damaged: text with characters that do not exist. Write it anew.")

@@ -117,6 +117,14 @@ def test_promises_that_the_file_does_not_keep(tmp_path):
         refusal(read_cloud, save(tmp_path, "a.npy", data[:end]))
 
 
+def test_a_shape_without_values_may_not_be_endless(tmp_path):
+    with open(tmp_path / "a.npy", "wb") as stream:
+        np.lib.format.write_array_header_1_0(
+            stream, {"descr": "<f8", "fortran_order": False, "shape": (0, 1 << 31, 1 << 31)}
+        )
+    assert "no value, in a shape without end" in refusal(read_cloud, str(tmp_path / "a.npy"))
+
+
 def test_archives_that_are_none(tmp_path):
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         archive.writestr("scan.pcd", "x")
