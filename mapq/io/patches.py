@@ -12,7 +12,7 @@ import numpy as np
 
 from mapq.cloud import PointCloud
 from mapq.io.content import Content, read_bytes
-from mapq.io.fields import Array
+from mapq.io.fields import NUMBERS, Array
 from mapq.io.journal import with_journal
 from mapq.io.npy import ARCHIVE_ERRORS, ZIP_MAGIC, parse_archive, parse_array
 from mapq.patches import FROM_FIELD, FROM_HAND, FROM_NOBODY, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
@@ -143,6 +143,8 @@ def _take_field(file: Path, arrays: dict[str, Array], number: int, n_points: int
     values = arrays.get(f"field_{number}")
     if values is None or values.ndim == 0 or len(values) != n_points:
         raise damaged(file, f"array field_{number} is missing or has not {n_points} rows")
+    if values.dtype.kind not in NUMBERS + "b":
+        raise damaged(file, f"array field_{number} holds no numbers")
     return values
 
 

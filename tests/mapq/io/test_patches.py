@@ -91,6 +91,8 @@ def change(path, **replaced) -> str:
         ({"field_names": '["a", "a"]'}, "a field stands twice"),
         ({"field_names": '["a", "b", "c", "d", "e"]'}, "field_4 is missing or has not 60 rows"),
         ({"field_0": np.zeros(59)}, "field_0 is missing or has not 60 rows"),
+        ({"field_0": np.zeros(60, [("f0", "f4")])}, "field_0 holds no numbers"),
+        ({"field_0": np.zeros(60, "M8[s]")}, "field_0 holds no numbers"),
         ({"parameters": "[]"}, "parameters is no JSON object"),
         ({"report": None}, "report is no JSON object"),
     ],
