@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from mapq.cloud import PointCloud
 from mapq.io.content import Content
 from mapq.io.fields import make_cloud
@@ -36,6 +38,7 @@ def read_cloud(path: str, options: ReadOptions = AS_IT_IS) -> PointCloud:
     return parse_cloud(Content(path), options)[1]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # numpy would warn of coordinates beyond reason, which no reader trusts
 def parse_cloud(content: Content, options: ReadOptions = AS_IT_IS) -> tuple[str, PointCloud]:
     """Return format and cloud of an input; parameters and errors as :func:`read_cloud`."""
     kind = recognise(content)

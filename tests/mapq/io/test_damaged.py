@@ -113,6 +113,23 @@ def damaged(draw):
     return name, data[: draw(st.integers(0, len(data)))] if draw(st.booleans()) else data
 
 
+NAN = np.array(0x7F800001, "<u4").view("<f4")
+"""A signalling one: numpy calls it invalid where a float64 is made of it."""
+BEYOND_REASON = {
+    "0.bin": np.array([[1, 2, 3, 0], [NAN, NAN, NAN, 0]], "<f4").tobytes(),
+    "a.3d": b"1 2 3\n1e308 inf 3\n",
+    "a.ptx": ptx(["1 2 3 0.5", "1e308 1e308 inf 0.5"], matrix=TURNED).encode(),
+    "a.vtk": vtk(False).replace(b"NORMALS normal float\n1", b"NORMALS normal float\n1e300"),
+}
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("name", BEYOND_REASON)
+def test_no_warnings_of_coordinates_beyond_reason(folder, name):
+    (folder / name).write_bytes(BEYOND_REASON[name])
+    check(str(folder / name))
+
+
 def test_the_whole_files_are_read(folder):
     for name, data in FILES.items():
         (folder / name).write_bytes(data)
