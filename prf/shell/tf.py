@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -22,6 +23,9 @@ HOLD = 0.5
 
 UNIT = 0.01
 """How far the length of a quaternion may be from 1; tf itself passes over those that are farther."""
+
+FARTHEST = 1e12
+"""Metres along an axis between two frames: more is damage, of which sums and squares would overflow."""
 
 
 class Rigid(NamedTuple):
@@ -61,8 +65,7 @@ class Tree:
         """Take up one transform (translation, rotation), unless it has a value that is not sound."""
         shift, turn = transform
         pose = (shift.x, shift.y, shift.z, turn.x, turn.y, turn.z, turn.w)
-        length = float(np.linalg.norm(pose[3:]))
-        if np.all(np.isfinite(pose)) and abs(length - 1.0) <= UNIT:
+        if all(abs(axis) <= FARTHEST for axis in pose[:3]) and abs(math.hypot(*pose[3:]) - 1.0) <= UNIT:
             edge = self._edges.setdefault((parent, child), _Edge(is_static))
             edge.time.append(time)
             edge.pose.append(pose)

@@ -167,12 +167,20 @@ class TestFrames:
         assert "tf has no 'laser'" in message
         assert "Record /tf" in message
 
-    def test_an_unsound_transform_is_passed_over(self, make1, tmp_path):
-        bad = [
-            Note("/tf", START + 1, make1.tf(START + 1, "map", "odom", (99, 99, 0), (0, 0, 0, 0))),
-            Note("/tf", START + 1, make1.tf(START + 1, "map", "odom", (NAN, 0, 0))),
-        ]
-        readings = read_readings(save(make1, tmp_path, drive(make1) + bad + scans(make1, 1)))
+    @pytest.mark.filterwarnings("error")
+    @pytest.mark.parametrize(
+        ("shift", "turn"),
+        [
+            ((99, 99, 0), (0, 0, 0, 0)),
+            ((99, 99, 0), (0, 1e200, 0, 1)),
+            ((NAN, 0, 0), (0, 0, 0, 1)),
+            ((0, NAN, 0), (0, 0, 0, 1)),
+            ((1e300, -1e300, 0), (0, 0, 0.6, 0.8)),
+        ],
+    )
+    def test_an_unsound_transform_is_passed_over(self, make1, tmp_path, shift, turn):
+        bad = Note("/tf", START + 1, make1.tf(START + 1, "map", "odom", shift, turn))
+        readings = read_readings(save(make1, tmp_path, [*drive(make1), bad, *scans(make1, 1)]))
         np.testing.assert_allclose(readings.origin[0], [10, 21.2], atol=1e-12)
 
 
