@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +10,10 @@ from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
 from mapq.io.content import Content
-from mapq.io.fields import Array, cloud_of_world
+from mapq.io.fields import Array, cloud_of_world, warn_dropped
 from mapq.io.joined import joined_fields
 from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError
-
-logger = logging.getLogger(__name__)
 
 CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
@@ -127,7 +124,8 @@ def _raw_columns(file: Any, scan: int, where: str) -> dict[str, Array]:
         header = file.get_header(scan)
         if header.point_count > 8 * Path(file.path).stat().st_size:
             raise InputError(f"{where}: damaged: {header.point_count} points are more than the file can hold.")
-        types = {name: code for name in header.point_fields if (code := _code(header, name, where))}
+        types = {name: code for name in header.point_fields if (code := _code(header, name))}
+        warn_dropped([name for name in header.point_fields if name not in types], where)
         # pye57 itself takes colours and rows for narrower than they may be, and knows the standard fields alone.
         buffers, pieces = _buffers(file, types, min(CHUNK, header.point_count)), []
         reader = header.points.reader(buffers[1])
@@ -146,7 +144,7 @@ def _raw_columns(file: Any, scan: int, where: str) -> dict[str, Array]:
     return columns
 
 
-def _code(header: Any, name: str, where: str) -> str:
+def _code(header: Any, name: str) -> str:
     """Return the type code in which pye57 gives a field, empty for text."""
     from pye57 import libe57  # noqa: PLC0415
 
@@ -159,7 +157,6 @@ def _code(header: Any, name: str, where: str) -> str:
     if isinstance(node, libe57.FloatNode):
         is_single = node.precision() == libe57.FloatPrecision.E57_SINGLE
         return "f" if is_single and name not in (*CARTESIAN, *SPHERICAL) else "d"
-    logger.warning("%s: field %s is dropped: its values are not numbers", where, name)
     return ""
 
 

@@ -16,6 +16,9 @@ logger = logging.getLogger(__name__)
 
 Array = NDArray[Any]
 
+SHOWN = 20
+"""Names told in a line; a damaged header may have thousands."""
+
 AXES = (("x", "y", "z"), ("X", "Y", "Z"))
 """Names of the coordinates, in the order in which they are looked for; a file uses one row."""
 
@@ -37,7 +40,7 @@ def axes_of(names: Sequence[str], source: str) -> tuple[str, str, str]:
     for axes in AXES:
         if set(axes) <= set(names):
             return axes
-    shown = ", ".join(names[:20]) + (", ..." if len(names) > 20 else "")
+    shown = ", ".join(names[:SHOWN]) + (", ..." if len(names) > SHOWN else "")
     raise InputError(f"{source}: no fields x, y, z; there are {shown or 'none'}. Rename the coordinates to x, y, z.")
 
 
@@ -107,14 +110,24 @@ def check_coordinates(world: Array, source: str) -> None:
 
 def keep_numbers(fields: Mapping[str, Array], source: str) -> dict[str, Array]:
     """Return the fields that are numbers or truth values, contiguous and in native byte order; warn of the others."""
-    kept = {}
+    kept, dropped = {}, []
     for name, values in fields.items():
         if values.dtype.kind in NUMBERS + "b":
             is_ready = values.flags.c_contiguous and values.flags.writeable and values.dtype.isnative
             kept[name] = values if is_ready else np.array(values, dtype=values.dtype.newbyteorder("="), order="C")
         else:
-            logger.warning("%s: field %s is dropped: its values are not numbers", source, name)
+            dropped.append(name)
+    warn_dropped(dropped, source)
     return kept
+
+
+def warn_dropped(names: Sequence[str], source: str, why: str = "not numbers", kind: str = "field") -> None:
+    """Warn, in one line however many there are, of fields that are left out."""
+    if not names:
+        return
+    shown = ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
+    told = f"{kind} {shown} is" if len(names) == 1 else f"{kind}s {shown} are"
+    logger.warning("%s: %s dropped: %s", source, told, why)
 
 
 def columns_of(table: Array) -> dict[str, Array]:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mapq.io.fields import Array
-
-logger = logging.getLogger(__name__)
+from mapq.io.fields import Array, warn_dropped
 
 SCAN = "scan"
 """Field that numbers the scans of a file that has several."""
@@ -35,11 +32,12 @@ def joined_fields(parts: Sequence[Mapping[str, Array]], counts: Sequence[int], s
 
 def common_fields(parts: Sequence[Mapping[str, Array]], source: str) -> dict[str, Array]:
     """Return the fields (n, ...) that all scans have in one shape, scan after scan; a warning names the others."""
-    fields = {}
+    fields, dropped = {}, []
     for name in dict.fromkeys(name for part in parts for name in part):
         values = [part[name] for part in parts if name in part]
         if len(values) == len(parts) and len({each.shape[1:] for each in values}) == 1:
             fields[name] = np.concatenate(values)
         else:
-            logger.warning("%s: field %s is dropped: not every scan has it alike", source, name)
+            dropped.append(name)
+    warn_dropped(dropped, source, "not alike in every scan")
     return fields

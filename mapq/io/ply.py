@@ -8,17 +8,14 @@ plyfile walks.
 from __future__ import annotations
 
 import io
-import logging
 from typing import NamedTuple
 
 import numpy as np
 from plyfile import PlyData, PlyParseError  # type: ignore[import-untyped]
 
-from mapq.io.fields import Array, axes_of, columns_of, refuse_doubles
+from mapq.io.fields import Array, axes_of, columns_of, refuse_doubles, warn_dropped
 from mapq.io.rows import Layout, as_count, parse_rows
 from prf.shell.errors import InputError
-
-logger = logging.getLogger(__name__)
 
 MAGIC = (b"ply\n", b"ply\r\n")
 LONGEST_HEADER = 1 << 20
@@ -184,8 +181,6 @@ def _walk(data: bytes, header: Header, place: int, source: str) -> dict[str, Arr
     except (PlyParseError, ValueError, TypeError, OverflowError, EOFError) as error:
         raise InputError(f"{source}: damaged or cut off ({' '.join(str(error).split())}). Copy it again.") from None
     rows = read.elements[place].data
-    for item in header.elements[place].properties:
-        if item.length:
-            logger.warning("%s: field %s is dropped: it is a list", source, item.name)
+    warn_dropped([item.name for item in header.elements[place].properties if item.length], source, "lists are not read")
     plain = [item.name for item in header.elements[place].properties if not item.length]
     return {name: rows[name] for name in plain}

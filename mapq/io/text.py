@@ -8,17 +8,14 @@ one number is the count of points, as in PTS.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
-from mapq.io.fields import Array, axes_of, columns_of, refuse_doubles
+from mapq.io.fields import Array, axes_of, columns_of, refuse_doubles, warn_dropped
 from mapq.io.rows import Layout, as_count, is_number, parse_rows, split_row
 from prf.shell.errors import InputError
-
-logger = logging.getLogger(__name__)
 
 MARKS = ("#", "//")
 """What begins a comment."""
@@ -138,6 +135,5 @@ def _taken(names: list[str], fields: list[str], source: str) -> list[int]:
     """Return the columns to take: coordinates, and the others whose first field is a number."""
     axes = axes_of(names, source)
     taken = [i for i, name in enumerate(names) if name in axes or is_number(fields[i])]
-    for column in sorted(set(range(len(names))) - set(taken)):
-        logger.warning("%s: column %s is dropped: its values are not numbers", source, names[column])
+    warn_dropped([names[column] for column in sorted(set(range(len(names))) - set(taken))], source, kind="column")
     return taken
