@@ -45,12 +45,11 @@ def run_plain(reader: Reader, seconds: float, seed: int = 0) -> Record:
         if not files:
             return record
         begun = time.process_time()
-        with little_room():
-            for data in files:
-                record.note(try_reader(reader, folder, data), data)
-            while time.process_time() - begun < seconds:
-                data = damaged(rng.choice(files), rng)
-                record.note(try_reader(reader, folder, data), data)
+        for data in files:
+            record.note(_tried(reader, folder, data), data)
+        while time.process_time() - begun < seconds:
+            data = damaged(rng.choice(files), rng)
+            record.note(_tried(reader, folder, data), data)
         record.seconds = time.process_time() - begun
     return record
 
@@ -70,11 +69,11 @@ def run_guided(
     corpus.mkdir(parents=True, exist_ok=True)
     for number, data in enumerate(prepared(reader, folder)):
         (corpus / f"whole-{number}").write_bytes(data)
-        record.note(try_reader(reader, folder, data), data)
+        record.note(_tried(reader, folder, data), data)
     begun = time.process_time()
 
     def once(data: bytes) -> None:
-        record.note(try_reader(reader, folder, data), data)
+        record.note(_tried(reader, folder, data), data)
         record.seconds = time.process_time() - begun
         if record.seconds > seconds:
             done(record)
@@ -93,8 +92,13 @@ def run_guided(
         "-len_control=0",
     ]
     atheris.Setup([sys.argv[0], *options, f"-artifact_prefix={folder}/", str(corpus)], once, custom_mutator=mutated)
+    atheris.Fuzz()
+
+
+def _tried(reader: Reader, folder: Path, data: bytes) -> Defect | None:
+    """Try a file in little room: beyond what the process has by now, as atheris itself takes more and more."""
     with little_room():
-        atheris.Fuzz()
+        return try_reader(reader, folder, data)
 
 
 def prepared(reader: Reader, folder: Path) -> Sequence[bytes]:
