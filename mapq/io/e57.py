@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
 from mapq.io.content import Content
-from mapq.io.fields import Array, cloud_of_world, warn_dropped
+from mapq.io.fields import LARGEST_COORDINATE, Array, cloud_of_world, warn_dropped
 from mapq.io.joined import joined_fields
 from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError
@@ -89,8 +89,10 @@ def e57_poses(file: Any, source: str) -> NDArray[np.float64]:
                 poses[scan, :3, 3] = header.translation
     except Exception as error:  # as above, and what pye57 makes of a tree that lacks a part
         raise InputError(f"{source}: the pose of a scan is damaged. Copy or download the file again.") from error
-    if not np.isfinite(poses).all():
-        raise InputError(f"{source}: the pose of a scan is not finite. Export the file anew.")
+    if not (np.abs(poses) <= LARGEST_COORDINATE).all():
+        raise InputError(
+            f"{source}: the pose of a scan is not finite, or beyond {LARGEST_COORDINATE:g} m. Export the file anew."
+        )
     return poses
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.io.content import read_bytes
-from mapq.posed.poses import check_rotations, nearest_rotation, rigid
+from mapq.posed.poses import UNSOUND, check_rotations, is_sound, nearest_rotation, rigid
 from mapq.posed.scans import driven
 from prf.shell.errors import InputError
 
@@ -60,5 +60,7 @@ def _matrix(fields: list[str], where: str) -> NDArray[np.float64]:
         rows = np.array(fields, np.float64).reshape(3, 4)
     except ValueError:
         raise InputError(f"{where}: not the 12 numbers of a 3x4 matrix. Give a calib.txt of KITTI.") from None
+    if not is_sound(rows).all():
+        raise InputError(f"{where}: {UNSOUND}. Give a calib.txt of KITTI.")
     check_rotations(rows[None, :, :3], [where])
     return np.asarray(rigid(nearest_rotation(rows[None, :, :3]), rows[None, :, 3])[0])

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.io.content import read_bytes
+from mapq.io.fields import LARGEST_COORDINATE
 from prf.shell.errors import InputError, UsageError
 
 QUATERNIONS = ("xyzw", "wxyz")
@@ -20,6 +21,8 @@ UPRIGHT = 0.9
 """Least upward component of the z axes of sensors that all stand upright, and ..."""
 TILTED = 0.5
 """... the one below which a sensor does not."""
+
+UNSOUND = f"a number is not finite, or beyond {LARGEST_COORDINATE:g}"
 
 LAYOUTS = (
     "Read are rows of 12 numbers (3x4 matrix, KITTI), 16 (4x4), 7 (tx ty tz and a quaternion), 8 (time or name and "
@@ -89,6 +92,11 @@ def read_poses(path: str, quaternion: str | None = None) -> PoseTable:
     return PoseTable(_of_matrices(values, lines, path), None, None, is_matrix=width == 12)
 
 
+def is_sound(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return whether all numbers of each pose (k, m) are finite and such as coordinates may be."""
+    return np.asarray((np.abs(values) <= LARGEST_COORDINATE).all(axis=1))
+
+
 def rigid(rotation: NDArray[np.float64], translation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return poses (k, 4, 4) of rotations (k, 3, 3) and translations (k, 3)."""
     poses = np.tile(np.eye(4), (len(rotation), 1, 1))
@@ -143,9 +151,9 @@ def _numbers(rows: list[tuple[int, list[str]]], path: str) -> NDArray[np.float64
             if not _is_number(field):
                 raise InputError(f"{path}:{line}: {field[:24]!r} is not a number. {LAYOUTS}")
     values = np.array([fields for _, fields in rows], np.float64)
-    wrong = np.flatnonzero(~np.isfinite(values).all(axis=1))
+    wrong = np.flatnonzero(~is_sound(values))
     if len(wrong):
-        raise InputError(f"{path}:{rows[wrong[0]][0]}: a number is not finite. Remove this pose and its scan.")
+        raise InputError(f"{path}:{rows[wrong[0]][0]}: {UNSOUND}. Remove this pose and its scan.")
     return values
 
 

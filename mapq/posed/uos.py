@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from mapq.io.content import read_bytes
 from mapq.io.uos import AXES, CENTIMETRE
+from mapq.posed.poses import is_sound
 from prf.shell.errors import InputError
 
 
@@ -18,14 +19,14 @@ def read_uos_pose(path: str) -> NDArray[np.float64]:
     Raises
     ------
     InputError
-        If the file is missing or does not hold six finite numbers.
+        If the file is missing or does not hold six numbers that a pose may have.
     """
     fields = read_bytes(path).decode("utf-8", "replace").split()
     try:
         values = np.array(fields, np.float64)
     except ValueError:
         values = np.empty(0)
-    if len(values) != 6 or not np.isfinite(values).all():
+    if len(values) != 6 or not is_sound(values[None]).all():
         raise InputError(f"{path}: not six numbers. A .pose file of 3DTK has x y z (cm) and three angles (degrees).")
     pose = np.eye(4)
     pose[:3, :3] = AXES @ _euler(*np.radians(values[3:])) @ AXES.T

@@ -75,6 +75,9 @@ def test_rounded_rotations_become_exact(tmp_path):
         ("0 0 0 0 0 0 1\n\n0 0 0 0 0 1\n", "poses.txt:3: 6 columns, but 7 before"),
         ("0 0 0 0 0 0 1\n0 0 x 0 0 0 1\n", "poses.txt:2: 'x' is not a number"),
         ("0 0 0 0 0 0 1\n0 0 nan 0 0 0 1\n", "poses.txt:2: a number is not finite"),
+        ("0 0 0 0 0 0 1\n0 0 0 1e200 0 0 1\n", r"poses.txt:2: a number is not finite, or beyond 1e.09"),
+        ("1 0 0 1e300 0 1 0 0 0 0 1 0\n", r"poses.txt:1: a number is not finite, or beyond 1e.09"),
+        ("1e300 0 0 0 0 -1e300 0 0 0 0 1 0\n", r"poses.txt:1: a number is not finite, or beyond 1e.09"),
         ("0 0 0 0 0 0 1\n0 0 0 1 0 0 1\n", r"poses.txt:2: the last four .* no unit quaternion \(length 1.41"),
         ("1 0 0 0 0 2 0 0 0 0 1 0\n", "poses.txt:1: the matrix of this pose is no rotation"),
         ("1 0 0 0 0 1 0 0 0 0 -1 0\n", "poses.txt:1: the matrix of this pose mirrors"),
@@ -123,6 +126,8 @@ def test_camera_poses_become_those_of_the_laser(tmp_path):
     [
         ("P0: 1 0 0\n", "calib.txt: no row Tr:"),
         ("Tr: 1 0 0\n", "calib.txt:1: not the 12 numbers"),
+        ("P0: 1\nTr: 1 0 0 nan 0 1 0 0 0 0 1 0\n", "calib.txt:2: a number is not finite"),
+        ("P0: 1\nTr: 1 0 0 0 inf 1 0 0 0 -1e300 1 0\n", "calib.txt:2: a number is not finite"),
         ("P0: 1\nTr: 1 0 0 0 0 1 0 0 0 0 3 0\n", "calib.txt:2: the matrix of this pose is no rotation"),
     ],
 )
