@@ -15,11 +15,14 @@ logger = logging.getLogger(__name__)
 TYPES = {
     **{"char": "i1", "unsigned_char": "u1", "short": "i2", "unsigned_short": "u2", "int": "i4", "unsigned_int": "u4"},
     **{"long": "i8", "unsigned_long": "u8", "vtktypeint64": "i8", "vtktypeuint64": "u8", "float": "f4", "double": "f8"},
+    "vtkidtype": "i4",
 }
-"""Types of numpy by those of VTK."""
+"""Types of numpy by those of VTK, which writes its numbers of points and cells as int."""
 
 WITH_POINTS = ("POLYDATA", "UNSTRUCTURED_GRID", "STRUCTURED_GRID")
 CELLS = ("VERTICES", "LINES", "POLYGONS", "TRIANGLE_STRIPS", "CELLS")
+POINT_DATA = "POINT_DATA"
+DATA = (POINT_DATA, "CELL_DATA")
 TRIPLES = ("VECTORS", "NORMALS")
 HEADER_LINES = 3
 
@@ -41,6 +44,16 @@ class _Walk:
             if words:
                 return words
         return []
+
+    def skip_block(self) -> None:
+        """Pass over lines up to one that is blank, or the end."""
+        while self.place < len(self.data):
+            end = self.data.find(b"\n", self.place)
+            end = len(self.data) if end < 0 else end
+            is_blank = not self.data[self.place : end].strip()
+            self.place = end + 1
+            if is_blank:
+                return
 
     def values(self, n_values: int, kind: str) -> Array:
         """Return the next values, of a type by its name in VTK."""
@@ -100,13 +113,19 @@ def read_vtk(data: bytes, source: str) -> dict[str, Array]:
         raise walk.fault(f"{' '.join(kind)[:60]!r} is no data set with points")
     fields: dict[str, Array] = {}
     while words := walk.line():
-        if words[0].upper() in ("POINT_DATA", "CELL_DATA"):
+        if words[0].upper() in DATA:
             break
         _read_section(walk, words, fields)
     if "x" not in fields:
         raise walk.fault("no POINTS")
-    if words and words[0].upper() == "POINT_DATA":
-        _read_point_data(walk, walk.count(words, 1), fields)
+    while words and words[0].upper() != POINT_DATA:
+        # VTK itself writes what stands at the cells first.
+        words = _read_data(walk, walk.count(words, 1), {})
+    if words:
+        n_rows = walk.count(words, 1)
+        if n_rows != len(fields["x"]):
+            raise walk.fault(f"{len(fields['x'])} points, but data of {n_rows}")
+        _read_data(walk, n_rows, fields)
     return fields
 
 
@@ -122,38 +141,55 @@ def _read_section(walk: _Walk, words: list[str], fields: dict[str, Array]) -> No
             walk.values(walk.count(words, 2), "int")
         case "CELL_TYPES":
             walk.values(walk.count(words, 1), "int")
-        case "DIMENSIONS" | "METADATA":
+        case "FIELD" if len(words) == 3:
+            _read_arrays(walk, walk.count(words, 2), None, {})  # of the whole file: its time and the like
+        case "METADATA":
+            walk.skip_block()
+        case "DIMENSIONS":
             pass
         case _:
             raise walk.fault(f"section {words[0][:24]!r} is not known")
 
 
-def _read_point_data(walk: _Walk, n_points: int, fields: dict[str, Array]) -> None:
-    """Read what stands at each point, up to a section that is not known."""
-    if n_points != len(fields["x"]):
-        raise walk.fault(f"{len(fields['x'])} points, but data of {n_points}")
+def _read_data(walk: _Walk, n_rows: int, fields: dict[str, Array]) -> list[str]:
+    """Read what stands at each point, or cell; return the words of the line that begins data of the other.
+
+    It ends at a section that is not known, with a warning.
+    """
     while words := walk.line():
         match [words[0].upper(), *words[1:]]:
+            case [key, _] if key in DATA:
+                return words
             case ["SCALARS", name, kind, *rest]:
                 width = walk.count(rest, 0) if rest else 1
                 walk.line()  # the name of a lookup table
             case [key, name, kind] if key in TRIPLES:
                 width = 3
             case ["FIELD", _, _]:
-                _read_arrays(walk, walk.count(words, 2), n_points, fields)
+                _read_arrays(walk, walk.count(words, 2), n_rows, fields)
+                continue
+            case ["METADATA"]:
+                walk.skip_block()
                 continue
             case _:
                 logger.warning("%s: what follows on %s is not read", walk.source, words[0][:24])
-                return
-        _add(walk, name, kind, (n_points, width), fields)
+                return []
+        _add(walk, name, kind, (n_rows, width), fields)
+    return []
 
 
-def _read_arrays(walk: _Walk, n_arrays: int, n_points: int, fields: dict[str, Array]) -> None:
+def _read_arrays(walk: _Walk, n_arrays: int, n_rows: int | None, fields: dict[str, Array]) -> None:
+    """Read the arrays of a field: of `n_rows` rows each, or (None) of as many as each says."""
     for _ in range(n_arrays):
         words = walk.line()
-        if len(words) != 4 or walk.count(words, 2) != n_points:
-            raise walk.fault(f"{' '.join(words)[:60]!r} is no array of {n_points} points")
-        _add(walk, words[0], words[3], (n_points, walk.count(words, 1)), fields)
+        if words == ["METADATA"]:  # of the array before
+            walk.skip_block()
+            words = walk.line()
+        n_found = walk.count(words, 2)
+        if len(words) != 4 or n_rows not in (None, n_found):
+            of = "" if n_rows is None else f" of {n_rows} points"
+            raise walk.fault(f"{' '.join(words)[:60]!r} is no array{of}")
+        _add(walk, words[0], words[3], (n_found, walk.count(words, 1)), fields)
 
 
 def _add(walk: _Walk, name: str, kind: str, shape: tuple[int, int], fields: dict[str, Array]) -> None:

@@ -54,6 +54,36 @@ def test_points_and_what_stands_at_them(tmp_path, binary, kind, zipped):
     assert read_cloud(save(tmp_path, "b.vtk", vtk(binary, kind, tail=False))).fields == {}
 
 
+@pytest.mark.parametrize("binary", [False, True])
+def test_data_of_cells_stand_before_those_of_points_as_vtk_writes_them(tmp_path, binary, caplog):
+    one = np.array([0.5] * 2, ">f4").tobytes() if binary else b"0.5 0.5"
+    ids = np.array([7] * 2, ">i4").tobytes() if binary else b"7 7"
+    cells = b"CELL_DATA 2\nSCALARS level float\nLOOKUP_TABLE default\n" + one + b"\nFIELD more 1\nids 1 2 vtkIdType\n"
+    before = vtk(binary).replace(b"POINT_DATA", cells + ids + b"\nPOINT_DATA")
+    fields = read_cloud(save(tmp_path, "a.vtk", before)).fields
+    assert fields["level"].tolist() == LEVEL.tolist()
+    assert list(fields) == ["level", "normal", "ring"]
+    after = vtk(binary) + b"CELL_DATA 2\nSCALARS what bit\n"
+    assert list(read_cloud(save(tmp_path, "b.vtk", after)).fields) == ["level", "normal", "ring"]
+    assert caplog.messages == []
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_metadata_and_fields_of_the_whole_file_are_passed_over(tmp_path, binary):
+    time = np.array([0.5], ">f8").tobytes() if binary else b"0.5"
+    about = b"METADATA\nINFORMATION 1\nNAME L2_NORM_RANGE LOCATION vtkDataArray\nDATA 2 0 1\n\n"
+    data = vtk(binary).replace(
+        b"POINTS 3", b"FIELD FieldData 1\nTIME 1 1 double\n" + time + b"\n" + about + b"POINTS 3"
+    )
+    data = data.replace(b"VERTICES", about + b"VERTICES").replace(b"NORMALS", about + b"NORMALS")
+    data = data.replace(
+        b"FIELD more 1", b"FIELD more 2\nother 1 3 unsigned_char\n" + (b"\0\1\2\n" if binary else b"0 1 2\n") + about
+    )
+    cloud = read_cloud(save(tmp_path, "a.vtk", data + about))
+    assert cloud.xyz.tolist() == XYZ.tolist()
+    assert list(cloud.fields) == ["level", "normal", "other", "ring"]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "line"),
     [
