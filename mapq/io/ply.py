@@ -8,6 +8,8 @@ plyfile walks.
 from __future__ import annotations
 
 import io
+import re
+import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +21,9 @@ from prf.shell.errors import InputError
 
 MAGIC = (b"ply\n", b"ply\r\n")
 LONGEST_HEADER = 1 << 20
+_END = re.compile(rb"^end_header\b", re.MULTILINE)
+"""A comment may hold these words too."""
+
 ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 TYPES = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
@@ -96,9 +101,10 @@ def read_ply(data: bytes, source: str) -> dict[str, Array]:
 
 def parse_header(data: bytes, source: str) -> Header:
     """Return the header of a PLY file; comments are passed over."""
-    end = data.find(b"end_header", 0, LONGEST_HEADER)
-    if end < 0:
+    found = _END.search(data, 0, LONGEST_HEADER)
+    if found is None:
         raise InputError(f"{source}: the PLY header does not end. Copy the file again.")
+    end = found.start()
     lines = data[:end].decode("latin-1").split("\n")
     format_name, elements = "", []
     for number, line in enumerate(lines, 1):
@@ -177,7 +183,9 @@ def _walk(data: bytes, header: Header, place: int, source: str) -> dict[str, Arr
             lines.append(f"property {f'list {item.length} ' if item.length else ''}{item.type} {item.name}")
     try:
         head = "\n".join([*lines, "end_header", ""]).encode("ascii")
-        read = PlyData.read(io.BytesIO(head + data[header.end :]))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of numpy, that a list of a text is empty
+            read = PlyData.read(io.BytesIO(head + data[header.end :]))
     except (PlyParseError, ValueError, TypeError, OverflowError, EOFError) as error:
         raise InputError(f"{source}: damaged or cut off ({' '.join(str(error).split())}). Copy it again.") from None
     rows = read.elements[place].data

@@ -72,6 +72,22 @@ def test_headers_of_the_wild(tmp_path):
     check_same(read_cloud(save(tmp_path, "a.ply", data)), rows)
 
 
+@pytest.mark.parametrize("order", ["<", ">", ""])
+def test_a_comment_that_speaks_of_the_end_of_the_header_is_none(tmp_path, order):
+    rows = table()
+    data = ply(rows, order).replace(b"end_header", b"comment all before end_header is text\nend_header")
+    check_same(read_cloud(save(tmp_path, "a.ply", data)), rows)
+
+
+def test_an_empty_list_in_a_text_is_no_cause_for_a_warning_of_numpy(tmp_path, recwarn):
+    head = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n"
+    rows = "property list uchar int near\nproperty uchar red\nend_header\n1 2 3 0 7\n4 5 6 2 1 0 8\n"
+    cloud = read_cloud(save(tmp_path, "a.ply", head + rows))
+    assert cloud.xyz.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert cloud.fields["red"].tolist() == [7, 8]
+    assert not recwarn.list
+
+
 def test_integer_coordinates_are_taken_as_they_are(tmp_path):
     data = "ply\nformat ascii 1.0\nelement vertex 1\n" + "".join(f"property int {a}\n" for a in "xyz")
     cloud = read_cloud(save(tmp_path, "a.ply", data + "end_header\n100 -200 300"))
