@@ -16,16 +16,30 @@ from prf.shell.errors import InputError
 logger = logging.getLogger(__name__)
 
 SYSTEM_USER = "LASF_Projection"
-WKT, GEO_KEYS = 2112, 34735
+WKT, GEO_KEYS, GEO_DOUBLES = 2112, 34735, 34736
 """Records of that user which are read here."""
-MODEL_TYPE, LINEAR_UNITS, VERTICAL_UNITS = 1024, 3076, 4099
+MODEL_TYPE, LINEAR_UNITS, LINEAR_SIZE, VERTICAL_UNITS = 1024, 3076, 3077, 4099
 GEOGRAPHIC = 2
 """Model type of degrees."""
-EPSG_UNITS = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}
+NOT_SAID, OWN_UNIT = 0, 32767
+"""Codes of GeoTIFF for no unit, and for one whose size stands under a key of its own."""
+EPSG_UNITS = {
+    **{9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0, 9005: 0.3047972654, 9036: 1000.0, 9096: 0.9144},
+    **{1025: 0.001, 1033: 0.01},
+}
 """Metres in the units that point clouds come in, by their EPSG codes."""
 
-_SYSTEM = re.compile(r"\b(PROJCS|PROJCRS|VERT_CS|VERTCRS|GEOGCS|GEOGCRS|GEODCRS)\s*\[")
-_UNIT = re.compile(r'\b(?:LENGTH)?UNIT\s*\[\s*"[^"]*"\s*,\s*([-+.\deE]+)')
+LEVEL, UPRIGHT, ANGLES, OTHER = range(4)
+KEYWORDS = {
+    **dict.fromkeys(("PROJCS", "PROJCRS", "PROJECTEDCRS", "DERIVEDPROJCRS"), LEVEL),
+    **dict.fromkeys(("VERT_CS", "VERTCS", "VERTCRS", "VERTICALCRS"), UPRIGHT),
+    **dict.fromkeys(("GEOGCS", "GEOGCRS", "GEOGRAPHICCRS", "GEODCRS", "GEODETICCRS"), ANGLES),
+    **dict.fromkeys(("LOCAL_CS", "ENGCRS", "ENGINEERINGCRS", "GEOCCS"), OTHER),
+}
+"""What systems of a WKT are of, in the spellings of both versions and of ESRI; others have one length on all axes."""
+
+_SYSTEM = re.compile(rf"\b({'|'.join(KEYWORDS)})\s*\[", re.IGNORECASE)
+_UNIT = re.compile(r'\b(?:LENGTH)?UNIT\s*\[\s*"[^"]*"\s*,\s*([-+.\deE]+)', re.IGNORECASE)
 
 
 def unit_of(records: Iterable[Any], source: str) -> NDArray[np.float64]:
@@ -46,12 +60,13 @@ def unit_of(records: Iterable[Any], source: str) -> NDArray[np.float64]:
     bodies = {
         int(record.record_id): bytes(record.record_data_bytes())
         for record in records
-        if record.user_id == SYSTEM_USER and record.record_id in (WKT, GEO_KEYS)
+        if record.user_id == SYSTEM_USER and record.record_id in (WKT, GEO_KEYS, GEO_DOUBLES)
     }
     if WKT in bodies:
         level, upright, is_geographic = _of_wkt(bodies[WKT].decode("utf-8", "replace"))
     else:
-        level, upright, is_geographic = _of_keys(_geo_keys(bodies.get(GEO_KEYS, b"")))
+        keys = _geo_keys(bodies.get(GEO_KEYS, b""), bodies.get(GEO_DOUBLES, b""))
+        level, upright, is_geographic = _of_keys(keys, source)
     if is_geographic:
         raise InputError(
             f"{source}: x and y are degrees of longitude and latitude. Project the cloud to a grid in metres first."
@@ -68,12 +83,13 @@ def _of_wkt(text: str) -> tuple[float | None, float | None, bool]:
 
     The unit of a system is the last one in it: those of the systems that it is built on stand before.
     """
-    found: dict[str, float | None] = {}
+    found: dict[int, float | None] = {}
     for match in _SYSTEM.finditer(text):
         factors = [_number(unit) for unit in _UNIT.findall(_bracketed(text, match.end() - 1))]
-        found.setdefault(match[1][:4], factors[-1] if factors else None)
-    is_geographic = bool({"GEOG", "GEOD"} & set(found)) and "PROJ" not in found and "Cartesian" not in text
-    return found.get("PROJ"), found.get("VERT"), is_geographic
+        found.setdefault(KEYWORDS[match[1].upper()], factors[-1] if factors else None)
+    is_geographic = ANGLES in found and not {LEVEL, OTHER} & set(found) and "cartesian" not in text.lower()
+    level = found.get(LEVEL)
+    return found.get(OTHER) if level is None else level, found.get(UPRIGHT), is_geographic
 
 
 def _bracketed(text: str, start: int) -> str:
@@ -94,14 +110,28 @@ def _number(text: str) -> float | None:
     return value if 1e-6 < value < 1e6 else None
 
 
-def _geo_keys(body: bytes) -> dict[int, int]:
-    """Return the keys whose value stands in the directory itself."""
+def _geo_keys(body: bytes, doubles: bytes) -> dict[int, float]:
+    """Return the keys whose value stands in the directory itself, or is one of the doubles."""
     values = struct.unpack(f"<{len(body) // 2}H", body[: len(body) // 2 * 2])
-    rows = zip(*[iter(values[4:])] * 4, strict=False)
-    return {key: value for key, location, _, value in rows if location == 0}
+    sizes = struct.unpack(f"<{len(doubles) // 8}d", doubles[: len(doubles) // 8 * 8])
+    rows = list(zip(*[iter(values[4:])] * 4, strict=False))
+    keys = {key: float(value) for key, location, _, value in rows if location == 0}
+    of_doubles = ((key, place) for key, location, _, place in rows if location == GEO_DOUBLES)
+    return keys | {key: sizes[place] for key, place in of_doubles if place < len(sizes)}
 
 
-def _of_keys(keys: Mapping[int, int]) -> tuple[float | None, float | None, bool]:
+def _of_keys(keys: Mapping[int, float], source: str) -> tuple[float | None, float | None, bool]:
     """Return what :func:`_of_wkt` does, of GeoTIFF keys."""
-    upright = EPSG_UNITS.get(keys.get(VERTICAL_UNITS, 0))
-    return EPSG_UNITS.get(keys.get(LINEAR_UNITS, 0)), upright, keys.get(MODEL_TYPE) == GEOGRAPHIC
+    level, upright = (_of_code(keys, key, source) for key in (LINEAR_UNITS, VERTICAL_UNITS))
+    return level, upright, keys.get(MODEL_TYPE) == GEOGRAPHIC
+
+
+def _of_code(keys: Mapping[int, float], key: int, source: str) -> float | None:
+    """Return the metres in the unit under a key, None where there is none or its code is not known."""
+    code = int(keys.get(key, NOT_SAID))
+    size = keys.get(LINEAR_SIZE, 0.0)
+    if code == OWN_UNIT and key == LINEAR_UNITS and 1e-6 < size < 1e6:
+        return size
+    if code not in EPSG_UNITS and code != NOT_SAID:
+        logger.warning("%s: the unit of length of code %d is not known; say which with --unit", source, code)
+    return EPSG_UNITS.get(code)

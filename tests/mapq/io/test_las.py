@@ -18,7 +18,7 @@ from mapq.io.las import WAVES
 from mapq.io.results import result_cloud
 from mapq.patches import Patches
 from prf.shell.errors import OutputError, UsageError
-from tests.mapq.io.las_files import FOOT_WKT, geo_keys, las_bytes, las_data, wkt
+from tests.mapq.io.las_files import FOOT_WKT, geo_keys, las_bytes, las_data, own_unit, wkt
 from tests.mapq.io.samples import patches, refusal, save
 
 KINDS = [(0, "1.1"), (1, "1.2"), (2, "1.2"), (3, "1.2"), (3, "1.4"), (4, "1.3"), (5, "1.3")]
@@ -165,6 +165,12 @@ def test_long_names_are_told_apart(tmp_path):
         ((geo_keys(k1024=1, k3076=9002),), [0.3048] * 3),
         ((geo_keys(k1024=1, k3076=9003, k4099=9001),), [1200 / 3937, 1200 / 3937, 1]),
         ((geo_keys(k1024=1, k3072=25832),), [1, 1, 1]),
+        ((geo_keys(k1024=1, k3076=9005),), [0.3047972654] * 3),
+        (own_unit(0.5), [0.5] * 3),
+        ((wkt('PROJECTEDCRS["a",BASEGEODCRS["b"],CS[Cartesian,2],LENGTHUNIT["foot",0.3048]]'),), [0.3048] * 3),
+        ((wkt('PROJCS["a",UNIT["Meter",1.0]],VERTCS["b",UNIT["Foot_US",0.3]]'),), [1, 1, 0.3]),
+        ((wkt('LOCAL_CS["site",LOCAL_DATUM["d",0],UNIT["foot",0.3048],AXIS["x",EAST]]'),), [0.3048] * 3),
+        ((wkt('GEOCCS["a",DATUM["b"],PRIMEM["c",0],UNIT["kilometre",1000.0]]'),), [1000.0] * 3),
         ((wkt("no system at all ]["),), [1, 1, 1]),
     ],
 )
@@ -174,6 +180,15 @@ def test_units_of_the_reference_system(tmp_path, records, unit):
     assert cloud.unit.tolist() == pytest.approx(unit, rel=1e-12)
     np.testing.assert_allclose(cloud.xyz, plain.xyz * unit, rtol=1e-12)
     np.testing.assert_allclose(cloud.world(), plain.world(), rtol=1e-15)
+
+
+def test_a_unit_that_is_not_known_is_told(tmp_path, caplog):
+    path = save(tmp_path, "a.las", las_bytes(records=(geo_keys(k1024=1, k3076=9084),)))
+    assert read_cloud(path).unit.tolist() == [1, 1, 1]
+    assert "code 9084 is not known" in caplog.text
+    caplog.clear()
+    assert read_cloud(path, ReadOptions(unit=0.9)).unit.tolist() == [0.9, 0.9, 0.9]
+    assert caplog.text == ""
 
 
 @pytest.mark.parametrize("compress", [False, True])
@@ -190,7 +205,14 @@ def test_a_reference_system_behind_the_points(tmp_path, compress):
     assert [v.record_id for v in laspy.read(tmp_path / "b.laz").vlrs if v.user_id == "LASF_Projection"] == [2112]
 
 
-@pytest.mark.parametrize("record", [wkt('GEOGCS["b",UNIT["degree",0.01745]]'), geo_keys(k1024=2)])
+@pytest.mark.parametrize(
+    "record",
+    [
+        wkt('GEOGCS["b",UNIT["degree",0.01745]]'),
+        wkt('GEOGRAPHICCRS["b",CS[ellipsoidal,2],ANGLEUNIT["degree",0.01745]]'),
+        geo_keys(k1024=2),
+    ],
+)
 def test_degrees_are_refused(tmp_path, record):
     assert "degrees of longitude" in refusal(read_cloud, save(tmp_path, "a.las", las_bytes(records=(record,))))
 
