@@ -12,8 +12,10 @@ laser CARMEN's robot module writes laser_theta = robot_theta + pi (``construct_l
 heading in the line already looks backwards, and the beams are laid out round it exactly as for the front laser.
 
 ``FLASER`` and ``RLASER`` carry no angles. Beam 0 looks to the right (-pi/2), angles run counter-clockwise; the step is
-pi/n for n = 180 or 360 (the last beam of the half circle is left out) and pi/(n - 1) for n = 181 or 361. For any other
-n CARMEN assumes pi/(n - 1) (``carmen_laser_guess_angle_increment`` in readlog.c); so does this reader, with a remark.
+pi/n for n = 180 or 360 (the last beam of the half circle is left out) and pi/(n - 1) for n = 181 or 361. For n = 401,
+and 400 without the last beam, it is a quarter of a degree over 100 degrees, a mode of SICK's scanners, which look as
+far to the left as to the right. For any other n CARMEN assumes pi/(n - 1) (``carmen_laser_guess_angle_increment`` in
+readlog.c). So does this reader, with a remark for all but the first four.
 
 A range of exactly 0 is a scanner's error code (too near, blinded): dropped and counted. Numbers that mean "no return"
 (81.91, 51.1, 50 ...) stay as they are, since they cannot be told from ranges without the user's maximum.
@@ -57,6 +59,9 @@ BASE = (
     "NMEAGGA",
 )
 COMMANDS = ("NMEARMC", "VECTORMOVE", "ROBOTVELOCITY", "FOLLOWTRAJECTORY", "BASEVELOCITY")
+QUARTER_DEGREES = (400, 401)
+"""Beams of a scan over 100 degrees in steps of a quarter of a degree."""
+
 KNOWN_KINDS = frozenset((*LASERS, *RAW_LASERS, *ROBOT_LASERS, *BASE, *COMMANDS))
 """First fields of CARMEN's log format; NEFF is an addition of GMapping's."""
 
@@ -135,7 +140,7 @@ def _parse_plain_laser(kind: str, fields: list[bytes], number: int, where: str) 
     n = _beam_count(kind, fields, 1, where)
     _check_length(kind, fields, (n + 11,), f"{n} readings", where)
     values = parse_floats(fields[2 : n + 9], where)
-    return _laser_line(kind, number, where, values[:n], half_circle(n), values[n : n + 6], float(values[n + 6]))
+    return _laser_line(kind, number, where, values[:n], plain_bearings(n), values[n : n + 6], float(values[n + 6]))
 
 
 def _parse_robot_laser(kind: str, fields: list[bytes], number: int, where: str) -> LaserLine:
@@ -188,6 +193,14 @@ def _laser_line(
 
 
 @lru_cache(maxsize=8)
+def plain_bearings(n: int) -> FloatArray:
+    """Return the (n,) bearings in radians of the beams of a line that carries none, right to left."""
+    if n not in QUARTER_DEGREES:
+        return half_circle(n)
+    return (np.arange(n, dtype=np.float64) - 200.0) * (np.pi / 720.0)
+
+
+@lru_cache(maxsize=8)
 def half_circle(n: int) -> FloatArray:
     """Return the (n,) bearings in radians of a scan over half a circle, right to left, by CARMEN's convention."""
     steps = n if n in (180, 360) else max(n - 1, 1)
@@ -212,10 +225,15 @@ def _assemble(lines: list[LaserLine], log: _Log, source: str) -> Readings:
 
 def _remarks(scans: list[LaserLine]) -> tuple[str, ...]:
     remarks = []
-    guessed = sorted({len(scan.ranges) for scan in scans if scan.kind in ("FLASER", "RLASER")} - {180, 181, 360, 361})
+    counts = {len(scan.ranges) for scan in scans if scan.kind in ("FLASER", "RLASER")}
+    narrow = sorted(counts & set(QUARTER_DEGREES))
+    if narrow:
+        beams = " and ".join(map(str, narrow))
+        remarks.append(f"laser lines of {beams} beams carry no angles: 100 degrees in steps of 0.25 are assumed")
+    guessed = sorted(counts - {180, 181, 360, 361, *QUARTER_DEGREES})
     if guessed:
-        counts = ", ".join(map(str, guessed[:5]))
-        remarks.append(f"laser lines of {counts} beams carry no angles: half a circle is assumed, both ends included")
+        beams = ", ".join(map(str, guessed[:5]))
+        remarks.append(f"laser lines of {beams} beams carry no angles: half a circle is assumed, both ends included")
     turned = [np.cos(scan.pose[2] - scan.robot[2]) for scan in scans if scan.kind == "RLASER"]
     if turned and min(turned) > 0:
         remarks.append("the rear laser's heading is the robot's, where CARMEN writes it turned by pi; taken as it is")

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.logs.carmen import half_circle
+from prf.logs.carmen import QUARTER_DEGREES, half_circle
 from prf.shell.errors import ConfigError
 from prf.simulate.world import Floats
 
@@ -81,8 +81,8 @@ class LaserPhysics:
 
     @property
     def is_half_circle(self) -> bool:
-        """Whether the field of view is what a FLASER line of CARMEN has."""
-        return abs(self.field_of_view - math.pi) < HAIR
+        """Whether the field of view is what a FLASER line of CARMEN of so many beams has."""
+        return abs(self.field_of_view - math.pi) < HAIR and self.beams not in QUARTER_DEGREES
 
     @property
     def step(self) -> float:

@@ -90,6 +90,14 @@ class TestAngles:
         np.testing.assert_allclose(np.degrees(readings.angle), -90 + 2 * np.arange(91), atol=1e-9)
         assert "91 beams" in readings.notes.remarks[0]
 
+    @pytest.mark.parametrize("n", [400, 401])
+    def test_a_quarter_of_a_degree_is_that_of_a_sick_over_100_degrees(self, n):
+        readings = read(flaser([1] * n, pose=(0, 0, 0.5)))
+        np.testing.assert_allclose(np.degrees(readings.angle - 0.5), -50 + 0.25 * np.arange(n), atol=1e-9)
+        assert readings.notes.remarks == (
+            f"laser lines of {n} beams carry no angles: 100 degrees in steps of 0.25 are assumed",
+        )
+
     def test_known_counts_need_no_remark(self):
         assert read("".join(flaser([1] * n) for n in (180, 181, 360, 361))).notes.remarks == ()
 

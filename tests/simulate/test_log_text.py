@@ -35,6 +35,7 @@ def some_ranges(n_beams: int, max_range: float) -> np.ndarray:
         LaserPhysics(),
         LaserPhysics(beams=181, max_range=8.0),
         LaserPhysics(beams=7, max_range=80.0),
+        LaserPhysics(beams=401, max_range=80.0),
         LaserPhysics(beams=36, field_of_view=2.0 * math.pi),
         LaserPhysics(beams=50, field_of_view=4.19),
     ],
