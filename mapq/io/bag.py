@@ -63,8 +63,9 @@ def read_bag(content: Content, options: ReadOptions) -> PointCloud:
         if not scans:
             raise InputError(f"{source}: the messages of {topic} are empty.")
         poses = _poses(bag, scans, options.frame)
+    unit = options.unit or 1.0
     placed = [
-        (_placed(scan.points, poses, row), scan.fields)
+        (_placed(scan.points, poses, row, unit), scan.fields)
         for row, scan in enumerate(scans)
         if poses is None or poses.known[row]
     ]
@@ -79,7 +80,7 @@ def read_bag(content: Content, options: ReadOptions) -> PointCloud:
         )
     fields = joined_fields([part for _, part in placed], [len(points) for points, _ in placed], source)
     world = np.concatenate([points for points, _ in placed])
-    return cloud_of_world(world, fields, source, options.unit or 1.0)
+    return cloud_of_world(world, fields, source, unit)
 
 
 @contextmanager
@@ -185,10 +186,10 @@ def _poses(bag: Bag, scans: list[_Scan], named: str | None) -> Rigid | None:
     return found
 
 
-def _placed(points: Array, poses: Rigid | None, row: int) -> NDArray[Any]:
-    """Return points (n, 3) in the frame of the map."""
+def _placed(points: Array, poses: Rigid | None, row: int, unit: float) -> NDArray[Any]:
+    """Return points (n, 3) in the frame of the map; `unit` is how many metres, those of tf, one of theirs is."""
     if poses is None:
         return points
     wide = points.astype(np.float64)
-    moved: NDArray[np.float64] = turned(np.tile(poses.turn[row], (len(wide), 1)), wide) + poses.shift[row]
+    moved: NDArray[np.float64] = turned(np.tile(poses.turn[row], (len(wide), 1)), wide) + poses.shift[row] / unit
     return moved

@@ -68,7 +68,8 @@ def split_by_place(cloud: PointCloud, share: float, buffer: float, axis: int | N
             f"{cloud.source or 'the map'}: {high[across] - low[across]:.3g} m long, a buffer of {buffer:g} m leaves no "
             f"two parts. Give a narrower one with --buffer."
         )
-    strip = (float(begin + cloud.shift[across]), float(begin + buffer + cloud.shift[across]))
+    shift = float(cloud.shift[across] * cloud.unit[across])
+    strip = (begin + shift, begin + buffer + shift)
     n_dropped = len(cloud) - int(np.count_nonzero(is_train)) - int(np.count_nonzero(is_test))
     return Parts(cloud.take(is_train), cloud.take(is_test), across, strip, n_dropped)
 

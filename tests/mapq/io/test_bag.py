@@ -121,6 +121,8 @@ def test_scans_are_placed_by_tf(tmp_path, kind):
     np.testing.assert_array_equal(plain.xyz[:12, 0], first["x"])
     odometry = read_cloud(path, ReadOptions(frame="odom"))
     np.testing.assert_allclose(odometry.xyz[:12, 0], 0.7 + first["x"], atol=1e-6)
+    small = read_cloud(path, ReadOptions(frame="odom", unit=0.01))  # of the points alone: tf is in metres
+    np.testing.assert_allclose(small.xyz[:12, 0], 0.7 + 0.01 * first["x"], atol=1e-6)
 
 
 def test_a_map_that_is_published_again_counts_once(tmp_path):

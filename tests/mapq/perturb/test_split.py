@@ -28,6 +28,15 @@ def test_the_parts_are_apart_by_the_buffer_and_hold_the_share(shift):
     assert not set(parts.train.fields["number"]) & set(parts.test.fields["number"])
 
 
+def test_the_strip_is_in_metres_whatever_unit_the_cloud_has():
+    plain = split_by_place(street(4.5e5), 0.3, 20.0)
+    feet = PointCloud.from_world(street(4.5e5).world() / 0.3048, source="street", unit=0.3048)
+    assert feet.shift.any()
+    parts = split_by_place(feet, 0.3, 20.0)
+    assert parts.strip == pytest.approx(plain.strip, abs=0.01)
+    assert parts.test.metric_of(parts.test.xyz)[:, 0].min() >= parts.strip[1]
+
+
 def test_the_axis_may_be_chosen_and_points_without_coordinates_go():
     cloud = street()
     cloud.xyz[7] = np.nan
