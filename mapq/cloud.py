@@ -87,6 +87,12 @@ class PointCloud:
         """Return places (..., 3) in the frame of `xyz` as world coordinates in metres, whatever unit the file has."""
         return _moved(xyz.copy(), self.shift * self.unit)
 
+    def in_unit(self, unit: NDArray[np.float64]) -> PointCloud:
+        """Return the same world coordinates, a unit of which is so many metres (3,) and not what was thought."""
+        if np.array_equal(unit, self.unit):
+            return self
+        return replace(self, xyz=self.xyz * (unit / self.unit), unit=np.array(unit, np.float64))
+
     def finite(self) -> NDArray[np.bool_]:
         """Return which points (n,) have three finite coordinates."""
         return np.asarray(np.isfinite(self.xyz).all(axis=1))

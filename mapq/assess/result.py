@@ -21,7 +21,7 @@ from mapq.crf.marginals import cut_probability
 from mapq.features import patch_features
 from mapq.graph import PatchFeatures
 from mapq.io.models import read_default_model
-from mapq.io.results import result_cloud
+from mapq.io.results import CLOUD_UNIT, result_cloud
 from mapq.model import Model
 from mapq.patches import SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.progress import Reporter
@@ -175,6 +175,7 @@ class Result:
         """Return the JSON of a result but for its patches."""
         return {
             "unit": "m",
+            CLOUD_UNIT: self.patches.cloud.unit.tolist(),
             "counts": self.counts(),
             "regions": [
                 {**region.row(number, DECIMALS), **self._cause_row(region.patches)}

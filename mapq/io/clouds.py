@@ -12,6 +12,9 @@ from mapq.io.kitti import read_kitti
 from mapq.io.npy import read_npy
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.recognise import recognise
+from mapq.io.result_json import unit_beside
+from mapq.io.results import RESULT_FIELDS
+from prf.shell.files import STREAM
 
 
 def read_cloud(path: str, options: ReadOptions = AS_IT_IS) -> PointCloud:
@@ -40,7 +43,18 @@ def read_cloud(path: str, options: ReadOptions = AS_IT_IS) -> PointCloud:
 
 @np.errstate(over="ignore", invalid="ignore")  # numpy would warn of coordinates beyond reason, which no reader trusts
 def parse_cloud(content: Content, options: ReadOptions = AS_IT_IS) -> tuple[str, PointCloud]:
-    """Return format and cloud of an input; parameters and errors as :func:`read_cloud`."""
+    """Return format and cloud of an input; parameters and errors as :func:`read_cloud`.
+
+    A result is in the unit in which it was classified, as the JSON beside it says, for PLY cannot.
+    """
+    kind, cloud = _parse(content, options)
+    if options.unit is not None or content.path == STREAM or not set(RESULT_FIELDS) <= set(cloud.fields):
+        return kind, cloud
+    unit = unit_beside(content.path)
+    return kind, cloud if unit is None else cloud.in_unit(unit)
+
+
+def _parse(content: Content, options: ReadOptions) -> tuple[str, PointCloud]:
     kind = recognise(content)
     if kind in CLOUD_READERS:
         return kind, CLOUD_READERS[kind](content, options)

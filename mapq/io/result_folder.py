@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from mapq.cloud import PointCloud, choose_shift
 from mapq.io.las_pieces import LasHead, read_las_head, read_las_pieces
 from mapq.io.options import AS_IT_IS, ReadOptions
+from mapq.io.result_json import stated_unit
 from mapq.io.results import PATCH, RESULT_FIELDS
 from mapq.io.write import LAS_SUFFIXES
 from mapq.patches import NO_PATCH
@@ -73,6 +75,8 @@ def is_result_folder(path: str) -> bool:
 def open_result_folder(path: str, options: ReadOptions = AS_IT_IS) -> ResultFolder:
     """Return a result in tiles, of which only the heads are read.
 
+    Its unit is the one in which it was classified.
+
     Raises
     ------
     InputError
@@ -81,6 +85,9 @@ def open_result_folder(path: str, options: ReadOptions = AS_IT_IS) -> ResultFold
     tiles = tuple(str(each) for each in sorted(Path(path).iterdir()) if each.suffix.lower() in LAS_SUFFIXES)
     if not tiles:
         raise InputError(f"{path}: no LAS or LAZ tile beside {RESULT_JSON}. Run mapq classify again.")
+    unit = stated_unit(Path(path, RESULT_JSON)) if options.unit is None else None
+    if unit is not None and (unit == unit[0]).all():  # else it is that of the tiles' own reference system
+        options = replace(options, unit=float(unit[0]))
     heads = tuple(read_las_head(tile, options) for tile in tiles)
     for tile, head in zip(tiles, heads, strict=True):
         missing = [name for name in RESULT_FIELDS if name not in head.fields]

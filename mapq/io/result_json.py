@@ -8,7 +8,10 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
-from mapq.io.results import OPENING, SCHEMA
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.io.results import CLOUD_UNIT, OPENING, SCHEMA, json_beside
 from prf.shell.errors import InputError
 from prf.shell.files import open_input
 from prf.shell.storage import check_schema, damaged, load_object
@@ -41,6 +44,28 @@ def read_result_json(path: Path) -> tuple[Row, Iterator[Row]]:
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise damaged(path, "no list of patches")
     return head, iter(rows)
+
+
+def unit_beside(path: str) -> NDArray[np.float64] | None:
+    """Return the metres (3,) in a unit of the cloud of the result `path`, as the JSON beside it says, or None."""
+    if path.endswith(".json"):
+        return None
+    return stated_unit(Path(json_beside(path)))
+
+
+def stated_unit(path: Path) -> NDArray[np.float64] | None:
+    """Return the metres (3,) in a unit of the cloud of a result, as its JSON says; None if that says nothing.
+
+    What is wrong with the JSON is for those to tell who need more of it.
+    """
+    try:
+        found = read_result_json(path)[0].get(CLOUD_UNIT) if path.is_file() else None
+    except InputError:
+        return None
+    if not isinstance(found, list) or len(found) != 3 or not all(isinstance(each, int | float) for each in found):
+        return None
+    unit = np.array(found, np.float64)
+    return unit if (np.isfinite(unit) & (unit > 0.0)).all() else None
 
 
 def patch_counts(path: Path, head: Row) -> tuple[int, int]:

@@ -26,6 +26,9 @@ SCHEMA = "mapq.result/1"
 OPENING = '"patches": ['
 """End of the first line of the JSON; a patch a line follows."""
 
+CLOUD_UNIT = "cloud_unit"
+"""Key of the JSON: metres in a unit of the cloud, axis by axis."""
+
 PATCH, LABEL, PROBABILITY = "patch", "suspicious", "p_suspicious"
 RESULT_FIELDS = (PATCH, LABEL, PROBABILITY)
 """The fields that make a cloud a result."""

@@ -2,9 +2,12 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
-from mapq.io.result_json import read_result_json
+from mapq.cloud import PointCloud
+from mapq.io import ReadOptions, read_cloud, write_cloud
+from mapq.io.result_json import read_result_json, stated_unit
 from mapq.io.results import SCHEMA, result_lines
 from prf.shell.errors import InputError
 
@@ -22,6 +25,35 @@ def test_what_was_written_is_read(tmp_path, rows):
     head, found = read_result_json(save(tmp_path / "r.json", rows))
     assert head == {"schema": SCHEMA, **HEAD}
     assert list(found) == rows
+
+
+@pytest.mark.parametrize("name", ["r.ply", "r.las"])
+def test_a_result_is_read_in_the_unit_in_which_it_was_classified(tmp_path, name):
+    """Neither format of another cloud than LAS can say it."""
+    world = np.array([[500_000.5, 2000.0, 30.0], [500_400.0, 2500.0, 90.0]])
+    fields = {"patch": np.zeros(2, np.int32), "suspicious": np.zeros(2, np.uint8)}
+    path = str(tmp_path / name)
+    result = PointCloud.from_world(world, {**fields, "p_suspicious": np.zeros(2, np.float32)}, unit=0.01)
+    write_cloud(path, result)
+    assert read_cloud(path).unit.tolist() == [1, 1, 1]
+    (tmp_path / "r.json").write_text("".join(result_lines({**HEAD, "cloud_unit": [0.01] * 3}, ROWS)))
+    again = read_cloud(path)
+    assert again.unit.tolist() == [0.01] * 3
+    np.testing.assert_allclose(again.xyz, result.xyz, atol=1e-5)
+    np.testing.assert_allclose(again.world(), world, atol=1e-3)
+    assert read_cloud(path, ReadOptions(unit=0.5)).unit.tolist() == [0.5] * 3
+    write_cloud(path, PointCloud.from_world(world, fields))  # no result
+    assert read_cloud(path).unit.tolist() == [1, 1, 1]
+
+
+@pytest.mark.parametrize("unit", ["m", [1, 2], [1, 2, "x"], [1, 2, 0], [1, 2, -3], None])
+def test_what_is_no_unit_is_passed_over(tmp_path, unit):
+    path = tmp_path / "r.json"
+    path.write_text("".join(result_lines({**HEAD, "cloud_unit": unit}, ROWS)))
+    assert stated_unit(path) is None
+    path.write_text("{damaged")
+    assert stated_unit(path) is None
+    assert stated_unit(tmp_path / "none.json") is None
 
 
 @pytest.mark.parametrize("indent", [None, 1])

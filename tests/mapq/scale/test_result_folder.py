@@ -13,7 +13,7 @@ from mapq.assess.compare import compare
 from mapq.assess.judged import read_judged
 from mapq.cloud import PointCloud
 from mapq.evaluate import read_labelled, score_labels
-from mapq.io import read_cloud, write_cloud
+from mapq.io import ReadOptions, read_cloud, write_cloud
 from mapq.io.describe import describe
 from mapq.io.result_folder import open_result_folder, steps_of, thinned_by_patch
 from mapq.render.source import read_picture
@@ -120,6 +120,19 @@ def test_its_summary_is_that_of_one_cloud(results, monkeypatch):
     assert all(field == known[field.name] for field in mine.cloud.fields)
     assert mine.cloud.spacing == pytest.approx(theirs.cloud.spacing, rel=0.1)
     assert mine.content["counts"] == theirs.content["counts"]
+
+
+def test_it_is_read_in_the_unit_in_which_it_was_classified(results, tmp_path):
+    folder = tmp_path / "feet"
+    shutil.copytree(results[0], folder)
+    told = (folder / "result.json").read_text()
+    assert '"cloud_unit": [1.0, 1.0, 1.0]' in told
+    (folder / "result.json").write_text(told.replace("[1.0, 1.0, 1.0]", "[0.3048, 0.3048, 0.3048]", 1))
+    found, plain = open_result_folder(str(folder)), open_result_folder(results[0])
+    assert [head.unit.tolist() for head in found.heads] == [[0.3048] * 3] * 2
+    here, there = next(found.pieces(())), next(plain.pieces(()))
+    np.testing.assert_allclose(here.xyz, 0.3048 * there.xyz)
+    assert open_result_folder(str(folder), ReadOptions(unit=1.0)).heads[0].unit.tolist() == [1.0] * 3
 
 
 class TestBroken:
