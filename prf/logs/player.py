@@ -188,20 +188,32 @@ def _laser_scan(header: Header, start: int, robot: FloatArray | None, has_max: b
         has = f"announces {n} pairs of range and intensity, but has {len(pairs)} fields of them"
         raise InputError(f"{where}: laser line {has}. {MEND}")
     low, high, step = parse_floats(header.rest[start : start + 3], where)
+    bearing = _bearings(low, high, step, _rounding(header.rest[start + 2]), n, where)
     ranges = parse_floats(pairs[::2], where)
     check_ranges(ranges, where)
     top = float(parse_floats([header.rest[end - 2]], where)[0]) if has_max else np.nan
-    return LaserScan(header.device, header.line, header.time, _bearings(low, high, step, n, where), ranges, top, robot)
+    return LaserScan(header.device, header.line, header.time, bearing, ranges, top, robot)
 
 
-def _bearings(low: float, high: float, step: float, n: int, where: str) -> FloatArray:
-    """Return n angles from `low` on: up to `high` if the step, which is rounded in old logs, leads there."""
+def _rounding(text: bytes) -> float:
+    """Return by how much a number may be off that was rounded to the digits of its text."""
+    _, point, digits = text.partition(b".")
+    return float(0.5 * 10.0 ** -len(digits)) if point and digits.isdigit() else 0.0
+
+
+def _bearings(low: float, high: float, step: float, rounding: float, n: int, where: str) -> FloatArray:
+    """Return n angles from `low` on: up to `high` if the step leads there, else up to one step before it, or as it is.
+
+    Logs before Player 1.6 have four digits of the step, 0.0087 for half a degree: 360 of these are half a degree short.
+    """
     within_circle = 0 < abs(step) * max(n - 1, 1) <= 2 * np.pi + abs(step) < np.inf
     if not (within_circle and max(abs(low), abs(high)) <= 2 * np.pi):
         raise InputError(f"{where}: {n} beams from {low:g} to {high:g} in steps of {step:g} rad are no scan. {MEND}")
-    if n > 1 and abs((n - 1) * step - (high - low)) < abs(step) / 2:
+    span = high - low
+    if n > 1 and (abs((n - 1) * step - span) < abs(step) / 2 or abs(span / (n - 1) - step) <= rounding):
         return np.linspace(low, high, n, dtype=np.float64)
-    return low + step * np.arange(n, dtype=np.float64)
+    exact = span / n if abs(span / n - step) <= rounding else step
+    return low + exact * np.arange(n, dtype=np.float64)
 
 
 def _read_sonar(header: Header, log: PlayerLog) -> None:

@@ -67,6 +67,23 @@ class TestLaser:
         np.testing.assert_allclose(readings.origin[0], [5 + 0.1 * np.cos(1), 6 + 0.1 * np.sin(1)])
         assert readings.notes.poses == "in the laser lines"
 
+    @pytest.mark.parametrize(
+        ("high", "step", "n", "degrees"),
+        [
+            (1.5708, "+00.0087", 361, 0.5),
+            (1.5708, "+00.0087", 360, 0.5),  # the last one left out
+            (1.5708, "+00.0175", 181, 1.0),
+            (-0.6981, "+00.0044", 201, 0.25),
+            (1.5708, "+0.00872665", 361, 0.5),
+            (1.5708, "+0.00872665", 360, 0.5),
+            (1.5708, "0.0174", 91, np.degrees(0.0174)),  # neither: as it is
+        ],
+    )
+    def test_a_step_rounded_to_four_digits_is_told_from_the_ends(self, high, step, n, degrees):
+        laser = (-1.5708, high, step, n, *(f for _ in range(n) for f in (1, 0)))
+        angle = read(player1("position", (0, 0, 0, 0, 0, 0, 0), 2) + player1("laser", laser, 2.1)).angle
+        np.testing.assert_allclose(np.degrees(angle), -90 + degrees * np.arange(n), atol=0.002)
+
     def test_two_lasers_and_two_position_devices(self):
         text = POSES + position(50, 0, 0, 1, index="01") + position(52, 0, 0, 3, index="01")
         text += player_laser([1, 1], time=2) + player_laser([1, 1], time=2, index="01")
