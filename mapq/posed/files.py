@@ -15,6 +15,8 @@ UOS_SUFFIX, E57_SUFFIX = ".3d", ".e57"
 SCAN_SUFFIXES = (".bin", ".pcd", ".ply", ".xyz", ".npy", ".npz", ".las", ".laz", ".ptx", UOS_SUFFIX, E57_SUFFIX)
 POSE_NAME = re.compile(r"(pose|traj|graph|odometry).*\.(txt|json|csv|tum)$", re.IGNORECASE)
 """Names that files of poses have; ``graph.txt`` is that of gtsam_points: a name, a place and a quaternion a row."""
+STAMP = re.compile(r"\d+\.\d+")
+LAST_NUMBER = re.compile(r"\d+(?=\D*$)")
 SCANS_SHOWN = 4
 """Sets of scans, or files of poses, that a message names."""
 
@@ -58,22 +60,36 @@ def scan_files(folder: str, pattern: str | None) -> list[str]:
     return sorted(next(iter(several.values())), key=natural_key)
 
 
+def stem_of(path: str) -> str:
+    """Return the name of a file without its suffix, nor that of gzip."""
+    return Path(path).name.removesuffix(".gz").rpartition(".")[0]
+
+
+def stamp_of(path: str) -> float | None:
+    """Return the time that the name of a file is, as 1305031102.1753.pcd tells one; None if it is none."""
+    stem = stem_of(path)
+    return float(stem) if STAMP.fullmatch(stem) else None
+
+
 def family(path: Path) -> str:
-    """Return the name of a path with its last number replaced by ``*``."""
-    stem, found = re.subn(r"\d+(?=\D*$)", "*", path.name.removesuffix(".gz").rpartition(".")[0], count=1)
+    """Return the name of a path with its last number replaced by ``*``; of a time, all of it."""
+    number = STAMP if stamp_of(path.name) is not None else LAST_NUMBER
+    stem, found = number.subn("*", stem_of(path.name), count=1)
     name = f"{stem}{suffix_of(path.name)}" if found else path.name
     return (path.parent / name).as_posix()
 
 
-def natural_key(path: str) -> tuple[list[tuple[int, int, str]], str]:
-    """Return what sorts names by the numbers in them: 2 before 10."""
-    parts = re.findall(r"\d+|\D+", path)
-    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in parts], path
+def natural_key(path: str) -> tuple[list[tuple[int, float, str]], str]:
+    """Return what sorts names by the numbers in them, 2 before 10, and names that are times by these."""
+    stamp = stamp_of(path)
+    parts = re.findall(r"\d+|\D+", path if stamp is None else os.path.dirname(path))
+    key: list[tuple[int, float, str]] = [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in parts]
+    return key if stamp is None else [*key, (0, stamp, "")], path
 
 
 def number_of(path: str) -> int | None:
     """Return the last number in the name of a file, None if it has none."""
-    numbers = re.findall(r"\d+", Path(path).name.removesuffix(".gz").rpartition(".")[0])
+    numbers = re.findall(r"\d+", stem_of(path))
     return int(numbers[-1]) if numbers else None
 
 

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import gzip
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -62,6 +63,23 @@ def test_files_go_by_their_numbers_whatever_order_they_come_in(tmp_path):
 def test_poses_of_a_whole_sequence_go_by_the_numbers_of_its_scans(tmp_path):
     make_folder(tmp_path, ["000003.ply", "000007.ply"], poses_text(9))
     assert find_scans([str(tmp_path)]).poses[:, 0, 3].tolist() == [6.0, 14.0]
+
+
+def test_scans_whose_names_are_times_go_by_these(tmp_path):
+    """Python writes 100.1 and 100.05: by whole numbers 1 would come before 5, and 5 be the sixth row."""
+    times = np.round(100.0 + 0.05 * np.arange(40), 2)
+    rows = [f"{time + 0.0004} {place} 0 0 0 0 0 1" for place, time in enumerate(times)]
+    (tmp_path / "trajectory.txt").write_text("\n".join(rows))
+    for place in (2, 1, 3, 6):
+        (tmp_path / f"{times[place]}.xyz").write_text("1 2 3\n")
+    scans = find_scans([str(tmp_path)])
+    assert [Path(name).name for name in scans.names] == ["100.05.xyz", "100.1.xyz", "100.15.xyz", "100.3.xyz"]
+    assert scans.poses[:, 0, 3].tolist() == [1, 2, 3, 6]
+    (tmp_path / "100.31.xyz").write_text("1 2 3\n")
+    with pytest.raises(InputError, match="40 poses for 5 scans"):
+        find_scans([str(tmp_path)])
+    (tmp_path / "trajectory.txt").write_text("\n".join(f"{n} {n} 0 0 0 0 0 1" for n in range(5)))
+    assert find_scans([str(tmp_path)]).poses[:, 0, 3].tolist() == [0, 1, 2, 3, 4], "another clock: by order"
 
 
 def test_names_in_graph_txt_go_by_their_numbers(tmp_path):
@@ -240,7 +258,6 @@ def test_damaged_e57_and_e57_beside_others_are_refused(tmp_path):
 
 
 def test_names():
-    from pathlib import Path
 
     assert family(Path("pcs/000012.bin.gz")) == "pcs/*.bin"
     assert family(Path("planes_000010.bin")) == "planes_*.bin"
@@ -248,3 +265,4 @@ def test_names():
     assert sorted(["s10", "s9", "s"], key=natural_key) == ["s", "s9", "s10"]
     assert number_of("/a1/scan007.3d.gz") == 7
     assert number_of("map.ply") is None
+    assert family(Path("a/1305031102.1753.pcd.gz")) == "a/*.pcd"
