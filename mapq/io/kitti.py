@@ -13,6 +13,9 @@ from prf.shell.errors import InputError
 
 NAMES = ("x", "y", "z", "intensity")
 
+WIDTHS = (3, 4, 5, 6)
+"""Columns that such files have: those of nuScenes have 5. More than 4 are recognised, not read."""
+
 ENOUGH_POINTS = 200
 """With fewer, the spread of the columns says too little about how many there are."""
 
@@ -48,11 +51,11 @@ def read_kitti(data: bytes, source: str, n_columns: int) -> dict[str, Array]:
         )
     values = np.frombuffer(data, "<f4")
     _check_values(values, source)
-    fits_both = len(data) % (4 * other) == 0 and len(values) >= 4 * ENOUGH_POINTS
-    if fits_both and _spread(values, n_columns) < ALIKE and _spread(values, other) > UNLIKE:
+    spoken = _columns_spoken_for(values, n_columns)
+    if spoken != n_columns:
+        advice = f"Use --bin-columns {spoken}" if spoken <= len(NAMES) else "Save it as PLY or .npy"
         raise InputError(
-            f"{source}: read with {n_columns} columns, all of them mix x, y and z; the file has {other}. "
-            f"Use --bin-columns {other}."
+            f"{source}: read with {n_columns} columns, all of them mix x, y and z; the file has {spoken}. {advice}."
         )
     columns = values.reshape(-1, n_columns)
     return {name: columns[:, i] for i, name in enumerate(NAMES[:n_columns])}
@@ -64,6 +67,14 @@ def _check_values(values: NDArray[np.float32], source: str) -> None:
     strange = (size > LARGEST_COORDINATE) | ((size < 1e-20) & (size > 0))
     if np.count_nonzero(strange) > 0.01 * len(values):
         raise InputError(f"{source}: the content is no float32 coordinates, so this is no .bin of KITTI.")
+
+
+def _columns_spoken_for(values: NDArray[np.float32], n_columns: int) -> int:
+    """Return the number of columns that the content speaks for where it does so clearly, else the given one."""
+    if len(values) < 4 * ENOUGH_POINTS or _spread(values, n_columns) >= ALIKE:
+        return n_columns
+    fitting = (width for width in WIDTHS if width != n_columns and len(values) % width == 0)
+    return next((width for width in fitting if _spread(values, width) > UNLIKE), n_columns)
 
 
 def _spread(values: NDArray[np.float32], n_columns: int) -> float:

@@ -43,6 +43,14 @@ def test_content_that_speaks_for_the_other_number(tmp_path, n_columns):
     assert f"Use --bin-columns {n_columns}" in refusal(read_cloud, path, ReadOptions(7 - n_columns))
 
 
+@pytest.mark.parametrize("n_columns", [3, 4])
+def test_five_columns_as_nuscenes_has_them_are_not_taken_for_fewer(tmp_path, n_columns):
+    rings = (np.arange(24_000) % 32).astype("<f4")
+    path = save(tmp_path, "0.pcd.bin", np.column_stack([scan(24_000, 4), rings]).tobytes())
+    line = refusal(read_cloud, path, ReadOptions(n_columns))
+    assert "the file has 5. Save it as PLY or .npy" in line
+
+
 def test_content_that_does_not_speak_is_believed(tmp_path):
     points = np.random.default_rng(0).normal(size=(1200, 4)).astype("<f4")  # four columns of one size
     for n_columns in (3, 4):
