@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from prf.logs.open import read_readings
-from prf.logs.readings import Readings
+from prf.logs.readings import OwnPoses, Readings
 from prf.logs.rings import CONE
 from prf.shell.errors import ConfigError
 
@@ -26,7 +26,7 @@ def read_logs(
     topic, sonar_topic : str, optional
         Whose readings to take of each, see :func:`prf.logs.read_readings`.
     frame : str, optional
-        In what frame, for both.
+        In what frame, for both; laser lines of CARMEN carry their poses, so there it is for the sonar alone.
     cone : float, optional
         Full opening angle in radians of sonar readings whose log has none.
 
@@ -44,6 +44,15 @@ def read_logs(
     if sonar_topic is not None and sonar is None:
         raise ConfigError(f"--sonar-topic {sonar_topic}: names readings of --sonar, which is not given.")
     return (
-        read_readings(laser, topic=topic, frame=frame) if laser is not None else None,
+        _laser(laser, topic, frame, has_sonar=sonar is not None) if laser is not None else None,
         read_readings(sonar, "sonar", topic=sonar_topic, frame=frame, cone=cone) if sonar is not None else None,
     )
+
+
+def _laser(path: str, topic: str | None, frame: str | None, has_sonar: bool) -> Readings:
+    try:
+        return read_readings(path, topic=topic, frame=frame)
+    except OwnPoses:
+        if not has_sonar:
+            raise
+        return read_readings(path, topic=topic)

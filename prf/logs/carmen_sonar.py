@@ -36,6 +36,7 @@ from prf.shell.errors import ConfigError, InputError
 
 OFFSETS = re.compile(rb"\w*sonar_offsets$")
 
+SONAR = "SONAR"
 POSE_LINES = ("GLOBALPOS", "TRUEPOS", "ODOM")
 POSE_FIELDS = 10
 """Fields of each: kind, six numbers (the pose first), time, host, logger's time."""
@@ -118,7 +119,7 @@ def read_carmen_sonar(data: bytes, source: str, cone: float, frame: str | None =
         format="CARMEN",
         poses=where_from,
         ring=tuple(map(tuple, rings[0].tolist())),
-        lines={kind: n for kind, n in log.lines.items() if kind != "SONAR"},
+        lines={kind: n for kind, n in log.lines.items() if kind != SONAR},
         remarks=tuple(remarks),
     )
     return assemble(scans, source, notes)
@@ -128,7 +129,7 @@ def _read_line(fields: list[bytes], number: int, where: str, log: _Log, cone: fl
     kind = fields[0].decode("latin-1")
     if kind in KNOWN_KINDS:
         log.lines[kind] += 1
-    if kind == "SONAR":
+    if kind == SONAR:
         log.sonars.append(_parse_sonar(fields, number, where, cone))
     elif kind in POSE_LINES:
         log.tracks.setdefault(kind, []).append(_parse_pose(fields, number, where))
@@ -241,4 +242,4 @@ def _robot_is_in_laser_frame(log: _Log) -> bool:
 
 def _scan(sonar: _Sonar, pose: FloatArray, ring: FloatArray) -> Scan:
     where = mounted(pose, ring)
-    return Scan("SONAR", sonar.line, sonar.time, pose, where[:, :2], where[:, 2], sonar.ranges, sonar.cone)
+    return Scan(SONAR, sonar.line, sonar.time, pose, where[:, :2], where[:, 2], sonar.ranges, sonar.cone)

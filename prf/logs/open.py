@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 from prf.logs.bag_readings import read_bag
 from prf.logs.carmen import read_carmen
-from prf.logs.carmen_sonar import read_carmen_sonar
+from prf.logs.carmen_sonar import SONAR, read_carmen_sonar
 from prf.logs.compressed import BYTE_ORDER_MARK, decompress
 from prf.logs.player_readings import read_player
-from prf.logs.readings import Kind, NoReadings, Readings
+from prf.logs.readings import Kind, NoReadings, OwnPoses, Readings
 from prf.logs.recognise import ACCEPTED, recognise
 from prf.logs.rings import CONE
 from prf.logs.table import read_table
@@ -109,17 +109,28 @@ def _read_table(data: bytes, source: str, choice: _Choice) -> Readings:
 def _read_carmen(data: bytes, source: str, choice: _Choice) -> Readings:
     if choice.kind != "sonar":
         try:
-            return read_carmen(data, source, choice.topic)
+            readings = read_carmen(data, source, choice.topic)
+            if choice.frame is not None:
+                raise OwnPoses(
+                    f"--frame {choice.frame}: laser lines of {source} carry the laser's pose; a frame can be chosen "
+                    f"for SONAR lines alone. Leave it out."
+                )
+            return readings
         except NoReadings as error:
             if choice.kind == "laser":
                 raise
             without_laser = error
     try:
-        return read_carmen_sonar(data, source, choice.cone, choice.frame)
+        readings = read_carmen_sonar(data, source, choice.cone, choice.frame)
     except NoReadings:
         if choice.kind is None:
             raise without_laser from None
         raise
+    if choice.topic not in (None, SONAR):
+        raise ConfigError(
+            f"--topic {choice.topic}: the sonar readings of {source} are its {SONAR} lines. Leave it out."
+        )
+    return readings
 
 
 def _read_bag_file(file: Path, suffix: str, source: str, choice: _Choice) -> Readings:

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from prf.shell.errors import InputError
+from prf.shell.errors import ConfigError, InputError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -20,6 +20,10 @@ Kind = Literal["laser", "sonar"]
 
 class NoReadings(InputError):  # noqa: N818 - reads as what happened
     """A sound log without readings of the kind that was asked for."""
+
+
+class OwnPoses(ConfigError):  # noqa: N818 - reads as what happened
+    """A frame was asked for of readings whose lines carry their poses."""
 
 
 class ScanTable(NamedTuple):

@@ -10,6 +10,7 @@ from prf.logs import read_logs
 from prf.sampler.output import default_output
 from prf.shell.errors import ConfigError
 from tests.logs.bags import START, Maker, Note, drive
+from tests.logs.samples import flaser
 
 
 @pytest.fixture(scope="module")
@@ -31,6 +32,17 @@ def test_topics_and_frame_go_to_their_logs(bag: str) -> None:
     assert sonar.origin[:, 1].max() < 1.0
     with pytest.raises(ConfigError, match="--topic"):
         read_logs(bag, None)
+
+
+def test_the_frame_is_for_the_sonar_of_a_carmen_log(tmp_path: Path) -> None:
+    log = tmp_path / "both.log"
+    sonar = "SONAR 0.5 1 2.0 0 0 0 5.0 pippo 5.0\n"
+    poses = "".join(f"ODOM {x} 0 0 0 0 0 {4 + x} pippo 5.0\n" for x in range(3))
+    log.write_text(flaser([1, 2], pose=(7, 8, 0)) + poses + sonar)
+    found = read_logs(str(log), str(log), frame="ODOM")
+    assert [None if each is None else each.origin[0].tolist() for each in found] == [[7, 8], [1, 0]]
+    with pytest.raises(ConfigError, match="carry the laser's pose"):
+        read_logs(str(log), None, frame="ODOM")
 
 
 def test_the_cone_is_for_sonars_without_one(tmp_path: Path) -> None:

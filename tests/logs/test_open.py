@@ -76,6 +76,12 @@ def test_topic_and_frame_where_there_are_none(tmp_path):
         read_readings(save(tmp_path, CARMEN), topic="RLASER")
     both = CARMEN + flaser([4, 5], kind="RLASER")
     assert read_readings(save(tmp_path, both), topic="RLASER").range.tolist() == [4, 5]
+    for kind in ("laser", None):
+        with pytest.raises(ConfigError, match="--frame ODOM: laser lines of"):
+            read_readings(save(tmp_path, CARMEN + SONAR), kind, frame="ODOM")
+    with pytest.raises(ConfigError, match="--topic left: the sonar readings of"):
+        read_readings(save(tmp_path, CARMEN + SONAR), "sonar", topic="left")
+    assert read_readings(save(tmp_path, CARMEN + SONAR), "sonar", topic="SONAR").n_beams > 0
 
 
 @pytest.mark.parametrize(
