@@ -52,9 +52,12 @@ def read_input(path: str, options: ReadOptions = AS_IT_IS) -> Patches | PointClo
     ------
     InputError
         As :func:`mapq.io.read_patches` and :func:`mapq.io.read_cloud`.
+    UsageError
+        If a unit is given for PATCHES.
     """
     content = Content(path)
     if holds_patches(content):
+        options.refuse_unit(path)
         return parse_patches(content.data(), path)
     return parse_cloud(content, options)[1]
 

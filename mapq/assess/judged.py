@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,6 +13,7 @@ from mapq.assess.inputs import read_input
 from mapq.assess.result import AREA, Result, assess
 from mapq.cloud import PointCloud
 from mapq.io.options import AS_IT_IS, ReadOptions
+from mapq.io.patches import is_patches
 from mapq.io.result_folder import ResultFolder, is_result_folder, open_result_folder
 from mapq.io.result_json import read_result_json
 from mapq.io.results import RESULT_FIELDS, json_beside
@@ -19,6 +21,7 @@ from mapq.model import Model
 from mapq.patches import NO_PATCH, SUSPICIOUS, Patches
 from mapq.segmentation import segment
 from prf.shell.errors import InputError, UsageError
+from prf.shell.files import STREAM
 from prf.shell.storage import damaged
 
 Floats = NDArray[np.float64]
@@ -57,6 +60,8 @@ def read_judged(path: str, model: Model | None, options: ReadOptions = AS_IT_IS,
     UsageError
         If a model is given for a result, which has labels already.
     """
+    if options.unit is not None and path != STREAM and is_patches(path):
+        options = replace(options, unit=None)  # it is for the other map
     is_folder = is_result_folder(path)
     found = None if is_folder else read_input(path, options)
     if found is None or (isinstance(found, PointCloud) and set(RESULT_FIELDS) <= set(found.fields)):

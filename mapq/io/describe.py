@@ -141,6 +141,7 @@ def describe(path: str, options: ReadOptions = AS_IT_IS) -> Description:
         schema = content["schema"]
         return Description(path, schema.partition("/")[0].removeprefix("mapq."), schema, None, None, _brief(content))
     if holds_patches(found):
+        options.refuse_unit(path)
         patches = parse_patches(found.data(), path)
         content = {"parameters": patches.parameters, "report": patches.report}
         return Description(path, "patches", PATCHES_SCHEMA, _cloud(patches.cloud), _patches(patches), _brief(content))

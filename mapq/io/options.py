@@ -44,6 +44,13 @@ class ReadOptions:
         if self.unit is not None and not (math.isfinite(self.unit) and self.unit > 0.0):
             raise UsageError(f"--unit {self.unit:g} is no length above 0.")
 
+    def refuse_unit(self, path: str) -> None:
+        """Raise UsageError if a unit is given for the PATCHES file `path`, which holds its own."""
+        if self.unit is not None:
+            raise UsageError(
+                f"{path} is segmented already, and holds its unit. Leave --unit out, or segment the cloud with it."
+            )
+
 
 AS_IT_IS = ReadOptions()
 """No option given: all is as the file says, or as files of its format are."""

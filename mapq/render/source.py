@@ -120,6 +120,7 @@ def _read_points(path: str, options: ReadOptions, field: str | None) -> _Points:
         return _read_folder(path, options, field)
     content = Content(path)
     if holds_patches(content):
+        options.refuse_unit(path)
         patches = parse_patches(content.data(), path)
         label = np.append(patches.label, np.uint8(UNLABELLED))[patches.patch]
         return _Points(patches.cloud, patches.patch, label, None)

@@ -123,6 +123,7 @@ def test_a_ply_that_cannot_be_written_leaves_no_json(capsys, tmp_path, monkeypat
         (["-o", "r.json"], 2, "two files"),
         (["-o", "r.ply", "--max-tilt", "10"], 2, "segmented already"),
         (["-o", "r.ply", "--up", "0", "1", "0"], 2, "segmented already"),
+        (["-o", "r.ply", "--unit", "ft"], 2, "holds its unit"),
         (["-o", "no/such/folder/r.ply"], 4, "there is no folder"),
     ],
 )

@@ -95,6 +95,15 @@ def test_patches(capsys, tmp_path):
     assert result["content"]["parameters"] == before.parameters
 
 
+def test_patches_hold_their_unit(capsys, tmp_path):
+    path = tmp_path / "a.patches"
+    write_patches(path, patches())
+    for verb in ("inspect", "render"):
+        code, out, err = call(capsys, verb, path, "--unit", "mm")
+        assert (code, out) == (2, "")
+        assert "holds its unit" in err
+
+
 def test_patches_of_a_cloud_without_walls(capsys, tmp_path):
     write_patches(tmp_path / "a", patches(n_patches=0))
     code, out, err = run(capsys, str(tmp_path / "a"))

@@ -9,6 +9,7 @@ from mapq.assess import assess
 from mapq.assess.compare import compare as compare_maps
 from mapq.assess.compare import comparison_content
 from mapq.assess.judged import judge, read_judged
+from mapq.io import ReadOptions, write_patches
 from mapq.io.results import write_result
 from prf.shell.errors import InputError, UsageError
 from prf.shell.jsonout import dump_object
@@ -90,6 +91,13 @@ def test_a_result_file_says_what_the_patches_said(tmp_path, maps):
     (tmp_path / "r.json").write_text(dump_object("mapq.result/1", {"patches": [{"patch": 1}]}))
     with pytest.raises(InputError, match="without area_m2"):
         read_judged(path, None)
+
+
+def test_a_unit_is_for_the_cloud_that_patches_are_compared_with(tmp_path):
+    path = str(tmp_path / "a.patches")
+    write_patches(path, sample_patches(STREET[:2], density=20.0))
+    plain, other = (read_judged(path, make_model(), ReadOptions(unit=unit)) for unit in (None, 0.01))
+    np.testing.assert_array_equal(plain.xyz, other.xyz)
 
 
 def test_the_content_is_that_of_the_json(maps):
