@@ -48,6 +48,26 @@ def read_ptx(data: bytes, source: str) -> dict[str, Array]:
     InputError
         For a header that cannot be read, a row that cannot, and a scan that is cut off.
     """
+    parts = _scans(data, source, is_placed=True)
+    return joined_fields(parts, [len(part["x"]) for part in parts], source)
+
+
+def read_ptx_scan(data: bytes, source: str) -> dict[str, Array]:
+    """Return the points of a PTX file with one scan in the frame of its scanner, the matrix not applied.
+
+    Raises
+    ------
+    InputError
+        As :func:`read_ptx`, and if there are several scans.
+    """
+    parts = _scans(data, source, is_placed=False)
+    if len(parts) > 1:
+        raise InputError(f"{source}: {len(parts)} scans in one file, but one pose. Give a file for each scan.")
+    return parts[0]
+
+
+def _scans(data: bytes, source: str, is_placed: bool) -> list[dict[str, Array]]:
+    """Return the fields of each scan, in the frame of the file or in its scanner's."""
     ends = np.flatnonzero(np.frombuffer(data.rstrip(), np.uint8) == ord("\n"))
     lines = _Lines(data, np.concatenate([[0], ends + 1, [len(data)]]), source)
     parts: list[dict[str, Array]] = []
@@ -61,12 +81,12 @@ def read_ptx(data: bytes, source: str) -> dict[str, Array]:
         local = np.column_stack([columns.pop(axis) for axis in "xyz"])
         seen = (local != 0.0).any(axis=1)
         n_empty += n_cells - int(np.count_nonzero(seen))
-        world = local[seen] @ matrix[:3, :3] + matrix[3, :3]
-        placed = {axis: world[:, number] for number, axis in enumerate("xyz")}
-        parts.append(placed | {name: values[seen] for name, values in columns.items()})
+        points = local[seen] @ matrix[:3, :3] + matrix[3, :3] if is_placed else local[seen]
+        places = {axis: points[:, number] for number, axis in enumerate("xyz")}
+        parts.append(places | {name: values[seen] for name, values in columns.items()})
     if n_empty:
         logger.info("%s: %d cells without a return are left out", source, n_empty)
-    return joined_fields(parts, [len(part["x"]) for part in parts], source)
+    return parts
 
 
 def _head(lines: _Lines, line: int) -> tuple[int, NDArray[np.float64]]:

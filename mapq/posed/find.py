@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.io.clouds import read_cloud
-from mapq.io.content import read_bytes
+from mapq.io.clouds import parse_cloud
+from mapq.io.content import Content, read_bytes
 from mapq.io.e57 import e57_poses, open_e57, read_e57_scan
+from mapq.io.fields import make_cloud
 from mapq.io.options import ReadOptions
-from mapq.io.recognise import suffix_of
+from mapq.io.ptx import read_ptx_scan
+from mapq.io.recognise import recognise, suffix_of
 from mapq.posed.calibration import laser_poses, looks_ahead, read_calibration
 from mapq.posed.files import (
     E57_SUFFIX,
@@ -223,10 +225,17 @@ def _listed(
     """Return scans that are files of their own."""
 
     def load(number: int) -> PointCloud:
-        path = files[number]
-        return read_cloud(path, ReadOptions(bin_columns=settings.bin_columns))
+        return _read_scan(files[number], ReadOptions(bin_columns=settings.bin_columns))
 
     return PosedScans(tuple(files), poses, times, load, np.arange(len(files)), str(Path(files[0]).parent))
+
+
+def _read_scan(path: str, options: ReadOptions) -> PointCloud:
+    """Return the points of a scan in the frame of its sensor: PTX has a pose in the file too, which is not the one."""
+    content = Content(path)
+    if recognise(content) == "ptx":
+        return make_cloud(read_ptx_scan(content.data(), content.source), content.source)
+    return parse_cloud(content, options)[1]
 
 
 def _e57_scans(files: Sequence[str]) -> PosedScans:

@@ -13,6 +13,7 @@ from mapq.posed import FindSettings, find_scans, replace_poses
 from mapq.posed.files import family, natural_key, number_of
 from mapq.posed.uos import read_uos_pose
 from prf.shell.errors import InputError
+from tests.mapq.io.test_ptx import TURNED, ptx
 from tests.mapq.perturb.scenes import pose_at
 from tests.mapq.posed.test_poses import CAMERA, rows
 
@@ -63,6 +64,17 @@ def test_files_go_by_their_numbers_whatever_order_they_come_in(tmp_path):
 def test_poses_of_a_whole_sequence_go_by_the_numbers_of_its_scans(tmp_path):
     make_folder(tmp_path, ["000003.ply", "000007.ply"], poses_text(9))
     assert find_scans([str(tmp_path)]).poses[:, 0, 3].tolist() == [6.0, 14.0]
+
+
+def test_the_matrix_of_ptx_is_not_applied_beside_a_pose(tmp_path):
+    for number in range(2):
+        (tmp_path / f"{number}.ptx").write_text(ptx(["1 2 3 0.5", "4 5 6 0.5"], matrix=TURNED))
+    (tmp_path / "poses.txt").write_text("10 0 0 0 0 0 1\n20 0 0 0 0 0 1\n")
+    scans = find_scans([str(tmp_path)])
+    assert scans.read(1).world().tolist() == [[1, 2, 3], [4, 5, 6]]
+    (tmp_path / "1.ptx").write_text(ptx(["1 2 3 0.5"]) + ptx(["1 2 3 0.5"]))
+    with pytest.raises(InputError, match="2 scans in one file, but one pose"):
+        scans.read(1)
 
 
 def test_scans_whose_names_are_times_go_by_these(tmp_path):
