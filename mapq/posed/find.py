@@ -170,6 +170,12 @@ def _poses_of(
             f"{path}: a calibration goes with .bin scans and rows of 12 numbers, as KITTI has them. Leave out "
             f"--calibration."
         )
+    if settings.calibration is None and looks_ahead(table.poses):
+        logger.warning(
+            "%s: the sensor moves along its z axis, as a camera does; points of a laser would lie on their side. "
+            "--calibration none says that the scans have these axes",
+            path,
+        )
     return table.poses[chosen], chosen, table
 
 

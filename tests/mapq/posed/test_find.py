@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import gzip
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -176,6 +177,19 @@ def test_kitti_without_it_is_refused_unless_told_that_there_is_none(tmp_path):
         find_scans([str(tmp_path)])
     as_they_are = find_scans([str(tmp_path)], FindSettings(calibration="none")).poses
     np.testing.assert_allclose(as_they_are, CAMERA @ laser @ np.linalg.inv(CAMERA), atol=1e-12)
+
+
+def test_poses_of_a_camera_for_scans_of_another_format_are_told(tmp_path, caplog):
+    kitti_folder(tmp_path, calibrated=False)
+    files = [str(tmp_path / f"{number}.xyz") for number in range(3)]
+    for name in files:
+        Path(name).write_text("1 2 3\n")
+    settings = FindSettings(poses=str(tmp_path / "poses.txt"))
+    find_scans(files, settings)
+    assert "moves along its z axis, as a camera does" in caplog.text
+    caplog.clear()
+    find_scans(files, replace(settings, calibration="none"))
+    assert caplog.text == ""
 
 
 def test_poses_of_the_laser_are_known_from_those_of_the_camera(tmp_path):
