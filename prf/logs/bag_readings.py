@@ -153,7 +153,7 @@ def _raw(kind: Kind, message: Message, source: str, cone: float) -> _Raw:
     time = seconds(header.stamp, message.received)
     ranges, start, step, low, top, opening = _beams(kind, message.body, cone)
     n = len(ranges)
-    if not (np.isfinite([start, step]).all() and step and abs(step) * (n - 1) <= 2 * np.pi + abs(step)):
+    if not (np.isfinite([start, step]).all() and (step or n == 1) and abs(step) * (n - 1) <= 2 * np.pi + abs(step)):
         what = f"{n} beams from {start:g} in steps of {step:g} rad are no scan"
         raise InputError(f"{source}: {message.topic} at {time:.3f} s: {what}. Leave this topic out.")
     if not (np.isfinite(top) and top > max(low, 0.0)):

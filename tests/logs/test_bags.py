@@ -259,6 +259,12 @@ class TestFiles:
         path = save(make1, tmp_path, drive(make1) + scans(make1, 1, angle_increment=0.0))
         assert "are no scan" in refusal(path)
 
+    def test_a_scan_of_one_beam_needs_no_step(self, make1, tmp_path):
+        scan = make1.scan(START + 1, [2.0], angle_min=0.25, angle_increment=0.0)
+        readings = read_readings(save(make1, tmp_path, [*drive(make1), Note("/scan", START + 1, scan)]))
+        np.testing.assert_allclose(readings.angle, np.pi / 2 + 0.25)
+        assert readings.range.tolist() == [2.0]
+
     def test_empty_scans_are_passed_over(self, make1, tmp_path):
         path = save(make1, tmp_path, drive(make1) + scans(make1, 0.5, ranges=[]) + scans(make1, 1))
         assert isinstance(read_readings(path), Readings)
