@@ -17,8 +17,9 @@ and 400 without the last beam, it is a quarter of a degree over 100 degrees, a m
 far to the left as to the right. For any other n CARMEN assumes pi/(n - 1) (``carmen_laser_guess_angle_increment`` in
 readlog.c). So does this reader, with a remark for all but the first four.
 
-A range of exactly 0 is a scanner's error code (too near, blinded): dropped and counted. Numbers that mean "no return"
-(81.91, 51.1, 50 ...) stay as they are, since they cannot be told from ranges without the user's maximum.
+A range of exactly 0 is a scanner's error code (too near, blinded): dropped and counted. In ``ROBOTLASER`` lines a range
+at or above the stated maximum is no return. In the others numbers that mean it (81.91, 51.1, 50 ...) stay as they are,
+since they cannot be told from ranges without the user's maximum.
 
 ``SONAR`` lines have a reader of their own, :mod:`prf.logs.carmen_sonar`.
 """
@@ -32,6 +33,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from prf.logs.numbers import MEND, check_pose, check_ranges, check_time, count_odd_kind, parse_count, parse_floats
 from prf.logs.readings import FloatArray, LogNotes, NoReadings, Readings
@@ -67,7 +69,10 @@ KNOWN_KINDS = frozenset((*LASERS, *RAW_LASERS, *ROBOT_LASERS, *BASE, *COMMANDS))
 
 
 class LaserLine(NamedTuple):
-    """One laser line; `bearing` is relative to the heading of `pose`, the laser's; `robot` is the pose of the base."""
+    """One laser line; `bearing` is relative to the heading of `pose`, the laser's; `robot` is the pose of the base.
+
+    `max_range` is the scanner's, metres; nan where the line has none.
+    """
 
     kind: str
     line: int
@@ -76,6 +81,12 @@ class LaserLine(NamedTuple):
     pose: FloatArray
     time: float
     robot: FloatArray
+    max_range: float = np.nan
+
+    @property
+    def is_return(self) -> NDArray[np.bool_]:
+        """Which ranges lie below the scanner's maximum, all if there is none."""
+        return np.asarray(self.ranges < (self.max_range if self.max_range > 0.0 else np.inf))
 
 
 @dataclass
@@ -150,14 +161,15 @@ def _parse_robot_laser(kind: str, fields: list[bytes], number: int, where: str) 
     m = parse_count(fields[n + 9], where, "the number of remission values")
     # The format page of CARMEN has turn_axis, some writers of the format leave it out.
     _check_length(kind, fields, (n + m + 24, n + m + 23), f"{n} readings and {m} remission values", where)
-    start, _, step = parse_floats(fields[2:5], where)
+    start, _, step, max_range = parse_floats(fields[2:6], where)
     within_circle = 0 < abs(step) * max(n - 1, 1) <= 2 * np.pi + 1e-6
     if not (within_circle and abs(start) <= 2 * np.pi):
         raise InputError(f"{where}: {n} beams from {start:g} in steps of {step:g} rad are no scan. {MEND}")
     ranges = parse_floats(fields[9 : n + 9], where)
     poses = parse_floats(fields[n + m + 10 : n + m + 16], where)
     time = parse_floats(fields[-3:-2], where)
-    return _laser_line(kind, number, where, ranges, start + step * np.arange(n), poses, float(time[0]))
+    line = _laser_line(kind, number, where, ranges, start + step * np.arange(n), poses, float(time[0]))
+    return line._replace(max_range=float(max_range))
 
 
 LASER_PARSERS: dict[str, Callable[[str, list[bytes], int, str], LaserLine]] = {
@@ -215,12 +227,20 @@ def _only(scans: list[LaserLine], device: str | None, source: str) -> list[Laser
 
 
 def _assemble(lines: list[LaserLine], log: _Log, source: str) -> Readings:
-    scans = [
-        Scan(scan.kind, scan.line, scan.time, scan.pose, scan.pose[:2], scan.pose[2] + scan.bearing, scan.ranges)
-        for scan in lines
-    ]
-    notes = LogNotes(format="CARMEN", lines=dict(log.kinds), odd_lines=dict(log.odd), remarks=_remarks(lines))
-    return assemble(scans, source, notes)
+    reached = [scan.max_range for scan in lines if scan.max_range > 0.0 and not scan.is_return.all()]
+    notes = LogNotes(
+        format="CARMEN",
+        sensor_max=max(reached, default=np.nan),
+        lines=dict(log.kinds),
+        odd_lines=dict(log.odd),
+        remarks=_remarks(lines),
+    )
+    return assemble([_scan(line) for line in lines], source, notes)
+
+
+def _scan(line: LaserLine) -> Scan:
+    ranges = np.where(line.is_return, line.ranges, np.inf)
+    return Scan(line.kind, line.line, line.time, line.pose, line.pose[:2], line.pose[2] + line.bearing, ranges)
 
 
 def _remarks(scans: list[LaserLine]) -> tuple[str, ...]:

@@ -51,7 +51,7 @@ def carmen_lines(scans: Scans, readings: Floats, physics: LaserPhysics) -> Itera
             yield f"FLASER {len(row)} {ranges} {at} {at} {stamp}"
             continue
         begin, step = float(physics.bearings[0]), physics.step
-        scanner = f"0 {begin!r} {physics.field_of_view!r} {step!r} {physics.max_range:g} {physics.noise:g} 0"
+        scanner = f"0 {begin!r} {physics.field_of_view!r} {step!r} {silent:g} {physics.noise:g} 0"
         yield f"ROBOTLASER1 {scanner} {len(row)} {ranges} 0 {at} {at} 0 0 0 0 0 {stamp}"
 
 

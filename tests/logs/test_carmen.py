@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from prf.logs import describe
 from prf.logs.carmen import half_circle, read_carmen
 from prf.shell.errors import InputError
 from tests.logs.samples import flaser, robot_laser
@@ -114,6 +115,17 @@ class TestRobotLaser:
         np.testing.assert_array_equal(readings.range, [1, 2, 3])
         np.testing.assert_array_equal(readings.origin[0], [1, 2])
         np.testing.assert_array_equal(readings.time, [7.5] * 3)
+
+    @pytest.mark.parametrize(
+        ("top", "expected", "largest"), [(20.0, [2, np.inf, np.inf], 20.0), (0.0, [2, 20, 81], 81)]
+    )
+    def test_at_or_above_the_stated_maximum_is_no_return(self, top, expected, largest):
+        line = robot_laser([2, 20, 81]).replace(" 20.0 0.01 ", f" {top} 0.01 ")
+        readings = read(line)
+        np.testing.assert_array_equal(readings.range, expected)
+        assert describe(readings, "a").largest_range == largest
+        returns = read(robot_laser([2, 3, 4]))
+        assert describe(returns, "a").largest_range == 4.0
 
     def test_remission_values_are_not_read_as_numbers(self):
         assert read(robot_laser([1, 2], remissions=("a", "b"))).n_beams == 2
