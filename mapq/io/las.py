@@ -49,6 +49,8 @@ LONGEST_RECORD = 65_535
 """Bytes of a record before the points."""
 
 RAW = ("X", "Y", "Z")
+WITHHELD = "withheld"
+"""Flag of points that, LAS says, should not be included in processing."""
 
 LAYERED_WAVES = (9, 10)
 """Point formats whose wave packets lazrs does not give back from LAZ as they were (0.8.2)."""
@@ -83,6 +85,14 @@ def read_las(content: Content, options: ReadOptions) -> PointCloud:
             world, fields = _read_points(reader, source)
             stored = stored_head(stream, reader.header)
             unit = options.unit or unit_of(reader.header.vlrs, source)
+    n_withheld = int(np.count_nonzero(fields[WITHHELD])) if WITHHELD in fields else 0
+    if n_withheld:
+        logger.warning(
+            "%s: %d points are marked withheld, which is as good as deleted; they are taken like the others. Remove "
+            "them first",
+            source,
+            n_withheld,
+        )
     cloud = cloud_of_world(world, fields, source, unit)
     return PointCloud(cloud.xyz, cloud.shift, cloud.fields, np.float64, source, cloud.unit, stored)
 

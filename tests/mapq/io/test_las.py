@@ -188,7 +188,16 @@ def test_a_unit_that_is_not_known_is_told(tmp_path, caplog):
     assert "code 9084 is not known" in caplog.text
     caplog.clear()
     assert read_cloud(path, ReadOptions(unit=0.9)).unit.tolist() == [0.9, 0.9, 0.9]
-    assert caplog.text == ""
+    assert "is not known" not in caplog.text
+
+
+def test_points_marked_withheld_are_told_of(tmp_path, caplog):
+    las = las_data()
+    for n_withheld, told in ((0, False), (7, True)):
+        las["withheld"] = np.arange(60) < n_withheld
+        las.write(tmp_path / "a.las")
+        assert len(read_cloud(str(tmp_path / "a.las"))) == 60
+        assert ("7 points are marked withheld" in caplog.text) is told
 
 
 @pytest.mark.parametrize("compress", [False, True])
