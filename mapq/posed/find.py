@@ -19,16 +19,8 @@ from mapq.io.options import ReadOptions
 from mapq.io.ptx import read_ptx_scan
 from mapq.io.recognise import recognise, suffix_of
 from mapq.posed.calibration import laser_poses, looks_ahead, read_calibration
-from mapq.posed.files import (
-    E57_SUFFIX,
-    UOS_SUFFIX,
-    natural_key,
-    number_of,
-    pose_file,
-    refuse_missing,
-    scan_files,
-    stamp_of,
-)
+from mapq.posed.files import E57_SUFFIX, UOS_SUFFIX, natural_key, pose_file, refuse_missing, scan_files
+from mapq.posed.match import match_poses
 from mapq.posed.poses import PoseTable, check_rotations, read_poses
 from mapq.posed.scans import PosedScans
 from mapq.posed.uos import read_uos_pose
@@ -38,8 +30,6 @@ logger = logging.getLogger(__name__)
 
 CALIBRATION_NAME, TIMES_NAME = "calib.txt", "times.txt"
 NO_CALIBRATION = "none"
-SAME_TIME = 1e-3
-"""Seconds within which the name of a scan is the time of a pose: either may have been rounded."""
 
 
 @dataclass(frozen=True)
@@ -110,51 +100,6 @@ def replace_poses(scans: PosedScans, path: str, settings: FindSettings) -> Posed
     """
     poses = _poses_of(path, scans.names, settings, is_reference=True)[0]
     return scans.with_poses(poses, path)
-
-
-def match_poses(names: Sequence[str], table: PoseTable, path: str) -> NDArray[np.int64]:
-    """Return the row (k,) of the table that is the pose of each scan.
-
-    Scans whose names are times go by these, where the table has them. Else one row a scan goes by order, and else the
-    last number in a scan's name picks the row of that name or, without names, of that place, from 0: as the poses of a
-    whole KITTI sequence go with some of its scans.
-
-    Raises
-    ------
-    InputError
-        If neither fits.
-    """
-    stamps = [stamp_of(name) for name in names]
-    found = _match_times(np.array(stamps, np.float64), table.times) if table.times is not None else None
-    if found is not None:
-        return found
-    if len(table.poses) == len(names):
-        return np.arange(len(names))
-    wrong = InputError(
-        f"{path}: {len(table.poses)} poses for {len(names)} scans, and the numbers in the names of the scans do not "
-        f"tell which are theirs. Choose scans with --scans, or other poses with --poses."
-    )
-    if any(stamp is not None for stamp in stamps):
-        raise wrong
-    if table.names is not None:
-        known = {number_of(f"{name}.x"): row for row, name in enumerate(table.names)}
-    else:
-        known = {row: row for row in range(len(table.poses))}
-    rows = [known.get(number_of(name), -1) for name in names]
-    if min(rows) < 0 or len(set(rows)) < len(rows):
-        raise wrong
-    return np.array(rows, np.int64)
-
-
-def _match_times(stamps: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.int64] | None:
-    """Return the row (k,) of the times (n,) that each stamp (k,) is; None where one is none, or two are the same."""
-    if not np.isfinite(stamps).all():
-        return None
-    order = np.argsort(times, kind="stable")
-    middle = 0.5 * (times[order][1:] + times[order][:-1])
-    rows = order[np.searchsorted(middle, stamps)]
-    is_one = len(set(rows.tolist())) == len(rows) and (np.abs(times[rows] - stamps) <= SAME_TIME).all()
-    return rows if is_one else None
 
 
 def _poses_of(

@@ -78,6 +78,14 @@ def test_the_matrix_of_ptx_is_not_applied_beside_a_pose(tmp_path):
         scans.read(1)
 
 
+def test_whole_numbers_that_may_be_those_of_scans_are_asked_about(tmp_path):
+    make_folder(tmp_path, ["10.ply", "15.ply"], "\n".join(f"{5 * row} {row} 0 0 0 0 0 1" for row in range(20)))
+    with pytest.raises(InputError, match="By these scan 10 has row 3, by its place row 11"):
+        find_scans([str(tmp_path)])
+    (tmp_path / "poses.txt").write_text("\n".join(f"{100 + row} {row} 0 0 0 0 0 1" for row in range(20)))
+    assert find_scans([str(tmp_path)]).poses[:, 0, 3].tolist() == [10, 15], "these can be times alone"
+
+
 def test_scans_whose_names_are_times_go_by_these(tmp_path):
     """Python writes 100.1 and 100.05: by whole numbers 1 would come before 5, and 5 be the sixth row."""
     times = np.round(100.0 + 0.05 * np.arange(40), 2)
