@@ -60,7 +60,7 @@ def stated_unit(path: Path) -> NDArray[np.float64] | None:
     """
     try:
         found = read_result_json(path)[0].get(CLOUD_UNIT) if path.is_file() else None
-    except InputError:
+    except (InputError, OSError):  # of a name that is one letter too long, too
         return None
     if not isinstance(found, list) or len(found) != 3 or not all(isinstance(each, int | float) for each in found):
         return None

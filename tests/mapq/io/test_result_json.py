@@ -54,6 +54,7 @@ def test_what_is_no_unit_is_passed_over(tmp_path, unit):
     path.write_text("{damaged")
     assert stated_unit(path) is None
     assert stated_unit(tmp_path / "none.json") is None
+    assert stated_unit(tmp_path / f"{251 * 'a'}.json") is None
 
 
 @pytest.mark.parametrize("indent", [None, 1])
