@@ -142,11 +142,16 @@ def _array_header(data: bytes) -> tuple[np.dtype[np.generic], bool, tuple[int, .
     shape = tuple(head["shape"])
     if not all(isinstance(n, int) and 0 <= n < 1 << 62 for n in shape) or len(shape) > 32:
         raise ValueError("shape")
-    return np.lib.format.descr_to_dtype(head["descr"]), bool(head["fortran_order"]), shape, start
+    dtype = np.lib.format.descr_to_dtype(head["descr"])
+    if dtype.subdtype is not None:  # numpy itself writes the inner shape as part of the outer one
+        raise ValueError("type with a shape")
+    return dtype, bool(head["fortran_order"]), shape, start
 
 
 def _plain_columns(array: Array, source: str) -> dict[str, Array]:
     if array.ndim != 2 or array.shape[1] < 3 or array.dtype.kind not in NUMBERS:
         raise InputError(f"{source}: array {array.dtype} of shape {array.shape}, expected numbers (n, 3 or more).")
+    if len(array) == 0:  # of any number of columns, as nothing follows
+        raise InputError(f"{source}: no points. Check how the file was written.")
     names = [*"xyz", *(f"column_{number}" for number in range(4, array.shape[1] + 1))]
     return {name: array[:, column] for column, name in enumerate(names)}

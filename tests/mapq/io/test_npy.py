@@ -75,6 +75,7 @@ def test_a_patches_file_is_no_cloud(tmp_path):
     ("array", "line"),
     [
         (np.zeros((0, 3)), "no points"),
+        (np.zeros((0, 1 << 40)), "no points"),
         (np.zeros((3, 0)), "of shape (3, 0)"),
         (np.zeros((5, 2)), "of shape (5, 2)"),
         (np.zeros(5), "of shape (5,)"),
@@ -115,6 +116,12 @@ def test_promises_that_the_file_does_not_keep(tmp_path):
         refusal(read_cloud, save(tmp_path, "a.npy", data.replace(b"(8, 3)", shape)[: len(data)]))
     for end in (3, 6, 8, 11, 50, 128, len(data) - 1):
         refusal(read_cloud, save(tmp_path, "a.npy", data[:end]))
+
+
+def test_a_type_with_a_shape_of_its_own_is_refused(tmp_path):
+    data = npy(np.ones((8, 3)))
+    path = save(tmp_path, "a.npy", data.replace(b"'<f8',", b"('f2',(4,)),").replace(b"}" + b" " * 6, b"}"))
+    assert "damaged (ValueError)" in refusal(read_cloud, path)
 
 
 def test_a_shape_without_values_may_not_be_endless(tmp_path):
