@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
@@ -202,18 +201,3 @@ def beside(path: str, suffix: str) -> str:
     """Return the name of what is made of the file `path`: beside it, its stem with another suffix."""
     file = Path(path)
     return str(file.with_name(file.name.removesuffix(".gz")).with_suffix(suffix))
-
-
-def refuse_inputs(outputs: Sequence[str], inputs: Sequence[str]) -> None:
-    """Raise UsageError if an output is an input, even under --force: a slip would cost labels set by hand.
-
-    Raises
-    ------
-    UsageError
-    """
-    from prf.shell.errors import UsageError
-
-    for output in outputs:
-        for given in inputs:
-            if os.path.isfile(output) and os.path.isfile(given) and os.path.samefile(output, given):
-                raise UsageError(f"{output} is an input and would be overwritten. Name another output with -o.")

@@ -22,7 +22,6 @@ from mapq.commands._options import (
     beside,
     load_model,
     parse_share,
-    refuse_inputs,
     tiling,
 )
 from prf.shell.options import Force, Json, Output, Presets
@@ -111,7 +110,7 @@ def classify(
     from mapq.io.results import claim_result, json_beside, result_lines
     from mapq.settings import ask, settings_from
     from prf.shell import jsonout
-    from prf.shell.files import STREAM
+    from prf.shell.files import STREAM, refuse_inputs
 
     options = ReadOptions(bin_columns, unit, topic, frame)
     found = settings_from(config, preset)
@@ -123,7 +122,7 @@ def classify(
         return
     target = output or (beside(file, ".classified.ply") if file != STREAM else "map.classified.ply")
     claim_result(target, force)
-    refuse_inputs([json_beside(target)], [file, *([model] if model else [])])
+    refuse_inputs([target, json_beside(target)], [file, model, config])
     result = label(file, model, max_false_alarms=max_false_alarms, segmentation=chosen, options=options)
     result.save(target, fail_over=fail_over, force=True)
     if json:
@@ -161,6 +160,7 @@ def _classify_tiles(
     from mapq.settings import segment_settings
     from prf.shell import jsonout
     from prf.shell.errors import UsageError
+    from prf.shell.files import refuse_inputs
     from prf.shell.manifest import describe_process
 
     target = output or _default_target(file)
@@ -168,7 +168,7 @@ def _classify_tiles(
         raise UsageError(f"{file} is segmented already: tiles are for clouds. Leave --workers and the like out.")
     options, chosen, given = how
     inputs = [name for name in (file, model[0]) if name and os.path.isfile(name)]
-    refuse_inputs([target], inputs)
+    refuse_inputs([target, os.path.splitext(target)[0] + ".json"], inputs)
     about: dict[str, Any] = {}
 
     def head_of(result: TiledResult) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from mapq.commands._options import BinColumns, refuse_inputs
+from mapq.commands._options import BinColumns
 from prf.shell.options import Force, Json, Output, Seed
 
 logger = logging.getLogger(__name__)
@@ -115,14 +115,14 @@ def perturb(
     from mapq.perturb.files import SCHEMA, target_files, write_map
     from mapq.posed import FindSettings, find_scans, replace_poses
     from prf.shell import console, jsonout
+    from prf.shell.files import refuse_inputs
     from prf.shell.progress import progress
     from prf.shell.seeds import resolve_seed
 
     find = FindSettings(poses, calibration, pattern, quaternion, bin_columns)
     posed = find_scans(scans, find)
     targets = target_files(output, split is not None, force)
-    given = [*scans, *(name for name in (poses, reference, calibration) if name)]
-    refuse_inputs([*targets.maps, targets.report], given)
+    refuse_inputs([*targets.maps, targets.report], [*posed.names, poses, reference, calibration])
     errors, rule = PoseErrors(offset, yaw, drift, missed_loop), Rule(suspicious_above, plausible_below, reach, search)
     settings = MergeSettings(voxel, min_range, max_range, submaps)
     for part in (errors, rule, settings):

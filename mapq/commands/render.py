@@ -85,7 +85,7 @@ def render(
     from mapq.render import render_views
     from mapq.render.source import read_picture
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM
+    from prf.shell.files import STREAM, refuse_inputs
     from prf.shell.lock import claim_output
     from prf.shell.pictures import picture_format
     from prf.shell.terminal.verb import refuse_files
@@ -102,6 +102,7 @@ def render(
     target = output or f"{PurePath(file).stem if file != STREAM else 'map'}.png"
     picture_format(target)
     claim_output(target, force)
+    refuse_inputs([target], [file])
     picture = read_picture(file, colour.value if colour is not None else None, field, options)
     views = ("plan", "3d") if view is View.both else (view.value,)
     render_views(

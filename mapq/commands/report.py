@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from enum import StrEnum
+from pathlib import PurePath
 from typing import Annotated
 
 import typer
@@ -53,11 +54,12 @@ def report(
     needs the extra: pip install 'prf-mapq[report]'.
     """
     from mapq.report import read_findings, write_report
-    from prf.shell.files import STREAM
+    from prf.shell.files import STREAM, refuse_inputs
     from prf.shell.lock import claim_output
 
     target = output or "report.html"
     claim_output(target, force)
+    refuse_inputs([target], [result, str(PurePath(result).with_suffix(".json"))])
     findings = read_findings(result)
     written = write_report(target, findings, title, palette.value, max_points)
     if not len(findings.label):

@@ -20,7 +20,6 @@ from mapq.commands._options import (
     Unit,
     Workers,
     beside,
-    refuse_inputs,
     tiling,
 )
 from prf.shell.options import Force, Json, Output, Presets
@@ -128,11 +127,12 @@ def segment(
     from mapq.io import ReadOptions
     from mapq.io.patches import write_patches
     from mapq.settings import ask, segment_settings, settings_from
+    from prf.shell.files import refuse_inputs
     from prf.shell.lock import claim_output
 
     target = output or _beside(cloud)
     claim_output(target, force)
-    refuse_inputs([target], [cloud])
+    refuse_inputs([target], [cloud, config])
     found = ask("segment", asked, settings_from(config, preset))
     settings = segment_settings(found.values)
     options = ReadOptions(bin_columns, unit, topic, frame)

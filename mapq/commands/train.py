@@ -20,7 +20,6 @@ from mapq.commands._options import (
     Tolerance,
     Watched,
     chosen_context,
-    refuse_inputs,
 )
 from prf.shell.options import Force, Json, Output, Presets, Seed
 
@@ -138,6 +137,7 @@ def train(
     from mapq.io.models import SCHEMA, model_content, write_model
     from mapq.settings import ask, feature_settings, settings_from, train_settings
     from prf.shell import jsonout
+    from prf.shell.files import refuse_inputs
     from prf.shell.lock import claim_output
     from prf.shell.seeds import resolve_seed
     from prf.shell.streams import refuse_json_beside
@@ -150,7 +150,7 @@ def train(
     settings, reading = train_settings(field.values), feature_settings(measured.values)
     max_false_alarms = field.values.get("max_false_alarms")
     claim_output(target, force)
-    refuse_inputs([target], patches)
+    refuse_inputs([target], [*patches, config])
     used_seed = resolve_seed(seed) if max_patches is not None else 0
     model = teach(patches, None, settings, reading, max_patches=max_patches, seed=used_seed, conservative=conservative)
     sources = {"features": measured.places, "crf": field.places}

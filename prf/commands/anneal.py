@@ -112,6 +112,7 @@ def anneal(
     from prf.sampler.config import SampleConfig
     from prf.sampler.output import default_output
     from prf.shell.errors import UsageError
+    from prf.shell.files import refuse_inputs
     from prf.shell.lock import claim_output
     from prf.shell.seeds import resolve_seed
     from prf.shell.streams import refuse_json_beside
@@ -127,6 +128,7 @@ def anneal(
     science = SampleConfig(**asked.values)
     target = output or str(default_output(logs[0]).with_suffix(".geojson"))
     claim_output(target, force)
+    refuse_inputs([target], [*logs, config])
     used_seed = resolve_seed(seed)
     goal = Goal(None, time_budget) if time_budget is not None else Goal(steps or DEFAULT_STEPS)
     inputs = (laser, sonar, point_data)

@@ -69,6 +69,7 @@ def calibrate(
     from prf.logs import read_logs
     from prf.settings_file import write_settings
     from prf.shell.errors import UsageError
+    from prf.shell.files import refuse_inputs
     from prf.shell.lock import claim_output
     from prf.shell.seeds import resolve_seed, spawn_generators
     from prf.shell.streams import refuse_json_beside
@@ -79,6 +80,7 @@ def calibrate(
     refuse_json_beside(output, json)
     if output is not None:
         claim_output(output, force)
+        refuse_inputs([output], [known, sonar, laser])
     config = CalibrateConfig(**asked)
     used_seed = resolve_seed(seed)
     area = read_known_map(known)

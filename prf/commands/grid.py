@@ -107,7 +107,7 @@ def grid(
     from prf.sampler.asked import ask
     from prf.sampler.output import default_output
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM
+    from prf.shell.files import STREAM, refuse_inputs
     from prf.shell.lock import claim_output
     from prf.shell.manifest import describe_process
 
@@ -119,6 +119,7 @@ def grid(
         raise UsageError("-o -: a grid is a .npz archive. Name one.")
     target = output or str(default_output(logs[0]).with_suffix(".grid.npz"))
     claim_output(target, force)
+    refuse_inputs([target], [*logs, config])
     asked = ask(options, config, IN_SETTINGS_FILE, preset or ())
     settings = GridConfig(**asked.values)
     readings = read_logs(laser, sonar, topic=topic, frame=frame, sonar_topic=sonar_topic, cone=settings.sonar_cone)

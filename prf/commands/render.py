@@ -76,7 +76,7 @@ def render(
     White is free, black occupied, mid-grey unknown. With --terminal the picture goes to standard output: half blocks
     in the colours that the terminal has, shades of characters without any, plain ASCII in a pipe.
     """
-    from prf.shell.files import STREAM
+    from prf.shell.files import STREAM, refuse_inputs
     from prf.shell.lock import claim_output
     from prf.shell.pictures import picture_format
     from prf.shell.terminal.verb import refuse_files
@@ -93,6 +93,7 @@ def render(
     target = output or f"{'draws' if inputs[0] == STREAM else name}.png"
     picture_format(target)
     claim_output(target, force)
+    refuse_inputs([target], inputs)
     if is_run:
         _render_run(inputs[0], target, what, draws or 4, outline, path, beams, title)
     elif is_grid:

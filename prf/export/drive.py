@@ -16,7 +16,7 @@ from prf.export.ros_map import ros_map
 from prf.export.shapes import counts, oriented_polygons
 from prf.export.source import Source, read_source, require_existing, stem_of
 from prf.export.svg import paper_ratio, svg_text
-from prf.shell.files import encoded, open_output
+from prf.shell.files import encoded, open_output, refuse_inputs
 from prf.shell.lock import held_outputs
 from prf.shell.together import together
 
@@ -74,6 +74,7 @@ def export_source(path: str | os.PathLike[str], output: str | None, options: Opt
     formats.check_options(name, options)
     targets = formats.targets(name, output, stem_of(path), options.mode or formats.TRINARY)
     with held_outputs(targets, force):
+        refuse_inputs(targets, [os.fspath(path)])
         content = _content(name, read_source(path), options, targets)
         _write(targets, content.parts)
     sizes = [len(encoded(part) if isinstance(part, str) else part) for part in content.parts]

@@ -9,14 +9,14 @@ import shutil
 import stat
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, BinaryIO
 
 from prf.shell import litter
 from prf.shell.console import is_terminal
-from prf.shell.errors import InputError, OutputError, OutputExists, cannot_write, system_reason
+from prf.shell.errors import InputError, OutputError, OutputExists, UsageError, cannot_write, system_reason
 from prf.shell.input_stream import buffered
 from prf.shell.together import take_place
 
@@ -86,6 +86,25 @@ def refuse_standing(path: str | os.PathLike[str], force: bool) -> None:
         stands = target.is_file() or target.is_dir() or is_dangling
     if os.fspath(path) != STREAM and stands and not force:
         raise OutputExists(f"{path} already exists. Use --force to overwrite.")
+
+
+def refuse_inputs(outputs: Iterable[str], inputs: Iterable[str | None]) -> None:
+    """Refuse an output file that is an input, even under --force: a slip would cost a log, or labels set by hand.
+
+    Parameters
+    ----------
+    outputs : iterable of str
+    inputs : iterable of str
+        Those that are None, streams, folders or not there at all are passed over.
+
+    Raises
+    ------
+    UsageError
+    """
+    files = [path for path in inputs if path is not None and os.path.isfile(path)]
+    for output in outputs:
+        if os.path.isfile(output) and any(os.path.samefile(output, path) for path in files):
+            raise UsageError(f"{output} is an input and would be overwritten. Name another output with -o.")
 
 
 @contextmanager

@@ -107,6 +107,19 @@ def test_what_is_no_file_of_its_kind(verb: Verb, name: str, folder: Path) -> Non
     assert is_folder == (name in ("run", "scans"))
 
 
+OVER_INPUTS = [(verb, name) for verb in VERBS if verb.writes for name in verb.reads if name not in ("run", "scans")]
+
+
+@pytest.mark.parametrize(("verb", "name"), marked(OVER_INPUTS))
+def test_an_input_is_never_the_output(verb: Verb, name: str, folder: Path) -> None:
+    """Not even under --force: a slip would cost a log, or labels set by hand."""
+    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    words = verb.call.split()
+    words[words.index("-o") + 1] = name
+    refused(call_words([*words, "--force"], folder), name, "RESULT.ply", codes=(2, 4))
+    assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
+
+
 @contextmanager
 def nobody() -> Iterator[None]:
     """Work as a user whom nothing is allowed; a test that is not run by root is one already."""
