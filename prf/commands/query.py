@@ -36,11 +36,7 @@ def query(
     ] = None,
     path: Annotated[
         str | None,
-        typer.Option(
-            "--path",
-            metavar="FILE.csv",
-            help="Corners of a path, x,y; beyond the window is free.",
-        ),
+        typer.Option("--path", metavar="FILE.csv", help="Corners of a path, x,y, all inside the window."),
     ] = None,
     radius: Annotated[
         float | None, typer.Option("--radius", metavar="METRES", help="Radius of the disc that follows the path.")
@@ -51,8 +47,9 @@ def query(
 
     With --points: CSV rows x,y,p_occupied in the order of the input; p_occupied is the share of draws that are black
     at the point, or in which the square is not completely white, and nan outside the window. With --path: p_free, the
-    share of draws in which a disc can follow the whole path. A GRID answers for its cells, taken as independent: that
-    not all cells of a square, or all cells that the disc touches, are free.
+    share of draws in which a disc can follow the whole path, nan if the path leaves the window; what the disc alone
+    covers beyond it is taken as free. A GRID answers for its cells, taken as independent: that not all cells of a
+    square, or all cells that the disc touches, are free.
     """
     from prf.api.run import open_run
     from prf.occupancy import is_grid, read_grid

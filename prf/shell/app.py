@@ -51,7 +51,9 @@ class LazyGroup(TyperGroup):
             return None
         function_name = cmd_name.replace("-", "_")
         module = importlib.import_module(f"{self.package}.{function_name}")
-        return make_command(getattr(module, function_name), module.EXAMPLES)
+        command = make_command(getattr(module, function_name), module.EXAMPLES)
+        _name_variables(command, f"{self.name}_{cmd_name}")
+        return command
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the table of verbs without importing any."""
@@ -99,6 +101,14 @@ def _add_common_flags(command: Any) -> None:
     command.params.extend(common_flags())
     for param in command.params:
         param.show_envvar = False
+
+
+def _name_variables(command: Any, prefix: str) -> None:
+    """Name the environment's variable of each option by its flag: by itself it has the name of the parameter."""
+    for param in command.params:
+        flag = next((flag for flag in param.opts if flag.startswith("--")), None)
+        if flag is not None:
+            param.envvar = f"{prefix}_{flag.removeprefix('--')}".replace("-", "_").upper()
 
 
 def _environment_rule(name: str) -> str:

@@ -57,6 +57,25 @@ def missing_input_args(tool: str, verb: str) -> list[str]:
     return args
 
 
+@pytest.mark.parametrize(
+    ("line", "variable", "value", "message"),
+    [
+        ("prf simulate -o w", "PRF_SIMULATE_MAX_RANGE", "0", "max-range 0.0"),
+        ("prf calibrate --laser no.log", "PRF_CALIBRATE_MAP", "floor.geojson", "floor.geojson: no such file"),
+        ("prf grid --laser no.log", "PRF_GRID_RESOLUTION", "0", "--resolution 0.0"),
+        ("mapq features no.patches", "MAPQ_FEATURES_FEATURES", "none", "--features"),
+        ("mapq perturb . -o m.ply", "MAPQ_PERTURB_SCANS", "planes_*", "planes_*"),
+    ],
+)
+def test_a_variable_has_the_name_of_its_option(line, variable, value, message, tmp_path, monkeypatch, capsys):
+    """Whatever the parameter behind it is called."""
+    tool, *words = line.split()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(variable, value)
+    assert run_app(TOOLS[tool].app, tool, words) in (2, 3)
+    assert message in capsys.readouterr().err
+
+
 def test_the_tables_and_the_files_agree(project_root: Path) -> None:
     for tool, module in TOOLS.items():
         files = {path.stem for path in (project_root / tool / "commands").glob("[!_]*.py")}
