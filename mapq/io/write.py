@@ -10,6 +10,9 @@ from mapq.io.ply_write import write_ply
 from prf.shell.errors import UsageError
 
 LAS_SUFFIXES = (".las", ".laz")
+READ_ONLY = (".3d", ".asc", ".bag", ".bin", ".csv", ".db3", ".e57", ".gz", ".mcap", ".npy", ".npz", ".pcd", ".pts")
+READ_ONLY += (".ptx", ".txt", ".vtk", ".xyz")
+"""Ends of names that promise what is not written: other programs believe them."""
 
 
 def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
@@ -33,7 +36,9 @@ def check_name(path: str | os.PathLike[str]) -> None:
     Raises
     ------
     UsageError
-        For COPC, whose points stand in an octree.
+        For COPC, whose points stand in an octree, and for names of other formats than PLY and LAS.
     """
     if os.fspath(path).lower().endswith(".copc.laz"):
         raise UsageError(f"{path}: COPC is not written, only plain LAZ. Name a .laz without .copc.")
+    if os.fspath(path).lower().endswith(READ_ONLY):
+        raise UsageError(f"{path}: clouds are written as PLY, LAS or LAZ. Name a .ply, .las or .laz.")

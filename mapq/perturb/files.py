@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mapq.cloud import PointCloud
-from mapq.io import write_ply
+from mapq.io.write import check_name, write_cloud
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.perturb.build import Built
 from mapq.perturb.split import split_by_place
@@ -43,7 +43,7 @@ def target_files(output: str | None, is_split: bool, force: bool) -> Targets:
     Raises
     ------
     UsageError
-        Without a name, for standard output, and for the name of the JSON itself.
+        Without a name, for standard output, for the name of the JSON itself, and for that of a format not written.
     OutputError
         If one stands and `force` is not given, or cannot be written.
     """
@@ -52,6 +52,7 @@ def target_files(output: str | None, is_split: bool, force: bool) -> Targets:
     name = Path(output)
     if output == STREAM or name.suffix == ".json":
         raise UsageError("a labelled map is a PLY and a JSON of the same name. Name the PLY with -o MAP.ply.")
+    check_name(output)
     parts = (".train", ".test") if is_split else ("",)
     maps = tuple(str(name.with_name(f"{name.stem}{part}{name.suffix or '.ply'}")) for part in parts)
     targets = Targets(maps, str(name.with_suffix(".json")))
@@ -91,7 +92,7 @@ def write_map(
     content["files"] = [_file_row(*each) for each in zip(targets.maps, parts, strict=True)]
     with together():
         for path, part in zip(targets.maps, parts, strict=True):
-            write_ply(path, part)
+            write_cloud(path, part)
         with atomic_write(targets.report) as stream:
             stream.write(dump_object(SCHEMA, content) + "\n")
     return content

@@ -108,7 +108,7 @@ class Settings:
             If there is no such size, or a value is outside its domain.
         """
         if size not in SIZES:
-            raise UsageError(f"--size {size} is none of {', '.join(SIZES)}.")
+            raise UsageError(f"--size {size} is none of {', '.join(SIZES)}, nor city.")
         given = {name: value for name, value in changes.items() if value is not None}
         return cls(**{**SIZES[size], **given})
 

@@ -39,6 +39,15 @@ def folder(tmp_path: Path) -> Path:
     return scans
 
 
+def test_a_map_is_las_where_its_name_says_so(folder: Path) -> None:
+    ply, laz = folder.parent / "map.ply", folder.parent / "other.laz"
+    for out in (ply, laz):
+        assert run(str(folder), "--offset", "0.6", "--seed", "1", "-o", str(out), "-q") == 0
+    assert laz.read_bytes().startswith(b"LASF")
+    fields = read_cloud(str(ply)).fields
+    np.testing.assert_array_equal(read_cloud(str(laz)).fields["suspicious"], fields["suspicious"])
+
+
 def test_the_right_poses_tell_what_is_displaced(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, odometry = folder.parent / "map.ply", str(folder.parent / "odometry.txt")
     args = (str(folder), "--poses", odometry, "--reference", str(folder / "poses.txt"), "-o", str(out))
@@ -112,6 +121,7 @@ def test_sub_maps_without_right_poses_are_registered(folder: Path, capsys: pytes
         (["scans"], 2, "-o"),
         (["scans", "-o", "-"], 2, "-o MAP.ply"),
         (["scans", "-o", "map.json"], 2, "-o"),
+        (["scans", "-o", "map.pcd"], 2, "map.pcd"),
         (["scans", "-o", "map.ply", "--offset", "-1"], 2, "--offset"),
         (["scans", "-o", "map.ply", "--drift", "1", "nan"], 2, "--drift"),
         (["scans", "-o", "map.ply", "--voxel", "0"], 2, "--voxel"),

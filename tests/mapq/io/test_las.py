@@ -254,6 +254,13 @@ def test_copc_is_not_written(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("name", ["a.pcd", "a.PCD", "a.ply.gz", "a.xyz"])
+def test_a_name_of_what_is_not_written_is_refused(tmp_path, name):
+    with pytest.raises(UsageError, match="clouds are written as PLY, LAS or LAZ"):
+        write_cloud(tmp_path / name, patches().cloud)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_gzipped_cloud_from_a_pipe(tmp_path, monkeypatch):
     stream = io.TextIOWrapper(io.BytesIO(gzip.compress(las_bytes(True))))
     monkeypatch.setattr("sys.stdin", stream)
