@@ -10,8 +10,7 @@ from mapq.io.ply_write import write_ply
 from prf.shell.errors import UsageError
 
 LAS_SUFFIXES = (".las", ".laz")
-READ_ONLY = (".3d", ".asc", ".bag", ".bin", ".csv", ".db3", ".e57", ".gz", ".mcap", ".npy", ".npz", ".pcd", ".pts")
-READ_ONLY += (".ptx", ".txt", ".vtk", ".xyz")
+READ_ONLY = tuple(".3d .asc .bag .bin .csv .db3 .e57 .gz .mcap .npy .npz .pcd .pts .ptx .txt .vtk .xyz".split())
 """Ends of names that promise what is not written: other programs believe them."""
 
 
