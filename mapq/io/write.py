@@ -10,7 +10,9 @@ from mapq.io.ply_write import write_ply
 from prf.shell.errors import UsageError
 
 LAS_SUFFIXES = (".las", ".laz")
-READ_ONLY = tuple(".3d .asc .bag .bin .csv .db3 .e57 .gz .mcap .npy .npz .pcd .pts .ptx .txt .vtk .xyz".split())
+SCANS = (".3d", ".bin", ".e57", ".npy", ".npz", ".pcd", ".ptx", ".vtk")
+TEXTS = (".asc", ".csv", ".pts", ".txt", ".xyz")
+READ_ONLY = (*SCANS, *TEXTS, ".bag", ".db3", ".mcap", ".gz")
 """Ends of names that promise what is not written: other programs believe them."""
 
 

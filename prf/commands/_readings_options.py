@@ -39,14 +39,21 @@ Sonar = Annotated[
 ]
 Topic = Annotated[
     str | None,
-    typer.Option("--topic", metavar="NAME", help="Laser: topic of a bag, device of a Player log.  [the only one]"),
+    typer.Option(
+        "--topic",
+        metavar="NAME",
+        help="Laser: topic of a bag, device of a Player log, kind of CARMEN lines.  [all, in a bag the only one]",
+    ),
 ]
 PointData = Annotated[
     str | None,
     typer.Option("--point-data", metavar="FILE.csv", help="Values at points, CSV x,y,value; alone or with a log."),
 ]
 SonarTopic = Annotated[
-    str | None, typer.Option("--sonar-topic", metavar="NAME", help="The same of the sonar's log.  [the only one]")
+    str | None,
+    typer.Option(
+        "--sonar-topic", metavar="NAME", help="The same of the sonar's log, in a bag several with commas.  [all]"
+    ),
 ]
 Frame = Annotated[
     str | None,

@@ -29,7 +29,11 @@ Log = Annotated[
 Sonar = Annotated[bool, typer.Option("--sonar", help="The sonar readings.  [laser if there are any, else sonar]")]
 Topic = Annotated[
     str | None,
-    typer.Option("--topic", metavar="NAME", help="Topic of a bag, device of a Player log.  [the only one]"),
+    typer.Option(
+        "--topic",
+        metavar="NAME",
+        help="Topic of a bag, device of a Player log, kind of CARMEN lines.  [all, in a bag the only one]",
+    ),
 ]
 Frame = Annotated[
     str | None,
