@@ -147,7 +147,7 @@ def sample(
     sensors : LaserModel, SonarModel, PointModel, or a sequence of these
         Parameters of the sensors; defaults for those that are not given.
     steps : int, optional
-        Steps a chain, burn-in included; whole rounds.
+        Steps a chain, burn-in included; rounded up to whole rounds of 10,000 or more.
     seconds : float, optional
         Of sampling, instead.
     chains : int, optional

@@ -86,7 +86,10 @@ def anneal(
         int | None, typer.Option("--chains", metavar="N", min=1, help="Chains; the best of all counts.  [4]")
     ] = None,
     steps: Annotated[
-        int | None, typer.Option("--steps", metavar="N", min=1, help="Steps a chain; whole rounds.  [3,000,000]")
+        int | None,
+        typer.Option(
+            "--steps", metavar="N", min=1, help="Steps a chain; up to whole rounds of 10,000 or more.  [3,000,000]"
+        ),
     ] = None,
     time_budget: Annotated[
         float | None, typer.Option("--time-budget", metavar="SECONDS", min=0.0, help="Instead of steps.")

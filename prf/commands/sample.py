@@ -64,7 +64,12 @@ Tiles = Annotated[
 ]
 Steps = Annotated[
     int | None,
-    typer.Option("--steps", metavar="N", min=1, help="Steps a chain in total, burn-in included; whole rounds."),
+    typer.Option(
+        "--steps",
+        metavar="N",
+        min=1,
+        help="Steps a chain in total, burn-in included; up to whole rounds of 10,000 or more.",
+    ),
 ]
 TimeBudget = Annotated[
     float | None, typer.Option("--time-budget", metavar="SECONDS", min=0.0, help="Sampling in this call.")
