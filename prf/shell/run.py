@@ -45,7 +45,7 @@ def _run(command: Any, name: str, args: Sequence[str] | None) -> int:
         console.report_error(str(error))
         return error.exit_code
     except typer.TyperException as error:
-        return _report_usage(error, name)
+        return _report_usage(error, _verb_path(command, name, args))
     except (KeyboardInterrupt, typer.Abort):
         return 130
     except (BrokenPipeError, SystemExit) as error:
@@ -68,10 +68,17 @@ def _show_traceback() -> bool:
     return wanted
 
 
-def _report_usage(error: Any, name: str) -> int:
-    """Report what typer found wrong with the command line."""
+def _verb_path(command: Any, name: str, args: Sequence[str] | None) -> str:
+    """Return what to ask for help: tool and verb, or the tool alone where no verb is named."""
+    words = sys.argv[1:] if args is None else args
+    verb = next((word for word in words if not word.startswith("-")), None)
+    return f"{name} {verb}" if verb in getattr(command, "verbs", {}) else name
+
+
+def _report_usage(error: Any, path: str) -> int:
+    """Report what typer found wrong with the command line; some of its errors do not know the verb."""
     context = getattr(error, "ctx", None)
-    path = context.command_path if context is not None else name
+    path = context.command_path if context is not None else path
     message = error.format_message().replace("Value error, ", "").rstrip(".")
     stop = "" if message.endswith("?") else "."
     console.report_error(f"{message}{stop} See '{path} --help'.")

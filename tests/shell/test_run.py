@@ -117,6 +117,7 @@ def test_the_traceback_comes_with_vv_wherever_it_stands(tool: Path, args: tuple[
     [
         (("finsh",), "Did you mean 'finish'? See 'tool --help'."),
         (("finish",), "Missing argument 'HOW'. See 'tool finish --help'."),
+        (("finish", "well", "--seed"), "requires an argument. See 'tool finish --help'."),
         (("finish", "well", "--sed", "1"), "--seed"),
         (("finish", "well", "--seed", "-1"), "--seed"),
         (("finish", "well", "--color", "alwys"), "'always'"),
