@@ -85,3 +85,10 @@ def test_what_is_no_map(tmp_path: Path, content: Any, words: str) -> None:
         read(tmp_path, content)
     assert "map.geojson" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_what_is_no_text_is_told_without_codecs(tmp_path: Path) -> None:
+    path = tmp_path / "map.pgm"
+    path.write_bytes(b"P5 1 1 255 \xfe")
+    with pytest.raises(InputError, match=r"map\.pgm: neither a RUN, a GRID nor GeoJSON \(no text\)"):
+        read_occupied_area(path)

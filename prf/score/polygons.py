@@ -80,7 +80,8 @@ def _load(path: str | os.PathLike[str]) -> Mapping[str, Any]:
     try:
         content = json.loads(data)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: neither a RUN, a GRID nor GeoJSON ({' '.join(str(error).split())}).") from error
+        reason = "no text" if isinstance(error, UnicodeDecodeError) else f"no JSON: {' '.join(str(error).split())}"
+        raise InputError(f"{path}: neither a RUN, a GRID nor GeoJSON ({reason}).") from error
     if not isinstance(content, Mapping):
         raise InputError(f"{path}: not a GeoJSON object. Give polygons of the occupied area.")
     schema = str(content.get("schema", ""))
