@@ -99,6 +99,11 @@ def test_nothing_and_outside_are_white() -> None:
         assert (coloring.n_edges, coloring.anchor_black) == (0, False)
 
 
+@pytest.mark.filterwarnings("error")
+def test_corners_next_to_zero_are_taken_without_a_warning() -> None:
+    assert_round_trip(from_polygons(Polygon([(0.7, 0.65), (0.6, 0.73), (1.7e-308, 0.67), (1.6e-308, 0.21)]), UNIT))
+
+
 def test_the_anchor_may_lie_on_an_edge() -> None:
     coloring = from_polygons(box(0.25, 0.25, 0.5, 0.75), UNIT)
     assert black_at(coloring, [(0.3, 0.5), (0.7, 0.5)]).tolist() == [True, False]

@@ -35,8 +35,14 @@ def occupied_polygons(coloring: Coloring) -> MultiPolygon:
     """
     lines = np.concatenate([coloring.xy[coloring.edges], _border(coloring)])
     faces = shapely.get_parts(shapely.polygonize(shapely.linestrings(lines)))
-    inside = shapely.get_coordinates(shapely.point_on_surface(faces))
+    inside = _points_inside(faces)
     return MultiPolygon(list(faces[black_at(coloring, inside)]))
+
+
+def _points_inside(polygons: NDArray[np.object_]) -> NDArray[np.float64]:
+    """Return a point (n, 2) inside each of n polygons."""
+    with np.errstate(all="ignore"):  # on the way GEOS takes the ratio of lengths such as 1e-308 m, of which numpy warns
+        return np.asarray(shapely.get_coordinates(shapely.point_on_surface(polygons)))
 
 
 def refuse_far(region: BaseGeometry) -> None:
@@ -77,7 +83,7 @@ def from_polygons(occupied: BaseGeometry, window: Window) -> Coloring:
         along |= (ends[:, :, 1 - side % 2] == window.side_coordinate(side)).all(axis=1)
     coloring = from_segments(ends[~along], window)
     if len(polygons):
-        inside = shapely.get_coordinates(shapely.point_on_surface(polygons[shapely.area(polygons).argmax()]))
+        inside = _points_inside(polygons[[shapely.area(polygons).argmax()]])
         coloring = coloring._replace(anchor_black=not black_at(coloring, inside)[0])
     check(coloring)
     return coloring
