@@ -56,16 +56,23 @@ def unit_beside(path: str) -> NDArray[np.float64] | None:
 def stated_unit(path: Path) -> NDArray[np.float64] | None:
     """Return the metres (3,) in a unit of the cloud of a result, as its JSON says; None if that says nothing.
 
-    What is wrong with the JSON is for those to tell who need more of it.
+    What else is wrong with the JSON is for those to tell who need more of it.
+
+    Raises
+    ------
+    InputError
+        If what it says is no unit.
     """
     try:
         found = read_result_json(path)[0].get(CLOUD_UNIT) if path.is_file() else None
     except (InputError, OSError):  # of a name that is one letter too long, too
         return None
-    if not isinstance(found, list) or len(found) != 3 or not all(isinstance(each, int | float) for each in found):
+    if found is None:
         return None
-    unit = np.array(found, np.float64)
-    return unit if (np.isfinite(unit) & (unit > 0.0)).all() else None
+    is_row = isinstance(found, list) and len(found) == 3 and all(isinstance(each, int | float) for each in found)
+    if not is_row or not all(0.0 < each < float("inf") for each in found):
+        raise damaged(path, f"{CLOUD_UNIT} is no unit of three axes")
+    return np.array(found, np.float64)
 
 
 def patch_counts(path: Path, head: Row) -> tuple[int, int]:

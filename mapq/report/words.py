@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import PurePath
 from typing import Any
 
-from mapq.patches import NO_PATCH
 from mapq.report.markup import escape, table
 from mapq.report.source import MOST_REGIONS, Findings, regions_in
 
@@ -62,12 +61,15 @@ def _facts(findings: Findings, counts: Mapping[str, Any], verdict: Mapping[str, 
 
 
 def _rows(findings: Findings, counts: Mapping[str, Any], verdict: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    n_regions, n_inside = len(regions_in(findings.head)), int((findings.patch != NO_PATCH).sum())
+    n_regions = len(regions_in(findings.head))
     where = f", in {n_regions} region{'' if n_regions == 1 else 's'}" if n_regions else ""
     yield "area", f"{number(counts.get('area_suspicious_m2'))} of {number(counts.get('area_m2'))} m² suspicious"
     yield "patches", f"{number(counts.get('n_suspicious'), 0)} of {number(len(findings.label), 0)} suspicious{where}"
-    share = n_inside / max(len(findings.cloud), 1)
-    yield "points", f"{len(findings.cloud):,}, {percent(share)} of them in patches; nothing is said of the others"
+    # By the JSON, as all else here: of a result in tiles not all points are at hand.
+    n_points, n_inside = counts.get("n_points"), counts.get("n_points_in_patches")
+    are_counts = isinstance(n_inside, int) and isinstance(n_points, int) and 0 <= n_inside <= n_points
+    share = n_inside / n_points if are_counts and n_points else None
+    yield "points", f"{number(n_points, 0)}, {percent(share)} of them in patches; nothing is said of the others"
     if len(findings.rows) < len(findings.label):
         yield (
             "told of",

@@ -10,6 +10,7 @@ from mapq.io import ReadOptions, read_cloud, write_cloud
 from mapq.io.result_json import read_result_json, stated_unit
 from mapq.io.results import SCHEMA, result_lines
 from prf.shell.errors import InputError
+from tests.mapq.io.samples import refusal
 
 HEAD = {"unit": "m", "regions": [{"patches": [0, 2]}], "note": 'a "patches": [ in a text'}
 ROWS = [{"patch": number, "label": "plausible", "text": 'ends with "]}\n'} for number in range(3)]
@@ -46,10 +47,16 @@ def test_a_result_is_read_in_the_unit_in_which_it_was_classified(tmp_path, name)
     assert read_cloud(path).unit.tolist() == [1, 1, 1]
 
 
-@pytest.mark.parametrize("unit", ["m", [1, 2], [1, 2, "x"], [1, 2, 0], [1, 2, -3], None])
-def test_what_is_no_unit_is_passed_over(tmp_path, unit):
+@pytest.mark.parametrize("unit", ["m", [1, 2], [1, 2, "x"], [1, 2, 0], [1, 2, -3], [1, 2, float("nan")]])
+def test_what_is_no_unit_is_refused(tmp_path, unit):
     path = tmp_path / "r.json"
     path.write_text("".join(result_lines({**HEAD, "cloud_unit": unit}, ROWS)))
+    assert "cloud_unit is no unit" in refusal(stated_unit, path)
+
+
+def test_json_that_says_no_unit_or_cannot_be_read_is_passed_over(tmp_path):
+    path = tmp_path / "r.json"
+    path.write_text("".join(result_lines(HEAD, ROWS)))
     assert stated_unit(path) is None
     path.write_text("{damaged")
     assert stated_unit(path) is None

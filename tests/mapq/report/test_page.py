@@ -9,8 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mapq.assess.judged import read_judged
 from mapq.cloud import PointCloud
-from mapq.io import write_ply
+from mapq.io import ReadOptions, write_ply
+from mapq.render.source import read_picture
 from mapq.report import choice, read_findings, write_report
 from mapq.report.markup import fill, script_sources, script_tags
 from mapq.report.page import page_data
@@ -98,6 +100,42 @@ def test_survey_coordinates_lose_their_shift_and_the_page_says_so(tmp_path):
     assert "global shift" in page
     np.testing.assert_allclose(data["centre"], centroid, atol=1e-3)
     np.testing.assert_allclose(np.add(data["centre"], data["shift"]), [row["centroid"] for row in told.rows], atol=1e-3)
+
+
+def in_feet(patches):
+    """Return patches of the same map in feet, which a PLY does not say."""
+    return replace(patches, cloud=PointCloud.from_world(patches.cloud.xyz / 0.3048, patches.cloud.fields, unit=0.3048))
+
+
+def test_a_map_in_feet_is_shown_and_compared_in_metres(tmp_path):
+    plain, feet = (
+        save_result(tmp_path / name, patches)
+        for name, patches in (("m.ply", draw_patches(1)), ("ft.ply", in_feet(draw_patches(1))))
+    )
+    pages = [data_of(report(tmp_path / "r.html", read_findings(str(path)))) for path in (plain, feet)]
+    for name in ("centre", "normal", "label"):
+        np.testing.assert_allclose(*(page[name] for page in pages), atol=1e-3)
+    np.testing.assert_allclose(*([row["box"] for row in page["regions"]] for page in pages), atol=1e-3)
+    np.testing.assert_allclose(*(page["scene"]["high"] for page in pages), atol=1e-3)
+    np.testing.assert_allclose(*(read_picture(str(path)).xyz for path in (plain, feet)), atol=1e-3)
+    judged = [read_judged(str(path), None) for path in (plain, feet)]
+    np.testing.assert_allclose(judged[0].xyz, judged[1].xyz, atol=1e-3)
+    # What is said on the command line counts for more.
+    said = ReadOptions(unit=1.0)
+    for xyz in (read_judged(str(feet), None, said).xyz, read_picture(str(feet), options=said).xyz):
+        np.testing.assert_allclose(xyz, judged[0].xyz / 0.3048, rtol=1e-5)
+
+
+def test_results_of_earlier_releases_are_in_the_unit_of_their_file(tmp_path):
+    path = save_result(tmp_path / "ft.ply", in_feet(draw_patches(1)))
+    text = (tmp_path / "ft.json").read_text()
+    (tmp_path / "ft.json").write_text(text.replace('"cloud_unit": [0.3048, 0.3048, 0.3048], ', ""))
+    told = read_findings(str(path))
+    np.testing.assert_allclose(told.cloud.xyz, draw_patches(1).cloud.xyz / 0.3048, rtol=1e-5)
+    for unit in ("[1, 2]", "[1, 2, 0]", '"ft"', "[1, 2, NaN]"):
+        (tmp_path / "ft.json").write_text(text.replace("[0.3048, 0.3048, 0.3048]", unit))
+        with pytest.raises(InputError, match="cloud_unit is no unit"):
+            read_findings(str(path))
 
 
 def test_a_map_without_patches_is_said_to_have_none(tmp_path):
