@@ -128,14 +128,23 @@ def clock_of(spans: Mapping[str, Span]) -> Clock | None:
     spans : mapping of str to Span
         What those of `FIELDS` hold that the map has.
     """
-    times, passes = (next((name for name in names if name in spans), None) for names in (TIMES, PASSES))
-    for unit, name in (("scan", SCAN), ("second", times), ("pass", passes)):
-        span = spans.get(name or "", Span())
-        length = span.high - span.low
-        is_clock = MOMENT < length < MOST_MOMENTS * MOMENT if unit == "second" else length > 0.0 and span.is_whole
-        if name is not None and is_clock:
-            return Clock(unit, name, span.low, times, all(each in spans for each in TO_SENSOR))
+    times = next((name for name in TIMES if _is_clock(spans.get(name, Span()))), None)
+    passes = next((name for name in PASSES if _are_numbers(spans.get(name, Span()))), None)
+    scan = SCAN if _are_numbers(spans.get(SCAN, Span())) else None
+    for unit, name in (("scan", scan), ("second", times), ("pass", passes)):
+        if name is not None:
+            return Clock(unit, name, spans[name].low, times, all(each in spans for each in TO_SENSOR))
     return None
+
+
+def _is_clock(span: Span) -> bool:
+    """Return whether a field holds the times of a drive: not those within a turn of the laser, nor anything else."""
+    return MOMENT < span.high - span.low < MOST_MOMENTS * MOMENT
+
+
+def _are_numbers(span: Span) -> bool:
+    """Return whether a field numbers scans or passes, and has two different values at least."""
+    return span.high > span.low and span.is_whole
 
 
 def visits_of(cloud: PointCloud) -> Visits | None:
@@ -170,7 +179,7 @@ def stays_of(cloud: PointCloud, clock: Clock) -> tuple[Stays, Ints]:
         value,
         n_points.astype(np.int64),
         np.array([np.median(cloud.xyz[group], axis=0) for group in groups]),
-        unknown if away is None else np.array([np.median(cloud.xyz[g] + away[g], axis=0) for g in groups]),
+        unknown if away is None else np.array([_middle_place(cloud.xyz[g] + away[g]) for g in groups]),
         unknown[:, 0] if times is None else np.array([_middle(times[group]) for group in groups]),
     )
     return stays, moment
@@ -181,13 +190,17 @@ def join_stays(parts: list[Stays]) -> Stays:
     value, moment = np.unique(np.concatenate([part.value for part in parts]), return_inverse=True)
     weight = np.concatenate([part.n_points for part in parts])
     n_points = np.bincount(moment, weight, len(value))
-    places = np.concatenate([np.column_stack([part.place, part.sensor]) for part in parts])
-    means = [np.bincount(moment, weight * column, len(value)) / n_points for column in places.T]
-    seconds = np.concatenate([part.seconds for part in parts])
-    timed = np.where(np.isfinite(seconds), weight, 0)
-    with np.errstate(invalid="ignore"):
-        when = np.bincount(moment, timed * np.nan_to_num(seconds), len(value)) / np.bincount(moment, timed, len(value))
-    return Stays(value, n_points.astype(np.int64), np.column_stack(means[:3]), np.column_stack(means[3:]), when)
+    columns = np.concatenate([np.column_stack([part.place, part.sensor, part.seconds]) for part in parts]).T
+    means = []
+    for column in columns:
+        counted = np.where(np.isfinite(column), weight, 0)
+        with np.errstate(invalid="ignore"):
+            mean = np.bincount(moment, counted * np.nan_to_num(column), len(value)) / np.bincount(
+                moment, counted, len(value)
+            )
+        means.append(mean)
+    place, sensor = np.column_stack(means[:3]), np.column_stack(means[3:6])
+    return Stays(value, n_points.astype(np.int64), place, sensor, means[6])
 
 
 def visits_from(clock: Clock, stays: Stays, moment: Ints, to_sensor: Floats | None) -> Visits:
@@ -213,6 +226,12 @@ def visits_from(clock: Clock, stays: Stays, moment: Ints, to_sensor: Floats | No
     way = np.concatenate([[0.0], np.cumsum(steps)])
     leaves = np.maximum(np.searchsorted(way, way + AWAY, side="right"), after_next)
     return Visits(moment, leaves, way, seconds, clock.unit, to_sensor)
+
+
+def _middle_place(places: Floats) -> Floats:
+    """Return the median of those of some places (k, 3) that are known; nan of none."""
+    known = places[np.isfinite(places).all(axis=1)]
+    return np.median(known, axis=0) if len(known) else np.full(3, np.nan)
 
 
 def _middle(values: Floats) -> float:

@@ -88,6 +88,43 @@ def test_fields_that_are_no_clock_say_nothing(fields):
     assert visits_of(make_cloud(**fields)) is None
 
 
+@pytest.mark.parametrize("turn", [np.tile([0.0, 0.05, 0.1], 7), 1e9 * np.arange(21.0), np.zeros(21)])
+def test_what_is_no_clock_does_not_hide_one(turn):
+    """Many drivers write the time within a turn of the laser, or nanoseconds, into a field called time."""
+    seconds = np.repeat(20.0 * np.arange(7), 3)
+    by_scan = visits_of(driven(ROUND, time=turn, gps_time=seconds, scan=np.repeat(np.arange(7), 3)))
+    assert by_scan is not None
+    assert by_scan.unit == "scan"
+    np.testing.assert_array_equal(by_scan.seconds, 20.0 * np.arange(7))
+    by_time = visits_of(driven(ROUND, time=turn, gps_time=seconds))
+    assert by_time is not None
+    assert by_time.unit == "second"
+    alone = visits_of(driven(ROUND, time=turn, scan=np.repeat(np.arange(7), 3)))
+    assert alone is not None
+    assert alone.seconds is None
+    by_pass = visits_of(make_cloud(pass_id=np.zeros(4), point_source_id=np.array([3, 3, 7, 9])))
+    assert by_pass is not None
+    assert by_pass.leaves.tolist() == [1, 2, 3]
+
+
+def test_a_point_that_does_not_say_from_where_it_was_seen_hides_no_sensor():
+    cloud = driven(ROUND)
+    x = cloud.fields["to_sensor_x"].copy()
+    x[4] = np.nan
+    visits = visits_of(cloud.with_fields(to_sensor_x=x))
+    assert visits is not None
+    np.testing.assert_allclose(visits.way, [0, 30, 60, 90, 120, 150, 179])
+    clock = Clock("scan", "scan", 0.0, None, True)
+    whole, parts = stays_of(cloud, clock)[0], []
+    for some in (np.arange(21) < 4, np.arange(21) == 4, np.arange(21) > 4):
+        parts.append(stays_of(cloud.with_fields(to_sensor_x=x).take(some), clock)[0])
+    np.testing.assert_allclose(join_stays(parts).sensor, whole.sensor)
+    x[3:6] = np.nan
+    unknown = visits_of(cloud.with_fields(to_sensor_x=x))
+    assert unknown is not None
+    assert unknown.way is None
+
+
 def test_points_without_a_time_have_no_moment():
     visits = visits_of(make_cloud(time=np.array([0.0, np.nan, 5.0, 90.0])))
     assert visits is not None
@@ -116,4 +153,6 @@ def test_parts_of_a_map_are_put_together():
     np.testing.assert_allclose(joined.sensor, whole.sensor, atol=1e-12)
     np.testing.assert_allclose(joined.place, (3.0 * whole.place + parts[0].place) / 4.0)
     np.testing.assert_allclose(joined.seconds, 10.0 * np.arange(7))
-    assert np.isnan(join_stays([parts[0]._replace(sensor=np.full((7, 3), np.nan)), parts[1]]).sensor).all()
+    blind = [part._replace(sensor=np.full((7, 3), np.nan)) for part in parts]
+    np.testing.assert_allclose(join_stays([blind[0], parts[1]]).sensor, parts[1].sensor)
+    assert np.isnan(join_stays(blind).sensor).all()
