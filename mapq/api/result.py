@@ -261,12 +261,14 @@ def classify(
     Raises
     ------
     ArgumentError
-        If the array is no cloud.
+        If the array is no cloud, or `max_false_alarms` no share.
     UsageError
         If the model has no operating points, or segmentation settings are given for patches.
     InputError
         If a file cannot be read, the points make no plane, or the model does not fit this release.
     """
+    if max_false_alarms is not None and not 0.0 <= max_false_alarms <= 1.0:
+        raise ArgumentError(f"max_false_alarms {max_false_alarms}: must be a share between 0 and 1.")
     used, model_name = _model(model)
     if max_false_alarms is not None:
         used = with_false_alarms(used, max_false_alarms, _words_for(model))

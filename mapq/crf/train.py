@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,9 +16,9 @@ from mapq.crf.likelihood import Problem, fit
 from mapq.crf.margin import GAP, fit_margin, make_part
 from mapq.crf.scaling import fit_range, fit_scaling
 from mapq.graph import PatchFeatures
-from mapq.model import FULL, NONE, PLAUSIBILITY, Scaling, parameter_names
+from mapq.model import EDGE_MODELS, FULL, NONE, PLAUSIBILITY, Scaling, parameter_names
 from mapq.patches import SUSPICIOUS, UNLABELLED
-from prf.shell.errors import InputError
+from prf.shell.errors import ConfigError, InputError
 
 logger = logging.getLogger(__name__)
 
@@ -76,6 +77,26 @@ class TrainSettings:
     balanced: bool = True
     n_folds: int = 5
     objective: str = PL
+
+    def __post_init__(self) -> None:
+        """Refuse values that nothing, or something else than was asked for, would be trained with.
+
+        Raises
+        ------
+        ConfigError
+        """
+        for name, value, known in (
+            ("objective", self.objective, OBJECTIVES),
+            ("edge_model", self.edge_model, EDGE_MODELS),
+        ):
+            if value not in known:
+                raise ConfigError(f"crf: {name} '{value}' is unknown. Give one of {', '.join(known)}.")
+        for name in ("regularisation", "coupling_regularisation"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < math.inf:
+                raise ConfigError(f"crf: {name} {value}. Give one above 0, or separable labels would have no optimum.")
+        if self.n_folds < 2:
+            raise ConfigError(f"crf: {self.n_folds} folds. Give 2 or more.")
 
 
 class Strength(NamedTuple):

@@ -11,7 +11,7 @@ from mapq.crf.select import COUPLING_SHARES, STRENGTHS
 from mapq.crf.train import TrainingMap, fit_weights, make_problem, prepare, signs
 from mapq.model import EDGE_MODELS, FULL, NONE, SYMMETRIC, Model
 from mapq.patches import UNLABELLED
-from prf.shell.errors import InputError
+from prf.shell.errors import ConfigError, InputError
 from tests.mapq.crf.worlds import draw_map
 from tests.reference.mapq_crf import draw_features, slow_log_pseudo_likelihood
 
@@ -187,6 +187,22 @@ def test_the_bias_of_nodes_has_no_prior_and_the_coupling_one_of_its_own(edge_mod
     problem = make_problem(prepare([one], settings), [one.label], settings, Strength(3.0, 7.0))
     n_weights = problem.design.shape[1]
     assert problem.precision.tolist() == [0.0, *[3.0] * (n_weights - 1 - len(coupling)), *coupling]
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"objective": "max_margin"},
+        {"edge_model": "all"},
+        {"regularisation": -50.0},
+        {"coupling_regularisation": 0.0},
+        {"regularisation": np.nan},
+        {"n_folds": 1},
+    ],
+)
+def test_settings_that_would_train_something_else_are_refused(settings):
+    with pytest.raises(ConfigError, match="crf: "):
+        TrainSettings(**settings)
 
 
 @pytest.mark.parametrize(("settings", "n_folds"), [({}, 5), ({"n_folds": 3}, 3)])
