@@ -11,6 +11,7 @@ from shapely import MultiPolygon, Point, Polygon, box
 
 from prf.arak import exact_draws
 from prf.coloring import Coloring, Draws, black_areas, black_at, from_polygons, occupied_polygons, violations
+from prf.coloring.polygons import turning_corners
 from prf.shell.errors import InputError
 from prf.window import INTERIOR, Window
 from tests.reference.slow_coloring import edge_set, read_cf, slab_area
@@ -114,3 +115,33 @@ def test_polygons_that_touch_at_a_point_are_refused() -> None:
         from_polygons(MultiPolygon([box(0.1, 0.1, 0.5, 0.5), box(0.5, 0.5, 0.9, 0.9)]), UNIT)
     with pytest.raises(InputError, match="invalid coloring"):
         from_polygons(Polygon([(0.0, 0.5), (0.5, 0.3), (0.5, 0.7)]), UNIT)
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e-8, -1e-8])
+@pytest.mark.parametrize("corner", range(4))
+def test_a_corner_that_is_there_twice_stays_a_corner(corner: int, shift: float) -> None:
+    ring = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 8.0], [0.0, 8.0]])
+    along = np.roll(ring, -1, axis=0)[corner] - ring[corner]
+    twice = np.insert(ring, corner + 1, ring[corner] + shift * np.abs(along), axis=0)
+    for start in range(5):
+        kept = turning_corners(np.roll(twice, start, axis=0), 1e-6)
+        assert len(kept) == 4
+        assert Polygon(kept).area == pytest.approx(80.0, abs=1e-5)
+
+
+def test_a_curve_of_many_vertices_is_not_cut_to_its_chord() -> None:
+    turn = np.linspace(0.0, 0.5 * np.pi, 20_001)
+    quarter = np.vstack([[0.0, 0.0], np.column_stack([np.cos(turn), np.sin(turn)])])
+    kept = turning_corners(quarter, 1e-6)
+    assert len(kept) < 2000
+    assert Polygon(kept).area == pytest.approx(0.25 * np.pi, abs=1e-5)
+
+
+def test_only_vertices_of_straight_runs_go() -> None:
+    side = np.arange(1000.0)[:, None]
+    zero, end = np.zeros_like(side), np.full_like(side, 1000.0)
+    sides = [(side, zero), (end, side), (end - side, end), (zero, end - side)]
+    ring = np.vstack([np.hstack(pair) for pair in sides])
+    for start in range(3):
+        kept = turning_corners(np.roll(ring, start, axis=0), 1e-6)
+        assert sorted(kept.tolist()) == [[0.0, 0.0], [0.0, 1000.0], [1000.0, 0.0], [1000.0, 1000.0]]

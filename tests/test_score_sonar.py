@@ -159,6 +159,12 @@ class TestOutline:
         assert len(segments) == 4
         assert sorted(corners.ravel().tolist()) == [0, 0, 1, 1, 2, 2, 3, 3]
 
+    def test_a_corner_that_a_file_has_twice_is_one(self) -> None:
+        ring = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (4.0, 4.0), (0.0, 4.0), (0.0, 0.0)]
+        segments, corners = outline(shapely.Polygon(ring), None)
+        assert sorted(np.hypot(*(segments[:, 2:] - segments[:, :2]).T)) == [4.0] * 4
+        assert sorted(corners.ravel().tolist()) == [0, 0, 1, 1, 2, 2, 3, 3]
+
     def test_the_border_of_the_window_is_no_wall_and_has_no_corner(self) -> None:
         segments, corners = outline(WALL, ROOM)
         assert len(segments) == 2

@@ -118,6 +118,42 @@ def sides_of(xy: NDArray[np.float64], window: Window) -> NDArray[np.int8]:
     return sides
 
 
+def turning_corners(ring: NDArray[np.float64], tolerance: float) -> NDArray[np.float64]:
+    """Return the vertices of a ring at which it turns; of several at one place one stays.
+
+    Parameters
+    ----------
+    ring : (n, 2) float64 array
+        The first vertex is not repeated at the end.
+    tolerance : float
+        Metres that a vertex may stick out of the line of its neighbours before it counts as a corner.
+
+    Returns
+    -------
+    (m, 2) float64 array
+        Two vertices or fewer where nothing but a line is left.
+    """
+    xy = ring
+    while len(xy) > 2:
+        before, after = np.roll(xy, 1, axis=0), np.roll(xy, -1, axis=0)
+        chord, arm = after - before, xy - before
+        off = np.abs(chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0])
+        goes = _every_second(off <= tolerance * np.maximum(np.hypot(*chord.T), tolerance))
+        if not goes.any():
+            break
+        xy = xy[~goes]
+    return xy
+
+
+def _every_second(straight: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the first, third ... of each run in a ring: of neighbours only one may go, the other is judged by it."""
+    place = np.arange(len(straight))
+    before_run = np.maximum.accumulate(np.where(straight, -1, place))
+    goes: NDArray[np.bool_] = straight & ((place - before_run) % 2 == 1)
+    goes[-1] &= not goes[0]
+    return goes
+
+
 def _border(coloring: Coloring) -> NDArray[np.float64]:
     """Return the border as (n, 2, 2) segments, split at the boundary vertices."""
     window = coloring.window

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from prf.coloring import Coloring
+from prf.coloring.polygons import turning_corners
 from prf.kernels import constants as c
 from prf.kernels.cone_score import Scene, list_features
 from prf.kernels.grid import most_cells
@@ -93,10 +94,7 @@ def outline(region: BaseGeometry, window: Window | None) -> tuple[Floats, Ints]:
 
 def _without_flat(ring: Floats) -> Floats:
     """Return the vertices (n, 2) of a ring at which it turns."""
-    to_next = np.roll(ring, -1, axis=0) - ring
-    chord = np.roll(ring, -1, axis=0) - np.roll(ring, 1, axis=0)
-    off = np.abs(chord[:, 0] * to_next[:, 1] - chord[:, 1] * to_next[:, 0]) / np.maximum(np.hypot(*chord.T), FLAT)
-    kept = ring[off > FLAT]
+    kept = turning_corners(ring, FLAT)
     return kept if len(kept) >= 3 else ring
 
 

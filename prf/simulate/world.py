@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from prf.coloring import Coloring, from_polygons, occupied_polygons
+from prf.coloring.polygons import turning_corners
 from prf.window import SIDES, Window
 
 Floats = NDArray[np.float64]
@@ -90,19 +91,7 @@ def without_straight(region: BaseGeometry) -> MultiPolygon:
 
 def _bent(ring: BaseGeometry) -> Floats:
     """Return the corners (n, 2) of a ring, the first one not repeated."""
-    xy = shapely.get_coordinates(ring)[:-1]
-    while len(xy) > 2:
-        chord = np.roll(xy, -1, axis=0) - np.roll(xy, 1, axis=0)
-        arm = xy - np.roll(xy, 1, axis=0)
-        length = np.hypot(*chord.T)
-        off = np.abs(chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0])
-        straight = off <= STRAIGHT * np.maximum(length, STRAIGHT)
-        # Of neighbours only one goes at a time, since the other is judged by it.
-        straight[1:] &= ~straight[:-1]
-        if not straight.any():
-            break
-        xy = xy[~straight]
-    return np.asarray(xy, dtype=np.float64)
+    return turning_corners(shapely.get_coordinates(ring)[:-1], STRAIGHT)
 
 
 def _walls(occupied: MultiPolygon, window: Window) -> Floats:

@@ -80,6 +80,12 @@ def test_vertices_in_the_middle_of_walls_go() -> None:
         assert bare.symmetric_difference(region).area < 1e-8
 
 
+def test_a_ring_that_is_closed_twice_keeps_its_corner() -> None:
+    ring = [(1.0, 1.0), (5.0, 1.0), (5.0, 4.0), (1.0, 4.0), (1.0, 1.0), (1.0, 1.0)]
+    world = World.from_polygons(Polygon(ring), ROOM)
+    assert (len(world.walls), world.occupied.area) == (4, 12.0)
+
+
 def test_what_has_no_area_goes() -> None:
     needle = Polygon([(0.0, 0.0), (3.0, 0.0), (1.0, 0.0)])
     assert without_straight(MultiPolygon([needle, box(4.0, 4.0, 5.0, 5.0)])).area == 1.0
