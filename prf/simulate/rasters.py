@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import os
 import reprlib
@@ -203,13 +204,22 @@ def _words(error: BaseException) -> str:
     return " ".join(str(error).split())[:200] or type(error).__name__
 
 
+def _pixels(data: bytes, suffix: str) -> NDArray[Any]:
+    """Return the pixels of an image: floats up to 1, bytes, or integers up to 65535."""
+    from matplotlib.image import imread  # noqa: PLC0415 - as above
+    from PIL import Image  # noqa: PLC0415 - matplotlib brings it
+
+    with Image.open(io.BytesIO(data)) as image:
+        if image.mode == "I":  # a PGM of two bytes a pixel, of which matplotlib makes bytes by cutting at 255
+            return np.asarray(image)
+    return np.asarray(imread(io.BytesIO(data), format=suffix or None))
+
+
 def _load_image(path: Path) -> tuple[Floats, NDArray[np.bool_]]:
     """Return shade (0 black to 1 white) and whether it is opaque, both (ny, nx), the top row first."""
-    from matplotlib.image import imread  # noqa: PLC0415 - as above
-
     try:
         with open_input(path) as stream:
-            pixels = np.asarray(imread(stream, format=path.suffix.lstrip(".").lower() or None))
+            pixels = _pixels(stream.read(), path.suffix.lstrip(".").lower())
     except InputError:
         raise
     except Exception as error:  # each format raises its own, and there are bombs

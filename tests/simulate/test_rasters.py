@@ -146,6 +146,15 @@ def test_a_damaged_image_is_refused(tmp_path: Path) -> None:
         read_cell_map(tmp_path / "map.yaml")
 
 
+def test_images_of_two_bytes_a_pixel(tmp_path: Path) -> None:
+    grey = np.array([[0, 20_000, 40_000, 53_000, 65_535]], ">u2")
+    (tmp_path / "map.pgm").write_bytes(b"P5\n5 1\n65535\n" + grey.tobytes())
+    (tmp_path / "map.yaml").write_text(YAML)
+    cells = read_cell_map(tmp_path / "map.yaml")
+    assert cells.occupied.tolist() == [[True, True, False, False, False]]
+    assert cells.unknown.tolist() == [[False, False, True, False, False]]
+
+
 def test_negated_images_and_lists_over_lines(tmp_path: Path) -> None:
     (tmp_path / "map.pgm").write_bytes(b"P5\n2 1\n255\n\xff\x00")
     (tmp_path / "map.yaml").write_text(
