@@ -66,7 +66,7 @@ def true_cells(truth: OccupiedArea, beams: HeldOut | None, cones: HeldOutSonar |
     beams, cones : HeldOut or None, HeldOutSonar or None
         Where the sensors stood and looked. A free cell counts if a ray from them through the plan, up to its first
         wall, the maximum range or the end of the window, passes it; an occupied cell if such a cell lies within 0.2 m.
-        None and None: every cell counts.
+        None and None: every cell counts. Cells whose middle lies beyond the window never do.
 
     Raises
     ------
@@ -81,9 +81,11 @@ def true_cells(truth: OccupiedArea, beams: HeldOut | None, cones: HeldOutSonar |
     xy = np.array(window[:2]) + CELL * (np.stack([column, row], axis=-1).reshape(-1, 2) + 0.5)
     shapely.prepare(truth.region)
     occupied = np.asarray(shapely.contains_xy(truth.region, xy), dtype=np.bool_)
-    counts = np.ones(nx * ny, np.bool_)
+    counts = window.contains(xy, strictly=True)
+    if not counts.any():
+        raise InputError(f"the true plan is {window.width:g} x {window.height:g} m, less than a cell of {CELL} m.")
     if beams is not None or cones is not None:
-        counts = _in_view(truth, window, (ny, nx), occupied.reshape(ny, nx), _rays(beams, cones))
+        counts = _in_view(truth, window, counts.reshape(ny, nx), occupied.reshape(ny, nx), _rays(beams, cones))
     return TrueCells(xy[counts], occupied[counts])
 
 
@@ -131,18 +133,18 @@ def _rays(beams: HeldOut | None, cones: HeldOutSonar | None) -> Floats:
     return np.concatenate(parts)
 
 
-def _in_view(truth: OccupiedArea, window: Window, shape: tuple[int, int], occupied: Bools, rays: Floats) -> Bools:
-    """Return which cells count, (ny nx,): free ones that a ray passes, occupied ones close to these."""
+def _in_view(truth: OccupiedArea, window: Window, inside: Bools, occupied: Bools, rays: Floats) -> Bools:
+    """Return which cells `inside` count, (ny nx,): free ones that a ray passes, occupied ones close to these."""
     stands = window.contains(rays[:, :2], strictly=True) & ~shapely.contains_xy(truth.region, rays[:, :2])
     rays = rays[stands]
     rays[:, 4] = np.minimum(rays[:, 4], window_exit(window, rays[:, :2], rays[:, 2:4]))
     segments = outline(truth.region, window)[0]
-    seen = np.zeros(shape, np.bool_)
+    seen = np.zeros(inside.shape, np.bool_)
     batch = max(1, int(MOST_PLACES * SPACING / max(rays[:, 4].max(initial=0.0), SPACING)))
     for start in range(0, len(rays), batch):
         some = np.ascontiguousarray(rays[start : start + batch])
         _mark_passed(seen, window, some, np.minimum(first_edges(some, segments, window), some[:, 4]))
-    seen &= ~occupied
+    seen &= inside & ~occupied
     if not seen.any():
         raise InputError("no free cell of the true plan is in view of the readings. Are both in one frame?")
     near = ndimage.distance_transform_edt(~seen, sampling=CELL) <= WALL_DEPTH + 1e-9
