@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +50,12 @@ class Window(NamedTuple):
         if not (window.x_min < window.x_max and window.y_min < window.y_max):
             raise ConfigError(f"window {written}: needs X0 < X1 and Y0 < Y1.")
         return window
+
+    @classmethod
+    def beyond(cls, box: Sequence[float], margin: float) -> Window:
+        """Return the window that reaches `margin` metres beyond a box x_min, y_min, x_max, y_max on every side."""
+        x_min, y_min, x_max, y_max = box
+        return cls(float(x_min - margin), float(y_min - margin), float(x_max + margin), float(y_max + margin))
 
     @property
     def width(self) -> float:

@@ -118,7 +118,7 @@ def _read_map(file: Path) -> Map:
         return Map(coloring, kept, stem_of(file))
     if area.window is None and area.region.is_empty:
         raise InputError(f"{file}: neither a polygon nor a window. Give polygons of the occupied area.")
-    window = area.window or Window(*area.region.buffer(MARGIN, join_style="mitre").bounds)
+    window = area.window or Window.beyond(area.region.bounds, MARGIN)
     try:
         return Map(from_polygons(area.region, window), {}, stem_of(file))
     except InputError as error:

@@ -53,7 +53,7 @@ def read_world(path: str | os.PathLike[str], unknown_is_occupied: bool = False) 
     area = read_occupied_area(path)
     if area.window is None and area.region.is_empty:
         raise InputError(f"{path}: neither a polygon nor a window. Give polygons of the occupied area.")
-    window = area.window or Window(*area.region.buffer(MARGIN, join_style="mitre").bounds)
+    window = area.window or Window.beyond(area.region.bounds, MARGIN)
     try:
         return World.from_polygons(area.region, window)
     except InputError as error:

@@ -19,7 +19,7 @@ from prf.coloring import Coloring, Draws, black_areas, black_at
 from prf.export.dxf import dxf_text
 from prf.export.geojson import geojson_text
 from prf.export.shapes import counts, oriented_polygons
-from prf.export.source import Map
+from prf.export.source import Map, read_source
 from prf.export.svg import paper_ratio, svg_text
 from prf.run import read_map_feature
 from prf.window import Window
@@ -154,3 +154,9 @@ def test_dxf_keeps_coordinates_to_the_last_bit() -> None:
     }
     lines = document.modelspace().query('LWPOLYLINE[layer=="OCCUPIED"]')
     assert {(float(x), float(y)) for line in lines for x, y in line.get_points("xy")} == written
+
+
+def test_polygons_of_another_program_get_a_metre_of_window_round_them(tmp_path: Path) -> None:
+    spike = shapely.Polygon([(0.0, 0.0), (10.0, 1.0), (0.0, 2.0)])
+    (tmp_path / "spike.geojson").write_text(json.dumps(shapely.geometry.mapping(spike)))
+    assert read_source(tmp_path / "spike.geojson").choose_map(None).coloring.window == (-1.0, -1.0, 11.0, 3.0)

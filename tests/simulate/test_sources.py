@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from shapely import MultiPolygon, box
+from shapely import MultiPolygon, Polygon, box
 
 from prf.arak import exact_draws
 from prf.laws import expected_edges
@@ -41,6 +41,12 @@ def test_polygons_of_another_program_get_a_window(tmp_path: Path) -> None:
     world = read_world(tmp_path / "map.json")
     assert world.window == pytest.approx((-1.0, -1.0, 5.0, 2.2))
     assert len(world.walls) == 8
+
+
+def test_the_window_of_a_spike_reaches_no_farther(tmp_path: Path) -> None:
+    spike = Polygon([(0.0, 0.0), (10.0, 1.0), (0.0, 2.0)])
+    (tmp_path / "spike.geojson").write_text(json.dumps(shapely.geometry.mapping(spike)))
+    assert read_world(tmp_path / "spike.geojson").window == (-1.0, -1.0, 11.0, 3.0)
 
 
 def test_maps_without_inside_and_outside_are_refused(tmp_path: Path) -> None:
