@@ -3,7 +3,7 @@
 from prf.coloring.colours import black_areas, black_at, black_at_draws
 from prf.coloring.geojson import feature_lines, from_feature, read_geojsonl, to_feature, write_geojsonl
 from prf.coloring.graph import Coloring, Draws
-from prf.coloring.polygons import from_polygons, occupied_polygons
+from prf.coloring.polygons import from_polygons, occupied_polygons, oriented_polygons
 from prf.coloring.validity import check, violations
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "from_feature",
     "from_polygons",
     "occupied_polygons",
+    "oriented_polygons",
     "read_geojsonl",
     "to_feature",
     "violations",

@@ -7,6 +7,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
+from shapely.geometry.polygon import orient
 
 from prf.coloring.colours import black_at
 from prf.coloring.graph import Coloring
@@ -43,6 +44,11 @@ def _points_inside(polygons: NDArray[np.object_]) -> NDArray[np.float64]:
     """Return a point (n, 2) inside each of n polygons."""
     with np.errstate(all="ignore"):  # on the way GEOS takes the ratio of lengths such as 1e-308 m, of which numpy warns
         return np.asarray(shapely.get_coordinates(shapely.point_on_surface(polygons)))
+
+
+def oriented_polygons(coloring: Coloring) -> MultiPolygon:
+    """Return the black region, outer rings counter-clockwise and holes clockwise, as RFC 7946 asks (section 3.1.6)."""
+    return MultiPolygon([orient(polygon, 1.0) for polygon in occupied_polygons(coloring).geoms])
 
 
 def refuse_far(region: BaseGeometry) -> None:

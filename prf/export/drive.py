@@ -6,16 +6,17 @@ import os
 from pathlib import PurePath
 from typing import Any, NamedTuple
 
+from prf.coloring import oriented_polygons
 from prf.export import formats
 from prf.export.cells import cells_of
 from prf.export.dxf import dxf_text
 from prf.export.formats import Options
-from prf.export.geojson import geojson_text
 from prf.export.netcdf import netcdf_bytes
 from prf.export.ros_map import ros_map
-from prf.export.shapes import counts, oriented_polygons
+from prf.export.shapes import counts
 from prf.export.source import Source, read_source, require_existing, stem_of
 from prf.export.svg import paper_ratio, svg_text
+from prf.run import map_text
 from prf.shell.files import encoded, open_output, refuse_inputs
 from prf.shell.lock import held_outputs
 from prf.shell.together import together
@@ -90,7 +91,7 @@ def _content(name: str, source: Source, options: Options, targets: tuple[str, ..
     area, window = oriented_polygons(chosen.coloring), chosen.coloring.window
     facts = {"map": chosen.title, **counts(area)._asdict()}
     if name == formats.GEOJSON:
-        return _Content((geojson_text(chosen, area),), facts)
+        return _Content((map_text(chosen.coloring, chosen.properties),), facts)
     if name == formats.DXF:
         return _Content((dxf_text(area, window, chosen.title),), facts)
     return _Content((svg_text(area, window, chosen.title),), {**facts, "scale": f"1:{paper_ratio(window):g}"})

@@ -1,4 +1,4 @@
-"""The occupied area as rings that other programs agree on."""
+"""The size of an occupied area."""
 
 from __future__ import annotations
 
@@ -6,9 +6,6 @@ from typing import NamedTuple
 
 import shapely
 from shapely import MultiPolygon
-from shapely.geometry.polygon import orient
-
-from prf.coloring import Coloring, occupied_polygons
 
 
 class Counts(NamedTuple):
@@ -18,11 +15,6 @@ class Counts(NamedTuple):
     n_holes: int
     n_vertices: int
     area: float
-
-
-def oriented_polygons(coloring: Coloring) -> MultiPolygon:
-    """Return the occupied area, outer rings counter-clockwise and holes clockwise, as RFC 7946 asks (section 3.1.6)."""
-    return MultiPolygon([orient(polygon, 1.0) for polygon in occupied_polygons(coloring).geoms])
 
 
 def counts(area: MultiPolygon) -> Counts:

@@ -1,6 +1,6 @@
 """The RUN directory: what a run of the sampler leaves, each file versioned (docs/file-formats.md)."""
 
-from prf.run.mapfile import map_feature, map_text, read_map_feature
+from prf.run.mapfile import map_text, read_map_feature
 from prf.run.model import Beams, Cones, Points, PosteriorImage, Run
 from prf.run.points import read_points
 from prf.run.read import is_run, read_manifest, read_run
@@ -16,7 +16,6 @@ __all__ = [
     "Run",
     "inspect_files",
     "is_run",
-    "map_feature",
     "map_text",
     "read_manifest",
     "read_map_feature",

@@ -10,7 +10,7 @@ from typing import Any
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from prf.coloring import Coloring, from_polygons, occupied_polygons
+from prf.coloring import Coloring, from_polygons, oriented_polygons
 from prf.run import names
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.jsonout import dump_object
@@ -19,10 +19,14 @@ from prf.window import Window
 
 
 def map_feature(coloring: Coloring, properties: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the Feature of a map: a MultiPolygon, with the window, sizes and `properties` as its properties."""
+    """Return the Feature of a map: a MultiPolygon, with the window, sizes and `properties` as its properties.
+
+    Outer rings run counter-clockwise and holes clockwise: programs that take coordinates for those of a globe see all
+    but the polygon in a ring of the other sense.
+    """
     return {
         "type": "Feature",
-        "geometry": shapely.geometry.mapping(occupied_polygons(coloring)),
+        "geometry": shapely.geometry.mapping(oriented_polygons(coloring)),
         "properties": {
             **properties,
             "n_edges": coloring.n_edges,

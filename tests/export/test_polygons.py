@@ -15,13 +15,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prf.arak import exact_draws
-from prf.coloring import Coloring, Draws, black_areas, black_at
+from prf.coloring import Coloring, Draws, black_areas, black_at, oriented_polygons
 from prf.export.dxf import dxf_text
-from prf.export.geojson import geojson_text
-from prf.export.shapes import counts, oriented_polygons
-from prf.export.source import Map, read_source
+from prf.export.shapes import counts
+from prf.export.source import read_source
 from prf.export.svg import paper_ratio, svg_text
-from prf.run import read_map_feature
+from prf.run import map_text, read_map_feature
 from prf.window import Window
 from tests.factories import WINDOW, random_draws
 
@@ -54,7 +53,7 @@ def read_dxf(text: str):
 @pytest.mark.parametrize("coloring", MAPS)
 def test_geojson_is_valid_oriented_and_read_again(coloring: Coloring, tmp_path: Path) -> None:
     area = oriented_polygons(coloring)
-    (tmp_path / "map.geojson").write_text(geojson_text(Map(coloring, {"log_posterior": -1.5}, "map"), area))
+    (tmp_path / "map.geojson").write_text(map_text(coloring, {"log_posterior": -1.5}))
     feature = json.loads((tmp_path / "map.geojson").read_text())
     shape = shapely.geometry.shape(feature["geometry"]) if len(area.geoms) else area
     assert (feature["type"], feature["geometry"]["type"]) == ("Feature", "MultiPolygon")
