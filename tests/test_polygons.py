@@ -88,6 +88,17 @@ def test_slanted_clips_land_exactly_on_the_sides() -> None:
         assert occupied_polygons(coloring).area == pytest.approx(inside, abs=1e-9)
 
 
+@pytest.mark.parametrize("hair", [1e-12, 1e-10, 9e-10])
+def test_a_hair_along_the_border_is_nothing(hair: float) -> None:
+    beside = [box(1.0 - hair, 0.2, 2.0, 0.4), box(0.1, -1.0, 0.9, hair), box(-1.0, 1.0 - hair, 2.0, 2.0)]
+    for region in (*beside, shapely.union_all(beside)):
+        nothing = from_polygons(region, UNIT)
+        assert (nothing.n_edges, nothing.anchor_black) == (0, False)
+    inside = box(0.4, 0.4, 0.5, 0.5)
+    assert occupied_polygons(from_polygons(shapely.union_all([inside, *beside]), UNIT)).area == pytest.approx(0.01)
+    assert from_polygons(box(hair, hair, 1.0, 1.0 - hair), UNIT).anchor_black
+
+
 def test_overlapping_parts_are_united() -> None:
     coloring = from_polygons(MultiPolygon([box(0.1, 0.1, 0.5, 0.5), box(0.3, 0.3, 0.7, 0.7)]), UNIT)
     assert occupied_polygons(coloring).area == pytest.approx(0.28)

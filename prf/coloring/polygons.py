@@ -87,10 +87,11 @@ def from_polygons(occupied: BaseGeometry, window: Window) -> Coloring:
     along = np.zeros(len(ends), dtype=np.bool_)
     for side in SIDES:
         along |= (ends[:, :, 1 - side % 2] == window.side_coordinate(side)).all(axis=1)
-    coloring = from_segments(ends[~along], window)
-    if len(polygons):
-        inside = _points_inside(polygons[[shapely.area(polygons).argmax()]])
-        coloring = coloring._replace(anchor_black=not black_at(coloring, inside)[0])
+    coloring, area = from_segments(ends[~along], window), shapely.area(polygons)
+    if coloring.n_edges == 0:  # all of the window, or nothing but hairs along its border
+        return coloring._replace(anchor_black=bool(area.sum() > 0.5 * window.area))
+    inside = _points_inside(polygons[[area.argmax()]])
+    coloring = coloring._replace(anchor_black=not black_at(coloring, inside)[0])
     check(coloring)
     return coloring
 
