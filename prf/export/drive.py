@@ -89,12 +89,18 @@ def _content(name: str, source: Source, options: Options, targets: tuple[str, ..
         return _ros_map(source, options, PurePath(targets[1]).name)
     chosen = source.choose_map(options.draw)
     area, window = oriented_polygons(chosen.coloring), chosen.coloring.window
-    facts = {"map": chosen.title, **counts(area)._asdict()}
+    facts, title = {"map": chosen.title, **counts(area)._asdict()}, _printable(chosen.title)
     if name == formats.GEOJSON:
         return _Content((map_text(chosen.coloring, chosen.properties),), facts)
     if name == formats.DXF:
-        return _Content((dxf_text(area, window, chosen.title),), facts)
-    return _Content((svg_text(area, window, chosen.title),), {**facts, "scale": f"1:{paper_ratio(window):g}"})
+        return _Content((dxf_text(area, window, title),), facts)
+    return _Content((svg_text(area, window, title),), {**facts, "scale": f"1:{paper_ratio(window):g}"})
+
+
+def _printable(title: str) -> str:
+    """Return a title in one line, with escapes for what is no character of a text: XML and DXF cannot hold it."""
+    plain = " ".join(title.split())
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in plain)
 
 
 def _ros_map(source: Source, options: Options, image_name: str) -> _Content:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import numpy as np
@@ -160,6 +161,17 @@ def test_polygons_of_another_program(data_dir: Path, here: Path, capsys: pytest.
     assert coloring.window == pytest.approx(shapely.box(*drawn.bounds).buffer(1.0, join_style="mitre").bounds)
     for format in FORMATS[1:-1]:
         assert call(plan, "--format", format) == 0
+
+
+@pytest.mark.parametrize("stem", ["bell\x07", "two\nlines", "byte\udcff", "<&>"])
+def test_other_programs_read_the_title_of_any_file(folder: Path, here: Path, stem: str) -> None:
+    ezdxf = pytest.importorskip("ezdxf")
+    source = here / f"{stem}.geojson"
+    source.write_bytes((folder / "map.geojson").read_bytes())
+    assert call(source, "-o", "title.svg") == call(source, "-o", "title.dxf") == 0
+    title = {"bell\x07": "bell\\x07", "two\nlines": "two lines", "byte\udcff": "byte\\udcff"}.get(stem, stem)
+    assert ElementTree.parse(here / "title.svg").getroot()[0].text == title
+    assert ezdxf.readfile(here / "title.dxf").header.custom_vars.get("Title") == title
 
 
 @pytest.mark.parametrize(
