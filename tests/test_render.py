@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from pathlib import Path
 
@@ -112,6 +113,12 @@ def test_formats_by_suffix(tmp_path: Path, suffix: str) -> None:
     render_best(make_run(n_draws=2), target)
     assert target.read_bytes()[:5] in (b"\x89PNG\r", b"<?xml", b"%PDF-")
     assert [path.name for path in tmp_path.iterdir()] == [target.name]
+
+
+@pytest.mark.parametrize("words", ["bell\x07", "byte\udcff", "two\nlines", "a -- <b>", "20 m²"])
+def test_svg_is_xml_whatever_the_title(tmp_path: Path, words: str) -> None:
+    render_maps([Coloring.empty(WINDOW)], [words], tmp_path / "map.svg", title=words)
+    assert ElementTree.parse(tmp_path / "map.svg").getroot().tag.endswith("svg")
 
 
 def test_other_suffixes_are_refused(tmp_path: Path) -> None:

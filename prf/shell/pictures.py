@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import IO, TYPE_CHECKING, Any, Protocol
@@ -70,6 +71,7 @@ def rgb(colour: str) -> tuple[int, int, int]:
     return red, green, blue
 
 
+NO_LETTERS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
 DPI = 160
 FORMATS = ("png", "svg", "pdf")
 LARGEST_WIDTH = 9.0
@@ -220,14 +222,15 @@ def save(page: Figure, target: Target) -> None:
 
 
 def _spell_out(page: Figure) -> None:
-    """Write bytes of file names that are no UTF-8 as escapes: fonts have no letters for them."""
+    """Write as escapes what fonts and XML have no letters for: control characters, bytes that are no UTF-8."""
     from matplotlib.text import Text
 
     for text in page.findobj(Text):
         assert isinstance(text, Text)
         words = text.get_text()
-        if not words.isascii():
-            text.set_text(words.encode("utf-8", "backslashreplace").decode())
+        spelled = NO_LETTERS.sub(lambda found: repr(found[0])[1:-1], words)
+        if spelled != words:
+            text.set_text(spelled)
 
 
 def picture_format(path: str | os.PathLike[str]) -> str:
