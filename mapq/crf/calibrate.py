@@ -111,11 +111,9 @@ def fit_isotonic(difference: Floats, y: Floats) -> Calibration:
 
     Shares of groups count as (suspicious + 1) / (n + 2), so that no patch is sure, and are joined by lines.
     """
-    n_groups = min(GROUPS, len(y) // SMALLEST_GROUP)
-    if n_groups < 2:
+    groups = _groups(difference, y)
+    if len(groups) < 2:
         return fit_platt(difference, y)
-    order = np.lexsort((y, difference))
-    groups = np.array_split(order, n_groups)
     shares = np.array([float(np.mean(y[group] > 0.0)) for group in groups])
     counts = np.array([len(group) for group in groups], np.float64)
     blocks = isotonic_regression(shares, weights=counts).blocks
@@ -128,6 +126,24 @@ def fit_isotonic(difference: Floats, y: Floats) -> Calibration:
     knots = knots[np.concatenate([[True], np.diff(knots[:, 0]) > 0.0])]
     knots[:, 1] += LEAST_SLOPE * (knots[:, 0] - knots[0, 0])
     return Calibration(ISOTONIC, knots=knots)
+
+
+def _groups(difference: Floats, y: Floats) -> list[NDArray[np.int64]]:
+    """Return which patches (n,) are of like difference, in groups of about one size, ascending.
+
+    More patches of one difference than a group has stay together: what hangs together by coupling has one difference,
+    and parted by its labels it would be sure of either.
+    """
+    n_groups = max(1, min(GROUPS, len(y) // SMALLEST_GROUP))
+    order = np.lexsort((y, difference))
+    ordered, edges = difference[order], np.cumsum([len(group) for group in np.array_split(order, n_groups)])[:-1]
+    begin, end = (np.searchsorted(ordered, ordered[edges], side) for side in ("left", "right"))
+    parted = (begin < edges) & (end - begin > len(order) / n_groups)
+    kept = [0]
+    for edge in np.where(parted, end, edges).tolist():
+        if min(edge - kept[-1], len(order) - edge) >= SMALLEST_GROUP:
+            kept.append(edge)
+    return np.split(order, kept[1:])
 
 
 FITS: Mapping[str, Callable[[Floats, Floats], Calibration]] = MappingProxyType(

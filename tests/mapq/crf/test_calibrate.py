@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from scipy.optimize import minimize
+from scipy.special import expit
 
 from mapq.crf.calibrate import FITS, choose_calibration, fit_isotonic, fit_platt, fit_temperature
 from mapq.crf.marginals import keep_sides
@@ -66,7 +67,22 @@ def test_slopes_end_at_their_bounds(size, slope):
 def slow_isotonic(difference, y, n_groups):
     """Knots (k, 2) of the pooled groups: neighbours that fall are pooled until none does."""
     order = sorted(range(len(y)), key=lambda i: (difference[i], y[i]))
-    blocks = [list(group) for group in np.array_split(order, n_groups)]
+    groups = [list(group) for group in np.array_split(order, n_groups)]
+    blocks = []
+    while groups:  # What is of the difference of the last one goes with it, if that are more than a group.
+        block = groups.pop(0)
+        tied = [i for i in order if difference[i] == difference[block[-1]]]
+        rest = [i for group in groups for i in group]
+        n_more = sum(difference[i] == difference[block[-1]] for i in rest)
+        if n_more and len(tied) > len(y) / n_groups:
+            block, groups = block + rest[:n_more], [[i for i in group if i not in tied] for group in groups]
+        blocks.append(block)
+        while groups and len(groups[0]) < 10:  # What is left of a group goes with the next.
+            left = groups.pop(0)
+            if groups:
+                groups[0] = left + groups[0]
+            else:
+                blocks[-1] = block + left
 
     def share(block):
         return np.mean([y[i] > 0 for i in block])
@@ -103,12 +119,30 @@ def test_the_isotonic_curve_is_that_of_pooled_groups(n, n_groups):
 
 
 def test_blocks_of_one_difference_make_one_knot():
-    """At -1 there are groups without suspicious patches, with half, and with all, which are one with those at 2."""
+    """What hangs together has one difference, and one probability: the share of it that is suspicious."""
     difference = np.repeat([-1.0, 2.0], [40, 20])
     y = np.where(np.arange(60) < 25, -1.0, 1.0)
     found = fit_isotonic(difference, y)
     np.testing.assert_allclose(found.knots, slow_isotonic(difference, y, 6), rtol=1e-12)
-    assert found.knots[:, 0].tolist() == [-1.0, 1.0]
+    assert found.knots[:, 0].tolist() == [-1.0, 2.0]
+    np.testing.assert_allclose(expit(found.log_odds(np.array([-1.0, 2.0]))), [16 / 42, 21 / 22], atol=1e-3)
+
+
+@pytest.mark.parametrize(("n_below", "n_tied", "n_above"), [(60, 40, 60), (13, 27, 44), (5, 31, 4), (600, 900, 500)])
+def test_patches_that_hang_together_are_not_parted_by_their_labels(n_below, n_tied, n_above):
+    rng = np.random.default_rng(n_below)
+    difference = np.concatenate([rng.normal(-4, 0.5, n_below), np.full(n_tied, 1.5), rng.normal(6, 0.5, n_above)])
+    tied = np.where(np.arange(n_tied) < 0.6 * n_tied, 1.0, -1.0)
+    y = np.concatenate([np.full(n_below, -1.0), tied, np.ones(n_above)])
+    found = fit_isotonic(difference, y)
+    if found.kind == ISOTONIC:
+        np.testing.assert_allclose(found.knots, slow_isotonic(difference, y, min(100, len(y) // 10)), rtol=1e-12)
+        assert expit(found.log_odds(np.array([1.5])))[0] == pytest.approx(0.6, abs=0.12)
+
+
+def test_patches_that_all_hang_together_have_a_slope():
+    y = np.where(np.arange(60) < 25, -1.0, 1.0)
+    assert fit_isotonic(np.ones(60), y).kind == PLATT
 
 
 def test_too_few_patches_for_two_groups_have_a_slope():
