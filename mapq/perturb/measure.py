@@ -144,7 +144,7 @@ def _compare(
     walls = cKDTree(other.place[other.upright])
     distance = walls.query(sheet.place, distance_upper_bound=search)[0]
     near = sheet.upright & np.isfinite(distance)
-    if np.count_nonzero(near) < FEWEST_WALLS:
+    if not near.any():
         return None
     found = _displacement(part, other, windows, near, search, sided)
     return found._replace(in_doubt=found.in_doubt & (distance < DOUBT))

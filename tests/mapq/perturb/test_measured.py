@@ -9,7 +9,7 @@ from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.perturb import MergeSettings, build
 from mapq.perturb.measure import measured_disagreement
 from mapq.perturb.merge import merge
-from tests.mapq.factories import wall
+from tests.mapq.factories import Rectangle, wall
 from tests.mapq.perturb.scenes import COURT, look, make_scans, pose_at
 
 POSES = [pose_at(6.0, 5.0), pose_at(14.0, 8.0, 90.0)]
@@ -74,6 +74,14 @@ def test_near_walls_that_do_not_fit_are_not_known():
     points = [look(COURT[:1], POSES[0], 0, 20.0), look(stubs, POSES[1], 1, 20.0)]
     label = build(make_scans(points, POSES)).cloud.fields["suspicious"]
     assert (label == UNLABELLED).mean() > 0.9
+
+
+def test_what_is_too_small_to_be_registered_is_not_known():
+    # A board that both see, 0.6 m apart: too small for a piece, and by itself it was "seen once".
+    boards = [Rectangle((5.0, y, 2.0), (1, 0, 0), width=0.8, height=0.8) for y in (4.0, 4.6)]
+    points = [look([board, COURT[4]], pose, 3, 400.0) for board, pose in zip(boards, POSES, strict=True)]
+    label = build(make_scans(points, POSES)).cloud.fields["suspicious"]
+    assert (label[np.concatenate(points)[:, 2] > 0.4] == UNLABELLED).all()
 
 
 def test_an_empty_scan_and_a_scan_without_walls_say_nothing():
