@@ -32,7 +32,7 @@ class SegmentationScore(NamedTuple):
     missed : int
         Planes no patch of which covers a share of :data:`OVERLAP`, nor several together.
     noise : int
-        Patches that lie with less than that share on any one plane.
+        Patches that lie with less than that share on any one plane, and hold no such share of one.
     plane : (n_planes,) int64
         The numbers of the planes, ascending.
     plane_points : (n_planes,) int64

@@ -18,8 +18,13 @@ PAIR = {"angle_deg": 1.0, "overlap": 0.0, "crossing": 0.0, "offset": 0.32, "sepa
         ({"overlap": 0.78}, "parallel to patch 41 at 0.32 m, overlap 78 %"),
         ({"overlap": 0.78, "angle_deg": 12.0}, "at 12 degrees over patch 41 at 0.32 m, overlap 78 %"),
         (
-            {"crossing": 0.5, "overlap": 0.1},
+            # 2.5 m from one edge and 7.5 m from the other is half of the 5 m to the middle.
+            {"crossing": 2.5 / 7.5, "overlap": 0.1},
             "crosses patch 41 at 1 degrees, 50% of the way from the edges to the middle",
+        ),
+        (
+            {"crossing": 1.0, "overlap": 0.1},
+            "crosses patch 41 at 1 degrees, 100% of the way from the edges to the middle",
         ),
         (
             {"overlap": 0.8, "seen_together": -0.4, "through_conflict": 0.3},
