@@ -23,6 +23,7 @@ from mapq.scale.patches import load_whole
 from mapq.scale.source import Range, Source, read_range
 from mapq.scale.spool import Spooled, read_rows
 from mapq.scale.tile_files import regions_path
+from prf.shell.errors import OutputError
 from prf.shell.files import open_output
 
 LABELS = "labels.npz"
@@ -131,16 +132,32 @@ class _AtOnce:
 class _Ply:
     """A binary PLY that is being written."""
 
-    def __init__(self, stream: IO[Any], n_points: int) -> None:
-        self._stream, self._n_points, self._kind = stream, n_points, np.dtype([])
+    def __init__(self, path: str, stream: IO[Any], n_points: int) -> None:
+        self._path, self._stream, self._n_points, self._kind = path, stream, n_points, np.dtype([])
 
     def write(self, cloud: PointCloud) -> None:
-        """Append points; the first piece says which properties there are."""
+        """Append points; the first piece says which properties there are.
+
+        Raises
+        ------
+        OutputError
+            If the fields of another one are others, or hold numbers that do not fit those of the first.
+        """
         rows = vertex_rows(replace(cloud, coordinate_type=np.float64), cloud.fields)
         if not self._kind.names:
             self._kind = rows.dtype
             self._stream.write(_ply_header(self._kind, self._n_points))
-        self._stream.write(rows.astype(self._kind).tobytes())
+        # Numpy goes by the order of columns, whatever their names, and wraps numbers that do not fit.
+        if rows.dtype.names != self._kind.names:
+            raise OutputError(f"{self._path}: {cloud.source} has other fields than the files before. Name a folder.")
+        with np.errstate(invalid="ignore"):
+            fitted = rows.astype(self._kind)
+        for name in self._kind.names or ():
+            if rows.dtype[name] != self._kind[name] and not np.array_equal(rows[name], fitted[name]):
+                raise OutputError(
+                    f"{self._path}: field {name} of {cloud.source} does not fit the numbers before. Name a folder."
+                )
+        self._stream.write(fitted.tobytes())
 
 
 PLY_TYPES = {"i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint"} | {
@@ -158,4 +175,4 @@ def _ply_header(kind: np.dtype[Any], n_points: int) -> bytes:
 @contextmanager
 def _open_ply(path: str, n_points: int) -> Iterator[_Ply]:
     with open_output(path, binary=True) as stream:
-        yield _Ply(stream, n_points)
+        yield _Ply(path, stream, n_points)

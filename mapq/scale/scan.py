@@ -20,6 +20,7 @@ from mapq.io.options import ReadOptions
 from mapq.scale.files import save_arrays
 from mapq.scale.source import Range, Source, read_range
 from mapq.scale.tiling import cells_of
+from mapq.segmentation import FEWEST_POINTS
 from mapq.segmentation.parameters import Parameters, choose_parameters
 from mapq.segmentation.points import FAR, sort_points
 from mapq.segmentation.settings import SegmentSettings
@@ -191,9 +192,11 @@ def estimate(task: EstimateTask) -> Estimate:
             parts.append(arrays["xyz"])
     quarter = task.plan.quarter()
     xyz = turn(np.concatenate(parts), quarter)
-    if len(np.unique(xyz[:1000], axis=0)) < 3:
-        raise InputError(f"{task.name}: {len(xyz)} points in the sample of the map; a plane needs 3.")
     points = sort_points(PointCloud(xyz, np.zeros(3), source=task.name))
+    if len(points.xyz) < FEWEST_POINTS:
+        raise InputError(
+            f"{task.name}: {len(points.xyz)} distinct points in the sample of the map; a plane needs {FEWEST_POINTS}."
+        )
     chosen = choose_parameters(points, task.settings.turned(quarter))
     frame = points.frame.copy()
     doublings = 0

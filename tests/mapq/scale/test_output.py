@@ -6,10 +6,15 @@ import json
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from mapq.cloud import PointCloud
+from mapq.io import read_cloud
+from mapq.scale.label import _open_ply
 from mapq.scale.output import Output, publish
 from prf.shell import files
+from prf.shell.errors import OutputError
 
 
 def make_work(folder: Path) -> tuple[Path, Output]:
@@ -27,6 +32,30 @@ def test_both_are_replaced(tmp_path: Path) -> None:
     publish(str(work), output, {"tiles": 3}, [{"patch": 0}])
     assert (tmp_path / "a.ply").read_text() == "new"
     assert json.loads((tmp_path / "a.json").read_text())["tiles"] == 3
+
+
+def test_tiles_of_other_fields_are_not_mixed_in_one_cloud(tmp_path: Path) -> None:
+    xyz, path = np.eye(3), str(tmp_path / "a.ply")
+    first, same, other, large = (
+        PointCloud.from_world(xyz, fields, f"{number}.laz")
+        for number, fields in enumerate(
+            [
+                {"truth": np.arange(3)},
+                {"truth": np.arange(3, 6)},
+                {"quality": np.arange(3)},
+                {"truth": np.arange(3) + 2**31},
+            ]
+        )
+    )
+    for strange, words in ((other, r"2\.laz has other fields"), (large, r"field truth of 3\.laz does not fit")):
+        with _open_ply(path, 6) as ply:
+            ply.write(first)
+            with pytest.raises(OutputError, match=words):
+                ply.write(strange)
+    with _open_ply(path, 6) as ply:
+        ply.write(first)
+        ply.write(same)
+    assert read_cloud(path).fields["truth"].tolist() == [0, 1, 2, 3, 4, 5]
 
 
 @pytest.mark.parametrize("name", ["a.ply", "a.json"])

@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.axes import turn
-from mapq.scale.scan import is_drawn, join_counts
+from mapq.axes import GroundPlan, turn
+from mapq.scale.scan import EstimateTask, estimate, is_drawn, join_counts
 from mapq.scale.tiling import cells_of, make_tiling
+from mapq.segmentation import SegmentSettings
+from prf.shell.errors import InputError
+from tests.mapq.factories import wall
 
 
 def counted(xyz: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
@@ -54,6 +57,21 @@ def test_stray_points_far_off_stretch_no_tile(xyz):
     sizes = np.bincount(tiling.of_points(far), minlength=8)
     assert len(sizes) == 8
     assert sizes.max() < 1.2 * len(far) / 8
+
+
+def estimated(tmp_path, xyz):
+    sample = str(tmp_path / "sample.npz")
+    np.savez(sample, xyz=xyz)
+    return estimate(EstimateTask((sample,), SegmentSettings(), GroundPlan.of(xyz), "town"))
+
+
+def test_many_points_at_one_place_do_not_hide_the_others(tmp_path):
+    """As a file may begin with the points (0, 0, 0) of all rays without a return."""
+    plain = wall((2.0, 3.0), (12.0, 3.0)).sample(np.random.default_rng(1), 100.0, 0.01)
+    found = estimated(tmp_path, np.concatenate([np.zeros((1500, 3)), plain]))
+    assert found.chosen.spacing == pytest.approx(0.1, rel=0.1)
+    with pytest.raises(InputError, match="town: 2 distinct points in the sample of the map; a plane needs 3"):
+        estimated(tmp_path, np.repeat(np.eye(3)[:2], 700, axis=0))
 
 
 def test_columns_are_drawn_by_their_place_alone():
