@@ -22,7 +22,8 @@ from prf.shell.errors import InputError, OutputError
 from prf.shell.files import open_output
 
 if TYPE_CHECKING:
-    from laspy import LasWriter
+    from laspy import LasHeader, LasWriter
+    from laspy.point.record import PackedPointRecord
 
 PIECE = 1_000_000
 """Points of a piece."""
@@ -138,6 +139,7 @@ class LasPieces:
         self._path, self._stream = path, stream
         self._writer: LasWriter | None = None
         self._names: set[str] = set()
+        self._scales: dict[str, str] = {}
 
     def write(self, cloud: PointCloud) -> None:
         """Append points; all pieces have the same fields.
@@ -154,19 +156,37 @@ class LasPieces:
         if self._writer is None:
             compress = self._path.lower().endswith(".laz")
             self._writer = LasWriter(self._stream, header, compress, closefd=False, encoding_errors="ignore")
-            self._names = set(columns)
+            self._names, self._scales = set(columns), _scales_of(header)
         if set(columns) != self._names:
             raise OutputError(f"{self._path}: {cloud.source} has other fields than the files before. Name a folder.")
-        header = self._writer.header
+        scales, header = _scales_of(header), self._writer.header
         whole = np.rint((cloud.world() - header.offsets) / header.scales)
         if len(whole) and (whole.max() > LARGEST_INTEGER or whole.min() < -LARGEST_INTEGER - 1):
             raise OutputError(f"{self._path}: the coordinates do not fit the scale of the first file. Name a folder.")
-        self._writer.write_points(packed_record(header, whole, columns))
+        record = packed_record(header, whole, columns)
+        for name, values in columns.items():
+            # In a narrower type, or under another scale, they would be read as other numbers.
+            if scales.get(name) != self._scales.get(name) or not _is_kept(record, name, values):
+                raise OutputError(
+                    f"{self._path}: field {name} of {cloud.source} does not fit those before. Name a folder."
+                )
+        self._writer.write_points(record)
 
     def close(self) -> None:
         """Write what belongs behind the points."""
         if self._writer is not None:
             self._writer.close()
+
+
+def _scales_of(header: LasHeader) -> dict[str, str]:
+    """Return by which scale and offset the numbers of a file's own dimensions are to be read."""
+    return {item.name: f"{item.scales} {item.offsets}" for item in header.point_format.extra_dimensions}
+
+
+def _is_kept(record: PackedPointRecord, name: str, values: NDArray[Any]) -> bool:
+    """Return whether a record holds the values (n,) of a dimension as they are."""
+    stored = record.array[name] if name in record.array.dtype.names else np.asarray(record[name])
+    return np.array_equal(stored, values, equal_nan=values.dtype.kind == "f")
 
 
 @contextmanager

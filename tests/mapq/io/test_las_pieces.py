@@ -75,6 +75,34 @@ def test_pieces_with_other_fields_are_refused(path, tmp_path):
             pieces.write(other)
 
 
+@pytest.mark.parametrize(
+    ("first", "other"),
+    [
+        (laspy.ExtraBytesParams("height", "u1"), laspy.ExtraBytesParams("height", "u2")),
+        (
+            laspy.ExtraBytesParams("height", "i4", scales=np.array([0.01]), offsets=np.zeros(1)),
+            laspy.ExtraBytesParams("height", "i4", scales=np.array([0.1]), offsets=np.zeros(1)),
+        ),
+    ],
+)
+def test_numbers_that_would_be_read_as_others_are_refused(tmp_path, first, other):
+    """A narrower type would wrap them, another scale multiply them."""
+    pieces = []
+    for number, params in enumerate((first, other)):
+        header = laspy.LasHeader(point_format=6, version="1.4")
+        header.add_extra_dims([params])
+        las = laspy.LasData(header)
+        las.x = las.y = las.z = np.arange(3.0)
+        las["height"] = np.full(3, 7 + 293 * number)
+        las.write(str(tmp_path / f"{number}.las"))
+        pieces.append(next(read_las_pieces(str(tmp_path / f"{number}.las"), AS_IT_IS, 0, 3, np.zeros(3))))
+    with open_las_pieces(tmp_path / "r.las") as writer:
+        writer.write(pieces[0])
+        writer.write(pieces[0])
+        with pytest.raises(OutputError, match=r"field height of .*1\.las does not fit"):
+            writer.write(pieces[1])
+
+
 def test_a_file_that_ends_early_is_refused(path):
     with pytest.raises(InputError):
         list(read_las_pieces(path, AS_IT_IS, 0, 6000, np.zeros(3)))
