@@ -123,7 +123,6 @@ def fit_isotonic(difference: Floats, y: Floats) -> Calibration:
         at.append(float(difference[members].mean()))
         value.append(float(logit((np.count_nonzero(y[members] > 0.0) + 1.0) / (len(members) + 2.0))))
     knots = np.column_stack([at, np.maximum.accumulate(value)])
-    knots = knots[np.concatenate([[True], np.diff(knots[:, 0]) > 0.0])]
     knots[:, 1] += LEAST_SLOPE * (knots[:, 0] - knots[0, 0])
     return Calibration(ISOTONIC, knots=knots)
 

@@ -140,6 +140,17 @@ def test_patches_that_hang_together_are_not_parted_by_their_labels(n_below, n_ti
         assert expit(found.log_odds(np.array([1.5])))[0] == pytest.approx(0.6, abs=0.12)
 
 
+@pytest.mark.parametrize(("n_tied", "last"), [(4, 29.5), (10, 27.55), (11, 33.0)])
+def test_few_patches_of_one_difference_may_be_parted(n_tied, last):
+    """About the border of two of four groups; from one more than a group on they stay together."""
+    difference = np.arange(40.0)
+    difference[16 : 16 + n_tied] = 16.0
+    y = np.where(np.arange(40) < 19, -1.0, 1.0)
+    found = fit_isotonic(difference, y)
+    np.testing.assert_allclose(found.knots, slow_isotonic(difference, y, 4), rtol=1e-12)
+    assert found.knots[-1, 0] == pytest.approx(last)
+
+
 def test_patches_that_all_hang_together_have_a_slope():
     y = np.where(np.arange(60) < 25, -1.0, 1.0)
     assert fit_isotonic(np.ones(60), y).kind == PLATT
