@@ -75,6 +75,7 @@ TRAIN = tuple(
     f"{CRF}/test_train.py::{test}"
     for test in (
         "test_labels_that_cannot_train_are_refused",
+        "test_settings_that_would_train_something_else_are_refused",
         "test_one_label_alone_and_no_map_at_all_are_refused",
         "test_no_coupling_may_be_negative",
         "test_the_bias_of_nodes_has_no_prior_and_the_coupling_one_of_its_own",

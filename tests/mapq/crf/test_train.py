@@ -197,12 +197,14 @@ def test_the_bias_of_nodes_has_no_prior_and_the_coupling_one_of_its_own(edge_mod
         {"regularisation": -50.0},
         {"coupling_regularisation": 0.0},
         {"regularisation": np.nan},
+        {"regularisation": np.inf},
         {"n_folds": 1},
     ],
 )
 def test_settings_that_would_train_something_else_are_refused(settings):
     with pytest.raises(ConfigError, match="crf: "):
         TrainSettings(**settings)
+    assert TrainSettings(n_folds=2).n_folds == 2
 
 
 @pytest.mark.parametrize(("settings", "n_folds"), [({}, 5), ({"n_folds": 3}, 3)])
