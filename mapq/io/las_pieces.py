@@ -125,8 +125,9 @@ def read_las_pieces(
             points = reader.read_points(n_points)
             if len(points) != n_points:
                 raise InputError(f"{path}: cut off after {first + len(points)} points. Copy or download it again.")
-            world = np.column_stack([np.asarray(points[axis]) for axis in RAW]) * scales + offsets
-            if np.abs(world).max() > LARGEST_COORDINATE:
+            with np.errstate(over="ignore", invalid="ignore"):  # of what is refused just below
+                world = np.column_stack([np.asarray(points[axis]) for axis in RAW]) * scales + offsets
+            if not np.abs(world).max() <= LARGEST_COORDINATE:
                 raise InputError(f"{path}: a coordinate lies beyond {LARGEST_COORDINATE:g}. Remove such points.")
             fields = {name: np.array(points[name]) for name in wanted}
             yield PointCloud((world - shift) * head.unit, shift, fields, np.float64, path, head.unit, head.header)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+
 import laspy
 import numpy as np
 import pytest
@@ -11,7 +13,10 @@ from mapq.io import read_cloud, write_cloud
 from mapq.io.las_pieces import open_las_pieces, read_las_head, read_las_pieces
 from mapq.io.options import AS_IT_IS, ReadOptions
 from prf.shell.errors import InputError, OutputError
-from tests.mapq.io.las_files import las_data
+from tests.mapq.io.las_files import las_bytes, las_data
+
+X_SCALE = 131
+"""Place in the header of LAS."""
 
 
 @pytest.fixture(params=[(3, "1.2"), (7, "1.4")], ids=["old", "layered"])
@@ -106,3 +111,12 @@ def test_numbers_that_would_be_read_as_others_are_refused(tmp_path, first, other
 def test_a_file_that_ends_early_is_refused(path):
     with pytest.raises(InputError):
         list(read_las_pieces(path, AS_IT_IS, 0, 6000, np.zeros(3)))
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_scale_beyond_reason_is_refused(tmp_path):
+    data = bytearray(las_bytes())
+    struct.pack_into("<d", data, X_SCALE, 1e305)
+    (tmp_path / "a.las").write_bytes(data)
+    with pytest.raises(InputError, match="a coordinate lies beyond"):
+        list(read_las_pieces(str(tmp_path / "a.las"), AS_IT_IS, 0, 60, np.zeros(3)))
