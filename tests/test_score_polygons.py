@@ -74,6 +74,7 @@ def test_maps_of_our_own(tmp_path: Path, black: bool) -> None:
         ({"type": "Polygon", "coordinates": 3}, "not a GeoJSON map"),
         ({"type": "Polygon", "coordinates": [[[0, 0], [2, 2], [2, 0], [0, 2], [0, 0]]]}, "not valid"),
         ('{"type": "Polygon", "coordinates": [[[0, 0], [NaN, 0], [2, 2], [0, 0]]]}', "not finite"),
+        ({"type": "MultiPolygon", "coordinates": [SQUARE["coordinates"], []]}, "not a GeoJSON map"),
         ({"type": "FeatureCollection", "features": 3}, "not a GeoJSON map"),
         (feature(SQUARE, window=[3, 0, 1, 1]), "window"),
         (feature(SQUARE, window=[3, 0]), "not a GeoJSON map"),
@@ -92,3 +93,15 @@ def test_what_is_no_text_is_told_without_codecs(tmp_path: Path) -> None:
     path.write_bytes(b"P5 1 1 255 \xfe")
     with pytest.raises(InputError, match=r"map\.pgm: neither a RUN, a GRID nor GeoJSON \(no text\)"):
         read_occupied_area(path)
+
+
+@pytest.mark.filterwarnings("error")
+def test_polygons_that_cannot_be_united_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_: Any) -> None:
+        raise shapely.errors.GEOSException("TopologyException: side location conflict\nat 1 2")
+
+    monkeypatch.setattr(shapely, "union_all", fail)
+    with pytest.raises(InputError, match=r"map\.geojson: not a GeoJSON map .*side location conflict at 1 2"):
+        read(tmp_path, SQUARE)
+    with pytest.raises(InputError, match=r"cannot be united .*side location conflict at 1 2"):
+        from_polygons(shapely.box(0.0, 0.0, 1.0, 1.0), Window(0.0, 0.0, 2.0, 2.0))

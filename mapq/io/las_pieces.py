@@ -125,11 +125,11 @@ def read_las_pieces(
             points = reader.read_points(n_points)
             if len(points) != n_points:
                 raise InputError(f"{path}: cut off after {first + len(points)} points. Copy or download it again.")
-            with np.errstate(over="ignore", invalid="ignore"):  # of what is refused just below
+            with np.errstate(over="ignore", invalid="ignore"):  # of scales beyond reason
                 world = np.column_stack([np.asarray(points[axis]) for axis in RAW]) * scales + offsets
+                fields = {name: np.array(points[name]) for name in wanted}
             if not np.abs(world).max() <= LARGEST_COORDINATE:
                 raise InputError(f"{path}: a coordinate lies beyond {LARGEST_COORDINATE:g}. Remove such points.")
-            fields = {name: np.array(points[name]) for name in wanted}
             yield PointCloud((world - shift) * head.unit, shift, fields, np.float64, path, head.unit, head.header)
 
 

@@ -42,7 +42,7 @@ def occupied_polygons(coloring: Coloring) -> MultiPolygon:
 
 def _points_inside(polygons: NDArray[np.object_]) -> NDArray[np.float64]:
     """Return a point (n, 2) inside each of n polygons."""
-    with np.errstate(all="ignore"):  # on the way GEOS takes the ratio of lengths such as 1e-308 m, of which numpy warns
+    with np.errstate(all="ignore"):  # as above
         return np.asarray(shapely.get_coordinates(shapely.point_on_surface(polygons)))
 
 
@@ -57,6 +57,7 @@ def refuse_far(region: BaseGeometry) -> None:
         raise InputError(f"a coordinate is not finite, or lies beyond {LARGEST_COORDINATE:g} m")
 
 
+@np.errstate(all="ignore")  # GEOS divides by nothing and overflows on its way, of which numpy warns
 def from_polygons(occupied: BaseGeometry, window: Window) -> Coloring:
     """Return the coloring of `window` that is black on `occupied`.
 
@@ -74,13 +75,16 @@ def from_polygons(occupied: BaseGeometry, window: Window) -> Coloring:
     ------
     InputError
         If the region is no polygonal coloring: polygons that touch at a point, or a corner that touches the border; or
-        if a coordinate is not finite, or lies beyond `LARGEST_COORDINATE`.
+        if a coordinate is not finite, or lies beyond `LARGEST_COORDINATE`; or if GEOS cannot unite the parts.
     """
     refuse_far(occupied)
-    region = shapely.union_all(shapely.get_parts(occupied))
     box = shapely.box(*window)
-    if not shapely.covers(box, region):
-        region = shapely.intersection(region, box)
+    try:
+        region = shapely.union_all(shapely.get_parts(occupied))
+        if not shapely.covers(box, region):
+            region = shapely.intersection(region, box)
+    except shapely.errors.GEOSException as error:
+        raise InputError(f"polygons that cannot be united ({' '.join(str(error).split())})") from error
     polygons = shapely.get_parts(region)
     polygons = polygons[(shapely.get_dimensions(polygons) == 2) & ~shapely.is_empty(polygons)]
     ends = _snapped(_ring_segments(polygons), window)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
@@ -69,7 +70,7 @@ def read_map_feature(path: str | os.PathLike[str]) -> tuple[Coloring, dict[str, 
         coloring = from_polygons(_geometry(content["geometry"]), window)
         if coloring.n_edges == 0:  # all of the window, or nothing: no ring says which
             coloring = Coloring.empty(window, bool(properties["anchor_black"]))
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, shapely.errors.ShapelyError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError, shapely.errors.ShapelyError) as error:
         raise InputError(f"{file}: not a map that prf wrote ({type(error).__name__}: {error}).") from error
     except (ConfigError, InputError) as error:
         raise InputError(f"{file}: {error}") from error
@@ -80,4 +81,5 @@ def _geometry(content: Mapping[str, Any]) -> BaseGeometry:
     """Return the MultiPolygon of a Feature (shapely takes no empty coordinate list)."""
     if content["type"] != "MultiPolygon":
         raise ValueError(f"geometry {content['type']}, expected MultiPolygon")
-    return shapely.geometry.shape(content) if content["coordinates"] else shapely.MultiPolygon()
+    with np.errstate(invalid="ignore"):  # a nan is told by the coloring
+        return shapely.geometry.shape(content) if content["coordinates"] else shapely.MultiPolygon()

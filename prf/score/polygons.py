@@ -30,6 +30,7 @@ class OccupiedArea(NamedTuple):
     window: Window | None
 
 
+@np.errstate(all="ignore")  # GEOS divides by nothing and overflows on its way, of which numpy warns
 def read_occupied_area(path: str | os.PathLike[str]) -> OccupiedArea:
     """Read every Polygon and MultiPolygon of a GeoJSON file: a geometry, a Feature or a FeatureCollection.
 
@@ -53,10 +54,13 @@ def read_occupied_area(path: str | os.PathLike[str]) -> OccupiedArea:
     try:
         polygons = [polygon for geometry in _geometries(content) for polygon in _polygons(geometry)]
         window = next((Window.checked(*bounds) for bounds in _windows(content)), None)
+        region = shapely.union_all(shapely.force_2d(np.array(polygons, dtype=object)))
+        if window is not None and not shapely.covers(shapely.box(*window), region):
+            region = shapely.intersection(region, shapely.box(*window))
     except (InputError, ConfigError) as error:
         raise InputError(f"{path}: {error}") from error
     except (
-        KeyError,
+        LookupError,
         TypeError,
         ValueError,
         AttributeError,
@@ -68,9 +72,6 @@ def read_occupied_area(path: str | os.PathLike[str]) -> OccupiedArea:
         raise InputError(
             f"{path}: not a GeoJSON map ({type(error).__name__}: {reason}). Give polygons of the occupied area."
         ) from error
-    region = shapely.union_all(shapely.force_2d(np.array(polygons, dtype=object)))
-    if window is not None and not shapely.covers(shapely.box(*window), region):
-        region = shapely.intersection(region, shapely.box(*window))
     return OccupiedArea(region, window)
 
 
@@ -112,9 +113,7 @@ def _polygons(geometry: Mapping[str, Any]) -> Iterator[BaseGeometry]:
         raise InputError(f"geometry {geometry['type']}: a map is made of Polygon and MultiPolygon.")
     if not geometry["coordinates"]:
         return
-    with np.errstate(invalid="ignore"):  # a nan is told below
-        parts = shapely.get_parts(shapely.geometry.shape(geometry))
-    for polygon in parts:
+    for polygon in shapely.get_parts(shapely.geometry.shape(geometry)):
         refuse_far(polygon)
         if not shapely.is_valid(polygon):
             raise InputError(f"a polygon is not valid ({shapely.is_valid_reason(polygon)}). Repair it.")

@@ -82,7 +82,10 @@ def read_cell_map(path: str | os.PathLike[str]) -> CellMap:
         raise InputError(f"{path}: mode {_shown(mode)}, must be one of {', '.join(MODES)}.")
     if not isinstance(content.get("image"), str):
         raise InputError(f"{path}: no image is named. Give the yaml file of a map_server map.")
-    shade, opaque = _load_image(Path(path).parent / content["image"])
+    try:
+        shade, opaque = _load_image(Path(path).parent / content["image"])
+    except InputError as error:
+        raise InputError(f"{path}: image {error}") from error
     occupancy = shade if _is_true(content.get("negate", 0)) else 1.0 - shade
     known = opaque.copy()
     free, taken = FREE_THRESHOLD, OCCUPIED_THRESHOLD
