@@ -153,7 +153,9 @@ class _Ply:
         with np.errstate(invalid="ignore"):
             fitted = rows.astype(self._kind)
         for name in self._kind.names or ():
-            if rows.dtype[name] != self._kind[name] and not np.array_equal(rows[name], fitted[name]):
+            if rows.dtype[name] == self._kind[name]:
+                continue
+            if not np.array_equal(rows[name], fitted[name], equal_nan=rows.dtype[name].kind == "f"):
                 raise OutputError(
                     f"{self._path}: field {name} of {cloud.source} does not fit the numbers before. Name a folder."
                 )

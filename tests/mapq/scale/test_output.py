@@ -52,6 +52,11 @@ def test_tiles_of_other_fields_are_not_mixed_in_one_cloud(tmp_path: Path) -> Non
             ply.write(first)
             with pytest.raises(OutputError, match=words):
                 ply.write(strange)
+    wide = PointCloud.from_world(xyz, {"height": np.array([1.5, np.nan, 2.0])})
+    with _open_ply(path, 6) as ply:
+        ply.write(PointCloud.from_world(xyz, {"height": np.zeros(3, np.float32)}))
+        ply.write(wide)
+    np.testing.assert_array_equal(read_cloud(path).fields["height"], [0.0, 0.0, 0.0, 1.5, np.nan, 2.0])
     with _open_ply(path, 6) as ply:
         ply.write(first)
         ply.write(same)
