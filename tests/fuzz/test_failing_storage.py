@@ -73,7 +73,8 @@ def test_the_file_is_named_in_one_line(name, part, tmp_path, failing):
     failing(path, int(part * len(data)))
     with pytest.raises(InputError) as refusal:
         reader.read(path)
-    assert str(refusal.value) == f"{path}: {TOLD}"
+    named_by = f"{tmp_path / 'map.yaml'}: image " if name == "cell-image" else ""
+    assert str(refusal.value) == f"{named_by}{path}: {TOLD}"
 
 
 def test_what_standard_input_cannot_give_is_said(monkeypatch, tmp_path):

@@ -122,7 +122,7 @@ YAML = "image: map.pgm\nresolution: 0.1\norigin: [0.0, 0.0, 0.0]\nnegate: 0\n"
         (YAML.replace("[0.0, 0.0, 0.0]", "[0.0]"), "origin is"),
         (YAML + "mode: colourful\n", "mode 'colourful'"),
         (YAML.replace("image", "picture"), "no image"),
-        (YAML, r"map\.pgm: no such file"),
+        (YAML, r"map\.yaml: image .*map\.pgm: no such file"),
     ],
 )
 def test_damaged_maps_are_refused(text: str, message: str, tmp_path: Path) -> None:
