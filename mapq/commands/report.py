@@ -56,8 +56,11 @@ def report(
     from mapq.report import read_findings, write_report
     from prf.shell.files import STREAM, refuse_inputs
     from prf.shell.lock import claim_output
+    from prf.shell.output_names import refuse_other_format
 
     target = output or "report.html"
+    advice = "a report is a page of HTML. Name a .html; mapq render draws pictures."
+    refuse_other_format(target, (".html", ".htm"), advice)
     claim_output(target, force)
     refuse_inputs([target], [result, str(PurePath(result).with_suffix(".json"))])
     findings = read_findings(result)

@@ -129,8 +129,10 @@ def segment(
     from mapq.settings import ask, segment_settings, settings_from
     from prf.shell.files import refuse_inputs
     from prf.shell.lock import claim_output
+    from prf.shell.output_names import refuse_other_format
 
     target = output or _beside(cloud)
+    refuse_other_format(target, (".npz",), "patches are written as a .patches file. Name one; mapq render draws it.")
     claim_output(target, force)
     refuse_inputs([target], [cloud, config])
     found = ask("segment", asked, settings_from(config, preset))

@@ -139,6 +139,7 @@ def train(
     from prf.shell import jsonout
     from prf.shell.files import refuse_inputs
     from prf.shell.lock import claim_output
+    from prf.shell.output_names import refuse_other_format
     from prf.shell.seeds import resolve_seed
     from prf.shell.streams import refuse_json_beside
 
@@ -149,6 +150,7 @@ def train(
     measured = ask("features", {**given, "reading": features} | chosen_context(context), found)
     settings, reading = train_settings(field.values), feature_settings(measured.values)
     max_false_alarms = field.values.get("max_false_alarms")
+    refuse_other_format(target, (), "a model is written as JSON. Name a .json.")
     claim_output(target, force)
     refuse_inputs([target], [*patches, config])
     used_seed = resolve_seed(seed) if max_patches is not None else 0

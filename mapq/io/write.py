@@ -8,12 +8,9 @@ from mapq.cloud import PointCloud
 from mapq.io.las_write import write_las
 from mapq.io.ply_write import write_ply
 from prf.shell.errors import UsageError
+from prf.shell.output_names import refuse_other_format
 
 LAS_SUFFIXES = (".las", ".laz")
-SCANS = (".3d", ".bin", ".e57", ".npy", ".npz", ".pcd", ".ptx", ".vtk")
-TEXTS = (".asc", ".csv", ".pts", ".txt", ".xyz")
-READ_ONLY = (*SCANS, *TEXTS, ".bag", ".db3", ".mcap", ".gz")
-"""Ends of names that promise what is not written: other programs believe them."""
 
 
 def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
@@ -41,5 +38,5 @@ def check_name(path: str | os.PathLike[str]) -> None:
     """
     if os.fspath(path).lower().endswith(".copc.laz"):
         raise UsageError(f"{path}: COPC is not written, only plain LAZ. Name a .laz without .copc.")
-    if os.fspath(path).lower().endswith(READ_ONLY):
-        raise UsageError(f"{path}: clouds are written as PLY, LAS or LAZ. Name a .ply, .las or .laz.")
+    written = (".ply", *LAS_SUFFIXES)
+    refuse_other_format(path, written, "clouds are written as PLY, LAS or LAZ. Name a .ply, .las or .laz.")

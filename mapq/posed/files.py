@@ -16,7 +16,9 @@ SCAN_SUFFIXES = (".bin", ".pcd", ".ply", ".xyz", ".npy", ".npz", ".las", ".laz",
 POSE_NAME = re.compile(r"(pose|traj|graph|odometry).*\.(txt|json|csv|tum)$", re.IGNORECASE)
 """Names that files of poses have; ``graph.txt`` is that of gtsam_points: a name, a place and a quaternion a row."""
 STAMP = re.compile(r"\d+\.\d+")
+"""Stem of a file that is named after a time in seconds."""
 LAST_NUMBER = re.compile(r"\d+(?=\D*$)")
+"""What numbers the files of a set: ``scan2_007.pcd`` is the seventh."""
 SCANS_SHOWN = 4
 """Sets of scans, or files of poses, that a message names."""
 

@@ -42,7 +42,7 @@ def occupied_polygons(coloring: Coloring) -> MultiPolygon:
 
 def _points_inside(polygons: NDArray[np.object_]) -> NDArray[np.float64]:
     """Return a point (n, 2) inside each of n polygons."""
-    with np.errstate(all="ignore"):  # as above
+    with np.errstate(all="ignore"):  # as in from_polygons
         return np.asarray(shapely.get_coordinates(shapely.point_on_surface(polygons)))
 
 

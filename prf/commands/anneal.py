@@ -117,6 +117,7 @@ def anneal(
     from prf.shell.errors import UsageError
     from prf.shell.files import refuse_inputs
     from prf.shell.lock import claim_output
+    from prf.shell.output_names import refuse_other_format
     from prf.shell.seeds import resolve_seed
     from prf.shell.streams import refuse_json_beside
 
@@ -130,6 +131,8 @@ def anneal(
     asked = ask(options, config, presets=preset or ())
     science = SampleConfig(**asked.values)
     target = output or str(default_output(logs[0]).with_suffix(".geojson"))
+    advice = "the map is written as GeoJSON. Name a .geojson; prf export converts it."
+    refuse_other_format(target, (".geojson",), advice)
     claim_output(target, force)
     refuse_inputs([target], [*logs, config])
     used_seed = resolve_seed(seed)

@@ -71,6 +71,7 @@ def calibrate(
     from prf.shell.errors import UsageError
     from prf.shell.files import refuse_inputs
     from prf.shell.lock import claim_output
+    from prf.shell.output_names import refuse_other_format
     from prf.shell.seeds import resolve_seed, spawn_generators
     from prf.shell.streams import refuse_json_beside
 
@@ -79,6 +80,7 @@ def calibrate(
     refuse_shared_stream({"--map": known, "--sonar": sonar, "--laser": laser})
     refuse_json_beside(output, json)
     if output is not None:
+        refuse_other_format(output, (".toml",), "parameters are written as a settings file. Name a .toml.")
         claim_output(output, force)
         refuse_inputs([output], [known, sonar, laser])
     config = CalibrateConfig(**asked)

@@ -110,6 +110,7 @@ def grid(
     from prf.shell.files import STREAM, refuse_inputs
     from prf.shell.lock import claim_output
     from prf.shell.manifest import describe_process
+    from prf.shell.output_names import refuse_other_format
 
     logs = [log for log in (laser, sonar) if log is not None]
     if not logs:
@@ -118,6 +119,8 @@ def grid(
     if output == STREAM:
         raise UsageError("-o -: a grid is a .npz archive. Name one.")
     target = output or str(default_output(logs[0]).with_suffix(".grid.npz"))
+    advice = "a grid is written as a .npz archive. Name one; prf render draws it and prf export converts it."
+    refuse_other_format(target, (".npz",), advice)
     claim_output(target, force)
     refuse_inputs([target], [*logs, config])
     asked = ask(options, config, IN_SETTINGS_FILE, preset or ())

@@ -72,6 +72,7 @@ def rgb(colour: str) -> tuple[int, int, int]:
 
 
 NO_LETTERS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
+"""What a caption cannot hold as it is: control characters but the end of a line, and halves of surrogate pairs."""
 DPI = 160
 FORMATS = ("png", "svg", "pdf")
 LARGEST_WIDTH = 9.0
