@@ -18,10 +18,11 @@ from mapq.io.fields import Array, cloud_of_world, refuse_doubles
 from mapq.io.las_unit import SYSTEM_USER, unit_of
 from mapq.io.laz_chunks import check_chunks
 from mapq.io.options import ReadOptions
+from mapq.io.panics import panics_unheard
 from prf.shell.errors import InputError
 
 if TYPE_CHECKING:
-    from laspy import VLR, LasHeader, LasReader
+    from laspy import VLR, LasHeader, LasReader, ScaleAwarePointRecord
 
 logger = logging.getLogger(__name__)
 
@@ -135,7 +136,8 @@ def _read_points(reader: LasReader, source: str) -> tuple[NDArray[np.float64], d
     scales, offsets = scale_and_offset(reader.header, source)
     pieces: dict[str, list[Array]] = {name: [] for name in names}
     places: list[NDArray[np.float64]] = []
-    for points in reader.chunk_iterator(max(1, min(CHUNK, PIECE // reader.header.point_format.size))):
+    n_piece = max(1, min(CHUNK, PIECE // reader.header.point_format.size))
+    while len(points := next_points(reader, n_piece)):
         whole = np.column_stack([np.asarray(points[axis]) for axis in RAW])
         places.append(whole * scales + offsets)
         for name in names:
@@ -148,6 +150,12 @@ def _read_points(reader: LasReader, source: str) -> tuple[NDArray[np.float64], d
         )
     world = _joined(places)
     return world, {name: _joined(pieces[name]) for name in names}
+
+
+def next_points(reader: LasReader, n_points: int) -> ScaleAwarePointRecord:
+    """Return the next points, at most `n_points`; a panic of the decompressor is an exception, and nothing else."""
+    with panics_unheard():
+        return reader.read_points(n_points)
 
 
 def field_names(header: LasHeader, source: str) -> list[str]:

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from mapq.cloud import PointCloud
 from mapq.io.content import Content
 from mapq.io.fields import LARGEST_COORDINATE
-from mapq.io.las import RAW, check_head, field_names, refusing_damage, scale_and_offset, stored_head
+from mapq.io.las import RAW, check_head, field_names, next_points, refusing_damage, scale_and_offset, stored_head
 from mapq.io.las_unit import unit_of
 from mapq.io.las_write import LARGEST_INTEGER, columns_of_cloud, old_header, packed_record, refusing_full_disk
 from mapq.io.laz_chunks import check_chunks
 from mapq.io.options import ReadOptions
+from mapq.io.panics import panics_unheard
 from prf.shell.errors import InputError, OutputError
 from prf.shell.files import open_output
 
@@ -119,10 +120,11 @@ def read_las_pieces(
         ) as reader,
     ):
         scales, offsets = scale_and_offset(reader.header, path)
-        reader.seek(start)
+        with panics_unheard():  # it decompresses what stands before
+            reader.seek(start)
         for first in range(start, stop, PIECE):
             n_points = min(PIECE, stop - first)
-            points = reader.read_points(n_points)
+            points = next_points(reader, n_points)
             if len(points) != n_points:
                 raise InputError(f"{path}: cut off after {first + len(points)} points. Copy or download it again.")
             with np.errstate(over="ignore", invalid="ignore"):  # of scales beyond reason

@@ -7,7 +7,7 @@ LAZ is cut into chunks that can be decoded each by itself. A table behind them s
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, BinaryIO
 
 from prf.shell.errors import InputError
@@ -66,7 +66,7 @@ def check_chunks(stream: BinaryIO, header: LasHeader, source: str) -> int:
         )
     n_layers = sum(LAYERS.get(kind, size if kind == BYTES14 else 0) for kind, size in items)
     if n_layers:
-        _check_layers(stream, start + 8, [size for _, size in chunks], (length, n_layers), source)
+        _check_layers(stream, start + 8, _needed(chunks, header.point_count), (length, n_layers), source)
     return max((count for count, _ in chunks), default=0)
 
 
@@ -90,14 +90,30 @@ def _table_place(stream: BinaryIO, start: int, source: str) -> int:
     return int(place)
 
 
-def _check_layers(stream: BinaryIO, start: int, sizes: Sequence[int], record: tuple[int, int], source: str) -> None:
-    """Refuse a chunk whose layers are longer than it is; `record` is the length of a point and its number of layers."""
+def _needed(chunks: Sequence[tuple[int, int]], n_points: int) -> Iterator[tuple[int, int]]:
+    """Give points and bytes of the chunks that the points of a file are read from, which are not always all."""
+    for count, size in chunks:
+        if n_points <= 0:
+            return
+        yield count, size
+        n_points -= count
+
+
+def _check_layers(
+    stream: BinaryIO, start: int, chunks: Iterable[tuple[int, int]], record: tuple[int, int], source: str
+) -> None:
+    """Refuse a chunk that is not as long as its layers; `record` is the length of a point and its number of layers.
+
+    A decompressor that reads one chunk after the other would take what follows for the lengths of the next layers.
+    """
     length, n_layers = record
-    for number, size in enumerate(sizes):
+    for number, (count, size) in enumerate(chunks):
         stream.seek(start + length)
         head = stream.read(4 + 4 * n_layers)
-        if size and (len(head) < 4 + 4 * n_layers or sum(struct.unpack(f"<{n_layers}I", head[4:])) > size):
-            raise _damaged(source, f"the layers of chunk {number} are longer than it is")
+        sizes = struct.unpack(f"<{n_layers}I", head[4:]) if len(head) == 4 + 4 * n_layers else ()
+        is_empty = count == size == 0
+        if not is_empty and (not sizes or length + len(head) + sum(sizes) != size):
+            raise _damaged(source, f"chunk {number} is not as long as its layers")
         start += size
 
 

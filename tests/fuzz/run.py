@@ -88,6 +88,7 @@ def run_guided(
         "-print_final_stats=0",
         "-max_len=65536",
         "-timeout=60",
+        "-rss_limit_mb=0",  # atheris itself takes more and more; a read has little room of its own
         f"-seed={seed}",
         "-len_control=0",
     ]

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import os
 import sqlite3
 import struct
 import zlib
 
+import lazrs
 import numpy as np
 import pytest
-from laspy import ExtraBytesParams, LasHeader
+from laspy import ExtraBytesParams, LasData, LasHeader
+from laspy.vlrs import VLR
 
 from mapq.io import read_cloud, read_patches, write_patches, write_ply
 from mapq.io.e57 import e57_poses
 from mapq.io.journal import journal_beside
 from mapq.io.las import _read_points
+from mapq.io.las_unit import unit_of
 from mapq.io.patches import SCHEMA as PATCHES_SCHEMA
+from mapq.io.result_json import stated_unit
 from prf.coloring import read_geojsonl
 from prf.export.source import read_source
 from prf.inspection import inspect
@@ -34,6 +39,7 @@ from prf.simulate.rasters import read_cell_map
 from tests.factories import make_run
 from tests.fuzz.prf_readers import PGM, YAML
 from tests.logs.bags import Maker, drive
+from tests.logs.samples import player_laser
 from tests.mapq.io.samples import patches, refusal
 from tests.test_occupancy import BEAM, build
 
@@ -47,6 +53,11 @@ def whole(tmp_path_factory):
     folder = tmp_path_factory.mktemp("whole") / "run"
     write_run(folder, make_run(n_draws=2))
     return folder
+
+
+def header_of(stream: io.BytesIO) -> LasHeader:
+    stream.seek(0)
+    return LasHeader.read_from(stream)
 
 
 def states(folder) -> dict[str, str]:
@@ -262,15 +273,77 @@ def test_laz_whose_points_are_long_is_read_in_small_pieces():
     class Reader:
         header = LasHeader(point_format=7, version="1.4")
 
-        def chunk_iterator(self, n_points):
+        def read_points(self, n_points):
             self.at_once = n_points
-            return iter(())
+            return ()
 
     reader = Reader()
     reader.header.add_extra_dims([ExtraBytesParams(f"a{n}", "f8") for n in range(1900)])
     with pytest.raises(ValueError, match="at least one array"):
         _read_points(reader, "a.laz")
     assert reader.at_once * reader.header.point_format.size < 1 << 27
+
+
+def test_laz_whose_chunk_is_empty_but_has_points(tmp_path):
+    """What follows was taken for the lengths of its layers: 1,794 bytes asked for 3.4 GB, and the process aborted."""
+    header = LasHeader(point_format=7, version="1.4")
+    stream = io.BytesIO()
+    las = LasData(header)
+    las.x = las.y = las.z = np.arange(20.0)
+    las.write(stream, do_compress=True)
+    data, start = bytearray(stream.getvalue()), header_of(stream).offset_to_point_data
+    (table,) = struct.unpack_from("<q", data, start)
+    vlr = lazrs.LazVlr(bytes(header_of(stream).vlrs.get("LasZipVlr")[0].record_data))
+    for size in (0, 10, table - start - 9):
+        chunks = io.BytesIO()
+        lazrs.write_chunk_table(chunks, [(20, size)], vlr)
+        (tmp_path / "a.laz").write_bytes(bytes(data[:table]) + chunks.getvalue())
+        assert "damaged: chunk 0 is not as long as its layers" in refusal(read_cloud, str(tmp_path / "a.laz"))
+    (tmp_path / "a.laz").write_bytes(data)
+    assert len(read_cloud(str(tmp_path / "a.laz"))) == 20
+
+
+@pytest.mark.parametrize("size", [np.nan, np.inf])
+def test_a_code_of_a_unit_that_is_no_number(size):
+    keys = struct.pack("<8H", 1, 1, 0, 1, 3076, 34736, 1, 0)
+    records = VLR("LASF_Projection", 34735, "", keys), VLR("LASF_Projection", 34736, "", struct.pack("<d", size))
+    assert unit_of(records, "a.las").tolist() == [1.0, 1.0, 1.0]
+
+
+@pytest.mark.parametrize("unit", [HUGE, "1e999", -1, 0, '"1"'])
+def test_a_unit_that_is_none(tmp_path, unit):
+    (tmp_path / "a.json").write_text(f'{{"schema": "mapq.result/1", "cloud_unit": [{unit}, 1, 1], "patches": [\n]}}\n')
+    assert "cloud_unit is no unit" in refusal(stated_unit, tmp_path / "a.json")
+
+
+def test_a_normal_beyond_all_numbers(tmp_path, recwarn):
+    write_patches(tmp_path / "a.patches", patches())
+    arrays = load_arrays(tmp_path / "a.patches", PATCHES_SCHEMA)
+    arrays["normal"][0] = 1e308
+    save_arrays(tmp_path / "a.patches", PATCHES_SCHEMA, arrays)
+    assert "a normal is not of length 1" in refusal(read_patches, tmp_path / "a.patches")
+    assert len(recwarn) == 0
+
+
+def test_steps_of_beams_beyond_all_numbers(tmp_path, recwarn):
+    (tmp_path / "a.log").write_text("## Player version 2.1.2\n" + player_laser([1, 2, 3], low=0.0, step=1e308))
+    assert "are no scan" in refusal(read_readings, str(tmp_path / "a.log"))
+    assert len(recwarn) == 0
+
+
+@pytest.mark.parametrize(
+    ("array", "value"), [("angle", np.inf), ("origin", np.nan), ("range", np.nan), ("range", -1.0), ("range", -np.inf)]
+)
+def test_readings_that_none_has(whole, array, value, recwarn):
+    """Directions without end were drawn, with warnings of numpy."""
+    path = whole / names.READINGS
+    before = path.read_bytes()
+    arrays = load_arrays(path, names.SCHEMAS[names.READINGS])
+    arrays[array][0] = value
+    save_arrays(path, names.SCHEMAS[names.READINGS], arrays)
+    assert f"a reading has a value of {array} that none has" in states(whole)[names.READINGS]
+    path.write_bytes(before)
+    assert len(recwarn) == 0
 
 
 def test_the_whole_ones_are_read(whole, tmp_path):
