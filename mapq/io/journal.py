@@ -139,13 +139,18 @@ def read_journal(journal: Path, n_patches: int) -> tuple[str, list[Event]]:
     events = []
     for number, line in enumerate(lines[1:], start=2):
         row = _object(journal, number, line)
-        patch, label = row.get("patch"), WORDS.get(str(row.get("label")))
-        if not isinstance(patch, int) or not 0 <= patch < max(n_patches, 1) or (label is None and "undo" not in row):
+        patch, label = _number(row.get("patch")), WORDS.get(str(row.get("label")))
+        if not 0 <= patch < max(n_patches, 1) or (label is None and "undo" not in row):
             if head.get("n_patches") == n_patches:
                 raise damaged(journal, f"line {number} is no label of a patch")
             continue
         events.append(Event(patch, None if "undo" in row else label))
     return str(head.get("fingerprint", "")), events
+
+
+def _number(value: object) -> int:
+    """Return a value that is a whole number, else -1; truth values are numbers to Python."""
+    return value if isinstance(value, int) and not isinstance(value, bool) else -1
 
 
 def _object(journal: Path, number: int, line: str) -> dict[str, Any]:

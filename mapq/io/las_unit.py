@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import re
 import struct
 from collections.abc import Iterable, Mapping
@@ -117,7 +118,7 @@ def _geo_keys(body: bytes, doubles: bytes) -> dict[int, float]:
     rows = list(zip(*[iter(values[4:])] * 4, strict=False))
     keys = {key: float(value) for key, location, _, value in rows if location == 0}
     of_doubles = ((key, place) for key, location, _, place in rows if location == GEO_DOUBLES)
-    return keys | {key: sizes[place] for key, place in of_doubles if place < len(sizes)}
+    return keys | {key: sizes[place] for key, place in of_doubles if place < len(sizes) and math.isfinite(sizes[place])}
 
 
 def _of_keys(keys: Mapping[int, float], source: str) -> tuple[float | None, float | None, bool]:

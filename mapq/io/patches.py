@@ -158,6 +158,7 @@ def _take_json(file: Path, arrays: dict[str, Array], name: str, kind: type) -> A
     return value
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of the length of a normal beyond reason
 def _check(file: Path, patches: Patches) -> None:
     """Refuse content that contradicts itself."""
     n_patches, patch = len(patches), patches.patch

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator
 from io import TextIOWrapper
 from pathlib import Path
@@ -70,7 +71,7 @@ def stated_unit(path: Path) -> NDArray[np.float64] | None:
     if found is None:
         return None
     is_row = isinstance(found, list) and len(found) == 3 and all(isinstance(each, int | float) for each in found)
-    if not is_row or not all(0.0 < each < float("inf") for each in found):
+    if not is_row or not all(0.0 < each <= sys.float_info.max for each in found):  # whole numbers have no largest
         raise damaged(path, f"{CLOUD_UNIT} is no unit of three axes")
     return np.array(found, np.float64)
 

@@ -187,7 +187,8 @@ def _laser_scan(header: Header, start: int, robot: FloatArray | None, has_max: b
     if n == 0 or len(pairs) != 2 * n:
         has = f"announces {n} pairs of range and intensity, but has {len(pairs)} fields of them"
         raise InputError(f"{where}: laser line {has}. {MEND}")
-    low, high, step = parse_floats(header.rest[start : start + 3], where)
+    # As floats of Python, which overflow without a word.
+    low, high, step = parse_floats(header.rest[start : start + 3], where).tolist()
     bearing = _bearings(low, high, step, _rounding(header.rest[start + 2]), n, where)
     ranges = parse_floats(pairs[::2], where)
     check_ranges(ranges, where)

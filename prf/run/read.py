@@ -115,8 +115,19 @@ def read_readings(path: Path) -> tuple[Beams | None, Cones | None, Points | None
     beams = _take_beams(path, arrays)
     cones = _take_cones(path, arrays) if names.SONAR_PREFIX + "angle" in arrays else None
     points = _take_points(path, arrays) if names.POINT_PREFIX + "value" in arrays else None
+    for readings in (beams, cones, points):
+        _refuse_strange(path, readings)
     has_others = cones is not None or points is not None
     return (None if has_others and len(beams.angle) == 0 else beams), cones, points
+
+
+def _refuse_strange(path: Path, readings: Beams | Cones | Points | None) -> None:
+    """Raise InputError for numbers that no reading has: a range alone may be infinite, which is no return."""
+    content = {} if readings is None else readings._asdict()
+    content.pop("max_range", None)
+    for name, values in content.items():
+        if not ((values >= 0.0).all() if name == "range" else np.isfinite(values).all()):
+            raise damaged(path, f"a reading has a value of {name} that none has")
 
 
 def _take_beams(path: Path, arrays: dict[str, NDArray[Any]]) -> Beams:

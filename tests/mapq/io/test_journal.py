@@ -88,7 +88,11 @@ def test_labels_of_other_patches_are_left_alone_and_said(saved, caplog):
 
 
 @pytest.mark.parametrize(
-    "line", ["{", "[]", '{"patch": 99, "label": "plausible"}', '{"patch": 1, "label": "odd"}', "{}"]
+    "line",
+    [
+        *("{", "[]", "{}", '{"patch": 1, "label": "odd"}'),
+        *(f'{{"patch": {patch}, "label": "plausible"}}' for patch in (99, -1, "true", "1.0", "null")),
+    ],
 )
 def test_a_damaged_journal_is_refused(saved, line):
     journal = add(saved, Event(3, SUSPICIOUS))
