@@ -12,7 +12,18 @@ from numpy.typing import ArrayLike, NDArray
 from prf.kernels.constants import BOTTOM, INTERIOR, LEFT, RIGHT, TOP
 from prf.shell.errors import ConfigError
 
-__all__ = ["BOTTOM", "INTERIOR", "LARGEST_COORDINATE", "LEFT", "RIGHT", "SIDES", "SIDE_NAMES", "TOP", "Window"]
+__all__ = [
+    "BOTTOM",
+    "INTERIOR",
+    "LARGEST_COORDINATE",
+    "LARGEST_RANGE",
+    "LEFT",
+    "RIGHT",
+    "SIDES",
+    "SIDE_NAMES",
+    "TOP",
+    "Window",
+]
 
 SIDES = (BOTTOM, RIGHT, TOP, LEFT)
 """Counter-clockwise: y = y_min, x = x_max, y = y_max, x = x_min. Corner i lies between sides i and (i + 1) % 4.
@@ -22,6 +33,8 @@ A vertex that lies on no side is ``INTERIOR``.
 SIDE_NAMES = ("bottom", "right", "top", "left")
 LARGEST_COORDINATE = 1e8
 """Metres. Beyond any projected map (1e7), and small enough that millimetres survive in double precision."""
+LARGEST_RANGE = 1e6
+"""Metres. Beyond any sensor, and far below what drivers write for no return, such as the largest float."""
 
 
 class Window(NamedTuple):

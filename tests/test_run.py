@@ -167,6 +167,7 @@ def test_unknown_versions_are_refused(folder: Path) -> None:
         ({"chain": np.zeros(3, np.int32)}, "array chain has shape"),
         ({"chain": np.zeros(12)}, "array chain is float64"),
         ({"window": np.array([0.0, 0.0, -1.0, 1.0])}, "window"),
+        ({"window": np.array([0.0, 0.0, 1e308, 1.0])}, "window"),
         ({"xy": None}, "array xy is missing"),
         ({"side": np.array([{}], dtype=object)}, "pickled"),
     ],
@@ -176,6 +177,31 @@ def test_arrays_that_contradict_each_other_are_refused(folder: Path, changes: di
         arrays = {name: stored[name] for name in stored.files}
     arrays |= changes
     np.savez(folder / "draws.npz", **{name: value for name, value in arrays.items() if value is not None})
+    with pytest.raises(InputError, match=message):
+        read_run(folder)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"origin": np.array([np.inf, 0.0])}, "origin"),
+        ({"origin": np.array([0.0, -1e300])}, "origin"),
+        ({"resolution": np.float64(0.0)}, "resolution"),
+        ({"resolution": np.float64(np.nan)}, "resolution"),
+        ({"occupancy": np.full((4, 6), np.inf, np.float32)}, "probability"),
+        ({"occupancy": np.full((4, 6), -0.1, np.float32)}, "probability"),
+        ({"square_occupancy": np.full((4, 6), 1.5, np.float32)}, "probability"),
+    ],
+)
+def test_images_that_are_none_are_refused(folder: Path, changes: dict, message: str) -> None:
+    path = folder / "posterior.npz"
+    with np.load(path) as stored:
+        arrays = {name: stored[name] for name in stored.files}
+    shape = arrays["occupancy"].shape
+    changed = {
+        name: np.broadcast_to(value.flat[0], shape) if value.ndim == 2 else value for name, value in changes.items()
+    }
+    np.savez(path, **{**arrays, **changed})
     with pytest.raises(InputError, match=message):
         read_run(folder)
 

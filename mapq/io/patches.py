@@ -12,7 +12,7 @@ import numpy as np
 
 from mapq.cloud import PointCloud
 from mapq.io.content import Content, read_bytes
-from mapq.io.fields import NUMBERS, Array
+from mapq.io.fields import LARGEST_COORDINATE, NUMBERS, Array
 from mapq.io.journal import with_journal
 from mapq.io.npy import ARCHIVE_ERRORS, ZIP_MAGIC, parse_archive, parse_array
 from mapq.patches import FROM_FIELD, FROM_HAND, FROM_NOBODY, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
@@ -166,12 +166,14 @@ def _check(file: Path, patches: Patches) -> None:
         raise damaged(file, f"patch numbers are not within {NO_PATCH} and {n_patches - 1}")
     if n_patches and patches.counts.min() == 0:
         raise damaged(file, f"patch {int(patches.counts.argmin())} has no points")
-    if not patches.cloud.finite()[patch != NO_PATCH].all():
-        raise damaged(file, "a point of a patch is not finite")
+    # Twice, as the shift that was taken off may be as large as they are.
+    largest = 2.0 * LARGEST_COORDINATE * patches.cloud.unit
+    if not (np.abs(patches.cloud.xyz[patch != NO_PATCH]) <= largest).all():
+        raise damaged(file, f"a point of a patch is not finite, or beyond {LARGEST_COORDINATE:g}")
     if not np.allclose(np.linalg.norm(patches.normal, axis=1), 1.0, atol=1e-6):
         raise damaged(file, "a normal is not of length 1")
-    if not np.isfinite(patches.centroid).all():
-        raise damaged(file, "a centroid is not finite")
+    if not (np.abs(patches.centroid) <= largest).all():
+        raise damaged(file, f"a centroid is not finite, or beyond {LARGEST_COORDINATE:g}")
     if not np.isin(patches.label, (PLAUSIBLE, SUSPICIOUS, UNLABELLED)).all():
         raise damaged(file, "a label is neither 0 nor 1 nor 255")
     if not np.isin(patches.label_source, (FROM_NOBODY, FROM_FIELD, FROM_HAND)).all():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator
 from io import TextIOWrapper
 from pathlib import Path
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from mapq.io.results import CLOUD_UNIT, OPENING, SCHEMA, json_beside
 from prf.shell.errors import InputError
 from prf.shell.files import open_input
-from prf.shell.storage import check_schema, damaged, load_object
+from prf.shell.storage import check_schema, damaged, load_object, whole_number
 
 Row = dict[str, Any]
 
@@ -71,7 +70,7 @@ def stated_unit(path: Path) -> NDArray[np.float64] | None:
     if found is None:
         return None
     is_row = isinstance(found, list) and len(found) == 3 and all(isinstance(each, int | float) for each in found)
-    if not is_row or not all(0.0 < each <= sys.float_info.max for each in found):  # whole numbers have no largest
+    if not is_row or not all(0.0 < each < float("inf") for each in found):
         raise damaged(path, f"{CLOUD_UNIT} is no unit of three axes")
     return np.array(found, np.float64)
 
@@ -116,7 +115,7 @@ def _decoded(path: Path, stream: TextIOWrapper) -> Iterator[str]:
 
 def _parse(path: Path, number: int, text: str) -> Row:
     try:
-        found = json.loads(text)
+        found = json.loads(text, parse_int=whole_number)
     except (ValueError, RecursionError):
         found = None
     if not isinstance(found, dict):

@@ -13,6 +13,7 @@ from importlib.resources import files
 from typing import Any
 
 from prf.shell.errors import UsageError
+from prf.shell.files import encoded
 from prf.shell.jsonout import jsonable
 
 VIEWS = ("scene.js", "plan.js", "space.js")
@@ -77,7 +78,8 @@ def packed(content: bytes) -> str:
 
 def packed_json(content: Any) -> str:
     """Return an object as JSON, as :func:`packed`."""
-    return packed(json.dumps(jsonable(content), allow_nan=False, ensure_ascii=False, separators=(",", ":")).encode())
+    text = json.dumps(jsonable(content), allow_nan=False, ensure_ascii=False, separators=(",", ":"))
+    return packed(encoded(text))
 
 
 def table(head: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]], kind: str) -> str:

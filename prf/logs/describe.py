@@ -10,6 +10,7 @@ import numpy as np
 from prf.logs.readings import FloatArray, Kind, Readings, ScanTable
 from prf.logs.suspicions import Suspicion, find_suspicions
 from prf.sensors.laser import unit_vectors
+from prf.window import LARGEST_RANGE
 
 MAX_RANGE_SHARE = 0.97
 """Default maximum range over largest range: the numbers that mean "no return" in a log spread by less (51.05-51.16)."""
@@ -148,7 +149,8 @@ def default_max_range(readings: Readings) -> float:
 
 def largest_range(readings: Readings) -> float:
     """Return the largest finite range that the log holds, cut at the sensors' own maximum; nan if none is finite."""
-    return float(np.fmax(readings.largest_range, readings.notes.sensor_max))
+    top = readings.notes.sensor_max
+    return float(np.fmax(readings.largest_range, top if top <= LARGEST_RANGE else np.nan))
 
 
 def _extent(xy: FloatArray) -> Extent:

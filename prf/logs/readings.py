@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from prf.shell.errors import ConfigError, InputError
+from prf.window import LARGEST_RANGE
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -161,7 +162,7 @@ class Readings:
         origin : (n, 2) or (2,) array_like
             Sensor positions, metres.
         angle, ranges : (n,) array_like
-            Directions in radians and distances in metres; `ranges` fixes n.
+            Directions in radians and distances in metres; `ranges` fixes n. One beyond `LARGEST_RANGE` is no return.
         scan, beam, time, cone : (n,) array_like or scalar, optional
             As the attributes; `beam` counts through the beams of each scan if absent.
         source : str, optional
@@ -175,6 +176,7 @@ class Readings:
             If the shapes do not agree.
         """
         distance = np.array(ranges, dtype=np.float64, order="C").reshape(-1)
+        distance[distance > LARGEST_RANGE] = np.inf
         shape = distance.shape
         scans = np.array(np.broadcast_to(scan, shape), dtype=np.int64)
         beams = beam_numbers(scans) if beam is None else beam

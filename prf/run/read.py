@@ -16,7 +16,7 @@ from prf.run.mapfile import read_map_feature
 from prf.run.model import Beams, Cones, Points, PosteriorImage, Run
 from prf.shell.errors import InputError
 from prf.shell.storage import damaged, load_arrays, load_object, take_array
-from prf.window import Window
+from prf.window import LARGEST_COORDINATE, Window
 
 PARTS = (names.POSTERIOR, names.READINGS, names.MAP, names.DIAGNOSTICS)
 """Files beside manifest and draws; a run that was interrupted early may lack them."""
@@ -101,12 +101,18 @@ def read_image(path: Path) -> PosteriorImage:
     """Return the image in posterior.npz."""
     arrays = load_arrays(path, names.SCHEMAS[names.POSTERIOR])
     occupancy = take_array(path, arrays, "occupancy", np.float32, (None, None))
-    return PosteriorImage(
+    image = PosteriorImage(
         occupancy,
         take_array(path, arrays, "square_occupancy", np.float32, occupancy.shape),
         take_array(path, arrays, "origin", np.float64, (2,)),
         float(take_array(path, arrays, "resolution", np.float64, ())),
     )
+    for values in (image.occupancy, image.square_occupancy):
+        if ((values < 0.0) | (values > 1.0)).any():
+            raise damaged(path, "a probability is not within 0 and 1")
+    if not ((np.abs(image.origin) <= LARGEST_COORDINATE).all() and 0.0 < image.resolution <= LARGEST_COORDINATE):
+        raise damaged(path, f"origin {image.origin.tolist()}, resolution {image.resolution}")
+    return image
 
 
 def read_readings(path: Path) -> tuple[Beams | None, Cones | None, Points | None]:
@@ -172,7 +178,7 @@ def read_best(path: Path) -> tuple[Coloring, float]:
 
 def _take_draws(path: Path, arrays: dict[str, NDArray[Any]]) -> Draws:
     bounds = take_array(path, arrays, "window", np.float64, (4,))
-    if not (np.isfinite(bounds).all() and (bounds[:2] < bounds[2:]).all()):
+    if not ((np.abs(bounds) <= LARGEST_COORDINATE).all() and (bounds[:2] < bounds[2:]).all()):
         raise damaged(path, f"window {bounds.tolist()}")
     anchor_black = take_array(path, arrays, "anchor_black", np.bool_, (None,))
     n = len(anchor_black)

@@ -12,6 +12,7 @@ from prf.kernels import constants as c
 from prf.kernels.beams import Beams, count_slots, fill_slots
 from prf.kernels.bounds import FADED, find_aims
 from prf.kernels.grid import Grid, most_cells
+from prf.sensors.domain import LEAST_PROBABILITY, check_factor, check_length
 from prf.shell.errors import ConfigError
 from prf.window import Window
 
@@ -61,17 +62,17 @@ class LaserModel:
     def __post_init__(self) -> None:
         """Refuse parameters that make no density."""
         for name in ("max_range", "noise"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ConfigError(f"{name.replace('_', '-')} {value}: must be a positive number of metres")
-        if not (math.isfinite(self.noise_relative) and self.noise_relative >= 0.0):
-            raise ConfigError(f"noise-relative {self.noise_relative}: must not be negative")
+            check_length(name.replace("_", "-"), getattr(self, name))
+        check_factor("noise-relative", self.noise_relative, 0.0)
         for name in ("outlier_probability", "miss_probability"):
             value = getattr(self, name)
             if not 0.0 <= value < 1.0:
                 raise ConfigError(f"{name.replace('_', '-')} {value}: must lie in [0, 1)")
-        if self.outlier_probability == 0.0:
-            raise ConfigError("outlier-probability 0: no map could explain a stray reading; use a small positive one")
+        if self.outlier_probability < LEAST_PROBABILITY:
+            raise ConfigError(
+                f"outlier-probability {self.outlier_probability:g}: no map could explain a stray reading; use a small "
+                f"positive one"
+            )
         if self.outlier_probability + self.miss_probability >= 1.0:
             raise ConfigError("outlier-probability + miss-probability: their sum must stay below 1")
 

@@ -14,6 +14,7 @@ from prf.kernels import constants as c
 from prf.kernels import sonar as m
 from prf.kernels import visibility as v
 from prf.kernels.grid import Grid
+from prf.sensors.domain import LEAST_PROBABILITY, check_factor, check_length
 from prf.sensors.laser import MOST_SLOTS
 from prf.shell.errors import ConfigError
 
@@ -60,15 +61,11 @@ class SonarModel:
     def __post_init__(self) -> None:
         """Refuse parameters that make no density."""
         for name in ("max_range", "noise", "short_length"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ConfigError(f"sonar-{name.replace('_', '-')} {value}: must be a positive number of metres")
+            check_length(f"sonar-{name.replace('_', '-')}", getattr(self, name))
         for field in dataclasses.fields(self):
-            if not math.isfinite(getattr(self, field.name)):
-                raise ConfigError(f"sonar-{field.name.replace('_', '-')}: must be a number")
-        if self.noise_relative < 0.0:
-            raise ConfigError(f"sonar-noise-relative {self.noise_relative}: must not be negative")
-        if not 0.0 < self.uniform_probability < 1.0:
+            check_factor(f"sonar-{field.name.replace('_', '-')}", getattr(self, field.name))
+        check_factor("sonar-noise-relative", self.noise_relative, 0.0)
+        if not LEAST_PROBABILITY <= self.uniform_probability < 1.0:
             raise ConfigError(
                 f"sonar-uniform-probability {self.uniform_probability}: must lie in (0, 1), else no map could explain "
                 "a stray reading"

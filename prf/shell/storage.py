@@ -27,6 +27,10 @@ _ARRAY_ERRORS = (
 """What numpy and zipfile raise for a damaged archive; RuntimeError has nesting and unknown packing among it."""
 
 
+MOST_DIGITS = 300
+"""Of a whole number, so that it fits a float."""
+
+
 class OtherVersion(InputError):  # noqa: N818 - reads as what happened
     """A file of a kind that is read, in a version that is not.
 
@@ -101,7 +105,7 @@ def load_object(path: Path, schema: str) -> dict[str, Any]:
     """Return the JSON object in `path`, whose ``schema`` must be `schema`; errors as :func:`load_arrays`."""
     try:
         with open_input(path) as stream:
-            content = json.loads(stream.read().decode("utf-8"))
+            content = json.loads(stream.read().decode("utf-8"), parse_int=whole_number)
     except json.JSONDecodeError as error:
         raise InputError(f"{path}:{error.lineno}: damaged ({error.msg}). {_REMEDY}") from error
     except UnicodeDecodeError as error:
@@ -112,6 +116,13 @@ def load_object(path: Path, schema: str) -> dict[str, Any]:
         raise InputError(f"{path}: damaged (not a JSON object). {_REMEDY}")
     check_schema(path, str(content.get("schema", "")), schema)
     return content
+
+
+def whole_number(text: str) -> int:
+    """Return a whole number of JSON; ValueError for one that no float holds, which arithmetic would stumble on."""
+    if len(text) >= MOST_DIGITS:
+        raise ValueError("a whole number beyond all floats")
+    return int(text)
 
 
 def check_schema(path: Path, found: str, expected: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,9 +14,12 @@ from hypothesis import strategies as st
 from tests.fuzz.faults import bomb, faults
 from tests.fuzz.reader import little_room
 from tests.fuzz.test_outputs import clear, content
+from tests.fuzz.values import exchanged
 from tests.fuzz.verbs import QUICK, VERBS, Said, Verb, call, make_samples, marked
 
 RUN_PARTS = ("manifest.json", "draws.npz", "posterior.npz", "readings.npz", "map.geojson", "diagnostics.json")
+MOST_VARIANTS = 30
+"""Of a file, for each verb."""
 GENTLE = settings(max_examples=20, suppress_health_check=list(HealthCheck), database=None)
 
 
@@ -74,6 +78,25 @@ def test_one_fault(verb: Verb, name: str, folder: Path, data: st.DataObject) -> 
         clear(folder)
         for each, value in {**kept, name: whole}.items():
             (folder / each).write_bytes(value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("verb", "name"), marked(CASES))
+def test_one_value(verb: Verb, name: str, folder: Path) -> None:
+    """What a reader lets pass must not stop the work behind it either."""
+    whole = (folder / name).read_bytes()
+    variants = list(exchanged(whole))
+    kept = {each: (folder / each).read_bytes() for each in ("bare.patches",)}
+    try:
+        for data in random.Random(name).sample(variants, min(MOST_VARIANTS, len(variants))):
+            (folder / name).write_bytes(data)
+            before = content(folder)
+            judged(verb, name, call(verb.call, folder), before, folder)
+            clear(folder)
+            for each, value in kept.items():
+                (folder / each).write_bytes(value)
+    finally:
+        (folder / name).write_bytes(whole)
 
 
 @pytest.mark.slow

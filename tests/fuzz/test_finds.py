@@ -90,10 +90,8 @@ def test_a_map_with_a_number_that_no_float_holds(tmp_path, part):
     else:
         content["properties"][part] = HUGE if part == "log_posterior" else [0, 0, HUGE, 1]
     path.write_text(json.dumps(content))
-    if part == "log_posterior":
-        assert np.isnan(read_run(tmp_path / "run").best_log_posterior)
-    else:
-        assert str(path) in refusal(read_run, tmp_path / "run")
+    assert str(path) in refusal(read_run, tmp_path / "run")
+    if part != "log_posterior":
         assert str(path) in refusal(read_occupied_area, path)
 
 
@@ -310,7 +308,7 @@ def test_a_code_of_a_unit_that_is_no_number(size):
     assert unit_of(records, "a.las").tolist() == [1.0, 1.0, 1.0]
 
 
-@pytest.mark.parametrize("unit", [HUGE, "1e999", -1, 0, '"1"'])
+@pytest.mark.parametrize("unit", ["1e999", -1, 0, '"1"'])
 def test_a_unit_that_is_none(tmp_path, unit):
     (tmp_path / "a.json").write_text(f'{{"schema": "mapq.result/1", "cloud_unit": [{unit}, 1, 1], "patches": [\n]}}\n')
     assert "cloud_unit is no unit" in refusal(stated_unit, tmp_path / "a.json")

@@ -1,16 +1,31 @@
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from prf.logs import describe
 from prf.logs.carmen import read_carmen
+from prf.logs.describe import default_max_range
+from prf.logs.readings import LogNotes
 from prf.logs.table import read_table
 from tests.logs.samples import flaser
 
 
 def summary_of(text: str):
     return describe(read_carmen(text.encode(), "a.log"), "a.log")
+
+
+def test_the_largest_float_is_no_return():
+    """Some drivers write it so; taken for a range it would be the maximum of the sensor."""
+    rows = "".join(f"0,0,{beam},{distance}\n" for beam, distance in enumerate([2.0, 3.4028235e38, 1e300, 4.0]))
+    readings = read_table(b"x,y,theta,range\n" + rows.encode(), "a.csv")
+    assert readings.range.tolist() == [2.0, np.inf, np.inf, 4.0]
+    assert default_max_range(readings) == pytest.approx(0.97 * 4.0)
+    of_driver = dataclasses.replace(readings, notes=dataclasses.replace(readings.notes, sensor_max=3.4028235e38))
+    assert default_max_range(of_driver) == pytest.approx(0.97 * 4.0)
+    assert default_max_range(dataclasses.replace(readings, notes=LogNotes(sensor_max=8.0))) == pytest.approx(0.97 * 8.0)
 
 
 def drive(poses, seconds=1.0, kind="FLASER", n=3):
@@ -93,7 +108,7 @@ class TestSuspicions:
         assert "range-unit" not in found(flaser([81.83, 1.5, 81.83], (0.5, 0, 0)))
 
     def test_ranges_of_zero_and_ranges_that_no_laser_has(self):
-        assert found(flaser([0, 1, 3.4e38])) == {"zero-range": (), "largest-range": ()}
+        assert found(flaser([0, 1, 3.4e5])) == {"zero-range": (), "largest-range": ()}
 
     def test_headings_in_degrees(self):
         assert "angle" in found(flaser([1.0], (0, 0, 270.0)))

@@ -38,6 +38,11 @@ VIEW = 0.349
     [
         ("max_range", 0.0),
         ("max_range", math.inf),
+        ("max_range", 1e307),
+        ("noise", 1e-300),
+        ("noise_relative", 1e300),
+        ("surface_bias", -1e300),
+        ("uniform_probability", 1e-320),
         ("noise", 0.0),
         ("noise", math.nan),
         ("noise_relative", -0.1),

@@ -46,6 +46,24 @@ def test_a_page_says_what_the_result_says(tmp_path):
     assert '<html lang="en">' in page
 
 
+def test_half_of_a_surrogate_pair_is_written_as_its_escape(tmp_path):
+    """It is what names of files become that are no UTF-8, and JSON gives it back."""
+    told = read_findings(str(save_result(tmp_path / "r.ply")))
+    told.head["regions"][0]["cause"] = "seen \udcff before"
+    told.rows[8]["reasons"][0]["text"] = "as \udcff"
+    page = report(tmp_path / "r.html", told)
+    assert "seen \\udcff before" in page
+    assert data_of(page)["reasons"][8][0][0] == "as \udcff"
+
+
+def test_a_whole_number_that_no_float_holds_is_refused(tmp_path):
+    path = save_result(tmp_path / "r.ply").with_suffix(".json")
+    head, rows = path.read_text().split("\n", 1)
+    path.write_text(re.sub(r'"low": \[[-.\d]+', f'"low": [1{"0" * 400}', head, count=1) + "\n" + rows)
+    with pytest.raises(InputError, match=r"r\.json:1: damaged"):
+        read_findings(str(tmp_path / "r.ply"))
+
+
 def test_nothing_of_a_page_lies_elsewhere(tmp_path):
     page = without_plotly(report(tmp_path / "r.html", read_findings(str(save_result(tmp_path / "r.ply")))))
     assert re.findall(r"(?:src|href)=[\"'](?!#)", page) == []
