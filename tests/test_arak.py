@@ -16,6 +16,7 @@ from scipy import integrate
 from prf.arak import exact_draws, log_density, log_partition, vertex_sines
 from prf.coloring import Coloring, Draws, violations
 from prf.kernels import dynamic
+from prf.sampler.prior import mcmc_draws
 from prf.shell.errors import ConfigError
 from prf.window import BOTTOM, INTERIOR, LEFT, SIDES, TOP, Window
 from tests.reference.slow_coloring import slow_log_density
@@ -80,12 +81,22 @@ def test_fields_scale() -> None:
 
 def test_wrong_arguments_are_config_errors() -> None:
     rng = np.random.default_rng(1)
-    for scale in (0.0, -1.0, math.nan, math.inf):
+    for scale in (0.0, -1.0, math.nan, math.inf, 1e308):
         with pytest.raises(ConfigError, match="scale"):
             exact_draws(scale, UNIT, 1, rng)
     with pytest.raises(ConfigError, match="draws"):
         exact_draws(1.0, UNIT, -1, rng)
     assert len(exact_draws(1.0, UNIT, 0, rng)) == 0
+
+
+@pytest.mark.parametrize(("scale", "n_draws"), [(1e5, 1), (1.0, 10**20)])
+def test_draws_without_end_are_refused(scale: float, n_draws: int) -> None:
+    for draw in (
+        lambda: exact_draws(scale, UNIT, n_draws, np.random.default_rng(1)),
+        lambda: mcmc_draws(scale, UNIT, n_draws),
+    ):
+        with pytest.raises(ConfigError, match=r"would have about .* edges\. Give a smaller scale"):
+            draw()
 
 
 def test_log_density_by_hand() -> None:

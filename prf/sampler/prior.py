@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from prf.arak import checked_scale
+from prf.arak import checked_scale, refuse_endless
 from prf.coloring import Coloring, Draws
 from prf.kernels.build import resum
 from prf.laws import expected_edges
@@ -42,7 +42,13 @@ def mcmc_draws(scale: float, window: Window, n_draws: int, thin: int | None = No
     draws : Draws
     thin : int
         The steps between draws.
+
+    Raises
+    ------
+    ConfigError
+        As :func:`prf.arak.exact_draws`.
     """
+    refuse_endless(scale, window, n_draws)
     settings = Settings(window, checked_scale(scale))
     chain = make_chain(settings, Coloring.empty(window))
     rng = spawn_generators(seed, 1)[0]

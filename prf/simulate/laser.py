@@ -15,11 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.logs.carmen import QUARTER_DEGREES, half_circle
+from prf.sensors.domain import check_factor, check_length
 from prf.shell.errors import ConfigError
 from prf.simulate.world import Floats
 
 HAIR = 1e-9
 """Share of the step between beams by which intervals are widened, so that no beam slips between neighbouring walls."""
+MOST_BEAMS = 100_000
+"""Of a scan; no scanner in a plane has a tenth of that."""
 BLOCK = 64
 """Scans between two reports of progress."""
 
@@ -62,16 +65,13 @@ class LaserPhysics:
 
     def __post_init__(self) -> None:
         """Refuse parameters that no scanner has."""
-        if self.beams < 2:
-            raise ConfigError(f"beams {self.beams}: a scan has at least 2")
+        if not 2 <= self.beams <= MOST_BEAMS:
+            raise ConfigError(f"beams {self.beams}: a scan has at least 2, and at most {MOST_BEAMS:,}")
         if not 0.0 < self.field_of_view <= 2.0 * math.pi + HAIR:
             raise ConfigError(f"field-of-view {self.field_of_view}: must lie above 0 and be at most 2 pi, in radians")
-        if not (math.isfinite(self.max_range) and self.max_range > 0.0):
-            raise ConfigError(f"max-range {self.max_range}: must be a positive number of metres")
+        check_length("max-range", self.max_range)
         for name in ("noise", "noise_relative"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ConfigError(f"{name.replace('_', '-')} {value}: must not be negative")
+            check_factor(name.replace("_", "-"), getattr(self, name), 0.0)
         for name in ("outlier_probability", "miss_probability", "dropped", "dark"):
             value = getattr(self, name)
             if not 0.0 <= value <= 1.0:

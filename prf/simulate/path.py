@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from prf.shell.errors import ConfigError
 from prf.simulate.roadmap import CELL, Roadmap
 from prf.simulate.tour import tour_places, viewpoints
 from prf.simulate.world import Floats
@@ -15,6 +16,7 @@ SPEED = 0.5
 """Metres a second, while driving."""
 TURNING = 1.0
 """Radians a second, while turning in place."""
+MOST_SCANS = 10**8
 LEAST_STOPS = 4
 """Viewpoints of a drive, so that a room is seen from more than one side."""
 DIGITS = 6
@@ -103,9 +105,17 @@ def scans_along(corners: Floats, spacing: Spacing, n_scans: int | None = None, s
         How many; the robot drives the way and back until it has them. Default: as many as one drive gives.
     stretch : bool
         Spread `n_scans` evenly over one drive, metres and radians in the proportion of `spacing`.
+
+    Raises
+    ------
+    ConfigError
+        If there would be more than `MOST_SCANS`.
     """
     knots = _knots(corners, spacing)
     way = knots[-1, 0]
+    wanted = max(way, n_scans or 0)
+    if not wanted <= MOST_SCANS:
+        raise ConfigError(f"the drive would have {wanted:.3g} scans. Give a larger --spacing, or fewer --readings.")
     if n_scans is None:
         marks = np.arange(int(way) + 1, dtype=np.float64)
     elif stretch:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from prf.logs.rings import PIONEER
 from prf.logs.track import mounted
+from prf.sensors.domain import check_length
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.seeds import spawn_generators
 from prf.simulate.laser import LaserPhysics, choose_dark, simulate_laser
@@ -28,6 +28,7 @@ OFFICE, ARAK = "office", "arak"
 SIZE = (60.0, 40.0)
 LEAST_ROOM = 0.2
 """Share of the window in which the centre of the robot must be able to be, for a draw from the prior to be used."""
+MOST_READINGS = 10**9
 RING_RADIUS = float(np.hypot(*PIONEER[:, :2].T).max())
 
 
@@ -83,11 +84,10 @@ class SimulateConfig:
     def __post_init__(self) -> None:
         """Refuse what cannot be simulated."""
         for name in ("robot_radius", "reach", "spacing", "turn_spacing"):
-            value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise ConfigError(f"{name.replace('_', '-')} {value}: must be a positive number")
-        if self.readings is not None and self.readings < 1:
-            raise ConfigError(f"readings {self.readings}: must be at least 1")
+            if getattr(self, name) is not None:
+                check_length(name.replace("_", "-"), getattr(self, name))
+        if self.readings is not None and not 1 <= self.readings <= MOST_READINGS:
+            raise ConfigError(f"readings {self.readings}: must be at least 1, and at most {MOST_READINGS:,}")
         if self.laser is None and self.sonar is None:
             raise ConfigError("no sensor: leave --no-laser out, or add --sonar")
         if self.sonar is not None and self.robot_radius < RING_RADIUS:

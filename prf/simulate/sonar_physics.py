@@ -9,12 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import j1
 
+from prf.sensors.domain import LARGEST_FACTOR
 from prf.shell.errors import ConfigError
 
 Floats = NDArray[np.float64]
 
 FIRST_ZERO = 3.8317059702075125
 """Of J1 after 0."""
+LONGEST_RANGE = 1000.0
+"""Metres. Sound in air that any transducer hears again has come from far nearer."""
 BEAM_HEIGHT = 0.16
 """Height of a rough wall that the beam lights both ways, as a share of the distance: 9 degrees."""
 
@@ -116,12 +119,14 @@ class SonarPhysics:
                     "max_range", "quantum", "edge_radius")  # fmt: skip
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            if not math.isfinite(value):
-                raise ConfigError(f"sonar {field.name} {value}: must be a number")
+            if not abs(value) <= LARGEST_FACTOR:
+                raise ConfigError(f"sonar {field.name} {value}: must be a number, at most {LARGEST_FACTOR:g}")
             if field.name in positive and value <= 0.0:
                 raise ConfigError(f"sonar {field.name} {value}: must be positive")
             if field.name != "level_db" and value < 0.0:
                 raise ConfigError(f"sonar {field.name} {value}: must not be negative")
+        if self.max_range > LONGEST_RANGE:
+            raise ConfigError(f"sonar-max-range {self.max_range}: in air at most {LONGEST_RANGE:g} m")
         for name in ("mirror", "rough_share", "backscatter", "burst_probability"):
             if getattr(self, name) > 1.0:
                 raise ConfigError(f"sonar {name} {getattr(self, name)}: is a share, at most 1")

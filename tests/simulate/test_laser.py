@@ -179,6 +179,9 @@ def test_nothing_to_see() -> None:
     ("changes", "message"),
     [
         ({"beams": 1}, "beams"),
+        ({"beams": 10**20}, "beams"),
+        ({"max_range": 1e308}, "max-range"),
+        ({"noise": 1e300}, "noise"),
         ({"field_of_view": 7.0}, "field-of-view"),
         ({"max_range": math.inf}, "max-range"),
         ({"noise": -1.0}, "noise"),

@@ -140,6 +140,9 @@ def test_an_empty_world_and_a_small_one(tmp_path: Path) -> None:
     ("changes", "message"),
     [
         ({"spacing": 0.0}, "spacing"),
+        ({"spacing": 1e-300}, "spacing"),
+        ({"reach": 1e300}, "reach"),
+        ({"readings": 10**20}, "readings"),
         ({"robot_radius": -1.0}, "robot-radius"),
         ({"readings": 0}, "readings"),
         ({"laser": None}, "no sensor"),
@@ -149,3 +152,9 @@ def test_an_empty_world_and_a_small_one(tmp_path: Path) -> None:
 def test_what_cannot_be_simulated_is_refused(changes: dict[str, object], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         dataclasses.replace(SMALL, **changes)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("how", [{"spacing": 1e-8}, {"turn_spacing": 1e-9, "spacing": 1.0}])
+def test_a_drive_of_too_many_scans_is_refused(how: dict[str, float]) -> None:
+    with pytest.raises(ConfigError, match=r"the drive would have .* scans\. Give a larger --spacing"):
+        simulate(SimulateConfig(size=(4.0, 4.0), **how), 1)

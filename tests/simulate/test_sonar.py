@@ -286,6 +286,8 @@ def test_the_ring_stands_on_the_robot() -> None:
     [
         ("frequency", 0.0, "positive"),
         ("max_range", -1.0, "positive"),
+        ("max_range", 1e5, "in air at most 1000 m"),
+        ("frequency", 1e308, "number, at most"),
         ("noise_db", math.nan, "number"),
         ("flutter_db", -1.0, "negative"),
         ("rough_share", 1.5, "share"),
