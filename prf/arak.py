@@ -6,6 +6,7 @@ The exact laws of its statistics are in :mod:`prf.laws`.
 from __future__ import annotations
 
 import math
+import sys
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +26,13 @@ MOST_EDGES = 1e8
 def checked_scale(scale: float) -> float:
     """Return `scale` as a float; ConfigError unless it is above 0, and at most `LARGEST_SCALE`."""
     if not 0.0 < scale <= LARGEST_SCALE:
-        raise ConfigError(f"scale {scale}: must be a number above 0 and at most {LARGEST_SCALE:g}, in 1/m.")
+        raise ConfigError(f"scale {scale}: must be a finite number above 0, at most {LARGEST_SCALE:g}, in 1/m.")
     return float(scale)
 
 
 def refuse_endless(scale: float, window: Window, n_draws: int) -> None:
     """Raise ConfigError if draws have so many edges that neither time nor memory would do for them."""
-    expected = n_draws * expected_edges(checked_scale(scale), window)
+    expected = min(n_draws, sys.maxsize) * expected_edges(checked_scale(scale), window)
     if not expected <= MOST_EDGES:
         raise ConfigError(
             f"scale {scale:g}: {n_draws} draws on {window.width:g} x {window.height:g} m would have about "

@@ -17,6 +17,7 @@ CONTEXTS = ("outlines", "moments", "rays")
 TOLERANCE_IN_NOISE = 3.3
 """Standard deviations: surfaces closer than this cannot be told from one rough surface."""
 
+MOST_NEIGHBOURS = 10_000
 LONGEST = 1e6
 """Metres: no map needs a longer length, and the square of one must be a number."""
 
@@ -76,10 +77,10 @@ class FeatureSettings:
         for name in self.context:
             if name not in CONTEXTS:
                 raise ConfigError(f"features: there is no context {name}. Choose from {', '.join(CONTEXTS)}.")
-        if self.n_neighbours < 1:
-            raise ConfigError(f"features: {self.n_neighbours} neighbours. Give at least 1.")
-        if self.n_watched < 0:
-            raise ConfigError(f"features: {self.n_watched} patches watched. Give 0 or more.")
+        if not 1 <= self.n_neighbours <= MOST_NEIGHBOURS:
+            raise ConfigError(f"features: {self.n_neighbours} neighbours. Give 1 to {MOST_NEIGHBOURS}.")
+        if not 0 <= self.n_watched <= MOST_NEIGHBOURS:
+            raise ConfigError(f"features: {self.n_watched} patches watched. Give 0 to {MOST_NEIGHBOURS}.")
         for name in ("radius", "tau", "eps", "noise", "tolerance", "spacing"):
             value = getattr(self, name)
             if value is not None and not 0 < value < LONGEST:

@@ -41,8 +41,8 @@ class ReadOptions:
         """Check the values."""
         if self.bin_columns not in (3, 4):
             raise UsageError(f"--bin-columns {self.bin_columns} is neither 3 nor 4.")
-        if self.unit is not None and not (math.isfinite(self.unit) and self.unit > 0.0):
-            raise UsageError(f"--unit {self.unit:g} is no length above 0.")
+        if self.unit is not None and not 1e-9 <= self.unit <= 1e6:
+            raise UsageError(f"--unit {self.unit:g} is no length above 0, or not such as maps are measured in.")
 
     def refuse_unit(self, path: str) -> None:
         """Raise UsageError if a unit is given for the PATCHES file `path`, which holds its own."""

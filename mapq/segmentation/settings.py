@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -10,6 +11,8 @@ from mapq.axes import turn
 from prf.shell.errors import UsageError
 
 MOST_NEIGHBOURS = 64
+LARGEST = 1e9
+"""Of metres, degrees and points."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +64,9 @@ class SegmentSettings:
         for field in fields(self):
             value = getattr(self, field.name)
             numbers = value if isinstance(value, tuple) else () if value is None else (value,)
-            if not all(np.isfinite(number) for number in numbers):
-                raise UsageError(f"{_flag(field.name)} must be a finite number, not {value}.")
+            largest = sys.float_info.max if field.name == "up" else LARGEST
+            if not all(abs(number) <= largest for number in numbers):
+                raise UsageError(f"{_flag(field.name)} must be a finite number up to {largest:g}, not {value}.")
             if field.name != "up" and any(number < 0 for number in numbers):
                 raise UsageError(f"{_flag(field.name)} must not be negative, not {value}.")
         for name, low, high in (("neighbours", 3, MOST_NEIGHBOURS), ("max_angle", 0, 90), ("max_tilt", 0, 90)):

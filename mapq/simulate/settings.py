@@ -96,7 +96,7 @@ class Settings:
             for number in value if isinstance(value, tuple) else (value,):
                 if not low <= number <= high:
                     flag = name.replace("_", "-")
-                    raise UsageError(f"--{flag} {number:g} is outside [{low:g}, {high:g}]. Choose a value inside.")
+                    raise UsageError(f"--{flag} {number} is outside [{low:g}, {high:g}]. Choose a value inside.")
 
     @classmethod
     def of_size(cls, size: str, changes: Mapping[str, Any] = MappingProxyType({})) -> Settings:

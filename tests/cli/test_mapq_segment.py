@@ -114,6 +114,9 @@ def test_the_name_of_a_zipped_cloud_loses_both_ends(capsys, tmp_path):
     [
         (["-"], 2, "Name the output with -o"),
         (["MAP", "--max-angle", "0"], 2, "--max-angle must be above 0"),
+        (["MAP", "--min-points", "9" * 400], 2, "--min-points must be a finite number up to 1e+09"),
+        (["MAP", "--neighbours", "9" * 20], 2, "--neighbours must be a finite number up to 1e+09"),
+        (["MAP", "--unit", "1e308"], 2, "--unit 1e+308 is no length above 0, or not such as maps are measured in"),
         (["MAP", "--neighbours", "2"], 2, "--neighbours must be from 3 to 64"),
         (["MAP", "--up", "0", "0", "0"], 2, "--up must not be 0 0 0"),
         (["MAP", "--up", "1e200", "0", "0"], 2, "--up must not be 0 0 0"),

@@ -131,6 +131,8 @@ class TestSettings:
         [
             {"reading": "paper"},
             {"n_neighbours": 0},
+            {"n_neighbours": 10**20},
+            {"n_watched": 10**20},
             {"radius": 0.0},
             {"radius": 1e300},
             {"tau": -1.0},
