@@ -17,6 +17,8 @@ from prf import __version__
 from prf.export.extras import require
 from prf.run import Run
 from prf.shell.errors import InputError
+from prf.shell.files import encoded
+from prf.shell.jsonout import jsonable
 
 SCHEMA = "prf.netcdf/1"
 ENGINE = "h5netcdf"
@@ -123,9 +125,9 @@ def _variable(name: str, values: NDArray[np.float64], rows: NDArray[np.int64]) -
 def _provenance(run: Run) -> dict[str, str]:
     """Return what ArviZ wants to read of every group."""
     return {
-        "created_at": str(run.manifest.get("created", "")),
+        "created_at": _text(run.manifest.get("created", "")),
         "inference_library": "prf",
-        "inference_library_version": str(_version(run)),
+        "inference_library_version": _text(_version(run)),
     }
 
 
@@ -133,7 +135,7 @@ def _attributes(run: Run, chains: Chains) -> dict[str, Any]:
     """Return the attributes of the file: a nested value as JSON text, as netCDF has no other place for it."""
     kept = ("status", "seed", "steps", "burn_in", "seconds", "configuration", "inputs", "versions", "command")
     found = {key: _attribute(run.manifest[key]) for key in kept if run.manifest.get(key) is not None}
-    return {"schema": SCHEMA, "prf_version": str(_version(run)), **found, "n_draws_left_out": chains.n_left_out}
+    return {"schema": SCHEMA, "prf_version": _text(_version(run)), **found, "n_draws_left_out": chains.n_left_out}
 
 
 def _version(run: Run) -> object:
@@ -143,12 +145,24 @@ def _version(run: Run) -> object:
 
 
 def _attribute(value: object) -> object:
-    if isinstance(value, int) and abs(value) > LARGEST_INTEGER:
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) > LARGEST_INTEGER:
         return str(value)
-    return value if isinstance(value, int | float | str) else json.dumps(value, allow_nan=False)
+    if isinstance(value, str):
+        return _text(value)
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return value if is_number else _json(value)
+
+
+def _json(value: object) -> str:
+    return json.dumps(jsonable(value), allow_nan=False)
+
+
+def _text(value: object) -> str:
+    """Return text with escapes for halves of surrogate pairs, which HDF5 does not take."""
+    return encoded(str(value)).decode()
 
 
 def _acceptance(run: Run) -> dict[str, str]:
     """Return the counts of proposed and accepted moves over all chains: they have no draw to belong to."""
     counts = (run.diagnostics or {}).get("acceptance")
-    return {} if counts is None else {"acceptance": json.dumps(counts)}
+    return {} if counts is None else {"acceptance": _json(counts)}

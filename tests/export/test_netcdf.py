@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import importlib.util
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -77,6 +78,29 @@ def test_sample_stats_and_provenance(exported: tuple[Run, Path]) -> None:
         assert (root.attrs["seed"], root.attrs["steps"]) == (str(2**70), 5000), "too large for a number of netCDF"
         assert json.loads(root.attrs["configuration"]) == {"scale": 0.1}
         assert root.attrs["n_draws_left_out"] == 2
+
+
+@pytest.mark.parametrize(
+    ("value", "written"),
+    [
+        (True, "true"),
+        ("\udcff", "\\udcff"),
+        ({"a": [math.nan, "\udcff"]}, '{"a": [null, "\\udcff"]}'),
+        (2**70, str(2**70)),
+        (1.5, 1.5),
+        (7, 7),
+    ],
+)
+def test_attributes_that_the_format_does_not_take_are_text(tmp_path: Path, value: object, written: object) -> None:
+    run = make_full_run(12)
+    acceptance = {"acceptance": {"split": math.nan}}
+    write_run(tmp_path / "run", dataclasses.replace(run, diagnostics={**run.diagnostics, **acceptance}))
+    path = tmp_path / "run" / "manifest.json"
+    manifest = json.loads(path.read_text())
+    path.write_text(json.dumps({**manifest, "status": value, "versions": {"prf": value}, "created": value}))
+    export_source(tmp_path / "run", str(tmp_path / "a.nc"), Options())
+    with xarray.open_dataset(tmp_path / "a.nc", engine="h5netcdf") as opened:
+        assert opened.attrs["status"] == written
 
 
 @pytest.mark.skipif(importlib.util.find_spec("arviz") is None, reason="ArviZ is not installed")
