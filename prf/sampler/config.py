@@ -32,6 +32,7 @@ MARGIN = 1.0
 """Metres between them and the border of the default window."""
 PIXELS_ACROSS = 500
 """The default resolution is the next of 1, 2, 5, 10 ... that needs no more pixels along the longer side."""
+MOST_CHAINS, MOST_RUNGS = 10_000, 1_000
 MOST_PIXELS = 4_000_000
 """Each takes some 50 bytes a chain, in memory and in checkpoints."""
 
@@ -123,6 +124,13 @@ class SampleConfig:
         """Return the configuration that a manifest holds."""
         window = values.get("window")
         return cls(**{"start": "empty", **values, "window": tuple(window) if window is not None else None})
+
+    def __post_init__(self) -> None:
+        """Refuse numbers of chains and rungs that there cannot be; each is a state of its own (ConfigError)."""
+        for name, most in (("chains", MOST_CHAINS), ("rungs", MOST_RUNGS)):
+            value = getattr(self, name)
+            if not isinstance(value, str) and not 1 <= value <= most:
+                raise ConfigError(f"--{name} {value}: must be from 1 to {most}")
 
     def plan(self) -> LadderPlan:
         """Return the ladder that is asked for.

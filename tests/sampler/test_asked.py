@@ -77,3 +77,10 @@ def test_a_bad_file_is_the_users_error(site: Path) -> None:
     site.write_text("[laser]\nnoise = 0\n")
     with pytest.raises(ConfigError, match=r"site\.toml:2: \[laser\] noise"):
         ask({}, site)
+
+
+@pytest.mark.parametrize("changes", [{"chains": 0}, {"chains": 10**20}, {"rungs": 0}, {"rungs": 10**20}])
+def test_numbers_of_chains_that_no_machine_holds_are_refused(changes: dict[str, int]) -> None:
+    (name,) = changes
+    with pytest.raises(ConfigError, match=rf"--{name} \d+: must be from 1 to"):
+        SampleConfig(**changes)
