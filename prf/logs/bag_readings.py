@@ -142,7 +142,8 @@ class _Beams(NamedTuple):
 
 def _beams(kind: Kind, body: Any, cone: float) -> _Beams:
     if kind == "laser":
-        ranges = np.asarray(body.ranges, dtype=np.float64)
+        with np.errstate(invalid="ignore"):  # of signalling nan
+            ranges = np.asarray(body.ranges, dtype=np.float64)
         return _Beams(ranges, body.angle_min, body.angle_increment, body.range_min, body.range_max, 0.0)
     opening = body.field_of_view if 0 < body.field_of_view <= 2 * np.pi else cone
     return _Beams(np.array([body.range], dtype=np.float64), 0.0, 1.0, body.min_range, body.max_range, opening)

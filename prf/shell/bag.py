@@ -12,10 +12,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from prf.shell.bag_types import refuse_other_types
 from prf.shell.errors import InputError, system_reason
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
+    from rosbags.typesys.store import Typestore
 
 
 MAGICS = ((b"#ROSBAG V2.0", ".bag"), (b"\x89MCAP", ".mcap"), (b"SQLite format 3\0", ".db3"))
@@ -58,12 +60,14 @@ class Bag:
     ----------
     reader : AnyReader
         Open.
+    usual : Typestore
+        The types of ROS.
     source : str
         Name of the bag, for messages.
     """
 
-    def __init__(self, reader: AnyReader, source: str) -> None:
-        self._reader = reader
+    def __init__(self, reader: AnyReader, usual: Typestore, source: str) -> None:
+        self._reader, self._usual = reader, usual
         self.source = source
         self.format = "ROS 2 bag" if reader.is2 else "ROS 1 bag"
         self.topics: dict[str, Topic] = {}
@@ -91,11 +95,13 @@ class Bag:
         Raises
         ------
         InputError
-            If the bag turns out to be damaged.
+            If the bag turns out to be damaged, or brings types of its own that are others than ROS's.
         """
         connections = [connection for connection in self._reader.connections if connection.topic in topics]
         if not connections:
             return
+        for name in {connection.msgtype for connection in connections}:
+            refuse_other_types(self._reader.typestore, self._usual, name, self.source)
         with _refusing_damage(self.source):
             stream = self._reader.messages(connections)
             for connection, nanoseconds, raw in stream:
@@ -150,11 +156,12 @@ def open_bag(path: Path, source: str) -> Iterator[Bag]:
     from rosbags.typesys import Stores, get_typestore
 
     with _refusing_damage(source):
-        reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+        usual = get_typestore(Stores.ROS2_HUMBLE)
+        reader = AnyReader([path], default_typestore=usual)
         reader.open()
     try:
         with _refusing_damage(source):
-            bag = Bag(reader, source)
+            bag = Bag(reader, usual, source)
         yield bag
     except AttributeError as error:
         _refuse_own_type(error, source)
