@@ -19,6 +19,7 @@ from prf.run import Beams, Cones, Points
 from prf.sampler.starts import STARTS, Start
 from prf.sampler.tempering_ladder import AUTO_RUNGS, LadderPlan
 from prf.sampler.tiles.schedule import chosen_tiles
+from prf.sensors.domain import check_length
 from prf.sensors.laser import LaserModel, unit_vectors
 from prf.sensors.points import PointModel, window_round
 from prf.sensors.sonar import SonarModel
@@ -328,8 +329,7 @@ def make_settings(
     assert config.window is not None
     assert config.resolution is not None
     window = Window.checked(*config.window)
-    if not (math.isfinite(config.resolution) and config.resolution > 0.0):
-        raise ConfigError(f"--resolution {config.resolution}: must be a positive number of metres")
+    check_length("--resolution", config.resolution)
     if window.area / config.resolution**2 > MOST_PIXELS:
         raise ConfigError(f"--resolution {config.resolution}: more than {MOST_PIXELS} pixels. Give a larger one.")
     laser = None if beams is None else LaserData(beams.origin, beams.angle, beams.range, laser_model(config))
