@@ -88,24 +88,28 @@ TRAIN = tuple(
         "test_there_are_five_folds_unless_asked_otherwise",
     )
 )
-SONAR = tuple(
-    f"tests/sensors/test_sonar.py::{test}"
-    for test in (
-        "test_parameters_without_a_density_are_refused",
-        "test_the_slow_twin_has_the_same_defaults",
-        "test_fields_of_view_that_are_none_are_refused",
-        "test_too_many_slots_are_refused",
-        "test_no_edges",
-        "test_every_wall_and_corner_finds_room",
-        "test_without_sonar_no_cone_is_touched",
-        "test_a_new_chain_has_room_for_edges_that_come_and_has_asked_no_cone_for_a_proposal",
-        "test_slots_hold_every_cell_that_a_cone_enters",
-        "test_somebody_or_nobody_returns_the_pulse",
-        "test_the_index_loses_nothing[large-room]",
-        "test_the_index_loses_nothing[small-room]",
-    )
+SONAR = (
+    "tests/sensors/test_domain.py",
+    *(
+        f"tests/sensors/test_sonar.py::{test}"
+        for test in (
+            "test_parameters_without_a_density_are_refused",
+            "test_the_slow_twin_has_the_same_defaults",
+            "test_fields_of_view_that_are_none_are_refused",
+            "test_too_many_slots_are_refused",
+            "test_no_edges",
+            "test_every_wall_and_corner_finds_room",
+            "test_without_sonar_no_cone_is_touched",
+            "test_a_new_chain_has_room_for_edges_that_come_and_has_asked_no_cone_for_a_proposal",
+            "test_slots_hold_every_cell_that_a_cone_enters",
+            "test_somebody_or_nobody_returns_the_pulse",
+            "test_the_index_loses_nothing[large-room]",
+            "test_the_index_loses_nothing[small-room]",
+        )
+    ),
 )
 LASER = (
+    "tests/sensors/test_domain.py",
     "tests/sensors/test_laser_layout.py",
     *(
         f"tests/sensors/test_laser.py::{test}"
@@ -150,6 +154,7 @@ GROUPS: dict[str, tuple[Guard, ...]] = {
         Guard("prf.kernels.laser", ("tests/kernels/test_laser.py",)),
         Guard("prf.kernels.sonar", ("tests/kernels/test_sonar.py",)),
         Guard("prf.kernels.points", ("tests/kernels/test_points.py",)),
+        Guard("prf.sensors.domain", ("tests/sensors/test_domain.py",)),
         Guard("prf.sensors.laser", LASER),
         Guard("prf.sensors.sonar", SONAR),
         Guard("prf.sensors.points", ("tests/sensors/test_points.py", "tests/kernels/test_points.py")),
