@@ -114,7 +114,9 @@ def nearest_rotation(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
 def check_rotations(matrices: NDArray[np.float64], where: list[str]) -> None:
     """Raise InputError for the first of the matrices (k, 3, 3) that is no rotation, naming its place."""
     error = np.abs(matrices @ matrices.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    wrong = np.flatnonzero(~(error < ROTATION_TOLERANCE) | (np.linalg.det(matrices) < 0.0))
+    with np.errstate(all="ignore"):  # it goes by logarithms, which overflow for numbers next to 0
+        is_mirror = np.linalg.det(matrices) < 0.0
+    wrong = np.flatnonzero(~(error < ROTATION_TOLERANCE) | is_mirror)
     if len(wrong) == 0:
         return
     mirrored = error[wrong[0]] < ROTATION_TOLERANCE

@@ -23,6 +23,7 @@ from mapq.io.las import _read_points
 from mapq.io.las_unit import unit_of
 from mapq.io.patches import SCHEMA as PATCHES_SCHEMA
 from mapq.io.result_json import stated_unit
+from mapq.posed.calibration import read_calibration
 from prf.coloring import read_geojsonl
 from prf.export.source import read_source
 from prf.inspection import inspect
@@ -312,6 +313,12 @@ def test_a_code_of_a_unit_that_is_no_number(size):
 def test_a_unit_that_is_none(tmp_path, unit):
     (tmp_path / "a.json").write_text(f'{{"schema": "mapq.result/1", "cloud_unit": [{unit}, 1, 1], "patches": [\n]}}\n')
     assert "cloud_unit is no unit" in refusal(stated_unit, tmp_path / "a.json")
+
+
+def test_a_matrix_next_to_nothing(tmp_path, recwarn):
+    (tmp_path / "calib.txt").write_text("Tr: 5e-324 0 0 0 0 5e-324 0 0 0 0 5e-324 0\n")
+    assert "is no rotation" in refusal(read_calibration, str(tmp_path / "calib.txt"))
+    assert len(recwarn) == 0
 
 
 def test_a_normal_beyond_all_numbers(tmp_path, recwarn):
