@@ -316,7 +316,7 @@ def test_a_unit_that_is_none(tmp_path, unit):
 
 
 def test_a_matrix_next_to_nothing(tmp_path, recwarn):
-    (tmp_path / "calib.txt").write_text("Tr: 5e-324 0 0 0 0 5e-324 0 0 0 0 5e-324 0\n")
+    (tmp_path / "calib.txt").write_text("Tr: 1 0 0 0 0 0 0 0 0 1e-308 1 0\n")
     assert "is no rotation" in refusal(read_calibration, str(tmp_path / "calib.txt"))
     assert len(recwarn) == 0
 
