@@ -19,6 +19,8 @@ STAMP = re.compile(r"\d+\.\d+")
 """Stem of a file that is named after a time in seconds."""
 LAST_NUMBER = re.compile(r"\d+(?=\D*$)")
 """What numbers the files of a set: ``scan2_007.pcd`` is the seventh."""
+LONGEST_NAME = 255
+"""Letters; a table of poses may have longer ones."""
 SCANS_SHOWN = 4
 """Sets of scans, or files of poses, that a message names."""
 
@@ -90,9 +92,9 @@ def natural_key(path: str) -> tuple[list[tuple[int, float, str]], str]:
 
 
 def number_of(path: str) -> int | None:
-    """Return the last number in the name of a file, None if it has none."""
+    """Return the last number in the name of a file, None if it has none, or one of more digits than names have."""
     numbers = re.findall(r"\d+", stem_of(path))
-    return int(numbers[-1]) if numbers else None
+    return int(numbers[-1]) if numbers and len(numbers[-1]) <= LONGEST_NAME else None
 
 
 def pose_file(files: Sequence[str]) -> str:

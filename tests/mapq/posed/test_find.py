@@ -298,5 +298,6 @@ def test_names():
     assert family(Path("map.pcd")) == "map.pcd"
     assert sorted(["s10", "s9", "s"], key=natural_key) == ["s", "s9", "s10"]
     assert number_of("/a1/scan007.3d.gz") == 7
+    assert number_of("9" * 5000 + ".pcd") is None
     assert number_of("map.ply") is None
     assert family(Path("a/1305031102.1753.pcd.gz")) == "a/*.pcd"
