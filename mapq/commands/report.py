@@ -59,9 +59,9 @@ def report(
     from prf.shell.output_names import refuse_other_format
 
     target = output or "report.html"
+    claim_output(target, force)
     advice = "a report is a page of HTML. Name a .html; mapq render draws pictures."
     refuse_other_format(target, (".html", ".htm"), advice)
-    claim_output(target, force)
     refuse_inputs([target], [result, str(PurePath(result).with_suffix(".json"))])
     findings = read_findings(result)
     written = write_report(target, findings, title, palette.value, max_points)

@@ -132,8 +132,8 @@ def segment(
     from prf.shell.output_names import refuse_other_format
 
     target = output or _beside(cloud)
-    refuse_other_format(target, (".npz",), "patches are written as a .patches file. Name one; mapq render draws it.")
     claim_output(target, force)
+    refuse_other_format(target, (".npz",), "patches are written as a .patches file. Name one; mapq render draws it.")
     refuse_inputs([target], [cloud, config])
     found = ask("segment", asked, settings_from(config, preset))
     settings = segment_settings(found.values)

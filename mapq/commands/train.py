@@ -150,8 +150,8 @@ def train(
     measured = ask("features", {**given, "reading": features} | chosen_context(context), found)
     settings, reading = train_settings(field.values), feature_settings(measured.values)
     max_false_alarms = field.values.get("max_false_alarms")
-    refuse_other_format(target, (), "a model is written as JSON. Name a .json.")
     claim_output(target, force)
+    refuse_other_format(target, (), "a model is written as JSON. Name a .json.")
     refuse_inputs([target], [*patches, config])
     used_seed = resolve_seed(seed) if max_patches is not None else 0
     model = teach(patches, None, settings, reading, max_patches=max_patches, seed=used_seed, conservative=conservative)

@@ -14,9 +14,12 @@ from numpy.typing import NDArray
 from mapq.io.results import CLOUD_UNIT, OPENING, SCHEMA, json_beside
 from prf.shell.errors import InputError
 from prf.shell.files import open_input
-from prf.shell.storage import check_schema, damaged, load_object, whole_number
+from prf.shell.storage import check_schema, damaged, load_object
 
 Row = dict[str, Any]
+
+MOST_DIGITS = 300
+"""Of a whole number, so that it fits a float."""
 
 
 def read_result_json(path: Path) -> tuple[Row, Iterator[Row]]:
@@ -39,7 +42,7 @@ def read_result_json(path: Path) -> tuple[Row, Iterator[Row]]:
         check_schema(path, str(head.get("schema", "")), SCHEMA)
         del head["patches"]
         return head, _lines(path)
-    head = load_object(path, SCHEMA)
+    head = load_object(path, SCHEMA, _whole_number)
     rows = head.pop("patches", None)
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise damaged(path, "no list of patches")
@@ -113,9 +116,16 @@ def _decoded(path: Path, stream: TextIOWrapper) -> Iterator[str]:
         raise damaged(path, "not UTF-8 text") from error
 
 
+def _whole_number(text: str) -> int:
+    """Return a whole number of JSON; ValueError for one that no float holds, which arithmetic would stumble on."""
+    if len(text) >= MOST_DIGITS:
+        raise ValueError("a whole number beyond all floats")
+    return int(text)
+
+
 def _parse(path: Path, number: int, text: str) -> Row:
     try:
-        found = json.loads(text, parse_int=whole_number)
+        found = json.loads(text, parse_int=_whole_number)
     except (ValueError, RecursionError):
         found = None
     if not isinstance(found, dict):

@@ -131,9 +131,9 @@ def anneal(
     asked = ask(options, config, presets=preset or ())
     science = SampleConfig(**asked.values)
     target = output or str(default_output(logs[0]).with_suffix(".geojson"))
+    claim_output(target, force)
     advice = "the map is written as GeoJSON. Name a .geojson; prf export converts it."
     refuse_other_format(target, (".geojson",), advice)
-    claim_output(target, force)
     refuse_inputs([target], [*logs, config])
     used_seed = resolve_seed(seed)
     goal = Goal(None, time_budget) if time_budget is not None else Goal(steps or DEFAULT_STEPS)

@@ -80,8 +80,8 @@ def calibrate(
     refuse_shared_stream({"--map": known, "--sonar": sonar, "--laser": laser})
     refuse_json_beside(output, json)
     if output is not None:
-        refuse_other_format(output, (".toml",), "parameters are written as a settings file. Name a .toml.")
         claim_output(output, force)
+        refuse_other_format(output, (".toml",), "parameters are written as a settings file. Name a .toml.")
         refuse_inputs([output], [known, sonar, laser])
     config = CalibrateConfig(**asked)
     used_seed = resolve_seed(seed)

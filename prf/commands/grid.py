@@ -119,9 +119,9 @@ def grid(
     if output == STREAM:
         raise UsageError("-o -: a grid is a .npz archive. Name one.")
     target = output or str(default_output(logs[0]).with_suffix(".grid.npz"))
+    claim_output(target, force)
     advice = "a grid is written as a .npz archive. Name one; prf render draws it and prf export converts it."
     refuse_other_format(target, (".npz",), advice)
-    claim_output(target, force)
     refuse_inputs([target], [*logs, config])
     asked = ask(options, config, IN_SETTINGS_FILE, preset or ())
     settings = GridConfig(**asked.values)

@@ -68,9 +68,9 @@ def prior(
         raise UsageError("--thin is for --method mcmc: exact draws are independent.")
     refuse_json_beside(output, json)
     if output is not None:
+        claim_output(output, force)
         advice = "draws are written as GeoJSON, one a line. Name a .geojsonl; prf render draws it."
         refuse_other_format(output, (".geojsonl", ".geojson", ".txt"), advice)
-        claim_output(output, force)
     used_seed = resolve_seed(seed)
     drawn, used_thin = _draw(method, scale, Window.checked(*window), draws, thin, used_seed)
     if output is not None:

@@ -8,7 +8,7 @@ import sys
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +25,6 @@ _ARRAY_ERRORS = (
     *(zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError),
 )
 """What numpy and zipfile raise for a damaged archive; RuntimeError has nesting and unknown packing among it."""
-
-
-MOST_DIGITS = 300
-"""Of a whole number, so that it fits a float."""
 
 
 class OtherVersion(InputError):  # noqa: N818 - reads as what happened
@@ -101,11 +97,14 @@ def save_arrays(path: Path, schema: str, arrays: Mapping[str, Any], compressed: 
         save(stream, schema=np.str_(schema), **arrays)
 
 
-def load_object(path: Path, schema: str) -> dict[str, Any]:
-    """Return the JSON object in `path`, whose ``schema`` must be `schema`; errors as :func:`load_arrays`."""
+def load_object(path: Path, schema: str, parse_int: Callable[[str], int] = int) -> dict[str, Any]:
+    """Return the JSON object in `path`, whose ``schema`` must be `schema`; errors as :func:`load_arrays`.
+
+    `parse_int` makes whole numbers of their texts, and raises ValueError for such as must not be there.
+    """
     try:
         with open_input(path) as stream:
-            content = json.loads(stream.read().decode("utf-8"), parse_int=whole_number)
+            content = json.loads(stream.read().decode("utf-8"), parse_int=parse_int)
     except json.JSONDecodeError as error:
         raise InputError(f"{path}:{error.lineno}: damaged ({error.msg}). {_REMEDY}") from error
     except UnicodeDecodeError as error:
@@ -116,13 +115,6 @@ def load_object(path: Path, schema: str) -> dict[str, Any]:
         raise InputError(f"{path}: damaged (not a JSON object). {_REMEDY}")
     check_schema(path, str(content.get("schema", "")), schema)
     return content
-
-
-def whole_number(text: str) -> int:
-    """Return a whole number of JSON; ValueError for one that no float holds, which arithmetic would stumble on."""
-    if len(text) >= MOST_DIGITS:
-        raise ValueError("a whole number beyond all floats")
-    return int(text)
 
 
 def check_schema(path: Path, found: str, expected: str) -> None:

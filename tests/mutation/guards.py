@@ -154,7 +154,6 @@ GROUPS: dict[str, tuple[Guard, ...]] = {
         Guard("prf.kernels.laser", ("tests/kernels/test_laser.py",)),
         Guard("prf.kernels.sonar", ("tests/kernels/test_sonar.py",)),
         Guard("prf.kernels.points", ("tests/kernels/test_points.py",)),
-        Guard("prf.sensors.domain", ("tests/sensors/test_domain.py",)),
         Guard("prf.sensors.laser", LASER),
         Guard("prf.sensors.sonar", SONAR),
         Guard("prf.sensors.points", ("tests/sensors/test_points.py", "tests/kernels/test_points.py")),
