@@ -11,6 +11,10 @@ UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200.0 / 3937
 """Metres in each; the survey foot of the United States is longer than the foot by two millionths: metres on a grid."""
 
 
+SMALLEST_UNIT, LARGEST_UNIT = 1e-9, 1e6
+"""Metres, between which a unit of coordinates must lie."""
+
+
 @dataclass(frozen=True)
 class ReadOptions:
     """How to read a cloud.
@@ -41,7 +45,7 @@ class ReadOptions:
         """Check the values."""
         if self.bin_columns not in (3, 4):
             raise UsageError(f"--bin-columns {self.bin_columns} is neither 3 nor 4.")
-        if self.unit is not None and not 1e-9 <= self.unit <= 1e6:
+        if self.unit is not None and not SMALLEST_UNIT <= self.unit <= LARGEST_UNIT:
             raise UsageError(f"--unit {self.unit:g} is no length above 0, or not such as maps are measured in.")
 
     def refuse_unit(self, path: str) -> None:

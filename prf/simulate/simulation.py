@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from prf.logs.rings import PIONEER
 from prf.logs.track import mounted
-from prf.sensors.domain import check_length
+from prf.sensors.domain import check_factor, check_length
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.seeds import spawn_generators
 from prf.simulate.laser import LaserPhysics, choose_dark, simulate_laser
@@ -29,6 +29,8 @@ SIZE = (60.0, 40.0)
 LEAST_ROOM = 0.2
 """Share of the window in which the centre of the robot must be able to be, for a draw from the prior to be used."""
 MOST_READINGS = 10**9
+LEAST_TURN = 1e-9
+"""Radians from scan to scan."""
 RING_RADIUS = float(np.hypot(*PIONEER[:, :2].T).max())
 
 
@@ -83,9 +85,11 @@ class SimulateConfig:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be simulated."""
-        for name in ("robot_radius", "reach", "spacing", "turn_spacing"):
+        for name in ("robot_radius", "reach", "spacing"):
             if getattr(self, name) is not None:
                 check_length(name.replace("_", "-"), getattr(self, name))
+        if self.turn_spacing is not None:
+            check_factor("turn-spacing", self.turn_spacing, LEAST_TURN)
         if self.readings is not None and not 1 <= self.readings <= MOST_READINGS:
             raise ConfigError(f"readings {self.readings}: must be at least 1, and at most {MOST_READINGS:,}")
         if self.laser is None and self.sonar is None:

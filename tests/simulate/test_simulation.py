@@ -142,6 +142,7 @@ def test_an_empty_world_and_a_small_one(tmp_path: Path) -> None:
         ({"spacing": 0.0}, "spacing"),
         ({"spacing": 1e-300}, "spacing"),
         ({"reach": 1e300}, "reach"),
+        ({"turn_spacing": 0.0}, "turn-spacing 0.0: must be a number from 1e-09 to"),
         ({"readings": 10**20}, "readings"),
         ({"robot_radius": -1.0}, "robot-radius"),
         ({"readings": 0}, "readings"),
