@@ -91,7 +91,7 @@ def write_image(folder: Path, image: PosteriorImage) -> None:
         "origin": np.asarray(image.origin, dtype=np.float64),
         "resolution": np.float64(image.resolution),
     }
-    save_arrays(folder / names.POSTERIOR, names.SCHEMAS[names.POSTERIOR], arrays, compressed=True)
+    save_arrays(folder / names.POSTERIOR, names.SCHEMAS[names.POSTERIOR], arrays)
 
 
 def write_readings(folder: Path, beams: Beams | None, cones: Cones | None, points: Points | None = None) -> None:
@@ -122,7 +122,7 @@ def write_readings(folder: Path, beams: Beams | None, cones: Cones | None, point
     if points is not None:
         arrays[names.POINT_PREFIX + "xy"] = points.xy.astype(np.float64)
         arrays[names.POINT_PREFIX + "value"] = points.value.astype(np.float64)
-    save_arrays(folder / names.READINGS, names.SCHEMAS[names.READINGS], arrays, compressed=True)
+    save_arrays(folder / names.READINGS, names.SCHEMAS[names.READINGS], arrays)
 
 
 def write_best(folder: Path, run: Run) -> None:
