@@ -72,7 +72,8 @@ Steps = Annotated[
     ),
 ]
 TimeBudget = Annotated[
-    float | None, typer.Option("--time-budget", metavar="SECONDS", min=0.0, help="Sampling in this call.")
+    float | None,
+    typer.Option("--time-budget", metavar="SECONDS", min=0.0, help="Of this call: sampling, and writing the run."),
 ]
 Scheduler = Annotated[
     str | None,
