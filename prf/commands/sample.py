@@ -154,10 +154,10 @@ def sample(
 ) -> None:
     """Draw the posterior over polygonal maps from localized readings, or values at points.
 
-    Without --steps and --time-budget it stops when the chains agree (R-hat < 1.05 and ESS > 100 for every functional),
-    or after 30 minutes, saying that they do not. Ctrl-C keeps what was sampled; --resume goes on from there, and gives
-    the same draws as a run that was never stopped. --live draws pictures on standard error; elsewhere than on a
-    terminal it changes nothing.
+    Without --steps and --time-budget it stops when the chains agree (R-hat < 1.05 and ESS > 100 for every functional of
+    what was seen, R-hat < 1.2 for the rest), or after 30 minutes, saying that they do not. Ctrl-C keeps what was
+    sampled; --resume goes on from there, and gives the same draws as a run that was never stopped. --live draws
+    pictures on standard error; elsewhere than on a terminal it changes nothing.
     """
     beam_density = chosen_density(beam_density, no_thinning)
     options = {name: value for name, value in locals().items() if name in RUN_SCIENCE}
@@ -265,21 +265,67 @@ def _report(run: Run, folder: Path, json: bool) -> None:
         "n_beams": 0 if run.beams is None else len(run.beams.range),
         "n_beams_thinned": int(run.manifest.get("n_beams_thinned", 0)),
         "converged": run.diagnostics["converged"],
+        "converged_seen": run.diagnostics["converged_seen"],
         "reason": run.diagnostics["reason"],
+        "agreement": run.diagnostics["agreement"],
+        "suggested_seconds": run.diagnostics["suggested_seconds"],
         "log_posterior": run.best_log_posterior,
     }
     if json:
         jsonout.emit_object("prf.sample/1", result)
         return
-    agree = "the chains agree" if result["converged"] else f"the chains do not agree yet ({result['reason']})"
-    console.emit(f"{progress.status}: {agree}")
+    console.emit(f"{progress.status}: {_verdict(run.diagnostics)}")
+    for line in _ground(run.diagnostics["agreement"]):
+        console.emit(line)
     swaps = run.diagnostics.get("tempering")
     if swaps:
         console.emit(_ladders(swaps))
     elif not result["converged"] and progress.status != "running":
         console.emit(_advice(configuration.get("rungs") == "auto"))
+    if not result["converged"]:
+        for line in _budget(run.diagnostics, folder):
+            console.emit(line)
     console.emit(f"{result['draws']} draws of {result['chains']} chains, {progress.step:,} steps each, {folder}/")
     console.emit(f"picture {folder}/posterior.png" + (f", best map {folder}/map.geojson" if run.best else ""))
+
+
+def _verdict(diagnostics: dict[str, Any]) -> str:
+    """Return in words whether the chains agree, on what was seen and on the rest."""
+    if diagnostics["converged"]:
+        return "the chains agree"
+    if diagnostics["converged_seen"]:
+        return f"the chains agree on what was seen, and not yet on the rest ({diagnostics['reason']})"
+    return f"the chains do not agree yet ({diagnostics['reason']})"
+
+
+def _ground(found: dict[str, Any]) -> list[str]:
+    """Return in words on which ground the chains agree."""
+    from prf.agreement import Agreement
+
+    words = Agreement.of_document(found).words()
+    return [words] if words else []
+
+
+def _budget(diagnostics: dict[str, Any], folder: Path) -> list[str]:
+    """Return in words how much longer the run would take to agree."""
+    import shlex
+
+    seconds = diagnostics["suggested_seconds"]
+    if seconds is not None:
+        command = f"prf sample --resume {shlex.quote(str(folder))} --time-budget {seconds:.0f}"
+        return [f"they come nearer: about {_time_words(seconds)} more at this speed: {command}"]
+    if diagnostics["trend"] == "flat":
+        return ["they came no nearer since half of the steps: more time alone will not help (docs/tempering.md)"]
+    return []
+
+
+def _time_words(seconds: float) -> str:
+    """Return a time as people say it."""
+    for unit, name in ((3600.0, "hour"), (60.0, "minute"), (1.0, "second")):
+        if seconds >= unit:
+            number = round(seconds / unit)
+            return f"{number} {name}{'s' if number > 1 else ''}"
+    return "a second"
 
 
 def _advice(waits: bool) -> str:

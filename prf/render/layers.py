@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from prf import agreement
 from prf.coloring import Coloring, occupied_polygons
-from prf.shell.pictures import BEAM, IMPACT, INK, MUTED, OUTLINE, PATH, UNSEEN
+from prf.shell.pictures import BEAM, DIFFERS, IMPACT, INK, MUTED, OUTLINE, PATH, UNSEEN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,6 +61,17 @@ def draw_occupancy(axes: Axes, image: PosteriorImage, values: NDArray[np.float32
         zorder=1,
     )
     return drawn
+
+
+def draw_disagreement(axes: Axes, image: PosteriorImage) -> None:
+    """Tint the cells at which chains differ, seen or not."""
+    from matplotlib.colors import to_rgba
+
+    if image.disagreement is None:
+        return
+    tint = np.zeros((*image.disagreement.shape, 4))
+    tint[image.disagreement > agreement.DIFFERS] = to_rgba(DIFFERS, 0.5)
+    axes.imshow(tint, extent=image.extent, origin="lower", aspect="auto", interpolation="nearest", zorder=1.2)
 
 
 def thinned(rows: NDArray[Any]) -> NDArray[Any]:

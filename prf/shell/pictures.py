@@ -61,6 +61,7 @@ OUTLINE = "#e8590c"
 PATH = "#1971c2"
 BEAM = "#4dabf7"
 IMPACT = "#c92a2a"
+DIFFERS = "#9c36b5"
 UNSEEN = "#f6e7d8"
 """Cells about which a file says nothing."""
 
