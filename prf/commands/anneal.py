@@ -14,6 +14,8 @@ from prf.commands._readings_options import (
     SCIENCE,
     BeamDensity,
     Config,
+    DrivenPoses,
+    DrivenRadius,
     EveryBeam,
     EveryScan,
     Frame,
@@ -79,6 +81,8 @@ def anneal(
     miss_probability: MissProbability = None,
     sonar_max_range: SonarMaxRange = None,
     sonar_cone: SonarCone = None,
+    driven_radius: DrivenRadius = None,
+    driven_poses: DrivenPoses = None,
     coldest: Annotated[
         float, typer.Option("--coldest", metavar="T", help="Temperature before the last steps, which take no loss.")
     ] = 0.003,

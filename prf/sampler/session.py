@@ -122,7 +122,8 @@ def prepare_whole(
         else None
         for readings in (laser, sonar)
     )
-    return prepare(config, kept_laser, kept_sonar, observed)
+    driven = [log for log in (laser, sonar) if log is not None] if config.driven_poses == "all" else None
+    return prepare(config, kept_laser, kept_sonar, observed, driven)
 
 
 def start(
@@ -205,9 +206,8 @@ def resume(
         refuse_other_log(run, flag, log)
     if run.manifest.get("versions") != versions():
         logger.warning("this run was begun with other versions of the packages: bit for bit may not hold")
-    settings = make_settings(config, run.beams, run.cones, run.points)
-    if run.image is not None:
-        settings = dataclasses.replace(settings, seen=run.image.seen)
+    seen = None if run.image is None else run.image.seen
+    settings = dataclasses.replace(make_settings(config, run.beams, run.cones, run.points), seen=seen, way=run.way)
     sampler = make_sampler(config, settings, stored_seed, threads, scheduler)
     process = {key: run.manifest[key] for key in PROCESS_KEYS if key in run.manifest}
     output = Output(folder, process, config, stored_seed, run.beams, run.cones, run.points)
