@@ -35,7 +35,7 @@ from prf.commands._readings_options import (
     chosen_density,
     refuse_shared_stream,
 )
-from prf.shell.options import Force, Json, Output, Presets, Seed, Threads
+from prf.shell.options import Force, Json, Output, Presets, Seed, Threads, parse_duration
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -72,7 +72,10 @@ Steps = Annotated[
     ),
 ]
 TimeBudget = Annotated[
-    float | None, typer.Option("--time-budget", metavar="SECONDS", min=0.0, help="Sampling in this call.")
+    float | None,
+    typer.Option(
+        "--time-budget", metavar="TIME", parser=parse_duration, help="Sampling in this call; seconds, or 90s, 5m, 1.5h."
+    ),
 ]
 Scheduler = Annotated[
     str | None,

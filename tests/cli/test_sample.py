@@ -181,6 +181,8 @@ def test_resuming_with_something_else_is_refused(
         (["--max-range", "-3"], 2, "max-range"),
         (["--resolution", "1e-9"], 2, "--resolution"),
         (["--steps", "10", "--time-budget", "1"], 2, "one of them"),
+        (["--steps", "10", "my.log"], 2, "Give a log as --laser LOG."),
+        (["--time-budget", "1d"], 2, "5m or 1.5h"),
         (["--scans", "a:b"], 2, "--scans"),
         (["--start", "moon"], 2, "--start moon"),
         (["--rungs", "3", "--hottest", "1"], 2, "--hottest 1"),
