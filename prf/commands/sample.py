@@ -274,14 +274,14 @@ def _report(run: Run, folder: Path, json: bool) -> None:
         jsonout.emit_object("prf.sample/1", result)
         return
     agree = "the chains agree" if result["converged"] else f"the chains do not agree yet ({result['reason']})"
-    console.emit(f"{progress.status}: {agree}")
+    console.summarize(f"{progress.status}: {agree}")
     swaps = run.diagnostics.get("tempering")
     if swaps:
-        console.emit(_ladders(swaps))
+        console.summarize(_ladders(swaps))
     elif not result["converged"] and progress.status != "running":
-        console.emit(_advice(configuration.get("rungs") == "auto"))
-    console.emit(f"{result['draws']} draws of {result['chains']} chains, {progress.step:,} steps each, {folder}/")
-    console.emit(f"picture {folder}/posterior.png" + (f", best map {folder}/map.geojson" if run.best else ""))
+        console.summarize(_advice(configuration.get("rungs") == "auto"))
+    console.summarize(f"{result['draws']} draws of {result['chains']} chains, {progress.step:,} steps each, {folder}/")
+    console.summarize(f"picture {folder}/posterior.png" + (f", best map {folder}/map.geojson" if run.best else ""))
 
 
 def _advice(waits: bool) -> str:
