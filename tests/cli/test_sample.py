@@ -168,6 +168,19 @@ def test_resuming_with_something_else_is_refused(
     assert "\n" not in error
 
 
+@pytest.mark.parametrize(("chains", "steps"), [(1, 60_000), (2, 2_000)])
+def test_few_draws_are_no_disagreement(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], chains: int, steps: int
+) -> None:
+    args = ("--chains", str(chains), "--resolution", "0.5", "--steps", str(steps), "--seed", "5")
+    assert run("--laser", str(log), *args, "-o", str(tmp_path / "run")) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("finished: too few draws to judge: run longer (")
+    assert "chains that" not in printed
+    assert ("10,000 steps each (rounded up from 2,000)" in printed) == (steps == 2_000)
+    assert ("rounded" in printed) == (steps == 2_000)
+
+
 @pytest.mark.parametrize(
     ("args", "code", "words"),
     [
