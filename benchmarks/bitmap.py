@@ -101,7 +101,7 @@ def by_maps(noisy: Bits, seed: int, scale: float, steps: int, threads: int) -> t
         mean, squares = sampler.occupancy()
         best = sampler.best()
     assert best is not None
-    return PosteriorImage(mean, squares, np.zeros(2), 1.0), best.coloring, rhat
+    return PosteriorImage(mean, squares, np.zeros(2), 1.0, np.ones_like(mean, np.bool_)), best.coloring, rhat
 
 
 def wrong(found: Bits, truth: Bits) -> float:
@@ -166,7 +166,7 @@ def picture(truth: Bits, row: dict[str, Any], drawn: dict[str, Any], target: Pat
     """Draw truth, flipped pixels and what each method makes of them."""
 
     def panel(bits: NDArray[Any], caption: str, outline: Coloring | None = None) -> panels.Panel:
-        pixels = PosteriorImage(bits.astype(np.float32), bits.astype(np.float32), np.zeros(2), 1.0)
+        pixels = PosteriorImage(bits.astype(np.float32), bits.astype(np.float32), np.zeros(2), 1.0, np.ones_like(bits))
         return panels.image(pixels, caption, outline)
 
     share = {name: f"{row[name]:.1%} wrong" for name in METHODS}

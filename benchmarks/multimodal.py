@@ -194,7 +194,9 @@ def image_of(sample: Sample, chain: int) -> PosteriorImage:
     chosen = Draws.from_colorings(draws, WINDOW)
     share = black_at_draws(chosen, pixel_centres(grid)).mean(axis=0).astype(np.float32)
     occupancy = share.reshape(grid.ny, grid.nx)
-    return PosteriorImage(occupancy, np.zeros_like(occupancy), np.array([grid.x0, grid.y0]), grid.cell)
+    return PosteriorImage(
+        occupancy, np.zeros_like(occupancy), np.array([grid.x0, grid.y0]), grid.cell, np.ones_like(occupancy, np.bool_)
+    )
 
 
 def draw_log(axes: Any, beams: Beams) -> None:

@@ -16,7 +16,7 @@ from prf.kernels.points import Points, Y, paint
 from prf.layout import make_graph, make_image, make_index, make_proposal, make_sites, make_targets, no_guards
 from prf.sensors.laser import LaserModel, make_beams, make_rays, unit_vectors
 from prf.sensors.points import PointModel, make_points
-from prf.sensors.sonar import SonarModel, make_cones, make_poses
+from prf.sensors.sonar import SonarModel, censored, make_cones, make_poses
 from prf.window import Window
 
 Floats = NDArray[np.float64]
@@ -125,6 +125,8 @@ class Settings:
         Tiles in which a chain is updated at once (docs/tiles.md); 0: it is updated in one place after the other.
     join_reach, line_reach, stand_reach : float or None
         As the other reaches.
+    seen : (ny, nx) bool array or None
+        Cells of the image that readings crossed or ended in (:mod:`prf.seen`); None: all.
     """
 
     window: Window
@@ -146,6 +148,7 @@ class Settings:
     join_reach: float | None = None
     line_reach: float | None = None
     stand_reach: float | None = None
+    seen: NDArray[np.bool_] | None = None
 
     def tuning(self) -> Floats:
         """Return the tuning array of the kernels."""
@@ -196,6 +199,7 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
     grid = make_grid(*window, cell)
     sonar = settings.sonar or SonarData(*_nothing(), np.zeros(0), SonarModel())
     pose = make_poses(sonar.model, sonar.origin, sonar.angle, sonar.cone, sonar.readings)
+    pose = censored(pose, window, sonar.cone, sonar.model)
     odds = np.array([DEFAULT_ODDS[move] for move in range(c.N_MOVES)])
     targets = make_targets(window, settings.target_side(), return_points(settings))
     tuning = settings.tuning()

@@ -42,7 +42,8 @@ def make_image(draws: Draws, resolution: float) -> PosteriorImage:
     point = occupied_probability(draws, cells).reshape(n_rows, n_columns)
     square = occupied_probability(draws, cells, resolution).reshape(n_rows, n_columns)
     origin = np.array([window.x_min, window.y_min])
-    return PosteriorImage(point.astype(np.float32), square.astype(np.float32), origin, resolution)
+    seen = np.arange(point.size).reshape(point.shape) % 5 > 0
+    return PosteriorImage(point.astype(np.float32), square.astype(np.float32), origin, resolution, seen)
 
 
 def make_run(seed: int = 1, n_draws: int = 12, window: Window = WINDOW, resolution: float = 1.0) -> Run:

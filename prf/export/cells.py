@@ -76,7 +76,7 @@ def _cells_of_grid(grid: OccupancyGrid, options: Options) -> Cells:
     """Return the cells of a grid, nan where no reading came: 0.5 may also be what the readings say."""
     if options.squares or options.resolution is not None:
         raise UsageError(f"a GRID has cells of {grid.resolution:g} m only: leave --squares and --resolution out.")
-    probability = np.where(grid.hits + grid.misses > 0, grid.occupancy, np.nan)
+    probability = np.where(grid.seen, grid.occupancy, np.nan)
     return Cells(probability, grid.origin, grid.resolution)
 
 

@@ -21,7 +21,7 @@ from prf.kernels.sonar import SONAR_MAX, sonar_log_likelihood
 from prf.kernels.visibility import BORDER, N_LINES, POSE_COS, POSE_SIN, POSE_X, POSE_Y, Sight, see_edge, sweep
 
 # Columns of ``Cones.pose`` after those that place the sonar.
-READING = 5  # m; inf for no return
+READING = 5  # m; inf for no return, -m where it is censored at m, the border of the window
 EXTENT = 6  # up to where the map matters now, m
 CONE_LOG_LIKELIHOOD = 7
 N_POSE = 8

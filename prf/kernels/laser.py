@@ -22,21 +22,37 @@ def normal_cdf(x: float) -> float:
 
 
 @core
-def beam_log_likelihood(model: np.ndarray, reading: float, distance: float) -> float:
-    """Log density of a reading (metres, inf: no return) if the first obstacle lies at `distance` (inf: none).
+def censored_log_likelihood(model: np.ndarray, bound: float, distance: float) -> float:
+    """Log probability that a beam reads `bound` (metres, at most the maximum range) or more, an obstacle at `distance`.
 
-    w_hit N(r; d, s^2) / Phi(d/s) + w_outlier / max below the maximum range, else the point mass
-    w_miss + w_hit Phi((d - max)/s) / Phi(d/s), with s = max(noise, noise_relative d); the total is 1 for every d.
+    The point mass w_miss + w_outlier (1 - m/max) + w_hit ([d >= m] + [d < m] Phi((d - m)/s) / Phi(d/s)) for a bound m.
+    """
+    if bound == model[c.MAX_RANGE] and distance >= bound:
+        return model[c.LOG_MISS]
+    beyond = model[c.MISS] + model[c.OUTLIER_DENSITY] * (model[c.MAX_RANGE] - bound)
+    if distance >= bound:
+        return math.log(beyond + model[c.HIT])
+    s = max(model[c.NOISE], model[c.NOISE_RELATIVE] * distance)
+    beyond += model[c.HIT] * normal_cdf((distance - bound) / s) / normal_cdf(distance / s)
+    return math.log(beyond) if beyond > 0.0 else -math.inf
+
+
+@core
+def beam_log_likelihood(model: np.ndarray, reading: float, distance: float) -> float:
+    """Log density of a reading if the first obstacle lies at `distance` (inf: none), metres.
+
+    w_hit N(r; d, s^2) / Phi(d/s) + w_outlier / max for a return r, with s = max(noise, noise_relative d). inf is no
+    return below the maximum range, -m a reading that is censored at m, where the beam leaves the window: both are point
+    masses (:func:`censored_log_likelihood`), and the total over r < m and the mass at m is 1 for every d.
     """
     maximum = model[c.MAX_RANGE]
+    if reading < 0.0 or reading >= maximum:
+        return censored_log_likelihood(model, -reading if reading < 0.0 else maximum, distance)
     if distance >= maximum:
-        return model[c.LOG_OUTLIER] if reading < maximum else model[c.LOG_MISS]
+        return model[c.LOG_OUTLIER]
     s = max(model[c.NOISE], model[c.NOISE_RELATIVE] * distance)
-    if reading < maximum:
-        z = (reading - distance) / s
-        if z * z > model[c.VANISHING]:
-            return model[c.LOG_OUTLIER]
-        peak = math.exp(-0.5 * z * z) / (s * ROOT_TWO_PI * normal_cdf(distance / s))
-        return math.log(model[c.HIT] * peak + model[c.OUTLIER_DENSITY])
-    missed = model[c.MISS] + model[c.HIT] * normal_cdf((distance - maximum) / s) / normal_cdf(distance / s)
-    return math.log(missed) if missed > 0.0 else -math.inf
+    z = (reading - distance) / s
+    if z * z > model[c.VANISHING]:
+        return model[c.LOG_OUTLIER]
+    peak = math.exp(-0.5 * z * z) / (s * ROOT_TWO_PI * normal_cdf(distance / s))
+    return math.log(model[c.HIT] * peak + model[c.OUTLIER_DENSITY])

@@ -59,32 +59,39 @@ def feature_before(one: np.ndarray, other: np.ndarray) -> bool:
 
 
 @core
+def censored_at(model: np.ndarray, reading: float) -> float:
+    """Distance from which on a reading is known as "that or more": the window's border (-m), or the maximum range."""
+    return -reading if reading < 0.0 else model[SONAR_MAX]
+
+
+@core
 def hit_density(model: np.ndarray, reading: float, depth: float) -> float:
-    """Density at a reading (inf: probability of no return) of a pulse that came back from `depth`.
+    """Density at a reading (inf, -m: probability of no return, of m or more) of a pulse that came back from `depth`.
 
     A Gaussian cut at 0 and renormalised; its mass beyond the maximum range is no return.
     """
     s = max(model[SONAR_NOISE], model[SONAR_NOISE_RELATIVE] * depth)
     positive = normal_cdf(depth / s)
-    if reading >= model[SONAR_MAX]:
-        return normal_cdf((depth - model[SONAR_MAX]) / s) / positive
+    if reading < 0.0 or reading >= model[SONAR_MAX]:
+        return normal_cdf((depth - censored_at(model, reading)) / s) / positive
     z = (reading - depth) / s
     return math.exp(-0.5 * z * z) / (s * ROOT_TWO_PI * positive)
 
 
 @core
 def stray_density(model: np.ndarray, reading: float) -> float:
-    """Density at a reading (inf: probability of no return) of a pulse that no feature returned."""
-    if reading >= model[SONAR_MAX]:
-        missed = 1.0 - model[OUTLIER_UNIFORM] - model[OUTLIER_SHORT]
-        return missed + model[OUTLIER_SHORT] * math.exp(-model[SHORT_RATE] * model[SONAR_MAX])
+    """Density at a reading (inf, -m: probability of no return, of m or more) of a pulse that no feature returned."""
+    if reading < 0.0 or reading >= model[SONAR_MAX]:
+        bound = censored_at(model, reading)
+        beyond = 1.0 - model[OUTLIER_SHORT] - model[OUTLIER_UNIFORM] * bound / model[SONAR_MAX]
+        return beyond + model[OUTLIER_SHORT] * math.exp(-model[SHORT_RATE] * bound)
     short = model[SHORT_RATE] * math.exp(-model[SHORT_RATE] * reading)
     return model[OUTLIER_UNIFORM] / model[SONAR_MAX] + model[OUTLIER_SHORT] * short
 
 
 @core
 def sonar_log_likelihood(model: np.ndarray, sight: Sight, reading: float) -> float:
-    """Log density of a reading (metres; the maximum range or more: no return) given the features of `sight`.
+    """Log density of a reading (metres; inf: no return, -m: m or more) given the features of `sight`.
 
     Feature f returns the pulse with probability r_f = q_f prod over closer g of (1 - q_g); with what is left none does.
     """

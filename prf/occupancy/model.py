@@ -56,9 +56,15 @@ class OccupancyGrid:
 
     def image(self) -> PosteriorImage:
         """Return the probabilities as an image; a grid has no other value for squares than for points."""
-        return PosteriorImage(self.occupancy, self.occupancy, self.origin, self.resolution)
+        return PosteriorImage(self.occupancy, self.occupancy, self.origin, self.resolution, self.seen)
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Which cells (ny, nx) some reading reached."""
+        reached: NDArray[np.bool_] = (self.hits + self.misses) > 0
+        return reached
 
     @property
     def share_seen(self) -> float:
         """Share of the cells that some reading reached."""
-        return float(np.mean((self.hits + self.misses) > 0))
+        return float(np.mean(self.seen))

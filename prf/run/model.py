@@ -30,12 +30,15 @@ class PosteriorImage(NamedTuple):
         Lower left corner of cell (0, 0) in metres.
     resolution : float
         Side of a cell in metres.
+    seen : (ny, nx) bool
+        Whether a reading of the chosen scans and beams, thinned away or not, crossed the cell or ended in it.
     """
 
     occupancy: NDArray[np.float32]
     square_occupancy: NDArray[np.float32]
     origin: NDArray[np.float64]
     resolution: float
+    seen: NDArray[np.bool_]
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
@@ -43,6 +46,14 @@ class PosteriorImage(NamedTuple):
         n_rows, n_columns = self.occupancy.shape
         x, y = float(self.origin[0]), float(self.origin[1])
         return x, x + n_columns * self.resolution, y, y + n_rows * self.resolution
+
+    def seen_at(self, xy: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return whether each of the points (n, 2), metres, lies in a cell that was seen; False outside the image."""
+        column, row = np.floor((xy - self.origin) / self.resolution).T
+        inside = (column >= 0) & (row >= 0) & (column < self.seen.shape[1]) & (row < self.seen.shape[0])
+        found = np.zeros(len(xy), np.bool_)
+        found[inside] = self.seen[row[inside].astype(np.int64), column[inside].astype(np.int64)]
+        return found
 
 
 class Beams(NamedTuple):

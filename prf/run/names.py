@@ -16,7 +16,7 @@ PICTURE = "posterior.png"
 SCHEMAS = {
     MANIFEST: "prf.run/1",
     DRAWS: "prf.draws/1",
-    POSTERIOR: "prf.posterior/1",
+    POSTERIOR: "prf.posterior/2",
     READINGS: "prf.readings/1",
     MAP: "prf.map/1",
     DIAGNOSTICS: diagnostics.SCHEMA,

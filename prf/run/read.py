@@ -106,6 +106,7 @@ def read_image(path: Path) -> PosteriorImage:
         take_array(path, arrays, "square_occupancy", np.float32, occupancy.shape),
         take_array(path, arrays, "origin", np.float64, (2,)),
         float(take_array(path, arrays, "resolution", np.float64, ())),
+        take_array(path, arrays, "seen", np.bool_, occupancy.shape),
     )
     for values in (image.occupancy, image.square_occupancy):
         if ((values < 0.0) | (values > 1.0)).any():

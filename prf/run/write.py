@@ -90,6 +90,7 @@ def write_image(folder: Path, image: PosteriorImage) -> None:
         "square_occupancy": image.square_occupancy.astype(np.float32),
         "origin": np.asarray(image.origin, dtype=np.float64),
         "resolution": np.float64(image.resolution),
+        "seen": image.seen.astype(np.bool_),
     }
     save_arrays(folder / names.POSTERIOR, names.SCHEMAS[names.POSTERIOR], arrays, compressed=True)
 

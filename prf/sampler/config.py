@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.arak import checked_scale
+from prf.layout import image_grid
 from prf.logs import CONE, PointTable, Readings
 from prf.logs.describe import default_max_range
 from prf.logs.rings import fields_of_view
@@ -19,6 +20,7 @@ from prf.run import Beams, Cones, Points
 from prf.sampler.starts import STARTS, Start
 from prf.sampler.tempering_ladder import AUTO_RUNGS, LadderPlan
 from prf.sampler.tiles.schedule import chosen_tiles
+from prf.seen import seen_by_beams, seen_by_cones
 from prf.sensors.domain import check_length
 from prf.sensors.laser import LaserModel, unit_vectors
 from prf.sensors.points import PointModel, window_round
@@ -235,6 +237,7 @@ def prepare(
     if resolved.starts_from() == "grid" and kept_beams is None:
         raise ConfigError("--start grid: needs the readings of a laser. Choose another start.")
     settings = make_settings(resolved, kept_beams, kept_cones, points)
+    settings = dataclasses.replace(settings, seen=seen_cells(window, resolution, inside, kept_cones, points))
     n_thinned = 0 if inside is None or kept_beams is None else len(inside.range) - len(kept_beams.range)
     return Prepared(settings, kept_beams, kept_cones, points, resolved, n_outside, n_points_outside, n_thinned)
 
@@ -276,6 +279,19 @@ def _points(config: SampleConfig, observed: PointTable, window: Window) -> Point
     if not inside.any():
         raise InputError(f"{observed.source}: no point lies inside the window. Check --window.")
     return Points(observed.xy[inside], observed.value[inside])
+
+
+def seen_cells(
+    window: Window, resolution: float, beams: Beams | None, cones: Cones | None, points: Points | None
+) -> NDArray[np.bool_]:
+    """Return the cells (ny, nx) of the image that readings crossed or ended in; values at points concern all of it."""
+    grid = image_grid(window, resolution)
+    seen = np.full((grid.ny, grid.nx), points is not None)
+    if beams is not None:
+        seen |= seen_by_beams(grid, window, beams.origin, beams.angle, beams.range, beams.max_range)
+    if cones is not None:
+        seen |= seen_by_cones(grid, cones.origin, cones.angle, cones.cone, cones.range, cones.max_range)
+    return seen
 
 
 Kept = TypeVar("Kept", Beams, Cones)

@@ -184,7 +184,11 @@ def make_image(sampler: Sampler) -> PosteriorImage:
     """Return the occupancy image of all chains."""
     grid = sampler.chains[0].chain.image.grid
     occupancy, squares = sampler.occupancy()
-    return PosteriorImage(occupancy, squares, np.array([grid.x0, grid.y0]), grid.cell)
+    seen = sampler.settings.seen
+    everything = np.ones(occupancy.shape, np.bool_)
+    return PosteriorImage(
+        occupancy, squares, np.array([grid.x0, grid.y0]), grid.cell, everything if seen is None else seen
+    )
 
 
 def make_diagnostics(sampler: Sampler, progress: Progress) -> dict[str, Any]:

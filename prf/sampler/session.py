@@ -201,7 +201,7 @@ def resume(
     InputError
         If the log differs, or the run cannot be read.
     """
-    run = read_run(folder, parts=(names.READINGS,))
+    run = read_run(folder, parts=(names.READINGS, names.POSTERIOR))
     if run.sensors is None and run.points is None:
         raise InputError(f"{folder}: readings.npz is missing. Sample anew with --force.")
     config, stored_seed = stored_config(run, folder)
@@ -211,6 +211,8 @@ def resume(
     if run.manifest.get("versions") != versions():
         logger.warning("this run was begun with other versions of the packages: bit for bit may not hold")
     settings = make_settings(config, run.beams, run.cones, run.points)
+    if run.image is not None:
+        settings = dataclasses.replace(settings, seen=run.image.seen)
     sampler = make_sampler(config, settings, stored_seed, threads, scheduler)
     process = {key: run.manifest[key] for key in PROCESS_KEYS if key in run.manifest}
     output = Output(folder, process, config, stored_seed, run.beams, run.cones, run.points)

@@ -106,28 +106,34 @@ class LaserModel:
         return self.max_range < 20.0 * max(self.noise, self.noise_relative * self.max_range)
 
     def best_log_likelihood(self, readings: Floats) -> Floats:
-        """Return a bound (n,) that the log density of each reading (inf: no return) exceeds at no distance.
+        """Return a bound (n,) that the log density of each reading exceeds at no distance.
+
+        Readings are those of :func:`make_rays`: metres; inf for no return, -m for one that is censored at m.
 
         At r = d with s = max(noise, noise_relative r) the Gaussian is highest but for noise_relative^2 nats, because s
         grows with d. What is cut off below 0 at most doubles it, and matters only near 0 unless the noise is wide.
         """
-        has_return = np.isfinite(readings)
+        has_return = np.isfinite(readings) & (readings >= 0.0)
         spread = np.maximum(self.noise, self.noise_relative * np.where(has_return, readings, 0.0))
         near = readings < 20.0 * spread
         if self.is_wide:
             spread, near = np.full(len(readings), self.noise), has_return
         peak = np.where(near, 2.0, 1.0) * math.exp(self.noise_relative**2) / (spread * math.sqrt(2.0 * math.pi))
         hit = np.log(self.hit_probability * peak + self.outlier_probability / self.max_range)
-        missed = math.log(self.miss_probability + self.hit_probability)
+        censored_at = np.where(readings < 0.0, -readings, self.max_range)
+        strays = self.outlier_probability * (1.0 - censored_at / self.max_range)
+        missed = np.log(self.miss_probability + self.hit_probability + strays)
         return np.asarray(np.where(has_return, hit, missed) + 1e-9)
 
     def aim(self, readings: Floats) -> tuple[Floats, Floats]:
         """Return the distances (n,) between which an obstacle can explain a reading better than none before its own.
 
-        Outside of them a beam that is cut gains less than :data:`prf.kernels.bounds.FADED`; one without return nowhere.
+        Outside of them a beam that is cut gains less than :data:`prf.kernels.bounds.FADED`; one without return, or that
+        is censored (readings as of :func:`make_rays`), nowhere.
         """
         if self.is_wide:
             return np.full(len(readings), -np.inf), np.full(len(readings), np.inf)
+        readings = np.where(readings < 0.0, np.inf, readings)
         z = self.deviation_where_hits_are(FADED)
         shrunk = 1.0 - z * self.noise_relative
         beyond = readings / shrunk if shrunk > 0.0 else np.full(len(readings), np.inf)
@@ -168,15 +174,18 @@ def make_rays(window: Window, model: LaserModel, origin: Floats, angle: Floats, 
     angle : (n,) array
         Directions in the world frame, radians.
     readings : (n,) array
-        Metres; inf or at least the maximum range: no return.
+        Metres; inf or at least the maximum range: no return. One that ends beyond the window is censored at its border:
+        all that the map can say is that nothing stopped the beam before (docs/laser-model.md).
     """
     ray = np.zeros((len(angle), c.N_RAY))
     ray[:, c.ORIGIN_X : c.ORIGIN_Y + 1] = origin
     ray[:, c.DIRECTION_X] = np.cos(angle)
     ray[:, c.DIRECTION_Y] = np.sin(angle)
     direction = ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
-    ray[:, c.REACH] = np.minimum(window_exit(window, ray[:, :2], direction), model.max_range)
-    ray[:, c.RANGE] = np.where(readings < model.max_range, readings, np.inf)
+    leaves = window_exit(window, ray[:, :2], direction)
+    ray[:, c.REACH] = np.minimum(leaves, model.max_range)
+    beyond = np.where(leaves < model.max_range, -leaves, np.inf)
+    ray[:, c.RANGE] = np.where(readings < ray[:, c.REACH], readings, beyond)
     ray[:, c.DISTANCE] = np.inf
     return ray
 

@@ -15,8 +15,9 @@ from prf.kernels import sonar as m
 from prf.kernels import visibility as v
 from prf.kernels.grid import Grid
 from prf.sensors.domain import LEAST_PROBABILITY, check_factor, check_length
-from prf.sensors.laser import MOST_SLOTS
+from prf.sensors.laser import MOST_SLOTS, unit_vectors, window_exit
 from prf.shell.errors import ConfigError
+from prf.window import Window
 
 Floats = NDArray[np.float64]
 
@@ -157,6 +158,39 @@ def make_poses(model: SonarModel, origin: Floats, angle: Floats, cone: Floats, r
     pose[:, k.READING] = np.where(readings < model.max_range, readings, np.inf)
     pose[:, k.EXTENT] = model.max_range
     return pose
+
+
+def cone_exit(window: Window, origin: Floats, angle: Floats, cone: Floats) -> Floats:
+    """Return the distance (n,) at which cones from inside the window first leave it, metres.
+
+    Parameters
+    ----------
+    window : Window
+    origin : (n, 2) array
+        Metres.
+    angle, cone : (n,) arrays
+        Directions of the axes and full fields of view, radians.
+    """
+    leaves = [window_exit(window, origin, unit_vectors(angle + side * cone)) for side in (-0.5, 0.5)]
+    for direction in 0.5 * math.pi * np.arange(4):
+        # A side of the window is nearest face on, if that direction lies in the cone.
+        faces = np.abs(np.angle(np.exp(1j * (angle - direction)))) <= 0.5 * cone
+        ahead = window_exit(window, origin, unit_vectors(np.full(len(angle), direction)))
+        leaves.append(np.where(faces, ahead, np.inf))
+    return np.asarray(np.min(leaves, axis=0), np.float64)
+
+
+def censored(pose: Floats, window: Window, cone: Floats, model: SonarModel) -> Floats:
+    """Return cones (n, N_POSE) whose readings are censored where they end beyond the window, or have no return.
+
+    What returned a pulse from a distance m at which the cone leaves the window may stand outside, of which a map knows
+    nothing: such a reading says that it is m or more, and -m stands for it.
+    """
+    leaves = cone_exit(window, pose[:, :2], np.arctan2(pose[:, v.POSE_SIN], pose[:, v.POSE_COS]), cone)
+    ends_beyond = (leaves < model.max_range) & ~(pose[:, k.READING] < leaves)
+    found = pose.copy()
+    found[ends_beyond, k.READING] = -leaves[ends_beyond]
+    return found
 
 
 def make_sight(room: int) -> v.Sight:

@@ -7,14 +7,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.sensors.laser import unit_vectors, window_exit
+from prf.seen import beam_ends
 from prf.shell.errors import ConfigError
 from prf.thinning.cover import Passages
 from prf.thinning.quotas import draw_evenly, strata_of, weights
 from prf.window import Window
 
 Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 BEAM_DENSITY = 16.0
 """Beams a square metre of seen ground, unless asked for otherwise."""
@@ -65,7 +64,7 @@ def thin_beams(
     everything = np.arange(len(ranges), dtype=np.int64)
     if density == 0.0 or len(ranges) <= 1:
         return everything
-    end, returned = _ends(window, origin, angle, ranges, max_range)
+    end, returned = beam_ends(window, origin, angle, ranges, max_range)
     passages = Passages(window, origin, end)
     budget = density * passages.seen_area()
     if budget > WORTH_IT * len(ranges):
@@ -74,11 +73,3 @@ def thin_beams(
     kept = draw_evenly(strata, weights(strata, budget))
     passages.complete(kept)
     return everything[kept]
-
-
-def _ends(window: Window, origin: Floats, angle: Floats, ranges: Floats, max_range: float) -> tuple[Floats, Bools]:
-    """Return where the beams end inside the window and within reach (n, 2), and which of them by a return."""
-    direction = unit_vectors(angle)
-    reach = np.minimum(window_exit(window, origin, direction), max_range)
-    returned: Bools = ranges < reach
-    return origin + np.where(returned, ranges, reach)[:, None] * direction, returned

@@ -55,6 +55,15 @@ def mass_of_no_return(sensor: Sensor, d: float) -> float:
     return sensor.miss + sensor.hit * float(special.ndtr((d - sensor.max) / s) / special.ndtr(d / s))
 
 
+def mass_from(sensor: Sensor, bound: float, d: float) -> float:
+    """w_miss + w_outlier (1 - m/max) + w_hit ([d >= m] + [d < m] Phi((d - m)/s) / Phi(d/s)): a reading of m or more."""
+    beyond = sensor.miss + sensor.outlier * (1.0 - bound / sensor.max)
+    if d >= bound:
+        return beyond + sensor.hit
+    s = sensor.spread(d)
+    return beyond + sensor.hit * float(special.ndtr((d - bound) / s) / special.ndtr(d / s))
+
+
 def log_likelihood(sensor: Sensor, r: float, d: float) -> float:
     if r < sensor.max:
         return math.log(float(density(sensor, np.array(r), d)))

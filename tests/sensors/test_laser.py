@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
 import pytest
+from scipy import integrate
 
 from prf.arak import exact_draws
 from prf.coloring import Coloring, black_at
@@ -20,7 +22,7 @@ from prf.sensors.laser import LaserModel, make_rays, window_exit
 from prf.shell.errors import ConfigError
 from prf.window import INTERIOR, Window
 from tests.kernels.entries import hit_table, log_likelihoods
-from tests.reference.beams import exit_by_shapely, impacts
+from tests.reference.beams import Sensor, exit_by_shapely, impacts, mass_from
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
 ROOM = Window(-5.0, -5.0, 5.0, 5.0)
@@ -94,6 +96,47 @@ def test_rays_keep_readings_and_reach() -> None:
     assert ray[:, c.RANGE].tolist() == [0.1, math.inf, math.inf, math.inf]
     assert ray[:, c.REACH].tolist() == [0.3] * 4
     assert make_rays(UNIT, LaserModel(9.0), origin, angle, np.ones(4))[:, c.REACH].tolist() == [0.5] * 4
+
+
+def test_a_reading_beyond_the_window_is_censored_at_its_border() -> None:
+    origin, angle = np.full((5, 2), 0.5), np.zeros(5)
+    ray = make_rays(UNIT, LaserModel(9.0), origin, angle, np.array([0.4, 0.5, 3.0, 9.0, np.inf]))
+    assert ray[:, c.RANGE].tolist() == [0.4, -0.5, -0.5, -0.5, -0.5]
+
+
+@pytest.mark.parametrize("distance", [0.02, 0.5, 1.99, 2.0, 2.005, 2.05, 4.0, 9.0, math.inf])
+@pytest.mark.parametrize("bound", [0.05, 2.0, 7.999, 8.0])
+def test_densities_below_the_border_and_the_mass_beyond_come_to_one(bound: float, distance: float) -> None:
+    """Against the formula, and by quadrature with cuts round the peak."""
+    model, sensor = LaserModel(8.0), Sensor(8.0)
+
+    def log_density(reading: float) -> float:
+        found = np.zeros(1)
+        log_likelihoods(model.to_array(), np.array([reading]), np.array([distance]), found)
+        return float(found[0])
+
+    mass = math.exp(log_density(-bound))
+    assert mass == pytest.approx(mass_from(sensor, bound, distance), rel=1e-12)
+    peak = min(distance, 10.0) + 0.03 * np.array([-9.0, -3.0, -1.0, 0.0, 1.0, 3.0, 9.0])
+    cuts = np.unique(np.clip([0.0, *peak, bound], 0.0, bound)).tolist()
+    pieces = [integrate.quad(lambda r: math.exp(log_density(r)), *ends)[0] for ends in itertools.pairwise(cuts)]
+    if distance < bound or distance == math.inf:  # no obstacle is met between the border and the maximum range
+        assert sum(pieces) + mass == pytest.approx(1.0, abs=1e-7)
+
+
+def test_beams_that_end_beyond_the_window_say_nothing_of_what_is_inside() -> None:
+    """They left a share of black at two metres; now they weigh as beams without return do."""
+    window, n = Window(0.0, 0.0, 4.0, 4.0), 13
+    origin, angle = np.full((n, 2), 0.7), np.linspace(0.5, 1.1, n)
+    wall = exact_draws(0.3, window, 20, np.random.default_rng(3))
+    for coloring in wall:
+        if black_at(coloring, origin[:1])[0]:
+            continue
+        beyond, silent = (
+            make_chain(Settings(window, 0.3, LaserData(origin, angle, ranges, LaserModel(10.0))), coloring)
+            for ranges in (np.full(n, 8.0), np.full(n, np.inf))
+        )
+        assert beyond.graph.sums[c.LOG_LIKELIHOOD] == silent.graph.sums[c.LOG_LIKELIHOOD]
 
 
 def chain_at(
@@ -227,7 +270,7 @@ def test_no_beams_and_no_edges() -> None:
     empty = Coloring.empty(ROOM)
     chain = chain_at(empty, np.zeros((0, 2)), np.zeros(0), 0.4, 8.0)
     assert chain.graph.sums[c.LOG_LIKELIHOOD] == 0.0
-    chain = chain_at(empty, np.zeros((3, 2)), np.arange(3.0), 0.4, 8.0)
+    chain = chain_at(empty, np.zeros((3, 2)), np.arange(3.0), 0.4, 4.9)
     assert np.isinf(chain.beams.ray[:, c.DISTANCE]).all()
     assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(3 * math.log(0.95))
 
@@ -244,7 +287,8 @@ MODELS = [
 @pytest.mark.parametrize("model", MODELS)
 def test_no_distance_gives_a_reading_more_than_its_best(model: LaserModel) -> None:
     """Nor does an obstacle off the aim of a beam help it by more than what the bounds allow for."""
-    readings = np.append(np.geomspace(0.01, 0.999 * model.max_range, 40), np.inf)
+    bounds = -model.max_range * np.array([0.01, 0.3, 0.9, 1.0])
+    readings = np.concatenate([np.geomspace(0.01, 0.999 * model.max_range, 40), bounds, [np.inf]])
     best, (near, far) = model.best_log_likelihood(readings), model.aim(readings)
     grid = np.append(np.linspace(1e-3, model.max_range, 4001), np.inf)
     highest = -np.inf

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 from scipy import integrate
 
 from prf.arak import exact_draws
@@ -124,6 +125,7 @@ def test_densities_and_the_mass_of_no_return_come_to_one() -> None:
         return float(total[0])
 
     for scene, pose, feature in looked_at(5)[::4]:
+        bound = 2.0
         peaks = feature[:, v.DEPTH, None] + np.array([-0.5, -0.1, 0.0, 0.1, 0.5])
         cuts = np.unique(np.clip([0.0, *peaks.ravel(), 3.5], 0.0, 3.5))
         pieces = [
@@ -131,6 +133,31 @@ def test_densities_and_the_mass_of_no_return_come_to_one() -> None:
             for a, b in itertools.pairwise(cuts.tolist())
         ]
         assert sum(pieces) + density(scene, pose, math.inf) == pytest.approx(1.0, abs=1e-9)
+        beyond = [
+            integrate.quad(lambda r, at=(scene, pose): density(*at, r), a, b, epsabs=1e-11)[0]
+            for a, b in itertools.pairwise([bound, *(cut for cut in cuts.tolist() if cut > bound)])
+        ]
+        mass = density(scene, pose, -bound)
+        assert mass == pytest.approx(sum(beyond) + density(scene, pose, math.inf), abs=1e-9)
+
+
+def test_cones_leave_the_window_where_shapely_says() -> None:
+    window, rng = Window(-1.0, 2.0, 5.0, 6.0), np.random.default_rng(8)
+    origin = rng.uniform(window[:2], window[2:], (300, 2))
+    angle, view = rng.uniform(-np.pi, np.pi, 300), rng.uniform(0.05, 3.0, 300)
+    border = shapely.box(*window).exterior
+    turn = angle[:, None] + view[:, None] * np.linspace(-0.5, 0.5, 2001)
+    rim = origin[:, None] + 20.0 * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    cones = [shapely.Polygon([start, *ends]) for start, ends in zip(origin, rim, strict=True)]
+    expected = [shapely.distance(shapely.Point(p), cone & border) for p, cone in zip(origin, cones, strict=True)]
+    assert sensor.cone_exit(window, origin, angle, view) == pytest.approx(np.array(expected), rel=1e-6)
+
+
+def test_a_reading_beyond_the_window_is_censored_where_the_cone_leaves_it() -> None:
+    window, n = Window(0.0, 0.0, 4.0, 4.0), 4
+    origin, angle, view = np.full((n, 2), 1.0), np.full(n, np.pi), np.full(n, 0.3)
+    pose = make_poses(SonarModel(), origin, angle, view, np.array([0.5, 1.0, 2.0, np.inf]))
+    assert sensor.censored(pose, window, view, SonarModel())[:, k.READING].tolist() == [0.5, -1.0, -1.0, -1.0]
 
 
 @pytest.mark.parametrize("view", [0.0, -0.1, math.pi, 4.0, math.nan])

@@ -15,7 +15,7 @@ from prf.kernels.visibility import BORDER, POSE_COS, POSE_SIN, POSE_X, POSE_Y
 from prf.layout import make_targets
 from prf.posterior import LaserData, Settings, SonarData, return_points
 from prf.sensors.laser import LaserModel, make_rays
-from prf.sensors.sonar import SonarModel, make_poses
+from prf.sensors.sonar import SonarModel, censored, make_poses
 
 Floats = NDArray[np.float64]
 
@@ -70,10 +70,12 @@ def make_tile_data(settings: Settings) -> TileData:
     sonar = settings.sonar or SonarData(*nothing, np.zeros(0), SonarModel())
     ray = make_rays(settings.window, laser.model, laser.origin, laser.angle, laser.readings)
     pose = make_poses(sonar.model, sonar.origin, sonar.angle, sonar.cone, sonar.readings)
+    pose = censored(pose, settings.window, sonar.cone, sonar.model)
     assert pose.shape[1] > READING
     reach = ray[:, c.REACH]
     influence = np.minimum(reach, influence_of(laser.model, ray[:, c.RANGE]))
-    answered = np.where(np.isfinite(ray[:, c.RANGE]), np.minimum(ray[:, c.RANGE], (1.0 - HAIR) * reach), 0.5 * reach)
+    returned = (ray[:, c.RANGE] >= 0.0) & np.isfinite(ray[:, c.RANGE])
+    answered = np.where(returned, np.minimum(ray[:, c.RANGE], (1.0 - HAIR) * reach), 0.5 * reach)
     returns = return_points(settings)
     return TileData(
         settings=settings,
@@ -94,8 +96,10 @@ def influence_of(model: LaserModel, readings: Floats) -> Floats:
     """Return the distance (n,) beyond which an obstacle is no more likely to return a reading than none at all.
 
     There :func:`prf.kernels.laser.beam_log_likelihood` gives the density of an outlier, to the last bit. Infinite for
-    readings without return, which any obstacle in reach concerns.
+    readings without return, and for censored ones (:func:`prf.sensors.laser.make_rays`): any obstacle in reach concerns
+    these.
     """
+    readings = np.where(readings < 0.0, np.inf, readings)
     sigmas = math.sqrt(model.to_array()[c.VANISHING])
     share = 1.0 - sigmas * model.noise_relative
     far = np.maximum(readings + sigmas * model.noise, readings / share if share > 0.0 else np.inf)

@@ -1,0 +1,70 @@
+"""What readings saw: the cells that one of them crossed or ended in. Of all others a map knows the prior alone."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.kernels.grid import Grid, most_cells
+from prf.kernels.seen import mark_beams, mark_cones
+from prf.sensors.laser import unit_vectors, window_exit
+from prf.sensors.sonar import SonarModel, make_poses
+from prf.window import Window
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+def beam_ends(window: Window, origin: Floats, angle: Floats, ranges: Floats, max_range: float) -> tuple[Floats, Bools]:
+    """Return where beams end inside the window and within reach (n, 2), and which of them (n,) by a return.
+
+    Parameters
+    ----------
+    window : Window
+    origin : (n, 2) array
+        Sensor positions inside the window, metres.
+    angle : (n,) array
+        Directions in the world frame, radians.
+    ranges : (n,) array
+        Metres; at or above `max_range`: no return.
+    max_range : float
+        Metres.
+    """
+    direction = unit_vectors(angle)
+    reach = np.minimum(window_exit(window, origin, direction), max_range)
+    returned: Bools = ranges < reach
+    return origin + np.where(returned, ranges, reach)[:, None] * direction, returned
+
+
+def seen_by_beams(grid: Grid, window: Window, origin: Floats, angle: Floats, ranges: Floats, max_range: float) -> Bools:
+    """Return which cells (ny, nx) of a grid beams crossed or ended in; parameters as of :func:`beam_ends`."""
+    seen: Bools = np.zeros((grid.ny, grid.nx), np.bool_)
+    end, _ = beam_ends(window, origin, angle, ranges, max_range)
+    path = np.empty(most_cells(grid), np.int32)
+    mark_beams(grid, np.ascontiguousarray(origin), np.ascontiguousarray(end), path, seen.reshape(-1))
+    return seen
+
+
+def seen_by_cones(grid: Grid, origin: Floats, angle: Floats, cone: Floats, ranges: Floats, max_range: float) -> Bools:
+    """Return which cells (ny, nx) of a grid sonar cones covered up to their readings, or to `max_range` without return.
+
+    Parameters
+    ----------
+    grid : Grid
+    origin : (n, 2) array
+        Metres.
+    angle, cone : (n,) arrays
+        Directions of the axes and full fields of view, radians.
+    ranges : (n,) array
+        Metres; at or above `max_range`: no return.
+    max_range : float
+        Metres.
+    """
+    seen: Bools = np.zeros((grid.ny, grid.nx), np.bool_)
+    room = min(2 * math.ceil(max_range / grid.cell) + 3, max(grid.nx, grid.ny)) ** 2
+    pose = make_poses(SonarModel(max_range=max_range), origin, angle, cone, ranges)
+    reach = np.minimum(ranges, max_range)
+    mark_cones(grid, pose, reach, np.empty(room, np.int32), np.empty(room), seen.reshape(-1))
+    return seen
