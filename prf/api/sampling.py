@@ -149,7 +149,7 @@ def sample(
     steps : int, optional
         Steps a chain, burn-in included; rounded up to whole rounds of 10,000 or more.
     seconds : float, optional
-        Of sampling, instead.
+        Of sampling and of writing the output, instead.
     chains : int, optional
         4 unless given.
     seed : int, optional

@@ -76,7 +76,10 @@ Steps = Annotated[
 TimeBudget = Annotated[
     float | None,
     typer.Option(
-        "--time-budget", metavar="TIME", parser=parse_duration, help="Sampling in this call; seconds, or 90s, 5m, 1.5h."
+        "--time-budget",
+        metavar="TIME",
+        parser=parse_duration,
+        help="Of this call, writing the run included; seconds, or 90s, 5m, 1.5h.",
     ),
 ]
 Scheduler = Annotated[

@@ -93,7 +93,7 @@ def write_image(folder: Path, image: PosteriorImage) -> None:
         "resolution": np.float64(image.resolution),
         "seen": image.seen.astype(np.bool_),
     }
-    save_arrays(folder / names.POSTERIOR, names.SCHEMAS[names.POSTERIOR], arrays, compressed=True)
+    save_arrays(folder / names.POSTERIOR, names.SCHEMAS[names.POSTERIOR], arrays)
 
 
 def write_readings(
@@ -131,7 +131,7 @@ def write_readings(
     if points is not None:
         arrays[names.POINT_PREFIX + "xy"] = points.xy.astype(np.float64)
         arrays[names.POINT_PREFIX + "value"] = points.value.astype(np.float64)
-    save_arrays(folder / names.READINGS, names.SCHEMAS[names.READINGS], arrays, compressed=True)
+    save_arrays(folder / names.READINGS, names.SCHEMAS[names.READINGS], arrays)
 
 
 def write_best(folder: Path, run: Run) -> None:

@@ -14,7 +14,7 @@ from prf.kernels.chain import Chain
 from prf.layout import make_image, read_coloring, run_chain
 from prf.posterior import Settings, make_chain, one_colour_map
 from prf.sampler.prior_ground import prior_ground
-from prf.sampler.record import FIRST_THIN, ImageTimes, Record
+from prf.sampler.record import FIRST_THIN, ImageTimes, Record, burn_in
 from prf.sampler.starts import Start, find_start_map, needs_search
 from prf.sampler.tempering import Tempering
 from prf.sampler.tempering_ladder import LadderPlan
@@ -87,6 +87,11 @@ class ChainSampler:
     def step(self) -> int:
         """Steps made."""
         return int(self.chain.graph.counts[c.STEP])
+
+    @property
+    def burn_in(self) -> int:
+        """Steps at the start that are left out."""
+        return max(burn_in(self.step), self.recorded_from)
 
     @property
     def rungs(self) -> int:

@@ -32,10 +32,43 @@ from prf.shell.seeds import spawn_generators
 CHECKPOINT_SECONDS = 60.0
 """Sampling between two checkpoints: what a killed run loses at most."""
 
+FIRST_ARCHIVES = 1.0
+"""Seconds that writing a RUN is thought to take, until it was measured."""
+PICTURE_SECONDS = 1.5
+"""What its picture takes besides."""
+
 COUNTS = ("n_beams", "n_beams_thinned", "n_cones", "n_outside", "n_points", "n_points_outside")
 PROCESS_KEYS = ("versions", "platform", "command", "created", "inputs", "sources", *COUNTS)
 
 logger = logging.getLogger(__name__)
+
+
+class Checkpoints:
+    """Checkpoints on the way, and how long it takes to write a RUN, as they show it.
+
+    Parameters
+    ----------
+    output : Output
+    seconds_before : float
+        As :class:`Session` has it.
+    """
+
+    def __init__(self, output: Output, seconds_before: float) -> None:
+        self.output, self.seconds_before = output, seconds_before
+        self.written, self.archives = time.monotonic(), FIRST_ARCHIVES
+
+    def keep(self, sampler: Sampler, progress: Progress) -> None:
+        """Write a RUN without its picture if one is due."""
+        begun = time.monotonic()
+        is_due = progress.status == "running" and begun - self.written > CHECKPOINT_SECONDS
+        if self.output.folder is not None and is_due:
+            self.output.write(sampler, progress, self.seconds_before, picture=False)
+            self.written = time.monotonic()
+            self.archives = self.written - begun
+
+    def reserve(self) -> float:
+        """Return the seconds that the end of the run will take."""
+        return 0.0 if self.output.folder is None else self.archives + PICTURE_SECONDS
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,20 +98,17 @@ class Session:
             self.output.remove_leftovers()
         else:
             self.output.make_way()
-        written = time.monotonic()
+        checkpoints = Checkpoints(self.output, self.seconds_before)
         first_step = self.sampler.step
         progress = Progress(first_step, 0.0, 0.0, 1.0, None, "finished")
         if first_step == 0 and needs_search(self.sampler.chains[0].starts_from, self.sampler.settings):
             logger.info("finding maps to start from ...")
-        for progress in drive(self.sampler, rule, stop_requested):
+        for progress in drive(self.sampler, rule, stop_requested, checkpoints.reserve):
             on_progress(progress)
             if stop_requested() and progress.status == "running":
                 progress = progress._replace(status="interrupted")
                 break
-            is_late = self.output.folder is not None and time.monotonic() - written > CHECKPOINT_SECONDS
-            if progress.status == "running" and is_late:
-                self.output.write(self.sampler, progress, self.seconds_before, picture=False)
-                written = time.monotonic()
+            checkpoints.keep(self.sampler, progress)
         stands = self.is_resumed and self.sampler.step == first_step
         written_run = self.output.read_written(first_step) if stands else None
         if written_run is not None:
