@@ -25,7 +25,7 @@ from prf.api.science import (
     places_in,
     prepared_for,
 )
-from prf.api.words import describe_session, warn_of_dropped
+from prf.api.words import announce_thinning, describe_session, warn_of_dropped
 from prf.diagnostics import converged
 from prf.kernels import constants as c
 from prf.render.live import Glance
@@ -261,6 +261,7 @@ def _fresh(
     used_seed = resolve_seed(seed)
     prepared = prepared_for(sources, config)
     warn_of_dropped(prepared)
+    announce_thinning(prepared)
     if sessions.needs_compiling():
         logger.info("compiling kernels (once; about half a minute) ...")
     session = sessions.start(paths_of(sources), prepared, folder, used_seed, threads, scheduler, places)

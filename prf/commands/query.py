@@ -48,8 +48,8 @@ def query(
     With --points: CSV rows x,y,p_occupied in the order of the input; p_occupied is the share of draws that are black
     at the point, or in which the square is not completely white, and nan outside the window. With --path: p_free, the
     share of draws in which a disc can follow the whole path, nan if the path leaves the window; what the disc alone
-    covers beyond it is taken as free. A GRID answers for its cells, taken as independent: that not all cells of a
-    square, or all cells that the disc touches, are free.
+    covers beyond it is taken as free. A GRID answers for its cells, taken as independent: that not all cells with
+    their centres in a square, or all cells that the disc touches, are free.
     """
     from prf.api.run import open_run
     from prf.occupancy import is_grid, read_grid

@@ -12,6 +12,8 @@ from prf.commands._readings_options import (
     SCIENCE,
     BeamDensity,
     Config,
+    DrivenPoses,
+    DrivenRadius,
     EveryBeam,
     EveryScan,
     Frame,
@@ -35,7 +37,7 @@ from prf.commands._readings_options import (
     chosen_density,
     refuse_shared_stream,
 )
-from prf.shell.options import Force, Json, Output, Presets, Seed, Threads
+from prf.shell.options import Force, Json, Output, Presets, Seed, Threads, parse_duration
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -73,7 +75,12 @@ Steps = Annotated[
 ]
 TimeBudget = Annotated[
     float | None,
-    typer.Option("--time-budget", metavar="SECONDS", min=0.0, help="Of this call: sampling, and writing the run."),
+    typer.Option(
+        "--time-budget",
+        metavar="TIME",
+        parser=parse_duration,
+        help="Of this call, writing the run included; seconds, or 90s, 5m, 1.5h.",
+    ),
 ]
 Scheduler = Annotated[
     str | None,
@@ -106,6 +113,8 @@ Live = Annotated[
 ]
 Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Go on with this run from its checkpoint.")]
 
+TIME_UNITS = ((86400.0, "day"), (3600.0, "hour"), (60.0, "minute"), (1.0, "second"))
+
 RUN_SCIENCE = (*SCIENCE, "chains", "resolution", "start", "rungs", "hottest")
 SOURCES: dict[ReadingKind, str] = {"laser": "--laser", "sonar": "--sonar", "points": "--point-data"}
 """Kind of readings to the option that names its log."""
@@ -136,6 +145,8 @@ def sample(
     miss_probability: MissProbability = None,
     sonar_max_range: SonarMaxRange = None,
     sonar_cone: SonarCone = None,
+    driven_radius: DrivenRadius = None,
+    driven_poses: DrivenPoses = None,
     chains: Chains = None,
     resolution: Resolution = None,
     tiles: Tiles = None,
@@ -185,7 +196,7 @@ def sample(
         else:
             sources: dict[ReadingKind, Source] = {name: logs[flag] for name, flag in SOURCES.items() if flag in logs}
             run = draw(sources, config=asked, output=folder, force=force, **how)
-    _report(run, folder, json)
+    _report(run, folder, json, steps if resume is None else None)
 
 
 @contextmanager
@@ -246,8 +257,9 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None) -> Pat
     return Path(output) if output is not None else default_output(next(iter(logs.values())))
 
 
-def _report(run: Run, folder: Path, json: bool) -> None:
-    """Print what came of it."""
+def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None:
+    """Print what came of it; `asked_steps` may be fewer than whole rounds have."""
+    from prf.agreement import Agreement
     from prf.shell import console, jsonout
 
     assert run.diagnostics is not None
@@ -274,65 +286,63 @@ def _report(run: Run, folder: Path, json: bool) -> None:
     if json:
         jsonout.emit_object("prf.sample/1", result)
         return
-    console.emit(f"{progress.status}: {_verdict(run.diagnostics)}")
-    for line in _ground(run.diagnostics["agreement"]):
-        console.emit(line)
+    console.summarize(f"{progress.status}: {_verdict(run.diagnostics, configuration['chains'])}")
+    ground = Agreement.of_document(run.diagnostics["agreement"]).words()
+    if ground:
+        console.summarize(ground)
     swaps = run.diagnostics.get("tempering")
     if swaps:
-        console.emit(_ladders(swaps))
-    elif not result["converged"] and progress.status != "running":
-        console.emit(_advice(configuration.get("rungs") == "auto"))
-    if not result["converged"]:
-        for line in _budget(run.diagnostics, folder):
-            console.emit(line)
-    console.emit(f"{result['draws']} draws of {result['chains']} chains, {progress.step:,} steps each, {folder}/")
-    console.emit(f"picture {folder}/posterior.png" + (f", best map {folder}/map.geojson" if run.best else ""))
+        console.summarize(_ladders(swaps))
+    if not result["converged"] and progress.status != "running":
+        for line in _advice(run, folder):
+            console.summarize(line)
+    rounded = f" (rounded up from {asked_steps:,})" if asked_steps is not None and progress.step > asked_steps else ""
+    console.summarize(
+        f"{result['draws']} draws of {result['chains']} chains, {progress.step:,} steps each{rounded}, {folder}/"
+    )
+    console.summarize(f"picture {folder}/posterior.png" + (f", best map {folder}/map.geojson" if run.best else ""))
 
 
-def _verdict(diagnostics: dict[str, Any]) -> str:
+def _is_short(diagnostics: dict[str, Any], n_chains: int) -> bool:
+    """Return whether what is missing is draws: one chain has no other to disagree with."""
+    worst = diagnostics["functionals"].get(diagnostics["worst"], {"state": "short"})
+    return n_chains == 1 or worst["state"] == "short"
+
+
+def _verdict(diagnostics: dict[str, Any], n_chains: int) -> str:
     """Return in words whether the chains agree, on what was seen and on the rest."""
     if diagnostics["converged"]:
         return "the chains agree"
-    if diagnostics["converged_seen"]:
-        return f"the chains agree on what was seen, and not yet on the rest ({diagnostics['reason']})"
-    return f"the chains do not agree yet ({diagnostics['reason']})"
+    judged = "the chains do not agree yet"
+    if _is_short(diagnostics, n_chains):
+        judged = "too few draws to judge: run longer"
+    elif diagnostics["converged_seen"]:
+        judged = "the chains agree on what was seen, and not yet on the rest"
+    return f"{judged} ({diagnostics['reason']})"
 
 
-def _ground(found: dict[str, Any]) -> list[str]:
-    """Return in words on which ground the chains agree."""
-    from prf.agreement import Agreement
-
-    words = Agreement.of_document(found).words()
-    return [words] if words else []
-
-
-def _budget(diagnostics: dict[str, Any], folder: Path) -> list[str]:
-    """Return in words how much longer the run would take to agree."""
+def _advice(run: Run, folder: Path) -> list[str]:
+    """Return in words what to do about chains that do not agree; at most a line."""
     import shlex
 
-    seconds = diagnostics["suggested_seconds"]
+    assert run.diagnostics is not None
+    configuration, trend = run.manifest["configuration"], run.diagnostics["trend"]
+    seconds = run.diagnostics["suggested_seconds"]
+    waits, is_tempered = configuration.get("rungs") == "auto", "tempering" in run.diagnostics
     if seconds is not None:
-        command = f"prf sample --resume {shlex.quote(str(folder))} --time-budget {seconds:.0f}"
-        return [f"they come nearer: about {_time_words(seconds)} more at this speed: {command}"]
-    if diagnostics["trend"] == "flat":
-        return ["they came no nearer since half of the steps: more time alone will not help (docs/tempering.md)"]
+        again = f"prf sample --resume {shlex.quote(str(folder))} --time-budget {seconds:.0f}"
+        return [f"about {_time_words(seconds)} more at this speed: {again}"]
+    if trend == "flat" and (waits or is_tempered):
+        return ["the chains come no nearer: more time alone will not help (docs/tempering.md)"]
+    if trend == "flat":
+        return ["the chains come no nearer: more time alone will not help, --rungs auto may (docs/tempering.md)"]
     return []
 
 
 def _time_words(seconds: float) -> str:
     """Return a time as people say it."""
-    for unit, name in ((3600.0, "hour"), (60.0, "minute"), (1.0, "second")):
-        if seconds >= unit:
-            number = round(seconds / unit)
-            return f"{number} {name}{'s' if number > 1 else ''}"
-    return "a second"
-
-
-def _advice(waits: bool) -> str:
-    """Return what to do about chains that do not agree; `waits`: parallel tempering would come by itself."""
-    if waits:
-        return "tempering: none so far, the chains were not seen to stay apart; run longer (docs/tempering.md)"
-    return "chains that stay apart: run longer, or with parallel tempering (--rungs auto; docs/tempering.md)"
+    unit, name = next(((unit, name) for unit, name in TIME_UNITS if seconds >= unit), TIME_UNITS[-1])
+    return f"{round(seconds / unit)} {name}{'s' if seconds > unit else ''}"
 
 
 def _ladders(reports: list[dict[str, Any]]) -> str:

@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 from prf.kernels import step
 from prf.kernels._jit import CACHE
-from prf.logs import PointTable, Readings, read_logs, read_point_data, thin
+from prf.logs import Kind, PointTable, Readings, read_logs, read_point_data, thin, warn_of_spoiling
 from prf.logs.describe import default_max_range
 from prf.posterior import Settings
 from prf.run import Run, names, read_run
@@ -142,17 +142,23 @@ def read_configured(
 def prepare_whole(
     config: SampleConfig, laser: Readings | None, sonar: Readings | None, observed: PointTable | None
 ) -> Prepared:
-    """Thin the readings of whole logs, and resolve `config` for them."""
+    """Thin the readings of whole logs, warn of what would spoil a map, and resolve `config` for them."""
+    kept_laser = _kept(config, laser, "laser", config.max_range)
+    kept_sonar = _kept(config, sonar, "sonar", config.sonar_max_range)
     if laser is not None and config.max_range is None and math.isfinite(default_max_range(laser)):
         # Of the whole log: what is left after thinning may hold no "no return" at all.
         config = dataclasses.replace(config, max_range=default_max_range(laser))
-    kept_laser, kept_sonar = (
-        thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
-        if readings is not None
-        else None
-        for readings in (laser, sonar)
-    )
-    return prepare(config, kept_laser, kept_sonar, observed)
+    driven = [log for log in (laser, sonar) if log is not None] if config.driven_poses == "all" else None
+    return prepare(config, kept_laser, kept_sonar, observed, driven)
+
+
+def _kept(config: SampleConfig, readings: Readings | None, kind: Kind, max_range: float | None) -> Readings | None:
+    """Return the scans and beams of a whole log that are asked for."""
+    if readings is None:
+        return None
+    kept = thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
+    warn_of_spoiling(readings, kept, kind, max_range)
+    return kept
 
 
 def start(
@@ -235,9 +241,8 @@ def resume(
         refuse_other_log(run, flag, log)
     if run.manifest.get("versions") != versions():
         logger.warning("this run was begun with other versions of the packages: bit for bit may not hold")
-    settings = make_settings(config, run.beams, run.cones, run.points)
-    if run.image is not None:
-        settings = dataclasses.replace(settings, seen=run.image.seen)
+    seen = None if run.image is None else run.image.seen
+    settings = dataclasses.replace(make_settings(config, run.beams, run.cones, run.points), seen=seen, way=run.way)
     sampler = make_sampler(config, settings, stored_seed, threads, scheduler)
     process = {key: run.manifest[key] for key in PROCESS_KEYS if key in run.manifest}
     output = Output(folder, process, config, stored_seed, run.beams, run.cones, run.points)
