@@ -63,6 +63,8 @@ BEAM = "#4dabf7"
 IMPACT = "#c92a2a"
 UNSEEN = "#f6e7d8"
 """Cells about which a file says nothing."""
+HATCH = "#b58a5f"
+"""Of cells that no reading saw."""
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
