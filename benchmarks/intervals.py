@@ -78,7 +78,8 @@ def chosen(pooled: NDArray[np.float64], n: int) -> NDArray[np.int64]:
 def naive(black: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the Jeffreys interval that takes all draws (n_chains, n_draws, n) for independent."""
     n, k = black.shape[0] * black.shape[1], black.sum(axis=(0, 1))
-    return stats.beta.ppf(0.025, k + 0.5, n - k + 0.5), stats.beta.ppf(0.975, k + 0.5, n - k + 0.5)
+    low, high = (stats.beta.ppf(level, k + 0.5, n - k + 0.5) for level in (0.025, 0.975))
+    return np.where(k == 0, 0.0, low), np.where(k == n, 1.0, high)
 
 
 def judge(kind: str, short: list[Answers], pooled: NDArray[np.float64]) -> None:
