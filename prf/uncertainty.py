@@ -19,6 +19,8 @@ PIECES = 8
 """Chains are cut into halves, fewer chains into so many pieces in all, whose means are compared."""
 DRAWS_PER_DEGREE = 20.0
 """A long run has a degree of freedom for so many effective draws, if that is more than the pieces give."""
+FEWEST_OF_A_COLOUR = 3.0
+"""Effective draws of a colour below which that colour may as well have no probability at all."""
 MOST_VALUES = 1_000_000
 """Values, draws times quantities, whose autocorrelation is computed at once (80 bytes each)."""
 
@@ -156,11 +158,13 @@ def _batch(black: NDArray[np.bool_], smallest_ess: float) -> Estimates:
     if n_chains > 1:
         variance = np.maximum(variance, _variance_of_mean(black))
     with np.errstate(invalid="ignore"):
-        size = np.clip(spread / variance, 1.0, n_chains * n_draws)
+        size = np.clip(np.where(spread > 0.0, spread / variance, 1.0), 1.0, n_chains * n_draws)
     low, high = _wilson(share, size, np.maximum(len(pieces) - 1.0, size / DRAWS_PER_DEGREE))
+    low = np.where(share * size < FEWEST_OF_A_COLOUR, 0.0, low)
+    high = np.where((1.0 - share) * size < FEWEST_OF_A_COLOUR, 1.0, high)
     bound = -np.expm1(np.log(1.0 - LEVEL) / smallest_ess)  # rule of three: (1 - bound) ** ess = 0.05
-    low = np.where(share == 0.0, 0.0, np.where(share == 1.0, 1.0 - bound, low))
-    high = np.where(share == 1.0, 1.0, np.where(share == 0.0, bound, high))
+    low = np.where(share == 1.0, 1.0 - bound, low)
+    high = np.where(share == 0.0, bound, high)
     return Estimates(share, low, high, np.where(spread > 0.0, ess, smallest_ess), split_rhat(black))
 
 
