@@ -10,6 +10,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from prf.diagnostics import diagnose
+from prf.run import names, read_run
+from prf.shell.jsonout import jsonable
+
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT.parent / "shared" / "data" / "prf"
 OUTPUT = ROOT / "build" / "benchmarks"
@@ -18,6 +24,9 @@ SEED = 1
 
 LASER = {"noise": 0.05, "noise_relative": 0.02}
 """Of corrected logs: their poses are wrong by centimetres and tenths of a degree, and the scanner's noise is less."""
+
+WHOLE_WINDOW = ("n_edges", "total_length", "log_prior")
+"""Functionals of a run in which ground that no reading saw has its share."""
 
 Option = str | int | float | Path | list[float] | None
 """Value of an option; a list is an option with several values, None leaves the option out."""
@@ -44,6 +53,20 @@ def made(verb: str, output: Path, **options: Option) -> dict[str, Any]:
     """Run a verb that writes `output`, over what is there."""
     output.parent.mkdir(parents=True, exist_ok=True)
     return prf(verb, "--force", output=output, **options)
+
+
+def worst_rhat(folder: Path) -> float:
+    """Return the largest R-hat of a run: log posterior, log likelihood, and the colour at probes that were seen."""
+    run = read_run(folder, parts=(names.POSTERIOR,))
+    assert run.image is not None
+    seen = run.image.seen_at(run.probe_xy)
+    columns = [values for name, values in run.functionals.items() if name not in WHOLE_WINDOW]
+    columns += list(run.probe_black[:, seen].T.astype(np.float64))
+    chains = [np.flatnonzero(run.chain == chain) for chain in np.unique(run.chain)]
+    n_draws = min(map(len, chains), default=0)
+    rows = np.array([chain[:n_draws] for chain in chains])
+    found = diagnose({str(k): values[rows] for k, values in enumerate(columns)})
+    return max((one.rhat for one in found.values() if one.state != "constant"), default=float("nan"))
 
 
 def parser(doc: str | None, seconds: float | None = None) -> argparse.ArgumentParser:
@@ -80,7 +103,7 @@ def log_path(data: Path, name: str) -> Path | None:
 def write_table(path: Path, result: Mapping[str, Any]) -> None:
     """Write a table as JSON."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(result, indent=1) + "\n")
+    path.write_text(json.dumps(jsonable(result), indent=1) + "\n")
     say(f"{path}")
 
 

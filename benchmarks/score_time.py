@@ -1,4 +1,4 @@
-"""Held-out score against time on a dense log, with thinning and with every beam, beside the grids: see README.md.
+"""Held-out score against time on a dense log, with thinning and with every beam: see README.md.
 
 Run it from the repository's root::
 
@@ -15,19 +15,20 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import commands
-from benchmarks.commands import made, prf, say
-from benchmarks.scores import CELL, HELD_OUT, MAX_RANGE, SCALE, SETS
+from benchmarks.commands import prf, say
+from benchmarks.scores import HELD_OUT, MAX_RANGE, SCALE, SETS, cell
 
 SECONDS = 180.0
 SHARES = (0.1, 0.3, 1.0)
 """Of the time, at which the run is scored."""
 WAYS: dict[str, tuple[str, ...]] = {"thinned": (), "every beam": ("--no-thinning",)}
-COLUMNS = ("beam_nll", "nll", "brier", "auc", "within_0.2m", "rmse")
+COLUMNS = ("rhat", "beam_nll", "nll", "nll_seen", "brier", "auc", "within_0.2m", "rmse")
 
 
 def scored(path: Path, log: Path, name: str, seed: int) -> dict[str, Any]:
-    """Return the scores of a map on the held-out scans."""
-    return prf("score", path, laser=log, scans=HELD_OUT, max_range=MAX_RANGE[name], seed=seed)
+    """Return the scores of a run on the held-out scans, and its worst R-hat."""
+    found = prf("score", path, laser=log, scans=HELD_OUT, max_range=MAX_RANGE[name], seed=seed)
+    return {"rhat": commands.worst_rhat(path), **found}
 
 
 def curve(log: Path, scans: str, way: str, options: argparse.Namespace) -> list[dict[str, Any]]:
@@ -53,25 +54,13 @@ def curve(log: Path, scans: str, way: str, options: argparse.Namespace) -> list[
     return rows
 
 
-def grids(log: Path, scans: str, options: argparse.Namespace) -> list[dict[str, Any]]:
-    """Return the scores of both grids, made of every beam."""
-    rows = []
-    for method in ("count", "log-odds"):
-        target = options.output / "score_time" / f"{options.log}-{scans}-{method}.grid.npz"
-        made("grid", target, method=method, resolution=CELL, laser=log, max_range=MAX_RANGE[options.log], **SETS[scans])
-        found = scored(target, log, options.log, options.seed)
-        row = {"map": f"{method} grid", "beams": None, "seconds": None, "steps": None}
-        rows.append({**row, **{key: found[key] for key in COLUMNS}})
-    return rows
-
-
 def table(title: str, rows: list[dict[str, Any]]) -> str:
     """Return the figures as Markdown."""
     head = [title, "beams", "seconds", "steps a chain", *COLUMNS]
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for row in rows:
-        cells = [f"{row[key]:,.0f}" if row[key] is not None else "–" for key in ("beams", "seconds", "steps")]
-        lines.append("| " + " | ".join([row["map"], *cells, *(f"{row[key]:.3f}" for key in COLUMNS)]) + " |")
+        cells = [f"{row[key]:,.0f}" for key in ("beams", "seconds", "steps")]
+        lines.append("| " + " | ".join([row["map"], *cells, *(cell(key, row[key]) for key in COLUMNS)]) + " |")
     return "\n".join(lines) + "\n"
 
 
@@ -86,7 +75,7 @@ def main() -> int:
     if log is None:
         return 0
     for scans in options.scans:
-        rows = [row for way in options.ways for row in curve(log, scans, way, options)] + grids(log, scans, options)
+        rows = [row for way in options.ways for row in curve(log, scans, way, options)]
         print(table(f"{options.log}, {scans}", rows), flush=True)
         how = {"log": options.log, "scans": scans, "laser": commands.LASER, "scale": SCALE, "seed": options.seed}
         target = options.output / "score_time" / f"{options.log}-{scans}.json"

@@ -131,7 +131,7 @@ class _Cooling:
     """One chain on its way down, with the best map that it saw."""
 
     def __init__(self, settings: Settings, rng: np.random.Generator) -> None:
-        self.sampler = ChainSampler(settings, rng, np.zeros(0, np.int64))
+        self.sampler = ChainSampler(settings, rng, np.zeros(0, np.int64), refreshes=False)
         self.best = self._map()
         self.score = self._score()
 

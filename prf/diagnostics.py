@@ -101,7 +101,7 @@ def describe(diagnosis: Diagnosis) -> str:
     """Return one diagnosis in words, such as ``R-hat 1.013, ESS 412`` or ``constant``."""
     words = {
         "constant": "constant",
-        "stuck": "chains stuck at different values",
+        "stuck": "stuck at different values",
         "short": f"fewer than {FEWEST_DRAWS} draws a chain",
         "not finite": "nan or inf among the draws",
     }

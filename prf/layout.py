@@ -14,7 +14,7 @@ from prf.kernels.chain import Chain
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph
 from prf.kernels.grid import Grid, make_grid, most_cells
-from prf.kernels.guards import N_SHAPE, Guards
+from prf.kernels.guards import N_SHAPE, Guards, count_guards, list_guards
 from prf.kernels.image import Image, count_all_edges
 from prf.kernels.proposal import N_PROPOSAL_COUNTS, Proposal
 from prf.kernels.sites import Sites
@@ -145,9 +145,20 @@ def _near_targets(
     return starts.astype(np.int64), near[order].astype(np.int32)
 
 
-def no_guards() -> Guards:
-    """Return the guards of a chain on the whole window: none."""
-    return Guards(np.zeros((0, N_SHAPE)), np.zeros(1, np.int32))
+def make_guards(grid: Grid, frozen: NDArray[np.int64], shape: Floats) -> Guards:
+    """Lay out frozen edges (slots) and guards (n, N_SHAPE) by the cells of a grid; without any there are no lists."""
+    if len(frozen) + len(shape) == 0:
+        return Guards(np.zeros((0, N_SHAPE)), np.zeros(1, np.int32))
+    start = np.zeros(grid.nx * grid.ny + 1, np.int64)
+    path = np.zeros(max(most_cells(grid), grid.nx * grid.ny), np.int32)
+    count_guards(grid, shape, path, start)
+    first = 1 + len(frozen) + len(start)
+    lists = np.zeros(first + int(start[-1]), np.int32)
+    lists[0] = len(frozen)
+    lists[1 : 1 + len(frozen)] = frozen
+    lists[1 + len(frozen) : first] = first + start
+    list_guards(grid, shape, path, first + start[:-1], lists)
+    return Guards(shape, lists)
 
 
 def image_grid(window: Window, resolution: float) -> Grid:

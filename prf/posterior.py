@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.coloring import Coloring, black_at
+from prf.driven import way_guards
 from prf.kernels import constants as c
 from prf.kernels.build import resum, trace_all
 from prf.kernels.chain import Chain
 from prf.kernels.grid import make_grid
 from prf.kernels.points import Points, Y, paint
-from prf.layout import make_graph, make_image, make_index, make_proposal, make_sites, make_targets, no_guards
+from prf.layout import make_graph, make_guards, make_image, make_index, make_proposal, make_sites, make_targets
 from prf.sensors.laser import LaserModel, make_beams, make_rays, unit_vectors
 from prf.sensors.points import PointModel, make_points
 from prf.sensors.sonar import SonarModel, censored, make_cones, make_poses
@@ -127,6 +128,10 @@ class Settings:
         As the other reaches.
     seen : (ny, nx) bool array or None
         Cells of the image that readings crossed or ended in (:mod:`prf.seen`); None: all.
+    way : (k, 4) array
+        Pieces of the way that was driven (:func:`prf.driven.way_of`), metres.
+    driven_radius : float
+        Of the disc that was free all along it, metres.
     """
 
     window: Window
@@ -149,6 +154,8 @@ class Settings:
     line_reach: float | None = None
     stand_reach: float | None = None
     seen: NDArray[np.bool_] | None = None
+    way: Floats = dataclasses.field(default_factory=lambda: np.zeros((0, 4)))
+    driven_radius: float = 0.0
 
     def tuning(self) -> Floats:
         """Return the tuning array of the kernels."""
@@ -210,10 +217,10 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
         beams=make_beams(grid, laser.model, ray, capacity, settings.levels),
         cones=make_cones(grid, sonar.model, pose, capacity),
         points=painted_points(settings.points, coloring),
-        sensors=make_sites(grid, np.concatenate([laser.origin, sonar.origin]), coloring),
+        sensors=make_sites(grid, white_places(settings), coloring),
         targets=targets,
         image=make_image(coloring, graph, settings.resolution),
-        guards=no_guards(),
+        guards=make_guards(grid, np.zeros(0, np.int64), way_guards(settings.way, settings.driven_radius)),
         proposal=make_proposal(grid),
         tuning=tuning,
         odds=odds / odds.sum(),
@@ -240,6 +247,12 @@ def one_colour_map(settings: Settings) -> Coloring:
         return empty
     white, black = settings.points.model.log_density(settings.points.values).sum(axis=0)
     return empty._replace(anchor_black=bool(black > white))
+
+
+def white_places(settings: Settings) -> Floats:
+    """Return the places (n, 2) that must be white, metres: those of sensors, and the ends of pieces of the way."""
+    sensors = [sensor.origin for sensor in (settings.laser, settings.sonar) if sensor is not None]
+    return np.concatenate([np.zeros((0, 2)), *sensors, settings.way[:, :2], settings.way[:, 2:]])
 
 
 def return_points(settings: Settings) -> Floats:

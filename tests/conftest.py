@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import shutil
 import signal
 from pathlib import Path
 
@@ -40,6 +41,17 @@ def project_root() -> Path:
 def data_dir() -> Path:
     """Return the folder of the small inputs that travel with the project."""
     return ROOT / "data"
+
+
+@pytest.fixture
+def copied_project(tmp_path: Path) -> Path:
+    """Return a copy of the project in a folder that its owner alone may enter: the packages and their tests."""
+    folder = tmp_path / "private"
+    folder.mkdir(mode=0o700)
+    for name in ("prf", "mapq", "tests"):
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", folder)
+    return folder
 
 
 @pytest.fixture(scope="session")

@@ -152,17 +152,29 @@ def test_logs_that_make_no_grid() -> None:
 
 
 @given(st.integers(0, 1000), st.floats(0.01, 4.0))
-def test_squares_take_the_cells_below_them_as_independent(seed: int, square: float) -> None:
+def test_squares_take_the_cells_whose_centres_they_hold_as_independent(seed: int, square: float) -> None:
     grid = random_grid(seed)
     xy = np.random.default_rng(seed).uniform(grid.window[:2], grid.window[2:], (20, 2))
     found = occupied_probability(grid, xy, square)
     for (x, y), p in zip(xy, found, strict=True):
-        free = 1.0
+        cells = []
         for row, column in itertools.product(range(8), range(10)):
-            left, low = grid.origin + 0.5 * np.array([column, row])
-            apart = abs(x - left - 0.25) >= 0.25 + 0.5 * square or abs(y - low - 0.25) >= 0.25 + 0.5 * square
-            free *= 1.0 if apart else 1.0 - float(grid.occupancy[row, column])
-        assert p == pytest.approx(1.0 - free, abs=1e-9)
+            across, up = np.abs(grid.origin + 0.5 * np.array([column, row]) + 0.25 - [x, y])
+            if max(across, up) <= 0.5 * square:
+                cells.append(float(grid.occupancy[row, column]))
+        own = float(grid.occupancy[int((y - 2.0) / 0.5), int((x + 1.0) / 0.5)])
+        assert p == pytest.approx(1.0 - math.prod(1.0 - cell for cell in cells or [own]), abs=1e-9)
+
+
+def test_centres_on_the_border_of_a_square_belong_to_it() -> None:
+    occupancy = np.full((5, 5), 0.5, np.float32)
+    none = np.zeros((5, 5), np.int32)
+    grid = OccupancyGrid(occupancy, none, none, np.array([0.3, 0.7]), 0.1)
+    middle = [[0.3 + 0.25, 0.7 + 0.25]]
+    for square, n in ((0.05, 1), (0.19, 1), (0.2, 9), (0.3, 9), (0.4, 25), (9.0, 25)):
+        assert occupied_probability(grid, middle, square)[0] == pytest.approx(1.0 - 0.5**n, abs=1e-9)
+    corner = occupied_probability(grid, [[0.3, 0.7]], 0.2)
+    assert corner[0] == pytest.approx(0.5), "beyond the grid there are no cells"
 
 
 def test_points_take_their_cell_and_the_outside_is_nan() -> None:

@@ -14,10 +14,12 @@ from scipy import stats
 from prf.coloring import Coloring, Draws, from_polygons, occupied_polygons
 from prf.logs import Readings
 from prf.occupancy import OccupancyGrid
+from prf.run import PosteriorImage
 from prf.score import (
     DrawsMap,
     GridMap,
     HeldOut,
+    LabelledPoints,
     OccupiedArea,
     PolygonMap,
     ScoreConfig,
@@ -27,6 +29,7 @@ from prf.score import (
     ranking_area,
     score,
 )
+from prf.score.score import point_scores
 from prf.score.trace import first_edges
 from prf.sensors.laser import LaserModel
 from prf.shell.errors import ConfigError, InputError
@@ -90,6 +93,20 @@ class TestOneWall:
         assert (found["within_0.2m"], found["no_obstacle"]) == (0.0, 1.0)
         assert math.isnan(found["rmse"])
 
+    @pytest.mark.parametrize(("x", "occupied"), [(7.0, False), (2.0, False), (7.2, True)])
+    def test_a_return_beyond_the_window_is_censored_at_its_border(self, x: float, occupied: bool) -> None:
+        room = Window(0.0, 0.0, 7.6, 10.0)
+        area, coloring = OccupiedArea(WALL, room), from_polygons(WALL, room)
+        beams = held([x, 9.0 if x == 7.0 else 5.0], [0.0], [6.5], miss_probability=0.1, noise=0.3)
+        m, d = 7.6 - x, {7.0: math.inf, 2.0: 5.0}.get(x, 0.0)
+        beyond = float(d >= m) or stats.norm.cdf((d - m) / 0.3) / stats.norm.cdf(d / 0.3)
+        mass = 0.05 * (1.0 - m / 8.0) + (0.0 if occupied else 0.1 + 0.85 * beyond)
+        for scored in (PolygonMap(area), draws_of([coloring, coloring])):
+            found = score(scored, beams, 1)
+            assert found["beam_nll"] == pytest.approx(-math.log(mass), rel=1e-9)
+            assert (found["n_beams"], found["n_censored"]) == (1, 1)
+        assert score(PolygonMap(OccupiedArea(WALL, None)), beams, 1)["n_censored"] == 0
+
     def test_the_border_of_the_window_is_no_obstacle(self) -> None:
         area = OccupiedArea(shapely.box(7.0, 0.0, 10.0, 10.0), ROOM)
         beams = held([[2.0, 5.0], [2.0, 5.0]], [0.0, math.pi], [5.0, 2.0])
@@ -136,7 +153,7 @@ def test_equal_draws_score_as_their_map(seed: int) -> None:
     one = score(PolygonMap(OccupiedArea(occupied_polygons(coloring), WINDOW)), beams, 3)
     many = score(DrawsMap(Draws.from_colorings([coloring] * 5), coloring), beams, 3)
     for name, value in one.items():
-        if name not in ("kind", "n_draws"):
+        if name not in ("kind", "n_draws") and "seen" not in name:
             assert many[name] == pytest.approx(value, rel=1e-9, nan_ok=True), name
 
 
@@ -150,18 +167,31 @@ class TestDensity:
         silent = 0.95 * stats.norm.cdf((0.4 - 3.0) / s) / stats.norm.cdf(0.4 / s)
         assert total + silent == pytest.approx(1.0, abs=1e-6)
 
-    @pytest.mark.parametrize("seed", range(3))
-    def test_grids_agree_with_quadrature_and_come_to_one(self, seed: int) -> None:
+    @pytest.mark.parametrize(("seed", "limit"), [(0, 5.03), (1, 5.03), (2, 5.53), (3, 5.53)])
+    def test_grids_agree_with_quadrature_and_come_to_one(self, seed: int, limit: float) -> None:
         grid = random_grid(seed)
         sparse = OccupancyGrid(grid.occupancy**4, grid.hits, grid.misses, grid.origin, grid.resolution)
-        origin, angle, limit, noise = np.array([-0.6, 2.3]), 0.5, 5.03, 0.07
-        some = np.array([0.01, 0.05, 0.4, 2.0, 3.33, 5.0])
-        expected, silent = grid_density(sparse, origin, angle, some, noise, 0.05, limit)
+        origin, angle, noise = np.array([-0.6, 2.3]), 0.5, 0.07
+        some = np.array([0.01, 0.05, 0.4, 2.0, 3.33, limit - 0.03])
         beams = held(origin, np.full(6, angle), some, max_range=limit, noise=noise)
+        reach = float(beams.rays(sparse.window)[0, 4])
+        assert reach == pytest.approx(min(limit, 4.6 / math.cos(angle)))
+        expected, beyond = grid_density(sparse, origin, angle, some, noise, 0.05, limit, reach)
+        expected[some >= reach] = beyond
         np.testing.assert_allclose(GridMap(sparse).predict(beams).density, expected, rtol=1e-9)
-        r = np.linspace(0.0, limit, 60_001)[:-1] + 0.5 * limit / 60_000
+        r = np.linspace(0.0, reach, 60_001)[:-1] + 0.5 * reach / 60_000
         beams = held(origin, np.full(len(r), angle), r, max_range=limit, noise=noise)
-        assert GridMap(sparse).predict(beams).density.mean() * limit + silent == pytest.approx(1.0, abs=1e-6)
+        assert GridMap(sparse).predict(beams).density.mean() * reach + beyond == pytest.approx(1.0, abs=1e-6)
+
+    def test_a_reach_of_whole_bins_and_a_rounding_error_makes_no_bin_more(self) -> None:
+        occupancy, none = np.full((4, 4), 0.5, np.float32), np.zeros((4, 4), np.int32)
+        for k in range(1, 35):
+            reach = 0.1 * k
+            grid = OccupancyGrid(occupancy, none, none, np.array([reach - 4.0, 0.0]), 1.0)
+            beams = held([0.0, 2.0], [0.0], [7.0])
+            where = np.array([0.0, 2.0]), 0.0, np.empty(0)
+            _, beyond = grid_density(grid, *where, 0.05, 0.05, 8.0, float(beams.rays(grid.window)[0, 4]))
+            assert GridMap(grid).predict(beams).density[0] == pytest.approx(beyond, rel=1e-6)
 
 
 def predicted_mass(scored: PolygonMap, r: np.ndarray, limit: float, noise: float, relative: float) -> float:
@@ -188,17 +218,16 @@ class TestGrid:
         expected = 0.95 * 0.6 * bin_mass / 0.1 + 0.05 / 8.0
         assert self.grid(0.6).predict(beams).density[0] == pytest.approx(expected, rel=1e-6)
 
-    def test_beyond_the_grid_nothing_is_known(self) -> None:
-        beams = held([9.9, 1.0], [0.0], [0.35])
-        weights = 0.5 ** np.arange(1, 4)  # the first bin lies in the grid, where the cell is free
-        edges = np.array([0.1, 0.2, 0.3, 0.4])
-        mass = np.diff(stats.norm.cdf((edges - 0.35) / 0.05))
-        rest = sum(
-            0.5 ** (k + 1) * float(np.diff(stats.norm.cdf((np.array([0.1, 0.2]) + 0.1 * k - 0.35) / 0.05))[0])
-            for k in range(3, 8)
-        )
-        expected = 0.95 * ((weights * mass).sum() + rest) / 0.1 + 0.05 / 8.0
-        assert self.grid(1.0).predict(beams).density[0] == pytest.approx(expected, rel=0.01)
+    @pytest.mark.parametrize("p", [0.0, 0.6, 1.0])
+    def test_a_return_beyond_the_grid_is_censored_at_its_border(self, p: float) -> None:
+        beams = held([1.0, 1.0], [math.pi, 0.0], [1.5, 7.0], noise=3.0)
+        west, east = self.grid(p).predict(beams).density
+        assert west == pytest.approx(0.95 + 0.05 * 7.0 / 8.0, rel=1e-6)
+        assert score(self.grid(p), held([9.9, 1.0], [0.0], [0.35]), 1)["n_censored"] == 1
+        assert 0.0 < east < 1.0, "a return within the grid"
+        far = GridMap(self.grid(p).grid).predict(held([4.0, 1.0], [0.0], [7.0], noise=3.0)).density[0]
+        beyond = stats.norm.cdf((1.05 - 6.0) / 3.0) / stats.norm.cdf(1.05 / 3.0)
+        assert far == pytest.approx(0.95 * (1.0 - p + p * beyond) + 0.05 * 2.0 / 8.0, rel=1e-3)
 
 
 class TestPoints:
@@ -231,11 +260,50 @@ class TestPoints:
         assert found["nll"] == pytest.approx(-(2.0 * math.log(0.001) + math.log(0.5)) / 3.0)
         assert found["brier"] == pytest.approx(2.25 / 3.0)
 
-    def test_squares_count_in_polygonal_maps(self) -> None:
+    def test_every_kind_of_map_is_asked_for_the_same_square(self) -> None:
         xy = np.array([[6.91, 5.0], [6.89, 5.0], [6.91, 1.91], [6.89, 1.91], [99.0, 0.0]])
+        cells = np.zeros((100, 100), np.float32)
+        cells[20:80, 70:75] = 1.0
+        none = np.zeros(cells.shape, np.int32)
+        grid = GridMap(OccupancyGrid(cells, none, none, np.zeros(2), 0.1))
         for scored in (PolygonMap(OccupiedArea(WALL, ROOM)), draws_of([from_polygons(WALL, ROOM)])):
-            np.testing.assert_array_equal(scored.occupied(xy), [1.0, 0.0, 1.0, 0.0, np.nan])
-        assert PolygonMap(OccupiedArea(WALL, None)).occupied(xy)[-1] == 0.0
+            np.testing.assert_array_equal(scored.occupied(xy, 0.2), [1.0, 0.0, 1.0, 0.0, np.nan])
+            np.testing.assert_array_equal(scored.occupied(xy, 0.0), [0.0, 0.0, 0.0, 0.0, np.nan])
+        assert PolygonMap(OccupiedArea(WALL, None)).occupied(xy, 0.2)[-1] == 0.0
+        # The centres of the wall's cells begin at 7.05 and 2.05.
+        xy = np.array([[6.96, 5.0], [6.94, 5.0], [6.96, 1.96], [6.96, 1.94], [99.0, 0.0]])
+        np.testing.assert_allclose(grid.occupied(xy, 0.2), [1.0, 0.0, 1.0, 0.0, np.nan], atol=1e-9)
+        np.testing.assert_array_equal(grid.occupied(xy, 0.0), [0.0, 0.0, 0.0, 0.0, np.nan])
+
+    @pytest.mark.parametrize("square", [0.0, 0.2, 0.5])
+    def test_the_square_is_what_is_asked_for(self, square: float) -> None:
+        scored, beams = GridMap(random_grid(1, (60, 80))), random_beams(1, WINDOW)
+        points = draw_points(beams.select(WINDOW.contains(beams.origin)), np.random.default_rng(1))
+        found = point_scores(scored, points, square)
+        assert found["brier"] == classification_scores(scored.occupied(points.xy, square), points.occupied)["brier"]
+        assert score(scored, beams, 1, square=square)["square"] == square
+
+    def test_points_that_no_reading_saw_are_told_apart(self) -> None:
+        hits = np.zeros((100, 100), np.int32)
+        hits[:, 30:] = 1  # the sensor's beam is seen from x = 3 on
+        occupancy = np.where(hits > 0, 0.1, 0.5).astype(np.float32)
+        grid = GridMap(OccupancyGrid(occupancy, hits, np.zeros_like(hits), np.zeros(2), 0.1))
+        run = draws_of([from_polygons(WALL, ROOM)])
+        assert run.image is None
+        run.image = PosteriorImage(occupancy, occupancy, np.zeros(2), 0.1, hits > 0)
+        points = LabelledPoints(np.array([[2.0, 5.0], [4.0, 5.0], [7.2, 5.0], [99.0, 5.0]]), np.arange(4) == 2)
+        for scored in (grid, run):
+            found = point_scores(scored, points, 0.0)
+            known = classification_scores(scored.occupied(points.xy[1:3], 0.0), points.occupied[1:3])
+            assert found["share_unseen"] == 0.5
+            assert {name: found[f"{name}_seen"] for name in known} == known
+            assert found["nll"] != found["nll_seen"]
+        beyond = point_scores(grid, LabelledPoints(points.xy[:1], points.occupied[:1]), 0.2)
+        assert beyond["share_unseen"] == 1.0
+        assert math.isnan(beyond["nll_seen"])
+        assert math.isnan(point_scores(draws_of([from_polygons(WALL, ROOM)]), points, 0.2)["share_unseen"])
+        polygons = point_scores(PolygonMap(OccupiedArea(WALL, ROOM)), points, 0.2)
+        assert (polygons["share_unseen"], polygons["nll_seen"]) == (0.0, polygons["nll"])
 
     def test_the_seed_decides_the_free_points(self) -> None:
         beams, scored = random_beams(1, WINDOW), GridMap(random_grid(1, (60, 80)))

@@ -205,7 +205,7 @@ def _show(result: Result, target: str) -> None:
     from prf.shell import console
 
     for line in _lines(result, target):
-        console.emit(line)
+        console.summarize(line)
 
 
 def _judge(file: str, result: Result, fail_over: float | None) -> None:

@@ -110,7 +110,7 @@ def _from_field(path: str, name: str, conservative: bool, force: bool, json: boo
         jsonout.emit_object("mapq.label/1", {"patches": path, "field": name, **counts._asdict()})
         return
     for line in _field_lines(counts):
-        console.emit(line)
+        console.summarize(line)
 
 
 def _by_hand(path: str, model: str | None, port: int, browser: bool, json: bool) -> None:
@@ -124,7 +124,7 @@ def _by_hand(path: str, model: str | None, port: int, browser: bool, json: bool)
         jsonout.emit_object("mapq.label.hand/1", {"patches": path, **counts._asdict()})
         return
     for line in _hand_lines(counts):
-        console.emit(line)
+        console.summarize(line)
 
 
 def _compare(files: tuple[str, str], json: bool) -> None:

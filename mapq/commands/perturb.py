@@ -142,7 +142,7 @@ def perturb(
         jsonout.emit_object(SCHEMA, report)
         return
     for line in _lines(report, targets.report):
-        console.emit(line)
+        console.summarize(line)
 
 
 def _lines(report: Mapping[str, Any], beside: str) -> Iterator[str]:

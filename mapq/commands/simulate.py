@@ -173,9 +173,9 @@ def _make_city(
         jsonout.emit_object("mapq.city/1", {"output": folder, "seed": seed, **counts})
         return
     share = counts["suspicious_points"] / counts["points"]
-    console.emit(f"{'tiles':<16}{counts['tiles']} in {folder}")
-    console.emit(f"{'points':<16}{counts['points']:,}, {share:.1%} suspicious")
-    console.emit(f"{'seed':<16}{seed}")
+    console.summarize(f"{'tiles':<16}{counts['tiles']} in {folder}")
+    console.summarize(f"{'points':<16}{counts['points']:,}, {share:.1%} suspicious")
+    console.summarize(f"{'seed':<16}{seed}")
 
 
 def _rows(report: Report, output: str, seed: int) -> Iterator[tuple[str, str]]:

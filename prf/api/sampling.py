@@ -25,7 +25,7 @@ from prf.api.science import (
     places_in,
     prepared_for,
 )
-from prf.api.words import describe_session, warn_of_dropped
+from prf.api.words import announce_thinning, describe_session, warn_of_dropped
 from prf.diagnostics import converged
 from prf.kernels import constants as c
 from prf.render.live import Glance
@@ -149,7 +149,7 @@ def sample(
     steps : int, optional
         Steps a chain, burn-in included; rounded up to whole rounds of 10,000 or more.
     seconds : float, optional
-        Of sampling, instead.
+        Of sampling and of writing the output, instead.
     chains : int, optional
         4 unless given.
     seed : int, optional
@@ -260,6 +260,7 @@ def _fresh(
     used_seed = resolve_seed(seed)
     prepared = prepared_for(sources, config)
     warn_of_dropped(prepared)
+    announce_thinning(prepared)
     if sessions.needs_compiling():
         logger.info("compiling kernels (once; about half a minute) ...")
     session = sessions.start(paths_of(sources), prepared, folder, used_seed, threads, scheduler, places)

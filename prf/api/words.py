@@ -17,6 +17,16 @@ def words_for_beams(n_used: int, n_thinned: int) -> str:
     return f"{n_used:,} of {n_used + n_thinned:,} beams (thinned)" if n_thinned else f"{n_used} beams"
 
 
+def announce_thinning(prepared: Prepared) -> None:
+    """Say why not all beams of a dense log are used, and how to use them."""
+    if prepared.n_beams_thinned:
+        density = prepared.config.beam_density
+        logger.info(
+            f"thinned to about {density:g} beams a square metre of seen ground, since more repeat these and slow every "
+            "step; --no-thinning keeps all (docs/thinning.md)"
+        )
+
+
 def warn_of_dropped(prepared: Prepared) -> None:
     """Say how many readings and point observations lie outside the window, if any do."""
     if prepared.n_outside:

@@ -28,6 +28,8 @@ SCIENCE = (
     "miss_probability",
     "sonar_max_range",
     "sonar_cone",
+    "driven_radius",
+    "driven_poses",
 )
 """Options of sample and anneal that are fields of the configuration; what is not given is resolved from the log."""
 
@@ -80,6 +82,18 @@ WindowOption = Annotated[
 MaxRange = Annotated[
     float | None,
     typer.Option("--max-range", metavar="METRES", help="No return from here on.  [0.97 x the largest range]"),
+]
+DrivenRadius = Annotated[
+    float | None,
+    typer.Option(
+        "--driven-radius",
+        metavar="METRES",
+        help="A disc of this radius round the sensor was free all along the way driven; 0: not known.  [0.1]",
+    ),
+]
+DrivenPoses = Annotated[
+    str | None,
+    typer.Option("--driven-poses", metavar="used|all", help="The way: of the scans in use, or of the log.  [used]"),
 ]
 EveryScan = Annotated[int | None, typer.Option("--every-scan", metavar="K", min=1, help="Scans 0, K, 2K ...  [1]")]
 EveryBeam = Annotated[int | None, typer.Option("--every-beam", metavar="K", min=1, help="Beams 0, K, 2K ...  [1]")]

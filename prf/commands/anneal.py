@@ -14,6 +14,8 @@ from prf.commands._readings_options import (
     SCIENCE,
     BeamDensity,
     Config,
+    DrivenPoses,
+    DrivenRadius,
     EveryBeam,
     EveryScan,
     Frame,
@@ -37,7 +39,7 @@ from prf.commands._readings_options import (
     chosen_density,
     refuse_shared_stream,
 )
-from prf.shell.options import Force, Json, Output, Presets, Seed, Threads
+from prf.shell.options import Force, Json, Output, Presets, Seed, Threads, parse_duration
 
 if TYPE_CHECKING:
     from prf.anneal import Annealed, Moment
@@ -79,6 +81,8 @@ def anneal(
     miss_probability: MissProbability = None,
     sonar_max_range: SonarMaxRange = None,
     sonar_cone: SonarCone = None,
+    driven_radius: DrivenRadius = None,
+    driven_poses: DrivenPoses = None,
     coldest: Annotated[
         float, typer.Option("--coldest", metavar="T", help="Temperature before the last steps, which take no loss.")
     ] = 0.003,
@@ -92,7 +96,10 @@ def anneal(
         ),
     ] = None,
     time_budget: Annotated[
-        float | None, typer.Option("--time-budget", metavar="SECONDS", min=0.0, help="Instead of steps.")
+        float | None,
+        typer.Option(
+            "--time-budget", metavar="TIME", parser=parse_duration, help="Instead of steps; seconds, or 90s, 5m, 1.5h."
+        ),
     ] = None,
     seed: Seed = None,
     threads: Threads = 0,
@@ -159,7 +166,7 @@ def _cool(
     import os
 
     from prf.anneal import anneal as cool
-    from prf.api.words import warn_of_dropped, words_for_beams
+    from prf.api.words import announce_thinning, warn_of_dropped, words_for_beams
     from prf.sampler.session import needs_compiling, read_prepared
     from prf.shell.seeds import spawn_generators
     from prf.shell.signals import graceful_stop
@@ -170,6 +177,7 @@ def _cool(
     n_beams = 0 if prepared.beams is None else len(prepared.beams.range)
     if prepared.n_beams_thinned:
         logger.info(words_for_beams(n_beams, prepared.n_beams_thinned))
+        announce_thinning(prepared)
     if needs_compiling():
         logger.info("compiling kernels (once; about half a minute) ...")
     with graceful_stop() as stop, _shown(live) as tell:

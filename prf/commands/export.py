@@ -94,7 +94,7 @@ def export(
         content = {"format": done.format, "files": [file._asdict() for file in done.files], **done.facts}
         jsonout.emit_object("prf.export/1", content)
         return
-    say = say_beside(output)
+    say = say_beside(output or done.files[0].path)
     for line in _lines(done):
         say(line)
 

@@ -160,5 +160,5 @@ def _report(built: BuiltGrid, target: str, json: bool) -> None:
         jsonout.emit_object("prf.grid.built/1", result)
         return
     n_rows, n_columns = made.occupancy.shape
-    console.emit(f"{n_columns} x {n_rows} cells of {made.resolution:g} m, {made.share_seen:.1%} seen, {target}")
-    console.emit(f"{built.n_beams} readings, method {result['method']}")
+    console.summarize(f"{n_columns} x {n_rows} cells of {made.resolution:g} m, {made.share_seen:.1%} seen, {target}")
+    console.summarize(f"{built.n_beams} readings, method {result['method']}")

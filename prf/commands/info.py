@@ -121,9 +121,11 @@ def _rows(summary: LogSummary) -> Iterator[tuple[str, str]]:
     yield "returns", _extent(summary.returns_extent)
     yield "duration", "unknown" if _is_nan(summary.duration) else f"{summary.duration:,.1f} s"
     yield "largest range", _metres(summary.largest_range)
-    yield "max range", f"{_metres(summary.max_range)}, unless given"
+    option = " by --sonar-max-range" if summary.kind == "sonar" else ""
+    yield "max range", f"{_metres(summary.max_range)}, unless given{option}"
     yield "no return", f"{summary.share_no_return:.2%} of the beams are at the max range or beyond"
-    yield "8 m or more", f"{summary.share_far:.2%} of the beams"
+    if summary.kind == "laser":
+        yield "8 m or more", f"{summary.share_far:.2%} of the beams"
     yield "other lines", _counts(summary.lines)
 
 

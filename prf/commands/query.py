@@ -55,7 +55,7 @@ def query(
     of draws in which a disc can follow the whole path, nan if the path leaves the window; what the disc alone covers
     beyond it is taken as free. low and high bound the probability at 95 % for the Monte Carlo error alone, from ESS
     and R-hat of the very question. A GRID has no such error, and answers for its cells, taken as independent: that
-    not all cells of a square, or all cells that the disc touches, are free.
+    not all cells with their centres in a square, or all cells that the disc touches, are free.
     """
     from prf.api.run import open_run
     from prf.occupancy import is_grid, read_grid

@@ -12,6 +12,8 @@ from prf.commands._readings_options import (
     SCIENCE,
     BeamDensity,
     Config,
+    DrivenPoses,
+    DrivenRadius,
     EveryBeam,
     EveryScan,
     Frame,
@@ -35,7 +37,7 @@ from prf.commands._readings_options import (
     chosen_density,
     refuse_shared_stream,
 )
-from prf.shell.options import Force, Json, Output, Presets, Seed, Threads
+from prf.shell.options import Force, Json, Output, Presets, Seed, Threads, parse_duration
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -72,7 +74,13 @@ Steps = Annotated[
     ),
 ]
 TimeBudget = Annotated[
-    float | None, typer.Option("--time-budget", metavar="SECONDS", min=0.0, help="Sampling in this call.")
+    float | None,
+    typer.Option(
+        "--time-budget",
+        metavar="TIME",
+        parser=parse_duration,
+        help="Of this call, writing the run included; seconds, or 90s, 5m, 1.5h.",
+    ),
 ]
 Scheduler = Annotated[
     str | None,
@@ -135,6 +143,8 @@ def sample(
     miss_probability: MissProbability = None,
     sonar_max_range: SonarMaxRange = None,
     sonar_cone: SonarCone = None,
+    driven_radius: DrivenRadius = None,
+    driven_poses: DrivenPoses = None,
     chains: Chains = None,
     resolution: Resolution = None,
     tiles: Tiles = None,
@@ -184,7 +194,7 @@ def sample(
         else:
             sources: dict[ReadingKind, Source] = {name: logs[flag] for name, flag in SOURCES.items() if flag in logs}
             run = draw(sources, config=asked, output=folder, force=force, **how)
-    _report(run, folder, json)
+    _report(run, folder, json, steps if resume is None else None)
 
 
 @contextmanager
@@ -245,8 +255,8 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None) -> Pat
     return Path(output) if output is not None else default_output(next(iter(logs.values())))
 
 
-def _report(run: Run, folder: Path, json: bool) -> None:
-    """Print what came of it."""
+def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None:
+    """Print what came of it; `asked_steps` may be fewer than whole rounds have."""
     from prf.shell import console, jsonout
 
     assert run.diagnostics is not None
@@ -270,15 +280,26 @@ def _report(run: Run, folder: Path, json: bool) -> None:
     if json:
         jsonout.emit_object("prf.sample/1", result)
         return
-    agree = "the chains agree" if result["converged"] else f"the chains do not agree yet ({result['reason']})"
-    console.emit(f"{progress.status}: {agree}")
+    is_short = _is_short(run.diagnostics, configuration["chains"])
+    judged = "too few draws to judge: run longer" if is_short else "the chains do not agree yet"
+    agree = "the chains agree" if result["converged"] else f"{judged} ({result['reason']})"
+    console.summarize(f"{progress.status}: {agree}")
     swaps = run.diagnostics.get("tempering")
     if swaps:
-        console.emit(_ladders(swaps))
-    elif not result["converged"] and progress.status != "running":
-        console.emit(_advice(configuration.get("rungs") == "auto"))
-    console.emit(f"{result['draws']} draws of {result['chains']} chains, {progress.step:,} steps each, {folder}/")
-    console.emit(f"picture {folder}/posterior.png" + (f", best map {folder}/map.geojson" if run.best else ""))
+        console.summarize(_ladders(swaps))
+    elif not result["converged"] and not is_short and progress.status != "running":
+        console.summarize(_advice(configuration.get("rungs") == "auto"))
+    rounded = f" (rounded up from {asked_steps:,})" if asked_steps is not None and progress.step > asked_steps else ""
+    console.summarize(
+        f"{result['draws']} draws of {result['chains']} chains, {progress.step:,} steps each{rounded}, {folder}/"
+    )
+    console.summarize(f"picture {folder}/posterior.png" + (f", best map {folder}/map.geojson" if run.best else ""))
+
+
+def _is_short(diagnostics: dict[str, Any], n_chains: int) -> bool:
+    """Return whether what is missing is draws: one chain has no other to disagree with."""
+    worst = diagnostics["functionals"].get(diagnostics["worst"], {"state": "short"})
+    return n_chains == 1 or worst["state"] == "short"
 
 
 def _advice(waits: bool) -> str:

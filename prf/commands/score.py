@@ -68,6 +68,15 @@ def score(
     miss_probability: Annotated[
         float | None, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.  [0]")
     ] = None,
+    square: Annotated[
+        float | None,
+        typer.Option(
+            "--square",
+            metavar="METRES",
+            help="Side of the square that every map is asked for round a held-out point; 0: the point, of a GRID its "
+            "cell.  [0.2]",
+        ),
+    ] = None,
     sonar_max_range: SonarMaxRange = None,
     sonar_cone: SonarCone = None,
     config: Config = None,
@@ -81,11 +90,11 @@ def score(
 ) -> None:
     """Score how well a map predicts held-out readings.
 
-    Laser beams with a return are scored one by one: by the density that the map gives each (beam_nll, nats), by points
-    known to be occupied or free (auc, nll, brier), and by the distance to the first obstacle (within_0.2m, rmse in
-    metres). Sonar readings are scored by their density, or the probability of no return (sonar_nll, nats). Cells of
-    a true plan give iou_occupied and iou_free. Held-out readings are a log of their own, or scans that the map was not
-    made from: --skip-scans 5::10 there, --scans 5::10 here.
+    Laser beams with a return are scored one by one: by the density that the map gives each (beam_nll, nats), by squares
+    round points known to be occupied or free (auc, nll, brier), and by the distance to the first obstacle (within_0.2m,
+    rmse in metres). Sonar readings are scored by their density, or the probability of no return (sonar_nll, nats).
+    Cells of a true plan give iou_occupied and iou_free. Held-out readings are a log of their own, or scans that the map
+    was not made from: --skip-scans 5::10 there, --scans 5::10 here.
     """
     options = {name: value for name, value in locals().items() if name not in NOT_SETTINGS}
 
@@ -105,7 +114,7 @@ def score(
     beams = None if readings[0] is None else hold_out(readings[0], settings)
     cones = None if readings[1] is None else hold_out_sonar(readings[1], settings)
     cells = None if truth is None else true_cells(read_occupied_area(truth), beams, cones)
-    result = score_map(found, beams, None if laser is None else resolve_seed(seed), cones, cells)
+    result = score_map(found, beams, None if laser is None else resolve_seed(seed), cones, cells, settings.square)
     _warn(scored, result)
     _report(result, json)
 

@@ -176,7 +176,7 @@ def _report(result: dict[str, Any]) -> None:
     from prf.shell import console
 
     for name, value in _rows(result):
-        console.emit(f"{name:<10}{value}")
+        console.summarize(f"{name:<10}{value}")
 
 
 def _rows(result: dict[str, Any]) -> Iterator[tuple[str, str]]:

@@ -12,7 +12,7 @@ from prf.kernels.cones import relist_cones, sense_now
 from prf.kernels.edge_index import EdgeIndex, index_edge
 from prf.kernels.graph import Graph, add_edge, add_vertex, classify_vertex, distance, vertex_sine_now
 from prf.kernels.grid import Grid, cell_at
-from prf.kernels.guards import index_frozen
+from prf.kernels.guards import count_blocked, index_frozen
 from prf.kernels.points import sum_points
 from prf.kernels.sites import count_occupied
 
@@ -85,7 +85,7 @@ def resum(chain: Chain) -> None:
     graph.sums[c.LOG_PRIOR] = log_prior(graph, chain.tuning[c.SCALE])
     readings = relist_beams(chain.beams) + relist_cones(chain.cones)
     graph.sums[c.LOG_LIKELIHOOD] = readings + sum_points(chain.points)
-    graph.counts[c.OCCUPIED] = count_occupied(chain.sensors)
+    graph.counts[c.OCCUPIED] = count_occupied(chain.sensors) + count_blocked(graph, chain.edge_index, chain.guards)
 
 
 @core_entry

@@ -21,7 +21,7 @@ from prf.kernels.graph import (
     remove_edge,
     remove_vertex,
 )
-from prf.kernels.guards import Guards
+from prf.kernels.guards import Guards, blocked_change
 from prf.kernels.image import Image, count_edge, recolor_inside
 from prf.kernels.points import Points, gain_inside
 from prf.kernels.proposal import (
@@ -111,6 +111,9 @@ def apply(chain: Chain, log_prior_change: float, log_likelihood_change: float) -
     proposal = chain.proposal
     if chain.image.black.size > 0:
         update_image(chain, graph.counts[c.STEP])
+    if chain.tuning[c.OCCUPIED_COST] != math.inf:
+        graph.counts[c.OCCUPIED] += occupied_change(chain.sensors, proposal.loop, proposal.counts[N_LOOP], True)
+        graph.counts[c.OCCUPIED] += blocked_change(graph, chain.edge_index, chain.guards, proposal)
     release_touched(chain.beams)
     apply_edges(graph, chain.edge_index, proposal)
     refresh_vertices(graph, proposal)
@@ -118,8 +121,6 @@ def apply(chain: Chain, log_prior_change: float, log_likelihood_change: float) -
     apply_cones(chain.cones)
     if chain.points.column.shape[1] > 0:
         gain_inside(chain.points, proposal.loop, proposal.counts[N_LOOP], chain.image.crossings, True)
-    if chain.tuning[c.OCCUPIED_COST] != math.inf:
-        graph.counts[c.OCCUPIED] += occupied_change(chain.sensors, proposal.loop, proposal.counts[N_LOOP], True)
     window = graph.window
     if inside_loop(
         0.5 * (window[0] + window[2]), 0.5 * (window[1] + window[3]), proposal.loop, proposal.counts[N_LOOP]

@@ -24,7 +24,7 @@ FREE_EDGES = 7
 ANCHOR_BLACK = 8
 NEEDS_ROOM = 9
 STEP = 10
-OCCUPIED = 11  # sensor positions that stand in black
+OCCUPIED = 11  # sensor positions that stand in black, and pieces of the way that edges block, edge by edge
 N_COUNTS = 12
 
 # Entries of ``Graph.sums``.
@@ -111,7 +111,7 @@ INVERSE_TEMPERATURE = 6  # 1 samples the posterior, more prefers its mode over l
 AIMED_SHARE = 7  # share of interior births that are aimed at returns; 0 without targets
 AIM_REACH = 8  # median distance of the vertices of such a birth, m
 LIKELIHOOD_POWER = 9  # exponent of the likelihood: 1 the posterior, 0 the prior; leaves the prior alone
-OCCUPIED_COST = 10  # log likelihood that each occupied sensor position takes, nats; inf: none may be occupied
+OCCUPIED_COST = 10  # log likelihood that each of those takes, nats; inf: there may be none
 JOIN_REACH = 11  # median distance of new corners from the feet of the vertices that are led to them, m
 LINE_REACH = 12  # median distance by which the line of an edge moves, m
 STAND_REACH = 13  # median distance by which what leans on a wall is drawn back from it, m

@@ -26,6 +26,44 @@ def segments_meet(ax: float, ay: float, bx: float, by: float, cx: float, cy: flo
 
 
 @core
+def segment_meets_box(
+    ax: float, ay: float, bx: float, by: float, x_min: float, y_min: float, x_max: float, y_max: float
+) -> bool:
+    """Whether segment ab has a point in a closed box: separating axes x, y and the segment's normal."""
+    if min(ax, bx) > x_max or max(ax, bx) < x_min or min(ay, by) > y_max or max(ay, by) < y_min:
+        return False
+    normal_x = ay - by
+    normal_y = bx - ax
+    middle = normal_x * (0.5 * (x_min + x_max) - ax) + normal_y * (0.5 * (y_min + y_max) - ay)
+    return abs(middle) <= 0.5 * ((x_max - x_min) * abs(normal_x) + (y_max - y_min) * abs(normal_y))
+
+
+@core
+def point_segment_distance2(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
+    """Squared distance from p to the segment ab (a single point allowed)."""
+    dx = bx - ax
+    dy = by - ay
+    length2 = dx * dx + dy * dy
+    along = 0.0
+    if length2 > 0.0:
+        along = min(1.0, max(0.0, ((px - ax) * dx + (py - ay) * dy) / length2))
+    return (px - ax - along * dx) ** 2 + (py - ay - along * dy) ** 2
+
+
+@core
+def segment_distance2(ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float) -> float:
+    """Squared distance between the segments ab and cd: 0 where they meet, else the least over the four ends."""
+    if segments_meet(ax, ay, bx, by, cx, cy, dx, dy):
+        return 0.0
+    return min(
+        point_segment_distance2(ax, ay, cx, cy, dx, dy),
+        point_segment_distance2(bx, by, cx, cy, dx, dy),
+        point_segment_distance2(cx, cy, ax, ay, bx, by),
+        point_segment_distance2(dx, dy, ax, ay, bx, by),
+    )
+
+
+@core
 def ray_hit(ox: float, oy: float, ux: float, uy: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Distance along the ray o + t u to the segment ab, inf if the ray misses it.
 

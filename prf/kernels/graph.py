@@ -126,6 +126,13 @@ def on_one_side(graph: Graph, a: int, b: int) -> bool:
 
 
 @core
+def joins_adjacent_sides(graph: Graph, a: int, b: int) -> bool:
+    """Whether the vertices lie on two sides of the window that meet in a corner."""
+    on_border = graph.vertex_side[a] != c.INTERIOR and graph.vertex_side[b] != c.INTERIOR
+    return on_border and (graph.vertex_side[a] - graph.vertex_side[b]) % 2 != 0
+
+
+@core
 def sine_at_border(side: int, vx: float, vy: float, ax: float, ay: float, length: float) -> float:
     """Sine of the angle between the edge va of given length and the side on which v lies."""
     if side == c.BOTTOM or side == c.TOP:
@@ -199,8 +206,7 @@ def add_edge(graph: Graph, a: int, b: int, length: float) -> int:
     attach(graph, a, edge)
     attach(graph, b, edge)
     set_add(graph, c.EDGES, edge)
-    on_border = graph.vertex_side[a] != c.INTERIOR and graph.vertex_side[b] != c.INTERIOR
-    if on_border and (graph.vertex_side[a] - graph.vertex_side[b]) % 2 != 0:
+    if joins_adjacent_sides(graph, a, b):
         set_add(graph, c.CORNER_CUTS, edge)
     return edge
 

@@ -1,17 +1,26 @@
-"""What a chain on a part of the map must leave as it is: edges that stay, and places where no edge may come.
+"""Edges that must stay, and places where no edge may come.
 
 A chain in a tile (``prf.sampler.tiles``) holds edges that do not lie inside the tile, and readings that other tiles
-answer for pass through it. The first must stay; the second must see the same obstacles as before. A chain on the whole
-window has no guards.
+answer for pass through it. The first must stay; the second must see the same obstacles as before. Any chain may hold
+the way that was driven (``prf.driven``), of which no edge may come within the radius of the robot: under a finite cost
+of occupied sensors each edge that does costs as much for each piece of the way.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
+from prf.kernels import constants as c
 from prf.kernels._jit import core, core_entry
 from prf.kernels.edge_index import EdgeIndex, index_edge
-from prf.kernels.geometry import orientation, ray_hit, segments_meet
+from prf.kernels.geometry import (
+    orientation,
+    point_segment_distance2,
+    ray_hit,
+    segment_distance2,
+    segment_meets_box,
+    segments_meet,
+)
 from prf.kernels.graph import Graph, is_drawn
 from prf.kernels.grid import Grid, axis_index, walk
 from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal
@@ -20,11 +29,13 @@ from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal
 KIND = 0  # GUARD_RAY or GUARD_TRIANGLE
 GUARD_RAY = 0.0  # then origin (2), unit direction (2), distance up to which it is clear, distance from which it counts
 GUARD_TRIANGLE = 1.0  # then three corners
+GUARD_WAY = 2.0  # then two ends of a piece of the way (one place: both the same), and the radius
+GUARD_BOX = 3.0  # then x_min, y_min, x_max, y_max of ground that is closed to all edges
 N_SHAPE = 7
 
 
 class Guards(NamedTuple):
-    """Frozen edges, and rays and triangles that no new edge may meet, by cells of the edge index.
+    """Frozen edges, and rays, triangles, ways and boxes that no new edge may meet, by cells of the edge index.
 
     Two arrays and no more: each array of a chain costs one or two per cent of the steps, with guards or without.
     """
@@ -66,26 +77,109 @@ def meets_guard(shape: np.ndarray, xy: np.ndarray) -> bool:
     """Whether an edge `xy` (4,) would stand in the way of a guarded reading; rays as the beams themselves see it."""
     if shape[KIND] == GUARD_TRIANGLE:
         return meets_triangle(xy, shape[1:])
+    if shape[KIND] == GUARD_WAY:
+        radius = shape[5]
+        return segment_distance2(xy[0], xy[1], xy[2], xy[3], shape[1], shape[2], shape[3], shape[4]) <= radius * radius
+    if shape[KIND] == GUARD_BOX:
+        return segment_meets_box(xy[0], xy[1], xy[2], xy[3], shape[1], shape[2], shape[3], shape[4])
     return ray_hit(shape[1], shape[2], shape[3], shape[4], xy[0], xy[1], xy[2], xy[3]) < shape[5]
 
 
 @core
-def is_barred(graph: Graph, guards: Guards, proposal: Proposal) -> bool:
-    """Whether a proposal takes a frozen edge away, or a new edge meets a guard."""
+def meets_any(guards: Guards, xy: np.ndarray, cells: np.ndarray, n: int, way_is_hard: bool) -> bool:
+    """Whether an edge `xy` (4,), which passes the first `n` of `cells`, meets a guard."""
+    first = 1 + guards.lists[0]
+    for i in range(n):
+        for at in range(guards.lists[first + cells[i]], guards.lists[first + cells[i] + 1]):
+            shape = guards.shape[guards.lists[at]]
+            if (way_is_hard or shape[KIND] != GUARD_WAY) and meets_guard(shape, xy):
+                return True
+    return False
+
+
+@core
+def is_barred(graph: Graph, guards: Guards, proposal: Proposal, way_is_hard: bool) -> bool:
+    """Whether a proposal takes a frozen edge away, or a new edge meets a guard; the way counts if it `is_hard`."""
     if guards.lists.shape[0] == 1:
         return False
     for k in range(proposal.counts[N_OLD_EDGES]):
         if not is_drawn(graph, proposal.old_edges[k]):
             return True
-    first = 1 + guards.lists[0]
     for k in range(proposal.counts[N_NEW_EDGES]):
-        xy = proposal.new_xy[k]
-        for i in range(proposal.n_cells[k]):
-            cell = proposal.cells[k, i]
-            for at in range(guards.lists[first + cell], guards.lists[first + cell + 1]):
-                if meets_guard(guards.shape[guards.lists[at]], xy):
-                    return True
+        if meets_any(guards, proposal.new_xy[k], proposal.cells[k], proposal.n_cells[k], way_is_hard):
+            return True
     return False
+
+
+@core
+def is_listed_before(guards: Guards, guard: int, cells: np.ndarray, n: int) -> bool:
+    """Whether a guard is listed in one of the first `n` of `cells`."""
+    first = 1 + guards.lists[0]
+    for i in range(n):
+        for at in range(guards.lists[first + cells[i]], guards.lists[first + cells[i] + 1]):
+            if guards.lists[at] == guard:
+                return True
+    return False
+
+
+@core
+def pieces_met(guards: Guards, xy: np.ndarray, cells: np.ndarray, n: int) -> int:
+    """Number of pieces of the way that an edge `xy` (4,), which passes the first `n` of `cells`, comes too near to."""
+    first = 1 + guards.lists[0]
+    met = 0
+    for i in range(n):
+        for at in range(guards.lists[first + cells[i]], guards.lists[first + cells[i] + 1]):
+            guard = guards.lists[at]
+            shape = guards.shape[guard]
+            if shape[KIND] == GUARD_WAY and meets_guard(shape, xy) and not is_listed_before(guards, guard, cells, i):
+                met += 1
+    return met
+
+
+@core
+def blocked_change(graph: Graph, index: EdgeIndex, guards: Guards, proposal: Proposal) -> int:
+    """Change of the number of pairs of an edge and a piece of the way that it comes too near to."""
+    if guards.lists.shape[0] == 1:
+        return 0
+    change = 0
+    for k in range(proposal.counts[N_OLD_EDGES]):
+        xy = graph.edge_xy[proposal.old_edges[k]]
+        change -= pieces_met(guards, xy, index.path, walk(index.grid, xy[0], xy[1], xy[2], xy[3], index.path))
+    for k in range(proposal.counts[N_NEW_EDGES]):
+        change += pieces_met(guards, proposal.new_xy[k], proposal.cells[k], proposal.n_cells[k])
+    return change
+
+
+@core
+def count_blocked(graph: Graph, index: EdgeIndex, guards: Guards) -> int:
+    """Number of such pairs in the present map."""
+    if guards.lists.shape[0] == 1:
+        return 0
+    total = 0
+    for i in range(graph.counts[c.EDGES]):
+        xy = graph.edge_xy[graph.members[c.EDGES, i]]
+        total += pieces_met(guards, xy, index.path, walk(index.grid, xy[0], xy[1], xy[2], xy[3], index.path))
+    return total
+
+
+@core
+def cells_of_way(grid: Grid, shape: np.ndarray, path: np.ndarray) -> int:
+    """Write the cells that a piece of the way comes near to; return their number."""
+    radius = shape[5]
+    i0 = axis_index((min(shape[1], shape[3]) - radius - grid.x0) / grid.cell, grid.nx)
+    i1 = axis_index((max(shape[1], shape[3]) + radius - grid.x0) / grid.cell, grid.nx)
+    k0 = axis_index((min(shape[2], shape[4]) - radius - grid.y0) / grid.cell, grid.ny)
+    k1 = axis_index((max(shape[2], shape[4]) + radius - grid.y0) / grid.cell, grid.ny)
+    reach = radius + 0.75 * grid.cell  # half a diagonal, and a little for what rounding puts into a cell's neighbour
+    n = 0
+    for iy in range(k0, k1 + 1):
+        y = grid.y0 + (iy + 0.5) * grid.cell
+        for ix in range(i0, i1 + 1):
+            x = grid.x0 + (ix + 0.5) * grid.cell
+            if point_segment_distance2(x, y, shape[1], shape[2], shape[3], shape[4]) <= reach * reach:
+                path[n] = ix + grid.nx * iy
+                n += 1
+    return n
 
 
 @core
@@ -97,10 +191,13 @@ def cells_of_guard(grid: Grid, shape: np.ndarray, path: np.ndarray) -> int:
         ux = shape[3]
         uy = shape[4]
         return walk(grid, ox + shape[6] * ux, oy + shape[6] * uy, ox + shape[5] * ux, oy + shape[5] * uy, path)
-    i0 = axis_index((min(shape[1], shape[3], shape[5]) - grid.x0) / grid.cell, grid.nx)
-    i1 = axis_index((max(shape[1], shape[3], shape[5]) - grid.x0) / grid.cell, grid.nx)
-    k0 = axis_index((min(shape[2], shape[4], shape[6]) - grid.y0) / grid.cell, grid.ny)
-    k1 = axis_index((max(shape[2], shape[4], shape[6]) - grid.y0) / grid.cell, grid.ny)
+    if shape[KIND] == GUARD_WAY:
+        return cells_of_way(grid, shape, path)
+    last = 3 if shape[KIND] == GUARD_BOX else 5  # of the corners that span it
+    i0 = axis_index((min(shape[1], shape[3], shape[last]) - grid.x0) / grid.cell, grid.nx)
+    i1 = axis_index((max(shape[1], shape[3], shape[last]) - grid.x0) / grid.cell, grid.nx)
+    k0 = axis_index((min(shape[2], shape[4], shape[last + 1]) - grid.y0) / grid.cell, grid.ny)
+    k1 = axis_index((max(shape[2], shape[4], shape[last + 1]) - grid.y0) / grid.cell, grid.ny)
     n = 0
     for iy in range(k0, k1 + 1):
         for ix in range(i0, i1 + 1):

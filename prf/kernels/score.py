@@ -12,7 +12,9 @@ from prf.kernels.laser import ROOT_TWO_PI, WHOLE, beam_log_likelihood, normal_cd
 from prf.kernels.segment_lists import segments_by_cell
 
 UNKNOWN = 0.5
-"""Probability outside the grid."""
+"""Probability of a cell outside the grid."""
+LEAST_BIN = 1e-9
+"""Share of a bin below which rounding, not the reach of a ray, made one more."""
 
 
 @core
@@ -44,26 +46,34 @@ def trace_rays(grid: Grid, rays: np.ndarray, segments: np.ndarray, path: np.ndar
         distance[beam] = first_edge(grid, rays[beam], segments, path, start, listed)
 
 
+@core
+def outliers(model: np.ndarray, reading: float) -> float:
+    """Density of an outlier, or its probability of ending beyond m where the reading is -m, censored at m."""
+    if reading < 0.0:
+        return model[c.OUTLIER_DENSITY] * (model[c.MAX_RANGE] + reading)
+    return model[c.OUTLIER_DENSITY]
+
+
 @core_entry
 def add_densities(
     model: np.ndarray, readings: np.ndarray, distance: np.ndarray, occupied: np.ndarray, total: np.ndarray
 ) -> None:
-    """Add the density of each reading given its distance to ``total`` (n,); an occupied sensor leaves the outliers."""
+    """Add the density of each reading given its distance to ``total`` (n,); an occupied sensor leaves the outliers.
+
+    A reading -m is censored at m: its probability takes the place of a density.
+    """
     for beam in range(readings.size):
         if occupied[beam]:
-            total[beam] += model[c.OUTLIER_DENSITY]
+            total[beam] += outliers(model, readings[beam])
         else:
             total[beam] += math.exp(beam_log_likelihood(model, readings[beam], distance[beam]))
 
 
 @core
 def cell_probability(grid: Grid, occupancy: np.ndarray, x: float, y: float) -> float:
-    """Probability that the cell of (x, y) is occupied."""
-    u = (x - grid.x0) / grid.cell
-    v = (y - grid.y0) / grid.cell
-    if not (0.0 <= u < grid.nx and 0.0 <= v < grid.ny):
-        return UNKNOWN
-    return occupancy[axis_index(v, grid.ny), axis_index(u, grid.nx)]
+    """Probability that the cell of (x, y), a place in the grid, is occupied."""
+    row = axis_index((y - grid.y0) / grid.cell, grid.ny)
+    return occupancy[row, axis_index((x - grid.x0) / grid.cell, grid.nx)]
 
 
 @core
@@ -82,29 +92,41 @@ def blurred_bin(reading: float, near: float, far: float, s: float) -> float:
 
 
 @core
+def blurred_tail(bound: float, near: float, far: float, s: float) -> float:
+    """Probability of a reading beyond a bound, the obstacle uniform on [near, far]; see ``blurred_bin``."""
+    whole = (far - near) / s if near > WHOLE * s else cdf_integral(far / s) - cdf_integral(near / s)
+    return (cdf_integral((far - bound) / s) - cdf_integral((near - bound) / s)) / whole
+
+
+@core
 def grid_beam(
     grid: Grid, occupancy: np.ndarray, model: np.ndarray, width: float, ray: np.ndarray, reading: float
 ) -> tuple[float, float]:
     """Density of a return, and distance of the first bin more likely occupied than not (inf: none).
 
-    Bins of `width` along the ray take the probability of the cell at their middle; the weight of bin k is
-    p_k prod_{j < k} (1 - p_j), and the reading spreads round an obstacle anywhere in its bin.
+    Bins of `width` up to the reach of the ray take the probability of the cell at their middle; the weight of bin k is
+    p_k prod_{j < k} (1 - p_j), and the reading spreads round an obstacle anywhere in its bin. A reading -m is censored
+    at m, the reach: its probability takes the place of a density.
     """
-    maximum = model[c.MAX_RANGE]
-    density = model[c.OUTLIER_DENSITY]
+    reach = ray[c.REACH]
+    density = outliers(model, reading)
     first = math.inf
     unmet = 1.0
-    for k in range(math.ceil(maximum / width)):
+    for k in range(math.ceil(reach / width - LEAST_BIN)):
         near = k * width
-        far = min(near + width, maximum)
+        far = min(near + width, reach)
         middle = 0.5 * (near + far)
         s = max(model[c.NOISE], model[c.NOISE_RELATIVE] * middle)
         p = cell_probability(grid, occupancy, ray[0] + middle * ray[2], ray[1] + middle * ray[3])
         if first == math.inf and p > 0.5:
             first = middle
-        if near - WHOLE * s < reading < far + WHOLE * s:
+        if reading < 0.0:
+            density += model[c.HIT] * p * unmet * blurred_tail(reach, near, far, s)
+        elif near - WHOLE * s < reading < far + WHOLE * s:
             density += model[c.HIT] * p * unmet * blurred_bin(reading, near, far, s)
         unmet *= 1.0 - p
+    if reading < 0.0:
+        density += model[c.MISS] + model[c.HIT] * unmet
     return density, first
 
 

@@ -9,7 +9,7 @@ from prf.kernels._jit import core, jit, spine
 from prf.kernels.chain import Chain, apply
 from prf.kernels.cone_touch import sonar_change, touch_cones
 from prf.kernels.crossing import is_valid
-from prf.kernels.guards import is_barred
+from prf.kernels.guards import blocked_change, is_barred
 from prf.kernels.moves import (
     boundary_triangle,
     corner_cut,
@@ -119,13 +119,15 @@ def needed_gain(chain: Chain, margin: float) -> float:
     """The change of log likelihood that a proposal must exceed to be accepted; inf where none will do.
 
     `margin` is what the threshold asks beyond prior and proposal ratio. The target is h exp(E) with
-    E = power (log likelihood - cost * occupied sensors), times exp((t - 1) (plain log prior + E)) at an inverse
-    temperature t: power and cost are those of a rung of parallel tempering, t that of annealing.
+    E = power (log likelihood - cost * (occupied sensors + blocked pieces of the way)), times
+    exp((t - 1) (plain log prior + E)) at an inverse temperature t: power and cost are those of a rung of parallel
+    tempering, t that of annealing.
     """
     proposal, tuning = chain.proposal, chain.tuning
     cost, turned = tuning[c.OCCUPIED_COST], 0
     if cost != math.inf:
         turned = occupied_change(chain.sensors, proposal.loop, proposal.counts[N_LOOP], False)
+        turned += blocked_change(chain.graph, chain.edge_index, chain.guards, proposal)
     elif chain.sensors.xy.shape[0] > 0 and any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
         return math.inf
     beta, power = tuning[c.INVERSE_TEMPERATURE], tuning[c.LIKELIHOOD_POWER]
@@ -152,7 +154,7 @@ def evaluate(
     if not is_valid(graph, chain.edge_index, proposal):
         return False, 0.0, 0.0
     chain.outcomes[move, c.VALID] += 1
-    if is_barred(graph, chain.guards, proposal):
+    if is_barred(graph, chain.guards, proposal, chain.tuning[c.OCCUPIED_COST] == math.inf):
         return False, 0.0, 0.0
     log_proposal_ratio += log_ratio_of_cells(chain, move)
     if log_proposal_ratio == -math.inf:
@@ -160,7 +162,8 @@ def evaluate(
     prior = log_prior_change(graph, proposal, chain.tuning[c.SCALE])
     # A tile may hold readings of sensors that stand in another, and sensors whose readings another answers for.
     n_readings, n_points = chain.beams.ray.shape[0] + chain.cones.pose.shape[0], chain.points.column.shape[1]
-    if n_readings == 0 and n_points == 0 and chain.sensors.xy.shape[0] == 0:
+    is_bare = n_readings == 0 and n_points == 0 and chain.sensors.xy.shape[0] == 0
+    if is_bare and chain.guards.lists.shape[0] == 1:
         return log_u < prior + log_proposal_ratio, prior, 0.0
     needed = needed_gain(chain, log_u - prior - log_proposal_ratio)
     if needed == math.inf:

@@ -8,6 +8,7 @@ from prf.logs.open import read_readings
 from prf.logs.points import PointSummary, PointTable, describe_points, read_point_data
 from prf.logs.readings import Kind, LogNotes, NoReadings, Readings, ScanTable
 from prf.logs.rings import CONE
+from prf.logs.suspicions import warn_of_spoiling
 from prf.logs.table import write_table
 from prf.logs.thin import thin
 
@@ -27,5 +28,6 @@ __all__ = [
     "read_point_data",
     "read_readings",
     "thin",
+    "warn_of_spoiling",
     "write_table",
 ]

@@ -28,6 +28,8 @@ FIXED = "map"
 TYPES: dict[Kind, str] = {"laser": "sensor_msgs/msg/LaserScan", "sonar": "sensor_msgs/msg/Range"}
 TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 ODOMETRY = "nav_msgs/msg/Odometry"
+TRUTH = "truth"
+"""In the name of a topic of odometry that is a simulator's true pose."""
 
 TILT = np.sin(np.radians(5.0))
 """Sine of the tilt from which on a remark is due."""
@@ -222,11 +224,14 @@ def _scan(raw: _Raw, device: str, number: int, poses: Rigid, row: int, ahead: Fl
 
 def _unfixed(tree: Tree, bag: Bag, fixed: str, sensor: str) -> str:
     """Return why the sensor has no pose, and what could be chosen."""
-    roots = tree.roots_above(sensor)
-    choices = [*roots, *bag.of_type(ODOMETRY)]
+    roots, topics = tree.roots_above(sensor), bag.of_type(ODOMETRY)
+    true_poses = [topic for topic in topics if TRUTH in topic]
+    choices = [*true_poses, *roots, *topics]
     has = f"tf leads from {sensor!r} up to {', '.join(map(repr, roots))}" if roots else f"tf has no {sensor!r}"
-    odometry = f", odometry topics are {', '.join(bag.of_type(ODOMETRY))}" if bag.of_type(ODOMETRY) else ""
+    odometry = f", odometry topics are {', '.join(topics)}" if topics else ""
     advice = f"Localize it first, or choose with --frame {choices[0]}." if choices else "Record /tf and /tf_static too."
+    if true_poses:
+        advice = f"Take the true poses with --frame {true_poses[0]}."
     return f"{bag.source}: no way from the fixed frame {fixed!r} to the sensor: {has}{odometry}. {advice}"
 
 

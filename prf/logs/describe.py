@@ -10,6 +10,7 @@ import numpy as np
 from prf.logs.readings import FloatArray, Kind, Readings, ScanTable
 from prf.logs.suspicions import Suspicion, find_suspicions
 from prf.sensors.laser import unit_vectors
+from prf.sensors.sonar import SonarModel
 from prf.window import LARGEST_RANGE
 
 MAX_RANGE_SHARE = 0.97
@@ -57,12 +58,12 @@ class LogSummary:
     duration : float
         Seconds from the smallest to the largest time stamp; nan if there are none.
     largest_range, max_range : float
-        Largest finite range of the log, cut at the sensors' own maximum, and the maximum range that `prf sample` takes
-        from it; nan if no range is finite.
+        Largest finite range of the log, cut at the sensors' own maximum (nan if no range is finite), and the maximum
+        range that `prf sample` takes for it: from the log for a laser, 3.5 m for sonars.
     share_no_return : float
         Share of beams at or beyond the maximum range.
     share_far : float
-        Share of beams, no returns included, of at least `FAR` metres.
+        Share of beams of at least `FAR` metres, no returns included; of sonars returns alone.
     n_zero_ranges : int
         Beams dropped because their range is 0.
     n_invalid : int
@@ -113,11 +114,12 @@ def describe(readings: Readings, path: str) -> LogSummary:
     """
     notes = readings.notes
     scans = notes.scans
-    max_range = default_max_range(readings)
+    is_sonar = bool(readings.cone.any())
+    max_range = SonarModel.max_range if is_sonar else default_max_range(readings)
     return LogSummary(
         source=path,
         format=notes.format,
-        kind="sonar" if readings.cone.any() else "laser",
+        kind="sonar" if is_sonar else "laser",
         devices=notes.devices,
         poses=notes.poses,
         ring=notes.ring,
@@ -132,7 +134,7 @@ def describe(readings: Readings, path: str) -> LogSummary:
         largest_range=largest_range(readings),
         max_range=max_range,
         share_no_return=float(np.mean(~(readings.range < max_range))),
-        share_far=float(np.mean(readings.range >= FAR)),
+        share_far=float(np.mean((readings.range >= FAR) & ((readings.range < max_range) | (not is_sonar)))),
         n_zero_ranges=notes.n_zero_ranges,
         n_invalid=notes.n_invalid,
         lines=dict(notes.lines),
@@ -143,7 +145,7 @@ def describe(readings: Readings, path: str) -> LogSummary:
 
 
 def default_max_range(readings: Readings) -> float:
-    """Return the maximum range taken if the user gives none: 0.97 x the largest range; nan if no range is finite."""
+    """Return the maximum range taken of a laser if the user gives none: 0.97 x the largest; nan if none is finite."""
     return MAX_RANGE_SHARE * largest_range(readings)
 
 

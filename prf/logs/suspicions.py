@@ -5,13 +5,16 @@ Whether the poses agree with one another over loops cannot be told cheaply, so n
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.logs.readings import FloatArray, Readings, ScanTable
+from prf.logs.readings import FloatArray, Kind, Readings, ScanTable
+
+logger = logging.getLogger(__name__)
 
 STEP = 1.0
 """Metres; a shorter step is never called a jump."""
@@ -27,8 +30,12 @@ STILL = 20
 """Scans in a row at one and the same pose that are worth a remark."""
 LARGEST_SANE_RANGE = 1000.0
 """Metres. Some drivers write the largest float for "no return", which makes a default maximum range of no use."""
+LARGEST_USUAL_STEP = 100.0
+"""Metres. Half of the steps beyond it are positions in millimetres or centimetres."""
 LARGEST_USUAL_RANGE = 100.0
 """Metres. Half of the returns beyond it are a log in millimetres or centimetres."""
+LARGEST_USUAL_ECHO = 20.0
+"""Metres. The same of sonars, which hear less far."""
 LARGEST_SANE_ANGLE = 4 * np.pi
 """Radians. Beyond it headings are counted over turns at best, in degrees at worst."""
 DAY = 86400.0
@@ -71,14 +78,41 @@ def find_suspicions(readings: Readings) -> tuple[Suspicion, ...]:
     """
     scans = readings.notes.scans
     return (
-        *_jumps(scans),
+        *find_spoiling(readings),
         *_standing(scans),
         *_clock(scans),
         *_beam_counts(scans),
-        *_ranges(readings),
-        *_angles(readings),
+        *_dropped(readings),
         *_odd_lines(readings),
     )
+
+
+def find_spoiling(readings: Readings) -> tuple[Suspicion, ...]:
+    """Return what of it would spoil a map: wrong units, and poses that jump."""
+    return (*_jumps(readings.notes.scans), *_ranges(readings), *_angles(readings))
+
+
+def warn_of_spoiling(readings: Readings, used: Readings, kind: Kind, max_range: float | None) -> None:
+    """Log a warning of each sign that a map of these readings would be spoilt.
+
+    Parameters
+    ----------
+    readings : Readings
+        The whole log.
+    used : Readings
+        What is used of it: jumps before its first scan or after its last do no harm.
+    kind : {"laser", "sonar"}
+        What the readings were given as.
+    max_range : float or None
+        Metres, if it need not be taken from the log.
+    """
+    first, last = (int(used.scan.min()), int(used.scan.max())) if used.n_beams else (0, 0)
+    for code, message, scans in find_spoiling(readings):
+        is_elsewhere = bool(scans) and not any(first < number <= last for number in scans)
+        if not is_elsewhere and not (code == "largest-range" and max_range is not None):
+            logger.warning(f"{readings.source}: {message}")
+    if kind == "laser" and readings.cone.any():
+        logger.warning(f"{readings.source}: has opening angles (cone) as of a sonar: should it be given as --sonar?")
 
 
 def _steps(scans: ScanTable, device: int) -> _Steps:
@@ -88,26 +122,44 @@ def _steps(scans: ScanTable, device: int) -> _Steps:
     return _Steps(scans.number[rows[1:]], np.hypot(change[:, 0], change[:, 1]), turn, np.diff(scans.time[rows]))
 
 
-def _is_jump(steps: _Steps) -> NDArray[np.bool_]:
+def _usual_step(steps: _Steps) -> float:
     moving = steps.distance[steps.distance > 0.01]
-    usual = float(np.median(moving)) if len(moving) else 0.0
+    return float(np.median(moving)) if len(moving) else 0.0
+
+
+def _are_far(steps: _Steps) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which steps lead too far away, and which turn too far."""
     timed = steps.seconds > 0
-    seconds = np.where(timed, steps.seconds, np.inf)
-    fast = (steps.distance > np.maximum(STEP, SPEED * seconds)) | (steps.turn > np.maximum(TURN, SPEED * seconds))
-    far = steps.distance > max(STEP, FAR_STEP * usual)
-    turned = ~timed & (steps.turn > FAR_TURN)
-    return fast | far | turned
+    reach = SPEED * np.where(timed, steps.seconds, np.inf)
+    moved = (steps.distance > np.maximum(STEP, reach)) | (steps.distance > max(STEP, FAR_STEP * _usual_step(steps)))
+    turned = (steps.turn > np.maximum(TURN, reach)) | (~timed & (steps.turn > FAR_TURN))
+    return moved, turned
 
 
 def _jumps(scans: ScanTable) -> Iterator[Suspicion]:
     for device in np.unique(scans.device):
         steps = _steps(scans, int(device))
-        jump = _is_jump(steps)
-        if jump.any():
-            numbers = tuple(int(n) for n in steps.number[jump])
-            worst = int(np.argmax(np.where(jump, steps.distance, -1.0)))
-            far = f"the largest by {steps.distance[worst]:.1f} m at scan {steps.number[worst]}"
-            yield Suspicion("pose-jump", f"the pose jumps before {_list(numbers, 'scan')}, {far}", numbers)
+        usual = _usual_step(steps)
+        moved, turned = _are_far(steps)
+        if usual > LARGEST_USUAL_STEP:
+            text = f"half of the steps from scan to scan are above {usual:g} m: are the positions in millimetres?"
+            yield Suspicion("pose-unit", text)
+        elif moved.any() or turned.any():
+            numbers = tuple(int(n) for n in steps.number[moved | turned])
+            largest = [
+                _largest(steps.distance, moved, steps, ".1f", "m"),
+                _largest(steps.turn, turned, steps, ".2f", "rad"),
+            ]
+            far = " and ".join(words for words in largest if words)
+            yield Suspicion("pose-jump", f"the pose jumps before {_list(numbers, 'scan')}, the largest {far}", numbers)
+
+
+def _largest(size: FloatArray, chosen: NDArray[np.bool_], steps: _Steps, form: str, unit: str) -> str:
+    """Return the largest of the chosen steps in words; nothing of none."""
+    if not chosen.any():
+        return ""
+    worst = int(np.argmax(np.where(chosen, size, -1.0)))
+    return f"by {size[worst]:{form}} {unit} at scan {steps.number[worst]}"
 
 
 def _standing(scans: ScanTable) -> Iterator[Suspicion]:
@@ -155,28 +207,34 @@ def _beam_counts(scans: ScanTable) -> Iterator[Suspicion]:
 
 
 def _ranges(readings: Readings) -> Iterator[Suspicion]:
-    zero, largest = readings.notes.n_zero_ranges, readings.largest_range
-    if zero:
-        share = zero / (zero + readings.notes.n_invalid + readings.n_beams)
-        yield Suspicion("zero-range", f"{zero} beams ({share:.2%}) have range 0, an error code: dropped")
-    if np.isnan(largest):
-        yield Suspicion("no-return", "no beam has a finite range: there is no maximum range to take from this log")
-    elif largest > LARGEST_SANE_RANGE:
-        yield Suspicion("largest-range", f"the largest range is {largest:g} m: give the maximum range yourself")
-    if readings.notes.n_invalid:
-        share = readings.notes.n_invalid / (readings.notes.n_invalid + zero + readings.n_beams)
-        text = f"{readings.notes.n_invalid} beams ({share:.2%}) have a range that is no number or too short: dropped"
-        yield Suspicion("invalid-range", text)
     finite = readings.range[np.isfinite(readings.range)]
-    usual = float(np.quantile(finite, 0.5, method="lower")) if len(finite) else 0.0
-    if usual > LARGEST_USUAL_RANGE:
+    if not len(finite):
+        return
+    usual = float(np.quantile(finite, 0.5, method="lower"))
+    if usual > (LARGEST_USUAL_ECHO if readings.cone.any() else LARGEST_USUAL_RANGE):
         yield Suspicion("range-unit", f"half of the ranges are above {usual:g} m: are they in millimetres?")
+    elif (largest := float(finite.max())) > LARGEST_SANE_RANGE:
+        yield Suspicion("largest-range", f"the largest range is {largest:g} m: give the maximum range yourself")
 
 
 def _angles(readings: Readings) -> Iterator[Suspicion]:
-    largest = float(np.abs(readings.angle).max())
-    if largest > LARGEST_SANE_ANGLE:
+    turned = readings.angle[readings.angle != 0.0]
+    largest = float(np.abs(turned).max(initial=0.0))
+    are_whole = len(turned) > 0 and float(np.mean(turned == np.round(turned))) > 0.5
+    if largest > LARGEST_SANE_ANGLE or (largest > 2 * np.pi and are_whole):
         yield Suspicion("angle", f"directions reach {largest:g} rad: are they in degrees?")
+
+
+def _dropped(readings: Readings) -> Iterator[Suspicion]:
+    zero, invalid = readings.notes.n_zero_ranges, readings.notes.n_invalid
+    n_beams = zero + invalid + readings.n_beams
+    if zero:
+        yield Suspicion("zero-range", f"{zero} beams ({zero / n_beams:.2%}) have range 0, an error code: dropped")
+    if invalid:
+        text = f"{invalid} beams ({invalid / n_beams:.2%}) have a range that is no number or too short: dropped"
+        yield Suspicion("invalid-range", text)
+    if np.isnan(readings.largest_range):
+        yield Suspicion("no-return", "no beam has a finite range: there is no maximum range to take from this log")
 
 
 def _odd_lines(readings: Readings) -> Iterator[Suspicion]:

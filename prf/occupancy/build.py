@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from prf.kernels.grid import Grid, most_cells
 from prf.kernels.occupancy import Cells, update_beams, update_cones
-from prf.logs import Readings, thin
+from prf.logs import Kind, Readings, thin, warn_of_spoiling
 from prf.logs.describe import default_max_range
 from prf.occupancy.config import GridConfig
 from prf.occupancy.model import OccupancyGrid
@@ -80,8 +80,8 @@ def build_grid(
     ConfigError
         If the window is none, or has too many cells.
     """
-    beams = _rays(laser, config, config.max_range)
-    cones = _rays(sonar, config, config.sonar_max_range)
+    beams = _rays(laser, "laser", config, config.max_range)
+    cones = _rays(sonar, "sonar", config, config.sonar_max_range)
     window = _window(config, beams, cones)
     n_all = len(beams.range) + len(cones.range)
     beams = beams.select(window.contains(beams.origin, strictly=True))
@@ -98,7 +98,7 @@ def build_grid(
     return BuiltGrid(_finished(cells, config, settings, process or {}), n_used, n_all - n_used)
 
 
-def _rays(readings: Readings | None, config: GridConfig, max_range: float | None) -> _Rays:
+def _rays(readings: Readings | None, kind: Kind, config: GridConfig, max_range: float | None) -> _Rays:
     if readings is None:
         none = np.empty(0)
         return _Rays(np.empty((0, 2)), none, none, none, math.nan)
@@ -107,6 +107,7 @@ def _rays(readings: Readings | None, config: GridConfig, max_range: float | None
     if not math.isfinite(limit):
         raise InputError(f"{readings.source}: no reading has a finite range. Give --max-range.")
     kept = thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
+    warn_of_spoiling(readings, kept, kind, max_range)
     distance = np.where(kept.range < limit, kept.range, np.inf)
     return _Rays(kept.origin, kept.angle, distance, kept.cone, limit)
 

@@ -44,7 +44,7 @@ def write_grid(path: str | os.PathLike[str], grid: OccupancyGrid) -> None:
         "settings": np.str_(json.dumps(jsonable(grid.settings), allow_nan=False)),
         "process": np.str_(json.dumps(jsonable(grid.process), allow_nan=False)),
     }
-    save_arrays(Path(path), SCHEMA, arrays, compressed=True)
+    save_arrays(Path(path), SCHEMA, arrays)
 
 
 def read_grid(path: str | os.PathLike[str]) -> OccupancyGrid:

@@ -11,12 +11,12 @@ from prf.shell.errors import InputError, UsageError
 
 Floats = NDArray[np.float64]
 
-HAIR = 1e-9
-"""Share of a cell by which a square must enter it to count: a border that only rounding crossed does not."""
+ON_BORDER = 1e-9
+"""Share of a cell within which a centre lies on the border of a square, which belongs to it."""
 
 
 def occupied_probability(grid: OccupancyGrid, xy: ArrayLike, square: float = 0.0) -> Floats:
-    """Return how probably each point, or any cell under the square round it, is occupied.
+    """Return how probably each point, or the square round it, is occupied.
 
     Parameters
     ----------
@@ -24,8 +24,8 @@ def occupied_probability(grid: OccupancyGrid, xy: ArrayLike, square: float = 0.0
     xy : (n_points, 2) array
         Points in metres.
     square : float
-        Side of the square in metres: one minus the product of 1 - p over the cells that it covers, in part or whole.
-        0 asks for the cell of the point.
+        Side of the closed square in metres: one minus the product of 1 - p over the cells whose centres lie in it.
+        Where there is none, as with 0, the cell of the point.
 
     Returns
     -------
@@ -44,14 +44,14 @@ def occupied_probability(grid: OccupancyGrid, xy: ArrayLike, square: float = 0.0
     answers = np.full(len(points), np.nan)
     place = (points[inside] - grid.origin) / grid.resolution
     most = np.array(grid.occupancy.shape[::-1]) - 1
-    if square == 0.0:
-        column, row = np.minimum(place.astype(np.int64), most).T
-        answers[inside] = grid.occupancy[row, column]
-        return answers
-    half = 0.5 * square / grid.resolution
-    low = np.clip(np.floor(place - half + HAIR), 0, most).astype(np.int64)
-    high = np.clip(np.ceil(place + half - HAIR), 1, most + 1).astype(np.int64)
-    answers[inside] = -np.expm1(_log_free_sums(grid, low, high))
+    own = np.minimum(place.astype(np.int64), most)
+    reach = 0.5 * square / grid.resolution + ON_BORDER
+    low = np.clip(np.ceil(place - 0.5 - reach), 0, most + 1).astype(np.int64)
+    high = np.clip(np.floor(place - 0.5 + reach) + 1, 0, most + 1).astype(np.int64)
+    several = (low < high).all(axis=1) & (square > 0.0)
+    free = np.where(several, _log_free_sums(grid, low, high), 0.0)
+    alone = grid.occupancy[own[:, 1], own[:, 0]]
+    answers[inside] = np.where(several, -np.expm1(free), alone)
     return answers
 
 

@@ -195,6 +195,8 @@ class Run:
         None too where the run used no sonar.
     points : Points or None
         None too where the run used no point observations.
+    way : (k, 4) float64
+        Pieces of the way driven that was held free: ends x0, y0, x1, y1 in metres.
     best : Coloring or None
         The map of highest log posterior among the states that any chain recorded.
     best_log_posterior : float
@@ -216,6 +218,7 @@ class Run:
     beams: Beams | None = None
     cones: Cones | None = None
     points: Points | None = None
+    way: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 4)))
     best: Coloring | None = None
     best_log_posterior: float = float("nan")
     diagnostics: dict[str, Any] | None = None

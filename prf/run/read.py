@@ -52,7 +52,7 @@ def read_run(path: str | os.PathLike[str], parts: Collection[str] = PARTS) -> Ru
     if names.POSTERIOR in present:
         fields["image"] = read_image(folder / names.POSTERIOR)
     if names.READINGS in present:
-        fields["beams"], fields["cones"], fields["points"] = read_readings(folder / names.READINGS)
+        fields |= read_readings(folder / names.READINGS)
     if names.MAP in present:
         fields["best"], fields["best_log_posterior"] = read_best(folder / names.MAP)
     if names.DIAGNOSTICS in present:
@@ -116,8 +116,8 @@ def read_image(path: Path) -> PosteriorImage:
     return image
 
 
-def read_readings(path: Path) -> tuple[Beams | None, Cones | None, Points | None]:
-    """Return the beams, the sonar readings and the points in readings.npz; None for what the run did not use."""
+def read_readings(path: Path) -> dict[str, Any]:
+    """Return the fields of :class:`Run` that readings.npz holds; None for readings that the run did not use."""
     arrays = load_arrays(path, names.SCHEMAS[names.READINGS])
     beams = _take_beams(path, arrays)
     cones = _take_cones(path, arrays) if names.SONAR_PREFIX + "angle" in arrays else None
@@ -125,7 +125,11 @@ def read_readings(path: Path) -> tuple[Beams | None, Cones | None, Points | None
     for readings in (beams, cones, points):
         _refuse_strange(path, readings)
     has_others = cones is not None or points is not None
-    return (None if has_others and len(beams.angle) == 0 else beams), cones, points
+    way = take_array(path, arrays, names.WAY, np.float64, (None, 4))
+    if not np.isfinite(way).all():
+        raise damaged(path, f"array {names.WAY} has a value that is not finite")
+    used = None if has_others and len(beams.angle) == 0 else beams
+    return {"beams": used, "cones": cones, "points": points, "way": way}
 
 
 def _refuse_strange(path: Path, readings: Beams | Cones | Points | None) -> None:

@@ -91,7 +91,8 @@ def _summarise_image(file: Path) -> str:
 
 
 def _summarise_readings(file: Path) -> str:
-    beams, cones, points = read_readings(file)
+    found = read_readings(file)
+    beams, cones, points = found["beams"], found["cones"], found["points"]
     parts = []
     if beams is not None:
         parts.append(f"{len(beams.angle)} beams, {len(beams.impacts())} with a return below {beams.max_range:g} m")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from prf.run import names
 from prf.run.mapfile import map_text
@@ -46,7 +47,7 @@ def write_run(path: str | os.PathLike[str], run: Run) -> None:
     if run.image is not None:
         write_image(folder, run.image)
     if any(part is not None for part in (run.beams, run.cones, run.points)):
-        write_readings(folder, run.beams, run.cones, run.points)
+        write_readings(folder, run.beams, run.cones, run.points, run.way)
     if run.best is not None:
         write_best(folder, run)
     if run.diagnostics is not None:
@@ -92,10 +93,16 @@ def write_image(folder: Path, image: PosteriorImage) -> None:
         "resolution": np.float64(image.resolution),
         "seen": image.seen.astype(np.bool_),
     }
-    save_arrays(folder / names.POSTERIOR, names.SCHEMAS[names.POSTERIOR], arrays, compressed=True)
+    save_arrays(folder / names.POSTERIOR, names.SCHEMAS[names.POSTERIOR], arrays)
 
 
-def write_readings(folder: Path, beams: Beams | None, cones: Cones | None, points: Points | None = None) -> None:
+def write_readings(
+    folder: Path,
+    beams: Beams | None,
+    cones: Cones | None,
+    points: Points | None = None,
+    way: NDArray[np.float64] | None = None,
+) -> None:
     """Write readings.npz; readings at or beyond the max range are written as inf, no laser as no beams."""
     if beams is None:
         nothing = np.zeros(0)
@@ -106,6 +113,7 @@ def write_readings(folder: Path, beams: Beams | None, cones: Cones | None, point
         "range": np.where(beams.range < beams.max_range, beams.range, np.inf),
         "scan": beams.scan.astype(np.int64),
         "max_range": np.float64(beams.max_range),
+        names.WAY: np.zeros((0, 4)) if way is None else way.astype(np.float64),
     }
     if cones is not None:
         silent = ~(cones.range < cones.max_range)
@@ -123,7 +131,7 @@ def write_readings(folder: Path, beams: Beams | None, cones: Cones | None, point
     if points is not None:
         arrays[names.POINT_PREFIX + "xy"] = points.xy.astype(np.float64)
         arrays[names.POINT_PREFIX + "value"] = points.value.astype(np.float64)
-    save_arrays(folder / names.READINGS, names.SCHEMAS[names.READINGS], arrays, compressed=True)
+    save_arrays(folder / names.READINGS, names.SCHEMAS[names.READINGS], arrays)
 
 
 def write_best(folder: Path, run: Run) -> None:

@@ -13,15 +13,19 @@ from prf.kernels.build import resum
 from prf.kernels.chain import Chain
 from prf.layout import make_image, read_coloring, run_chain
 from prf.posterior import Settings, make_chain, one_colour_map
-from prf.sampler.record import FIRST_THIN, ImageTimes, Record
+from prf.sampler.prior_ground import prior_ground
+from prf.sampler.record import FIRST_THIN, ImageTimes, Record, burn_in
 from prf.sampler.starts import Start, find_start_map, needs_search
 from prf.sampler.tempering import Tempering
 from prf.sampler.tempering_ladder import LadderPlan
-from prf.sampler.tempering_state import copied, with_map
+from prf.sampler.tempering_state import copied, repaint, with_map, without_image
 
 SHORTEST_BLOCK = 5 * FIRST_THIN
 LONGEST_BLOCK = 4 * SHORTEST_BLOCK
 """A round must not keep Ctrl-C, the clock and the progress waiting for long."""
+
+FIRST_LOOK = 50_000
+"""Steps of the draw of the prior between two looks at whether it is to stop."""
 
 
 def block_length(n_readings: int) -> int:
@@ -53,6 +57,8 @@ class ChainSampler:
         What :meth:`find_start` does (:mod:`prf.sampler.starts`).
     like : Chain, optional
         Of the same settings, at the map to start from: what never changes is then held once for both.
+    refreshes : bool
+        Whether ground that no reading concerns is kept at the prior (:mod:`prf.sampler.prior_ground`).
     """
 
     def __init__(
@@ -63,6 +69,7 @@ class ChainSampler:
         start: Coloring | None = None,
         starts_from: Start = "empty",
         like: Chain | None = None,
+        refreshes: bool = True,
     ) -> None:
         self.settings = settings
         self.rng = rng
@@ -74,11 +81,17 @@ class ChainSampler:
         self.block = block_length(len(self.chain.beams.ray) + len(self.chain.cones.pose))
         self.recorded_from = 0
         self.tempering: Tempering | None = None
+        self.ground = prior_ground(settings, self.chain) if refreshes else None
 
     @property
     def step(self) -> int:
         """Steps made."""
         return int(self.chain.graph.counts[c.STEP])
+
+    @property
+    def burn_in(self) -> int:
+        """Steps at the start that are left out."""
+        return max(burn_in(self.step), self.recorded_from)
 
     @property
     def rungs(self) -> int:
@@ -103,9 +116,14 @@ class ChainSampler:
         if self.tempering is not None and self.tempering.adapt(self.step):
             self.forget()
         end = self.step + self.block if latest is None else min(self.step + self.block, latest)
+        turn = end - self.refreshed_of(end - self.step)
         while self.step < end:
             spacing = self.record.thin
-            self.run_to(min(end, self.times.next_start, self.step - self.step % spacing + spacing))
+            until = min(end, self.times.next_start, self.step - self.step % spacing + spacing)
+            if self.step < turn:
+                self.run_to(min(until, turn))
+            else:
+                self.refresh_to(until)
             if self.step == self.times.next_start:
                 self.times.rotate(self.chain.image, self.step)
             self.record.take(self.chain)
@@ -116,13 +134,43 @@ class ChainSampler:
         if needs_search(self.starts_from, self.settings):
             start = find_start_map(self.starts_from, self.settings, self.rng, stop_requested)
             chain = with_map(self.chain, self.settings, start)
+            if chain.graph.counts[c.OCCUPIED] > 0:
+                start = one_colour_map(self.settings)
+                chain = with_map(self.chain, self.settings, start)
             self.chain = chain._replace(image=make_image(start, chain.graph, self.settings.resolution))
+        self.draw_ground(stop_requested)
         if self.tempering is not None:
             self.tempering.start_at(read_coloring(self.chain.graph))
 
+    def draw_ground(self, stop_requested: Callable[[], bool]) -> None:
+        """Before the first step: draw what no reading concerns about as the prior has it, given the rest of the map."""
+        if self.ground is None:
+            return
+        image, chain = self.chain.image, without_image(self.chain)
+        for step in range(FIRST_LOOK, self.ground.first_steps + FIRST_LOOK, FIRST_LOOK):
+            if stop_requested():
+                break
+            chain = self.ground.run_to(chain, self.rng, step)
+        chain.graph.counts[c.STEP] = 0
+        chain.outcomes[:] = 0
+        chain = self.ground.settle(chain)
+        resum(chain)
+        self.chain = chain._replace(image=image)
+        repaint(self.chain)
+
+    def refreshed_of(self, steps: int) -> int:
+        """Return how many of the steps of a block are made in ground that no reading concerns."""
+        return 0 if self.ground is None else int(self.ground.share * steps)
+
+    def refresh_to(self, step: int) -> None:
+        """Run up to `step` in ground that no reading concerns."""
+        if self.ground is not None:
+            self.chain = self.ground.run_to(self.chain, self.rng, step)
+
     def finish_block(self, end: int) -> None:
         """Run up to the step `end` without a record on the way, record what is there, and settle."""
-        self.run_to(end)
+        self.run_to(end - self.refreshed_of(end - self.step))
+        self.refresh_to(end)
         if self.step == self.times.next_start:
             self.times.rotate(self.chain.image, self.step)
         self.record.take(self.chain)
@@ -130,6 +178,8 @@ class ChainSampler:
 
     def settle(self) -> None:
         """Lay out sums and lists anew, as at the end of every block."""
+        if self.ground is not None:
+            self.chain = self.ground.settle(self.chain)
         resum(self.chain)
         if self.tempering is not None:
             self.tempering.settle()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from typing import Any
 
@@ -21,7 +22,11 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def chain_arrays(sampler: ChainSampler) -> Arrays:
-    """Return what decides the future of a chain, and what it has recorded."""
+    """Return what decides the future of a chain, and what it has recorded.
+
+    Of draws in the burn-in, which grows but never shrinks, only what is watched may be asked for again: their maps are
+    left out.
+    """
     chain, times = sampler.chain, sampler.times
     settle_all(chain.image, sampler.step)
     arrays = state_arrays(chain, sampler.rng)
@@ -37,7 +42,12 @@ def chain_arrays(sampler: ChainSampler) -> Arrays:
     }
     if sampler.tempering is not None:
         arrays |= tempering_arrays(sampler.tempering)
-    arrays |= draw_arrays("draws", sampler.record.draws, sampler)
+    without = Coloring.empty(sampler.settings.window, False)
+    draws = [
+        draw if draw.step > sampler.burn_in else dataclasses.replace(draw, coloring=without)
+        for draw in sampler.record.draws
+    ]
+    arrays |= draw_arrays("draws", draws, sampler)
     best = [sampler.record.best] if sampler.record.best is not None else []
     return arrays | draw_arrays("best", best, sampler)
 

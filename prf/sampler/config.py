@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.arak import checked_scale
+from prf.driven import way_of
 from prf.layout import image_grid
 from prf.logs import CONE, PointTable, Readings
 from prf.logs.describe import default_max_range
@@ -27,7 +28,7 @@ from prf.sensors.points import PointModel, window_round
 from prf.sensors.sonar import SonarModel
 from prf.shell.errors import ConfigError, InputError
 from prf.thinning import BEAM_DENSITY, checked_density, thin_beams
-from prf.window import Window
+from prf.window import LARGEST_RANGE, Window
 
 KEPT_RETURNS = 0.995
 """Share of the returns that the default window holds at least."""
@@ -38,6 +39,10 @@ PIXELS_ACROSS = 500
 MOST_CHAINS, MOST_RUNGS = 10_000, 1_000
 MOST_PIXELS = 4_000_000
 """Each takes some 50 bytes a chain, in memory and in checkpoints."""
+
+
+DrivenPoses = Literal["used", "all"]
+DRIVEN_POSES: tuple[DrivenPoses, ...] = ("used", "all")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,6 +73,10 @@ class SampleConfig:
         Of the laser and of the sonar.
     scans, skip_scans : str or None
         START:STOP:STEP.
+    driven_radius : float
+        Of the disc that was free all along the way driven, metres; 0: nothing is taken from the way.
+    driven_poses : {"used", "all"}
+        Whose poses are the way: of the scans in use, or of all scans of the log.
     chains : int
     resolution : float or None
         Side of the squares of the occupancy image.
@@ -115,6 +124,8 @@ class SampleConfig:
     every_beam: int = 1
     scans: str | None = None
     skip_scans: str | None = None
+    driven_radius: float = 0.1
+    driven_poses: DrivenPoses = "used"
     chains: int = 4
     resolution: float | None = None
     tiles: int | None = None
@@ -130,6 +141,10 @@ class SampleConfig:
 
     def __post_init__(self) -> None:
         """Refuse numbers of chains and rungs that there cannot be; each is a state of its own (ConfigError)."""
+        if not 0.0 <= self.driven_radius <= LARGEST_RANGE:
+            raise ConfigError(f"--driven-radius {self.driven_radius}: must be a number of metres, or 0")
+        if self.driven_poses not in DRIVEN_POSES:
+            raise ConfigError(f"--driven-poses {self.driven_poses}: is none of {', '.join(DRIVEN_POSES)}")
         for name, most in (("chains", MOST_CHAINS), ("rungs", MOST_RUNGS)):
             value = getattr(self, name)
             if not isinstance(value, str) and not 1 <= value <= most:
@@ -200,9 +215,15 @@ class Prepared(NamedTuple):
 
 
 def prepare(
-    config: SampleConfig, laser: Readings | None, sonar: Readings | None = None, observed: PointTable | None = None
+    config: SampleConfig,
+    laser: Readings | None,
+    sonar: Readings | None = None,
+    observed: PointTable | None = None,
+    driven: Sequence[Readings] | None = None,
 ) -> Prepared:
     """Resolve a configuration for the readings (thinned already) of a laser and a sonar, and for points; one at least.
+
+    The way driven is that of the poses of `driven`, or else of these readings.
 
     Raises
     ------
@@ -237,7 +258,10 @@ def prepare(
     if resolved.starts_from() == "grid" and kept_beams is None:
         raise ConfigError("--start grid: needs the readings of a laser. Choose another start.")
     settings = make_settings(resolved, kept_beams, kept_cones, points)
-    settings = dataclasses.replace(settings, seen=seen_cells(window, resolution, inside, kept_cones, points))
+    if driven is None:
+        driven = [log for log in (laser, sonar) if log is not None]
+    way = driven_way(resolved, driven, sensors, window)
+    settings = dataclasses.replace(settings, way=way, seen=seen_cells(window, resolution, inside, kept_cones, points))
     n_thinned = 0 if inside is None or kept_beams is None else len(inside.range) - len(kept_beams.range)
     return Prepared(settings, kept_beams, kept_cones, points, resolved, n_outside, n_points_outside, n_thinned)
 
@@ -292,6 +316,30 @@ def seen_cells(
     if cones is not None:
         seen |= seen_by_cones(grid, cones.origin, cones.angle, cones.cone, cones.range, cones.max_range)
     return seen
+
+
+def driven_way(
+    config: SampleConfig, logs: Sequence[Readings], sensors: Sequence[Beams | Cones], window: Window
+) -> NDArray[np.float64]:
+    """Return the pieces (k, 4) of the way of the sensors of `logs`; returns are those of the readings in use."""
+    if config.driven_radius == 0.0 or not logs:
+        return np.zeros((0, 4))
+    returns = [part.origin + part.range[:, None] * unit_vectors(part.angle) for part in sensors]
+    ends = np.concatenate([end[part.returned] for end, part in zip(returns, sensors, strict=True)])
+    tracks = [track for log in logs for track in sensor_tracks(log)]
+    return way_of(tracks, ends, window, config.driven_radius)
+
+
+def sensor_tracks(readings: Readings) -> list[NDArray[np.float64]]:
+    """Return the position of each device scan by scan, (n, 2) in metres: of a ring the middle of its transducers."""
+    scans, number = np.unique(readings.scan, return_inverse=True)
+    counts = np.bincount(number)
+    middle = np.column_stack([np.bincount(number, weights=axis) / counts for axis in readings.origin.T])
+    device = np.zeros(int(scans.max(initial=-1)) + 1, np.int64)
+    table = readings.notes.scans
+    known = table.number <= scans.max(initial=-1)
+    device[table.number[known]] = table.device[known]
+    return [middle[device[scans] == one] for one in np.unique(device[scans])]
 
 
 Kept = TypeVar("Kept", Beams, Cones)
@@ -361,6 +409,7 @@ def make_settings(
         sonar=sonar,
         points=observed,
         tiles=config.tiles or 0,
+        driven_radius=config.driven_radius,
     )
 
 

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from prf.coloring import Coloring, from_polygons
+from prf.driven import cleared
 from prf.kernels.grid import make_grid, most_cells
 from prf.kernels.occupancy import Cells, update_beams
-from prf.posterior import LaserData, Settings, one_colour_map
+from prf.posterior import LaserData, Settings, one_colour_map, white_places
 from prf.sensors.laser import unit_vectors, window_exit
 from prf.shell.errors import ConfigError, InputError
 from prf.window import Window
@@ -51,13 +52,13 @@ def contour_map(settings: Settings, rng: np.random.Generator) -> Coloring:
 
 
 def map_of_region(region: BaseGeometry, settings: Settings, cell: float = CELL) -> Coloring:
-    """Return a map that is black on a region as far as a map can be, and white round every sensor.
+    """Return a map that is black on a region as far as a map can be, and white round every sensor and on the way.
 
     Corners are straightened by about a cell. Where no straightening makes a valid map, it is the empty one.
     """
-    sensors = [sensor.origin for sensor in (settings.laser, settings.sonar) if sensor is not None]
-    places = shapely.points(np.unique(np.concatenate([np.zeros((0, 2)), *sensors]), axis=0))
+    places = shapely.points(np.unique(white_places(settings), axis=0))
     clear = shapely.union_all(shapely.buffer(places, CLEAR * cell, quad_segs=2))
+    clear = shapely.union(clear, cleared(settings.way, settings.driven_radius))
     x0, y0, x1, y1 = settings.window
     inner = shapely.box(x0 + BORDER, y0 + BORDER, x1 - BORDER, y1 - BORDER)
     for tolerance in TOLERANCES:

@@ -59,11 +59,17 @@ class Progress(NamedTuple):
     status: Status
 
 
-def drive(sampler: Sampler, rule: StopRule, stop_requested: Callable[[], bool] = lambda: False) -> Iterator[Progress]:
+def drive(
+    sampler: Sampler,
+    rule: StopRule,
+    stop_requested: Callable[[], bool] = lambda: False,
+    reserve: Callable[[], float] = lambda: 0.0,
+) -> Iterator[Progress]:
     """Advance the chains round by round until the goal is reached; yield after every round.
 
     Chains that have made no step find their starts first; `stop_requested` cuts that short, and so does the clock where
-    time is the goal. A run of a number of steps does not look at the clock.
+    time is the goal. A run of a number of steps does not look at the clock. Where the clock decides, `reserve` seconds
+    are left at the end, and the last round is the one whose end comes nearest to that.
     Steps are rounded up to whole rounds. Whoever iterates may leave at any time: after a round the chains are in a
     state that a checkpoint can hold.
     """
@@ -76,13 +82,15 @@ def drive(sampler: Sampler, rule: StopRule, stop_requested: Callable[[], bool] =
     diagnoses: dict[str, Diagnosis] | None = None
     status = goal_status(sampler, rule, 0.0, None)
     while status == "running":
+        begun = time.monotonic()
         sampler.advance(blocks_ahead(sampler, rule))
         if is_check(sampler):
             diagnoses = sampler.diagnose()
-        seconds = time.monotonic() - start
-        status = goal_status(sampler, rule, seconds, diagnoses if is_check(sampler) else None)
+        now = time.monotonic()
+        seconds, planned = now - start, now - start + 0.5 * (now - begun) + reserve()
+        status = goal_status(sampler, rule, planned, diagnoses if is_check(sampler) else None)
         speed = (sampler.step - first_step) * len(sampler.chains) / max(seconds, 1e-9)
-        yield Progress(sampler.step, seconds, speed, share_done(sampler, rule, seconds), diagnoses, status)
+        yield Progress(sampler.step, seconds, speed, share_done(sampler, rule, planned), diagnoses, status)
 
 
 def next_check(block: int) -> int:
@@ -109,14 +117,14 @@ def blocks_ahead(sampler: Sampler, rule: StopRule) -> int:
 
 
 def share_done(sampler: Sampler, rule: StopRule, seconds: float) -> float:
-    """Return the share of the goal that is reached."""
+    """Return the share of the goal that is reached; `seconds` as for :func:`goal_status`."""
     if rule.steps is not None:
         return min(1.0, sampler.step / max(rule.steps, 1))
     return min(1.0, seconds / max(rule.seconds if rule.seconds is not None else rule.limit, 1e-9))
 
 
 def goal_status(sampler: Sampler, rule: StopRule, seconds: float, checked: dict[str, Diagnosis] | None) -> Status:
-    """Return "running", or how the run ends here."""
+    """Return "running", or how the run ends here; `seconds`: those spent, half a round and the reserve."""
     if rule.steps is not None:
         return "finished" if sampler.step >= rule.steps else "running"
     if rule.seconds is not None:

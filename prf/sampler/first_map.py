@@ -17,7 +17,7 @@ from prf.coloring import Coloring
 from prf.kernels import constants as c
 from prf.kernels.build import resum
 from prf.layout import make_sites, read_coloring, run_chain
-from prf.posterior import LaserData, PointData, Settings, SonarData, make_chain, one_colour_map
+from prf.posterior import LaserData, PointData, Settings, SonarData, make_chain, one_colour_map, white_places
 
 FEWEST = 4000
 """Readings that a share must have at least."""
@@ -85,8 +85,7 @@ def _climb(
 ) -> Coloring:
     """Run a chain on a share until its log posterior hardly rises; every sensor of the whole stays in white."""
     chain = make_chain(share, coloring)
-    sensors = [sensor.origin for sensor in (settings.laser, settings.sonar) if sensor is not None]
-    chain = chain._replace(sensors=make_sites(chain.edge_index.grid, np.concatenate(sensors)))
+    chain = chain._replace(sensors=make_sites(chain.edge_index.grid, white_places(settings)))
     least = LEAST_GAIN * (len(chain.beams.ray) + len(chain.cones.pose))
     best = -np.inf
     for look in range(1, MOST_LOOKS + 1):

@@ -122,6 +122,7 @@ class Output:
             beams=self.beams,
             cones=self.cones,
             points=self.points,
+            way=sampler.settings.way,
             best=best.coloring if best is not None else None,
             best_log_posterior=float(best.functionals[-1]) if best is not None else float("nan"),
             diagnostics=make_diagnostics(sampler, progress),

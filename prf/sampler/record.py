@@ -41,6 +41,15 @@ class Draw:
     probe_black: NDArray[np.bool_]
 
 
+def functionals(chain: Chain) -> NDArray[np.float64]:
+    """Return the values (len(FUNCTIONALS),) of a chain as it stands."""
+    counts, sums = chain.graph.counts, chain.graph.sums
+    log_posterior = sums[c.LOG_PRIOR] + sums[c.LOG_LIKELIHOOD]
+    return np.array(
+        [counts[c.EDGES], sums[c.TOTAL_LENGTH], sums[c.LOG_PRIOR], sums[c.LOG_LIKELIHOOD], log_posterior], np.float64
+    )
+
+
 class Record:
     """Draws of one chain, with the best map that it met at a draw.
 
@@ -58,15 +67,14 @@ class Record:
 
     def take(self, chain: Chain) -> None:
         """Record the chain's state if its step is one of those to record."""
-        graph = chain.graph
-        step = int(graph.counts[c.STEP])
-        if step % self.thin != 0:
-            return
-        sums = graph.sums
-        log_posterior = sums[c.LOG_PRIOR] + sums[c.LOG_LIKELIHOOD]
-        values = (graph.counts[c.EDGES], sums[c.TOTAL_LENGTH], sums[c.LOG_PRIOR], sums[c.LOG_LIKELIHOOD], log_posterior)
-        black = chain.image.black[self.probes].astype(np.bool_)
-        self.add(Draw(step, read_coloring(graph), np.array(values, np.float64), black))
+        step = int(chain.graph.counts[c.STEP])
+        if self.is_due(step):
+            black = chain.image.black[self.probes].astype(np.bool_)
+            self.add(Draw(step, read_coloring(chain.graph), functionals(chain), black))
+
+    def is_due(self, step: int) -> bool:
+        """Return whether the state at `step` is one to record."""
+        return step % self.thin == 0
 
     def add(self, draw: Draw) -> None:
         """Keep a draw; thin all when they are too many."""

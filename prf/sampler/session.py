@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 from prf.kernels import step
 from prf.kernels._jit import CACHE
-from prf.logs import PointTable, Readings, read_logs, read_point_data, thin
+from prf.logs import Kind, PointTable, Readings, read_logs, read_point_data, thin, warn_of_spoiling
 from prf.logs.describe import default_max_range
 from prf.posterior import Settings
 from prf.run import Run, names, read_run
@@ -32,10 +32,43 @@ from prf.shell.seeds import spawn_generators
 CHECKPOINT_SECONDS = 60.0
 """Sampling between two checkpoints: what a killed run loses at most."""
 
+FIRST_ARCHIVES = 1.0
+"""Seconds that writing a RUN is thought to take, until it was measured."""
+PICTURE_SECONDS = 1.5
+"""What its picture takes besides."""
+
 COUNTS = ("n_beams", "n_beams_thinned", "n_cones", "n_outside", "n_points", "n_points_outside")
 PROCESS_KEYS = ("versions", "platform", "command", "created", "inputs", "sources", *COUNTS)
 
 logger = logging.getLogger(__name__)
+
+
+class Checkpoints:
+    """Checkpoints on the way, and how long it takes to write a RUN, as they show it.
+
+    Parameters
+    ----------
+    output : Output
+    seconds_before : float
+        As :class:`Session` has it.
+    """
+
+    def __init__(self, output: Output, seconds_before: float) -> None:
+        self.output, self.seconds_before = output, seconds_before
+        self.written, self.archives = time.monotonic(), FIRST_ARCHIVES
+
+    def keep(self, sampler: Sampler, progress: Progress) -> None:
+        """Write a RUN without its picture if one is due."""
+        begun = time.monotonic()
+        is_due = progress.status == "running" and begun - self.written > CHECKPOINT_SECONDS
+        if self.output.folder is not None and is_due:
+            self.output.write(sampler, progress, self.seconds_before, picture=False)
+            self.written = time.monotonic()
+            self.archives = self.written - begun
+
+    def reserve(self) -> float:
+        """Return the seconds that the end of the run will take."""
+        return 0.0 if self.output.folder is None else self.archives + PICTURE_SECONDS
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,20 +98,17 @@ class Session:
             self.output.remove_leftovers()
         else:
             self.output.make_way()
-        written = time.monotonic()
+        checkpoints = Checkpoints(self.output, self.seconds_before)
         first_step = self.sampler.step
         progress = Progress(first_step, 0.0, 0.0, 1.0, None, "finished")
         if first_step == 0 and needs_search(self.sampler.chains[0].starts_from, self.sampler.settings):
             logger.info("finding maps to start from ...")
-        for progress in drive(self.sampler, rule, stop_requested):
+        for progress in drive(self.sampler, rule, stop_requested, checkpoints.reserve):
             on_progress(progress)
             if stop_requested() and progress.status == "running":
                 progress = progress._replace(status="interrupted")
                 break
-            is_late = self.output.folder is not None and time.monotonic() - written > CHECKPOINT_SECONDS
-            if progress.status == "running" and is_late:
-                self.output.write(self.sampler, progress, self.seconds_before, picture=False)
-                written = time.monotonic()
+            checkpoints.keep(self.sampler, progress)
         stands = self.is_resumed and self.sampler.step == first_step
         written_run = self.output.read_written(first_step) if stands else None
         if written_run is not None:
@@ -112,17 +142,23 @@ def read_configured(
 def prepare_whole(
     config: SampleConfig, laser: Readings | None, sonar: Readings | None, observed: PointTable | None
 ) -> Prepared:
-    """Thin the readings of whole logs, and resolve `config` for them."""
+    """Thin the readings of whole logs, warn of what would spoil a map, and resolve `config` for them."""
+    kept_laser = _kept(config, laser, "laser", config.max_range)
+    kept_sonar = _kept(config, sonar, "sonar", config.sonar_max_range)
     if laser is not None and config.max_range is None and math.isfinite(default_max_range(laser)):
         # Of the whole log: what is left after thinning may hold no "no return" at all.
         config = dataclasses.replace(config, max_range=default_max_range(laser))
-    kept_laser, kept_sonar = (
-        thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
-        if readings is not None
-        else None
-        for readings in (laser, sonar)
-    )
-    return prepare(config, kept_laser, kept_sonar, observed)
+    driven = [log for log in (laser, sonar) if log is not None] if config.driven_poses == "all" else None
+    return prepare(config, kept_laser, kept_sonar, observed, driven)
+
+
+def _kept(config: SampleConfig, readings: Readings | None, kind: Kind, max_range: float | None) -> Readings | None:
+    """Return the scans and beams of a whole log that are asked for."""
+    if readings is None:
+        return None
+    kept = thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
+    warn_of_spoiling(readings, kept, kind, max_range)
+    return kept
 
 
 def start(
@@ -205,9 +241,8 @@ def resume(
         refuse_other_log(run, flag, log)
     if run.manifest.get("versions") != versions():
         logger.warning("this run was begun with other versions of the packages: bit for bit may not hold")
-    settings = make_settings(config, run.beams, run.cones, run.points)
-    if run.image is not None:
-        settings = dataclasses.replace(settings, seen=run.image.seen)
+    seen = None if run.image is None else run.image.seen
+    settings = dataclasses.replace(make_settings(config, run.beams, run.cones, run.points), seen=seen, way=run.way)
     sampler = make_sampler(config, settings, stored_seed, threads, scheduler)
     process = {key: run.manifest[key] for key in PROCESS_KEYS if key in run.manifest}
     output = Output(folder, process, config, stored_seed, run.beams, run.cones, run.points)

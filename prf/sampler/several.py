@@ -112,7 +112,7 @@ class Sampler:
     @property
     def burn_in(self) -> int:
         """Steps at the start of each chain that are left out."""
-        return max(burn_in(self.step), self.chains[0].recorded_from)
+        return self.chains[0].burn_in
 
     @property
     def block(self) -> int:
@@ -128,6 +128,8 @@ class Sampler:
     def compile(self) -> None:
         """Have the kernels compiled, or read from their cache, without making a step."""
         self.chains[0].run_to(self.step)
+        if self._tiled:
+            self._tiled[0].compile()
 
     def find_starts(self, stop_requested: Callable[[], bool]) -> None:
         """Before the first step: let every chain find where it starts (:mod:`prf.sampler.starts`)."""

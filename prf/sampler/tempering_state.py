@@ -34,6 +34,8 @@ SHARED = (
     "aim",
     "level",
     "beyond",
+    "shape",
+    "lists",
 )
 """Fields, of a chain or of its parts, that no step writes to: copies of a chain hold the same arrays."""
 NATS_PER_CONE = 5.0

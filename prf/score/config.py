@@ -9,6 +9,11 @@ from typing import Any
 from prf.logs import CONE
 from prf.sensors.sonar import SonarModel
 from prf.settings_file import Tables
+from prf.shell.errors import ConfigError
+from prf.window import LARGEST_RANGE
+
+SQUARE = 0.2
+"""Side in metres of the squares that every kind of map is asked for: a point on a wall has no colour."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,6 +30,8 @@ class ScoreConfig:
         Sonar readings at or above its maximum range are no returns; they are scored.
     sonar_cone : float
         Full field of view of sonars whose log has none.
+    square : float
+        Side of the square round a held-out point that a map is asked for; 0: the point itself, of a GRID its cell.
     every_scan, every_beam : int
     scans, skip_scans : str or None
         As in :func:`prf.logs.thin`, of both logs.
@@ -37,10 +44,16 @@ class ScoreConfig:
     miss_probability: float = 0.0
     sonar: SonarModel = dataclasses.field(default_factory=SonarModel)
     sonar_cone: float = CONE
+    square: float = SQUARE
     every_scan: int = 1
     every_beam: int = 1
     scans: str | None = None
     skip_scans: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse squares that have no side."""
+        if not 0.0 <= self.square <= LARGEST_RANGE:
+            raise ConfigError(f"square {self.square}: must be a number of metres from 0 to {LARGEST_RANGE:g}")
 
 
 def score_config(asked: Mapping[str, Any], tables: Tables) -> ScoreConfig:

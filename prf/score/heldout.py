@@ -53,6 +53,11 @@ class HeldOut(NamedTuple):
             reach = np.minimum(reach, window_exit(window, self.origin, self.direction))
         return np.ascontiguousarray(np.column_stack([self.origin, self.direction, reach]))
 
+    def readings(self, rays: Floats) -> Floats:
+        """Return the readings (n,) as the kernels take them: -m for one that is censored at m, the reach of its ray."""
+        reach = rays[:, 4]
+        return np.where(self.range < reach, self.range, -reach)
+
 
 def hold_out(readings: Readings, config: ScoreConfig) -> HeldOut:
     """Return the beams to score.

@@ -15,7 +15,7 @@ from prf.coloring import Coloring, Draws, black_at_draws
 from prf.kernels.score import add_densities, grid_beams
 from prf.occupancy import OccupancyGrid, is_grid, read_grid
 from prf.occupancy import occupied_probability as cells_occupied
-from prf.run import names, read_run
+from prf.run import PosteriorImage, names, read_run
 from prf.score.cones import HeldOutSonar, SonarPrediction, predict_by_cells, predict_by_draws, predict_by_region
 from prf.score.heldout import HeldOut
 from prf.score.polygons import OccupiedArea, read_occupied_area
@@ -25,9 +25,8 @@ from prf.shell.errors import InputError
 from prf.window import Window
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
-SQUARE = 0.2
-"""Side in metres of the squares that are asked for in polygonal maps, where a point on a wall has no colour."""
 BIN = 0.1
 """Metres of a beam that take the probability of one cell."""
 
@@ -38,7 +37,7 @@ class Prediction(NamedTuple):
     Attributes
     ----------
     density : (n,) float64
-        Predictive density of each reading, 1/m.
+        Predictive density of each reading, 1/m; of a censored one the probability to end beyond the window.
     distance : (n,) float64
         Distance to the first obstacle in the best map; inf for none before the maximum range, 0 in occupied space,
         nan if there is no best map.
@@ -72,11 +71,14 @@ class ScoredMap(Protocol):
     def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
         """Return what it says of sonar readings whose sensors stand inside the window."""
 
-    def occupied(self, xy: Floats) -> Floats:
-        """Return the probability of points (n, 2) on whose place there is some doubt, nan outside the window."""
+    def occupied(self, xy: Floats, square: float) -> Floats:
+        """Return the probability that the square of this side round each point (n, 2) is not completely white.
 
-    def occupied_at(self, xy: Floats) -> Floats:
-        """Return the probability of the very points (n, 2), nan outside the window."""
+        0 asks for the very point, of a GRID for its cell; nan for a point outside the window.
+        """
+
+    def seen(self, xy: Floats) -> Bools | None:
+        """Return which points (n, 2) lie where a reading of the map's own log came by; None if that is not known."""
 
 
 class DrawsMap:
@@ -87,40 +89,44 @@ class DrawsMap:
     draws : Draws
         At least one.
     best : Coloring or None
+    image : PosteriorImage or None
+        It says which cells readings saw; None: not known.
     """
 
     kind = "run"
 
-    def __init__(self, draws: Draws, best: Coloring | None) -> None:
+    def __init__(self, draws: Draws, best: Coloring | None, image: PosteriorImage | None = None) -> None:
         if len(draws) == 0:
             raise InputError("no draws yet: nothing can be scored. Go on with prf sample --resume.")
         self.draws = draws
         self.best = best
+        self.image = image
         self.window: Window = draws.window
         self.n_draws = len(draws)
 
     def predict(self, beams: HeldOut) -> Prediction:
         """Return the density averaged over draws, and the distances of the best map."""
         rays, model = beams.rays(self.window), beams.model.to_array()
+        readings = beams.readings(rays)
         sensors, sensor = np.unique(beams.origin, axis=0, return_inverse=True)
         black = np.ascontiguousarray(black_at_draws(self.draws, sensors)[:, sensor.reshape(-1)])
         total = np.zeros(len(rays))
         for draw, occupied in zip(self.draws, black, strict=True):
             distance = first_edges(rays, draw.segments(), self.window)
-            add_densities(model, beams.range, distance, occupied, total)
+            add_densities(model, readings, distance, occupied, total)
         return Prediction(total / self.n_draws, self._best_distance(beams, rays), float(black.mean()))
 
     def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
         """Return the density averaged over draws."""
         return predict_by_draws(self.draws, cones)
 
-    def occupied(self, xy: Floats) -> Floats:
+    def occupied(self, xy: Floats, square: float) -> Floats:
         """Return the share of draws in which the square round each point is not completely white."""
-        return estimate.occupied_probability(self.draws, xy, SQUARE)
+        return estimate.occupied_probability(self.draws, xy, square)
 
-    def occupied_at(self, xy: Floats) -> Floats:
-        """Return the share of draws in which each point is black."""
-        return estimate.occupied_probability(self.draws, xy)
+    def seen(self, xy: Floats) -> Bools | None:
+        """Return which points lie in cells of the image that a reading crossed or ended in."""
+        return None if self.image is None else self.image.seen_at(xy)
 
     def _best_distance(self, beams: HeldOut, rays: Floats) -> Floats:
         if self.best is None:
@@ -152,27 +158,26 @@ class PolygonMap:
         window = self.window or enclosing_window(beams.origin, beams.model.max_range, self.region)
         distance = first_edges(rays, outline(self.region, self.window)[0], window)
         density = np.zeros(len(rays))
-        add_densities(beams.model.to_array(), beams.range, distance, black, density)
+        add_densities(beams.model.to_array(), beams.readings(rays), distance, black, density)
         return Prediction(density, np.where(black, 0.0, distance), float(black.mean()))
 
     def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
         """Return the density of the one map."""
         return predict_by_region(self.region, self.window, cones)
 
-    def occupied(self, xy: Floats) -> Floats:
+    def occupied(self, xy: Floats, square: float) -> Floats:
         """Return 1 where the square round a point is not completely white, 0 elsewhere."""
-        low, high = xy - 0.5 * SQUARE, xy + 0.5 * SQUARE
-        return self._known(
-            xy, shapely.intersects(self.region, shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
-        )
-
-    def occupied_at(self, xy: Floats) -> Floats:
-        """Return 1 where a point is black, 0 elsewhere."""
-        return self._known(xy, shapely.contains_xy(self.region, xy))
-
-    def _known(self, xy: Floats, occupied: NDArray[np.bool_]) -> Floats:
         known = np.ones(len(xy), np.bool_) if self.window is None else self.window.contains(xy)
-        return np.where(known, occupied.astype(np.float64), np.nan)
+        if square == 0.0:
+            black = shapely.contains_xy(self.region, xy)
+        else:
+            low, high = xy - 0.5 * square, xy + 0.5 * square
+            black = shapely.intersects(self.region, shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
+        return np.where(known, black.astype(np.float64), np.nan)
+
+    def seen(self, xy: Floats) -> Bools:
+        """Return that all points are: polygons do not say which readings they were made from."""
+        return np.ones(len(xy), np.bool_)
 
 
 class GridMap:
@@ -194,8 +199,8 @@ class GridMap:
         """Return the density that first hits among the cells give, and the distance of the first likely one."""
         density, distance = np.empty(len(beams.range)), np.empty(len(beams.range))
         occupancy = self.grid.occupancy.astype(np.float64)
-        model = beams.model.to_array()
-        grid_beams(self.grid.cells, occupancy, model, BIN, beams.rays(None), beams.range, density, distance)
+        rays, model = beams.rays(self.window), beams.model.to_array()
+        grid_beams(self.grid.cells, occupancy, model, BIN, rays, beams.readings(rays), density, distance)
         at_sensor = cells_occupied(self.grid, beams.origin) > 0.5
         return Prediction(density, np.where(at_sensor, 0.0, distance), float(at_sensor.mean()))
 
@@ -203,13 +208,13 @@ class GridMap:
         """Return the densities that contours and cells give."""
         return predict_by_cells(self.grid, cones)
 
-    def occupied(self, xy: Floats) -> Floats:
-        """Return the probability of the cell of each point."""
-        return cells_occupied(self.grid, xy)
+    def occupied(self, xy: Floats, square: float) -> Floats:
+        """Return the probability that not all cells whose centres lie in the square round each point are free."""
+        return cells_occupied(self.grid, xy, square)
 
-    def occupied_at(self, xy: Floats) -> Floats:
-        """Return the same."""
-        return cells_occupied(self.grid, xy)
+    def seen(self, xy: Floats) -> Bools:
+        """Return which points lie in cells that a reading hit or missed."""
+        return self.grid.image().seen_at(xy)
 
 
 def open_map(path: str | os.PathLike[str]) -> ScoredMap:
@@ -221,6 +226,6 @@ def open_map(path: str | os.PathLike[str]) -> ScoredMap:
         If there is none, or it is damaged.
     """
     if Path(path).is_dir():
-        run = read_run(path, parts=(names.MAP,))
-        return DrawsMap(run.draws, run.best)
+        run = read_run(path, parts=(names.MAP, names.POSTERIOR))
+        return DrawsMap(run.draws, run.best, run.image)
     return GridMap(read_grid(path)) if is_grid(path) else PolygonMap(read_occupied_area(path))

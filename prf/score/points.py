@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -46,6 +47,8 @@ def draw_points(beams: HeldOut, rng: np.random.Generator) -> LabelledPoints:
 
 def classification_scores(probability: Floats, occupied: NDArray[np.bool_]) -> dict[str, float]:
     """Return ``auc``, ``nll`` (nats, mean) and ``brier`` (mean) of probabilities (n,) against states (n,)."""
+    if len(occupied) == 0:
+        return dict.fromkeys(("auc", "nll", "brier"), math.nan)
     known = np.where(np.isnan(probability), OUTSIDE, probability)
     clipped = np.clip(known, CLIP, 1.0 - CLIP)
     return {

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.score.cones import HeldOutSonar, sonar_scores
+from prf.score.config import SQUARE
 from prf.score.heldout import HeldOut
 from prf.score.maps import Prediction, ScoredMap
-from prf.score.points import classification_scores, draw_points
+from prf.score.points import LabelledPoints, classification_scores, draw_points
 from prf.score.truth import TrueCells, truth_scores
 from prf.shell.errors import InputError
 from prf.shell.seeds import spawn_generators
@@ -28,6 +29,7 @@ def score(
     seed: int | None = None,
     sonar: HeldOutSonar | None = None,
     cells: TrueCells | None = None,
+    square: float = SQUARE,
 ) -> dict[str, Any]:
     """Return every score of a map that the readings and a true plan allow.
 
@@ -42,6 +44,8 @@ def score(
         Likewise.
     cells : TrueCells, optional
         Of the true plan.
+    square : float
+        Side in metres of the square round each held-out point that is asked for; 0: the point, of a GRID its cell.
 
     Returns
     -------
@@ -56,7 +60,7 @@ def score(
     found: dict[str, Any] = {"kind": scored.kind, "n_draws": scored.n_draws}
     if held_out is not None:
         assert seed is not None
-        found |= _laser_scores(scored, held_out, seed)
+        found |= _laser_scores(scored, held_out, seed, square)
     if sonar is not None:
         inside = _known(scored, sonar.origin)
         cones = sonar.select(inside)
@@ -66,7 +70,7 @@ def score(
     return found
 
 
-def _laser_scores(scored: ScoredMap, held_out: HeldOut, seed: int) -> dict[str, Any]:
+def _laser_scores(scored: ScoredMap, held_out: HeldOut, seed: int, square: float) -> dict[str, Any]:
     """Return the scores that beams give."""
     inside = _known(scored, held_out.origin)
     beams = held_out.select(inside)
@@ -76,14 +80,27 @@ def _laser_scores(scored: ScoredMap, held_out: HeldOut, seed: int) -> dict[str, 
         "n_beams": len(beams.range),
         "n_outside": int(np.count_nonzero(~inside)),
         "n_no_return": held_out.n_no_return,
+        "n_censored": int(np.count_nonzero(beams.readings(beams.rays(scored.window)) < 0.0)),
         "beam_nll": -float(np.log(prediction.density).mean()),
-        **classification_scores(scored.occupied(points.xy), points.occupied),
+        **point_scores(scored, points, square),
         **distance_scores(prediction, beams),
         "sensor_occupied": prediction.share_occupied,
         "n_points": len(points.occupied),
+        "square": square,
         "max_range": beams.model.max_range,
         "seed": seed,
     }
+
+
+def point_scores(scored: ScoredMap, points: LabelledPoints, square: float) -> dict[str, float]:
+    """Return ``auc``, ``nll``, ``brier`` of all points, and of those that some reading of the map's log saw."""
+    probability = scored.occupied(points.xy, square)
+    found = classification_scores(probability, points.occupied)
+    seen = scored.seen(points.xy)
+    if seen is None:
+        return {**found, **dict.fromkeys(("share_unseen", *(f"{name}_seen" for name in found)), math.nan)}
+    known = classification_scores(probability[seen], points.occupied[seen])
+    return {**found, "share_unseen": float(np.mean(~seen)), **{f"{name}_seen": v for name, v in known.items()}}
 
 
 def distance_scores(prediction: Prediction, beams: HeldOut) -> dict[str, float]:

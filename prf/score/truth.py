@@ -52,8 +52,8 @@ class TrueCells(NamedTuple):
 class Mapped(Protocol):
     """What a comparison needs of a map."""
 
-    def occupied_at(self, xy: Floats) -> Floats:
-        """Return the probability that points (n, 2) are occupied, nan outside the window."""
+    def occupied(self, xy: Floats, square: float) -> Floats:
+        """Return the probability that squares of a side round points (n, 2) are occupied, nan outside the window."""
 
 
 def true_cells(truth: OccupiedArea, beams: HeldOut | None, cones: HeldOutSonar | None) -> TrueCells:
@@ -91,7 +91,7 @@ def true_cells(truth: OccupiedArea, beams: HeldOut | None, cones: HeldOutSonar |
 
 def truth_scores(scored: Mapped, cells: TrueCells) -> dict[str, Any]:
     """Return ``iou_occupied``, ``iou_free`` and what goes with them; nan where neither has such a cell."""
-    found = scored.occupied_at(cells.xy)
+    found = scored.occupied(cells.xy, 0.0)
     p = np.where(np.isnan(found), OUTSIDE, found)
     clipped = np.clip(p, CLIP, 1.0 - CLIP)
     return {

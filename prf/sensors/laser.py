@@ -31,6 +31,8 @@ LEVEL_GROWTH = 4
 ORDER = 19530921
 """Seed of the order in which beams are dealt to levels."""
 
+HAIR = 1e-6
+"""Share by which an influence is enlarged: rounding must not let an obstacle slip through."""
 MARGIN = 1e-3
 """Metres by which the ends of an aim are moved outwards: more than slots are rounded by."""
 
@@ -140,6 +142,18 @@ class LaserModel:
         near = np.minimum(readings - z * self.noise, readings / (1.0 + z * self.noise_relative))
         far = np.maximum(readings + z * self.noise, beyond)
         return near, far
+
+    def influence(self, readings: Floats) -> Floats:
+        """Return the distance (n,) beyond which an obstacle is no more likely to return a reading than none at all.
+
+        There :func:`prf.kernels.laser.beam_log_likelihood` gives the density of an outlier, to the last bit. Infinite
+        for readings without return, and for censored ones (:func:`make_rays`): any obstacle in reach concerns these.
+        """
+        returned = np.where(readings < 0.0, np.inf, readings)
+        sigmas = self.deviation_where_hits_are(BELOW_ONE_BIT)
+        share = 1.0 - sigmas * self.noise_relative
+        far = np.maximum(returned + sigmas * self.noise, returned / share if share > 0.0 else np.inf)
+        return np.asarray((1.0 + HAIR) * far, np.float64)
 
 
 def unit_vectors(angle: Floats) -> Floats:

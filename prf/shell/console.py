@@ -99,6 +99,12 @@ def emit(text: str) -> None:
     print(text)
 
 
+def summarize(text: str) -> None:
+    """Print a line for a person on standard output, about a result that is written to a file; not under ``-q``."""
+    if settings.verbosity >= 0:
+        print(text)
+
+
 def is_terminal(stream: IO[str]) -> bool:
     """Return whether `stream` is a terminal that a person looks at."""
     return not stream.closed and stream.isatty()

@@ -40,7 +40,14 @@ _Verbose = Annotated[
     ),
 ]
 _Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", callback=_set_quiet, expose_value=False, help="Say nothing but errors.")
+    bool,
+    typer.Option(
+        "--quiet",
+        "-q",
+        callback=_set_quiet,
+        expose_value=False,
+        help="Say nothing but errors: no summary of a result that is written to a file.",
+    ),
 ]
 _Color = Annotated[
     ColorChoice | None,

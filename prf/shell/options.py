@@ -43,6 +43,29 @@ Presets = Annotated[
 ]
 
 
+SECONDS = {"s": 1.0, "m": 60.0, "h": 3600.0}
+"""In each unit of a duration."""
+
+
+def parse_duration(text: str) -> float:
+    """Return the seconds in ``90``, ``90s``, ``1.5m`` or ``2h``.
+
+    Raises
+    ------
+    ValueError
+        If it is none of these; typer makes a usage error of it.
+    """
+    words = text.strip().lower()
+    unit = SECONDS.get(words[-1:])
+    try:
+        seconds = float(words if unit is None else words[:-1]) * (unit or 1.0)
+    except ValueError:
+        seconds = -1.0
+    if not 0.0 <= seconds < float("inf"):
+        raise ValueError(f"{text!r} is no duration. Give seconds, or minutes or hours as 5m or 1.5h")
+    return seconds
+
+
 class ConfigAction(StrEnum):
     """What `prf config` and `mapq config` do."""
 

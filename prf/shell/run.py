@@ -81,8 +81,16 @@ def _report_usage(error: Any, path: str) -> int:
     path = context.command_path if context is not None else path
     message = error.format_message().replace("Value error, ", "").rstrip(".")
     stop = "" if message.endswith("?") else "."
-    console.report_error(f"{message}{stop} See '{path} --help'.")
+    console.report_error(f"{message}{stop}{_place_of_logs(message, context)} See '{path} --help'.")
     return int(error.exit_code)
+
+
+def _place_of_logs(message: str, context: Any) -> str:
+    """Return which option takes a log, where one was given without."""
+    if context is None or "unexpected extra argument" not in message:
+        return ""
+    options = [param.opts[0] for param in context.command.params if param.metavar == "LOG" and param.opts]
+    return f" Give a log as {options[0]} LOG." if options else ""
 
 
 def _report_no_memory(error: MemoryError) -> int:

@@ -27,6 +27,10 @@ _ARRAY_ERRORS = (
 """What numpy and zipfile raise for a damaged archive; RuntimeError has nesting and unknown packing among it."""
 
 
+PACKING_LEVEL = 3
+"""Of deflate: a tenth larger than with the 6 that numpy takes, in two fifths of the time."""
+
+
 class OtherVersion(InputError):  # noqa: N818 - reads as what happened
     """A file of a kind that is read, in a version that is not.
 
@@ -90,11 +94,15 @@ def is_text(array: NDArray[Any]) -> bool:
     return bool(codes.max() <= sys.maxunicode)
 
 
-def save_arrays(path: Path, schema: str, arrays: Mapping[str, Any], compressed: bool = False) -> None:
-    """Write an .npz file with its schema, whole or not at all; only images are worth compressing."""
-    save: Any = np.savez_compressed if compressed else np.savez
-    with atomic_write(path, binary=True) as stream:
-        save(stream, schema=np.str_(schema), **arrays)
+def save_arrays(path: Path, schema: str, arrays: Mapping[str, Any]) -> None:
+    """Write a compressed .npz file with its schema, whole or not at all."""
+    with (
+        atomic_write(path, binary=True) as stream,
+        zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=PACKING_LEVEL) as archive,
+    ):
+        for name, array in {"schema": np.str_(schema), **arrays}.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
 
 
 def load_object(path: Path, schema: str, parse_int: Callable[[str], int] = int) -> dict[str, Any]:

@@ -19,5 +19,10 @@ def refuse_json_beside(output: str | None, json: bool) -> None:
 
 
 def say_beside(output: str | None) -> Callable[[str], None]:
-    """Return what prints lines for a person: on standard output, or to the log where the output itself goes there."""
-    return logger.info if output == STREAM else console.emit
+    """Return what prints lines for a person: the result itself if there is no output, else what sums it up.
+
+    A summary goes to standard output, or to the log where the output itself goes there.
+    """
+    if output is None:
+        return console.emit
+    return logger.info if output == STREAM else console.summarize

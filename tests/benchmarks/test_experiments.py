@@ -1,7 +1,8 @@
-"""What the experiments on logs compute themselves: contours of a grid, bytes of a map, a scan turned upright."""
+"""What the experiments on logs compute themselves: contours, bytes of a map, a scan turned upright, R-hat, tables."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -10,11 +11,13 @@ import numpy as np
 import pytest
 import shapely
 
-from benchmarks import figure4
+from benchmarks import commands, figure4, scores
 from benchmarks.contours import contour_polygons, write_contours
 from prf.logs import Readings, read_readings
 from prf.occupancy import OccupancyGrid
+from prf.run import write_run
 from prf.score import read_occupied_area
+from tests.factories import make_run
 
 
 def grid_of(rows: list[str]) -> OccupancyGrid:
@@ -65,3 +68,26 @@ def test_the_scan_of_the_hallway_is_turned_to_look_up(tmp_path: Path, monkeypatc
     turned = read_readings(str(figure4.upright_scan(tmp_path, 7, tmp_path / "scan.csv")))
     np.testing.assert_allclose(turned.angle, fan + math.pi / 2, atol=1e-12)
     np.testing.assert_array_equal(turned.origin, np.zeros((181, 2)))
+
+
+@pytest.mark.parametrize("seen", [False, True])
+def test_the_worst_r_hat_is_that_of_what_was_seen(tmp_path: Path, seen: bool) -> None:
+    run = make_run(n_draws=80)
+    assert run.image is not None
+    stuck = run.chain < 2
+    image = run.image._replace(seen=np.full_like(run.image.seen, seen))
+    steady = np.random.default_rng(1).normal(size=80)
+    functionals = {**run.functionals, "n_edges": stuck.astype(np.float64), "log_posterior": steady}
+    run = dataclasses.replace(run, image=image, functionals=functionals, probe_black=np.repeat(stuck[:, None], 3, 1))
+    write_run(tmp_path / "run", run)
+    found = commands.worst_rhat(tmp_path / "run")
+    assert math.isinf(found) if seen else found < 1.5
+
+
+def test_the_summary_has_the_best_rival_score_by_score() -> None:
+    names = (*scores.SUMMARY, "rhat")
+    rows = [{"map": scores.POSTERIOR, **dict.fromkeys(names, 0.5)}]
+    rows += [{"map": f"grid {k}", **dict.fromkeys(names, value)} for k, value in enumerate((0.25, 0.75))]
+    cells = scores.summary({"intel": rows}).splitlines()[-1].split(" | ")
+    assert cells[:3] == ["| intel", "0.50", "0.50, 0.25 (grid 0)"]
+    assert cells[5:7] == ["0.500, 0.750 (grid 1)"] * 2, "of AUC and of the share within 0.2 m the most is the best"

@@ -56,7 +56,7 @@ def test_json_has_sizes(data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFi
 
 @pytest.mark.parametrize(
     "arguments",
-    [[], ["--laser", "a", "--steps", "1", "--time-budget", "1"], ["--laser", "a", "-o", "-", "--json"]],
+    [[], ["--laser", "a", "--steps", "1", "--time-budget", "1"], ["--laser", "a", "-o", "-", "--json"], ["a"]],
 )
 def test_usage_errors(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert run_app(app, "prf", ["anneal", *arguments]) == 2

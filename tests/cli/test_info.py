@@ -66,6 +66,8 @@ def test_sonar_with_its_ring(capsys, tmp_path):
         assert code == 0
         assert "kind            sonar" in out
         assert "cone            0.349 rad" in out
+        assert "max range       3.50 m, unless given by --sonar-max-range" in out
+        assert "8 m or more" not in out
         assert "ring            2 transducers at x y heading (0.100 0.000 0.500), (0.100 0.000 -0.500)" in out
     _, out, _ = run(capsys, both, "--sonar", "--json")
     result = json.loads(out)

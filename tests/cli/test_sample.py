@@ -168,6 +168,19 @@ def test_resuming_with_something_else_is_refused(
     assert "\n" not in error
 
 
+@pytest.mark.parametrize(("chains", "steps"), [(1, 60_000), (2, 2_000)])
+def test_few_draws_are_no_disagreement(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], chains: int, steps: int
+) -> None:
+    args = ("--chains", str(chains), "--resolution", "0.5", "--steps", str(steps), "--seed", "5")
+    assert run("--laser", str(log), *args, "-o", str(tmp_path / "run")) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("finished: too few draws to judge: run longer (")
+    assert "chains that" not in printed
+    assert ("10,000 steps each (rounded up from 2,000)" in printed) == (steps == 2_000)
+    assert ("rounded" in printed) == (steps == 2_000)
+
+
 @pytest.mark.parametrize(
     ("args", "code", "words"),
     [
@@ -181,6 +194,8 @@ def test_resuming_with_something_else_is_refused(
         (["--max-range", "-3"], 2, "max-range"),
         (["--resolution", "1e-9"], 2, "--resolution"),
         (["--steps", "10", "--time-budget", "1"], 2, "one of them"),
+        (["--steps", "10", "my.log"], 2, "Give a log as --laser LOG."),
+        (["--time-budget", "1d"], 2, "5m or 1.5h"),
         (["--scans", "a:b"], 2, "--scans"),
         (["--start", "moon"], 2, "--start moon"),
         (["--rungs", "3", "--hottest", "1"], 2, "--hottest 1"),

@@ -64,6 +64,11 @@ def test_scores_of_polygonal_maps(
     assert "25 beams dropped" in shown.err
     assert run(*args) == 0
     assert f"n_beams          {told['n_beams']}" in capsys.readouterr().out
+    assert told["square"] == 0.2
+    assert run(*args, "--square", 3, "--json", "-q") == 0
+    wide = json.loads(capsys.readouterr().out)
+    assert (wide["square"], wide["beam_nll"]) == (3.0, told["beam_nll"])
+    assert wide["brier"] != told["brier"]
 
 
 def test_held_out_scans_of_the_log_that_a_grid_was_made_from(
@@ -163,6 +168,9 @@ def test_a_run_that_has_no_best_map_yet(tmp_path: Path, table: Path, capsys: pyt
         (["RUN", "--sonar", "HELD", "--config", "absent.toml"], 3, "absent.toml"),
         (["RUN", "--sonar", "HELD", "--scans", "2:"], 3, "stands inside the window"),
         (["RUN", "--laser", "HELD", "--noise", "0"], 2, "noise"),
+        (["RUN", "--laser", "HELD", "--square", "-0.1"], 2, "square"),
+        (["RUN", "--laser", "HELD", "--square", "nan"], 2, "square"),
+        (["RUN", "--laser", "HELD", "--square", "1e7"], 2, "square"),
         (["RUN", "--laser", "HELD", "--outlier-probability", "0"], 2, "outlier-probability"),
         (["RUN", "--laser", "HELD", "--max-range", "0.5"], 3, "no beam has a return"),
         (["RUN", "--laser", "HELD", "--scans", "x"], 2, "--scans"),

@@ -49,6 +49,8 @@ def test_what_was_left_out_is_told_and_recorded(log: Path, tmp_path: Path, capsy
     assert told["n_beams"] + told["n_beams_thinned"] == ALL
     assert 1000 < told["n_beams"] < 2500
     assert f"{told['n_beams']:,} of 5,580 beams (thinned)" in captured.err
+    (reason,) = (line for line in captured.err.splitlines() if line.startswith("thinned to about "))
+    assert "--no-thinning keeps all" in reason
     run = read_run(folder)
     assert run.beams is not None
     assert len(run.beams.range) == run.manifest["n_beams"] == told["n_beams"]
@@ -88,6 +90,8 @@ def test_annealing_thins_too(log: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert told["n_beams"] + told["n_beams_thinned"] == ALL
     assert (made["n_beams"], made["n_beams_thinned"]) == (told["n_beams"], told["n_beams_thinned"])
     assert "of 5,580 beams (thinned)" in captured.err
+    (reason,) = (line for line in captured.err.splitlines() if line.startswith("thinned to about "))
+    assert "--no-thinning keeps all" in reason
     assert prf(*common, "--no-thinning", "--force") == 0
     assert json.loads(capsys.readouterr().out)["n_beams"] == ALL
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -31,17 +30,14 @@ def test_examples_touch_few_files(title: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("title", EXAMPLES)
-def test_an_example_can_be_followed(tmp_path: Path, title: str) -> None:
-    for name in ("prf", "mapq", "tests"):
-        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "pyproject.toml", tmp_path)
-    apply_to(tmp_path, EXAMPLES[title])
+def test_an_example_can_be_followed(copied_project: Path, title: str) -> None:
+    apply_to(copied_project, EXAMPLES[title])
     test = next(name for name in files_of(EXAMPLES[title]) if name.startswith("tests/"))
     # As plain Python: nothing has to be compiled for a copy that is used once.
-    there = {**os.environ, "PYTHONPATH": str(tmp_path), "NUMBA_DISABLE_JIT": "1"}
+    there = {**os.environ, "PYTHONPATH": str(copied_project), "NUMBA_DISABLE_JIT": "1"}
     words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", test]
-    done = subprocess.run(words, cwd=tmp_path, env=there, capture_output=True, text=True, check=False)
+    done = subprocess.run(words, cwd=copied_project, env=there, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-4000:]
     with_ruff = [sys.executable, "-m", "ruff", "check", "--select", "F,I,D1", *files_of(EXAMPLES[title])]
-    done = subprocess.run(with_ruff, cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = subprocess.run(with_ruff, cwd=copied_project, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout

@@ -11,11 +11,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tests.fuzz.calls import Said, call
 from tests.fuzz.faults import bomb, faults
 from tests.fuzz.reader import little_room
 from tests.fuzz.test_outputs import clear, content
 from tests.fuzz.values import exchanged
-from tests.fuzz.verbs import QUICK, VERBS, Said, Verb, call, make_samples, marked
+from tests.fuzz.verbs import QUICK, VERBS, Verb, make_samples, marked
 
 RUN_PARTS = ("manifest.json", "draws.npz", "posterior.npz", "readings.npz", "map.geojson", "diagnostics.json")
 MOST_VARIANTS = 30

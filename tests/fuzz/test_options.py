@@ -9,9 +9,10 @@ import pytest
 
 import mapq.cli
 import prf.cli
+from tests.fuzz.calls import call
 from tests.fuzz.reader import little_room
 from tests.fuzz.test_outputs import clear
-from tests.fuzz.verbs import VERBS, call, make_samples
+from tests.fuzz.verbs import VERBS, make_samples
 
 TOOLS = {"prf": prf.cli, "mapq": mapq.cli}
 VALUES = ("1e308", "-1e308", "1e-300", "nan", "inf", "0", "-1", "0.5", "9" * 20, "9" * 400)

@@ -18,7 +18,8 @@ import pytest
 from prf.shell.errors import OutputError
 from prf.shell.files import atomic_write
 from prf.shell.together import together
-from tests.fuzz.verbs import VERBS, Said, Verb, call, make_samples, marked
+from tests.fuzz.calls import Said, call
+from tests.fuzz.verbs import VERBS, Verb, make_samples, marked
 
 WRITING = [verb for verb in VERBS if verb.writes]
 SYSTEM: dict[str, Any] = {"fsync": os, "replace": os, "chmod": os, "mkstemp": tempfile}

@@ -1,10 +1,7 @@
-"""The verbs of both tools on small inputs: which files each reads and writes, and one call of each in this process."""
+"""The verbs of both tools on small inputs: which files each reads and writes."""
 
 from __future__ import annotations
 
-import contextlib
-import importlib
-import io
 import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -17,9 +14,9 @@ from mapq.io.models import write_model
 from prf.coloring import write_geojsonl
 from prf.occupancy import write_grid
 from prf.run import write_run
-from prf.shell.run import run_app
 from prf.window import Window
 from tests.factories import make_run, random_draws
+from tests.fuzz.calls import call
 from tests.killed.verbs import make_scans
 from tests.logs.samples import flaser
 from tests.mapq.assess.test_result import make_model
@@ -34,14 +31,6 @@ ROOM = (
     "[[-4, -4], [-4, 4], [4, 4], [4, -4], [-4, -4]]]}"
 )
 FEW = ("--chains", "1", "--steps", "20", "--window", "-5", "-5", "5", "5", "--resolution", "1", "--seed", "1")
-
-
-class Said(NamedTuple):
-    """What a call came to."""
-
-    code: int
-    out: str
-    err: str
 
 
 class Verb(NamedTuple):
@@ -187,23 +176,6 @@ def make_samples(folder: Path) -> None:
     make_scans(folder)
     said = call("mapq classify walls.patches --model model.json -o result.ply", folder)
     assert said.code == 0, said.err
-
-
-def call(line: str, folder: Path, *more: str) -> Said:
-    """Call a tool in `folder`, as :func:`call_words`."""
-    return call_words([*line.split(), *more], folder)
-
-
-def call_words(words: list[str], folder: Path) -> Said:
-    """Call a tool with `folder` for working directory; it says what its program would, with the same exit code."""
-    tool, *args = words
-    app = importlib.import_module(f"{tool}.cli").app
-    out, err = io.TextIOWrapper(io.BytesIO(), "utf-8"), io.StringIO()
-    with contextlib.chdir(folder), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        code = run_app(app, tool, [*args, "-q"])
-    if not out.closed:
-        out.flush()
-    return Said(code, out.buffer.getvalue().decode() if not out.closed else "", err.getvalue())
 
 
 def standing(folder: Path) -> dict[str, int]:

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.fuzz.verbs import VERBS, Verb, call, make_samples
+from tests.fuzz.calls import call
+from tests.fuzz.verbs import VERBS, Verb, make_samples
 from tests.killed.child import ROOT
 
 KILLED = 9

@@ -138,8 +138,11 @@ class TestTopics:
 
 
 class TestFrames:
-    def test_without_map_the_line_says_what_there_is(self, make, tmp_path):
-        odometry = [Note("/truth", START + t, make.odometry(START + t, (t, 5, 0))) for t in (0, 1, 2)]
+    @pytest.mark.parametrize(
+        ("topic", "choice"), [("/ground_truth", "--frame /ground_truth"), ("/wheels", "--frame odom")]
+    )
+    def test_without_map_the_line_says_what_there_is(self, make, tmp_path, topic, choice):
+        odometry = [Note(topic, START + t, make.odometry(START + t, (t, 5, 0))) for t in (0, 1, 2)]
         notes = [
             note
             for note in drive(make)
@@ -147,13 +150,13 @@ class TestFrames:
         ]
         path = save(make, tmp_path, notes + odometry + scans(make, 1))
         message = refusal(path)
-        for words in ("'map'", "'odom'", "/truth", "--frame odom"):
+        for words in ("'map'", "'odom'", topic, f"{choice}."):
             assert words in message
         np.testing.assert_allclose(read_readings(path, frame="odom").origin[0], [1.2, 0], atol=1e-12)
         np.testing.assert_allclose(read_readings(path, frame="/odom").origin[0], [1.2, 0], atol=1e-12)
-        true = read_readings(path, frame="/truth")
+        true = read_readings(path, frame=topic)
         np.testing.assert_allclose(true.origin[0], [1.2, 5], atol=1e-12)
-        assert "/truth" in true.notes.poses
+        assert topic in true.notes.poses
 
     def test_odometry_that_names_its_child(self, make1, tmp_path):
         odometry = [

@@ -10,6 +10,7 @@ from prf.logs.carmen import read_carmen
 from prf.logs.describe import default_max_range
 from prf.logs.readings import LogNotes
 from prf.logs.table import read_table
+from prf.sensors.sonar import SonarModel
 from tests.logs.samples import flaser
 
 
@@ -53,6 +54,12 @@ class TestSummary:
         assert summary.max_range == pytest.approx(0.97 * 81.83)
         assert summary.share_no_return == pytest.approx(2 / 6)
         assert summary.share_far == pytest.approx(3 / 6)
+
+    def test_sonars_have_the_maximum_of_their_model_and_no_echo_is_not_far(self):
+        rows = "".join(f"1,2,0,{echo},0.349\n" for echo in ("0.9", "2.1", "9.0", ""))
+        summary = describe(read_table(b"x,y,theta,range,cone\n" + rows.encode(), "a"), "a")
+        assert (summary.largest_range, summary.max_range) == (9.0, SonarModel().max_range)
+        assert (summary.share_no_return, summary.share_far) == (0.5, 0.0)
 
     def test_a_table_without_returns_times_or_headings(self):
         summary = describe(read_table(b"x,y,theta,range\n1,2,0,\n1,2,1,\n", "a"), "a")

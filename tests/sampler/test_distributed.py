@@ -46,7 +46,8 @@ def assert_same(one: ChainSampler, two: ChainSampler) -> None:
         for draw, twin in zip(draws, twins, strict=True):
             assert draw is not None
             assert twin is not None
-            assert np.array_equal(draw.coloring.xy, twin.coloring.xy)
+            # Maps of the burn-in are not sent.
+            assert draw.step <= one.burn_in or np.array_equal(draw.coloring.xy, twin.coloring.xy)
             assert np.array_equal(draw.functionals, twin.functionals)
             assert np.array_equal(draw.probe_black, twin.probe_black)
 

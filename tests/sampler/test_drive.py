@@ -71,17 +71,27 @@ def test_a_run_in_two_parts_is_the_run_in_one(sampler: Sampler) -> None:
 
 
 def test_seconds_are_those_of_the_clock(sampler: Sampler, clock: Clock) -> None:
-    rounds = list(drive(sampler, StopRule(seconds=3.0)))
-    assert [found.seconds for found in rounds] == [1.0, 2.0, 3.0]
+    """A round takes one second, and one goes by between two rounds."""
+    rounds = list(drive(sampler, StopRule(seconds=6.0)))
+    assert [found.seconds for found in rounds] == [2.0, 4.0, 6.0]
     assert [found.status for found in rounds] == ["running", "running", "finished"]
-    assert [found.share for found in rounds] == pytest.approx([1 / 3, 2 / 3, 1.0])
-    assert [found.steps_per_second for found in rounds] == pytest.approx([20_000.0] * 3)
+    assert [found.share for found in rounds] == pytest.approx([2.5 / 6, 4.5 / 6, 1.0])
+    assert [found.steps_per_second for found in rounds] == pytest.approx([10_000.0] * 3)
+
+
+@pytest.mark.parametrize(("budget", "reserve", "rounds"), [(6.6, 0.0, 4), (6.4, 0.0, 3), (6.6, 2.0, 3), (6.6, 99.0, 1)])
+def test_the_last_round_ends_nearest_to_what_is_left(
+    sampler: Sampler, clock: Clock, budget: float, reserve: float, rounds: int
+) -> None:
+    found = list(drive(sampler, StopRule(seconds=budget), reserve=lambda: reserve))
+    assert [each.seconds for each in found] == [2.0 * (k + 1) for k in range(rounds)]
+    assert found[-1].share == 1.0
 
 
 def test_speed_leaves_out_the_steps_of_an_earlier_run(sampler: Sampler, clock: Clock) -> None:
     list(drive(sampler, StopRule(steps=50_000)))
     (found,) = drive(sampler, StopRule(steps=60_000))
-    assert found.steps_per_second == pytest.approx(20_000.0)
+    assert found.steps_per_second == pytest.approx(10_000.0)
 
 
 def test_without_a_goal_it_stops_on_agreement(sampler: Sampler, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -112,9 +122,9 @@ def test_without_agreement_it_stops_at_the_limit(
     sampler: Sampler, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(MODULE, "converged", lambda diagnoses, rhat, ess: False)
-    rounds = list(drive(sampler, StopRule(limit=4.0)))
+    rounds = list(drive(sampler, StopRule(limit=8.0)))
     assert [found.status for found in rounds] == ["running"] * 3 + ["not converged"]
-    assert [found.share for found in rounds] == pytest.approx([0.25, 0.5, 0.75, 1.0])
+    assert [found.share for found in rounds] == pytest.approx([2.5 / 8, 4.5 / 8, 6.5 / 8, 1.0])
 
 
 def test_agreement_does_not_end_a_run_with_a_goal(

@@ -17,6 +17,7 @@ from prf.layout import image_grid, read_coloring, run_chain
 from prf.posterior import Settings, make_chain
 from prf.recompute import differences, recompute_impacts
 from prf.sampler import Sampler
+from prf.sampler.record import functionals
 from prf.sampler.tiles import (
     Round,
     TileData,
@@ -26,6 +27,7 @@ from prf.sampler.tiles import (
     random_tiles,
     work_tile,
 )
+from prf.sampler.tiles.merge import draw_at
 from prf.sampler.tiles.part import cut_targets, make_part
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
@@ -199,9 +201,36 @@ def test_threads_change_no_result(settings: Settings) -> None:
             assert digest(a.chain, a.rng) == digest(b.chain, b.rng)
             assert [draw.step for draw in a.record.draws] == [draw.step for draw in b.record.draws]
     assert one.step == 96_000
-    assert [draw.step for draw in one.chains[0].record.draws][-4:] == [16_000, 32_000, 64_000, 96_000]
+    assert [draw.step for draw in one.chains[0].record.draws][-5:] == [32_000, 48_000, 64_000, 80_000, 96_000]
     assert all(np.array_equal(x, y, equal_nan=True) for x, y in zip(one.occupancy(), three.occupancy(), strict=True))
     assert np.nanmax(one.occupancy()[1]) <= 1.0
+
+
+def test_draws_within_a_round_are_what_their_maps_say(settings: Settings, world: World) -> None:
+    probes = np.arange(0, 480, 7)
+    trial = Trial(settings, world, 6)
+    begun = make_round(trial.data, trial.chain, 6, 1.5, 6000, np.random.default_rng(6), 3, probes)
+    at_first = functionals(trial.chain)
+    results = [work_tile(trial.data, begun, number) for number in range(6)]
+    draws = [draw_at(begun, results, look, 1000 * look, at_first) for look in range(3)]
+    for draw in draws:
+        chain = make_chain(settings, draw.coloring)
+        assert violations(draw.coloring) == []
+        np.testing.assert_allclose(draw.functionals, functionals(chain), rtol=1e-9)
+        assert np.array_equal(draw.probe_black, chain.image.black[probes])
+    assert len({draw.functionals[-1] for draw in draws}) == 3
+    last = finish_round(trial.data, trial.chain, begun, results)
+    np.testing.assert_allclose(draws[-1].functionals, functionals(last), rtol=1e-9)
+
+
+def test_looks_change_no_result(settings: Settings, world: World) -> None:
+    maps = []
+    for looks in (1, 4):
+        trial = Trial(settings, world, 7)
+        begun = make_round(trial.data, trial.chain, 6, 1.5, 6000, np.random.default_rng(7), looks)
+        results = [work_tile(trial.data, begun, number) for number in range(6)]
+        maps.append(finish_round(trial.data, trial.chain, begun, results).graph)
+    assert all(np.array_equal(a, b) for a, b in zip(*maps, strict=True))
 
 
 def test_a_beam_has_no_influence_beyond_its_own(settings: Settings) -> None:

@@ -86,7 +86,7 @@ def test_packing_that_numpy_never_uses_is_refused(tmp_path, packing):
 
 def test_an_archive_larger_than_memory_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(gzipped, "most_unpacked", lambda: 1 << 20)
-    save_arrays(tmp_path / "a.npz", SCHEMA, {"values": np.zeros(1 << 20)}, compressed=True)
+    save_arrays(tmp_path / "a.npz", SCHEMA, {"values": np.zeros(1 << 20)})
     assert "unpacked it is larger" in refusal(load_arrays, tmp_path / "a.npz", SCHEMA)
     assert "unpacked it is larger" in refusal(parse_archive, (tmp_path / "a.npz").read_bytes(), "a.npz")
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from prf.driven import way_guards
 from prf.kernels import constants as c
 from prf.kernels.cones import READING
 from prf.kernels.targets import Targets
 from prf.kernels.visibility import BORDER, POSE_COS, POSE_SIN, POSE_X, POSE_Y
 from prf.layout import make_targets
-from prf.posterior import LaserData, Settings, SonarData, return_points
+from prf.posterior import LaserData, Settings, SonarData, return_points, white_places
 from prf.sensors.laser import LaserModel, make_rays
 from prf.sensors.sonar import SonarModel, censored, make_poses
 
@@ -48,6 +48,8 @@ class TileData:
         The squares that hold these.
     sensors : (s, 2) array
         Sensor positions.
+    ways : (w, N_SHAPE) array
+        Guards of the way that was driven.
     """
 
     settings: Settings
@@ -61,6 +63,7 @@ class TileData:
     returns: Floats
     targets: Targets
     sensors: Floats
+    ways: Floats
 
 
 def make_tile_data(settings: Settings) -> TileData:
@@ -73,7 +76,7 @@ def make_tile_data(settings: Settings) -> TileData:
     pose = censored(pose, settings.window, sonar.cone, sonar.model)
     assert pose.shape[1] > READING
     reach = ray[:, c.REACH]
-    influence = np.minimum(reach, influence_of(laser.model, ray[:, c.RANGE]))
+    influence = np.minimum(reach, laser.model.influence(ray[:, c.RANGE]))
     returned = (ray[:, c.RANGE] >= 0.0) & np.isfinite(ray[:, c.RANGE])
     answered = np.where(returned, np.minimum(ray[:, c.RANGE], (1.0 - HAIR) * reach), 0.5 * reach)
     returns = return_points(settings)
@@ -88,22 +91,9 @@ def make_tile_data(settings: Settings) -> TileData:
         triangle=cone_triangles(pose, sonar.model.max_range),
         returns=returns,
         targets=make_targets(settings.window, settings.target_side(), returns),
-        sensors=np.concatenate([laser.origin, sonar.origin]),
+        sensors=white_places(settings),
+        ways=way_guards(settings.way, settings.driven_radius),
     )
-
-
-def influence_of(model: LaserModel, readings: Floats) -> Floats:
-    """Return the distance (n,) beyond which an obstacle is no more likely to return a reading than none at all.
-
-    There :func:`prf.kernels.laser.beam_log_likelihood` gives the density of an outlier, to the last bit. Infinite for
-    readings without return, and for censored ones (:func:`prf.sensors.laser.make_rays`): any obstacle in reach concerns
-    these.
-    """
-    readings = np.where(readings < 0.0, np.inf, readings)
-    sigmas = math.sqrt(model.to_array()[c.VANISHING])
-    share = 1.0 - sigmas * model.noise_relative
-    far = np.maximum(readings + sigmas * model.noise, readings / share if share > 0.0 else np.inf)
-    return np.asarray((1.0 + HAIR) * far, np.float64)
 
 
 def cone_triangles(pose: Floats, reach: float) -> Floats:

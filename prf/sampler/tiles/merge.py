@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from prf.coloring import Coloring, black_at
 from prf.kernels import constants as c
 from prf.kernels.chain import Chain
 from prf.kernels.image import count_all_edges, settle_all
+from prf.sampler.record import Draw
 from prf.sampler.tempering_state import with_map
 from prf.sampler.tiles.data import TileData
 from prf.sampler.tiles.rounds import Round
@@ -15,8 +17,19 @@ from prf.sampler.tiles.work import TileResult
 from prf.window import INTERIOR
 
 
-def merged(done: Round, results: list[TileResult]) -> Coloring:
-    """Put what stayed and the new insides of all tiles together, in the order of the tiles."""
+def draw_at(done: Round, results: list[TileResult], look: int, step: int, at_first: NDArray[np.float64]) -> Draw:
+    """Return what all tiles had come to at a look, as a draw of the step `step`.
+
+    Tiles step at once, and what one changes of the density no other does: from `at_first`, the values that are watched
+    when the round began, their gains add up.
+    """
+    states = [result.states[look] for result in results]
+    values = at_first + np.sum([state.gain for state in states], axis=0)
+    return Draw(step, merged(done, results, look), values, np.any([state.probe_black for state in states], axis=0))
+
+
+def merged(done: Round, results: list[TileResult], look: int = -1) -> Coloring:
+    """Put what stayed and the insides of all tiles at a look together, in the order of the tiles."""
     old = done.coloring
     is_drawn = np.zeros(old.n_edges, np.bool_)
     for result in results:
@@ -26,14 +39,14 @@ def merged(done: Round, results: list[TileResult]) -> Coloring:
     number[kept] = np.arange(len(kept))
     places, sides, edges = [old.xy[kept]], [old.side[kept]], [number[old.edges[~is_drawn]]]
     n = len(kept)
-    for result in results:
-        ends = n - 1 - result.edges
-        stays = result.edges >= 0
-        ends[stays] = number[result.edges[stays]]
+    for state in (result.states[look] for result in results):
+        ends = n - 1 - state.edges
+        stays = state.edges >= 0
+        ends[stays] = number[state.edges[stays]]
         edges.append(ends)
-        places.append(result.xy)
-        sides.append(np.full(len(result.xy), INTERIOR, np.int8))
-        n += len(result.xy)
+        places.append(state.xy)
+        sides.append(np.full(len(state.xy), INTERIOR, np.int8))
+        n += len(state.xy)
     found = Coloring(
         old.window, np.concatenate(places), np.concatenate(sides), np.concatenate(edges).astype(np.int32), False
     )

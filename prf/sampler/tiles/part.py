@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.coloring import Coloring
+from prf.driven import ways_near
 from prf.kernels import constants as c
 from prf.kernels.beams import Beams
 from prf.kernels.bounds import find_aims
@@ -24,12 +25,12 @@ from prf.kernels.chain import Chain
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph
 from prf.kernels.grid import HAIR, HAIR_SHARE, Grid, make_grid, most_cells
-from prf.kernels.guards import GUARD_RAY, GUARD_TRIANGLE, N_SHAPE, Guards, count_guards, index_frozen, list_guards
+from prf.kernels.guards import GUARD_RAY, GUARD_TRIANGLE, N_SHAPE, Guards, index_frozen
 from prf.kernels.image import Image
 from prf.kernels.points import Points
 from prf.kernels.targets import Targets
 from prf.kernels.tile import clip_beams, count_part_edges, fill_part, first_outside, mark_met, tiles_at
-from prf.layout import bare_graph, make_index, make_proposal, make_sites
+from prf.layout import bare_graph, make_guards, make_index, make_proposal, make_sites
 from prf.posterior import FIRST_CAPACITY, FIRST_CELL_ROOM, PointData, painted_points
 from prf.sampler.tiles.data import TileData
 from prf.sampler.tiles.rounds import Round
@@ -108,7 +109,8 @@ def make_part(data: TileData, begun: Round, number: int) -> Part:
     graph = bare_graph(coloring, max(FIRST_CAPACITY, 2 * (len(vertices) + c.MOST_CHANGES)))
     fill_part(graph, len(vertices), coloring.edges, drawn.astype(np.uint8))
     frozen = np.flatnonzero(_passes(segments[edges], tile) & ~drawn)
-    guards = make_guards(grid, frozen, np.concatenate([beams.guards, _triangle_guards(triangles)]))
+    ways = data.ways[ways_near(data.ways, tile)]
+    guards = make_guards(grid, frozen, np.concatenate([beams.guards, _triangle_guards(triangles), ways]))
     image, pixels = cut_image(data, begun, tile)
     chain = _assemble(data, begun, tile, graph, guards, image, beams, own_cones)
     return Part(
@@ -198,20 +200,6 @@ def cut_out(whole: Coloring, passes: NDArray[np.bool_], tile: Floats) -> tuple[C
         False,
     )
     return part, vertices.astype(np.int64), edges
-
-
-def make_guards(grid: Grid, frozen: Ints, shape: Floats) -> Guards:
-    """Lay out frozen edges (slots) and guards by the cells of a grid."""
-    start = np.zeros(grid.nx * grid.ny + 1, np.int64)
-    path = np.zeros(max(most_cells(grid), grid.nx * grid.ny), np.int32)
-    count_guards(grid, shape, path, start)
-    first = 1 + len(frozen) + len(start)
-    lists = np.zeros(first + int(start[-1]), np.int32)
-    lists[0] = len(frozen)
-    lists[1 : 1 + len(frozen)] = frozen
-    lists[1 + len(frozen) : first] = first + start
-    list_guards(grid, shape, path, first + start[:-1], lists)
-    return Guards(shape, lists)
 
 
 def cut_image(data: TileData, begun: Round, tile: Floats) -> tuple[Image, Ints]:

@@ -23,6 +23,8 @@ Floats = NDArray[np.float64]
 COARSE = 3.0
 """Cells in which a round finds edges on beams, in units of the cells of a chain."""
 
+NO_PROBES = np.zeros(0, np.int64)
+
 BORDER_MOVES = (
     c.BOUNDARY_BIRTH,
     c.BOUNDARY_DEATH,
@@ -52,8 +54,10 @@ class Round(NamedTuple):
     grid, start, entries
         Edges by cells: those of cell i are ``entries[start[i]:start[i + 1]]``.
     seeds : (k,) int64 array
-    steps : int
-        In each tile.
+    looks : (n,) int64 array
+        Steps of a tile at which what is there is kept; the last is the end.
+    probes : (n_probes,) int64 array
+        Pixels whose colour is kept with it.
     tuning, odds
         As the chain has them, but for moves on the border.
     """
@@ -67,12 +71,27 @@ class Round(NamedTuple):
     start: NDArray[np.int64]
     entries: NDArray[np.int32]
     seeds: NDArray[np.int64]
-    steps: int
+    looks: NDArray[np.int64]
+    probes: NDArray[np.int64]
     tuning: Floats
     odds: Floats
 
+    @property
+    def steps(self) -> int:
+        """Steps in each tile."""
+        return int(self.looks[-1])
 
-def make_round(data: TileData, chain: Chain, n_tiles: int, least: float, steps: int, rng: np.random.Generator) -> Round:
+
+def make_round(
+    data: TileData,
+    chain: Chain,
+    n_tiles: int,
+    least: float,
+    steps: int,
+    rng: np.random.Generator,
+    n_looks: int = 1,
+    probes: NDArray[np.int64] = NO_PROBES,
+) -> Round:
     """Begin a round: draw its tiles and find what lies inside each.
 
     Parameters
@@ -87,6 +106,10 @@ def make_round(data: TileData, chain: Chain, n_tiles: int, least: float, steps: 
         Of all tiles together; rounded down to as many in each.
     rng : numpy.random.Generator
         Of the chain.
+    n_looks : int
+        How often what is there is kept, evenly spaced.
+    probes : (n_probes,) int64 array
+        Pixels.
     """
     coloring = read_coloring(chain.graph)
     tiles = random_tiles(data.settings.window, n_tiles, data.returns, least, chain.image.grid, rng)
@@ -104,7 +127,8 @@ def make_round(data: TileData, chain: Chain, n_tiles: int, least: float, steps: 
         np.where(first == last, first, c.NONE).astype(np.int32),
         *_crossed(data, coloring),
         seeds=rng.integers(0, 2**63, len(tiles)),
-        steps=steps // len(tiles),
+        looks=np.arange(1, n_looks + 1) * (steps // len(tiles)) // n_looks,
+        probes=probes,
         tuning=chain.tuning.copy(),
         odds=odds / odds.sum(),
     )

@@ -17,10 +17,12 @@ TILE_SIDE = 40.0
 MOST_TILES = 32
 NARROWEST = 0.35
 """Least width of a tile, as a share of the side of a square tile."""
-STEPS_PER_READING = 16
+STEPS_PER_READING = 4
 """Steps of a round: to begin and to end it costs time in proportion to the readings."""
 ROUND_LENGTHS = (64 * FIRST_THIN, 1024 * FIRST_THIN)
 """Steps of the shortest and of the longest round; a longer one would keep Ctrl-C and the clock waiting."""
+LOOK_STEPS = 8 * FIRST_THIN
+"""Steps between two looks at the tiles of a round, where draws are recorded: each costs a hundredth of a second."""
 PLAIN_SHARE = 1.0 / 64.0
 """Share of a round's steps that the chain makes on the whole window, where nothing stays because of a border.
 
@@ -38,6 +40,11 @@ def chosen_tiles(window: Window, n_readings: int) -> int:
 def narrowest(window: Window, n_tiles: int) -> float:
     """Return the least width of a tile, metres."""
     return NARROWEST * math.sqrt(window.area / n_tiles)
+
+
+def looks_of(length: int) -> int:
+    """Return the number of looks in a round of `length` steps."""
+    return max(1, length // LOOK_STEPS)
 
 
 def round_length(settings: Settings) -> int:

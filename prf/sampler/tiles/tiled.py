@@ -6,12 +6,15 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from typing import Protocol
 
+import numpy as np
+
 from prf.sampler.chain import ChainSampler
+from prf.sampler.record import functionals
 from prf.sampler.tiles import schedule
 from prf.sampler.tiles.data import TileData, make_tile_data
-from prf.sampler.tiles.merge import finish_round
+from prf.sampler.tiles.merge import draw_at, finish_round
 from prf.sampler.tiles.rounds import Round, make_round
-from prf.sampler.tiles.schedule import PLAIN_SHARE, narrowest, round_length
+from prf.sampler.tiles.schedule import PLAIN_SHARE, looks_of, narrowest, round_length
 from prf.sampler.tiles.work import TileResult, work_tile
 
 
@@ -48,17 +51,33 @@ class TiledChain:
         """Steps of the next round."""
         return min(self.length, self.sampler.step)
 
+    def compile(self) -> None:
+        """Have the kernels of tiles compiled, or read from their cache, without making a step."""
+        work_tile(self.data, self._round(0, np.random.default_rng(0)), 0)
+
     def begin(self) -> Round:
         """Begin a round."""
-        settings = self.data.settings
         steps = self.next_length - round(PLAIN_SHARE * self.next_length)
+        return self._round(steps, self.sampler.rng)
+
+    def _round(self, steps: int, rng: np.random.Generator) -> Round:
+        settings = self.data.settings
         least = narrowest(settings.window, settings.tiles)
-        return make_round(self.data, self.sampler.chain, settings.tiles, least, steps, self.sampler.rng)
+        looks, probes = looks_of(self.next_length), self.sampler.record.probes
+        return make_round(self.data, self.sampler.chain, settings.tiles, least, steps, rng, looks, probes)
 
     def end(self, begun: Round, results: list[TileResult]) -> None:
-        """Put the tiles together, and go on with the whole window up to the end of the round; record what is there."""
+        """Put the tiles together, and go on with the whole window up to the end of the round.
+
+        What is there is recorded at the end, and on the way as the tiles were at their looks.
+        """
         sampler = self.sampler
         end = sampler.step + self.next_length
+        at_first = functionals(sampler.chain)
+        steps = np.linspace(sampler.step, end, len(begun.looks) + 1, dtype=np.int64)[1:-1]
+        for look, step in enumerate(steps.tolist()):
+            if sampler.record.is_due(step):
+                sampler.record.add(draw_at(begun, results, look, step, at_first))
         sampler.chain = finish_round(self.data, sampler.chain, begun, results)
         sampler.finish_block(end)
 

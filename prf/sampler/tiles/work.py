@@ -8,24 +8,45 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.kernels import constants as c
+from prf.kernels.chain import Chain
 from prf.kernels.image import settle_all
 from prf.layout import run_chain
+from prf.sampler.record import functionals
 from prf.sampler.tiles.data import TileData
-from prf.sampler.tiles.part import make_part
+from prf.sampler.tiles.part import Part, make_part
 from prf.sampler.tiles.rounds import Round
 
 
+class TileState(NamedTuple):
+    """Inside of a tile at one of the looks of a round.
+
+    Attributes
+    ----------
+    xy : (m, 2) array
+        New vertices.
+    edges : (k, 2) int64 array
+        New edges: numbers of vertices of the round's map that stay, or -1 - i for the new vertex i.
+    gain : (len(FUNCTIONALS),) array
+        By how much what is watched has changed since the round began.
+    probe_black : (n_probes,) bool array
+        Colours of the probes in the tile, False elsewhere.
+    """
+
+    xy: NDArray[np.float64]
+    edges: NDArray[np.int64]
+    gain: NDArray[np.float64]
+    probe_black: NDArray[np.bool_]
+
+
 class TileResult(NamedTuple):
-    """New inside of a tile.
+    """What came of a round in a tile.
 
     Attributes
     ----------
     drawn : (n,) int64 array
         Edges of the round's map in whose place the new ones come.
-    xy : (m, 2) array
-        New vertices.
-    edges : (k, 2) int64 array
-        New edges: numbers of vertices of the round's map that stay, or -1 - i for the new vertex i.
+    states : tuple of TileState
+        One a look; the last is that of the end.
     outcomes : (n_moves, 3) int64 array
     pixels : (p,) int64 array
         Pixels of the image that belong to the tile.
@@ -35,8 +56,7 @@ class TileResult(NamedTuple):
     """
 
     drawn: NDArray[np.int64]
-    xy: NDArray[np.float64]
-    edges: NDArray[np.int64]
+    states: tuple[TileState, ...]
     outcomes: NDArray[np.int64]
     pixels: NDArray[np.int64]
     black: NDArray[np.uint8]
@@ -47,8 +67,25 @@ class TileResult(NamedTuple):
 def work_tile(data: TileData, begun: Round, number: int) -> TileResult:
     """Run the chain of one tile from the map of the round; the same on any machine."""
     part = make_part(data, begun, number)
-    chain = run_chain(part.chain, np.random.default_rng(int(begun.seeds[number])), begun.steps)
+    chain, rng = part.chain, np.random.default_rng(int(begun.seeds[number]))
+    at_first, states = functionals(chain), []
+    for look in begun.looks.tolist():
+        chain = run_chain(chain, rng, look)
+        states.append(_state(part, chain, at_first, begun.probes))
     settle_all(chain.image, begun.steps)
+    return TileResult(
+        part.drawn,
+        tuple(states),
+        chain.outcomes,
+        part.pixels,
+        chain.image.black,
+        chain.image.black_time,
+        chain.image.mixed_time,
+    )
+
+
+def _state(part: Part, chain: Chain, at_first: NDArray[np.float64], probes: NDArray[np.int64]) -> TileState:
+    """Return the inside of a tile as it stands."""
     graph = chain.graph
     ends = graph.edge_vertices[graph.members[c.EDGES, : graph.counts[c.EDGES]]]
     is_new = np.ones(len(graph.edge_length), np.bool_)
@@ -57,13 +94,7 @@ def work_tile(data: TileData, begun: Round, number: int) -> TileResult:
     code = np.zeros(len(graph.edge_length), np.int64)
     code[: len(part.vertices)] = part.vertices
     code[fresh] = -1 - np.arange(len(fresh))
-    return TileResult(
-        part.drawn,
-        graph.vertex_xy[fresh],
-        code[ends].reshape(-1, 2),
-        chain.outcomes,
-        part.pixels,
-        chain.image.black,
-        chain.image.black_time,
-        chain.image.mixed_time,
-    )
+    black = np.zeros(len(probes), np.bool_)
+    inside = np.isin(probes, part.pixels)
+    black[inside] = chain.image.black[np.searchsorted(part.pixels, probes[inside])]
+    return TileState(graph.vertex_xy[fresh], code[ends].reshape(-1, 2), functionals(chain) - at_first, black)

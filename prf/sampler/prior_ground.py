@@ -1,0 +1,170 @@
+"""Ground that no reading concerns, kept at the prior given what is seen (docs/prior-ground.md).
+
+There the posterior is the prior given the rest of the map, by its spatial Markov property. The moves of a chain are as
+small as walls and doors ask for, and would take hours to redraw shapes of ten metres where nothing was seen. So a
+share of the steps, at the end of each block, is made there alone, with moves as large as the prior's own shapes and
+without a look at any reading. No edge may pass a cell that a reading concerns, which makes these steps a
+Metropolis-Hastings chain on what lies in the other cells, with the prior for its law.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.coloring import Coloring
+from prf.driven import way_guards
+from prf.kernels import constants as c
+from prf.kernels.build import fill_index
+from prf.kernels.chain import Chain
+from prf.kernels.grid import Grid, most_cells
+from prf.kernels.guards import GUARD_BOX, N_SHAPE
+from prf.kernels.prior_ground import freeze, retrace, thaw
+from prf.kernels.seen import mark_beams, mark_cones
+from prf.kernels.step import run
+from prf.layout import grow, make_guards, make_index
+from prf.posterior import Settings, make_chain
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+MOST_SHARE = 0.5
+STEPS_PER_EDGE = 5e-4
+"""Share of the steps of a block that are made there: so much for each edge that the prior has there in the mean, and at
+most; such a step takes a quarter of the time of another."""
+FIRST_STEPS_PER_EDGE = 1000
+MOST_FIRST_STEPS = 1_000_000
+"""Steps before the first of the chain, likewise: some eight times as many as colours take to be forgotten."""
+FEWEST_EDGES = 2.0
+"""Edges that the prior has there in the mean at least, if steps there are worth their while."""
+ENLARGED = 20.0
+"""Moves there reach so many times as far as elsewhere."""
+REACHES = [c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH, c.CUT_REACH, c.JOIN_REACH, c.LINE_REACH, c.STAND_REACH]
+CELL = 0.4
+"""Side of the cells of the index of edges there, over the scale: which pairs are recoloured together."""
+CELL_ROOM = 64
+
+
+class PriorGround:
+    """The ground that no reading concerns, and how a chain steps there.
+
+    Parameters
+    ----------
+    settings : Settings
+    chain : Chain
+        Of these settings, at any map.
+
+    Attributes
+    ----------
+    n_edges : float
+        Edges that the prior has in so much ground, in the mean.
+    """
+
+    def __init__(self, settings: Settings, chain: Chain) -> None:
+        grid = chain.edge_index.grid
+        is_closed = closed_cells(settings, chain)
+        self.influence = influence_of(settings, chain)
+        self.n_edges = edge_density(settings.scale) * float(np.count_nonzero(~is_closed)) * grid.cell**2
+        bare = dataclasses.replace(settings, laser=None, sonar=None, points=None, resolution=None)
+        self._bare = make_chain(dataclasses.replace(bare, cell=CELL / settings.scale), Coloring.empty(settings.window))
+        self._bare.tuning[REACHES] *= ENLARGED
+        shapes = np.concatenate([closed_boxes(grid, is_closed), way_guards(settings.way, settings.driven_radius)])
+        self._guards = make_guards(self._bare.edge_index.grid, np.zeros(0, np.int64), shapes)
+
+    @property
+    def share(self) -> float:
+        """Share of the steps of a block that are made there."""
+        return min(MOST_SHARE, STEPS_PER_EDGE * self.n_edges)
+
+    @property
+    def first_steps(self) -> int:
+        """Steps that lead to an approximate draw of the prior given what is seen."""
+        return int(min(MOST_FIRST_STEPS, FIRST_STEPS_PER_EDGE * self.n_edges))
+
+    def run_to(self, chain: Chain, rng: np.random.Generator, step: int) -> Chain:
+        """Run a chain up to `step` on this ground; :meth:`settle` it before it steps elsewhere."""
+        bare = self._bare
+        while True:
+            index = make_index(chain.graph, bare.edge_index.grid, CELL_ROOM)
+            frozen = np.empty(len(chain.graph.edge_length), np.int32)
+            n = freeze(chain.graph, index, self._guards, frozen)
+            part = chain._replace(
+                edge_index=index,
+                beams=bare.beams,
+                cones=bare.cones,
+                targets=bare.targets,
+                guards=self._guards,
+                proposal=bare.proposal,
+                tuning=bare.tuning,
+            )
+            done = run(part, rng, step)
+            thaw(chain.graph, frozen, n)
+            if done:
+                return chain
+            chain = grow(chain)
+
+    def settle(self, chain: Chain) -> Chain:
+        """Return the chain with edges indexed, and impacts beyond what readings say found, anew; sums are not."""
+        index = chain.edge_index
+        index.cell_count[:] = 0
+        if not fill_index(chain.graph, index):
+            index = make_index(chain.graph, index.grid, 2 * index.cell_edges.shape[1])
+        retrace(chain.graph, index, chain.beams, self.influence)
+        return chain._replace(edge_index=index)
+
+
+def prior_ground(settings: Settings, chain: Chain) -> PriorGround | None:
+    """Return the ground of a chain that no reading concerns; None if there is hardly any.
+
+    Values at points concern the colour of all ground between them, so that with them there is none.
+    """
+    if settings.points is not None or (settings.laser is None and settings.sonar is None):
+        return None
+    ground = PriorGround(settings, chain)
+    return ground if ground.n_edges >= FEWEST_EDGES else None
+
+
+def edge_density(scale: float) -> float:
+    """Return how many edges the prior has in a square metre, in the mean."""
+    return 4.0 * math.pi * scale**2
+
+
+def influence_of(settings: Settings, chain: Chain) -> Floats:
+    """Return the distance (n,) beyond which no obstacle changes the likelihood of a beam, metres."""
+    ray = chain.beams.ray
+    if settings.laser is None:
+        return np.zeros(0)
+    return np.asarray(np.minimum(ray[:, c.REACH], settings.laser.model.influence(ray[:, c.RANGE])))
+
+
+def closed_cells(settings: Settings, chain: Chain) -> Bools:
+    """Return the cells (ny, nx) of the edge index in which an obstacle may concern a reading."""
+    grid, ray, pose = chain.edge_index.grid, chain.beams.ray, chain.cones.pose
+    is_closed: Bools = np.zeros((grid.ny, grid.nx), np.bool_)
+    end = ray[:, :2] + influence_of(settings, chain)[:, None] * ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
+    path = np.empty(most_cells(grid), np.int32)
+    mark_beams(grid, np.ascontiguousarray(ray[:, :2]), end, path, is_closed.reshape(-1))
+    if settings.sonar is not None:
+        room = grid.nx * grid.ny
+        reach = np.full(len(pose), settings.sonar.model.max_range)
+        mark_cones(grid, pose, reach, np.empty(room, np.int32), np.empty(room), is_closed.reshape(-1))
+    return is_closed
+
+
+def closed_boxes(grid: Grid, is_closed: Bools) -> Floats:
+    """Return guards (n, N_SHAPE) of boxes that cover the closed cells: runs of a row, joined over rows where alike."""
+    padded = np.pad(is_closed, ((0, 1), (1, 1))).astype(np.int8)
+    begun: dict[tuple[int, int], int] = {}
+    boxes = []
+    for row, change in enumerate(np.diff(padded, axis=1)):
+        runs = set(zip(np.flatnonzero(change == 1).tolist(), np.flatnonzero(change == -1).tolist(), strict=True))
+        boxes += [(first, begun[first, last], last, row) for first, last in begun.keys() - runs]
+        begun = {run: begun.get(run, row) for run in runs}
+    found = np.zeros((len(boxes), N_SHAPE))
+    found[:, 0] = GUARD_BOX
+    corner = np.array([grid.x0, grid.y0, grid.x0, grid.y0])
+    found[:, 1:5] = corner + grid.cell * np.array(sorted(boxes), np.float64).reshape(-1, 4)
+    return found
