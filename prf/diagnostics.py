@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 SCHEMA = "prf.diagnostics/1"
 MAX_RHAT = 1.05
 MIN_ESS = 100.0
+MAX_RHAT_UNSEEN = 1.2
+"""Of what no reading saw: the prior alone speaks there, and no ESS is asked for."""
 DRAWS_PER_CHAIN = 500
 """Draws a chain that the estimates look at: all functionals of four chains then cost a few milliseconds each."""
 FEWEST_DRAWS = 8
@@ -38,31 +40,52 @@ class Diagnosis(NamedTuple):
     state : str
         "varies"; "constant" (one value in all chains); "stuck" (each half chain constant, at different values);
         "short" (fewer than 8 draws a chain); "not finite" (nan or inf among the draws).
+    seen : bool
+        Whether it is of what readings saw; False for what they leave to the prior, all or in part.
     """
 
     rhat: float
     ess: float
     state: State
+    seen: bool = True
 
     def agrees(self, rhat: float = MAX_RHAT, ess: float = MIN_ESS) -> bool:
-        """Return whether the functional passes: constant, or R-hat below `rhat` and ESS above `ess`."""
+        """Return whether the functional passes: constant, or R-hat below `rhat` and ESS above `ess`.
+
+        Of what no reading saw only R-hat below `MAX_RHAT_UNSEEN` is asked.
+        """
+        rhat, ess = (rhat, ess) if self.seen else (MAX_RHAT_UNSEEN, 0.0)
         return self.state == "constant" or (self.state == "varies" and self.rhat < rhat and self.ess > ess)
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether all functionals agree, and the one that is furthest from agreeing; true or false as a bool."""
+    """Whether all functionals agree, and the one that is furthest from agreeing; true or false as a bool.
+
+    Attributes
+    ----------
+    converged : bool
+    worst, reason : str
+        The functional, and what there is to say about it. One of what was seen comes before all others.
+    seen : bool
+        Whether all functionals of what was seen agree.
+    """
 
     converged: bool
     worst: str
     reason: str
+    seen: bool
 
     def __bool__(self) -> bool:
         """Return whether the chains agree."""
         return self.converged
 
 
-def diagnose(functionals: Mapping[str, NDArray[Any]], draws_per_chain: int = DRAWS_PER_CHAIN) -> dict[str, Diagnosis]:
+def diagnose(
+    functionals: Mapping[str, NDArray[Any]],
+    draws_per_chain: int = DRAWS_PER_CHAIN,
+    unseen: Collection[str] = (),
+) -> dict[str, Diagnosis]:
     """Return R-hat and ESS of every functional.
 
     Parameters
@@ -72,6 +95,8 @@ def diagnose(functionals: Mapping[str, NDArray[Any]], draws_per_chain: int = DRA
     draws_per_chain : int
         Longer chains are thinned evenly to at most this many draws first, which bounds the cost and can only lower
         the ESS.
+    unseen : collection of str
+        Functionals that the readings leave to the prior, all or in part.
 
     Returns
     -------
@@ -82,19 +107,24 @@ def diagnose(functionals: Mapping[str, NDArray[Any]], draws_per_chain: int = DRA
     ValueError
         If an array does not have two dimensions.
     """
-    return {name: _diagnose_one(name, values, draws_per_chain) for name, values in functionals.items()}
+    return {
+        name: _diagnose_one(name, values, draws_per_chain)._replace(seen=name not in unseen)
+        for name, values in functionals.items()
+    }
 
 
 def converged(diagnoses: Mapping[str, Diagnosis], rhat: float = MAX_RHAT, ess: float = MIN_ESS) -> Verdict:
     """Return whether every functional has R-hat < `rhat` and ESS > `ess`, naming the worst one.
 
+    Functionals of what no reading saw have a rule of their own (:meth:`Diagnosis.agrees`), and come last.
     A functional with one value in all chains agrees. Without any functional nothing is known: not converged.
     """
     if not diagnoses:
-        return Verdict(False, "", "no functional was recorded")
+        return Verdict(False, "", "no functional was recorded", False)
     worst = max(diagnoses, key=lambda name: _badness(diagnoses[name], rhat, ess))
     found = diagnoses[worst]
-    return Verdict(found.agrees(rhat, ess), worst, f"{worst}: {describe(found)}")
+    agrees, where = found.agrees(rhat, ess), "" if found.seen else ", of what no reading saw"
+    return Verdict(agrees, worst, f"{worst}: {describe(found)}{where}", agrees or not found.seen)
 
 
 def describe(diagnosis: Diagnosis) -> str:
@@ -114,6 +144,7 @@ def document(diagnoses: Mapping[str, Diagnosis], **extra: Any) -> dict[str, Any]
     return {
         "schema": SCHEMA,
         "converged": verdict.converged,
+        "converged_seen": verdict.seen,
         "worst": verdict.worst,
         "reason": verdict.reason,
         "functionals": {name: found._asdict() for name, found in diagnoses.items()},
@@ -174,11 +205,15 @@ def _estimate(chains: NDArray[np.float64]) -> Diagnosis:
     return Diagnosis(math.inf if math.isnan(rhat) else rhat, 0.0 if math.isnan(ess) else ess, "varies")
 
 
-def _badness(found: Diagnosis, rhat: float, ess: float) -> tuple[bool, float]:
-    """Order diagnoses: those that fail first, then by how far R-hat and ESS are from their bounds, as ratios."""
-    if found.state == "constant":
-        return False, 0.0
+def _badness(found: Diagnosis, rhat: float, ess: float) -> tuple[bool, bool, float]:
+    """Order diagnoses: those that fail first, seen before unseen, then by how far they are from their bounds."""
+    return not found.agrees(rhat, ess), found.seen, shortfall(found, rhat, ess)
+
+
+def shortfall(found: Diagnosis, rhat: float = MAX_RHAT, ess: float = MIN_ESS) -> float:
+    """Return how far R-hat and ESS are from their bounds, the larger of two ratios: agreement is below 1."""
     if found.state != "varies":
-        return True, math.inf
-    excess = max((found.rhat - 1.0) / (rhat - 1.0), ess / max(found.ess, 1e-9))
-    return not found.agrees(rhat, ess), excess
+        return 0.0 if found.state == "constant" else math.inf
+    if not found.seen:
+        return (found.rhat - 1.0) / (MAX_RHAT_UNSEEN - 1.0)
+    return max((found.rhat - 1.0) / (rhat - 1.0), ess / max(found.ess, 1e-9))

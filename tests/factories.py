@@ -43,7 +43,8 @@ def make_image(draws: Draws, resolution: float) -> PosteriorImage:
     square = occupied_probability(draws, cells, resolution).reshape(n_rows, n_columns)
     origin = np.array([window.x_min, window.y_min])
     seen = np.arange(point.size).reshape(point.shape) % 5 > 0
-    return PosteriorImage(point.astype(np.float32), square.astype(np.float32), origin, resolution, seen)
+    differs = (0.5 * point).astype(np.float32)
+    return PosteriorImage(point.astype(np.float32), square.astype(np.float32), origin, resolution, seen, differs)
 
 
 def make_run(seed: int = 1, n_draws: int = 12, window: Window = WINDOW, resolution: float = 1.0) -> Run:

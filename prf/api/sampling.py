@@ -135,8 +135,9 @@ def sample(
 ) -> Run:
     """Draw the posterior over polygonal maps from localized readings, or values at points.
 
-    Without `steps` and `seconds` it stops when the chains agree (R-hat < 1.05 and ESS > 100 for every functional), or
-    after 30 minutes; ``run.manifest["status"]`` says which. The seed decides the draws, whatever the threads.
+    Without `steps` and `seconds` it stops when the chains agree (R-hat < 1.05 and ESS > 100 for every functional of
+    what was seen, R-hat < 1.2 for the rest), or after 30 minutes; ``run.manifest["status"]`` says which. The seed
+    decides the draws, whatever the threads.
 
     Parameters
     ----------

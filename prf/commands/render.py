@@ -61,6 +61,10 @@ def render(
         bool | None, typer.Option("--path/--no-path", help="Path of the sensor (default: over posterior and readings).")
     ] = None,
     beams: Annotated[bool, typer.Option("--beams", help="Beams over the posterior.")] = False,
+    disagreement: Annotated[
+        bool,
+        typer.Option("--disagreement/--no-disagreement", help="Violet over the posterior where chains differ."),
+    ] = True,
     title: Annotated[str | None, typer.Option("--title", metavar="TEXT", help="Instead of the default title.")] = None,
     caption: Annotated[
         list[str] | None, typer.Option("--caption", metavar="TEXT", help="Caption of a map of DRAWS; once for each.")
@@ -95,7 +99,7 @@ def render(
     claim_output(target, force)
     refuse_inputs([target], inputs)
     if is_run:
-        _render_run(inputs[0], target, what, draws or 4, outline, path, beams, title)
+        _render_run(inputs[0], target, what, draws or 4, outline, path, beams, disagreement, title)
     elif is_grid:
         _render_grid(inputs[0], target, title)
     else:
@@ -112,6 +116,7 @@ def _render_run(
     outline: bool | None,
     path: bool | None,
     beams: bool,
+    disagreement: bool,
     title: str | None,
 ) -> None:
     from prf import render
@@ -132,6 +137,7 @@ def _render_run(
             outline=outline is not False,
             path=path is not False,
             beams=beams,
+            disagreement=disagreement,
             title=title,
         )
 

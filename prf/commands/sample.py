@@ -113,6 +113,8 @@ Live = Annotated[
 ]
 Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Go on with this run from its checkpoint.")]
 
+TIME_UNITS = ((86400.0, "day"), (3600.0, "hour"), (60.0, "minute"), (1.0, "second"))
+
 RUN_SCIENCE = (*SCIENCE, "chains", "resolution", "start", "rungs", "hottest")
 SOURCES: dict[ReadingKind, str] = {"laser": "--laser", "sonar": "--sonar", "points": "--point-data"}
 """Kind of readings to the option that names its log."""
@@ -163,10 +165,10 @@ def sample(
 ) -> None:
     """Draw the posterior over polygonal maps from localized readings, or values at points.
 
-    Without --steps and --time-budget it stops when the chains agree (R-hat < 1.05 and ESS > 100 for every functional),
-    or after 30 minutes, saying that they do not. Ctrl-C keeps what was sampled; --resume goes on from there, and gives
-    the same draws as a run that was never stopped. --live draws pictures on standard error; elsewhere than on a
-    terminal it changes nothing.
+    Without --steps and --time-budget it stops when the chains agree (R-hat < 1.05 and ESS > 100 for every functional of
+    what was seen, R-hat < 1.2 for the rest), or after 30 minutes, saying that they do not. Ctrl-C keeps what was
+    sampled; --resume goes on from there, and gives the same draws as a run that was never stopped. --live draws
+    pictures on standard error; elsewhere than on a terminal it changes nothing.
     """
     beam_density = chosen_density(beam_density, no_thinning)
     options = {name: value for name, value in locals().items() if name in RUN_SCIENCE}
@@ -257,6 +259,7 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None) -> Pat
 
 def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None:
     """Print what came of it; `asked_steps` may be fewer than whole rounds have."""
+    from prf.agreement import Agreement
     from prf.shell import console, jsonout
 
     assert run.diagnostics is not None
@@ -274,21 +277,25 @@ def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None
         "n_beams": 0 if run.beams is None else len(run.beams.range),
         "n_beams_thinned": int(run.manifest.get("n_beams_thinned", 0)),
         "converged": run.diagnostics["converged"],
+        "converged_seen": run.diagnostics["converged_seen"],
         "reason": run.diagnostics["reason"],
+        "agreement": run.diagnostics["agreement"],
+        "suggested_seconds": run.diagnostics["suggested_seconds"],
         "log_posterior": run.best_log_posterior,
     }
     if json:
         jsonout.emit_object("prf.sample/1", result)
         return
-    is_short = _is_short(run.diagnostics, configuration["chains"])
-    judged = "too few draws to judge: run longer" if is_short else "the chains do not agree yet"
-    agree = "the chains agree" if result["converged"] else f"{judged} ({result['reason']})"
-    console.summarize(f"{progress.status}: {agree}")
+    console.summarize(f"{progress.status}: {_verdict(run.diagnostics, configuration['chains'])}")
+    ground = Agreement.of_document(run.diagnostics["agreement"]).words()
+    if ground:
+        console.summarize(ground)
     swaps = run.diagnostics.get("tempering")
     if swaps:
         console.summarize(_ladders(swaps))
-    elif not result["converged"] and not is_short and progress.status != "running":
-        console.summarize(_advice(configuration.get("rungs") == "auto"))
+    if not result["converged"] and progress.status != "running":
+        for line in _advice(run, folder):
+            console.summarize(line)
     rounded = f" (rounded up from {asked_steps:,})" if asked_steps is not None and progress.step > asked_steps else ""
     console.summarize(
         f"{result['draws']} draws of {result['chains']} chains, {progress.step:,} steps each{rounded}, {folder}/"
@@ -302,11 +309,40 @@ def _is_short(diagnostics: dict[str, Any], n_chains: int) -> bool:
     return n_chains == 1 or worst["state"] == "short"
 
 
-def _advice(waits: bool) -> str:
-    """Return what to do about chains that do not agree; `waits`: parallel tempering would come by itself."""
-    if waits:
-        return "tempering: none so far, the chains were not seen to stay apart; run longer (docs/tempering.md)"
-    return "chains that stay apart: run longer, or with parallel tempering (--rungs auto; docs/tempering.md)"
+def _verdict(diagnostics: dict[str, Any], n_chains: int) -> str:
+    """Return in words whether the chains agree, on what was seen and on the rest."""
+    if diagnostics["converged"]:
+        return "the chains agree"
+    judged = "the chains do not agree yet"
+    if _is_short(diagnostics, n_chains):
+        judged = "too few draws to judge: run longer"
+    elif diagnostics["converged_seen"]:
+        judged = "the chains agree on what was seen, and not yet on the rest"
+    return f"{judged} ({diagnostics['reason']})"
+
+
+def _advice(run: Run, folder: Path) -> list[str]:
+    """Return in words what to do about chains that do not agree; at most a line."""
+    import shlex
+
+    assert run.diagnostics is not None
+    configuration, trend = run.manifest["configuration"], run.diagnostics["trend"]
+    seconds = run.diagnostics["suggested_seconds"]
+    waits, is_tempered = configuration.get("rungs") == "auto", "tempering" in run.diagnostics
+    if seconds is not None:
+        again = f"prf sample --resume {shlex.quote(str(folder))} --time-budget {seconds:.0f}"
+        return [f"about {_time_words(seconds)} more at this speed: {again}"]
+    if trend == "flat" and (waits or is_tempered):
+        return ["the chains come no nearer: more time alone will not help (docs/tempering.md)"]
+    if trend == "flat":
+        return ["the chains come no nearer: more time alone will not help, --rungs auto may (docs/tempering.md)"]
+    return []
+
+
+def _time_words(seconds: float) -> str:
+    """Return a time as people say it."""
+    unit, name = next(((unit, name) for unit, name in TIME_UNITS if seconds >= unit), TIME_UNITS[-1])
+    return f"{round(seconds / unit)} {name}{'s' if seconds > unit else ''}"
 
 
 def _ladders(reports: list[dict[str, Any]]) -> str:

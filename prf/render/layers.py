@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from prf import agreement
 from prf.coloring import Coloring, occupied_polygons
-from prf.shell.pictures import BEAM, HATCH, IMPACT, INK, MUTED, OUTLINE, PATH, UNSEEN
+from prf.shell.pictures import BEAM, DIFFERS, HATCH, IMPACT, INK, MUTED, OUTLINE, PATH, UNSEEN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,6 +79,17 @@ def draw_unseen(axes: Axes, image: PosteriorImage) -> None:
     with mpl.rc_context({"hatch.linewidth": 0.5}):
         drawn = axes.contourf(x, y, ~image.seen, levels=[0.5, 1.5], colors="none", hatches=["////"], zorder=1.2)
     drawn.set(edgecolor=HATCH, linewidth=0.0)
+
+
+def draw_disagreement(axes: Axes, image: PosteriorImage) -> None:
+    """Tint the cells at which chains differ, seen or not."""
+    from matplotlib.colors import to_rgba
+
+    if image.disagreement is None:
+        return
+    tint = np.zeros((*image.disagreement.shape, 4))
+    tint[image.disagreement > agreement.DIFFERS] = to_rgba(DIFFERS, 0.5)
+    axes.imshow(tint, extent=image.extent, origin="lower", aspect="auto", interpolation="nearest", zorder=1.2)
 
 
 def thinned(rows: NDArray[Any]) -> NDArray[Any]:

@@ -121,6 +121,7 @@ def _all_facts(glance: Glance, screen: Screen, rows: int) -> list[Text]:
 
     lines = [_headline(glance), Text(_speed(glance)), Text(_clock(glance, screen)), Text()]
     lines += _agreement(glance.diagnoses)
+    lines += [Text(words, AGREES if not places else DIFFERS) for words, places in _where(glance.image)]
     lines += [Text(), Text(_acceptance(glance))]
     moves = [f"{_percent(n, of):>8}  {name}" for name, of, n in glance.accepted if of]
     return [*lines, *(Text(move, "dim") for move in moves)][:rows]
@@ -158,14 +159,25 @@ def _agreement(diagnoses: Mapping[str, Diagnosis]) -> list[Text]:
         return [Text("agreement of the chains: not checked yet")]
     points = {name: found for name, found in diagnoses.items() if name.startswith("colour at ")}
     rows = [(name, found) for name, found in diagnoses.items() if name not in points]
-    worst = _worst(points)
-    if worst is not None:
-        rows.append((f"worst of {len(points)} points", worst[1]))
+    for seen, kind in ((True, "points"), (False, "unseen points")):
+        chosen = {name: found for name, found in points.items() if found.seen == seen}
+        worst = _worst(chosen)
+        if worst is not None:
+            rows.append((f"worst of {len(chosen)} {kind}", worst[1]))
     lines = [Text(f"{'':<24}{'R-hat':>8}{'ESS':>8}", "dim")]
     for name, found in rows:
         row = f"{name.replace('_', ' '):<24}{_number(found.rhat, 3):>8}{_number(found.ess, 0):>8}"
         lines.append(Text(row, _colour(found)))
     return lines
+
+
+def _where(image: PosteriorImage) -> list[tuple[str, bool]]:
+    """Return lines about the ground on which chains agree, and whether each is of places where they do not."""
+    where = image.agreement()
+    if where is None or math.isnan(where.seen):
+        return []
+    lines = [(f"agree on {math.floor(100.0 * where.seen)} % of the seen ground", bool(where.places))]
+    return lines + [(f"differ round ({place.x:.1f}, {place.y:.1f})", True) for place in where.places[:1]]
 
 
 def _worst(diagnoses: Mapping[str, Diagnosis]) -> tuple[str, Diagnosis] | None:

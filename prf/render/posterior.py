@@ -26,6 +26,7 @@ def render_posterior(
     outline: bool = True,
     path: bool = True,
     beams: bool = False,
+    disagreement: bool = True,
     title: str | None = None,
 ) -> None:
     """Draw how probably each point is occupied: white free, mid-grey unknown, black occupied; unseen cells hatched.
@@ -44,6 +45,8 @@ def render_posterior(
         Draw the sensor's path.
     beams : bool
         Draw the beams of the laser and the arcs of the sonar, thinly, and the points with their values.
+    disagreement : bool
+        Tint the cells at which chains differ (docs/results.md).
     title : str, optional
         Instead of the default one.
 
@@ -56,11 +59,14 @@ def render_posterior(
         raise run.missing(names.POSTERIOR)
     window = run.draws.window
     what = "Posterior of squares that are not free" if squares else "Posterior over polygonal maps"
-    page, axes = style.map_page(window, style.margins_of(window, right=1.35), title or what, small_print(run))
+    small = small_print(run) + ("  ·  violet: chains differ" if disagreement and run.n_chains > 1 else "")
+    page, axes = style.map_page(window, style.margins_of(window, right=1.35), title or what, small)
     values = run.image.square_occupancy if squares else run.image.occupancy
     drawn = layers.draw_occupancy(axes, run.image, values)
     layers.draw_unseen(axes, run.image)
     style.show_window(axes, window)
+    if disagreement:
+        layers.draw_disagreement(axes, run.image)
     if run.best is not None and outline:
         layers.draw_outline(axes, run.best, run.image)
     if run.beams is not None and beams:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from prf.agreement import Agreement, agreement
 from prf.coloring import Coloring, Draws
 from prf.sensors.laser import unit_vectors
 from prf.shell.errors import InputError
@@ -32,6 +33,8 @@ class PosteriorImage(NamedTuple):
         Side of a cell in metres.
     seen : (ny, nx) bool
         Whether a reading of the chosen scans and beams, thinned away or not, crossed the cell or ended in it.
+    disagreement : (ny, nx) float32 or None
+        Largest difference between the shares of black of any two chains; nan where there is none. None of a grid.
     """
 
     occupancy: NDArray[np.float32]
@@ -39,6 +42,7 @@ class PosteriorImage(NamedTuple):
     origin: NDArray[np.float64]
     resolution: float
     seen: NDArray[np.bool_]
+    disagreement: NDArray[np.float32] | None = None
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
@@ -46,6 +50,12 @@ class PosteriorImage(NamedTuple):
         n_rows, n_columns = self.occupancy.shape
         x, y = float(self.origin[0]), float(self.origin[1])
         return x, x + n_columns * self.resolution, y, y + n_rows * self.resolution
+
+    def agreement(self) -> Agreement | None:
+        """Return where the chains agree; None of a grid."""
+        if self.disagreement is None:
+            return None
+        return agreement(self.disagreement, self.seen, self.origin, self.resolution)
 
     def seen_at(self, xy: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return whether each of the points (n, 2), metres, lies in a cell that was seen; False outside the image."""

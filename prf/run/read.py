@@ -107,8 +107,10 @@ def read_image(path: Path) -> PosteriorImage:
         take_array(path, arrays, "origin", np.float64, (2,)),
         float(take_array(path, arrays, "resolution", np.float64, ())),
         take_array(path, arrays, "seen", np.bool_, occupancy.shape),
+        take_array(path, arrays, "disagreement", np.float32, occupancy.shape),
     )
-    for values in (image.occupancy, image.square_occupancy):
+    assert image.disagreement is not None
+    for values in (image.occupancy, image.square_occupancy, image.disagreement):
         if ((values < 0.0) | (values > 1.0)).any():
             raise damaged(path, "a probability is not within 0 and 1")
     if not ((np.abs(image.origin) <= LARGEST_COORDINATE).all() and 0.0 < image.resolution <= LARGEST_COORDINATE):

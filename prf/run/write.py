@@ -86,12 +86,14 @@ def write_draws(folder: Path, run: Run) -> None:
 
 def write_image(folder: Path, image: PosteriorImage) -> None:
     """Write posterior.npz."""
+    assert image.disagreement is not None
     arrays = {
         "occupancy": image.occupancy.astype(np.float32),
         "square_occupancy": image.square_occupancy.astype(np.float32),
         "origin": np.asarray(image.origin, dtype=np.float64),
         "resolution": np.float64(image.resolution),
         "seen": image.seen.astype(np.bool_),
+        "disagreement": image.disagreement.astype(np.float32),
     }
     save_arrays(folder / names.POSTERIOR, names.SCHEMAS[names.POSTERIOR], arrays)
 

@@ -26,8 +26,11 @@ def is_look(step: int) -> bool:
 
 
 def worst_rhat(diagnoses: Iterable[Diagnosis]) -> float:
-    """Return the largest R-hat, inf if chains are stuck at different values; 1 if there is none."""
-    return max((found.rhat for found in diagnoses if not math.isnan(found.rhat)), default=1.0)
+    """Return the largest R-hat of what was seen, inf if chains are stuck at different values; 1 if there is none.
+
+    Where no reading saw the ground a power of the likelihood changes nothing.
+    """
+    return max((found.rhat for found in diagnoses if found.seen and not math.isnan(found.rhat)), default=1.0)
 
 
 def stay_apart(before: Iterable[Diagnosis], now: Iterable[Diagnosis]) -> bool:

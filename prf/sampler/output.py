@@ -18,6 +18,7 @@ from prf.run import Beams, Cones, Points, PosteriorImage, Run, names, read_manif
 from prf.sampler.checkpoint import save_checkpoint
 from prf.sampler.config import SampleConfig
 from prf.sampler.drive import Progress
+from prf.sampler.outlook import outlook
 from prf.sampler.several import MOVE_NAMES, Sampler
 from prf.shell.errors import OutputError, cannot_write, system_reason
 from prf.shell.files import STREAM, is_leftover, remove_leftovers
@@ -110,6 +111,7 @@ class Output:
         """Return the RUN as the chains stand."""
         sample = sampler.sample()
         best = sampler.best()
+        image = make_image(sampler)
         return Run(
             manifest=self.manifest(sampler, progress, seconds_before),
             draws=sample.draws,
@@ -118,14 +120,14 @@ class Output:
             functionals=sample.functionals,
             probe_xy=sampler.probe_xy,
             probe_black=sample.probe_black,
-            image=make_image(sampler),
+            image=image,
             beams=self.beams,
             cones=self.cones,
             points=self.points,
             way=sampler.settings.way,
             best=best.coloring if best is not None else None,
             best_log_posterior=float(best.functionals[-1]) if best is not None else float("nan"),
-            diagnostics=make_diagnostics(sampler, progress),
+            diagnostics=make_diagnostics(sampler, progress, image, seconds_before),
         )
 
     def manifest(self, sampler: Sampler, progress: Progress, seconds_before: float) -> dict[str, Any]:
@@ -188,15 +190,27 @@ def make_image(sampler: Sampler) -> PosteriorImage:
     seen = sampler.settings.seen
     everything = np.ones(occupancy.shape, np.bool_)
     return PosteriorImage(
-        occupancy, squares, np.array([grid.x0, grid.y0]), grid.cell, everything if seen is None else seen
+        occupancy,
+        squares,
+        np.array([grid.x0, grid.y0]),
+        grid.cell,
+        everything if seen is None else seen,
+        sampler.disagreement(),
     )
 
 
-def make_diagnostics(sampler: Sampler, progress: Progress) -> dict[str, Any]:
-    """Return agreement, acceptance by move and speed."""
-    outcomes = sampler.outcomes()
+def make_diagnostics(
+    sampler: Sampler, progress: Progress, image: PosteriorImage, seconds_before: float
+) -> dict[str, Any]:
+    """Return agreement, what it would take, acceptance by move and speed."""
+    outcomes, diagnoses, where = sampler.outcomes(), sampler.diagnose(), image.agreement()
+    expected = outlook(sampler.diagnose_half(), diagnoses, seconds_before + progress.seconds)
+    assert where is not None
     return document(
-        sampler.diagnose(),
+        diagnoses,
+        agreement=where.document(),
+        trend=expected.trend,
+        suggested_seconds=expected.seconds,
         acceptance=acceptance(list(MOVE_NAMES), outcomes[:, c.PROPOSED], outcomes[:, c.ACCEPTED]),
         steps_per_second=progress.steps_per_second,
         **tempering_entry(sampler),

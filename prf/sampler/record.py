@@ -21,6 +21,8 @@ FIRST_EPOCH = FIRST_THIN
 """Steps before the first epoch of the image begins; each begins at twice the step of the one before."""
 
 FUNCTIONALS = ("n_edges", "total_length", "log_prior", "log_likelihood", "log_posterior")
+EDGES_ANYWHERE = ("n_edges", "total_length", "log_prior")
+"""Those that count edges wherever they are, most of them where no reading saw the ground."""
 
 
 @dataclasses.dataclass(frozen=True)

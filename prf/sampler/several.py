@@ -19,8 +19,8 @@ from prf.layout import image_grid, pixel_centres
 from prf.posterior import Settings
 from prf.sampler.apart import is_look, stay_apart
 from prf.sampler.chain import ChainSampler
-from prf.sampler.probes import probe_pixels
-from prf.sampler.record import FUNCTIONALS, Draw, burn_in
+from prf.sampler.probes import probe_pixels, seen_pixels
+from prf.sampler.record import EDGES_ANYWHERE, FUNCTIONALS, Draw, burn_in
 from prf.sampler.starts import Start
 from prf.sampler.tempering_ladder import LadderPlan, SwapReport
 from prf.sampler.tiles import advance_in_tiles, tiled_chains
@@ -165,10 +165,13 @@ class Sampler:
 
     def stays_apart(self) -> bool:
         """Return whether chains disagree and came no nearer since half of the steps (:mod:`prf.sampler.apart`)."""
+        return stay_apart(self.diagnose_half().values(), self.diagnose().values())
+
+    def diagnose_half(self) -> dict[str, Diagnosis]:
+        """Return what :meth:`diagnose` was after half of the steps."""
         half = self.step // 2
-        start = burn_in(half)
-        before = [[draw for draw in chain.record.since(start) if draw.step <= half] for chain in self.chains]
-        return stay_apart(self.diagnose(before).values(), self.diagnose().values())
+        since = [chain.record.since(burn_in(half)) for chain in self.chains]
+        return self.diagnose([[draw for draw in draws if draw.step <= half] for draws in since])
 
     def recorded(self) -> list[list[Draw]]:
         """Return the draws of each chain after burn-in."""
@@ -183,11 +186,25 @@ class Sampler:
         values = np.array([[draw.functionals for draw in draws] for draws in recorded])
         colours = np.array([[draw.probe_black for draw in draws] for draws in recorded])
         if values.size == 0:
-            return diagnose({name: np.zeros((len(recorded), 0)) for name in FUNCTIONALS})
+            return diagnose({name: np.zeros((len(recorded), 0)) for name in FUNCTIONALS}, unseen=self.unseen)
         named: dict[str, NDArray[Any]] = {name: values[:, :, i] for i, name in enumerate(FUNCTIONALS)}
-        for i, (x, y) in enumerate(self.probe_xy):
-            named[f"colour at ({x:.2f}, {y:.2f})"] = colours[:, :, i]
-        return diagnose(named)
+        for i, name in enumerate(self._probe_names):
+            named[name] = colours[:, :, i]
+        return diagnose(named, unseen=self.unseen)
+
+    @cached_property
+    def _probe_names(self) -> list[str]:
+        """Names of the colours that are followed."""
+        return [f"colour at ({x:.2f}, {y:.2f})" for x, y in self.probe_xy]
+
+    @cached_property
+    def unseen(self) -> frozenset[str]:
+        """Functionals left to the prior, all or in part: colours of unseen probes, and what counts edges anywhere."""
+        seen = seen_pixels(self.settings)
+        if seen[self._pixels_inside].all():
+            return frozenset()
+        probes = zip(self._probe_names, seen[self.probe_pixels].tolist(), strict=True)
+        return frozenset({*EDGES_ANYWHERE, *(name for name, is_seen in probes if not is_seen)})
 
     def sample(self) -> Sample:
         """Return the draws of all chains after burn-in."""
@@ -219,6 +236,18 @@ class Sampler:
             share[inside] = sum(total[which][inside] for total in totals) / max(steps, 1)
             shares.append(share.reshape(grid.ny, grid.nx))
         return shares[0], shares[1]
+
+    def disagreement(self) -> NDArray[np.float32]:
+        """Return the largest difference (ny, nx) between the shares of black of any two chains.
+
+        nan as in :meth:`occupancy`, and everywhere of one chain.
+        """
+        grid = self.chains[0].chain.image.grid
+        steps = self.step - self.burn_in
+        black = np.array([chain.times.total(chain.chain.image, self.step)[0] for chain in self.chains])
+        known = self._pixels_inside & (steps > 0) & (len(black) > 1)
+        shares = np.where(known, np.ptp(black, axis=0) / max(steps, 1), np.nan)
+        return shares.astype(np.float32).reshape(grid.ny, grid.nx)
 
     @cached_property
     def _pixels_inside(self) -> NDArray[np.bool_]:
