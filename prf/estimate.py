@@ -1,11 +1,13 @@
 """What the draws say: how probably a point or a square is occupied, and a path free.
 
-Every estimate is a share of draws, so it is exact for the draws and its error is that of the chain. A path is judged
-on whole maps: the answer is the probability that all of it is free at once, which no image of cells can give.
+Every estimate is a share of draws, so it is exact for the draws and its error is that of the chain, which
+:mod:`prf.uncertainty` bounds. A path is judged on whole maps: the answer is the probability that all of it is free at
+once, which no image of cells can give.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from prf.coloring import Draws, black_at_draws
 from prf.kernels import query
 from prf.shell.errors import InputError, UsageError
+from prf.uncertainty import Estimates, by_chain, estimates
 
 MOST_COLOURS = 64_000_000
 """Points are answered in batches of at most this many colours (bytes), one a draw and point."""
@@ -53,16 +56,42 @@ def occupied_probability(draws: Draws, xy: ArrayLike, square: float = 0.0) -> ND
         If `square` is negative or not finite.
     """
     points = _points(xy)
-    _require_draws(draws)
-    if not 0.0 <= square < np.inf:
-        raise UsageError(f"square {square} m: the side of a square is a finite number >= 0.")
     probability = np.full(len(points), np.nan)
-    inside = np.flatnonzero(draws.window.contains(points))
-    batch = max(1, MOST_COLOURS // len(draws))
-    for start in range(0, len(inside), batch):
-        chosen = inside[start : start + batch]
-        probability[chosen] = occupied_in_draws(draws, points[chosen], square).mean(axis=0)
+    for chosen, black in _occupied_batches(draws, points, square):
+        probability[chosen] = black.mean(axis=0)
     return probability
+
+
+def occupied_estimates(
+    draws: Draws, chain: NDArray[np.int32], xy: ArrayLike, square: float, smallest_ess: float
+) -> Estimates:
+    """Return the answers of :func:`occupied_probability`, and how far they are known.
+
+    Parameters
+    ----------
+    draws, xy, square
+        As :func:`occupied_probability`.
+    chain : (n_draws,) int32 array
+        Chain that recorded each draw.
+    smallest_ess : float
+        Effective sample size of the run for draws that are all equal (:func:`prf.uncertainty.smallest_ess`).
+
+    Returns
+    -------
+    Estimates
+        Of (n_points,) arrays; nan for a point outside the window.
+
+    Raises
+    ------
+    InputError, UsageError
+        As :func:`occupied_probability`.
+    """
+    points = _points(xy)
+    found = _unknown(len(points))
+    for chosen, black in _occupied_batches(draws, points, square):
+        for whole, part in zip(found, estimates(by_chain(black, chain), smallest_ess), strict=True):
+            whole[chosen] = part
+    return found
 
 
 def occupied_in_draws(draws: Draws, xy: ArrayLike, square: float = 0.0) -> NDArray[np.bool_]:
@@ -117,15 +146,43 @@ def path_free(draws: Draws, path_xy: ArrayLike, radius: float) -> PathEstimate:
     UsageError
         If `radius` is negative or not finite.
     """
-    path = _points(path_xy)
-    _require_draws(draws)
-    if len(path) == 0:
-        raise InputError("the path has no point.")
-    if not 0.0 <= radius < np.inf:
-        raise UsageError(f"radius {radius} m: the radius of a disc is a finite number >= 0.")
-    if not draws.window.contains(path).all():
-        return PathEstimate(float("nan"), len(draws))
-    return PathEstimate(float(path_free_in_draws(draws, path, radius).mean()), len(draws))
+    path = _path_inside(draws, path_xy, radius)
+    free = np.nan if path is None else path_free_in_draws(draws, path, radius).mean()
+    return PathEstimate(float(free), len(draws))
+
+
+def path_estimates(
+    draws: Draws, chain: NDArray[np.int32], paths: Sequence[ArrayLike], radius: float, smallest_ess: float
+) -> Estimates:
+    """Return the answers of :func:`path_free`, and how far they are known.
+
+    Parameters
+    ----------
+    draws, radius
+        As :func:`path_free`.
+    chain, smallest_ess
+        As :func:`occupied_estimates`.
+    paths : sequence of (n_points, 2) arrays
+        Corners of each path in metres.
+
+    Returns
+    -------
+    Estimates
+        Of (n_paths,) arrays; nan for a path of which a part lies outside the window.
+
+    Raises
+    ------
+    InputError, UsageError
+        As :func:`path_free`.
+    """
+    found = _unknown(len(paths))
+    for i, path_xy in enumerate(paths):
+        path = _path_inside(draws, path_xy, radius)
+        if path is not None:
+            free = path_free_in_draws(draws, path, radius)[:, None]
+            for whole, part in zip(found, estimates(by_chain(free, chain), smallest_ess), strict=True):
+                whole[i] = part[0]
+    return found
 
 
 def path_free_in_draws(draws: Draws, path_xy: ArrayLike, radius: float) -> NDArray[np.bool_]:
@@ -153,6 +210,35 @@ def path_free_in_draws(draws: Draws, path_xy: ArrayLike, radius: float) -> NDArr
     ragged = (draws.vertex_offsets, draws.xy, draws.edge_offsets, draws.edges)
     query.draws_clear_path(np.ascontiguousarray(pieces), float(radius), *ragged, clear)
     return clear & ~black_at_draws(draws, path[:1])[:, 0]
+
+
+def _occupied_batches(
+    draws: Draws, points: NDArray[np.float64], square: float
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
+    """Yield the numbers of some points inside the window, and their (n_draws, n_chosen) colours."""
+    _require_draws(draws)
+    if not 0.0 <= square < np.inf:
+        raise UsageError(f"square {square} m: the side of a square is a finite number >= 0.")
+    inside = np.flatnonzero(draws.window.contains(points))
+    batch = max(1, MOST_COLOURS // len(draws))
+    for start in range(0, len(inside), batch):
+        chosen = inside[start : start + batch]
+        yield chosen, occupied_in_draws(draws, points[chosen], square)
+
+
+def _path_inside(draws: Draws, path_xy: ArrayLike, radius: float) -> NDArray[np.float64] | None:
+    """Return the corners of a path, or None if a part of it lies outside the window."""
+    path = _points(path_xy)
+    _require_draws(draws)
+    if len(path) == 0:
+        raise InputError("the path has no point.")
+    if not 0.0 <= radius < np.inf:
+        raise UsageError(f"radius {radius} m: the radius of a disc is a finite number >= 0.")
+    return path if draws.window.contains(path).all() else None
+
+
+def _unknown(n: int) -> Estimates:
+    return Estimates(*(np.full(n, np.nan) for _ in Estimates._fields))
 
 
 def _points(xy: ArrayLike) -> NDArray[np.float64]:

@@ -14,6 +14,8 @@ print(run.query(places, square=0.2))  # is any part of the square occupied?
 door = [[2.4, 7.2], [2.4, 9.0]]
 round_the_desk = [[16.5, 3.0], [18.2, 2.2], [19.6, 3.0]]
 print(run.paths([door, round_the_desk], radius=0.25))  # each over whole maps, all of the path at once
+free = run.paths([door, round_the_desk], radius=0.25, interval=True)
+print(free.low > 0.9)  # certain enough to drive, whatever the sampling left open
 
 walls = run.best_map  # shapely: all of shapely works on it
 print(f"{walls.area:.1f} m² occupied, {len(walls.geoms)} pieces")

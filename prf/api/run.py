@@ -8,7 +8,7 @@ import os
 from collections.abc import Collection, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Literal, NamedTuple, TypeVar, overload
 
 import numpy as np
 import shapely
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from prf import run as stored
 from prf.api.arrays import as_paths, checked
 from prf.coloring import occupied_polygons
-from prf.estimate import occupied_probability, path_free
+from prf.estimate import occupied_estimates, occupied_probability, path_estimates, path_free
 from prf.render import render_posterior
 from prf.run import PosteriorImage, names, read_run, write_run
 from prf.run.read import PARTS
@@ -26,8 +26,28 @@ from prf.sampler.output import make_way
 from prf.shell.files import refuse_standing
 from prf.shell.lock import exclusive
 from prf.shell.notebook import card
+from prf.uncertainty import Estimates, by_chain, smallest_ess
 
 Part = TypeVar("Part")
+
+
+class PointEstimates(NamedTuple):
+    """Probabilities that points are occupied, how far they are known, and whether the points were seen.
+
+    Attributes
+    ----------
+    probability, low, high, ess, rhat : (n,) float64
+        As :class:`prf.uncertainty.Estimates` has them.
+    seen : (n,) bool
+        Whether a reading crossed the cell of the image that holds the point, or ended in it.
+    """
+
+    probability: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    ess: NDArray[np.float64]
+    rhat: NDArray[np.float64]
+    seen: NDArray[np.bool_]
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -50,7 +70,17 @@ class Run(stored.Run):
         parts = {field.name: getattr(run, field.name) for field in dataclasses.fields(stored.Run)}
         return cls(**parts, progress=progress)
 
-    def query(self, points: ArrayLike, square: float = 0.0) -> NDArray[np.float64]:
+    @overload
+    def query(
+        self, points: ArrayLike, square: float = 0.0, *, interval: Literal[False] = False
+    ) -> NDArray[np.float64]: ...
+
+    @overload
+    def query(self, points: ArrayLike, square: float = 0.0, *, interval: Literal[True]) -> PointEstimates: ...
+
+    def query(
+        self, points: ArrayLike, square: float = 0.0, *, interval: bool = False
+    ) -> NDArray[np.float64] | PointEstimates:
         """Return how probably each point is occupied.
 
         Parameters
@@ -60,10 +90,12 @@ class Run(stored.Run):
         square : float
             Metres. 0: the share of draws that are black at the point. Else that of draws in which the square of this
             side round the point is not completely white (Paskin & Thrun 2005, section 1.3.3).
+        interval : bool
+            Bound the Monte Carlo error too (docs/uncertainty.md).
 
         Returns
         -------
-        (n,) float64
+        (n,) float64, or PointEstimates
             nan outside the window.
 
         Raises
@@ -73,9 +105,23 @@ class Run(stored.Run):
         InputError
             If there are no draws yet.
         """
-        return occupied_probability(self.draws, checked("points", points, (None, 2)), square)
+        xy = checked("points", points, (None, 2))
+        if not interval:
+            return occupied_probability(self.draws, xy, square)
+        found = occupied_estimates(self.draws, self.chain, xy, square, self._smallest_ess)
+        return PointEstimates(*found, self._image.seen_at(xy))
 
-    def paths(self, paths: ArrayLike | Sequence[ArrayLike], radius: float) -> NDArray[np.float64]:
+    @overload
+    def paths(
+        self, paths: ArrayLike | Sequence[ArrayLike], radius: float, *, interval: Literal[False] = False
+    ) -> NDArray[np.float64]: ...
+
+    @overload
+    def paths(self, paths: ArrayLike | Sequence[ArrayLike], radius: float, *, interval: Literal[True]) -> Estimates: ...
+
+    def paths(
+        self, paths: ArrayLike | Sequence[ArrayLike], radius: float, *, interval: bool = False
+    ) -> NDArray[np.float64] | Estimates:
         """Return how probably a disc can follow each path: jointly over all of it, map by map.
 
         Parameters
@@ -84,10 +130,12 @@ class Run(stored.Run):
             Corners in metres; one array (k, 2) is one path.
         radius : float
             Of the disc, metres.
+        interval : bool
+            Bound the Monte Carlo error too (docs/uncertainty.md).
 
         Returns
         -------
-        (n_paths,) float64
+        (n_paths,) float64, or Estimates
             nan for a path that leaves the window.
 
         Raises
@@ -97,6 +145,8 @@ class Run(stored.Run):
         InputError
             If there are no draws yet.
         """
+        if interval:
+            return path_estimates(self.draws, self.chain, as_paths(paths), radius, self._smallest_ess)
         return np.array([path_free(self.draws, path, radius).p_free for path in as_paths(paths)], np.float64)
 
     @property
@@ -135,6 +185,12 @@ class Run(stored.Run):
             write_run(target, self)
             if self.image is not None:
                 render_posterior(dataclasses.replace(self, path=target), target / names.PICTURE)
+
+    @cached_property
+    def _smallest_ess(self) -> float:
+        """Effective sample size that draws which are all equal count for."""
+        functionals = np.column_stack([np.empty((len(self.chain), 0)), *self.functionals.values()])
+        return smallest_ess(by_chain(self.probe_black, self.chain), by_chain(functionals, self.chain))
 
     @property
     def _image(self) -> PosteriorImage:

@@ -69,7 +69,15 @@ def export(
     ] = False,
     resolution: Annotated[
         float | None,
-        typer.Option("--resolution", metavar="METRES", help="ros-map of a MAP or a draw: cell size (MAP: 0.05)."),
+        typer.Option("--resolution", metavar="METRES", help="ros-map: cell size.  [as the run's image; MAP: 0.05]"),
+    ] = None,
+    extrapolate: Annotated[
+        float | None,
+        typer.Option(
+            "--extrapolate",
+            metavar="METRES",
+            help="Export the posterior's guess so far beyond what readings saw; else that is unknown.  [0]",
+        ),
     ] = None,
     output: Output = None,
     json: Json = False,
@@ -78,15 +86,16 @@ def export(
     """Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF.
 
     geojson, svg and dxf take the polygons of the best map, ros-map the posterior probability of each cell, netcdf the
-    values that were watched in every draw, for ArviZ. ros-map writes two files, a yaml file and the image it names; it
-    is the one format for a GRID. dxf and netcdf need libraries: pip install 'prf-mapq[dxf,netcdf]'.
+    values that were watched in every draw, for ArviZ. What no reading saw is unknown in a ros-map, and polygons end
+    half a metre beyond what was seen. ros-map writes two files, a yaml file and the image it names; it is the one
+    format for a GRID. dxf and netcdf need libraries: pip install 'prf-mapq[dxf,netcdf]'.
     """
     from prf.export import Options, export_source
     from prf.shell import jsonout
     from prf.shell.streams import refuse_json_beside, say_beside
 
     refuse_json_beside(output, json)
-    options = Options(format, draw, mode, unknown, squares, resolution)
+    options = Options(format, draw, mode, unknown, squares, resolution, extrapolate)
     done = export_source(source, output, options, force)
     for note in done.notes:
         logger.warning(note)

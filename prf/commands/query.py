@@ -10,10 +10,14 @@ import typer
 from prf.shell.options import Json
 
 if TYPE_CHECKING:
-    from prf.api.run import Run
+    from prf.api.run import PointEstimates, Run
     from prf.occupancy import OccupancyGrid
+    from prf.uncertainty import Estimates
 
 logger = logging.getLogger(__name__)
+
+MAX_RHAT = 1.1
+"""Above it a warning says that the chains disagree on what was asked."""
 
 EXAMPLES = (
     "prf query office --points points.csv > answers.csv",
@@ -45,14 +49,17 @@ def query(
 ) -> None:
     """Ask a run or a grid how probably points, squares or a path are occupied or free.
 
-    With --points: CSV rows x,y,p_occupied in the order of the input; p_occupied is the share of draws that are black
-    at the point, or in which the square is not completely white, and nan outside the window. With --path: p_free, the
-    share of draws in which a disc can follow the whole path, nan if the path leaves the window; what the disc alone
-    covers beyond it is taken as free. A GRID answers for its cells, taken as independent: that not all cells with
-    their centres in a square, or all cells that the disc touches, are free.
+    With --points: CSV rows x,y,p_occupied,low,high,seen in the order of the input. p_occupied is the share of draws
+    that are black at the point, or in which the square is not completely white, and nan outside the window; seen is 1
+    where a reading crossed the cell of the image that holds the point, or ended in it. With --path: p_free, the share
+    of draws in which a disc can follow the whole path, nan if the path leaves the window; what the disc alone covers
+    beyond it is taken as free. low and high bound the probability at 95 % for the Monte Carlo error alone, from ESS
+    and R-hat of the very question. A GRID has no such error, and answers for its cells, taken as independent: that
+    not all cells with their centres in a square, or all cells that the disc touches, are free.
     """
     from prf.api.run import open_run
     from prf.occupancy import is_grid, read_grid
+    from prf.run import names
     from prf.shell.errors import UsageError
 
     if (points is None) == (path is None):
@@ -61,7 +68,7 @@ def query(
         raise UsageError("--path and --radius METRES go together.")
     if path is not None and square is not None:
         raise UsageError("--square goes with --points.")
-    source = read_grid(run) if is_grid(run) else open_run(run, parts=())
+    source = read_grid(run) if is_grid(run) else open_run(run, parts=(names.POSTERIOR,))
     if points is not None:
         _answer_points(source, points, square or 0.0, json)
     elif path is not None and radius is not None:
@@ -74,16 +81,24 @@ def _answer_points(source: Run | OccupancyGrid, points: str, square: float, json
     from prf.shell import console, jsonout
 
     xy = read_points(points)
+    columns = {"x": xy[:, 0].tolist(), "y": xy[:, 1].tolist()}
     if isinstance(source, occupancy.OccupancyGrid):
-        n_draws, answers = None, occupancy.occupied_probability(source, xy, square).tolist()
+        p = occupancy.occupied_probability(source, xy, square).tolist()
+        n_draws, seen = None, source.image().seen_at(xy)
+        columns |= {"p_occupied": p, "low": p, "high": p}
     else:
-        n_draws, answers = len(source.draws), source.query(xy, square).tolist()
-    rows = [(x, y, p) for (x, y), p in zip(xy.tolist(), answers, strict=True)]
+        n_draws, found = len(source.draws), source.query(xy, square, interval=True)
+        seen, errors = found.seen, {"ess": found.ess.tolist(), "rhat": found.rhat.tolist()} if json else {}
+        bounds = {"low": found.low.tolist(), "high": found.high.tolist()}
+        columns |= {"p_occupied": found.probability.tolist(), **bounds, **errors}
+        _warn(points, "point", found)
+    columns["seen"] = (seen if json else seen.astype(int)).tolist()
+    rows = zip(*columns.values(), strict=True)
     if json:
-        content = [dict(zip(("x", "y", "p_occupied"), row, strict=True)) for row in rows]
+        content = [dict(zip(columns, row, strict=True)) for row in rows]
         jsonout.emit_object("prf.query.points/1", {"points": content, "square": square, "n_draws": n_draws})
     else:
-        console.emit("\n".join(["x,y,p_occupied", *(f"{x!r},{y!r},{p!r}" for x, y, p in rows)]))
+        console.emit("\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows)]))
 
 
 def _answer_path(source: Run | OccupancyGrid, path: str, radius: float, json: bool) -> None:
@@ -93,12 +108,33 @@ def _answer_path(source: Run | OccupancyGrid, path: str, radius: float, json: bo
 
     xy = read_points(path)
     if isinstance(source, occupancy.OccupancyGrid):
-        found = {"p_free": occupancy.path_free(source, xy, radius), "n_draws": None}
+        p = occupancy.path_free(source, xy, radius)
+        answer: dict[str, float | None] = {"p_free": p, "low": p, "high": p, "ess": None, "rhat": None, "n_draws": None}
     else:
-        found = {"p_free": float(source.paths(xy, radius)[0]), "n_draws": len(source.draws)}
-    if found["p_free"] != found["p_free"]:
+        found = source.paths(xy, radius, interval=True)
+        values = [float(column[0]) for column in found]
+        answer = {**dict(zip(("p_free", *found._fields[1:]), values, strict=True)), "n_draws": len(source.draws)}
+        _warn(path, "path", found)
+    if answer["p_free"] != answer["p_free"]:
         logger.warning("%s: the path leaves the window, so nothing is known of it: p_free is nan.", path)
     if json:
-        jsonout.emit_object("prf.query.path/1", found)
+        jsonout.emit_object("prf.query.path/1", answer)
     else:
-        console.emit("\n".join(f"{name:7}  {value!r}" for name, value in found.items() if value is not None))
+        shown = {name: value for name, value in answer.items() if value is not None}
+        shown |= {name: round(shown[name], 2) for name in ("ess", "rhat") if name in shown}
+        console.emit("\n".join(f"{name:7}  {value!r}" for name, value in shown.items()))
+
+
+def _warn(file: str, kind: str, found: Estimates | PointEstimates) -> None:
+    """Warn where chains are too short, or disagree, for what was asked."""
+    from prf.diagnostics import FEWEST_DRAWS, MIN_ESS
+
+    known = found.probability == found.probability
+    weak = known & ~((found.ess >= MIN_ESS) & (found.rhat <= MAX_RHAT))
+    if not weak.any():
+        return
+    ess, rhat = found.ess[weak].min(), found.rhat[weak].max()
+    worst = f"ESS {ess:.0f}, R-hat {rhat:.2f}" if ess == ess else f"fewer than {FEWEST_DRAWS} draws a chain"
+    which = f"the {kind}" if len(weak) == 1 else f"{weak.sum()} of {len(weak)} {kind}s, at worst"
+    bounds = f"(wanted: ESS {MIN_ESS:.0f} or more, R-hat {MAX_RHAT} or less)"
+    logger.warning(f"{file}: {worst} for {which} {bounds}. Sample longer: prf sample --resume.")

@@ -11,6 +11,7 @@ from prf.export import formats
 from prf.export.cells import cells_of
 from prf.export.dxf import dxf_text
 from prf.export.formats import Options
+from prf.export.known import cut_to_known
 from prf.export.netcdf import netcdf_bytes
 from prf.export.ros_map import ros_map
 from prf.export.shapes import counts
@@ -87,7 +88,7 @@ def _content(name: str, source: Source, options: Options, targets: tuple[str, ..
         return _netcdf(source)
     if name == formats.ROS_MAP:
         return _ros_map(source, options, PurePath(targets[1]).name)
-    chosen = source.choose_map(options.draw)
+    chosen = cut_to_known(source.choose_map(options.draw), source.image, options.extrapolate or 0.0)
     area, window = oriented_polygons(chosen.coloring), chosen.coloring.window
     facts, title = {"map": chosen.title, **counts(area)._asdict()}, _printable(chosen.title)
     if name == formats.GEOJSON:

@@ -40,6 +40,8 @@ class Options:
         Of a ROS map: ask whether a cell is not completely white instead of the colour of its centre.
     resolution : float or None
         Of a ROS map made from one map: side of a cell in metres.
+    extrapolate : float or None
+        Metres beyond the cells that readings saw up to which a RUN or a GRID is exported as it has it; None: 0.
     """
 
     format: str | None = None
@@ -48,6 +50,7 @@ class Options:
     unknown: tuple[float, float] | None = None
     squares: bool = False
     resolution: float | None = None
+    extrapolate: float | None = None
 
 
 def resolve_format(wanted: str | None, output: str | None) -> str:
@@ -79,6 +82,10 @@ def check_options(name: str, options: Options) -> None:
     for flag, given in only_ros.items():
         if given and name != ROS_MAP:
             raise UsageError(f"{flag} is for --format {ROS_MAP}, not {name}.")
+    if options.extrapolate is not None and name == NETCDF:
+        raise UsageError(f"--extrapolate is for maps, not for --format {NETCDF}.")
+    if options.extrapolate is not None and not 0.0 <= options.extrapolate < float("inf"):
+        raise UsageError(f"--extrapolate {options.extrapolate:g}: must be a number of metres, not negative.")
     if options.draw is not None and name == NETCDF:
         raise UsageError(f"--draw is for maps; --format {NETCDF} holds the values of all draws.")
     if options.unknown is not None:

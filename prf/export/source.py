@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from prf.coloring import Coloring, from_polygons
 from prf.occupancy import OccupancyGrid, is_grid, read_grid
-from prf.run import Run, names, read_map_feature, read_run
+from prf.run import PosteriorImage, Run, names, read_map_feature, read_run
 from prf.score import read_occupied_area
 from prf.shell.errors import InputError, UsageError
 from prf.shell.files import open_input
@@ -56,6 +56,13 @@ class Source:
             kind = "one map" if self.grid is None else "a grid"
             raise InputError(f"{self.path}: {kind} has no {what}. Give the RUN directory that prf sample wrote.")
         return self.run
+
+    @property
+    def image(self) -> PosteriorImage | None:
+        """Which cells readings saw: those of the run or of the grid; None for one map."""
+        if self.grid is not None:
+            return self.grid.image()
+        return None if self.run is None else self.run.image
 
     def choose_map(self, draw: int | None) -> Map:
         """Return draw number `draw` of the run, or for None the best map.

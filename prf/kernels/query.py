@@ -10,6 +10,7 @@ import numpy as np
 
 from prf.kernels._jit import jit
 from prf.kernels.geometry import segment_distance2, segment_meets_box
+from prf.kernels.grid import Grid
 
 
 @jit
@@ -73,3 +74,45 @@ def draws_clear_path(
             if edge_near_path(xy[first + edges[e, 0]], xy[first + edges[e, 1]], path, radius):
                 clear[draw] = False
                 break
+
+
+@jit
+def count_black(
+    grid: Grid,
+    first_black: np.ndarray,
+    vertex_offsets: np.ndarray,
+    xy: np.ndarray,
+    edge_offsets: np.ndarray,
+    edges: np.ndarray,
+    turns: np.ndarray,
+    count: np.ndarray,
+) -> None:
+    """Add to ``count`` (n_cells,) the draws in which the centre of each cell is black, row by row (scan conversion).
+
+    ``first_black`` (n_draws, ny): colours at the centres of the first column; ``turns`` (n_cells,): scratch.
+    """
+    for draw in range(first_black.shape[0]):
+        turns[:] = False
+        for e in range(edge_offsets[draw], edge_offsets[draw + 1]):
+            first = vertex_offsets[draw]
+            mark_crossings(grid, xy[first + edges[e, 0]], xy[first + edges[e, 1]], turns)
+        for k in range(grid.ny):
+            black = first_black[draw, k]
+            for cell in range(grid.nx * k, grid.nx * (k + 1)):
+                black = black != turns[cell]
+                count[cell] += black
+
+
+@jit
+def mark_crossings(grid: Grid, a: np.ndarray, b: np.ndarray, turns: np.ndarray) -> None:
+    """Switch ``turns`` of the first cell right of the edge a-b, in every row whose centres' line the edge crosses."""
+    low, high = min(a[1], b[1]), max(a[1], b[1])
+    for k in range(max(0, int((low - grid.y0) / grid.cell - 0.5)), grid.ny):
+        y = grid.y0 + (k + 0.5) * grid.cell
+        if y >= high:
+            break
+        if y >= low:
+            x = a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
+            column = int(np.ceil((x - grid.x0) / grid.cell - 0.5))
+            if 0 < column < grid.nx:
+                turns[column + grid.nx * k] = not turns[column + grid.nx * k]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from prf import agreement
 from prf.coloring import Coloring, occupied_polygons
-from prf.shell.pictures import BEAM, DIFFERS, IMPACT, INK, MUTED, OUTLINE, PATH, UNSEEN
+from prf.shell.pictures import BEAM, DIFFERS, HATCH, IMPACT, INK, MUTED, OUTLINE, PATH, UNSEEN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,11 +36,14 @@ def fill_map(axes: Axes, coloring: Coloring, colour: str = INK) -> None:
         axes.add_patch(PathPatch(outline, facecolor=colour, edgecolor="none", linewidth=0.0, zorder=2))
 
 
-def draw_outline(axes: Axes, coloring: Coloring, width: float = 1.0) -> None:
-    """Draw the edges of a map; parts of the window's border are none."""
+def draw_outline(axes: Axes, coloring: Coloring, image: PosteriorImage | None = None, width: float = 1.0) -> None:
+    """Draw the edges of a map, of an `image` those that touch what readings saw; the window's border is none."""
     from matplotlib.collections import LineCollection
 
     lines = coloring.xy[coloring.edges]
+    if image is not None:
+        along = lines[:, :1] + np.linspace(0.0, 1.0, 9)[:, None] * (lines[:, 1:] - lines[:, :1])
+        lines = lines[image.seen_at(along.reshape(-1, 2)).reshape(-1, 9).any(axis=1)]
     axes.add_collection(
         LineCollection(list(lines), colors=OUTLINE, linewidths=width, capstyle="round", zorder=3), autolim=False
     )
@@ -61,6 +64,21 @@ def draw_occupancy(axes: Axes, image: PosteriorImage, values: NDArray[np.float32
         zorder=1,
     )
     return drawn
+
+
+def draw_unseen(axes: Axes, image: PosteriorImage) -> None:
+    """Hatch the cells that no reading saw: what is drawn there is the prior's."""
+    import matplotlib as mpl
+
+    if image.seen.all() or min(image.seen.shape) < 2:
+        return
+    x, y = (
+        start + image.resolution * (np.arange(n) + 0.5)
+        for start, n in zip(image.origin, image.seen.shape[::-1], strict=True)
+    )
+    with mpl.rc_context({"hatch.linewidth": 0.5}):
+        drawn = axes.contourf(x, y, ~image.seen, levels=[0.5, 1.5], colors="none", hatches=["////"], zorder=1.2)
+    drawn.set(edgecolor=HATCH, linewidth=0.0)
 
 
 def draw_disagreement(axes: Axes, image: PosteriorImage) -> None:

@@ -29,7 +29,7 @@ def render_posterior(
     disagreement: bool = True,
     title: str | None = None,
 ) -> None:
-    """Draw how probably each point is occupied: white free, mid-grey unknown, black occupied.
+    """Draw how probably each point is occupied: white free, mid-grey unknown, black occupied; unseen cells hatched.
 
     Parameters
     ----------
@@ -63,11 +63,12 @@ def render_posterior(
     page, axes = style.map_page(window, style.margins_of(window, right=1.35), title or what, small)
     values = run.image.square_occupancy if squares else run.image.occupancy
     drawn = layers.draw_occupancy(axes, run.image, values)
+    layers.draw_unseen(axes, run.image)
     style.show_window(axes, window)
     if disagreement:
         layers.draw_disagreement(axes, run.image)
     if run.best is not None and outline:
-        layers.draw_outline(axes, run.best)
+        layers.draw_outline(axes, run.best, run.image)
     if run.beams is not None and beams:
         layers.draw_beams(axes, run.beams)
     if run.cones is not None and beams:
@@ -97,6 +98,7 @@ def render_cells(image: PosteriorImage, target: Target, *, title: str, words: st
     small = "  ·  ".join([*([words] if words else []), f"cells of {image.resolution:g} m", style.window_words(window)])
     page, axes = style.map_page(window, style.margins_of(window, right=1.35), title, small)
     drawn = layers.draw_occupancy(axes, image, image.occupancy)
+    layers.draw_unseen(axes, image)
     style.show_window(axes, window)
     _add_colour_bar(page, drawn, window, "occupied")
     style.save(page, target)
@@ -108,6 +110,7 @@ def small_print(run: Run) -> str:
         run.name,
         f"{style.counted(len(run.draws), 'draw')} of {style.counted(run.n_chains, 'chain')}",
         style.window_words(run.draws.window),
+        *(["hatched: not seen"] if run.image is not None and not run.image.seen.all() else []),
     ]
     status = run.manifest.get("status")
     return "  ·  ".join(parts + ([str(status)] if status in ("interrupted", "not converged") else []))

@@ -64,6 +64,8 @@ IMPACT = "#c92a2a"
 DIFFERS = "#9c36b5"
 UNSEEN = "#f6e7d8"
 """Cells about which a file says nothing."""
+HATCH = "#b58a5f"
+"""Of cells that no reading saw."""
 
 
 def rgb(colour: str) -> tuple[int, int, int]:

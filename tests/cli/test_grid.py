@@ -102,14 +102,20 @@ def test_bad_options_end_in_one_line(
 def test_query_takes_a_grid(office: Path, points: Path, capsys: pytest.CaptureFixture) -> None:
     grid, xy = read_grid(office), [[5.0, 7.0], [6.0, 7.0]]
     assert run("query", office, "--points", points, "--square", 0.2) == 0
-    rows = capsys.readouterr().out.splitlines()[1:]
-    assert [float(row.split(",")[2]) for row in rows] == occupied_probability(grid, xy, 0.2).tolist()
+    header, *rows = capsys.readouterr().out.splitlines()
+    assert header == "x,y,p_occupied,low,high,seen"
+    answered = np.array([[float(field) for field in row.split(",")] for row in rows])
+    for column in (2, 3, 4):
+        assert answered[:, column].tolist() == occupied_probability(grid, xy, 0.2).tolist()
+    np.testing.assert_array_equal(answered[:, 5], grid.image().seen_at(np.array(xy)))
     assert run("query", office, "--points", points, "--json") == 0
     assert json.loads(capsys.readouterr().out)["n_draws"] is None
     assert run("query", office, "--path", points, "--radius", 0.3) == 0
-    assert capsys.readouterr().out == f"p_free   {path_free(grid, xy, 0.3)!r}\n"
+    p = path_free(grid, xy, 0.3)
+    assert capsys.readouterr().out == f"p_free   {p!r}\nlow      {p!r}\nhigh     {p!r}\n"
     assert run("query", office, "--path", points, "--radius", 0.3, "--json") == 0
-    assert json.loads(capsys.readouterr().out)["p_free"] == path_free(grid, xy, 0.3)
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["p_free"], answer["low"], answer["high"], answer["ess"]) == (p, p, p, None)
 
 
 def test_render_takes_a_grid(office: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

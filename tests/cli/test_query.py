@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from prf.api.run import open_run
 from prf.cli import app
 from prf.coloring import Draws
-from prf.estimate import occupied_probability, path_free
+from prf.estimate import occupied_probability
 from prf.run import Run, read_run, write_run
 from prf.shell.run import run_app
 from tests.factories import WINDOW, make_run
@@ -21,7 +22,7 @@ from tests.factories import WINDOW, make_run
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("query") / "run"
-    write_run(path, make_run(n_draws=20))
+    write_run(path, make_run(n_draws=48))
     return path
 
 
@@ -31,7 +32,7 @@ def ask(*args: object) -> int:
 
 def rows(text: str) -> np.ndarray:
     header, *lines = text.splitlines()
-    assert header == "x,y,p_occupied"
+    assert header == "x,y,p_occupied,low,high,seen"
     return np.array([[float(field) for field in line.split(",")] for line in lines])
 
 
@@ -44,7 +45,15 @@ def test_points_in_input_order(folder: Path, tmp_path: Path, capsys: pytest.Capt
     answered = rows(capsys.readouterr().out)
     np.testing.assert_array_equal(answered[:, :2], xy)
     np.testing.assert_array_equal(answered[:, 2], occupied_probability(read_run(folder).draws, xy, square or 0.0))
-    assert np.isnan(answered[:, 2]).any()
+    assert np.isnan(answered[:, 2:5]).any(axis=1).tolist() == np.isnan(answered[:, 2]).tolist()
+    inside = ~np.isnan(answered[:, 2])
+    assert not inside.all()
+    assert (answered[inside, 3] <= answered[inside, 2]).all()
+    assert (answered[inside, 2] <= answered[inside, 4]).all()
+    seen = read_run(folder).image.seen_at(xy)
+    np.testing.assert_array_equal(answered[:, 5], seen)
+    assert not seen[~inside].any()
+    assert 0 < seen[inside].sum() < inside.sum()
 
 
 @pytest.mark.parametrize(
@@ -65,26 +74,48 @@ def test_forms_of_points(folder: Path, tmp_path: Path, capsys: pytest.CaptureFix
 def test_standard_input(folder: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"x,y\n1,2\n")))
     assert ask(folder, "--points", "-") == 0
-    assert capsys.readouterr().out.startswith("x,y,p_occupied\n1.0,2.0,")
+    assert capsys.readouterr().out.startswith("x,y,p_occupied,low,high,seen\n1.0,2.0,")
 
 
 def test_json_has_null_for_the_outside(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     (tmp_path / "points.csv").write_text("x,y\n1,2\n999,0\n")
     assert ask(folder, "--points", tmp_path / "points.csv", "--json") == 0
     answer = json.loads(capsys.readouterr().out)
-    assert (answer["schema"], answer["n_draws"]) == ("prf.query.points/1", 20)
-    assert answer["points"][1] == {"x": 999.0, "y": 0.0, "p_occupied": None}
+    assert (answer["schema"], answer["n_draws"]) == ("prf.query.points/1", 48)
+    unknown = dict.fromkeys(("p_occupied", "low", "high", "ess", "rhat"))
+    assert answer["points"][1] == {"x": 999.0, "y": 0.0, **unknown, "seen": False}
 
 
 def test_path(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     (tmp_path / "path.csv").write_text("x,y\n1,2\n1.5,2.5\n")
     assert ask(folder, "--path", tmp_path / "path.csv", "--radius", 0.1, "--json") == 0
     answer = json.loads(capsys.readouterr().out)
-    expected = path_free(read_run(folder).draws, [[1.0, 2.0], [1.5, 2.5]], 0.1)
-    assert answer == {"schema": "prf.query.path/1", "p_free": expected.p_free, "n_draws": 20}
-    assert 0.0 < expected.p_free < 1.0
+    expected = open_run(folder).paths([[1.0, 2.0], [1.5, 2.5]], 0.1, interval=True)
+    bounds = {name: getattr(expected, name)[0] for name in ("low", "high", "ess", "rhat")}
+    assert answer == {"schema": "prf.query.path/1", "p_free": expected.probability[0], **bounds, "n_draws": 48}
+    assert 0.0 < answer["low"] < answer["p_free"] < answer["high"] < 1.0
     assert ask(folder, "--path", tmp_path / "path.csv", "--radius", 0.1) == 0
-    assert capsys.readouterr().out == f"p_free   {expected.p_free}\nn_draws  20\n"
+    shown = dict(line.split() for line in capsys.readouterr().out.splitlines())
+    assert list(shown) == list(answer)[1:]
+    assert float(shown["p_free"]) == answer["p_free"]
+
+
+def test_few_effective_draws_are_warned_of(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    (tmp_path / "points.csv").write_text("1,2\n3,4\n")
+    assert ask(folder, "--points", tmp_path / "points.csv") == 0
+    assert "2 of 2 points" in capsys.readouterr().err
+    write_run(tmp_path / "long", make_run(n_draws=2000, resolution=5.0))
+    assert ask(tmp_path / "long", "--points", tmp_path / "points.csv") == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_few_draws_say_nothing_of_their_error(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    write_run(tmp_path / "run", make_run(n_draws=12))
+    (tmp_path / "points.csv").write_text("1,2\n")
+    assert ask(tmp_path / "run", "--points", tmp_path / "points.csv") == 0
+    shown = capsys.readouterr()
+    assert rows(shown.out)[0, 3:5].tolist() == [0.0, 1.0]
+    assert "fewer than 8 draws a chain" in shown.err
 
 
 def test_a_path_that_leaves_the_window_is_said_so(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
@@ -139,7 +170,7 @@ def test_a_header_without_rows_is_answered_with_one(
 ) -> None:
     (tmp_path / "points.csv").write_text("x,y\n")
     assert ask(folder, "--points", tmp_path / "points.csv") == 0
-    assert capsys.readouterr().out == "x,y,p_occupied\n"
+    assert capsys.readouterr().out == "x,y,p_occupied,low,high,seen\n"
 
 
 def test_a_run_without_draws(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
