@@ -111,7 +111,12 @@ def test_agreement_is_told_by_colour_too() -> None:
         for span in line.spans
         if span.style in ("green", "yellow")
     }
-    assert styles == {"n edges": "green", "log posterior": "yellow", "worst of 2 points": "yellow"}
+    assert styles == {
+        "n edges": "green",
+        "log posterior": "yellow",
+        "worst of 2 points": "yellow",
+        "agree on 100 % of the seen ground": "green",
+    }
 
 
 def map_glance(**changes: object) -> MapGlance:

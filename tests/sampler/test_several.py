@@ -174,15 +174,12 @@ def test_seen_and_unseen_ground_have_probes_of_their_own() -> None:
     seen[:, :7] = True  # of the second column of blocks the two left columns of pixels
     settings = Settings(ROOM, 0.2, resolution=0.5, seen=seen)
     with Sampler(settings, spawn_generators(1, 2), 1) as sampler:
-        xy, found = sampler.probe_xy, sampler.diagnose()
+        xy, unseen = sampler.probe_xy, sampler.unseen
     of_seen = xy[:, 0] < 3.5
     assert (of_seen.sum(), (~of_seen).sum()) == (8, 12)
     assert set(np.round(xy[of_seen, 0], 2)) <= {1.25, 0.75, 1.75, 3.25}
-    assert {name for name, each in found.items() if each.seen} == {
-        "log_likelihood",
-        "log_posterior",
-        *(f"colour at ({x:.2f}, {y:.2f})" for x, y in xy[of_seen]),
-    }
+    colours = {f"colour at ({x:.2f}, {y:.2f})" for x, y in xy[~of_seen]}
+    assert unseen == {"n_edges", "total_length", "log_prior"} | colours
 
 
 def test_probes_lie_in_the_middle_of_sixteen_parts() -> None:
