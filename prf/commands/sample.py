@@ -332,11 +332,11 @@ def _advice(run: Run, folder: Path) -> list[str]:
     if seconds is not None:
         again = f"prf sample --resume {shlex.quote(str(folder))} --time-budget {seconds:.0f}"
         return [f"about {_time_words(seconds)} more at this speed: {again}"]
-    if trend == "flat" and (waits or is_tempered):
+    if trend != "flat" or run.diagnostics["converged_seen"]:
+        return []
+    if waits or is_tempered:
         return ["the chains come no nearer: more time alone will not help (docs/tempering.md)"]
-    if trend == "flat":
-        return ["the chains come no nearer: more time alone will not help, --rungs auto may (docs/tempering.md)"]
-    return []
+    return ["the chains come no nearer: more time alone will not help, --rungs auto may (docs/tempering.md)"]
 
 
 def _time_words(seconds: float) -> str:

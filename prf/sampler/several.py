@@ -120,6 +120,11 @@ class Sampler:
         return self._tiled[0].length if self._tiled else self.chains[0].block
 
     @property
+    def next_steps(self) -> int:
+        """Steps of the next round."""
+        return self._tiled[0].next_length if self._tiled and self._tiled[0].is_due else self.chains[0].block
+
+    @property
     def probe_xy(self) -> NDArray[np.float64]:
         """Points (n_probes, 2) in metres whose colour is followed."""
         assert self.settings.resolution is not None
