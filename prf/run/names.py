@@ -21,6 +21,8 @@ SCHEMAS = {
     MAP: "prf.map/1",
     DIAGNOSTICS: diagnostics.SCHEMA,
 }
+OLD_POSTERIOR = "prf.posterior/1"
+"""Without the cells that were seen; read, no longer written."""
 CHECKPOINT_SCHEMA = "prf.checkpoint/2"
 """Apart from the others: only the sampler writes and reads what is in it."""
 SONAR_PREFIX = "sonar_"
