@@ -20,6 +20,7 @@ from prf.driven import way_guards
 from prf.kernels import constants as c
 from prf.kernels.build import fill_index
 from prf.kernels.chain import Chain
+from prf.kernels.cones import REACH
 from prf.kernels.grid import Grid, most_cells
 from prf.kernels.guards import GUARD_BOX, N_SHAPE
 from prf.kernels.prior_ground import freeze, retrace, thaw
@@ -149,8 +150,14 @@ def closed_cells(settings: Settings, chain: Chain) -> Bools:
     mark_beams(grid, np.ascontiguousarray(ray[:, :2]), end, path, is_closed.reshape(-1))
     if settings.sonar is not None:
         room = grid.nx * grid.ny
-        reach = np.full(len(pose), settings.sonar.model.max_range)
-        mark_cones(grid, pose, reach, np.empty(room, np.int32), np.empty(room), is_closed.reshape(-1))
+        mark_cones(
+            grid,
+            pose,
+            np.ascontiguousarray(pose[:, REACH]),
+            np.empty(room, np.int32),
+            np.empty(room),
+            is_closed.reshape(-1),
+        )
     return is_closed
 
 
