@@ -35,7 +35,7 @@ class Outlook(NamedTuple):
     seconds: float | None
 
 
-def outlook(half: Mapping[str, Diagnosis], now: Mapping[str, Diagnosis], seconds: float) -> Outlook:
+def outlook(half: Mapping[str, Diagnosis], now: Mapping[str, Diagnosis], seconds: float, climbs: bool) -> Outlook:
     """Return whether more time will bring agreement.
 
     Parameters
@@ -44,6 +44,8 @@ def outlook(half: Mapping[str, Diagnosis], now: Mapping[str, Diagnosis], seconds
         After half of the steps and after all.
     seconds : float
         That all took.
+    climbs : bool
+        Whether the log posterior of all chains still rises: what they come to cannot be known yet.
     """
     failing = {name: found for name, found in now.items() if not found.agrees()}
     if not failing:
@@ -51,7 +53,7 @@ def outlook(half: Mapping[str, Diagnosis], now: Mapping[str, Diagnosis], seconds
     if any(found.state in ("short", "not finite") for found in (*half.values(), *now.values())):
         return Outlook("unknown", None)
     if _stays(half, failing):
-        return Outlook("flat", None)
+        return Outlook("unknown" if climbs else "flat", None)
     factor = max(shortfall(found) for found in failing.values())
     return Outlook("nearing", rounded((factor - 1.0) * seconds)) if math.isfinite(factor) else Outlook("unknown", None)
 

@@ -178,6 +178,12 @@ class Sampler:
         since = [chain.record.since(burn_in(half)) for chain in self.chains]
         return self.diagnose([[draw for draw in draws if draw.step <= half] for draws in since])
 
+    def climbs(self) -> bool:
+        """Return whether the log posterior of every chain is higher in the second half of its draws, on average."""
+        values = np.array([[draw.functionals[-1] for draw in draws] for draws in self.recorded()])
+        half = values.shape[1] // 2
+        return half > 0 and bool((values[:, -half:].mean(axis=1) > values[:, :half].mean(axis=1)).all())
+
     def recorded(self) -> list[list[Draw]]:
         """Return the draws of each chain after burn-in."""
         return [chain.record.since(self.burn_in) for chain in self.chains]

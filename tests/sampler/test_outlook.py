@@ -10,8 +10,8 @@ from prf.diagnostics import Diagnosis
 from prf.sampler.outlook import Outlook, outlook, rounded
 
 
-def pair(half: Diagnosis, now: Diagnosis, seconds: float = 100.0) -> Outlook:
-    return outlook({"f": half}, {"f": now}, seconds)
+def pair(half: Diagnosis, now: Diagnosis, climbs: bool = False) -> Outlook:
+    return outlook({"f": half}, {"f": now}, 100.0, climbs)
 
 
 def test_chains_that_agree_need_nothing() -> None:
@@ -37,6 +37,10 @@ def test_what_was_not_seen_has_a_bound_of_its_own() -> None:
 @pytest.mark.parametrize("now", [Diagnosis(1.19, 12.0, "varies"), Diagnosis(math.inf, 0.0, "stuck")])
 def test_where_rhat_stays_more_time_is_no_help(now: Diagnosis) -> None:
     assert pair(Diagnosis(1.2, 10.0, "varies"), now) == Outlook("flat", None)
+
+
+def test_chains_that_climb_may_yet_come_nearer() -> None:
+    assert pair(Diagnosis(1.2, 10.0, "varies"), Diagnosis(1.19, 12.0, "varies"), climbs=True).trend == "unknown"
 
 
 def test_of_few_draws_nothing_is_known() -> None:

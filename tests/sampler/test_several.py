@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -162,6 +164,14 @@ def test_disagreement_is_the_largest_difference_of_two_chains(four: Sampler) -> 
     pairs = [np.abs(one - other) for one in black for other in black]
     assert four.disagreement().ravel() == pytest.approx(np.max(pairs, axis=0), abs=1e-6)
     assert four.disagreement().max() > 0.0
+
+
+def test_chains_climb_from_the_empty_map_and_settle(four: Sampler, monkeypatch: pytest.MonkeyPatch) -> None:
+    draws = four.recorded()[0][:4]
+    for values, climbs in (([1.0, 2.0, 3.0, 4.0], True), ([3.0, 1.0, 2.0, 1.5], False)):
+        made = [dataclasses.replace(draw, functionals=np.array([x])) for draw, x in zip(draws, values, strict=True)]
+        monkeypatch.setattr(four, "recorded", lambda made=made: [made, made])
+        assert four.climbs() is climbs
 
 
 def test_one_chain_disagrees_with_nobody(world: World) -> None:
