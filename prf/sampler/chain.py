@@ -167,9 +167,9 @@ class ChainSampler:
         if self.ground is not None:
             self.chain = self.ground.run_to(self.chain, self.rng, step)
 
-    def finish_block(self, end: int) -> None:
-        """Run up to the step `end` without a record on the way, record what is there, and settle."""
-        self.run_to(end - self.refreshed_of(end - self.step))
+    def finish_block(self, end: int, refreshed: int) -> None:
+        """Run up to the step `end`, the last `refreshed` steps where no reading concerns; record there, and settle."""
+        self.run_to(end - refreshed)
         self.refresh_to(end)
         if self.step == self.times.next_start:
             self.times.rotate(self.chain.image, self.step)

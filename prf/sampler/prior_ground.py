@@ -37,7 +37,7 @@ STEPS_PER_EDGE = 5e-4
 """Share of the steps of a block that are made there: so much for each edge that the prior has there in the mean, and at
 most; such a step takes a quarter of the time of another."""
 FIRST_STEPS_PER_EDGE = 1000
-MOST_FIRST_STEPS = 1_000_000
+MOST_FIRST_STEPS = 3_000_000
 """Steps before the first of the chain, likewise: some eight times as many as colours take to be forgotten."""
 FEWEST_EDGES = 2.0
 """Edges that the prior has there in the mean at least, if steps there are worth their while."""
