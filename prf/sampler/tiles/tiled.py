@@ -57,7 +57,7 @@ class TiledChain:
 
     def begin(self) -> Round:
         """Begin a round."""
-        steps = self.next_length - round(PLAIN_SHARE * self.next_length) - self.sampler.refreshed_of(self.next_length)
+        steps = self.next_length - round(PLAIN_SHARE * self.next_length)
         return self._round(steps, self.sampler.rng)
 
     def _round(self, steps: int, rng: np.random.Generator) -> Round:
@@ -72,14 +72,15 @@ class TiledChain:
         What is there is recorded at the end, and on the way as the tiles were at their looks.
         """
         sampler = self.sampler
-        end, refreshed = sampler.step + self.next_length, sampler.refreshed_of(self.next_length)
+        length = self.next_length
+        end = sampler.step + length
         at_first = functionals(sampler.chain)
         steps = np.linspace(sampler.step, end, len(begun.looks) + 1, dtype=np.int64)[1:-1]
         for look, step in enumerate(steps.tolist()):
             if sampler.record.is_due(step):
                 sampler.record.add(draw_at(begun, results, look, step, at_first))
         sampler.chain = finish_round(self.data, sampler.chain, begun, results)
-        sampler.finish_block(end, refreshed)
+        sampler.finish_block(end, length)
 
     def advance(self) -> None:
         """Do one round, the tiles one after the other."""
