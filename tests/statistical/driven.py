@@ -29,7 +29,7 @@ BURN_IN = 100_000
 
 
 class Mean(NamedTuple):
-    """Means (len(NAMES),) of what is compared, and their standard errors."""
+    """Means (k,) of what is compared, and their standard errors."""
 
     mean: Floats
     error: Floats
@@ -51,6 +51,11 @@ def exact_means(cost: float, n: int, seed: int) -> Mean:
     met = obstacles(SETTINGS, draws)
     weight = (met == 0).astype(float) if cost == np.inf else np.exp(-cost * met)
     found = values(draws)
+    return weighted_mean(weight, found)
+
+
+def weighted_mean(weight: Floats, found: Floats) -> Mean:
+    """Means of values (n, k) weighted by (n,)."""
     mean = weight @ found / weight.sum()
     return Mean(mean, np.sqrt(weight**2 @ (found - mean) ** 2) / weight.sum())
 
@@ -69,14 +74,14 @@ def chain_draws(cost: float, n_draws: int, thin: int, seed: int, is_guarded: boo
     return Draws.from_colorings(maps, ROOM)
 
 
-def batch_means(chains: list[Draws], n_batches: int) -> Mean:
-    """Means over chains, their errors from `n_batches` of each."""
-    batches = [values(draws).reshape(n_batches, -1, len(NAMES)).mean(axis=1) for draws in chains]
+def batch_means(chains: list[Floats], n_batches: int) -> Mean:
+    """Means of values (n_draws, k) of chains, their errors from `n_batches` of each."""
+    batches = [found.reshape(n_batches, -1, found.shape[1]).mean(axis=1) for found in chains]
     found = np.concatenate(batches)
     return Mean(found.mean(axis=0), found.std(axis=0, ddof=1) / np.sqrt(len(found)))
 
 
-def z_scores(one: Mean, other: Mean) -> dict[str, float]:
+def z_scores(one: Mean, other: Mean, names: tuple[str, ...] = NAMES) -> dict[str, float]:
     """Differences over their standard errors, by name."""
     z = (one.mean - other.mean) / np.hypot(one.error, other.error)
-    return dict(zip(NAMES, z.round(2).tolist(), strict=True))
+    return dict(zip(names, z.round(2).tolist(), strict=True))

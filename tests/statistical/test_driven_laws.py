@@ -33,7 +33,7 @@ def compared(cost: float, size: dict[str, int], is_guarded: bool = True) -> dict
             lambda k: driven.chain_draws(cost, size["draws"], size["thin"], SEED + k, is_guarded), range(2)
         )
         exact = driven.exact_means(cost, size["n"], SEED)
-        found = driven.z_scores(driven.batch_means(list(chains), size["batches"]), exact)
+        found = driven.z_scores(driven.batch_means([driven.values(draws) for draws in chains], size["batches"]), exact)
     print(found)
     return found
 
@@ -79,7 +79,7 @@ def test_tiles_that_know_nothing_of_it_do_not(monkeypatch: pytest.MonkeyPatch) -
 @pytest.mark.slow
 @pytest.mark.parametrize("cost", COSTS)
 def test_many_maps_of_tiles_are_those_of_the_prior_whose_way_is_free(cost: float) -> None:
-    means = driven.batch_means(tiled_chains(2000, cost), 50)
+    means = driven.batch_means([driven.values(draws) for draws in tiled_chains(2000, cost)], 50)
     z = driven.z_scores(means, driven.exact_means(cost, 200_000, SEED))
     print(z)
     assert worst(z) < 4.0, z
