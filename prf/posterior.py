@@ -17,7 +17,7 @@ from prf.kernels.points import Points, Y, paint
 from prf.layout import make_graph, make_guards, make_image, make_index, make_proposal, make_sites, make_targets
 from prf.sensors.laser import LaserModel, make_beams, make_rays, unit_vectors
 from prf.sensors.points import PointModel, make_points
-from prf.sensors.sonar import SonarModel, censored, make_cones, make_poses
+from prf.sensors.sonar import SonarModel, make_cones, make_poses
 from prf.window import Window
 
 Floats = NDArray[np.float64]
@@ -205,8 +205,7 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
         cell = max(cell, CELLS_A_LENGTH * float(ray[:, c.REACH].sum()) / MOST_LISTED)
     grid = make_grid(*window, cell)
     sonar = settings.sonar or SonarData(*_nothing(), np.zeros(0), SonarModel())
-    pose = make_poses(sonar.model, sonar.origin, sonar.angle, sonar.cone, sonar.readings)
-    pose = censored(pose, window, sonar.cone, sonar.model)
+    pose = make_poses(sonar.model, sonar.origin, sonar.angle, sonar.cone, sonar.readings, window)
     odds = np.array([DEFAULT_ODDS[move] for move in range(c.N_MOVES)])
     targets = make_targets(window, settings.target_side(), return_points(settings))
     tuning = settings.tuning()

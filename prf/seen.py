@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from prf.kernels.cones import REACH
 from prf.kernels.grid import Grid, most_cells
 from prf.kernels.seen import mark_beams, mark_cones
 from prf.sensors.laser import unit_vectors, window_exit
@@ -47,12 +48,16 @@ def seen_by_beams(grid: Grid, window: Window, origin: Floats, angle: Floats, ran
     return seen
 
 
-def seen_by_cones(grid: Grid, origin: Floats, angle: Floats, cone: Floats, ranges: Floats, max_range: float) -> Bools:
-    """Return which cells (ny, nx) of a grid sonar cones covered up to their readings, or to `max_range` without return.
+def seen_by_cones(
+    grid: Grid, window: Window, origin: Floats, angle: Floats, cone: Floats, ranges: Floats, max_range: float
+) -> Bools:
+    """Return which cells (ny, nx) of a grid sonar cones covered up to their readings, or without return their reach.
 
     Parameters
     ----------
     grid : Grid
+    window : Window
+        Where a cone leaves it, the reach of the sonar ends (:func:`prf.sensors.sonar.make_poses`).
     origin : (n, 2) array
         Metres.
     angle, cone : (n,) arrays
@@ -64,7 +69,7 @@ def seen_by_cones(grid: Grid, origin: Floats, angle: Floats, cone: Floats, range
     """
     seen: Bools = np.zeros((grid.ny, grid.nx), np.bool_)
     room = min(2 * math.ceil(max_range / grid.cell) + 3, max(grid.nx, grid.ny)) ** 2
-    pose = make_poses(SonarModel(max_range=max_range), origin, angle, cone, ranges)
-    reach = np.minimum(ranges, max_range)
+    pose = make_poses(SonarModel(max_range=max_range), origin, angle, cone, ranges, window)
+    reach = np.minimum(ranges, pose[:, REACH])
     mark_cones(grid, pose, reach, np.empty(room, np.int32), np.empty(room), seen.reshape(-1))
     return seen

@@ -43,7 +43,7 @@ def make_image(draws: Draws, resolution: float) -> PosteriorImage:
     square = occupied_probability(draws, cells, resolution).reshape(n_rows, n_columns)
     origin = np.array([window.x_min, window.y_min])
     seen = np.arange(point.size).reshape(point.shape) % 5 > 0
-    differs = (0.5 * point).astype(np.float32)
+    differs = (0.1 * point).astype(np.float32)
     return PosteriorImage(point.astype(np.float32), square.astype(np.float32), origin, resolution, seen, differs)
 
 

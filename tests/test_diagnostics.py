@@ -17,7 +17,8 @@ def chains(seed: int = 1, n_chains: int = 4, n_draws: int = 400) -> np.ndarray:
 
 
 def one(values: np.ndarray) -> tuple[float, float, str]:
-    return tuple(diagnose({"f": values})["f"])
+    found = diagnose({"f": values})["f"]
+    return found.rhat, found.ess, found.state
 
 
 def test_independent_draws_agree() -> None:
@@ -123,10 +124,25 @@ def test_document_and_acceptance() -> None:
     assert content["schema"] == "prf.diagnostics/1"
     assert content["converged"] is True
     assert content["worst"] == "f"
-    assert set(content["functionals"]["f"]) == {"rhat", "ess", "state"}
+    assert set(content["functionals"]["f"]) == {"rhat", "ess", "state", "seen"}
     assert content["steps_per_second"] == 1.5
 
 
 def test_import_is_light() -> None:
     code = "import sys, prf.diagnostics; sys.exit(any(m in sys.modules for m in ('arviz_stats', 'scipy', 'numba')))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_what_no_reading_saw_has_a_looser_rule_and_comes_last() -> None:
+    slow = chains() + np.array([[0.0], [0.5], [1.0], [0.0]])
+    assert 1.05 < one(slow)[0] < 1.2
+    found = diagnose({"far": slow, "near": chains(2)}, unseen=["far"])
+    assert [each.seen for each in found.values()] == [False, True]
+    assert converged(found)
+    assert not converged(diagnose({"far": slow, "near": chains(2)}))
+    apart = chains() + 10.0 * np.arange(4)[:, None]
+    verdict = converged(diagnose({"far": apart, "near": chains(2)}, unseen=["far"]))
+    assert (verdict.converged, verdict.seen, verdict.worst) == (False, True, "far")
+    assert verdict.reason.endswith("of what no reading saw")
+    verdict = converged(diagnose({"far": apart, "near": slow}, unseen=["far"]))
+    assert (verdict.converged, verdict.seen, verdict.worst) == (False, False, "near")

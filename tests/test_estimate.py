@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
+from prf.api.run import Run
 from prf.coloring import Coloring, Draws, occupied_polygons
 from prf.estimate import occupied_in_draws, occupied_probability, path_free, path_free_in_draws
 from prf.shell.errors import InputError, UsageError
 from prf.window import Window
-from tests.factories import WINDOW, random_draws
+from tests.factories import WINDOW, make_run, random_draws
 
 
 def random_points(seed: int, n: int) -> np.ndarray:
@@ -63,6 +66,32 @@ def test_batches_do_not_change_the_answer(monkeypatch: pytest.MonkeyPatch) -> No
     whole = occupied_probability(draws, xy, 0.5)
     monkeypatch.setattr("prf.estimate.MOST_COLOURS", 70)
     np.testing.assert_array_equal(occupied_probability(draws, xy, 0.5), whole)
+
+
+def test_bounds_come_with_the_same_answers_chain_by_chain() -> None:
+    run = Run.of(make_run(n_draws=60))
+    xy = np.vstack((random_points(6, 40), [[1e3, 0.0]]))
+    found = run.query(xy, 0.3, interval=True)
+    np.testing.assert_array_equal(found.probability, run.query(xy, 0.3))
+    assert found._fields == ("probability", "low", "high", "ess", "rhat", "seen")
+    assert np.isnan([column[-1] for column in found[:5]]).all()
+    assert not found.seen[-1]
+    assert (found.low[:-1] <= found.probability[:-1]).all()
+    assert (found.probability[:-1] <= found.high[:-1]).all()
+    shuffled = np.argsort(run.chain, kind="stable")  # draws of a chain in their order: nothing changes
+    other = dataclasses.replace(
+        run,
+        draws=Draws.from_colorings([run.draws[i] for i in shuffled]),
+        chain=run.chain[shuffled],
+        functionals={name: values[shuffled] for name, values in run.functionals.items()},
+        probe_black=run.probe_black[shuffled],
+    )
+    np.testing.assert_array_equal(other.query(xy, 0.3, interval=True), found)
+    paths = [[[0.0, 0.0], [0.5, 0.5]], [[0.0, 0.0], [1e3, 0.0]]]
+    bounded = run.paths(paths, 0.1, interval=True)
+    np.testing.assert_array_equal(bounded.probability, run.paths(paths, 0.1))
+    assert bounded._fields == ("probability", "low", "high", "ess", "rhat")
+    assert np.isnan(bounded.high).tolist() == [False, True]
 
 
 @pytest.mark.parametrize("black", [False, True])

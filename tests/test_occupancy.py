@@ -46,6 +46,24 @@ def test_one_beam_misses_the_cells_on_its_way_and_hits_the_last() -> None:
     assert grid.share_seen == 5 / 80
 
 
+@pytest.mark.parametrize("reading", [5.2, 8.0, 9.99])
+def test_a_beam_that_leaves_the_grid_is_free_up_to_the_border_whatever_it_reads(reading: float) -> None:
+    """The window, 4.9 m wide, is rounded up to ten cells: what stands beyond these is in no cell."""
+    beam = Readings.from_arrays([0.25, 0.25], [0.0], [reading])
+    grid = build(beam, resolution=0.5, window=(0.0, 0.0, 4.9, 4.0))
+    np.testing.assert_array_equal(grid.misses[0], np.ones(10))
+    assert (int(grid.hits.sum()), int(grid.misses.sum())) == (0, 10)
+    assert grid.seen.sum() == 10
+
+
+@pytest.mark.parametrize("reading", [2.0, 3.4, np.inf])
+def test_a_cone_that_leaves_the_grid_is_free_up_to_the_border_whatever_it_reads(reading: float) -> None:
+    """The ends of these readings lie outside all over the cone, or there is none."""
+    cone = Readings.from_arrays([4.0, 2.125], [0.0], [reading], cone=0.3)
+    grid = build(sonar=cone, resolution=0.25)
+    assert (int(grid.hits.sum()), int(grid.misses[8, 16:].min())) == (0, 1)
+
+
 def test_log_odds_of_one_beam() -> None:
     grid = build(BEAM, resolution=0.5, method="log-odds")
     np.testing.assert_allclose(grid.occupancy[0, 3:6], [0.4, 0.7, 0.5], rtol=1e-6)

@@ -18,14 +18,14 @@ from prf.kernels import constants as c
 from prf.kernels.build import resum
 from prf.kernels.step import run
 from prf.layout import grow, read_coloring
-from prf.posterior import DEFAULT_ODDS, PointData, Settings, SonarData, make_chain, one_colour_map
+from prf.posterior import DEFAULT_ODDS, LaserData, PointData, Settings, SonarData, make_chain, one_colour_map
 from prf.recompute import differences
 from prf.window import Window
-from tests.reference.beams import Sensor, impacts, log_likelihood
+from tests.reference.beams import Sensor, log_likelihoods_in
 from tests.reference.chain_state import digest, structural_faults
 from tests.reference.slow_points import Flips, Normal, lattice, observe
 from tests.reference.slow_points import log_likelihood as point_log_likelihood
-from tests.reference.slow_sonar import Cone, Ring, features
+from tests.reference.slow_sonar import Cone, Ring, features, reach_in
 from tests.reference.slow_sonar import log_likelihood as sonar_log_likelihood
 from tests.reference.sonar_worlds import data_of, draw_data, draw_sonar_world, ring_all_round
 from tests.reference.worlds import draw_world
@@ -123,8 +123,7 @@ def test_the_start_has_the_sums_of_the_written_model(at_truth: bool) -> None:
     world = draw_world(0.3, ROOM, NEAR, 3, 40, np.random.default_rng(6))
     start = world.coloring if at_truth else Coloring.empty(ROOM)
     chain = make_chain(Settings(ROOM, 0.3, world.data, resolution=0.5), start)
-    distance = impacts(start, world.data.origin, world.data.angle, NEAR.max)
-    expected = sum(log_likelihood(NEAR, r, d) for r, d in zip(world.data.readings, distance, strict=True))
+    expected = slow_laser_sum(start, world.data)
     assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(expected, rel=1e-9)
     assert chain.graph.sums[c.LOG_PRIOR] == pytest.approx(log_density(start, 0.3), rel=1e-12, abs=1e-12)
     assert chain.graph.sums[c.TOTAL_LENGTH] == pytest.approx(start.total_length())
@@ -141,18 +140,22 @@ def test_the_sums_of_a_run_are_those_of_the_written_model() -> None:
     while not run(chain, rng, 30_000):
         chain = grow(chain)
     coloring = read_coloring(chain.graph)
-    distance = impacts(coloring, world.data.origin, world.data.angle, NEAR.max)
-    expected = sum(log_likelihood(NEAR, r, d) for r, d in zip(world.data.readings, distance, strict=True))
+    expected = slow_laser_sum(coloring, world.data)
     assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(expected, rel=1e-8)
     assert chain.graph.sums[c.LOG_PRIOR] == pytest.approx(log_density(coloring, 0.3), rel=1e-9)
-    assert expected > 1.2 * len(distance) * math.log(0.95)
+    assert expected > 1.2 * len(world.data.readings) * math.log(0.95)
+
+
+def slow_laser_sum(coloring: Coloring, laser: LaserData) -> float:
+    return sum(log_likelihoods_in(coloring, NEAR, laser.origin, laser.angle, laser.readings))
 
 
 def slow_sonar_sum(coloring: Coloring, ring: Ring, sonar: SonarData) -> float:
-    rows = zip(sonar.origin.tolist(), sonar.angle.tolist(), sonar.cone.tolist(), sonar.readings.tolist(), strict=True)
+    cones = [Cone(*row) for row in np.column_stack([sonar.origin, sonar.angle, sonar.cone]).tolist()]
+    reach = [reach_in(coloring.window, cone, ring.max) for cone in cones]
     return sum(
-        sonar_log_likelihood(ring, features(coloring, Cone(*xy, angle, view), ring.max), reading)
-        for xy, angle, view, reading in rows
+        sonar_log_likelihood(ring, features(coloring, cone, end), reading, end)
+        for cone, end, reading in zip(cones, reach, sonar.readings.tolist(), strict=True)
     )
 
 
@@ -171,9 +174,7 @@ def test_the_sums_of_a_run_with_sonar_are_those_of_the_written_model() -> None:
     while not run(chain, rng, 20_000):
         chain = grow(chain)
     coloring = read_coloring(chain.graph)
-    distance = impacts(coloring, laser.origin, laser.angle, NEAR.max)
-    expected = sum(log_likelihood(NEAR, r, d) for r, d in zip(laser.readings, distance, strict=True))
-    expected += slow_sonar_sum(coloring, Ring(), world.data)
+    expected = slow_laser_sum(coloring, laser) + slow_sonar_sum(coloring, Ring(), world.data)
     assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(expected, rel=1e-8)
 
 
@@ -191,8 +192,7 @@ def test_the_sums_of_a_run_with_points_are_those_of_the_written_model(law: Norma
     while not run(chain, rng, 20_000):
         chain = grow(chain)
     coloring = read_coloring(chain.graph)
-    distance = impacts(coloring, world.data.origin, world.data.angle, NEAR.max)
-    expected = sum(log_likelihood(NEAR, r, d) for r, d in zip(world.data.readings, distance, strict=True))
+    expected = slow_laser_sum(coloring, world.data)
     expected += point_log_likelihood(coloring, law, points)
     assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(expected, rel=1e-8)
 

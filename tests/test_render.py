@@ -83,6 +83,21 @@ def test_the_posterior_is_white_grey_and_black_at_0_half_and_1() -> None:
     assert 0.85 < grey[3] < 0.97
 
 
+def test_seen_cells_where_chains_differ_are_tinted() -> None:
+    run = make_run(n_draws=5)
+    assert run.image is not None
+    blank, seen = np.zeros_like(run.image.occupancy), np.ones_like(run.image.seen)
+    seen[:, 20:] = False
+    differs = blank + np.where(np.arange(blank.shape[1]) % 20 < 10, 0.19, 0.21).astype(np.float32)
+    image = run.image._replace(occupancy=blank, seen=seen, disagreement=differs)
+    xy = np.column_stack((WINDOW.x_min + np.array([5.5, 15.5]), np.full(2, 3.3)))
+    options = {"outline": False, "path": False}
+    assert np.isclose(at_points(draw(render_posterior, replace(run, image=image), **options), WINDOW, xy)[0], 1.0)
+    assert at_points(draw(render_posterior, replace(run, image=image), **options), WINDOW, xy)[1] < 0.9
+    plain = draw(render_posterior, replace(run, image=image), disagreement=False, **options)
+    np.testing.assert_allclose(at_points(plain, WINDOW, xy), 1.0, atol=0.02)
+
+
 def test_an_unfinished_run_says_what_is_missing(tmp_path: Path) -> None:
     empty = Run({}, Draws.from_colorings([], WINDOW), np.empty(0, np.int32), np.empty(0, np.int64), {}, path=tmp_path)
     for function, name in (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from prf.diagnostics import Diagnosis
@@ -54,6 +55,17 @@ def test_it_fits_the_terminal(columns: int, rows: int, colours: str | None) -> N
     assert max(line.cell_len for line in lines) <= columns
 
 
+def test_where_chains_differ_is_named() -> None:
+    image = glance().image
+    assert image.agreement() is not None
+    differs = np.zeros_like(image.occupancy)
+    differs[image.seen] = np.where(np.arange(image.seen.sum()) == 0, 0.7, 0.0)
+    text = shown(glance(image=image._replace(disagreement=differs)), SCREEN)
+    assert f"agree on {100 * (image.seen.sum() - 1) // image.seen.sum()} % of the seen ground" in text
+    assert "differ round (" in text
+    assert "seen ground" not in shown(glance(image=image._replace(disagreement=None)), SCREEN)
+
+
 def test_a_wide_terminal_has_all_facts_beside_the_picture() -> None:
     text = shown(glance(), SCREEN)
     assert "office: 4 chains" in text
@@ -99,7 +111,12 @@ def test_agreement_is_told_by_colour_too() -> None:
         for span in line.spans
         if span.style in ("green", "yellow")
     }
-    assert styles == {"n edges": "green", "log posterior": "yellow", "worst of 2 points": "yellow"}
+    assert styles == {
+        "n edges": "green",
+        "log posterior": "yellow",
+        "worst of 2 points": "yellow",
+        "agree on 100 % of the seen ground": "green",
+    }
 
 
 def map_glance(**changes: object) -> MapGlance:

@@ -8,6 +8,7 @@ import shapely
 from prf.layout import image_grid
 from prf.seen import seen_by_beams, seen_by_cones
 from prf.window import Window
+from tests.reference.slow_sonar import Cone, reach_in
 
 WINDOW = Window(-2.0, 1.0, 6.0, 7.0)
 GRID = image_grid(WINDOW, 0.25)
@@ -40,8 +41,10 @@ def test_cones_see_no_less_than_they_cover_and_little_more() -> None:
     origin = rng.uniform(WINDOW[:2], WINDOW[2:], (12, 2))
     angle, ranges = rng.uniform(-np.pi, np.pi, 12), rng.uniform(0.3, 3.0, 12)
     ranges[0] = np.inf
-    seen = seen_by_cones(GRID, origin, angle, np.full(12, 0.35), ranges, 3.5)
-    length = np.minimum(ranges, 3.5)
+    seen = seen_by_cones(GRID, WINDOW, origin, angle, np.full(12, 0.35), ranges, 3.5)
+    length = np.minimum(
+        ranges, [reach_in(WINDOW, Cone(*xy, turn, 0.35), 3.5) for xy, turn in zip(origin, angle, strict=True)]
+    )
     turn = angle[:, None] + 0.35 * np.linspace(-0.5, 0.5, 41)
     rim = origin[:, None] + length[:, None, None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
     cones = shapely.union_all([shapely.Polygon([start, *ends]) for start, ends in zip(origin, rim, strict=True)])

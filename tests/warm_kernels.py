@@ -46,6 +46,7 @@ COMMANDS = (
     f"grid --laser {LOG} --every-scan 10 --method log-odds -o log-odds.npz",
     f"score run --laser {LOG} --every-scan 10 --seed 1",
     f"score grid.npz --laser {LOG} --every-scan 10 --seed 1",
+    "sample --sonar sonar.csv --window 3 5 8 9 --steps 10 --chains 1 --seed 1 -o echoes",
     "score run --sonar sonar.csv",
     "sample --point-data values.csv --steps 10 --chains 1 --seed 1 -o points",
     "score grid.npz --sonar sonar.csv",

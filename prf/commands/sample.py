@@ -294,8 +294,9 @@ def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None
     if swaps:
         console.summarize(_ladders(swaps))
     if not result["converged"] and progress.status != "running":
-        for line in _advice(run, folder):
-            console.summarize(line)
+        advice = _advice(run, folder)
+        if advice:
+            console.summarize(advice)
     rounded = f" (rounded up from {asked_steps:,})" if asked_steps is not None and progress.step > asked_steps else ""
     console.summarize(
         f"{result['draws']} draws of {result['chains']} chains, {progress.step:,} steps each{rounded}, {folder}/"
@@ -321,22 +322,25 @@ def _verdict(diagnostics: dict[str, Any], n_chains: int) -> str:
     return f"{judged} ({diagnostics['reason']})"
 
 
-def _advice(run: Run, folder: Path) -> list[str]:
-    """Return in words what to do about chains that do not agree; at most a line."""
+def _advice(run: Run, folder: Path) -> str:
+    """Return in words what to do about chains that do not agree; empty if there is nothing to say."""
     import shlex
 
     assert run.diagnostics is not None
-    configuration, trend = run.manifest["configuration"], run.diagnostics["trend"]
-    seconds = run.diagnostics["suggested_seconds"]
-    waits, is_tempered = configuration.get("rungs") == "auto", "tempering" in run.diagnostics
+    configuration, diagnostics = run.manifest["configuration"], run.diagnostics
+    seconds, is_flat = diagnostics["suggested_seconds"], diagnostics["trend"] == "flat"
+    is_tempered, waits = "tempering" in diagnostics, configuration.get("rungs") == "auto"
     if seconds is not None:
         again = f"prf sample --resume {shlex.quote(str(folder))} --time-budget {seconds:.0f}"
-        return [f"about {_time_words(seconds)} more at this speed: {again}"]
-    if trend == "flat" and (waits or is_tempered):
-        return ["the chains come no nearer: more time alone will not help (docs/tempering.md)"]
-    if trend == "flat":
-        return ["the chains come no nearer: more time alone will not help, --rungs auto may (docs/tempering.md)"]
-    return []
+        return f"about {_time_words(seconds)} more at this speed: {again}"
+    if diagnostics["converged_seen"] or _is_short(diagnostics, configuration["chains"]):
+        return ""
+    if waits and not is_tempered:
+        return "tempering: none so far, the chains were not seen to stay apart; run longer (docs/tempering.md)"
+    other = "see docs/tempering.md" if is_tempered else "try --rungs auto (docs/tempering.md)"
+    if is_flat:
+        return f"the chains come no nearer, more time alone will not help: {other}"
+    return f"run longer, or {other}"
 
 
 def _time_words(seconds: float) -> str:

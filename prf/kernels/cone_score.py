@@ -75,10 +75,10 @@ def add_sonar_densities(
     for cone in range(pose.shape[0]):
         reading = pose[cone, READING]
         if occupied[cone]:
-            total[cone] += stray_density(model, reading)
+            total[cone] += stray_density(model, reading, model[SONAR_MAX])
         else:
             look(scene, pose[cone], model[SONAR_MAX])
-            total[cone] += math.exp(sonar_log_likelihood(model, scene.sight, reading))
+            total[cone] += math.exp(sonar_log_likelihood(model, scene.sight, reading, model[SONAR_MAX]))
 
 
 @core_entry
@@ -159,7 +159,7 @@ def grid_cone(
         elif near - WHOLE * s < reading < far + WHOLE * s:
             density += p * unmet * blurred_bin(reading, near, far, s)
         unmet *= 1.0 - p
-    return (1.0 - stray) * density + ((1.0 - stray) * unmet + stray) * stray_density(model, reading)
+    return (1.0 - stray) * density + ((1.0 - stray) * unmet + stray) * stray_density(model, reading, model[SONAR_MAX])
 
 
 @core_entry

@@ -2,7 +2,7 @@
 
 The cells that a cone can ever touch are known from the start ("slots", nearest first). A slot is listed in its cell
 while it lies within the cone's extent: up to its farthest contact where the whole field of view is covered, else up to
-its maximum range (section 2.3). A change of the map beyond finds no cone to ask.
+its reach (section 2.3). A change of the map beyond finds no cone to ask.
 """
 
 import math
@@ -17,14 +17,15 @@ from prf.kernels.graph import Graph, ends_of
 from prf.kernels.grid import HAIR, HAIR_SHARE, Grid, axis_index
 from prf.kernels.proposal import N_NEW_EDGES, Proposal, goes
 from prf.kernels.slots import list_slot
-from prf.kernels.sonar import SONAR_MAX, sonar_log_likelihood
+from prf.kernels.sonar import sonar_log_likelihood
 from prf.kernels.visibility import BORDER, N_LINES, POSE_COS, POSE_SIN, POSE_X, POSE_Y, Sight, see_edge, sweep
 
 # Columns of ``Cones.pose`` after those that place the sonar.
-READING = 5  # m; inf for no return, -m where it is censored at m, the border of the window
-EXTENT = 6  # up to where the map matters now, m
-CONE_LOG_LIKELIHOOD = 7
-N_POSE = 8
+READING = 5  # m; inf for no return within the reach
+REACH = 6  # nothing farther is heard: the maximum range, or where the cone leaves the window, m
+EXTENT = 7  # up to where the map matters now, m
+CONE_LOG_LIKELIHOOD = 8
+N_POSE = 9
 
 SLACK = 1.0 + HAIR_SHARE
 """Extents are raised by a hair: rounding may then ask a cone in vain, but never forget one."""
@@ -84,7 +85,7 @@ def see_indexed(
             see_edge(
                 cones.sight,
                 pose,
-                cones.model[SONAR_MAX],
+                pose[REACH],
                 graph.edge_xy[edge],
                 corner_at(graph, a),
                 corner_at(graph, b),
@@ -104,7 +105,7 @@ def see_new(graph: Graph, cones: Cones, cone: int, proposal: Proposal) -> None:
     for k in range(proposal.counts[N_NEW_EDGES]):
         a = corner_at(graph, proposal.new_edges[k, 0])
         b = corner_at(graph, proposal.new_edges[k, 1])
-        see_edge(cones.sight, pose, cones.model[SONAR_MAX], proposal.new_xy[k], a, b)
+        see_edge(cones.sight, pose, pose[REACH], proposal.new_xy[k], a, b)
 
 
 @core
@@ -115,7 +116,7 @@ def sense(
 
     The near slots are asked first: where they cover the field of view, the far ones cannot be seen.
     """
-    reach = cones.model[SONAR_MAX]
+    reach = cones.pose[cone, REACH]
     first = cones.slot_start[cone]
     end = cones.slot_start[cone + 1]
     near = cones.last_slot[cone] + 1
@@ -128,7 +129,7 @@ def sense(
     if near < end and cones.slot_near[near] <= extent:
         see_indexed(graph, index, cones, cone, near, end, proposal, with_change)
         extent = min(reach, SLACK * sweep(cones.sight, cones.pose[cone, BORDER], reach))
-    return extent, sonar_log_likelihood(cones.model, cones.sight, cones.pose[cone, READING])
+    return extent, sonar_log_likelihood(cones.model, cones.sight, cones.pose[cone, READING], reach)
 
 
 @core
@@ -203,20 +204,17 @@ def cells_of_cone(grid: Grid, pose: np.ndarray, reach: float, cells: np.ndarray,
 
 
 @core_entry
-def count_cone_slots(
-    grid: Grid, pose: np.ndarray, reach: float, cells: np.ndarray, near: np.ndarray, slot_start: np.ndarray
-) -> None:
+def count_cone_slots(grid: Grid, pose: np.ndarray, cells: np.ndarray, near: np.ndarray, slot_start: np.ndarray) -> None:
     """Fill `slot_start` (n + 1,) with the number of cells of each cone, summed."""
     slot_start[0] = 0
     for cone in range(pose.shape[0]):
-        slot_start[cone + 1] = slot_start[cone] + cells_of_cone(grid, pose[cone], reach, cells, near)
+        slot_start[cone + 1] = slot_start[cone] + cells_of_cone(grid, pose[cone], pose[cone, REACH], cells, near)
 
 
 @core_entry
 def fill_cone_slots(
     grid: Grid,
     pose: np.ndarray,
-    reach: float,
     cells: np.ndarray,
     near: np.ndarray,
     slot_start: np.ndarray,
@@ -227,7 +225,7 @@ def fill_cone_slots(
     """Fill the cells and entries of all slots, and `cell_start` (n_cells + 1,) with the room of each cell."""
     cell_start[:] = 0
     for cone in range(pose.shape[0]):
-        n = cells_of_cone(grid, pose[cone], reach, cells, near)
+        n = cells_of_cone(grid, pose[cone], pose[cone, REACH], cells, near)
         for k in range(n):
             slot_cell[slot_start[cone] + k] = cells[k]
             slot_near[slot_start[cone] + k] = near[k] * (1.0 - HAIR_SHARE)

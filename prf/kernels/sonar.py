@@ -59,39 +59,32 @@ def feature_before(one: np.ndarray, other: np.ndarray) -> bool:
 
 
 @core
-def censored_at(model: np.ndarray, reading: float) -> float:
-    """Distance from which on a reading is known as "that or more": the window's border (-m), or the maximum range."""
-    return -reading if reading < 0.0 else model[SONAR_MAX]
+def hit_density(model: np.ndarray, reading: float, reach: float, depth: float) -> float:
+    """Density at a reading of a pulse that came back from `depth`; from `reach` on the probability to read so much.
 
-
-@core
-def hit_density(model: np.ndarray, reading: float, depth: float) -> float:
-    """Density at a reading (inf, -m: probability of no return, of m or more) of a pulse that came back from `depth`.
-
-    A Gaussian cut at 0 and renormalised; its mass beyond the maximum range is no return.
+    A Gaussian cut at 0 and renormalised.
     """
     s = max(model[SONAR_NOISE], model[SONAR_NOISE_RELATIVE] * depth)
     positive = normal_cdf(depth / s)
-    if reading < 0.0 or reading >= model[SONAR_MAX]:
-        return normal_cdf((depth - censored_at(model, reading)) / s) / positive
+    if reading >= reach:
+        return normal_cdf((depth - reach) / s) / positive
     z = (reading - depth) / s
     return math.exp(-0.5 * z * z) / (s * ROOT_TWO_PI * positive)
 
 
 @core
-def stray_density(model: np.ndarray, reading: float) -> float:
-    """Density at a reading (inf, -m: probability of no return, of m or more) of a pulse that no feature returned."""
-    if reading < 0.0 or reading >= model[SONAR_MAX]:
-        bound = censored_at(model, reading)
-        beyond = 1.0 - model[OUTLIER_SHORT] - model[OUTLIER_UNIFORM] * bound / model[SONAR_MAX]
-        return beyond + model[OUTLIER_SHORT] * math.exp(-model[SHORT_RATE] * bound)
+def stray_density(model: np.ndarray, reading: float, reach: float) -> float:
+    """Density at a reading of a pulse that no feature returned; from `reach` on the probability to read so much."""
+    if reading >= reach:
+        beyond = 1.0 - model[OUTLIER_SHORT] - model[OUTLIER_UNIFORM] * reach / model[SONAR_MAX]
+        return beyond + model[OUTLIER_SHORT] * math.exp(-model[SHORT_RATE] * reach)
     short = model[SHORT_RATE] * math.exp(-model[SHORT_RATE] * reading)
     return model[OUTLIER_UNIFORM] / model[SONAR_MAX] + model[OUTLIER_SHORT] * short
 
 
 @core
-def sonar_log_likelihood(model: np.ndarray, sight: Sight, reading: float) -> float:
-    """Log density of a reading (metres; inf: no return, -m: m or more) given the features of `sight`.
+def sonar_log_likelihood(model: np.ndarray, sight: Sight, reading: float, reach: float) -> float:
+    """Log density of a reading (metres; from `reach` on, no return) given the features of `sight`, all within `reach`.
 
     Feature f returns the pulse with probability r_f = q_f prod over closer g of (1 - q_g); with what is left none does.
     """
@@ -101,7 +94,7 @@ def sonar_log_likelihood(model: np.ndarray, sight: Sight, reading: float) -> flo
     for i in range(sight.counts[N_FEATURES]):
         feature = sight.feature[sight.rank[i]]
         q = return_probability(model, feature)
-        density += left * q * hit_density(model, reading, feature[DEPTH])
+        density += left * q * hit_density(model, reading, reach, feature[DEPTH])
         left *= 1.0 - q
-    density += left * stray_density(model, reading)
+    density += left * stray_density(model, reading, reach)
     return math.log(density) if density > 0.0 else -math.inf

@@ -81,15 +81,17 @@ def draw_unseen(axes: Axes, image: PosteriorImage) -> None:
     drawn.set(edgecolor=HATCH, linewidth=0.0)
 
 
-def draw_disagreement(axes: Axes, image: PosteriorImage) -> None:
-    """Tint the cells at which chains differ, seen or not."""
+def draw_disagreement(axes: Axes, image: PosteriorImage) -> bool:
+    """Tint the seen cells at which chains differ; return whether there are any."""
     from matplotlib.colors import to_rgba
 
     if image.disagreement is None:
-        return
-    tint = np.zeros((*image.disagreement.shape, 4))
-    tint[image.disagreement > agreement.DIFFERS] = to_rgba(DIFFERS, 0.5)
-    axes.imshow(tint, extent=image.extent, origin="lower", aspect="auto", interpolation="nearest", zorder=1.2)
+        return False
+    differs = image.seen & (image.disagreement > agreement.DIFFERS)
+    tint = np.zeros((*differs.shape, 4))
+    tint[differs] = to_rgba(DIFFERS, 0.5)
+    axes.imshow(tint, extent=image.extent, origin="lower", aspect="auto", interpolation="nearest", zorder=1.3)
+    return bool(differs.any())
 
 
 def thinned(rows: NDArray[Any]) -> NDArray[Any]:

@@ -46,7 +46,7 @@ def render_posterior(
     beams : bool
         Draw the beams of the laser and the arcs of the sonar, thinly, and the points with their values.
     disagreement : bool
-        Tint the cells at which chains differ (docs/results.md).
+        Tint the seen cells at which chains differ (docs/convergence.md).
     title : str, optional
         Instead of the default one.
 
@@ -59,14 +59,14 @@ def render_posterior(
         raise run.missing(names.POSTERIOR)
     window = run.draws.window
     what = "Posterior of squares that are not free" if squares else "Posterior over polygonal maps"
-    small = small_print(run) + ("  ·  violet: chains differ" if disagreement and run.n_chains > 1 else "")
-    page, axes = style.map_page(window, style.margins_of(window, right=1.35), title or what, small)
+    page, axes = style.map_page(window, style.margins_of(window, right=1.35), title or what, small_print(run))
     values = run.image.square_occupancy if squares else run.image.occupancy
     drawn = layers.draw_occupancy(axes, run.image, values)
     layers.draw_unseen(axes, run.image)
     style.show_window(axes, window)
-    if disagreement:
-        layers.draw_disagreement(axes, run.image)
+    words = "not free" if squares else "occupied"
+    if disagreement and layers.draw_disagreement(axes, run.image):
+        words += "\nviolet: chains differ"
     if run.best is not None and outline:
         layers.draw_outline(axes, run.best, run.image)
     if run.beams is not None and beams:
@@ -77,7 +77,7 @@ def render_posterior(
         layers.draw_points(axes, run.points)
     if run.sensors is not None and path:
         layers.draw_path(axes, run.sensors)
-    _add_colour_bar(page, drawn, window, "not free" if squares else "occupied")
+    _add_colour_bar(page, drawn, window, words)
     style.save(page, target)
 
 

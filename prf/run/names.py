@@ -17,16 +17,18 @@ SCHEMAS = {
     MANIFEST: "prf.run/1",
     DRAWS: "prf.draws/1",
     POSTERIOR: "prf.posterior/2",
-    READINGS: "prf.readings/2",
+    READINGS: "prf.readings/1",
     MAP: "prf.map/1",
     DIAGNOSTICS: diagnostics.SCHEMA,
 }
+OLD_POSTERIOR = "prf.posterior/1"
+"""Without the cells that were seen; read, no longer written."""
 CHECKPOINT_SCHEMA = "prf.checkpoint/2"
 """Apart from the others: only the sampler writes and reads what is in it."""
 SONAR_PREFIX = "sonar_"
 """Arrays of readings.npz with this prefix hold the sonar readings."""
 WAY = "way"
-"""Array of readings.npz with the way driven."""
+"""Array of readings.npz with the way driven; runs of earlier releases have none."""
 POINT_PREFIX = "point_"
 """Arrays of readings.npz with this prefix hold the point observations."""
 FUNCTIONAL_PREFIX = "functional_"

@@ -15,7 +15,7 @@ from prf.run import names
 from prf.run.mapfile import read_map_feature
 from prf.run.model import Beams, Cones, Points, PosteriorImage, Run
 from prf.shell.errors import InputError
-from prf.shell.storage import damaged, load_arrays, load_object, take_array
+from prf.shell.storage import OtherVersion, damaged, load_arrays, load_object, take_array
 from prf.window import LARGEST_COORDINATE, Window
 
 PARTS = (names.POSTERIOR, names.READINGS, names.MAP, names.DIAGNOSTICS)
@@ -97,9 +97,21 @@ def read_draws(path: Path) -> dict[str, Any]:
     }
 
 
+def _arrays_of_image(path: Path) -> dict[str, NDArray[Any]]:
+    """Return the arrays of posterior.npz; version 1 does not say which cells were seen, and all count as such."""
+    try:
+        return load_arrays(path, names.SCHEMAS[names.POSTERIOR])
+    except OtherVersion as error:
+        if error.found != names.OLD_POSTERIOR:
+            raise
+    arrays = load_arrays(path, names.OLD_POSTERIOR)
+    shape = take_array(path, arrays, "occupancy", np.float32, (None, None)).shape
+    return {**arrays, "seen": np.ones(shape, np.bool_)}
+
+
 def read_image(path: Path) -> PosteriorImage:
     """Return the image in posterior.npz."""
-    arrays = load_arrays(path, names.SCHEMAS[names.POSTERIOR])
+    arrays = _arrays_of_image(path)
     occupancy = take_array(path, arrays, "occupancy", np.float32, (None, None))
     image = PosteriorImage(
         occupancy,
@@ -127,6 +139,7 @@ def read_readings(path: Path) -> dict[str, Any]:
     for readings in (beams, cones, points):
         _refuse_strange(path, readings)
     has_others = cones is not None or points is not None
+    arrays.setdefault(names.WAY, np.zeros((0, 4)))
     way = take_array(path, arrays, names.WAY, np.float64, (None, 4))
     if not np.isfinite(way).all():
         raise damaged(path, f"array {names.WAY} has a value that is not finite")

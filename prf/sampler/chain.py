@@ -18,14 +18,14 @@ from prf.sampler.record import FIRST_THIN, ImageTimes, Record, burn_in
 from prf.sampler.starts import Start, find_start_map, needs_search
 from prf.sampler.tempering import Tempering
 from prf.sampler.tempering_ladder import LadderPlan
-from prf.sampler.tempering_state import copied, repaint, with_map, without_image
+from prf.sampler.tempering_state import copied, with_map
 
 SHORTEST_BLOCK = 5 * FIRST_THIN
 LONGEST_BLOCK = 4 * SHORTEST_BLOCK
 """A round must not keep Ctrl-C, the clock and the progress waiting for long."""
 
 FIRST_LOOK = 50_000
-"""Steps of the draw of the prior between two looks at whether it is to stop."""
+"""Proposals of the draw of the prior between two looks at whether it is to stop."""
 
 
 def block_length(n_readings: int) -> int:
@@ -116,17 +116,14 @@ class ChainSampler:
         if self.tempering is not None and self.tempering.adapt(self.step):
             self.forget()
         end = self.step + self.block if latest is None else min(self.step + self.block, latest)
-        turn = end - self.refreshed_of(end - self.step)
+        steps = end - self.step
         while self.step < end:
             spacing = self.record.thin
-            until = min(end, self.times.next_start, self.step - self.step % spacing + spacing)
-            if self.step < turn:
-                self.run_to(min(until, turn))
-            else:
-                self.refresh_to(until)
+            self.run_to(min(end, self.times.next_start, self.step - self.step % spacing + spacing))
             if self.step == self.times.next_start:
                 self.times.rotate(self.chain.image, self.step)
             self.record.take(self.chain)
+        self.refresh(steps)
         self.settle()
 
     def find_start(self, stop_requested: Callable[[], bool]) -> None:
@@ -146,34 +143,24 @@ class ChainSampler:
         """Before the first step: draw what no reading concerns about as the prior has it, given the rest of the map."""
         if self.ground is None:
             return
-        image, chain = self.chain.image, without_image(self.chain)
-        for step in range(FIRST_LOOK, self.ground.first_steps + FIRST_LOOK, FIRST_LOOK):
+        for _ in range(0, self.ground.first_proposals, FIRST_LOOK):
             if stop_requested():
                 break
-            chain = self.ground.run_to(chain, self.rng, step)
-        chain.graph.counts[c.STEP] = 0
-        chain.outcomes[:] = 0
-        chain = self.ground.settle(chain)
-        resum(chain)
-        self.chain = chain._replace(image=image)
-        repaint(self.chain)
+            self.chain = self.ground.refresh(self.chain, self.rng, FIRST_LOOK)
+        self.settle()
 
-    def refreshed_of(self, steps: int) -> int:
-        """Return how many of the steps of a block are made in ground that no reading concerns."""
-        return 0 if self.ground is None else int(self.ground.share * steps)
-
-    def refresh_to(self, step: int) -> None:
-        """Run up to `step` in ground that no reading concerns."""
+    def refresh(self, steps: int) -> None:
+        """Draw anew in ground that no reading concerns, as much as goes with so many `steps`; settle the chain then."""
         if self.ground is not None:
-            self.chain = self.ground.run_to(self.chain, self.rng, step)
+            self.chain = self.ground.refresh(self.chain, self.rng, int(self.ground.rate * steps))
 
-    def finish_block(self, end: int) -> None:
-        """Run up to the step `end` without a record on the way, record what is there, and settle."""
-        self.run_to(end - self.refreshed_of(end - self.step))
-        self.refresh_to(end)
+    def finish_block(self, end: int, steps: int) -> None:
+        """Run up to the step `end` of a block of `steps` without a record on the way, record there, and settle."""
+        self.run_to(end)
         if self.step == self.times.next_start:
             self.times.rotate(self.chain.image, self.step)
         self.record.take(self.chain)
+        self.refresh(steps)
         self.settle()
 
     def settle(self) -> None:

@@ -314,7 +314,7 @@ def seen_cells(
     if beams is not None:
         seen |= seen_by_beams(grid, window, beams.origin, beams.angle, beams.range, beams.max_range)
     if cones is not None:
-        seen |= seen_by_cones(grid, cones.origin, cones.angle, cones.cone, cones.range, cones.max_range)
+        seen |= seen_by_cones(grid, window, cones.origin, cones.angle, cones.cone, cones.range, cones.max_range)
     return seen
 
 

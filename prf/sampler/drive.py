@@ -82,12 +82,13 @@ def drive(
     diagnoses: dict[str, Diagnosis] | None = None
     status = goal_status(sampler, rule, 0.0, None)
     while status == "running":
-        begun = time.monotonic()
+        begun, steps = time.monotonic(), sampler.next_steps
         sampler.advance(blocks_ahead(sampler, rule))
         if is_check(sampler):
             diagnoses = sampler.diagnose()
         now = time.monotonic()
-        seconds, planned = now - start, now - start + 0.5 * (now - begun) + reserve()
+        seconds = now - start
+        planned = seconds + 0.5 * (now - begun) * sampler.next_steps / steps + reserve()
         status = goal_status(sampler, rule, planned, diagnoses if is_check(sampler) else None)
         speed = (sampler.step - first_step) * len(sampler.chains) / max(seconds, 1e-9)
         yield Progress(sampler.step, seconds, speed, share_done(sampler, rule, planned), diagnoses, status)
@@ -124,7 +125,7 @@ def share_done(sampler: Sampler, rule: StopRule, seconds: float) -> float:
 
 
 def goal_status(sampler: Sampler, rule: StopRule, seconds: float, checked: dict[str, Diagnosis] | None) -> Status:
-    """Return "running", or how the run ends here; `seconds`: those spent, half a round and the reserve."""
+    """Return "running", or how the run ends here; `seconds`: those spent, half of the next round and the reserve."""
     if rule.steps is not None:
         return "finished" if sampler.step >= rule.steps else "running"
     if rule.seconds is not None:

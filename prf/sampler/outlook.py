@@ -11,8 +11,8 @@ import math
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
-from prf.diagnostics import Diagnosis, shortfall
-from prf.sampler.apart import stay_apart
+from prf.diagnostics import MAX_RHAT, MAX_RHAT_UNSEEN, Diagnosis, shortfall
+from prf.sampler.apart import STALLED
 
 Trend = Literal["agree", "nearing", "flat", "unknown"]
 
@@ -35,7 +35,7 @@ class Outlook(NamedTuple):
     seconds: float | None
 
 
-def outlook(half: Mapping[str, Diagnosis], now: Mapping[str, Diagnosis], seconds: float) -> Outlook:
+def outlook(half: Mapping[str, Diagnosis], now: Mapping[str, Diagnosis], seconds: float, climbs: bool) -> Outlook:
     """Return whether more time will bring agreement.
 
     Parameters
@@ -44,22 +44,33 @@ def outlook(half: Mapping[str, Diagnosis], now: Mapping[str, Diagnosis], seconds
         After half of the steps and after all.
     seconds : float
         That all took.
+    climbs : bool
+        Whether the log posterior of all chains still rises: what they come to cannot be known yet.
     """
     failing = {name: found for name, found in now.items() if not found.agrees()}
     if not failing:
         return Outlook("agree", None)
     if any(found.state in ("short", "not finite") for found in (*half.values(), *now.values())):
         return Outlook("unknown", None)
-    if stay_apart(half.values(), now.values()):
-        return Outlook("flat", None)
+    if _stays(half, failing):
+        return Outlook("unknown" if climbs else "flat", None)
     factor = max(shortfall(found) for found in failing.values())
     return Outlook("nearing", rounded((factor - 1.0) * seconds)) if math.isfinite(factor) else Outlook("unknown", None)
 
 
+def _stays(half: Mapping[str, Diagnosis], failing: Mapping[str, Diagnosis]) -> bool:
+    """Return whether the worst R-hat of those that fail by it is about what it was after half of the steps."""
+    bounds = {name: MAX_RHAT if found.seen else MAX_RHAT_UNSEEN for name, found in failing.items()}
+    by_rhat = [name for name, found in failing.items() if not found.rhat < bounds[name]]
+    now = max((failing[name].rhat for name in by_rhat), default=1.0)
+    was = max((half[name].rhat for name in by_rhat if not math.isnan(half[name].rhat)), default=1.0)
+    return math.isinf(now) or now - 1.0 > STALLED * (was - 1.0)
+
+
 def rounded(seconds: float) -> float:
-    """Return a time that is not shorter, of few digits."""
+    """Return a time of few digits that is not shorter, or hardly."""
     for unit in (10.0, 60.0, 3600.0):
         for number in NICE:
-            if number * unit >= seconds:
+            if number * unit >= 0.99 * seconds:
                 return number * unit
     return 86400.0 * math.ceil(seconds / 86400.0)

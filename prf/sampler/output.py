@@ -204,7 +204,8 @@ def make_diagnostics(
 ) -> dict[str, Any]:
     """Return agreement, what it would take, acceptance by move and speed."""
     outcomes, diagnoses, where = sampler.outcomes(), sampler.diagnose(), image.agreement()
-    expected = outlook(sampler.diagnose_half(), diagnoses, seconds_before + progress.seconds)
+    seconds = seconds_before + progress.seconds
+    expected = outlook(sampler.diagnose_half(), diagnoses, seconds, sampler.climbs())
     assert where is not None
     return document(
         diagnoses,

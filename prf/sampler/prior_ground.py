@@ -1,10 +1,10 @@
 """Ground that no reading concerns, kept at the prior given what is seen (docs/prior-ground.md).
 
 There the posterior is the prior given the rest of the map, by its spatial Markov property. The moves of a chain are as
-small as walls and doors ask for, and would take hours to redraw shapes of ten metres where nothing was seen. So a
-share of the steps, at the end of each block, is made there alone, with moves as large as the prior's own shapes and
-without a look at any reading. No edge may pass a cell that a reading concerns, which makes these steps a
-Metropolis-Hastings chain on what lies in the other cells, with the prior for its law.
+small as walls and doors ask for, and would take hours to redraw shapes of ten metres where nothing was seen. So at
+the end of each block proposals are made there alone, with moves as large as the prior's own shapes and without a look
+at any reading. No edge may pass a cell that a reading concerns, which makes them a Metropolis-Hastings chain on what
+lies in the other cells, with the prior for its law. They count as no steps.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from prf.driven import way_guards
 from prf.kernels import constants as c
 from prf.kernels.build import fill_index
 from prf.kernels.chain import Chain
+from prf.kernels.cones import REACH
 from prf.kernels.grid import Grid, most_cells
 from prf.kernels.guards import GUARD_BOX, N_SHAPE
 from prf.kernels.prior_ground import freeze, retrace, thaw
@@ -27,17 +28,20 @@ from prf.kernels.seen import mark_beams, mark_cones
 from prf.kernels.step import run
 from prf.layout import grow, make_guards, make_index
 from prf.posterior import Settings, make_chain
+from prf.sampler.tempering_state import repaint, settle_image
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-MOST_SHARE = 0.5
-STEPS_PER_EDGE = 5e-4
-"""Share of the steps of a block that are made there: so much for each edge that the prior has there in the mean, and at
-most; such a step takes a quarter of the time of another."""
-FIRST_STEPS_PER_EDGE = 1000
-MOST_FIRST_STEPS = 1_000_000
-"""Steps before the first of the chain, likewise: some eight times as many as colours take to be forgotten."""
+PROPOSALS_PER_EDGE = 5e-4
+MOST_PROPOSALS = 1.0
+"""Proposals there for each step of the chain: so many for each edge that the prior has there in the mean, and at most.
+Such a one takes a quarter of the time of a step, or less."""
+TILED_FACTOR = 4.0
+"""So many times as many under tiles, whose steps take longer."""
+FIRST_PER_EDGE = 1000
+MOST_FIRST = 3_000_000
+"""Proposals before the first step, likewise: some eight times as many as it takes to forget a colour."""
 FEWEST_EDGES = 2.0
 """Edges that the prior has there in the mean at least, if steps there are worth their while."""
 ENLARGED = 20.0
@@ -61,6 +65,8 @@ class PriorGround:
     ----------
     n_edges : float
         Edges that the prior has in so much ground, in the mean.
+    rate : float
+        Proposals there for each step of the chain.
     """
 
     def __init__(self, settings: Settings, chain: Chain) -> None:
@@ -68,6 +74,7 @@ class PriorGround:
         is_closed = closed_cells(settings, chain)
         self.influence = influence_of(settings, chain)
         self.n_edges = edge_density(settings.scale) * float(np.count_nonzero(~is_closed)) * grid.cell**2
+        self.rate = min(MOST_PROPOSALS, PROPOSALS_PER_EDGE * self.n_edges) * (TILED_FACTOR if settings.tiles else 1.0)
         bare = dataclasses.replace(settings, laser=None, sonar=None, points=None, resolution=None)
         self._bare = make_chain(dataclasses.replace(bare, cell=CELL / settings.scale), Coloring.empty(settings.window))
         self._bare.tuning[REACHES] *= ENLARGED
@@ -75,18 +82,15 @@ class PriorGround:
         self._guards = make_guards(self._bare.edge_index.grid, np.zeros(0, np.int64), shapes)
 
     @property
-    def share(self) -> float:
-        """Share of the steps of a block that are made there."""
-        return min(MOST_SHARE, STEPS_PER_EDGE * self.n_edges)
+    def first_proposals(self) -> int:
+        """Proposals that lead to an approximate draw of the prior given what is seen."""
+        return int(min(MOST_FIRST, FIRST_PER_EDGE * self.n_edges))
 
-    @property
-    def first_steps(self) -> int:
-        """Steps that lead to an approximate draw of the prior given what is seen."""
-        return int(min(MOST_FIRST_STEPS, FIRST_STEPS_PER_EDGE * self.n_edges))
-
-    def run_to(self, chain: Chain, rng: np.random.Generator, step: int) -> Chain:
-        """Run a chain up to `step` on this ground; :meth:`settle` it before it steps elsewhere."""
-        bare = self._bare
+    def refresh(self, chain: Chain, rng: np.random.Generator, proposals: int) -> Chain:
+        """Make so many proposals on this ground, which count as no steps; :meth:`settle` the chain before any."""
+        bare, counts = self._bare, chain.graph.counts
+        step = int(counts[c.STEP])
+        settle_image(chain)
         while True:
             index = make_index(chain.graph, bare.edge_index.grid, CELL_ROOM)
             frozen = np.empty(len(chain.graph.edge_length), np.int32)
@@ -99,10 +103,14 @@ class PriorGround:
                 guards=self._guards,
                 proposal=bare.proposal,
                 tuning=bare.tuning,
+                outcomes=bare.outcomes,
+                image=bare.image,
             )
-            done = run(part, rng, step)
+            done = run(part, rng, step + proposals)
             thaw(chain.graph, frozen, n)
             if done:
+                chain.graph.counts[c.STEP] = step
+                repaint(chain)
                 return chain
             chain = grow(chain)
 
@@ -149,8 +157,14 @@ def closed_cells(settings: Settings, chain: Chain) -> Bools:
     mark_beams(grid, np.ascontiguousarray(ray[:, :2]), end, path, is_closed.reshape(-1))
     if settings.sonar is not None:
         room = grid.nx * grid.ny
-        reach = np.full(len(pose), settings.sonar.model.max_range)
-        mark_cones(grid, pose, reach, np.empty(room, np.int32), np.empty(room), is_closed.reshape(-1))
+        mark_cones(
+            grid,
+            pose,
+            np.ascontiguousarray(pose[:, REACH]),
+            np.empty(room, np.int32),
+            np.empty(room),
+            is_closed.reshape(-1),
+        )
     return is_closed
 
 

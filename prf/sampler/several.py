@@ -120,6 +120,11 @@ class Sampler:
         return self._tiled[0].length if self._tiled else self.chains[0].block
 
     @property
+    def next_steps(self) -> int:
+        """Steps of the next round."""
+        return self._tiled[0].next_length if self._tiled and self._tiled[0].is_due else self.chains[0].block
+
+    @property
     def probe_xy(self) -> NDArray[np.float64]:
         """Points (n_probes, 2) in metres whose colour is followed."""
         assert self.settings.resolution is not None
@@ -172,6 +177,12 @@ class Sampler:
         half = self.step // 2
         since = [chain.record.since(burn_in(half)) for chain in self.chains]
         return self.diagnose([[draw for draw in draws if draw.step <= half] for draws in since])
+
+    def climbs(self) -> bool:
+        """Return whether the log posterior of every chain is higher in the second half of its draws, on average."""
+        values = np.array([[draw.functionals[-1] for draw in draws] for draws in self.recorded()])
+        half = values.shape[1] // 2
+        return half > 0 and bool((values[:, -half:].mean(axis=1) > values[:, :half].mean(axis=1)).all())
 
     def recorded(self) -> list[list[Draw]]:
         """Return the draws of each chain after burn-in."""

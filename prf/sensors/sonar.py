@@ -128,38 +128,6 @@ def return_probabilities(model: SonarModel, feature: Floats) -> Returns:
     return Returns(alone, left[:-1] * alone, float(left[-1]))
 
 
-def make_poses(model: SonarModel, origin: Floats, angle: Floats, cone: Floats, readings: Floats) -> Floats:
-    """Return the (n, N_POSE) array of cones that the kernels keep, with no extent yet.
-
-    Parameters
-    ----------
-    model : SonarModel
-    origin : (n, 2) array
-        Sensor positions inside the window, metres.
-    angle : (n,) array
-        Directions in the world frame, radians.
-    cone : (n,) array
-        Full fields of view, radians.
-    readings : (n,) array
-        Metres; inf or at least the maximum range: no return.
-
-    Raises
-    ------
-    ConfigError
-        If a field of view is not between 0 and pi.
-    """
-    if np.any(~(cone > 0.0) | ~(cone < math.pi)):
-        raise ConfigError("sonar cone: the field of view must lie between 0 and pi radians")
-    pose = np.zeros((len(angle), k.N_POSE))
-    pose[:, v.POSE_X : v.POSE_Y + 1] = origin
-    pose[:, v.POSE_COS] = np.cos(angle)
-    pose[:, v.POSE_SIN] = np.sin(angle)
-    pose[:, v.BORDER] = np.tan(0.5 * cone)
-    pose[:, k.READING] = np.where(readings < model.max_range, readings, np.inf)
-    pose[:, k.EXTENT] = model.max_range
-    return pose
-
-
 def cone_exit(window: Window, origin: Floats, angle: Floats, cone: Floats) -> Floats:
     """Return the distance (n,) at which cones from inside the window first leave it, metres.
 
@@ -180,17 +148,43 @@ def cone_exit(window: Window, origin: Floats, angle: Floats, cone: Floats) -> Fl
     return np.asarray(np.min(leaves, axis=0), np.float64)
 
 
-def censored(pose: Floats, window: Window, cone: Floats, model: SonarModel) -> Floats:
-    """Return cones (n, N_POSE) whose readings are censored where they end beyond the window, or have no return.
+def make_poses(
+    model: SonarModel, origin: Floats, angle: Floats, cone: Floats, readings: Floats, window: Window | None = None
+) -> Floats:
+    """Return the (n, N_POSE) array of cones that the kernels keep, with no extent yet.
 
-    What returned a pulse from a distance m at which the cone leaves the window may stand outside, of which a map knows
-    nothing: such a reading says that it is m or more, and -m stands for it.
+    Parameters
+    ----------
+    model : SonarModel
+    origin : (n, 2) array
+        Sensor positions inside the window, metres.
+    angle : (n,) array
+        Directions in the world frame, radians.
+    cone : (n,) array
+        Full fields of view, radians.
+    readings : (n,) array
+        Metres; inf or at least the maximum range: no return.
+    window : Window, optional
+        Where the map ends. What returns a pulse from beyond the distance at which the cone leaves it may stand outside:
+        the sonar reaches up to there, and farther readings are as no return (docs/sonar-model.md). None: it has no end.
+
+    Raises
+    ------
+    ConfigError
+        If a field of view is not between 0 and pi.
     """
-    leaves = cone_exit(window, pose[:, :2], np.arctan2(pose[:, v.POSE_SIN], pose[:, v.POSE_COS]), cone)
-    ends_beyond = (leaves < model.max_range) & ~(pose[:, k.READING] < leaves)
-    found = pose.copy()
-    found[ends_beyond, k.READING] = -leaves[ends_beyond]
-    return found
+    if np.any(~(cone > 0.0) | ~(cone < math.pi)):
+        raise ConfigError("sonar cone: the field of view must lie between 0 and pi radians")
+    pose = np.zeros((len(angle), k.N_POSE))
+    pose[:, v.POSE_X : v.POSE_Y + 1] = origin
+    pose[:, v.POSE_COS] = np.cos(angle)
+    pose[:, v.POSE_SIN] = np.sin(angle)
+    pose[:, v.BORDER] = np.tan(0.5 * cone)
+    leaves = np.full(len(angle), np.inf) if window is None else cone_exit(window, origin, angle, cone)
+    pose[:, k.REACH] = np.minimum(leaves, model.max_range)
+    pose[:, k.READING] = np.where(readings < pose[:, k.REACH], readings, np.inf)
+    pose[:, k.EXTENT] = pose[:, k.REACH]
+    return pose
 
 
 def make_sight(room: int) -> v.Sight:
@@ -219,7 +213,7 @@ def make_cones(grid: Grid, model: SonarModel, pose: Floats, edge_capacity: int) 
     side = min(2 * math.ceil(model.max_range / grid.cell) + 3, max(grid.nx, grid.ny))
     cells, near = np.empty(side * side, np.int32), np.empty(side * side)
     slot_start = np.zeros(n + 1, np.int64)
-    k.count_cone_slots(grid, pose, model.max_range, cells, near, slot_start)
+    k.count_cone_slots(grid, pose, cells, near, slot_start)
     n_slots = int(slot_start[-1])
     if n_slots >= MOST_SLOTS:
         raise ConfigError(
@@ -227,7 +221,7 @@ def make_cones(grid: Grid, model: SonarModel, pose: Floats, edge_capacity: int) 
         )
     slot_cell, slot_near = np.empty(n_slots, np.int32), np.empty(n_slots, np.float32)
     cell_start = np.zeros(n_cells + 1, np.int64)
-    k.fill_cone_slots(grid, pose, model.max_range, cells, near, slot_start, slot_cell, slot_near, cell_start)
+    k.fill_cone_slots(grid, pose, cells, near, slot_start, slot_cell, slot_near, cell_start)
     return k.Cones(
         model=model.to_array(),
         pose=pose.copy(),

@@ -70,7 +70,7 @@ def test_the_right_poses_tell_what_is_displaced(folder: Path, capsys: pytest.Cap
 def test_errors_of_a_seed_give_the_same_bytes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names = [folder.parent / f"{name}.ply" for name in "abc"]
     for name, seed in zip(names, "112", strict=True):
-        assert run(str(folder), "--offset", "0.6", "--yaw", "1", "--seed", seed, "-o", str(name), "-q") == 0
+        assert run(str(folder), "--offset", "0.6", "--yaw", "1", "--seed", seed, "-o", str(name)) == 0
     contents = [name.read_bytes() for name in names]
     assert contents[0] == contents[1] != contents[2]
     assert "seed            2" in capsys.readouterr().out

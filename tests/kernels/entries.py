@@ -116,10 +116,10 @@ def see_all(sight: Sight, segments: np.ndarray, corners: np.ndarray, pose: np.nd
 
 
 @core_entry
-def sonar_table(model: np.ndarray, sight: Sight, readings: np.ndarray, found: np.ndarray) -> None:
-    """Log likelihoods of readings given the features in `sight`."""
+def sonar_table(model: np.ndarray, sight: Sight, readings: np.ndarray, reach: float, found: np.ndarray) -> None:
+    """Log likelihoods of readings given the features in `sight`, which are all within `reach`."""
     for k in range(readings.size):
-        found[k] = sonar_log_likelihood(model, sight, readings[k])
+        found[k] = sonar_log_likelihood(model, sight, readings[k], reach)
 
 
 @core_entry

@@ -11,7 +11,7 @@ from scipy import integrate
 
 from prf.sensors.laser import LaserModel
 from tests.kernels.entries import log_likelihoods
-from tests.reference.beams import Sensor, density, draw_readings, log_likelihood, mass_of_no_return
+from tests.reference.beams import Sensor, density, draw_readings, log_likelihood, mass_from, mass_of_no_return
 
 SENSORS = [
     pytest.param(Sensor(8.0), id="defaults"),
@@ -65,6 +65,16 @@ def test_it_is_the_written_one(sensor: Sensor, share: float) -> None:
     with np.errstate(divide="ignore"):
         expected = np.log(mass_of_no_return(sensor, d))
     assert kernel(sensor, silent, d) == pytest.approx(expected, rel=1e-10, abs=1e-12)
+
+
+@pytest.mark.parametrize("share", SHARES)
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_a_censored_reading_has_the_mass_from_its_bound_on(sensor: Sensor, share: float) -> None:
+    bounds = sensor.max * np.array([1e-3, 0.3, 0.5, 0.97, 1.0])
+    found = kernel(sensor, -bounds, share * sensor.max)
+    with np.errstate(divide="ignore"):
+        expected = np.log([mass_from(sensor, bound, share * sensor.max) for bound in bounds.tolist()])
+    assert found == pytest.approx(expected, rel=1e-10, abs=1e-12)
 
 
 @pytest.mark.parametrize("sensor", SENSORS)

@@ -32,14 +32,14 @@ RINGS = [
 ]
 
 
-def see(coloring: Coloring, cone: Cone, ring: Ring) -> tuple[v.Sight, float]:
-    """What the kernels find in a cone: the features are left in the scratch; and the extent."""
+def see(coloring: Coloring, cone: Cone, ring: Ring, reach: float = math.inf) -> tuple[v.Sight, float]:
+    """What the kernels find in a cone within a reach: the features are left in the scratch; and the extent."""
     data = data_of(ring, [cone], np.full(1, np.inf))
     pose = make_poses(data.model, data.origin, data.angle, data.cone, data.readings)[0]
     ends = coloring.edges.reshape(-1, 2)
     corners = np.where(coloring.side[ends] == INTERIOR, ends, -1).astype(np.int64)
     sight = make_sight(len(ends) + 1)
-    return sight, see_all(sight, coloring.segments().reshape(-1, 4), corners, pose, ring.max)
+    return sight, see_all(sight, coloring.segments().reshape(-1, 4), corners, pose, min(reach, ring.max))
 
 
 def found_features(sight: v.Sight) -> list[Feature]:
@@ -48,9 +48,9 @@ def found_features(sight: v.Sight) -> list[Feature]:
     return slow.in_order(Feature(*row[list(columns)].tolist(), bool(row[v.KIND] == v.CORNER)) for row in rows)
 
 
-def likelihoods(ring: Ring, sight: v.Sight, readings: np.ndarray) -> np.ndarray:
+def likelihoods(ring: Ring, sight: v.Sight, readings: np.ndarray, reach: float | None = None) -> np.ndarray:
     found = np.empty(len(readings))
-    sonar_table(model_of(ring).to_array(), sight, readings, found)
+    sonar_table(model_of(ring).to_array(), sight, readings, ring.max if reach is None else reach, found)
     return found
 
 
@@ -88,6 +88,27 @@ def test_features_and_likelihoods_of_draws_are_the_slow_ones(ring: Ring, view: f
             for feature in compare(coloring, cone, ring, rng):
                 kinds[feature.is_corner] += 1
     assert kinds[False] > 20, kinds
+
+
+@pytest.mark.parametrize("ring", RINGS)
+def test_what_is_farther_than_the_reach_is_one_event(ring: Ring) -> None:
+    """Against the slow twin, and by quadrature: the density up to the reach and the mass beyond come to one."""
+    rng, reach, most = np.random.default_rng(9), 0.6 * ring.max, 0
+    node, weight = np.polynomial.legendre.leggauss(20)
+    for coloring in exact_draws(0.6, ROOM, 5, rng):
+        for cone in ring_all_round(free_places(coloring, 1, rng), 3, 0.9, rng):
+            expected, (sight, _) = slow.features(coloring, cone, reach), see(coloring, cone, ring, reach)
+            readings = np.array([*rng.uniform(0.0, reach, 5), reach, 1.1 * reach, math.inf])
+            wanted = [slow.log_likelihood(ring, expected, r, reach) for r in readings.tolist()]
+            found = likelihoods(ring, sight, readings, reach)
+            assert found == pytest.approx(wanted, rel=1e-9, abs=1e-9), cone
+            peaks = [f.depth + k * ring.spread(f.depth) for f in expected for k in range(-9, 10)]
+            cuts = np.unique(np.clip([*peaks, *np.linspace(0.0, reach, 40)], 0.0, reach))
+            half, middle = 0.5 * np.diff(cuts), 0.5 * (cuts[1:] + cuts[:-1])
+            density = np.exp(likelihoods(ring, sight, (middle[:, None] + half[:, None] * node).ravel(), reach))
+            assert (density.reshape(-1, 20) @ weight) @ half + math.exp(found[-1]) == pytest.approx(1.0, abs=1e-6)
+            most = max(most, len(expected))
+    assert most > 0
 
 
 @pytest.mark.parametrize("view", [0.349, 2.5])
@@ -287,7 +308,7 @@ def test_what_no_pulse_and_no_stray_reading_explains_is_impossible() -> None:
     model[[OUTLIER_UNIFORM, OUTLIER_SHORT]] = 0.0
     sight, _ = see(Coloring.empty(ROOM), AHEAD, Ring())
     found = np.empty(2)
-    sonar_table(model, sight, np.array([1.0, math.inf]), found)
+    sonar_table(model, sight, np.array([1.0, math.inf]), 3.5, found)
     assert found.tolist() == [-math.inf, 0.0]
 
 

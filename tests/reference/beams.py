@@ -47,14 +47,6 @@ def density(sensor: Sensor, r: Floats, d: float) -> Floats:
     return flat + sensor.hit * normal(r, d, s) / special.ndtr(d / s)
 
 
-def mass_of_no_return(sensor: Sensor, d: float) -> float:
-    """w_miss + w_hit ([d >= max] + [d < max] Phi((d - max)/s) / Phi(d/s))."""
-    if d >= sensor.max:
-        return sensor.miss + sensor.hit
-    s = sensor.spread(d)
-    return sensor.miss + sensor.hit * float(special.ndtr((d - sensor.max) / s) / special.ndtr(d / s))
-
-
 def mass_from(sensor: Sensor, bound: float, d: float) -> float:
     """w_miss + w_outlier (1 - m/max) + w_hit ([d >= m] + [d < m] Phi((d - m)/s) / Phi(d/s)): a reading of m or more."""
     beyond = sensor.miss + sensor.outlier * (1.0 - bound / sensor.max)
@@ -64,10 +56,17 @@ def mass_from(sensor: Sensor, bound: float, d: float) -> float:
     return beyond + sensor.hit * float(special.ndtr((d - bound) / s) / special.ndtr(d / s))
 
 
-def log_likelihood(sensor: Sensor, r: float, d: float) -> float:
-    if r < sensor.max:
+def mass_of_no_return(sensor: Sensor, d: float) -> float:
+    """A reading of the maximum range or more."""
+    return mass_from(sensor, sensor.max, d)
+
+
+def log_likelihood(sensor: Sensor, r: float, d: float, leaves: float = math.inf) -> float:
+    """Log density of a reading if the first obstacle lies at d; all that counts beyond `leaves` is that it is more."""
+    bound = min(leaves, sensor.max)
+    if r < bound:
         return math.log(float(density(sensor, np.array(r), d)))
-    return math.log(mass_of_no_return(sensor, d))
+    return math.log(mass_from(sensor, bound, d))
 
 
 def draw_readings(sensor: Sensor, distance: Floats, rng: np.random.Generator) -> Floats:
@@ -102,3 +101,14 @@ def impacts(coloring: Coloring, origin: Floats, angle: Floats, max_range: float)
         if len(places):
             found[i] = float(np.hypot(*(places - start).T).min())
     return found
+
+
+def log_likelihoods_in(
+    coloring: Coloring, sensor: Sensor, origin: Floats, angle: Floats, readings: Floats
+) -> list[float]:
+    """Log density of each reading (n,) in a map; where its beam leaves the window, what is known of the world ends."""
+    distance = impacts(coloring, origin, angle, sensor.max).tolist()
+    direction = np.column_stack([np.cos(angle), np.sin(angle)])
+    leaves = [exit_by_shapely(coloring.window, *ray) for ray in zip(origin, direction, strict=True)]
+    rows = zip(readings.tolist(), distance, leaves, strict=True)
+    return [log_likelihood(sensor, r, d, leave) for r, d, leave in rows]

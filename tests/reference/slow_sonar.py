@@ -11,11 +11,12 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy import integrate, special, stats
 
 from prf.coloring import Coloring
-from prf.window import INTERIOR
+from prf.window import INTERIOR, Window
 from tests.reference.beams import normal
 
 Floats = NDArray[np.float64]
@@ -194,21 +195,38 @@ def density(ring: Ring, seen: list[Feature], r: Floats) -> Floats:
     return np.asarray(total, dtype=np.float64)
 
 
-def mass_of_no_return(ring: Ring, seen: list[Feature]) -> float:
-    """Probability of a reading of the maximum range or more."""
+def mass_from(ring: Ring, seen: list[Feature], bound: float) -> float:
+    """Probability of a reading of `bound` or more."""
     chance = weights(ring, seen)
-    missed = 1.0 - ring.uniform - ring.short + ring.short * math.exp(-ring.max / ring.short_length)
-    total = chance[-1] * missed
+    missed = 1.0 - ring.uniform - ring.short
+    stray = missed + ring.uniform * (1.0 - bound / ring.max) + ring.short * math.exp(-bound / ring.short_length)
+    total = chance[-1] * stray
     for share, feature in zip(chance, seen, strict=False):
         s = ring.spread(feature.depth)
-        total += share * special.ndtr((feature.depth - ring.max) / s) / special.ndtr(feature.depth / s)
+        total += share * special.ndtr((feature.depth - bound) / s) / special.ndtr(feature.depth / s)
     return float(total)
 
 
-def log_likelihood(ring: Ring, seen: list[Feature], reading: float) -> float:
-    if reading < ring.max:
+def mass_of_no_return(ring: Ring, seen: list[Feature]) -> float:
+    """Probability of a reading of the maximum range or more."""
+    return mass_from(ring, seen, ring.max)
+
+
+def log_likelihood(ring: Ring, seen: list[Feature], reading: float, reach: float = math.inf) -> float:
+    """Log density, given the features that are seen within the reach; a farther reading is as none."""
+    bound = min(reach, ring.max)
+    if reading < bound:
         return math.log(float(density(ring, seen, np.array(reading))))
-    return math.log(mass_of_no_return(ring, seen))
+    return math.log(mass_from(ring, seen, bound))
+
+
+def reach_in(window: Window, cone: Cone, maximum: float) -> float:
+    """How far a sonar reaches: up to where its cone first leaves the window, and no farther than the maximum range."""
+    far = 3.0 * (window.width + window.height)
+    turn = cone.angle + cone.view * np.linspace(-0.5, 0.5, 9)
+    rim = np.stack([cone.x + far * np.cos(turn), cone.y + far * np.sin(turn)], axis=1)
+    outside = shapely.Polygon([(cone.x, cone.y), *rim]) & shapely.box(*window).exterior
+    return min(maximum, float(shapely.distance(shapely.Point(cone.x, cone.y), outside)))
 
 
 def total(ring: Ring, seen: list[Feature]) -> float:
@@ -222,8 +240,8 @@ def total(ring: Ring, seen: list[Feature]) -> float:
     return sum(pieces) + mass_of_no_return(ring, seen)
 
 
-def draw_reading(ring: Ring, seen: list[Feature], rng: np.random.Generator) -> float:
-    """A reading at random; inf for no return."""
+def draw_reading(ring: Ring, seen: list[Feature], rng: np.random.Generator, reach: float = math.inf) -> float:
+    """A reading at random, given the features within the reach; inf for no return up to there."""
     which = int(rng.choice(len(seen) + 1, p=weights(ring, seen)))
     if which < len(seen):
         depth = seen[which].depth
@@ -236,4 +254,4 @@ def draw_reading(ring: Ring, seen: list[Feature], rng: np.random.Generator) -> f
             found = float(rng.uniform(0.0, ring.max))
         elif kind < ring.uniform + ring.short:
             found = float(rng.exponential(ring.short_length))
-    return found if found < ring.max else math.inf
+    return found if found < min(reach, ring.max) else math.inf

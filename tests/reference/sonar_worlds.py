@@ -14,7 +14,7 @@ from prf.coloring.polygons import from_polygons
 from prf.posterior import SonarData
 from prf.sensors.sonar import SonarModel
 from prf.window import Window
-from tests.reference.slow_sonar import Cone, Floats, Ring, draw_reading, features
+from tests.reference.slow_sonar import Cone, Floats, Ring, draw_reading, features, reach_in
 
 
 class SonarWorld(NamedTuple):
@@ -57,8 +57,10 @@ def data_of(ring: Ring, cones: list[Cone], readings: Floats) -> SonarData:
 
 
 def draw_data(coloring: Coloring, ring: Ring, cones: list[Cone], rng: np.random.Generator) -> SonarData:
-    """Readings at random from the written density."""
-    readings = [draw_reading(ring, features(coloring, cone, ring.max), rng) for cone in cones]
+    """Readings at random from the written density: nothing is heard from where a cone leaves the window."""
+    reach = [reach_in(coloring.window, cone, ring.max) for cone in cones]
+    seen = [features(coloring, *there) for there in zip(cones, reach, strict=True)]
+    readings = [draw_reading(ring, found, rng, end) for found, end in zip(seen, reach, strict=True)]
     return data_of(ring, cones, np.array(readings))
 
 

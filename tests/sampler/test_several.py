@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -154,6 +156,40 @@ def test_the_prior_alone_is_black_half_of_the_time() -> None:
     black, mixed = sampler.occupancy()
     assert np.abs(black - 0.5).max() < 0.15
     assert mixed.min() > 0.6
+
+
+def test_disagreement_is_the_largest_difference_of_two_chains(four: Sampler) -> None:
+    steps = four.step - four.burn_in
+    black = np.array([chain.times.total(chain.chain.image, four.step)[0] for chain in four.chains]) / steps
+    pairs = [np.abs(one - other) for one in black for other in black]
+    assert four.disagreement().ravel() == pytest.approx(np.max(pairs, axis=0), abs=1e-6)
+    assert four.disagreement().max() > 0.0
+
+
+def test_chains_climb_from_the_empty_map_and_settle(four: Sampler, monkeypatch: pytest.MonkeyPatch) -> None:
+    draws = four.recorded()[0][:4]
+    for values, climbs in (([1.0, 2.0, 3.0, 4.0], True), ([3.0, 1.0, 2.0, 1.5], False)):
+        made = [dataclasses.replace(draw, functionals=np.array([x])) for draw, x in zip(draws, values, strict=True)]
+        monkeypatch.setattr(four, "recorded", lambda made=made: [made, made])
+        assert four.climbs() is climbs
+
+
+def test_one_chain_disagrees_with_nobody(world: World) -> None:
+    assert np.isnan(run_chains(world, 1, 1, blocks=1).disagreement()).all()
+    assert np.isnan(run_chains(world, 2, 1, blocks=0).disagreement()).all()
+
+
+def test_seen_and_unseen_ground_have_probes_of_their_own() -> None:
+    seen = np.zeros((20, 20), np.bool_)
+    seen[:, :7] = True  # of the second column of blocks the two left columns of pixels
+    settings = Settings(ROOM, 0.2, resolution=0.5, seen=seen)
+    with Sampler(settings, spawn_generators(1, 2), 1) as sampler:
+        xy, unseen = sampler.probe_xy, sampler.unseen
+    of_seen = xy[:, 0] < 3.5
+    assert (of_seen.sum(), (~of_seen).sum()) == (8, 12)
+    assert set(np.round(xy[of_seen, 0], 2)) <= {1.25, 0.75, 1.75, 3.25}
+    colours = {f"colour at ({x:.2f}, {y:.2f})" for x, y in xy[~of_seen]}
+    assert unseen == {"n_edges", "total_length", "log_prior"} | colours
 
 
 def test_probes_lie_in_the_middle_of_sixteen_parts() -> None:

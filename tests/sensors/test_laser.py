@@ -293,7 +293,7 @@ def test_no_distance_gives_a_reading_more_than_its_best(model: LaserModel) -> No
     grid = np.append(np.linspace(1e-3, model.max_range, 4001), np.inf)
     highest = -np.inf
     for i, reading in enumerate(readings.tolist()):
-        close = np.append(grid, np.linspace(0.9, 1.1, 2001) * min(reading, model.max_range))
+        close = np.append(grid, np.linspace(0.9, 1.1, 2001) * min(abs(reading), model.max_range))
         values = np.zeros(len(close))
         log_likelihoods(model.to_array(), np.full(len(close), reading), close, values)
         assert values.max() <= best[i]

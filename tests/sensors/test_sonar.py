@@ -13,12 +13,13 @@ from scipy import integrate
 
 from prf.arak import exact_draws
 from prf.coloring import Coloring, black_at
+from prf.coloring.polygons import from_polygons
 from prf.kernels import cones as k
+from prf.kernels import constants as c
 from prf.kernels import visibility as v
 from prf.kernels.build import trace_all
 from prf.kernels.cone_score import Scene, add_sonar_densities
-from prf.kernels.constants import MOST_CHANGES
-from prf.posterior import Settings, make_chain
+from prf.posterior import Settings, SonarData, make_chain
 from prf.recompute import differences
 from prf.score.scene import features_seen, scene_of_coloring
 from prf.sensors import sonar as sensor
@@ -26,7 +27,16 @@ from prf.sensors.sonar import SonarModel, make_poses
 from prf.shell.errors import ConfigError
 from prf.window import Window
 from tests.kernels.entries import see_all
-from tests.reference.slow_sonar import Cone, Feature, Ring, features, log_likelihood, return_probability, weights
+from tests.reference.slow_sonar import (
+    Cone,
+    Feature,
+    Ring,
+    features,
+    log_likelihood,
+    reach_in,
+    return_probability,
+    weights,
+)
 from tests.reference.sonar_worlds import data_of, model_of, random_office, ring_all_round
 
 ROOM = Window(-5.0, -5.0, 5.0, 5.0)
@@ -125,7 +135,6 @@ def test_densities_and_the_mass_of_no_return_come_to_one() -> None:
         return float(total[0])
 
     for scene, pose, feature in looked_at(5)[::4]:
-        bound = 2.0
         peaks = feature[:, v.DEPTH, None] + np.array([-0.5, -0.1, 0.0, 0.1, 0.5])
         cuts = np.unique(np.clip([0.0, *peaks.ravel(), 3.5], 0.0, 3.5))
         pieces = [
@@ -133,12 +142,6 @@ def test_densities_and_the_mass_of_no_return_come_to_one() -> None:
             for a, b in itertools.pairwise(cuts.tolist())
         ]
         assert sum(pieces) + density(scene, pose, math.inf) == pytest.approx(1.0, abs=1e-9)
-        beyond = [
-            integrate.quad(lambda r, at=(scene, pose): density(*at, r), a, b, epsabs=1e-11)[0]
-            for a, b in itertools.pairwise([bound, *(cut for cut in cuts.tolist() if cut > bound)])
-        ]
-        mass = density(scene, pose, -bound)
-        assert mass == pytest.approx(sum(beyond) + density(scene, pose, math.inf), abs=1e-9)
 
 
 def test_cones_leave_the_window_where_shapely_says() -> None:
@@ -153,11 +156,31 @@ def test_cones_leave_the_window_where_shapely_says() -> None:
     assert sensor.cone_exit(window, origin, angle, view) == pytest.approx(np.array(expected), rel=1e-6)
 
 
-def test_a_reading_beyond_the_window_is_censored_where_the_cone_leaves_it() -> None:
+def test_a_sonar_reaches_up_to_where_its_cone_leaves_the_window() -> None:
     window, n = Window(0.0, 0.0, 4.0, 4.0), 4
     origin, angle, view = np.full((n, 2), 1.0), np.full(n, np.pi), np.full(n, 0.3)
-    pose = make_poses(SonarModel(), origin, angle, view, np.array([0.5, 1.0, 2.0, np.inf]))
-    assert sensor.censored(pose, window, view, SonarModel())[:, k.READING].tolist() == [0.5, -1.0, -1.0, -1.0]
+    readings = np.array([0.5, 1.0, 2.0, np.inf])
+    pose = make_poses(SonarModel(), origin, angle, view, readings, window)
+    assert pose[:, k.READING].tolist() == [0.5, np.inf, np.inf, np.inf]
+    assert pose[:, k.REACH].tolist() == pose[:, k.EXTENT].tolist() == [1.0] * n
+    pose = make_poses(SonarModel(), origin, angle, view, readings)
+    assert pose[:, k.READING].tolist() == readings.tolist()
+    assert pose[:, k.REACH].tolist() == [3.5] * n
+
+
+def test_what_stands_beyond_the_reach_changes_no_likelihood() -> None:
+    """A cone that leaves the window on its left, 1.7 m away, and a wall in it at 2.5 m: neither is more likely."""
+    window, n = Window(0.0, 0.0, 4.0, 4.0), 20
+    data = SonarData(
+        np.tile([0.3, 0.5], (n, 1)), np.full(n, 0.5 * np.pi), np.full(n, 0.35), np.full(n, np.inf), SonarModel()
+    )
+    beyond, before = (
+        make_chain(Settings(window, 0.15, sonar=data), from_polygons(shapely.box(0.1, y, 3.0, y + 0.2), window))
+        for y in (3.0, 1.5)
+    )
+    empty = make_chain(Settings(window, 0.15, sonar=data), Coloring.empty(window))
+    assert beyond.graph.sums[c.LOG_LIKELIHOOD] == empty.graph.sums[c.LOG_LIKELIHOOD]
+    assert before.graph.sums[c.LOG_LIKELIHOOD] < empty.graph.sums[c.LOG_LIKELIHOOD] - 20.0
 
 
 @pytest.mark.parametrize("view", [0.0, -0.1, math.pi, 4.0, math.nan])
@@ -177,9 +200,10 @@ def test_the_index_loses_nothing(window: Window, scale: float, cell: float | Non
         cones = ring_all_round(places[~black_at(coloring, places)], 5, 0.6, rng)
         readings = rng.uniform(0.1, 4.0, len(cones))
         chain = make_chain(Settings(window, scale, cell=cell, sonar=data_of(Ring(), cones, readings)), coloring)
+        reach = [reach_in(window, cone, 3.5) for cone in cones]
         wanted = [
-            log_likelihood(Ring(), features(coloring, cone, 3.5), r if r < 3.5 else math.inf)
-            for cone, r in zip(cones, readings, strict=True)
+            log_likelihood(Ring(), features(coloring, cone, end), r, end)
+            for cone, r, end in zip(cones, readings.tolist(), reach, strict=True)
         ]
         assert chain.cones.pose[:, k.CONE_LOG_LIKELIHOOD] == pytest.approx(wanted, rel=1e-9, abs=tolerance)
         assert differences(chain) == []
@@ -213,7 +237,10 @@ def test_slots_hold_every_cell_that_a_cone_enters(
                 strict=True,
             )
         }
-        r, turn = 3.5 * np.sqrt(rng.random(500)), cone.angle + cone.view * (rng.random(500) - 0.5)
+        r, turn = (
+            chain.cones.pose[number, k.REACH] * np.sqrt(rng.random(500)),
+            cone.angle + cone.view * (rng.random(500) - 0.5),
+        )
         xy = np.stack([cone.x + r * np.cos(turn), cone.y + r * np.sin(turn)], axis=1)
         for (x, y), distance in zip(xy[window.contains(xy)], r[window.contains(xy)], strict=True):
             cell = int((x - grid.x0) / grid.cell) + grid.nx * int((y - grid.y0) / grid.cell)
@@ -234,7 +261,7 @@ def test_every_wall_and_corner_finds_room() -> None:
 def test_a_new_chain_has_room_for_edges_that_come_and_has_asked_no_cone_for_a_proposal() -> None:
     data = data_of(Ring(), [Cone(0.0, 0.0, 0.0, 1.0)], np.ones(1))
     chain = make_chain(Settings(ROOM, 0.3, sonar=data), Coloring.empty(ROOM))
-    assert len(chain.cones.sight.line) >= len(chain.graph.edge_xy) + MOST_CHANGES
+    assert len(chain.cones.sight.line) >= len(chain.graph.edge_xy) + c.MOST_CHANGES
     assert (chain.cones.mark <= chain.cones.proposals[0]).all()
 
 

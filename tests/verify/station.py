@@ -81,12 +81,11 @@ class Station(NamedTuple):
         assert settings.sonar is not None
         assert settings.points is not None
         total = slow_points.log_likelihood(coloring, self.flips, settings.points)
-        distance = beams.impacts(coloring, self.origin, self.angle, self.laser.max)
-        for reading, d in zip(settings.laser.readings.tolist(), distance.tolist(), strict=True):
-            total += beams.log_likelihood(self.laser, reading, d)
+        total += sum(beams.log_likelihoods_in(coloring, self.laser, self.origin, self.angle, settings.laser.readings))
         for reading, cone in zip(settings.sonar.readings.tolist(), self.cones, strict=True):
-            seen = slow_sonar.features(coloring, cone, self.ring.max)
-            total += slow_sonar.log_likelihood(self.ring, seen, reading)
+            reach = slow_sonar.reach_in(self.window, cone, self.ring.max)
+            seen = slow_sonar.features(coloring, cone, reach)
+            total += slow_sonar.log_likelihood(self.ring, seen, reading, reach)
         return total
 
 

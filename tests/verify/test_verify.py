@@ -104,7 +104,7 @@ def test_only_the_likelihood_tells_the_prior_from_the_posterior() -> None:
 
 def test_chains_that_are_stopped_too_early_leave_the_band() -> None:
     arm = next(arm for arm in control_arms() if "early" in arm.name)
-    assert "number of edges" in outside(run_arm(arm, 25, SEED, 1).verdicts())
+    assert "black area" in outside(run_arm(arm, 25, SEED, 1).verdicts())
 
 
 @pytest.mark.parametrize("way", WAYS)

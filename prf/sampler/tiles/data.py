@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from prf.driven import way_guards
 from prf.kernels import constants as c
-from prf.kernels.cones import READING
+from prf.kernels.cones import REACH
 from prf.kernels.targets import Targets
 from prf.kernels.visibility import BORDER, POSE_COS, POSE_SIN, POSE_X, POSE_Y
 from prf.layout import make_targets
 from prf.posterior import LaserData, Settings, SonarData, return_points, white_places
 from prf.sensors.laser import LaserModel, make_rays
-from prf.sensors.sonar import SonarModel, censored, make_poses
+from prf.sensors.sonar import SonarModel, make_poses
 
 Floats = NDArray[np.float64]
 
@@ -72,9 +72,7 @@ def make_tile_data(settings: Settings) -> TileData:
     laser = settings.laser or LaserData(*nothing, LaserModel(1.0))
     sonar = settings.sonar or SonarData(*nothing, np.zeros(0), SonarModel())
     ray = make_rays(settings.window, laser.model, laser.origin, laser.angle, laser.readings)
-    pose = make_poses(sonar.model, sonar.origin, sonar.angle, sonar.cone, sonar.readings)
-    pose = censored(pose, settings.window, sonar.cone, sonar.model)
-    assert pose.shape[1] > READING
+    pose = make_poses(sonar.model, sonar.origin, sonar.angle, sonar.cone, sonar.readings, settings.window)
     reach = ray[:, c.REACH]
     influence = np.minimum(reach, laser.model.influence(ray[:, c.RANGE]))
     returned = (ray[:, c.RANGE] >= 0.0) & np.isfinite(ray[:, c.RANGE])
@@ -88,7 +86,7 @@ def make_tile_data(settings: Settings) -> TileData:
         influence=influence,
         end=ray[:, :2] + answered[:, None] * ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1],
         pose=pose,
-        triangle=cone_triangles(pose, sonar.model.max_range),
+        triangle=cone_triangles(pose),
         returns=returns,
         targets=make_targets(settings.window, settings.target_side(), returns),
         sensors=white_places(settings),
@@ -96,9 +94,9 @@ def make_tile_data(settings: Settings) -> TileData:
     )
 
 
-def cone_triangles(pose: Floats, reach: float) -> Floats:
-    """Return triangles (m, 6) that hold all of each cone up to `reach` metres."""
-    far, across = reach * (1.0 + HAIR), pose[:, BORDER] * (1.0 + HAIR)
+def cone_triangles(pose: Floats) -> Floats:
+    """Return triangles (m, 6) that hold all of each cone up to its reach."""
+    far, across = pose[:, [REACH]] * (1.0 + HAIR), pose[:, BORDER] * (1.0 + HAIR)
     corners = [pose[:, [POSE_X, POSE_Y]] - HAIR * far * pose[:, [POSE_COS, POSE_SIN]]]
     for side in (-1.0, 1.0):
         x = pose[:, POSE_COS] - side * across * pose[:, POSE_SIN]

@@ -21,8 +21,8 @@ STEPS_PER_READING = 4
 """Steps of a round: to begin and to end it costs time in proportion to the readings."""
 ROUND_LENGTHS = (64 * FIRST_THIN, 1024 * FIRST_THIN)
 """Steps of the shortest and of the longest round; a longer one would keep Ctrl-C and the clock waiting."""
-LOOK_STEPS = 8 * FIRST_THIN
-"""Steps between two looks at the tiles of a round, where draws are recorded: each costs a hundredth of a second."""
+LOOK_STEPS = 4 * FIRST_THIN
+"""Steps between two looks at the tiles of a round, where draws are recorded: each costs some milliseconds."""
 PLAIN_SHARE = 1.0 / 64.0
 """Share of a round's steps that the chain makes on the whole window, where nothing stays because of a border.
 

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from prf.sampler.chain import ChainSampler
-from prf.sampler.record import functionals
+from prf.sampler.record import burn_in, functionals
 from prf.sampler.tiles import schedule
 from prf.sampler.tiles.data import TileData, make_tile_data
 from prf.sampler.tiles.merge import draw_at, finish_round
@@ -31,8 +31,8 @@ class TiledChain:
     first : int
         Step at which the first round begins.
     length : int
-        Steps of a round in the long run. The first rounds double the steps of the chain each, so that every epoch of
-        the image and every draw begins with the end of a round.
+        Steps of a round in the long run. The first rounds are a quarter to a half as long as the run, so that the clock
+        need not wait for them, and every epoch of the image begins with the end of a round.
     """
 
     def __init__(self, sampler: ChainSampler, data: TileData) -> None:
@@ -49,7 +49,7 @@ class TiledChain:
     @property
     def next_length(self) -> int:
         """Steps of the next round."""
-        return min(self.length, self.sampler.step)
+        return min(self.length, max(self.first, burn_in(self.sampler.step)))
 
     def compile(self) -> None:
         """Have the kernels of tiles compiled, or read from their cache, without making a step."""
@@ -72,14 +72,15 @@ class TiledChain:
         What is there is recorded at the end, and on the way as the tiles were at their looks.
         """
         sampler = self.sampler
-        end = sampler.step + self.next_length
+        length = self.next_length
+        end = sampler.step + length
         at_first = functionals(sampler.chain)
         steps = np.linspace(sampler.step, end, len(begun.looks) + 1, dtype=np.int64)[1:-1]
         for look, step in enumerate(steps.tolist()):
             if sampler.record.is_due(step):
                 sampler.record.add(draw_at(begun, results, look, step, at_first))
         sampler.chain = finish_round(self.data, sampler.chain, begun, results)
-        sampler.finish_block(end)
+        sampler.finish_block(end, length)
 
     def advance(self) -> None:
         """Do one round, the tiles one after the other."""
