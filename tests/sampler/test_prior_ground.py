@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import shapely
 
-from prf.coloring import Coloring, violations
+from prf.coloring import Coloring, black_at, violations
 from prf.kernels import constants as c
 from prf.kernels.build import resum
 from prf.kernels.chain import Chain
 from prf.kernels.cones import CONE_LOG_LIKELIHOOD
 from prf.kernels.grid import Grid
-from prf.layout import read_coloring, run_chain
+from prf.layout import pixel_centres, read_coloring, run_chain
 from prf.posterior import LaserData, Settings, make_chain
 from prf.recompute import differences
 from prf.sampler import Sampler
@@ -23,6 +23,7 @@ from prf.sampler.chain import ChainSampler
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
 from prf.sampler.prior_ground import PriorGround, closed_boxes, closed_cells, prior_ground
 from prf.sampler.tempering_ladder import LadderPlan
+from prf.sampler.tempering_state import settle_image
 from prf.sensors.laser import LaserModel
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
@@ -102,9 +103,11 @@ def test_steps_there_leave_every_likelihood_to_the_last_bit(kind: str) -> None:
         chain = run_chain(chain, rng, int(chain.graph.counts[c.STEP]) + 5000)
         before, likelihoods = read_coloring(chain.graph), log_likelihoods(chain)
         total, step = float(chain.graph.sums[c.LOG_LIKELIHOOD]), int(chain.graph.counts[c.STEP])
-        chain = ground.settle(ground.run_to(ground.run_to(chain, rng, step + 1500), rng, step + 3000))
+        outcomes = chain.outcomes.copy()
+        chain = ground.settle(ground.refresh(ground.refresh(chain, rng, 1500), rng, 1500))
         after = read_coloring(chain.graph)
-        assert chain.graph.counts[c.STEP] == step + 3000
+        assert chain.graph.counts[c.STEP] == step
+        assert np.array_equal(chain.outcomes, outcomes)
         assert chain.graph.sums[c.LOG_LIKELIHOOD] == total
         assert log_likelihoods(chain) == likelihoods
         n_frozen += len(ends(meeting(before, region)))
@@ -129,7 +132,7 @@ def test_closed_cells_left_open_are_caught() -> None:
     chain = make_chain(settings, Coloring.empty(ROOM))
     ground = PriorGround(settings, chain)
     ground._guards = ground._guards._replace(lists=np.zeros_like(ground._guards.lists))
-    chain = ground.settle(ground.run_to(run_chain(chain, rng, 20_000), rng, 30_000))
+    chain = ground.settle(ground.refresh(run_chain(chain, rng, 20_000), rng, 10_000))
     assert {"log likelihood", "beam log likelihoods"} <= set(differences(chain))
 
 
@@ -141,10 +144,10 @@ def test_room_is_made_on_the_way() -> None:
     room = len(chain.graph.edge_length)
     ground = prior_ground(settings, chain)
     assert ground is not None
-    chain = ground.settle(ground.run_to(chain, np.random.default_rng(2), 200_000))
+    chain = ground.settle(ground.refresh(chain, np.random.default_rng(2), 200_000))
     assert len(chain.graph.edge_length) > room
     assert chain.graph.counts[c.EDGES] > room
-    assert chain.graph.counts[c.STEP] == 200_000
+    assert chain.graph.counts[c.STEP] == 0
     holds_after_a_block(chain)
 
 
@@ -190,6 +193,27 @@ def test_a_resumed_run_goes_on_to_the_last_bit(kind: str, tiles: int, tmp_path: 
     one, other = whole.chains[0], resumed.chains[0]
     assert one.chain.graph.counts[c.EDGES] > 20
     assert digest(one.chain, one.rng) == digest(other.chain, other.rng)
+
+
+def test_the_image_is_the_average_over_every_step_and_over_nothing_else() -> None:
+    """What proposals there make of the map counts from the next step on."""
+    sampler = ChainSampler(settings_of("laser"), np.random.default_rng(3), NO_PROBES)
+    sampler.find_start(never)
+    image = sampler.chain.image
+    centres, black = pixel_centres(image.grid), np.zeros(image.black.size, np.int64)
+    turned = 0
+    for _ in range(4):
+        for _ in range(20):
+            black += black_at(read_coloring(sampler.chain.graph), centres)
+            sampler.run_to(sampler.step + 1)
+        before = sampler.chain.image.black.copy()
+        sampler.refresh(3000)
+        sampler.settle()
+        turned += int((sampler.chain.image.black != before).sum())
+    assert turned > 40
+    settle_image(sampler.chain)
+    assert np.array_equal(sampler.chain.image.black_time, black)
+    assert sampler.step == 80
 
 
 def test_there_is_none_where_values_at_points_say_something_or_hardly_any_ground_is_left() -> None:

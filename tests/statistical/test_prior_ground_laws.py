@@ -53,7 +53,7 @@ def weighted_means(n: int) -> Mean:
 
 
 def refreshed_draws(n_draws: int, seed: int, is_closed: bool = True) -> Draws:
-    """Maps of a chain half of whose steps, in blocks of 2000, are made where no reading concerns."""
+    """Maps of a chain of blocks of 2000 steps with 2000 proposals between them where no reading concerns."""
     chain, rng, maps = make_chain(SETTINGS, Coloring.empty(ROOM)), np.random.default_rng(seed), []
     ground = PriorGround(SETTINGS, chain)
     if not is_closed:
@@ -61,8 +61,7 @@ def refreshed_draws(n_draws: int, seed: int, is_closed: bool = True) -> Draws:
     for number in range(n_draws + 20):
         for _ in range(2):
             step = int(chain.graph.counts[c.STEP])
-            chain = ground.run_to(run_chain(chain, rng, step + 2000), rng, step + 4000)
-            chain = ground.settle(chain)
+            chain = ground.settle(ground.refresh(run_chain(chain, rng, step + 2000), rng, 2000))
             resum(chain)
         if number >= 20:
             maps.append(read_coloring(chain.graph))
@@ -89,7 +88,7 @@ def test_maps_are_those_of_the_posterior() -> None:
 
 
 def test_steps_on_closed_ground_are_caught() -> None:
-    """The negative control: half of the steps know nothing of the readings."""
+    """The negative control: half of the proposals know nothing of the readings."""
     z = scores(500, 20_000, is_closed=False)
     assert worst(z) > 6.0, z
 

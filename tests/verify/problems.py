@@ -31,7 +31,7 @@ SCALE = 0.15
 """6.9 edges in the mean of the prior."""
 SENSOR = Sensor(4.0, noise=0.2, outlier=0.15, miss=0.05)
 N_SENSORS, N_BEAMS = 2, 10
-DRIVEN_RADIUS = 0.3
+DRIVEN_RADIUS = 0.5
 RING = Ring(4.0, noise=0.15, surface=(3.0, 0.3, 6.0, 3.0))
 N_CONES, VIEW = 6, 0.6
 RESOLUTION = 0.25
@@ -74,9 +74,9 @@ def sonar_problem(rng: np.random.Generator) -> Problem:
 
 
 def driven_problem(rng: np.random.Generator) -> Problem:
-    """Two lasers at random, each driven on for a metre."""
+    """Two lasers at random, each driven on for two metres."""
     place, to = rng.uniform(0.5, 3.5, (N_SENSORS, 2)), rng.uniform(-np.pi, np.pi, N_SENSORS)
-    way = np.hstack([place, np.clip(place + np.column_stack([np.cos(to), np.sin(to)]), 0.1, 3.9)])
+    way = np.hstack([place, np.clip(place + 2.0 * np.column_stack([np.cos(to), np.sin(to)]), 0.1, 3.9)])
     origin, angle = np.repeat(place, N_BEAMS, axis=0), rng.uniform(-np.pi, np.pi, N_SENSORS * N_BEAMS)
     unread = LaserData(origin, angle, np.full(len(angle), np.inf), model_of(SENSOR))
     settings = Settings(ROOM, SCALE, unread, resolution=RESOLUTION, way=way, driven_radius=DRIVEN_RADIUS)
