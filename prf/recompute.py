@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from prf.arak import log_density
 from prf.coloring import Coloring, black_at
 from prf.kernels import cones as cone_columns
 from prf.kernels import constants as c
+from prf.kernels import guards as guard_columns
 from prf.kernels import points as point_columns
 from prf.kernels.beams import Beams
 from prf.kernels.brute import impacts_from_scratch
@@ -218,10 +220,20 @@ def sines_hold(chain: Chain, coloring: Coloring) -> bool:
     return sines and np.allclose(graph.edge_length[edges], coloring.edge_lengths(), rtol=1e-12, atol=0.0)
 
 
+def recompute_blocked(chain: Chain, coloring: Coloring) -> int:
+    """Return the number of pairs of an edge and a piece of the way nearer to each other than the piece's radius."""
+    pieces = chain.guards.shape[chain.guards.shape[:, guard_columns.KIND] == guard_columns.GUARD_WAY]
+    ways, edges = (shapely.linestrings(ends.reshape(-1, 2, 2)) for ends in (pieces[:, 1:5], coloring.segments()))
+    return int((shapely.distance(edges[:, None], ways) <= pieces[:, 5]).sum())
+
+
 def sensors_hold(chain: Chain, coloring: Coloring) -> bool:
-    """Whether the colours of the sensors and the count of black ones are those of the map; none, where none may be."""
+    """Whether the colours of the sensors are those of the map, and black ones and blocked pieces of the way counted.
+
+    There is none of either where none may be.
+    """
     black = black_at(coloring, chain.sensors.xy)
-    n = int(black.sum())
+    n = int(black.sum()) + recompute_blocked(chain, coloring)
     counted = np.array_equal(black, chain.sensors.black) and n == chain.graph.counts[c.OCCUPIED]
     return counted and (n == 0 or bool(np.isfinite(chain.tuning[c.OCCUPIED_COST])))
 

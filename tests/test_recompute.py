@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 
 from prf.arak import exact_draws
 from prf.coloring import Coloring, black_at
+from prf.driven import STRAIGHT
 from prf.kernels import cones, points
 from prf.kernels import constants as c
 from prf.kernels.build import resum
@@ -129,6 +131,61 @@ def test_twins_agree_when_sensors_may_stand_in_black(power: float) -> None:
         occupied.add(int(now.graph.counts[c.OCCUPIED]))
     assert n_accepted > 150
     assert len(occupied) > 1
+
+
+WAY = np.array([[1.0, 1.0, 2.2, 1.4], [2.2, 1.4, 2.5, 3.0], [6.0, 7.0, 6.0, 7.0], [8.5, 8.0, 9.5, 9.5]])
+RADIUS = 0.3
+
+
+def on_the_way(chain: Chain, radius: float = RADIUS + STRAIGHT) -> int:
+    """Pairs of an edge and a piece of the way that is nearer than the radius."""
+    edges = shapely.linestrings(read_coloring(chain.graph).segments().reshape(-1, 2, 2))
+    return int((shapely.distance(edges[:, None], shapely.linestrings(WAY.reshape(-1, 2, 2))) <= radius).sum())
+
+
+@pytest.mark.parametrize("cell", [0.31, 1.0, 7.0])
+@pytest.mark.parametrize("with_laser", [False, True], ids=["prior", "laser"])
+def test_twins_agree_when_edges_may_come_near_the_way(with_laser: bool, cell: float) -> None:
+    """From a draw of the prior, where they do; sensors may stand in black, too."""
+    settings = dataclasses.replace(world_settings(1, cell), aimed_share=0.0, way=WAY, driven_radius=RADIUS)
+    settings = settings if with_laser else dataclasses.replace(settings, laser=None)
+    start = exact_draws(0.4, ROOM, 1, np.random.default_rng(2))[0]
+    chain = soften(make_chain(settings, start), 0.1, 1.0)
+    assert 0 < on_the_way(chain) <= chain.graph.counts[c.OCCUPIED]
+    seen, rng, n_accepted = set(), np.random.default_rng(3), 0
+    for now in states(chain, rng, 2000 if cell == 1.0 else 600):
+        n_accepted += 1
+        assert differences(now) == structural_faults(now) == [], f"step {now.graph.counts[c.STEP]}"
+        seen.add((on_the_way(now), int(now.graph.counts[c.OCCUPIED])))
+    assert n_accepted > 40
+    assert len({blocked for blocked, _ in seen}) > 1
+    assert all(blocked <= occupied for blocked, occupied in seen)
+    resum(now)
+    assert differences(now) == []
+
+
+def test_no_edge_ever_comes_near_a_way_that_is_hard() -> None:
+    settings = dataclasses.replace(world_settings(1), way=WAY, driven_radius=RADIUS)
+    chain, rng, nearest = make_chain(settings, Coloring.empty(ROOM)), np.random.default_rng(4), 0
+    for now in states(chain, rng, 3000):
+        assert differences(now) == []
+        assert on_the_way(now) == 0
+        nearest = max(nearest, on_the_way(now, RADIUS + 0.3))
+    assert nearest > 0, "edges come as near as they may"
+    assert not black_at(read_coloring(chain.graph), WAY.reshape(-1, 2)).any()
+
+
+def test_an_edge_on_the_way_is_seen() -> None:
+    """The negative control of both: the twin does not ask the guards' lists."""
+    settings = dataclasses.replace(world_settings(1), way=WAY, driven_radius=RADIUS)
+    chain = make_chain(settings, Coloring.empty(ROOM))
+    lists = chain.guards.lists.copy()
+    lists[1:] = 0
+    chain = soften(chain._replace(guards=chain.guards._replace(lists=lists)), 0.1, 0.0)
+    for now in states(chain, np.random.default_rng(4), 5000):
+        if on_the_way(now):
+            break
+    assert differences(now) == ["occupied sensors"]
 
 
 def test_without_power_readings_decide_nothing() -> None:
@@ -285,6 +342,7 @@ def test_twins_agree_for_sensors_on_the_border_of_the_window(tmp_path: Path) -> 
     assert differences(chain) == structural_faults(chain) == []
 
 
+@pytest.mark.parametrize("is_driven", [False, True], ids=["", "on the way, too"])
 @pytest.mark.parametrize(
     "moves",
     [
@@ -294,12 +352,14 @@ def test_twins_agree_for_sensors_on_the_border_of_the_window(tmp_path: Path) -> 
         pytest.param([c.NOTCH, c.FILL], id="notched and filled"),
     ],
 )
-def test_twins_agree_when_walls_are_changed(moves: list[int]) -> None:
+def test_twins_agree_when_walls_are_changed(moves: list[int], is_driven: bool) -> None:
     """Hardly ever accepted without readings that ask for it: proposed often here, over blunt readings."""
     data = rays_from(np.array([[2.0, 2.0], [7.0, 5.0], [4.0, 8.0]]), 16, 8)
     blunt = dataclasses.replace(data, model=LaserModel(6.0, noise=2.0, outlier_probability=0.9))
     settings = Settings(ROOM, 0.4, blunt, resolution=0.5, cell=1.0, cut_reach=0.1, join_reach=0.3)
-    chain = make_chain(settings, Coloring.empty(ROOM))
+    if is_driven:
+        settings = dataclasses.replace(settings, way=WAY, driven_radius=RADIUS)
+    chain = soften(make_chain(settings, Coloring.empty(ROOM)), 1.0, 0.5 if is_driven else np.inf)
     chain.odds[:] *= 0.4 / (chain.odds.sum() - chain.odds[moves].sum())
     chain.odds[moves] = 0.3
     rng, seen = np.random.default_rng(8), np.zeros(2, np.int64)

@@ -7,7 +7,14 @@ import numpy as np
 from prf.kernels._jit import core_entry
 from prf.kernels.chain import Chain
 from prf.kernels.crossing import is_valid
-from prf.kernels.geometry import inside_loop, ray_hit, segments_meet, sine_of_angle
+from prf.kernels.geometry import (
+    inside_loop,
+    ray_hit,
+    segment_distance2,
+    segment_meets_box,
+    segments_meet,
+    sine_of_angle,
+)
 from prf.kernels.grid import Grid, cell_at, exit_distance, walk
 from prf.kernels.image import Image, count_edge, recolor_inside
 from prf.kernels.laser import beam_log_likelihood
@@ -60,6 +67,23 @@ def meet_table(one: np.ndarray, two: np.ndarray, met: np.ndarray) -> None:
         p = one[k]
         q = two[k]
         met[k] = segments_meet(p[0], p[1], p[2], p[3], q[0], q[1], q[2], q[3])
+
+
+@core_entry
+def distance_table(one: np.ndarray, two: np.ndarray, found: np.ndarray) -> None:
+    """Squared distances between the segments of two arrays, row by row."""
+    for k in range(one.shape[0]):
+        p = one[k]
+        q = two[k]
+        found[k] = segment_distance2(p[0], p[1], p[2], p[3], q[0], q[1], q[2], q[3])
+
+
+@core_entry
+def box_table(segments: np.ndarray, boxes: np.ndarray, met: np.ndarray) -> None:
+    for k in range(segments.shape[0]):
+        p = segments[k]
+        q = boxes[k]
+        met[k] = segment_meets_box(p[0], p[1], p[2], p[3], q[0], q[1], q[2], q[3])
 
 
 @core_entry

@@ -12,7 +12,16 @@ from prf.kernels.grid import make_grid
 from prf.kernels.sites import Sites
 from prf.layout import make_sites
 from prf.window import Window
-from tests.kernels.entries import encloses_site, hit_table, inside_table, meet_table, sines, turn_sites
+from tests.kernels.entries import (
+    box_table,
+    distance_table,
+    encloses_site,
+    hit_table,
+    inside_table,
+    meet_table,
+    sines,
+    turn_sites,
+)
 
 small = st.integers(-6, 6)
 segment = st.tuples(small, small, small, small).filter(lambda s: s[:2] != s[2:])
@@ -32,6 +41,39 @@ def test_segments_meet_where_shapely_says() -> None:
     )
     assert np.array_equal(meets(one, two), expected)
     assert 500 < expected.sum() < 4500
+
+
+def lines(ends: np.ndarray) -> np.ndarray:
+    return np.asarray(shapely.linestrings(ends.reshape(-1, 2, 2)))
+
+
+def test_segments_are_as_far_apart_as_shapely_says() -> None:
+    """Of places alone too, which are segments without length."""
+    rng = np.random.default_rng(19)
+    one, two = rng.uniform(-1, 1, (2, 5000, 4))
+    one[:500, 2:], two[250:750, 2:] = one[:500, :2], two[250:750, :2]
+    found = np.zeros(5000)
+    distance_table(one, two, found)
+    np.testing.assert_allclose(np.sqrt(found), shapely.distance(lines(one), lines(two)), atol=1e-12)
+    assert 400 < (found == 0.0).sum() < 4000
+
+
+def test_segments_meet_boxes_where_shapely_says() -> None:
+    rng = np.random.default_rng(20)
+    segments, corners = rng.uniform(-1, 1, (2, 5000, 4))
+    boxes = np.hstack([np.minimum(corners[:, :2], corners[:, 2:]), np.maximum(corners[:, :2], corners[:, 2:])])
+    met = np.zeros(5000, np.bool_)
+    box_table(segments, boxes, met)
+    assert np.array_equal(met, shapely.intersects(lines(segments), shapely.box(*boxes.T)))
+    assert 500 < met.sum() < 4500
+
+
+@given(segment, segment.filter(lambda s: s[0] < s[2] and s[1] < s[3]))
+def test_touching_a_box_counts_as_meeting_it(p: tuple[int, ...], box: tuple[int, ...]) -> None:
+    met = np.zeros(2, np.bool_)
+    box_table(np.array([p, p[2:] + p[:2]], np.float64), np.array([box, box], np.float64), met)
+    expected = shapely.LineString([p[:2], p[2:]]).intersects(shapely.box(*box))
+    assert met.tolist() == [expected, expected]
 
 
 @given(segment, segment)

@@ -108,7 +108,7 @@ def test_shares_are_of_the_beams_that_thinning_keeps(many: Settings) -> None:
 
 
 def test_chain_with_few_readings_stays_where_it_was() -> None:
-    sampler = ChainSampler(room_settings(), np.random.default_rng(3), NO_PROBES)
+    sampler = ChainSampler(room_settings(), np.random.default_rng(3), NO_PROBES, refreshes=False)
     before, state = sampler.chain, sampler.rng.bit_generator.state
     sampler.find_start(lambda: False)
     assert sampler.chain is before

@@ -33,10 +33,11 @@ BURN_IN = 20
 N_BATCHES = 100
 
 
-def tiled_draws(settings: Settings, n_draws: int, seed: int) -> Draws:
-    """Return the map after every round but the first ones."""
+def tiled_draws(settings: Settings, n_draws: int, seed: int, cost: float = np.inf) -> Draws:
+    """Return the map after every round but the first ones; `cost` is that of an occupied sensor."""
     rng = np.random.default_rng(seed)
     chain, data = make_chain(settings, Coloring.empty(settings.window)), make_tile_data(settings)
+    chain.tuning[c.OCCUPIED_COST] = cost
     maps = []
     for number in range(BURN_IN + n_draws):
         begun = make_round(data, chain, TILES, LEAST, STEPS, rng)

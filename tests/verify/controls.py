@@ -12,10 +12,11 @@ from prf.arak import exact_draws
 from prf.coloring import Coloring, Draws
 from prf.layout import read_coloring, run_chain
 from prf.posterior import Settings, make_chain
+from tests.reference.free_way import is_free
 from tests.statistical import mutants
 from tests.verify.problems import PROBLEMS
 from tests.verify.sbc import Arm, Ranks
-from tests.verify.ways import N_CHAINS, N_DRAWS, Answer, plain, white_at_sensors
+from tests.verify.ways import N_CHAINS, N_DRAWS, Answer, plain
 
 SHARPER, BLUNTER = 0.4, 2.5
 """Noise that the sampler is told, as a share of the right one."""
@@ -56,7 +57,7 @@ def from_prior(settings: Settings, rng: np.random.Generator, threads: int) -> An
     draws: list[Coloring] = []
     while len(draws) < N_DRAWS:
         some = exact_draws(settings.scale, settings.window, N_DRAWS, rng)
-        draws += [draw for draw in some if white_at_sensors(settings, draw)]
+        draws += [draw for draw in some if is_free(settings, draw)]
     return Answer(Draws.from_colorings(draws[:N_DRAWS]), 0, True)
 
 

@@ -1,25 +1,28 @@
 """Small worlds whose posteriors chains explore in a second: maps of the prior, readings from the written densities.
 
-Every sensor stands in white: worlds in which one does not are drawn again, and the posterior is of the prior under that
-condition, as in the sampler. Noise is blunter than that of real sensors, so that maps stay unsure.
+Every sensor stands in white, and where there is a way driven it is free: worlds of which that is not so are drawn again,
+and the posterior is of the prior under that condition, as in the sampler. Noise is blunter than that of real sensors, so that maps stay unsure.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from prf.arak import exact_draws
 from prf.coloring import Coloring, Draws, black_areas, black_at_draws
 from prf.layout import make_graph
-from prf.posterior import Settings, make_chain
+from prf.posterior import LaserData, Settings, make_chain
 from prf.sampler.tempering_state import with_graph
 from prf.window import Window
-from tests.reference.beams import Sensor
+from tests.reference.beams import Sensor, draw_readings, impacts
+from tests.reference.free_way import is_free
 from tests.reference.slow_sonar import Ring
 from tests.reference.sonar_worlds import draw_sonar_world
-from tests.reference.worlds import draw_world
+from tests.reference.worlds import draw_world, model_of
 
 Floats = NDArray[np.float64]
 
@@ -28,6 +31,7 @@ SCALE = 0.15
 """6.9 edges in the mean of the prior."""
 SENSOR = Sensor(4.0, noise=0.2, outlier=0.15, miss=0.05)
 N_SENSORS, N_BEAMS = 2, 10
+DRIVEN_RADIUS = 0.5
 RING = Ring(4.0, noise=0.15, surface=(3.0, 0.3, 6.0, 3.0))
 N_CONES, VIEW = 6, 0.6
 RESOLUTION = 0.25
@@ -67,6 +71,21 @@ def sonar_problem(rng: np.random.Generator) -> Problem:
     """Two sonar rings at random, six cones each."""
     world = draw_sonar_world(SCALE, ROOM, RING, N_SENSORS, N_CONES, VIEW, rng)
     return Problem(Settings(ROOM, SCALE, sonar=world.data, resolution=RESOLUTION), world.coloring)
+
+
+def driven_problem(rng: np.random.Generator) -> Problem:
+    """Two lasers at random, each driven on for two metres."""
+    place, to = rng.uniform(0.5, 3.5, (N_SENSORS, 2)), rng.uniform(-np.pi, np.pi, N_SENSORS)
+    way = np.hstack([place, np.clip(place + 2.0 * np.column_stack([np.cos(to), np.sin(to)]), 0.1, 3.9)])
+    origin, angle = np.repeat(place, N_BEAMS, axis=0), rng.uniform(-np.pi, np.pi, N_SENSORS * N_BEAMS)
+    unread = LaserData(origin, angle, np.full(len(angle), np.inf), model_of(SENSOR))
+    settings = Settings(ROOM, SCALE, unread, resolution=RESOLUTION, way=way, driven_radius=DRIVEN_RADIUS)
+    while True:
+        world = exact_draws(SCALE, ROOM, 1, rng)[0]
+        if is_free(settings, world):
+            break
+    readings = draw_readings(SENSOR, impacts(world, origin, angle, SENSOR.max), rng)
+    return Problem(dataclasses.replace(settings, laser=dataclasses.replace(unread, readings=readings)), world)
 
 
 PROBLEMS: dict[str, DrawProblem] = {"laser": laser_problem, "sonar": sonar_problem}

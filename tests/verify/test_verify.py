@@ -23,7 +23,7 @@ from tests.verify.problems import NAMES, PROBLEMS, laser_problem
 from tests.verify.ranks import Verdict
 from tests.verify.sbc import run_arm, standard_arm
 from tests.verify.station import small_station
-from tests.verify.ways import N_DRAWS, WAYS, unbounded, white_at_sensors
+from tests.verify.ways import N_DRAWS, WAYS, unbounded
 
 SEED = 20261121
 
@@ -66,7 +66,7 @@ def test_a_control_that_passes_fails() -> None:
 def test_worlds_have_their_sensors_in_white(kind: str) -> None:
     for number in range(5):
         problem = PROBLEMS[kind](np.random.default_rng([SEED, number]))
-        assert white_at_sensors(problem.settings, problem.truth)
+        assert is_free(problem.settings, problem.truth)
 
 
 def test_slow_oracles_and_kernels_say_the_same_of_a_map() -> None:
@@ -113,7 +113,7 @@ def test_every_way_returns_as_many_draws_with_sensors_in_white(way: str, few_ste
     problem = laser_problem(rng)
     answer = WAYS[way](problem.settings, rng, 2)
     assert len(answer.draws) == N_DRAWS
-    assert all(white_at_sensors(problem.settings, draw) for draw in answer.draws)
+    assert all(is_free(problem.settings, draw) for draw in answer.draws)
 
 
 def test_the_command_writes_its_plots_and_figures(tmp_path: Path, few_steps: None) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.arak import exact_draws
-from prf.coloring import Coloring, Draws, black_at
+from prf.coloring import Coloring, Draws
 from prf.diagnostics import diagnose
 from prf.kernels.chain import Chain
 from prf.layout import read_coloring, run_chain
@@ -24,6 +24,7 @@ from prf.sampler import Sampler
 from prf.sampler.tempering_ladder import LadderPlan
 from prf.sampler.tempering_state import with_map
 from prf.sampler.tiles import schedule, tiled
+from tests.reference.free_way import is_free
 from tests.verify.problems import NAMES, from_map
 
 Floats = NDArray[np.float64]
@@ -69,17 +70,11 @@ Way = Callable[[Settings, np.random.Generator, int], Answer]
 """Called with the posterior, a generator, and the number of threads."""
 
 
-def white_at_sensors(settings: Settings, draw: Coloring) -> bool:
-    """Return whether every sensor stands in white."""
-    sensors = [sensor.origin for sensor in (settings.laser, settings.sonar) if sensor is not None]
-    return not any(black_at(draw, origin).any() for origin in sensors)
-
-
 def prior_start(settings: Settings, rng: np.random.Generator) -> Coloring:
-    """Return a draw of the prior in which every sensor stands in white: it knows nothing of the truth."""
+    """Return a draw of the prior in which every sensor stands in white and the way is free: it knows no more."""
     while True:
         draw = exact_draws(settings.scale, settings.window, 1, rng)[0]
-        if white_at_sensors(settings, draw):
+        if is_free(settings, draw):
             return draw
 
 

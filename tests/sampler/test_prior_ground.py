@@ -1,0 +1,256 @@
+"""Ground that no reading concerns: steps there leave every likelihood as it is, and what is closed stays."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from prf.coloring import Coloring, black_at, violations
+from prf.kernels import constants as c
+from prf.kernels.build import resum
+from prf.kernels.chain import Chain
+from prf.kernels.cones import CONE_LOG_LIKELIHOOD
+from prf.kernels.grid import Grid
+from prf.layout import pixel_centres, read_coloring, run_chain
+from prf.posterior import LaserData, Settings, make_chain
+from prf.recompute import differences
+from prf.sampler import Sampler
+from prf.sampler.chain import ChainSampler
+from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
+from prf.sampler.prior_ground import PriorGround, closed_boxes, closed_cells, prior_ground
+from prf.sampler.tempering_ladder import LadderPlan
+from prf.sampler.tempering_state import settle_image
+from prf.sensors.laser import LaserModel
+from prf.shell.seeds import spawn_generators
+from prf.window import Window
+from tests.reference.beams import Sensor
+from tests.reference.chain_state import digest, structural_faults
+from tests.reference.free_way import blocked_pairs
+from tests.reference.slow_points import Flips, lattice, observe
+from tests.reference.slow_sonar import Ring
+from tests.reference.sonar_worlds import draw_data, ring_all_round
+from tests.reference.worlds import World, draw_world
+
+ROOM = Window(0.0, 0.0, 16.0, 16.0)
+SCALE = 0.25
+NO_PROBES = np.zeros(0, np.int64)
+KINDS = ("laser", "no returns", "censored", "sonar", "both on a way")
+
+
+def never() -> bool:
+    return False
+
+
+def world() -> World:
+    return draw_world(SCALE, ROOM, Sensor(4.0), 3, 40, np.random.default_rng(8))
+
+
+def settings_of(kind: str) -> Settings:
+    """Sensors in a world of the prior, of which most is out of reach."""
+    found, rng = world(), np.random.default_rng(9)
+    laser: LaserData | None = found.data
+    sonar = None
+    if kind == "no returns":
+        laser = dataclasses.replace(found.data, readings=np.where(rng.random(120) < 0.5, np.inf, found.data.readings))
+    if kind == "censored":
+        laser = beside_the_border(rng)
+    if kind in ("sonar", "both on a way"):
+        places = np.unique(found.data.origin, axis=0)
+        sonar = draw_data(found.coloring, Ring(3.0), ring_all_round(places, 8, 0.4, rng), rng)
+    laser = None if kind == "sonar" else laser
+    settings = Settings(ROOM, SCALE, laser, resolution=0.5, sonar=sonar)
+    if kind == "both on a way":
+        settings = dataclasses.replace(settings, way=np.array([[1.0, 14.0, 14.0, 14.5]]), driven_radius=0.2)
+    return settings
+
+
+def beside_the_border(rng: np.random.Generator) -> LaserData:
+    """A sensor half a metre from the border, whose readings end within the window and far beyond it."""
+    angle = rng.uniform(-np.pi, np.pi, 80)
+    readings = np.where(rng.random(80) < 0.7, rng.uniform(0.3, 7.0, 80), np.inf)
+    return LaserData(np.tile([0.5, 8.0], (80, 1)), angle, readings, LaserModel(8.0, noise=0.02))
+
+
+def log_likelihoods(chain: Chain) -> bytes:
+    return chain.beams.ray[:, c.BEAM_LOG_LIKELIHOOD].tobytes() + chain.cones.pose[:, CONE_LOG_LIKELIHOOD].tobytes()
+
+
+def ends(coloring: Coloring) -> set[tuple[float, ...]]:
+    return {tuple(sorted([(a, b), (x, y)])) for a, b, x, y in coloring.segments().tolist()}  # type: ignore[misc]
+
+
+def closed_region(settings: Settings, chain: Chain) -> shapely.Geometry:
+    boxes = closed_boxes(chain.edge_index.grid, closed_cells(settings, chain))
+    return shapely.union_all(shapely.box(*boxes[:, 1:5].T))
+
+
+def meeting(coloring: Coloring, region: shapely.Geometry) -> Coloring:
+    lines = shapely.linestrings(coloring.segments().reshape(-1, 2, 2))
+    return coloring._replace(edges=coloring.edges[shapely.intersects(lines, region)])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_steps_there_leave_every_likelihood_to_the_last_bit(kind: str) -> None:
+    settings, rng = settings_of(kind), np.random.default_rng(1)
+    chain = make_chain(settings, Coloring.empty(ROOM))
+    ground, region = PriorGround(settings, chain), closed_region(settings, chain)
+    n_frozen = n_new = 0
+    for _ in range(8):
+        chain = run_chain(chain, rng, int(chain.graph.counts[c.STEP]) + 5000)
+        before, likelihoods = read_coloring(chain.graph), log_likelihoods(chain)
+        total, step = float(chain.graph.sums[c.LOG_LIKELIHOOD]), int(chain.graph.counts[c.STEP])
+        outcomes = chain.outcomes.copy()
+        chain = ground.settle(ground.refresh(ground.refresh(chain, rng, 1500), rng, 1500))
+        after = read_coloring(chain.graph)
+        assert chain.graph.counts[c.STEP] == step
+        assert np.array_equal(chain.outcomes, outcomes)
+        assert chain.graph.sums[c.LOG_LIKELIHOOD] == total
+        assert log_likelihoods(chain) == likelihoods
+        n_frozen += len(ends(meeting(before, region)))
+        assert ends(meeting(after, region)) == ends(meeting(before, region))
+        n_new += len(ends(after) - ends(before))
+        assert violations(after) == []
+        assert blocked_pairs(settings, after) == 0
+        holds_after_a_block(chain)
+    assert n_frozen > 20
+    assert n_new > 100
+
+
+def holds_after_a_block(chain: Chain) -> None:
+    resum(chain)
+    assert differences(chain) == []
+    assert structural_faults(chain) == []
+
+
+def test_closed_cells_left_open_are_caught() -> None:
+    """The negative control: without the boxes likelihoods of the map are no longer those that are kept."""
+    settings, rng = settings_of("laser"), np.random.default_rng(1)
+    chain = make_chain(settings, Coloring.empty(ROOM))
+    ground = PriorGround(settings, chain)
+    ground._guards = ground._guards._replace(lists=np.zeros_like(ground._guards.lists))
+    chain = ground.settle(ground.refresh(run_chain(chain, rng, 20_000), rng, 10_000))
+    assert {"log likelihood", "beam log likelihoods"} <= set(differences(chain))
+
+
+def test_room_is_made_on_the_way() -> None:
+    """From the empty map to a thousand edges, in an index of cells with hardly any room."""
+    wide = Window(0.0, 0.0, 60.0, 60.0)
+    settings = Settings(wide, 0.15, world().data, resolution=1.0)
+    chain = make_chain(settings, Coloring.empty(wide))
+    room = len(chain.graph.edge_length)
+    ground = prior_ground(settings, chain)
+    assert ground is not None
+    chain = ground.settle(ground.refresh(chain, np.random.default_rng(2), 200_000))
+    assert len(chain.graph.edge_length) > room
+    assert chain.graph.counts[c.EDGES] > room
+    assert chain.graph.counts[c.STEP] == 0
+    holds_after_a_block(chain)
+
+
+def test_a_start_has_no_steps_and_is_what_its_map_says() -> None:
+    for plan in (None, LadderPlan(2, 0.0)):
+        sampler = ChainSampler(settings_of("both on a way"), np.random.default_rng(3), NO_PROBES)
+        if plan is not None:
+            sampler.temper(plan)
+        sampler.find_start(never)
+        assert sampler.step == 0
+        assert not sampler.chain.outcomes.any()
+        assert sampler.chain.graph.counts[c.EDGES] > 10
+        assert differences(sampler.chain) == structural_faults(sampler.chain) == []
+        assert not sampler.chain.image.black_time.any()
+        for _ in range(2):
+            sampler.advance()
+            assert differences(sampler.chain) == structural_faults(sampler.chain) == []
+        for rung in sampler.tempering.hot if sampler.tempering is not None else []:
+            assert differences(rung) == structural_faults(rung) == []
+
+
+def test_a_search_that_is_stopped_starts_all_the_same() -> None:
+    sampler = ChainSampler(settings_of("laser"), np.random.default_rng(3), NO_PROBES)
+    sampler.find_start(lambda: True)
+    assert sampler.step == sampler.chain.graph.counts[c.EDGES] == 0
+
+
+@pytest.mark.parametrize("kind", ["laser", "both on a way"])
+@pytest.mark.parametrize("tiles", [0, 3])
+def test_a_resumed_run_goes_on_to_the_last_bit(kind: str, tiles: int, tmp_path: Path) -> None:
+    settings = dataclasses.replace(settings_of(kind), tiles=tiles)
+    with Sampler(settings, spawn_generators(7, 1), 1) as whole:
+        assert whole.chains[0].ground is not None
+        whole.find_starts(never)
+        for k in range(6):
+            if k == 3:
+                save_checkpoint(tmp_path, whole, "this run")
+            whole.advance()
+    with Sampler(settings, spawn_generators(7, 1), 1) as resumed:
+        load_checkpoint(tmp_path, resumed, "this run")
+        for _ in range(3):
+            resumed.advance()
+    one, other = whole.chains[0], resumed.chains[0]
+    assert one.chain.graph.counts[c.EDGES] > 20
+    assert digest(one.chain, one.rng) == digest(other.chain, other.rng)
+
+
+def test_the_image_is_the_average_over_every_step_and_over_nothing_else() -> None:
+    """What proposals there make of the map counts from the next step on."""
+    sampler = ChainSampler(settings_of("laser"), np.random.default_rng(3), NO_PROBES)
+    sampler.find_start(never)
+    image = sampler.chain.image
+    centres, black = pixel_centres(image.grid), np.zeros(image.black.size, np.int64)
+    turned = 0
+    for _ in range(4):
+        for _ in range(20):
+            black += black_at(read_coloring(sampler.chain.graph), centres)
+            sampler.run_to(sampler.step + 1)
+        before = sampler.chain.image.black.copy()
+        sampler.refresh(3000)
+        sampler.settle()
+        turned += int((sampler.chain.image.black != before).sum())
+    assert turned > 40
+    settle_image(sampler.chain)
+    assert np.array_equal(sampler.chain.image.black_time, black)
+    assert sampler.step == 80
+
+
+def test_there_is_none_where_values_at_points_say_something_or_hardly_any_ground_is_left() -> None:
+    settings, found = settings_of("laser"), world()
+    start = Coloring.empty(ROOM)
+    assert prior_ground(settings, make_chain(settings, start)) is not None
+    values = observe(found.coloring, Flips(), lattice(5, 1.0, 15.0), np.random.default_rng(1))
+    for none in (
+        dataclasses.replace(settings, points=values),
+        dataclasses.replace(settings, laser=None),
+        dataclasses.replace(settings, scale=0.01),
+    ):
+        assert prior_ground(none, make_chain(none, start)) is None
+
+
+def test_closed_cells_hold_all_that_a_reading_may_concern() -> None:
+    settings = settings_of("both on a way")
+    chain = make_chain(settings, Coloring.empty(ROOM))
+    assert settings.laser is not None
+    laser, model = settings.laser, settings.laser.model
+    influence = np.minimum(model.influence(laser.readings), model.max_range)
+    tips = laser.origin + influence[:, None] * np.column_stack([np.cos(laser.angle), np.sin(laser.angle)])
+    rays = shapely.linestrings(np.stack([laser.origin, tips], axis=1))
+    region = shapely.buffer(closed_region(settings, chain), 1e-9)
+    assert shapely.covers(region, shapely.intersection(rays, shapely.box(*ROOM))).all()
+    assert region.area < 0.6 * ROOM.area
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_boxes_cover_the_closed_cells_and_no_other_and_none_twice(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    is_closed = rng.random((17, 11)) < (0.0, 0.2, 0.6, 0.9, 1.0)[seed]
+    is_closed[3:9, 2:7] = seed > 0
+    grid = Grid(-3.0, 2.0, 0.5, 11, 17)
+    boxes = closed_boxes(grid, is_closed)
+    count = np.zeros(is_closed.shape, int)
+    for x0, y0, x1, y1 in ((boxes[:, 1:5] - [-3.0, 2.0, -3.0, 2.0]) / 0.5).round().astype(int).tolist():
+        count[y0:y1, x0:x1] += 1
+    assert np.array_equal(count, is_closed.astype(int))
+    assert len(boxes) <= np.count_nonzero(is_closed)

@@ -1,0 +1,87 @@
+"""Chains of the prior whose way driven is free, and exact draws that are rejected or weighted for the same law."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.arak import exact_draws
+from prf.coloring import Coloring, Draws, black_areas, black_at_draws
+from prf.kernels import constants as c
+from prf.kernels.build import resum
+from prf.layout import make_guards, read_coloring, run_chain
+from prf.posterior import Settings, make_chain
+from prf.window import Window
+from tests.reference.free_way import obstacles
+
+Floats = NDArray[np.float64]
+
+ROOM = Window(0.0, 0.0, 6.0, 6.0)
+WAY = np.array([[2.0, 2.0, 3.2, 2.6], [3.2, 2.6, 3.4, 3.1], [4.5, 4.2, 4.5, 4.2]])
+RADIUS = 0.2
+SETTINGS = Settings(ROOM, 0.25, way=WAY, driven_radius=RADIUS)
+"""28 edges that meet no border in the mean of the prior, of which one draw in eighteen leaves the way free."""
+PLACES = np.array([[1.5, 2.2], [2.5, 3.2], [4.0, 3.5], [5.5, 5.5], [0.4, 5.0], [4.9, 1.0]])
+NAMES = ("edges", "length", "black area", "edges near", *(f"black at ({x:g}, {y:g})" for x, y in PLACES))
+BURN_IN = 100_000
+
+
+class Mean(NamedTuple):
+    """Means (k,) of what is compared, and their standard errors."""
+
+    mean: Floats
+    error: Floats
+
+
+def values(draws: Draws) -> Floats:
+    """What is compared (n_draws, len(NAMES)); near is within four radii of the way."""
+    middle = draws.xy[draws.global_edges()].mean(axis=1)
+    a, b = WAY[:, :2], WAY[:, 2:]
+    near = np.min(np.hypot(*(middle[:, None] - 0.5 * (a + b)).transpose(2, 0, 1)), axis=1) < 4.0 * RADIUS
+    counts = np.bincount(draws.draw_of_edge(), near, len(draws))
+    colours = black_at_draws(draws, PLACES)
+    return np.column_stack([draws.n_edges, draws.total_length(), black_areas(draws), counts, colours])
+
+
+def exact_means(cost: float, n: int, seed: int) -> Mean:
+    """Of draws of the prior weighted by exp(-cost * obstacles): those of a free way alone if the cost is infinite."""
+    draws = exact_draws(SETTINGS.scale, ROOM, n, np.random.default_rng(seed))
+    met = obstacles(SETTINGS, draws)
+    weight = (met == 0).astype(float) if cost == np.inf else np.exp(-cost * met)
+    found = values(draws)
+    return weighted_mean(weight, found)
+
+
+def weighted_mean(weight: Floats, found: Floats) -> Mean:
+    """Means of values (n, k) weighted by (n,)."""
+    mean = weight @ found / weight.sum()
+    return Mean(mean, np.sqrt(weight**2 @ (found - mean) ** 2) / weight.sum())
+
+
+def chain_draws(cost: float, n_draws: int, thin: int, seed: int, is_guarded: bool = True) -> Draws:
+    """Every `thin`-th map of a chain from white; without guards only the ends of the pieces must be white."""
+    chain, rng, maps = make_chain(SETTINGS, Coloring.empty(ROOM)), np.random.default_rng(seed), []
+    chain.tuning[c.OCCUPIED_COST] = cost
+    if not is_guarded:
+        nothing = make_guards(chain.edge_index.grid, np.zeros(0, np.int64), chain.guards.shape[:0])
+        chain = chain._replace(guards=nothing)
+    for until in range(BURN_IN, BURN_IN + n_draws * thin, thin):
+        chain = run_chain(chain, rng, until)
+        resum(chain)
+        maps.append(read_coloring(chain.graph))
+    return Draws.from_colorings(maps, ROOM)
+
+
+def batch_means(chains: list[Floats], n_batches: int) -> Mean:
+    """Means of values (n_draws, k) of chains, their errors from `n_batches` of each."""
+    batches = [found.reshape(n_batches, -1, found.shape[1]).mean(axis=1) for found in chains]
+    found = np.concatenate(batches)
+    return Mean(found.mean(axis=0), found.std(axis=0, ddof=1) / np.sqrt(len(found)))
+
+
+def z_scores(one: Mean, other: Mean, names: tuple[str, ...] = NAMES) -> dict[str, float]:
+    """Differences over their standard errors, by name."""
+    z = (one.mean - other.mean) / np.hypot(one.error, other.error)
+    return dict(zip(names, z.round(2).tolist(), strict=True))

@@ -1,0 +1,125 @@
+"""Steps on ground that no reading concerns keep the posterior, and bring the prior to where nothing was seen.
+
+Eleven numbers a comparison: |z| < 4.5 fails by chance once in 15,000 for normal means, once in some 3,000 for 50 batches.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from prf.arak import exact_draws
+from prf.coloring import Coloring, Draws, black_at_draws
+from prf.kernels import constants as c
+from prf.kernels.build import resum
+from prf.layout import make_graph, read_coloring, run_chain
+from prf.posterior import LaserData, Settings, make_chain
+from prf.sampler.chain import ChainSampler
+from prf.sampler.prior_ground import PriorGround, edge_density
+from prf.sampler.tempering_state import with_graph
+from prf.sensors.laser import LaserModel
+from prf.window import INTERIOR, Window
+from tests.reference.free_way import is_free
+from tests.statistical.driven import NAMES, ROOM, Mean, batch_means, values, weighted_mean, z_scores
+
+SEED = 20050726
+ANGLE = np.array([-2.8, -0.9, 0.2, 1.4])
+READINGS = np.array([1.2, 0.8, 1.6, np.inf])
+"""A wall may stand where three beams of four ended; they say so bluntly, that draws of the prior may be weighted."""
+LASER = LaserData(
+    np.tile([3.0, 3.2], (4, 1)), ANGLE, READINGS, LaserModel(2.0, 0.08, outlier_probability=0.4, miss_probability=0.4)
+)
+SETTINGS = Settings(ROOM, 0.25, LASER, way=np.array([[4.2, 0.5, 5.2, 0.4]]), driven_radius=0.2)
+
+
+def log_likelihoods(draws: Draws) -> np.ndarray:
+    """From the maps alone (n_draws,)."""
+    chain = make_chain(SETTINGS, Coloring.empty(ROOM))
+    graphs = (make_graph(draw, 2 * draw.n_vertices + 64) for draw in draws)
+    return np.array([with_graph(chain, SETTINGS, graph).graph.sums[c.LOG_LIKELIHOOD] for graph in graphs])
+
+
+def compared(draws: Draws) -> np.ndarray:
+    return np.column_stack([values(draws), log_likelihoods(draws)])
+
+
+def weighted_means(n: int) -> Mean:
+    """Of draws of the prior in which sensor and way are free, weighted by their likelihood."""
+    draws = exact_draws(SETTINGS.scale, ROOM, n, np.random.default_rng(SEED))
+    found = compared(draws.take(np.array([k for k, draw in enumerate(draws) if is_free(SETTINGS, draw)])))
+    return weighted_mean(np.exp(found[:, -1] - found[:, -1].max()), found)
+
+
+def refreshed_draws(n_draws: int, seed: int, is_closed: bool = True) -> Draws:
+    """Maps of a chain of blocks of 2000 steps with 2000 proposals between them where no reading concerns."""
+    chain, rng, maps = make_chain(SETTINGS, Coloring.empty(ROOM)), np.random.default_rng(seed), []
+    ground = PriorGround(SETTINGS, chain)
+    if not is_closed:
+        ground._guards = ground._guards._replace(lists=np.zeros_like(ground._guards.lists))
+    for number in range(n_draws + 20):
+        for _ in range(2):
+            step = int(chain.graph.counts[c.STEP])
+            chain = ground.settle(ground.refresh(run_chain(chain, rng, step + 2000), rng, 2000))
+            resum(chain)
+        if number >= 20:
+            maps.append(read_coloring(chain.graph))
+    return Draws.from_colorings(maps, ROOM)
+
+
+def scores(n_draws: int, n_exact: int, is_closed: bool = True) -> dict[str, float]:
+    with ThreadPoolExecutor(2) as pool:
+        chains = list(pool.map(lambda k: refreshed_draws(n_draws, SEED + k, is_closed), range(2)))
+    found = z_scores(
+        batch_means([compared(draws) for draws in chains], 25), weighted_means(n_exact), (*NAMES, "log likelihood")
+    )
+    print(found)
+    return found
+
+
+def worst(z: dict[str, float]) -> float:
+    return max(abs(value) for value in z.values())
+
+
+def test_maps_are_those_of_the_posterior() -> None:
+    z = scores(500, 20_000)
+    assert worst(z) < 4.5, z
+
+
+def test_steps_on_closed_ground_are_caught() -> None:
+    """The negative control: half of the proposals know nothing of the readings."""
+    z = scores(500, 20_000, is_closed=False)
+    assert worst(z) > 6.0, z
+
+
+@pytest.mark.slow
+def test_many_maps_are_those_of_the_posterior() -> None:
+    z = scores(5000, 150_000)
+    assert worst(z) < 4.0, z
+
+
+FAR = Window(10.0, 2.0, 28.0, 28.0)
+WIDE = Settings(Window(0.0, 0.0, 30.0, 30.0), 0.1, LASER)
+PLACES = np.random.default_rng(SEED).uniform(FAR[:2], FAR[2:], (40, 2))
+
+
+def first_draw(number: int) -> Coloring:
+    sampler = ChainSampler(WIDE, np.random.default_rng([SEED, number]), np.zeros(0, np.int64))
+    sampler.find_start(lambda: False)
+    return read_coloring(sampler.chain.graph)
+
+
+def test_far_from_every_reading_the_first_map_is_a_draw_of_the_prior() -> None:
+    """Corners a square metre 4 pi p^2, half of the ground black; each once in 15,000 by chance beyond 4."""
+    with ThreadPoolExecutor(2) as pool:
+        draws = Draws.from_colorings(list(pool.map(first_draw, range(60))), WIDE.window)
+    inside = FAR.contains(draws.xy) & (draws.side == INTERIOR)
+    corners = np.bincount(draws.draw_of_vertex(), inside, len(draws)) / FAR.area
+    black = black_at_draws(draws, PLACES).mean(axis=1)
+    for found, expected in ((corners, edge_density(WIDE.scale)), (black, 0.5)):
+        error = found.std(ddof=1) / np.sqrt(len(found))
+        print(found.mean(), expected, error)
+        assert error < 0.1 * expected
+        assert abs(found.mean() - expected) < 4.0 * error
+    assert np.abs(black_at_draws(draws, PLACES).mean(axis=0) - 0.5).max() < 4.0 * 0.5 / np.sqrt(60)
