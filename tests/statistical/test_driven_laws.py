@@ -1,7 +1,7 @@
 """With the way driven free, maps are those of the prior whose way is free, exactly; without the guards they are not.
 
-Ten numbers a comparison, hardly independent. |z| < 4.5 fails by chance once in 15,000 for normal means, and once in some
-3,000 for the means of the fewest batches here (40).
+Ten numbers a comparison, hardly independent. |z| < 4.5 fails by chance once in 15,000 for normal means, and once in
+some 3,000 for the means of the fewest batches here (40).
 """
 
 from __future__ import annotations
@@ -90,7 +90,10 @@ def test_many_maps_of_tiles_are_those_of_the_prior_whose_way_is_free(cost: float
 
 def clearance(settings: Settings, draws: Draws) -> np.ndarray:
     """Metres from the way to the nearest edge (n_draws,); 10 m without one."""
-    found = [shapely.distance(shapely.linestrings(draw.segments().reshape(-1, 2, 2))[:, None], pieces(settings)) for draw in draws]
+    found = [
+        shapely.distance(shapely.linestrings(draw.segments().reshape(-1, 2, 2))[:, None], pieces(settings))
+        for draw in draws
+    ]
     return np.array([distance.min(initial=10.0) for distance in found])
 
 
