@@ -14,8 +14,9 @@ from prf.kernels.guards import GUARD_WAY
 from prf.layout import make_guards
 from prf.logs import Readings
 from prf.posterior import LaserData, Settings, make_chain
-from prf.sampler.config import SampleConfig, prepare, sensor_tracks
+from prf.sampler.config import SampleConfig, prepare
 from prf.sampler.contour import contour_map, map_of_region
+from prf.sampler.ground import sensor_tracks
 from prf.sampler.starts import find_start_map
 from prf.sensors.laser import LaserModel
 from prf.window import Window

@@ -11,17 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.arak import checked_scale
-from prf.driven import way_of
-from prf.layout import image_grid
 from prf.logs import CONE, PointTable, Readings
 from prf.logs.describe import default_max_range
 from prf.logs.rings import fields_of_view
 from prf.posterior import LaserData, PointData, Settings, SonarData
 from prf.run import Beams, Cones, Points
+from prf.sampler.ground import driven_way, seen_cells
 from prf.sampler.starts import STARTS, Start
 from prf.sampler.tempering_ladder import AUTO_RUNGS, LadderPlan
 from prf.sampler.tiles.schedule import chosen_tiles
-from prf.seen import seen_by_beams, seen_by_cones
 from prf.sensors.domain import check_length
 from prf.sensors.laser import LaserModel, unit_vectors
 from prf.sensors.points import PointModel, window_round
@@ -260,7 +258,7 @@ def prepare(
     settings = make_settings(resolved, kept_beams, kept_cones, points)
     if driven is None:
         driven = [log for log in (laser, sonar) if log is not None]
-    way = driven_way(resolved, driven, sensors, window)
+    way = driven_way(resolved.driven_radius, driven, sensors, window)
     settings = dataclasses.replace(settings, way=way, seen=seen_cells(window, resolution, inside, kept_cones, points))
     n_thinned = 0 if inside is None or kept_beams is None else len(inside.range) - len(kept_beams.range)
     return Prepared(settings, kept_beams, kept_cones, points, resolved, n_outside, n_points_outside, n_thinned)
@@ -303,43 +301,6 @@ def _points(config: SampleConfig, observed: PointTable, window: Window) -> Point
     if not inside.any():
         raise InputError(f"{observed.source}: no point lies inside the window. Check --window.")
     return Points(observed.xy[inside], observed.value[inside])
-
-
-def seen_cells(
-    window: Window, resolution: float, beams: Beams | None, cones: Cones | None, points: Points | None
-) -> NDArray[np.bool_]:
-    """Return the cells (ny, nx) of the image that readings crossed or ended in; values at points concern all of it."""
-    grid = image_grid(window, resolution)
-    seen = np.full((grid.ny, grid.nx), points is not None)
-    if beams is not None:
-        seen |= seen_by_beams(grid, window, beams.origin, beams.angle, beams.range, beams.max_range)
-    if cones is not None:
-        seen |= seen_by_cones(grid, window, cones.origin, cones.angle, cones.cone, cones.range, cones.max_range)
-    return seen
-
-
-def driven_way(
-    config: SampleConfig, logs: Sequence[Readings], sensors: Sequence[Beams | Cones], window: Window
-) -> NDArray[np.float64]:
-    """Return the pieces (k, 4) of the way of the sensors of `logs`; returns are those of the readings in use."""
-    if config.driven_radius == 0.0 or not logs:
-        return np.zeros((0, 4))
-    returns = [part.origin + part.range[:, None] * unit_vectors(part.angle) for part in sensors]
-    ends = np.concatenate([end[part.returned] for end, part in zip(returns, sensors, strict=True)])
-    tracks = [track for log in logs for track in sensor_tracks(log)]
-    return way_of(tracks, ends, window, config.driven_radius)
-
-
-def sensor_tracks(readings: Readings) -> list[NDArray[np.float64]]:
-    """Return the position of each device scan by scan, (n, 2) in metres: of a ring the middle of its transducers."""
-    scans, number = np.unique(readings.scan, return_inverse=True)
-    counts = np.bincount(number)
-    middle = np.column_stack([np.bincount(number, weights=axis) / counts for axis in readings.origin.T])
-    device = np.zeros(int(scans.max(initial=-1)) + 1, np.int64)
-    table = readings.notes.scans
-    known = table.number <= scans.max(initial=-1)
-    device[table.number[known]] = table.device[known]
-    return [middle[device[scans] == one] for one in np.unique(device[scans])]
 
 
 Kept = TypeVar("Kept", Beams, Cones)
