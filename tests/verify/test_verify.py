@@ -13,6 +13,7 @@ from prf.coloring import Coloring
 from prf.kernels.step import run
 from prf.layout import grow, read_coloring
 from prf.posterior import make_chain
+from tests.reference.free_way import is_free
 from tests.verify import ways
 from tests.verify.__main__ import main
 from tests.verify.check import Check, settled
