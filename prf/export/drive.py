@@ -6,6 +6,7 @@ import os
 from pathlib import PurePath
 from typing import Any, NamedTuple
 
+from prf.agreement import agreement
 from prf.coloring import oriented_polygons
 from prf.export import formats
 from prf.export.cells import cells_of
@@ -21,6 +22,9 @@ from prf.run import map_text
 from prf.shell.files import encoded, open_output, refuse_inputs
 from prf.shell.lock import held_outputs
 from prf.shell.together import together
+
+AGREED = 0.99
+"""Share of the seen ground on which chains agree, below which an export warns."""
 
 
 class File(NamedTuple):
@@ -77,10 +81,11 @@ def export_source(path: str | os.PathLike[str], output: str | None, options: Opt
     targets = formats.targets(name, output, stem_of(path), options.mode or formats.TRINARY)
     with held_outputs(targets, force):
         refuse_inputs(targets, [os.fspath(path)])
-        content = _content(name, read_source(path), options, targets)
+        source = read_source(path)
+        content = _content(name, source, options, targets)
         _write(targets, content.parts)
     sizes = [len(encoded(part) if isinstance(part, str) else part) for part in content.parts]
-    return Exported(name, tuple(map(File, targets, sizes)), content.facts, content.notes)
+    return Exported(name, tuple(map(File, targets, sizes)), content.facts, (*content.notes, *chains_notes(source)))
 
 
 def _content(name: str, source: Source, options: Options, targets: tuple[str, ...]) -> _Content:
@@ -96,6 +101,17 @@ def _content(name: str, source: Source, options: Options, targets: tuple[str, ..
     if name == formats.DXF:
         return _Content((dxf_text(area, window, title),), facts)
     return _Content((svg_text(area, window, title),), {**facts, "scale": f"1:{paper_ratio(window):g}"})
+
+
+def chains_notes(source: Source) -> tuple[str, ...]:
+    """Return a line where the chains of a run disagree on what was seen; of a grid or one map there is none."""
+    image = None if source.run is None else source.run.image
+    if image is None or image.disagreement is None:
+        return ()
+    found = agreement(image.disagreement, image.seen, image.origin, image.resolution)
+    if not found.seen < AGREED:
+        return ()
+    return (f"{found.words()}. Sample longer before you rely on it there: prf sample --resume {source.path}",)
 
 
 def _printable(title: str) -> str:
