@@ -40,6 +40,7 @@ COMMANDS = (
     f"sample --laser {LOG} --every-scan 10 --every-beam 12 --chains 1 --steps 10 --resolution 1 --rungs 2"
     " --seed 1 -o hot",
     "query run --points points.csv",
+    "export run --format ros-map --resolution 1 -o ros",
     "query run --points points.csv --square 0.5",
     "query run --path points.csv --radius 0.2",
     f"grid --laser {LOG} --every-scan 10 -o grid.npz",

@@ -122,6 +122,7 @@ def sample(
     force: bool = False,
     config: str | os.PathLike[str] | SampleConfig | Asked | None = None,
     beam_density: float | None = None,
+    driven_radius: float | None = None,
     resolution: float | None = None,
     start: Start | None = None,
     rungs: int | Literal["auto"] | None = None,
@@ -165,6 +166,8 @@ def sample(
         what is given here wins.
     beam_density : float, optional
         Beams of a laser a square metre of seen ground to which a dense log is thinned (16); 0 keeps all.
+    driven_radius : float, optional
+        Of the disc round the sensor that was free all along the way driven, metres (0.1); 0 takes nothing from the way.
     resolution, start, rungs, hottest, tiles, threads, scheduler
         As the options of `prf sample`; tiles: 0 for none, None to choose; threads: 0 for one a core.
     progress : bool or callable
@@ -195,6 +198,7 @@ def sample(
     options = {
         "chains": _at_least("chains", chains, 1),
         "beam_density": beam_density,
+        "driven_radius": driven_radius,
         "resolution": resolution,
         "start": start,
         "rungs": _at_least("rungs", rungs, 1),

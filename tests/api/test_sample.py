@@ -185,6 +185,21 @@ def test_a_settings_file_is_read_and_arguments_win(tmp_path: Path) -> None:
         prf.sample(room(), prf.Prior(scale=-1.0), steps=100, **HOW)
 
 
+def test_the_way_driven_is_free_as_wide_as_asked(run: prf.Run) -> None:
+    """Two poses 4.5 m apart are two places."""
+    assert run.manifest["configuration"]["driven_radius"] == 0.1
+    assert run.way.tolist() == [[1.0, 1.0, 1.0, 1.0], [5.0, 3.0, 5.0, 3.0]]
+    model = prf.LaserModel(max_range=9.0)
+    wide = prf.sample(room(), PRIOR, model, steps=20_000, driven_radius=0.6, **HOW)
+    places = shapely.points(wide.way[:, :2])
+    for draw in wide.draws:
+        edges = shapely.linestrings(draw.segments().reshape(-1, 2, 2))
+        assert shapely.distance(edges[:, None], places).min(initial=9.0) > 0.6
+    assert len(prf.sample(room(), PRIOR, model, steps=10_000, driven_radius=0.0, **HOW).way) == 0
+    with pytest.raises(ConfigError, match="--driven-radius"):
+        prf.sample(room(), PRIOR, model, steps=10_000, driven_radius=-1.0, **HOW)
+
+
 def test_points_alone_make_a_map() -> None:
     grid = np.stack(np.meshgrid(np.arange(6.0), np.arange(4.0)), axis=-1).reshape(-1, 2)
     run = prf.sample(

@@ -1,6 +1,6 @@
 """Small worlds whose posteriors chains explore in a second: maps of the prior, readings from the written densities.
 
-Every sensor stands in white, and where there is a way driven it is free: worlds of which that is not so are drawn
+Every sensor stands in white, and a way driven is free where there is one: worlds of which that is not so are drawn
 again, and the posterior is of the prior under that condition, as in the sampler. Noise is blunter than that of real
 sensors, so that maps stay unsure.
 """
