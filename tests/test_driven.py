@@ -36,6 +36,7 @@ def way(track: list[list[float]], returns: np.ndarray = NOTHING, radius: float =
 
 def test_positions_are_joined_up_to_a_metre_and_a_half() -> None:
     assert way([[1.0, 1.0], [2.0, 1.0], [2.0, 2.0]]) == [[1.0, 1.0, 2.0, 1.0], [2.0, 1.0, 2.0, 2.0]]
+    assert way([[1.0, 1.0], [2.0, 2.0]]) == [[1.0, 1.0, 2.0, 2.0]]
     assert way([[1.0, 1.0], [1.0 + LONGEST_JOIN, 1.0]]) == [[1.0, 1.0, 2.5, 1.0]]
     assert way([[1.0, 1.0], [2.6, 1.0]]) == [[1.0, 1.0, 1.0, 1.0], [2.6, 1.0, 2.6, 1.0]]
 
@@ -77,6 +78,7 @@ def test_straightening_uncovers_nothing_of_the_way(seed: int) -> None:
     held = shapely.buffer(kept, RADIUS + STRAIGHT, quad_segs=200)
     assert shapely.covers(held, shapely.buffer(original, RADIUS - 1e-4, quad_segs=200))
     assert shapely.covers(cleared(found, RADIUS), held)
+    assert shapely.covers(shapely.buffer(kept, 1.03 * (RADIUS + STRAIGHT)), cleared(found, RADIUS))
 
 
 def test_guards_hold_the_pieces_in_every_cell_that_they_come_near() -> None:

@@ -125,6 +125,15 @@ LASER = (
         )
     ),
 )
+NEAR_THE_WAY = tuple(
+    f"tests/test_recompute.py::{test}"
+    for test in (
+        "test_twins_agree_when_edges_may_come_near_the_way[prior-7.0]",
+        "test_twins_agree_when_edges_may_come_near_the_way[prior-1.0]",
+        "test_no_edge_ever_comes_near_a_way_that_is_hard",
+    )
+)
+UNSEEN = "tests/sampler/test_prior_ground.py"
 KERNELS = "tests/kernels"
 BY_HAND = (f"{KERNELS}/test_few_edges.py", f"{KERNELS}/test_refused.py")
 SMALLEST = f"{KERNELS}/test_smallest_maps.py"
@@ -160,6 +169,19 @@ GROUPS: dict[str, tuple[Guard, ...]] = {
         Guard("prf.sensors.laser", LASER),
         Guard("prf.sensors.sonar", SONAR),
         Guard("prf.sensors.points", ("tests/sensors/test_points.py", "tests/kernels/test_points.py")),
+    ),
+    "ground": (
+        Guard("prf.driven", ("tests/test_driven.py",)),
+        Guard("prf.kernels.prior_ground", (f"{UNSEEN}::test_steps_there_leave_every_likelihood_to_the_last_bit",)),
+        Guard(
+            "prf.kernels.guards",
+            (
+                "tests/test_driven.py::test_guards_hold_the_pieces_in_every_cell_that_they_come_near",
+                *NEAR_THE_WAY,
+                f"{UNSEEN}::test_steps_there_leave_every_likelihood_to_the_last_bit[laser]",
+                "tests/sampler/test_tiles.py::test_each_beam_is_decided_by_one_tile[0]",
+            ),
+        ),
     ),
     "hastings": tuple(
         Guard(f"prf.kernels.moves.{name}", OF_MOVES.get(name, ()), moves)
