@@ -93,7 +93,9 @@ def _content(name: str, source: Source, options: Options, targets: tuple[str, ..
         return _netcdf(source)
     if name == formats.ROS_MAP:
         return _ros_map(source, options, PurePath(targets[1]).name)
-    chosen = cut_to_known(source.choose_map(options.draw), source.image, options.extrapolate or 0.0)
+    chosen = source.choose_map(options.draw)
+    if options.draw is None:
+        chosen = cut_to_known(chosen, source.image, options.extrapolate or 0.0)
     area, window = oriented_polygons(chosen.coloring), chosen.coloring.window
     facts, title = {"map": chosen.title, **counts(area)._asdict()}, _printable(chosen.title)
     if name == formats.GEOJSON:

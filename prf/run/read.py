@@ -98,7 +98,10 @@ def read_draws(path: Path) -> dict[str, Any]:
 
 
 def _arrays_of_image(path: Path) -> dict[str, NDArray[Any]]:
-    """Return the arrays of posterior.npz; version 1 does not say which cells were seen, and all count as such."""
+    """Return the arrays of posterior.npz.
+
+    Version 1 knows neither which cells were seen, so that all count as such, nor where chains disagree.
+    """
     try:
         return load_arrays(path, names.SCHEMAS[names.POSTERIOR])
     except OtherVersion as error:
@@ -106,7 +109,7 @@ def _arrays_of_image(path: Path) -> dict[str, NDArray[Any]]:
             raise
     arrays = load_arrays(path, names.OLD_POSTERIOR)
     shape = take_array(path, arrays, "occupancy", np.float32, (None, None)).shape
-    return {**arrays, "seen": np.ones(shape, np.bool_)}
+    return {**arrays, "seen": np.ones(shape, np.bool_), "disagreement": np.full(shape, np.nan, np.float32)}
 
 
 def read_image(path: Path) -> PosteriorImage:

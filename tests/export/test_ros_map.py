@@ -9,6 +9,7 @@ import pytest
 from matplotlib.image import imread
 
 from prf.coloring import black_at
+from prf.estimate import occupied_probability
 from prf.export import Options, export_source
 from prf.export.cells import Cells
 from prf.export.images import pgm_bytes, png_bytes
@@ -123,7 +124,7 @@ def test_a_run_from_its_directory_to_the_server(folder: Path, tmp_path: Path, sq
     done = export_source(folder, str(tmp_path / "office.yaml"), Options(format="ros-map", squares=squares))
     served = map_server.load(tmp_path / "office.yaml", ros)
     image = read_run(folder).image
-    p = (image.square_occupancy if squares else image.occupancy).astype(float)
+    p = np.where(image.seen, image.square_occupancy if squares else image.occupancy, np.nan).astype(float)
     np.testing.assert_array_equal(served.data, np.where(p > 0.65, 100, np.where(p < 0.196, 0, -1)))
     assert (served.resolution, served.origin) == (image.resolution, [*image.origin.tolist(), 0.0])
     assert np.isnan(p[-1]).all(), "the window ends before the last row's centres"
@@ -152,8 +153,33 @@ def test_a_draw_takes_the_cells_of_the_run(folder: Path, tmp_path: Path) -> None
     served = map_server.load(tmp_path / "last.yaml")
     window = run.draws.window
     centres = pixel_centres(image_grid(window, run.image.resolution))
-    inside = window.contains(centres)
+    inside = window.contains(centres) & run.image.seen.ravel()
     np.testing.assert_array_equal(served.data.ravel()[inside] == 100, black_at(run.draws[-1], centres[inside]))
+    assert (served.data.ravel()[~inside] == -1).all()
+
+
+def test_what_no_reading_saw_is_unknown_but_near_it_if_asked(folder: Path, tmp_path: Path) -> None:
+    image = read_run(folder).image
+    centres = pixel_centres(image_grid(read_run(folder).draws.window, image.resolution))
+    seen = centres[image.seen.ravel()]
+    away = np.hypot(*(centres[:, None] - seen[None]).transpose(2, 0, 1)).min(axis=1).reshape(image.seen.shape)
+    assert 0.0 < away.max() <= 1.5
+    for extrapolate in (0.0, 1.0, 2.0):
+        name = str(tmp_path / f"{extrapolate:g}.yaml")
+        export_source(folder, name, Options(format="ros-map", mode="raw", extrapolate=extrapolate))
+        known = (away <= extrapolate + 1e-9) & ~np.isnan(image.occupancy)
+        np.testing.assert_array_equal(map_server.load(name).data >= 0, known)
+
+
+def test_a_run_takes_finer_cells_from_its_draws(folder: Path, tmp_path: Path) -> None:
+    run = read_run(folder)
+    options = Options(format="ros-map", mode="raw", resolution=0.21, extrapolate=100.0)
+    export_source(folder, str(tmp_path / "fine.yaml"), options)
+    served = map_server.load(tmp_path / "fine.yaml")
+    centres = pixel_centres(image_grid(run.draws.window, 0.21))
+    inside = run.draws.window.contains(centres)
+    p = occupied_probability(run.draws, centres[inside])
+    assert np.abs(served.data.ravel()[inside] - 100.0 * p).max() <= 0.51
 
 
 @ROS
@@ -210,8 +236,8 @@ def test_odd_names_are_quoted(folder: Path, tmp_path: Path, name: str) -> None:
 
 
 def test_what_a_ros_map_cannot_be_made_from(folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="has cells of 1 m"):
-        export_source(folder, str(tmp_path / "a.yaml"), Options(format="ros-map", resolution=0.1))
+    with pytest.raises(UsageError, match="squares of its own image alone"):
+        export_source(folder, str(tmp_path / "a.yaml"), Options(format="ros-map", resolution=0.1, squares=True))
     with pytest.raises(UsageError, match="more than"):
         export_source(folder, str(tmp_path / "a.yaml"), Options(format="ros-map", resolution=1e-3, draw=0))
     early = make_run(n_draws=0)

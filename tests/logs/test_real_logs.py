@@ -70,7 +70,7 @@ def occupied_cells(readings, angle) -> int:
         ("unlocalized/loop5.log.gz", "unlocalized"),
         ("ros1/scan_tools-laser_scan_splitter-demo.bag", "before 1.3"),
         ("ros1/scan_tools-laser_scan_matcher-demo.bag", "of a version that cannot be read"),
-        ("ros1/simpath2.bag", "'map'.*'odom'.*--frame odom"),
+        ("ros1/simpath2.bag", "'map'.*'odom'.*--frame /base_pose_ground_truth"),
         ("ros1/meeting.pgm", "PGM"),
         ("tof4/olsson-demo.log", r"/crazyflie2/state_ranger_qxyzw \(RawData\)"),
         ("maps/intel_map.png", "PNG"),
