@@ -165,8 +165,8 @@ def test_what_no_reading_saw_is_unknown_but_near_it_if_asked(folder: Path, tmp_p
     away = np.hypot(*(centres[:, None] - seen[None]).transpose(2, 0, 1)).min(axis=1).reshape(image.seen.shape)
     assert 0.0 < away.max() <= 1.5
     for extrapolate in (0.0, 1.0, 2.0):
-        name = str(tmp_path / f"{extrapolate:g}.yaml")
-        export_source(folder, name, Options(format="ros-map", mode="raw", extrapolate=extrapolate))
+        name = tmp_path / f"{extrapolate:g}.yaml"
+        export_source(folder, str(name), Options(format="ros-map", mode="raw", extrapolate=extrapolate))
         known = (away <= extrapolate + 1e-9) & ~np.isnan(image.occupancy)
         np.testing.assert_array_equal(map_server.load(name).data >= 0, known)
 
