@@ -1,4 +1,4 @@
-"""Where chains agree: shares of the ground, places, and how both are told."""
+"""Where chains agree: shares of the ground, places, and how both are reported."""
 
 from __future__ import annotations
 

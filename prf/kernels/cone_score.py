@@ -9,7 +9,7 @@ from prf.kernels._jit import core, core_entry
 from prf.kernels.cones import READING, cells_of_cone
 from prf.kernels.grid import Grid
 from prf.kernels.laser import WHOLE
-from prf.kernels.score import UNKNOWN, blurred_bin, cdf_integral
+from prf.kernels.score import blurred_bin, blurred_tail
 from prf.kernels.sonar import (
     SONAR_MAX,
     SONAR_NOISE,
@@ -31,6 +31,9 @@ from prf.kernels.visibility import (
     see_edge,
     sweep,
 )
+
+UNKNOWN = 0.5
+"""Probability of a cell outside the grid."""
 
 
 class Scene(NamedTuple):
@@ -125,13 +128,6 @@ def arc_probability(grid: Grid, occupancy: np.ndarray, pose: np.ndarray, radius:
         inside = 0 <= column < grid.nx and 0 <= row < grid.ny
         free *= 1.0 - (occupancy[int(row), int(column)] if inside else UNKNOWN)
     return 1.0 - free
-
-
-@core
-def blurred_tail(maximum: float, near: float, far: float, s: float) -> float:
-    """Probability of a reading beyond the maximum range, the obstacle uniform on [near, far]; see ``blurred_bin``."""
-    whole = (far - near) / s if near > WHOLE * s else cdf_integral(far / s) - cdf_integral(near / s)
-    return (cdf_integral((far - maximum) / s) - cdf_integral((near - maximum) / s)) / whole
 
 
 @core

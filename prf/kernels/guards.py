@@ -26,7 +26,7 @@ from prf.kernels.grid import Grid, axis_index, walk
 from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal
 
 # Columns of ``Guards.shape``.
-KIND = 0  # GUARD_RAY or GUARD_TRIANGLE
+KIND = 0  # one of the following
 GUARD_RAY = 0.0  # then origin (2), unit direction (2), distance up to which it is clear, distance from which it counts
 GUARD_TRIANGLE = 1.0  # then three corners
 GUARD_WAY = 2.0  # then two ends of a piece of the way (one place: both the same), and the radius

@@ -11,8 +11,6 @@ from prf.kernels.grid import Grid, axis_index, exit_distance, walk
 from prf.kernels.laser import ROOT_TWO_PI, WHOLE, beam_log_likelihood, normal_cdf
 from prf.kernels.segment_lists import segments_by_cell
 
-UNKNOWN = 0.5
-"""Probability of a cell outside the grid."""
 LEAST_BIN = 1e-9
 """Share of a bin below which rounding, not the reach of a ray, made one more."""
 

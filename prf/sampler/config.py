@@ -138,7 +138,7 @@ class SampleConfig:
         return cls(**{"start": "empty", **values, "window": tuple(window) if window is not None else None})
 
     def __post_init__(self) -> None:
-        """Refuse numbers of chains and rungs that there cannot be; each is a state of its own (ConfigError)."""
+        """Refuse what the way cannot be, and more chains or rungs than there can be states (ConfigError)."""
         if not 0.0 <= self.driven_radius <= LARGEST_RANGE:
             raise ConfigError(f"--driven-radius {self.driven_radius}: must be a number of metres, or 0")
         if self.driven_poses not in DRIVEN_POSES:

@@ -1,4 +1,4 @@
-"""Sensors that look out of the window: what they read beyond it tells of the world there, and of nothing inside.
+"""Sensors that look out of the window: what they read beyond it is evidence about the world there, not inside.
 
 The field in a sub-window is the field there, so a crop of a large window has a right answer: what the large one says.
 And the truth, cropped, is one more draw of the posterior in the crop.

@@ -95,7 +95,7 @@ def clearance(settings: Settings, draws: Draws) -> np.ndarray:
 
 
 def verdicts(way: np.ndarray | None = None) -> dict[str, Verdict]:
-    """How uniform the ranks of the truth are, if the sampler is told this way in place of the right one."""
+    """How uniform the ranks of the truth are, if the sampler is given this way in place of the right one."""
     rows = []
     for number in range(N_WORLDS):
         rng = np.random.default_rng([SEED, number])

@@ -47,7 +47,7 @@ class TileData:
     targets : Targets
         The squares that hold these.
     sensors : (s, 2) array
-        Sensor positions.
+        Places that must be white, metres: those of sensors, and the ends of pieces of the way driven.
     ways : (w, N_SHAPE) array
         Guards of the way that was driven.
     """
