@@ -1,0 +1,317 @@
+"""How far scans that see a surface lie off each other along its normal, in metres and with bounds.
+
+Each scan's layers over the planes of patches say where it has their surfaces. Within some twenty metres scans are taken
+for rigid: the motions that make their layers agree are found by a search and robust least squares, all surfaces of the
+neighbourhood together. What these motions part along a patch's normal, of the scans that see it, is its disagreement.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from mapq.cloud import PointCloud
+from mapq.features.provenance import Moments
+from mapq.features.shape import PatchShapes
+from mapq.features.voxels import table_of
+from mapq.kernels.alignment import fit_motions, match_scans, ranges_of_cells
+from mapq.kernels.nearby import Nearby
+from mapq.kernels.sightings import CELL_SPACINGS, LARGEST_CELL, SMALLEST_CELL, Motions, find_layers, find_sightings
+from mapq.kernels.voxels import voxel_keys
+from mapq.patches import Patches
+
+FARTHEST = 1.5
+"""Metres off its plane up to which points lie over a patch."""
+LONGEST_SHIFT = 1.2
+"""Metres by which scans may lie off each other."""
+WINDOW, OWNED = 20.0, 10.0
+"""Metres: radius of the neighbourhoods in which scans are rigid, and of the part whose patches each one answers for."""
+MOST_SCANS = 32
+"""Of those that see a patch in the median; of more, neighbours count as one."""
+NOISE_WIDTHS, THINNEST = 3.0, 0.03
+"""Width of a layer in times the noise, and at least in metres."""
+PRIOR_SHIFT, PRIOR_TURN, PRIOR_TILT = 0.3, 0.03, 0.005
+"""Standard deviations in metres and radians by which motions may still differ from those that were searched."""
+BEND = 0.01
+"""Metres by which a scan may have a surface otherwise than a rigid one would."""
+INLIER = 0.25
+"""Robust weight from which a scan sees the surface."""
+INFLATION = 4.0
+"""Of the variances of motions: residuals of neighbouring cells go together."""
+FLOOR = 0.015
+"""Metres: standard error that nothing takes away, of rigid scans that are none and poses that were called right."""
+SEEN_NEAR = (0.6, 1.3, 2.5)
+"""Sides of a cell within which a scan that sees the surface sees the cell: at least, as counted, and at most."""
+ROUNDS = 2
+"""Times that sightings are looked for and motions fitted to them."""
+PATCH, CELL, MOMENT, PLACE, HEIGHT, N_POINTS, SQUARES, N_OWN = 0, 1, 2, slice(3, 6), 6, 7, 8, 9
+"""Columns of layers (up to the height) and sightings."""
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Disagreement(NamedTuple):
+    """How far scans disagree on each patch.
+
+    Attributes
+    ----------
+    metres, low, high : (m,) float64
+        The disagreement with bounds that hold it in 95 of 100; nan where one scan alone saw the patch.
+    n_scans : (m,) float64
+        Scans that see it, in the median over its cells; nan likewise.
+    shared : (m,) float64
+        Share of its points in cells that several scans see; nan likewise.
+    """
+
+    metres: Floats
+    low: Floats
+    high: Floats
+    n_scans: Floats
+    shared: Floats
+
+    @classmethod
+    def unknown(cls, n_patches: int) -> Disagreement:
+        """Return what is known where scans are not."""
+        return cls(*(np.full(n_patches, np.nan) for _ in cls._fields))
+
+
+class Window(NamedTuple):
+    """A neighbourhood: its scans (s,), ascending, and their motions (s, 6) about its centre."""
+
+    centre: Floats
+    scans: Ints
+    motion: Floats
+
+
+def measure_disagreement(
+    patches: Patches, shapes: PatchShapes, number: Ints, moments: Moments | None, to_sensor: Floats | None, noise: float
+) -> Disagreement:
+    """Return how far scans disagree on each patch (m).
+
+    Parameters
+    ----------
+    patches : Patches
+    shapes : PatchShapes
+    number : (n,) int64
+        Which points of the cloud the moments are of, ascending: all finite ones.
+    moments : Moments or None
+        None: scans are not known.
+    to_sensor : (n, 3) float64 or None
+        From these points to their sensors: faces seen from opposite sides are different surfaces.
+    noise : float
+        Of the map, metres.
+    """
+    found = Disagreement.unknown(len(shapes))
+    if moments is None or not len(shapes.points):
+        return found
+    nearby = nearby_points(patches.cloud, number, joined(patches, number, moments), patches.patch, to_sensor)
+    about = (nearby, shapes.sheets, shapes.planes, shapes.points, shapes.start, shapes.spacing)
+    layers = find_layers(*about, FARTHEST)
+    owner, centres = windows_of(shapes)
+    windows = [match(shapes, layers, rows, centre) for rows, centre in _inside(layers, centres)]
+    width = max(NOISE_WIDTHS * noise, THINNEST)
+    for _ in range(ROUNDS):
+        motions = _motions(owner, windows)
+        sightings = find_sightings(*about, motions, width)
+        fits = [
+            fit(shapes, sightings, rows, window, motions)
+            for (rows, _), window in zip(_inside(sightings, centres), windows, strict=True)
+        ]
+        windows = [each.window for each in fits]
+    for number_of, each in enumerate(fits):
+        _judge(found, shapes, sightings, each, np.flatnonzero(owner == number_of))
+    return found
+
+
+def joined(patches: Patches, number: Ints, moments: Moments) -> Ints:
+    """Return the moments (n,) of points, neighbouring ones as one where a patch is seen at too many."""
+    patch = patches.patch[number]
+    pairs = np.unique(np.column_stack([patch, moments.moment])[patch >= 0], axis=0)
+    seen = np.bincount(pairs[:, 0])
+    return moments.moment // max(1, -(-int(np.median(seen[seen > 0])) // MOST_SCANS)) if len(pairs) else moments.moment
+
+
+def nearby_points(cloud: PointCloud, number: Ints, moment: Ints, patch: Ints, to_sensor: Floats | None) -> Nearby:
+    """Return points of a cloud in voxels as wide as anything over a patch may be off it."""
+    points = np.ascontiguousarray(cloud.xyz[number], np.float64)
+    key = voxel_keys(points, FARTHEST)
+    order = np.argsort(key, kind="stable")
+    distinct, first = np.unique(key[order], return_index=True)
+    towards = np.zeros_like(points) if to_sensor is None else np.nan_to_num(to_sensor[order])
+    first = np.append(first, len(order)).astype(np.int64)
+    numbers = patch[number[order]].astype(np.int64)
+    return Nearby(points[order], moment[order], numbers, towards, distinct, first, table_of(distinct), FARTHEST)
+
+
+def windows_of(shapes: PatchShapes) -> tuple[Ints, Floats]:
+    """Return the window (m,) of each patch and the centres (w, 3): large patches first, what they do not own next."""
+    tree, owner, best = cKDTree(shapes.centre), np.full(len(shapes), -1), np.full(len(shapes), np.inf)
+    centres: list[Floats] = []
+    for patch in np.argsort(shapes.size_rank):
+        if owner[patch] >= 0:
+            continue
+        near = np.array(tree.query_ball_point(shapes.centre[patch], OWNED))
+        distance = np.linalg.norm(shapes.centre[near] - shapes.centre[patch], axis=1)
+        closer = distance < best[near]
+        owner[near[closer]], best[near[closer]] = len(centres), distance[closer]
+        centres.append(shapes.centre[patch])
+    return owner, np.array(centres)
+
+
+def match(shapes: PatchShapes, layers: Floats, rows: Ints, centre: Floats) -> Window:
+    """Return the motions that a search finds for the scans of a window, from its layers (rows)."""
+    some = layers[rows[np.argsort(layers[rows, MOMENT], kind="stable")]]
+    scans, first = np.unique(some[:, MOMENT].astype(np.int64), return_index=True)
+    cell = _cells(some)
+    motion = np.zeros((0, 6))
+    if len(some):
+        level = np.cross(shapes.up, np.eye(3)[int(np.argmin(np.abs(shapes.up)))])
+        level /= np.linalg.norm(level)
+        axes = np.array([level, np.cross(shapes.up, level), shapes.up])
+        first = np.append(first, len(some)).astype(np.int64)
+        height, weight = (np.ascontiguousarray(column) for column in (some[:, HEIGHT], some[:, N_POINTS]))
+        jacobian = jacobian_of(shapes, some, centre)
+        motion = match_scans(cell, first, jacobian, height, weight, int(cell.max()) + 1, axes, LONGEST_SHIFT)
+    return Window(centre, scans, motion)
+
+
+class Fit(NamedTuple):
+    """Motions fitted to the sightings of a window.
+
+    Attributes
+    ----------
+    window : Window
+    covariance : (6s, 6s) float64
+        Of the motions.
+    rows : (r,) int64
+        Sightings that agree with them.
+    scan : (r,) int64
+        Their scans, among those of the window.
+    jacobian : (r, 6) float64
+    """
+
+    window: Window
+    covariance: Floats
+    rows: Ints
+    scan: Ints
+    jacobian: Floats
+
+
+def fit(shapes: PatchShapes, sightings: Floats, rows: Ints, window: Window, motions: Motions) -> Fit:
+    """Return the motions that sightings (rows) of a window ask for, beginning with those it has."""
+    rows = rows[np.isin(sightings[rows, MOMENT], window.scans)]
+    if not len(rows):
+        return Fit(window, np.zeros((0, 0)), rows, rows, np.zeros((0, 6)))
+    cell = _cells(sightings[rows])
+    order = np.argsort(cell, kind="stable")
+    rows, cell = rows[order], cell[order]
+    some = sightings[rows]
+    scan = np.searchsorted(window.scans, some[:, MOMENT]).astype(np.int64)
+    jacobian = jacobian_of(shapes, some, window.centre)
+    # Heights are over planes of scans that were moved as the window of each patch has it: they are put back first.
+    height = some[:, HEIGHT] + _moved_by(shapes, some, motions) - np.einsum("ij,ij->i", jacobian, window.motion[scan])
+    noise = some[:, SQUARES].sum() / max(float((some[:, N_POINTS] - 1.0).sum()), 1.0)
+    weight = 1.0 / (BEND**2 + noise / some[:, N_POINTS])
+    first = np.append(np.flatnonzero(np.diff(cell, prepend=-1)), len(cell)).astype(np.int64)
+    turn = PRIOR_TILT + (PRIOR_TURN - PRIOR_TILT) * np.abs(shapes.up)
+    precision = 1.0 / np.concatenate([np.full(3, PRIOR_SHIFT), turn]) ** 2
+    finest = max(NOISE_WIDTHS * float(np.sqrt(noise)), THINNEST)
+    more, normal, residual, robust = fit_motions(
+        first, scan, jacobian, height, weight, len(window.scans), precision, finest
+    )
+    agree = robust > INLIER
+    freedom = np.count_nonzero(agree) - (len(first) - 1) - more.size
+    scatter = float(weight[agree] @ residual[agree] ** 2) / max(freedom, 0.1 * len(rows), 1.0)
+    covariance = np.linalg.inv(normal) * (INFLATION * max(scatter, 1.0))
+    window = window._replace(motion=window.motion + more)
+    return Fit(window, covariance, rows[agree], scan[agree], np.ascontiguousarray(jacobian[agree]))
+
+
+def jacobian_of(shapes: PatchShapes, rows: Floats, centre: Floats) -> Floats:
+    """Return how motions about a centre displace layers or sightings (r) along their normals, (r, 6)."""
+    normal = shapes.normal[rows[:, PATCH].astype(np.int64)]
+    return np.hstack([normal, np.cross(rows[:, PLACE] - centre, normal)])
+
+
+def _moved_by(shapes: PatchShapes, some: Floats, motions: Motions) -> Floats:
+    """Return by how much (r,) sightings were moved along their normals, by the motions of their patches' windows."""
+    window = motions.owner[some[:, PATCH].astype(np.int64)]
+    width = int(motions.moment.max(initial=0)) + 1
+    of = np.repeat(np.arange(len(motions.centre)), np.diff(motions.first))
+    entry = np.searchsorted(of * width + motions.moment, window * width + some[:, MOMENT].astype(np.int64))
+    normal = shapes.normal[some[:, PATCH].astype(np.int64)]
+    jacobian = np.hstack([normal, np.cross(some[:, PLACE] - motions.centre[window], normal)])
+    return np.asarray(np.einsum("ij,ij->i", jacobian, motions.motion[entry]))
+
+
+def _judge(found: Disagreement, shapes: PatchShapes, sightings: Floats, fitted: Fit, mine: Ints) -> None:
+    """Write the disagreement of the patches that a window answers for."""
+    some = sightings[fitted.rows]
+    patch = some[:, PATCH].astype(np.int64)
+    order = np.argsort(patch, kind="stable")
+    begin, end = np.searchsorted(patch[order], mine), np.searchsorted(patch[order], mine, side="right")
+    motion = fitted.window.motion
+    for number, rows in ((int(i), order[a:b]) for i, a, b in zip(mine, begin, end, strict=True) if b > a):
+        moved = motion[fitted.scan[rows]]
+        away = some[rows, PLACE] - fitted.window.centre
+        place = some[rows, PLACE] - moved[:, :3] - np.cross(moved[:, 3:], away)
+        side = min(max(CELL_SPACINGS * shapes.spacing[number], SMALLEST_CELL), LARGEST_CELL)
+        _, first, cell = np.unique(some[rows, CELL], return_index=True, return_inverse=True)
+        about = (cell.astype(np.int64), fitted.scan[rows], place, fitted.jacobian[rows], motion, fitted.covariance)
+        ranges = [ranges_of_cells(*about, reach * side) for reach in SEEN_NEAR]
+        _sum_up(found, number, ranges, some[rows[first], N_OWN])
+
+
+def _sum_up(found: Disagreement, patch: int, ranges: list[Floats], weight: Floats) -> None:
+    """Write the disagreement of a patch: medians of its cells, by their points (c,), less what noise makes.
+
+    The bounds take in how sure the motions are, and that one may ask more or less of a scan that sees a cell.
+    """
+    (low, low_error), (metres, error), (high, high_error) = (_median(each, weight) for each in ranges)
+    seen = ranges[1][:, 2] >= 2
+    if not seen.any():
+        return
+    found.metres[patch] = metres
+    found.low[patch] = max(min(low - 1.96 * low_error, metres - 1.96 * error), 0.0)
+    found.high[patch] = max(high + 1.96 * high_error, metres + 1.96 * error)
+    found.n_scans[patch] = float(np.median(ranges[1][:, 2]))
+    found.shared[patch] = float(weight[seen].sum() / weight.sum())
+
+
+def _median(ranges: Floats, weight: Floats) -> tuple[float, float]:
+    """Return the median range of cells (c, 3) by their weight (c,), less what noise makes, and its standard error."""
+    order = np.argsort(ranges[:, 0], kind="stable")
+    total = np.cumsum(weight[order])
+    metres, variance, n_scans = ranges[order[min(int(np.searchsorted(total, 0.5 * total[-1])), len(order) - 1)]]
+    error = float(np.sqrt(variance + FLOOR**2))
+    by_noise = expected_range(n_scans) * min(error, THINNEST) / np.sqrt(2.0)
+    return float(np.sqrt(max(metres**2 - by_noise**2, 0.0))), error
+
+
+def expected_range(n: float) -> float:
+    """Return the expected range of n values of unit normal noise, to a few per cent (n up to a thousand)."""
+    return float(2.0 * np.sqrt(2.0 * np.log(max(n, 1.0))) * (1.0 - 0.36 / max(n, 1.0) ** 0.25)) if n >= 2 else 0.0
+
+
+def _cells(rows: Floats) -> Ints:
+    """Return the number (r,) of the cell of each layer or sighting, from 0; cells of patches are apart."""
+    key = rows[:, PATCH] * (rows[:, CELL].max(initial=0.0) + 1.0) + rows[:, CELL]
+    return np.unique(key, return_inverse=True)[1].astype(np.int64)
+
+
+def _inside(rows: Floats, centres: Floats) -> list[tuple[Ints, Floats]]:
+    """Return for each window which of the layers or sightings (r) lie in it, ascending, and its centre."""
+    tree = cKDTree(rows[:, PLACE])
+    found = tree.query_ball_point(centres, WINDOW, return_sorted=True)
+    return [(np.array(near, np.int64), centre) for near, centre in zip(found, centres, strict=True)]
+
+
+def _motions(owner: Ints, windows: list[Window]) -> Motions:
+    first = np.cumsum([0, *(len(window.scans) for window in windows)]).astype(np.int64)
+    centre = np.array([window.centre for window in windows])
+    scans, motion = (np.concatenate([getattr(window, name) for window in windows]) for name in ("scans", "motion"))
+    return Motions(owner, centre, first, scans.astype(np.int64), motion)

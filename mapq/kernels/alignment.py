@@ -1,0 +1,334 @@
+"""Displacements of scans that make their layers agree: a search over shifts, then robust least squares.
+
+Layers are heights over planes, so all is point to plane: a motion (shift 3, turn 3) displaces a layer by the product
+with its row of the Jacobian. What the cells themselves have as relief is common to all scans and drops out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.kernels._jit import jit, part
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+BIN = 0.05
+"""Metres: bins of heights in which layers of scans meet."""
+TALLEST = 1.8
+"""Metres off the plane up to which layers are entered."""
+BESIDE = 0.6
+"""What a layer counts that lies in the bin beside one of another scan."""
+STEP, TURN, TURNS = 0.1, 0.0175, 2
+"""Metres between shifts that are tried, radians between turns, and turns to either side."""
+FINEST = 0.02
+"""Metres at which the search ends."""
+GOOD = 0.6
+"""Share of a scan's layers that meet others where it lies, from which no shift is searched."""
+GAIN, FIXED_GAIN = 0.08, 1.0
+"""Of its layers, and in layers, that a shift must bring together more than none does."""
+PRICE = 0.05
+"""Of its layers that a shift by a metre, or a turn by ten steps, must bring more."""
+FEWEST = 5
+"""Layers in cells that other scans see as well, below which a scan stays where it is."""
+ROUNDS = 5
+WIDEST = 0.2
+"""Metres of residual that still count a quarter in the first round; halved from round to round."""
+
+
+@part
+def meeting(bins: Floats, cell: Ints, jacobian: Floats, height: Floats, weight: Floats, rows: Ints, x: Floats) -> float:
+    """Weight of the layers that meet those of other scans once the motion x (6) is taken away."""
+    total = 0.0
+    for p in rows:
+        moved = height[p]
+        for axis in range(6):
+            moved -= jacobian[p, axis] * x[axis]
+        at = int(np.floor((moved + TALLEST) / BIN))
+        if 0 <= at < bins.shape[1]:
+            total += weight[p] * bins[cell[p], at]
+    return total
+
+
+@part
+def enter(bins: Floats, cell: Ints, jacobian: Floats, height: Floats, begin: int, end: int, x: Floats) -> None:
+    """Enter the layers of a scan, its motion taken away."""
+    for p in range(begin, end):
+        moved = height[p]
+        for axis in range(6):
+            moved -= jacobian[p, axis] * x[axis]
+        at = int(np.floor((moved + TALLEST) / BIN))
+        for beside in range(-1, 2):
+            if 0 <= at + beside < bins.shape[1]:
+                worth = 1.0 if beside == 0 else BESIDE
+                bins[cell[p], at + beside] = max(bins[cell[p], at + beside], worth)
+
+
+@part
+def set_motion(axes: Floats, one: float, other: float, turn: float, x: Floats) -> None:
+    """Make x (6) of shifts along two level axes and a turn about the third of ``axes`` (3, 3)."""
+    for k in range(3):
+        x[k] = one * axes[0, k] + other * axes[1, k]
+        x[3 + k] = turn * axes[2, k]
+
+
+@part
+def best_motion(
+    bins: Floats,
+    cell: Ints,
+    jacobian: Floats,
+    height: Floats,
+    weight: Floats,
+    rows: Ints,
+    axes: Floats,
+    reach: float,
+    best: Floats,
+) -> None:
+    """Search the level shift of up to `reach` metres and the turn that bring most layers together; zero if unclear."""
+    x, found = np.zeros(6), np.zeros(3)
+    possible = weight[rows].sum()
+    zero = meeting(bins, cell, jacobian, height, weight, rows, x)
+    best[:] = 0.0
+    if zero >= GOOD * possible:
+        return
+    top, n_steps = zero, int(reach / STEP)
+    for turn in range(-TURNS, TURNS + 1):
+        for i in range(-n_steps, n_steps + 1):
+            for j in range(-n_steps, n_steps + 1):
+                if i * i + j * j > n_steps * n_steps:
+                    continue
+                set_motion(axes, STEP * i, STEP * j, TURN * turn, x)
+                price = PRICE * possible * (STEP * np.sqrt(i * i + j * j) + 0.1 * abs(turn))
+                value = meeting(bins, cell, jacobian, height, weight, rows, x) - price
+                if value > top:
+                    top = value
+                    found[0], found[1], found[2] = STEP * i, STEP * j, TURN * turn
+    if top < zero + GAIN * possible + FIXED_GAIN:
+        return
+    step = 0.5 * STEP
+    while step > FINEST:
+        moved = False
+        for axis in range(3):
+            for sign in (-1.0, 1.0):
+                tried = found.copy()
+                tried[axis] += sign * step * (0.1 if axis == 2 else 1.0)
+                set_motion(axes, tried[0], tried[1], tried[2], x)
+                value = meeting(bins, cell, jacobian, height, weight, rows, x)
+                if value > top + 1e-9:
+                    top, moved = value, True
+                    found[:] = tried
+        if not moved:
+            step *= 0.5
+    set_motion(axes, found[0], found[1], found[2], best)
+
+
+@jit
+def match_scans(
+    cell: Ints,
+    first: Ints,
+    jacobian: Floats,
+    height: Floats,
+    weight: Floats,
+    n_cells: int,
+    axes: Floats,
+    reach: float,
+) -> Floats:
+    """Motions (s, 6) of scans, each matched to those before: the scan with most layers first, then what shares most.
+
+    Parameters
+    ----------
+    cell : (r,) int64
+        Of each layer, scan after scan.
+    first : (s + 1,) int64
+        Number of each scan's first layer.
+    jacobian : (r, 6) float64
+        How a motion displaces each layer.
+    height, weight : (r,) float64
+        Metres off the plane; share of the scan's points.
+    n_cells : int
+    axes : (3, 3) float64
+        Two level directions and up.
+    reach : float
+        Longest shift that is tried, metres.
+    """
+    n_scans = len(first) - 1
+    motion = np.zeros((n_scans, 6))
+    bins, seen = np.zeros((n_cells, int(2.0 * TALLEST / BIN))), np.zeros(n_cells, np.bool_)
+    waiting, shared = np.ones(n_scans, np.bool_), np.zeros(n_scans)
+    for s in range(n_scans):
+        shared[s] = 1e-6 * (first[s + 1] - first[s])
+    best = np.zeros(6)
+    for _ in range(n_scans):
+        chosen = -1
+        for s in range(n_scans):
+            if waiting[s] and (chosen < 0 or shared[s] > shared[chosen]):
+                chosen = s
+        rows = np.arange(first[chosen], first[chosen + 1])
+        common = rows[seen[cell[rows]]]
+        if len(common) >= FEWEST:
+            best_motion(bins, cell, jacobian, height, weight, common, axes, reach, best)
+            motion[chosen] = best
+        waiting[chosen] = False
+        enter(bins, cell, jacobian, height, first[chosen], first[chosen + 1], motion[chosen])
+        is_new = np.zeros(n_cells, np.bool_)
+        for p in rows:
+            is_new[cell[p]] |= not seen[cell[p]]
+        for s in range(n_scans):
+            if waiting[s]:
+                for p in range(first[s], first[s + 1]):
+                    if is_new[cell[p]]:
+                        shared[s] += weight[p]
+        seen |= is_new
+    return motion
+
+
+@part
+def add_cell(
+    scan: Ints, jacobian: Floats, height: Floats, weight: Floats, begin: int, end: int, left: Floats, right: Floats
+) -> None:
+    """Add the normal equations of one cell, whose relief is eliminated."""
+    whole, mean = 0.0, 0.0
+    for p in range(begin, end):
+        whole += weight[p]
+        mean += weight[p] * height[p]
+    if end - begin < 2 or whole <= 0.0:
+        return
+    mean /= whole
+    for p in range(begin, end):
+        at = 6 * scan[p]
+        for a in range(6):
+            pull = weight[p] * jacobian[p, a]
+            right[at + a] += pull * (height[p] - mean)
+            for b in range(6):
+                left[at + a, at + b] += pull * jacobian[p, b]
+            for q in range(begin, end):
+                share = pull * weight[q] / whole
+                for b in range(6):
+                    left[at + a, 6 * scan[q] + b] -= share * jacobian[q, b]
+
+
+@jit
+def fit_motions(
+    first: Ints,
+    scan: Ints,
+    jacobian: Floats,
+    height: Floats,
+    weight: Floats,
+    n_scans: int,
+    precision: Floats,
+    finest: float,
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Motions (s, 6) of least robust residuals, their normal matrix (6s, 6s), residuals (r,) and robust weights (r,).
+
+    Geman and McClure's weights, whose scale shrinks from `WIDEST` to `finest` (graduated non-convexity: Yang and others
+    2020). Rows are sorted by cell, ``first`` (c + 1,) says where each begins.
+
+    Parameters
+    ----------
+    first, scan : int64
+    jacobian : (r, 6) float64
+    height, weight : (r,) float64
+        Metres, and their inverse variance.
+    n_scans : int
+    precision : (6,) float64
+        Of the prior of each motion.
+    finest : float
+        Metres.
+    """
+    size = 6 * n_scans
+    left, right = np.zeros((size, size)), np.zeros(size)
+    robust, residual = np.ones(len(scan)), np.zeros(len(scan))
+    motion, scale = np.zeros((n_scans, 6)), WIDEST
+    for turn in range(ROUNDS):
+        left[:], right[:] = 0.0, 0.0
+        for k in range(size):
+            left[k, k] = precision[k % 6]
+        counted = weight * robust
+        for c in range(len(first) - 1):
+            add_cell(scan, jacobian, height, counted, first[c], first[c + 1], left, right)
+        motion = np.linalg.solve(left, right).reshape((n_scans, 6))
+        if turn > 0:
+            scale = max(0.5 * scale, finest)
+        for c in range(len(first) - 1):
+            whole, mean = 0.0, 0.0
+            for p in range(first[c], first[c + 1]):
+                residual[p] = height[p] - (jacobian[p] * motion[scan[p]]).sum()
+                whole += counted[p]
+                mean += counted[p] * residual[p]
+            for p in range(first[c], first[c + 1]):
+                residual[p] -= mean / max(whole, 1e-300)
+                robust[p] = (scale * scale / (scale * scale + residual[p] ** 2)) ** 2
+    return motion, left, residual, robust
+
+
+@part
+def spread_of(motion: Floats, jacobian: Floats, rows: Ints, scan: Ints, held: Floats, counts: Ints) -> int:
+    """Mean displacements of the scans of some sightings: `held` (s,) by scan, `counts` (s,) above 0; how many scans."""
+    n = 0
+    for p in rows:
+        if counts[scan[p]] == 0:
+            held[scan[p]] = 0.0
+            n += 1
+        counts[scan[p]] += 1
+        held[scan[p]] += (jacobian[p] * motion[scan[p]]).sum()
+    return n
+
+
+@jit
+def ranges_of_cells(
+    cell: Ints,
+    scan: Ints,
+    place: Floats,
+    jacobian: Floats,
+    motion: Floats,
+    covariance: Floats,
+    reach: float,
+) -> Floats:
+    """For each cell of a patch: largest displacement between scans that see it, its variance, and how many do (c, 3).
+
+    Parameters
+    ----------
+    cell : (r,) int64
+        Of each sighting of the patch, from 0.
+    scan : (r,) int64
+    place : (r, 3) float64
+        Of sightings, moved.
+    jacobian : (r, 6) float64
+    motion : (s, 6) float64
+    covariance : (6s, 6s) float64
+        Of the motions.
+    reach : float
+        Metres: a scan that sees the surface so near by sees that of the cell.
+    """
+    n_cells = cell.max() + 1
+    out, held, counts = np.zeros((n_cells, 3)), np.zeros(len(motion)), np.zeros(len(motion), np.int64)
+    for c in range(n_cells):
+        own = np.flatnonzero(cell == c)
+        middle = np.zeros(3)
+        for p in own:
+            middle += place[p] / len(own)
+        rows = np.flatnonzero(((place - middle) ** 2).sum(axis=1) < reach * reach)
+        counts[:] = 0
+        out[c, 2] = spread_of(motion, jacobian, rows, scan, held, counts)
+        if out[c, 2] < 2:
+            continue
+        low, high = -1, -1
+        for s in range(len(motion)):
+            if counts[s] > 0:
+                held[s] /= counts[s]
+                low = s if low < 0 or held[s] < held[low] else low
+                high = s if high < 0 or held[s] > held[high] else high
+        out[c, 0] = held[high] - held[low]
+        # The difference's row: mean Jacobians of both scans, with opposite signs.
+        row = np.zeros(12)
+        for p in rows:
+            if scan[p] == high:
+                row[:6] += jacobian[p] / counts[high]
+            elif scan[p] == low:
+                row[6:] -= jacobian[p] / counts[low]
+        at = np.concatenate((np.arange(6 * high, 6 * high + 6), np.arange(6 * low, 6 * low + 6)))
+        for a in range(12):
+            for b in range(12):
+                out[c, 1] += row[a] * covariance[at[a], at[b]] * row[b]
+    return out
