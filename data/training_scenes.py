@@ -241,7 +241,7 @@ def add_vehicle(builder: SceneBuilder, place: Floats, heading: float, base: floa
 
 
 def add_steps(builder: SceneBuilder, start: Floats, along: Floats, width: float, rng: Rng) -> None:
-    """Add a flight of steps with a cheek: risers parallel to one another, a step apart."""
+    """Add a flight of steps: risers parallel to one another, a step apart."""
     across = np.array([-along[1], along[0]])
     rise, depth = rng.uniform(0.14, 0.2), rng.uniform(0.26, 0.34)
     heading = float(np.arctan2(along[1], along[0]))
