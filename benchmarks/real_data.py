@@ -1,4 +1,4 @@
-"""Public scans and sub-maps as `benchmarks.real_maps` takes them, and how they become labelled patches."""
+"""Public scans and sub-maps as the benchmarks on real maps take them, and how they become labelled patches."""
 
 from __future__ import annotations
 
@@ -20,18 +20,34 @@ DATA = ROOT.parent / "shared" / "data" / "mapq"
 FEWEST_POINTS = 5000
 """Of a part of a sub-map that is worth segmenting."""
 ROOM_POSES = (
-    ((0.95267, -0.29606, 0.06901, -0.57124), (0.30022, 0.95195, -0.06049, 0.73136), (-0.04779, 0.07835, 0.99578, 0.13445)),
-    ((0.97807, -0.20367, 0.04346, -0.90158), (0.20623, 0.97627, -0.06614, 1.46865), (-0.02896, 0.07365, 0.99686, 0.17305)),
-    ((0.96937, -0.24341, 0.03264, -0.98565), (0.24551, 0.96383, -0.1037, 2.18069), (-0.00622, 0.10854, 0.99407, 0.3086)),
+    (
+        (0.95267, -0.29606, 0.06901, -0.57124),
+        (0.30022, 0.95195, -0.06049, 0.73136),
+        (-0.04779, 0.07835, 0.99578, 0.13445),
+    ),
+    (
+        (0.97807, -0.20367, 0.04346, -0.90158),
+        (0.20623, 0.97627, -0.06614, 1.46865),
+        (-0.02896, 0.07365, 0.99686, 0.17305),
+    ),
+    (
+        (0.96937, -0.24341, 0.03264, -0.98565),
+        (0.24551, 0.96383, -0.1037, 2.18069),
+        (-0.00622, 0.10854, 0.99407, 0.3086),
+    ),
 )
 """Of the second to the fourth scan of the classroom on the first, by point-to-plane ICP of all pairs together, started
 from 27 turns: points lie 7 to 16 mm off the planes of the other scans, in the median."""
 CORRIDOR_POSE = (
-    (0.999787, -0.01323, 0.01583, 1.560634), (0.013312, 0.999899, -0.005029, 0.041005), (-0.015762, 0.005239, 0.999862, -0.083743),
+    (0.999787, -0.01323, 0.01583, 1.560634),
+    (0.013312, 0.999899, -0.005029, 0.041005),
+    (-0.015762, 0.005239, 0.999862, -0.083743),
 )
 """Of the second scan on the first, likewise: 17 mm, 1.5 cm from the pose of its file."""
 ROOMS_POSE = (
-    (0.756932, -0.652966, 0.026257, 1.961055), (0.652845, 0.75736, 0.014105, 0.054068), (-0.029096, 0.006465, 0.999556, 0.021922),
+    (0.756932, -0.652966, 0.026257, 1.961055),
+    (0.652845, 0.75736, 0.014105, 0.054068),
+    (-0.029096, 0.006465, 0.999556, 0.021922),
 )
 """Of the second scan of two rooms on the first, likewise: 13 mm."""
 FINISHED = {
@@ -40,7 +56,7 @@ FINISHED = {
 }
 """Maps of an office, a hall and a tunnel, and a facade with balconies."""
 MILLIMETRE = 0.001
-"""The unit of a facade that is said to be none of metres: so its storeys are as high as such are."""
+"""Taken for the unit of the facade, which is not stated: it is then 5 by 8 by 2 m."""
 
 
 def kitti(data: Path, published: bool = False) -> PosedScans:

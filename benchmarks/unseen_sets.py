@@ -144,17 +144,20 @@ def wrong_poses(poses: np.ndarray, error: str, size: float, seed: int) -> np.nda
 
 
 def _raw(data: Path) -> Iterator[tuple[Map, Maker]]:
+    unregistered = np.stack([np.eye(4)] * 2)
     for thinned in (1, PAIRED):
         row = Map(f"pair-raw-{thinned}", "pair", WRONG, "raw", np.nan, 0, thinned)
-        unregistered = np.stack([np.eye(4)] * 2)
         yield row, lambda row=row: _merged(real_data.facade(data), unregistered, row.thinned)  # type: ignore[misc]
 
 
 def _published(data: Path) -> Iterator[tuple[Map, Maker]]:
     for thinned in (1, PAIRED):
         row = Map(f"kitti-published-{thinned}", "kitti", WRONG, "published", np.nan, 0, thinned)
-        yield row, lambda row=row: _merged(  # type: ignore[misc]
-            real_data.kitti(data), real_data.kitti(data, published=True).poses, row.thinned
+        yield (
+            row,
+            lambda row=row: _merged(  # type: ignore[misc]
+                real_data.kitti(data), real_data.kitti(data, published=True).poses, row.thinned
+            ),
         )
 
 
@@ -187,7 +190,9 @@ def _park(data: Path) -> Iterator[tuple[Map, Maker]]:
 
 
 def _submap(scans: PosedScans, number: int) -> PointCloud:
-    cloud = build(real_data.some(scans, [number]), settings=MergeSettings(submaps=True), reference=scans.poses[[number]])
+    cloud = build(
+        real_data.some(scans, [number]), settings=MergeSettings(submaps=True), reference=scans.poses[[number]]
+    )
     return cloud.cloud
 
 
