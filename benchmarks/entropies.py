@@ -65,4 +65,4 @@ def entropy_of(sums: np.ndarray) -> np.ndarray:
     """Return the entropies (n,) of the normal laws of neighbourhoods, given their moments (n, 13)."""
     mean = sums[:, 1:4] / sums[:, :1]
     covariance = (sums[:, 4:] / sums[:, :1]).reshape(-1, 3, 3) - mean[:, :, None] * mean[:, None, :]
-    return 0.5 * np.linalg.slogdet(2.0 * np.pi * np.e * (covariance + FLOOR * np.eye(3)))[1]
+    return np.asarray(0.5 * np.linalg.slogdet(2.0 * np.pi * np.e * (covariance + FLOOR * np.eye(3)))[1])

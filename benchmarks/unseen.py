@@ -155,7 +155,7 @@ def summary(said: Sequence[Said]) -> dict[str, Any]:
     found["compare"] = [sum(_ranked(*pair) for pair in pairs), len(pairs)]
     alike = [(one, other) for one, other in pairs if one.row.thinned == other.row.thinned]
     found["compare_entropy"] = [sum(one.plain.whole < other.plain.whole for one, other in alike), len(alike)]
-    found["thinning"] = _shift(said)
+    found["thinning"], found["growth"] = _shift(said), _growth(said)
     return found
 
 
@@ -254,6 +254,19 @@ def _shift(said: Sequence[Said]) -> float:
     return float(np.max(moved)) if moved else float("nan")
 
 
+def _growth(said: Sequence[Said]) -> list[int]:
+    """Return in how many pairs of maps, wrong alike by two sizes, the larger error has the larger share; and all."""
+    wrong = [each for each in said if each.row.kind == WRONG]
+    pairs = [
+        (one.share, other.share)
+        for one in wrong
+        for other in wrong
+        if one.row.size < other.row.size
+        and (one.row.error, one.row.seed, one.row.thinned) == (other.row.error, other.row.seed, other.row.thinned)
+    ]
+    return [sum(small < large for small, large in pairs), len(pairs)]
+
+
 def score(
     folder: Path, model: Model, before: dict[str, Any], places: Sequence[str] | None, say: Say
 ) -> Iterator[tuple[str, dict[str, Any], dict[str, Any]]]:
@@ -302,11 +315,13 @@ def lines(found: dict[str, Any]) -> Iterator[str]:
                 head = f"{_mark(row)}{place:14}{variant:14}1/{thinned:<3}"
                 yield f"{head}{rank['n']:>6}{rank['base_rate']:>6.0%}{cells}{shipped}"
     yield ""
-    yield "whole maps: right before wrong by compare, and by mean map entropy at one density; most that the share of"
-    yield "area moves from 1/1 to 1/6; disagreement: share of patches where it is known, median error, in bounds, width"
+    yield "whole maps: right before wrong by compare, and by mean map entropy at one density; larger error has larger"
+    yield "share; most that a share moves from 1/1 to 1/6; disagreement: known, median error, in bounds, width"
     for place, variant, row in rows:
         if row["compare"][1] or row["disagreement"]:
-            ranked = "".join(f"{good:>5} of {n:<4}" for good, n in (row["compare"], row["compare_entropy"]))
+            ranked = "".join(
+                f"{good:>5} of {n:<4}" for good, n in map(row.get, ("compare", "compare_entropy", "growth"))
+            )
             yield f"{_mark(row)}{place:14}{variant:14}{ranked}{row['thinning']:>8.1%}{_metres(row['disagreement'])}"
     yield ""
     bounds = [f"<{BINS[0]:g}", *(f"{low:g}-{high:g}" for low, high in pairwise(BINS)), f">{BINS[-1]:g}"]
@@ -314,7 +329,7 @@ def lines(found: dict[str, Any]) -> Iterator[str]:
     yield f"{'':30}" + "".join(f"{each:>13}" for each in bounds)
     for place, variant, row in rows:
         bins = zip(row["curve"]["called"], row["curve"]["n"], strict=True)
-        cells = "".join(f"{f'{share:.2f} ({n:.0f})':>13}" for share, n in bins)
+        cells = "".join(f"{f'{share:.2f} ({n:.0f})' if n else '-':>13}" for share, n in bins)
         yield f"{_mark(row)}{place:14}{variant:14}{cells}"
     yield ""
     yield "share of area called suspicious, by error"
@@ -346,7 +361,7 @@ def main() -> None:
     """Write the maps, or print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("verb", choices=("prepare", "score"))
-    parser.add_argument("--cache", type=Path, required=True, help="folder with the maps, some 600 MB")
+    parser.add_argument("--cache", type=Path, required=True, help="folder with the maps, some 2 GB")
     parser.add_argument("--data", type=Path, default=real_data.DATA, help="folder with the public scans, for prepare")
     parser.add_argument("--training", action="store_true", help="prepare the maps of the shipped model too")
     parser.add_argument("--model", help="file of the model; that of the package unless given")

@@ -71,6 +71,7 @@ def test_a_set_is_summed_up_by_density():
     assert found["compare"] == [2, 2]
     assert found["compare_entropy"] == [1, 1]
     assert found["thinning"] == pytest.approx(0.0)
+    assert found["growth"] == [0, 0]
     assert found["disagreement"]["n"] == 20
     assert found["disagreement"]["coverage"] == pytest.approx(14 / 20)
     assert found["curve"]["n"] == [10, 0, 0, 0, 0, 10, 0]
