@@ -33,10 +33,10 @@ def entropies(cloud: PointCloud) -> tuple[float, float]:
     for own, other in ((0, 1), (1, 0)):
         some = parts[own][:: max(1, len(parts[own]) // ASKED)]
         radius = np.clip(RADIUS_BY_RANGE * some[:, 3], *RADII)
-        sums = [_moments(trees[index], some[:, :3], radius) for index in (own, other)]
+        sums = [moments_of(trees[index], some[:, :3], radius) for index in (own, other)]
         overlap = (sums[0][:, 0] >= LEAST) & (sums[1][:, 0] >= LEAST)
-        separate.append(_entropy(sums[0][overlap]))
-        joint.append(_entropy((sums[0] + sums[1])[overlap]))
+        separate.append(entropy_of(sums[0][overlap]))
+        joint.append(entropy_of((sums[0] + sums[1])[overlap]))
     both = np.concatenate(joint), np.concatenate(separate)
     return (float(both[0].mean()), float(both[1].mean())) if len(both[0]) else (float("nan"), float("nan"))
 
@@ -49,7 +49,7 @@ def _thinned(cloud: PointCloud, rows: np.ndarray) -> np.ndarray:
     return np.column_stack([xyz, ranges])[first]
 
 
-def _moments(tree: KDTree, places: np.ndarray, radius: np.ndarray) -> np.ndarray:
+def moments_of(tree: KDTree, places: np.ndarray, radius: np.ndarray) -> np.ndarray:
     """Return count, sums and sums of products (n, 13) of the neighbours of places, relative to these."""
     found = tree.query_ball_point(places, radius)
     counts = np.array([len(each) for each in found])
@@ -61,8 +61,8 @@ def _moments(tree: KDTree, places: np.ndarray, radius: np.ndarray) -> np.ndarray
     return np.stack([np.bincount(group, column, len(places)) for column in values.T], axis=1)
 
 
-def _entropy(sums: np.ndarray) -> np.ndarray:
+def entropy_of(sums: np.ndarray) -> np.ndarray:
     """Return the entropies (n,) of the normal laws of neighbourhoods, given their moments (n, 13)."""
     mean = sums[:, 1:4] / sums[:, :1]
     covariance = (sums[:, 4:] / sums[:, :1]).reshape(-1, 3, 3) - mean[:, :, None] * mean[:, None, :]
-    return 0.5 * np.linalg.slogdet(2.0 * np.pi * np.e * (covariance + FLOOR * np.eye(3)))[1]
+    return np.asarray(0.5 * np.linalg.slogdet(2.0 * np.pi * np.e * (covariance + FLOOR * np.eye(3)))[1])

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks import real_data, real_drift, real_methods, real_pairs
+from benchmarks import real_data, real_methods, real_pairs
 from benchmarks.entropies import entropies
 from mapq.cloud import PointCloud
 from mapq.patches import PLAUSIBLE, UNLABELLED
@@ -79,17 +79,6 @@ def test_joint_entropy_rises_with_an_error_and_separate_entropy_does_not():
     assert joint == pytest.approx(separate, abs=0.2)
     assert worse > joint + 0.7
     assert same == pytest.approx(separate, abs=0.1)
-
-
-def test_the_detection_curve_counts_patches_by_their_displacement():
-    metres = np.array([0.0, 0.01, 0.03, 0.3, 0.4, 2.0, np.nan])
-    called = np.array([False, True, False, True, False, True, True])
-    result = real_drift.summary([real_drift.Level("quad", "0.5 m", metres, {"ours": called})])
-    assert result["levels"][0]["unmoved"] == 2
-    assert result["levels"][0]["rates"]["ours"] == {"false_alarms": 0.5, "found": 0.5}
-    assert result["curve"]["quad"]["n"] == [2, 1, 0, 0, 2, 0, 1]
-    assert result["curve"]["all"]["ours"][4] == 0.5
-    assert "<0.02 0.02-0.05" in "\n".join(real_drift.lines(result, "ours"))
 
 
 def test_methods_are_trained_and_scored_beside_the_majority():
