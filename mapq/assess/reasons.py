@@ -146,4 +146,6 @@ def context_words(values: dict[str, float]) -> str:
         words.append("seen together" if values["seen_together"] > 0.0 else "seen at different times")
     if values.get("through_conflict", 0.0) > SEEN_THROUGH * over:
         words.append("one is seen through by other passes")
+    if values.get("facing_away", 0.0) > 0.5 * over:
+        words.append("seen from opposite sides: two faces of one wall")
     return "".join(f", {each}" for each in words)

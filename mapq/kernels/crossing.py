@@ -112,7 +112,7 @@ def crossed_share(
             for beside in range(2):
                 expected = n / planes.area[i] * (high - low) / n_steps * reach[side, beside]
                 crossed[k] &= counts[k, beside] >= max(DENSE * expected, 1.0)
-    return np.mean(crossed)
+    return crossed.sum() / n_steps
 
 
 @part
