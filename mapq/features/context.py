@@ -132,15 +132,15 @@ def facing_away(pairs: _Pairs, side: Floats) -> Floats:
 
     f is the share of pairs of points, one of each, of which this holds; 0 where it is not known from where either was
     seen. Both faces of a wall face away from each other; copies of a wall were seen from one side. Which side (m,) the
-    sensors stood on is given as +1 to -1, towards the normal and behind it. Where they lie to one another is taken at
-    the middle of the smaller one, which the larger one is over.
+    sensors stood on is given as +1 to -1, towards the normal and behind it, nan where that is not known. How
+    they lie to one another is taken at the middle of the smaller one, which the larger one is over.
     """
     shapes, (small, large) = pairs.shapes, pairs.ordered.T
     beyond = np.sign(np.einsum("ij,ij->i", shapes.normal[large], shapes.centre[small] - shapes.centre[large]))
     turned = np.sign(np.einsum("ij,ij->i", shapes.normal[large], shapes.normal[small]))
     outwards = np.stack([side[small] * turned * beyond, -side[large] * beyond])
     both = np.prod(0.5 * (1.0 + outwards), axis=0)
-    return np.asarray(np.where((outwards != 0.0).all(axis=0), pairs.over * (2.0 * both - 1.0), 0.0))
+    return np.asarray(np.nan_to_num(pairs.over * (2.0 * both - 1.0)))
 
 
 def together(pairs: _Pairs, moments: Moments | None, number: NDArray[np.int64]) -> Floats:

@@ -115,19 +115,19 @@ def seen_through(
 
 
 def seen_side(shapes: PatchShapes, to_sensor: Floats | None) -> Floats:
-    """Return from which side (m,) each patch was seen: 1 where its normal points, -1 behind, 0 both or unknown.
+    """Return from which side (m,) each patch was seen: 1 where its normal points, -1 behind; nan unknown.
 
     The mean over its points, whose ways to the sensor (k, 3) may be nan; rays that graze the patch do not count.
     """
     if to_sensor is None:
-        return np.zeros(len(shapes))
+        return np.full(len(shapes), np.nan)
     patch = np.repeat(np.arange(len(shapes)), shapes.counts)
     height = np.einsum("ij,ij->i", to_sensor, shapes.normal[patch])
     steep = np.abs(height) > GRAZING * np.linalg.norm(to_sensor, axis=1)
     sums, counts = (
         np.bincount(patch[steep], each, len(shapes)) for each in (np.sign(height[steep]), np.ones(steep.sum()))
     )
-    return np.asarray(sums / np.maximum(counts, 1.0))
+    return np.divide(sums, counts, out=np.full(len(shapes), np.nan), where=counts > 0.0)
 
 
 def _ended(voxels: Voxels, shapes: PatchShapes, rays: Rays, ray_by: NDArray[np.int64]) -> NDArray[np.int64]:
