@@ -127,7 +127,7 @@ def seen_side(shapes: PatchShapes, to_sensor: Floats | None) -> Floats:
     sums, counts = (
         np.bincount(patch[steep], each, len(shapes)) for each in (np.sign(height[steep]), np.ones(steep.sum()))
     )
-    return np.divide(sums, counts, out=np.full(len(shapes), np.nan), where=counts > 0.0)
+    return np.asarray(np.where(counts > 0.0, sums / np.maximum(counts, 1.0), np.nan))
 
 
 def _ended(voxels: Voxels, shapes: PatchShapes, rays: Rays, ray_by: NDArray[np.int64]) -> NDArray[np.int64]:

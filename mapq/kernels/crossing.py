@@ -21,6 +21,8 @@ STEP = 4.0
 """Spacings in a step of the line, within which both patches must lie on both sides; two cells at least."""
 BESIDE = 3.0
 """Spacings, beyond twice the slack, up to which points lie beside the line."""
+STEEP = 0.17
+"""Sine, of 10 degrees, from which openings count in full: at less, what lies beside the line is too far off to tell."""
 DENSE = 0.15
 """Share of the points that a patch has elsewhere from which it has points beside the line."""
 
@@ -154,7 +156,8 @@ def crossing(
             return 0.0
     reach = np.minimum(reach, slack + BESIDE * spacing)
     stretch, length = np.array([low, high]), max(STEP * spacing, 2.0 * cell)
-    return smallest * crossed_share(trees, planes, pair, line, sine, stretch, slack, length, reach, t, s)
+    share = crossed_share(trees, planes, pair, line, sine, stretch, slack, length, reach, t, s)
+    return smallest * (1.0 - min(sine / STEEP, 1.0) * (1.0 - share))
 
 
 @jit
@@ -164,7 +167,8 @@ def crossings(trees: Trees, planes: Planes, pairs: Ints, spacing: Floats, cell: 
     Each must reach beyond the plane of the other by the distance `beyond`, on both sides: less than that noise, or a
     region that grows over its edge, explains. The point spacing is slack too. R is weighted by the share of the line
     along which both patches have points close to it on both sides at the same places: through an opening nothing
-    crosses. `cell` (m,) is the side of cells that leave no holes between the points of each patch, in metres.
+    crosses. That counts in full from 10 degrees on. `cell` (m,) is the side in metres of cells that leave no holes
+    between the points of each patch.
     """
     out = np.zeros(len(pairs))
     longest = 0

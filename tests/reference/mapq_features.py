@@ -135,7 +135,8 @@ def safe_crossing(one: Sheet, other: Sheet, spacing: float, beyond: float) -> fl
             count = np.histogram(s[beside], steps)[0]
             area = (high - low) / n_steps * min(edge - slack, slack + 3 * spacing)
             crossed &= count >= max(1.0, 0.15 * len(t) / sheet.area * area)
-    return ratio * float(crossed.mean())
+    steep = min(float(np.linalg.norm(np.cross(n, m))) / 0.17, 1.0)
+    return ratio * (1 - steep * (1 - float(crossed.mean())))
 
 
 def _ratio(across: Floats, slack: float) -> float:
