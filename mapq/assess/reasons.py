@@ -129,9 +129,10 @@ def pair_words(values: dict[str, float], other: int) -> str:
     """Return how a patch lies to patch `other`, given the edge features of the pair by name."""
     angle, overlap, crossing = values["angle_deg"], values["overlap"], values["crossing"]
     if crossing > max(overlap, TOUCHING):
-        # R is the nearer edge's distance by the farther one's.
+        # R is the nearer edge's distance by the farther one's, less where there are openings beside the line.
         inwards = 2.0 * crossing / (1.0 + crossing)
-        return f"crosses patch {other} at {angle:.3g} degrees, {inwards:.0%} of the way from the edges to the middle"
+        where = f"at least {inwards:.0%} of the way from the edges to the middle"
+        return f"crosses patch {other} at {angle:.3g} degrees, {where}"
     if overlap <= TOUCHING:
         return f"{values['separation']:.2f} m from patch {other}, at {angle:.0f} degrees, neither over it nor across"
     how = f"parallel to patch {other} at" if angle < PARALLEL_DEG else f"at {angle:.0f} degrees over patch {other} at"
@@ -146,4 +147,6 @@ def context_words(values: dict[str, float]) -> str:
         words.append("seen together" if values["seen_together"] > 0.0 else "seen at different times")
     if values.get("through_conflict", 0.0) > SEEN_THROUGH * over:
         words.append("one is seen through by other passes")
+    if values.get("facing_away", 0.0) > 0.5 * over:
+        words.append("seen from opposite sides: two faces of one wall")
     return "".join(f", {each}" for each in words)

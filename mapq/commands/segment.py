@@ -124,6 +124,7 @@ def segment(
     """
     asked = {name: value for name, value in locals().items() if name in OPTIONS}
 
+    from mapq.features import measure_shapes
     from mapq.io import ReadOptions
     from mapq.io.patches import write_patches
     from mapq.settings import ask, segment_settings, settings_from
@@ -143,7 +144,9 @@ def segment(
         patches, score = _run_tiles((cloud, target), options, settings, given, (truth_field, min_iou))
     else:
         patches, score = _run(cloud, options, settings, truth_field, min_iou)
-    write_patches(target, dataclasses.replace(patches, report={**patches.report, "sources": found.places}))
+    measured = {**patches.report, "area": float(measure_shapes(patches).area.sum())}
+    patches = dataclasses.replace(patches, report=measured)
+    write_patches(target, dataclasses.replace(patches, report={**measured, "sources": found.places}))
     _show(cloud, target, patches, score, json)
 
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from mapq.features.apart import seen_apart
 from mapq.features.edge import EDGE_NAMES, smaller_first
-from mapq.features.provenance import Known, Moments, known_of, moments_of, views_of
-from mapq.features.rays import Rays, seen_through
+from mapq.features.provenance import Known, Moments, known_of, moments_of, views_of, ways_of
+from mapq.features.rays import Rays, seen_side, seen_through
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes
 from mapq.graph import PatchGraph
@@ -26,7 +26,7 @@ NODE_COLUMNS = {"moments": ("seen_apart",), "rays": ("seen_through",)}
 EDGE_COLUMNS = {
     "outlines": ("partly_covered", "unlike_height"),
     "moments": ("seen_together",),
-    "rays": ("through_conflict",),
+    "rays": ("through_conflict", "facing_away"),
 }
 """Group to its columns, of patches and of pairs."""
 
@@ -99,6 +99,7 @@ def measure_context(
         through = seen_through(shapes, views_of(patches.cloud, shapes.number, known), settings, rays, side)
         node["seen_through"] = through
         columns["through_conflict"] = pairs.conflict * through[graph.pairs].max(axis=1, initial=-np.inf)
+        columns["facing_away"] = facing_away(pairs, seen_side(shapes, ways_of(patches.cloud, shapes.number, known)))
     return Context(_stack(node, len(shapes)), tuple(node), _stack(columns, len(graph.pairs)), tuple(columns))
 
 
@@ -124,6 +125,22 @@ def outlines(pairs: _Pairs) -> dict[str, Floats]:
     heights = np.sort(pairs.shapes.height[pairs.graph.pairs], axis=1)
     ratio = heights[:, 0] / np.maximum(heights[:, 1], 1e-12)
     return {"partly_covered": pairs.over * (1.0 - covered), "unlike_height": pairs.over * (1.0 - ratio)}
+
+
+def facing_away(pairs: _Pairs, side: Floats) -> Floats:
+    """Return W A (2 f - 1), f how surely both patches were seen from outside, with the space between behind them.
+
+    f is the share of pairs of points, one of each, of which this holds; 0 where it is not known from where either was
+    seen. Both faces of a wall face away from each other; copies of a wall were seen from one side. Which side (m,) the
+    sensors stood on is given as +1 to -1, towards the normal and behind it, nan where that is not known. How
+    they lie to one another is taken at the middle of the smaller one, which the larger one is over.
+    """
+    shapes, (small, large) = pairs.shapes, pairs.ordered.T
+    beyond = np.sign(np.einsum("ij,ij->i", shapes.normal[large], shapes.centre[small] - shapes.centre[large]))
+    turned = np.sign(np.einsum("ij,ij->i", shapes.normal[large], shapes.normal[small]))
+    outwards = np.stack([side[small] * turned * beyond, -side[large] * beyond])
+    both = np.prod(0.5 * (1.0 + outwards), axis=0)
+    return np.asarray(np.nan_to_num(pairs.over * (2.0 * both - 1.0)))
 
 
 def together(pairs: _Pairs, moments: Moments | None, number: NDArray[np.int64]) -> Floats:

@@ -43,7 +43,7 @@ def edge_features(shapes: PatchShapes, graph: PatchGraph, settings: FeatureSetti
         settings.tau,
         shapes.tolerance(settings),
     )
-    crossing = crossings(shapes.trees, shapes.planes, pairs, spacing, shapes.tolerance(settings))
+    crossing = crossings(shapes.trees, shapes.planes, pairs, spacing, shapes.cell, shapes.tolerance(settings))
     overlap, area, offset = lying.T
     columns = [separation, weight, overlap, crossing, angles(shapes, graph), offset, area]
     return np.column_stack(columns), 1.0 - weight * (overlap + crossing)

@@ -70,7 +70,7 @@ class Known(NamedTuple):
     @property
     def fields(self) -> tuple[str, ...]:
         """Names of the fields that count."""
-        rays = (self.passes, *TO_SENSOR) if self.has_rays and self.passes is not None else ()
+        rays = (self.passes, *TO_SENSOR) if self.has_rays else ()
         return tuple(dict.fromkeys(name for name in (self.moment, *rays) if name is not None))
 
 
@@ -157,12 +157,19 @@ def moments_of(cloud: PointCloud, number: NDArray[np.int64], known: Known) -> Mo
     return Moments(np.unique(values, return_inverse=True)[1].astype(np.int64), 0)
 
 
+def ways_of(cloud: PointCloud, number: NDArray[np.int64], known: Known) -> NDArray[np.float64] | None:
+    """Return the way to the sensor (k, 3) in metres of some points (k,) of a cloud; None if no rays are known."""
+    if not known.has_rays:
+        return None
+    return np.column_stack([np.asarray(cloud.fields[name][number], np.float64) for name in TO_SENSOR])
+
+
 def views_of(cloud: PointCloud, number: NDArray[np.int64], known: Known) -> Views | None:
     """Return from where and on which pass some points (k,) of a cloud were seen; None if that is not known."""
-    if not known.has_rays or known.passes is None:
+    ways = ways_of(cloud, number, known)
+    if ways is None or known.passes is None:
         return None
-    columns = [np.asarray(cloud.fields[name][number], np.float64) for name in TO_SENSOR]
-    return Views(np.column_stack(columns), np.asarray(cloud.fields[known.passes][number], np.float64))
+    return Views(ways, np.asarray(cloud.fields[known.passes][number], np.float64))
 
 
 def _numbers(cloud: PointCloud, name: str, number: NDArray[np.int64]) -> NDArray[np.float64] | None:

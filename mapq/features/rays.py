@@ -11,7 +11,7 @@ from mapq.features.provenance import Views
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes
 from mapq.features.voxels import table_of
-from mapq.kernels.rays import Voxels, count_rays
+from mapq.kernels.rays import GRAZING, Voxels, count_rays
 from mapq.kernels.voxels import voxel_keys
 
 MOST_RAYS = 400_000
@@ -112,6 +112,22 @@ def seen_through(
     n_voxels = np.maximum(np.bincount(voxels.patch, minlength=len(shapes)), 1)
     own, others = (np.bincount(voxels.patch, share, len(shapes)) / n_voxels for share in shares)
     return np.asarray(np.maximum(others - own, 0.0))
+
+
+def seen_side(shapes: PatchShapes, to_sensor: Floats | None) -> Floats:
+    """Return from which side (m,) each patch was seen: 1 where its normal points, -1 behind; nan unknown.
+
+    The mean over its points, whose ways to the sensor (k, 3) may be nan; rays that graze the patch do not count.
+    """
+    if to_sensor is None:
+        return np.full(len(shapes), np.nan)
+    patch = np.repeat(np.arange(len(shapes)), shapes.counts)
+    height = np.einsum("ij,ij->i", to_sensor, shapes.normal[patch])
+    steep = np.abs(height) > GRAZING * np.linalg.norm(to_sensor, axis=1)
+    sums, counts = (
+        np.bincount(patch[steep], each, len(shapes)) for each in (np.sign(height[steep]), np.ones(steep.sum()))
+    )
+    return np.asarray(np.where(counts > 0.0, sums / np.maximum(counts, 1.0), np.nan))
 
 
 def _ended(voxels: Voxels, shapes: PatchShapes, rays: Rays, ray_by: NDArray[np.int64]) -> NDArray[np.int64]:

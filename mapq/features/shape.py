@@ -12,14 +12,17 @@ from numpy.typing import NDArray
 from mapq.features.settings import FeatureSettings
 from mapq.kernels.boxes import Trees, make_boxes
 from mapq.kernels.frames import Planes
-from mapq.kernels.occupied import occupied_cells
-from mapq.kernels.order import spans
+from mapq.kernels.occupied import occupied_areas, occupied_cells
+from mapq.kernels.order import medians, spans
 from mapq.kernels.sheets import Sheets, count_sheet_cells, fill_sheets
 from mapq.patches import Patches
 from prf.shell.errors import InputError
 
 SMALLEST_CELL = 0.01
 """Metres: finer than any map's points, and above 0 for patches whose points coincide."""
+CELL_IN_GAPS = 3.0
+"""Median gaps that the side of a cell may have where areas are measured: of evenly strewn points one in fifty is empty.
+"""
 N_CELL_SIZES = 8
 """Cell sizes that are tried, each the root of two times the last."""
 LEVEL = 0.3
@@ -52,8 +55,8 @@ class PatchShapes:
         Unit vectors in the plane: horizontal and upwards; in level planes the longest direction and its normal.
     width, height : (m,) float64
         Extent across and along, in metres.
-    cell, area : (m,) float64
-        Side of the smallest cells that leave no holes between points, and area that they cover, in metres and m².
+    cell : (m,) float64
+        Side of the smallest cells that leave no holes between points, in metres.
     up : (3,) float64
     """
 
@@ -69,7 +72,6 @@ class PatchShapes:
     width: Floats
     height: Floats
     cell: Floats
-    area: Floats
     up: Floats
 
     def __len__(self) -> int:
@@ -85,6 +87,16 @@ class PatchShapes:
     def up_cosine(self) -> Floats:
         """Return |up . n| (m,), 0 for upright planes and 1 for level ones."""
         return np.asarray(np.minimum(np.abs(self.normal @ self.up), 1.0))
+
+    @cached_property
+    def area(self) -> Floats:
+        """Area (m,) in m² that the points support: of cells that are no larger than the gaps between them explain.
+
+        Of a patch whose points are dense in one part and few in another, `cell` fills what lies between the few.
+        """
+        side = np.minimum(self.cell, CELL_IN_GAPS * np.maximum(medians(self.sheets.gap, self.start), SMALLEST_CELL))
+        found = occupied_areas(self.sheets.u, self.sheets.v, self.start, side)
+        return np.asarray(np.minimum(found, np.maximum(self.width, side) * np.maximum(self.height, side)))
 
     @cached_property
     def spacing(self) -> Floats:
@@ -147,12 +159,10 @@ def measure_shapes(patches: Patches, settings: FeatureSettings | None = None, bo
     along = np.cross(normal, across)
     u = np.einsum("ij,ij->i", relative, across[patch])
     v = np.einsum("ij,ij->i", relative, along[patch])
-    cell, area, extent = occupied_cells(u, v, start, SMALLEST_CELL, N_CELL_SIZES)
+    cell, extent = occupied_cells(u, v, start, SMALLEST_CELL, N_CELL_SIZES)
     mse = np.maximum(values[:, 0], 0.0)
     width, height = np.ascontiguousarray(extent.T)
-    return PatchShapes(
-        points, number, start, normal, centre, mse, thickness, across, along, width, height, cell, area, up
-    )
+    return PatchShapes(points, number, start, normal, centre, mse, thickness, across, along, width, height, cell, up)
 
 
 def lay_out(shapes: PatchShapes) -> Sheets:

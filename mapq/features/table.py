@@ -39,6 +39,7 @@ UNITS = {
         "unlike_height": "1",
         "seen_together": "1",
         "through_conflict": "1",
+        "facing_away": "1",
     }
 }
 UNITS["literal"] = {**UNITS["safe"], "inverse_mse": "1/m2", "inverse_up_cosine": "1", "volume_per_area": "m"}

@@ -17,6 +17,14 @@ LOW, HIGH = 0.02, 0.98
 """Quantiles that stand for the edges of a patch: growing regions leave a few points beyond them."""
 PARALLEL = 1e-6
 """Sine below which there is no line of intersection in float64; noise ends the crossing long before."""
+STEP = 4.0
+"""Spacings in a step of the line, within which both patches must lie on both sides; two cells at least."""
+BESIDE = 3.0
+"""Spacings, beyond twice the slack, up to which points lie beside the line."""
+STEEP = 0.17
+"""Sine, of 10 degrees, from which openings count in full: at less, what lies beside the line is too far off to tell."""
+DENSE = 0.15
+"""Share of the points that a patch has elsewhere from which it has points beside the line."""
 
 
 @part
@@ -48,13 +56,65 @@ def keep_between(t: Floats, s: Floats, n: int, low: float, high: float) -> int:
 
 
 @part
-def edge_ratio(t: Floats, n: int, slack: float) -> float:
-    """Nearer over farther edge distance from the line, both less `slack`; 0 unless it lies between the edges."""
+def edge_ratio(t: Floats, n: int, slack: float, reach: Floats) -> float:
+    """Nearer over farther edge distance from the line, both less `slack`; 0 unless it lies between the edges.
+
+    `reach` (2,) takes both distances, of the edges at negative and at positive t.
+    """
     if n == 0:
         return 0.0
-    low, high = -quantile(t, n, LOW), quantile(t, n, HIGH)
-    near, far = min(low, high) - slack, max(low, high) - slack
+    reach[0], reach[1] = -quantile(t, n, LOW) - slack, quantile(t, n, HIGH) - slack
+    near, far = min(reach[0], reach[1]), max(reach[0], reach[1])
     return near / far if near > 0.0 else 0.0
+
+
+@part
+def count_beside(
+    t: Floats, s: Floats, n: int, low: float, high: float, slack: float, reach: Floats, counts: Ints
+) -> None:
+    """Count points with s from `low` to `high` by steps of the line (k) and by the side of it on which they lie (k, 2).
+
+    Those count that are farther than `slack` from the line, by at most the `reach` (2,) of their side.
+    """
+    counts[:] = 0
+    for k in range(n):
+        side = 1 if t[k] > 0.0 else 0
+        if low <= s[k] <= high and slack < abs(t[k]) <= slack + reach[side]:
+            counts[min(int((s[k] - low) / (high - low) * len(counts)), len(counts) - 1), side] += 1
+
+
+@part
+def crossed_share(
+    trees: Trees,
+    planes: Planes,
+    pair: Ints,
+    line: Floats,
+    sine: float,
+    stretch: Floats,
+    slack: float,
+    step: float,
+    reach: Floats,
+    t: Floats,
+    s: Floats,
+) -> float:
+    """Share of the stretch of the line (low, high) in whose steps both patches have points beside it, on both sides.
+
+    A few points are none: `DENSE` of what the patch's density would make there. `reach` (2, 2) is how far beside the
+    line, less the slack, each patch is looked for on either side.
+    """
+    low, high = stretch[0], stretch[1]
+    n_steps = max(int((high - low) / step + 0.5), 1)
+    counts, crossed = np.zeros((n_steps, 2), np.int64), np.ones(n_steps, np.bool_)
+    for side in range(2):
+        i = pair[side]
+        move = dot_from(line, planes.centre[pair[0]], planes.centre[pair[1]]) if side == 1 else 0.0
+        n = line_places(trees, planes, i, pair[1 - side], line, sine, t, s)
+        count_beside(t, s, n, low + move, high + move, slack, reach[side], counts)
+        for k in range(n_steps):
+            for beside in range(2):
+                expected = n / planes.area[i] * (high - low) / n_steps * reach[side, beside]
+                crossed[k] &= counts[k, beside] >= max(DENSE * expected, 1.0)
+    return crossed.sum() / n_steps
 
 
 @part
@@ -65,6 +125,7 @@ def crossing(
     line: Floats,
     sine: float,
     spacing: float,
+    cell: float,
     beyond: float,
     t: Floats,
     s: Floats,
@@ -72,18 +133,19 @@ def crossing(
     """R of one pair: the smaller edge ratio of both, over the stretch of the line along which both lie.
 
     First each patch as a whole, which settles most pairs, then the part of it along the common stretch; the patch with
-    fewer points first.
+    fewer points first. Last, along which share of it they pass through one another, not through an opening.
     """
     slack = spacing + beyond / sine
     shift = dot_from(line, planes.centre[pair[0]], planes.centre[pair[1]])
     low, high, smallest = -np.inf, np.inf, 1.0
+    reach = np.zeros((2, 2))
     for step in range(4):
         side = step % 2
         move = shift if side == 1 else 0.0
         n = line_places(trees, planes, pair[side], pair[1 - side], line, sine, t, s)
         if step >= 2:
             n = keep_between(t, s, n, low + move, high + move)
-        ratio = edge_ratio(t, n, slack)
+        ratio = edge_ratio(t, n, slack, reach[side])
         if ratio == 0.0:
             return 0.0
         if step < 2:
@@ -92,15 +154,21 @@ def crossing(
             smallest = min(smallest, ratio)
         if high - low <= spacing:
             return 0.0
-    return smallest
+    reach = np.minimum(reach, slack + BESIDE * spacing)
+    stretch, length = np.array([low, high]), max(STEP * spacing, 2.0 * cell)
+    share = crossed_share(trees, planes, pair, line, sine, stretch, slack, length, reach, t, s)
+    return smallest * (1.0 - min(sine / STEEP, 1.0) * (1.0 - share))
 
 
 @jit
-def crossings(trees: Trees, planes: Planes, pairs: Ints, spacing: Floats, beyond: float) -> Floats:
+def crossings(trees: Trees, planes: Planes, pairs: Ints, spacing: Floats, cell: Floats, beyond: float) -> Floats:
     """R (n,) of each pair: 1 where the patches cross in their middles, 0 at an edge of either, or if they do not.
 
     Each must reach beyond the plane of the other by the distance `beyond`, on both sides: less than that noise, or a
-    region that grows over its edge, explains. The point spacing is slack too.
+    region that grows over its edge, explains. The point spacing is slack too. R is weighted by the share of the line
+    along which both patches have points close to it on both sides at the same places: through an opening nothing
+    crosses. That counts in full from 10 degrees on. `cell` (m,) is the side in metres of cells that leave no holes
+    between the points of each patch.
     """
     out = np.zeros(len(pairs))
     longest = 0
@@ -112,5 +180,6 @@ def crossings(trees: Trees, planes: Planes, pairs: Ints, spacing: Floats, beyond
         sine = np.sqrt(dot(line, line))
         if sine > PARALLEL:
             normalise(line)
-            out[k] = crossing(trees, planes, pairs[k], line, sine, spacing[k], beyond, t, s)
+            widest = max(cell[pairs[k, 0]], cell[pairs[k, 1]])
+            out[k] = crossing(trees, planes, pairs[k], line, sine, spacing[k], widest, beyond, t, s)
     return out

@@ -130,11 +130,17 @@ def middle_and_length(values: Floats, box: Floats, first: int) -> None:
     box[first], box[first + 1] = 0.5 * (low + high), high - low
 
 
+@part
+def cells_needed(box: Floats, cell: float) -> int:
+    """How many cells of a size cover a box."""
+    return (2 * half_count(box[1], cell) + 1) * (2 * half_count(box[3], cell) + 1)
+
+
 @jit
-def occupied_cells(u: Floats, v: Floats, start: Ints, smallest: float, n_sizes: int) -> tuple[Floats, Floats, Floats]:
-    """Cell size (m,), occupied area (m,) and extents (m, 2) of each patch, points given in its plane, in metres."""
+def occupied_cells(u: Floats, v: Floats, start: Ints, smallest: float, n_sizes: int) -> tuple[Floats, Floats]:
+    """Cell size (m,) and extents (m, 2) of each patch, points given in its plane, in metres."""
     n_patches = len(start) - 1
-    cells, areas, lengths = np.zeros(n_patches), np.zeros(n_patches), np.zeros((n_patches, 2))
+    cells, lengths = np.zeros(n_patches), np.zeros((n_patches, 2))
     marks = np.zeros(1024, np.uint8)
     box, inner = np.zeros(4), np.zeros(n_sizes)
     for i in range(n_patches):
@@ -144,13 +150,28 @@ def occupied_cells(u: Floats, v: Floats, start: Ints, smallest: float, n_sizes: 
         a, b = u[start[i] : start[i + 1]], v[start[i] : start[i + 1]]
         middle_and_length(a, box, 0)
         middle_and_length(b, box, 2)
-        finest = first_cell(box, len(a), smallest)
-        needed = (2 * half_count(box[1], finest) + 1) * (2 * half_count(box[3], finest) + 1)
+        needed = cells_needed(box, first_cell(box, len(a), smallest))
         if needed > len(marks):
             marks = np.zeros(2 * needed, np.uint8)
         cells[i] = choose_cell(a, b, box, smallest, marks, inner)
-        n_rows, n_columns = mark_cells(a, b, box, cells[i], marks)
-        n_set = count_blocks(marks, n_rows, n_columns, 2, 1)
-        areas[i] = cells[i] ** 2 * (n_set if n_set > 0 else count_blocks(marks, n_rows, n_columns, 2, 0))
         lengths[i, 0], lengths[i, 1] = box[1], box[3]
-    return cells, areas, lengths
+    return cells, lengths
+
+
+@jit
+def occupied_areas(u: Floats, v: Floats, start: Ints, side: Floats) -> Floats:
+    """Area (m,) in square metres that cells of the given sides (m,) hold of each patch, points given in its plane."""
+    areas, box, marks = np.zeros(len(start) - 1), np.zeros(4), np.zeros(1024, np.uint8)
+    for i in range(len(areas)):
+        if start[i + 1] == start[i]:
+            continue
+        a, b = u[start[i] : start[i + 1]], v[start[i] : start[i + 1]]
+        middle_and_length(a, box, 0)
+        middle_and_length(b, box, 2)
+        needed = cells_needed(box, side[i])
+        if needed > len(marks):
+            marks = np.zeros(2 * needed, np.uint8)
+        n_rows, n_columns = mark_cells(a, b, box, side[i], marks)
+        n_set = count_blocks(marks, n_rows, n_columns, 2, 1)
+        areas[i] = side[i] ** 2 * (n_set if n_set > 0 else count_blocks(marks, n_rows, n_columns, 2, 0))
+    return areas

@@ -61,3 +61,13 @@ def spans(values: Floats, start: Ints, low: float, high: float) -> Floats:
             group = values[start[i] : start[i + 1]].copy()
             out[i] = quantile(group, n, high) - quantile(group, n, low)
     return out
+
+
+@jit
+def medians(values: Floats, start: Ints) -> Floats:
+    """Median (m,) of each group ``values[start[i]:start[i + 1]]``; 0 for an empty one."""
+    out = np.zeros(len(start) - 1)
+    for i in range(len(out)):
+        group = values[start[i] : start[i + 1]].copy()
+        out[i] = quantile(group, len(group), 0.5) if len(group) > 0 else 0.0
+    return out

@@ -53,11 +53,10 @@ def report_of(
 ) -> dict[str, Any]:
     """Return the report's part on regions (m): which are patches, and what was dropped."""
     large, upright = is_large(fits, chosen), is_upright(fits.planes, chosen)
-    kept = _tally(large & upright, n_points, areas)
+    kept = large & upright
     return {
-        "patches": kept["patches"],
-        "points_in_patches": kept["points"],
-        "area": kept["area"],
+        "patches": int(np.count_nonzero(kept)),
+        "points_in_patches": int(n_points[kept].sum()),
         "dropped_for_tilt": _tally(large & ~upright, n_points, areas),
         "dropped_as_small": _tally(~large & (fits.sums[:, 0] > 0), n_points, areas),
     }

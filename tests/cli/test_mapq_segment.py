@@ -11,6 +11,8 @@ import pytest
 
 from mapq.cli import app
 from mapq.cloud import PointCloud
+from mapq.features import patch_features
+from mapq.features.node import SHAPE_NAMES
 from mapq.io import read_patches, write_ply
 from mapq.labelling.store import open_store
 from prf.shell.lock import release_claims
@@ -77,6 +79,8 @@ def test_json_with_scores_in_the_fields_words(capsys, map_ply, tmp_path):
     assert (result["schema"], result["output"]) == ("mapq.segment/1", output)
     assert result["parameters"]["noise"] == 0.03
     assert result["report"]["patches"] == len(result["n_points"]) == 2
+    areas = patch_features(read_patches(output)).shape[:, SHAPE_NAMES.index("area_m2")]
+    assert result["report"]["area"] == pytest.approx(areas.sum()), "as mapq classify has it"
     assert (result["score"]["precision"], result["score"]["recall"]) == (1.0, 1.0)
     assert {"mean_iou", "mean_dice", "over_segmented", "under_segmented", "missed", "noise"} <= set(result["score"])
     assert len(result["score"]["iou"]) == 2

@@ -13,6 +13,16 @@ from scipy.spatial import ConvexHull, QhullError
 Floats = NDArray[np.float64]
 
 
+class Sheet(NamedTuple):
+    """A patch: points (n, 3), their mean, unit vectors across, along and normal as rows, cell side, area."""
+
+    points: Floats
+    centre: Floats
+    axes: Floats
+    cell: float
+    area: float
+
+
 def rho(one: Floats, other: Floats) -> float:
     """Equation 9: the distance of the closest points."""
     return float(np.linalg.norm(one[:, None] - other, axis=2).min())
@@ -96,12 +106,13 @@ def edge_ratio(points: Floats, n: Floats, others: Floats, m: Floats) -> float:
     return float(edges[0] / edges[1])
 
 
-def safe_crossing(one: Floats, n: Floats, other: Floats, m: Floats, spacing: float, beyond: float) -> float:
+def safe_crossing(one: Sheet, other: Sheet, spacing: float, beyond: float) -> float:
     """R where both patches lie on both sides of the line and side by side along it, else 0; see docs/features.md."""
+    n, m = one.axes[2], other.axes[2]
     slack = spacing + beyond / float(np.linalg.norm(np.cross(n, m)))
-    own, their = places(one, n, other, m), places(other, m, one, n)
-    origin, direction = line_of_planes(one.mean(axis=0), n, other.mean(axis=0), m)
-    back, _ = line_of_planes(other.mean(axis=0), m, one.mean(axis=0), n)
+    own, their = places(one.points, n, other.points, m), places(other.points, m, one.points, n)
+    origin, direction = line_of_planes(one.points.mean(axis=0), n, other.points.mean(axis=0), m)
+    back, _ = line_of_planes(other.points.mean(axis=0), m, one.points.mean(axis=0), n)
     swap = -1.0  # the direction of the line turns round when the planes are swapped
     along = [own[1], swap * their[1] + (back - origin) @ direction]
     if min(_ratio(own[0], slack), _ratio(their[0], slack)) == 0:
@@ -111,7 +122,21 @@ def safe_crossing(one: Floats, n: Floats, other: Floats, m: Floats, spacing: flo
     if high - low <= spacing:
         return 0.0
     shared = [(s >= low) & (s <= high) for s in along]
-    return min(_ratio(own[0][shared[0]], slack), _ratio(their[0][shared[1]], slack))
+    ratio = min(_ratio(own[0][shared[0]], slack), _ratio(their[0][shared[1]], slack))
+    if ratio == 0:
+        return 0.0
+    n_steps = max(int((high - low) / max(4 * spacing, 2 * one.cell, 2 * other.cell) + 0.5), 1)
+    steps = np.linspace(low, high, n_steps + 1)
+    crossed = np.ones(n_steps, bool)
+    for sheet, (across, _), s, some in zip((one, other), (own, their), along, shared, strict=True):
+        for t in (across, -across):
+            edge = np.quantile(t[some], 0.98)
+            beside = (t > slack) & (t <= min(edge, 2 * slack + 3 * spacing))
+            count = np.histogram(s[beside], steps)[0]
+            area = (high - low) / n_steps * min(edge - slack, slack + 3 * spacing)
+            crossed &= count >= max(1.0, 0.15 * len(t) / sheet.area * area)
+    steep = min(float(np.linalg.norm(np.cross(n, m))) / 0.17, 1.0)
+    return ratio * (1 - steep * (1 - float(crossed.mean())))
 
 
 def _ratio(across: Floats, slack: float) -> float:
@@ -157,16 +182,6 @@ def is_covered(place: Floats, places: Floats, gaps: Floats, cell: float) -> bool
         return False
     near = (distance > 1e-6 * reach) & (distance < reach)
     return len(np.unique(sides(*ray[near].T))) == 4
-
-
-class Sheet(NamedTuple):
-    """A patch: points (n, 3), their mean, unit vectors across, along and normal as rows, cell side, area."""
-
-    points: Floats
-    centre: Floats
-    axes: Floats
-    cell: float
-    area: float
 
 
 def safe_overlap(one: Sheet, other: Sheet, radius: float, tau: float, tolerance: float) -> tuple[float, float]:

@@ -20,11 +20,11 @@ PAIR = {"angle_deg": 1.0, "overlap": 0.0, "crossing": 0.0, "offset": 0.32, "sepa
         (
             # 2.5 m from one edge and 7.5 m from the other is half of the 5 m to the middle.
             {"crossing": 2.5 / 7.5, "overlap": 0.1},
-            "crosses patch 41 at 1 degrees, 50% of the way from the edges to the middle",
+            "crosses patch 41 at 1 degrees, at least 50% of the way from the edges to the middle",
         ),
         (
             {"crossing": 1.0, "overlap": 0.1},
-            "crosses patch 41 at 1 degrees, 100% of the way from the edges to the middle",
+            "crosses patch 41 at 1 degrees, at least 100% of the way from the edges to the middle",
         ),
         (
             {"overlap": 0.8, "seen_together": -0.4, "through_conflict": 0.3},
@@ -34,6 +34,10 @@ PAIR = {"angle_deg": 1.0, "overlap": 0.0, "crossing": 0.0, "offset": 0.32, "sepa
         (
             {"overlap": 0.8, "seen_together": 0.4},
             "parallel to patch 41 at 0.32 m, overlap 80 %, seen together",
+        ),
+        (
+            {"overlap": 0.8, "facing_away": 0.4},
+            "parallel to patch 41 at 0.32 m, overlap 80 %, seen from opposite sides: two faces of one wall",
         ),
         ({"overlap": 0.8, "seen_together": 0.1}, "parallel to patch 41 at 0.32 m, overlap 80 %"),
         ({"angle_deg": 88.0}, "0.30 m from patch 41, at 88 degrees, neither over it nor across"),

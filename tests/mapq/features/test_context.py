@@ -242,7 +242,7 @@ class TestGroups:
 
     def test_what_a_map_does_not_tell_is_nought(self):
         found = patch_features(sample_patches(DOUBLE, 1, 20.0, NOISE))
-        for name in ("seen_together", "through_conflict"):
+        for name in ("seen_together", "through_conflict", "facing_away"):
             assert not found.edge[:, found.edge_names.index(name)].any()
 
     def test_a_group_that_there_is_not(self):

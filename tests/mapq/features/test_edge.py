@@ -222,10 +222,8 @@ class TestCrossing:
         patches = sample_patches({**SUSPICIOUS, **PLAUSIBLE}[name])
         settings = FeatureSettings(noise=noise, spacing=0.1)
         features = patch_features(patches, settings)
-        points = [patches.cloud.xyz[patches.patch == k] for k in (0, 1)]
-        n, m = patches.normal
-        parallel = np.linalg.norm(np.cross(n, m)) < 1e-6
-        expected = 0.0 if parallel else safe_crossing(points[0], n, points[1], m, 0.1, beyond)
+        parallel = np.linalg.norm(np.cross(*patches.normal)) < 1e-6
+        expected = 0.0 if parallel else safe_crossing(*sheets_of(patches), 0.1, beyond)
         assert features.edge[0, features.edge_names.index("crossing")] == pytest.approx(expected, abs=1e-9)
 
     def test_walls_at_different_heights_do_not_cross(self):

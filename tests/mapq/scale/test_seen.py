@@ -149,7 +149,7 @@ class TestWhichFieldsCount:
         for span in (Span(0.0, 3.0, is_known=False), Span(0.0, 3.0, is_whole=False)):
             assert decide({"scan": Span(0.0, 1.0).joined(span)}).moment is None
 
-    def test_rays_need_passes_to_count(self):
+    def test_rays_count_without_passes_too(self):
         ways = dict.fromkeys(("to_sensor_x", "to_sensor_y", "to_sensor_z"), Span(0.0, 1.0))
-        assert decide(ways).fields == ()
+        assert decide(ways).fields == tuple(ways)
         assert decide({**ways, "pass_id": Span(0.0, 1.0)}).fields == ("pass_id", *ways)
