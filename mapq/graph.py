@@ -72,3 +72,11 @@ class PatchFeatures(NamedTuple):
     shape_names: tuple[str, ...] = ()
     context_names: tuple[str, ...] = ()
     parameters: Mapping[str, Any] = MappingProxyType({})
+
+    @property
+    def disagreement(self) -> NDArray[np.float64]:
+        """Lower bound, value and upper bound (m, 3) of what scans disagree by on each patch, metres; nan unknown."""
+        names = ("disagreement_low", "disagreement", "disagreement_high")
+        if not set(names) <= set(self.node_names):
+            return np.full((len(self.node), 3), np.nan)
+        return self.node[:, [self.node_names.index(name) for name in names]]

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from mapq.crf.evidence import Potential
 
 FULL, SYMMETRIC, NONE = "full", "symmetric", "none"
 EDGE_MODELS = (FULL, SYMMETRIC, NONE)
@@ -46,8 +49,8 @@ class Scaling:
     clip: float = CLIP
 
     def apply(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return standardised columns (n, k)."""
-        return np.clip((values - self.median) / self.scale, -self.clip, self.clip)
+        """Return standardised columns (n, k); what is not known (nan) lies in the middle."""
+        return np.nan_to_num(np.clip((values - self.median) / self.scale, -self.clip, self.clip), nan=0.0)
 
 
 @dataclass(frozen=True)
@@ -104,6 +107,9 @@ class Model:
         least threshold that keeps to it; and the share of suspicious patches found. Empty where none were kept out.
     training : mapping
         What the model was trained on, and its held-out scores.
+    potential : Potential or None
+        Trees that make the evidence of each patch, its one node feature; couplings are then shared out among the
+        neighbours of a patch. None: the field is linear in all node features.
     """
 
     edge_model: str
@@ -116,6 +122,7 @@ class Model:
     threshold: float = 0.0
     operating: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     training: Mapping[str, Any] = field(default_factory=dict)
+    potential: Potential | None = None
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

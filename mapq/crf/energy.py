@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.crf.evidence import with_evidence
 from mapq.graph import PatchFeatures
 from mapq.model import FULL, NONE, PLAUSIBILITY, Model, Scaling
 from prf.shell.errors import InputError
@@ -24,12 +25,15 @@ class Inputs(NamedTuple):
         Standardised edge features h.
     position : (e,) float64
         Where x_ij lies in the range of the model, 0 to 1.
+    share : (e,) float64
+        Of the coupling's weights that a pair has: 1, or one by the larger number of neighbours of its patches.
     """
 
     node: NDArray[np.float64]
     pairs: NDArray[np.int64]
     edge: NDArray[np.float64]
     position: NDArray[np.float64]
+    share: NDArray[np.float64]
 
 
 class Field(NamedTuple):
@@ -78,31 +82,42 @@ def node_columns(features: PatchFeatures, names: tuple[str, ...]) -> NDArray[np.
 
 
 def require_finite(features: PatchFeatures) -> None:
-    """Raise InputError if a feature is not a number: no label could be made of it."""
+    """Raise InputError if a feature is infinite; nan is what is not known."""
     named = (
         *zip(features.node_names, features.node.T, strict=True),
         *zip(features.edge_names, features.edge.T, strict=True),
         (PLAUSIBILITY, features.plausibility),
     )
     for name, column in named:
-        n_bad = int(np.count_nonzero(~np.isfinite(column)))
+        n_bad = int(np.count_nonzero(np.isinf(column)))
         if n_bad:
-            raise InputError(f"feature {name} is not finite in {n_bad} of {len(column)} places. Look at mapq features.")
+            raise InputError(f"feature {name} is infinite in {n_bad} of {len(column)} places. Look at mapq features.")
 
 
 def make_inputs(
-    features: PatchFeatures, edge_model: str, node: Scaling, edge: Scaling, x_range: tuple[float, float]
+    features: PatchFeatures,
+    edge_model: str,
+    node: Scaling,
+    edge: Scaling,
+    x_range: tuple[float, float],
+    shared: bool = False,
 ) -> Inputs:
-    """Return the standardised inputs of one map; without edges if the model has none."""
+    """Return the standardised inputs of one map; without edges if the model has none.
+
+    With `shared` couplings many weak neighbours do not outvote what is measured on a patch.
+    """
     require_finite(features)
     scaled = node.apply(node_columns(features, node.names))
     if edge_model == NONE:
-        return Inputs(scaled, np.empty((0, 2), np.int64), np.empty((0, len(edge.names))), np.empty(0))
+        return Inputs(scaled, np.empty((0, 2), np.int64), np.empty((0, len(edge.names))), np.empty(0), np.empty(0))
     low, high = x_range
     span = high - low if high > low else 1.0
     position = (np.clip(features.plausibility, low, high) - low) / span
     columns = edge.apply(edge_columns(features, edge.names, x_range))
-    return Inputs(scaled, features.pairs.astype(np.int64), columns, position)
+    pairs = features.pairs.astype(np.int64)
+    n_neighbours = np.bincount(pairs.ravel(), minlength=len(scaled))
+    share = 1.0 / n_neighbours[pairs].max(axis=1, initial=1) if shared else np.ones(len(pairs))
+    return Inputs(scaled, pairs, columns, position, share)
 
 
 def unary_design(inputs: Inputs, edge_model: str) -> NDArray[np.float64]:
@@ -124,17 +139,17 @@ def label_design(inputs: Inputs, edge_model: str, y: NDArray[np.float64]) -> NDA
     if edge_model == NONE:
         return np.empty((n_patches, 0))
     first, second = inputs.pairs.T
-    parts = np.column_stack([1.0 - inputs.position, inputs.position])
+    parts = inputs.share[:, None] * np.column_stack([1.0 - inputs.position, inputs.position])
     to_first = _sum_at(first, y[second, None] * parts, n_patches)
     return to_first + _sum_at(second, y[first, None] * parts, n_patches)
 
 
 def coupling(inputs: Inputs, edge_model: str, weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return v0 + v1 x_ij (e,), written with its values at both ends so that it cannot be negative by rounding."""
+    """Return the pairs' shares of v0 + v1 x_ij (e,), by both ends so that rounding makes none of them negative."""
     if edge_model == NONE:
         return np.empty(0)
     at_low, at_high = weights[-2:]
-    return np.asarray(at_low * (1.0 - inputs.position) + at_high * inputs.position)
+    return np.asarray(inputs.share * (at_low * (1.0 - inputs.position) + at_high * inputs.position))
 
 
 def make_field(inputs: Inputs, edge_model: str, weights: NDArray[np.float64]) -> Field:
@@ -145,7 +160,8 @@ def make_field(inputs: Inputs, edge_model: str, weights: NDArray[np.float64]) ->
 
 def model_inputs(features: PatchFeatures, model: Model) -> Inputs:
     """Return the inputs of a map as `model` standardises them."""
-    return make_inputs(features, model.edge_model, model.node, model.edge, model.x_range)
+    known, shared = with_evidence(features, model.potential), model.potential is not None
+    return make_inputs(known, model.edge_model, model.node, model.edge, model.x_range, shared)
 
 
 def sum_over_pairs(pairs: NDArray[np.int64], values: NDArray[np.float64], n_patches: int) -> NDArray[np.float64]:

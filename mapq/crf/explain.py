@@ -15,7 +15,9 @@ from mapq.crf.energy import (
     model_inputs,
     node_columns,
 )
+from mapq.crf.evidence import columns_of
 from mapq.graph import PatchFeatures
+from mapq.kernels.trees import contributions
 from mapq.model import FULL, NONE, Model
 from mapq.patches import SUSPICIOUS
 
@@ -104,11 +106,35 @@ def local_log_odds(features: PatchFeatures, model: Model, label: NDArray[np.uint
 def _node_blocks(features: PatchFeatures, inputs: Inputs, model: Model) -> list[_Block]:
     n_patches = len(inputs.node)
     patch, nobody = np.arange(n_patches), np.full(n_patches, NO_OTHER)
-    blocks = [_Block(patch, BASE, np.ones(n_patches), np.full(n_patches, 2.0 * model.weights[0]), nobody)]
+    base = np.full(n_patches, 2.0 * model.weights[0])
+    if model.potential is not None:
+        return _tree_blocks(features, inputs, model, base)
+    blocks = [_Block(patch, BASE, np.ones(n_patches), base, nobody)]
     raw = node_columns(features, model.node.names)
     for index, name in enumerate(model.node.names):
         contribution = 2.0 * model.weights[1 + index] * inputs.node[:, index]
         blocks.append(_Block(patch, name, raw[:, index], contribution, nobody))
+    return blocks
+
+
+def _tree_blocks(features: PatchFeatures, inputs: Inputs, model: Model, base: NDArray[np.float64]) -> list[_Block]:
+    """Return what each column adds to the evidence of the trees; a column of a pair belongs to its other patch."""
+    assert model.potential is not None
+    columns = columns_of(features).take(model.potential.names)
+    added = contributions(model.potential.trees, columns.values)
+    whole = model.potential.base + added.sum(axis=1)
+    # Evidence beyond its bound is cut; its parts shrink with it.
+    kept = np.divide(inputs.node[:, 0], whole, out=np.ones(len(whole)), where=whole != 0.0)
+    weight = 2.0 * model.weights[1] * kept
+    patch, nobody = np.arange(len(whole)), np.full(len(whole), NO_OTHER)
+    start = base + weight * (model.potential.base + added[:, -1])
+    blocks = [_Block(patch, BASE, np.ones(len(whole)), start, nobody)]
+    for index, name in enumerate(columns.names):
+        some = np.flatnonzero(added[:, index])
+        block = _Block(
+            some, name, columns.values[some, index], (weight * added[:, index])[some], columns.other[some, index]
+        )
+        blocks.append(block)
     return blocks
 
 

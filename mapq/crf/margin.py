@@ -40,8 +40,8 @@ class Part(NamedTuple):
         Times the first p weights: theta.
     pairs : (e, 2) int64
         Both of whose patches have a label.
-    position : (e,) float64
-        Where x_ij lies in its range.
+    position, share : (e,) float64
+        Where x_ij lies in its range; share of the coupling's weights.
     y : (n,) float64
         Labels, +1 suspicious and -1 plausible.
     cost : (n,) float64
@@ -51,12 +51,14 @@ class Part(NamedTuple):
     unary: Floats
     pairs: NDArray[np.int64]
     position: Floats
+    share: Floats
     y: Floats
     cost: Floats
 
     def joint(self, y: Floats, n_coupling: int) -> Floats:
         """Return the features (p + n_coupling,) whose product with the weights is the score of labels y (n,)."""
         alike = y[self.pairs[:, 0]] * y[self.pairs[:, 1]]
+        alike = alike * self.share
         ends = [(1.0 - self.position) @ alike, self.position @ alike][:n_coupling]
         return np.concatenate([self.unary.T @ y, ends])
 
@@ -66,7 +68,7 @@ class Part(NamedTuple):
         theta = self.unary @ weights[:n_unary] - 0.5 * self.cost * self.y
         coupling = np.zeros(len(self.pairs))
         if len(weights) > n_unary:
-            coupling = weights[-2] * (1.0 - self.position) + weights[-1] * self.position
+            coupling = self.share * (weights[-2] * (1.0 - self.position) + weights[-1] * self.position)
         label = solve(Field(theta, self.pairs, coupling), np.zeros(len(theta), np.bool_)).label
         return np.where(label == SUSPICIOUS, 1.0, -1.0)
 
@@ -105,7 +107,8 @@ def make_part(inputs: Inputs, unary: Floats, y: Floats, cost: Floats) -> Part:
     known = y != 0.0
     number = np.cumsum(known) - 1
     inside = known[inputs.pairs].all(axis=1)
-    return Part(unary[known], number[inputs.pairs[inside]], inputs.position[inside], y[known], cost[known])
+    pairs, position, share = number[inputs.pairs[inside]], inputs.position[inside], inputs.share[inside]
+    return Part(unary[known], pairs, position, share, y[known], cost[known])
 
 
 def fit_margin(parts: Sequence[Part], edge_model: str, precision: Floats) -> MarginFit:

@@ -20,7 +20,9 @@ def fit_scaling(values: NDArray[np.float64], names: tuple[str, ...]) -> Scaling:
     """
     if len(values) == 0:
         return Scaling(names, np.zeros(len(names)), np.ones(len(names)))
-    low, quarter, median, three_quarters, high = np.quantile(values, (0.01, 0.25, 0.5, 0.75, 0.99), axis=0)
+    # Of a column that is not known at all anything will do: it is 0 once standardised.
+    values = np.where(np.isnan(values).all(axis=0), 0.0, values)
+    low, quarter, median, three_quarters, high = np.nanquantile(values, (0.01, 0.25, 0.5, 0.75, 0.99), axis=0)
     reach = np.maximum(high - median, median - low) / CLIP
     scale = np.maximum(three_quarters - quarter, reach)
     constant = scale <= RELATIVE_FLOOR * np.maximum(np.abs(median), RELATIVE_FLOOR)

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from mapq.crf.calibrate import Chosen, choose_calibration, fit_temperature
 from mapq.crf.energy import make_field
+from mapq.crf.evidence import Columns, Potential, add_evidence, columns_of
+from mapq.crf.grow import grow
 from mapq.crf.infer import solve
 from mapq.crf.likelihood import objective
 from mapq.crf.marginals import log_loss
@@ -18,6 +20,7 @@ from mapq.crf.operating import operating_points
 from mapq.crf.regions import assign_folds
 from mapq.crf.train import (
     MAX_MARGIN,
+    TREES,
     Prepared,
     Strength,
     TrainingMap,
@@ -125,9 +128,12 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
     """
     settings = settings or TrainSettings()
     require_labels(maps)
+    folds = _usable_folds(maps, settings.n_folds)
+    potential = None
+    if settings.potential == TREES:
+        maps, folds, potential = with_trees(maps, folds, settings)
     prepared = prepare(maps, settings)
     labels = [training_map.label for training_map in maps]
-    folds = _usable_folds(maps, settings.n_folds)
     n_labelled = sum(int(np.count_nonzero(label != UNLABELLED)) for label in labels)
     strengths = _strengths(settings, n_labelled) if folds else []
     trials = {strength: _try(prepared, labels, folds, settings, strength) for strength in strengths}
@@ -135,7 +141,7 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
     chosen = _choose(trials) if trials else _fallback(settings)
     trial = trials.get(chosen)
     weights = fit_weights(prepared, labels, settings, chosen)
-    model = Model(settings.edge_model, {}, prepared.node, prepared.edge, prepared.x_range, weights)
+    model = Model(settings.edge_model, {}, prepared.node, prepared.edge, prepared.x_range, weights, potential=potential)
     held_out = None
     if trial is not None:
         calibrated = choose_calibration(trial.difference, trial.y, trial.label, trial.fold)
@@ -145,6 +151,51 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
     plain = make_problem(prepared, labels, replace(settings, balanced=False), Strength(0.0, 0.0))
     likelihood = -objective(plain, weights) / len(plain.y)
     return Trained(model, chosen, scores, held_out, len(folds), likelihood)
+
+
+def with_trees(
+    maps: Sequence[TrainingMap], folds: Sequence[Sequence[NDArray[np.bool_]]], settings: TrainSettings
+) -> tuple[list[TrainingMap], list[list[NDArray[np.bool_]]], Potential]:
+    """Return the maps with the evidence of trees that did not see the fold of a patch, their folds, and the trees.
+
+    Trees say of their own training patches what they have learnt by heart: the field would swallow it whole. Each map
+    whose scans are known counts twice, the second time as if they were not: most maps are of that kind.
+    """
+    columns = [columns_of(training_map.features) for training_map in maps]
+    bare = [each.without_scans() for each in columns]
+    twice = [number for number in range(len(maps)) if not _same(columns[number], bare[number])]
+    sources = [*range(len(maps)), *twice]
+    seen = [*columns, *(bare[number] for number in twice)]
+    labels = [signs(maps[number].label) for number in sources]
+    masks = [[fold[number] for number in sources] for fold in folds]
+    weights = _balance(labels, settings.balanced)
+    potential = grow(seen, labels, weights)
+    evidence = [potential.log_odds(each) for each in seen]
+    for mask in masks:
+        visible = [np.where(hidden, 0.0, label) for hidden, label in zip(mask, labels, strict=True)]
+        outside = grow(seen, visible, weights)
+        for found, hidden, each in zip(evidence, mask, seen, strict=True):
+            if hidden.any():
+                found[hidden] = outside.log_odds(each)[hidden]
+    told = [
+        maps[number]._replace(features=add_evidence(maps[number].features, found))
+        for number, found in zip(sources, evidence, strict=True)
+    ]
+    return told, masks, potential
+
+
+def _same(one: Columns, other: Columns) -> bool:
+    return np.array_equal(one.values, other.values, equal_nan=True)
+
+
+def _balance(labels: Sequence[NDArray[np.float64]], balanced: bool) -> list[NDArray[np.float64]]:
+    """Return the weight (m,) of each patch of each map: both labels alike, or all patches."""
+    y = np.concatenate(labels)
+    share = {sign: float(np.mean(y[y != 0.0] == sign)) for sign in (-1.0, 1.0)}
+    return [
+        np.where(label > 0.0, 0.5 / share[1.0], 0.5 / share[-1.0]) if balanced else np.ones(len(label))
+        for label in labels
+    ]
 
 
 def _strengths(settings: TrainSettings, n_labelled: int) -> list[Strength]:

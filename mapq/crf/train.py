@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.crf.energy import Inputs, edge_columns, label_design, make_inputs, node_columns, require_finite, unary_design
+from mapq.crf.evidence import EVIDENCE
 from mapq.crf.likelihood import Problem, fit
 from mapq.crf.margin import GAP, fit_margin, make_part
 from mapq.crf.scaling import fit_range, fit_scaling
 from mapq.graph import PatchFeatures
-from mapq.model import EDGE_MODELS, FULL, NONE, PLAUSIBILITY, Scaling, parameter_names
+from mapq.model import EDGE_MODELS, FULL, NONE, PLAUSIBILITY, SYMMETRIC, Scaling, parameter_names
 from mapq.patches import SUSPICIOUS, UNLABELLED
 from prf.shell.errors import ConfigError, InputError
 
@@ -25,6 +26,12 @@ logger = logging.getLogger(__name__)
 PL, MAX_MARGIN = "pl", "max-margin"
 OBJECTIVES = (PL, MAX_MARGIN)
 """Maximum pseudo-likelihood, as in the paper; structured maximum margin."""
+
+TREES, LINEAR = "trees", "linear"
+POTENTIALS = (TREES, LINEAR)
+"""Boosted trees on all that is measured on a patch and its pairs; a sum over node features, as in the paper."""
+LARGEST_EVIDENCE = 12.0
+"""Nats: log-odds of the trees are cut here; no patch is so sure."""
 
 ALL, CONTEXT = "all", "context"
 """Stand for every edge feature that there is, and for those of context (docs/features.md)."""
@@ -53,6 +60,8 @@ class TrainSettings:
 
     Attributes
     ----------
+    potential : str
+        One of `POTENTIALS`.
     edge_model : str
         One of `mapq.model.EDGE_MODELS`.
     edge_features : tuple of str
@@ -70,7 +79,8 @@ class TrainSettings:
         One of `OBJECTIVES`.
     """
 
-    edge_model: str = FULL
+    potential: str = TREES
+    edge_model: str = SYMMETRIC
     edge_features: tuple[str, ...] = (PLAUSIBILITY, CONTEXT)
     regularisation: float | None = None
     coupling_regularisation: float | None = None
@@ -87,6 +97,7 @@ class TrainSettings:
         """
         for name, value, known in (
             ("objective", self.objective, OBJECTIVES),
+            ("potential", self.potential, POTENTIALS),
             ("edge_model", self.edge_model, EDGE_MODELS),
         ):
             if value not in known:
@@ -144,12 +155,16 @@ def prepare(maps: Sequence[TrainingMap], settings: TrainSettings) -> Prepared:
     """
     for training_map in maps:
         require_finite(training_map.features)
+    with_trees = settings.potential == TREES
     node_names = maps[0].features.node_names
     x_range = fit_range(np.concatenate([m.features.plausibility for m in maps]))
-    node = fit_scaling(np.vstack([node_columns(m.features, node_names) for m in maps]), node_names)
+    if with_trees:
+        node = Scaling((EVIDENCE,), np.zeros(1), np.ones(1), LARGEST_EVIDENCE)
+    else:
+        node = fit_scaling(np.vstack([node_columns(m.features, node_names) for m in maps]), node_names)
     edge_names = field_names(settings, maps[0].features)
     edge = fit_scaling(np.vstack([edge_columns(m.features, edge_names, x_range) for m in maps]), edge_names)
-    inputs = [make_inputs(m.features, settings.edge_model, node, edge, x_range) for m in maps]
+    inputs = [make_inputs(m.features, settings.edge_model, node, edge, x_range, with_trees) for m in maps]
     return Prepared(node, edge, x_range, inputs, [unary_design(each, settings.edge_model) for each in inputs])
 
 

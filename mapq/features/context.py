@@ -1,8 +1,8 @@
 """Context of pairs and patches beyond the paper: what looks like an error of the map, and is none.
 
-Each group can be left out (`FeatureSettings.context`). What a map does not tell (passes, sensors) is 0 in its column:
-neither for nor against. Columns of pairs are conflicts, W (A + R) or a part of it, times something between 0 and 1 or
--1 and 1: a pair without a conflict has nothing to be explained.
+Each group can be left out (`FeatureSettings.context`). What a map does not tell (passes, sensors) is 0 in its column,
+neither for nor against; what scans disagree by is nan there. Columns of pairs are conflicts, W (A + R) or a part of it,
+times something between 0 and 1 or -1 and 1: a pair without a conflict has nothing to be explained.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.features.apart import seen_apart
+from mapq.features.disagreement import measure_disagreement
 from mapq.features.edge import EDGE_NAMES, smaller_first
 from mapq.features.provenance import Known, Moments, known_of, moments_of, views_of, ways_of
 from mapq.features.rays import Rays, seen_side, seen_through
@@ -22,7 +22,9 @@ from mapq.graph import PatchGraph
 from mapq.kernels.together import seen_together
 from mapq.patches import Patches
 
-NODE_COLUMNS = {"moments": ("seen_apart",), "rays": ("seen_through",)}
+DISAGREEMENT = ("disagreement", "disagreement_low", "disagreement_high")
+"""Columns of what scans disagree by, and its bounds, in metres."""
+NODE_COLUMNS = {"moments": (*DISAGREEMENT, "n_scans", "seen_by_several"), "rays": ("seen_through",)}
 EDGE_COLUMNS = {
     "outlines": ("partly_covered", "unlike_height"),
     "moments": ("seen_together",),
@@ -94,7 +96,9 @@ def measure_context(
         number = np.flatnonzero(patches.cloud.finite())
         moments = moments_of(patches.cloud, number, known)
         columns["seen_together"] = together(pairs, moments, number)
-        node["seen_apart"] = seen_apart(patches, shapes, number, moments, settings)
+        away = ways_of(patches.cloud, number, known)
+        found = measure_disagreement(patches, shapes, number, moments, away, shapes.noise(settings))
+        node |= dict(zip(NODE_COLUMNS["moments"], found, strict=True))
     if "rays" in wanted:
         through = seen_through(shapes, views_of(patches.cloud, shapes.number, known), settings, rays, side)
         node["seen_through"] = through

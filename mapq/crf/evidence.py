@@ -1,0 +1,160 @@
+"""Potentials of patches by boosted trees: what speaks for an error, of all that is measured on a patch and its pairs.
+
+A pair speaks to each of its patches through the pair that is in the worst conflict. The trees' log-odds are one more
+node feature, `EVIDENCE`, which the random field weighs against the labels of neighbours.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.features.context import NODE_COLUMNS
+from mapq.graph import PatchFeatures
+from mapq.kernels.trees import Trees, contributions
+from prf.shell.errors import InputError
+
+EVIDENCE = "evidence"
+"""Name of the trees' log-odds among the node features."""
+NOBODY = -1
+
+OVER, ACROSS = "worst_overlap", "worst_crossing"
+BESIDE = ("angle_deg", "offset", "separation")
+"""Of the pair with the largest weighted overlap, as they are measured."""
+SHARES = ("partly_covered", "unlike_height", "seen_together", "through_conflict", "facing_away")
+"""Of it too, in times its weighted overlap, which they contain."""
+RISING = {
+    **dict.fromkeys(("disagreement", "disagreement_low", "disagreement_high", "seen_through"), 1),
+    **dict.fromkeys(("fit", "thickness"), -1),
+    **dict.fromkeys((OVER, ACROSS, "sum_of_conflicts", "over_through_conflict"), 1),
+    **dict.fromkeys(("over_seen_together", "over_facing_away"), -1),
+}
+"""Columns that can only speak for an error where they rise, 1, or against it, -1; the others may do either."""
+
+WITHOUT_SCANS = {
+    **dict.fromkeys((*NODE_COLUMNS["moments"], "over_seen_together", "over_facing_away"), np.nan),
+    **dict.fromkeys(("seen_through", "over_through_conflict"), 0.0),
+}
+"""What columns hold where it is not known when and from where a map was seen."""
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Columns(NamedTuple):
+    """What trees see of patches.
+
+    Attributes
+    ----------
+    names : tuple of str
+    values : (m, c) float64
+        nan where unknown.
+    other : (m, c) int64
+        The patch of the pair that a value is of, or `NOBODY`.
+    """
+
+    names: tuple[str, ...]
+    values: Floats
+    other: Ints
+
+    def without_scans(self) -> Columns:
+        """Return the columns as a map has them of which it is not known when and from where it was seen."""
+        values = self.values.copy()
+        for place, name in enumerate(self.names):
+            values[:, place] = WITHOUT_SCANS.get(name, values[:, place])
+        return self._replace(values=values)
+
+    def take(self, names: tuple[str, ...]) -> Columns:
+        """Return some of the columns.
+
+        Raises
+        ------
+        InputError
+            If there is none of a name.
+        """
+        missing = [name for name in names if name not in self.names]
+        if missing:
+            raise InputError(
+                f"the model asks for {missing[0]}, which these features do not have. Train the model anew."
+            )
+        places = [self.names.index(name) for name in names]
+        return Columns(names, np.ascontiguousarray(self.values[:, places]), self.other[:, places])
+
+
+class Potential(NamedTuple):
+    """Trees and the columns they ask for.
+
+    Attributes
+    ----------
+    names : tuple of str
+    trees : Trees
+    base : float
+        Log-odds in nats to which the trees are added.
+    """
+
+    names: tuple[str, ...]
+    trees: Trees
+    base: float
+
+    def log_odds(self, columns: Columns) -> Floats:
+        """Return the log-odds (m,) of being suspicious, in nats."""
+        return np.asarray(self.base + contributions(self.trees, columns.take(self.names).values).sum(axis=1))
+
+
+def with_evidence(features: PatchFeatures, potential: Potential | None) -> PatchFeatures:
+    """Return the features with the log-odds of the trees as one more node feature; as they are without trees."""
+    if potential is None:
+        return features
+    return add_evidence(features, potential.log_odds(columns_of(features)))
+
+
+def add_evidence(features: PatchFeatures, log_odds: Floats) -> PatchFeatures:
+    """Return the features with log-odds (m,) as one more node feature."""
+    node = np.column_stack([features.node, log_odds])
+    return features._replace(node=node, node_names=(*features.node_names, EVIDENCE))
+
+
+def columns_of(features: PatchFeatures) -> Columns:
+    """Return what trees see of patches: node features, and those of the pairs in the worst conflict."""
+    n_patches = len(features.node)
+    edge = dict(zip(features.edge_names, features.edge.T, strict=True))
+    over, across = edge["weight"] * edge["overlap"], edge["weight"] * edge["crossing"]
+    names, values = list(features.node_names), list(features.node.T)
+    other = [np.full(n_patches, NOBODY)] * len(names)
+    for name, conflict in ((OVER, over), (ACROSS, across)):
+        pair, partner = worst_pairs(features.pairs, conflict, n_patches)
+        known = pair >= 0
+        shown = {name: conflict}
+        if name == OVER:
+            shown |= {f"over_{each}": edge[each] for each in BESIDE}
+            for each in SHARES:
+                if each in features.context_names:
+                    share = edge[each] / np.maximum(over, 1e-9)
+                    unknown = np.isnan(WITHOUT_SCANS.get(f"over_{each}", 0.0)) & (share == 0.0)
+                    shown[f"over_{each}"] = np.where(unknown, np.nan, share)
+        else:
+            shown |= {"across_angle_deg": edge["angle_deg"]}
+        for each, column in shown.items():
+            names.append(each)
+            missing = 0.0 if each == name else np.nan
+            values.append(np.where(known, column[pair] if len(column) else np.nan, missing))
+            other.append(np.where(known, partner, NOBODY))
+    total = np.bincount(features.pairs.ravel(), np.repeat(over + across, 2), n_patches)
+    names.append("sum_of_conflicts")
+    return Columns(
+        tuple(names), np.column_stack([*values, total]), np.column_stack([*other, np.full(n_patches, NOBODY)])
+    )
+
+
+def worst_pairs(pairs: NDArray[np.int32], conflict: Floats, n_patches: int) -> tuple[Ints, Ints]:
+    """Return of each patch the pair (m,) of largest conflict above 0, and the other patch of it; `NOBODY` if none."""
+    some = np.flatnonzero(conflict > 0.0)
+    one, two = pairs[some].astype(np.int64).T
+    patch, partner, pair = np.concatenate([one, two]), np.concatenate([two, one]), np.tile(some, 2)
+    order = np.lexsort((partner, -conflict[pair], patch))
+    first = order[np.unique(patch[order], return_index=True)[1]]
+    found, others = np.full(n_patches, NOBODY, np.int64), np.full(n_patches, NOBODY, np.int64)
+    found[patch[first]], others[patch[first]] = pair[first], partner[first]
+    return found, others

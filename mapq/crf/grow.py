@@ -1,0 +1,73 @@
+"""Training of boosted trees: scikit-learn grows them, this package evaluates them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.crf.evidence import RISING, Columns, Potential
+from mapq.kernels.trees import LEAF, Trees, contributions
+
+N_TREES, LEARNING_RATE, N_LEAVES, LEAST_ROWS, RIDGE = 150, 0.06, 10, 20, 5.0
+"""Small trees that learn slowly: maps to come are of other places and sensors."""
+SAME = 1e-9
+"""Nats: what scikit-learn and this package may say differently of one patch, for rounding."""
+
+Floats = NDArray[np.float64]
+
+
+def grow(columns: Sequence[Columns], labels: Sequence[Floats], weights: Sequence[Floats]) -> Potential:
+    """Return the trees that tell suspicious patches from plausible ones.
+
+    Parameters
+    ----------
+    columns : sequence of Columns
+        One a map, of the same names.
+    labels : sequence of (m,) float64
+        +1 suspicious, -1 plausible, 0 without.
+    weights : sequence of (m,) float64
+    """
+    # Heavy, and only training needs it.
+    from sklearn.ensemble import HistGradientBoostingClassifier  # noqa: PLC0415
+
+    names = columns[0].names
+    known = [label != 0.0 for label in labels]
+    x = np.vstack([each.values[mask] for each, mask in zip(columns, known, strict=True)])
+    y = np.concatenate([label[mask] > 0.0 for label, mask in zip(labels, known, strict=True)])
+    weight = np.concatenate([each[mask] for each, mask in zip(weights, known, strict=True)])
+    booster = HistGradientBoostingClassifier(
+        max_iter=N_TREES,
+        learning_rate=LEARNING_RATE,
+        max_leaf_nodes=N_LEAVES,
+        min_samples_leaf=min(LEAST_ROWS, max(2, len(y) // 20)),
+        l2_regularization=RIDGE,
+        monotonic_cst=[RISING.get(name, 0) for name in names],
+        early_stopping=False,
+        random_state=0,
+    )
+    booster.fit(x, y, sample_weight=weight)
+    trees = _trees_of([stage[0].nodes for stage in booster._predictors])
+    found = Potential(names, trees, float(np.ravel(booster._baseline_prediction)[0]))
+    said = found.base + contributions(trees, np.ascontiguousarray(x)).sum(axis=1)
+    if not np.allclose(said, booster.decision_function(x), rtol=SAME, atol=SAME):
+        raise RuntimeError("this scikit-learn keeps its trees in another form than mapq reads")
+    return found
+
+
+def _trees_of(parts: Sequence[NDArray[np.void]]) -> Trees:
+    """Return trees given as scikit-learn's tables of nodes as one table."""
+    sizes = [len(part) for part in parts]
+    root = np.cumsum([0, *sizes[:-1]]).astype(np.int64)
+    nodes = np.concatenate(parts)
+    leaf, begin = nodes["is_leaf"].astype(bool), np.repeat(root, sizes)
+    left, right = (np.where(leaf, 0, nodes[name].astype(np.int64) + begin) for name in ("left", "right"))
+    value, count = np.where(leaf, nodes["value"], 0.0), nodes["count"].astype(np.float64)
+    # Children come after their parents, so that going backwards their means are there.
+    for node in np.flatnonzero(~leaf)[::-1]:
+        a, b = left[node], right[node]
+        value[node] = (count[a] * value[a] + count[b] * value[b]) / (count[a] + count[b])
+    column = np.where(leaf, LEAF, nodes["feature_idx"].astype(np.int64))
+    threshold = np.where(leaf, 0.0, nodes["num_threshold"])
+    return Trees(root, column, threshold, left, right, nodes["missing_go_to_left"].astype(bool), value)
