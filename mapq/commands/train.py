@@ -33,7 +33,15 @@ EXAMPLES = (
     "mapq train city.patches --max-false-alarms 2% -o careful.model.json",
 )
 OPTIONS = (
-    *("objective", "edge_model", "regularisation", "coupling_regularisation", "class_weight", "max_false_alarms"),
+    *(
+        "objective",
+        "potential",
+        "edge_model",
+        "regularisation",
+        "coupling_regularisation",
+        "class_weight",
+        "max_false_alarms",
+    ),
     *("radius", "tau", "neighbours", "watched", "tolerance"),
 )
 SHOWN = (0.001, 0.01, 0.02, 0.05, 0.1, 0.2)
@@ -45,6 +53,13 @@ class Objective(StrEnum):
 
     pl = "pl"
     max_margin = "max-margin"
+
+
+class Potential(StrEnum):
+    """What is measured on a patch counts by."""
+
+    trees = "trees"
+    linear = "linear"
 
 
 class EdgeModel(StrEnum):
@@ -75,12 +90,20 @@ def train(
             "--objective", help="pl: maximum pseudo-likelihood; max-margin: structured support vector machine.  [pl]"
         ),
     ] = None,
+    potential: Annotated[
+        Potential | None,
+        typer.Option(
+            "--potential",
+            help="trees: boosted trees on all that is measured; linear: a sum over node features, as in the paper.  "
+            "[trees; linear for --features literal]",
+        ),
+    ] = None,
     edge_model: Annotated[
         EdgeModel | None,
         typer.Option(
             "--edge-model",
             help="full: pairs may speak for a label; symmetric: only for equal labels, as in the paper; none: none.  "
-            "[full]",
+            "[symmetric]",
         ),
     ] = None,
     edge_feature: Annotated[
@@ -148,7 +171,9 @@ def train(
     found = settings_from(config, preset)
     field = ask("crf", {**given, "edge_features": tuple(edge_feature) if edge_feature else None}, found)
     measured = ask("features", {**given, "reading": features} | chosen_context(context), found)
-    settings, reading = train_settings(field.values), feature_settings(measured.values)
+    reading = feature_settings(measured.values)
+    by_reading = {"potential": "linear"} if reading.reading == "literal" else {}
+    settings = train_settings({**by_reading, **field.values})
     max_false_alarms = field.values.get("max_false_alarms")
     claim_output(target, force)
     refuse_other_format(target, (), "a model is written as JSON. Name a .json.")
@@ -170,8 +195,17 @@ def _show(model: Model, target: str) -> None:
     from prf.shell.streams import say_beside
 
     say = say_beside(target)
-    for line in (*_weights(model), *_held_out(model)):
+    for line in (*_trees(model), *_weights(model), *_held_out(model)):
         say(line)
+
+
+def _trees(model: Model) -> Iterator[str]:
+    """Return the columns that trees ask for, by how far they move log-odds on the training maps."""
+    rows = model.training.get("importance", {})
+    if rows:
+        yield f"{'measured':<24}{'moves log-odds by (mean, nats)':>31}"
+    for name, moved in sorted(rows.items(), key=lambda row: -row[1]):
+        yield f"  {name:<22}{moved:>31.3f}"
 
 
 def _weights(model: Model) -> Iterator[str]:

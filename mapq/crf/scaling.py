@@ -18,7 +18,7 @@ def fit_scaling(values: NDArray[np.float64], names: tuple[str, ...]) -> Scaling:
     on either side: most pairs of a good map have the same x_ij, and the few others are the ones that matter. A
     constant column gets scale 1.
     """
-    if len(values) == 0:
+    if values.size == 0:
         return Scaling(names, np.zeros(len(names)), np.ones(len(names)))
     # Of a column that is not known at all anything will do: it is 0 once standardised.
     values = np.where(np.isnan(values).all(axis=0), 0.0, values)

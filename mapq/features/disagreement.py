@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from mapq.cloud import PointCloud
 from mapq.features.provenance import Moments
 from mapq.features.shape import PatchShapes
 from mapq.features.voxels import table_of
@@ -108,7 +107,7 @@ def measure_disagreement(
     found = Disagreement.unknown(len(shapes))
     if moments is None or not len(shapes.points):
         return found
-    nearby = nearby_points(patches.cloud, number, joined(patches, number, moments), patches.patch, to_sensor)
+    nearby = nearby_points(patches, number, joined(patches, number, moments), to_sensor)
     about = (nearby, shapes.sheets, shapes.planes, shapes.points, shapes.start, shapes.spacing)
     layers = find_layers(*about, FARTHEST)
     owner, centres = windows_of(shapes)
@@ -131,19 +130,21 @@ def joined(patches: Patches, number: Ints, moments: Moments) -> Ints:
     """Return the moments (n,) of points, neighbouring ones as one where a patch is seen at too many."""
     patch = patches.patch[number]
     pairs = np.unique(np.column_stack([patch, moments.moment])[patch >= 0], axis=0)
+    if not len(pairs):
+        return moments.moment
     seen = np.bincount(pairs[:, 0])
-    return moments.moment // max(1, -(-int(np.median(seen[seen > 0])) // MOST_SCANS)) if len(pairs) else moments.moment
+    return moments.moment // np.int64(max(1, -(-int(np.median(seen[seen > 0])) // MOST_SCANS)))
 
 
-def nearby_points(cloud: PointCloud, number: Ints, moment: Ints, patch: Ints, to_sensor: Floats | None) -> Nearby:
+def nearby_points(patches: Patches, number: Ints, moment: Ints, to_sensor: Floats | None) -> Nearby:
     """Return points of a cloud in voxels as wide as anything over a patch may be off it."""
-    points = np.ascontiguousarray(cloud.xyz[number], np.float64)
+    points = np.ascontiguousarray(patches.cloud.xyz[number], np.float64)
     key = voxel_keys(points, FARTHEST)
     order = np.argsort(key, kind="stable")
     distinct, first = np.unique(key[order], return_index=True)
     towards = np.zeros_like(points) if to_sensor is None else np.nan_to_num(to_sensor[order])
     first = np.append(first, len(order)).astype(np.int64)
-    numbers = patch[number[order]].astype(np.int64)
+    numbers = patches.patch[number[order]].astype(np.int64)
     return Nearby(points[order], moment[order], numbers, towards, distinct, first, table_of(distinct), FARTHEST)
 
 
@@ -225,8 +226,8 @@ def fit(shapes: PatchShapes, sightings: Floats, rows: Ints, window: Window, moti
     )
     agree = robust > INLIER
     freedom = np.count_nonzero(agree) - (len(first) - 1) - more.size
-    scatter = float(weight[agree] @ residual[agree] ** 2) / max(freedom, 0.1 * len(rows), 1.0)
-    covariance = np.linalg.inv(normal) * (INFLATION * max(scatter, 1.0))
+    scatter = float(weight[agree] @ residual[agree] ** 2) / max(float(freedom), 0.1 * len(rows), 1.0)
+    covariance = np.asarray(np.linalg.inv(normal) * (INFLATION * max(scatter, 1.0)), np.float64)
     window = window._replace(motion=window.motion + more)
     return Fit(window, covariance, rows[agree], scan[agree], np.ascontiguousarray(jacobian[agree]))
 

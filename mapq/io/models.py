@@ -1,4 +1,4 @@
-"""The model file: readable JSON of schema ``mapq.model/2``, docs/results.md lists its keys."""
+"""The model file: readable JSON of schema ``mapq.model/3``, docs/results.md lists its keys."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.crf.evidence import EVIDENCE
+from mapq.io.trees import parse_potential, potential_content
 from mapq.model import CALIBRATIONS, EDGE_MODELS, FULL, ISOTONIC, PLATT, Calibration, Model, Scaling
 from prf.shell.errors import InputError
 from prf.shell.files import open_output
 from prf.shell.jsonout import dump_object
 from prf.shell.storage import damaged, load_object
 
-SCHEMA = "mapq.model/2"
+SCHEMA = "mapq.model/3"
 DEFAULT = ("models", "default.json")
 """Place in the package of the model that is used where none is named."""
 
@@ -48,6 +50,7 @@ def model_content(model: Model) -> dict[str, Any]:
         parameters.setdefault(group, {})[key] = weight
     return {
         "edge_model": model.edge_model,
+        "potential": None if model.potential is None else potential_content(model.potential),
         "parameters": parameters,
         "calibration": _calibration_content(model.calibration),
         "threshold": model.threshold,
@@ -119,9 +122,14 @@ def _parse(path: Path, content: Mapping[str, Any]) -> Model:
     blank = Model(edge_model, {}, node, edge, x_range, np.zeros(0))
     weights = _parse_weights(path, _take(path, content, "parameters", dict), blank)
     features, training = _take(path, content, "features", dict), _take(path, content, "training", dict)
+    potential = None
+    if content.get("potential") is not None:
+        potential = parse_potential(path, _take(path, content, "potential", dict))
+        if node.names != (EVIDENCE,):
+            raise damaged(path, f"node_scaling has not {EVIDENCE} alone, but the model has trees")
     operating = _parse_operating(path, _take(path, content, "operating", dict))
     return Model(
-        edge_model, features, node, edge, x_range, weights, calibration, threshold, operating, training=training
+        edge_model, features, node, edge, x_range, weights, calibration, threshold, operating, training, potential
     )
 
 

@@ -247,7 +247,7 @@ def fit_motions(
         counted = weight * robust
         for c in range(len(first) - 1):
             add_cell(scan, jacobian, height, counted, first[c], first[c + 1], left, right)
-        motion = np.linalg.solve(left, right).reshape((n_scans, 6))
+        motion[:] = np.linalg.solve(left, right).reshape((n_scans, 6))
         if turn > 0:
             scale = max(0.5 * scale, finest)
         for c in range(len(first) - 1):

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from mapq.crf.train import OBJECTIVES
+from mapq.crf.train import OBJECTIVES, POTENTIALS
 from mapq.features.settings import CONTEXTS, FeatureSettings
 from mapq.model import EDGE_MODELS
 from mapq.segmentation.settings import SegmentSettings
@@ -52,6 +52,7 @@ FEATURES: Mapping[str, Kind] = MappingProxyType(
 CRF: Mapping[str, Kind] = MappingProxyType(
     {
         "objective": Word(OBJECTIVES),
+        "potential": Word(POTENTIALS),
         "edge_model": Word(EDGE_MODELS),
         "edge_features": Words(),
         "regularisation": Number(),

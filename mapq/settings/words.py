@@ -39,6 +39,7 @@ KEY_WORDS: Mapping[str, Meaning] = MappingProxyType(
         "features.up": Meaning("", "direction of the z axis of equation 7"),
         "features.context": Meaning("", "groups of context features: outlines, moments, rays"),
         "crf.objective": Meaning("", "pl: maximum pseudo-likelihood; max-margin: structured support vector machine"),
+        "crf.potential": Meaning("", "trees: boosted trees on patches and pairs; linear: a sum over node features"),
         "crf.edge_model": Meaning("", "full: pairs may speak for a label; symmetric: for equal ones only; none"),
         "crf.edge_features": Meaning("", "those that speak for a label; context: those of [features], all: every one"),
         "crf.regularisation": Meaning("", "precision of each weight's prior"),
