@@ -44,8 +44,8 @@ FLOOR = 0.015
 """Metres: standard error that nothing takes away, of rigid scans that are none and poses that were called right."""
 SEEN_NEAR = (0.6, 1.3, 2.5)
 """Sides of a cell within which a scan that sees the surface sees the cell: at least, as counted, and at most."""
-ROUNDS = 2
-"""Times that sightings are looked for and motions fitted to them."""
+ROUNDS = (2.0, 1.0)
+"""Widths of a layer, in times that of noise, of the rounds in which sightings are looked for and motions fitted."""
 PATCH, CELL, MOMENT, PLACE, HEIGHT, N_POINTS, SQUARES, N_OWN = 0, 1, 2, slice(3, 6), 6, 7, 8, 9
 """Columns of layers (up to the height) and sightings."""
 
@@ -113,9 +113,9 @@ def measure_disagreement(
     owner, centres = windows_of(shapes)
     windows = [match(shapes, layers, rows, centre) for rows, centre in _inside(layers, centres)]
     width = max(NOISE_WIDTHS * noise, THINNEST)
-    for _ in range(ROUNDS):
+    for wider in ROUNDS:
         motions = _motions(owner, windows)
-        sightings = find_sightings(*about, motions, width)
+        sightings = find_sightings(*about, motions, wider * width)
         fits = [
             fit(shapes, sightings, rows, window, motions)
             for (rows, _), window in zip(_inside(sightings, centres), windows, strict=True)

@@ -30,6 +30,8 @@ GAIN, FIXED_GAIN = 0.08, 1.0
 """Of its layers, and in layers, that a shift must bring together more than none does."""
 PRICE = 0.05
 """Of its layers that a shift by a metre, or a turn by ten steps, must bring more."""
+MOST_SEARCHED = 300
+"""Layers of a scan by which shifts are searched; of more every n-th."""
 FEWEST = 5
 """Layers in cells that other scans see as well, below which a scan stays where it is."""
 ROUNDS = 5
@@ -83,16 +85,60 @@ def best_motion(
     rows: Ints,
     axes: Floats,
     reach: float,
-    best: Floats,
-) -> None:
-    """Search the level shift of up to `reach` metres and the turn that bring most layers together; zero if unclear."""
+    start: Floats,
+) -> Floats:
+    """Level shifts of up to `reach` metres along two axes, and the turn, that bring most layers together (3).
+
+    The search begins where the scan lies, or at the motion `start` (3) of another if that brings more together; all
+    motions are tried where neither does well.
+    """
     x, found = np.zeros(6), np.zeros(3)
     possible = weight[rows].sum()
     zero = meeting(bins, cell, jacobian, height, weight, rows, x)
-    best[:] = 0.0
-    if zero >= GOOD * possible:
-        return
-    top, n_steps = zero, int(reach / STEP)
+    set_motion(axes, start[0], start[1], start[2], x)
+    top, moved = zero, meeting(bins, cell, jacobian, height, weight, rows, x)
+    if moved > zero:
+        top = moved
+        found[:] = start
+    if top < GOOD * possible:
+        search(bins, cell, jacobian, height, weight, rows, axes, reach, found)
+        set_motion(axes, found[0], found[1], found[2], x)
+        top = meeting(bins, cell, jacobian, height, weight, rows, x)
+    step = 0.5 * STEP
+    while step > FINEST:
+        climbed = False
+        for axis in range(3):
+            for sign in (-1.0, 1.0):
+                tried = found.copy()
+                tried[axis] += sign * step * (0.1 if axis == 2 else 1.0)
+                set_motion(axes, tried[0], tried[1], tried[2], x)
+                value = meeting(bins, cell, jacobian, height, weight, rows, x)
+                if value > top + 1e-9:
+                    top, climbed = value, True
+                    found[:] = tried
+        if not climbed:
+            step *= 0.5
+    return found
+
+
+@part
+def search(
+    bins: Floats,
+    cell: Ints,
+    jacobian: Floats,
+    height: Floats,
+    weight: Floats,
+    rows: Ints,
+    axes: Floats,
+    reach: float,
+    found: Floats,
+) -> None:
+    """Try all shifts of up to `reach` metres and turns; `found` (3) becomes the best where that is clear."""
+    x, best = np.zeros(6), np.zeros(3)
+    rows = rows[:: 1 + len(rows) // MOST_SEARCHED]
+    set_motion(axes, found[0], found[1], found[2], x)
+    before = meeting(bins, cell, jacobian, height, weight, rows, x)
+    top, possible, n_steps = before, weight[rows].sum(), int(reach / STEP)
     for turn in range(-TURNS, TURNS + 1):
         for i in range(-n_steps, n_steps + 1):
             for j in range(-n_steps, n_steps + 1):
@@ -103,24 +149,9 @@ def best_motion(
                 value = meeting(bins, cell, jacobian, height, weight, rows, x) - price
                 if value > top:
                     top = value
-                    found[0], found[1], found[2] = STEP * i, STEP * j, TURN * turn
-    if top < zero + GAIN * possible + FIXED_GAIN:
-        return
-    step = 0.5 * STEP
-    while step > FINEST:
-        moved = False
-        for axis in range(3):
-            for sign in (-1.0, 1.0):
-                tried = found.copy()
-                tried[axis] += sign * step * (0.1 if axis == 2 else 1.0)
-                set_motion(axes, tried[0], tried[1], tried[2], x)
-                value = meeting(bins, cell, jacobian, height, weight, rows, x)
-                if value > top + 1e-9:
-                    top, moved = value, True
-                    found[:] = tried
-        if not moved:
-            step *= 0.5
-    set_motion(axes, found[0], found[1], found[2], best)
+                    best[0], best[1], best[2] = STEP * i, STEP * j, TURN * turn
+    if top >= before + GAIN * possible + FIXED_GAIN:
+        found[:] = best
 
 
 @jit
@@ -158,7 +189,7 @@ def match_scans(
     waiting, shared = np.ones(n_scans, np.bool_), np.zeros(n_scans)
     for s in range(n_scans):
         shared[s] = 1e-6 * (first[s + 1] - first[s])
-    best = np.zeros(6)
+    last = np.zeros(3)
     for _ in range(n_scans):
         chosen = -1
         for s in range(n_scans):
@@ -167,8 +198,8 @@ def match_scans(
         rows = np.arange(first[chosen], first[chosen + 1])
         common = rows[seen[cell[rows]]]
         if len(common) >= FEWEST:
-            best_motion(bins, cell, jacobian, height, weight, common, axes, reach, best)
-            motion[chosen] = best
+            last = best_motion(bins, cell, jacobian, height, weight, common, axes, reach, last)
+            set_motion(axes, last[0], last[1], last[2], motion[chosen])
         waiting[chosen] = False
         enter(bins, cell, jacobian, height, first[chosen], first[chosen + 1], motion[chosen])
         is_new = np.zeros(n_cells, np.bool_)
