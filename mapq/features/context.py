@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.features.copies import COLUMNS, copy_columns
 from mapq.features.disagreement import measure_disagreement
 from mapq.features.edge import EDGE_NAMES, smaller_first
 from mapq.features.provenance import Known, Moments, known_of, moments_of, views_of, ways_of
@@ -24,7 +25,11 @@ from mapq.patches import Patches
 
 DISAGREEMENT = ("disagreement", "disagreement_low", "disagreement_high")
 """Columns of what scans disagree by, and its bounds, in metres."""
-NODE_COLUMNS = {"moments": (*DISAGREEMENT, "n_scans", "seen_by_several"), "rays": ("seen_through",)}
+NODE_COLUMNS = {
+    "moments": (*DISAGREEMENT, "n_scans", "seen_by_several"),
+    "rays": ("seen_through",),
+    "copies": tuple(COLUMNS),
+}
 EDGE_COLUMNS = {
     "outlines": ("partly_covered", "unlike_height"),
     "moments": ("seen_together",),
@@ -104,6 +109,8 @@ def measure_context(
         node["seen_through"] = through
         columns["through_conflict"] = pairs.conflict * through[graph.pairs].max(axis=1, initial=-np.inf)
         columns["facing_away"] = facing_away(pairs, seen_side(shapes, ways_of(patches.cloud, shapes.number, known)))
+    if "copies" in wanted:
+        node |= copy_columns(patches, shapes, settings)
     return Context(_stack(node, len(shapes)), tuple(node), _stack(columns, len(graph.pairs)), tuple(columns))
 
 

@@ -11,8 +11,8 @@ from prf.shell.errors import ConfigError
 Reading = Literal["safe", "literal"]
 """How equations 6 to 13 are read: bounded and in metres, or as printed."""
 
-CONTEXTS = ("outlines", "moments", "rays")
-"""Groups of context features, beyond the paper; all but the first need fields that say when or from where."""
+CONTEXTS = ("outlines", "moments", "rays", "copies")
+"""Groups of context features, beyond the paper; moments and rays need fields that say when or from where."""
 
 TOLERANCE_IN_NOISE = 3.3
 """Standard deviations: surfaces closer than this cannot be told from one rough surface."""

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.features.copies import COLUMNS
 from mapq.graph import PatchFeatures
 
 UNITS = {
@@ -39,6 +40,8 @@ UNITS = {
         "n_scans": "count",
         "seen_by_several": "1",
         "seen_through": "1",
+        **dict.fromkeys(COLUMNS, "1"),
+        "shift_length": "m",
         "partly_covered": "1",
         "unlike_height": "1",
         "seen_together": "1",

@@ -10,6 +10,7 @@ import pytest
 from mapq.cloud import PointCloud
 from mapq.features import FeatureSettings, patch_features
 from mapq.features.context import EDGE_COLUMNS, NODE_COLUMNS
+from mapq.features.copies import COLUMNS
 from mapq.features.edge import EDGE_NAMES
 from mapq.features.node import NODE_NAMES
 from mapq.features.provenance import known_of, moments_of, views_of
@@ -227,10 +228,10 @@ class TestGroups:
         every = patch_features(patches)
         for name in CONTEXTS:
             one = patch_features(patches, FeatureSettings(context=(name,)))
-            assert one.edge_names == (*EDGE_NAMES, *EDGE_COLUMNS[name])
+            assert one.edge_names == (*EDGE_NAMES, *EDGE_COLUMNS.get(name, ()))
             assert one.node_names == (*NODE_NAMES, *NODE_COLUMNS.get(name, ()))
-            assert one.context_names == EDGE_COLUMNS[name]
-            for column in EDGE_COLUMNS[name]:
+            assert one.context_names == EDGE_COLUMNS.get(name, ())
+            for column in EDGE_COLUMNS.get(name, ()):
                 np.testing.assert_array_equal(
                     one.edge[:, one.edge_names.index(column)], every.edge[:, every.edge_names.index(column)]
                 )
@@ -257,7 +258,8 @@ class TestGroups:
         patches = replace(patches, cloud=patches.cloud.with_fields(**fields, pass_id=np.arange(len(way)) % 2))
         found = patch_features(patches)
         assert found.edge.shape == (0, len(found.edge_names))
-        assert np.isfinite(found.node).all()
+        known = [name not in COLUMNS for name in found.node_names]
+        assert np.isfinite(found.node[:, known]).all()
 
     def test_the_order_of_points_changes_nothing(self):
         patches = seen(sample_patches(DOUBLE + FENCE, 1, 20.0, NOISE), [(5, -5, 1)] * 4, [0, 1, 0, 1], [0, 99, 0, 99])

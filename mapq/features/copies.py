@@ -1,0 +1,161 @@
+"""Copies of surfaces by points alone: second layers over a patch, and the small motion that explains a neighbourhood's.
+
+Without scans, times or rays nothing says when a point was seen. What is left is geometry: whether a thin layer covers a
+patch at some distance, and whether one motion explains the layers of many patches about it. Lengths are in tolerances,
+what noise explains, and covers in cells as large as the patch's own points ask for, so that density does not matter.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from mapq.features.settings import FeatureSettings
+from mapq.features.shape import PatchShapes, horizontal_directions
+from mapq.features.voxels import table_of
+from mapq.kernels.copies import Near, layers_over, self_shifts
+from mapq.kernels.voxels import voxel_keys
+from mapq.patches import Patches
+
+COLUMNS = {
+    "copy_cover": 1,
+    "copy_even": 1,
+    "copy_density": 1,
+    "near_cover": 1,
+    "near_even": 1,
+    "near_density": 1,
+    "shift_support": 1,
+    "shift_here": 1,
+    "shift_along": 0,
+    "shift_length": 0,
+}
+"""Columns, and whether a larger value makes an error more likely."""
+
+FARTHEST = 1.5
+"""Metres off its plane up to which points lie over a patch."""
+NEAREST = 2.0
+"""Tolerances off a patch from which layers are second ones: less is noise, or a rough surface in several patches."""
+ABOUT = 8.0
+"""Metres between the middles of patches that witness the same motion."""
+LATTICE = 0.1
+"""Metres between the motions that are tried."""
+UPRIGHT = 0.5
+"""Largest |up . n| of patches that witness horizontal motions."""
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def copy_columns(patches: Patches, shapes: PatchShapes, settings: FeatureSettings) -> dict[str, Floats]:
+    """Return what points alone say about copies of each patch, each (m,), by the names of `COLUMNS`; nan: nothing.
+
+    Parameters
+    ----------
+    patches : Patches
+    shapes : PatchShapes
+    settings : FeatureSettings
+
+    Notes
+    -----
+    Of the layer that covers most of a patch, off it by two tolerances to 1.5 m: the share of the patch's cells in which
+    it has points (cover), that over the one of as many points strewn at random (even), log of its points per point of
+    the patch (density). `near`: their means over the patches about, weighted by the root of their area. `shift`: of the
+    horizontal motion that moves patches about onto layers best, the covered share (support), its length in metres, how
+    far it goes along the normal of this very patch, in tolerances (along), and support times that, at most 4, over 4
+    (here).
+    """
+    step = 0.5 * shapes.tolerance(settings)
+    half = int(np.ceil(FARTHEST / step))
+    if not len(shapes.points) or half <= 2 * NEAREST + 2:
+        return {name: np.full(len(shapes), np.nan) for name in COLUMNS}
+    near = near_points(patches)
+    found = layers_over(near, shapes.sheets, shapes.planes, shapes.points, shapes.start, step, 2 * half)
+    pairs = _about(shapes)
+    columns = _second_layer(*found, shapes.counts)
+    for name in ("cover", "even", "density"):
+        columns[f"near_{name}"] = _mean_about(columns[f"copy_{name}"], np.sqrt(shapes.area), *pairs)
+    return columns | _shifts(found[0], shapes, step, *pairs)
+
+
+def near_points(patches: Patches) -> Near:
+    """Return the finite points of the cloud in voxels as wide as they may be off what they lie over."""
+    number = np.flatnonzero(patches.cloud.finite())
+    points = np.ascontiguousarray(patches.cloud.xyz[number], np.float64)
+    key = voxel_keys(points, FARTHEST)
+    order = np.argsort(key, kind="stable")
+    distinct, first = np.unique(key[order], return_index=True)
+    patch = patches.patch[number[order]].astype(np.int64)
+    first = np.append(first, len(order)).astype(np.int64)
+    return Near(points[order], patch, distinct, first, table_of(distinct), FARTHEST)
+
+
+def _second_layer(cover: Floats, count: Floats, n_cells: Floats, n_own: Ints) -> dict[str, Floats]:
+    """Return what the layer says that covers most of each patch; of equal ones the one with most points."""
+    place = np.arange(cover.shape[1]) - cover.shape[1] // 2
+    best = np.where(np.abs(place) >= 2 * NEAREST, cover + 1e-6 * np.log1p(count), -1.0).argmax(axis=1)
+    rows = np.arange(len(cover))
+    share, points = cover[rows, best], count[rows, best]
+    with np.errstate(invalid="ignore"):
+        even = share / -np.expm1(-points / n_cells)
+    return {
+        "copy_cover": share,
+        "copy_even": np.where(points > 0, even, np.nan),
+        "copy_density": np.log((points + 1.0) / (n_own + 1.0)),
+    }
+
+
+def _about(shapes: PatchShapes) -> tuple[Ints, Ints]:
+    """Return where the patches about each begin (m + 1,), and their numbers (p,), ascending; itself among them."""
+    pairs = cKDTree(shapes.centre).query_pairs(ABOUT, output_type="ndarray").astype(np.int64)
+    itself = np.arange(len(shapes))
+    one = np.concatenate([pairs[:, 0], pairs[:, 1], itself])
+    other = np.concatenate([pairs[:, 1], pairs[:, 0], itself])
+    order = np.lexsort((other, one))
+    begin = np.zeros(len(shapes) + 1, np.int64)
+    np.cumsum(np.bincount(one, minlength=len(shapes)), out=begin[1:])
+    return begin, other[order]
+
+
+def _mean_about(values: Floats, weight: Floats, begin: Ints, other: Ints) -> Floats:
+    """Return the weighted mean (m,) over the patches about each, of those that are known."""
+    weight = np.where(np.isnan(values), 0.0, weight)
+    owner = np.repeat(np.arange(len(values)), np.diff(begin))
+    sums = np.bincount(owner, (weight * np.nan_to_num(values))[other], len(values))
+    total = np.bincount(owner, weight[other], len(values))
+    return np.where(total > 0.0, sums / np.where(total > 0.0, total, 1.0), np.nan)
+
+
+def _shifts(cover: Floats, shapes: PatchShapes, step: float, begin: Ints, other: Ints) -> dict[str, Floats]:
+    """Return the columns of the motion that explains most of what lies over the patches about each."""
+    middle = cover.shape[1] // 2
+    upright = shapes.up_cosine < UPRIGHT
+    profile = np.maximum(cover[:, middle:], cover[:, middle::-1])
+    profile[:, : int(2 * NEAREST)] = 0.0
+    wide = np.pad(profile, ((0, 0), (1, 1)))
+    profile = np.maximum(profile, np.maximum(wide[:, :-2], wide[:, 2:]))
+    ahead = np.where(upright[:, None], shapes.normal, shapes.across)
+    east = horizontal_directions(shapes.up[None], np.eye(3)[[np.argmin(np.abs(shapes.up))]], shapes.up)[0]
+    flat = np.column_stack([ahead @ east, ahead @ np.cross(shapes.up, east)])
+    flat /= np.maximum(np.linalg.norm(flat, axis=1), 1e-12)[:, None]
+    weight = np.where(upright, np.sqrt(shapes.area), 0.0)
+    least = NEAREST * 2 * step
+    found = self_shifts(profile, step, _motions(least), flat, weight, begin, other, least)
+    support, length, along = found.T
+    return {
+        "shift_support": support,
+        "shift_here": np.where(upright, support * np.minimum(along / (2.0 * least), 1.0), np.nan),
+        "shift_along": np.where(upright & (support > 0.0), 0.5 * along / step, np.nan),
+        "shift_length": np.where(support > 0.0, length, np.nan),
+    }
+
+
+def _motions(least: float) -> Floats:
+    """Return horizontal motions (k, 2) that are tried, one of each two that are opposite, the shortest first."""
+    n = int(np.ceil(FARTHEST / LATTICE))
+    x, y = (part.ravel() for part in np.meshgrid(np.arange(-n, n + 1), np.arange(n + 1), indexing="ij"))
+    square = x * x + y * y
+    kept = ((y > 0) | (x > 0)) & (square * LATTICE**2 >= least**2) & (square <= n * n)
+    x, y, square = x[kept], y[kept], square[kept]
+    order = np.lexsort((x, y, square))
+    return np.ascontiguousarray(LATTICE * np.column_stack([x, y])[order])
