@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from threadpoolctl import threadpool_limits
 
 from mapq.features.provenance import Moments
 from mapq.features.shape import PatchShapes
@@ -116,10 +117,12 @@ def measure_disagreement(
     for wider in ROUNDS:
         motions = _motions(owner, windows)
         sightings = find_sightings(*about, motions, wider * width)
-        fits = [
-            fit(shapes, sightings, rows, window, motions)
-            for (rows, _), window in zip(_inside(sightings, centres), windows, strict=True)
-        ]
+        # Threads cost small matrices far more than they bring.
+        with threadpool_limits(1):
+            fits = [
+                fit(shapes, sightings, rows, window, motions)
+                for (rows, _), window in zip(_inside(sightings, centres), windows, strict=True)
+            ]
         windows = [each.window for each in fits]
     for number_of, each in enumerate(fits):
         _judge(found, shapes, sightings, each, np.flatnonzero(owner == number_of))
