@@ -22,10 +22,10 @@ EVIDENCE = "evidence"
 NOBODY = -1
 
 OVER, ACROSS = "worst_overlap", "worst_crossing"
-BESIDE = ("angle_deg", "offset", "separation")
-"""Of the pair with the largest weighted overlap, as they are measured."""
 SHARES = ("partly_covered", "unlike_height", "seen_together", "through_conflict", "facing_away")
-"""Of it too, in times its weighted overlap, which they contain."""
+"""Of the pair with the largest weighted overlap, in times this, which they contain."""
+LEFT_OUT = ("tilt",)
+"""Node features that say nothing of an error: of walls of other places something else would be learnt."""
 RISING = {
     **dict.fromkeys(("disagreement", "disagreement_low", "disagreement_high", "seen_through"), 1),
     **dict.fromkeys(("fit", "thickness"), -1),
@@ -127,21 +127,23 @@ def columns_of(features: PatchFeatures) -> Columns:
     n_patches = len(features.node)
     edge = dict(zip(features.edge_names, features.edge.T, strict=True))
     over, across = edge["weight"] * edge["overlap"], edge["weight"] * edge["crossing"]
-    names, values = list(features.node_names), list(features.node.T)
+    nodes = [
+        (name, column)
+        for name, column in zip(features.node_names, features.node.T, strict=True)
+        if name not in LEFT_OUT
+    ]
+    names, values = [name for name, _ in nodes], [column for _, column in nodes]
     other = [np.full(n_patches, NOBODY)] * len(names)
     for name, conflict in ((OVER, over), (ACROSS, across)):
         pair, partner = worst_pairs(features.pairs, conflict, n_patches)
         known = pair >= 0
         shown = {name: conflict}
         if name == OVER:
-            shown |= {f"over_{each}": edge[each] for each in BESIDE}
             for each in SHARES:
                 if each in features.context_names:
                     share = edge[each] / np.maximum(over, 1e-9)
                     unknown = np.isnan(WITHOUT_SCANS.get(f"over_{each}", 0.0)) & (share == 0.0)
                     shown[f"over_{each}"] = np.where(unknown, np.nan, share)
-        else:
-            shown |= {"across_angle_deg": edge["angle_deg"]}
         for each, column in shown.items():
             names.append(each)
             missing = 0.0 if each == name else np.nan
