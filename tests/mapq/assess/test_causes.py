@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mapq.assess import assess, causes
-from mapq.assess.causes import LOCAL, MISSED_LOOP, UNKNOWN, find_causes, nested_spread, scans_apart
+from mapq.assess.causes import LOCAL, MISSED_LOOP, UNKNOWN, find_causes, nested_spread
 from mapq.assess.visits import Visits, visits_of
 from mapq.features import patch_features
 from mapq.io.results import result_cloud
@@ -166,7 +166,7 @@ def test_a_result_carries_causes():
     assert not {"cause", "original_cause"} & set(again.fields)
 
 
-def test_scans_apart_is_what_parts_the_scans_of_a_patch():
+def test_scans_apart_is_the_disagreement_of_most_of_the_area():
     walls = wall((0, 0), (8, 0)), wall((0, 20), (8, 20))
     rng = np.random.default_rng(1)
     apart = np.array([[0.0, 0.0, 0.0], [0.0, 0.3, 0.0]])
@@ -174,10 +174,17 @@ def test_scans_apart_is_what_parts_the_scans_of_a_patch():
     patches = make_patches(points, [(0, 1, 0)] * 2)
     scan = np.concatenate([np.repeat([0, 1], len(each) // 2) for each in points])
     patches = replace(patches, cloud=patches.cloud.with_fields(scan=scan))
-    metres = scans_apart(patches, patch_features(patches), visits_of(patches.cloud))
-    assert metres == pytest.approx(0.3, abs=0.01)
-    assert scans_apart(patches, patch_features(patches), None) != metres
-    assert assess(patches, make_model()).verdict(None)["scans_apart_m"] == metres
+    result = assess(patches, make_model())
+    verdict, rows = result.verdict(None), list(result.patch_rows())
+    assert verdict["scans_apart_m"] == pytest.approx(0.3, abs=0.03)
+    assert verdict["disagreement_m"] == pytest.approx(0.3, abs=0.03)
+    assert verdict["scans_apart_m"] in [pytest.approx(row["disagreement_m"]) for row in rows]
+    assert all(row["low"] < row["disagreement_m"] < row["high"] for row in rows)
+    silent = assess(replace(patches, cloud=replace(patches.cloud, fields={})), make_model())
+    assert np.isnan([silent.verdict(None)[name] for name in ("scans_apart_m", "disagreement_m")]).all()
+    assert {tuple(row[name] for name in ("disagreement_m", "low", "high")) for row in silent.patch_rows()} == {
+        (None, None, None)
+    }
 
 
 def test_the_back_of_a_thin_wall_is_no_second_copy_of_it():
