@@ -158,6 +158,8 @@ def cause_of(spread: Spread, visits: Visits, apart: Floats) -> Cause:
     bounds = f" ({low:.2f} to {high:.2f})" if high else ""
     if max(by_visit, by_scan) < np.sqrt(2.0) * thickness:
         return Cause(UNKNOWN, f"within each {visits.unit} it spreads as far as from one to another", measures)
+    if visits.unit != "pass" and not np.isfinite(spread.scans):
+        return Cause(UNKNOWN, f"no two {several} of one visit saw it, by which to tell", measures)
     if by_visit < CLEARLY * by_scan:
         return Cause(LOCAL, f"{several} of one visit put it {metres:.2f} m{bounds} apart", measures)
     if spread.gap is None or visits.unit == "pass":
