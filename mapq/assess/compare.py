@@ -26,6 +26,8 @@ LEAST_KNOWN = 0.2
 """Share of either map's area on common ground on which the disagreement of scans must be known to decide."""
 BLOCK = 20.0
 """Metres: errors of disagreements so near to one another go together, as one fit of motions has them."""
+UNSURE = 0.03
+"""Metres: standard error of a difference from which a cell counts for less than half."""
 DISAGREEMENT, EXPECTED = "disagreement", "expected share"
 """By what the better map is found."""
 
@@ -154,7 +156,7 @@ def _disagreement(keys: NDArray[np.int64], area: Floats, apart: Floats, cell: fl
     """Return the mean disagreement (2,) of both maps, the standard error of its difference, and whether it decides.
 
     Each cell (k, 3) in which both know it counts by its area in both, so that copies do not weigh more than what they
-    are copies of. `area` (2, k) is all there is; `apart` (3, 2, k) sums of the area in which it is known, and of
+    are copies of, and less where it is unsure. `area` (2, k) is all there is; `apart` (3, 2, k) sums of the area in which it is known, and of
     disagreement and error times that.
     """
     both = np.flatnonzero((apart[0] >= LEAST_AREA).all(axis=0))
@@ -162,9 +164,11 @@ def _disagreement(keys: NDArray[np.int64], area: Floats, apart: Floats, cell: fl
     if (known.sum(axis=1) < LEAST_KNOWN * area.sum(axis=1)).any():
         return np.full(2, np.nan), np.nan, np.bool_(False)
     metres, errors = apart[1:, :, both] / known
-    weight = known.mean(axis=0) / known.mean(axis=0).sum()
+    error = np.hypot(*errors)
+    weight = known.mean(axis=0) / (1.0 + (error / UNSURE) ** 2)
+    weight /= weight.sum()
     _, block = np.unique(np.floor(keys[both] * (cell / BLOCK)), axis=0, return_inverse=True)
-    of_blocks = np.bincount(block.ravel(), weight * np.hypot(*errors))
+    of_blocks = np.bincount(block.ravel(), weight * error)
     return metres @ weight, float(np.linalg.norm(of_blocks)), np.bool_(True)
 
 
