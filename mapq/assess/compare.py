@@ -156,8 +156,8 @@ def _disagreement(keys: NDArray[np.int64], area: Floats, apart: Floats, cell: fl
     """Return the mean disagreement (2,) of both maps, the standard error of its difference, and whether it decides.
 
     Each cell (k, 3) in which both know it counts by its area in both, so that copies do not weigh more than what they
-    are copies of, and less where it is unsure. `area` (2, k) is all there is; `apart` (3, 2, k) sums of the area in which it is known, and of
-    disagreement and error times that.
+    are copies of, and less where it is unsure. `area` (2, k) is all there is; `apart` (3, 2, k) sums of the area in
+    which it is known, and of disagreement and error times that.
     """
     both = np.flatnonzero((apart[0] >= LEAST_AREA).all(axis=0))
     known = apart[0][:, both]

@@ -69,6 +69,22 @@ def _facts(findings: Findings, counts: Mapping[str, Any], verdict: Mapping[str, 
     )
 
 
+def map_facts(findings: Findings) -> str:
+    """Return what the map is, as a table: size, points, and how it was cut."""
+    cut = part(part(findings.head, "segmentation"), "parameters")
+    some = findings.cloud.xyz[findings.patch >= 0] * findings.cloud.unit
+    size = (some.max(axis=0) - some.min(axis=0)).tolist() if len(some) else []
+    rows = (
+        ("patches reach over", " × ".join(number(length) for length in size) + " m" if size else DASH),
+        ("points", number(findings.n_points, 0)),
+        ("patches", number(len(findings.label), 0)),
+        ("spacing", number(cut.get("spacing"), 3, " m")),
+        ("noise", number(cut.get("noise"), 3, " m")),
+        ("judged up to", number(cut.get("max_tilt"), 0, "° from upright")),
+    )
+    return table(("", ""), [("", row) for row in rows], "plain")
+
+
 def _rows(findings: Findings, counts: Mapping[str, Any], verdict: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     n_regions = len(regions_in(findings.head))
     where = f", in {n_regions} region{'' if n_regions == 1 else 's'}" if n_regions else ""
