@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.assess.visits import Clock, join_stays
+from mapq.assess.visits import Clock, join_stays, visits_from
 from mapq.axes import turn
 from mapq.features.provenance import Known
 from mapq.features.rays import ray_step, voxel_side
@@ -120,8 +120,9 @@ class Measuring:
         if clock is None or not parts:
             return None
         stays, part = join_stays(parts), self._part(clock.fields)
-        tasks = plan_causes(self._groups, suspicious, features, clock, stays, part)
-        return judge_spreads(tasks, self._stages.each("finding causes", measure_spreads, tasks), suspicious)
+        visits = visits_from(clock, stays, np.zeros(0, np.int64), None)
+        tasks = plan_causes(self._groups, suspicious, features, (clock, stays.value, visits, part))
+        return judge_spreads(tasks, self._stages.each("finding causes", measure_spreads, tasks), features, visits)
 
     def _part(self, fields: tuple[str, ...]) -> Part:
         return Part(fields, self._largest, self._folder)
