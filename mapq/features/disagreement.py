@@ -41,7 +41,7 @@ INLIER = 0.25
 """Robust weight from which a scan sees the surface."""
 INFLATION = 4.0
 """Of the variances of motions: residuals of neighbouring cells go together."""
-FLOOR = 0.015
+FLOOR = 0.022
 """Metres: standard error that nothing takes away, of rigid scans that are none and poses that were called right."""
 SEEN_NEAR = (0.6, 1.3, 2.5)
 """Sides of a cell within which a scan that sees the surface sees the cell: at least, as counted, and at most."""
