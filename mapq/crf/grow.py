@@ -35,6 +35,8 @@ def grow(columns: Sequence[Columns], labels: Sequence[Floats], weights: Sequence
     names = columns[0].names
     known = [label != 0.0 for label in labels]
     x = np.vstack([each.values[mask] for each, mask in zip(columns, known, strict=True)])
+    # Of what no map knows there is nothing to be learnt, and scikit-learn looks in vain for thresholds.
+    x[:, np.isnan(x).all(axis=0)] = 0.0
     y = np.concatenate([label[mask] > 0.0 for label, mask in zip(labels, known, strict=True)])
     weight = np.concatenate([each[mask] for each, mask in zip(weights, known, strict=True)])
     booster = HistGradientBoostingClassifier(

@@ -10,14 +10,13 @@ import pytest
 from mapq.cloud import PointCloud
 from mapq.features import FeatureSettings, patch_features
 from mapq.features.context import EDGE_COLUMNS, NODE_COLUMNS
-from mapq.features.copies import COLUMNS
 from mapq.features.edge import EDGE_NAMES
 from mapq.features.node import NODE_NAMES
 from mapq.features.provenance import known_of, moments_of, views_of
 from mapq.features.settings import CONTEXTS
 from mapq.patches import Patches
 from prf.shell.errors import ConfigError
-from tests.mapq.factories import make_patches, sample_patches, shuffled, wall
+from tests.mapq.factories import always_known, make_patches, sample_patches, shuffled, wall
 
 DENSITY, NOISE = 60.0, 0.01
 
@@ -207,8 +206,7 @@ class TestGroups:
         patches = replace(patches, cloud=patches.cloud.with_fields(**fields, pass_id=np.arange(len(way)) % 2))
         found = patch_features(patches)
         assert found.edge.shape == (0, len(found.edge_names))
-        known = [name not in COLUMNS for name in found.node_names]
-        assert np.isfinite(found.node[:, known]).all()
+        assert np.isfinite(always_known(found)).all()
 
     def test_the_order_of_points_changes_nothing(self):
         patches = seen(sample_patches(DOUBLE + FENCE, 1, 20.0, NOISE), [(5, -5, 1)] * 4, [0, 1, 0, 1], [0, 99, 0, 99])

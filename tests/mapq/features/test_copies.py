@@ -122,7 +122,7 @@ def test_layers_agree_with_the_definition():
         away = xyz - shapes.centre[i]
         plan = np.column_stack([away @ shapes.across[i], away @ shapes.along[i]])
         own = patches.patch == i
-        cells = [tuple(cell) for cell in np.floor((plan - plan[own].min(axis=0)) / shapes.cell[i]).astype(int)]
+        cells = [tuple(cell) for cell in np.floor(plan / shapes.cell[i] + 0.5).astype(int)]
         occupied = {cell for cell, mine in zip(cells, own, strict=True) if mine}
         place = np.floor(away @ shapes.normal[i] / step).astype(int) + n_slices // 2
         assert n_cells[i] == len(occupied)
