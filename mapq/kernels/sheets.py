@@ -33,9 +33,9 @@ class Sheets(NamedTuple):
 
 
 @part
-def first_corner(lowest: float, cell: float) -> float:
-    """Where cells begin of which one has its middle at 0: seen from behind a patch has the same cells."""
-    return (np.floor(lowest / cell + 0.5) - 0.5) * cell
+def first_corner(lowest: float, highest: float, cell: float) -> float:
+    """Where the fewest cells begin that hold an extent, as much over at either end: the same as seen from behind."""
+    return 0.5 * (lowest + highest - (int((highest - lowest) / cell) + 1) * cell)
 
 
 @jit
@@ -47,7 +47,7 @@ def count_sheet_cells(u: Floats, v: Floats, start: Ints, cell: Floats, low: Floa
         size[i, 0] = size[i, 1] = 0
         if start[i + 1] > start[i]:
             a, b = u[start[i] : start[i + 1]], v[start[i] : start[i + 1]]
-            low[i, 0], low[i, 1] = first_corner(a.min(), cell[i]), first_corner(b.min(), cell[i])
+            low[i, 0], low[i, 1] = first_corner(a.min(), a.max(), cell[i]), first_corner(b.min(), b.max(), cell[i])
             size[i, 0] = int((a.max() - low[i, 0]) / cell[i]) + 1
             size[i, 1] = int((b.max() - low[i, 1]) / cell[i]) + 1
         base[i + 1] = base[i] + size[i, 0] * size[i, 1]

@@ -133,10 +133,11 @@ def points_over(
 def sort_by_cell(nearby: Nearby, rows: Ints, spot: Floats, n: int, spacing: float, key: Ints) -> Ints:
     """Order of the points by cell and moment; `key` becomes their cell times `SCANS` plus the moment."""
     side = min(max(CELL_SPACINGS * spacing, SMALLEST_CELL), LARGEST_CELL)
-    low_u, low_v, high_v = np.inf, np.inf, -np.inf
+    low_u, high_u, low_v, high_v = np.inf, -np.inf, np.inf, -np.inf
     for k in range(n):
-        low_u, low_v, high_v = min(low_u, spot[k, 0]), min(low_v, spot[k, 1]), max(high_v, spot[k, 1])
-    low_u, low_v = first_corner(low_u, side), first_corner(low_v, side)
+        low_u, high_u = min(low_u, spot[k, 0]), max(high_u, spot[k, 0])
+        low_v, high_v = min(low_v, spot[k, 1]), max(high_v, spot[k, 1])
+    low_u, low_v = first_corner(low_u, high_u, side), first_corner(low_v, high_v, side)
     n_rows = int((high_v - low_v) / side) + 1
     for k in range(n):
         cell = int((spot[k, 0] - low_u) / side) * n_rows + int((spot[k, 1] - low_v) / side)

@@ -68,6 +68,7 @@ def test_a_threshold_of_known_against_unknown_is_kept(tmp_path):
                 "leaf nan",
                 "leaf inf",
                 "leaf one",
+                "leaf 1e300",
                 "leaf 1 2",
                 "colour 0.1 1 2 left 0.2",
                 "fit nan 1 2 left 0.2",
