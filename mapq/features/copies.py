@@ -106,12 +106,12 @@ def _second_layer(cover: Floats, count: Floats, n_cells: Floats, n_own: Ints) ->
 
 
 def _about(shapes: PatchShapes) -> tuple[Ints, Ints]:
-    """Return where the patches about each begin (m + 1,), and their numbers (p,), ascending; itself among them."""
+    """Return where the patches about each begin (m + 1,), and their numbers (p,), large ones first; itself too."""
     pairs = cKDTree(shapes.centre).query_pairs(ABOUT, output_type="ndarray").astype(np.int64)
     itself = np.arange(len(shapes))
     one = np.concatenate([pairs[:, 0], pairs[:, 1], itself])
     other = np.concatenate([pairs[:, 1], pairs[:, 0], itself])
-    order = np.lexsort((other, one))
+    order = np.lexsort((shapes.size_rank[other], one))
     begin = np.zeros(len(shapes) + 1, np.int64)
     np.cumsum(np.bincount(one, minlength=len(shapes)), out=begin[1:])
     return begin, other[order]

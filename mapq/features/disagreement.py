@@ -140,10 +140,10 @@ def joined(patches: Patches, number: Ints, moments: Moments) -> Ints:
 
 
 def nearby_points(patches: Patches, number: Ints, moment: Ints, to_sensor: Floats | None) -> Nearby:
-    """Return points of a cloud in voxels as wide as anything over a patch may be off it."""
+    """Return points of a cloud in voxels as wide as anything over a patch may be off it, there by place and moment."""
     points = np.ascontiguousarray(patches.cloud.xyz[number], np.float64)
     key = voxel_keys(points, FARTHEST)
-    order = np.argsort(key, kind="stable")
+    order = np.lexsort((moment, *points.T, key))
     distinct, first = np.unique(key[order], return_index=True)
     towards = np.zeros_like(points) if to_sensor is None else np.nan_to_num(to_sensor[order])
     first = np.append(first, len(order)).astype(np.int64)

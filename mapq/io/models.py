@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.crf.evidence import EVIDENCE
-from mapq.io.trees import parse_potential, potential_content
+from mapq.io.trees import LARGEST, parse_potential, potential_content
 from mapq.model import CALIBRATIONS, EDGE_MODELS, FULL, ISOTONIC, PLATT, Calibration, Model, Scaling
 from prf.shell.errors import InputError
 from prf.shell.files import open_output
@@ -26,8 +26,8 @@ DEFAULT = ("models", "default.json")
 OPERATING = ("false_alarms", "threshold", "recall")
 """Columns of the operating points."""
 
-SMALLEST, LARGEST = 1e-30, 1e30
-"""Of scales, and of all numbers: products and sums of what lies between are finite."""
+SMALLEST = 1e-30
+"""Of scales: products and sums of what lies between it and `LARGEST` are finite."""
 
 _KINDS: dict[type, str] = {str: "text", dict: "an object", list: "a list"}
 

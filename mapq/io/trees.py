@@ -13,6 +13,8 @@ from mapq.crf.evidence import Potential
 from mapq.kernels.trees import LEAF, Trees
 from prf.shell.storage import damaged
 
+LARGEST = 1e30
+"""Of all numbers of a model: products and sums of what lies below are finite."""
 SIDES = ("left", "right")
 """Where a node sends what is not known."""
 
@@ -55,7 +57,7 @@ def parse_potential(path: Path, content: Mapping[str, Any]) -> Potential:
     """
     base, names, trees = (cast("Any", content.get(name)) for name in ("base", "columns", "trees"))
     are_names = isinstance(names, list) and all(isinstance(name, str) for name in names)
-    is_sound = are_names and isinstance(trees, list) and isinstance(base, int | float) and math.isfinite(base)
+    is_sound = are_names and isinstance(trees, list) and type(base) in (int, float) and abs(base) < LARGEST
     if not is_sound:
         raise damaged(path, "potential has no finite base, or no lists of columns and trees")
     roots: list[int] = []
@@ -80,11 +82,11 @@ def _parse_node(text: Any, names: list[str], at: int, n_nodes: int, begin: int) 
     """Return column, threshold, left, right, whether unknown values go left, and value; None if it is no node."""
     words = text.split() if isinstance(text, str) else []
     try:
-        if len(words) == 2 and words[0] == "leaf" and math.isfinite(float(words[1])):
+        if len(words) == 2 and words[0] == "leaf" and abs(float(words[1])) < LARGEST:
             return LEAF, 0.0, 0, 0, 0.0, float(words[1])
         name, threshold, left, right, side, value = words
         following = int(left), int(right)
-        is_sound = math.isfinite(float(value)) and not math.isnan(float(threshold)) and side in SIDES
+        is_sound = abs(float(value)) < LARGEST and not math.isnan(float(threshold)) and side in SIDES
         # Nodes lead on to later ones only, so that every walk ends.
         if is_sound and name in names and all(at < place < n_nodes for place in following):
             ends = (begin + place for place in following)

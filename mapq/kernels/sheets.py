@@ -32,6 +32,12 @@ class Sheets(NamedTuple):
     number: Ints  # (k,) number of the point among those of all patches
 
 
+@part
+def first_corner(lowest: float, highest: float, cell: float) -> float:
+    """Where the fewest cells begin that hold an extent, as much over at either end: the same as seen from behind."""
+    return 0.5 * (lowest + highest - (int((highest - lowest) / cell) + 1) * cell)
+
+
 @jit
 def count_sheet_cells(u: Floats, v: Floats, start: Ints, cell: Floats, low: Floats, size: Ints, base: Ints) -> None:
     """Fill the corner, the size and the first cell's number of each patch."""
@@ -41,7 +47,7 @@ def count_sheet_cells(u: Floats, v: Floats, start: Ints, cell: Floats, low: Floa
         size[i, 0] = size[i, 1] = 0
         if start[i + 1] > start[i]:
             a, b = u[start[i] : start[i + 1]], v[start[i] : start[i + 1]]
-            low[i, 0], low[i, 1] = a.min(), b.min()
+            low[i, 0], low[i, 1] = first_corner(a.min(), a.max(), cell[i]), first_corner(b.min(), b.max(), cell[i])
             size[i, 0] = int((a.max() - low[i, 0]) / cell[i]) + 1
             size[i, 1] = int((b.max() - low[i, 1]) / cell[i]) + 1
         base[i + 1] = base[i] + size[i, 0] * size[i, 1]

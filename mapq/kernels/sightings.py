@@ -15,7 +15,7 @@ from mapq.kernels._jit import jit, part
 from mapq.kernels.frames import Planes, dot, dot_from
 from mapq.kernels.nearby import Nearby, lies_over, voxels_about
 from mapq.kernels.order import quantile
-from mapq.kernels.sheets import Sheets
+from mapq.kernels.sheets import Sheets, first_corner
 from mapq.kernels.voxels import EMPTY
 
 Floats = NDArray[np.float64]
@@ -133,9 +133,11 @@ def points_over(
 def sort_by_cell(nearby: Nearby, rows: Ints, spot: Floats, n: int, spacing: float, key: Ints) -> Ints:
     """Order of the points by cell and moment; `key` becomes their cell times `SCANS` plus the moment."""
     side = min(max(CELL_SPACINGS * spacing, SMALLEST_CELL), LARGEST_CELL)
-    low_u, low_v, high_v = np.inf, np.inf, -np.inf
+    low_u, high_u, low_v, high_v = np.inf, -np.inf, np.inf, -np.inf
     for k in range(n):
-        low_u, low_v, high_v = min(low_u, spot[k, 0]), min(low_v, spot[k, 1]), max(high_v, spot[k, 1])
+        low_u, high_u = min(low_u, spot[k, 0]), max(high_u, spot[k, 0])
+        low_v, high_v = min(low_v, spot[k, 1]), max(high_v, spot[k, 1])
+    low_u, low_v = first_corner(low_u, high_u, side), first_corner(low_v, high_v, side)
     n_rows = int((high_v - low_v) / side) + 1
     for k in range(n):
         cell = int((spot[k, 0] - low_u) / side) * n_rows + int((spot[k, 1] - low_v) / side)
@@ -163,7 +165,8 @@ def write_layers(heights: Floats, n: int, histogram: Floats, reach: float, row: 
         best, place = 0.0, 0
         for b in range(1, len(histogram) - 1):
             count = histogram[b] + max(histogram[b - 1], histogram[b + 1])
-            if histogram[b] > 0.0 and count > best:
+            # Of the two bins that make one layer the fuller one, whichever side the normal points to.
+            if histogram[b] > 0.0 and (count > best or (count == best and histogram[b] > histogram[place])):
                 best, place = count, b
         if best < max(FEWEST, LAYER_SHARE * n):
             break

@@ -36,7 +36,7 @@ def test_options_reach_the_model(capsys, tmp_path):
     more = ["--radius", 2.5, "--tau", 0.7, "--neighbours", 3, "--class-weight", "none", "--objective", "pl"]
     more += ["--watched", 7, "--tolerance", 0.2]
     result = call_json(capsys, "train", path, "-o", target, *options, *more)
-    assert result["schema"] == "mapq.model/2"
+    assert result["schema"] == "mapq.model/3"
     assert result["output"] == str(target)
     features = result["features"]
     assert [features[key] for key in ("reading", "radius", "tau", "n_neighbours")] == ["literal", 2.5, 0.7, 3]
@@ -73,7 +73,7 @@ def test_max_patches_prints_its_seed_in_the_model(capsys, tmp_path):
 def test_the_model_may_go_to_standard_output(capsys, tmp_path):
     code, out, err = call(capsys, "train", save_patches(tmp_path), "-o", "-")
     assert code == 0
-    assert json.loads(out)["schema"] == "mapq.model/2"
+    assert json.loads(out)["schema"] == "mapq.model/3"
     assert "node.bias" in err
 
 

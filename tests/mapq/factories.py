@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
+from mapq.features.context import NODE_COLUMNS
+from mapq.graph import PatchFeatures
 from mapq.patches import NO_PATCH, Patches
 
 Floats = NDArray[np.float64]
@@ -91,3 +93,9 @@ def turn(degrees: float) -> Floats:
     """Return the rotation about z."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def always_known(features: PatchFeatures) -> Floats:
+    """Return the node features (m, k) that no map leaves unknown: not those of scans and of copies."""
+    unknown = {*NODE_COLUMNS["moments"], *NODE_COLUMNS["copies"]}
+    return features.node[:, [name not in unknown for name in features.node_names]]

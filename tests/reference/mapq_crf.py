@@ -9,8 +9,10 @@ import numpy as np
 
 from mapq.crf import TrainingMap
 from mapq.crf.energy import Field
+from mapq.crf.evidence import EVIDENCE, Potential, columns_of
 from mapq.graph import PatchFeatures
 from mapq.model import FULL, NONE, Calibration, Model, Scaling, parameter_names
+from tests.reference.mapq_trees import slow_log_odds
 
 NODE_NAMES = ("fit", "tilt", "thickness")
 EDGE_NAMES = ("separation", "overlap")
@@ -24,30 +26,42 @@ def draw_pairs(rng: np.random.Generator, n_patches: int, n_pairs: int) -> np.nda
     return np.array(sorted(found), np.int32).reshape(-1, 2)
 
 
-def draw_features(rng: np.random.Generator, n_patches: int, n_pairs: int) -> PatchFeatures:
+def draw_features(
+    rng: np.random.Generator, n_patches: int, n_pairs: int, edge_names: tuple[str, ...] = EDGE_NAMES
+) -> PatchFeatures:
     """Return features without any sense."""
     pairs = draw_pairs(rng, n_patches, n_pairs)
     node = rng.normal(size=(n_patches, len(NODE_NAMES))) * [1.0, 0.1, 30.0] + [5.0, 0.0, -4.0]
-    edge = rng.exponential(size=(len(pairs), len(EDGE_NAMES)))
-    return PatchFeatures("safe", node, pairs, edge, rng.uniform(-1.0, 1.0, len(pairs)), NODE_NAMES, EDGE_NAMES, 0)
+    edge = rng.exponential(size=(len(pairs), len(edge_names)))
+    return PatchFeatures("safe", node, pairs, edge, rng.uniform(-1.0, 1.0, len(pairs)), NODE_NAMES, edge_names, 0)
 
 
-def draw_model(rng: np.random.Generator, edge_model: str = FULL, edge_names: tuple[str, ...] | None = None) -> Model:
-    """Return a model with weights of all sizes, coupling of several units at one end or none."""
+def draw_model(
+    rng: np.random.Generator,
+    edge_model: str = FULL,
+    edge_names: tuple[str, ...] | None = None,
+    potential: Potential | None = None,
+) -> Model:
+    """Return a model with weights of all sizes, coupling of several units at one end or none; trees cut at 1.5 nats."""
     names = ("plausibility", "overlap") if edge_names is None else edge_names
     names = names if edge_model == FULL else ()
     node = Scaling(NODE_NAMES, rng.normal(size=3), rng.uniform(0.1, 2.0, 3))
+    if potential is not None:
+        node = Scaling((EVIDENCE,), np.zeros(1), np.ones(1), 1.5)
     edge = Scaling(names, rng.normal(size=len(names)), rng.uniform(0.1, 2.0, len(names)))
-    weights = rng.normal(size=len(parameter_names(edge_model, NODE_NAMES, names)))
+    weights = rng.normal(size=len(parameter_names(edge_model, node.names, names)))
     if edge_model != NONE:
         weights[-2:] = np.maximum(weights[-2:], 0.0)
-    return Model(edge_model, {}, node, edge, (-0.8, 0.7), weights, Calibration(slope=0.7))
+    return Model(edge_model, {}, node, edge, (-0.8, 0.7), weights, Calibration(slope=0.7), potential=potential)
 
 
 def slow_score(features: PatchFeatures, model: Model, y: list[int]) -> float:
     """Return the score of labels +1 and -1, as the definition has it: v0 and v1, raw features scaled one by one."""
     weight = dict(zip(model.parameter_names, model.weights.tolist(), strict=True))
     total = 0.0
+    if model.potential is not None:
+        evidence = slow_log_odds(model.potential, columns_of(features))
+        features = features._replace(node=np.array(evidence)[:, None], node_names=(EVIDENCE,))
     for i, label in enumerate(y):
         value = weight["node.bias"]
         for name in model.node.names:
@@ -67,7 +81,9 @@ def slow_score(features: PatchFeatures, model: Model, y: list[int]) -> float:
                 raw = x if name == "plausibility" else features.edge[number, features.edge_names.index(name)]
                 field += weight[f"field.{name}"] * _scaled(model.edge, name, raw)
             total += 0.5 * (y[i] + y[j]) * field
-        total += y[i] * y[j] * (v0 + v1 * x)
+        both = features.pairs.ravel().tolist()
+        share = 1.0 if model.potential is None else 1.0 / max(both.count(i), both.count(j))
+        total += y[i] * y[j] * share * (v0 + v1 * x)
     return total
 
 

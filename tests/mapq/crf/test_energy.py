@@ -8,34 +8,43 @@ import pytest
 
 from mapq.crf import classify, explain, local_log_odds
 from mapq.crf.energy import label_design, make_field, model_inputs, sum_over_pairs, unary_design
+from mapq.crf.evidence import columns_of
 from mapq.crf.explain import BASE, NEIGHBOUR_LABEL, NEIGHBOURS
+from mapq.crf.train import LINEAR, POTENTIALS
+from mapq.features.edge import EDGE_NAMES
 from mapq.model import EDGE_MODELS, NONE, SYMMETRIC
 from prf.shell.errors import InputError
 from tests.reference.mapq_crf import draw_features, draw_model, slow_score
+from tests.reference.mapq_trees import draw_potential
 
-CASES = list(itertools.product(EDGE_MODELS, range(5)))
+CASES = list(itertools.product(EDGE_MODELS, POTENTIALS, range(5)))
 
 
-def draw(edge_model, seed, n_patches=7, n_pairs=12):
+def draw(edge_model, seed, n_patches=7, n_pairs=12, potential=LINEAR):
+    """Return features and a model; the trees of one see unknown values, and ask for pairs too."""
     rng = np.random.default_rng(seed)
-    return draw_features(rng, n_patches, n_pairs), draw_model(rng, edge_model)
+    if potential == LINEAR:
+        return draw_features(rng, n_patches, n_pairs), draw_model(rng, edge_model)
+    features = draw_features(rng, n_patches, n_pairs, EDGE_NAMES)
+    features.node[::3, 1] = np.nan
+    return features, draw_model(rng, edge_model, potential=draw_potential(rng, columns_of(features).names))
 
 
 def as_labels(y):
     return ((np.array(y) + 1) // 2).astype(np.uint8)
 
 
-@pytest.mark.parametrize(("edge_model", "seed"), CASES)
-def test_the_field_scores_as_the_definition(edge_model, seed):
-    features, model = draw(edge_model, seed)
+@pytest.mark.parametrize(("edge_model", "potential", "seed"), CASES)
+def test_the_field_scores_as_the_definition(edge_model, potential, seed):
+    features, model = draw(edge_model, seed, potential=potential)
     field = make_field(model_inputs(features, model), edge_model, model.weights)
     for y in itertools.product([-1, 1], repeat=7):
         assert field.score(np.array(y, float)) == pytest.approx(slow_score(features, model, list(y)), abs=1e-9)
 
 
-@pytest.mark.parametrize(("edge_model", "seed"), CASES)
-def test_the_columns_of_the_labels_give_each_patch_its_score_given_the_others(edge_model, seed):
-    features, model = draw(edge_model, seed)
+@pytest.mark.parametrize(("edge_model", "potential", "seed"), CASES)
+def test_the_columns_of_the_labels_give_each_patch_its_score_given_the_others(edge_model, potential, seed):
+    features, model = draw(edge_model, seed, potential=potential)
     y = np.random.default_rng(seed).choice([-1.0, 1.0], 7)
     inputs = model_inputs(features, model)
     design = np.hstack([unary_design(inputs, edge_model), label_design(inputs, edge_model, y)])
@@ -77,9 +86,9 @@ def test_values_of_pairs_are_summed_at_both_of_their_patches(n_pairs):
     np.testing.assert_array_equal(found, np.outer(by_hand[n_pairs], [1.0, 10.0]))
 
 
-@pytest.mark.parametrize(("edge_model", "seed"), CASES)
-def test_the_labelling_is_the_best_by_the_definition(edge_model, seed):
-    features, model = draw(edge_model, seed)
+@pytest.mark.parametrize(("edge_model", "potential", "seed"), CASES)
+def test_the_labelling_is_the_best_by_the_definition(edge_model, potential, seed):
+    features, model = draw(edge_model, seed, potential=potential)
     labelling = classify(features, model)
     best = max(itertools.product([-1, 1], repeat=7), key=lambda y: slow_score(features, model, list(y)))
     np.testing.assert_array_equal(labelling.label, as_labels(best))
@@ -87,9 +96,9 @@ def test_the_labelling_is_the_best_by_the_definition(edge_model, seed):
     np.testing.assert_allclose(labelling.probability, 1.0 / (1.0 + np.exp(-0.7 * labelling.difference)), atol=1e-6)
 
 
-@pytest.mark.parametrize(("edge_model", "seed"), CASES)
-def test_terms_sum_to_the_log_odds_given_the_neighbours(edge_model, seed):
-    features, model = draw(edge_model, seed)
+@pytest.mark.parametrize(("edge_model", "potential", "seed"), CASES)
+def test_terms_sum_to_the_log_odds_given_the_neighbours(edge_model, potential, seed):
+    features, model = draw(edge_model, seed, potential=potential)
     label = np.random.default_rng(seed).integers(0, 2, 7).astype(np.uint8)
     terms = explain(features, model, label)
     sums = np.bincount(terms.patch, terms.contribution, 7)
@@ -158,6 +167,15 @@ def test_features_that_lack_a_name_or_a_number_are_refused():
         classify(features._replace(node_names=("a", "b", "c")), model)
     with pytest.raises(InputError, match="no edge feature overlap"):
         classify(features._replace(edge_names=("separation", "x")), model)
-    features.node[3, 1] = np.nan
-    with pytest.raises(InputError, match="feature tilt is not finite in 1 of 7 places"):
+    features.node[3, 1] = np.inf
+    with pytest.raises(InputError, match="feature tilt is infinite in 1 of 7 places"):
         classify(features, model)
+
+
+def test_what_is_not_known_lies_in_the_middle():
+    features, model = draw("full", 2)
+    features.node[3, 1] = np.nan
+    inputs = model_inputs(features, model)
+    assert inputs.node[3, 1] == 0.0
+    features.node[3, 1] = model.node.median[1]
+    np.testing.assert_array_equal(inputs.node, model_inputs(features, model).node)

@@ -10,7 +10,7 @@ from mapq.crf import TrainingMap, TrainSettings, classify, margin, train
 from mapq.crf.margin import BIAS_PRECISION, GAP, MarginFit, Part, fit_margin, make_part
 from mapq.crf.quadratic import solve_quadratic
 from mapq.crf.select import MARGIN_STRENGTHS
-from mapq.crf.train import MAX_MARGIN, Strength, margin_weights, precisions, prepare, signs
+from mapq.crf.train import LINEAR, MAX_MARGIN, Strength, margin_weights, precisions, prepare, signs
 from mapq.evaluate import area_under_curve
 from mapq.model import EDGE_MODELS, FULL, NONE, Model, parameter_names
 from mapq.patches import UNLABELLED
@@ -39,7 +39,7 @@ def parts_of(prepared, maps):
 
 def small_parts(seed, edge_model):
     maps = small_maps(np.random.default_rng(seed))
-    return parts_of(prepare(maps, TrainSettings(edge_model)), maps)
+    return parts_of(prepare(maps, TrainSettings(LINEAR, edge_model)), maps)
 
 
 def slow_risk(part, weights, n_coupling):
@@ -58,7 +58,7 @@ def test_a_part_scores_labels_as_the_definition_does_with_0_for_no_label(edge_mo
     maps = small_maps(rng)
     maps[1].label[3] = UNLABELLED
     names = ("plausibility", "overlap") if edge_model == FULL else ()
-    prepared = prepare(maps, TrainSettings(edge_model, names))
+    prepared = prepare(maps, TrainSettings(LINEAR, edge_model, names))
     weights = rng.normal(size=len(parameter_names(edge_model, prepared.node.names, names)))
     model = Model(edge_model, {}, prepared.node, prepared.edge, prepared.x_range, weights)
     n_coupling = 0 if edge_model == NONE else 2
@@ -70,7 +70,9 @@ def test_a_part_scores_labels_as_the_definition_does_with_0_for_no_label(edge_mo
 
 
 def test_pairs_without_weights_of_a_coupling_have_none():
-    part = Part(np.array([[1.0], [-1.0]]), np.array([[0, 1]]), np.array([0.5]), np.array([1.0, 1.0]), np.zeros(2))
+    part = Part(
+        np.array([[1.0], [-1.0]]), np.array([[0, 1]]), np.array([0.5]), np.ones(1), np.array([1.0, 1.0]), np.zeros(2)
+    )
     assert part.worst(np.array([0.25])).tolist() == [1.0, -1.0]
 
 
@@ -114,7 +116,9 @@ def test_no_weights_are_better_than_the_bound_says(edge_model, seed):
 
 def lone_part(features, cost):
     """One suspicious patch."""
-    return Part(np.array([features]), np.empty((0, 2), np.int64), np.empty(0), np.ones(1), np.array([cost]))
+    return Part(
+        np.array([features]), np.empty((0, 2), np.int64), np.empty(0), np.empty(0), np.ones(1), np.array([cost])
+    )
 
 
 def test_the_bias_alone_is_as_weak_as_documented():
@@ -153,7 +157,7 @@ def test_the_optimum_is_the_same_in_other_units():
     for _ in range(2):
         y = np.where(rng.random(25) < 0.4, 1.0, -1.0)
         unary = np.column_stack([np.ones(25), rng.normal(size=25) + 0.5 * y])
-        parts.append(Part(unary, np.empty((0, 2), np.int64), np.empty(0), y, np.where(y > 0.0, 1.5, 0.7)))
+        parts.append(Part(unary, np.empty((0, 2), np.int64), np.empty(0), np.empty(0), y, np.where(y > 0.0, 1.5, 0.7)))
     found = fit_margin(parts, NONE, np.array([0.0, 0.1]))
     parts = [part._replace(unary=part.unary * [1.0, unit]) for part in parts]
     other = fit_margin(parts, NONE, np.array([0.0, 0.1 * unit**2]))
@@ -171,7 +175,7 @@ def uneven_maps(balanced=True):
         label = np.full(6, UNLABELLED, np.uint8)
         label[:n_labelled] = (np.arange(n_labelled) % 3 == 1).astype(np.uint8)
         maps.append(TrainingMap(draw_features(rng, 6, 9), label, np.zeros(6, int)))
-    settings = TrainSettings(FULL, objective=MAX_MARGIN, balanced=balanced)
+    settings = TrainSettings(LINEAR, FULL, objective=MAX_MARGIN, balanced=balanced)
     return maps, settings, prepare(maps, settings)
 
 
@@ -226,11 +230,11 @@ def test_a_patch_alone_is_a_support_vector_machine():
 @pytest.mark.parametrize("edge_model", EDGE_MODELS)
 def test_it_labels_maps_that_it_has_not_seen(edge_model):
     maps = [draw_map(seed) for seed in (1, 2)]
-    settings = TrainSettings(edge_model, objective=MAX_MARGIN)
+    settings = TrainSettings(LINEAR, edge_model, objective=MAX_MARGIN)
     trained, again = train(maps, settings), train(maps, settings)
     np.testing.assert_array_equal(trained.model.weights, again.model.weights)
     assert {strength.weights for strength in trained.scores} == set(MARGIN_STRENGTHS)
-    plain = train(maps, TrainSettings(edge_model))
+    plain = train(maps, TrainSettings(LINEAR, edge_model))
     others = [draw_map(seed) for seed in (3, 4, 5)]
     assert area(others, trained.model) > area(others, plain.model) - 0.02
 
@@ -246,5 +250,5 @@ def test_labels_that_weigh_nothing_to_tell_still_train():
     one = draw_map(1)
     label = np.full(len(one.label), UNLABELLED, np.uint8)
     label[[np.flatnonzero(one.label == 1)[0], np.flatnonzero(one.label == 0)[0]]] = 1, 0
-    model = train([one._replace(label=label)], TrainSettings(FULL, objective=MAX_MARGIN)).model
+    model = train([one._replace(label=label)], TrainSettings(LINEAR, FULL, objective=MAX_MARGIN)).model
     assert np.isfinite(model.weights).all()

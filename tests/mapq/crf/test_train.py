@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy.optimize import Bounds, check_grad, minimize
@@ -8,12 +10,15 @@ from mapq.crf import Strength, TrainSettings, classify, train
 from mapq.crf.likelihood import Problem, fit, gradient, hessian, objective
 from mapq.crf.scaling import fit_range, fit_scaling
 from mapq.crf.select import COUPLING_SHARES, STRENGTHS
-from mapq.crf.train import TrainingMap, fit_weights, make_problem, prepare, signs
+from mapq.crf.train import LINEAR, TrainingMap, fit_weights, make_problem, prepare, signs
 from mapq.model import EDGE_MODELS, FULL, NONE, SYMMETRIC, Model
 from mapq.patches import UNLABELLED
 from prf.shell.errors import ConfigError, InputError
 from tests.mapq.crf.worlds import draw_map
 from tests.reference.mapq_crf import draw_features, slow_log_pseudo_likelihood
+
+linear = partial(TrainSettings, LINEAR)
+"""Settings of the field that is linear in node features, as in the paper."""
 
 
 def draw_problem(seed: int, n_patches: int = 60) -> Problem:
@@ -41,7 +46,7 @@ def test_the_objective_is_the_pseudo_likelihood_by_its_definition(edge_model):
         label = rng.integers(0, 2, n_patches).astype(np.uint8)
         maps.append(TrainingMap(draw_features(rng, n_patches, n_pairs), label, np.zeros(n_patches, int)))
     names = ("plausibility", "overlap") if edge_model == FULL else ()
-    settings = TrainSettings(edge_model, names, balanced=False)
+    settings = linear(edge_model, names, balanced=False)
     prepared = prepare(maps, settings)
     problem = make_problem(prepared, [m.label for m in maps], settings, Strength(0.0, 0.0))
     weights = rng.normal(size=problem.design.shape[1])
@@ -116,7 +121,7 @@ def test_an_unlabelled_patch_counts_as_label_zero_for_its_neighbours():
     features = draw_features(rng, 12, 25)
     label = rng.integers(0, 2, 12).astype(np.uint8)
     label[4] = UNLABELLED
-    settings = TrainSettings(FULL, ("plausibility",))
+    settings = linear(FULL, ("plausibility",))
     prepared = prepare([TrainingMap(features, label, np.zeros(12, int))], settings)
     problem = make_problem(prepared, [label], settings, Strength(1.0, 1.0))
     assert len(problem.y) == 11
@@ -131,7 +136,7 @@ def test_an_unlabelled_patch_counts_as_label_zero_for_its_neighbours():
 @pytest.mark.parametrize("edge_model", EDGE_MODELS)
 def test_it_finds_regions_that_only_pairs_betray_unless_symmetric(edge_model):
     """Without a node signal the symmetric form can only say "same": it is no better than calling all plausible."""
-    settings = TrainSettings(edge_model, balanced=False)
+    settings = linear(edge_model, balanced=False)
     trained = train([draw_map(seed, node_signal=0.0) for seed in (1, 2)], settings)
     test_map = draw_map(3, 600, node_signal=0.0)
     label = classify(test_map.features, trained.model).label
@@ -146,7 +151,7 @@ def test_it_finds_regions_that_only_pairs_betray_unless_symmetric(edge_model):
 
 def test_edges_beat_nodes_alone_and_regularisation_is_chosen():
     maps = [draw_map(seed, node_signal=1.0, share_unlabelled=0.2) for seed in (1, 2)]
-    full, alone = train(maps), train(maps, TrainSettings(NONE))
+    full, alone = train(maps, linear(FULL)), train(maps, linear(NONE))
     assert min(full.scores.values()) < 0.7 * min(alone.scores.values())
     assert full.scores[full.strength] == min(full.scores.values())
     assert full.n_folds == 5
@@ -157,33 +162,33 @@ def test_edges_beat_nodes_alone_and_regularisation_is_chosen():
 
 def test_training_repeats_and_does_not_depend_on_the_order_of_pairs():
     maps = [draw_map(1), draw_map(2)]
-    first, again = train(maps), train(maps)
+    first, again = train(maps, linear(FULL)), train(maps, linear(FULL))
     np.testing.assert_array_equal(first.model.weights, again.model.weights)
     order = np.random.default_rng(0).permutation(len(maps[0].features.pairs))
     one = maps[0].features
     turned = one._replace(pairs=one.pairs[order], edge=one.edge[order], plausibility=one.plausibility[order])
-    shuffled = train([maps[0]._replace(features=turned), maps[1]])
+    shuffled = train([maps[0]._replace(features=turned), maps[1]], linear(FULL))
     np.testing.assert_allclose(shuffled.model.weights, first.model.weights, rtol=1e-7)
 
 
 def test_balance_finds_more_of_the_rare_label():
     maps = [draw_map(seed, node_signal=0.5) for seed in (1, 2)]
-    plain = train(maps, TrainSettings(NONE, balanced=False))
-    balanced = train(maps, TrainSettings(NONE, balanced=True))
+    plain = train(maps, linear(NONE, balanced=False))
+    balanced = train(maps, linear(NONE, balanced=True))
     assert balanced.held_out.label.mean() > plain.held_out.label.mean() + 0.1
 
 
 def test_both_labels_weigh_alike_unless_asked_otherwise():
     maps = [draw_map(1)]
-    prepared, labels = prepare(maps, TrainSettings()), [m.label for m in maps]
-    problem = make_problem(prepared, labels, TrainSettings(), Strength(1.0, 1.0))
+    prepared, labels = prepare(maps, linear(FULL)), [m.label for m in maps]
+    problem = make_problem(prepared, labels, linear(FULL), Strength(1.0, 1.0))
     assert problem.importance[problem.y > 0].sum() == pytest.approx(0.5 * len(problem.y))
     assert problem.importance[problem.y < 0].sum() == pytest.approx(0.5 * len(problem.y))
 
 
 @pytest.mark.parametrize(("edge_model", "coupling"), [(NONE, []), (SYMMETRIC, [7.0, 7.0]), (FULL, [7.0, 7.0])])
 def test_the_bias_of_nodes_has_no_prior_and_the_coupling_one_of_its_own(edge_model, coupling):
-    one, settings = draw_map(1), TrainSettings(edge_model)
+    one, settings = draw_map(1), linear(edge_model)
     problem = make_problem(prepare([one], settings), [one.label], settings, Strength(3.0, 7.0))
     n_weights = problem.design.shape[1]
     assert problem.precision.tolist() == [0.0, *[3.0] * (n_weights - 1 - len(coupling)), *coupling]
@@ -209,7 +214,7 @@ def test_settings_that_would_train_something_else_are_refused(settings):
 
 @pytest.mark.parametrize(("settings", "n_folds"), [({}, 5), ({"n_folds": 3}, 3)])
 def test_there_are_five_folds_unless_asked_otherwise(settings, n_folds):
-    assert train([draw_map(1)], TrainSettings(NONE, regularisation=1.0, **settings)).n_folds == n_folds
+    assert train([draw_map(1)], linear(NONE, regularisation=1.0, **settings)).n_folds == n_folds
 
 
 @pytest.mark.parametrize(
@@ -230,7 +235,7 @@ def test_the_field_has_the_columns_asked_for_each_once(edge_model, asked, names)
     features = one.features._replace(
         edge=np.hstack([one.features.edge, context]), edge_names=("w", "near", "far"), context_names=("near", "far")
     )
-    settings, maps = TrainSettings(edge_model, **asked), [one._replace(features=features)]
+    settings, maps = linear(edge_model, **asked), [one._replace(features=features)]
     if names is None:
         with pytest.raises(InputError, match="no edge feature all"):
             prepare(maps, settings)
@@ -240,29 +245,29 @@ def test_the_field_has_the_columns_asked_for_each_once(edge_model, asked, names)
 
 def test_the_coupling_is_tried_in_proportion_to_the_labels():
     for n_patches in (150, 300):
-        trained = train([draw_map(1, n_patches)])
+        trained = train([draw_map(1, n_patches)], linear(FULL))
         assert {strength.coupling / n_patches for strength in trained.scores} == set(COUPLING_SHARES)
         assert {strength.weights for strength in trained.scores} == set(STRENGTHS)
 
 
 def test_a_given_strength_is_kept():
-    trained = train([draw_map(1)], TrainSettings(regularisation=7.0))
+    trained = train([draw_map(1)], linear(FULL, regularisation=7.0))
     assert trained.strength.weights == 7.0
     assert {strength.weights for strength in trained.scores} == {7.0}
-    both = train([draw_map(1)], TrainSettings(regularisation=7.0, coupling_regularisation=3.0))
+    both = train([draw_map(1)], linear(FULL, regularisation=7.0, coupling_regularisation=3.0))
     assert list(both.scores) == [Strength(7.0, 3.0)]
-    assert list(train([draw_map(1)], TrainSettings(NONE, regularisation=2.0)).scores) == [Strength(2.0, 2.0)]
+    assert list(train([draw_map(1)], linear(NONE, regularisation=2.0)).scores) == [Strength(2.0, 2.0)]
 
 
 def test_labels_too_few_for_folds_still_train():
     one = draw_map(1)
     label = np.full(300, UNLABELLED, np.uint8)
     label[[np.flatnonzero(one.label == 1)[0], np.flatnonzero(one.label == 0)[0]]] = 1, 0
-    trained = train([one._replace(label=label)])
+    trained = train([one._replace(label=label)], linear(FULL))
     assert (trained.n_folds, trained.scores, trained.held_out) == (0, {}, None)
     assert (trained.strength, trained.model.calibration.slope) == (Strength(1.0, 30.0), 1.0)
     assert len(trained.model.operating) == 0
-    given = train([one._replace(label=label)], TrainSettings(regularisation=5.0))
+    given = train([one._replace(label=label)], linear(FULL, regularisation=5.0))
     assert given.strength == Strength(5.0, 30.0)
     assert np.isfinite(trained.model.weights).all()
 
@@ -272,21 +277,21 @@ def test_labels_too_few_for_folds_still_train():
 )
 def test_labels_that_cannot_train_are_refused(label, message):
     with pytest.raises(InputError, match=message):
-        train([draw_map(1)._replace(label=np.full(300, label, np.uint8))])
+        train([draw_map(1)._replace(label=np.full(300, label, np.uint8))], linear(FULL))
 
 
 def test_one_label_alone_and_no_map_at_all_are_refused():
     label = np.full(300, UNLABELLED, np.uint8)
     label[7] = 1
     with pytest.raises(InputError, match="all 1 labelled patches are suspicious"):
-        train([draw_map(1)._replace(label=label)])
+        train([draw_map(1)._replace(label=label)], linear(FULL))
     with pytest.raises(InputError, match="no patch has a label"):
-        train([])
+        train([], linear(FULL))
 
 
 @pytest.mark.parametrize(("edge_model", "last"), [(NONE, 0), (SYMMETRIC, 2), (FULL, 2)])
 def test_no_coupling_may_be_negative(edge_model, last):
-    one, settings = draw_map(1), TrainSettings(edge_model)
+    one, settings = draw_map(1), linear(edge_model)
     problem = make_problem(prepare([one], settings), [one.label], settings, Strength(1.0, 1.0))
     n_weights = problem.design.shape[1]
     assert problem.bounded == tuple(range(n_weights - last, n_weights))
@@ -303,7 +308,7 @@ def test_maps_without_pairs_and_empty_maps_train_along(edge_model):
         TrainingMap(draw_features(rng, 0, 0), np.empty(0, np.uint8), np.empty(0, int)),
         TrainingMap(some, label, np.arange(30) // 5),
     ]
-    trained = train(maps, TrainSettings(edge_model))
+    trained = train(maps, linear(edge_model))
     assert np.isfinite(trained.model.weights).all()
     assert classify(some, trained.model).label.shape == (30,)
 
@@ -312,7 +317,7 @@ def test_constant_features_weigh_nothing():
     one = draw_map(1)
     node = np.column_stack([one.features.node, np.full(300, 0.1)])
     features = one.features._replace(node=node, node_names=("fit", "tilt", "same"))
-    model = train([one._replace(features=features)]).model
+    model = train([one._replace(features=features)], linear(FULL)).model
     assert model.node.scale[2] == 1.0
     assert model.weights[model.parameter_names.index("node.same")] == pytest.approx(0.0, abs=1e-12)
 
@@ -331,13 +336,13 @@ def test_scaling_is_robust_and_keeps_rare_values_apart():
 
 
 def test_the_symmetric_model_has_no_field():
-    names = train([draw_map(1)], TrainSettings(SYMMETRIC)).model.parameter_names
+    names = train([draw_map(1)], linear(SYMMETRIC)).model.parameter_names
     assert names == ("node.bias", "node.fit", "node.tilt", "coupling.at_x_min", "coupling.at_x_max")
 
 
 def test_pseudo_likelihood_is_highest_at_the_weights_found():
     maps = [draw_map(4, 60)]
-    settings = TrainSettings(balanced=False)
+    settings = linear(FULL, balanced=False)
     model = pseudo_model(maps, settings, 1e-6)
     best = slow_log_pseudo_likelihood(maps, model)
     rng = np.random.default_rng(0)
@@ -350,8 +355,8 @@ def test_pseudo_likelihood_is_highest_at_the_weights_found():
 
 def test_all_edge_features_can_speak():
     one = draw_map(1)
-    model = train([one], TrainSettings(edge_features=("all",))).model
+    model = train([one], linear(FULL, edge_features=("all",))).model
     assert model.edge.names == ("plausibility", "w")
     assert {"field.plausibility", "field.w"} <= set(model.parameter_names)
     with pytest.raises(InputError, match="no edge feature gap"):
-        train([one], TrainSettings(edge_features=("gap",)))
+        train([one], linear(FULL, edge_features=("gap",)))

@@ -10,14 +10,13 @@ import pytest
 from mapq.cloud import PointCloud
 from mapq.features import FeatureSettings, patch_features
 from mapq.features.context import EDGE_COLUMNS, NODE_COLUMNS
-from mapq.features.copies import COLUMNS
 from mapq.features.edge import EDGE_NAMES
 from mapq.features.node import NODE_NAMES
 from mapq.features.provenance import known_of, moments_of, views_of
 from mapq.features.settings import CONTEXTS
 from mapq.patches import Patches
 from prf.shell.errors import ConfigError
-from tests.mapq.factories import make_patches, sample_patches, shuffled, wall
+from tests.mapq.factories import always_known, make_patches, sample_patches, shuffled, wall
 
 DENSITY, NOISE = 60.0, 0.01
 
@@ -105,57 +104,6 @@ class TestMoments:
         patches = sample_patches(DOUBLE, 1, DENSITY, NOISE)
         patches = replace(patches, cloud=patches.cloud.with_fields(scan=np.full(len(patches.cloud), 7)))
         assert pair(patches)["seen_together"] == pytest.approx(1.0)
-
-
-class TestSeenApart:
-    def loose_copy(self, **fields) -> Patches:
-        """A wall that is a patch, and as many points 0.5 m behind that belong to none."""
-        points = _points([wall((0, 2), (10, 2)), wall((0, 2.5), (10, 2.5))])
-        patches = make_patches(points, [(0, 1, 0)] * 2)
-        told = {name: np.asarray(values)[patches.patch] for name, values in fields.items()}
-        first = np.where(patches.patch == 0, 0, -1).astype(np.int32)
-        cloud = patches.cloud.with_fields(**told)
-        return Patches.unlabelled(cloud, first, patches.normal[:1], patches.centroid[:1], {}, {})
-
-    def test_a_copy_that_is_no_patch_is_seen_apart(self):
-        (found,) = node(self.loose_copy(scan=[0, 1]), "seen_apart")
-        assert found == pytest.approx(0.5, abs=0.05)
-
-    @pytest.mark.parametrize("fields", [{"scan": [0, 0]}, {}, {"time": [0.0, 12.0]}])
-    def test_what_is_seen_together_or_nobody_knows_when_is_not(self, fields):
-        assert node(self.loose_copy(**fields), "seen_apart").tolist() == [0.0]
-
-    def test_it_lies_beyond_the_noise_and_not_far_off(self):
-        for offset, expected in ((0.06, 0.0), (0.2, 0.5), (1.4, 0.5), (1.6, 0.0)):
-            walls = [wall((0, 2), (10, 2)), wall((0, 2 + offset), (10, 2 + offset))]
-            patches = make_patches(_points(walls), [(0, 1, 0)] * 2)
-            scans = replace(patches, cloud=patches.cloud.with_fields(scan=patches.patch))
-            assert node(scans, "seen_apart") == pytest.approx([expected] * 2, abs=0.05)
-
-    def test_agrees_with_the_definition(self):
-        """Each patch against each point, without voxels."""
-        from mapq.features.shape import measure_shapes
-
-        patches = sample_patches([*DOUBLE, *FENCE, wall((5, -1), (5, 5))], 1, 30.0, NOISE)
-        scan = np.random.default_rng(2).integers(0, 4, len(patches.cloud)) + 2 * (patches.patch % 3)
-        patches = replace(patches, cloud=patches.cloud.with_fields(scan=scan))
-        shapes, xyz = measure_shapes(patches), patches.cloud.xyz
-        tolerance = shapes.tolerance(FeatureSettings())
-        expected = []
-        for i in range(len(patches)):
-            away = xyz - shapes.centre[i]
-            plan = np.column_stack([away @ shapes.across[i], away @ shapes.along[i]])
-            own = patches.patch == i
-            cells = np.floor((plan - plan[own].min(axis=0)) / shapes.cell[i]).astype(int)
-            occupied = set(map(tuple, cells[own]))
-            inside = np.array([tuple(cell) in occupied for cell in cells])
-            height = np.abs(away @ shapes.normal[i])
-            over = ~own & inside & (height > 2 * tolerance) & (height <= 1.5)
-            mine, theirs = (np.bincount(scan[some], minlength=10) / some.sum() for some in (own, over))
-            together = sum(t * min(m / (0.5 * t), 1.0) for m, t in zip(mine, theirs, strict=True) if t)
-            expected.append((1.0 - together) * over.sum() / (over.sum() + own.sum()))
-        assert node(patches, "seen_apart") == pytest.approx(expected, abs=1e-12)
-        assert np.ptp(expected) > 0.1
 
 
 class TestRays:
@@ -258,8 +206,7 @@ class TestGroups:
         patches = replace(patches, cloud=patches.cloud.with_fields(**fields, pass_id=np.arange(len(way)) % 2))
         found = patch_features(patches)
         assert found.edge.shape == (0, len(found.edge_names))
-        known = [name not in COLUMNS for name in found.node_names]
-        assert np.isfinite(found.node[:, known]).all()
+        assert np.isfinite(always_known(found)).all()
 
     def test_the_order_of_points_changes_nothing(self):
         patches = seen(sample_patches(DOUBLE + FENCE, 1, 20.0, NOISE), [(5, -5, 1)] * 4, [0, 1, 0, 1], [0, 99, 0, 99])

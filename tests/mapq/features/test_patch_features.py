@@ -12,7 +12,7 @@ from mapq.features import FeatureSettings, patch_features
 from mapq.features.node import SHAPE_NAMES
 from mapq.patches import Patches
 from prf.shell.errors import ConfigError, InputError
-from tests.mapq.factories import Rectangle, make_patches, moved, sample_patches, shuffled, turn, wall
+from tests.mapq.factories import Rectangle, always_known, make_patches, moved, sample_patches, shuffled, turn, wall
 
 STREET = [
     Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), 20, 20),
@@ -96,7 +96,7 @@ class TestDegenerate:
         patches = make_patches([points, points + apart], [Y, Y], loose=3)
         features = patch_features(patches, FeatureSettings(reading=reading))
         assert len(features.pairs) == (apart[1] < 3)
-        for values in (features.node, features.edge, features.plausibility, features.shape):
+        for values in (always_known(features), features.edge, features.plausibility, features.shape):
             assert np.isfinite(values).all()
 
     @pytest.mark.parametrize("reading", ["safe", "literal"])
@@ -120,7 +120,7 @@ class TestDegenerate:
         normals /= np.linalg.norm(normals, axis=1)[:, None]
         patches = make_patches([np.round(p) if whole else p for p in points], normals)
         features = patch_features(patches)
-        for values in (features.node, features.edge, features.plausibility, features.shape):
+        for values in (always_known(features), features.edge, features.plausibility, features.shape):
             assert np.isfinite(values).all()
         assert (np.abs(features.plausibility) <= 1).all()
 

@@ -1,0 +1,149 @@
+"""What trees see of patches: their own features, and those of the pair that is in the worst conflict."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mapq.crf.evidence import EVIDENCE, NOBODY, WITHOUT_SCANS, Columns, columns_of, with_evidence
+from mapq.features.context import EDGE_COLUMNS, NODE_COLUMNS
+from mapq.features.edge import EDGE_NAMES
+from mapq.features.node import NODE_NAMES
+from mapq.graph import PatchFeatures
+from prf.shell.errors import InputError
+from tests.reference.mapq_crf import draw_pairs
+from tests.reference.mapq_trees import draw_potential, slow_log_odds
+
+NODE = (*NODE_NAMES, *NODE_COLUMNS["moments"], *NODE_COLUMNS["rays"])
+CONTEXT = (*EDGE_COLUMNS["outlines"], *EDGE_COLUMNS["moments"], *EDGE_COLUMNS["rays"])
+
+
+def draw(seed: int, n_patches: int = 12, n_pairs: int = 25) -> PatchFeatures:
+    """Return features of which some pairs are in no conflict, and some conflicts equal."""
+    rng = np.random.default_rng(seed)
+    pairs = draw_pairs(rng, n_patches, n_pairs)
+    edge = rng.uniform(0.1, 1.0, (len(pairs), len(EDGE_NAMES)))
+    edge[:, 2:4] = rng.choice([0.0, 0.25, 0.5, 1.0], (len(pairs), 2))
+    edge[:, 1] = rng.choice([0.5, 1.0], len(pairs))
+    context = rng.uniform(-1.0, 1.0, (len(pairs), len(CONTEXT))) * (edge[:, 1] * edge[:, 2])[:, None]
+    node = rng.normal(size=(n_patches, len(NODE)))
+    x, names = rng.uniform(-1.0, 1.0, len(pairs)), (*EDGE_NAMES, *CONTEXT)
+    return PatchFeatures("safe", node, pairs, np.hstack([edge, context]), x, NODE, names, 0, context_names=CONTEXT)
+
+
+def slow_columns(features: PatchFeatures, patch: int) -> dict[str, tuple[float, int]]:
+    """Return the columns of a patch by their definition: value and other patch."""
+    rows = [dict(zip(features.edge_names, row, strict=True)) for row in features.edge.tolist()]
+    found = {name: (value, NOBODY) for name, value in zip(NODE, features.node[patch].tolist(), strict=True)}
+    mine = [
+        (rows[k], i + j - patch) for k, (i, j) in enumerate(features.pairs.tolist()) if patch in (i, j)
+    ]  # the other patch of (i, j)
+    for name, part in (("worst_overlap", "overlap"), ("worst_crossing", "crossing")):
+        worst = max(mine, key=lambda pair: (pair[0]["weight"] * pair[0][part], -pair[1]), default=None)
+        if worst is None or worst[0][part] == 0.0:
+            found[name], row, other = (0.0, NOBODY), None, NOBODY
+        else:
+            row, other = worst
+            found[name] = row["weight"] * row[part], other
+        if part == "crossing":
+            found["across_angle_deg"] = (np.nan if row is None else row["angle_deg"], other)
+            continue
+        for each in ("angle_deg", "offset", "separation"):
+            found[f"over_{each}"] = (np.nan if row is None else row[each], other)
+        for each in CONTEXT:
+            share = np.nan if row is None else row[each] / found[name][0]
+            found[f"over_{each}"] = (share, other)
+    total = sum(row["weight"] * (row["overlap"] + row["crossing"]) for row, _ in mine)
+    return found | {"sum_of_conflicts": (total, NOBODY)}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_columns_are_those_of_the_pair_in_the_worst_conflict(seed):
+    features = draw(seed)
+    columns = columns_of(features)
+    assert len(set(columns.names)) == len(columns.names)
+    for patch in range(len(features.node)):
+        expected = slow_columns(features, patch)
+        assert set(columns.names) == set(expected)
+        for place, name in enumerate(columns.names):
+            value, other = expected[name]
+            assert columns.values[patch, place] == pytest.approx(value, abs=1e-12, nan_ok=True), name
+            assert columns.other[patch, place] == other, name
+
+
+def test_a_pair_that_nobody_knows_to_have_been_seen_together_says_so():
+    """In the features it is 0 what a map does not tell; trees tell it from as much for as against."""
+    features = draw(1)
+    features.edge[:, features.edge_names.index("seen_together")] = 0.0
+    columns = columns_of(features)
+    assert np.isnan(columns.values[:, columns.names.index("over_seen_together")]).all()
+
+
+@pytest.mark.parametrize("change", ["order of pairs", "both ways round", "numbers of patches"])
+def test_neither_numbers_nor_order_matter(change):
+    features, rng = draw(2), np.random.default_rng(0)
+    # Of pairs in equal conflict it is the smaller number that decides: there are none here.
+    features.edge[:, 1] = rng.uniform(0.5, 1.0, len(features.pairs))
+    order, number = np.arange(len(features.pairs)), np.arange(len(features.node))
+    pairs = features.pairs
+    if change == "order of pairs":
+        order = rng.permutation(order)
+    elif change == "both ways round":
+        pairs = pairs[:, ::-1]
+    else:
+        number = rng.permutation(number)
+    place = np.argsort(number)
+    turned = features._replace(node=features.node[number], pairs=place[pairs][order], edge=features.edge[order])
+    one, other = columns_of(features), columns_of(turned)
+    np.testing.assert_allclose(other.values, one.values[number], rtol=1e-14)
+    np.testing.assert_array_equal(other.other, np.where(one.other < 0, NOBODY, place[one.other])[number])
+
+
+@pytest.mark.parametrize(("n_patches", "n_pairs"), [(0, 0), (1, 0), (4, 0)])
+def test_maps_without_pairs(n_patches, n_pairs):
+    columns = columns_of(draw(1, n_patches, n_pairs))
+    assert columns.values.shape == columns.other.shape == (n_patches, len(columns.names))
+    assert (columns.other == NOBODY).all()
+
+
+def test_without_scans_columns_are_as_a_map_of_points_alone_has_them():
+    features = draw(3)
+    columns = columns_of(features).without_scans()
+    for group in ("moments", "rays"):
+        names = [*NODE_COLUMNS[group], *(f"over_{name}" for name in EDGE_COLUMNS[group])]
+        assert set(names) <= set(WITHOUT_SCANS)
+    plain = features._replace(node=features.node.copy(), edge=features.edge.copy())
+    plain.node[:, [NODE.index(name) for name in NODE_COLUMNS["moments"]]] = np.nan
+    plain.node[:, NODE.index("seen_through")] = 0.0
+    for name in (*EDGE_COLUMNS["moments"], *EDGE_COLUMNS["rays"]):
+        plain.edge[:, features.edge_names.index(name)] = 0.0
+    expected = columns_of(plain)
+    for place, name in enumerate(columns.names):
+        np.testing.assert_array_equal(columns.values[:, place], expected.values[:, place], err_msg=name)
+
+
+def test_evidence_is_one_more_node_feature():
+    features = draw(4)
+    columns = columns_of(features)
+    assert with_evidence(features, None) is features
+    potential = draw_potential(np.random.default_rng(1), columns.names[::-2])
+    found = with_evidence(features, potential)
+    assert found.node_names == (*NODE, EVIDENCE)
+    np.testing.assert_array_equal(found.node[:, :-1], features.node)
+    np.testing.assert_allclose(found.node[:, -1], slow_log_odds(potential, columns), atol=1e-12)
+
+
+def test_importance_is_the_mean_that_a_column_moves():
+    columns = [columns_of(draw(seed)) for seed in (1, 2)]
+    potential = draw_potential(np.random.default_rng(1), columns[0].names)
+    found = potential.importance(columns)
+    assert tuple(found) == columns[0].names
+    asked = {columns[0].names[place] for place in potential.trees.column if place >= 0}
+    assert {name for name, moved in found.items() if moved > 0.0} <= asked
+    both = Columns(columns[0].names, *(np.vstack([getattr(c, name) for c in columns]) for name in ("values", "other")))
+    assert potential.importance([both]) == pytest.approx(found)
+
+
+def test_a_column_that_features_lack_is_named():
+    with pytest.raises(InputError, match="asks for colour"):
+        columns_of(draw(1)).take(("fit", "colour"))
