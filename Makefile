@@ -76,7 +76,7 @@ bench: setup ## speed and quality beside references in the same run; some ten mi
 	$(BIN)/python -m benchmarks.table2
 
 model: setup ## train the model that ships with mapq anew, on simulated maps
-	$(BIN)/python data/make_default_model.py
+	$(BIN)/python -m data.make_default_model
 
 clean: ## remove .venv, what the demo made, and caches
 	rm -rf $(VENV) .venv-oldest demo verify .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks .coverage build dist

@@ -9,6 +9,7 @@ import numpy as np
 
 from mapq.crf import Terms
 from mapq.crf.explain import BASE, NEIGHBOUR_LABEL, NEIGHBOURS, NO_OTHER
+from mapq.features.context import DISAGREEMENT
 from mapq.graph import PatchFeatures
 
 MEASURES = {
@@ -20,11 +21,18 @@ MEASURES = {
 }
 """Node feature to the shape measure that says the same to people, and how to say it."""
 
-SHARES = {
-    "seen_through": "rays of other passes go through {:.0%} of it",
-    "seen_apart": "{:.0%} of the points on and over it lie over it and were seen at other times",
-}
+SHARES = {"seen_through": "rays of other passes go through {:.0%} of it"}
 """Node feature that is a share, and how to say it."""
+
+GROUPS = {
+    **dict.fromkeys((*DISAGREEMENT, "n_scans", "seen_by_several"), "disagreement"),
+    **dict.fromkeys(("copy_cover", "copy_even", "copy_density"), "copy_cover"),
+    **dict.fromkeys(("near_cover", "near_even", "near_density"), "near_cover"),
+    **dict.fromkeys(("shift_support", "shift_here", "shift_along", "shift_length"), "shift_support"),
+}
+"""Node features that are one reason, to the one it is named by."""
+AGREE = 0.05
+"""Metres up to which scans are said to agree."""
 
 PARALLEL_DEG = 5.0
 """Planes that part by less are called parallel: so much two passes over one wall are turned against each other."""
@@ -94,7 +102,7 @@ class Reasons:
         return found[:n_most]
 
     def _all(self, patch: int) -> Iterator[Reason]:
-        terms, pairs = self._terms, dict[int, float]()
+        terms, pairs, groups = self._terms, dict[int, float](), dict[str, float]()
         for place in range(int(self._starts[patch]), int(self._starts[patch + 1])):
             name, gain = terms.names[int(terms.name[place])], float(terms.contribution[place])
             other, value = int(terms.other[place]), float(terms.value[place])
@@ -103,8 +111,12 @@ class Reasons:
                 yield Reason(f"neighbour {other} is {state}", gain, other, {})
             elif other != NO_OTHER:
                 pairs[other] = pairs.get(other, 0.0) + gain
+            elif name in GROUPS:
+                groups[GROUPS[name]] = groups.get(GROUPS[name], 0.0) + gain
             elif name not in (BASE, NEIGHBOURS):
                 yield self._of_node(patch, name, value, gain)
+        for name, gain in groups.items():
+            yield self._of_group(patch, name, gain)
         for other, gain in pairs.items():
             yield self._of_pair(patch, other, gain)
 
@@ -117,12 +129,35 @@ class Reasons:
         known = float(self._features.shape[patch, self._features.shape_names.index(measure)])
         return Reason(words % known, gain, None, {measure: known})
 
+    def _of_group(self, patch: int, group: str, gain: float) -> Reason:
+        values = dict(zip(self._features.node_names, self._features.node[patch].tolist(), strict=True))
+        measures = {name: values[name] for name, of in GROUPS.items() if of == group and np.isfinite(values[name])}
+        return Reason(group_words(group, values), gain, None, measures)
+
     def _of_pair(self, patch: int, other: int, gain: float) -> Reason:
         key = min(patch, other) * len(self._features.node) + max(patch, other)
         row = self._features.edge[int(np.searchsorted(self._keys, key))]
         values = dict(zip(self._features.edge_names, row.tolist(), strict=True))
         measures = {shown: values[name] for name, shown in PAIR_MEASURES}
         return Reason(pair_words(values, other), gain, other, measures | {name: values[name] for name in PAIR_SHARES})
+
+
+def group_words(group: str, values: dict[str, float]) -> str:
+    """Return what several node features of a patch say together, given all of its node features by name."""
+    if group == "disagreement":
+        if not np.isfinite(values["disagreement"]):
+            return "no two scans are known to have seen it"
+        if values["disagreement"] <= AGREE:
+            return f"{values['n_scans']:.0f} scans that see it agree within {AGREE} m"
+        low, metres, high = (values[name] for name in ("disagreement_low", "disagreement", "disagreement_high"))
+        return f"scans that see it disagree by {metres:.2f} m ({low:.2f} to {high:.2f})"
+    if group == "shift_support":
+        if not values["shift_support"] > 0.0:
+            return "no shift lays the surfaces around onto others"
+        far = f"{values['shift_length']:.2f} m"
+        return f"a shift by {far} lays {values['shift_support']:.0%} of the surfaces around onto others"
+    where = "it" if group == "copy_cover" else "the patches around"
+    return f"second layers cover {np.nan_to_num(values[group]):.0%} of {where}"
 
 
 def pair_words(values: dict[str, float], other: int) -> str:
