@@ -17,15 +17,11 @@ from threadpoolctl import threadpool_limits
 
 from mapq.features.provenance import Moments
 from mapq.features.shape import PatchShapes
-from mapq.features.voxels import table_of
+from mapq.features.voxels import FARTHEST, nearby_points
 from mapq.kernels.alignment import fit_motions, match_scans, ranges_of_cells
-from mapq.kernels.nearby import Nearby
 from mapq.kernels.sightings import CELL_SPACINGS, LARGEST_CELL, SMALLEST_CELL, Motions, find_layers, find_sightings
-from mapq.kernels.voxels import voxel_keys
 from mapq.patches import Patches
 
-FARTHEST = 1.5
-"""Metres off its plane up to which points lie over a patch."""
 LONGEST_SHIFT = 1.2
 """Metres by which scans may lie off each other."""
 WINDOW, OWNED = 20.0, 10.0
@@ -148,18 +144,6 @@ def joined(patches: Patches, number: Ints, moments: Moments) -> Ints:
     key = patches.patch[number[of_patch]].astype(np.int64) * width + moments.moment[of_patch]
     seen = np.bincount(np.unique(key) // width)
     return moments.moment // np.int64(max(1, -(-int(np.median(seen[seen > 0])) // MOST_SCANS)))
-
-
-def nearby_points(patches: Patches, number: Ints, moment: Ints, to_sensor: Floats | None) -> Nearby:
-    """Return points of a cloud in voxels as wide as anything over a patch may be off it."""
-    points = np.ascontiguousarray(patches.cloud.xyz[number], np.float64)
-    key = voxel_keys(points, FARTHEST)
-    order = np.argsort(key, kind="stable")
-    distinct, first = np.unique(key[order], return_index=True)
-    towards = np.zeros_like(points) if to_sensor is None else np.nan_to_num(to_sensor[order])
-    first = np.append(first, len(order)).astype(np.int64)
-    numbers = patches.patch[number[order]].astype(np.int64)
-    return Nearby(points[order], moment[order], numbers, towards, distinct, first, table_of(distinct), FARTHEST)
 
 
 def window_centres(middle: Floats, rank: Ints) -> Floats:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mapq.axes import from_corner
 from mapq.cloud import PointCloud
-from mapq.features.disagreement import FARTHEST
+from mapq.features.voxels import FARTHEST
 from mapq.kernels.voxels import voxel_keys
 from mapq.patches import NO_PATCH, Patches
 from mapq.scale.patches import Whole
