@@ -21,9 +21,6 @@ MEASURES = {
 }
 """Node feature to the shape measure that says the same to people, and how to say it."""
 
-SHARES = {"seen_through": "rays of other passes go through {:.0%} of it"}
-"""Node feature that is a share, and how to say it."""
-
 GROUPS = {
     **dict.fromkeys((*DISAGREEMENT, "n_scans", "seen_by_several"), "disagreement"),
     **dict.fromkeys(("copy_cover", "copy_even", "copy_density"), "copy_cover"),
@@ -38,9 +35,6 @@ PARALLEL_DEG = 5.0
 """Planes that part by less are called parallel: so much two passes over one wall are turned against each other."""
 TOUCHING = 0.05
 """Overlap or crossing below which two patches neither lie over one another nor cross: chance makes as much."""
-
-SEEN_THROUGH = 0.2
-"""Share of a patch from which it is said that rays of other passes go through it."""
 
 PAIR_MEASURES = (("offset", "offset_m"), ("separation", "separation_m"), ("angle_deg", "angle_deg"))
 PAIR_SHARES = ("overlap", "crossing")
@@ -121,8 +115,6 @@ class Reasons:
             yield self._of_pair(patch, other, gain)
 
     def _of_node(self, patch: int, name: str, value: float, gain: float) -> Reason:
-        if name in SHARES:
-            return Reason(SHARES[name].format(value), gain, None, {name: value})
         measure, words = MEASURES.get(name, ("", ""))
         if measure not in self._features.shape_names:
             return Reason(f"{name} {value:.3g}", gain, None, {name: value})
@@ -176,12 +168,6 @@ def pair_words(values: dict[str, float], other: int) -> str:
 
 def context_words(values: dict[str, float]) -> str:
     """Return what context says of a pair that lies over one another, given its edge features; it may be nothing."""
-    over = values["weight"] * values["overlap"]
-    words = []
-    if abs(values.get("seen_together", 0.0)) > 0.5 * over:
-        words.append("seen together" if values["seen_together"] > 0.0 else "seen at different times")
-    if values.get("through_conflict", 0.0) > SEEN_THROUGH * over:
-        words.append("one is seen through by other passes")
-    if values.get("facing_away", 0.0) > 0.5 * over:
-        words.append("seen from opposite sides: two faces of one wall")
-    return "".join(f", {each}" for each in words)
+    if values.get("facing_away", 0.0) > 0.5 * values["weight"] * values["overlap"]:
+        return ", seen from opposite sides: two faces of one wall"
+    return ""

@@ -25,7 +25,7 @@ NOBODY = -1
 OVER, ACROSS = "worst_overlap", "worst_crossing"
 SHARES = ("partly_covered", "unlike_height", "facing_away")
 """Of the pair with the largest weighted overlap, in times this, which they contain."""
-LEFT_OUT = ("tilt", "seen_through")
+LEFT_OUT = ("tilt",)
 """Node features that say nothing of an error: of walls of other places something else would be learnt."""
 RISING = {
     **dict.fromkeys(("disagreement", "disagreement_low", "disagreement_high"), 1),

@@ -1,8 +1,8 @@
 """Context of pairs and patches beyond the paper: what looks like an error of the map, and is none.
 
 Each group can be left out (`FeatureSettings.context`). What a map does not tell (passes, sensors) is 0 in its column,
-neither for nor against; what scans disagree by is nan there. Columns of pairs are conflicts, W (A + R) or a part of it,
-times something between 0 and 1 or -1 and 1: a pair without a conflict has nothing to be explained.
+neither for nor against; what scans disagree by is nan there. Columns of pairs are conflicts, W A, times something
+between 0 and 1 or -1 and 1: a pair without a conflict has nothing to be explained.
 """
 
 from __future__ import annotations
@@ -15,30 +15,27 @@ from numpy.typing import NDArray
 from mapq.features.copies import COLUMNS, copy_columns
 from mapq.features.disagreement import measure_disagreement
 from mapq.features.edge import EDGE_NAMES, smaller_first
-from mapq.features.provenance import Known, Moments, known_of, moments_of, views_of, ways_of
-from mapq.features.rays import Rays, seen_side, seen_through
+from mapq.features.provenance import Known, known_of, moments_of, ways_of
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes
 from mapq.graph import PatchGraph
-from mapq.kernels.together import seen_together
 from mapq.patches import Patches
 
 DISAGREEMENT = ("disagreement", "disagreement_low", "disagreement_high")
 """Columns of what scans disagree by, and its bounds, in metres."""
 NODE_COLUMNS = {
     "moments": (*DISAGREEMENT, "n_scans", "seen_by_several"),
-    "rays": ("seen_through",),
     "copies": tuple(COLUMNS),
 }
 EDGE_COLUMNS = {
     "outlines": ("partly_covered", "unlike_height"),
-    "moments": ("seen_together",),
-    "rays": ("through_conflict", "facing_away"),
+    "rays": ("facing_away",),
 }
 """Group to its columns, of patches and of pairs."""
 
-LEAST_OVERLAP = 1e-3
-"""Weighted overlap below which a pair is not looked at: there is nothing to be explained."""
+GRAZING = 0.1
+"""Cosine of the angle to a patch's normal below which a ray does not show a side: it runs along the patch."""
+
 Floats = NDArray[np.float64]
 
 
@@ -58,17 +55,11 @@ class Beyond(NamedTuple):
     ----------
     known : Known
         Which of its fields count.
-    rays : Rays or None
-        Those that are followed and come near the patches; None where no rays are known.
-    side : float or None
-        Of the voxels that rays go through, in metres.
     centres : (w, 3) float64 or None
         Of the windows in which scans are compared; None where no moments are known.
     """
 
     known: Known
-    rays: Rays | None = None
-    side: float | None = None
     centres: Floats | None = None
 
 
@@ -94,7 +85,7 @@ def measure_context(
         None: the patches are all of the map.
     """
     wanted = settings.context
-    known, rays, side, centres = beyond or Beyond(known_of(patches.cloud))
+    known, centres = beyond or Beyond(known_of(patches.cloud))
     pairs = _Pairs(shapes, graph, edge)
     node: dict[str, Floats] = {}
     columns: dict[str, Floats] = {}
@@ -103,14 +94,10 @@ def measure_context(
     if "moments" in wanted:
         number = np.flatnonzero(patches.cloud.finite())
         moments = moments_of(patches.cloud, number, known)
-        columns["seen_together"] = together(pairs, moments, number)
         away = ways_of(patches.cloud, number, known)
         found = measure_disagreement(patches, shapes, number, moments, away, shapes.noise(settings), centres)
         node |= dict(zip(NODE_COLUMNS["moments"], found, strict=True))
     if "rays" in wanted:
-        through = seen_through(shapes, views_of(patches.cloud, shapes.number, known), settings, rays, side)
-        node["seen_through"] = through
-        columns["through_conflict"] = pairs.conflict * through[graph.pairs].max(axis=1, initial=-np.inf)
         columns["facing_away"] = facing_away(pairs, seen_side(shapes, ways_of(patches.cloud, shapes.number, known)))
     if "copies" in wanted:
         node |= copy_columns(patches, shapes, settings)
@@ -118,12 +105,11 @@ def measure_context(
 
 
 class _Pairs:
-    """Pairs with their conflicts: W A, and W (A + R)."""
+    """Pairs with their conflicts W A."""
 
     def __init__(self, shapes: PatchShapes, graph: PatchGraph, edge: Floats) -> None:
         self.shapes, self.graph = shapes, graph
-        weight, overlap, crossing = (edge[:, EDGE_NAMES.index(name)] for name in ("weight", "overlap", "crossing"))
-        self.over, self.conflict = weight * overlap, weight * (overlap + crossing)
+        self.over = edge[:, EDGE_NAMES.index("weight")] * edge[:, EDGE_NAMES.index("overlap")]
         self.shared = edge[:, EDGE_NAMES.index("overlap_area")]
         self.ordered = smaller_first(shapes, graph)
 
@@ -157,21 +143,20 @@ def facing_away(pairs: _Pairs, side: Floats) -> Floats:
     return np.asarray(np.nan_to_num(pairs.over * (2.0 * both - 1.0)))
 
 
-def together(pairs: _Pairs, moments: Moments | None, number: NDArray[np.int64]) -> Floats:
-    """Return W A (2 s - 1), s how far both were seen at the same moments where they lie over one another; 0 unknown.
+def seen_side(shapes: PatchShapes, to_sensor: Floats | None) -> Floats:
+    """Return from which side (m,) each patch was seen: 1 where its normal points, -1 behind; nan unknown.
 
-    What one scan sees twice is twice there; copies of a wall come from different visits. The moments are those of
-    points `number` (n,) of the cloud, ascending.
+    The mean over its points, whose ways to the sensor (k, 3) may be nan; rays that graze the patch do not count.
     """
-    out, shapes = np.zeros(len(pairs.over)), pairs.shapes
-    some = np.flatnonzero(pairs.over > LEAST_OVERLAP)
-    if moments is not None and len(some):
-        own = moments.moment[np.searchsorted(number, shapes.number)]
-        share = seen_together(
-            shapes.sheets, shapes.planes, shapes.points, shapes.start, pairs.ordered[some], own, moments.reach
-        )
-        out[some] = np.where(np.isnan(share), 0.0, pairs.over[some] * (2.0 * share - 1.0))
-    return out
+    if to_sensor is None:
+        return np.full(len(shapes), np.nan)
+    patch = np.repeat(np.arange(len(shapes)), shapes.counts)
+    height = np.einsum("ij,ij->i", to_sensor, shapes.normal[patch])
+    steep = np.abs(height) > GRAZING * np.linalg.norm(to_sensor, axis=1)
+    sums, counts = (
+        np.bincount(patch[steep], each, len(shapes)) for each in (np.sign(height[steep]), np.ones(steep.sum()))
+    )
+    return np.asarray(np.where(counts > 0.0, sums / np.maximum(counts, 1.0), np.nan))
 
 
 def _stack(columns: dict[str, Floats], n_rows: int) -> Floats:

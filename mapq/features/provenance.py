@@ -56,22 +56,18 @@ class Known(NamedTuple):
         Field of the moments.
     start : float
         Least time, where moments are times.
-    passes : str or None
-        Field by which rays are told apart.
     has_rays : bool
         Whether it is known where the sensor was.
     """
 
     moment: str | None
     start: float
-    passes: str | None
     has_rays: bool
 
     @property
     def fields(self) -> tuple[str, ...]:
         """Names of the fields that count."""
-        rays = (self.passes, *TO_SENSOR) if self.has_rays else ()
-        return tuple(dict.fromkeys(name for name in (self.moment, *rays) if name is not None))
+        return (*((self.moment,) if self.moment is not None else ()), *(TO_SENSOR if self.has_rays else ()))
 
 
 class Moments(NamedTuple):
@@ -87,21 +83,6 @@ class Moments(NamedTuple):
 
     moment: NDArray[np.int64]
     reach: int
-
-
-class Views(NamedTuple):
-    """From where points were seen.
-
-    Attributes
-    ----------
-    to_sensor : (k, 3) float64
-        Metres, nan where it is not known.
-    seen_by : (k,) float64
-        Number of the pass, or else of the scan, as the field has it.
-    """
-
-    to_sensor: NDArray[np.float64]
-    seen_by: NDArray[np.float64]
 
 
 def span_of(cloud: PointCloud, name: str, number: NDArray[np.int64]) -> Span | None:
@@ -131,8 +112,7 @@ def decide(spans: Mapping[str, Span]) -> Known:
         moment, start = TIME, time.low
     elif _are_numbers(spans.get(PASS, Span()), least=2):
         moment = PASS
-    passes = next((name for name in (PASS, SCAN) if _are_numbers(spans.get(name, Span()), least=2)), None)
-    return Known(moment, start, passes, all(name in spans for name in TO_SENSOR))
+    return Known(moment, start, all(name in spans for name in TO_SENSOR))
 
 
 def known_of(cloud: PointCloud) -> Known:
@@ -162,14 +142,6 @@ def ways_of(cloud: PointCloud, number: NDArray[np.int64], known: Known) -> NDArr
     if not known.has_rays:
         return None
     return np.column_stack([np.asarray(cloud.fields[name][number], np.float64) for name in TO_SENSOR])
-
-
-def views_of(cloud: PointCloud, number: NDArray[np.int64], known: Known) -> Views | None:
-    """Return from where and on which pass some points (k,) of a cloud were seen; None if that is not known."""
-    ways = ways_of(cloud, number, known)
-    if ways is None or known.passes is None:
-        return None
-    return Views(ways, np.asarray(cloud.fields[known.passes][number], np.float64))
 
 
 def _numbers(cloud: PointCloud, name: str, number: NDArray[np.int64]) -> NDArray[np.float64] | None:

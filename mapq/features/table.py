@@ -39,13 +39,10 @@ UNITS = {
         "disagreement_high": "m",
         "n_scans": "count",
         "seen_by_several": "1",
-        "seen_through": "1",
         **dict.fromkeys(COLUMNS, "1"),
         "shift_length": "m",
         "partly_covered": "1",
         "unlike_height": "1",
-        "seen_together": "1",
-        "through_conflict": "1",
         "facing_away": "1",
     }
 }

@@ -7,12 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.features.provenance import TO_SENSOR, Known
-from mapq.features.rays import has_ray
 from mapq.kernels.planes import MOMENTS
 from mapq.kernels.regions import sum_regions
 from mapq.scale.moments import translate
-from mapq.scale.spool import TilePoints, read_tile_points
+from mapq.scale.spool import read_tile_points
 from mapq.scale.tile_files import TileFiles
 from mapq.segmentation.core import make_core
 from mapq.segmentation.finish import CELL_IN_SPACING, region_areas, tilt_of
@@ -60,8 +58,6 @@ class CutTask(NamedTuple):
     halo : float
     folder : str
         The work folder.
-    known : Known
-        Which fields say where and when points were seen.
     decided : Decided or None
         None: what is one plane is for the tile to say.
     """
@@ -74,7 +70,6 @@ class CutTask(NamedTuple):
     box: Floats
     halo: float
     folder: str
-    known: Known
     decided: Decided | None = None
 
 
@@ -108,8 +103,8 @@ class Cut(NamedTuple):
         Moments of the tile's own distinct points about an origin.
     seen : (m, 10) float64
         Those of all points that the tile sees, halo included, about the same origin.
-    n_points, n_rays : (m,) int64
-        Own points, repeated ones included, and those of which it is known where the sensor was.
+    n_points : (m,) int64
+        Own points, repeated ones included.
     low, high : (m, 3) float64
         Box of the own points.
     first : (m,) uint64
@@ -130,7 +125,6 @@ class Cut(NamedTuple):
     own: Floats
     seen: Floats
     n_points: NDArray[np.int64]
-    n_rays: NDArray[np.int64]
     low: Floats
     high: Floats
     first: NDArray[np.uint64]
@@ -238,7 +232,6 @@ def _described(
         own=own,
         seen=_about(seen.origin, origin, seen.sums, some),
         n_points=n_points,
-        n_rays=_count_rays(task.known, files.parts, of_point, n_regions),
         low=low,
         high=high,
         first=first,
@@ -261,14 +254,3 @@ def _surely_tilted(fits: Fits, chosen: Parameters) -> NDArray[np.bool_]:
     """Return which regions (m,) no whole patch can be made of: they lie far too flat."""
     tilted = tilt_of(fits.planes, chosen) > chosen.max_tilt + CLEARLY_TILTED
     return np.asarray(tilted & (fits.sums[:, 0] >= CLEARLY_LARGE))
-
-
-def _count_rays(
-    known: Known, parts: list[TilePoints], of_point: NDArray[np.int32], n_regions: int
-) -> NDArray[np.int64]:
-    """Return how many points (m,) of each region have a way to the sensor."""
-    if not known.has_rays or known.passes is None:
-        return np.zeros(n_regions, np.int64)
-    ways = [np.concatenate([part.fields[name] for part in parts]) for name in TO_SENSOR]
-    some = has_ray(np.column_stack(ways)) & (of_point >= 0)
-    return np.bincount(of_point[some], minlength=n_regions).astype(np.int64)

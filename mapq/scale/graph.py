@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mapq.features.edge import EDGE_NAMES
 from mapq.features.node import SHAPE_NAMES
 from mapq.features.settings import FeatureSettings
 from mapq.graph import PatchFeatures
 from mapq.scale.measure import Measured
-
-THROUGH_NODE, THROUGH_EDGE = "seen_through", "through_conflict"
-
-Floats = NDArray[np.float64]
 
 
 def join_measures(
@@ -39,7 +34,6 @@ def join_measures(
     _, rows = np.unique(pairs[:, 0] * max(n_patches, 1) + pairs[:, 1], return_index=True)
     pairs = pairs[rows].astype(np.int32)
     edge = np.concatenate([part.edge for part in measured])[rows]
-    _look_through(node, pairs, edge, first)
     return PatchFeatures(
         reading="safe",
         node=node,
@@ -53,15 +47,4 @@ def join_measures(
         shape_names=SHAPE_NAMES,
         context_names=first.edge_names[len(EDGE_NAMES) :],
         parameters=settings.described(max(settings.noise or settings.eps, settings.eps), up),
-    )
-
-
-def _look_through(node: Floats, pairs: NDArray[np.int32], edge: Floats, names: Measured) -> None:
-    """Correct in place what pairs say of rays through their patches: a neighbour's share is known to its own part."""
-    if THROUGH_NODE not in names.node_names or THROUGH_EDGE not in names.edge_names:
-        return
-    weight, overlap, crossing = (edge[:, EDGE_NAMES.index(name)] for name in ("weight", "overlap", "crossing"))
-    through = node[:, names.node_names.index(THROUGH_NODE)]
-    edge[:, names.edge_names.index(THROUGH_EDGE)] = (
-        weight * (overlap + crossing) * through[pairs].max(axis=1, initial=0.0)
     )

@@ -25,7 +25,6 @@ from mapq.features.shape import PatchShapes, curve_places, measure_shapes
 from mapq.graph import PatchGraph
 from mapq.scale.gather import LOOSE_REACH, Part, gather, patches_near, with_loose
 from mapq.scale.patches import Whole, load_whole
-from mapq.scale.rays import rays_near
 
 SLACK = 0.1
 """Metres by which the middle of a patch may lie elsewhere once points that repeat others count as well."""
@@ -49,9 +48,6 @@ class MeasureTask(NamedTuple):
         How points are loaded.
     known : Known
         Which fields of the map count.
-    side : float or None
-        Of the voxels that rays go through, in metres; None where no rays are known.
-    n_ray_files : int
     boxes : (t, 4) float64
         Corners of the tiles.
     centres : (w, 3) float64
@@ -64,8 +60,6 @@ class MeasureTask(NamedTuple):
     settings: FeatureSettings
     part: Part
     known: Known
-    side: float | None
-    n_ray_files: int
     boxes: Floats
     centres: Floats
     most_far: int
@@ -119,7 +113,7 @@ def measure_patches(task: MeasureTask) -> Measured:
         patches = with_loose(patches, is_about, step, whole, task.boxes, task.part)
     shapes = measure_shapes(patches, settings)
     graph = _watched(shapes, is_own, settings)
-    found = safe_features(patches, shapes, graph, settings, _beyond(task, whole, chosen))
+    found = safe_features(patches, shapes, graph, settings, Beyond(task.known, task.centres - whole.corner))
     shape = shape_table(shapes)[is_own]
     shape[:, 0] = whole.n_points[task.patches]
     return Measured(
@@ -138,16 +132,6 @@ def _about(whole: Whole, own: Ints) -> Ints:
     """Return the patches, ascending, whose layers say something of some patches; these themselves too."""
     found = cKDTree(whole.centroid[own]).query(whole.centroid, distance_upper_bound=ABOUT + SLACK)[0]
     return np.flatnonzero(np.isfinite(found))
-
-
-def _beyond(task: MeasureTask, whole: Whole, chosen: Ints) -> Beyond:
-    """Return what is known of the map beyond the patches that are measured."""
-    centres = task.centres - whole.corner
-    if task.side is None or len(task.patches) == 0:
-        return Beyond(task.known, None, task.side, centres)
-    low, high = whole.low[task.patches].min(axis=0), whole.high[task.patches].max(axis=0)
-    box = np.array([low - 2.0 * task.side, high + 2.0 * task.side]) - whole.corner
-    return Beyond(task.known, rays_near(task.part.folder, task.n_ray_files, box, chosen), task.side, centres)
 
 
 def _watched(shapes: PatchShapes, is_own: NDArray[np.bool_], settings: FeatureSettings) -> PatchGraph:

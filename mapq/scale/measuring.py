@@ -13,7 +13,6 @@ from mapq.assess.visits import Clock, join_stays, visits_from
 from mapq.axes import turn
 from mapq.features.disagreement import window_centres
 from mapq.features.provenance import Known
-from mapq.features.rays import ray_step, voxel_side
 from mapq.features.settings import FeatureSettings
 from mapq.graph import PatchFeatures
 from mapq.scale.causes import Found, judge_spreads, measure_spreads, plan_causes
@@ -21,7 +20,6 @@ from mapq.scale.gather import Part
 from mapq.scale.graph import join_measures
 from mapq.scale.measure import LARGEST_PATCH, MeasureTask, measure_patches, share_out
 from mapq.scale.patches import Whole
-from mapq.scale.rays import RayTask, draw_part
 from mapq.scale.spool import Spooled
 from mapq.scale.stages import Stages
 from mapq.scale.tiling import Tiling
@@ -107,14 +105,12 @@ class Measuring:
     def features(self) -> PatchFeatures:
         """Return the features of all patches and pairs."""
         known = self._cutting.seen.known
-        part, side = self._part(known.fields), self._draw_rays()
-        whole, n_groups, boxes = self._cutting.whole, len(self._groups), self._cutting.tiling.boxes
+        part = self._part(known.fields)
+        whole, boxes = self._cutting.whole, self._cutting.tiling.boxes
         centres = window_centres(whole.centroid, np.argsort(np.lexsort((*whole.centroid.T[::-1], -whole.n_points))))
         owner = cKDTree(centres).query(whole.centroid)[1]
         tasks = [
-            MeasureTask(
-                group, self._settings, part, known, side, n_groups, boxes, centres[np.unique(owner[group])], self._most
-            )
+            MeasureTask(group, self._settings, part, known, boxes, centres[np.unique(owner[group])], self._most)
             for group in self._groups
         ]
         measured = self._stages.each("measuring", measure_patches, tasks)
@@ -133,17 +129,3 @@ class Measuring:
 
     def _part(self, fields: tuple[str, ...]) -> Part:
         return Part(fields, self._largest, self._folder)
-
-    def _draw_rays(self) -> float | None:
-        """Draw the rays that are followed, and return the side of their voxels in metres; None if there are none."""
-        whole, known = self._cutting.whole, self._cutting.seen.known
-        n_rays = int(whole.n_rays.sum())
-        if n_rays == 0 or "rays" not in self._settings.context:
-            return None
-        first, step = np.cumsum(whole.n_rays) - whole.n_rays, ray_step(n_rays)
-        part = self._part(known.fields)
-        tasks = [
-            RayTask(number, group, first[group], step, self._settings, part, known)
-            for number, group in enumerate(self._groups)
-        ]
-        return voxel_side(np.concatenate(self._stages.each("drawing rays", draw_part, tasks)))

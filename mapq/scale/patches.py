@@ -29,8 +29,8 @@ class Whole(NamedTuple):
     normal, centroid : (m, 3) float64
     mse : (m,) float64
         Mean squared distance from the plane, in m².
-    n_points, n_rays : (m,) int64
-        Repeated ones included; those of which it is known where the sensor was.
+    n_points : (m,) int64
+        Repeated ones included.
     low, high : (m, 3) float64
         Box of the points.
     first_piece : (m + 1,) int64
@@ -49,7 +49,6 @@ class Whole(NamedTuple):
     centroid: Floats
     mse: Floats
     n_points: Ints
-    n_rays: Ints
     low: Floats
     high: Floats
     first_piece: Ints
@@ -130,7 +129,6 @@ def join_regions(
         centroid=fits.planes[order, 3:].copy(),
         mse=np.maximum(fits.spread[order, 0], 0.0),
         n_points=n_points[order],
-        n_rays=np.bincount(group, _all(cuts, "n_rays"), n_groups).astype(np.int64)[order],
         low=low[order],
         high=high[order],
         first_piece=first_piece,

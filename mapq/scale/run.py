@@ -15,7 +15,7 @@ from mapq.assess.inputs import feature_settings
 from mapq.axes import GroundPlan, turn
 from mapq.cloud import PointCloud
 from mapq.crf import classify, explain
-from mapq.features.provenance import FIELDS, Known, decide
+from mapq.features.provenance import FIELDS, decide
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.model import Model
 from mapq.patches import SUSPICIOUS
@@ -125,7 +125,7 @@ class Job:
             [self._spool_task(part, quarter, tiling, guess, seen) for part in self.ranges],
         )
         parts = _parts_of_tiles(spooled, len(tiling.boxes))
-        tasks = [self._cut_task(*each, guess, tiling, seen.known) for each in enumerate(parts)]
+        tasks = [self._cut_task(*each, guess, tiling) for each in enumerate(parts)]
         cuts, label = self._regions(tasks, tiling)
         whole, found = join_regions(cuts, self._shared("joining", tiling, "region"), label, guess.chosen)
         whole.save(self.folder)
@@ -190,10 +190,10 @@ class Job:
         read = self._source(part), self.settings.options, part, self.shift
         return SpoolTask(*read, quarter, tiling, guess.near, seen.fields, seen.clock, self.folder)
 
-    def _cut_task(self, tile: int, parts: list[int], guess: Estimate, tiling: Tiling, known: Known) -> CutTask:
+    def _cut_task(self, tile: int, parts: list[int], guess: Estimate, tiling: Tiling) -> CutTask:
         bases = tuple(self.ranges[part].base for part in parts)
         box, halo = tiling.boxes[tile], tiling.halo
-        return CutTask(tile, tuple(parts), bases, guess.chosen, guess.frame, box, halo, self.folder, known)
+        return CutTask(tile, tuple(parts), bases, guess.chosen, guess.frame, box, halo, self.folder)
 
     def _shared(self, stage: str, tiling: Tiling, column: str) -> Shared:
         """Return which regions of neighbouring tiles share points."""

@@ -13,7 +13,6 @@ TOLD = 500
 CUTTING = ("counting", "sorting", "segmenting", "comparing", "cutting again", "joining")
 """Stages after which a map is cut into patches."""
 COSTS = {"counting": 0.7, "sorting": 0.6, "segmenting": 3.8, "comparing": 0.1, "cutting again": 1.0, "joining": 0.1} | {
-    "drawing rays": 0.2,
     "measuring": 1.5,
     "finding causes": 0.2,
     "writing": 1.5,

@@ -27,19 +27,10 @@ PAIR = {"angle_deg": 1.0, "overlap": 0.0, "crossing": 0.0, "offset": 0.32, "sepa
             "crosses patch 41 at 1 degrees, at least 100% of the way from the edges to the middle",
         ),
         (
-            {"overlap": 0.8, "seen_together": -0.4, "through_conflict": 0.3},
-            "parallel to patch 41 at 0.32 m, overlap 80 %, seen at different times, "
-            "one is seen through by other passes",
-        ),
-        (
-            {"overlap": 0.8, "seen_together": 0.4},
-            "parallel to patch 41 at 0.32 m, overlap 80 %, seen together",
-        ),
-        (
             {"overlap": 0.8, "facing_away": 0.4},
             "parallel to patch 41 at 0.32 m, overlap 80 %, seen from opposite sides: two faces of one wall",
         ),
-        ({"overlap": 0.8, "seen_together": 0.1}, "parallel to patch 41 at 0.32 m, overlap 80 %"),
+        ({"overlap": 0.8, "facing_away": 0.1}, "parallel to patch 41 at 0.32 m, overlap 80 %"),
         ({"angle_deg": 88.0}, "0.30 m from patch 41, at 88 degrees, neither over it nor across"),
     ],
 )

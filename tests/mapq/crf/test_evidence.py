@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.crf.evidence import EVIDENCE, NOBODY, WITHOUT_SCANS, Columns, columns_of, with_evidence
+from mapq.crf.evidence import EVIDENCE, LEFT_OUT, NOBODY, OF_SCANS, SHARES, Columns, columns_of, with_evidence
 from mapq.features.context import EDGE_COLUMNS, NODE_COLUMNS
 from mapq.features.edge import EDGE_NAMES
 from mapq.features.node import NODE_NAMES
@@ -14,8 +14,8 @@ from prf.shell.errors import InputError
 from tests.reference.mapq_crf import draw_pairs
 from tests.reference.mapq_trees import draw_potential, slow_log_odds
 
-NODE = (*NODE_NAMES, *NODE_COLUMNS["moments"], *NODE_COLUMNS["rays"])
-CONTEXT = (*EDGE_COLUMNS["outlines"], *EDGE_COLUMNS["moments"], *EDGE_COLUMNS["rays"])
+NODE = (*NODE_NAMES, *NODE_COLUMNS["moments"])
+CONTEXT = (*EDGE_COLUMNS["outlines"], *EDGE_COLUMNS["rays"])
 
 
 def draw(seed: int, n_patches: int = 12, n_pairs: int = 25) -> PatchFeatures:
@@ -34,7 +34,8 @@ def draw(seed: int, n_patches: int = 12, n_pairs: int = 25) -> PatchFeatures:
 def slow_columns(features: PatchFeatures, patch: int) -> dict[str, tuple[float, int]]:
     """Return the columns of a patch by their definition: value and other patch."""
     rows = [dict(zip(features.edge_names, row, strict=True)) for row in features.edge.tolist()]
-    found = {name: (value, NOBODY) for name, value in zip(NODE, features.node[patch].tolist(), strict=True)}
+    values = dict(zip(NODE, features.node[patch].tolist(), strict=True))
+    found = {name: (value, NOBODY) for name, value in values.items() if name not in LEFT_OUT}
     mine = [
         (rows[k], i + j - patch) for k, (i, j) in enumerate(features.pairs.tolist()) if patch in (i, j)
     ]  # the other patch of (i, j)
@@ -46,11 +47,8 @@ def slow_columns(features: PatchFeatures, patch: int) -> dict[str, tuple[float, 
             row, other = worst
             found[name] = row["weight"] * row[part], other
         if part == "crossing":
-            found["across_angle_deg"] = (np.nan if row is None else row["angle_deg"], other)
             continue
-        for each in ("angle_deg", "offset", "separation"):
-            found[f"over_{each}"] = (np.nan if row is None else row[each], other)
-        for each in CONTEXT:
+        for each in SHARES:
             share = np.nan if row is None else row[each] / found[name][0]
             found[f"over_{each}"] = (share, other)
     total = sum(row["weight"] * (row["overlap"] + row["crossing"]) for row, _ in mine)
@@ -71,12 +69,12 @@ def test_columns_are_those_of_the_pair_in_the_worst_conflict(seed):
             assert columns.other[patch, place] == other, name
 
 
-def test_a_pair_that_nobody_knows_to_have_been_seen_together_says_so():
+def test_a_pair_of_which_nobody_knows_from_where_it_was_seen_says_so():
     """In the features it is 0 what a map does not tell; trees tell it from as much for as against."""
     features = draw(1)
-    features.edge[:, features.edge_names.index("seen_together")] = 0.0
+    features.edge[:, features.edge_names.index("facing_away")] = 0.0
     columns = columns_of(features)
-    assert np.isnan(columns.values[:, columns.names.index("over_seen_together")]).all()
+    assert np.isnan(columns.values[:, columns.names.index("over_facing_away")]).all()
 
 
 @pytest.mark.parametrize("change", ["order of pairs", "both ways round", "numbers of patches"])
@@ -109,14 +107,10 @@ def test_maps_without_pairs(n_patches, n_pairs):
 def test_without_scans_columns_are_as_a_map_of_points_alone_has_them():
     features = draw(3)
     columns = columns_of(features).without_scans()
-    for group in ("moments", "rays"):
-        names = [*NODE_COLUMNS[group], *(f"over_{name}" for name in EDGE_COLUMNS[group])]
-        assert set(names) <= set(WITHOUT_SCANS)
+    assert set(OF_SCANS) == {*NODE_COLUMNS["moments"], *(f"over_{name}" for name in EDGE_COLUMNS["rays"])}
     plain = features._replace(node=features.node.copy(), edge=features.edge.copy())
     plain.node[:, [NODE.index(name) for name in NODE_COLUMNS["moments"]]] = np.nan
-    plain.node[:, NODE.index("seen_through")] = 0.0
-    for name in (*EDGE_COLUMNS["moments"], *EDGE_COLUMNS["rays"]):
-        plain.edge[:, features.edge_names.index(name)] = 0.0
+    plain.edge[:, features.edge_names.index("facing_away")] = 0.0
     expected = columns_of(plain)
     for place, name in enumerate(columns.names):
         np.testing.assert_array_equal(columns.values[:, place], expected.values[:, place], err_msg=name)

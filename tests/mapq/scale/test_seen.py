@@ -77,7 +77,7 @@ def test_tiles_have_the_features_of_the_map_in_memory(drive, model, missing):
     path = without(drive, missing) if missing else drive
     plain = assess(segment(read_cloud(path)), model)
     assert_alike(in_tiles(path, TILES, model), plain)
-    for name in ("copy_cover", "seen_through", *(() if "pass_id" in missing else ("disagreement",))):
+    for name in ("copy_cover", *(() if "pass_id" in missing else ("disagreement",))):
         column = plain.features.node[:, plain.features.node_names.index(name)]
         assert np.count_nonzero(np.isfinite(column) & (column > 0.0)) > 10, name
 
@@ -146,27 +146,19 @@ def test_a_map_that_says_nothing_has_unknown_causes_that_say_so(drive, model):
     }
 
 
-def test_of_too_many_rays_tiles_follow_the_same(drive, model, monkeypatch):
-    monkeypatch.setattr("mapq.features.rays.MOST_RAYS", 5_000)
-    plain = assess(segment(read_cloud(drive)), model)
-    assert_alike(in_tiles(drive, TILES, model), plain)
-    through = plain.features.node[:, plain.features.node_names.index("seen_through")]
-    assert np.count_nonzero(through) > 10
-
-
 class TestWhichFieldsCount:
     def test_of_parts_it_is_decided_as_of_the_whole(self):
         whole = PointCloud(np.zeros((4, 3)), np.zeros(3), {"pass_id": np.array([1, 1, 2, 2]), "time": np.arange(4.0)})
         parts = [Span(1.0, 1.0), Span(2.0, 2.0)]
         joined = parts[0].joined(parts[1])
-        assert decide({"pass_id": parts[0]}).passes is None
-        assert decide({"pass_id": joined}) == Known("pass_id", 0.0, "pass_id", False) == known_of(whole)
+        assert decide({"pass_id": parts[0]}).moment is None
+        assert decide({"pass_id": joined}) == Known("pass_id", 0.0, False) == known_of(whole)
 
     def test_a_field_with_a_value_that_is_none_does_not(self):
         for span in (Span(0.0, 3.0, is_known=False), Span(0.0, 3.0, is_whole=False)):
             assert decide({"scan": Span(0.0, 1.0).joined(span)}).moment is None
 
-    def test_rays_count_without_passes_too(self):
+    def test_ways_to_the_sensor_count_without_passes_too(self):
         ways = dict.fromkeys(("to_sensor_x", "to_sensor_y", "to_sensor_z"), Span(0.0, 1.0))
         assert decide(ways).fields == tuple(ways)
         assert decide({**ways, "pass_id": Span(0.0, 1.0)}).fields == ("pass_id", *ways)
