@@ -71,7 +71,8 @@ def assert_bounds(found: Disagreement, truth) -> None:
     assert (np.asarray(truth) <= found.high).all()
 
 
-SHIFTS = [(0.1, 0.0), (0.1, 0.3), (0.3, -0.2), (-0.8, 0.3)]
+SHIFTS = [(0.1, 0.0), (0.3, 0.0), (0.8, 0.0), (0.0, -0.8), (0.1, 0.3), (0.3, -0.2), (-0.8, 0.3)]
+"""Along the long walls, too: all but two walls agree then where they lie."""
 
 
 @pytest.mark.parametrize("sensors", [(BEFORE, BEFORE), ()])
@@ -170,7 +171,7 @@ def test_order_shifts_signs_and_numbers_do_not_matter(kind, change):
     one, two = measured(patches), measured(other)
     for name, values, expected in zip(one._fields, two, one, strict=True):
         # Bins of heights are open at one side, which is the other one where normals point the other way.
-        exactly = {"rtol": 0.0, "atol": {"order": 0.0, "signs": 2e-4}.get(change, 1e-6)}
+        exactly = {"rtol": 0.0, "atol": {"order": 0.0, "signs": 2e-3}.get(change, 1e-6)}
         np.testing.assert_allclose(values, expected[number], err_msg=name, **exactly)
 
 
