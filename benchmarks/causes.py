@@ -12,6 +12,7 @@ import json
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -49,6 +50,14 @@ ERRORS = {
 LATE = 0.8
 """Share of the drive after which, in the map with both, scans have offsets: it is then past the block for good."""
 MOSTLY = 0.9
+
+
+class Judged(NamedTuple):
+    """A cause; and the disagreement of its patch: true metres, and lower bound, value, upper bound as measured."""
+
+    cause: Cause
+    truth: float
+    measured: np.ndarray
 
 
 class Case(NamedTuple):
@@ -99,17 +108,25 @@ def chosen(case: Case, patches: Patches) -> np.ndarray:
     return np.asarray(share > MOSTLY if case.cause == LOCAL else share < 1.0 - MOSTLY)
 
 
-def measure(case: Case) -> dict[str, list[Cause]]:
+def measure(case: Case) -> dict[str, list[Judged]]:
     """Return, by what a map tells, the causes of its displaced patches, whether or not a model finds these."""
     patches = label_from_field(segment(case.cloud), case.field, case.name)[0]
-    features = patch_features(patches, FeatureSettings(context=()))
     right = (patches.label == SUSPICIOUS) & chosen(case, patches)
-    found = {}
+    found, truth = {}, true_metres(patches)
     for name, fields in KNOWN.items():
         if set(fields) <= set(case.cloud.fields):
             told = replace(case.cloud, fields={field: case.cloud.fields[field] for field in fields})
-            found[name] = list(find_causes(patches, features, right, visits_of(told)).values())
+            features = patch_features(replace(patches, cloud=told), FeatureSettings(context=("moments",)))
+            causes = find_causes(patches, features, right, visits_of(told))
+            found[name] = [Judged(cause, truth[patch], features.disagreement[patch]) for patch, cause in causes.items()]
     return found
+
+
+def true_metres(patches: Patches) -> np.ndarray:
+    """Return what the points of each patch (m,) are truly displaced by against others there, in the median."""
+    points, start = patches.members
+    metres = np.asarray(patches.cloud.fields["disagreement"], float)[points]
+    return np.array([np.nanmedian(metres[a:b]) for a, b in pairwise(start)])
 
 
 def main() -> None:
@@ -120,18 +137,23 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="the counts")
     options = parser.parse_args()
     table: dict[str, dict[str, Counter[str]]] = {}
-    truth = {}
+    truth, metres = {}, []
     for seed in options.seeds:
         for case in cases(seed, options.n_points):
             truth[case.name] = case.cause
             for known, found in measure(case).items():
                 row = table.setdefault(known, {}).setdefault(case.name, Counter())
-                row.update(cause.kind for cause in found)
+                row.update(each.cause.kind for each in found)
+                metres += [(each.truth, *each.measured) for each in found if each.cause.kind == case.cause]
     for known, rows in table.items():
         print(f"the map tells: {known}")
         print(f"  {'':42}{'truth':>22}" + "".join(f"{kind:>22}" for kind in CAUSES))
         for name, row in rows.items():
             print(f"  {name:42}{truth[name]:>22}" + "".join(f"{row[kind]:>22}" for kind in CAUSES))
+    true, low, said, high = (column[np.isfinite(metres).all(axis=1)] for column in np.array(metres).T)
+    held = np.mean((low <= true) & (true <= high))
+    error = np.median(np.abs(said - true))
+    print(f"metres of causes that are right: median error {error:.3f}, within bounds {held:.0%}")
     if options.json:
         options.json.write_text(json.dumps({"truth": truth, "named": table}, indent=1))
 

@@ -16,8 +16,7 @@ import numpy as np
 from benchmarks import real_data
 from benchmarks.entropies import entropies
 from benchmarks.real_methods import say
-from mapq.assess.causes import scans_apart
-from mapq.assess.visits import visits_of
+from mapq.assess.apart import median_by_area
 from mapq.cloud import PointCloud
 from mapq.features import FeatureSettings, patch_features
 from mapq.model import Model
@@ -92,11 +91,11 @@ def measure(data: Path, models: dict[str, Model], seed: int) -> list[Pair]:
 def statistics(cloud: PointCloud, models: dict[str, Model]) -> dict[str, list[float]]:
     """Return the statistics of a map by method."""
     patches = segment(cloud)
-    features = patch_features(patches, FeatureSettings(context=()))
-    metres = scans_apart(patches, features, visits_of(cloud))
+    features = patch_features(patches, FeatureSettings(context=("moments",)))
+    area = features.shape[:, features.shape_names.index("area_m2")]
+    metres = median_by_area(features.disagreement[:, 1], area)
     apart = [float(np.log(max(np.nan_to_num(metres), LEAST_METRES)))]
     found = {ENTROPIES: list(entropies(cloud)), APART: apart}
-    area = features.shape[:, features.shape_names.index("area_m2")]
     for name, model in models.items():
         found[name] = _of_map(patches, name, model, area)
         found[BOTH.format(name)] = found[name] + apart

@@ -30,7 +30,7 @@ from mapq.training import train_maps
 
 MODEL = Path(__file__).resolve().parent.parent / "mapq" / "models" / "default.json"
 
-N_WORLDS = 160
+N_WORLDS = 120
 """Seeds from 0: those of even number are right maps, odd ones wrong."""
 STREET = {"variety": 1.0, "all_round": True}
 BUSY = {"variety": 3.0, "look_alikes": 2.0, "all_round": True}

@@ -127,37 +127,47 @@ class Result:
             raise ArgumentError(f"patch {patch}: must be from 0 to {len(self.label) - 1}.")
         return self.assessment.reasons(patch, n_most)
 
-    def verdict(self, fail_over: float | None = None) -> dict[str, Any]:
-        """Return whether the map passes: no more than a share of its area suspicious.
+    def verdict(self, fail_over: float | None = None, *, min_coverage: float = assess.MIN_COVERAGE) -> dict[str, Any]:
+        """Return whether the map passes: no more than a share of its area suspicious, and enough of it judged.
 
         Parameters
         ----------
         fail_over : float, optional
             The share, such as 0.05; without one "passed" is None.
+        min_coverage : float
+            Share of the points on planes of any tilt that must be in judged patches, where that is known.
 
         Raises
         ------
         ArgumentError
-            If it is no share.
+            If one is no share.
         """
-        if fail_over is not None and not 0.0 <= fail_over <= 1.0:
-            raise ArgumentError(f"fail_over {fail_over}: must be a share between 0 and 1.")
-        return self.assessment.verdict(fail_over)
+        for name, share in (("fail_over", fail_over), ("min_coverage", min_coverage)):
+            if share is not None and not 0.0 <= share <= 1.0:
+                raise ArgumentError(f"{name} {share}: must be a share between 0 and 1.")
+        return self.assessment.verdict(fail_over, min_coverage)
 
     def cloud(self) -> PointCloud:
         """Return all points with their fields and those of a result: patch, suspicious, p_suspicious, colours."""
         return self.assessment.cloud()
 
-    def head(self, fail_over: float | None = None) -> dict[str, Any]:
+    def head(self, fail_over: float | None = None, min_coverage: float = assess.MIN_COVERAGE) -> dict[str, Any]:
         """Return the JSON of a result but for its patches (docs/results.md)."""
         made = {**self._process, "model": self.origin.model, **self.assessment.head()}
-        return {**made, "verdict": self.verdict(fail_over)}
+        return {**made, "verdict": self.verdict(fail_over, min_coverage=min_coverage)}
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Yield the patches as the JSON of a result has them, with reasons and terms."""
         return self.assessment.patch_rows()
 
-    def save(self, path: Path, *, fail_over: float | None = None, force: bool = False) -> None:
+    def save(
+        self,
+        path: Path,
+        *,
+        fail_over: float | None = None,
+        min_coverage: float = assess.MIN_COVERAGE,
+        force: bool = False,
+    ) -> None:
         """Write RESULT as mapq classify does: all points (PLY, LAS or LAZ), and a JSON of the same name.
 
         Raises
@@ -168,7 +178,7 @@ class Result:
         target = os.fspath(path)
         for name in (target, json_beside(target)):
             refuse_existing(name, force)
-        write_result(target, self.cloud(), self.head(fail_over), self.rows())
+        write_result(target, self.cloud(), self.head(fail_over, min_coverage), self.rows())
 
     def report(
         self,

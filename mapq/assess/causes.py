@@ -28,14 +28,14 @@ TURNED = 15.0
 """Degrees between planes up to which it may."""
 FARTHEST = 3.0
 """Metres off the plane up to which its points are looked at."""
+BEYOND = 0.15
+"""Metres by which they may lie farther off than scans disagree, where that is known: noise of three sigma."""
 LEAST = 0.05
 """Metres: by less it parts no surface that anybody would call doubled."""
 CLEARLY = np.sqrt(2.0)
 """Visits must part by so many times what parts scans of one: errors from scan to scan part visits too, by less."""
 MOST_POINTS = 20_000
 """Of a patch and its copies that are looked at."""
-MOST_ASKED = 1000
-"""Patches of which the distance of scans is taken."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -104,34 +104,16 @@ def find_causes(
     if visits is None:
         nothing = Cause(UNKNOWN, "the map does not tell by which scans or when it was seen", {})
         return {int(patch): nothing for patch in np.flatnonzero(suspicious)}
-    copies = copies_of(features, len(patches))
+    copies, reach, apart = copies_of(features, len(patches)), reach_of(features), features.disagreement
     return {
-        int(patch): cause_of(measure_spread(patches, int(patch), copies[patch], visits), visits)
-        for patch in np.flatnonzero(suspicious)
+        patch: cause_of(measure_spread(patches, patch, copies[patch], visits, reach[patch]), visits, apart[patch])
+        for patch in np.flatnonzero(suspicious).tolist()
     }
 
 
-def scans_apart(patches: Patches, features: PatchFeatures, visits: Visits | None) -> float:
-    """Return how far apart in metres scans of one visit put a patch, in the median; nan where no two scans saw one.
-
-    Of many patches every n-th is asked, at most `MOST_ASKED`.
-    """
-    if visits is None or len(patches) == 0:
-        return float("nan")
-    copies = copies_of(features, len(patches))
-    return median_apart([measure_spread(patches, patch, copies[patch], visits) for patch in some_of(len(patches))])
-
-
-def some_of(n_patches: int) -> range:
-    """Return the patches of which the distance of scans is taken."""
-    return range(0, n_patches, max(1, -(-n_patches // MOST_ASKED)))
-
-
-def median_apart(spreads: list[Spread]) -> float:
-    """Return how far apart scans of one visit put patches, in the median; nan where that is unknown of all."""
-    metres = np.array([spread.scans for spread in spreads], np.float64)
-    known = metres[np.isfinite(metres)]
-    return float(np.median(known)) if len(known) else float("nan")
+def reach_of(features: PatchFeatures) -> Floats:
+    """Return the metres (m,) off each patch up to which points may be of its surface, from what scans disagree by."""
+    return np.asarray(np.fmin(np.maximum(features.disagreement[:, 2], LEAST) + BEYOND, FARTHEST))
 
 
 def copies_of(features: PatchFeatures, n_patches: int) -> list[list[int]]:
@@ -146,8 +128,17 @@ def copies_of(features: PatchFeatures, n_patches: int) -> list[list[int]]:
     return found
 
 
-def cause_of(spread: Spread, visits: Visits) -> Cause:
-    """Return the cause that a spread speaks for."""
+def cause_of(spread: Spread, visits: Visits, apart: Floats) -> Cause:
+    """Return the cause that a spread speaks for, if it is clear.
+
+    Parameters
+    ----------
+    spread : Spread
+    visits : Visits
+    apart : (3,) float64
+        Lower bound, value and upper bound of what scans disagree by, metres; nan where that is not known, and the
+        spread alone tells.
+    """
     measures: dict[str, Any] = {
         "between_visits_m": spread.visits,
         "within_visits_m": spread.scans,
@@ -159,18 +150,24 @@ def cause_of(spread: Spread, visits: Visits) -> Cause:
         return Cause(UNKNOWN, f"one {visits.unit} alone saw it", measures)
     by_visit, by_scan, thickness = (float(np.nan_to_num(x)) for x in (spread.visits, spread.scans, spread.points))
     several = {"scan": "scans", "pass": "passes"}.get(visits.unit, "moments")
-    if max(by_visit, by_scan) < LEAST:
-        return Cause(UNKNOWN, f"{several} that see it agree within {LEAST:g} m", measures)
+    low, metres, high = (float(x) for x in apart) if np.isfinite(apart[1]) else (LEAST, max(by_visit, by_scan), 0.0)
+    if metres < LEAST:
+        return Cause(UNKNOWN, f"{several} that see it agree within {max(high, LEAST):.2f} m", measures)
+    if low <= 0.0:
+        return Cause(UNKNOWN, f"{several} that see it lie {high:.2f} m apart at most, and may agree", measures)
+    bounds = f" ({low:.2f} to {high:.2f})" if high else ""
     if max(by_visit, by_scan) < np.sqrt(2.0) * thickness:
         return Cause(UNKNOWN, f"within each {visits.unit} it spreads as far as from one to another", measures)
+    if visits.unit != "pass" and not np.isfinite(spread.scans):
+        return Cause(UNKNOWN, f"no two {several} of one visit saw it, by which to tell", measures)
     if by_visit < CLEARLY * by_scan:
-        return Cause(LOCAL, f"{several} of one visit put it {by_scan:.2f} m apart", measures)
+        return Cause(LOCAL, f"{several} of one visit put it {metres:.2f} m{bounds} apart", measures)
     if spread.gap is None or visits.unit == "pass":
-        return Cause(MISSED_LOOP, f"passes put it {by_visit:.2f} m apart", measures)
+        return Cause(MISSED_LOOP, f"passes put it {metres:.2f} m{bounds} apart", measures)
     lengths = _gap(visits, *spread.gap)
     after = " and ".join(f"{value:.0f} {name}" for name, value in lengths.items())
     named = {f"away_{name}": value for name, value in lengths.items()}
-    return Cause(MISSED_LOOP, f"seen again after {after}, it lies {by_visit:.2f} m off", measures | named)
+    return Cause(MISSED_LOOP, f"seen again after {after}, it lies {metres:.2f} m{bounds} off", measures | named)
 
 
 def _gap(visits: Visits, before: int, after: int) -> dict[str, float]:
@@ -183,8 +180,8 @@ def _gap(visits: Visits, before: int, after: int) -> dict[str, float]:
     return lengths or {"scans": float(after - before)}
 
 
-def measure_spread(patches: Patches, patch: int, copies: list[int], visits: Visits) -> Spread:
-    """Return how the points of a patch and of its copies part, by visits and by scans."""
+def measure_spread(patches: Patches, patch: int, copies: list[int], visits: Visits, reach: float) -> Spread:
+    """Return how the points of a patch and of its copies, up to `reach` metres off, part by visits and by scans."""
     points, start = patches.members
     own = points[start[patch] : start[patch + 1]]
     rows = np.concatenate([own, *(points[start[other] : start[other + 1]] for other in copies)])
@@ -194,7 +191,7 @@ def measure_spread(patches: Patches, patch: int, copies: list[int], visits: Visi
     height = apart @ normal
     cell = np.floor(_in_plane(apart, normal) / CELL).astype(np.int64)
     is_own = patches.patch[rows] == patch
-    near = (np.abs(height) < FARTHEST) & _among(cell, cell[is_own])
+    near = (np.abs(height) < reach) & _among(cell, cell[is_own])
     if visits.to_sensor is not None:
         near &= _same_side(visits.to_sensor[rows] @ normal, is_own)
     return nested_spread(height[near], cell[near], visits.moment[rows[near]], visits)

@@ -22,6 +22,14 @@ CORNER = 1.9
 """Sides: centres of cells that touch, be it at a corner, are sqrt(3) apart at most, and of all others 2 or more."""
 SAME = 0.005
 """Expected suspicious shares of whole maps closer than this are called the same."""
+LEAST_KNOWN = 0.2
+"""Share of either map's area on common ground on which the disagreement of scans must be known to decide."""
+BLOCK = 20.0
+"""Metres: errors of disagreements so near to one another go together, as one fit of motions has them."""
+UNSURE = 0.03
+"""Metres: standard error of a difference from which a cell counts for less than half."""
+DISAGREEMENT, EXPECTED = "disagreement", "expected share"
+"""By what the better map is found."""
 
 Floats = NDArray[np.float64]
 
@@ -65,8 +73,16 @@ class Comparison(NamedTuple):
         Of each map on common ground: m² of patches, the share of it called suspicious, and the share expected to be.
     covered : (2,) float64
         Share of each map's area that is common ground.
+    disagreement : (2,) float64
+        Mean metres by which scans of each map disagree, where that is known of both; nan where nothing is.
+    coverage : (2,) float64
+        Share of each map's points on planes that are in patches; nan unknown.
+    by : str
+        By what they are compared: ``disagreement`` where scans are known in both, else ``expected share``.
+    difference : (3,) float64
+        Of that, second less first, between its bounds at 95 %.
     better : str
-        ``first``, ``second``, or ``same``.
+        ``first``, ``second``, or ``same`` where the bounds hold no difference.
     places : list of Place
         Largest change first.
     """
@@ -77,6 +93,10 @@ class Comparison(NamedTuple):
     suspicious: Floats
     expected: Floats
     covered: Floats
+    disagreement: Floats
+    coverage: Floats
+    by: str
+    difference: Floats
     better: str
     places: list[Place]
 
@@ -110,13 +130,46 @@ def compare(first: Judged, second: Judged, cell: float) -> Comparison:
             f"{first.source} and {second.source} share no cell of {cell:g} m with patches of both. "
             "Bring them into one frame, or give a larger --cell."
         )
-    area, suspicious, expected = sums[:, :, common].transpose(1, 0, 2)
+    area, suspicious, expected, *apart = sums[:, :, common].transpose(1, 0, 2)
     total = area.sum(axis=1)
     shares = expected.sum(axis=1) / total
-    winner = "same" if abs(shares[1] - shares[0]) < SAME else ("second" if shares[1] < shares[0] else "first")
-    places = _places(keys[common], area, expected / area, cell)
-    covered = total / sums[:, 0].sum(axis=1)
-    return Comparison(cell, len(common), total, suspicious.sum(axis=1) / total, shares, covered, winner, places)
+    metres, error, is_known = _disagreement(keys[common], area, np.array(apart), cell)
+    measure, off = (metres, 1.96 * error) if is_known else (shares, SAME)
+    value = float(measure[1] - measure[0])
+    return Comparison(
+        cell=cell,
+        n_cells=len(common),
+        area=total,
+        suspicious=suspicious.sum(axis=1) / total,
+        expected=shares,
+        covered=total / sums[:, 0].sum(axis=1),
+        disagreement=metres,
+        coverage=np.array([first.coverage, second.coverage]),
+        by=DISAGREEMENT if is_known else EXPECTED,
+        difference=np.array([value - off, value, value + off]),
+        better="same" if abs(value) <= off else ("second" if value < 0.0 else "first"),
+        places=_places(keys[common], area, expected / area, cell),
+    )
+
+
+def _disagreement(keys: NDArray[np.int64], area: Floats, apart: Floats, cell: float) -> tuple[Floats, float, np.bool_]:
+    """Return the mean disagreement (2,) of both maps, the standard error of its difference, and whether it decides.
+
+    Each cell (k, 3) in which both know it counts by its area in both, so that copies do not weigh more than what they
+    are copies of, and less where it is unsure. `area` (2, k) is all there is; `apart` (3, 2, k) sums of the area in
+    which it is known, and of disagreement and error times that.
+    """
+    both = np.flatnonzero((apart[0] >= LEAST_AREA).all(axis=0))
+    known = apart[0][:, both]
+    if (known.sum(axis=1) < LEAST_KNOWN * area.sum(axis=1)).any():
+        return np.full(2, np.nan), np.nan, np.bool_(False)
+    metres, errors = apart[1:, :, both] / known
+    error = np.hypot(*errors)
+    weight = known.mean(axis=0) / (1.0 + (error / UNSURE) ** 2)
+    weight /= weight.sum()
+    _, block = np.unique(np.floor(keys[both] * (cell / BLOCK)), axis=0, return_inverse=True)
+    of_blocks = np.bincount(block.ravel(), weight * error)
+    return metres @ weight, float(np.linalg.norm(of_blocks)), np.bool_(True)
 
 
 def check_cell(cell: float) -> None:
@@ -126,8 +179,16 @@ def check_cell(cell: float) -> None:
 
 
 def _sums(judged: Judged, cell: NDArray[np.int64], n_cells: int) -> Floats:
-    """Return by cell (3, n): area, suspicious area, expected suspicious area."""
-    weights = judged.area, judged.area * judged.suspicious, judged.area * judged.probability
+    """Return by cell (6, n): area, suspicious area, expected suspicious area, and those of the disagreement."""
+    known = np.where(np.isfinite(judged.disagreement), judged.area, 0.0)
+    weights = (
+        judged.area,
+        judged.area * judged.suspicious,
+        judged.area * judged.probability,
+        known,
+        known * np.nan_to_num(judged.disagreement),
+        known * np.nan_to_num(judged.error),
+    )
     return np.array([np.bincount(cell, weight, n_cells) for weight in weights])
 
 
@@ -160,8 +221,10 @@ def _place(
 
 def comparison_content(comparison: Comparison) -> Mapping[str, Any]:
     """Return a comparison as the JSON object of ``mapq compare``, without the schema."""
-    maps = zip(comparison.area, comparison.suspicious, comparison.expected, comparison.covered, strict=True)
-    names = ("area_m2", "share_of_area", "expected_share_of_area", "share_in_common")
+    found = comparison
+    columns = found.area, found.suspicious, found.expected, found.covered, found.disagreement, found.coverage
+    maps = zip(*columns, strict=True)
+    names = ("area_m2", "share_of_area", "expected_share_of_area", "share_in_common", "disagreement_m", "coverage")
     first, second = (dict(zip(names, map(float, row), strict=True)) for row in maps)
     return {
         "cell_m": comparison.cell,
@@ -169,6 +232,8 @@ def comparison_content(comparison: Comparison) -> Mapping[str, Any]:
         "first": first,
         "second": second,
         "better": comparison.better,
+        "by": comparison.by,
+        "difference": dict(zip(("low", "value", "high"), comparison.difference.tolist(), strict=True)),
         "places": [_place_row(place) for place in comparison.places],
     }
 

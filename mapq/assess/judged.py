@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ from prf.shell.errors import InputError, UsageError
 from prf.shell.files import STREAM
 from prf.shell.storage import damaged
 
+DISAGREEMENT = ("low", "disagreement_m", "high")
+"""Keys of a patch in the JSON of a result."""
+
 Floats = NDArray[np.float64]
 
 
@@ -38,6 +41,10 @@ class Judged(NamedTuple):
         Each point's part of its patch's area, m².
     suspicious : (n,) bool
     probability : (n,) float64
+    disagreement, error : (n,) float64
+        Metres by which scans disagree on each point's patch, and standard error; nan where that is not known.
+    coverage : float
+        Share of the points on planes of any tilt that are in patches; nan where that is not known.
     source : str
     """
 
@@ -45,6 +52,9 @@ class Judged(NamedTuple):
     area: Floats
     suspicious: NDArray[np.bool_]
     probability: Floats
+    disagreement: Floats
+    error: Floats
+    coverage: float
     source: str
 
 
@@ -80,12 +90,28 @@ def judge(result: Result, source: str) -> Judged:
     area = result.area / np.maximum(np.bincount(patch, minlength=len(patches)), 1)
     probability = result.labelling.probability.astype(np.float64)
     xyz = patches.cloud.metric_of(patches.cloud.xyz[inside])
-    return Judged(xyz, area[patch], result.suspicious[patch], probability[patch], source)
+    metres, error = _with_error(*result.features.disagreement.T)
+    return Judged(
+        xyz,
+        area[patch],
+        result.suspicious[patch],
+        probability[patch],
+        metres[patch],
+        error[patch],
+        result.coverage,
+        source,
+    )
+
+
+def _with_error(low: Floats, metres: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """Return metres (m,) and their standard errors, from bounds that hold them in 95 of 100."""
+    return metres, (high - low) / (2.0 * 1.96)
 
 
 def _judged_folder(folder: ResultFolder, cell: float) -> Judged:
     """Return what a result in tiles says of its patches, cube by cube."""
-    area, n_points = _columns(folder.json, (AREA, "n_points"))
+    coverage, (area, n_points, *apart) = _columns(folder.json, (AREA, "n_points"))
+    metres, error = _with_error(*apart)
     per_point = area / np.maximum(n_points, 1.0)
     parts = []
     for piece in folder.pieces(RESULT_FIELDS):
@@ -96,21 +122,33 @@ def _judged_folder(folder: ResultFolder, cell: float) -> Judged:
         places = np.floor(piece.metric_of(piece.xyz[inside]) / cell)
         rows, first, counts = np.unique(np.column_stack([patch, places]), axis=0, return_index=True, return_counts=True)
         chosen = inside[first]
-        is_bad = label[chosen] == SUSPICIOUS
-        parts.append(
-            ((rows[:, 1:] + 0.5) * cell, counts * per_point[patch[first]], is_bad, p[chosen].astype(np.float64))
-        )
-    xyz, areas, suspicious, probability = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    return Judged(xyz, areas, suspicious, probability, folder.path)
+        is_bad, of = label[chosen] == SUSPICIOUS, patch[first]
+        middle, areas = (rows[:, 1:] + 0.5) * cell, counts * per_point[of]
+        parts.append((middle, areas, is_bad, p[chosen].astype(np.float64), metres[of], error[of]))
+    xyz, areas, suspicious, probability, *apart = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    return Judged(xyz, areas, suspicious, probability, apart[0], apart[1], coverage, folder.path)
 
 
-def _columns(beside: Path, names: tuple[str, ...]) -> Floats:
-    """Return numbers (k, m) of all patches from the JSON of a result."""
+def _columns(beside: Path, names: tuple[str, ...]) -> tuple[float, Floats]:
+    """Return from the JSON of a result the coverage of the map, and numbers (k + 3, m) of all patches.
+
+    Last come the lower bound, value and upper bound of the disagreement, like the coverage nan where they are not
+    known; those of earlier releases have none.
+    """
+    head, rows = read_result_json(beside)
     try:
-        found = [[float(row[name]) for name in names] for row in read_result_json(beside)[1]]
-    except (TypeError, KeyError, ValueError):
+        found = [
+            [*(float(row[name]) for name in names), *(_number(row.get(name)) for name in DISAGREEMENT)] for row in rows
+        ]
+        coverage = _number(head.get("counts", {}).get("coverage"))
+    except (AttributeError, TypeError, KeyError, ValueError):
         raise damaged(beside, f"patches without {' or '.join(names)}") from None
-    return np.array(found, np.float64).reshape(-1, len(names)).T
+    return coverage, np.array(found, np.float64).reshape(-1, len(names) + len(DISAGREEMENT)).T
+
+
+def _number(value: Any) -> float:
+    """Return a number of a file; nan for null."""
+    return float("nan") if value is None else float(value)
 
 
 def _check_numbers(patch: NDArray[np.int64], n_patches: int, beside: Path, path: str) -> None:
@@ -124,7 +162,8 @@ def _judged_result(cloud: PointCloud, path: str) -> Judged:
     beside = Path(json_beside(path))
     if not beside.exists():
         raise InputError(f"{path}: the JSON of this result is not beside it ({beside}). Run mapq classify again.")
-    (area,) = _columns(beside, (AREA,))
+    coverage, (area, *apart) = _columns(beside, (AREA,))
+    metres, error = _with_error(*apart)
     number, label, probability = (np.asarray(cloud.fields[name]) for name in RESULT_FIELDS)
     inside = np.flatnonzero((number != NO_PATCH) & cloud.finite())
     patch = number[inside].astype(np.int64)
@@ -132,4 +171,5 @@ def _judged_result(cloud: PointCloud, path: str) -> Judged:
     per_point = area / np.maximum(np.bincount(patch, minlength=len(area)), 1)
     xyz = cloud.metric_of(cloud.xyz[inside])
     p = probability[inside].astype(np.float64)
-    return Judged(xyz, per_point[patch], label[inside] == SUSPICIOUS, p, path)
+    is_bad = label[inside] == SUSPICIOUS
+    return Judged(xyz, per_point[patch], is_bad, p, metres[patch], error[patch], coverage, path)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.assess.causes import CAUSES, Cause, find_causes, scans_apart
+from mapq.assess.apart import mean_by_area, median_by_area
+from mapq.assess.causes import CAUSES, Cause, find_causes
 from mapq.assess.inputs import feature_settings
 from mapq.assess.reasons import Reason, Reasons
 from mapq.assess.regions import Region, find_regions
@@ -34,6 +36,8 @@ DECIMALS = 9
 """Of numbers in the JSON of a result: sums of terms stay exact to a billionth."""
 N_REASONS = 3
 """Reasons of each patch in the JSON of a result."""
+MIN_COVERAGE = 0.2
+"""Share of the points on planes that a map needs in judged patches to pass, unless another is asked for."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +88,15 @@ class Result:
             return np.full(len(self.patches), np.nan)
         return self.features.shape[:, self.features.shape_names.index(AREA)]
 
+    @property
+    def coverage(self) -> float:
+        """Share of the points on planes of any tilt that are in patches, and so judged; nan where that is not known."""
+        dropped = self.patches.report.get("dropped_for_tilt")
+        if not isinstance(dropped, Mapping) or "points" not in dropped:
+            return float("nan")
+        judged = int(self.patches.counts.sum())
+        return judged / max(judged + int(dropped["points"]), 1)
+
     def counts(self) -> dict[str, Any]:
         """Return how much of the map is suspicious: patches, points and area, and their shares (nan of nothing).
 
@@ -98,6 +111,7 @@ class Result:
             "n_points": len(self.patches.cloud),
             "n_points_in_patches": n_points,
             "n_points_suspicious": int(counts[bad].sum()),
+            "coverage": self.coverage,
             "share_of_points": _share(float(counts[bad].sum()), n_points),
             "area_m2": area,
             "area_suspicious_m2": float(self.area[bad].sum()),
@@ -130,10 +144,15 @@ class Result:
         """Return what made each suspicious patch so, as far as it is known, by its number."""
         return find_causes(self.patches, self.features, self.suspicious, self.visits)
 
-    @cached_property
+    @property
+    def disagreement(self) -> float:
+        """Metres by which scans disagree: mean over the area of patches where it is known, nan of none."""
+        return mean_by_area(self.features.disagreement[:, 1], self.area)
+
+    @property
     def scans_apart(self) -> float:
-        """Return how far apart scans of one visit put a patch in metres, in the median; nan where that is unknown."""
-        return scans_apart(self.patches, self.features, self.visits)
+        """Metres by which scans disagree: median over the area of patches where it is known, nan of none."""
+        return median_by_area(self.features.disagreement[:, 1], self.area)
 
     def area_by_cause(self, some: NDArray[np.int64] | None = None) -> dict[str, float]:
         """Return the area in m² of suspicious patches (some: of those alone) by cause, the largest first."""
@@ -156,18 +175,23 @@ class Result:
     def _reasons(self) -> Reasons:
         return Reasons(self.features, self.terms)
 
-    def verdict(self, fail_over: float | None) -> dict[str, Any]:
+    def verdict(self, fail_over: float | None, min_coverage: float = MIN_COVERAGE) -> dict[str, Any]:
         """Return whether the map passes: no more than a share of its area suspicious; None where none is asked for.
 
-        A map without any patch does not pass: nothing speaks for it. The cause is that of most of the suspicious area.
+        A map of whose planes less could be judged than `min_coverage` does not pass, nor one without any patch: too
+        little speaks for it. What could be judged may be unknown, and does not matter then. The cause is that of most
+        of the suspicious area.
         """
-        share = self.counts()["share_of_area"]
-        passed = None if fail_over is None else bool(len(self.patches) and not share > fail_over)
+        share, coverage = self.counts()["share_of_area"], self.coverage
+        is_good = bool(len(self.patches)) and not share > (fail_over or 0.0) and not coverage < min_coverage
         return {
             "share_of_area": share,
+            "coverage": coverage,
             "fail_over": fail_over,
-            "passed": passed,
+            "min_coverage": min_coverage,
+            "passed": None if fail_over is None else is_good,
             **self._cause_row(),
+            "disagreement_m": self.disagreement,
             "scans_apart_m": self.scans_apart,
         }
 
@@ -193,6 +217,7 @@ class Result:
         starts = self.terms.starts(len(self.patches))
         region_of = {int(patch): number for number, region in enumerate(self.regions) for patch in region.patches}
         centroids = self.patches.cloud.world_of(self.patches.centroid)
+        disagreement = self.features.disagreement
         for patch in range(len(self.patches)):
             span = slice(int(starts[patch]), int(starts[patch + 1]))
             shape = zip(self.features.shape_names, self.features.shape[patch].tolist(), strict=True)
@@ -205,6 +230,7 @@ class Result:
                 "centroid": _rounded(centroids[patch]),
                 "normal": _rounded(self.patches.normal[patch]),
                 **{name: round(value, DECIMALS) for name, value in shape if name != "n_points"},
+                **_disagreement_row(*disagreement[patch].tolist()),
                 "region": region_of.get(patch),
                 "cause": self.causes[patch].row(DECIMALS) if patch in self.causes else None,
                 "reasons": [reason.row(DECIMALS) for reason in self.reasons(patch, N_REASONS)],
@@ -245,6 +271,13 @@ def assess(patches: Patches, model: Model | None = None, progress: Reporter | No
 
 def _share(part: float, whole: float) -> float:
     return part / whole if whole else float("nan")
+
+
+def _disagreement_row(low: float, metres: float, high: float) -> dict[str, float | None]:
+    """Return for JSON what scans disagree by on a patch, with bounds; null where that is unknown."""
+    if not math.isfinite(metres):
+        return {"disagreement_m": None, "low": None, "high": None}
+    return {name: round(x, DECIMALS) for name, x in (("disagreement_m", metres), ("low", low), ("high", high))}
 
 
 def _rounded(values: NDArray[np.float64]) -> list[float]:

@@ -86,6 +86,16 @@ def classify(
             help="Exit 1 if more of the area is suspicious: 0.05 or 5%.",
         ),
     ] = None,
+    min_coverage: Annotated[
+        float | None,
+        typer.Option(
+            "--min-coverage",
+            metavar="SHARE",
+            parser=parse_share,
+            help="With --fail-over, exit 1 too if fewer of the points on planes of any tilt are in judged patches.  "
+            "[20%]",
+        ),
+    ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     tile_points: TilePoints = None,
@@ -99,13 +109,14 @@ def classify(
     p_suspicious and colours: plausible blue, suspicious red. RESULT.json beside it has the regions of connected
     suspicious patches, worst first, and each patch with the reasons for its label in words, and the terms that led to
     it. Where points have a scan, a time or a pass, each has a cause too: a missed loop closure, or a local mapping
-    error. Without -o they go beside the input: its stem + .classified.ply. With --fail-over a map without any patch
-    fails too: nothing speaks for it.
+    error. Without -o they go beside the input: its stem + .classified.ply. With --fail-over a map fails too of which
+    too little could be judged (--min-coverage), or nothing: nothing speaks for it.
 
     A folder of LAS or LAZ tiles, or any cloud with one of --workers, --scheduler and --tile-points, is worked on tile
     by tile and need not fit into memory. Of a folder the result is a folder: tiles of the same names, and result.json.
     """
     from mapq.api.result import classify as label
+    from mapq.assess import MIN_COVERAGE
     from mapq.io import ReadOptions
     from mapq.io.results import claim_result, json_beside, result_lines
     from mapq.settings import ask, settings_from
@@ -117,19 +128,20 @@ def classify(
     chosen = ask("segment", {"max_tilt": max_tilt, "up": up}, found)
     max_false_alarms = ask("crf", {"max_false_alarms": max_false_alarms}, found).values.get("max_false_alarms")
     given = {"workers": workers, "scheduler": scheduler, "tile_points": tile_points}
+    limits = fail_over, MIN_COVERAGE if min_coverage is None else min_coverage
     if _in_tiles(file, given):
-        _classify_tiles(file, output, (model, max_false_alarms), (options, chosen, given), fail_over, json, force)
+        _classify_tiles(file, output, (model, max_false_alarms), (options, chosen, given), limits, json, force)
         return
     target = output or (beside(file, ".classified.ply") if file != STREAM else "map.classified.ply")
     claim_result(target, force)
     refuse_inputs([target, json_beside(target)], [file, model, config])
     result = label(file, model, max_false_alarms=max_false_alarms, segmentation=chosen, options=options)
-    result.save(target, fail_over=fail_over, force=True)
+    result.save(target, fail_over=limits[0], min_coverage=limits[1], force=True)
     if json:
-        jsonout.emit_pieces(result_lines({"output": target, **result.head(fail_over)}, result.rows()))
+        jsonout.emit_pieces(result_lines({"output": target, **result.head(*limits)}, result.rows()))
     else:
         _show(result.assessment, target)
-    _judge(file, result.assessment, fail_over)
+    _judge(file, result.assessment, limits)
 
 
 def _in_tiles(file: str, given: dict[str, Any]) -> bool:
@@ -148,7 +160,7 @@ def _classify_tiles(
     output: str | None,
     model: tuple[str | None, float | None],
     how: tuple[ReadOptions, Asked, dict[str, Any]],
-    fail_over: float | None,
+    limits: tuple[float | None, float],
     json: bool,
     force: bool,
 ) -> None:
@@ -175,7 +187,7 @@ def _classify_tiles(
         if not about:
             about.update({**describe_process(inputs), "model": model[0] or "default", **result.head()})
             about["segmentation"]["report"] = {**about["segmentation"]["report"], "sources": chosen.places}
-            about["verdict"] = result.verdict(fail_over)
+            about["verdict"] = result.verdict(*limits)
         return about
 
     settings, where = tiling(given, segment_settings(chosen.values), options)
@@ -186,7 +198,7 @@ def _classify_tiles(
         jsonout.emit_pieces(result_lines({"output": target, **head_of(result)}, result.patch_rows()))
     else:
         _show(result, target)
-    _judge(file, result, fail_over)
+    _judge(file, result, limits)
 
 
 def _default_target(file: str) -> str:
@@ -208,22 +220,28 @@ def _show(result: Result, target: str) -> None:
         console.summarize(line)
 
 
-def _judge(file: str, result: Result, fail_over: float | None) -> None:
+def _judge(file: str, result: Result, limits: tuple[float | None, float]) -> None:
     """Raise CheckFailed if a map does not pass."""
     from prf.shell.errors import CheckFailed
 
-    verdict = result.verdict(fail_over)
+    verdict = result.verdict(*limits)
     if verdict["passed"] is not False:
         return
     if not len(result.patches):
         raise CheckFailed(f"{file}: there is no patch to be judged by, so nothing speaks for this map.")
-    share = verdict["share_of_area"]
-    raise CheckFailed(f"{file}: {share:.1%} of the area of patches is suspicious, more than {fail_over:.1%}.")
+    share, fail_over = verdict["share_of_area"], verdict["fail_over"]
+    if share > fail_over:
+        raise CheckFailed(f"{file}: {share:.1%} of the area of patches is suspicious, more than {fail_over:.1%}.")
+    raise CheckFailed(
+        f"{file}: {verdict['coverage']:.1%} of the points on planes could be judged, less than {limits[1]:.1%}: too "
+        "little speaks for this map. Judge more by --max-tilt, or allow it by --min-coverage."
+    )
 
 
 def _lines(result: Result, target: str) -> Iterator[str]:
     """Return the table for a person."""
     counts = result.counts()
+    yield f"judged          {_judged(counts['coverage'])}"
     yield f"patches         {counts['n_suspicious']} of {counts['n_patches']} suspicious{_percent(counts, 'patches')}"
     yield f"area            {counts['area_suspicious_m2']:.1f} of {counts['area_m2']:.1f} m2{_percent(counts, 'area')}"
     yield (
@@ -231,7 +249,8 @@ def _lines(result: Result, target: str) -> Iterator[str]:
         f"{_percent(counts, 'points')}; {counts['n_points']:,} in all"
     )
     if result.scans_apart == result.scans_apart:
-        yield f"scans apart     {result.scans_apart:.3f} m, of patches that several saw in one visit, in the median"
+        apart = f"{result.scans_apart:.3f} m in the median, {result.disagreement:.3f} m in the mean"
+        yield f"scans apart     {apart}, over the area that several saw"
     yield from _cause_line(result)
     yield from _region_lines(result)
     worst = result.worst(N_WORST)
@@ -246,6 +265,13 @@ def _lines(result: Result, target: str) -> Iterator[str]:
         if result.visits is not None:
             yield f"      cause  {result.causes[patch].kind}: {result.causes[patch].text}"
     yield f"result          {target} and .json"
+
+
+def _judged(coverage: float) -> str:
+    """Return what share of the surface could be judged."""
+    if coverage != coverage:
+        return "an unknown share of the surface: these patches do not say what else was flat"
+    return f"{coverage:.1%} of the surface: of the points on planes of any tilt"
 
 
 def _cause_line(result: Result) -> Iterator[str]:

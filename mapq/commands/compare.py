@@ -61,8 +61,10 @@ def compare(
 ) -> None:
     """Compare two maps of one place: which is better, and where.
 
-    Only common ground counts: cells in which both have patches. The expected share is the mean of p_suspicious over the
-    area. Places are cells side by side whose expected share differs by more than a quarter. The maps are not aligned.
+    Only common ground counts: cells in which both have patches. Where scans are known in both, the better map is the
+    one whose scans disagree by less; else that of which a smaller share is expected to be wrong: the mean of
+    p_suspicious over the area. Places are cells side by side whose expected share differs by more than a quarter. The
+    maps are not aligned.
     """
     from mapq.assess.compare import check_cell, comparison_content
     from mapq.assess.compare import compare as compare_maps
@@ -100,12 +102,17 @@ def compare(
 def _lines(found: Comparison, first: str, second: str) -> Iterator[str]:
     """Return the table for a person."""
     yield f"{'common ground':<16}{found.n_cells} cells of {found.cell:g} m"
-    yield f"{'':<16}{'area':>12}{'in common':>12}{'suspicious':>12}{'expected':>12}"
-    rows = zip("AB", (first, second), found.area, found.covered, found.suspicious, found.expected, strict=True)
-    for name, path, area, covered, suspicious, expected in rows:
-        yield f"{name:<16}{area:>9.1f} m2{covered:>12.1%}{suspicious:>12.1%}{expected:>12.1%}  {path}"
-    verdicts = {"first": "A is better", "second": "B is better", "same": "neither is better"}
-    yield f"{'verdict':<16}{verdicts[found.better]}"
+    heads = ("area", "in common", "judged", "suspicious", "expected", "scans apart")
+    yield f"{'':<16}" + "".join(f"{head:>12}" for head in heads)
+    for place, (name, path) in enumerate(zip("AB", (first, second), strict=True)):
+        shares = (column[place] for column in (found.covered, found.coverage, found.suspicious, found.expected))
+        metres = _known(found.disagreement[place], ".3f", " m")
+        yield (
+            f"{name:<16}{found.area[place]:>9.1f} m2"
+            + "".join(f"{_known(share, '.1%'):>12}" for share in shares)
+            + f"{metres:>12}  {path}"
+        )
+    yield f"{'verdict':<16}{_verdict(found)}"
     for worse in (False, True):
         places = [place for place in found.places if place.worse is worse]
         if places:
@@ -113,6 +120,21 @@ def _lines(found: Comparison, first: str, second: str) -> Iterator[str]:
             shown = "" if len(places) <= N_PLACES else f", the {N_PLACES} largest"
             yield f"B is {word} at {len(places)} place{'' if len(places) == 1 else 's'}{shown}:"
             yield from map(_place_line, places[:N_PLACES])
+
+
+def _known(value: float, form: str, unit: str = "") -> str:
+    return "-" if value != value else f"{value:{form}}{unit}"
+
+
+def _verdict(found: Comparison) -> str:
+    """Return which map is better, and by what."""
+    low, value, high = found.difference.tolist()
+    verdicts = {"first": "A is better", "second": "B is better", "same": "neither is better"}
+    if found.by == "disagreement":
+        how = f"scans of B disagree by {value:+.3f} m ({low:+.3f} to {high:+.3f}) more than those of A"
+    else:
+        how = f"{value:+.1%} of the area of B is expected to be wrong, over A"
+    return f"{verdicts[found.better]}: {how}"
 
 
 def _place_line(place: Place) -> str:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.features import copies
 from mapq.features.context import NODE_COLUMNS
 from mapq.graph import PatchFeatures
 from mapq.kernels.trees import Trees, contributions
@@ -22,23 +23,21 @@ EVIDENCE = "evidence"
 NOBODY = -1
 
 OVER, ACROSS = "worst_overlap", "worst_crossing"
-BESIDE = ("angle_deg", "offset", "separation")
-"""Of the pair with the largest weighted overlap, as they are measured."""
-SHARES = ("partly_covered", "unlike_height", "seen_together", "through_conflict", "facing_away")
-"""Of it too, in times its weighted overlap, which they contain."""
+SHARES = ("partly_covered", "unlike_height", "facing_away")
+"""Of the pair with the largest weighted overlap, in times this, which they contain."""
+LEFT_OUT = ("tilt", "seen_through")
+"""Node features that say nothing of an error: of walls of other places something else would be learnt."""
 RISING = {
-    **dict.fromkeys(("disagreement", "disagreement_low", "disagreement_high", "seen_through"), 1),
+    **dict.fromkeys(("disagreement", "disagreement_low", "disagreement_high"), 1),
     **dict.fromkeys(("fit", "thickness"), -1),
-    **dict.fromkeys((OVER, ACROSS, "sum_of_conflicts", "over_through_conflict"), 1),
-    **dict.fromkeys(("over_seen_together", "over_facing_away"), -1),
+    **dict.fromkeys((OVER, ACROSS, "sum_of_conflicts"), 1),
+    "over_facing_away": -1,
+    **copies.COLUMNS,
 }
 """Columns that can only speak for an error where they rise, 1, or against it, -1; the others may do either."""
 
-WITHOUT_SCANS = {
-    **dict.fromkeys((*NODE_COLUMNS["moments"], "over_seen_together", "over_facing_away"), np.nan),
-    **dict.fromkeys(("seen_through", "over_through_conflict"), 0.0),
-}
-"""What columns hold where it is not known when and from where a map was seen."""
+OF_SCANS = (*NODE_COLUMNS["moments"], "over_facing_away")
+"""Columns that are not known where it is not known when and from where a map was seen."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -62,10 +61,7 @@ class Columns(NamedTuple):
 
     def without_scans(self) -> Columns:
         """Return the columns as a map has them of which it is not known when and from where it was seen."""
-        values = self.values.copy()
-        for place, name in enumerate(self.names):
-            values[:, place] = WITHOUT_SCANS.get(name, values[:, place])
-        return self._replace(values=values)
+        return self._replace(values=np.where(np.isin(self.names, OF_SCANS), np.nan, self.values))
 
     def take(self, names: tuple[str, ...]) -> Columns:
         """Return some of the columns.
@@ -127,21 +123,23 @@ def columns_of(features: PatchFeatures) -> Columns:
     n_patches = len(features.node)
     edge = dict(zip(features.edge_names, features.edge.T, strict=True))
     over, across = edge["weight"] * edge["overlap"], edge["weight"] * edge["crossing"]
-    names, values = list(features.node_names), list(features.node.T)
+    nodes = [
+        (name, column)
+        for name, column in zip(features.node_names, features.node.T, strict=True)
+        if name not in LEFT_OUT
+    ]
+    names, values = [name for name, _ in nodes], [column for _, column in nodes]
     other = [np.full(n_patches, NOBODY)] * len(names)
     for name, conflict in ((OVER, over), (ACROSS, across)):
         pair, partner = worst_pairs(features.pairs, conflict, n_patches)
         known = pair >= 0
         shown = {name: conflict}
         if name == OVER:
-            shown |= {f"over_{each}": edge[each] for each in BESIDE}
             for each in SHARES:
                 if each in features.context_names:
                     share = edge[each] / np.maximum(over, 1e-9)
-                    unknown = np.isnan(WITHOUT_SCANS.get(f"over_{each}", 0.0)) & (share == 0.0)
+                    unknown = (f"over_{each}" in OF_SCANS) & (share == 0.0)
                     shown[f"over_{each}"] = np.where(unknown, np.nan, share)
-        else:
-            shown |= {"across_angle_deg": edge["angle_deg"]}
         for each, column in shown.items():
             names.append(each)
             missing = 0.0 if each == name else np.nan

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mapq.crf.evidence import RISING, Columns, Potential
 from mapq.kernels.trees import LEAF, Trees, contributions
 
-N_TREES, LEARNING_RATE, N_LEAVES, LEAST_ROWS, RIDGE = 150, 0.06, 10, 20, 5.0
+N_TREES, LEARNING_RATE, N_LEAVES, LEAST_ROWS, RIDGE = 100, 0.06, 6, 60, 5.0
 """Small trees that learn slowly: maps to come are of other places and sensors."""
 SAME = 1e-9
 """Nats: what scikit-learn and this package may say differently of one patch, for rounding."""
@@ -38,6 +38,8 @@ def grow(columns: Sequence[Columns], labels: Sequence[Floats], weights: Sequence
     # Of what no map knows there is nothing to be learnt, and scikit-learn looks in vain for thresholds.
     x[:, np.isnan(x).all(axis=0)] = 0.0
     y = np.concatenate([label[mask] > 0.0 for label, mask in zip(labels, known, strict=True)])
+    # A column of which nothing is known cannot be binned; without a split it says nothing either.
+    x[:, np.isnan(x).all(axis=0)] = 0.0
     weight = np.concatenate([each[mask] for each, mask in zip(weights, known, strict=True)])
     booster = HistGradientBoostingClassifier(
         max_iter=N_TREES,

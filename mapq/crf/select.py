@@ -208,7 +208,7 @@ def _balance(labels: Sequence[NDArray[np.float64]], balanced: bool) -> list[NDAr
 def _strengths(settings: TrainSettings, n_labelled: int) -> list[Strength]:
     """Return the strengths to try; what the settings give is not varied, nor the coupling where there is none."""
     margin = settings.objective == MAX_MARGIN
-    usual = MARGIN_STRENGTHS if margin else STRENGTHS
+    usual = MARGIN_STRENGTHS if margin else STRENGTHS[: 1 if settings.potential == TREES else None]
     tried = usual if settings.regularisation is None else (settings.regularisation,)
     if settings.edge_model == NONE:
         return [Strength(weights, weights) for weights in tried]

@@ -62,11 +62,14 @@ class Beyond(NamedTuple):
         Those that are followed and come near the patches; None where no rays are known.
     side : float or None
         Of the voxels that rays go through, in metres.
+    centres : (w, 3) float64 or None
+        Of the windows in which scans are compared; None where no moments are known.
     """
 
     known: Known
-    rays: Rays | None
-    side: float | None
+    rays: Rays | None = None
+    side: float | None = None
+    centres: Floats | None = None
 
 
 def measure_context(
@@ -91,7 +94,7 @@ def measure_context(
         None: the patches are all of the map.
     """
     wanted = settings.context
-    known, rays, side = beyond or Beyond(known_of(patches.cloud), None, None)
+    known, rays, side, centres = beyond or Beyond(known_of(patches.cloud))
     pairs = _Pairs(shapes, graph, edge)
     node: dict[str, Floats] = {}
     columns: dict[str, Floats] = {}
@@ -102,7 +105,7 @@ def measure_context(
         moments = moments_of(patches.cloud, number, known)
         columns["seen_together"] = together(pairs, moments, number)
         away = ways_of(patches.cloud, number, known)
-        found = measure_disagreement(patches, shapes, number, moments, away, shapes.noise(settings))
+        found = measure_disagreement(patches, shapes, number, moments, away, shapes.noise(settings), centres)
         node |= dict(zip(NODE_COLUMNS["moments"], found, strict=True))
     if "rays" in wanted:
         through = seen_through(shapes, views_of(patches.cloud, shapes.number, known), settings, rays, side)

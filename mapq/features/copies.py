@@ -13,9 +13,8 @@ from scipy.spatial import cKDTree
 
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes, horizontal_directions
-from mapq.features.voxels import table_of
-from mapq.kernels.copies import Near, layers_over, self_shifts
-from mapq.kernels.voxels import voxel_keys
+from mapq.features.voxels import FARTHEST, nearby_points
+from mapq.kernels.copies import layers_over, self_shifts
 from mapq.patches import Patches
 
 COLUMNS = {
@@ -32,8 +31,6 @@ COLUMNS = {
 }
 """Columns, and whether a larger value makes an error more likely."""
 
-FARTHEST = 1.5
-"""Metres off its plane up to which points lie over a patch."""
 NEAREST = 2.0
 """Tolerances off a patch from which layers are second ones: less is noise, or a rough surface in several patches."""
 ABOUT = 8.0
@@ -69,25 +66,14 @@ def copy_columns(patches: Patches, shapes: PatchShapes, settings: FeatureSetting
     half = int(np.ceil(FARTHEST / step))
     if not len(shapes.points) or half <= 2 * NEAREST + 2:
         return {name: np.full(len(shapes), np.nan) for name in COLUMNS}
-    near = near_points(patches)
+    number = np.flatnonzero(patches.cloud.finite())
+    near = nearby_points(patches, number, np.zeros(len(number), np.int64), None)
     found = layers_over(near, shapes.sheets, shapes.planes, shapes.points, shapes.start, step, 2 * half)
     pairs = _about(shapes)
     columns = _second_layer(*found, shapes.counts)
     for name in ("cover", "even", "density"):
         columns[f"near_{name}"] = _mean_about(columns[f"copy_{name}"], np.sqrt(shapes.area), *pairs)
     return columns | _shifts(found[0], shapes, step, *pairs)
-
-
-def near_points(patches: Patches) -> Near:
-    """Return the finite points of the cloud in voxels as wide as they may be off what they lie over."""
-    number = np.flatnonzero(patches.cloud.finite())
-    points = np.ascontiguousarray(patches.cloud.xyz[number], np.float64)
-    key = voxel_keys(points, FARTHEST)
-    order = np.argsort(key, kind="stable")
-    distinct, first = np.unique(key[order], return_index=True)
-    patch = patches.patch[number[order]].astype(np.int64)
-    first = np.append(first, len(order)).astype(np.int64)
-    return Near(points[order], patch, distinct, first, table_of(distinct), FARTHEST)
 
 
 def _second_layer(cover: Floats, count: Floats, n_cells: Floats, n_own: Ints) -> dict[str, Floats]:

@@ -7,6 +7,7 @@ neighbourhood together. What these motions part along a patch's normal, of the s
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -17,15 +18,11 @@ from threadpoolctl import threadpool_limits
 
 from mapq.features.provenance import Moments
 from mapq.features.shape import PatchShapes
-from mapq.features.voxels import table_of
+from mapq.features.voxels import FARTHEST, nearby_points
 from mapq.kernels.alignment import fit_motions, match_scans, ranges_of_cells
-from mapq.kernels.nearby import Nearby
 from mapq.kernels.sightings import CELL_SPACINGS, LARGEST_CELL, SMALLEST_CELL, Motions, find_layers, find_sightings
-from mapq.kernels.voxels import voxel_keys
 from mapq.patches import Patches
 
-FARTHEST = 1.5
-"""Metres off its plane up to which points lie over a patch."""
 LONGEST_SHIFT = 1.2
 """Metres by which scans may lie off each other."""
 WINDOW, OWNED = 20.0, 10.0
@@ -42,7 +39,7 @@ INLIER = 0.25
 """Robust weight from which a scan sees the surface."""
 INFLATION = 4.0
 """Of the variances of motions: residuals of neighbouring cells go together."""
-FLOOR = 0.015
+FLOOR = 0.022
 """Metres: standard error that nothing takes away, of rigid scans that are none and poses that were called right."""
 SEEN_NEAR = (0.6, 1.3, 2.5)
 """Sides of a cell within which a scan that sees the surface sees the cell: at least, as counted, and at most."""
@@ -89,7 +86,13 @@ class Window(NamedTuple):
 
 
 def measure_disagreement(
-    patches: Patches, shapes: PatchShapes, number: Ints, moments: Moments | None, to_sensor: Floats | None, noise: float
+    patches: Patches,
+    shapes: PatchShapes,
+    number: Ints,
+    moments: Moments | None,
+    to_sensor: Floats | None,
+    noise: float,
+    centres: Floats | None = None,
 ) -> Disagreement:
     """Return how far scans disagree on each patch (m).
 
@@ -105,6 +108,8 @@ def measure_disagreement(
         From these points to their sensors: faces seen from opposite sides are different surfaces.
     noise : float
         Of the map, metres.
+    centres : (w, 3) float64, optional
+        Of windows: the closest one answers for a patch. None: as many as answer for all.
     """
     found = Disagreement.unknown(len(shapes))
     if moments is None or not len(shapes.points):
@@ -112,59 +117,52 @@ def measure_disagreement(
     nearby = nearby_points(patches, number, joined(patches, number, moments), to_sensor)
     about = (nearby, shapes.sheets, shapes.planes, shapes.points, shapes.start, shapes.spacing)
     layers = find_layers(*about, FARTHEST)
-    owner, centres = windows_of(shapes)
+    centres = window_centres(shapes.centre, shapes.size_rank) if centres is None else centres
+    owner = cKDTree(centres).query(shapes.centre)[1]
     windows = [match(shapes, layers, rows, centre) for rows, centre in _inside(layers, centres)]
+    del layers
+    patches_of = np.split(np.argsort(owner, kind="stable"), np.cumsum(np.bincount(owner, minlength=len(centres)))[:-1])
     width = max(NOISE_WIDTHS * noise, THINNEST)
     for wider in ROUNDS:
         motions = _motions(owner, windows)
         sightings = find_sightings(*about, motions, wider * width)
         # Threads cost small matrices far more than they bring.
         with threadpool_limits(1):
-            fits = [
-                fit(shapes, sightings, rows, window, motions)
-                for (rows, _), window in zip(_inside(sightings, centres), windows, strict=True)
-            ]
-        windows = [each.window for each in fits]
-    for number_of, each in enumerate(fits):
-        _judge(found, shapes, sightings, each, np.flatnonzero(owner == number_of))
+            for place, (rows, _) in enumerate(_inside(sightings, centres)):
+                fitted = fit(shapes, sightings, rows, windows[place], motions)
+                windows[place] = fitted.window
+                if wider == ROUNDS[-1]:
+                    _judge(found, shapes, sightings, fitted, patches_of[place])
     return found
 
 
 def joined(patches: Patches, number: Ints, moments: Moments) -> Ints:
     """Return the moments (n,) of points, neighbouring ones as one where a patch is seen at too many."""
-    patch = patches.patch[number]
-    pairs = np.unique(np.column_stack([patch, moments.moment])[patch >= 0], axis=0)
-    if not len(pairs):
+    of_patch = np.flatnonzero(patches.patch[number] >= 0)
+    if not len(of_patch):
         return moments.moment
-    seen = np.bincount(pairs[:, 0])
+    width = moments.moment.max() + 1
+    key = patches.patch[number[of_patch]].astype(np.int64) * width + moments.moment[of_patch]
+    seen = np.bincount(np.unique(key) // width)
     return moments.moment // np.int64(max(1, -(-int(np.median(seen[seen > 0])) // MOST_SCANS)))
 
 
-def nearby_points(patches: Patches, number: Ints, moment: Ints, to_sensor: Floats | None) -> Nearby:
-    """Return points of a cloud in voxels as wide as anything over a patch may be off it, there by place and moment."""
-    points = np.ascontiguousarray(patches.cloud.xyz[number], np.float64)
-    key = voxel_keys(points, FARTHEST)
-    order = np.lexsort((moment, *points.T, key))
-    distinct, first = np.unique(key[order], return_index=True)
-    towards = np.zeros_like(points) if to_sensor is None else np.nan_to_num(to_sensor[order])
-    first = np.append(first, len(order)).astype(np.int64)
-    numbers = patches.patch[number[order]].astype(np.int64)
-    return Nearby(points[order], moment[order], numbers, towards, distinct, first, table_of(distinct), FARTHEST)
+def window_centres(middle: Floats, rank: Ints) -> Floats:
+    """Return centres (w, 3) of windows that answer for patches (m), the closest one for each: middles of large patches.
 
-
-def windows_of(shapes: PatchShapes) -> tuple[Ints, Floats]:
-    """Return the window (m,) of each patch and the centres (w, 3): large patches first, what they do not own next."""
-    tree, owner, best = cKDTree(shapes.centre), np.full(len(shapes), -1), np.full(len(shapes), np.inf)
+    Parameters
+    ----------
+    middle : (m, 3) float64
+    rank : (m,) int64
+        From the largest one on.
+    """
+    tree, is_owned = cKDTree(middle), np.zeros(len(middle), bool)
     centres: list[Floats] = []
-    for patch in np.argsort(shapes.size_rank):
-        if owner[patch] >= 0:
-            continue
-        near = np.array(tree.query_ball_point(shapes.centre[patch], OWNED))
-        distance = np.linalg.norm(shapes.centre[near] - shapes.centre[patch], axis=1)
-        closer = distance < best[near]
-        owner[near[closer]], best[near[closer]] = len(centres), distance[closer]
-        centres.append(shapes.centre[patch])
-    return owner, np.array(centres)
+    for patch in np.argsort(rank):
+        if not is_owned[patch]:
+            is_owned[tree.query_ball_point(middle[patch], OWNED)] = True
+            centres.append(middle[patch])
+    return np.array(centres).reshape(-1, 3)
 
 
 def match(shapes: PatchShapes, layers: Floats, rows: Ints, centre: Floats) -> Window:
@@ -245,9 +243,10 @@ def jacobian_of(shapes: PatchShapes, rows: Floats, centre: Floats) -> Floats:
 def _moved_by(shapes: PatchShapes, some: Floats, motions: Motions) -> Floats:
     """Return by how much (r,) sightings were moved along their normals, by the motions of their patches' windows."""
     window = motions.owner[some[:, PATCH].astype(np.int64)]
-    width = int(motions.moment.max(initial=0)) + 1
-    of = np.repeat(np.arange(len(motions.centre)), np.diff(motions.first))
-    entry = np.searchsorted(of * width + motions.moment, window * width + some[:, MOMENT].astype(np.int64))
+    entry = np.zeros(len(some), np.int64)
+    for each in np.unique(window):
+        mine, (begin, end) = window == each, motions.first[each : each + 2]
+        entry[mine] = begin + np.searchsorted(motions.moment[begin:end], some[mine, MOMENT])
     normal = shapes.normal[some[:, PATCH].astype(np.int64)]
     jacobian = np.hstack([normal, np.cross(some[:, PLACE] - motions.centre[window], normal)])
     return np.asarray(np.einsum("ij,ij->i", jacobian, motions.motion[entry]))
@@ -308,11 +307,11 @@ def _cells(rows: Floats) -> Ints:
     return np.unique(key, return_inverse=True)[1].astype(np.int64)
 
 
-def _inside(rows: Floats, centres: Floats) -> list[tuple[Ints, Floats]]:
-    """Return for each window which of the layers or sightings (r) lie in it, ascending, and its centre."""
+def _inside(rows: Floats, centres: Floats) -> Iterator[tuple[Ints, Floats]]:
+    """Yield for each window which of the layers or sightings (r) lie in it, ascending, and its centre."""
     tree = cKDTree(rows[:, PLACE])
-    found = tree.query_ball_point(centres, WINDOW, return_sorted=True)
-    return [(np.array(near, np.int64), centre) for near, centre in zip(found, centres, strict=True)]
+    for centre in centres:
+        yield np.array(tree.query_ball_point(centre, WINDOW, return_sorted=True), np.int64), centre
 
 
 def _motions(owner: Ints, windows: list[Window]) -> Motions:

@@ -136,7 +136,7 @@ class PatchShapes:
         return max(float(found), settings.eps)
 
 
-def measure_shapes(patches: Patches, settings: FeatureSettings | None = None, box: Floats | None = None) -> PatchShapes:
+def measure_shapes(patches: Patches, settings: FeatureSettings | None = None) -> PatchShapes:
     """Measure each patch on its own.
 
     Parameters
@@ -144,11 +144,9 @@ def measure_shapes(patches: Patches, settings: FeatureSettings | None = None, bo
     patches : Patches
     settings : FeatureSettings
         Only the up direction is read.
-    box : (2, 3) float64, optional
-        Corners of a box around the patches of the whole map, by which points are ordered; None: that of these patches.
     """
     up = up_direction(patches, settings or FeatureSettings())
-    number, patch, start = ordered_points(patches, box)
+    number, patch, start = ordered_points(patches)
     points = np.ascontiguousarray(patches.cloud.xyz[number])
     normal = np.ascontiguousarray(patches.normal, dtype=np.float64).reshape(-1, 3)
     centre = group_means(points, patch, len(normal))
@@ -202,17 +200,15 @@ def up_direction(patches: Patches, settings: FeatureSettings) -> Floats:
     return np.asarray(up / length)
 
 
-def ordered_points(
-    patches: Patches, box: Floats | None = None
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def ordered_points(patches: Patches) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Return the finite points (k,) of all patches, the patch (k,) of each, and where (m + 1,) each patch begins.
 
     Points are told by their number in the cloud. Patch after patch, along a space-filling curve, ties by coordinates:
-    the order follows from the points and the box (2, 3) alone.
+    the order follows from the points alone.
     """
     kept = np.flatnonzero((patches.patch >= 0) & patches.cloud.finite())
     points, patch = patches.cloud.xyz[kept], patches.patch[kept].astype(np.int64)
-    place = curve_places(points, box)
+    place = curve_places(points)
     order = np.lexsort((place, patch))
     tied = np.zeros(len(order), np.bool_)
     same = (place[order[1:]] == place[order[:-1]]) & (patch[order[1:]] == patch[order[:-1]])
@@ -226,11 +222,11 @@ def ordered_points(
     return kept[order], patch[order], start
 
 
-def curve_places(points: Floats, box: Floats | None = None) -> NDArray[np.uint64]:
-    """Return the place (k,) of each point along the Z-order curve (Morton 1966) through a box (2, 3), or their own."""
+def curve_places(points: Floats) -> NDArray[np.uint64]:
+    """Return the place (k,) of each point along the Z-order curve (Morton 1966) through their box."""
     if len(points) == 0:
         return np.zeros(0, np.uint64)
-    low, high = (points.min(axis=0), points.max(axis=0)) if box is None else box
+    low, high = points.min(axis=0), points.max(axis=0)
     side = max(float((high - low).max()), SMALLEST_CELL)
     steps = ((points - low) * ((2**CURVE_BITS - 1) / side)).astype(np.uint64)
     place = np.zeros(len(points), np.uint64)

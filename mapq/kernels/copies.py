@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.kernels._jit import jit, part
 from mapq.kernels.frames import Planes, dot_from
+from mapq.kernels.nearby import Nearby, cell_over, voxels_about
 from mapq.kernels.sheets import Sheets
-from mapq.kernels.voxels import EMPTY, find, key_of
+from mapq.kernels.voxels import EMPTY
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -21,57 +20,9 @@ CLEARLY = 1e-6
 """Support by which a longer motion must be better than a shorter one: less is rounding."""
 
 
-class Near(NamedTuple):
-    """All points (n,) of a cloud, voxel after voxel."""
-
-    points: Floats  # (n, 3)
-    patch: Ints  # (n,) -1 for none
-    key: Ints  # (v,) of the voxels
-    first: Ints  # (v + 1,) number of each voxel's first point
-    table: Ints  # places of keys
-    side: float  # metres
-
-
-@part
-def voxels_about(near: Near, points: Floats, begin: int, end: int, mark: int, marks: Ints, found: Ints) -> int:
-    """Write the places of the voxels in which points of a patch lie, and of those beside; how many.
-
-    A voxel is written once: `marks` (v,) remembers the number of the patch, `mark`, that did so last.
-    """
-    n, last = 0, EMPTY
-    for k in range(begin, end):
-        x = int(np.floor(points[k, 0] / near.side))
-        y = int(np.floor(points[k, 1] / near.side))
-        z = int(np.floor(points[k, 2] / near.side))
-        here = key_of(x, y, z)
-        if here == last:
-            continue
-        last = here
-        for number in range(27):
-            beside = key_of(x + number % 3 - 1, y + number // 3 % 3 - 1, z + number // 9 - 1)
-            place = find(near.key, near.table, beside)
-            if place != EMPTY and marks[place] != mark:
-                marks[place] = mark
-                found[n] = place
-                n += 1
-    return n
-
-
-@part
-def cell_over(sheets: Sheets, i: int, u: float, v: float) -> int:
-    """Cell of patch i, from 0, at the place (u, v) of its plane; `EMPTY` where there are no points of it."""
-    column = int(np.floor((u - sheets.low[i, 0]) / sheets.cell[i]))
-    row = int(np.floor((v - sheets.low[i, 1]) / sheets.cell[i]))
-    if column < 0 or row < 0 or column >= sheets.size[i, 0] or row >= sheets.size[i, 1]:
-        return EMPTY
-    cell = row * sheets.size[i, 0] + column
-    at = sheets.base[i] + cell
-    return cell if sheets.first[at + 1] > sheets.first[at] else EMPTY
-
-
 @part
 def sort_over(
-    near: Near, sheets: Sheets, planes: Planes, i: int, step: float, places: Ints, first: Ints, found: Ints, out: Ints
+    near: Nearby, sheets: Sheets, planes: Planes, i: int, step: float, places: Ints, first: Ints, found: Ints, out: Ints
 ) -> None:
     """Write the cells of the points over patch i, slice after slice; where each slice begins to `first` (slices + 1,).
 
@@ -102,7 +53,7 @@ def sort_over(
 
 @jit
 def layers_over(
-    near: Near, sheets: Sheets, planes: Planes, points: Floats, start: Ints, step: float, n_slices: int
+    near: Nearby, sheets: Sheets, planes: Planes, points: Floats, start: Ints, step: float, n_slices: int
 ) -> tuple[Floats, Floats, Floats]:
     """Return cover and number of points (m, n_slices - 1 each) of layers over patches, and their occupied cells (m,).
 

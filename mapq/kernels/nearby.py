@@ -29,14 +29,15 @@ class Nearby(NamedTuple):
 
 
 @part
-def lies_over(sheets: Sheets, i: int, u: float, v: float) -> bool:
-    """Whether there are points of patch i in the cell of the place (u, v) of its plane."""
+def cell_over(sheets: Sheets, i: int, u: float, v: float) -> int:
+    """Cell of patch i, from 0, at the place (u, v) of its plane; `EMPTY` where there are no points of it."""
     column = int(np.floor((u - sheets.low[i, 0]) / sheets.cell[i]))
     row = int(np.floor((v - sheets.low[i, 1]) / sheets.cell[i]))
     if column < 0 or row < 0 or column >= sheets.size[i, 0] or row >= sheets.size[i, 1]:
-        return False
-    at = sheets.base[i] + row * sheets.size[i, 0] + column
-    return sheets.first[at + 1] > sheets.first[at]
+        return EMPTY
+    cell = row * sheets.size[i, 0] + column
+    at = sheets.base[i] + cell
+    return cell if sheets.first[at + 1] > sheets.first[at] else EMPTY
 
 
 @part

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mapq.kernels._jit import jit, part
 from mapq.kernels.frames import Planes, dot, dot_from
-from mapq.kernels.nearby import Nearby, lies_over, voxels_about
+from mapq.kernels.nearby import Nearby, cell_over, voxels_about
 from mapq.kernels.order import quantile
 from mapq.kernels.sheets import Sheets, first_corner
 from mapq.kernels.voxels import EMPTY
@@ -123,7 +123,7 @@ def points_over(
             height = dot_from(planes.normal[i], at, planes.centre[i])
             u = dot_from(planes.across[i], at, planes.centre[i])
             v = dot_from(planes.along[i], at, planes.centre[i])
-            if abs(height) <= reach and (nearby.patch[k] == i or lies_over(sheets, i, u, v)):
+            if abs(height) <= reach and (nearby.patch[k] == i or cell_over(sheets, i, u, v) != EMPTY):
                 rows[n], spot[n, 0], spot[n, 1], spot[n, 2] = k, u, v, height
                 n += 1
     return n

@@ -22,7 +22,7 @@ from mapq.report.markup import (
 )
 from mapq.report.scene import Scene, build_scene
 from mapq.report.source import MOST_REGIONS, Findings, regions_in
-from mapq.report.words import local, made_table, percent, region_table, threshold_of, verdict_words
+from mapq.report.words import local, made_table, map_facts, percent, region_table, threshold_of, verdict_words
 from prf.shell.files import encoded, open_output
 
 MOST_POINTS = 120_000
@@ -105,6 +105,7 @@ def _page(findings: Findings, shown: Shown, scene: Scene, title: str, palette: P
             "palette": palette,
             "verdict": verdict,
             "facts": facts,
+            "map": map_facts(findings),
             "histogram": histogram_svg(sums, unit, threshold_of(findings)),
             "unit": unit,
             "share": percent(_share(findings)),
@@ -140,6 +141,7 @@ def page_data(findings: Findings, shown: Shown, scene: Mapping[str, Any]) -> dic
         "label": shown.label,
         "p": [_short(value) for value in shown.probability.tolist()],
         "measures": {name: [_short(row.get(name)) for row in rows] for name in MEASURES},
+        "apart": [[_short(row.get(name), 3) for name in ("disagreement_m", "low", "high")] for row in rows],
         "centre": [[_short(x, 9) for x in local(findings, row.get("centroid"))] for row in rows],
         "normal": [[_short(x, 4) for x in row] for row in shown.normal.tolist()],
         "region": [row.get("region") for row in rows],

@@ -10,18 +10,21 @@ from typing import Any
 from mapq.report.markup import escape, table
 from mapq.report.source import MOST_REGIONS, Findings, regions_in
 
+DASH = "–"
+"""In the place of what is no number."""
+
 
 def number(value: Any, digits: int = 1, unit: str = "") -> str:
     """Return a number of a file as text, a dash where it is none."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        return "–"
+        return DASH
     return f"{value:,.{digits}f}{unit}"
 
 
 def percent(value: Any) -> str:
     """Return a share as text, a dash where it is none."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        return "–"
+        return DASH
     return f"{100.0 * value:.1f} %"
 
 
@@ -44,10 +47,16 @@ def verdict_words(findings: Findings) -> tuple[str, str]:
         return "No plane patch was found: nothing is said of this map.", _facts(findings, counts, verdict)
     share = verdict.get("share_of_area", counts.get("share_of_area"))
     limit = verdict.get("fail_over")
-    line = f"<strong>{percent(share)}</strong> of the surface is suspicious"
+    coverage, least = counts.get("coverage"), verdict.get("min_coverage")
+    line = f"<strong>{percent(share)}</strong> of the surface that could be judged is suspicious"
+    if percent(coverage) != DASH:
+        line += f"; that is {percent(coverage)} of what is flat"
     if limit is not None and verdict.get("passed") is not None:
         state = "passes" if verdict["passed"] is True else "fails"
-        line += f' <span class="verdict-{state}">{state}: no more than {percent(limit)} was asked for</span>'
+        asked = f"no more than {percent(limit)} was asked for"
+        if percent(coverage) != DASH and percent(least) != DASH:
+            asked += f", and {percent(least)} to be judged"
+        line += f' <span class="verdict-{state}">{state}: {asked}</span>'
     return line, _facts(findings, counts, verdict)
 
 
@@ -60,6 +69,22 @@ def _facts(findings: Findings, counts: Mapping[str, Any], verdict: Mapping[str, 
     )
 
 
+def map_facts(findings: Findings) -> str:
+    """Return what the map is, as a table: size, points, and how it was cut."""
+    cut = part(part(findings.head, "segmentation"), "parameters")
+    some = findings.cloud.xyz[findings.patch >= 0] * findings.cloud.unit
+    size = (some.max(axis=0) - some.min(axis=0)).tolist() if len(some) else []
+    rows = (
+        ("patches reach over", " × ".join(number(length) for length in size) + " m" if size else DASH),
+        ("points", number(findings.n_points, 0)),
+        ("patches", number(len(findings.label), 0)),
+        ("spacing", number(cut.get("spacing"), 3, " m")),
+        ("noise", number(cut.get("noise"), 3, " m")),
+        ("judged up to", number(cut.get("max_tilt"), 0, "° from upright")),
+    )
+    return table(("", ""), [("", row) for row in rows], "plain")
+
+
 def _rows(findings: Findings, counts: Mapping[str, Any], verdict: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     n_regions = len(regions_in(findings.head))
     where = f", in {n_regions} region{'' if n_regions == 1 else 's'}" if n_regions else ""
@@ -69,6 +94,7 @@ def _rows(findings: Findings, counts: Mapping[str, Any], verdict: Mapping[str, A
     n_points, n_inside = counts.get("n_points"), counts.get("n_points_in_patches")
     are_counts = isinstance(n_inside, int) and isinstance(n_points, int) and 0 <= n_inside <= n_points
     share = n_inside / n_points if are_counts and n_points else None
+    yield "judged", f"{percent(counts.get('coverage'))} of the points that lie on planes of any tilt"
     yield "points", f"{number(n_points, 0)}, {percent(share)} of them in patches; nothing is said of the others"
     if len(findings.rows) < len(findings.label):
         yield (
@@ -86,7 +112,8 @@ def _rows(findings: Findings, counts: Mapping[str, Any], verdict: Mapping[str, A
     if isinstance(verdict.get("scans_apart_m"), float):
         yield (
             "scans apart",
-            f"{number(verdict['scans_apart_m'], 3)} m in the median of patches that several scans of a visit saw",
+            f"{number(verdict['scans_apart_m'], 3)} m in the median over the area that several scans saw, "
+            f"{number(verdict.get('disagreement_m'), 3)} m in the mean",
         )
     if findings.cloud.shift.any():
         shift = ", ".join(f"{value:,.0f}" for value in findings.cloud.shift * findings.cloud.unit)

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.assess.causes import Cause, Spread, cause_of, copies_of, measure_spread, median_apart, some_of
-from mapq.assess.visits import Clock, Stays, Visits, to_sensor_of, visits_from
+from mapq.assess.causes import Cause, Spread, cause_of, copies_of, measure_spread, reach_of
+from mapq.assess.visits import Clock, Visits, to_sensor_of
 from mapq.graph import PatchFeatures
 from mapq.scale.gather import Part, gather
 from mapq.scale.patches import load_whole
@@ -26,6 +26,8 @@ class CauseTask(NamedTuple):
         That are asked.
     copies : list of list of int
         Of each the patches that may be copies of its surface.
+    reach : list of float
+        Of each the metres off it up to which points are looked at.
     clock : Clock
     value : (k,) float64
         Of the clock at all moments of the map.
@@ -36,6 +38,7 @@ class CauseTask(NamedTuple):
 
     patches: Ints
     copies: list[list[int]]
+    reach: list[float]
     clock: Clock
     value: Floats
     visits: Visits
@@ -52,8 +55,8 @@ def measure_spreads(task: CauseTask) -> list[Spread]:
     visits = task.visits._replace(moment=moment, to_sensor=to_sensor_of(patches.cloud, task.clock))
     places = np.searchsorted(chosen, task.patches).tolist()
     return [
-        measure_spread(patches, place, np.searchsorted(chosen, copies).tolist(), visits)
-        for place, copies in zip(places, task.copies, strict=True)
+        measure_spread(patches, place, np.searchsorted(chosen, copies).tolist(), visits, reach)
+        for place, copies, reach in zip(places, task.copies, task.reach, strict=True)
     ]
 
 
@@ -66,41 +69,36 @@ class Found(NamedTuple):
         Of the map, without points.
     causes : dict of int to Cause
         Of suspicious patches.
-    scans_apart : float
-        Metres by which scans of one visit put a patch apart, in the median.
     """
 
     visits: Visits
     causes: dict[int, Cause]
-    scans_apart: float
 
 
 def plan_causes(
-    groups: list[Ints], suspicious: NDArray[np.bool_], features: PatchFeatures, clock: Clock, stays: Stays, part: Part
+    groups: list[Ints],
+    suspicious: NDArray[np.bool_],
+    features: PatchFeatures,
+    about: tuple[Clock, Floats, Visits, Part],
 ) -> list[CauseTask]:
-    """Return the tasks: for each group of patches that lie together those of them that are asked."""
-    visits = visits_from(clock, stays, np.zeros(0, np.int64), None)
-    asked = suspicious.copy()
-    asked[some_of(len(suspicious))] = True
-    copies = copies_of(features, len(suspicious))
+    """Return the tasks, each of the suspicious patches of a group that lies together, and what all tasks are given."""
+    copies, reach = copies_of(features, len(suspicious)), reach_of(features)
     tasks = []
     for group in groups:
-        some = group[asked[group]]
+        some = group[suspicious[group]]
         if len(some):
             several = [copies[patch] for patch in some.tolist()]
-            tasks.append(CauseTask(some, several, clock, stays.value, visits, part))
+            tasks.append(CauseTask(some, several, reach[some].tolist(), *about))
     return tasks
 
 
-def judge_spreads(tasks: list[CauseTask], spreads: list[list[Spread]], suspicious: NDArray[np.bool_]) -> Found | None:
-    """Return the causes that the spreads speak for; None where nothing was asked."""
-    if not tasks:
-        return None
-    visits = tasks[0].visits
-    by_patch = {
-        patch: spread
+def judge_spreads(
+    tasks: list[CauseTask], spreads: list[list[Spread]], features: PatchFeatures, visits: Visits
+) -> Found:
+    """Return the causes that the spreads speak for, by patch in ascending order."""
+    causes = {
+        patch: cause_of(spread, visits, features.disagreement[patch])
         for task, several in zip(tasks, spreads, strict=True)
         for patch, spread in zip(task.patches.tolist(), several, strict=True)
     }
-    causes = {int(patch): cause_of(by_patch[int(patch)], visits) for patch in np.flatnonzero(suspicious)}
-    return Found(visits, causes, median_apart([by_patch[patch] for patch in some_of(len(suspicious))]))
+    return Found(visits, dict(sorted(causes.items())))

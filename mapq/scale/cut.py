@@ -116,8 +116,8 @@ class Cut(NamedTuple):
         Number of the first one on the curve through the whole map.
     area : (m,) float64
         In m².
-    start : (m + 1,) int64
-        Where the points of each begin in the tile's file of points.
+    start : (m + 2,) int64
+        Where the points of each begin in the tile's file of points, those of none, and where these end.
     root : (m,) int32
         Which of the regions that grew each is of, once these were united.
     grown : Pieces
@@ -230,7 +230,7 @@ def _described(
     area = region_areas(points.xyz, own_region, seen, CELL_IN_SPACING * task.chosen.spacing)
     of_point = np.where(is_own, region[points.number], np.int32(-1))
     n_points = np.bincount(of_point[of_point >= 0], minlength=n_regions).astype(np.int64)
-    start = files.save_points(of_point, is_own, ~_surely_tilted(seen, task.chosen), task.known.moment)
+    start = files.save_points(of_point, is_own, ~_surely_tilted(seen, task.chosen))
     share = int(own_place.sum()) / max(len(own_place), 1)
     return Cut(
         tile=task.tile,

@@ -11,9 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from mapq.features.compute import safe_features
 from mapq.features.context import Beyond
+from mapq.features.copies import ABOUT
+from mapq.features.disagreement import WINDOW
 from mapq.features.neighbours import measure_candidates
 from mapq.features.node import shape_table
 from mapq.features.provenance import Known
@@ -24,6 +27,8 @@ from mapq.scale.gather import LOOSE_REACH, Part, gather, patches_near, with_loos
 from mapq.scale.patches import Whole, load_whole
 from mapq.scale.rays import rays_near
 
+SLACK = 0.1
+"""Metres by which the middle of a patch may lie elsewhere once points that repeat others count as well."""
 LARGEST_PATCH = 1_000_000
 """Points of a patch that are looked at, where a map has several parts: of a larger one every n-th."""
 
@@ -47,8 +52,12 @@ class MeasureTask(NamedTuple):
     side : float or None
         Of the voxels that rays go through, in metres; None where no rays are known.
     n_ray_files : int
-    tiles : tuple of int
-        Those whose loose points may lie over the patches.
+    boxes : (t, 4) float64
+        Corners of the tiles.
+    centres : (w, 3) float64
+        Of the windows that answer for the patches.
+    most_far : int
+        Points of patches that only these windows reach, about: of more every n-th is looked at.
     """
 
     patches: Ints
@@ -57,7 +66,9 @@ class MeasureTask(NamedTuple):
     known: Known
     side: float | None
     n_ray_files: int
-    tiles: tuple[int, ...]
+    boxes: Floats
+    centres: Floats
+    most_far: int
 
 
 class Measured(NamedTuple):
@@ -95,15 +106,20 @@ def share_out(whole: Whole, most_points: int, largest: int | None) -> list[Ints]
 
 def measure_patches(task: MeasureTask) -> Measured:
     """Measure some patches, and the pairs that they are in."""
-    whole = load_whole(task.part.folder)
-    chosen = patches_near(whole, task.patches, max(task.settings.radius, LOOSE_REACH))
-    is_own = np.isin(chosen, task.patches, assume_unique=True)
-    patches = gather(whole, chosen, task.part)
-    if task.known.moment is not None and "moments" in task.settings.context:
-        patches = with_loose(patches, is_own, whole, task.known.moment, task.tiles, task.part.folder)
-    shapes = measure_shapes(patches, task.settings, whole.box - whole.corner)
-    graph = _watched(shapes, is_own, task.settings)
-    found = safe_features(patches, shapes, graph, task.settings, _beyond(task, whole, chosen))
+    whole, settings = load_whole(task.part.folder), task.settings
+    reached = task.centres if task.known.moment is not None and "moments" in settings.context else task.centres[:0]
+    about = _about(whole, task.patches) if "copies" in settings.context else task.patches
+    near = patches_near(whole, whole.low[about], whole.high[about], max(settings.radius, LOOSE_REACH))
+    chosen = np.union1d(near, patches_near(whole, reached, reached, WINDOW + LOOSE_REACH))
+    is_own, is_near = (np.isin(chosen, some, assume_unique=True) for some in (task.patches, near))
+    step = max(1, -(-int(whole.n_points[chosen[~is_near]].sum()) // task.most_far))
+    patches = gather(whole, chosen, task.part, np.where(is_near, 1, step))
+    if len(reached) or "copies" in settings.context:
+        is_about = np.isin(chosen, about, assume_unique=True)
+        patches = with_loose(patches, is_about, step, whole, task.boxes, task.part)
+    shapes = measure_shapes(patches, settings)
+    graph = _watched(shapes, is_own, settings)
+    found = safe_features(patches, shapes, graph, settings, _beyond(task, whole, chosen))
     shape = shape_table(shapes)[is_own]
     shape[:, 0] = whole.n_points[task.patches]
     return Measured(
@@ -118,13 +134,20 @@ def measure_patches(task: MeasureTask) -> Measured:
     )
 
 
+def _about(whole: Whole, own: Ints) -> Ints:
+    """Return the patches, ascending, whose layers say something of some patches; these themselves too."""
+    found = cKDTree(whole.centroid[own]).query(whole.centroid, distance_upper_bound=ABOUT + SLACK)[0]
+    return np.flatnonzero(np.isfinite(found))
+
+
 def _beyond(task: MeasureTask, whole: Whole, chosen: Ints) -> Beyond:
     """Return what is known of the map beyond the patches that are measured."""
+    centres = task.centres - whole.corner
     if task.side is None or len(task.patches) == 0:
-        return Beyond(task.known, None, task.side)
+        return Beyond(task.known, None, task.side, centres)
     low, high = whole.low[task.patches].min(axis=0), whole.high[task.patches].max(axis=0)
     box = np.array([low - 2.0 * task.side, high + 2.0 * task.side]) - whole.corner
-    return Beyond(task.known, rays_near(task.part.folder, task.n_ray_files, box, chosen), task.side)
+    return Beyond(task.known, rays_near(task.part.folder, task.n_ray_files, box, chosen), task.side, centres)
 
 
 def _watched(shapes: PatchShapes, is_own: NDArray[np.bool_], settings: FeatureSettings) -> PatchGraph:

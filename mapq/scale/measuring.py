@@ -7,15 +7,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from mapq.assess.visits import Clock, join_stays
+from mapq.assess.visits import Clock, join_stays, visits_from
 from mapq.axes import turn
+from mapq.features.disagreement import window_centres
 from mapq.features.provenance import Known
 from mapq.features.rays import ray_step, voxel_side
 from mapq.features.settings import FeatureSettings
 from mapq.graph import PatchFeatures
 from mapq.scale.causes import Found, judge_spreads, measure_spreads, plan_causes
-from mapq.scale.gather import LOOSE_REACH, Part
+from mapq.scale.gather import Part
 from mapq.scale.graph import join_measures
 from mapq.scale.measure import LARGEST_PATCH, MeasureTask, measure_patches, share_out
 from mapq.scale.patches import Whole
@@ -97,7 +99,7 @@ class Measuring:
     ) -> None:
         x, y, z = turn(np.array(up), cutting.quarter).tolist()
         self._cutting, self._settings, self._up = cutting, replace(settings, up=(x, y, z)), up
-        self._stages, self._folder = stages, folder
+        self._stages, self._most, self._folder = stages, tile_points, folder
         several = len(share_out(cutting.whole, tile_points, None)) > 1
         self._largest = LARGEST_PATCH if several else None
         self._groups = share_out(cutting.whole, tile_points, self._largest) or [np.zeros(0, np.int64)]
@@ -106,8 +108,13 @@ class Measuring:
         """Return the features of all patches and pairs."""
         known = self._cutting.seen.known
         part, side = self._part(known.fields), self._draw_rays()
+        whole, n_groups, boxes = self._cutting.whole, len(self._groups), self._cutting.tiling.boxes
+        centres = window_centres(whole.centroid, np.argsort(np.lexsort((*whole.centroid.T[::-1], -whole.n_points))))
+        owner = cKDTree(centres).query(whole.centroid)[1]
         tasks = [
-            MeasureTask(group, self._settings, part, known, side, len(self._groups), self._tiles_about(group))
+            MeasureTask(
+                group, self._settings, part, known, side, n_groups, boxes, centres[np.unique(owner[group])], self._most
+            )
             for group in self._groups
         ]
         measured = self._stages.each("measuring", measure_patches, tasks)
@@ -120,8 +127,9 @@ class Measuring:
         if clock is None or not parts:
             return None
         stays, part = join_stays(parts), self._part(clock.fields)
-        tasks = plan_causes(self._groups, suspicious, features, clock, stays, part)
-        return judge_spreads(tasks, self._stages.each("finding causes", measure_spreads, tasks), suspicious)
+        visits = visits_from(clock, stays, np.zeros(0, np.int64), None)
+        tasks = plan_causes(self._groups, suspicious, features, (clock, stays.value, visits, part))
+        return judge_spreads(tasks, self._stages.each("finding causes", measure_spreads, tasks), features, visits)
 
     def _part(self, fields: tuple[str, ...]) -> Part:
         return Part(fields, self._largest, self._folder)
@@ -139,13 +147,3 @@ class Measuring:
             for number, group in enumerate(self._groups)
         ]
         return voxel_side(np.concatenate(self._stages.each("drawing rays", draw_part, tasks)))
-
-    def _tiles_about(self, patches: Ints) -> tuple[int, ...]:
-        """Return the tiles whose loose points may lie over some patches."""
-        if len(patches) == 0:
-            return ()
-        whole, boxes = self._cutting.whole, self._cutting.tiling.boxes
-        low = whole.low[patches, :2].min(axis=0) - LOOSE_REACH
-        high = whole.high[patches, :2].max(axis=0) + LOOSE_REACH
-        near = (boxes[:, :2] <= high).all(axis=1) & (boxes[:, 2:] >= low).all(axis=1)
-        return tuple(np.flatnonzero(near).tolist())

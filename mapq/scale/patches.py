@@ -124,7 +124,7 @@ def join_regions(
     np.minimum.at(low, group, _all(cuts, "low"))
     np.maximum.at(high, group, _all(cuts, "high"))
     of_region = number[group]
-    first_piece, piece, rest = _pieces(cuts, of_region, len(order), first_region)
+    first_piece, piece, rest = _pieces(cuts, of_region, len(order))
     whole = Whole(
         normal=fits.planes[order, :3].copy(),
         centroid=fits.planes[order, 3:].copy(),
@@ -146,16 +146,15 @@ def _all(cuts: list[Cut], name: str) -> NDArray[Any]:
     return np.concatenate([getattr(cut, name) for cut in cuts])
 
 
-def _pieces(
-    cuts: list[Cut], of_region: NDArray[np.int32], n_patches: int, first_region: Ints
-) -> tuple[Ints, Ints, Ints]:
+def _pieces(cuts: list[Cut], of_region: NDArray[np.int32], n_patches: int) -> tuple[Ints, Ints, Ints]:
     """Return `first_piece`, `piece` and `rest` of :class:`Whole`."""
-    tile = np.repeat([cut.tile for cut in cuts], np.diff(first_region)).astype(np.int64)
-    begin = np.concatenate([cut.start[:-1] for cut in cuts])
-    end = np.concatenate([cut.start[1:] for cut in cuts])
-    rows = np.column_stack([tile, begin, end])
-    some = np.flatnonzero((of_region >= 0) & (end > begin))
+    rows = np.concatenate(
+        [np.column_stack([np.full(len(cut.n_points), cut.tile), cut.start[:-2], cut.start[1:-1]]) for cut in cuts]
+    )
+    loose = np.array([[cut.tile, *cut.start[-2:]] for cut in cuts], np.int64).reshape(-1, 3)
+    is_there = rows[:, 2] > rows[:, 1]
+    some = np.flatnonzero((of_region >= 0) & is_there)
     some = some[np.argsort(of_region[some], kind="stable")]
     first = np.zeros(n_patches + 1, np.int64)
     np.cumsum(np.bincount(of_region[some], minlength=n_patches), out=first[1:])
-    return first, rows[some], rows[(of_region < 0) & (end > begin)]
+    return first, rows[some], np.concatenate([rows[(of_region < 0) & is_there], loose])

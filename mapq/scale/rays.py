@@ -55,7 +55,7 @@ def draw_part(task: RayTask) -> Floats:
     """Write the rays to some patches, and return the spacing (c,) of these patches in metres."""
     whole = load_whole(task.part.folder)
     patches = gather(whole, task.patches, task.part)
-    shapes = measure_shapes(patches, task.settings, whole.box - whole.corner)
+    shapes = measure_shapes(patches, task.settings)
     views = views_of(patches.cloud, shapes.number, task.known)
     assert views is not None
     with_ray = np.flatnonzero(has_ray(views.to_sensor))

@@ -65,11 +65,6 @@ class TiledResult(Result):
         return super().causes if self.found is None else self.found.causes
 
     @cached_property
-    def scans_apart(self) -> float:
-        """Return how far apart scans of one visit put a patch in metres, in the median; nan where that is unknown."""
-        return float("nan") if self.found is None else self.found.scans_apart
-
-    @cached_property
     def regions(self) -> list[Region]:
         """Return the regions of connected suspicious patches, the most severe first.
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +18,8 @@ def regions_path(folder: str, tile: int) -> str:
 
 
 def points_path(folder: str, tile: int, name: str) -> str:
-    """Return the file with the own points of a tile, region after region: ``xyz`` or one of the fields."""
+    """Return the file with the own points of a tile, region after region, then of none: ``xyz`` or a field."""
     return os.path.join(folder, f"points_{tile:05d}_{name}.npy")
-
-
-def loose_path(folder: str, tile: int, name: str) -> str:
-    """Return the file with the own points of a tile that are in none of these regions; only of moments' maps."""
-    return os.path.join(folder, f"loose_{tile:05d}_{name}.npy")
 
 
 def border_path(folder: str, tile: int) -> str:
@@ -54,13 +48,11 @@ class TileFiles(NamedTuple):
         save_array(regions_path(self.folder, self.tile), region)
 
     def save_points(
-        self,
-        region: NDArray[np.int32],
-        is_own: NDArray[np.bool_],
-        wanted: NDArray[np.bool_],
-        moment: str | None,
+        self, region: NDArray[np.int32], is_own: NDArray[np.bool_], wanted: NDArray[np.bool_]
     ) -> NDArray[np.int64]:
-        """Write the own points of the regions that are wanted, and return where each region's begin (m + 1,).
+        """Write the own points of the regions that are wanted, then all other own ones: they may lie over a patch.
+
+        Return where each region's begin, where the others do, and where these end (m + 2,).
 
         Parameters
         ----------
@@ -68,29 +60,16 @@ class TileFiles(NamedTuple):
             Of each own point; -1 for none, and for points of the halo.
         is_own : (n,) bool
         wanted : (m,) bool
-        moment : str or None
-            Field of moments. Where it is known the other own points are written too: they may lie over a patch.
         """
-        kept = np.flatnonzero(region >= 0)
-        kept = kept[wanted[region[kept]]]
-        order = kept[np.argsort(region[kept], kind="stable")]
-        self._save_columns(points_path, order, tuple(self.parts[0].fields))
-        if moment is not None:
-            loose = is_own.copy()
-            loose[kept] = False
-            self._save_columns(loose_path, np.flatnonzero(loose), (moment,))
-        start = np.zeros(len(wanted) + 1, np.int64)
-        np.cumsum(np.bincount(region[order], minlength=len(wanted)), out=start[1:])
+        own = np.flatnonzero(is_own)
+        place = np.append(np.where(wanted, np.arange(len(wanted)), len(wanted)), len(wanted))[region[own]]
+        order = own[np.argsort(place, kind="stable")]
+        columns = {name: [part.fields[name] for part in self.parts] for name in self.parts[0].fields}
+        for name, several in {"xyz": [part.xyz for part in self.parts], **columns}.items():
+            save_array(points_path(self.folder, self.tile, name), np.concatenate(several)[order])
+        start = np.zeros(len(wanted) + 2, np.int64)
+        np.cumsum(np.bincount(place, minlength=len(wanted) + 1), out=start[1:])
         return start
-
-    def _save_columns(
-        self, path: Callable[[str, int, str], str], rows: NDArray[np.int64], names: tuple[str, ...]
-    ) -> None:
-        """Write coordinates and some fields of some points."""
-        save_array(path(self.folder, self.tile, "xyz"), np.concatenate([part.xyz for part in self.parts])[rows])
-        for name in names:
-            column: NDArray[Any] = np.concatenate([part.fields[name] for part in self.parts])[rows]
-            save_array(path(self.folder, self.tile, name), column)
 
     def save_border(
         self, shared: NDArray[np.bool_], bases: tuple[int, ...], columns: dict[str, NDArray[np.int32]]

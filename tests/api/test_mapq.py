@@ -102,6 +102,8 @@ def test_a_result_gives_reasons(result: mapq.Result) -> None:
         result.reasons(5000)
     with pytest.raises(ArgumentError, match="fail_over 5"):
         result.verdict(5.0)
+    with pytest.raises(ArgumentError, match="min_coverage 2"):
+        result.verdict(0.05, min_coverage=2.0)
 
 
 def test_notebooks_show_cards_with_pictures(result: mapq.Result, patches: mapq.Patches) -> None:

@@ -73,6 +73,32 @@ def test_fail_over_says_no_after_the_result_is_written(capsys, tmp_path, share, 
     assert json.loads(target.with_suffix(".json").read_text())["verdict"]["passed"] is (code == 0)
 
 
+@pytest.mark.parametrize(("options", "code"), [([], 1), (["--min-coverage", "5%"], 0), (["--min-coverage", "1"], 1)])
+def test_a_map_of_which_little_was_judged_fails_in_one_line(capsys, tmp_path, options, code):
+    patches = draw_patches(1)
+    judged = int(patches.counts.sum())
+    report = {"dropped_for_tilt": {"patches": 1, "points": 9 * judged, "area": 1.0}}
+    path, target = tmp_path / "flat.patches", tmp_path / "r.ply"
+    write_patches(path, replace(patches, report=report))
+    args = ["classify", path, "--model", save_model(tmp_path), "-o", target, "--fail-over", "100%", *options]
+    found, out, err = call(capsys, *args)
+    assert found == code
+    assert out.startswith("judged          10.0% of the surface")
+    assert err.count("\n") == code
+    assert ("10.0% of the points on planes could be judged, less than" in err) == (code == 1)
+    stored = json.loads(target.with_suffix(".json").read_text())
+    assert (stored["counts"]["coverage"], stored["verdict"]["passed"]) == (0.1, code == 0)
+    assert call(capsys, *args[:-2], "-q", "--force")[1] == ""
+
+
+def test_patches_that_do_not_say_what_else_was_flat_pass(capsys, tmp_path):
+    path = save_patches(tmp_path)
+    args = ["classify", path, "--model", save_model(tmp_path), "-o", "/dev/null", "--fail-over", "100%"]
+    code, out, _ = call(capsys, *args)
+    assert code == 0
+    assert out.startswith("judged          an unknown share of the surface")
+
+
 @pytest.mark.parametrize("share", ["5", "-1%", "some", "101%", "nan"])
 def test_a_share_that_is_none_is_one_line(capsys, tmp_path, share):
     args = ["classify", save_patches(tmp_path), "--model", save_model(tmp_path), f"--fail-over={share}"]

@@ -78,6 +78,9 @@
       ["normal", data.normal[patch].map((x) => figure(x, 3)).join(", ")],
       ["centre", place(data.centre[patch]) + " m"],
     ];
+    const [apart, low, high] = data.apart[patch];
+    if (apart !== null)
+      rows.push(["scans disagree", `${figure(apart, 2)} m (${figure(low, 2)} to ${figure(high, 2)})`]);
     if (data.shift)
       rows.push(["centre, world", place(data.centre[patch].map((x, axis) => x + data.shift[axis])) + " m"]);
     if (data.region[patch] !== null) rows.push(["region", data.region[patch]]);

@@ -68,6 +68,7 @@
         zeroline: false,
         showspikes: false,
         color: SOFT,
+        exponentformat: "none",
       });
       const { x, y, z, aspectratio } = this.frame();
       return {

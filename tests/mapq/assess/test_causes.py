@@ -1,14 +1,15 @@
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from mapq.assess import assess, causes
-from mapq.assess.causes import LOCAL, MISSED_LOOP, UNKNOWN, find_causes, nested_spread, scans_apart
+from mapq.assess.causes import LOCAL, MISSED_LOOP, UNKNOWN, Spread, cause_of, find_causes, nested_spread
 from mapq.assess.visits import Visits, visits_of
-from mapq.features import patch_features
+from mapq.features import FeatureSettings, patch_features
 from mapq.io.results import result_cloud
 from mapq.patches import NO_PATCH
 from tests.mapq.assess.test_result import make_model
@@ -62,7 +63,9 @@ def test_laps_that_disagree_are_a_missed_loop(lap):
         assert cause.measures["between_visits_m"] == pytest.approx(lap, rel=0.1)
         assert cause.measures["within_visits_m"] < 0.04
         assert cause.measures["away_m"] == pytest.approx(68.0, abs=1e-6)
-        assert f"{cause.measures['between_visits_m']:.2f} m off" in cause.text
+        metres, low, high = (float(x) for x in re.search(r"lies (.*) m \((.*) to (.*)\) off", cause.text).groups())
+        assert metres == pytest.approx(lap, abs=0.03)
+        assert low <= lap <= high
 
 
 @pytest.mark.parametrize("jitter", [0.1, 0.4])
@@ -105,7 +108,32 @@ def test_passes_are_named_where_nothing_else_is_known():
     patches = wall_of_two_laps(0.4, 0.0)
     fields = {"pass_id": (patches.cloud.fields["scan"] >= N_SCANS).astype(np.int16)}
     found = causes_of(replace(patches, cloud=replace(patches.cloud, fields=fields)))
-    assert {(cause.kind, cause.text) for cause in found} == {(MISSED_LOOP, "passes put it 0.40 m apart")}
+    assert {cause.kind for cause in found} == {MISSED_LOOP}
+    assert all(re.fullmatch(r"passes put it 0\.[34]\d m \(.* to .*\) apart", cause.text) for cause in found)
+
+
+def test_metres_are_those_of_the_spread_where_no_disagreement_is_known():
+    patches = wall_of_two_laps(0.4, 0.0)
+    features = patch_features(patches, FeatureSettings(context=()))
+    found = find_causes(patches, features, np.ones(len(patches), bool), visits_of(patches.cloud))
+    assert {cause.text for cause in found.values()} == {"seen again after 68 m, it lies 0.40 m off"}
+
+
+@pytest.mark.parametrize(
+    ("apart", "kind", "words"),
+    [
+        ((0.2, 0.3, 0.4), MISSED_LOOP, "it lies 0.30 m (0.20 to 0.40) off"),
+        ((0.0, 0.3, 0.6), UNKNOWN, "lie 0.60 m apart at most, and may agree"),
+        ((0.0, 0.02, 0.07), UNKNOWN, "agree within 0.07 m"),
+    ],
+)
+def test_a_cause_is_named_where_it_is_sure_that_scans_disagree(apart, kind, words):
+    visits = visits_of(wall_of_two_laps(0.4, 0.0).cloud)
+    cause = cause_of(Spread(1.9, 0.01, 0.01, 2, 4, (9, N_SCANS)), visits, np.array(apart))
+    assert cause.kind == kind
+    assert words in cause.text
+    alone = cause_of(Spread(1.9, np.nan, 0.01, 2, 2, (9, N_SCANS)), visits, np.array([0.2, 0.3, 0.4]))
+    assert (alone.kind, alone.text) == (UNKNOWN, "no two scans of one visit saw it, by which to tell")
 
 
 def test_neither_the_order_of_points_nor_the_sign_of_a_normal_matters():
@@ -166,7 +194,7 @@ def test_a_result_carries_causes():
     assert not {"cause", "original_cause"} & set(again.fields)
 
 
-def test_scans_apart_is_what_parts_the_scans_of_a_patch():
+def test_scans_apart_is_the_disagreement_of_most_of_the_area():
     walls = wall((0, 0), (8, 0)), wall((0, 20), (8, 20))
     rng = np.random.default_rng(1)
     apart = np.array([[0.0, 0.0, 0.0], [0.0, 0.3, 0.0]])
@@ -174,10 +202,17 @@ def test_scans_apart_is_what_parts_the_scans_of_a_patch():
     patches = make_patches(points, [(0, 1, 0)] * 2)
     scan = np.concatenate([np.repeat([0, 1], len(each) // 2) for each in points])
     patches = replace(patches, cloud=patches.cloud.with_fields(scan=scan))
-    metres = scans_apart(patches, patch_features(patches), visits_of(patches.cloud))
-    assert metres == pytest.approx(0.3, abs=0.01)
-    assert scans_apart(patches, patch_features(patches), None) != metres
-    assert assess(patches, make_model()).verdict(None)["scans_apart_m"] == metres
+    result = assess(patches, make_model())
+    verdict, rows = result.verdict(None), list(result.patch_rows())
+    assert verdict["scans_apart_m"] == pytest.approx(0.3, abs=0.03)
+    assert verdict["disagreement_m"] == pytest.approx(0.3, abs=0.03)
+    assert verdict["scans_apart_m"] in [pytest.approx(row["disagreement_m"]) for row in rows]
+    assert all(row["low"] < row["disagreement_m"] < row["high"] for row in rows)
+    silent = assess(replace(patches, cloud=replace(patches.cloud, fields={})), make_model())
+    assert np.isnan([silent.verdict(None)[name] for name in ("scans_apart_m", "disagreement_m")]).all()
+    assert {tuple(row[name] for name in ("disagreement_m", "low", "high")) for row in silent.patch_rows()} == {
+        (None, None, None)
+    }
 
 
 def test_the_back_of_a_thin_wall_is_no_second_copy_of_it():

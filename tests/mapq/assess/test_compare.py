@@ -102,6 +102,49 @@ def test_a_unit_is_for_the_cloud_that_patches_are_compared_with(tmp_path):
 
 def test_the_content_is_that_of_the_json(maps):
     content = comparison_content(compare_maps(*maps, 5.0))
-    assert set(content) == {"cell_m", "n_cells", "first", "second", "better", "places"}
+    assert set(content) == {"cell_m", "n_cells", "first", "second", "better", "by", "difference", "places"}
     assert {place["change"] for place in content["places"]} == {"better", "worse"}
-    assert set(content["first"]) == {"area_m2", "share_of_area", "expected_share_of_area", "share_in_common"}
+    assert set(content["first"]) == {"area_m2", "share_of_area", "expected_share_of_area", "share_in_common"} | {
+        "disagreement_m",
+        "coverage",
+    }
+
+
+def known(judged, metres, error=0.02):
+    """Return a map in which scans disagree by so much everywhere."""
+    every = np.ones(len(judged.xyz))
+    return judged._replace(disagreement=metres * every, error=error * every)
+
+
+@pytest.mark.parametrize(("metres", "better"), [(0.25, "first"), (0.15, "second"), (0.21, "same"), (0.2, "same")])
+def test_the_map_whose_scans_disagree_by_less_is_better_whatever_is_called_suspicious(maps, metres, better):
+    clean = judged(STREET, "clean")
+    found = compare_maps(known(maps[0], 0.2), known(clean, metres), 5.0)
+    assert (found.by, found.better) == ("disagreement", better)
+    np.testing.assert_allclose(found.disagreement, [0.2, metres])
+    low, value, high = found.difference
+    assert low < value < high
+    assert value == pytest.approx(metres - 0.2)
+
+
+def test_disagreement_does_not_decide_where_it_is_known_of_little(maps):
+    clean = judged(STREET, "clean")
+    some = known(clean, 0.5)
+    few = np.where(clean.xyz[:, 0] < 6.0, 0.5, np.nan)
+    found = compare_maps(known(maps[0], 0.2), some._replace(disagreement=few), 5.0)
+    assert (found.by, found.better) == ("expected share", "second")
+    assert np.isnan(found.disagreement).all()
+
+
+def test_a_result_file_knows_disagreement_and_coverage(tmp_path, maps):
+    patches = sample_patches(STREET, density=20.0)
+    report = {"dropped_for_tilt": {"patches": 1, "points": int(patches.counts.sum()), "area": 1.0}}
+    cloud = patches.cloud.with_fields(scan=np.arange(len(patches.cloud)) % 2)
+    result = assess(replace(patches, cloud=cloud, report=report), make_model())
+    path = str(tmp_path / "r.ply")
+    write_result(path, result.cloud(), result.head(), result.patch_rows())
+    found, expected = read_judged(path, None), judge(result, path)
+    assert found.coverage == expected.coverage == 0.5
+    assert np.isfinite(found.disagreement).any()
+    np.testing.assert_allclose(found.disagreement, expected.disagreement)
+    np.testing.assert_allclose(found.error, expected.error, atol=1e-6)

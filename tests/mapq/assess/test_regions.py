@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -78,12 +80,26 @@ def test_the_verdict_is_that_of_the_area(result, fail_over, passed):
     area |= {"missed loop closure": 0.0, "local mapping error": 0.0}
     assert verdict == {
         "share_of_area": pytest.approx(share),
+        "coverage": pytest.approx(float("nan"), nan_ok=True),
         "fail_over": fail_over,
+        "min_coverage": 0.2,
         "passed": passed,
         "cause": "unknown",
         "area_by_cause_m2": area,
+        "disagreement_m": pytest.approx(float("nan"), nan_ok=True),
         "scans_apart_m": pytest.approx(float("nan"), nan_ok=True),
     }
+
+
+@pytest.mark.parametrize(("dropped", "passed"), [(3, True), (4, True), (5, False)])
+def test_a_map_passes_only_where_enough_of_it_was_judged(result, dropped, passed):
+    judged = int(result.patches.counts.sum())
+    report = {"dropped_for_tilt": {"patches": 1, "points": dropped * judged, "area": 1.0}}
+    some = replace(result, patches=replace(result.patches, report=report))
+    assert some.coverage == some.counts()["coverage"] == 1.0 / (1 + dropped)
+    assert some.verdict(1.0)["passed"] is passed
+    assert some.verdict(1.0, 0.1)["passed"] is True
+    assert some.verdict(None)["passed"] is None
 
 
 class Looked:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from mapq.features import FeatureSettings, measure_shapes
-from mapq.features.copies import COLUMNS, FARTHEST, copy_columns, near_points
+from mapq.features.copies import COLUMNS, FARTHEST, copy_columns
+from mapq.features.voxels import nearby_points
 from mapq.kernels.copies import layers_over
 from mapq.patches import NO_PATCH, Patches
 from tests.mapq.factories import make_patches, moved, sample_patches, shuffled, turn, wall
@@ -116,7 +117,8 @@ def test_layers_agree_with_the_definition():
     patches = loosened(sample_patches([*doubled((0.4, 0.3)), wall((2, 1), (6, 1), 1.2)], 1, 25.0, NOISE), 6)
     shapes, xyz = measure_shapes(patches), patches.cloud.xyz
     step, n_slices = 0.05, 2 * 30
-    near = near_points(patches)
+    number = np.arange(len(xyz))
+    near = nearby_points(patches, number, np.zeros(len(xyz), np.int64), None)
     cover, count, n_cells = layers_over(near, shapes.sheets, shapes.planes, shapes.points, shapes.start, step, n_slices)
     assert n_slices * step == pytest.approx(2 * FARTHEST)
     for i in range(len(patches)):

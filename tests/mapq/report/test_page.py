@@ -46,6 +46,20 @@ def test_a_page_says_what_the_result_says(tmp_path):
     assert '<html lang="en">' in page
 
 
+def test_a_page_says_how_much_was_judged_and_how_far_scans_disagree(tmp_path):
+    told = read_findings(str(save_result(tmp_path / "r.ply")))
+    told.head["counts"]["coverage"] = 0.125
+    told.rows[3].update(disagreement_m=0.12345, low=0.05, high=0.25)
+    page = report(tmp_path / "s.html", told)
+    assert "that is 12.5 % of what is flat" in page
+    assert "and 20.0 % to be judged" in page
+    assert "12.5 % of the points that lie on planes of any tilt" in page
+    assert data_of(page)["apart"][3] == [0.123, 0.05, 0.25]
+    assert data_of(page)["apart"][4] == [None, None, None]
+    details = page[page.index('<div id="details">') :]
+    assert "patches reach over" in details[: details.index("</div>")]
+
+
 def test_half_of_a_surrogate_pair_is_written_as_its_escape(tmp_path):
     """It is what names of files become that are no UTF-8, and JSON gives it back."""
     told = read_findings(str(save_result(tmp_path / "r.ply")))

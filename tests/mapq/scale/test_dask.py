@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from mapq.io import read_cloud
+from mapq.model import Model
 from mapq.scale.maps import Where, classify_map
 from mapq.scale.run import ScaleSettings
 from mapq.simulate.city_tiles import write_city
@@ -42,13 +43,13 @@ def kill_when_cutting(folder: Path, victim: int) -> None:
 
 
 @pytest.mark.slow
-def test_a_worker_that_is_killed_changes_nothing(cluster: Any, tmp_path: Path) -> None:
+def test_a_worker_that_is_killed_changes_nothing(cluster: Any, model: Model, tmp_path: Path) -> None:
     write_city(tmp_path / "city", N_POINTS, 5)
     settings = ScaleSettings(tile_points=20_000)
 
     def classified(name: str, where: Where) -> dict[str, Any]:
         target = str(tmp_path / name)
-        classify_map(str(tmp_path / "city"), target, None, settings, where, False, lambda result: result.head())
+        classify_map(str(tmp_path / "city"), target, model, settings, where, False, lambda result: result.head())
         content: dict[str, Any] = json.loads((tmp_path / name / "result.json").read_text())
         return content
 

@@ -26,7 +26,7 @@ from prf.shell.errors import InputError, UsageError
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory) -> tuple[str, str]:
+def results(tmp_path_factory, model) -> tuple[str, str]:
     """Half a block in two tiles: its result as a folder, and as one cloud."""
     folder = tmp_path_factory.mktemp("block")
     tiles = folder / "tiles"
@@ -39,7 +39,7 @@ def results(tmp_path_factory) -> tuple[str, str]:
         write_cloud(tiles / f"{name}.laz", PointCloud.from_world(part.xyz + ORIGIN, {"truth": part.truth}))
     targets = str(folder / "result"), str(folder / "result.laz")
     for target in targets:
-        classify_map(str(tiles), target, None, ScaleSettings(), Where(), False, lambda result: result.head())
+        classify_map(str(tiles), target, model, ScaleSettings(), Where(), False, lambda result: result.head())
     return targets
 
 

@@ -11,8 +11,8 @@ import pytest
 from mapq.assess import assess
 from mapq.cloud import PointCloud
 from mapq.io import read_cloud, write_cloud
-from mapq.io.models import read_default_model
 from mapq.io.options import AS_IT_IS
+from mapq.model import Model
 from mapq.scale.gather import patches_near
 from mapq.scale.maps import Where, classify_map, segment_map
 from mapq.scale.patches import Whole
@@ -41,10 +41,10 @@ def town(tmp_path_factory) -> Path:
     return folder
 
 
-def classified(town: Path, name: str, tile_points: int) -> tuple[dict, PointCloud]:
+def classified(town: Path, model: Model, name: str, tile_points: int) -> tuple[dict, PointCloud]:
     target = town.parent / name
     settings = ScaleSettings(tile_points=tile_points)
-    classify_map(str(town), str(target), None, settings, Where(), False, lambda result: result.head())
+    classify_map(str(town), str(target), model, settings, Where(), False, lambda result: result.head())
     return json.loads((target / "result.json").read_text()), whole(target)
 
 
@@ -56,19 +56,19 @@ def whole(folder: Path) -> PointCloud:
 
 
 @pytest.fixture(scope="module")
-def one(town) -> tuple[dict, PointCloud]:
-    return classified(town, "one", 10**6)
+def one(town, model) -> tuple[dict, PointCloud]:
+    return classified(town, model, "one", 10**6)
 
 
 @pytest.fixture(scope="module")
-def four(town) -> tuple[dict, PointCloud]:
-    return classified(town, "four", N_POINTS // 4)
+def four(town, model) -> tuple[dict, PointCloud]:
+    return classified(town, model, "four", N_POINTS // 4)
 
 
-def test_one_tile_is_the_map_in_memory(town, one):
+def test_one_tile_is_the_map_in_memory(town, model, one):
     head, cloud = one
     assert head["tiles"] == 1
-    plain = assess(segment(whole(town)))
+    plain = assess(segment(whole(town)), model)
     np.testing.assert_array_equal(cloud.fields["patch"], plain.patches.patch)
     suspicious = np.append(plain.labelling.label, np.uint8(255))[plain.patches.patch]
     np.testing.assert_array_equal(cloud.fields["suspicious"], suspicious)
@@ -103,11 +103,11 @@ def test_tiles_keep_their_names_points_and_fields(town, four):
     assert not list(town.parent.glob(".*.work"))
 
 
-def test_several_files_become_one_cloud(town, four):
+def test_several_files_become_one_cloud(town, model, four):
     for name in ("joined.laz", "joined.ply"):
         settings = ScaleSettings(tile_points=N_POINTS // 4)
         target = town.parent / name
-        classify_map(str(town), str(target), None, settings, Where(), True, lambda result: result.head())
+        classify_map(str(town), str(target), model, settings, Where(), True, lambda result: result.head())
         joined = read_cloud(str(target))
         np.testing.assert_array_equal(joined.fields["patch"], four[1].fields["patch"])
         np.testing.assert_allclose(joined.world(), four[1].world(), atol=1e-4)
@@ -157,10 +157,10 @@ def test_neighbours_are_found_by_their_boxes():
     own = np.array([3, 50, 51, 699])
     gap = np.maximum(np.maximum(low[:, None] - high[own], low[own] - high[:, None]), 0.0)
     expected = np.flatnonzero(((gap**2).sum(axis=2) <= 4.0).any(axis=1))
-    np.testing.assert_array_equal(patches_near(whole, own, 2.0), expected)
+    np.testing.assert_array_equal(patches_near(whole, low[own], high[own], 2.0), expected)
 
 
-def test_the_ground_spans_tiles_and_large_patches_are_thinned(town, monkeypatch):
+def test_the_ground_spans_tiles_and_large_patches_are_thinned(town, model, monkeypatch):
     """With all tilts kept, in nine tiles, and no more than 20 000 points of a patch looked at."""
     found = []
     for most in (10**9, 20_000):
@@ -168,7 +168,7 @@ def test_the_ground_spans_tiles_and_large_patches_are_thinned(town, monkeypatch)
         settings = ScaleSettings(tile_points=N_POINTS // 9, segment=SegmentSettings(max_tilt=90.0))
         with work_folder(str(town)) as folder:
             job = Job("town", find_sources(str(town), AS_IT_IS), settings, Here(), folder)
-            found.append(job.assess(job.cut(), read_default_model()))
+            found.append(job.assess(job.cut(), model))
     whole, thinned = found
     ground = int(np.argmax(whole.patches.counts))
     assert whole.n_tiles >= 9
