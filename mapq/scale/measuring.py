@@ -140,14 +140,9 @@ class Measuring:
 
     def _draw_rays(self) -> float | None:
         """Draw the rays that are followed, and return the side of their voxels in metres; None if there are none."""
-        whole, known = self._cutting.whole, self._cutting.seen.known
-        n_rays = int(whole.n_rays.sum())
+        known, n_rays = self._cutting.seen.known, int(self._cutting.whole.n_rays.sum())
         if n_rays == 0 or "rays" not in self._settings.context:
             return None
-        first, step = np.cumsum(whole.n_rays) - whole.n_rays, ray_step(n_rays)
-        part = self._part(known.fields)
-        tasks = [
-            RayTask(number, group, first[group], step, self._settings, part, known)
-            for number, group in enumerate(self._groups)
-        ]
+        given = ray_step(n_rays), self._settings, self._part(known.fields), known
+        tasks = [RayTask(number, group, *given) for number, group in enumerate(self._groups)]
         return voxel_side(np.concatenate(self._stages.each("drawing rays", draw_part, tasks)))
