@@ -1,8 +1,4 @@
-"""The rays of a whole map that are followed: those that the map in memory follows, whatever the tiles are.
-
-Those are, of all patches one after the other, every n-th along the curve through the map. How many rays each
-patch has is known before; so a task that loads some patches can tell which of theirs they are.
-"""
+"""The rays of a whole map that are followed: of all patches one after the other, every n-th."""
 
 from __future__ import annotations
 
@@ -33,8 +29,6 @@ class RayTask(NamedTuple):
         Of the file that is written.
     patches : (c,) int64
         Ascending.
-    first : (c,) int64
-        Number of the first ray of each among those of all patches.
     step : int
         Of so many one is followed.
     settings : FeatureSettings
@@ -44,7 +38,6 @@ class RayTask(NamedTuple):
 
     number: int
     patches: Ints
-    first: Ints
     step: int
     settings: FeatureSettings
     part: Part
@@ -60,17 +53,13 @@ def draw_part(task: RayTask) -> Floats:
     assert views is not None
     with_ray = np.flatnonzero(has_ray(views.to_sensor))
     patch = np.repeat(np.arange(len(shapes)), shapes.counts)[with_ray]
-    rank = np.arange(len(patch)) - np.searchsorted(patch, patch)
     thinned = np.array([task.part.step_of(int(n)) for n in whole.n_points[task.patches]], np.int64)[patch]
-    rays = take_rays(shapes, views, with_ray[_are_drawn(task.first[patch] + thinned * rank, thinned, task.step)])
+    # Of a patch that is thinned a ray stands for several.
+    drawn = np.arange(len(patch)) % np.maximum(task.step // thinned, 1) == 0
+    rays = take_rays(shapes, views, with_ray[drawn])
     named = rays._replace(patch=task.patches[rays.patch])._asdict()
     save_arrays(_path(task.part.folder, task.number), **named)
     return shapes.spacing
-
-
-def _are_drawn(number: Ints, thinned: Ints, step: int) -> NDArray[np.bool_]:
-    """Return which rays (k,) are followed; one that stands for several is where one of these is."""
-    return np.asarray(number // step != (number - thinned) // step)
 
 
 def rays_near(folder: str, n_files: int, box: Floats, chosen: Ints) -> Rays:
