@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from scipy.special import ndtri
 from threadpoolctl import threadpool_limits
 
 from mapq.features.provenance import Moments
@@ -296,8 +297,8 @@ def _median(ranges: Floats, weight: Floats) -> tuple[float, float]:
 
 
 def expected_range(n: float) -> float:
-    """Return the expected range of n values of unit normal noise, to a few per cent (n up to a thousand)."""
-    return float(2.0 * np.sqrt(2.0 * np.log(max(n, 1.0))) * (1.0 - 0.36 / max(n, 1.0) ** 0.25)) if n >= 2 else 0.0
+    """Return the expected range of n values of unit normal noise, to a few per cent (Blom 1958)."""
+    return float(2.0 * ndtri((n - 0.375) / (n + 0.25))) if n >= 2 else 0.0
 
 
 def _cells(rows: Floats) -> Ints:

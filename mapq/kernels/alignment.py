@@ -24,8 +24,11 @@ STEP, TURN, TURNS = 0.1, 0.0175, 2
 """Metres between shifts that are tried, radians between turns, and turns to either side."""
 FINEST = 0.02
 """Metres at which the search ends."""
-GOOD = 0.6
-"""Share of a scan's layers that meet others where it lies, from which no shift is searched."""
+GOOD = 0.9
+"""Share of a scan's layers that meet others where it lies, from which no shift is searched.
+
+Ground and walls along a shift meet whether the scan is shifted or not: a few walls across it may be all that does not.
+"""
 GAIN, FIXED_GAIN = 0.08, 1.0
 """Of its layers, and in layers, that a shift must bring together more than none does."""
 PRICE = 0.05

@@ -81,7 +81,7 @@ class Measuring:
         Unit vector in the axes of the files.
     stages : Stages
     tile_points : int
-        That a task loads, about.
+        That a task measures, about, with what lies over their patches.
     folder : str
         The work folder.
     """
@@ -97,10 +97,15 @@ class Measuring:
     ) -> None:
         x, y, z = turn(np.array(up), cutting.quarter).tolist()
         self._cutting, self._settings, self._up = cutting, replace(settings, up=(x, y, z)), up
-        self._stages, self._most, self._folder = stages, tile_points, folder
-        several = len(share_out(cutting.whole, tile_points, None)) > 1
+        self._stages, self._folder = stages, folder
+        # Points of no patch that lie about them are loaded too: as many as there are of them in the whole map.
+        in_patches, others = (
+            int((each[:, 2] - each[:, 1]).sum()) for each in (cutting.whole.piece, cutting.whole.rest)
+        )
+        self._most = max(1, tile_points * in_patches // max(in_patches + others, 1))
+        several = len(share_out(cutting.whole, self._most, None)) > 1
         self._largest = LARGEST_PATCH if several else None
-        self._groups = share_out(cutting.whole, tile_points, self._largest) or [np.zeros(0, np.int64)]
+        self._groups = share_out(cutting.whole, self._most, self._largest) or [np.zeros(0, np.int64)]
 
     def features(self) -> PatchFeatures:
         """Return the features of all patches and pairs."""

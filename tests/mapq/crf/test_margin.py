@@ -82,6 +82,7 @@ def test_the_cut_finds_the_labelling_that_breaks_the_margin_most(edge_model, see
     n_coupling = 0 if edge_model == NONE else 2
     rng = np.random.default_rng(seed)
     for part in small_parts(seed, edge_model):
+        part = part._replace(share=rng.uniform(0.2, 1.0, len(part.pairs)))
         weights = rng.normal(size=part.unary.shape[1] + n_coupling)
         weights[len(weights) - n_coupling :] = np.abs(weights[len(weights) - n_coupling :])
         y = part.worst(weights)

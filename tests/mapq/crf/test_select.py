@@ -22,7 +22,7 @@ FOLDS = 3
 
 @pytest.fixture(autouse=True)
 def few_trees(monkeypatch):
-    monkeypatch.setattr("mapq.crf.grow.N_TREES", 25)
+    monkeypatch.setattr("mapq.crf.grow.N_TREES", 12)
 
 
 def draw_map(seed: int, signal: float = 0.0, n_patches: int = 150, scans: bool = True) -> TrainingMap:
@@ -58,7 +58,7 @@ def test_evidence_of_chance_is_chance():
     sources, _, potential = told(maps)
     assert area(sources, [each.features.node[:, -1] for each in sources]) == pytest.approx(0.5, abs=0.06)
     in_sample = [potential.log_odds(columns_of(each.features)) for each in maps]
-    assert area(maps, in_sample) > 0.75
+    assert area(maps, in_sample) > 0.7
 
 
 def test_a_patch_is_judged_by_trees_that_saw_none_of_its_fold():
