@@ -47,7 +47,7 @@ GROUPS = {
 
 
 ROWS = (
-    Row("nodes only", PLAIN, TrainSettings(edge_model="none", edge_features=())),
+    Row("nodes only", PLAIN, TrainSettings(edge_model="none")),
     Row("paper-literal", FeatureSettings(reading="literal"), TrainSettings(edge_model="symmetric")),
     Row("no context", PLAIN, TrainSettings()),
     Row("context, without passes", FeatureSettings(), TrainSettings()),

@@ -39,10 +39,10 @@ class Method(NamedTuple):
 
 METHODS = {
     "nodes only": Method(
-        FeatureSettings(context=()), TrainSettings(edge_model="none", edge_features=(), balanced=False)
+        FeatureSettings(context=()), TrainSettings(edge_model="none", balanced=False)
     ),
     "paper-literal": Method(
-        FeatureSettings(reading="literal"), TrainSettings(edge_model="symmetric", edge_features=(), balanced=False)
+        FeatureSettings(reading="literal"), TrainSettings(edge_model="symmetric", balanced=False)
     ),
     "default": Method(FeatureSettings(), TrainSettings(balanced=False)),
 }

@@ -49,9 +49,9 @@ class Row(NamedTuple):
 
 PLAIN = FeatureSettings(context=())
 ROWS = (
-    Row("paper-literal", FeatureSettings(reading="literal"), TrainSettings(edge_model="symmetric", edge_features=())),
-    Row("safe, symmetric", PLAIN, TrainSettings(edge_model="symmetric", edge_features=())),
-    Row("nodes only", PLAIN, TrainSettings(edge_model="none", edge_features=())),
+    Row("paper-literal", FeatureSettings(reading="literal"), TrainSettings(edge_model="symmetric")),
+    Row("safe, symmetric", PLAIN, TrainSettings(edge_model="symmetric")),
+    Row("nodes only", PLAIN, TrainSettings(edge_model="none")),
     Row("paper's 4 neighbours", FeatureSettings(n_watched=0, context=()), TrainSettings()),
     Row("without context", PLAIN, TrainSettings()),
     Row("default", FeatureSettings(), TrainSettings()),

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from mapq.crf.evidence import Potential
 
-FULL, SYMMETRIC, NONE = "full", "symmetric", "none"
-EDGE_MODELS = (FULL, SYMMETRIC, NONE)
-"""With the field of pairs; only same or different, as in the paper; without edges: logistic regression."""
+SYMMETRIC, NONE = "symmetric", "none"
+EDGE_MODELS = (SYMMETRIC, NONE)
+"""Only same or different, as in the paper; without edges: logistic regression."""
 
 PLAUSIBILITY = "plausibility"
-"""Name under which x_ij of equation 13 stands among the edge features."""
+"""Name of x_ij of equation 13."""
 
 TEMPERATURE, PLATT, ISOTONIC = "temperature", "platt", "isotonic"
 CALIBRATIONS = (TEMPERATURE, PLATT, ISOTONIC)
@@ -92,8 +92,8 @@ class Model:
         One of `EDGE_MODELS`.
     features : mapping
         The settings with which features were measured.
-    node, edge : Scaling
-        Of the node features f, and of the edge features h of the field.
+    node : Scaling
+        Of the node features f.
     x_range : (float, float)
         x_ij is cut to this range before anything else, so that the coupling is non-negative on any map.
     weights : (n_parameters,) float64
@@ -115,7 +115,6 @@ class Model:
     edge_model: str
     features: Mapping[str, Any]
     node: Scaling
-    edge: Scaling
     x_range: tuple[float, float]
     weights: NDArray[np.float64]
     calibration: Calibration = field(default_factory=Calibration)
@@ -127,18 +126,16 @@ class Model:
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the weights, ``group.name``."""
-        return parameter_names(self.edge_model, self.node.names, self.edge.names)
+        return parameter_names(self.edge_model, self.node.names)
 
 
-def parameter_names(edge_model: str, node_names: tuple[str, ...], edge_names: tuple[str, ...]) -> tuple[str, ...]:
+def parameter_names(edge_model: str, node_names: tuple[str, ...]) -> tuple[str, ...]:
     """Return the names of all weights, ``group.name``, in their order.
 
-    ``node``: w0 and w. ``field``: u0 and u, on pairs whatever their labels. ``coupling``: v0 + v1 x at both ends of the
-    range of x, which must not be negative; linear between them, so that two bounds suffice.
+    ``node``: w0 and w. ``coupling``: v0 + v1 x at both ends of the range of x, which must not be negative; linear
+    between them, so that two bounds suffice.
     """
     names = ["node.bias", *(f"node.{name}" for name in node_names)]
-    if edge_model == FULL:
-        names += ["field.bias", *(f"field.{name}" for name in edge_names)]
-    if edge_model in (FULL, SYMMETRIC):
+    if edge_model == SYMMETRIC:
         names += ["coupling.at_x_min", "coupling.at_x_max"]
     return tuple(names)

@@ -12,13 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.crf import Trained, TrainingMap, TrainSettings, split_regions, train
-from mapq.crf.train import ALL, CONTEXT
 from mapq.evaluate import Scores, score_labels
 from mapq.features import FeatureSettings, patch_features
 from mapq.io import read_patches
-from mapq.model import PLAUSIBILITY, Model
+from mapq.model import Model
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
-from prf.shell.errors import ConfigError
 from prf.shell.manifest import describe_input, describe_process
 from prf.shell.progress import Reporter
 
@@ -60,8 +58,6 @@ def train_maps(
     ------
     InputError
         If a file is no PATCHES file, or there are not labels of both kinds.
-    ConfigError
-        If there is no edge feature of a name in `settings`.
     """
     settings, features = settings or TrainSettings(), features or FeatureSettings()
     maps = []
@@ -76,7 +72,6 @@ def train_maps(
     regions = regions_of(maps, labels, region_size(labels, N_REGIONS))
     for number, (patches, label, region) in enumerate(zip(maps, labels, regions, strict=True)):
         training_maps.append(TrainingMap(patch_features(patches, features), label, region))
-        _require_edge_features(settings, training_maps[0].features.edge_names)
         if progress is not None:
             progress.update(number + 1)
     trained = train(training_maps, settings)
@@ -88,17 +83,6 @@ def train_maps(
         drawn |= {"max_patches": max_patches, "seed": seed}
     summary = {**summarise(sources, maps, labels, trained, settings, scores), **drawn}
     return replace(trained.model, features=asdict(features), training=summary), trained, scores
-
-
-def _require_edge_features(settings: TrainSettings, known: Sequence[str]) -> None:
-    """Raise ConfigError for an edge feature that there is not; it was asked for by name."""
-    for name in settings.edge_features:
-        if name not in (ALL, CONTEXT, PLAUSIBILITY, *known):
-            names = ", ".join((PLAUSIBILITY, *known))
-            raise ConfigError(
-                f"there is no edge feature {name}. Choose from {names}, or {CONTEXT} for those beyond the paper, "
-                f"{ALL} for every one."
-            )
 
 
 def region_size(labels: Sequence[NDArray[np.uint8]], n_regions: int) -> int:

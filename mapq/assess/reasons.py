@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mapq.crf import Terms
-from mapq.crf.explain import BASE, NEIGHBOUR_LABEL, NEIGHBOURS, NO_OTHER
+from mapq.crf.explain import BASE, NEIGHBOUR_LABEL, NO_OTHER
 from mapq.features.context import DISAGREEMENT
 from mapq.graph import PatchFeatures
 
@@ -107,7 +107,7 @@ class Reasons:
                 pairs[other] = pairs.get(other, 0.0) + gain
             elif name in GROUPS:
                 groups[GROUPS[name]] = groups.get(GROUPS[name], 0.0) + gain
-            elif name not in (BASE, NEIGHBOURS):
+            elif name != BASE:
                 yield self._of_node(patch, name, value, gain)
         for name, gain in groups.items():
             yield self._of_group(patch, name, gain)

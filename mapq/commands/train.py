@@ -65,7 +65,6 @@ class Potential(StrEnum):
 class EdgeModel(StrEnum):
     """What pairs of neighbours contribute."""
 
-    full = "full"
     symmetric = "symmetric"
     none = "none"
 
@@ -102,17 +101,7 @@ def train(
         EdgeModel | None,
         typer.Option(
             "--edge-model",
-            help="full: pairs may speak for a label; symmetric: only for equal labels, as in the paper; none: none.  "
-            "[symmetric]",
-        ),
-    ] = None,
-    edge_feature: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--edge-feature",
-            metavar="NAME",
-            help="Edge feature that speaks for a label, repeatable; context for those of --context, all for every one; "
-            "plausibility (x_ij) and context if absent.",
+            help="symmetric: pairs speak for equal labels, as in the paper; none: not at all.  [symmetric]",
         ),
     ] = None,
     features: Features = None,
@@ -169,7 +158,7 @@ def train(
     target = output or "model.json"
     refuse_json_beside(target, json)
     found = settings_from(config, preset)
-    field = ask("crf", {**given, "edge_features": tuple(edge_feature) if edge_feature else None}, found)
+    field = ask("crf", given, found)
     measured = ask("features", {**given, "reading": features} | chosen_context(context), found)
     reading = feature_settings(measured.values)
     by_reading = {"potential": "linear"} if reading.reading == "literal" else {}
@@ -211,7 +200,6 @@ def _trees(model: Model) -> Iterator[str]:
 def _weights(model: Model) -> Iterator[str]:
     """Return the table of weights for a person."""
     scales = {f"node.{name}": row for name, *row in _scaling_rows(model.node)}
-    scales |= {f"field.{name}": row for name, *row in _scaling_rows(model.edge)}
     yield f"{'weight':<24}{'standardised':>12}{'median':>12}{'scale':>12}"
     for name, weight in zip(model.parameter_names, model.weights.tolist(), strict=True):
         row = "".join(f"{number:>12.4g}" for number in scales.get(name, ()))

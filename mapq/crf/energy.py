@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mapq.crf.evidence import with_evidence
 from mapq.graph import PatchFeatures
-from mapq.model import FULL, NONE, PLAUSIBILITY, Model, Scaling
+from mapq.model import NONE, PLAUSIBILITY, Model, Scaling
 from prf.shell.errors import InputError
 
 
@@ -21,8 +21,6 @@ class Inputs(NamedTuple):
     node : (m, k) float64
         Standardised node features f.
     pairs : (e, 2) int64
-    edge : (e, q) float64
-        Standardised edge features h.
     position : (e,) float64
         Where x_ij lies in the range of the model, 0 to 1.
     share : (e,) float64
@@ -31,7 +29,6 @@ class Inputs(NamedTuple):
 
     node: NDArray[np.float64]
     pairs: NDArray[np.int64]
-    edge: NDArray[np.float64]
     position: NDArray[np.float64]
     share: NDArray[np.float64]
 
@@ -59,26 +56,19 @@ class Field(NamedTuple):
         return float(self.theta @ y + self.coupling @ (y[first] * y[second]))
 
 
-def edge_columns(features: PatchFeatures, names: tuple[str, ...], x_range: tuple[float, float]) -> NDArray[np.float64]:
-    """Return named edge features (e, q), x_ij cut to its range.
+def node_columns(features: PatchFeatures, names: tuple[str, ...]) -> NDArray[np.float64]:
+    """Return named node features (m, k).
 
     Raises
     ------
     InputError
         If there is no feature of that name.
     """
-    columns = np.empty((len(features.pairs), len(names)))
-    for index, name in enumerate(names):
-        if name == PLAUSIBILITY:
-            columns[:, index] = np.clip(features.plausibility, *x_range)
-        else:
-            columns[:, index] = features.edge[:, _position(name, features.edge_names, "edge")]
-    return columns
-
-
-def node_columns(features: PatchFeatures, names: tuple[str, ...]) -> NDArray[np.float64]:
-    """Return named node features (m, k); errors as :func:`edge_columns`."""
-    return features.node[:, [_position(name, features.node_names, "node") for name in names]]
+    missing = [name for name in names if name not in features.node_names]
+    if missing:
+        known = ", ".join(features.node_names) or "none"
+        raise InputError(f"there is no node feature {missing[0]}; these features have {known}.")
+    return features.node[:, [features.node_names.index(name) for name in names]]
 
 
 def require_finite(features: PatchFeatures) -> None:
@@ -98,7 +88,6 @@ def make_inputs(
     features: PatchFeatures,
     edge_model: str,
     node: Scaling,
-    edge: Scaling,
     x_range: tuple[float, float],
     shared: bool = False,
 ) -> Inputs:
@@ -109,28 +98,19 @@ def make_inputs(
     require_finite(features)
     scaled = node.apply(node_columns(features, node.names))
     if edge_model == NONE:
-        return Inputs(scaled, np.empty((0, 2), np.int64), np.empty((0, len(edge.names))), np.empty(0), np.empty(0))
+        return Inputs(scaled, np.empty((0, 2), np.int64), np.empty(0), np.empty(0))
     low, high = x_range
     span = high - low if high > low else 1.0
     position = (np.clip(features.plausibility, low, high) - low) / span
-    columns = edge.apply(edge_columns(features, edge.names, x_range))
     pairs = features.pairs.astype(np.int64)
     n_neighbours = np.bincount(pairs.ravel(), minlength=len(scaled))
     share = 1.0 / n_neighbours[pairs].max(axis=1, initial=1) if shared else np.ones(len(pairs))
-    return Inputs(scaled, pairs, columns, position, share)
+    return Inputs(scaled, pairs, position, share)
 
 
-def unary_design(inputs: Inputs, edge_model: str) -> NDArray[np.float64]:
-    """Return the columns (m, p) whose product with the first p weights is theta.
-
-    A pair gives half of its field u0 + u.h to each of its patches: (y_i + y_j) / 2 (u0 + u.h).
-    """
-    n_patches = len(inputs.node)
-    columns = [np.ones((n_patches, 1)), inputs.node]
-    if edge_model == FULL:
-        per_edge = 0.5 * np.column_stack([np.ones(len(inputs.pairs)), inputs.edge])
-        columns.append(sum_over_pairs(inputs.pairs, per_edge, n_patches))
-    return np.hstack(columns)
+def unary_design(inputs: Inputs) -> NDArray[np.float64]:
+    """Return the columns (m, p) whose product with the first p weights is theta."""
+    return np.column_stack([np.ones(len(inputs.node)), inputs.node])
 
 
 def label_design(inputs: Inputs, edge_model: str, y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -154,28 +134,17 @@ def coupling(inputs: Inputs, edge_model: str, weights: NDArray[np.float64]) -> N
 
 def make_field(inputs: Inputs, edge_model: str, weights: NDArray[np.float64]) -> Field:
     """Return the field that `weights` make of a map."""
-    design = unary_design(inputs, edge_model)
+    design = unary_design(inputs)
     return Field(design @ weights[: design.shape[1]], inputs.pairs, coupling(inputs, edge_model, weights))
 
 
 def model_inputs(features: PatchFeatures, model: Model) -> Inputs:
     """Return the inputs of a map as `model` standardises them."""
     known, shared = with_evidence(features, model.potential), model.potential is not None
-    return make_inputs(known, model.edge_model, model.node, model.edge, model.x_range, shared)
-
-
-def sum_over_pairs(pairs: NDArray[np.int64], values: NDArray[np.float64], n_patches: int) -> NDArray[np.float64]:
-    """Return for each patch the sum (m, q) of the values (e, q) of its pairs."""
-    return _sum_at(pairs[:, 0], values, n_patches) + _sum_at(pairs[:, 1], values, n_patches)
+    return make_inputs(known, model.edge_model, model.node, model.x_range, shared)
 
 
 def _sum_at(index: NDArray[np.int64], values: NDArray[np.float64], n_patches: int) -> NDArray[np.float64]:
     if len(index) == 0:
         return np.zeros((n_patches, values.shape[1]))
     return np.column_stack([np.bincount(index, column, n_patches) for column in values.T])
-
-
-def _position(name: str, names: tuple[str, ...], kind: str) -> int:
-    if name not in names:
-        raise InputError(f"there is no {kind} feature {name}; these features have {', '.join(names) or 'none'}.")
-    return names.index(name)

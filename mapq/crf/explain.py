@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from mapq.crf.energy import (
     Inputs,
     coupling,
-    edge_columns,
     make_field,
     model_inputs,
     node_columns,
@@ -18,13 +17,11 @@ from mapq.crf.energy import (
 from mapq.crf.evidence import columns_of
 from mapq.graph import PatchFeatures
 from mapq.kernels.trees import contributions
-from mapq.model import FULL, NONE, Model
+from mapq.model import NONE, Model
 from mapq.patches import SUSPICIOUS
 
 BASE = "base"
 """The bias of nodes: what is said of a patch of which nothing is known."""
-NEIGHBOURS = "neighbours"
-"""The bias of pairs, times the number of neighbours."""
 NEIGHBOUR_LABEL = "neighbour label"
 """The coupling with a neighbour, which pulls towards its label."""
 
@@ -44,8 +41,7 @@ class Terms(NamedTuple):
     name : (t,) int64
         Index into `names`.
     value : (t,) float64
-        The feature in its own unit; for `BASE` 1, for `NEIGHBOURS` their number, for `NEIGHBOUR_LABEL` the neighbour's
-        label, 1 = suspicious.
+        The feature in its own unit; for `BASE` 1, for `NEIGHBOUR_LABEL` the neighbour's label, 1 = suspicious.
     contribution : (t,) float64
     other : (t,) int64
         The neighbour, or `NO_OTHER`.
@@ -78,8 +74,6 @@ def explain(features: PatchFeatures, model: Model, label: NDArray[np.uint8]) -> 
     """Return the terms that led to labels (m,) of the patches of a map."""
     inputs = model_inputs(features, model)
     blocks = _node_blocks(features, inputs, model)
-    if model.edge_model == FULL:
-        blocks += _field_blocks(features, inputs, model)
     if model.edge_model != NONE:
         blocks.append(_coupling_block(inputs, model, label))
     names = tuple(dict.fromkeys(block.name for block in blocks))
@@ -138,43 +132,16 @@ def _tree_blocks(features: PatchFeatures, inputs: Inputs, model: Model, base: ND
     return blocks
 
 
-def _field_blocks(features: PatchFeatures, inputs: Inputs, model: Model) -> list[_Block]:
-    """Return the field of pairs: half of a pair's score goes to each patch, and log-odds are twice a score."""
-    n_patches = len(inputs.node)
-    first = 1 + len(model.node.names)
-    degree = np.bincount(inputs.pairs.ravel(), minlength=n_patches).astype(np.float64)
-    has_pairs = np.flatnonzero(degree)
-    nobody = np.full(len(has_pairs), NO_OTHER)
-    blocks = [_Block(has_pairs, NEIGHBOURS, degree[has_pairs], model.weights[first] * degree[has_pairs], nobody)]
-    raw = edge_columns(features, model.edge.names, (-np.inf, np.inf))
-    for index, name in enumerate(model.edge.names):
-        contribution = model.weights[first + 1 + index] * inputs.edge[:, index]
-        blocks.append(_both_ways(inputs, name, raw[:, index], raw[:, index], contribution, contribution))
-    return blocks
-
-
 def _coupling_block(inputs: Inputs, model: Model, label: NDArray[np.uint8]) -> _Block:
     pull = 2.0 * coupling(inputs, model.edge_model, model.weights)
     is_suspicious = (label == SUSPICIOUS).astype(np.float64)
     of_first, of_second = is_suspicious[inputs.pairs.T]
     to_first, to_second = pull * (2.0 * of_second - 1.0), pull * (2.0 * of_first - 1.0)
-    return _both_ways(inputs, NEIGHBOUR_LABEL, of_second, of_first, to_first, to_second)
-
-
-def _both_ways(
-    inputs: Inputs,
-    name: str,
-    value_first: NDArray[np.float64],
-    value_second: NDArray[np.float64],
-    to_first: NDArray[np.float64],
-    to_second: NDArray[np.float64],
-) -> _Block:
-    """Return the terms of pairs, once for each of the two patches."""
     first, second = inputs.pairs.T
     return _Block(
         np.concatenate([first, second]),
-        name,
-        np.concatenate([value_first, value_second]),
+        NEIGHBOUR_LABEL,
+        np.concatenate([of_second, of_first]),
         np.concatenate([to_first, to_second]),
         np.concatenate([second, first]),
     )

@@ -102,7 +102,7 @@ def make_part(inputs: Inputs, unary: Floats, y: Floats, cost: Floats) -> Part:
     """Return the labelled patches of a map; y (m,) and cost (m,) are 0 where there is no label.
 
     As in the pseudo-likelihood, a patch without a label has no term, and as a neighbour it counts as label 0: the
-    coupling with it drops out, the field of the pair stays.
+    coupling with it drops out.
     """
     known = y != 0.0
     number = np.cumsum(known) - 1

@@ -146,7 +146,7 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
     chosen = _choose(trials) if trials else _fallback(settings)
     trial = trials.get(chosen)
     weights = fit_weights(prepared, labels, settings, chosen)
-    model = Model(settings.edge_model, {}, prepared.node, prepared.edge, prepared.x_range, weights, potential=potential)
+    model = Model(settings.edge_model, {}, prepared.node, prepared.x_range, weights, potential=potential)
     held_out = None
     if trial is not None:
         calibrated = choose_calibration(trial.difference, trial.y, trial.label, trial.fold)

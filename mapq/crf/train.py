@@ -11,13 +11,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.crf.energy import Inputs, edge_columns, label_design, make_inputs, node_columns, require_finite, unary_design
+from mapq.crf.energy import Inputs, label_design, make_inputs, node_columns, require_finite, unary_design
 from mapq.crf.evidence import EVIDENCE
 from mapq.crf.likelihood import Problem, fit
 from mapq.crf.margin import GAP, fit_margin, make_part
 from mapq.crf.scaling import fit_range, fit_scaling
 from mapq.graph import PatchFeatures
-from mapq.model import EDGE_MODELS, FULL, NONE, PLAUSIBILITY, SYMMETRIC, Scaling, parameter_names
+from mapq.model import EDGE_MODELS, NONE, SYMMETRIC, Scaling, parameter_names
 from mapq.patches import SUSPICIOUS, UNLABELLED
 from prf.shell.errors import ConfigError, InputError
 
@@ -32,9 +32,6 @@ POTENTIALS = (TREES, LINEAR)
 """Boosted trees on all that is measured on a patch and its pairs; a sum over node features, as in the paper."""
 LARGEST_EVIDENCE = 12.0
 """Nats: log-odds of the trees are cut here; no patch is so sure."""
-
-ALL, CONTEXT = "all", "context"
-"""Stand for every edge feature that there is, and for those of context (docs/features.md)."""
 
 
 class TrainingMap(NamedTuple):
@@ -64,9 +61,6 @@ class TrainSettings:
         One of `POTENTIALS`.
     edge_model : str
         One of `mapq.model.EDGE_MODELS`.
-    edge_features : tuple of str
-        Columns h of the field; `CONTEXT` for those of context that were measured, `ALL` alone for x_ij and every other
-        edge feature.
     regularisation : float or None
         Precision of the Gaussian prior of each standardised weight but the bias of nodes; None: by cross-validation.
     coupling_regularisation : float or None
@@ -81,7 +75,6 @@ class TrainSettings:
 
     potential: str = TREES
     edge_model: str = SYMMETRIC
-    edge_features: tuple[str, ...] = (PLAUSIBILITY, CONTEXT)
     regularisation: float | None = None
     coupling_regularisation: float | None = None
     balanced: bool = True
@@ -130,7 +123,7 @@ class Prepared(NamedTuple):
 
     Attributes
     ----------
-    node, edge : Scaling
+    node : Scaling
     x_range : (float, float)
     inputs : list of Inputs
         One a map.
@@ -139,7 +132,6 @@ class Prepared(NamedTuple):
     """
 
     node: Scaling
-    edge: Scaling
     x_range: tuple[float, float]
     inputs: list[Inputs]
     unary: list[NDArray[np.float64]]
@@ -162,22 +154,8 @@ def prepare(maps: Sequence[TrainingMap], settings: TrainSettings) -> Prepared:
         node = Scaling((EVIDENCE,), np.zeros(1), np.ones(1), LARGEST_EVIDENCE)
     else:
         node = fit_scaling(np.vstack([node_columns(m.features, node_names) for m in maps]), node_names)
-    edge_names = field_names(settings, maps[0].features)
-    edge = fit_scaling(np.vstack([edge_columns(m.features, edge_names, x_range) for m in maps]), edge_names)
-    inputs = [make_inputs(m.features, settings.edge_model, node, edge, x_range, with_trees) for m in maps]
-    return Prepared(node, edge, x_range, inputs, [unary_design(each, settings.edge_model) for each in inputs])
-
-
-def field_names(settings: TrainSettings, features: PatchFeatures) -> tuple[str, ...]:
-    """Return the names of the columns h of the field."""
-    if settings.edge_model != FULL:
-        return ()
-    if settings.edge_features == (ALL,):
-        return (PLAUSIBILITY, *features.edge_names)
-    names: list[str] = []
-    for name in settings.edge_features:
-        names += features.context_names if name == CONTEXT else (name,)
-    return tuple(dict.fromkeys(names))
+    inputs = [make_inputs(m.features, settings.edge_model, node, x_range, with_trees) for m in maps]
+    return Prepared(node, x_range, inputs, [unary_design(each) for each in inputs])
 
 
 def signs(label: NDArray[np.uint8]) -> NDArray[np.float64]:
@@ -192,8 +170,7 @@ def make_problem(
     """Return the training problem of the patches that have a label.
 
     A patch without a label has no term of its own. As a neighbour it counts as label 0, half way between both: the
-    coupling with it drops out, the field of the pair, which depends on no label, stays. That keeps the objective
-    convex, which summing over the labels it could have would not.
+    coupling with it drops out. That keeps the objective convex, which summing over the labels it could have would not.
     """
     rows, signs_of = [], []
     for inputs, unary, label in zip(prepared.inputs, prepared.unary, labels, strict=True):
@@ -216,7 +193,7 @@ def fit_weights(
         weights = margin_weights(prepared, labels, settings, strength)
     else:
         weights = fit(make_problem(prepared, labels, settings, strength))
-    assert len(weights) == len(parameter_names(settings.edge_model, prepared.node.names, prepared.edge.names))
+    assert len(weights) == len(parameter_names(settings.edge_model, prepared.node.names))
     return weights
 
 

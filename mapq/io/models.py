@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mapq.crf.evidence import EVIDENCE
 from mapq.io.trees import LARGEST, parse_potential, potential_content
-from mapq.model import CALIBRATIONS, EDGE_MODELS, FULL, ISOTONIC, PLATT, Calibration, Model, Scaling
+from mapq.model import CALIBRATIONS, EDGE_MODELS, ISOTONIC, PLATT, Calibration, Model, Scaling
 from prf.shell.errors import InputError
 from prf.shell.files import open_output
 from prf.shell.jsonout import dump_object
@@ -58,7 +58,6 @@ def model_content(model: Model) -> dict[str, Any]:
         "x_min": model.x_range[0],
         "x_max": model.x_range[1],
         "node_scaling": _scaling_content(model.node),
-        "edge_scaling": _scaling_content(model.edge),
         "features": dict(model.features),
         "training": dict(model.training),
     }
@@ -111,15 +110,12 @@ def _parse(path: Path, content: Mapping[str, Any]) -> Model:
     if edge_model not in EDGE_MODELS:
         raise damaged(path, f"edge_model is {edge_model!r}, not {', '.join(EDGE_MODELS)}")
     node = _parse_scaling(path, content, "node_scaling")
-    edge = _parse_scaling(path, content, "edge_scaling")
     x_range = _number(path, content, "x_min"), _number(path, content, "x_max")
     if x_range[0] > x_range[1]:
         raise damaged(path, f"x_min {x_range[0]} is above x_max {x_range[1]}")
-    if edge_model != FULL and edge.names:
-        raise damaged(path, f"edge_scaling has columns, but edge_model {edge_model} has no field")
     calibration = _parse_calibration(path, _take(path, content, "calibration", dict))
     threshold = _number(path, content, "threshold")
-    blank = Model(edge_model, {}, node, edge, x_range, np.zeros(0))
+    blank = Model(edge_model, {}, node, x_range, np.zeros(0))
     weights = _parse_weights(path, _take(path, content, "parameters", dict), blank)
     features, training = _take(path, content, "features", dict), _take(path, content, "training", dict)
     potential = None
@@ -128,9 +124,7 @@ def _parse(path: Path, content: Mapping[str, Any]) -> Model:
         if node.names != (EVIDENCE,):
             raise damaged(path, f"node_scaling has not {EVIDENCE} alone, but the model has trees")
     operating = _parse_operating(path, _take(path, content, "operating", dict))
-    return Model(
-        edge_model, features, node, edge, x_range, weights, calibration, threshold, operating, training, potential
-    )
+    return Model(edge_model, features, node, x_range, weights, calibration, threshold, operating, training, potential)
 
 
 def _parse_weights(path: Path, parameters: Mapping[str, Any], model: Model) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from mapq.settings.tables import FIELDS, TABLES, in_fields
 from mapq.settings.words import KEY_WORDS, TABLE_WORDS, source_of
 from prf.shell.configuration import Settings
 
-FLAGS: Mapping[str, str] = MappingProxyType({"reading": "--features", "edge_features": "--edge-feature"})
+FLAGS: Mapping[str, str] = MappingProxyType({"reading": "--features"})
 """Options that are not named like their key."""
 
 

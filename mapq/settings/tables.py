@@ -54,7 +54,6 @@ CRF: Mapping[str, Kind] = MappingProxyType(
         "objective": Word(OBJECTIVES),
         "potential": Word(POTENTIALS),
         "edge_model": Word(EDGE_MODELS),
-        "edge_features": Words(),
         "regularisation": Number(),
         "coupling_regularisation": Number(),
         "class_weight": Word(CLASS_WEIGHTS),
@@ -85,8 +84,6 @@ def _check_crf(values: Mapping[str, Any]) -> None:
         raise ConfigError(f"folds {values['folds']}: must be 2 or more")
     if not 0.0 <= values.get("max_false_alarms", 0.0) <= 1.0:
         raise ConfigError(f"max_false_alarms {values['max_false_alarms']}: must be a share between 0 and 1")
-    if "edge_features" in values and not values["edge_features"]:
-        raise ConfigError("edge_features []: name one at least, or leave the key out")
 
 
 TABLES: Mapping[str, Table] = MappingProxyType(

@@ -11,7 +11,7 @@ from mapq.crf import TrainingMap
 from mapq.crf.energy import Field
 from mapq.crf.evidence import EVIDENCE, Potential, columns_of
 from mapq.graph import PatchFeatures
-from mapq.model import FULL, NONE, Calibration, Model, Scaling, parameter_names
+from mapq.model import NONE, SYMMETRIC, Calibration, Model, Scaling, parameter_names
 from tests.reference.mapq_trees import slow_log_odds
 
 NODE_NAMES = ("fit", "tilt", "thickness")
@@ -38,21 +38,17 @@ def draw_features(
 
 def draw_model(
     rng: np.random.Generator,
-    edge_model: str = FULL,
-    edge_names: tuple[str, ...] | None = None,
+    edge_model: str = SYMMETRIC,
     potential: Potential | None = None,
 ) -> Model:
     """Return a model with weights of all sizes, coupling of several units at one end or none; trees cut at 1.5 nats."""
-    names = ("plausibility", "overlap") if edge_names is None else edge_names
-    names = names if edge_model == FULL else ()
     node = Scaling(NODE_NAMES, rng.normal(size=3), rng.uniform(0.1, 2.0, 3))
     if potential is not None:
         node = Scaling((EVIDENCE,), np.zeros(1), np.ones(1), 1.5)
-    edge = Scaling(names, rng.normal(size=len(names)), rng.uniform(0.1, 2.0, len(names)))
-    weights = rng.normal(size=len(parameter_names(edge_model, node.names, names)))
+    weights = rng.normal(size=len(parameter_names(edge_model, node.names)))
     if edge_model != NONE:
         weights[-2:] = np.maximum(weights[-2:], 0.0)
-    return Model(edge_model, {}, node, edge, (-0.8, 0.7), weights, Calibration(slope=0.7), potential=potential)
+    return Model(edge_model, {}, node, (-0.8, 0.7), weights, Calibration(slope=0.7), potential=potential)
 
 
 def slow_score(features: PatchFeatures, model: Model, y: list[int]) -> float:
@@ -75,12 +71,6 @@ def slow_score(features: PatchFeatures, model: Model, y: list[int]) -> float:
     v0 = weight["coupling.at_x_min"] - v1 * low
     for number, (i, j) in enumerate(features.pairs.tolist()):
         x = min(max(float(features.plausibility[number]), low), high)
-        if model.edge_model == FULL:
-            field = weight["field.bias"]
-            for name in model.edge.names:
-                raw = x if name == "plausibility" else features.edge[number, features.edge_names.index(name)]
-                field += weight[f"field.{name}"] * _scaled(model.edge, name, raw)
-            total += 0.5 * (y[i] + y[j]) * field
         both = features.pairs.ravel().tolist()
         share = 1.0 if model.potential is None else 1.0 / max(both.count(i), both.count(j))
         total += y[i] * y[j] * share * (v0 + v1 * x)

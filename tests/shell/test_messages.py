@@ -11,7 +11,7 @@ TOOLS = ("prf", "mapq")
 SAID_BY = re.compile(r"[A-Z]\w*Error|debug|info|warning|error|emit|Interrupted")
 """Names of what is called with a message."""
 
-SEEN_BY_USERS = {"x_min", "y_min", "x_max", "y_max", "n_chains", "n_draws", "p_suspicious", "edge_features"}
+SEEN_BY_USERS = {"x_min", "y_min", "x_max", "y_max", "n_chains", "n_draws", "p_suspicious"}
 """Columns, fields and settings that functions are called by too."""
 
 

@@ -9,27 +9,29 @@ import pytest
 from mapq.assess import assess, feature_settings, read_input
 from mapq.cloud import PointCloud
 from mapq.crf import local_log_odds
+from mapq.crf.evidence import EVIDENCE, OVER, Potential
 from mapq.features import FeatureSettings
 from mapq.io import read_cloud, write_patches, write_ply
 from mapq.io.results import result_cloud
+from mapq.kernels.trees import LEAF, Trees
 from mapq.model import EDGE_MODELS, Calibration, Model, Scaling, parameter_names
 from mapq.patches import Patches
 from prf.shell.errors import InputError
 from tests.mapq.factories import make_patches, sample_patches, shuffled, wall
 from tests.mapq.labelled import draw_patches
 
-NODE_NAMES = ("fit", "tilt", "thickness")
 
-
-def make_model(edge_model: str = "full") -> Model:
-    """Return a model in which a low x_ij and a thick patch are suspicious."""
-    names = ("plausibility",) if edge_model == "full" else ()
-    node = Scaling(NODE_NAMES, np.array([0.0, 1.0, -1.0]), np.array([1.0, 0.1, 0.5]))
-    edge = Scaling(names, np.ones(len(names)), np.full(len(names), 0.2))
-    weights = {"node.bias": -0.8, "node.thickness": -0.3, "field.plausibility": -0.7, "coupling.at_x_min": 0.4}
-    names_of_all = parameter_names(edge_model, NODE_NAMES, names)
-    values = np.array([weights.get(name, 0.0) for name in names_of_all])
-    return Model(edge_model, asdict(FeatureSettings()), node, edge, (-1.0, 1.0), values, Calibration(slope=0.8))
+def make_model(edge_model: str = "symmetric") -> Model:
+    """Return a model in which what overlaps another patch by half is suspicious."""
+    column, threshold, value = np.array([0, LEAF, LEAF]), np.array([0.5, 0.0, 0.0]), np.array([0.0, -2.0, 2.0])
+    nodes = np.array([[1, 0, 0], [2, 0, 0]])
+    trees = Trees(np.zeros(1, np.int64), column, threshold, *nodes, np.zeros(3, np.bool_), value)
+    node = Scaling((EVIDENCE,), np.zeros(1), np.ones(1), 12.0)
+    weights = {"node.evidence": 0.5, "coupling.at_x_min": 0.4}
+    values = np.array([weights.get(name, 0.0) for name in parameter_names(edge_model, node.names)])
+    features, calibration = asdict(FeatureSettings()), Calibration(slope=0.8)
+    potential = Potential((OVER,), trees, 0.0)
+    return Model(edge_model, features, node, (-1.0, 1.0), values, calibration, potential=potential)
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +66,7 @@ def test_rows_have_terms_that_sum_to_the_log_odds(result):
         assert sum(term["contribution"] for term in row["terms"]) == pytest.approx(expected, abs=1e-7)
         assert row["log_odds"] == pytest.approx(expected, abs=1e-7)
         assert row["terms"] == result.term_rows(row["patch"])
-        assert all((term["name"] in ("plausibility", "neighbour label")) == ("other" in term) for term in row["terms"])
+        assert all((term["name"] != "base" and term["value"] > 0.0) <= ("other" in term) for term in row["terms"])
     assert set(rows[0]) >= {"patch", "label", "p_suspicious", "n_points", "centroid", "normal", "area_m2", "rms_m"}
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from mapq.crf import classify, explain, local_log_odds
-from mapq.crf.energy import label_design, make_field, model_inputs, sum_over_pairs, unary_design
+from mapq.crf.energy import label_design, make_field, model_inputs, unary_design
 from mapq.crf.evidence import columns_of
-from mapq.crf.explain import BASE, NEIGHBOUR_LABEL, NEIGHBOURS
+from mapq.crf.explain import BASE, NEIGHBOUR_LABEL
 from mapq.crf.train import LINEAR, POTENTIALS
 from mapq.features.edge import EDGE_NAMES
 from mapq.model import EDGE_MODELS, NONE, SYMMETRIC
@@ -47,7 +47,7 @@ def test_the_columns_of_the_labels_give_each_patch_its_score_given_the_others(ed
     features, model = draw(edge_model, seed, potential=potential)
     y = np.random.default_rng(seed).choice([-1.0, 1.0], 7)
     inputs = model_inputs(features, model)
-    design = np.hstack([unary_design(inputs, edge_model), label_design(inputs, edge_model, y)])
+    design = np.hstack([unary_design(inputs), label_design(inputs, edge_model, y)])
     for patch, half in enumerate(design @ model.weights):
         up, down = np.where(np.arange(7) == patch, 1.0, y), np.where(np.arange(7) == patch, -1.0, y)
         expected = slow_score(features, model, up.tolist()) - slow_score(features, model, down.tolist())
@@ -69,21 +69,13 @@ def test_a_neighbour_without_a_label_says_nothing():
 def test_without_edges_there_are_no_inputs_of_pairs():
     features, model = draw(NONE, 2)
     inputs = model_inputs(features, model)
-    assert (inputs.pairs.shape, inputs.edge.shape, inputs.position.shape) == ((0, 2), (0, 0), (0,))
+    assert (inputs.pairs.shape, inputs.position.shape) == ((0, 2), (0,))
 
 
 def test_a_range_of_one_value_puts_every_pair_at_its_lower_end():
-    features, model = draw("full", 5)
+    features, model = draw(SYMMETRIC, 5)
     inputs = model_inputs(features, replace(model, x_range=(0.3, 0.3)))
     np.testing.assert_array_equal(inputs.position, np.zeros(len(features.pairs)))
-
-
-@pytest.mark.parametrize("n_pairs", [0, 1, 2])
-def test_values_of_pairs_are_summed_at_both_of_their_patches(n_pairs):
-    pairs, values = np.array([[0, 2], [2, 3]]), np.array([[1.0, 10.0], [2.0, 20.0]])
-    found = sum_over_pairs(pairs[:n_pairs], values[:n_pairs], 4)
-    by_hand = {0: np.zeros(4), 1: np.array([1.0, 0.0, 1.0, 0.0]), 2: np.array([1.0, 0.0, 3.0, 2.0])}
-    np.testing.assert_array_equal(found, np.outer(by_hand[n_pairs], [1.0, 10.0]))
 
 
 @pytest.mark.parametrize(("edge_model", "potential", "seed"), CASES)
@@ -111,43 +103,37 @@ def test_terms_sum_to_the_log_odds_given_the_neighbours(edge_model, potential, s
 
 
 def test_terms_come_largest_first_with_values_in_their_own_unit():
-    features, model = draw("full", 3)
+    features, model = draw(SYMMETRIC, 3)
     label = np.array([1, 0, 1, 0, 1, 0, 1], np.uint8)
     terms = explain(features, model, label)
     starts = terms.starts(7)
     assert (starts[0], starts[-1]) == (0, len(terms.patch))
     for begin, end in itertools.pairwise(starts):
         assert (np.diff(np.abs(terms.contribution[begin:end])) <= 0).all()
-    degree = np.bincount(features.pairs.ravel(), minlength=7)
     for patch, name, value, other in zip(terms.patch, terms.name, terms.value, terms.other, strict=True):
         match terms.names[name]:
             case "base":
                 assert (value, other) == (1.0, -1)
-            case "neighbours":
-                assert (value, other) == (degree[patch], -1)
             case "neighbour label":
                 assert value == label[other]
             case ("fit" | "tilt" | "thickness") as feature:
                 assert (value, other) == (features.node[patch, features.node_names.index(feature)], -1)
-            case "plausibility":
-                pair = sorted((patch, other))
-                assert value == features.plausibility[(features.pairs == pair).all(axis=1)][0]
-    assert {BASE, NEIGHBOURS, NEIGHBOUR_LABEL, "plausibility", "overlap", "fit"} <= set(terms.names)
+    assert set(terms.names) == {BASE, NEIGHBOUR_LABEL, *features.node_names}
 
 
 def test_the_symmetric_model_turns_round_with_its_nodes():
     features, model = draw(SYMMETRIC, 8)
     weights = model.weights.copy()
     weights[:-2] *= -1
-    turned = type(model)(SYMMETRIC, {}, model.node, model.edge, model.x_range, weights)
+    turned = type(model)(SYMMETRIC, {}, model.node, model.x_range, weights)
     labels = classify(features, model).label, classify(features, turned).label
     np.testing.assert_array_equal(labels[0], 1 - labels[1])
 
 
 def test_coupling_stays_non_negative_far_outside_the_range_seen():
-    features, model = draw("full", 4)
+    features, model = draw(SYMMETRIC, 4)
     wild = features._replace(plausibility=np.linspace(-1e6, 1e6, len(features.pairs)))
-    field = make_field(model_inputs(wild, model), "full", model.weights)
+    field = make_field(model_inputs(wild, model), SYMMETRIC, model.weights)
     assert (field.coupling >= 0.0).all()
 
 
@@ -162,18 +148,16 @@ def test_few_patches_and_no_pairs(n_patches, edge_model):
 
 
 def test_features_that_lack_a_name_or_a_number_are_refused():
-    features, model = draw("full", 2)
+    features, model = draw(SYMMETRIC, 2)
     with pytest.raises(InputError, match="no node feature fit; these features have a, b, c"):
         classify(features._replace(node_names=("a", "b", "c")), model)
-    with pytest.raises(InputError, match="no edge feature overlap"):
-        classify(features._replace(edge_names=("separation", "x")), model)
     features.node[3, 1] = np.inf
     with pytest.raises(InputError, match="feature tilt is infinite in 1 of 7 places"):
         classify(features, model)
 
 
 def test_what_is_not_known_lies_in_the_middle():
-    features, model = draw("full", 2)
+    features, model = draw(SYMMETRIC, 2)
     features.node[3, 1] = np.nan
     inputs = model_inputs(features, model)
     assert inputs.node[3, 1] == 0.0

@@ -12,7 +12,7 @@ from mapq.crf.quadratic import solve_quadratic
 from mapq.crf.select import MARGIN_STRENGTHS
 from mapq.crf.train import LINEAR, MAX_MARGIN, Strength, margin_weights, precisions, prepare, signs
 from mapq.evaluate import area_under_curve
-from mapq.model import EDGE_MODELS, FULL, NONE, Model, parameter_names
+from mapq.model import EDGE_MODELS, NONE, SYMMETRIC, Model, parameter_names
 from mapq.patches import UNLABELLED
 from tests.mapq.crf.worlds import draw_map
 from tests.reference.mapq_crf import draw_features, slow_score
@@ -57,10 +57,9 @@ def test_a_part_scores_labels_as_the_definition_does_with_0_for_no_label(edge_mo
     rng = np.random.default_rng(6)
     maps = small_maps(rng)
     maps[1].label[3] = UNLABELLED
-    names = ("plausibility", "overlap") if edge_model == FULL else ()
-    prepared = prepare(maps, TrainSettings(LINEAR, edge_model, names))
-    weights = rng.normal(size=len(parameter_names(edge_model, prepared.node.names, names)))
-    model = Model(edge_model, {}, prepared.node, prepared.edge, prepared.x_range, weights)
+    prepared = prepare(maps, TrainSettings(LINEAR, edge_model))
+    weights = rng.normal(size=len(parameter_names(edge_model, prepared.node.names)))
+    model = Model(edge_model, {}, prepared.node, prepared.x_range, weights)
     n_coupling = 0 if edge_model == NONE else 2
     for part, each in zip(parts_of(prepared, maps), maps, strict=True):
         for _ in range(8):
@@ -176,7 +175,7 @@ def uneven_maps(balanced=True):
         label = np.full(6, UNLABELLED, np.uint8)
         label[:n_labelled] = (np.arange(n_labelled) % 3 == 1).astype(np.uint8)
         maps.append(TrainingMap(draw_features(rng, 6, 9), label, np.zeros(6, int)))
-    settings = TrainSettings(LINEAR, FULL, objective=MAX_MARGIN, balanced=balanced)
+    settings = TrainSettings(LINEAR, SYMMETRIC, objective=MAX_MARGIN, balanced=balanced)
     return maps, settings, prepare(maps, settings)
 
 
@@ -192,7 +191,7 @@ def test_a_wrong_label_costs_what_its_class_is_short_of(balanced):
         cost = [0.0 if one > 1 else 0.5 / share[int(one)] if balanced else 1.0 for one in label]
         parts.append(make_part(inputs, unary, signs(label), np.array(cost)))
     strength = Strength(0.5, 2.0)
-    expected = fit_margin(parts, FULL, precisions(prepared.unary[0].shape[1], FULL, strength))
+    expected = fit_margin(parts, SYMMETRIC, precisions(prepared.unary[0].shape[1], SYMMETRIC, strength))
     found = margin_weights(prepared, labels, settings, strength)
     np.testing.assert_array_equal(found, expected.weights)
     assert np.abs(found).max() > 0.01
@@ -251,5 +250,5 @@ def test_labels_that_weigh_nothing_to_tell_still_train():
     one = draw_map(1)
     label = np.full(len(one.label), UNLABELLED, np.uint8)
     label[[np.flatnonzero(one.label == 1)[0], np.flatnonzero(one.label == 0)[0]]] = 1, 0
-    model = train([one._replace(label=label)], TrainSettings(LINEAR, FULL, objective=MAX_MARGIN)).model
+    model = train([one._replace(label=label)], TrainSettings(LINEAR, SYMMETRIC, objective=MAX_MARGIN)).model
     assert np.isfinite(model.weights).all()

@@ -14,7 +14,7 @@ from prf.shell.errors import InputError
 from tests.reference.mapq_crf import draw_model
 
 
-def saved(tmp_path, edge_model="full"):
+def saved(tmp_path, edge_model="symmetric"):
     path = tmp_path / "m.json"
     write_model(path, draw_model(np.random.default_rng(1), edge_model))
     return path
@@ -28,10 +28,9 @@ def test_what_is_written_is_read(edge_model, tmp_path):
     for name in ("edge_model", "x_range", "threshold", "features", "training"):
         assert getattr(found, name) == getattr(model, name)
     np.testing.assert_array_equal(found.weights, model.weights)
-    for one, other in ((found.node, model.node), (found.edge, model.edge)):
-        assert (one.names, one.clip) == (other.names, other.clip)
-        np.testing.assert_array_equal(one.median, other.median)
-        np.testing.assert_array_equal(one.scale, other.scale)
+    assert (found.node.names, found.node.clip) == (model.node.names, model.node.clip)
+    np.testing.assert_array_equal(found.node.median, model.node.median)
+    np.testing.assert_array_equal(found.node.scale, model.node.scale)
 
 
 @pytest.mark.parametrize(
@@ -57,7 +56,7 @@ def test_calibrations_and_operating_points_are_read_to_the_last_bit(calibration,
 def test_the_file_is_readable(tmp_path):
     content = json.loads(saved(tmp_path).read_text())
     assert content["schema"] == SCHEMA == "mapq.model/3"
-    assert set(content["parameters"]) == {"node", "field", "coupling"}
+    assert set(content["parameters"]) == {"node", "coupling"}
     assert set(content["parameters"]["node"]) == {"bias", "fit", "tilt", "thickness"}
     assert set(content["parameters"]["coupling"]) == {"at_x_min", "at_x_max"}
     assert set(content["node_scaling"]["columns"]["fit"]) == {"median", "scale"}
@@ -69,7 +68,7 @@ def test_the_file_is_readable(tmp_path):
         ("schema", "mapq.model/1", "version 1 of mapq.model is not known"),
         ("schema", "mapq.result/1", "schema mapq.result/1, expected"),
         ("edge_model", "potts", "edge_model is 'potts'"),
-        ("edge_model", "none", "edge_scaling has columns"),
+        ("edge_model", "none", "parameters are 6, but edge_model none has 4"),
         ("edge_model", None, "edge_model is not text"),
         ("calibration.kind", "warm", "calibration.kind is 'warm', not temperature, platt, isotonic"),
         ("calibration.slope", 0, "calibration.slope is 0.0, not above 0"),
@@ -93,13 +92,13 @@ def test_the_file_is_readable(tmp_path):
         ("parameters.node.fit", float("inf"), "parameters.node.fit is inf"),
         ("parameters.node.fit", 1e300, "parameters.node.fit is 1e+300"),
         ("parameters.node.fit", 10**400, "parameters.node.fit is 1000"),
-        ("parameters.node.more", 1.0, "parameters are 10, but edge_model full has 9"),
-        ("parameters.extra", {"a": 1}, "parameters are 10"),
+        ("parameters.node.more", 1.0, "parameters are 7, but edge_model symmetric has 6"),
+        ("parameters.extra", {"a": 1}, "parameters are 7"),
         ("parameters", [], "parameters is not an object"),
         ("node_scaling.clip", -5, "clip and scales must be above 0"),
         ("node_scaling.columns.fit.scale", 0.0, "clip and scales must be above 0"),
         ("node_scaling.columns.fit.scale", 1e-310, "clip and scales must be above 0"),
-        ("edge_scaling.columns.overlap", 3, "edge_scaling.columns.overlap is not an object"),
+        ("node_scaling.columns.tilt", 3, "node_scaling.columns.tilt is not an object"),
         ("features", "safe", "features is not an object"),
     ],
 )

@@ -58,8 +58,8 @@ context = ["rays"]
 
 [crf]
 objective = "max-margin"
-edge_model = "symmetric"
-edge_features = ["all"]
+potential = "linear"
+edge_model = "none"
 regularisation = 2
 coupling_regularisation = 3
 class_weight = "none"
@@ -155,7 +155,6 @@ def test_it_is_shown_what_has_set_a_key(file: Path) -> None:
         ("[crf]\nregularisation = 0\n", 2, "[crf] regularisation 0.0: must be above 0"),
         ("[crf]\nfolds = 1\n", 2, "[crf] folds 1: must be 2 or more"),
         ("[crf]\nmax_false_alarms = 2\n", 2, "must be a share between 0 and 1"),
-        ("[crf]\nedge_features = []\n", 2, "name one at least"),
         ("noise = 1\n", 1, "Move it to [segment] or [features]."),
     ],
 )
