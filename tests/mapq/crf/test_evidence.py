@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.crf.evidence import EVIDENCE, NOBODY, WITHOUT_SCANS, Columns, columns_of, with_evidence
+from mapq.crf.evidence import OF_SCANS, columns_of, with_evidence, without_scans
 from mapq.features.context import EDGE_COLUMNS, NODE_COLUMNS
 from mapq.features.edge import EDGE_NAMES
 from mapq.features.node import NODE_NAMES
 from mapq.graph import PatchFeatures
+from mapq.model import EVIDENCE, NOBODY, Columns
 from prf.shell.errors import InputError
 from tests.reference.mapq_crf import draw_pairs
 from tests.reference.mapq_trees import draw_potential, slow_log_odds
@@ -108,10 +109,10 @@ def test_maps_without_pairs(n_patches, n_pairs):
 
 def test_without_scans_columns_are_as_a_map_of_points_alone_has_them():
     features = draw(3)
-    columns = columns_of(features).without_scans()
+    columns = without_scans(columns_of(features))
     for group in ("moments", "rays"):
         names = [*NODE_COLUMNS[group], *(f"over_{name}" for name in EDGE_COLUMNS[group])]
-        assert set(names) <= set(WITHOUT_SCANS)
+        assert set(names) <= set(OF_SCANS)
     plain = features._replace(node=features.node.copy(), edge=features.edge.copy())
     plain.node[:, [NODE.index(name) for name in NODE_COLUMNS["moments"]]] = np.nan
     plain.node[:, NODE.index("seen_through")] = 0.0
