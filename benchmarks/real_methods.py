@@ -38,12 +38,8 @@ class Method(NamedTuple):
 
 
 METHODS = {
-    "nodes only": Method(
-        FeatureSettings(context=()), TrainSettings(edge_model="none", balanced=False)
-    ),
-    "paper-literal": Method(
-        FeatureSettings(reading="literal"), TrainSettings(edge_model="symmetric", balanced=False)
-    ),
+    "nodes only": Method(FeatureSettings(context=()), TrainSettings(edge_model="none", balanced=False)),
+    "paper-literal": Method(FeatureSettings(reading="literal"), TrainSettings(edge_model="symmetric", balanced=False)),
     "default": Method(FeatureSettings(), TrainSettings(balanced=False)),
 }
 

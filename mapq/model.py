@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from mapq.crf.evidence import Potential
+from mapq.kernels.trees import Trees, contributions
+from prf.shell.errors import InputError
 
 SYMMETRIC, NONE = "symmetric", "none"
 EDGE_MODELS = (SYMMETRIC, NONE)
@@ -26,8 +26,72 @@ CALIBRATIONS = (TEMPERATURE, PLATT, ISOTONIC)
 LEAST_SLOPE = 1e-3
 """Log-odds a nat by which an isotonic calibration rises at least, so that it makes no ties of unequal patches."""
 
+NOBODY = -1
+"""In the place of another patch, where a value is of no pair."""
+
+EVIDENCE = "evidence"
+"""Name of the trees' log-odds among the node features."""
+
 CLIP = 5.0
 """Standardised values are cut here: a patch that is stranger than all others must not outvote its neighbours."""
+
+
+class Columns(NamedTuple):
+    """What trees see of patches.
+
+    Attributes
+    ----------
+    names : tuple of str
+    values : (m, c) float64
+        nan where unknown.
+    other : (m, c) int64
+        The patch of the pair that a value is of, or `NOBODY`.
+    """
+
+    names: tuple[str, ...]
+    values: NDArray[np.float64]
+    other: NDArray[np.int64]
+
+    def take(self, names: tuple[str, ...]) -> Columns:
+        """Return some of the columns.
+
+        Raises
+        ------
+        InputError
+            If there is none of a name.
+        """
+        missing = [name for name in names if name not in self.names]
+        if missing:
+            raise InputError(
+                f"the model asks for {missing[0]}, which these features do not have. Train the model anew."
+            )
+        places = [self.names.index(name) for name in names]
+        return Columns(names, np.ascontiguousarray(self.values[:, places]), self.other[:, places])
+
+
+class Potential(NamedTuple):
+    """Trees and the columns they ask for.
+
+    Attributes
+    ----------
+    names : tuple of str
+    trees : Trees
+    base : float
+        Log-odds in nats to which the trees are added.
+    """
+
+    names: tuple[str, ...]
+    trees: Trees
+    base: float
+
+    def log_odds(self, columns: Columns) -> NDArray[np.float64]:
+        """Return the log-odds (m,) of being suspicious, in nats."""
+        return np.asarray(self.base + contributions(self.trees, columns.take(self.names).values).sum(axis=1))
+
+    def importance(self, columns: Sequence[Columns]) -> dict[str, float]:
+        """Return how far each column moves log-odds in the mean over the patches of maps, in nats."""
+        moved = np.vstack([contributions(self.trees, each.take(self.names).values) for each in columns])
+        return dict(zip(self.names, np.abs(moved[:, :-1]).mean(axis=0).tolist(), strict=True))
 
 
 @dataclass(frozen=True)

@@ -6,21 +6,13 @@ node feature, `EVIDENCE`, which the random field weighs against the labels of ne
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.features import copies
 from mapq.features.context import NODE_COLUMNS
 from mapq.graph import PatchFeatures
-from mapq.kernels.trees import Trees, contributions
-from prf.shell.errors import InputError
-
-EVIDENCE = "evidence"
-"""Name of the trees' log-odds among the node features."""
-NOBODY = -1
+from mapq.model import EVIDENCE, NOBODY, Columns, Potential
 
 OVER, ACROSS = "worst_overlap", "worst_crossing"
 SHARES = ("partly_covered", "unlike_height", "facing_away")
@@ -43,66 +35,9 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-class Columns(NamedTuple):
-    """What trees see of patches.
-
-    Attributes
-    ----------
-    names : tuple of str
-    values : (m, c) float64
-        nan where unknown.
-    other : (m, c) int64
-        The patch of the pair that a value is of, or `NOBODY`.
-    """
-
-    names: tuple[str, ...]
-    values: Floats
-    other: Ints
-
-    def without_scans(self) -> Columns:
-        """Return the columns as a map has them of which it is not known when and from where it was seen."""
-        return self._replace(values=np.where(np.isin(self.names, OF_SCANS), np.nan, self.values))
-
-    def take(self, names: tuple[str, ...]) -> Columns:
-        """Return some of the columns.
-
-        Raises
-        ------
-        InputError
-            If there is none of a name.
-        """
-        missing = [name for name in names if name not in self.names]
-        if missing:
-            raise InputError(
-                f"the model asks for {missing[0]}, which these features do not have. Train the model anew."
-            )
-        places = [self.names.index(name) for name in names]
-        return Columns(names, np.ascontiguousarray(self.values[:, places]), self.other[:, places])
-
-
-class Potential(NamedTuple):
-    """Trees and the columns they ask for.
-
-    Attributes
-    ----------
-    names : tuple of str
-    trees : Trees
-    base : float
-        Log-odds in nats to which the trees are added.
-    """
-
-    names: tuple[str, ...]
-    trees: Trees
-    base: float
-
-    def log_odds(self, columns: Columns) -> Floats:
-        """Return the log-odds (m,) of being suspicious, in nats."""
-        return np.asarray(self.base + contributions(self.trees, columns.take(self.names).values).sum(axis=1))
-
-    def importance(self, columns: Sequence[Columns]) -> dict[str, float]:
-        """Return how far each column moves log-odds in the mean over the patches of maps, in nats."""
-        moved = np.vstack([contributions(self.trees, each.take(self.names).values) for each in columns])
-        return dict(zip(self.names, np.abs(moved[:, :-1]).mean(axis=0).tolist(), strict=True))
+def without_scans(columns: Columns) -> Columns:
+    """Return the columns as a map has them of which it is not known when and from where it was seen."""
+    return columns._replace(values=np.where(np.isin(columns.names, OF_SCANS), np.nan, columns.values))
 
 
 def with_evidence(features: PatchFeatures, potential: Potential | None) -> PatchFeatures:
@@ -112,9 +47,9 @@ def with_evidence(features: PatchFeatures, potential: Potential | None) -> Patch
     return add_evidence(features, potential.log_odds(columns_of(features)))
 
 
-def add_evidence(features: PatchFeatures, log_odds: Floats) -> PatchFeatures:
+def add_evidence(features: PatchFeatures, evidence: Floats) -> PatchFeatures:
     """Return the features with log-odds (m,) as one more node feature."""
-    node = np.column_stack([features.node, log_odds])
+    node = np.column_stack([features.node, evidence])
     return features._replace(node=node, node_names=(*features.node_names, EVIDENCE))
 
 

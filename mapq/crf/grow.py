@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.crf.evidence import RISING, Columns, Potential
+from mapq.crf.evidence import RISING
 from mapq.kernels.trees import LEAF, Trees, contributions
+from mapq.model import Columns, Potential
 
 N_TREES, LEARNING_RATE, N_LEAVES, LEAST_ROWS, RIDGE = 100, 0.06, 6, 60, 5.0
 """Small trees that learn slowly: maps to come are of other places and sensors."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mapq.crf.calibrate import Chosen, choose_calibration, fit_temperature
 from mapq.crf.energy import make_field
-from mapq.crf.evidence import Columns, Potential, add_evidence, columns_of
+from mapq.crf.evidence import add_evidence, columns_of, without_scans
 from mapq.crf.grow import grow
 from mapq.crf.infer import solve
 from mapq.crf.likelihood import objective
@@ -31,7 +31,7 @@ from mapq.crf.train import (
     require_labels,
     signs,
 )
-from mapq.model import NONE, Calibration, Model
+from mapq.model import NONE, Calibration, Columns, Model, Potential
 from mapq.patches import SUSPICIOUS, UNLABELLED
 
 STRENGTHS = (1.0, 10.0)
@@ -169,7 +169,7 @@ def with_trees(
     Trees say of their own training patches what they have learnt by heart: the field would swallow it whole. Each map
     whose scans are known counts twice, the second time as if they were not: most maps are of that kind.
     """
-    bare = [each.without_scans() for each in columns]
+    bare = [without_scans(each) for each in columns]
     twice = [number for number in range(len(maps)) if not _same(columns[number], bare[number])]
     sources = [*range(len(maps)), *twice]
     seen = [*columns, *(bare[number] for number in twice)]

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.crf.energy import Inputs, label_design, make_inputs, node_columns, require_finite, unary_design
-from mapq.crf.evidence import EVIDENCE
 from mapq.crf.likelihood import Problem, fit
 from mapq.crf.margin import GAP, fit_margin, make_part
 from mapq.crf.scaling import fit_range, fit_scaling
 from mapq.graph import PatchFeatures
-from mapq.model import EDGE_MODELS, NONE, SYMMETRIC, Scaling, parameter_names
+from mapq.model import EDGE_MODELS, EVIDENCE, NONE, SYMMETRIC, Scaling, parameter_names
 from mapq.patches import SUSPICIOUS, UNLABELLED
 from prf.shell.errors import ConfigError, InputError
 

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.crf.evidence import EVIDENCE
 from mapq.io.trees import LARGEST, parse_potential, potential_content
-from mapq.model import CALIBRATIONS, EDGE_MODELS, ISOTONIC, PLATT, Calibration, Model, Scaling
+from mapq.model import CALIBRATIONS, EDGE_MODELS, EVIDENCE, ISOTONIC, PLATT, Calibration, Model, Scaling
 from prf.shell.errors import InputError
 from prf.shell.files import open_output
 from prf.shell.jsonout import dump_object

@@ -9,8 +9,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from mapq.crf.evidence import Potential
 from mapq.kernels.trees import LEAF, Trees
+from mapq.model import Potential
 from prf.shell.storage import damaged
 
 LARGEST = 1e30

@@ -20,8 +20,8 @@ TALLEST = 1.8
 """Metres off the plane up to which layers are entered."""
 BESIDE = 0.6
 """What a layer counts that lies in the bin beside one of another scan."""
-STEP, TURN, TURNS = 0.1, 0.0175, 2
-"""Metres between shifts that are tried, radians between turns, and turns to either side."""
+STEP, TURN, NEAR_STEPS = 0.1, 0.0175, 3
+"""Metres between shifts that are tried, radians between turns; shifts to either side of the best that are turned."""
 FINEST = 0.02
 """Metres at which the search ends."""
 GOOD = 0.9
@@ -33,7 +33,7 @@ GAIN, FIXED_GAIN = 0.08, 1.0
 """Of its layers, and in layers, that a shift must bring together more than none does."""
 PRICE = 0.05
 """Of its layers that a shift by a metre, or a turn by ten steps, must bring more."""
-MOST_SEARCHED = 300
+MOST_SEARCHED = 200
 """Layers of a scan by which shifts are searched; of more every n-th."""
 FEWEST = 5
 """Layers in cells that other scans see as well, below which a scan stays where it is."""
@@ -43,13 +43,11 @@ WIDEST = 0.2
 
 
 @part
-def meeting(bins: Floats, cell: Ints, jacobian: Floats, height: Floats, weight: Floats, rows: Ints, x: Floats) -> float:
-    """Weight of the layers that meet those of other scans once the motion x (6) is taken away."""
+def meeting(bins: Floats, cell: Ints, along: Floats, height: Floats, weight: Floats, rows: Ints, x: Floats) -> float:
+    """Weight of the layers that meet those of other scans once the motion x (3) is taken away."""
     total = 0.0
     for p in rows:
-        moved = height[p]
-        for axis in range(6):
-            moved -= jacobian[p, axis] * x[axis]
+        moved = height[p] - along[p, 0] * x[0] - along[p, 1] * x[1] - along[p, 2] * x[2]
         at = int(np.floor((moved + TALLEST) / BIN))
         if 0 <= at < bins.shape[1]:
             total += weight[p] * bins[cell[p], at]
@@ -57,12 +55,10 @@ def meeting(bins: Floats, cell: Ints, jacobian: Floats, height: Floats, weight: 
 
 
 @part
-def enter(bins: Floats, cell: Ints, jacobian: Floats, height: Floats, begin: int, end: int, x: Floats) -> None:
-    """Enter the layers of a scan, its motion taken away."""
+def enter(bins: Floats, cell: Ints, along: Floats, height: Floats, begin: int, end: int, x: Floats) -> None:
+    """Enter the layers of a scan, its motion x (3) taken away."""
     for p in range(begin, end):
-        moved = height[p]
-        for axis in range(6):
-            moved -= jacobian[p, axis] * x[axis]
+        moved = height[p] - along[p, 0] * x[0] - along[p, 1] * x[1] - along[p, 2] * x[2]
         at = int(np.floor((moved + TALLEST) / BIN))
         for beside in range(-1, 2):
             if 0 <= at + beside < bins.shape[1]:
@@ -71,42 +67,23 @@ def enter(bins: Floats, cell: Ints, jacobian: Floats, height: Floats, begin: int
 
 
 @part
-def set_motion(axes: Floats, one: float, other: float, turn: float, x: Floats) -> None:
-    """Make x (6) of shifts along two level axes and a turn about the third of ``axes`` (3, 3)."""
-    for k in range(3):
-        x[k] = one * axes[0, k] + other * axes[1, k]
-        x[3 + k] = turn * axes[2, k]
-
-
-@part
 def best_motion(
-    bins: Floats,
-    cell: Ints,
-    jacobian: Floats,
-    height: Floats,
-    weight: Floats,
-    rows: Ints,
-    axes: Floats,
-    reach: float,
-    start: Floats,
+    bins: Floats, cell: Ints, along: Floats, height: Floats, weight: Floats, rows: Ints, reach: float, start: Floats
 ) -> Floats:
-    """Level shifts of up to `reach` metres along two axes, and the turn, that bring most layers together (3).
+    """Shifts along two level axes of up to `reach` metres, and the turn, that bring most layers together (3).
 
-    The search begins where the scan lies, or at the motion `start` (3) of another if that brings more together; all
-    motions are tried where neither does well.
+    The search begins where the scan lies, or at the motion `start` of another if that brings more together; all motions
+    are tried where neither does well.
     """
-    x, found = np.zeros(6), np.zeros(3)
-    possible = weight[rows].sum()
-    zero = meeting(bins, cell, jacobian, height, weight, rows, x)
-    set_motion(axes, start[0], start[1], start[2], x)
-    top, moved = zero, meeting(bins, cell, jacobian, height, weight, rows, x)
-    if moved > zero:
-        top = moved
+    found = np.zeros(3)
+    top = meeting(bins, cell, along, height, weight, rows, found)
+    other = meeting(bins, cell, along, height, weight, rows, start)
+    if other > top:
+        top = other
         found[:] = start
-    if top < GOOD * possible:
-        search(bins, cell, jacobian, height, weight, rows, axes, reach, found)
-        set_motion(axes, found[0], found[1], found[2], x)
-        top = meeting(bins, cell, jacobian, height, weight, rows, x)
+    if top < GOOD * weight[rows].sum():
+        search(bins, cell, along, height, weight, rows, reach, found)
+        top = meeting(bins, cell, along, height, weight, rows, found)
     step = 0.5 * STEP
     while step > FINEST:
         climbed = False
@@ -114,8 +91,7 @@ def best_motion(
             for sign in (-1.0, 1.0):
                 tried = found.copy()
                 tried[axis] += sign * step * (0.1 if axis == 2 else 1.0)
-                set_motion(axes, tried[0], tried[1], tried[2], x)
-                value = meeting(bins, cell, jacobian, height, weight, rows, x)
+                value = meeting(bins, cell, along, height, weight, rows, tried)
                 if value > top + 1e-9:
                     top, climbed = value, True
                     found[:] = tried
@@ -126,33 +102,29 @@ def best_motion(
 
 @part
 def search(
-    bins: Floats,
-    cell: Ints,
-    jacobian: Floats,
-    height: Floats,
-    weight: Floats,
-    rows: Ints,
-    axes: Floats,
-    reach: float,
-    found: Floats,
+    bins: Floats, cell: Ints, along: Floats, height: Floats, weight: Floats, rows: Ints, reach: float, found: Floats
 ) -> None:
-    """Try all shifts of up to `reach` metres and turns; `found` (3) becomes the best where that is clear."""
-    x, best = np.zeros(6), np.zeros(3)
+    """Try all shifts of up to `reach` metres, turned near the best; `found` (3) becomes that if it is clear."""
     rows = rows[:: 1 + len(rows) // MOST_SEARCHED]
-    set_motion(axes, found[0], found[1], found[2], x)
-    before = meeting(bins, cell, jacobian, height, weight, rows, x)
-    top, possible, n_steps = before, weight[rows].sum(), int(reach / STEP)
-    for turn in range(-TURNS, TURNS + 1):
-        for i in range(-n_steps, n_steps + 1):
-            for j in range(-n_steps, n_steps + 1):
-                if i * i + j * j > n_steps * n_steps:
+    before = meeting(bins, cell, along, height, weight, rows, found)
+    possible, n_steps = weight[rows].sum(), reach / STEP
+    top, x, best = before, np.zeros(3), np.zeros(3)
+    for turn in (0, 1, -1, 2, -2):
+        about, width = best.copy() / STEP, int(n_steps) if turn == 0 else NEAR_STEPS
+        for i in range(-width, width + 1):
+            for j in range(-width, width + 1):
+                one, other = about[0] + i, about[1] + j
+                if turn == 0:
+                    one, other = float(i), float(j)
+                far = np.sqrt(one * one + other * other)
+                if far > n_steps:
                     continue
-                set_motion(axes, STEP * i, STEP * j, TURN * turn, x)
-                price = PRICE * possible * (STEP * np.sqrt(i * i + j * j) + 0.1 * abs(turn))
-                value = meeting(bins, cell, jacobian, height, weight, rows, x) - price
+                x[0], x[1], x[2] = STEP * one, STEP * other, TURN * turn
+                price = PRICE * possible * (STEP * far + 0.1 * abs(turn))
+                value = meeting(bins, cell, along, height, weight, rows, x) - price
                 if value > top:
                     top = value
-                    best[0], best[1], best[2] = STEP * i, STEP * j, TURN * turn
+                    best[:] = x
     if top >= before + GAIN * possible + FIXED_GAIN:
         found[:] = best
 
@@ -192,19 +164,26 @@ def match_scans(
     waiting, shared = np.ones(n_scans, np.bool_), np.zeros(n_scans)
     for s in range(n_scans):
         shared[s] = 1e-6 * (first[s + 1] - first[s])
-    last = np.zeros(3)
+    # How shifts along the level axes and a turn about the third displace each layer.
+    along, last = np.empty((len(cell), 3)), np.zeros(3)
+    for p in range(len(cell)):
+        for axis in range(3):
+            part_of = jacobian[p, :3] if axis < 2 else jacobian[p, 3:]
+            along[p, axis] = (part_of * axes[axis]).sum()
     for _ in range(n_scans):
-        chosen = -1
+        chosen, x = -1, np.zeros(3)
         for s in range(n_scans):
             if waiting[s] and (chosen < 0 or shared[s] > shared[chosen]):
                 chosen = s
         rows = np.arange(first[chosen], first[chosen + 1])
         common = rows[seen[cell[rows]]]
         if len(common) >= FEWEST:
-            last = best_motion(bins, cell, jacobian, height, weight, common, axes, reach, last)
-            set_motion(axes, last[0], last[1], last[2], motion[chosen])
+            last = best_motion(bins, cell, along, height, weight, common, reach, last)
+            x[:] = last
+            motion[chosen, :3] = last[0] * axes[0] + last[1] * axes[1]
+            motion[chosen, 3:] = last[2] * axes[2]
         waiting[chosen] = False
-        enter(bins, cell, jacobian, height, first[chosen], first[chosen + 1], motion[chosen])
+        enter(bins, cell, along, height, first[chosen], first[chosen + 1], x)
         is_new = np.zeros(n_cells, np.bool_)
         for p in rows:
             is_new[cell[p]] |= not seen[cell[p]]

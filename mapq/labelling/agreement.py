@@ -7,17 +7,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import xlogy
 
 from mapq.io.journal import fingerprint
 from mapq.patches import FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.errors import InputError
 
-DROP = 1.920729410347062
-"""Nats below the best at which a 95 % interval ends: half the quantile of chi-squared with one degree."""
-GRID = 41
-N_ZOOMS = 5
-N_HALVINGS = 24
+LEVELS = (0.025, 0.975)
+"""Quantiles at which a 95 % interval ends."""
+N_DRAWS = 50_000
 
 Counts = NDArray[np.int64]
 
@@ -42,7 +39,7 @@ class Agreement:
     kappa : float
         Cohen's: 1 is perfect, 0 what chance gives; nan where both say one and the same of every patch.
     interval : (float, float)
-        95 %, by profile likelihood.
+        95 %, of the posterior under Jeffreys' prior.
     disagreeing : (k,) int64
         Patches of different labels, the largest first.
     first_says : (k,) uint8
@@ -132,64 +129,22 @@ def _n_unsure(patches: Patches) -> int:
 def cohen_kappa(confusion: Counts) -> tuple[float, tuple[float, float]]:
     """Return Cohen's kappa of a table (2, 2) of counts and its 95 % interval, nan where it is not defined.
 
-    The interval holds every kappa whose log-likelihood, maximised over the base rates of both, is at most `DROP` below
-    the best (profile likelihood): it stays within -1 and 1, and says something of few patches and of perfect agreement,
-    where the usual standard error is 0. Cohen 1960, A Coefficient of Agreement for Nominal Scales.
+    The interval is that of the posterior of kappa, the shares of the four cells having Jeffreys' prior, and holds kappa
+    itself: it stays within -1 and 1, and says something of few patches and of perfect agreement, where the usual
+    standard error is 0. Cohen 1960, A Coefficient of Agreement for Nominal Scales.
     """
     n = int(confusion.sum())
-    rows, columns = confusion.sum(axis=1) / max(n, 1), confusion.sum(axis=0) / max(n, 1)
-    chance = float(rows @ columns)
-    if n == 0 or chance == 1.0:
-        return float("nan"), (float("nan"), float("nan"))
-    kappa = (float(np.trace(confusion)) / n - chance) / (1.0 - chance)
-    best = float(xlogy(confusion, confusion / n).sum())
-    return kappa, (_end(confusion, kappa, -1.0, best), _end(confusion, kappa, 1.0, best))
+    kappa = float(_kappa(confusion / max(n, 1)))
+    if np.isnan(kappa):
+        return kappa, (np.nan, np.nan)
+    drawn = np.random.default_rng(0).dirichlet(confusion.ravel() + 0.5, N_DRAWS).reshape(-1, 2, 2)
+    low, high = np.quantile(_kappa(drawn), LEVELS).tolist()
+    return kappa, (min(low, kappa), max(high, kappa))
 
 
-def _end(confusion: Counts, inside: float, outside: float, best: float) -> float:
-    """Return where the profile log-likelihood falls `DROP` below the best, between kappa and an end of its range."""
-    if best - _profile(confusion, outside) <= DROP:
-        return outside
-    for _ in range(N_HALVINGS):
-        middle = 0.5 * (inside + outside)
-        if best - _profile(confusion, middle) <= DROP:
-            inside = middle
-        else:
-            outside = middle
-    return 0.5 * (inside + outside)
-
-
-def _profile(confusion: Counts, kappa: float) -> float:
-    """Return the largest log-likelihood of any base rates under a given kappa, on a grid that is refined."""
-    low, high = np.full(2, 1e-6), np.full(2, 1.0 - 1e-6)
-    found = -np.inf
-    for _ in range(N_ZOOMS):
-        a, b = (np.linspace(low[axis], high[axis], GRID) for axis in range(2))
-        values = _log_likelihood(confusion, kappa, a[:, None], b[None, :])
-        place = np.unravel_index(int(np.argmax(values)), values.shape)
-        found = max(found, float(values[place]))
-        step, middle = (high - low) / (GRID - 1), np.array([a[place[0]], b[place[1]]])
-        low, high = np.maximum(middle - 2.0 * step, 1e-9), np.minimum(middle + 2.0 * step, 1.0 - 1e-9)
-    return found
-
-
-def _log_likelihood(
-    confusion: Counts, kappa: float, a: NDArray[np.float64], b: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the log-likelihood (k, k) of a table, a and b being the shares that either calls suspicious.
-
-    kappa = 2 D / (a (1 - b) + b (1 - a)), D the covariance of the two labels; -inf where a cell is negative.
-    """
-    covariance = 0.5 * kappa * (a * (1.0 - b) + b * (1.0 - a))
-    cells = (
-        (1.0 - a) * (1.0 - b) + covariance,
-        (1.0 - a) * b - covariance,
-        a * (1.0 - b) - covariance,
-        a * b + covariance,
-    )
-    total = np.zeros(np.broadcast(a, b).shape)
-    for count, cell in zip(confusion.ravel().tolist(), cells, strict=True):
-        cell = np.where(np.abs(cell) < 1e-15, 0.0, cell)
-        with np.errstate(divide="ignore"):
-            total += np.where(cell < 0.0, -np.inf, xlogy(count, np.maximum(cell, 0.0)))
-    return total
+def _kappa(shares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return kappa (...) of tables (..., 2, 2) of shares; nan where both call all the same, or there are none."""
+    chance = (shares.sum(axis=-1) * shares.sum(axis=-2)).sum(axis=-1)
+    agreed = np.trace(shares, axis1=-2, axis2=-1)
+    is_defined = (chance > 0.0) & (chance < 1.0)
+    return np.asarray(np.where(is_defined, (agreed - chance) / np.where(is_defined, 1.0 - chance, 1.0), np.nan))

@@ -51,7 +51,7 @@ class MeasureTask(NamedTuple):
     boxes : (t, 4) float64
         Corners of the tiles.
     centres : (w, 3) float64
-        Of the windows that answer for the patches.
+        Of the windows that answer for patches which those windows reach that answer for these.
     most_far : int
         Points of patches that only these windows reach, about: of more every n-th is looked at.
     """
@@ -101,7 +101,9 @@ def share_out(whole: Whole, most_points: int, largest: int | None) -> list[Ints]
 def measure_patches(task: MeasureTask) -> Measured:
     """Measure some patches, and the pairs that they are in."""
     whole, settings = load_whole(task.part.folder), task.settings
-    reached = task.centres if task.known.moment is not None and "moments" in settings.context else task.centres[:0]
+    reached = task.centres[np.unique(cKDTree(task.centres).query(whole.centroid[task.patches])[1])]
+    if task.known.moment is None or "moments" not in settings.context:
+        reached = reached[:0]
     about = _about(whole, task.patches) if "copies" in settings.context else task.patches
     near = patches_near(whole, whole.low[about], whole.high[about], max(settings.radius, LOOSE_REACH))
     chosen = np.union1d(near, patches_near(whole, reached, reached, WINDOW + LOOSE_REACH))

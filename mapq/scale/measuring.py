@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from mapq.assess.visits import Clock, join_stays, visits_from
 from mapq.axes import turn
-from mapq.features.disagreement import window_centres
+from mapq.features.disagreement import OWNED, WINDOW, window_centres
 from mapq.features.provenance import Known
 from mapq.features.settings import FeatureSettings
 from mapq.graph import PatchFeatures
@@ -113,11 +113,11 @@ class Measuring:
         part = self._part(known.fields)
         whole, boxes = self._cutting.whole, self._cutting.tiling.boxes
         centres = window_centres(whole.centroid, np.argsort(np.lexsort((*whole.centroid.T[::-1], -whole.n_points))))
-        owner = cKDTree(centres).query(whole.centroid)[1]
-        tasks = [
-            MeasureTask(group, self._settings, part, known, boxes, centres[np.unique(owner[group])], self._most)
-            for group in self._groups
-        ]
+        owner, given = cKDTree(centres).query(whole.centroid)[1], (self._settings, part, known, boxes)
+        tasks = []
+        for group in self._groups:
+            away = cKDTree(centres[np.unique(owner[group])]).query(centres)[0]
+            tasks.append(MeasureTask(group, *given, centres[away <= WINDOW + OWNED], self._most))
         measured = self._stages.each("measuring", measure_patches, tasks)
         return join_measures(measured, len(self._cutting.whole.n_points), self._settings, self._up)
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from mapq.crf import TrainingMap
 from mapq.crf.energy import Field
-from mapq.crf.evidence import EVIDENCE, Potential, columns_of
+from mapq.crf.evidence import columns_of
 from mapq.graph import PatchFeatures
-from mapq.model import NONE, SYMMETRIC, Calibration, Model, Scaling, parameter_names
+from mapq.model import EVIDENCE, NONE, SYMMETRIC, Calibration, Model, Potential, Scaling, parameter_names
 from tests.reference.mapq_trees import slow_log_odds
 
 NODE_NAMES = ("fit", "tilt", "thickness")

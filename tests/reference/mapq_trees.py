@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from mapq.crf.evidence import Columns, Potential
 from mapq.kernels.trees import LEAF, Trees
+from mapq.model import Columns, Potential
 
 
 def draw_potential(rng: np.random.Generator, names: tuple[str, ...], n_trees: int = 6, depth: int = 3) -> Potential:

@@ -65,7 +65,7 @@ def test_reasons_of_a_plausible_patch_speak_for_plausible(doubled):
 def test_reasons_for_and_against_sum_to_the_log_odds_but_for_the_biases(doubled):
     odds = local_log_odds(doubled.features, doubled.model, doubled.labelling.label)
     for patch, row in enumerate(doubled.patch_rows()):
-        biases = sum(term["contribution"] for term in row["terms"] if term["name"] in ("base", "neighbours"))
+        biases = sum(term["contribution"] for term in row["terms"] if term["name"] == "base")
         reasons = [doubled._reasons.of(patch, sign, 99) for sign in (1.0, -1.0)]
         total = sum(reason.log_odds for side in reasons for reason in side)
         assert total + biases == pytest.approx(odds[patch], abs=1e-9)

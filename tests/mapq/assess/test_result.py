@@ -9,12 +9,12 @@ import pytest
 from mapq.assess import assess, feature_settings, read_input
 from mapq.cloud import PointCloud
 from mapq.crf import local_log_odds
-from mapq.crf.evidence import EVIDENCE, OVER, Potential
+from mapq.crf.evidence import OVER
 from mapq.features import FeatureSettings
 from mapq.io import read_cloud, write_patches, write_ply
 from mapq.io.results import result_cloud
 from mapq.kernels.trees import LEAF, Trees
-from mapq.model import EDGE_MODELS, Calibration, Model, Scaling, parameter_names
+from mapq.model import EDGE_MODELS, EVIDENCE, Calibration, Model, Potential, Scaling, parameter_names
 from mapq.patches import Patches
 from prf.shell.errors import InputError
 from tests.mapq.factories import make_patches, sample_patches, shuffled, wall
@@ -22,15 +22,15 @@ from tests.mapq.labelled import draw_patches
 
 
 def make_model(edge_model: str = "symmetric") -> Model:
-    """Return a model in which what overlaps another patch by half is suspicious."""
-    column, threshold, value = np.array([0, LEAF, LEAF]), np.array([0.5, 0.0, 0.0]), np.array([0.0, -2.0, 2.0])
-    nodes = np.array([[1, 0, 0], [2, 0, 0]])
-    trees = Trees(np.zeros(1, np.int64), column, threshold, *nodes, np.zeros(3, np.bool_), value)
+    """Return a model in which a patch that another covers by half is suspicious, and a thin one less so."""
+    column, left, right = np.array([[0, LEAF, LEAF, 1, LEAF, LEAF], [1, 0, 0, 4, 0, 0], [2, 0, 0, 5, 0, 0]])
+    threshold, value = np.array([0.5, 0.0, 0.0, -9.0, 0.0, 0.0]), np.array([0.0, -2.0, 2.0, 0.0, 0.1, -0.1])
+    trees = Trees(np.array([0, 3]), column, threshold, left, right, np.zeros(6, np.bool_), value)
     node = Scaling((EVIDENCE,), np.zeros(1), np.ones(1), 12.0)
     weights = {"node.evidence": 0.5, "coupling.at_x_min": 0.4}
     values = np.array([weights.get(name, 0.0) for name in parameter_names(edge_model, node.names)])
     features, calibration = asdict(FeatureSettings()), Calibration(slope=0.8)
-    potential = Potential((OVER,), trees, 0.0)
+    potential = Potential((OVER, "thickness"), trees, 0.0)
     return Model(edge_model, features, node, (-1.0, 1.0), values, calibration, potential=potential)
 
 
@@ -66,7 +66,10 @@ def test_rows_have_terms_that_sum_to_the_log_odds(result):
         assert sum(term["contribution"] for term in row["terms"]) == pytest.approx(expected, abs=1e-7)
         assert row["log_odds"] == pytest.approx(expected, abs=1e-7)
         assert row["terms"] == result.term_rows(row["patch"])
-        assert all((term["name"] != "base" and term["value"] > 0.0) <= ("other" in term) for term in row["terms"])
+        paired = [
+            term["name"] == "neighbour label" or (term["name"] == OVER and term["value"] > 0) for term in row["terms"]
+        ]
+        assert paired == ["other" in term for term in row["terms"]]
     assert set(rows[0]) >= {"patch", "label", "p_suspicious", "n_points", "centroid", "normal", "area_m2", "rms_m"}
 
 

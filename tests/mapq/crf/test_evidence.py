@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.crf.evidence import EVIDENCE, LEFT_OUT, NOBODY, OF_SCANS, SHARES, Columns, columns_of, with_evidence
+from mapq.crf.evidence import LEFT_OUT, OF_SCANS, SHARES, columns_of, with_evidence, without_scans
 from mapq.features.context import EDGE_COLUMNS, NODE_COLUMNS
 from mapq.features.edge import EDGE_NAMES
 from mapq.features.node import NODE_NAMES
 from mapq.graph import PatchFeatures
+from mapq.model import EVIDENCE, NOBODY, Columns
 from prf.shell.errors import InputError
 from tests.reference.mapq_crf import draw_pairs
 from tests.reference.mapq_trees import draw_potential, slow_log_odds
@@ -106,7 +107,7 @@ def test_maps_without_pairs(n_patches, n_pairs):
 
 def test_without_scans_columns_are_as_a_map_of_points_alone_has_them():
     features = draw(3)
-    columns = columns_of(features).without_scans()
+    columns = without_scans(columns_of(features))
     assert set(OF_SCANS) == {*NODE_COLUMNS["moments"], *(f"over_{name}" for name in EDGE_COLUMNS["rays"])}
     plain = features._replace(node=features.node.copy(), edge=features.edge.copy())
     plain.node[:, [NODE.index(name) for name in NODE_COLUMNS["moments"]]] = np.nan

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from mapq.crf import TrainingMap, TrainSettings, classify, split_regions, train
-from mapq.crf.evidence import EVIDENCE, columns_of
+from mapq.crf.evidence import columns_of, without_scans
 from mapq.crf.select import with_trees
 from mapq.evaluate import area_under_curve
 from mapq.features.context import NODE_COLUMNS
 from mapq.features.edge import EDGE_NAMES
 from mapq.features.node import NODE_NAMES
 from mapq.graph import PatchFeatures
+from mapq.model import EVIDENCE
 from mapq.patches import UNLABELLED
 from tests.reference.mapq_crf import draw_pairs
 
@@ -80,7 +81,7 @@ def test_maps_with_scans_count_twice_the_second_time_without():
     assert [len(mask) for mask in masks] == [3] * FOLDS
     assert sources[2].label is maps[0].label
     # The patches that no fold left out are judged by the trees of all.
-    bare = columns_of(maps[0].features).without_scans()
+    bare = without_scans(columns_of(maps[0].features))
     folds = [[np.zeros(150, bool)] * 2]
     alone = with_trees(maps, [columns_of(each.features) for each in maps], folds, TrainSettings())[0]
     np.testing.assert_array_equal(alone[2].features.node[:, -1], potential.log_odds(bare))

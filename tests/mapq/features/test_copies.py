@@ -56,7 +56,7 @@ class TestSecondLayer:
 
     def test_clutter_before_a_wall_covers_little_and_unevenly(self):
         rng = np.random.default_rng(1)
-        bush = rng.uniform((2, 0.8, 0), (5, 1.8, 1.5), (3000, 3))
+        bush = rng.uniform((2, 0.8, 0), (5, 1.3, 1.5), (3000, 3))
         points = wall((0, 2), (10, 2)).sample(rng, DENSITY, NOISE)
         found = columns(loosened(make_patches([points, bush], [(0, 1, 0)] * 2), 1))
         assert found["copy_cover"][0] < 0.2

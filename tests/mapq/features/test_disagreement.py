@@ -64,6 +64,13 @@ def measured(patches: Patches) -> Disagreement:
     return measure_disagreement(patches, shapes, number, moments, away, NOISE)
 
 
+def assert_metres(found: Disagreement, truth) -> None:
+    """What noise may make, up to some centimetres, is taken away."""
+    clear = truth > 0.06
+    assert found.metres[clear] == pytest.approx(truth[clear], abs=0.02)
+    assert (found.metres[~clear] <= truth[~clear] + 0.02).all()
+
+
 def assert_bounds(found: Disagreement, truth) -> None:
     assert (found.low <= found.metres).all()
     assert (found.metres <= found.high).all()
@@ -91,7 +98,7 @@ def test_half_of_the_scans_shifted_is_found_along_each_normal(shift, sensors):
     patches = scanned(shift, sensors=sensors)
     truth = np.abs(patches.normal @ np.array([*shift, 0.0]))
     found = measured(patches)
-    assert found.metres == pytest.approx(truth, abs=0.02)
+    assert_metres(found, truth)
     assert_bounds(found, truth)
     assert (found.high - found.low < 0.1).all()
 
@@ -103,7 +110,7 @@ def test_scans_turned_by_a_little_are_found_cell_by_cell(degrees):
     along = np.abs(np.einsum("ij,ij->i", away, patches.normal[patches.patch]))
     truth = np.array([np.median(along[patches.patch == i]) for i in range(len(patches))])
     found = measured(patches)
-    assert found.metres == pytest.approx(truth, abs=0.02)
+    assert_metres(found, truth)
     assert_bounds(found, truth)
 
 
@@ -140,7 +147,7 @@ def test_scans_times_and_passes_tell_alike():
         for name, values in (("scan", scan), ("time", 20.0 * scan + within), ("pass_id", scan % 2))
     ]
     for each in told:
-        assert each.metres == pytest.approx(truth, abs=0.02)
+        assert_metres(each, truth)
         assert_bounds(each, truth)
     assert [each.n_scans[0] for each in told] == [N_SCANS, pytest.approx(2 * N_SCANS, abs=1), 2]
 
