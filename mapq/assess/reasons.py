@@ -24,6 +24,9 @@ MEASURES = {
 SHARES = {"seen_through": "rays of other passes go through {:.0%} of it"}
 """Node feature that is a share, and how to say it."""
 
+CONFLICTS = "sum_of_conflicts"
+"""Column of the trees: W (A + R) of all pairs of a patch."""
+
 GROUPS = {
     **dict.fromkeys((*DISAGREEMENT, "n_scans", "seen_by_several"), "disagreement"),
     **dict.fromkeys(("copy_cover", "copy_even", "copy_density"), "copy_cover"),
@@ -123,6 +126,8 @@ class Reasons:
     def _of_node(self, patch: int, name: str, value: float, gain: float) -> Reason:
         if name in SHARES:
             return Reason(SHARES[name].format(value), gain, None, {name: value})
+        if name == CONFLICTS:
+            return Reason(f"conflicts with its neighbours add up to {value:.2f}", gain, None, {name: value})
         measure, words = MEASURES.get(name, ("", ""))
         if measure not in self._features.shape_names:
             return Reason(f"{name} {value:.3g}", gain, None, {name: value})
