@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import pickle
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -17,9 +17,11 @@ from sklearn.ensemble import RandomForestClassifier
 from benchmarks.commands import ROOT
 from benchmarks.entropies import LEAST, entropy_of, moments_of
 from benchmarks.real_data import disagreement_of
+from benchmarks.real_methods import without_scans
+from data import make_default_model as recipe
 from mapq.features import FeatureSettings, patch_features
 from mapq.graph import PatchFeatures
-from mapq.io import read_patches
+from mapq.io import read_patches, write_patches
 from mapq.metrics import map_metrics
 from mapq.patches import SUSPICIOUS, UNLABELLED, Patches
 from mapq.perturb.cells import cell_keys
@@ -178,10 +180,10 @@ def _digest(files: list[Path], settings: FeatureSettings) -> str:
 def make_training_maps(folder: Path, say: Callable[[str], None]) -> None:
     """Write the maps that the shipped model is trained on, as its recipe makes them."""
     folder.mkdir(parents=True, exist_ok=True)
-    spec = importlib.util.spec_from_file_location("recipe", ROOT / "data" / "make_default_model.py")
-    assert spec is not None
-    assert spec.loader is not None
-    recipe: Any = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(recipe)
-    for row in recipe.MAPS:
-        say(f"made {recipe.make_map(folder, row)[0].name}")
+    makers = [(f"world-{seed}", partial(recipe.world, seed)) for seed in range(recipe.N_WORLDS)]
+    makers += [(f"city-{row[0]}", partial(recipe.city, row)) for row in recipe.CITIES]
+    for name, make in makers:
+        patches = make()
+        for path, each in ((f"{name}.patches", patches), (f"{name}-bare.patches", without_scans(patches))):
+            write_patches(str(folder / path), each)
+        say(f"made {name}")

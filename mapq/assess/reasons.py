@@ -21,6 +21,9 @@ MEASURES = {
 }
 """Node feature to the shape measure that says the same to people, and how to say it."""
 
+CONFLICTS = "sum_of_conflicts"
+"""Column of the trees: W (A + R) of all pairs of a patch."""
+
 GROUPS = {
     **dict.fromkeys((*DISAGREEMENT, "n_scans", "seen_by_several"), "disagreement"),
     **dict.fromkeys(("copy_cover", "copy_even", "copy_density"), "copy_cover"),
@@ -115,6 +118,8 @@ class Reasons:
             yield self._of_pair(patch, other, gain)
 
     def _of_node(self, patch: int, name: str, value: float, gain: float) -> Reason:
+        if name == CONFLICTS:
+            return Reason(f"conflicts with its neighbours add up to {value:.2f}", gain, None, {name: value})
         measure, words = MEASURES.get(name, ("", ""))
         if measure not in self._features.shape_names:
             return Reason(f"{name} {value:.3g}", gain, None, {name: value})
