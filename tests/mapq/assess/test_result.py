@@ -22,9 +22,9 @@ from tests.mapq.labelled import draw_patches
 
 
 def make_model(edge_model: str = "symmetric") -> Model:
-    """Return a model in which a patch that another covers by half is suspicious, and a thin one less so."""
+    """Return a model in which a patch that another covers by a third is suspicious, and a thin one less so."""
     column, left, right = np.array([[0, LEAF, LEAF, 1, LEAF, LEAF], [1, 0, 0, 4, 0, 0], [2, 0, 0, 5, 0, 0]])
-    threshold, value = np.array([0.5, 0.0, 0.0, -9.0, 0.0, 0.0]), np.array([0.0, -2.0, 2.0, 0.0, 0.1, -0.1])
+    threshold, value = np.array([0.3, 0.0, 0.0, -9.0, 0.0, 0.0]), np.array([0.0, -1.0, 1.0, 0.0, 0.1, -0.1])
     trees = Trees(np.array([0, 3]), column, threshold, left, right, np.zeros(6, np.bool_), value)
     node = Scaling((EVIDENCE,), np.zeros(1), np.ones(1), 12.0)
     weights = {"node.evidence": 0.5, "coupling.at_x_min": 0.4}
