@@ -29,10 +29,8 @@ ROWS = (
     Row("no context", PLAIN, TrainSettings()),
     Row("not watched", FeatureSettings(n_watched=0), TrainSettings(), True),
     Row("literal features", LITERAL, TrainSettings(), True),
-    Row("symmetric edges", ALL, TrainSettings(edge_model="symmetric"), True),
     Row("no edges", ALL, TrainSettings(edge_model="none"), True),
     Row("max-margin", ALL, TrainSettings(objective="max-margin"), True),
-    Row("  symmetric edges", ALL, TrainSettings(edge_model="symmetric", objective="max-margin"), True),
     Row("unweighted", ALL, TrainSettings(balanced=False), True),
     Row("  max-margin", ALL, TrainSettings(balanced=False, objective="max-margin"), True),
 )

@@ -113,7 +113,7 @@ def test_a_cloud_in_the_axes_of_its_file_would_differ_when_turned(cloud, known, 
 
 
 def test_a_map_with_passes_and_sensors_is_the_same_turned_and_shifted():
-    """Rays are followed through cells of space, and what lies over a patch is found by them."""
+    """What lies over a patch is found by cells of space, and from which side it was seen."""
     cloud = simulate(Settings(**SIZES["small"]), 3)
     known = assess(segment(cloud))
     for shift, tolerance in (((0.0, 0.0, 0.0), 0.0), (SHIFTS[1], 1e-7)):
@@ -122,8 +122,8 @@ def test_a_map_with_passes_and_sensors_is_the_same_turned_and_shifted():
         assert {patch: cause.text for patch, cause in other.causes.items()} == {
             patch: cause.text for patch, cause in known.causes.items()
         }
-    through = known.features.node_names.index("seen_through")
-    assert np.count_nonzero(known.features.node[:, through]) > 10
+    away = known.features.edge_names.index("facing_away")
+    assert np.count_nonzero(known.features.edge[:, away]) > 10
 
 
 def test_a_direction_of_up_is_turned_with_the_map(cloud):
