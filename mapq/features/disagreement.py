@@ -60,7 +60,7 @@ class Disagreement(NamedTuple):
     metres, low, high : (m,) float64
         The disagreement with bounds that hold it in 95 of 100; nan where one scan alone saw the patch.
     n_scans : (m,) float64
-        Scans that see it, in the median over its cells; 1 where one alone did, nan where scans are not known.
+        Scans that see it, in the median over its cells; nan likewise.
     shared : (m,) float64
         Share of its points in cells that several scans see; nan likewise.
     """
@@ -133,7 +133,7 @@ def measure_disagreement(
                 windows[place] = fitted.window
                 if wider == ROUNDS[-1]:
                     _judge(found, shapes, sightings, fitted, patches_of[place])
-    return found._replace(n_scans=np.nan_to_num(found.n_scans, nan=1.0))
+    return found
 
 
 def joined(patches: Patches, number: Ints, moments: Moments) -> Ints:
