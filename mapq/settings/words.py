@@ -37,7 +37,7 @@ KEY_WORDS: Mapping[str, Meaning] = MappingProxyType(
         "features.tolerance": Meaning("m", "distance at which surfaces count half as doubled; at least 3.3 noise"),
         "features.spacing": Meaning("m", "between points"),
         "features.up": Meaning("", "direction of the z axis of equation 7"),
-        "features.context": Meaning("", "groups of context features: outlines, moments, rays"),
+        "features.context": Meaning("", "groups of context features: outlines, moments, rays, copies"),
         "crf.objective": Meaning("", "pl: maximum pseudo-likelihood; max-margin: structured support vector machine"),
         "crf.potential": Meaning("", "trees: boosted trees on patches and pairs; linear: a sum over node features"),
         "crf.edge_model": Meaning("", "symmetric: pairs speak for equal labels; none: not at all"),
