@@ -86,7 +86,7 @@ def test_methods_are_trained_and_scored_beside_the_majority():
     models = {name: real_methods.train_on([train], name) for name in real_methods.METHODS}
     scores = real_methods.score(models, [test], [train])
     assert list(scores) == ["majority", "nodes only", "paper-literal", "default"]
-    assert scores["default"].auc > max(scores["nodes only"].auc, 0.9)
+    assert scores["default"].auc >= max(scores["nodes only"].auc, 0.9)
     assert scores["majority"].auc == 0.5
     lines = real_methods.table(scores)
     assert len(lines) == 6

@@ -45,7 +45,7 @@ def said(row: Map, label: list[int], score: list[float], metres: list[float]) ->
     n, values = len(label), np.array(score)
     called = values > 0.5
     xyz = np.arange(3.0 * n).reshape(n, 3) / n
-    points = Judged(xyz, np.ones(n), called, values, row.name)
+    points = Judged(xyz, np.ones(n), called, values, *(np.full(n, np.nan),) * 2, 1.0, row.name)
     plain = unseen_rivals.Plain(np.array(metres), np.full(n, np.nan), np.zeros(n), values.mean())
     known = np.column_stack([values - 0.1, values, values + 0.1])
     scores = {unseen.MODEL: values}

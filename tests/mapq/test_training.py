@@ -44,9 +44,9 @@ def test_the_coupling_needs_a_strength_of_its_own(files):
     """
     # Copies of a surface give a patch away without any pair.
     features = FeatureSettings(context=("outlines", "moments", "rays"))
-    both = TrainSettings("linear", "full", regularisation=1.0, coupling_regularisation=1.0)
+    both = TrainSettings("linear", regularisation=1.0, coupling_regularisation=1.0)
     alike = train_maps(files, both, features)[2]
-    chosen, trained, scores = train_maps(files, TrainSettings("linear", "full", regularisation=1.0), features)
+    chosen, trained, scores = train_maps(files, TrainSettings("linear", regularisation=1.0), features)
     assert alike.recall < 0.5
     assert scores.recall > 0.9
     assert trained.strength.coupling > 1.0
@@ -55,7 +55,7 @@ def test_the_coupling_needs_a_strength_of_its_own(files):
 
 def test_the_summary_says_what_was_trained_on(files):
     features = FeatureSettings(radius=2.5)
-    model, trained, scores = train_maps(files, TrainSettings("linear", "full", regularisation=1.0), features)
+    model, trained, scores = train_maps(files, TrainSettings("linear", regularisation=1.0), features)
     summary = model.training
     assert summary["n_patches"] == 64
     assert summary["n_suspicious"] == 32
@@ -101,7 +101,7 @@ def test_maps_without_labels_are_refused(tmp_path):
 
 
 def test_settings_of_features_that_are_strange_are_refused(files):
-    model = train_maps(files, TrainSettings("linear", "full", regularisation=1.0))[0]
+    model = train_maps(files, TrainSettings("linear", regularisation=1.0))[0]
     for change, message in (
         ({"colour": 1}, "colour is not known"),
         ({"radius": "wide"}, "cannot be used"),

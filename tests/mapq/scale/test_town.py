@@ -153,7 +153,7 @@ def test_neighbours_are_found_by_their_boxes():
     low = rng.uniform(0.0, 40.0, (700, 3))
     high = low + rng.uniform(0.0, 3.0, (700, 3))
     nothing = np.zeros((700, 3))
-    whole = Whole(nothing, nothing, *(np.zeros(700, np.int64),) * 3, low, high, *(np.zeros(1, np.int64),) * 5)
+    whole = Whole(nothing, nothing, *(np.zeros(700, np.int64),) * 2, low, high, *(np.zeros(1, np.int64),) * 5)
     own = np.array([3, 50, 51, 699])
     gap = np.maximum(np.maximum(low[:, None] - high[own], low[own] - high[:, None]), 0.0)
     expected = np.flatnonzero(((gap**2).sum(axis=2) <= 4.0).any(axis=1))

@@ -43,7 +43,7 @@ def pieces_of(parts: list[np.ndarray], own_below: float, own_from: float, parent
     pairs = np.array([[k, k + 1] for k in range(len(parts) - 1)], np.int32).reshape(-1, 2)
     pieces = Pieces(origin, own, translate(seen, begin, origin), pairs, np.array(parent, np.int32))
     nothing = np.zeros(0, np.int64)
-    return Cut(0, *(np.zeros((0, 3)),) * 3, *(nothing,) * 6, nothing, nothing, pieces, 0, 0)  # type: ignore[arg-type]
+    return Cut(0, *(np.zeros((0, 3)),) * 3, *(nothing,) * 5, nothing, nothing, pieces, 0, 0)  # type: ignore[arg-type]
 
 
 def two_houses(offset: float, parent: list[int]) -> tuple[list[Cut], Shared]:
