@@ -93,8 +93,8 @@ def train(
         Potential | None,
         typer.Option(
             "--potential",
-            help="trees: boosted trees on all that is measured; linear: a sum over node features, as in the paper.  "
-            "[trees; linear for --features literal]",
+            help="trees: boosted trees on all that is measured; linear: a sum over node features, as in the paper and "
+            "with --features literal.  [trees]",
         ),
     ] = None,
     edge_model: Annotated[

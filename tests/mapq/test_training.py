@@ -37,22 +37,6 @@ def test_double_walls_are_learnt_and_found_on_another_map(files, tmp_path):
     assert trained.n_folds == 5
 
 
-def test_the_coupling_needs_a_strength_of_its_own(files):
-    """Neighbours in pairs always agree, so pseudo-likelihood leaves all to the coupling, and a map without labels dark.
-
-    Held-out patches, labelled by the graph cut as a new map is, show it: the cross-validation holds the coupling back.
-    """
-    # Copies of a surface give a patch away without any pair.
-    features = FeatureSettings(context=("outlines", "moments", "rays"))
-    both = TrainSettings("linear", regularisation=1.0, coupling_regularisation=1.0)
-    alike = train_maps(files, both, features)[2]
-    chosen, trained, scores = train_maps(files, TrainSettings("linear", regularisation=1.0), features)
-    assert alike.recall < 0.5
-    assert scores.recall > 0.9
-    assert trained.strength.coupling > 1.0
-    assert chosen.training["coupling_regularisation"] == trained.strength.coupling
-
-
 def test_the_summary_says_what_was_trained_on(files):
     features = FeatureSettings(radius=2.5)
     model, trained, scores = train_maps(files, TrainSettings("linear", regularisation=1.0), features)

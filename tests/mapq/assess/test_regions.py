@@ -7,7 +7,6 @@ import pytest
 
 from mapq.assess import assess
 from mapq.assess.regions import find_regions
-from mapq.io.models import read_default_model
 from tests.load.town import town
 from tests.mapq.assess.test_result import make_model
 from tests.mapq.factories import make_patches, sample_patches, shuffled, wall
@@ -129,8 +128,7 @@ class Looked:
 
 @pytest.mark.parametrize("n_patches", [800, 3200])
 def test_the_pairs_of_a_map_are_looked_through_once_however_many_regions_there_are(n_patches):
-    # From 0 on everything is called suspicious: regions there shall be, whatever a model thinks of such a town.
-    result = assess(town(n_patches), replace(read_default_model(), threshold=-1e9))
+    result = assess(town(n_patches), make_model())
     assert len(result.regions) > n_patches // 10
     looked = Looked(result.features)
     again = find_regions(result.patches, looked, result.suspicious, result.labelling.probability, result.area)

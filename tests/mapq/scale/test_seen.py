@@ -66,7 +66,7 @@ def assert_alike(found: TiledResult, plain: Result) -> None:
     if "n_scans" in mine.node_names:
         # A count, of which one more or less is as much as a centimetre of the others.
         away[:, mine.node_names.index("n_scans")] *= 0.01
-    assert np.quantile(away, 0.95, axis=0).max() < 0.02
+    assert np.quantile(away, 0.95, axis=0).max() < 0.03
     np.testing.assert_array_equal(mine.pairs, theirs.pairs)
     assert np.quantile(np.abs(mine.edge - theirs.edge), 0.95, axis=0).max() < 1e-9
     assert np.mean(found.labelling.label != plain.labelling.label) < 0.01
@@ -121,7 +121,7 @@ def test_tiles_have_the_causes_of_the_map_in_memory(drive, model, missing):
     assert found.visits.unit == plain.visits.unit
     both = found.causes.keys() & plain.causes.keys()
     assert len(both) > 0.95 * len(plain.causes) > 10
-    # Metres of disagreement are those of windows, which in tiles see a little less; so a cause may just be named, or not.
+    # Metres of disagreement are those of windows, which in tiles see a little less: a cause may just be named, or not.
     same = [found.causes[patch].kind == plain.causes[patch].kind for patch in both]
     assert np.mean(same) > 0.9
     assert found.scans_apart == pytest.approx(plain.scans_apart, abs=0.02, nan_ok=True)
