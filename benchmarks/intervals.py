@@ -50,6 +50,7 @@ def random_paths(window: Window, n: int) -> list[NDArray[np.float64]]:
 
 
 def ask(run: prf.Run) -> Answers:
+    """Return what a run says of points and paths that are drawn anew, the same for every run."""
     window = run.draws.window
     points = np.random.default_rng(1).uniform(window[:2], window[2:], (DRAWN["points"], 2))
     paths = [path_free_in_draws(run.draws, path, RADIUS) for path in random_paths(window, DRAWN["paths"])]
@@ -103,6 +104,7 @@ def judge(kind: str, short: list[Answers], pooled: NDArray[np.float64]) -> None:
 
 
 def main() -> None:
+    """Print how often intervals of short runs hold the answer of a long one."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("log", type=Path)
     parser.add_argument("--window", type=float, nargs=4)

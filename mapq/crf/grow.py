@@ -36,8 +36,6 @@ def grow(columns: Sequence[Columns], labels: Sequence[Floats], weights: Sequence
     names = columns[0].names
     known = [label != 0.0 for label in labels]
     x = np.vstack([each.values[mask] for each, mask in zip(columns, known, strict=True)])
-    # Of what no map knows there is nothing to be learnt, and scikit-learn looks in vain for thresholds.
-    x[:, np.isnan(x).all(axis=0)] = 0.0
     y = np.concatenate([label[mask] > 0.0 for label, mask in zip(labels, known, strict=True)])
     # A column of which nothing is known cannot be binned; without a split it says nothing either.
     x[:, np.isnan(x).all(axis=0)] = 0.0

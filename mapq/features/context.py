@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.features.copies import COLUMNS, copy_columns
-from mapq.features.disagreement import measure_disagreement
+from mapq.features.disagreement import Disagreement, joined, measure_disagreement
 from mapq.features.edge import EDGE_NAMES, smaller_first
 from mapq.features.provenance import Known, known_of, moments_of, ways_of
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes
+from mapq.features.voxels import nearby_points
 from mapq.graph import PatchGraph
 from mapq.patches import Patches
 
@@ -91,17 +92,30 @@ def measure_context(
     columns: dict[str, Floats] = {}
     if "outlines" in wanted:
         columns |= outlines(pairs)
-    if "moments" in wanted:
-        number = np.flatnonzero(patches.cloud.finite())
-        moments = moments_of(patches.cloud, number, known)
-        away = ways_of(patches.cloud, number, known)
-        found = measure_disagreement(patches, shapes, number, moments, away, shapes.noise(settings), centres)
-        node |= dict(zip(NODE_COLUMNS["moments"], found, strict=True))
+    if "moments" in wanted or "copies" in wanted:
+        node |= _from_points(patches, shapes, settings, known, centres)
     if "rays" in wanted:
         columns["facing_away"] = facing_away(pairs, seen_side(shapes, ways_of(patches.cloud, shapes.number, known)))
-    if "copies" in wanted:
-        node |= copy_columns(patches, shapes, settings)
     return Context(_stack(node, len(shapes)), tuple(node), _stack(columns, len(graph.pairs)), tuple(columns))
+
+
+def _from_points(
+    patches: Patches, shapes: PatchShapes, settings: FeatureSettings, known: Known, centres: Floats | None
+) -> dict[str, Floats]:
+    """Return the columns of patches that all points of the cloud are looked at for: disagreement, and copies."""
+    number = np.flatnonzero(patches.cloud.finite())
+    moments = moments_of(patches.cloud, number, known)
+    moment = np.zeros(len(number), np.int64) if moments is None else joined(patches, number, moments)
+    nearby = nearby_points(patches, number, moment, ways_of(patches.cloud, number, known))
+    node: dict[str, Floats] = {}
+    if "moments" in settings.context:
+        found = Disagreement.unknown(len(shapes))
+        if moments is not None:
+            found = measure_disagreement(nearby, shapes, shapes.noise(settings), centres)
+        node |= dict(zip(NODE_COLUMNS["moments"], found, strict=True))
+    if "copies" in settings.context:
+        node |= copy_columns(nearby, shapes, settings)
+    return node
 
 
 class _Pairs:

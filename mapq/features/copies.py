@@ -13,9 +13,9 @@ from scipy.spatial import cKDTree
 
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes, horizontal_directions
-from mapq.features.voxels import FARTHEST, nearby_points
+from mapq.features.voxels import FARTHEST
 from mapq.kernels.copies import layers_over, self_shifts
-from mapq.patches import Patches
+from mapq.kernels.nearby import Nearby
 
 COLUMNS = {
     "copy_cover": 1,
@@ -44,12 +44,13 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def copy_columns(patches: Patches, shapes: PatchShapes, settings: FeatureSettings) -> dict[str, Floats]:
+def copy_columns(nearby: Nearby, shapes: PatchShapes, settings: FeatureSettings) -> dict[str, Floats]:
     """Return what points alone say about copies of each patch, each (m,), by the names of `COLUMNS`; nan: nothing.
 
     Parameters
     ----------
-    patches : Patches
+    nearby : Nearby
+        All finite points of the cloud.
     shapes : PatchShapes
     settings : FeatureSettings
 
@@ -66,9 +67,7 @@ def copy_columns(patches: Patches, shapes: PatchShapes, settings: FeatureSetting
     half = int(np.ceil(FARTHEST / step))
     if not len(shapes.points) or half <= 2 * NEAREST + 2:
         return {name: np.full(len(shapes), np.nan) for name in COLUMNS}
-    number = np.flatnonzero(patches.cloud.finite())
-    near = nearby_points(patches, number, np.zeros(len(number), np.int64), None)
-    found = layers_over(near, shapes.sheets, shapes.planes, shapes.points, shapes.start, step, 2 * half)
+    found = layers_over(nearby, shapes.sheets, shapes.planes, shapes.points, shapes.start, step, 2 * half)
     pairs = _about(shapes)
     columns = _second_layer(*found, shapes.counts)
     for name in ("cover", "even", "density"):

@@ -18,8 +18,9 @@ from threadpoolctl import threadpool_limits
 
 from mapq.features.provenance import Moments
 from mapq.features.shape import PatchShapes
-from mapq.features.voxels import FARTHEST, nearby_points
+from mapq.features.voxels import FARTHEST
 from mapq.kernels.alignment import fit_motions, match_scans, ranges_of_cells
+from mapq.kernels.nearby import Nearby
 from mapq.kernels.sightings import CELL_SPACINGS, LARGEST_CELL, SMALLEST_CELL, Motions, find_layers, find_sightings
 from mapq.patches import Patches
 
@@ -86,35 +87,24 @@ class Window(NamedTuple):
 
 
 def measure_disagreement(
-    patches: Patches,
-    shapes: PatchShapes,
-    number: Ints,
-    moments: Moments | None,
-    to_sensor: Floats | None,
-    noise: float,
-    centres: Floats | None = None,
+    nearby: Nearby, shapes: PatchShapes, noise: float, centres: Floats | None = None
 ) -> Disagreement:
     """Return how far scans disagree on each patch (m).
 
     Parameters
     ----------
-    patches : Patches
+    nearby : Nearby
+        All finite points of the cloud, by the scans that are compared (see :func:`joined`). Faces seen from opposite
+        sides are different surfaces.
     shapes : PatchShapes
-    number : (n,) int64
-        Which points of the cloud the moments are of, ascending: all finite ones.
-    moments : Moments or None
-        None: scans are not known.
-    to_sensor : (n, 3) float64 or None
-        From these points to their sensors: faces seen from opposite sides are different surfaces.
     noise : float
         Of the map, metres.
     centres : (w, 3) float64, optional
         Of windows: the closest one answers for a patch. None: as many as answer for all.
     """
     found = Disagreement.unknown(len(shapes))
-    if moments is None or not len(shapes.points):
+    if not len(shapes.points):
         return found
-    nearby = nearby_points(patches, number, joined(patches, number, moments), to_sensor)
     about = (nearby, shapes.sheets, shapes.planes, shapes.points, shapes.start, shapes.spacing)
     layers = find_layers(*about, FARTHEST)
     centres = window_centres(shapes.centre, shapes.size_rank) if centres is None else centres

@@ -37,7 +37,12 @@ def nearby_points(patches: Patches, number: Ints, moment: Ints, to_sensor: Float
     """
     points = np.asarray(patches.cloud.xyz[number], np.float64)
     key = voxel_keys(points, FARTHEST)
-    order = np.lexsort((moment, *points.T, key))
+    order = np.lexsort((points[:, 0], key))
+    # The other coordinates decide where this leaves a tie: sorting all by all of them takes three times as long.
+    same = (np.diff(key[order]) == 0) & (np.diff(points[order, 0]) == 0.0)
+    tied = np.append(same, False) | np.append(False, same) if len(order) else np.zeros(0, bool)
+    some = order[tied]
+    order[tied] = some[np.lexsort((moment[some], *points[some].T, key[some]))]
     distinct, first = np.unique(key[order], return_index=True)
     towards = np.zeros_like(points) if to_sensor is None else np.nan_to_num(to_sensor[order])
     first = np.append(first, len(order)).astype(np.int64)

@@ -19,8 +19,10 @@ PLAN = [((0, 0), (8, 0)), ((8, 0), (8, 6)), ((0, 6), (8, 6)), ((0, 0), (0, 6))]
 ROOM = [wall(*line) for line in PLAN]
 
 
-def columns(patches: Patches) -> dict[str, np.ndarray]:
-    return copy_columns(patches, measure_shapes(patches), FeatureSettings())
+def columns(patches: Patches, settings: FeatureSettings | None = None) -> dict[str, np.ndarray]:
+    number = np.flatnonzero(patches.cloud.finite())
+    near = nearby_points(patches, number, np.zeros(len(number), np.int64), None)
+    return copy_columns(near, measure_shapes(patches), settings or FeatureSettings())
 
 
 def loosened(patches: Patches, first: int) -> Patches:
@@ -93,7 +95,7 @@ def test_no_patches_have_no_columns_and_coarse_noise_leaves_them_unknown():
     empty = make_patches([], [])
     assert {len(values) for values in columns(empty).values()} == {0}
     patches = sample_patches(ROOM, 1, DENSITY, NOISE)
-    found = copy_columns(patches, measure_shapes(patches), FeatureSettings(noise=0.5))
+    found = columns(patches, FeatureSettings(noise=0.5))
     assert all(np.isnan(values).all() for values in found.values())
 
 

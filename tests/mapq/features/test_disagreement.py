@@ -9,8 +9,9 @@ import pytest
 
 from mapq.cloud import PointCloud
 from mapq.features import measure_shapes, patch_features
-from mapq.features.disagreement import Disagreement, expected_range, measure_disagreement
+from mapq.features.disagreement import Disagreement, expected_range, joined, measure_disagreement
 from mapq.features.provenance import known_of, moments_of, ways_of
+from mapq.features.voxels import nearby_points
 from mapq.kernels.alignment import fit_motions, ranges_of_cells
 from mapq.patches import Patches
 from tests.mapq.factories import Rectangle, make_patches, moved, shuffled, turn, wall
@@ -61,7 +62,9 @@ def with_moments(patches: Patches, **fields) -> Patches:
 def measured(patches: Patches) -> Disagreement:
     shapes, number, known = measure_shapes(patches), np.flatnonzero(patches.cloud.finite()), known_of(patches.cloud)
     moments, away = moments_of(patches.cloud, number, known), ways_of(patches.cloud, number, known)
-    return measure_disagreement(patches, shapes, number, moments, away, NOISE)
+    if moments is None:
+        return Disagreement.unknown(len(shapes))
+    return measure_disagreement(nearby_points(patches, number, joined(patches, number, moments), away), shapes, NOISE)
 
 
 def assert_metres(found: Disagreement, truth) -> None:
