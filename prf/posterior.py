@@ -146,7 +146,7 @@ class Settings:
     cut_reach: float | None = None
     sonar: SonarData | None = None
     points: PointData | None = None
-    aimed_share: float = 0.6
+    aimed_share: float = 0.8
     aim_reach: float | None = None
     levels: int | None = None
     tiles: int = 0
@@ -163,6 +163,7 @@ class Settings:
         tuning[c.SCALE] = self.scale
         tuning[c.INVERSE_TEMPERATURE] = 1.0
         tuning[c.LIKELIHOOD_POWER] = 1.0
+        tuning[c.REGION_TARGET] = c.NONE
         tuning[c.OCCUPIED_COST] = np.inf
         tuning[c.LOCAL_SHARE] = self.local_share
         tuning[c.BIRTH_REACH] = self.birth_reach or 0.1 / self.scale
@@ -184,8 +185,9 @@ class Settings:
         return max(share / self.scale, longest / 1000.0)
 
     def target_side(self) -> float:
-        """Return the side of the squares at which births are aimed, metres."""
-        return max(0.02 / self.scale, max(self.window.width, self.window.height) / 2000.0)
+        """Return the side of the targets, metres; wide without a laser: returns of a sonar lie anywhere on an arc."""
+        share = 0.02 if self.laser is None else 0.005
+        return max(share / self.scale, max(self.window.width, self.window.height) / 4000.0)
 
 
 def make_chain(settings: Settings, coloring: Coloring) -> Chain:

@@ -19,8 +19,8 @@ from prf.kernels.build import resum
 from prf.kernels.chain import Chain
 from prf.kernels.grid import make_grid
 from prf.kernels.step import run
-from prf.layout import grow, read_coloring
-from prf.posterior import LaserData, Settings, make_chain, one_colour_map
+from prf.layout import grow, make_targets, read_coloring
+from prf.posterior import LaserData, Settings, make_chain, one_colour_map, return_points
 from prf.recompute import differences
 from prf.sampler.config import SampleConfig
 from prf.sampler.session import read_prepared
@@ -153,7 +153,7 @@ def test_twins_agree_when_edges_may_come_near_the_way(with_laser: bool, cell: fl
     chain = soften(make_chain(settings, start), 0.1, 1.0)
     assert 0 < on_the_way(chain) <= chain.graph.counts[c.OCCUPIED]
     seen, rng, n_accepted = set(), np.random.default_rng(3), 0
-    for now in states(chain, rng, 2000 if cell == 1.0 else 600):
+    for now in states(chain, rng, 2000 if cell == 1.0 else 1500):
         n_accepted += 1
         assert differences(now) == structural_faults(now) == [], f"step {now.graph.counts[c.STEP]}"
         seen.add((on_the_way(now), int(now.graph.counts[c.OCCUPIED])))
@@ -360,6 +360,7 @@ def test_twins_agree_when_walls_are_changed(moves: list[int], is_driven: bool) -
     if is_driven:
         settings = dataclasses.replace(settings, way=WAY, driven_radius=RADIUS)
     chain = soften(make_chain(settings, Coloring.empty(ROOM)), 1.0, 0.5 if is_driven else np.inf)
+    chain = chain._replace(targets=make_targets(ROOM, 0.5, return_points(settings)))
     chain.odds[:] *= 0.4 / (chain.odds.sum() - chain.odds[moves].sum())
     chain.odds[moves] = 0.3
     rng, seen = np.random.default_rng(8), np.zeros(2, np.int64)

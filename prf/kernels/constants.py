@@ -62,35 +62,39 @@ FILL = 21
 MOVE_LINE = 22
 LEAN = 23
 STAND = 24
+BEND = 25
+UNBEND = 26
 
 MOVES = (
-    ("triangle birth", 0.07),
-    ("triangle death", 0.07),
+    ("triangle birth", 0.25),
+    ("triangle death", 0.1),
     ("boundary triangle birth", 0.02),
     ("boundary triangle death", 0.02),
     ("corner cut birth", 0.005),
     ("corner cut death", 0.005),
-    ("split edge", 0.1),
-    ("merge edges", 0.1),
-    ("move interior vertex", 0.2),
+    ("split edge", 0.08),
+    ("merge edges", 0.08),
+    ("move interior vertex", 0.12),
     ("move boundary vertex", 0.04),
     ("move vertex past corner", 0.01),
     ("recolor quadrilateral", 0.02),
-    ("recolor local quadrilateral", 0.1),
-    ("slide vertex", 0.19),
-    ("cut wall", 0.03),
-    ("mend wall", 0.03),
+    ("recolor local quadrilateral", 0.06),
+    ("slide vertex", 0.12),
+    ("cut wall", 0.02),
+    ("mend wall", 0.02),
     ("join to wall", 0.04),
     ("part from wall", 0.04),
-    ("join to window side", 0.04),
-    ("part from window side", 0.04),
-    ("notch wall", 0.03),
-    ("fill notch", 0.03),
-    ("move line of edge", 0.02),
+    ("join to window side", 0.02),
+    ("part from window side", 0.02),
+    ("notch wall", 0.06),
+    ("fill notch", 0.05),
+    ("move line of edge", 0.03),
     ("lean on wall", 0.03),
     ("stand off wall", 0.03),
+    ("bend to return", 0.08),
+    ("unbend", 0.08),
 )
-"""Name and weight of each, in that order; births and deaths weigh the same, so that weights cancel in the ratios."""
+"""Name and weight of each, in that order. Births are refused so often that they are tried more often than deaths."""
 
 N_MOVES = len(MOVES)
 
@@ -115,7 +119,9 @@ OCCUPIED_COST = 10  # log likelihood that each of those takes, nats; inf: there 
 JOIN_REACH = 11  # median distance of new corners from the feet of the vertices that are led to them, m
 LINE_REACH = 12  # median distance by which the line of an edge moves, m
 STAND_REACH = 13  # median distance by which what leans on a wall is drawn back from it, m
-N_TUNING = 14
+REGION = 14  # the first of four: x_min, y_min, x_max, y_max of the region to which moves are confined
+REGION_TARGET = 18  # target in the middle of it, near which births are aimed; NONE: moves are not confined
+N_TUNING = 19
 
 # Columns of ``Beams.ray``.
 ORIGIN_X = 0

@@ -235,6 +235,7 @@ def classify_vertex(graph: Graph, v: int) -> None:
         if is_drawn(graph, first) and is_drawn(graph, last):
             middle = edge_between(graph, a, b)
             in_triangle = middle != c.NONE and is_drawn(graph, middle)
+            in_triangle = in_triangle and may_go(graph, v) and may_go(graph, a) and may_go(graph, b)
             is_apex = on_one_side(graph, a, b)
     if in_triangle:
         set_add(graph, c.TRIANGLE_VERTICES, v)

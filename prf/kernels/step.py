@@ -11,6 +11,7 @@ from prf.kernels.cone_touch import sonar_change, touch_cones
 from prf.kernels.crossing import is_valid
 from prf.kernels.guards import blocked_change, is_barred
 from prf.kernels.moves import (
+    bend,
     boundary_triangle,
     corner_cut,
     cut_wall,
@@ -26,6 +27,7 @@ from prf.kernels.moves import (
 )
 from prf.kernels.points import gain_inside
 from prf.kernels.proposal import N_LOOP, clear, log_prior_change, plain_prior_change
+from prf.kernels.region import leaves_region
 from prf.kernels.sites import any_inside, occupied_change
 from prf.kernels.touch import touch_beams
 
@@ -84,6 +86,10 @@ def propose(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, fl
         return notch.propose_fill(graph, proposal, odds, rng)
     if move == c.MOVE_LINE:
         return move_line.propose_line(graph, proposal, tuning, rng)
+    if move == c.BEND:
+        return bend.propose_bend(graph, chain.edge_index, chain.targets, proposal, tuning, odds, rng)
+    if move == c.UNBEND:
+        return bend.propose_unbend(graph, proposal, odds, rng)
     if move == c.RECOLOR:
         return recolor.propose_global(graph, proposal, rng)
     if move == c.LOCAL_RECOLOR:
@@ -111,6 +117,8 @@ def log_ratio_of_cells(chain: Chain, move: int) -> float:
         return lean.stand_returns(graph, index, proposal, chain.tuning, chain.odds)
     if move == c.FILL:
         return notch.fill_returns(graph, index, chain.targets, proposal, chain.tuning, chain.odds)
+    if move == c.UNBEND:
+        return bend.unbend_returns(graph, index, chain.targets, proposal, chain.tuning, chain.odds)
     return 0.0
 
 
@@ -152,6 +160,8 @@ def evaluate(
     """
     graph, proposal = chain.graph, chain.proposal
     if not is_valid(graph, chain.edge_index, proposal):
+        return False, 0.0, 0.0
+    if chain.tuning[c.REGION_TARGET] != c.NONE and leaves_region(graph, proposal, chain.tuning):
         return False, 0.0, 0.0
     chain.outcomes[move, c.VALID] += 1
     if is_barred(graph, chain.guards, proposal, chain.tuning[c.OCCUPIED_COST] == math.inf):

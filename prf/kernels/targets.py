@@ -1,7 +1,7 @@
-"""Where returns lie: the squares at which births are aimed.
+"""Where returns lie: the squares at which births are aimed, each with its probability.
 
-The squares depend on the readings alone, never on the map, so that a birth and the death that takes it back see the
-same ones, and their densities are known whatever the map.
+The squares never depend on the present map, so that a birth and the death that takes it back see the same ones, and
+their densities are known whatever the map.
 """
 
 from typing import NamedTuple
@@ -22,6 +22,7 @@ class Targets(NamedTuple):
 
     grid: Grid
     cell: np.ndarray  # (n,) i4 cells of the grid that are targets
+    cumulative: np.ndarray  # (n,) f8 probability of being picked, summed; the last is 1
     number: np.ndarray  # (n_cells,) i4 number of the target of a cell, NONE where there is none
     near_start: np.ndarray  # (n + 1,) i8
     near: np.ndarray  # (pairs,) i4 targets near each, itself among them
@@ -44,9 +45,20 @@ def point_in(targets: Targets, number: int, rng: np.random.Generator) -> tuple[f
 
 
 @core
-def pick_target(targets: Targets, rng: np.random.Generator) -> int:
-    """Uniform target."""
-    return min(int(rng.random() * targets.cell.shape[0]), targets.cell.shape[0] - 1)
+def pick_target(targets: Targets, tuning: np.ndarray, rng: np.random.Generator) -> int:
+    """Target with its probability; in a region a uniform one near the middle."""
+    if tuning[c.REGION_TARGET] != c.NONE:
+        return pick_near(targets, int(tuning[c.REGION_TARGET]), rng)
+    u = rng.random()
+    low = 0
+    high = targets.cell.shape[0] - 1
+    while low < high:
+        middle = (low + high) // 2
+        if u < targets.cumulative[middle]:
+            high = middle
+        else:
+            low = middle + 1
+    return low
 
 
 @core
@@ -58,11 +70,16 @@ def pick_near(targets: Targets, number: int, rng: np.random.Generator) -> int:
 
 
 @core
-def first_density(targets: Targets, number: int) -> float:
-    """Density in the plane of a point in a uniform target; 0 where there is none."""
+def first_density(targets: Targets, tuning: np.ndarray, number: int) -> float:
+    """Density in the plane of a point in a target that was picked; 0 where there is none."""
     if number == c.NONE:
         return 0.0
-    return 1.0 / (targets.cell.shape[0] * targets.grid.cell * targets.grid.cell)
+    if tuning[c.REGION_TARGET] != c.NONE:
+        return second_density(targets, int(tuning[c.REGION_TARGET]), number)
+    share = targets.cumulative[number]
+    if number > 0:
+        share -= targets.cumulative[number - 1]
+    return share / (targets.grid.cell * targets.grid.cell)
 
 
 @core

@@ -13,6 +13,8 @@ from prf.kernels.build import resum
 from prf.kernels.chain import Chain
 from prf.layout import make_image, read_coloring, run_chain
 from prf.posterior import Settings, make_chain, one_colour_map
+from prf.sampler.doubts import Doubts
+from prf.sampler.focus import focus_of
 from prf.sampler.prior_ground import prior_ground
 from prf.sampler.record import FIRST_THIN, ImageTimes, Record, burn_in
 from prf.sampler.starts import Start, find_start_map, needs_search
@@ -82,6 +84,8 @@ class ChainSampler:
         self.recorded_from = 0
         self.tempering: Tempering | None = None
         self.ground = prior_ground(settings, self.chain) if refreshes else None
+        self.doubts = Doubts(self.chain)
+        self.focus = focus_of(settings, self.chain)
 
     @property
     def step(self) -> int:
@@ -168,12 +172,15 @@ class ChainSampler:
         if self.ground is not None:
             self.chain = self.ground.settle(self.chain)
         resum(self.chain)
+        self.doubts.look(self.chain)
         if self.tempering is not None:
             self.tempering.settle()
 
     def run_to(self, step: int) -> None:
         """Run up to `step`, with the hot rungs if there are any."""
-        if self.tempering is None:
+        if self.tempering is None and self.focus is not None:
+            self.chain = self.focus.run_to(self.chain, self.rng, step)
+        elif self.tempering is None:
             self.chain = run_chain(self.chain, self.rng, step)
         else:
             self.chain = self.tempering.run_to(self.chain, self.rng, step)

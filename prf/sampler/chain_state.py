@@ -39,6 +39,9 @@ def chain_arrays(sampler: ChainSampler) -> Arrays:
         "times.previous_mixed": times.previous_mixed,
         "record.thin": np.array(sampler.record.thin),
         "record.from": np.array(sampler.recorded_from),
+        "targets.cumulative": chain.targets.cumulative,
+        "doubts.count": sampler.doubts.count,
+        "doubts.looks": np.array(sampler.doubts.looks),
     }
     if sampler.tempering is not None:
         arrays |= tempering_arrays(sampler.tempering)
@@ -87,6 +90,9 @@ def restore(sampler: ChainSampler, arrays: Arrays) -> None:
     restore_image(sampler, arrays)
     if sampler.tempering is not None:
         restore_tempering(sampler.tempering, arrays)
+    sampler.chain.targets.cumulative[:] = arrays["targets.cumulative"]
+    sampler.doubts.count = np.array(arrays["doubts.count"])
+    sampler.doubts.looks = float(arrays["doubts.looks"])
     sampler.recorded_from = int(arrays["record.from"])
     sampler.record.thin = int(arrays["record.thin"])
     sampler.record.draws = restore_draws("draws", arrays, sampler)

@@ -14,7 +14,7 @@ from prf.kernels.chain import Chain
 from prf.layout import make_targets, read_coloring
 from prf.posterior import Settings
 from prf.window import INTERIOR, Window
-from tests.reference.hastings import Lab, attempt, is_same_map, make_lab
+from tests.reference.hastings import Lab, attempt, is_same_map, make_lab, shares_of
 from tests.reference.plain_map import Point, plain_map
 from tests.reference.scripted import SCRIPTS, scripted
 
@@ -37,8 +37,8 @@ def lab_at(
     settings = Settings(window, 1.0, cell=cell, local_share=local_share, cut_reach=REACH, join_reach=REACH)
     lab = make_lab(settings, np.random.default_rng(4))
     targets = make_targets(window, side, np.array(returns).reshape(-1, 2))
-    squares = frozenset((cell % targets.grid.nx, cell // targets.grid.nx) for cell in targets.cell.tolist())
-    return Lab(settings, lab.plan._replace(aimed=aimed, target_grid=targets.grid, targets=squares), targets)
+    shares = shares_of(targets)
+    return Lab(settings, lab.plan._replace(aimed=aimed, target_grid=targets.grid, targets=shares), targets)
 
 
 def drawn(window: Window, *lines: Sequence[Point], black: bool = False) -> Coloring:

@@ -144,7 +144,7 @@ def walls_by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]
 
 
 WALL = [(0.2, 0.5), (1.8, 0.5), (1.8, 0.9), (0.2, 0.9)]
-TARGETS = {"target_grid": Grid(0.0, 0.0, 0.1, 20, 10), "targets": frozenset({(6, 3)})}
+TARGETS = {"target_grid": Grid(0.0, 0.0, 0.1, 20, 10), "targets": {(6, 3): 1.0}}
 
 
 def leaning_by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]]:

@@ -36,7 +36,7 @@ from tests.reference.plain_map import (
     round_the_middle,
     round_the_point,
 )
-from tests.reference.proposals import Plan, line_measure, log_proposal_density, new_points
+from tests.reference.proposals import SIZES, Plan, line_measure, log_proposal_density, new_points
 from tests.reference.scripted import (
     FIRST,
     SCRIPTS,
@@ -51,6 +51,7 @@ from tests.reference.scripted import (
     gone_vertex,
     number_of,
     pick,
+    picked_by,
     reached,
     scripted,
     within,
@@ -89,21 +90,29 @@ def triangle_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterat
 
 def aimed_birth(targets: Targets, u: Point, v: Point, w: Point, plan: Plan) -> Iterator[Branch]:
     """A post with u in a target, and a panel with u and v in targets."""
-    one, other, m = plan.target(u), plan.target(v), plan.aim_reach
+    for size, factor in enumerate(SIZES):
+        chosen = [below(plan.aimed), (size + 0.5) / len(SIZES)]
+        yield from aimed_birth_of_size(targets, u, v, w, plan, plan.aim_reach * factor, chosen)
+
+
+def aimed_birth_of_size(
+    targets: Targets, u: Point, v: Point, w: Point, plan: Plan, m: float, chosen: list[float]
+) -> Iterator[Branch]:
+    one, other = plan.target(u), plan.target(v)
     if one is None:
         return
     number = number_of(targets, one)
-    first = [(number + 0.5) / len(plan.targets), *within(plan, one, u)]
+    first = [picked_by(targets, one), *within(plan, one, u)]
     others = [reached(math.dist(u, v), m), turn(u, v), reached(math.dist(u, w), m), turn(u, w)]
-    picked = 0.5 * plan.aimed / len(plan.targets)
-    yield Branch(picked, [below(plan.aimed), FIRST, *first, *others], [3, 4, 5, 6, 7, 8])
+    picked = 0.5 * plan.aimed / len(SIZES) * plan.targets[one]
+    yield Branch(picked, [*chosen, FIRST, *first, *others], [4, 5, 6, 7, 8, 9])
     foot, offset = foot_and_offset(w, u, v)
     if other is None or other not in plan.near_target(one) or not 0.0 < foot < 1.0:
         return
     near = targets.near[targets.near_start[number] : targets.near_start[number + 1]].tolist()
     second = [(near.index(number_of(targets, other)) + 0.5) / len(near), *within(plan, other, v)]
     apex = [foot, reached(abs(offset), m), SECOND if offset > 0.0 else FIRST]
-    yield Branch(0.5 * picked / len(near), [below(plan.aimed), SECOND, *first, *second, *apex], [3, 4, 6, 7, 8, 9])
+    yield Branch(0.5 * picked / len(near), [*chosen, SECOND, *first, *second, *apex], [4, 5, 7, 8, 9, 10])
 
 
 def boundary_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
@@ -244,11 +253,21 @@ def notch(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch
             continue
         share = within(plan, square, first)
         ways = (n for n in scripts if n[2:4] == share and leads_to(chain, c.NOTCH, n, x, y))
-        picked = 0.5 / (len(plan.targets) * len(walls))
+        picked = 0.5 * plan.targets[square] / len(walls)
         if len(new) == 3:
             yield Branch(picked * 0.5**2, next(ways), [2, 3, 5, 6, 7, 9])
         else:
             yield Branch(picked * 0.5**6, next(ways), [2, 3, 5, 7, 9, 11, 13, 15])
+
+
+def bend(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
+    (v,) = new_points(x, y, False)
+    square = plan.target(v)
+    if square is None:
+        return
+    scripts = SCRIPTS[c.BEND](chain, x, y, plan)
+    numbers = next(n for n in scripts if leads_to(chain, c.BEND, n, x, y))
+    yield Branch(plan.targets[square] / len(round_the_point(x.edges, plan.grid, v)), numbers, [1, 2])
 
 
 BRANCHES: dict[int, Callable[[Chain, PlainMap, PlainMap, Plan], Iterator[Branch]]] = {
@@ -266,6 +285,7 @@ BRANCHES: dict[int, Callable[[Chain, PlainMap, PlainMap, Plan], Iterator[Branch]
     c.MOVE_LINE: move_line,
     c.LEAN: lean,
     c.STAND: stand,
+    c.BEND: bend,
 }
 
 

@@ -109,6 +109,6 @@ def test_what_rounding_puts_beside_its_square_is_not_drawn(move: int) -> None:
     """The last number draws the far border of a square, which is the next one's; nothing is aimed at that."""
     lab = lab_at(WIDE, 0.25, aimed=1.0, side=0.0625, returns=[(1.5, 0.4)])
     x = drawn(WIDE, WALL)
-    head = [0.5, FIRST] if move == c.TRIANGLE_BIRTH else [FIRST]
+    head = [0.5, 0.5, FIRST] if move == c.TRIANGLE_BIRTH else [FIRST]
     tail = [0.9, 0.1, 0.9, 0.3] if move == c.TRIANGLE_BIRTH else [0.5, 0.5, 0.5, 0.1, FIRST, 0.1, FIRST]
     assert [is_legal(lab, move, x, [*head, 0.5, share, 0.5, *tail]) for share in (LAST, 0.5)] == [False, True]

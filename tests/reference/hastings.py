@@ -61,6 +61,8 @@ NAMES = (
     "move line",
     "lean",
     "stand",
+    "bend",
+    "unbend",
 )
 N_TARGETS = 40
 SQUARES = 30
@@ -148,16 +150,25 @@ def make_lab(settings: Settings, rng: np.random.Generator) -> Lab:
     reaches = [float(chain.tuning[k]) for k in names]
     window = settings.window
     points = rng.uniform(window[:2], window[2:], (N_TARGETS, 2))
-    targets = make_targets(window, max(window.width, window.height) / SQUARES, points)
-    squares = {(cell % targets.grid.nx, cell // targets.grid.nx) for cell in targets.cell.tolist()}
+    weight = rng.exponential(size=N_TARGETS)
+    targets = make_targets(window, max(window.width, window.height) / SQUARES, points, weight)
     plan = Plan(settings.scale, settings.local_share, *reaches, odds, chain.edge_index.grid)
     aimed = plan._replace(
         aimed=0.6,
         aim_reach=float(chain.tuning[c.AIM_REACH]),
         target_grid=targets.grid,
-        targets=frozenset(squares),
+        targets=shares_of(targets),
     )
     return Lab(settings, aimed, targets)
+
+
+def shares_of(targets: Targets) -> dict[tuple[int, int], float]:
+    """Return the probability of every square, by column and row."""
+    shares = np.diff(targets.cumulative, prepend=0.0).tolist()
+    return {
+        (cell % targets.grid.nx, cell // targets.grid.nx): share
+        for cell, share in zip(targets.cell.tolist(), shares, strict=True)
+    }
 
 
 def tries(move: int) -> int:

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -52,6 +53,7 @@ REVERSE = {
     c.DOCK: c.UNDOCK,
     c.NOTCH: c.FILL,
     c.LEAN: c.STAND,
+    c.BEND: c.UNBEND,
 }
 REVERSE |= {back: move for move, back in REVERSE.items()}
 
@@ -73,7 +75,7 @@ class Plan(NamedTuple):
     aimed: float = 0.0
     aim_reach: float = 0.1
     target_grid: Grid | None = None
-    targets: frozenset[tuple[int, int]] = frozenset()
+    targets: Mapping[tuple[int, int], float] = MappingProxyType({})
 
     def target(self, v: Point) -> tuple[int, int] | None:
         """The square, by column and row, that holds a point, if a reading ended there."""
@@ -85,6 +87,10 @@ class Plan(NamedTuple):
 
     def near_target(self, square: tuple[int, int]) -> list[tuple[int, int]]:
         return [other for other in self.targets if math.dist(square, other) <= 12.0]
+
+
+SIZES = (1.0, 0.3, 0.09)
+"""Sizes of aimed births, over the median that they are made with."""
 
 
 def reach(r: float, m: float) -> float:
@@ -107,26 +113,24 @@ def triangle_birth(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
         uniform = 1.0 / area**3
         local = 1.0 / area * near(u, v, m) * near(u, w, m)
         free = (1.0 - plan.local) * uniform + plan.local * local
-        aimed = 0.5 * post(u, v, w, plan) + 0.5 * panel(u, v, w, plan)
+        sizes = [plan.aim_reach * factor for factor in SIZES]
+        aimed = sum(0.5 * (post(u, v, w, m, plan) + panel(u, v, w, m, plan)) for m in sizes) / len(sizes)
         yield NOTHING, closed(u, v, w), (1.0 - plan.aimed) * free + plan.aimed * aimed
 
 
-def post(u: Point, v: Point, w: Point, plan: Plan) -> float:
+def post(u: Point, v: Point, w: Point, m: float, plan: Plan) -> float:
     """Density of u in a target, v and w round it."""
-    if plan.target(u) is None or plan.target_grid is None:
-        return 0.0
-    first = 1.0 / (len(plan.targets) * plan.target_grid.cell**2)
-    return first * near(u, v, plan.aim_reach) * near(u, w, plan.aim_reach)
+    return aimed_at(u, plan) * near(u, v, m) * near(u, w, m)
 
 
-def panel(u: Point, v: Point, w: Point, plan: Plan) -> float:
+def panel(u: Point, v: Point, w: Point, m: float, plan: Plan) -> float:
     """Density of u in a target, v in a target near that one, and w beside the line of both."""
     one, other = plan.target(u), plan.target(v)
     if one is None or other is None or plan.target_grid is None or other not in plan.near_target(one):
         return 0.0
-    ends = 1.0 / (len(plan.targets) * len(plan.near_target(one)) * plan.target_grid.cell**4)
+    ends = aimed_at(u, plan) / (len(plan.near_target(one)) * plan.target_grid.cell**2)
     foot, offset = foot_and_offset(w, u, v)
-    return ends * 0.5 * reach(abs(offset), plan.aim_reach) / math.dist(u, v) if 0.0 < foot < 1.0 else 0.0
+    return ends * 0.5 * reach(abs(offset), m) / math.dist(u, v) if 0.0 < foot < 1.0 else 0.0
 
 
 def triangle_death(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
@@ -458,10 +462,27 @@ def of_line(u: Point, v: Point, p: Point, q: Point, m: float) -> float:
 
 
 def aimed_at(v: Point, plan: Plan) -> float:
-    """Density of a uniform point of a uniform target."""
-    if plan.target(v) is None or plan.target_grid is None:
-        return 0.0
-    return 1.0 / (len(plan.targets) * plan.target_grid.cell**2)
+    """Density of a uniform point of a target that is picked with its probability."""
+    square = plan.target(v)
+    return 0.0 if square is None or plan.target_grid is None else plan.targets[square] / plan.target_grid.cell**2
+
+
+def bend(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    """A vertex in a target, in an edge that passes near it."""
+    (v,) = new_points(x, y, False)
+    walls = round_the_point(x.edges, plan.grid, v)
+    for e in walls:
+        u, w = e
+        yield frozenset([e]), chain(u, v, w), aimed_at(v, plan) / len(walls)
+
+
+def unbend(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    """A vertex goes, wherever it stands."""
+    for v in x.interior():
+        u, w = x.neighbors(v)
+        new = frozenset((u, w))
+        if new not in x.edges and not x.same_side(u, w):
+            yield frozenset(x.edges_at(v)), frozenset([new]), 1.0 / len(x.interior())
 
 
 def notch(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
@@ -543,6 +564,8 @@ WAYS: dict[int, Callable[[PlainMap, PlainMap, Plan], Iterator[Way]]] = {
     c.JOIN_WALL: join_wall,
     c.PART_WALL: part_wall,
     c.DOCK: dock,
+    c.BEND: bend,
+    c.UNBEND: unbend,
     c.UNDOCK: undock,
     c.NOTCH: notch,
     c.FILL: fill,

@@ -356,6 +356,12 @@ def move_line(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[li
                 yield [picked, FIRST, *signed(0.5 * turn * math.dist(u, v), plan.line_reach), pivot]
 
 
+def picked_by(targets: Targets, square: tuple[int, int]) -> float:
+    """The number that picks a square: the middle of its share."""
+    number = number_of(targets, square)
+    return float(targets.cumulative[number] + (targets.cumulative[number - 1] if number > 0 else 0.0)) / 2.0
+
+
 def number_of(targets: Targets, square: tuple[int, int]) -> int:
     return int(targets.number[square[0] + targets.grid.nx * square[1]])
 
@@ -379,7 +385,7 @@ def notch(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[f
             continue
         if near not in y.neighbors(first):
             near, far = far, near
-        number = (number_of(chain.targets, square) + 0.5) / len(plan.targets)
+        number = picked_by(chain.targets, square)
         corners = tooth(a, b, p, first, q, plan) if len(new) == 3 else niche(a, b, near, first, last, far, plan)
         for place in places(x):
             yield [FIRST if len(new) == 3 else SECOND, number, *within(plan, square, first), place, *corners]
@@ -413,6 +419,14 @@ def fill(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[fl
         yield [SECOND, pick(chain, c.EDGES, edge_slot(chain, frozenset(inner)))]
 
 
+def bend(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    (v,) = new_points(x, y, False)
+    square = plan.target(v)
+    if square is not None:
+        for place in places(x):
+            yield [picked_by(chain.targets, square), *within(plan, square, v), place]
+
+
 SCRIPTS: dict[int, Script] = {
     c.TRIANGLE_BIRTH: triangle_birth,
     c.TRIANGLE_DEATH: triangle_death,
@@ -439,4 +453,6 @@ SCRIPTS: dict[int, Script] = {
     c.MOVE_LINE: move_line,
     c.LEAN: lean,
     c.STAND: stand,
+    c.BEND: bend,
+    c.UNBEND: merge,
 }

@@ -82,7 +82,7 @@ def test_no_draw_of_the_cold_rung_has_an_occupied_sensor(settings: Settings, wor
 def test_times_of_the_image_are_those_of_the_cold_rung(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
     """The recorded maps and the image, which sees every step, say the same."""
     monkeypatch.setattr(module, "ADAPTATIONS", ())
-    sampler = tempered(settings, LadderPlan(3, 0.5), blocks=12)
+    sampler = tempered(settings, LadderPlan(3, 0.7), blocks=12)
     assert all((report.swap_rates[0] or 0.0) > 0.05 for report in sampler.swaps())
     image = sampler.occupancy()[0].ravel()
     centres = pixel_centres(sampler.chains[0].chain.image.grid)

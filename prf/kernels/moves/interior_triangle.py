@@ -11,6 +11,19 @@ from prf.kernels.moves.placing import area, beside, beside_density, is_inside, n
 from prf.kernels.proposal import Proposal, drop_edge, drop_vertex, join, place_vertex, turn_at_vertex
 from prf.kernels.targets import Targets, first_density, pick_near, pick_target, point_in, second_density, target_of
 
+N_SIZES = 3
+SHRINKING = 0.3
+"""Aimed births come in so many sizes, each so many times the one before."""
+
+
+@core
+def reach_of(tuning: np.ndarray, size: int) -> float:
+    """Median distance of the vertices of an aimed birth of a size, m."""
+    median = tuning[c.AIM_REACH]
+    for _ in range(size):
+        median *= SHRINKING
+    return median
+
 
 @core
 def free_density(graph: Graph, tuning: np.ndarray, u: int, v: int, w: int) -> float:
@@ -30,44 +43,51 @@ def free_density(graph: Graph, tuning: np.ndarray, u: int, v: int, w: int) -> fl
 
 
 @core
-def post_density(graph: Graph, targets: Targets, tuning: np.ndarray, u: int, v: int, w: int) -> float:
+def post_density(graph: Graph, targets: Targets, tuning: np.ndarray, median: float, u: int, v: int, w: int) -> float:
     """Density of the unordered triangle u, v, w among aimed births of a post: two vertices round one in a target."""
-    median = tuning[c.AIM_REACH]
     near_uv = near_density(distance(graph, u, v), median)
     near_vw = near_density(distance(graph, v, w), median)
     near_wu = near_density(distance(graph, w, u), median)
-    first_u = first_density(targets, target_of(targets, graph, u))
-    first_v = first_density(targets, target_of(targets, graph, v))
-    first_w = first_density(targets, target_of(targets, graph, w))
+    first_u = first_density(targets, tuning, target_of(targets, graph, u))
+    first_v = first_density(targets, tuning, target_of(targets, graph, v))
+    first_w = first_density(targets, tuning, target_of(targets, graph, w))
     return 2.0 * (first_u * near_uv * near_wu + first_v * near_uv * near_vw + first_w * near_vw * near_wu)
 
 
 @core
-def panel_density(graph: Graph, targets: Targets, tuning: np.ndarray, u: int, v: int, apex: int) -> float:
+def panel_density(
+    graph: Graph, targets: Targets, tuning: np.ndarray, median: float, u: int, v: int, apex: int
+) -> float:
     """Density of a panel: one end in a target, the other in one near it, the apex beside the line of both."""
     one = target_of(targets, graph, u)
     other = target_of(targets, graph, v)
-    ends = first_density(targets, one) * second_density(targets, one, other)
-    ends += first_density(targets, other) * second_density(targets, other, one)
+    ends = first_density(targets, tuning, one) * second_density(targets, one, other)
+    ends += first_density(targets, tuning, other) * second_density(targets, other, one)
     if ends == 0.0:
         return 0.0
     x = graph.vertex_xy[apex, 0]
     y = graph.vertex_xy[apex, 1]
-    return ends * beside_density(graph.vertex_xy[u], graph.vertex_xy[v], x, y, tuning[c.AIM_REACH])
+    return ends * beside_density(graph.vertex_xy[u], graph.vertex_xy[v], x, y, median)
+
+
+@core
+def aimed_density(graph: Graph, targets: Targets, tuning: np.ndarray, median: float, u: int, v: int, w: int) -> float:
+    """Density of the unordered triangle u, v, w among aimed births of one size."""
+    density = post_density(graph, targets, tuning, median, u, v, w)
+    density += panel_density(graph, targets, tuning, median, u, v, w)
+    density += panel_density(graph, targets, tuning, median, v, w, u)
+    return 0.5 * (density + panel_density(graph, targets, tuning, median, w, u, v))
 
 
 @core
 def birth_density(graph: Graph, targets: Targets, tuning: np.ndarray, u: int, v: int, w: int) -> float:
     """Density with which a birth proposes the unordered triangle u, v, w."""
     aimed = tuning[c.AIMED_SHARE]
-    free = free_density(graph, tuning, u, v, w)
-    if aimed == 0.0:
-        return free
-    post = post_density(graph, targets, tuning, u, v, w)
-    panel = panel_density(graph, targets, tuning, u, v, w)
-    panel += panel_density(graph, targets, tuning, v, w, u)
-    panel += panel_density(graph, targets, tuning, w, u, v)
-    return (1.0 - aimed) * free + 0.5 * aimed * (post + panel)
+    density = (1.0 - aimed) * free_density(graph, tuning, u, v, w)
+    if aimed > 0.0:
+        for size in range(N_SIZES):
+            density += aimed / N_SIZES * aimed_density(graph, targets, tuning, reach_of(tuning, size), u, v, w)
+    return density
 
 
 @core
@@ -105,17 +125,18 @@ def draw_free(graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.rand
 def draw_aimed(
     graph: Graph, targets: Targets, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
 ) -> tuple[int, int, int]:
-    """A post at a return, or a panel along two returns."""
+    """A post at a return, or a panel along two returns, of one of the sizes."""
+    median = reach_of(tuning, int(rng.random() * N_SIZES))
     is_post = rng.random() < 0.5
-    target = pick_target(targets, rng)
+    target = pick_target(targets, tuning, rng)
     x, y = point_in(targets, target, rng)
     u = place_vertex(graph, proposal, x, y, c.INTERIOR)
     if is_post:
-        v = vertex_near(graph, proposal, u, tuning[c.AIM_REACH], rng)
-        return u, v, vertex_near(graph, proposal, u, tuning[c.AIM_REACH], rng)
+        v = vertex_near(graph, proposal, u, median, rng)
+        return u, v, vertex_near(graph, proposal, u, median, rng)
     x, y = point_in(targets, pick_near(targets, target, rng), rng)
     v = place_vertex(graph, proposal, x, y, c.INTERIOR)
-    x, y = beside(graph.vertex_xy[u], graph.vertex_xy[v], tuning[c.AIM_REACH], rng)
+    x, y = beside(graph.vertex_xy[u], graph.vertex_xy[v], median, rng)
     return u, v, place_vertex(graph, proposal, x, y, c.INTERIOR)
 
 

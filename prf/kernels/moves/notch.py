@@ -52,7 +52,7 @@ def propose_notch(
     if graph.counts[c.EDGES] == 0 or tuning[c.AIMED_SHARE] == 0.0:
         return False, 0.0
     is_tooth = rng.random() < 0.5
-    x, y = point_in(targets, pick_target(targets, rng), rng)
+    x, y = point_in(targets, pick_target(targets, tuning, rng), rng)
     v = place_vertex(graph, proposal, x, y, c.INTERIOR)
     n = walls_now(graph, index, v)
     if n == 0 or not is_in_window(graph, v):

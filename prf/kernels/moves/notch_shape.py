@@ -61,7 +61,7 @@ def tooth_density(graph: Graph, targets: Targets, tuning: np.ndarray, a: int, b:
         return 0.0
     near = tuning[c.CUT_REACH]
     reach = tuning[c.JOIN_REACH]
-    density = first_density(targets, target_of(targets, graph, t))
+    density = first_density(targets, tuning, target_of(targets, graph, t))
     density *= reach_density(foot_t - foot_p, reach) * reach_density(foot_q - foot_t, reach)
     return density * signed_density(off_p, near) * signed_density(off_q, near)
 
@@ -78,7 +78,7 @@ def niche_density(
     if not 0.0 < foot_p < foot_q < length or foot_s > foot_t:
         return 0.0
     near = tuning[c.CUT_REACH]
-    density = first_density(targets, target_of(targets, graph, s))
+    density = first_density(targets, tuning, target_of(targets, graph, s))
     density *= signed_density(foot_t - foot_s, tuning[c.JOIN_REACH]) * signed_density(depth_t - depth_s, near)
     density *= signed_density(foot_p - foot_s, near) * signed_density(foot_q - foot_t, near)
     return density * signed_density(off_p, near) * signed_density(off_q, near)

@@ -243,7 +243,7 @@ def _assemble(
     settings, window = data.settings, Window(*tile.tolist())
     grid = make_grid(*window, settings.cell_size())
     capacity = len(graph.edge_length)
-    targets = cut_targets(data.targets, window)
+    targets = cut_targets(data.targets._replace(cumulative=begun.aim), window)
     tuning = begun.tuning.copy()
     if len(targets.cell) == 0:
         tuning[c.AIMED_SHARE] = 0.0
@@ -288,7 +288,10 @@ def cut_targets(whole: Targets, window: Window) -> Targets:
     near = renumbered[whole.near[np.repeat(inside, counts)]]
     owner = np.repeat(np.arange(len(kept)), counts[kept])[near != c.NONE]
     start = np.searchsorted(owner, np.arange(len(kept) + 1))
-    return Targets(part, cell, number, start.astype(np.int64), near[near != c.NONE])
+    cumulative = np.cumsum(np.diff(whole.cumulative, prepend=0.0)[kept])
+    if len(kept) > 0:
+        cumulative /= cumulative[-1]
+    return Targets(part, cell, cumulative, number, start.astype(np.int64), near[near != c.NONE])
 
 
 def _make_index(graph: Graph, grid: Grid, guards: Guards) -> EdgeIndex:

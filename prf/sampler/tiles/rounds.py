@@ -60,6 +60,8 @@ class Round(NamedTuple):
         Pixels whose colour is kept with it.
     tuning, odds
         As the chain has them, but for moves on the border.
+    aim : (n_targets,) array
+        Probabilities of the targets, summed.
     """
 
     coloring: Coloring
@@ -75,6 +77,7 @@ class Round(NamedTuple):
     probes: NDArray[np.int64]
     tuning: Floats
     odds: Floats
+    aim: Floats
 
     @property
     def steps(self) -> int:
@@ -131,6 +134,7 @@ def make_round(
         probes=probes,
         tuning=chain.tuning.copy(),
         odds=odds / odds.sum(),
+        aim=chain.targets.cumulative.copy(),
     )
 
 

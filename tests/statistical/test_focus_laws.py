@@ -1,0 +1,148 @@
+"""Steps in regions keep the prior and the posterior, wherever the regions lie; one that looks at the map does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from prf.arak import exact_draws
+from prf.coloring import Coloring, Draws, black_at
+from prf.kernels import constants as c
+from prf.kernels.build import resum
+from prf.kernels.chain import Chain
+from prf.layout import make_graph, make_targets, read_coloring
+from prf.posterior import LaserData, Settings, make_chain
+from prf.sampler import focus as focusing
+from prf.sampler.focus import Focus
+from prf.sampler.tempering_state import with_graph
+from prf.sensors.laser import LaserModel
+from prf.window import Window
+from tests.statistical.driven import Mean, batch_means, weighted_mean, z_scores
+from tests.statistical.laws import LawScores, law_scores
+
+SEED = 20050726
+UNIT = Window(0.0, 0.0, 1.0, 1.0)
+SIDE = 0.05
+HALF = 0.2
+"""Half of the side of a region, metres: a sixth of the window."""
+TURN = 250
+"""Steps of a turn here: many short ones show sooner what is wrong with how regions are chosen."""
+THIN = 6 * TURN
+
+
+@pytest.fixture(autouse=True)
+def short_turns(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(focusing, "TURN", TURN)
+
+
+Hook = Callable[[Chain], None]
+
+
+def look_away(chain: Chain) -> None:
+    """Leave the targets as they are."""
+
+
+def look_at_black(chain: Chain) -> None:
+    """Let all regions lie round targets in black: what no region may know."""
+    grid, cell = chain.targets.grid, chain.targets.cell
+    x = grid.x0 + (cell % grid.nx + 0.5) * grid.cell
+    y = grid.y0 + (cell // grid.nx + 0.5) * grid.cell
+    inside = np.clip(np.column_stack([x, y]), 0.001, 0.999)
+    weight = 1e-9 + black_at(read_coloring(chain.graph), inside)
+    chain.targets.cumulative[:] = np.cumsum(weight) / weight.sum()
+
+
+def focused_draws(settings: Settings, n_draws: int, seed: int, hook: Hook = look_away) -> Draws:
+    """Every sixth turn's map of a chain that makes two turns of three in regions."""
+    rng = np.random.default_rng(seed)
+    chain = make_chain(settings, Coloring.empty(UNIT))
+    chain = chain._replace(targets=make_targets(UNIT, SIDE, np.random.default_rng(SEED).random((60, 2))))
+    chain.tuning[c.AIMED_SHARE] = 0.6
+    focus, maps = Focus(chain), []
+    focus.half = HALF
+    for number in range(n_draws + 20):
+        for turn in range(6):
+            hook(chain)
+            chain = focus.run_to(chain, rng, number * THIN + (turn + 1) * TURN)
+        resum(chain)
+        if number >= 20:
+            maps.append(read_coloring(chain.graph))
+    return Draws.from_colorings(maps, UNIT)
+
+
+def prior_scores(n_draws: int, batch: int, hook: Hook = look_away) -> LawScores:
+    settings = Settings(UNIT, 1.0, cell=0.2, cut_reach=0.05, join_reach=0.1)
+    with ThreadPoolExecutor(2) as pool:
+        chains = list(pool.map(lambda k: focused_draws(settings, n_draws, SEED + k, hook), range(2)))
+    ids = np.repeat(np.arange(2), n_draws)
+    return law_scores(Draws.concatenate(chains), 1.0, UNIT, chain_ids=ids, batch=batch)
+
+
+def test_the_prior_keeps_its_laws() -> None:
+    scores = prior_scores(1500, 30)
+    assert not scores.beyond(4.5), scores.worst()
+
+
+@pytest.mark.slow
+def test_the_prior_keeps_its_laws_in_long_chains() -> None:
+    scores = prior_scores(15_000, 150)
+    assert not scores.beyond(4.5), scores.worst()
+
+
+def test_regions_that_look_at_the_map_are_caught() -> None:
+    """The negative control."""
+    assert prior_scores(1500, 30, look_at_black).beyond(6.0)
+
+
+ANGLE = np.linspace(-2.9, 3.0, 12)
+READINGS = np.array([0.2, 0.3, np.inf, 0.25, 0.4, 0.3, np.inf, 0.35, 0.2, np.inf, 0.45, 0.3])
+BLUNT = LaserModel(0.5, 0.04, outlier_probability=0.5, miss_probability=0.3)
+SETTINGS = Settings(UNIT, 1.0, LaserData(np.tile([0.53, 0.47], (12, 1)), ANGLE, READINGS, BLUNT), cell=0.2)
+"""A laser that says what it says so bluntly that draws of the prior may be weighted."""
+NAMES = ("edges", "length", "corners in the middle", "log likelihood", *(f"black {k}" for k in range(6)))
+PLACES = np.random.default_rng(SEED).random((6, 2))
+
+
+def compared(draws: Draws) -> np.ndarray:
+    """Values (n_draws, len(NAMES)) from the maps alone."""
+    chain = make_chain(SETTINGS, Coloring.empty(UNIT))
+    rows = []
+    for draw in draws:
+        graph = make_graph(draw, 2 * draw.n_vertices + 64)
+        likelihood = with_graph(chain, SETTINGS, graph).graph.sums[c.LOG_LIKELIHOOD]
+        middle = (np.abs(draw.xy - 0.5) < 0.2).all(axis=1).sum()
+        rows.append([draw.n_edges, draw.total_length(), middle, likelihood, *black_at(draw, PLACES)])
+    return np.array(rows, np.float64)
+
+
+def weighted_means(n: int) -> Mean:
+    """Of draws of the prior in which the sensor is free, weighted by their likelihood."""
+    draws = exact_draws(1.0, UNIT, n, np.random.default_rng(SEED))
+    free = np.flatnonzero([not black_at(draw, SETTINGS.laser.origin[:1])[0] for draw in draws])  # type: ignore[union-attr]
+    found = compared(draws.take(free))
+    return weighted_mean(np.exp(found[:, 3] - found[:, 3].max()), found)
+
+
+def posterior_scores(n_draws: int, n_exact: int, hook: Hook = look_away) -> dict[str, float]:
+    with ThreadPoolExecutor(2) as pool:
+        chains = list(pool.map(lambda k: focused_draws(SETTINGS, n_draws, SEED + k, hook), range(2)))
+    return z_scores(batch_means([compared(draws) for draws in chains], 30), weighted_means(n_exact), NAMES)
+
+
+def worst(z: dict[str, float]) -> float:
+    return max(abs(value) for value in z.values())
+
+
+def test_maps_are_those_of_the_posterior() -> None:
+    """Ten numbers: |z| < 4.5 fails by chance once in some thousands."""
+    z = posterior_scores(900, 20_000)
+    assert worst(z) < 4.5, z
+
+
+@pytest.mark.slow
+def test_many_maps_are_those_of_the_posterior() -> None:
+    z = posterior_scores(9000, 150_000)
+    assert worst(z) < 4.5, z
