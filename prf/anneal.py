@@ -20,6 +20,7 @@ from prf.kernels import constants as c
 from prf.layout import read_coloring
 from prf.posterior import Settings
 from prf.sampler.chain import ChainSampler
+from prf.sampler.doubts import aim, is_due
 from prf.sampler.drive import START_SHARE
 from prf.shell.errors import ConfigError
 
@@ -188,7 +189,7 @@ def anneal(
     schedule = schedule or Schedule()
     plain = dataclasses.replace(settings, resolution=None)
     chains = [_Cooling(plain, rng) for rng in generators]
-    start, share = time.monotonic(), 0.0
+    start, share, rounds = time.monotonic(), 0.0, 0
 
     def is_late() -> bool:
         late = goal.steps is None and time.monotonic() - start > START_SHARE * (goal.seconds or 0.0)
@@ -201,6 +202,9 @@ def anneal(
             beta = schedule.inverse_temperature(share)
             for future in [pool.submit(chain.advance, beta) for chain in chains]:
                 future.result()
+            rounds += 1
+            if is_due(rounds - 1, rounds):
+                aim([chain.sampler.chain for chain in chains], [chain.sampler.doubts for chain in chains])
             seconds = time.monotonic() - start
             share = goal.share(chains[0].sampler.step, seconds)
             if on_progress is not None:

@@ -125,9 +125,9 @@ def make_targets(window: Window, side: float, xy: Floats, weight: Floats | None 
     cells_of(grid, np.ascontiguousarray(xy[inside]), cells)
     targets, square = np.unique(cells, return_inverse=True)
     share = np.ones(len(targets)) if weight is None else np.bincount(square, weight[inside], len(targets))
-    cumulative = np.cumsum(share)
+    cumulative: Floats = np.cumsum(share, dtype=np.float64)
     if len(targets) > 0:
-        cumulative /= cumulative[-1]
+        cumulative = cumulative / cumulative[-1]
     number = np.full(grid.nx * grid.ny, c.NONE, np.int32)
     number[targets] = np.arange(len(targets), dtype=np.int32)
     start, near = _near_targets(grid, targets, number)

@@ -79,6 +79,11 @@ def aim(chains: Sequence[Chain], doubts: Sequence[Doubts]) -> None:
         each.fade()
 
 
+def is_due(before: int, blocks: int) -> bool:
+    """Return whether targets are set anew after so many blocks: at the first beyond each power of two."""
+    return before.bit_length() != blocks.bit_length()
+
+
 def target_of_beams(chain: Chain) -> NDArray[np.int32]:
     """Return the target (n_beams,) in which the return of each beam lies, NONE where there is none."""
     targets, ray = chain.targets, chain.beams.ray

@@ -20,7 +20,7 @@ from prf.posterior import Settings
 
 TURN = 2000
 """Steps in one region, or between two on the whole window."""
-TURNS = 3
+TURNS = 2
 """So many turns make a cycle: one on the whole window, the others in a region each."""
 MARGIN = 4
 """Squares of targets by which a region reaches beyond those near its middle."""

@@ -19,7 +19,7 @@ from prf.layout import image_grid, pixel_centres
 from prf.posterior import Settings
 from prf.sampler.apart import is_look, stay_apart
 from prf.sampler.chain import ChainSampler
-from prf.sampler.doubts import aim
+from prf.sampler.doubts import aim, is_due
 from prf.sampler.probes import probe_pixels, seen_pixels
 from prf.sampler.record import EDGES_ANYWHERE, FUNCTIONALS, Draw, burn_in
 from prf.sampler.starts import Start
@@ -152,7 +152,7 @@ class Sampler:
             logger.info(f"the chains stay apart: {self.chains[0].rungs} rungs each from step {self.step:,} on")
         before = self.step // self.chains[0].block
         self._advance(min(blocks, (1 << before.bit_length()) - before))
-        if before.bit_length() != (self.step // self.chains[0].block).bit_length():
+        if is_due(before, self.step // self.chains[0].block):
             aim([chain.chain for chain in self.chains], [chain.doubts for chain in self.chains])
 
     def _advance(self, blocks: int) -> None:

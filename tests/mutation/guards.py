@@ -139,7 +139,7 @@ BY_HAND = (f"{KERNELS}/test_few_edges.py", f"{KERNELS}/test_refused.py")
 SMALLEST = f"{KERNELS}/test_smallest_maps.py"
 OF_MOVES = {
     **dict.fromkeys(
-        ("interior_triangle", "lean", "move_vertex", "notch", "notch_shape", "recolor", "split_edge"), BY_HAND
+        ("bend", "interior_triangle", "lean", "move_vertex", "notch", "notch_shape", "recolor", "split_edge"), BY_HAND
     ),
     "cut_wall": (SMALLEST,),
     "join_wall": (SMALLEST,),
@@ -200,6 +200,7 @@ GROUPS: dict[str, tuple[Guard, ...]] = {
             ("notch_shape", ("notch", "fill")),
             ("move_line", ("move line",)),
             ("lean", ("lean", "stand")),
+            ("bend", ("bend", "unbend")),
             ("placing", ("boundary birth", "corner birth", "past corner", "triangle birth", "move boundary", "split")),
         )
     ),

@@ -107,6 +107,14 @@ LEAN_WALLS = Mutant(
         ),
     ),
 )
+BEND_WALLS = Mutant(
+    "bend without the number of edges near the return",
+    (("bend.py", "target_of(targets, graph, v)) / n", "target_of(targets, graph, v))"),),
+)
+ONE_SIZE = Mutant(
+    "births of three sizes that count the largest alone",
+    (("interior_triangle.py", "reach_of(tuning, size), u, v, w)", "reach_of(tuning, 0), u, v, w)"),),
+)
 DRAWN_BACK = Mutant(
     "drawing back one corner alone",
     (

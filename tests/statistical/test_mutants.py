@@ -25,6 +25,8 @@ SUSPECTS = {
     mutants.NOTCH_WALLS: {"notch"},
     mutants.LINE_MEASURE: {"move line"},
     mutants.LEAN_WALLS: {"lean"},
+    mutants.BEND_WALLS: {"bend"},
+    mutants.ONE_SIZE: {"triangle birth", "triangle death"},
     mutants.DRAWN_BACK: {"lean"},
 }
 
@@ -77,7 +79,10 @@ OFTEN_CORNERS = (
     "targets=60",
     *(
         f"{move}=0.3"
-        for move in ("JOIN_WALL", "PART_WALL", "DOCK", "UNDOCK", "NOTCH", "FILL", "MOVE_LINE", "LEAN", "STAND")
+        for move in (
+            *("JOIN_WALL", "PART_WALL", "DOCK", "UNDOCK", "NOTCH", "FILL", "MOVE_LINE", "LEAN", "STAND"),
+            *("BEND", "UNBEND"),
+        )
     ),
 )
 """Two steps of three join or part, notch or fill, lean or stand, or move lines."""
