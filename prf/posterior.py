@@ -24,6 +24,17 @@ Floats = NDArray[np.float64]
 
 DEFAULT_ODDS = {move: weight for move, (_, weight) in enumerate(c.MOVES)}
 """Weight of each move."""
+BORDER_MOVES = (
+    c.BOUNDARY_BIRTH,
+    c.BOUNDARY_DEATH,
+    c.CORNER_BIRTH,
+    c.CORNER_DEATH,
+    c.MOVE_BOUNDARY,
+    c.PAST_CORNER,
+    c.DOCK,
+    c.UNDOCK,
+)
+"""Those that change what stands on the window's border."""
 
 FIRST_CAPACITY = 256
 FIRST_CELL_ROOM = 24

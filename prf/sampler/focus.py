@@ -16,7 +16,7 @@ from prf.kernels.region import confine, release
 from prf.kernels.step import run
 from prf.kernels.targets import NEAR
 from prf.layout import grow, run_chain
-from prf.posterior import Settings
+from prf.posterior import BORDER_MOVES, Settings
 
 TURN = 2000
 """Steps in one region, or between two on the whole window."""
@@ -24,18 +24,7 @@ TURNS = 2
 """So many turns make a cycle: one on the whole window, the others in a region each."""
 MARGIN = 4
 """Squares of targets by which a region reaches beyond those near its middle."""
-CONFINED_MOVES = (
-    c.BOUNDARY_BIRTH,
-    c.BOUNDARY_DEATH,
-    c.CORNER_BIRTH,
-    c.CORNER_DEATH,
-    c.MOVE_BOUNDARY,
-    c.PAST_CORNER,
-    c.DOCK,
-    c.UNDOCK,
-    c.CUT_WALL,
-    c.MEND_WALL,
-)
+LEFT_OUT = (*BORDER_MOVES, c.CUT_WALL, c.MEND_WALL)
 """Moves that are not made in a region: those on the window's border, and those that ask for the length of all edges."""
 
 
@@ -55,7 +44,7 @@ class Focus:
     def __init__(self, chain: Chain) -> None:
         self.half = (NEAR + MARGIN) * chain.targets.grid.cell
         self._odds = chain.odds.copy()
-        self._odds[list(CONFINED_MOVES)] = 0.0
+        self._odds[list(LEFT_OUT)] = 0.0
         self._odds /= self._odds.sum()
 
     def run_to(self, chain: Chain, rng: np.random.Generator, step: int) -> Chain:

@@ -14,6 +14,7 @@ from prf.kernels.grid import Grid, make_grid, most_cells
 from prf.kernels.segment_lists import segments_by_cell
 from prf.kernels.tile import tiles_at
 from prf.layout import read_coloring
+from prf.posterior import BORDER_MOVES
 from prf.sampler.tiles.data import TileData
 from prf.sampler.tiles.partition import random_tiles
 from prf.window import INTERIOR
@@ -24,18 +25,6 @@ COARSE = 3.0
 """Cells in which a round finds edges on beams, in units of the cells of a chain."""
 
 NO_PROBES = np.zeros(0, np.int64)
-
-BORDER_MOVES = (
-    c.BOUNDARY_BIRTH,
-    c.BOUNDARY_DEATH,
-    c.CORNER_BIRTH,
-    c.CORNER_DEATH,
-    c.MOVE_BOUNDARY,
-    c.PAST_CORNER,
-    c.DOCK,
-    c.UNDOCK,
-)
-"""What stands on the window's border is left to the steps between rounds."""
 
 
 class Round(NamedTuple):
@@ -121,7 +110,7 @@ def make_round(
     vertex_tile[coloring.side != INTERIOR] = c.NONE
     first, last = vertex_tile[coloring.edges].T
     odds = chain.odds.copy()
-    odds[list(BORDER_MOVES)] = 0.0
+    odds[list(BORDER_MOVES)] = 0.0  # left to the steps between rounds
     return Round(
         coloring,
         chain.image.grid,
