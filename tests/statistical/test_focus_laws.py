@@ -29,13 +29,16 @@ SIDE = 0.05
 HALF = 0.2
 """Half of the side of a region, metres: a sixth of the window."""
 TURN = 250
-"""Steps of a turn here: many short ones show sooner what is wrong with how regions are chosen."""
-THIN = 6 * TURN
+TURNS = 4
+"""Steps of a turn here, and turns of a cycle: many short ones in regions show sooner what is wrong with how these are
+chosen."""
+THIN = 8 * TURN
 
 
 @pytest.fixture(autouse=True)
 def short_turns(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(focusing, "TURN", TURN)
+    monkeypatch.setattr(focusing, "TURNS", TURNS)
 
 
 Hook = Callable[[Chain], None]
@@ -56,7 +59,7 @@ def look_at_black(chain: Chain) -> None:
 
 
 def focused_draws(settings: Settings, n_draws: int, seed: int, hook: Hook = look_away) -> Draws:
-    """Every sixth turn's map of a chain that makes two turns of three in regions."""
+    """Every eighth turn's map of a chain that makes three turns of four in regions."""
     rng = np.random.default_rng(seed)
     chain = make_chain(settings, Coloring.empty(UNIT))
     chain = chain._replace(targets=make_targets(UNIT, SIDE, np.random.default_rng(SEED).random((60, 2))))
@@ -64,7 +67,7 @@ def focused_draws(settings: Settings, n_draws: int, seed: int, hook: Hook = look
     focus, maps = Focus(chain), []
     focus.half = HALF
     for number in range(n_draws + 20):
-        for turn in range(6):
+        for turn in range(8):
             hook(chain)
             chain = focus.run_to(chain, rng, number * THIN + (turn + 1) * TURN)
         resum(chain)
