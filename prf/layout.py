@@ -114,20 +114,14 @@ def painted_sites(sites: Sites, coloring: Coloring) -> Sites:
     return sites._replace(black=black_at(coloring, sites.xy).astype(np.uint8))
 
 
-def make_targets(window: Window, side: float, xy: Floats, weight: Floats | None = None) -> Targets:
-    """Return the squares of side `side` (metres) that hold one of the points (n, 2) inside the window.
-
-    A square is as probable as the sum of the weights (n,) of its points, all above 0; without weights all are alike.
-    """
+def make_targets(window: Window, side: float, xy: Floats) -> Targets:
+    """Return the squares of side `side` (metres) that hold one of the points (n, 2) inside the window, all alike."""
     grid = make_grid(*window, side)
     inside = window.contains(xy, strictly=True)
     cells = np.zeros(int(inside.sum()), np.int64)
     cells_of(grid, np.ascontiguousarray(xy[inside]), cells)
-    targets, square = np.unique(cells, return_inverse=True)
-    share = np.ones(len(targets)) if weight is None else np.bincount(square, weight[inside], len(targets))
-    cumulative: Floats = np.cumsum(share, dtype=np.float64)
-    if len(targets) > 0:
-        cumulative = cumulative / cumulative[-1]
+    targets = np.unique(cells)
+    cumulative = np.arange(1, len(targets) + 1) / max(len(targets), 1)
     number = np.full(grid.nx * grid.ny, c.NONE, np.int32)
     number[targets] = np.arange(len(targets), dtype=np.int32)
     start, near = _near_targets(grid, targets, number)

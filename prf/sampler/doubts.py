@@ -17,8 +17,6 @@ from prf.kernels import constants as c
 from prf.kernels.build import cells_of
 from prf.kernels.chain import Chain
 
-Floats = NDArray[np.float64]
-
 UNEXPLAINED = 4.0
 """Nats that an unexplained return lacks at least to the best that any map could do for it."""
 EVEN = 0.3
@@ -60,7 +58,15 @@ class Doubts:
 
 
 def aim(chains: Sequence[Chain], doubts: Sequence[Doubts]) -> None:
-    """Set the probabilities of the targets of all chains by what was counted in all of them."""
+    """Set the probabilities of the targets of all chains by what was counted in all of them.
+
+    Parameters
+    ----------
+    chains : sequence of Chain
+        Of the same readings.
+    doubts : sequence of Doubts
+        Of each; what they counted counts less from now on.
+    """
     looks = sum(each.looks for each in doubts)
     targets, beams = chains[0].targets, chains[0].beams
     n = len(targets.cell)
@@ -80,7 +86,7 @@ def aim(chains: Sequence[Chain], doubts: Sequence[Doubts]) -> None:
 
 
 def is_due(before: int, blocks: int) -> bool:
-    """Return whether targets are set anew after so many blocks: at the first beyond each power of two."""
+    """Return whether targets are set anew: whether the number of blocks has come to a power of two, or passed one."""
     return before.bit_length() != blocks.bit_length()
 
 

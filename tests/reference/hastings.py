@@ -150,8 +150,9 @@ def make_lab(settings: Settings, rng: np.random.Generator) -> Lab:
     reaches = [float(chain.tuning[k]) for k in names]
     window = settings.window
     points = rng.uniform(window[:2], window[2:], (N_TARGETS, 2))
-    weight = rng.exponential(size=N_TARGETS)
-    targets = make_targets(window, max(window.width, window.height) / SQUARES, points, weight)
+    targets = make_targets(window, max(window.width, window.height) / SQUARES, points)
+    weight = np.cumsum(rng.exponential(size=len(targets.cell)))
+    targets.cumulative[:] = weight / weight[-1]
     plan = Plan(settings.scale, settings.local_share, *reaches, odds, chain.edge_index.grid)
     aimed = plan._replace(
         aimed=0.6,

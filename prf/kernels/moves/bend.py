@@ -11,11 +11,12 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, ends_of, other_end, pick
-from prf.kernels.moves.gap import can_face, is_in_window
-from prf.kernels.moves.notch_shape import share_after, walls_now
-from prf.kernels.proposal import Proposal, drop_edge, drop_vertex, join, place_vertex, turn_at_vertex
-from prf.kernels.targets import Targets, first_density, pick_target, point_in, target_of
+from prf.kernels.graph import Graph, other_end, pick
+from prf.kernels.moves.gap import can_face
+from prf.kernels.moves.notch_shape import aim_at_wall, share_after
+from prf.kernels.moves.split_edge import lead_through, take_out
+from prf.kernels.proposal import Proposal
+from prf.kernels.targets import Targets, first_density, target_of
 
 
 @core
@@ -28,21 +29,11 @@ def propose_bend(
     odds: np.ndarray,
     rng: np.random.Generator,
 ) -> tuple[bool, float]:
-    """Propose a new vertex v, uniform in a target, in a uniform edge of W(v)."""
-    if graph.counts[c.EDGES] == 0 or tuning[c.AIMED_SHARE] == 0.0:
+    """Propose a new vertex v, uniform in a target, in a uniform edge of E(v)."""
+    v, edge, n = aim_at_wall(graph, index, targets, proposal, tuning, rng)
+    if edge == c.NONE:
         return False, 0.0
-    x, y = point_in(targets, pick_target(targets, tuning, rng), rng)
-    v = place_vertex(graph, proposal, x, y, c.INTERIOR)
-    n = walls_now(graph, index, v)
-    if n == 0 or not is_in_window(graph, v):
-        return False, 0.0
-    edge = index.neighbors[int(rng.random() * n)]
-    u, w = ends_of(graph, edge)
-    drop_edge(proposal, edge)
-    join(graph, proposal, u, v)
-    join(graph, proposal, v, w)
-    for vertex in (u, v, w):
-        turn_at_vertex(graph, proposal, vertex)
+    lead_through(graph, proposal, edge, v)
     density = first_density(targets, tuning, target_of(targets, graph, v)) / n
     if density == 0.0:
         return False, 0.0  # on the border of a target, but for rounding
@@ -60,12 +51,7 @@ def propose_unbend(graph: Graph, proposal: Proposal, odds: np.ndarray, rng: np.r
     w = other_end(graph, graph.vertex_edges[v, 1], v)
     if not can_face(graph, u, w):
         return False, 0.0
-    drop_edge(proposal, graph.vertex_edges[v, 0])
-    drop_edge(proposal, graph.vertex_edges[v, 1])
-    drop_vertex(proposal, v)
-    join(graph, proposal, u, w)
-    for vertex in (u, v, w):
-        turn_at_vertex(graph, proposal, vertex)
+    take_out(graph, proposal, u, v, w)
     return True, math.log(interior / odds[c.UNBEND])
 
 

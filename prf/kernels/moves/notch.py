@@ -13,15 +13,15 @@ from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, ends_of, may_go, other_end, pick
-from prf.kernels.moves.gap import beyond, can_face, foot_and_offset, is_in_window, outer_edge
+from prf.kernels.moves.gap import beyond, can_face, foot_and_offset, outer_edge
 from prf.kernels.moves.notch_shape import (
+    aim_at_wall,
     niche_density,
     place_niche,
     place_tooth,
     share_after,
     share_now,
     tooth_density,
-    walls_now,
 )
 from prf.kernels.proposal import (
     N_OLD_VERTICES,
@@ -29,10 +29,9 @@ from prf.kernels.proposal import (
     drop_edge,
     drop_vertex,
     join,
-    place_vertex,
     turn_at_vertex,
 )
-from prf.kernels.targets import Targets, pick_target, point_in
+from prf.kernels.targets import Targets
 
 TOOTH_CORNERS = 3
 """A niche has one more."""
@@ -48,16 +47,11 @@ def propose_notch(
     odds: np.ndarray,
     rng: np.random.Generator,
 ) -> tuple[bool, float]:
-    """Propose a tooth or a niche (1/2 each) in a uniform edge of W(v), v being uniform in a uniform target."""
-    if graph.counts[c.EDGES] == 0 or tuning[c.AIMED_SHARE] == 0.0:
-        return False, 0.0
+    """Propose a tooth or a niche (1/2 each) in a uniform edge of E(v), v being uniform in a uniform target."""
     is_tooth = rng.random() < 0.5
-    x, y = point_in(targets, pick_target(targets, tuning, rng), rng)
-    v = place_vertex(graph, proposal, x, y, c.INTERIOR)
-    n = walls_now(graph, index, v)
-    if n == 0 or not is_in_window(graph, v):
+    v, e, n = aim_at_wall(graph, index, targets, proposal, tuning, rng)
+    if e == c.NONE:
         return False, 0.0
-    e = index.neighbors[int(rng.random() * n)]
     a, b = ends_of(graph, e)
     drop_edge(proposal, e)
     if is_tooth:

@@ -18,8 +18,8 @@ from prf.kernels.moves.gap import (
     signed_reach,
 )
 from prf.kernels.moves.placing import random_reach, reach_density
-from prf.kernels.proposal import N_OLD_EDGES, Proposal
-from prf.kernels.targets import Targets, first_density, target_of
+from prf.kernels.proposal import N_OLD_EDGES, Proposal, place_vertex
+from prf.kernels.targets import Targets, first_density, pick_target, point_in, target_of
 
 NOTCH_RADIUS = 2
 """The wall of a notch is sought in a square of cells that reaches this many cells to each side of the aimed corner."""
@@ -27,21 +27,44 @@ NOTCH_RADIUS = 2
 
 @core
 def walls_now(graph: Graph, index: EdgeIndex, v: int) -> int:
-    """List W(v), the edges through the block of cells round v; return their number."""
+    """List E(v), the edges through the block of cells round v; return their number."""
     index.mark[0] += 1
     return list_block(index, block_at(index.grid, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1], NOTCH_RADIUS))
 
 
 @core
+def aim_at_wall(
+    graph: Graph,
+    index: EdgeIndex,
+    targets: Targets,
+    proposal: Proposal,
+    tuning: np.ndarray,
+    rng: np.random.Generator,
+) -> tuple[int, int, int]:
+    """Place a new vertex v in a target that is picked; return it, a uniform edge of E(v), and the size of E(v).
+
+    The edge is NONE where there is none, nothing is aimed, or v lies outside the window.
+    """
+    if graph.counts[c.EDGES] == 0 or tuning[c.AIMED_SHARE] == 0.0:
+        return c.NONE, c.NONE, 0
+    x, y = point_in(targets, pick_target(targets, tuning, rng), rng)
+    v = place_vertex(graph, proposal, x, y, c.INTERIOR)
+    n = walls_now(graph, index, v)
+    if n == 0 or not is_in_window(graph, v):
+        return v, c.NONE, 0
+    return v, index.neighbors[int(rng.random() * n)], n
+
+
+@core
 def share_now(graph: Graph, index: EdgeIndex, e: int, v: int) -> float:
-    """1/#W(v) if the edge e is in W(v)."""
+    """1/#E(v) if the edge e is in E(v)."""
     n = walls_now(graph, index, v)
     return 1.0 / n if index.marks[e] == index.mark[0] else 0.0
 
 
 @core
 def share_after(graph: Graph, index: EdgeIndex, proposal: Proposal, v: int) -> float:
-    """1/#W(v) in the new map if its one new edge is in W(v)."""
+    """1/#E(v) in the new map if its one new edge is in E(v)."""
     block = block_at(index.grid, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1], NOTCH_RADIUS)
     if not passes_block(index.grid, proposal, 0, block):
         return 0.0

@@ -18,6 +18,28 @@ def split_density(graph: Graph, tuning: np.ndarray, u: int, w: int, x: float, y:
 
 
 @core
+def lead_through(graph: Graph, proposal: Proposal, edge: int, v: int) -> None:
+    """Let an edge go, and those between its ends and the new vertex v come."""
+    u, w = ends_of(graph, edge)
+    drop_edge(proposal, edge)
+    join(graph, proposal, u, v)
+    join(graph, proposal, v, w)
+    for vertex in (u, v, w):
+        turn_at_vertex(graph, proposal, vertex)
+
+
+@core
+def take_out(graph: Graph, proposal: Proposal, u: int, v: int, w: int) -> None:
+    """Let the interior vertex v and its edges to u and w go, and the edge uw come."""
+    drop_edge(proposal, graph.vertex_edges[v, 0])
+    drop_edge(proposal, graph.vertex_edges[v, 1])
+    drop_vertex(proposal, v)
+    join(graph, proposal, u, w)
+    for vertex in (u, v, w):
+        turn_at_vertex(graph, proposal, vertex)
+
+
+@core
 def propose_split(
     graph: Graph, proposal: Proposal, tuning: np.ndarray, odds: np.ndarray, rng: np.random.Generator
 ) -> tuple[bool, float]:
@@ -31,12 +53,7 @@ def propose_split(
     density = split_density(graph, tuning, u, w, x, y)
     if density == 0.0 or not is_inside(graph.window, x, y):
         return False, 0.0
-    v = place_vertex(graph, proposal, x, y, c.INTERIOR)
-    drop_edge(proposal, edge)
-    join(graph, proposal, u, v)
-    join(graph, proposal, v, w)
-    for vertex in (u, v, w):
-        turn_at_vertex(graph, proposal, vertex)
+    lead_through(graph, proposal, edge, place_vertex(graph, proposal, x, y, c.INTERIOR))
     forward = odds[c.SPLIT] * density / edges
     return True, math.log(odds[c.MERGE] / ((graph.counts[c.INTERIOR_VERTICES] + 1) * forward))
 
@@ -60,12 +77,7 @@ def propose_merge(
     density = split_density(graph, tuning, u, w, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1])
     if density == 0.0:
         return False, 0.0
-    drop_edge(proposal, graph.vertex_edges[v, 0])
-    drop_edge(proposal, graph.vertex_edges[v, 1])
-    drop_vertex(proposal, v)
-    join(graph, proposal, u, w)
-    for vertex in (u, v, w):
-        turn_at_vertex(graph, proposal, vertex)
+    take_out(graph, proposal, u, v, w)
     edges_after = graph.counts[c.EDGES] - 1
     backward = odds[c.SPLIT] * density / edges_after
     return True, math.log(backward * interior / odds[c.MERGE])
