@@ -24,8 +24,9 @@ def lead_through(graph: Graph, proposal: Proposal, edge: int, v: int) -> None:
     drop_edge(proposal, edge)
     join(graph, proposal, u, v)
     join(graph, proposal, v, w)
-    for vertex in (u, v, w):
-        turn_at_vertex(graph, proposal, vertex)
+    turn_at_vertex(graph, proposal, u)
+    turn_at_vertex(graph, proposal, v)
+    turn_at_vertex(graph, proposal, w)
 
 
 @core
@@ -35,8 +36,9 @@ def take_out(graph: Graph, proposal: Proposal, u: int, v: int, w: int) -> None:
     drop_edge(proposal, graph.vertex_edges[v, 1])
     drop_vertex(proposal, v)
     join(graph, proposal, u, w)
-    for vertex in (u, v, w):
-        turn_at_vertex(graph, proposal, vertex)
+    turn_at_vertex(graph, proposal, u)
+    turn_at_vertex(graph, proposal, v)
+    turn_at_vertex(graph, proposal, w)
 
 
 @core
