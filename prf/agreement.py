@@ -15,39 +15,24 @@ MOST_PLACES = 3
 
 
 class Place(NamedTuple):
-    """Connected cells at which chains differ: the cell of it nearest its middle, its area, the largest difference.
+    """Connected cells at which chains differ: the cell of it nearest its middle, its area, the largest difference."""
 
-    Attributes
-    ----------
-    x, y : float
-        Metres.
-    area : float
-        Square metres.
-    difference : float
-        Of shares of black, from 0 to 1.
-    """
-
-    x: float
-    y: float
-    area: float
-    difference: float
+    x: float  # metres
+    y: float  # metres
+    area: float  # square metres
+    difference: float  # of shares of black, from 0 to 1
 
 
 class Agreement(NamedTuple):
-    """Where chains agree.
+    """Where chains agree."""
 
-    Attributes
-    ----------
-    seen, unseen : float
-        Share of the ground that readings saw, and of the rest, at which no two chains differ by more than `DIFFERS`;
-        nan where there is no such ground, or nothing to compare.
-    places : list of Place
-        On seen ground, largest area first; at most three.
-    """
-
+    # share of the ground that readings saw, and of the rest, at which no two chains differ by more than `DIFFERS`;
+    # nan where there is no such ground, or nothing to compare
     seen: float
+    # share of the ground that readings saw, and of the rest, at which no two chains differ by more than `DIFFERS`;
+    # nan where there is no such ground, or nothing to compare
     unseen: float
-    places: list[Place]
+    places: list[Place]  # on seen ground, largest area first; at most three
 
     def words(self) -> str:
         """Return the share of seen ground on which chains agree and where they differ most; empty if not known."""
@@ -73,18 +58,7 @@ class Agreement(NamedTuple):
 def agreement(
     disagreement: NDArray[np.float32], seen: NDArray[np.bool_], origin: NDArray[np.float64], resolution: float
 ) -> Agreement:
-    """Return where chains agree.
-
-    Parameters
-    ----------
-    disagreement : (ny, nx) array
-        Largest difference between the shares of black of any two chains; nan where there is none.
-    seen : (ny, nx) bool array
-    origin : (2,) array
-        Lower left corner of cell (0, 0), metres.
-    resolution : float
-        Side of a cell, metres.
-    """
+    """Return where chains agree; `disagreement` (ny, nx), `seen` (ny, nx), `origin` (2,)."""
     known, differs = np.isfinite(disagreement), disagreement > DIFFERS
     seen_share, unseen_share = (
         float(1.0 - differs[part].mean()) if part.any() else math.nan for part in (known & seen, known & ~seen)

@@ -32,29 +32,14 @@ FROZEN = 1e12
 
 @dataclasses.dataclass(frozen=True)
 class Schedule:
-    """How the temperature falls with the share of the work that is done.
+    """How the temperature falls with the share of the work that is done."""
 
-    Attributes
-    ----------
-    warm : float
-        Share at temperature 1: the chain samples the posterior and finds its way.
-    polish : float
-        Share at temperature 0, at the end: only what is better is taken.
-    coldest : float
-        Temperature before that; between, the logarithm falls evenly.
-    """
-
-    warm: float = 0.3
-    polish: float = 0.15
-    coldest: float = 0.003
+    warm: float = 0.3  # share at temperature 1: the chain samples the posterior and finds its way
+    polish: float = 0.15  # share at temperature 0, at the end: only what is better is taken
+    coldest: float = 0.003  # temperature before that; between, the logarithm falls evenly
 
     def __post_init__(self) -> None:
-        """Refuse a schedule that does not cool.
-
-        Raises
-        ------
-        ConfigError
-        """
+        """Refuse a schedule that does not cool."""
         if min(self.warm, self.polish) < 0.0 or self.warm + self.polish >= 1.0:
             raise ConfigError("annealing: the shares of warm and polish must not be negative, and leave time to cool")
         if not 0.0 < self.coldest < 1.0:
@@ -69,51 +54,24 @@ class Schedule:
 
 
 class Annealed(NamedTuple):
-    """What came of it.
-
-    Attributes
-    ----------
-    best : Coloring
-    score : float
-        Of the best map: |E| log p - 2 p length + log likelihood, in nats.
-    by_chain : tuple of float
-        The best of each chain: how far these lie apart says how sure the best one is.
-    steps : int
-        Of each chain.
-    is_complete : bool
-        Whether the schedule came to its end.
-    """
+    """What came of it."""
 
     best: Coloring
-    score: float
-    by_chain: tuple[float, ...]
-    steps: int
-    is_complete: bool
+    score: float  # of the best map: |E| log p - 2 p length + log likelihood, in nats
+    by_chain: tuple[float, ...]  # the best of each chain: how far these lie apart says how sure the best one is
+    steps: int  # of each chain
+    is_complete: bool  # whether the schedule came to its end
 
 
 class Moment(NamedTuple):
-    """The chains on their way down, after a round.
+    """The chains on their way down, after a round."""
 
-    Attributes
-    ----------
-    share : float
-        Of the work that is done.
-    temperature : float
-    step : int
-        Of each chain.
-    seconds : float
-    best : Coloring
-        The best map that any chain saw.
-    by_chain : tuple of float
-        The best score of each chain.
-    """
-
-    share: float
+    share: float  # of the work that is done
     temperature: float
-    step: int
+    step: int  # of each chain
     seconds: float
-    best: Coloring
-    by_chain: tuple[float, ...]
+    best: Coloring  # the best map that any chain saw
+    by_chain: tuple[float, ...]  # the best score of each chain
 
 
 class Goal(NamedTuple):
@@ -170,22 +128,7 @@ def anneal(
     on_progress: Callable[[Moment], None] | None = None,
     stop_requested: Callable[[], bool] | None = None,
 ) -> Annealed:
-    """Cool one chain a generator and return the best map.
-
-    Parameters
-    ----------
-    settings : Settings
-        No image is kept, whatever its resolution.
-    generators : list of numpy.random.Generator
-        One a chain. With a goal in steps they alone decide the result, whatever the threads.
-    goal : Goal
-    schedule : Schedule, optional
-    threads : int
-    on_progress : callable
-        Given a :class:`Moment` after every round.
-    stop_requested : callable
-        Ends the cooling early; the best map so far is returned.
-    """
+    """Cool one chain a generator and return the best map."""
     schedule = schedule or Schedule()
     plain = dataclasses.replace(settings, resolution=None)
     chains = [_Cooling(plain, rng) for rng in generators]

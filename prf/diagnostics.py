@@ -29,25 +29,15 @@ State = Literal["varies", "constant", "stuck", "short", "not finite"]
 
 
 class Diagnosis(NamedTuple):
-    """What the chains say about one functional.
+    """What the chains say about one functional."""
 
-    Attributes
-    ----------
-    rhat : float
-        Rank-normalised split R-hat, the larger of bulk and tail; nan where constant or too short, inf where stuck.
-    ess : float
-        Bulk effective sample size over all chains, in draws; nan where constant or too short, 0 where stuck.
-    state : str
-        "varies"; "constant" (one value in all chains); "stuck" (each half chain constant, at different values);
-        "short" (fewer than 8 draws a chain); "not finite" (nan or inf among the draws).
-    seen : bool
-        Whether it is of what readings saw; False for what they leave to the prior, all or in part.
-    """
-
+    # rank-normalised split R-hat, the larger of bulk and tail; nan where constant or too short, inf where stuck
     rhat: float
-    ess: float
+    ess: float  # bulk effective sample size over all chains, in draws; nan where constant or too short, 0 where stuck
+    # "varies"; "constant" (one value in all chains); "stuck" (each half chain constant, at different values); "short"
+    # (fewer than 8 draws a chain); "not finite" (nan or inf among the draws)
     state: State
-    seen: bool = True
+    seen: bool = True  # whether it is of what readings saw; False for what they leave to the prior, all or in part
 
     def agrees(self, rhat: float = MAX_RHAT, ess: float = MIN_ESS) -> bool:
         """Return whether the functional passes: constant, or R-hat below `rhat` and ESS above `ess`.
@@ -60,21 +50,12 @@ class Diagnosis(NamedTuple):
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether all functionals agree, and the one that is furthest from agreeing; true or false as a bool.
-
-    Attributes
-    ----------
-    converged : bool
-    worst, reason : str
-        The functional, and what there is to say about it. One of what was seen comes before all others.
-    seen : bool
-        Whether all functionals of what was seen agree.
-    """
+    """Whether all functionals agree, and the one that is furthest from agreeing; true or false as a bool."""
 
     converged: bool
-    worst: str
-    reason: str
-    seen: bool
+    worst: str  # the functional, and what there is to say about it. One of what was seen comes before all others
+    reason: str  # the functional, and what there is to say about it. One of what was seen comes before all others
+    seen: bool  # whether all functionals of what was seen agree
 
     def __bool__(self) -> bool:
         """Return whether the chains agree."""
@@ -86,27 +67,7 @@ def diagnose(
     draws_per_chain: int = DRAWS_PER_CHAIN,
     unseen: Collection[str] = (),
 ) -> dict[str, Diagnosis]:
-    """Return R-hat and ESS of every functional.
-
-    Parameters
-    ----------
-    functionals : mapping of str to (n_chains, n_draws) array
-        Values of each functional after burn-in, one row a chain; bools and ints are allowed.
-    draws_per_chain : int
-        Longer chains are thinned evenly to at most this many draws first, which bounds the cost and can only lower
-        the ESS.
-    unseen : collection of str
-        Functionals that the readings leave to the prior, all or in part.
-
-    Returns
-    -------
-    dict of str to Diagnosis
-
-    Raises
-    ------
-    ValueError
-        If an array does not have two dimensions.
-    """
+    """Return R-hat and ESS of every functional; `functionals` (n_chains, n_draws)."""
     return {
         name: _diagnose_one(name, values, draws_per_chain)._replace(seen=name not in unseen)
         for name, values in functionals.items()

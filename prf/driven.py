@@ -24,17 +24,7 @@ GRAIN = 0.01
 def way_of(tracks: Sequence[Floats], returns: Floats, window: Window, radius: float) -> Floats:
     """Return the pieces (k, 4) of the way: ends x0, y0, x1, y1 in metres, both the same for a place alone.
 
-    Parameters
-    ----------
-    tracks : sequence of (n, 2) arrays
-        Successive positions of each sensor, metres.
-    returns : (m, 2) array
-        Where readings ended in something, metres. Positions are joined where none of these lies within the radius of
-        the line between them.
-    window : Window
-        Positions outside, or on its border, are left out.
-    radius : float
-        Of the disc that was free, metres.
+    `tracks` (n, 2), `returns` (m, 2).
     """
     lines = [line for track in tracks for line in _joined(track, returns, window, radius)]
     pieces = [np.hstack([line[:-1], line[1:]]) if len(line) > 1 else np.hstack([line, line]) for line in lines]

@@ -30,31 +30,7 @@ class PathEstimate(NamedTuple):
 
 
 def occupied_probability(draws: Draws, xy: ArrayLike, square: float = 0.0) -> NDArray[np.float64]:
-    """Return the share of draws in which each point, or the square round it, is occupied.
-
-    Parameters
-    ----------
-    draws : Draws
-        At least one draw.
-    xy : (n_points, 2) array
-        Points in metres.
-    square : float
-        Side of the axis-aligned closed square round each point in metres. 0 asks for the colour at the point itself;
-        a larger one for the share of draws in which the square is not completely white (Paskin & Thrun 2005, section
-        1.3.3). Beyond the window there is no coloring: a square across its border is judged by its part inside.
-
-    Returns
-    -------
-    (n_points,) float64
-        Probabilities; nan for a point outside the window.
-
-    Raises
-    ------
-    InputError
-        If there are no draws.
-    UsageError
-        If `square` is negative or not finite.
-    """
+    """Return the share of draws in which each point, or the square round it, is occupied; `xy` (n_points, 2)."""
     points = _points(xy)
     probability = np.full(len(points), np.nan)
     for chosen, black in _occupied_batches(draws, points, square):
@@ -65,27 +41,7 @@ def occupied_probability(draws: Draws, xy: ArrayLike, square: float = 0.0) -> ND
 def occupied_estimates(
     draws: Draws, chain: NDArray[np.int32], xy: ArrayLike, square: float, smallest_ess: float
 ) -> Estimates:
-    """Return the answers of :func:`occupied_probability`, and how far they are known.
-
-    Parameters
-    ----------
-    draws, xy, square
-        As :func:`occupied_probability`.
-    chain : (n_draws,) int32 array
-        Chain that recorded each draw.
-    smallest_ess : float
-        Effective sample size of the run for draws that are all equal (:func:`prf.uncertainty.smallest_ess`).
-
-    Returns
-    -------
-    Estimates
-        Of (n_points,) arrays; nan for a point outside the window.
-
-    Raises
-    ------
-    InputError, UsageError
-        As :func:`occupied_probability`.
-    """
+    """Return the answers of :func:`occupied_probability`, and how far they are known; `chain` (n_draws,)."""
     points = _points(xy)
     found = _unknown(len(points))
     for chosen, black in _occupied_batches(draws, points, square):
@@ -97,18 +53,7 @@ def occupied_estimates(
 def occupied_in_draws(draws: Draws, xy: ArrayLike, square: float = 0.0) -> NDArray[np.bool_]:
     """Return for each draw whether each point (square > 0: any part of the square round it) is black.
 
-    Parameters
-    ----------
-    draws : Draws
-        Colorings in one window.
-    xy : (n_points, 2) array
-        Points inside the window, in metres; what is said of a point outside has no meaning.
-    square : float
-        Side of the square in metres, 0 for the point itself.
-
-    Returns
-    -------
-    (n_draws, n_points) bool
+    `xy` (n_points, 2).
     """
     points = _points(xy)
     black = black_at_draws(draws, points)
@@ -123,29 +68,7 @@ def occupied_in_draws(draws: Draws, xy: ArrayLike, square: float = 0.0) -> NDArr
 
 
 def path_free(draws: Draws, path_xy: ArrayLike, radius: float) -> PathEstimate:
-    """Return the share of draws in which a disc can follow the whole path.
-
-    Parameters
-    ----------
-    draws : Draws
-        At least one draw.
-    path_xy : (n_points, 2) array
-        Corners of the path in metres, in order; one point asks whether the disc can stand there.
-    radius : float
-        Radius of the disc in metres, >= 0.
-
-    Returns
-    -------
-    PathEstimate
-        `p_free` is nan if a part of the path lies outside the window.
-
-    Raises
-    ------
-    InputError
-        If there are no draws, or the path has no point.
-    UsageError
-        If `radius` is negative or not finite.
-    """
+    """Return the share of draws in which a disc can follow the whole path; `path_xy` (n_points, 2)."""
     path = _path_inside(draws, path_xy, radius)
     free = np.nan if path is None else path_free_in_draws(draws, path, radius).mean()
     return PathEstimate(float(free), len(draws))
@@ -154,27 +77,7 @@ def path_free(draws: Draws, path_xy: ArrayLike, radius: float) -> PathEstimate:
 def path_estimates(
     draws: Draws, chain: NDArray[np.int32], paths: Sequence[ArrayLike], radius: float, smallest_ess: float
 ) -> Estimates:
-    """Return the answers of :func:`path_free`, and how far they are known.
-
-    Parameters
-    ----------
-    draws, radius
-        As :func:`path_free`.
-    chain, smallest_ess
-        As :func:`occupied_estimates`.
-    paths : sequence of (n_points, 2) arrays
-        Corners of each path in metres.
-
-    Returns
-    -------
-    Estimates
-        Of (n_paths,) arrays; nan for a path of which a part lies outside the window.
-
-    Raises
-    ------
-    InputError, UsageError
-        As :func:`path_free`.
-    """
+    """Return the answers of :func:`path_free`, and how far they are known; `paths` (n_points, 2)."""
     found = _unknown(len(paths))
     for i, path_xy in enumerate(paths):
         path = _path_inside(draws, path_xy, radius)
@@ -191,18 +94,7 @@ def path_free_in_draws(draws: Draws, path_xy: ArrayLike, radius: float) -> NDArr
     Without an edge in reach the disc keeps the colour of its start, so these two conditions are enough. The window
     is convex: a path with its corners inside lies inside. What the disc covers beyond the border is taken as free.
 
-    Parameters
-    ----------
-    draws : Draws
-        Colorings in one window.
-    path_xy : (n_points, 2) array
-        Corners of the path in metres, all inside the window, at least one.
-    radius : float
-        Radius of the disc in metres.
-
-    Returns
-    -------
-    (n_draws,) bool
+    `path_xy` (n_points, 2).
     """
     path = _points(path_xy)
     pieces = np.vstack((path, path)) if len(path) == 1 else path

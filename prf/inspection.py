@@ -21,30 +21,15 @@ Kind = Literal["run", "grid", "map", "draws"]
 
 
 class Inspection(NamedTuple):
-    """What was found.
-
-    Attributes
-    ----------
-    kind : str
-    manifest : dict
-        How it was made, as far as it says so.
-    files : list of FileState
-        One for everything but a run.
-    """
+    """What was found."""
 
     kind: Kind
-    manifest: dict[str, Any]
-    files: list[FileState]
+    manifest: dict[str, Any]  # how it was made, as far as it says so
+    files: list[FileState]  # one for everything but a run
 
 
 def inspect(path: str | os.PathLike[str]) -> Inspection:
-    """Return what the directory or file `path` is and holds; the kind is told by the content.
-
-    Raises
-    ------
-    InputError
-        If it is missing or none of them. A damaged file of a run is no error but a state of that file.
-    """
+    """Return what the directory or file `path` is and holds; the kind is told by the content."""
     place = Path(path)
     if place.is_dir():
         return Inspection("run", read_manifest(place), inspect_files(place))
@@ -59,13 +44,7 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
 
 
 def _read_json(file: Path) -> dict[str, Any] | None:
-    """Return the one JSON object that a file is, or None if it is several, one a line.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, or does not even begin with an object.
-    """
+    """Return the one JSON object that a file is, or None if it is several, one a line."""
     with open_input(file) as stream:
         data = stream.read()
     for text in (data, data.lstrip().partition(b"\n")[0]):

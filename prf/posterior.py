@@ -46,127 +46,64 @@ MOST_LISTED = 4e7
 
 @dataclasses.dataclass(frozen=True)
 class LaserData:
-    """Laser beams and the model of their readings.
+    """Laser beams and the model of their readings."""
 
-    Attributes
-    ----------
-    origin : (n, 2) array
-        Sensor positions, metres.
-    angle : (n,) array
-        Directions in the world frame, radians.
-    readings : (n,) array
-        Metres; inf: no return.
-    model : LaserModel
-    """
-
-    origin: Floats
-    angle: Floats
-    readings: Floats
+    origin: Floats  # (n, 2): sensor positions, metres
+    angle: Floats  # (n,): directions in the world frame, radians
+    readings: Floats  # (n,): metres; inf: no return
     model: LaserModel
 
 
 @dataclasses.dataclass(frozen=True)
 class SonarData:
-    """Sonar readings and their model.
+    """Sonar readings and their model."""
 
-    Attributes
-    ----------
-    origin : (n, 2) array
-        Sensor positions, metres.
-    angle : (n,) array
-        Directions in the world frame, radians.
-    cone : (n,) array
-        Full fields of view, radians.
-    readings : (n,) array
-        Metres; inf: no return.
-    model : SonarModel
-    """
-
-    origin: Floats
-    angle: Floats
-    cone: Floats
-    readings: Floats
+    origin: Floats  # (n, 2): sensor positions, metres
+    angle: Floats  # (n,): directions in the world frame, radians
+    cone: Floats  # (n,): full fields of view, radians
+    readings: Floats  # (n,): metres; inf: no return
     model: SonarModel
 
 
 @dataclasses.dataclass(frozen=True)
 class PointData:
-    """Values at points and their model.
+    """Values at points and their model."""
 
-    Attributes
-    ----------
-    xy : (n, 2) array
-        Places inside the window, off its border, metres.
-    values : (n,) array
-    model : PointModel
-    """
-
-    xy: Floats
-    values: Floats
+    xy: Floats  # (n, 2): places inside the window, off its border, metres
+    values: Floats  # (n,)
     model: PointModel
 
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """What a chain is built with, besides the map it starts from.
-
-    Attributes
-    ----------
-    window : Window
-    scale : float
-        Scale parameter p of the Arak process, 1/m.
-    laser : LaserData or None
-    resolution : float or None
-        Side of the squares of the occupancy image in metres; None keeps no image.
-    cell : float or None
-        Side of the cells of the indexes in metres; None chooses it.
-    local_share : float
-        Share of births whose further vertices lie near the first.
-    birth_reach, split_reach, move_reach, cut_reach : float or None
-        Tuning of the proposals (``prf.kernels.constants``), metres; None chooses it from the scale.
-    sonar : SonarData or None
-    points : PointData or None
-        Without laser, sonar and points the chain draws from the prior.
-    aimed_share : float
-        Share of births of triangles that are aimed at returns, where there are any.
-    aim_reach : float or None
-        As the other reaches.
-    levels : int or None
-        Stages in which the beams of a laser are asked; None chooses it by their number.
-    tiles : int
-        Tiles in which a chain is updated at once (docs/tiles.md); 0: it is updated in one place after the other.
-    join_reach, line_reach, stand_reach : float or None
-        As the other reaches.
-    seen : (ny, nx) bool array or None
-        Cells of the image that readings crossed or ended in (:mod:`prf.seen`); None: all.
-    way : (k, 4) array
-        Pieces of the way that was driven (:func:`prf.driven.way_of`), metres.
-    driven_radius : float
-        Of the disc that was free all along it, metres.
-    """
+    """What a chain is built with, besides the map it starts from."""
 
     window: Window
-    scale: float
+    scale: float  # scale parameter p of the Arak process, 1/m
     laser: LaserData | None = None
-    resolution: float | None = None
-    cell: float | None = None
-    local_share: float = 0.8
+    resolution: float | None = None  # side of the squares of the occupancy image in metres; None keeps no image
+    cell: float | None = None  # side of the cells of the indexes in metres; None chooses it
+    local_share: float = 0.8  # share of births whose further vertices lie near the first
+    # reaches of the proposals (``prf.kernels.constants``), metres; None chooses it from the scale
     birth_reach: float | None = None
     split_reach: float | None = None
     move_reach: float | None = None
     cut_reach: float | None = None
     sonar: SonarData | None = None
-    points: PointData | None = None
-    aimed_share: float = 0.8
+    points: PointData | None = None  # without laser, sonar and points the chain draws from the prior
+    aimed_share: float = 0.8  # share of births of triangles that are aimed at returns, where there are any
     aim_reach: float | None = None
-    levels: int | None = None
+    levels: int | None = None  # stages in which the beams of a laser are asked; None chooses it by their number
+    # tiles in which a chain is updated at once (docs/tiles.md); 0: it is updated in one place after the other
     tiles: int = 0
     join_reach: float | None = None
     line_reach: float | None = None
     stand_reach: float | None = None
+    # (ny, nx): cells of the image that readings crossed or ended in (:mod:`prf.seen`); None: all
     seen: NDArray[np.bool_] | None = None
+    # (k, 4): pieces of the way that was driven (:func:`prf.driven.way_of`), metres
     way: Floats = dataclasses.field(default_factory=lambda: np.zeros((0, 4)))
-    driven_radius: float = 0.0
+    driven_radius: float = 0.0  # of the disc that was free all along it, metres
 
     def tuning(self) -> Floats:
         """Return the tuning array of the kernels."""

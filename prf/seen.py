@@ -21,17 +21,7 @@ Bools = NDArray[np.bool_]
 def beam_ends(window: Window, origin: Floats, angle: Floats, ranges: Floats, max_range: float) -> tuple[Floats, Bools]:
     """Return where beams end inside the window and within reach (n, 2), and which of them (n,) by a return.
 
-    Parameters
-    ----------
-    window : Window
-    origin : (n, 2) array
-        Sensor positions inside the window, metres.
-    angle : (n,) array
-        Directions in the world frame, radians.
-    ranges : (n,) array
-        Metres; at or above `max_range`: no return.
-    max_range : float
-        Metres.
+    `origin` (n, 2), `angle` (n,), `ranges` (n,).
     """
     direction = unit_vectors(angle)
     reach = np.minimum(window_exit(window, origin, direction), max_range)
@@ -53,19 +43,7 @@ def seen_by_cones(
 ) -> Bools:
     """Return which cells (ny, nx) of a grid sonar cones covered up to their readings, or without return their reach.
 
-    Parameters
-    ----------
-    grid : Grid
-    window : Window
-        Where a cone leaves it, the reach of the sonar ends (:func:`prf.sensors.sonar.make_poses`).
-    origin : (n, 2) array
-        Metres.
-    angle, cone : (n,) arrays
-        Directions of the axes and full fields of view, radians.
-    ranges : (n,) array
-        Metres; at or above `max_range`: no return.
-    max_range : float
-        Metres.
+    `origin` (n, 2), `angle` (n,), `cone` (n,), `ranges` (n,).
     """
     seen: Bools = np.zeros((grid.ny, grid.nx), np.bool_)
     room = min(2 * math.ceil(max_range / grid.cell) + 3, max(grid.nx, grid.ny)) ** 2

@@ -62,20 +62,7 @@ def by_chain(values: NDArray[Any], chain: NDArray[np.int32]) -> NDArray[Any]:
 
 
 def estimates(black: NDArray[np.bool_], smallest_ess: float) -> Estimates:
-    """Return the probability of each quantity with bounds at 95 %.
-
-    Parameters
-    ----------
-    black : (n_chains, n_draws, n) bool array
-        Draws by chain, in their order.
-    smallest_ess : float
-        Effective sample size that draws which are all equal count for (:func:`smallest_ess`).
-
-    Returns
-    -------
-    Estimates
-        From 0 to 1 with ESS nan where a chain has fewer than 8 draws, so that nothing is known of the error.
-    """
+    """Return the probability of each quantity with bounds at 95 %; `black` (n_chains, n_draws, n)."""
     n_chains, n_draws, n = black.shape
     if n_draws < FEWEST_DRAWS:
         unknown = np.full(n, np.nan)
@@ -89,15 +76,7 @@ def estimates(black: NDArray[np.bool_], smallest_ess: float) -> Estimates:
 def effective_size(values: NDArray[Any]) -> Floats:
     """Return the effective sample size of the mean of each quantity, over split chains.
 
-    Parameters
-    ----------
-    values : (n_chains, n_draws, n) array
-        At least 8 draws a chain.
-
-    Returns
-    -------
-    (n,) float64
-        As ``arviz_stats`` has it by method "mean"; nan where all values are equal.
+    `values` (n_chains, n_draws, n).
     """
     halves = _pieces(np.asarray(values, np.float64), 2)
     n_halves, n_draws, _ = halves.shape
@@ -126,17 +105,7 @@ def split_rhat(values: NDArray[Any]) -> Floats:
 def smallest_ess(colours: NDArray[np.bool_], functionals: Floats) -> float:
     """Return the effective sample size that draws which are all equal count for: the smallest of a run.
 
-    Parameters
-    ----------
-    colours : (n_chains, n_draws, n_probes) bool array
-        Colours that the run follows. Of those that vary the smallest counts: it is colours that are asked for.
-    functionals : (n_chains, n_draws, n_functionals) array
-        They count where no colour varies.
-
-    Returns
-    -------
-    float
-        At least the number of chains, which is all that is known where nothing varies, or draws are few.
+    `colours` (n_chains, n_draws, n_probes), `functionals` (n_chains, n_draws, n_functionals).
     """
     n_chains, n_draws, _ = functionals.shape
     if n_draws < FEWEST_DRAWS:

@@ -45,23 +45,7 @@ def map_text(coloring: Coloring, properties: Mapping[str, Any]) -> str:
 
 
 def read_map_feature(path: str | os.PathLike[str]) -> tuple[Coloring, dict[str, Any]]:
-    """Return the coloring of a map that prf wrote, and its properties.
-
-    Parameters
-    ----------
-    path : path
-        map.geojson of a run, or any file of the same schema.
-
-    Returns
-    -------
-    coloring : Coloring
-    properties : dict
-
-    Raises
-    ------
-    InputError
-        If the file is missing, damaged, of an unknown version, or its polygons are no coloring.
-    """
+    """Return the coloring of a map that prf wrote, and its properties."""
     file = Path(path)
     content = load_object(file, names.SCHEMAS[names.MAP])
     try:

@@ -67,27 +67,13 @@ class PosteriorImage(NamedTuple):
 
 
 class Beams(NamedTuple):
-    """The beams that a run used, one row a beam.
+    """The beams that a run used, one row a beam."""
 
-    Attributes
-    ----------
-    origin : (n, 2) float64
-        Sensor position in metres.
-    angle : (n,) float64
-        Direction in the world frame, radians counter-clockwise from +x.
-    range : (n,) float64
-        Measured distance in metres; inf for no return.
-    scan : (n,) int64
-        Number of the scan in its log; beams of one scan have one origin.
-    max_range : float
-        Distance in metres from which on a reading counts as no return.
-    """
-
-    origin: NDArray[np.float64]
-    angle: NDArray[np.float64]
-    range: NDArray[np.float64]
-    scan: NDArray[np.int64]
-    max_range: float
+    origin: NDArray[np.float64]  # (n, 2): sensor position in metres
+    angle: NDArray[np.float64]  # (n,): direction in the world frame, radians counter-clockwise from +x
+    range: NDArray[np.float64]  # (n,): measured distance in metres; inf for no return
+    scan: NDArray[np.int64]  # (n,): number of the scan in its log; beams of one scan have one origin
+    max_range: float  # distance in metres from which on a reading counts as no return
 
     def select(self, mask: NDArray[np.bool_] | NDArray[np.int64]) -> Beams:
         """Return the beams that a boolean mask (n,) or an array of indices picks."""
@@ -111,30 +97,14 @@ class Beams(NamedTuple):
 
 
 class Cones(NamedTuple):
-    """The sonar readings that a run used, one row a reading.
+    """The sonar readings that a run used, one row a reading."""
 
-    Attributes
-    ----------
-    origin : (n, 2) float64
-        Position of the transducer in metres.
-    angle : (n,) float64
-        Direction of its axis in the world frame, radians counter-clockwise from +x.
-    cone : (n,) float64
-        Full field of view, radians.
-    range : (n,) float64
-        Measured distance in metres; inf for no return.
-    scan : (n,) int64
-        Number of the scan in its log.
-    max_range : float
-        Distance in metres from which on a reading counts as no return.
-    """
-
-    origin: NDArray[np.float64]
-    angle: NDArray[np.float64]
-    cone: NDArray[np.float64]
-    range: NDArray[np.float64]
-    scan: NDArray[np.int64]
-    max_range: float
+    origin: NDArray[np.float64]  # (n, 2): position of the transducer in metres
+    angle: NDArray[np.float64]  # (n,): direction of its axis in the world frame, radians counter-clockwise from +x
+    cone: NDArray[np.float64]  # (n,): full field of view, radians
+    range: NDArray[np.float64]  # (n,): measured distance in metres; inf for no return
+    scan: NDArray[np.int64]  # (n,): number of the scan in its log
+    max_range: float  # distance in metres from which on a reading counts as no return
 
     def select(self, mask: NDArray[np.bool_]) -> Cones:
         """Return the readings that `mask` (n,) picks."""
@@ -161,18 +131,10 @@ class Cones(NamedTuple):
 
 
 class Points(NamedTuple):
-    """The point observations that a run used, one row an observation.
+    """The point observations that a run used, one row an observation."""
 
-    Attributes
-    ----------
-    xy : (n, 2) float64
-        Places in metres.
-    value : (n,) float64
-        What was observed there.
-    """
-
-    xy: NDArray[np.float64]
-    value: NDArray[np.float64]
+    xy: NDArray[np.float64]  # (n, 2): places in metres
+    value: NDArray[np.float64]  # (n,): what was observed there
 
 
 @dataclass(frozen=True, eq=False)

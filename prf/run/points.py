@@ -20,20 +20,6 @@ def read_points(path: str | os.PathLike[str]) -> NDArray[np.float64]:
 
     The header names the columns x and y, in any order and among others. Without a header the first two columns are
     taken. Blank lines and lines that start with # are skipped.
-
-    Parameters
-    ----------
-    path : path
-        ``-`` is standard input.
-
-    Returns
-    -------
-    (n, 2) float64
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, has no rows, or a row has no finite x and y; with ``path:line``.
     """
     with open_input(path) as stream:
         text = _decode(path, stream.read())

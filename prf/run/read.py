@@ -27,24 +27,7 @@ LARGEST = 1e300
 
 
 def read_run(path: str | os.PathLike[str], parts: Collection[str] = PARTS) -> Run:
-    """Return the run in the directory `path`.
-
-    Parameters
-    ----------
-    path : path
-        A RUN directory.
-    parts : collection of str
-        File names of the parts to read besides manifest.json and draws.npz; a part that does not exist is None.
-
-    Returns
-    -------
-    Run
-
-    Raises
-    ------
-    InputError
-        If `path` is no RUN directory, or a file that is read is damaged or of an unknown version.
-    """
+    """Return the run in the directory `path`."""
     folder = Path(path)
     manifest = read_manifest(folder)
     present = {name for name in parts if (folder / name).exists()}

@@ -41,13 +41,7 @@ class FileState(NamedTuple):
 
 
 def inspect_files(path: str | os.PathLike[str]) -> list[FileState]:
-    """Return the state of every file that a RUN directory may hold, in the order of the documentation.
-
-    Raises
-    ------
-    InputError
-        If `path` is no RUN directory.
-    """
+    """Return the state of every file that a RUN directory may hold, in the order of the documentation."""
     folder = Path(path)
     if not (folder / names.MANIFEST).is_file():
         read_manifest(folder)  # says what is wrong with the folder itself
@@ -129,13 +123,7 @@ def _summarise_picture(file: Path) -> str:
 
 
 def png_size(file: Path) -> tuple[int, int]:
-    """Return width and height of a PNG file whose chunks are whole, by their check sums.
-
-    Raises
-    ------
-    InputError
-        If it is damaged, or no PNG.
-    """
+    """Return width and height of a PNG file whose chunks are whole, by their check sums."""
     with open_input(file) as stream:
         data = stream.read()
     if not data.startswith(PNG_MAGIC):

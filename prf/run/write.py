@@ -25,18 +25,6 @@ def write_run(path: str | os.PathLike[str], run: Run) -> None:
     Each file is replaced whole; the manifest comes last, so that a directory without one is no run yet. Files of
     other names (a checkpoint, pictures) are left alone. Whether an existing run may be replaced is the caller's to
     ask.
-
-    Parameters
-    ----------
-    path : path
-        The RUN directory.
-    run : Run
-        ``run.path`` is not used.
-
-    Raises
-    ------
-    OutputError
-        If the directory or a file cannot be written.
     """
     folder = Path(path)
     try:

@@ -34,12 +34,6 @@ def worst_rhat(diagnoses: Iterable[Diagnosis]) -> float:
 
 
 def stay_apart(before: Iterable[Diagnosis], now: Iterable[Diagnosis]) -> bool:
-    """Return whether chains disagree and do not come nearer.
-
-    Parameters
-    ----------
-    before, now : iterable of Diagnosis
-        Of all that is watched, after half of the steps and after all.
-    """
+    """Return whether chains disagree and do not come nearer."""
     was, found = worst_rhat(before), worst_rhat(now)
     return found > MAX_RHAT and (math.isinf(found) or found - 1.0 > STALLED * (was - 1.0))

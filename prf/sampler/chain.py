@@ -43,25 +43,7 @@ def block_length(n_readings: int) -> int:
 
 
 class ChainSampler:
-    """A chain, its generator and what it has recorded.
-
-    Parameters
-    ----------
-    settings : Settings
-        With a resolution: the image is what probe colours are read from.
-    rng : numpy.random.Generator
-        Of this chain alone.
-    probes : (n_probes,) int array
-        Pixels whose colour is followed.
-    start : Coloring, optional
-        Map to start from, in which every sensor stands in white; a map of one colour if absent (as in the paper).
-    starts_from : {"empty", "grid", "prior"}
-        What :meth:`find_start` does (:mod:`prf.sampler.starts`).
-    like : Chain, optional
-        Of the same settings, at the map to start from: what never changes is then held once for both.
-    refreshes : bool
-        Whether ground that no reading concerns is kept at the prior (:mod:`prf.sampler.prior_ground`).
-    """
+    """A chain, its generator and what it has recorded; `probes` (n_probes,)."""
 
     def __init__(
         self,

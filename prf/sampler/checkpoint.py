@@ -25,13 +25,7 @@ def save_checkpoint(folder: Path, sampler: Sampler, identity: str) -> None:
 
 
 def load_checkpoint(folder: Path, sampler: Sampler, identity: str) -> None:
-    """Put the chains of a fresh sampler into the state that was saved for the run `identity`.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, damaged, of an unknown version or of another run.
-    """
+    """Put the chains of a fresh sampler into the state that was saved for the run `identity`."""
     path = folder / names.CHECKPOINT
     arrays = load_arrays(path, SCHEMA)
     if str(arrays.pop("run", "")) != identity:

@@ -36,13 +36,7 @@ TOLERANCES = (1.0, 0.5, 0.1)
 
 
 def contour_map(settings: Settings, rng: np.random.Generator) -> Coloring:
-    """Return the contour of an occupancy grid of a random half of the laser readings.
-
-    Raises
-    ------
-    ConfigError
-        If there are no laser readings.
-    """
+    """Return the contour of an occupancy grid of a random half of the laser readings."""
     if settings.laser is None:
         raise ConfigError("--start grid: needs the readings of a laser. Choose another start.")
     window = settings.window

@@ -37,22 +37,7 @@ MOST_IDLE = 8
 
 
 class Remote:
-    """The workers of a scheduler, as one run uses them.
-
-    Parameters
-    ----------
-    address : str
-        Of the scheduler, such as ``tcp://10.0.0.1:8786``.
-    settings : Settings
-        Of the run.
-
-    Raises
-    ------
-    ConfigError
-        If the extra ``distributed`` is not installed, or the workers have another version of this package.
-    InputError
-        If no scheduler answers at the address.
-    """
+    """The workers of a scheduler, as one run uses them."""
 
     def __init__(self, address: str, settings: Settings) -> None:
         self.address = address

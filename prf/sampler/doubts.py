@@ -28,19 +28,7 @@ MEMORY = 0.5
 
 
 class Doubts:
-    """How often the returns of one chain were left unexplained.
-
-    Parameters
-    ----------
-    chain : Chain
-
-    Attributes
-    ----------
-    count : (n_beams,) array
-        Looks at which a beam's return was unexplained.
-    looks : float
-        All looks.
-    """
+    """How often the returns of one chain were left unexplained; `count` (n_beams,)."""
 
     def __init__(self, chain: Chain) -> None:
         self.count = np.zeros(len(chain.beams.ray))
@@ -58,15 +46,7 @@ class Doubts:
 
 
 def aim(chains: Sequence[Chain], doubts: Sequence[Doubts]) -> None:
-    """Set the probabilities of the targets of all chains by what was counted in all of them.
-
-    Parameters
-    ----------
-    chains : sequence of Chain
-        Of the same readings.
-    doubts : sequence of Doubts
-        Of each; what they counted counts less from now on.
-    """
+    """Set the probabilities of the targets of all chains by what was counted in all of them."""
     looks = sum(each.looks for each in doubts)
     targets, beams = chains[0].targets, chains[0].beams
     n = len(targets.cell)

@@ -33,30 +33,14 @@ class StopRule:
 
 
 class Progress(NamedTuple):
-    """State of a run after a round.
+    """State of a run after a round."""
 
-    Attributes
-    ----------
-    step : int
-        Steps that each chain has made.
-    seconds : float
-        Since the start of sampling, in this process.
-    steps_per_second : float
-        Over all chains.
-    share : float
-        Of the goal that is reached, in [0, 1]; of the time limit when agreement is the goal.
-    diagnoses : dict of str to Diagnosis or None
-        The latest check of agreement.
-    status : str
-        "running" until the last round.
-    """
-
-    step: int
-    seconds: float
-    steps_per_second: float
-    share: float
-    diagnoses: dict[str, Diagnosis] | None
-    status: Status
+    step: int  # steps that each chain has made
+    seconds: float  # since the start of sampling, in this process
+    steps_per_second: float  # over all chains
+    share: float  # of the goal that is reached, in [0, 1]; of the time limit when agreement is the goal
+    diagnoses: dict[str, Diagnosis] | None  # the latest check of agreement
+    status: Status  # "running" until the last round
 
 
 def drive(

@@ -58,16 +58,7 @@ def has_shares(settings: Settings) -> bool:
 
 
 def find_first_map(settings: Settings, rng: np.random.Generator, stop_requested: Callable[[], bool]) -> Coloring:
-    """Return where a chain starts: the empty map, or what chains on growing shares of the readings come to.
-
-    Parameters
-    ----------
-    settings : Settings
-    rng : numpy.random.Generator
-        Of the chain that will start there.
-    stop_requested : callable
-        Ends the search at the next look; the map found so far is returned.
-    """
+    """Return where a chain starts: the empty map, or what chains on growing shares of the readings come to."""
     coloring = one_colour_map(settings)
     for share in shares(settings):
         if stop_requested():

@@ -29,17 +29,7 @@ LEFT_OUT = (*BORDER_MOVES, c.CUT_WALL, c.MEND_WALL)
 
 
 class Focus:
-    """How one chain steps in regions.
-
-    Parameters
-    ----------
-    chain : Chain
-
-    Attributes
-    ----------
-    half : float
-        Half of the side of a region, metres.
-    """
+    """How one chain steps in regions."""
 
     def __init__(self, chain: Chain) -> None:
         self.half = (NEAR + MARGIN) * chain.targets.grid.cell

@@ -21,32 +21,14 @@ NICE = (1, 2, 3, 4, 5, 6, 8, 10, 15, 20, 30, 45)
 
 
 class Outlook(NamedTuple):
-    """Whether more time will bring agreement.
+    """Whether more time will bring agreement."""
 
-    Attributes
-    ----------
-    trend : str
-        "agree", or the chains come nearer ("nearing") or do not ("flat"), or it cannot be said ("unknown").
-    seconds : float or None
-        More of them that it needs, if they come nearer.
-    """
-
-    trend: Trend
-    seconds: float | None
+    trend: Trend  # "agree", or the chains come nearer ("nearing") or do not ("flat"), or it cannot be said ("unknown")
+    seconds: float | None  # more of them that it needs, if they come nearer
 
 
 def outlook(half: Mapping[str, Diagnosis], now: Mapping[str, Diagnosis], seconds: float, climbs: bool) -> Outlook:
-    """Return whether more time will bring agreement.
-
-    Parameters
-    ----------
-    half, now : mapping of str to Diagnosis
-        After half of the steps and after all.
-    seconds : float
-        That all took.
-    climbs : bool
-        Whether the log posterior of all chains still rises: what they come to cannot be known yet.
-    """
+    """Return whether more time will bring agreement."""
     failing = {name: found for name, found in now.items() if not found.agrees()}
     if not failing:
         return Outlook("agree", None)

@@ -29,25 +29,11 @@ FILES = (names.MANIFEST, names.CHECKPOINT, names.PICTURE, *names.SCHEMAS)
 
 @dataclasses.dataclass(frozen=True)
 class Output:
-    """Where and with what a run is written.
+    """Where and with what a run is written."""
 
-    Attributes
-    ----------
-    folder : Path or None
-        None: nothing is written, runs stay in memory.
-    process : dict
-        Versions, platform, command, inputs (:func:`prf.shell.manifest.describe_process`).
-    config : SampleConfig
-        Resolved.
-    seed : int
-    beams : Beams or None
-    cones : Cones or None
-    points : Points or None
-    """
-
-    folder: Path | None
-    process: dict[str, Any]
-    config: SampleConfig
+    folder: Path | None  # None: nothing is written, runs stay in memory
+    process: dict[str, Any]  # versions, platform, command, inputs (:func:`prf.shell.manifest.describe_process`)
+    config: SampleConfig  # resolved
     seed: int
     beams: Beams | None
     cones: Cones | None = None
@@ -146,13 +132,7 @@ class Output:
 
 
 def make_way(folder: Path) -> None:
-    """Take away what an older run left in a directory, so that no file of it can pass for one of the new run.
-
-    Raises
-    ------
-    OutputError
-        If a plain file is in the way, or what stands there cannot be removed.
-    """
+    """Take away what an older run left in a directory, so that no file of it can pass for one of the new run."""
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: a file is in the way. Choose another directory.")
     _remove_leftovers(folder)

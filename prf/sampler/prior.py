@@ -25,29 +25,7 @@ def chosen_thin(scale: float, window: Window) -> int:
 
 
 def mcmc_draws(scale: float, window: Window, n_draws: int, thin: int | None = None, seed: int = 0) -> tuple[Draws, int]:
-    """Draw maps from the Arak prior by one Markov chain from the all white map.
-
-    Parameters
-    ----------
-    scale : float
-        p, 1/m.
-    window : Window
-    n_draws : int
-    thin : int, optional
-        Steps between draws; chosen if absent.
-    seed : int
-
-    Returns
-    -------
-    draws : Draws
-    thin : int
-        The steps between draws.
-
-    Raises
-    ------
-    ConfigError
-        As :func:`prf.arak.exact_draws`.
-    """
+    """Draw maps from the Arak prior by one Markov chain from the all white map."""
     refuse_endless(scale, window, n_draws)
     settings = Settings(window, checked_scale(scale))
     chain = make_chain(settings, Coloring.empty(window))

@@ -53,21 +53,7 @@ CELL_ROOM = 64
 
 
 class PriorGround:
-    """The ground that no reading concerns, and how a chain steps there.
-
-    Parameters
-    ----------
-    settings : Settings
-    chain : Chain
-        Of these settings, at any map.
-
-    Attributes
-    ----------
-    n_edges : float
-        Edges that the prior has in so much ground, in the mean.
-    rate : float
-        Proposals there for each step of the chain.
-    """
+    """The ground that no reading concerns, and how a chain steps there."""
 
     def __init__(self, settings: Settings, chain: Chain) -> None:
         grid = chain.edge_index.grid

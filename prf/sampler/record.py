@@ -27,20 +27,12 @@ EDGES_ANYWHERE = ("n_edges", "total_length", "log_prior")
 
 @dataclasses.dataclass(frozen=True)
 class Draw:
-    """One recorded state of a chain.
-
-    Attributes
-    ----------
-    step : int
-    coloring : Coloring
-    functionals : (len(FUNCTIONALS),) array
-    probe_black : (n_probes,) bool array
-    """
+    """One recorded state of a chain."""
 
     step: int
     coloring: Coloring
     functionals: NDArray[np.float64]
-    probe_black: NDArray[np.bool_]
+    probe_black: NDArray[np.bool_]  # (n_probes,)
 
 
 def functionals(chain: Chain) -> NDArray[np.float64]:
@@ -53,13 +45,7 @@ def functionals(chain: Chain) -> NDArray[np.float64]:
 
 
 class Record:
-    """Draws of one chain, with the best map that it met at a draw.
-
-    Parameters
-    ----------
-    probes : (n_probes,) int array
-        Pixels of the image whose colour is followed.
-    """
+    """Draws of one chain, with the best map that it met at a draw; `probes` (n_probes,)."""
 
     def __init__(self, probes: NDArray[np.int64]) -> None:
         self.probes = probes

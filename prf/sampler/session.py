@@ -44,14 +44,7 @@ logger = logging.getLogger(__name__)
 
 
 class Checkpoints:
-    """Checkpoints on the way, and how long it takes to write a RUN, as they show it.
-
-    Parameters
-    ----------
-    output : Output
-    seconds_before : float
-        As :class:`Session` has it.
-    """
+    """Checkpoints on the way, and how long it takes to write a RUN, as they show it."""
 
     def __init__(self, output: Output, seconds_before: float) -> None:
         self.output, self.seconds_before = output, seconds_before
@@ -73,22 +66,12 @@ class Checkpoints:
 
 @dataclasses.dataclass(frozen=True)
 class Session:
-    """A sampler and where it writes.
-
-    Attributes
-    ----------
-    sampler : Sampler
-    output : Output
-    seconds_before : float
-        Sampling in earlier processes of a resumed run.
-    is_resumed : bool
-        Whether the directory holds the run already.
-    """
+    """A sampler and where it writes."""
 
     sampler: Sampler
     output: Output
-    seconds_before: float = 0.0
-    is_resumed: bool = False
+    seconds_before: float = 0.0  # sampling in earlier processes of a resumed run
+    is_resumed: bool = False  # whether the directory holds the run already
 
     def carry_out(
         self, rule: StopRule, on_progress: Callable[[Progress], None], stop_requested: Callable[[], bool]
@@ -192,13 +175,7 @@ def start(
 def make_sampler(
     config: SampleConfig, settings: Settings, seed: int, threads: int, scheduler: str | None = None
 ) -> Sampler:
-    """Return fresh chains of a resolved configuration, which step in threads, or on the workers of a scheduler.
-
-    Raises
-    ------
-    ConfigError, InputError
-        As :class:`prf.sampler.distributed.Remote`; and if chains with hot rungs should step on workers.
-    """
+    """Return fresh chains of a resolved configuration, which step in threads, or on the workers of a scheduler."""
     if scheduler is not None and config.is_tempered:
         raise ConfigError("--scheduler: hot rungs step in threads alone. Leave out --rungs or --scheduler.")
     generators = spawn_generators(seed, config.chains)
@@ -209,29 +186,7 @@ def make_sampler(
 def resume(
     folder: Path, logs: dict[str, str], asked: Asked, seed: int | None, threads: int, scheduler: str | None = None
 ) -> Session:
-    """Return a session that goes on from the checkpoint in `folder`.
-
-    Parameters
-    ----------
-    folder : Path
-        RUN directory.
-    logs : dict of str to str
-        Option to log, of those that the user names again: they must be the same files.
-    asked : Asked
-        Fields of :class:`SampleConfig` that the user gives again, by options or a settings file: they must be the same.
-    seed : int or None
-        Likewise.
-    threads : int
-    scheduler : str, optional
-        As :func:`start`.
-
-    Raises
-    ------
-    ConfigError
-        If the configuration differs.
-    InputError
-        If the log differs, or the run cannot be read.
-    """
+    """Return a session that goes on from the checkpoint in `folder`."""
     run = read_run(folder, parts=(names.READINGS, names.POSTERIOR))
     if run.sensors is None and run.points is None:
         raise InputError(f"{folder}: readings.npz is missing. Sample anew with --force.")

@@ -35,41 +35,17 @@ MOVE_NAMES = tuple(name for name, _ in c.MOVES)
 
 
 class Sample(NamedTuple):
-    """Draws of all chains after burn-in, chain by chain.
-
-    Attributes
-    ----------
-    draws : Draws
-    chain : (n,) int32 array
-    step : (n,) int64 array
-    functionals : dict of str to (n,) array
-    probe_black : (n, n_probes) bool array
-    """
+    """Draws of all chains after burn-in, chain by chain."""
 
     draws: Draws
-    chain: NDArray[np.int32]
-    step: NDArray[np.int64]
-    functionals: dict[str, NDArray[np.float64]]
-    probe_black: NDArray[np.bool_]
+    chain: NDArray[np.int32]  # (n,)
+    step: NDArray[np.int64]  # (n,)
+    functionals: dict[str, NDArray[np.float64]]  # (n,)
+    probe_black: NDArray[np.bool_]  # (n, n_probes)
 
 
 class Sampler:
-    """Chains of one posterior that advance in step.
-
-    Parameters
-    ----------
-    settings : Settings
-    generators : list of numpy.random.Generator
-        One a chain, independent.
-    threads : int
-        Threads at most; they change no result.
-    remote : Remote, optional
-        Workers of a scheduler, which step in place of threads; they change no result either.
-    plan : LadderPlan, optional
-        Parallel tempering of every chain (:mod:`prf.sampler.tempering`), from the start or once chains stay apart.
-    starts_from : {"empty", "grid", "prior"}
-        Where chains start (:mod:`prf.sampler.starts`).
-    """
+    """Chains of one posterior that advance in step."""
 
     def __init__(
         self,

@@ -43,24 +43,7 @@ def needs_search(start: Start, settings: Settings) -> bool:
 def find_start_map(
     start: Start, settings: Settings, rng: np.random.Generator, stop_requested: Callable[[], bool]
 ) -> Coloring:
-    """Return a map to start from, every sensor in white.
-
-    Parameters
-    ----------
-    start : {"empty", "grid", "prior"}
-        The empty map, or what chains on shares of many readings make of it (:mod:`prf.sampler.first_map`); the contour
-        of an occupancy grid of half of the laser readings; or where a chain from an exact draw of the prior comes to.
-    settings : Settings
-    rng : numpy.random.Generator
-        Of the chain that will start there.
-    stop_requested : callable
-        Cuts the search short.
-
-    Raises
-    ------
-    ConfigError
-        If a contour is asked for without laser readings.
-    """
+    """Return a map to start from, every sensor in white."""
     if start == "grid":
         return contour_map(settings, rng)
     if start == "prior":

@@ -13,21 +13,7 @@ _GRAPH = "graph."
 
 
 def check_stored(own: Arrays, found: Arrays) -> None:
-    """Refuse arrays that are not of the kinds of a chain's own, or whose graph points out of itself.
-
-    Parameters
-    ----------
-    own : dict of str to array
-        State of the chain that is to be put into `found`, from :func:`prf.sampler.chain_state.chain_arrays`.
-    found : dict of str to array
-
-    Raises
-    ------
-    KeyError
-        If an array is missing.
-    ValueError
-        If one is of another kind.
-    """
+    """Refuse arrays that are not of the kinds of a chain's own, or whose graph points out of itself."""
     for name, mine in own.items():
         theirs = found[name]
         is_alike = theirs.dtype == mine.dtype or theirs.dtype.kind == mine.dtype.kind == "U"

@@ -40,28 +40,7 @@ ADAPTATIONS = tuple(20_000 * 2**k for k in range(6))
 
 
 class Tempering:
-    """The hot rungs of one chain.
-
-    Parameters
-    ----------
-    settings : Settings
-        Of the chain.
-    cold : Chain
-        As it stands now: the hot rungs start from its map.
-    rng : numpy.random.Generator
-        Of the chain; that of the swaps and those of the rungs are spawned from it.
-    plan : LadderPlan
-
-    Attributes
-    ----------
-    ladder : Ladder
-    hot : list of Chain
-        The rungs 1, 2, ...
-    first_step : int
-        Step at which the rungs were put there.
-    spacing : int
-        Steps between two tries to swap.
-    """
+    """The hot rungs of one chain."""
 
     def __init__(self, settings: Settings, cold: Chain, rng: np.random.Generator, plan: LadderPlan) -> None:
         self.settings = settings

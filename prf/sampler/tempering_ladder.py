@@ -37,33 +37,18 @@ LEAST_REFUSAL = 0.01
 
 @dataclasses.dataclass(frozen=True)
 class LadderPlan:
-    """What is asked of a ladder.
+    """What is asked of a ladder."""
 
-    Attributes
-    ----------
-    rungs : int
-        Chains of maps, the cold one among them; 1: no ladder.
-    hottest : float or None
-        The lowest power of the likelihood. 0: the prior, from which that rung has exact draws. None: as low as half of
-        all swaps are accepted, found in burn-in.
-    cost : float or None
-        Nats of log likelihood that an occupied sensor costs below power 1; None chooses it from the readings.
-    waits : bool
-        Whether the rungs come only when chains stay apart (:mod:`prf.sampler.apart`).
-    """
-
-    rungs: int
+    rungs: int  # chains of maps, the cold one among them; 1: no ladder
+    # the lowest power of the likelihood. 0: the prior, from which that rung has exact draws. None: as low as half of
+    # all swaps are accepted, found in burn-in
     hottest: float | None = None
+    # nats of log likelihood that an occupied sensor costs below power 1; None chooses it from the readings
     cost: float | None = None
-    waits: bool = False
+    waits: bool = False  # whether the rungs come only when chains stay apart (:mod:`prf.sampler.apart`)
 
     def __post_init__(self) -> None:
-        """Refuse what is no ladder.
-
-        Raises
-        ------
-        ConfigError
-        """
+        """Refuse what is no ladder."""
         if self.rungs < 1:
             raise ConfigError(f"--rungs {self.rungs}: must be at least 1")
         if self.hottest is not None and not 0.0 <= self.hottest < 1.0:
@@ -83,42 +68,19 @@ class LadderPlan:
 
 
 class SwapReport(NamedTuple):
-    """What a ladder has come to.
+    """What a ladder has come to."""
 
-    Attributes
-    ----------
-    powers : list of float
-        Of the rungs, from 1 down.
-    swap_rates : list of float or None
-        Mean probability of a swap of each pair of neighbours since the powers were last moved; None where untried.
-    round_trips : int
-        Maps that came back to the cold rung from the hottest one, over the whole run.
-    first_step : int
-        Step at which the rungs were put below their chain.
-    """
-
-    powers: list[float]
+    powers: list[float]  # of the rungs, from 1 down
+    # mean probability of a swap of each pair of neighbours since the powers were last moved; None where untried
     swap_rates: list[float | None]
-    round_trips: int
-    first_step: int
+    round_trips: int  # maps that came back to the cold rung from the hottest one, over the whole run
+    first_step: int  # step at which the rungs were put below their chain
 
 
 class Ladder:
     """Powers, swap rates, and which way each map was carried.
 
-    Attributes
-    ----------
-    powers : (rungs,) array
-        Descending from 1.
-    tried : (rungs - 1,) int array
-        Swaps tried of each pair since the powers were last moved.
-    rate_sum : (rungs - 1,) array
-        Sum of their probabilities.
-    came_from_hottest : (rungs,) bool array
-        Whether the map on each rung was on the hottest one after it was last on the cold one.
-    round_trips : int
-    finds_reach : bool
-        Whether the lowest power moves too.
+    `powers` (rungs,), `tried` (rungs - 1,), `rate_sum` (rungs - 1,), `came_from_hottest` (rungs,).
     """
 
     def __init__(self, powers: Floats, finds_reach: bool = False) -> None:
@@ -185,12 +147,7 @@ def even_powers(powers: Floats, refusals: Floats) -> Floats:
     The communication barrier between two powers is the sum of the refusals between them (Syed et al., section 5). It is
     taken to grow evenly with the logarithm of the power, and towards 0 with the power itself.
 
-    Parameters
-    ----------
-    powers : (n,) array
-        Descending.
-    refusals : (n - 1,) array
-        Shares in [0, 1].
+    `powers` (n,), `refusals` (n - 1,).
     """
     barrier = np.concatenate([[0.0], np.cumsum(np.maximum(refusals, LEAST_REFUSAL))])
     wanted = np.linspace(0.0, barrier[-1], len(powers))

@@ -25,45 +25,21 @@ HAIR = 1e-6
 
 @dataclasses.dataclass(frozen=True)
 class TileData:
-    """Readings laid out for tiles.
-
-    Attributes
-    ----------
-    settings : Settings
-    laser, sonar
-        Models; of no consequence without readings.
-    ray : (n, N_RAY) array
-        Beams as :func:`prf.sensors.laser.make_rays` lays them out.
-    influence : (n,) array
-        Distance beyond which no obstacle changes the likelihood of the beam, metres.
-    end : (n, 2) array
-        Point whose tile answers for the beam: where the return lies, or half way without one.
-    pose : (m, N_POSE) array
-        Sonar readings.
-    triangle : (m, 6) array
-        Corners of a triangle that holds the cone of each.
-    returns : (k, 2) array
-        Where readings say that something stands.
-    targets : Targets
-        The squares that hold these.
-    sensors : (s, 2) array
-        Places that must be white, metres: those of sensors, and the ends of pieces of the way driven.
-    ways : (w, N_SHAPE) array
-        Guards of the way that was driven.
-    """
+    """Readings laid out for tiles."""
 
     settings: Settings
-    laser: LaserModel
-    sonar: SonarModel
-    ray: Floats
-    influence: Floats
-    end: Floats
-    pose: Floats
-    triangle: Floats
-    returns: Floats
-    targets: Targets
+    laser: LaserModel  # models; of no consequence without readings
+    sonar: SonarModel  # models; of no consequence without readings
+    ray: Floats  # (n, N_RAY): beams as :func:`prf.sensors.laser.make_rays` lays them out
+    influence: Floats  # (n,): distance beyond which no obstacle changes the likelihood of the beam, metres
+    end: Floats  # (n, 2): point whose tile answers for the beam: where the return lies, or half way without one
+    pose: Floats  # (m, N_POSE): sonar readings
+    triangle: Floats  # (m, 6): corners of a triangle that holds the cone of each
+    returns: Floats  # (k, 2): where readings say that something stands
+    targets: Targets  # the squares that hold these
+    # (s, 2): places that must be white, metres: those of sensors, and the ends of pieces of the way driven
     sensors: Floats
-    ways: Floats
+    ways: Floats  # (w, N_SHAPE): guards of the way that was driven
 
 
 def make_tile_data(settings: Settings) -> TileData:

@@ -43,53 +43,25 @@ Ints = NDArray[np.int64]
 
 
 class Part(NamedTuple):
-    """The chain of one tile at its start.
-
-    Attributes
-    ----------
-    chain : Chain
-    beams : (n,) int64 array
-        The beams that it holds.
-    drawn : (k,) int64 array
-        Edges of the round's map that it can draw.
-    vertices : (m,) int64 array
-        Vertex of the round's map in each of its first slots.
-    pinned : (p,) int64 array
-        Slots of vertices that keep an edge whatever happens.
-    pixels : (q,) int64 array
-        Pixels of the image that belong to it.
-    """
+    """The chain of one tile at its start."""
 
     chain: Chain
-    beams: Ints
-    drawn: Ints
-    vertices: Ints
-    pinned: Ints
-    pixels: Ints
+    beams: Ints  # (n,): the beams that it holds
+    drawn: Ints  # (k,): edges of the round's map that it can draw
+    vertices: Ints  # (m,): vertex of the round's map in each of its first slots
+    pinned: Ints  # (p,): slots of vertices that keep an edge whatever happens
+    pixels: Ints  # (q,): pixels of the image that belong to it
 
 
 class Shared(NamedTuple):
-    """Beams in a tile.
+    """Beams in a tile."""
 
-    Attributes
-    ----------
-    own : (n,) int64 array
-        Beams that belong to the tile and that something inside it could stop.
-    span : (n, 2) array
-        Where these enter the tile, and where they leave it or are stopped by what stays outside, metres.
-    beyond : (n,) array
-        Distance at which that stops them if nothing inside does; inf: nothing.
-    guards : (m, N_SHAPE) array
-        Beams of other tiles up to the first obstacle that does not lie inside their own.
-    stops : (k,) int64 array
-        Edges that are such obstacles.
-    """
-
-    own: Ints
+    own: Ints  # (n,): beams that belong to the tile and that something inside it could stop
+    # (n, 2): where these enter the tile, and where they leave it or are stopped by what stays outside, metres
     span: Floats
-    beyond: Floats
-    guards: Floats
-    stops: Ints
+    beyond: Floats  # (n,): distance at which that stops them if nothing inside does; inf: nothing
+    guards: Floats  # (m, N_SHAPE): beams of other tiles up to the first obstacle that does not lie inside their own
+    stops: Ints  # (k,): edges that are such obstacles
 
 
 def make_part(data: TileData, begun: Round, number: int) -> Part:

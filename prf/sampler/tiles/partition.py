@@ -22,23 +22,7 @@ def random_tiles(
     The rectangle with the most returns is cut next, across, at a quantile of its returns drawn by chance: tiles come
     to hold about as many readings each. A cut that runs between pixels lets every pixel belong to one tile.
 
-    Parameters
-    ----------
-    window : Window
-    n : int
-        Tiles wanted.
-    returns : (m, 2) array
-        Metres.
-    least : float
-        No tile is narrower, metres; halves of wider rectangles may be.
-    pixels : Grid
-        Cuts run along its lines if it has cells.
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    (k, 4) array
-        x_min, y_min, x_max, y_max of each tile.
+    `returns` (m, 2).
     """
     parts = [(np.array(window, np.float64), returns[window.contains(returns)])]
     while len(parts) < n:

@@ -28,45 +28,22 @@ NO_PROBES = np.zeros(0, np.int64)
 
 
 class Round(NamedTuple):
-    """Map and tiles of a round, and how its chains step.
-
-    Attributes
-    ----------
-    coloring : Coloring
-    pixels : Grid
-        Of the image.
-    black : (n_pixels,) uint8 array
-        Their colours.
-    tiles : (k, 4) array
-    edge_tile : (n_edges,) int32 array
-        Tile inside which an edge lies, or ``NONE``.
-    grid, start, entries
-        Edges by cells: those of cell i are ``entries[start[i]:start[i + 1]]``.
-    seeds : (k,) int64 array
-    looks : (n,) int64 array
-        Steps of a tile at which what is there is kept; the last is the end.
-    probes : (n_probes,) int64 array
-        Pixels whose colour is kept with it.
-    tuning, odds
-        As the chain has them, but for moves on the border.
-    aim : (n_targets,) array
-        Probabilities of the targets, summed.
-    """
+    """Map and tiles of a round, and how its chains step."""
 
     coloring: Coloring
-    pixels: Grid
-    black: NDArray[np.uint8]
-    tiles: Floats
-    edge_tile: NDArray[np.int32]
-    grid: Grid
-    start: NDArray[np.int64]
-    entries: NDArray[np.int32]
-    seeds: NDArray[np.int64]
-    looks: NDArray[np.int64]
-    probes: NDArray[np.int64]
-    tuning: Floats
-    odds: Floats
-    aim: Floats
+    pixels: Grid  # of the image
+    black: NDArray[np.uint8]  # (n_pixels,): their colours
+    tiles: Floats  # (k, 4)
+    edge_tile: NDArray[np.int32]  # (n_edges,): tile inside which an edge lies, or ``NONE``
+    grid: Grid  # edges by cells: those of cell i are ``entries[start[i]:start[i + 1]]``
+    start: NDArray[np.int64]  # edges by cells: those of cell i are ``entries[start[i]:start[i + 1]]``
+    entries: NDArray[np.int32]  # edges by cells: those of cell i are ``entries[start[i]:start[i + 1]]``
+    seeds: NDArray[np.int64]  # (k,)
+    looks: NDArray[np.int64]  # (n,): steps of a tile at which what is there is kept; the last is the end
+    probes: NDArray[np.int64]  # (n_probes,): pixels whose colour is kept with it
+    tuning: Floats  # as the chain has them, but for moves on the border
+    odds: Floats  # as the chain has them, but for moves on the border
+    aim: Floats  # (n_targets,): probabilities of the targets, summed
 
     @property
     def steps(self) -> int:
@@ -84,25 +61,7 @@ def make_round(
     n_looks: int = 1,
     probes: NDArray[np.int64] = NO_PROBES,
 ) -> Round:
-    """Begin a round: draw its tiles and find what lies inside each.
-
-    Parameters
-    ----------
-    data : TileData
-    chain : Chain
-        On the whole window.
-    n_tiles : int
-    least : float
-        Width of the narrowest tile, metres.
-    steps : int
-        Of all tiles together; rounded down to as many in each.
-    rng : numpy.random.Generator
-        Of the chain.
-    n_looks : int
-        How often what is there is kept, evenly spaced.
-    probes : (n_probes,) int64 array
-        Pixels.
-    """
+    """Begin a round: draw its tiles and find what lies inside each; `probes` (n_probes,)."""
     coloring = read_coloring(chain.graph)
     tiles = random_tiles(data.settings.window, n_tiles, data.returns, least, chain.image.grid, rng)
     vertex_tile = np.zeros(len(coloring.xy), np.int32)

@@ -19,21 +19,7 @@ from prf.sampler.tiles.work import TileResult, work_tile
 
 
 class TiledChain:
-    """How a chain steps in tiles: who drives it begins a round, has the tiles worked, and ends the round.
-
-    Parameters
-    ----------
-    sampler : ChainSampler
-    data : TileData
-
-    Attributes
-    ----------
-    first : int
-        Step at which the first round begins.
-    length : int
-        Steps of a round in the long run. The first rounds are a quarter to a half as long as the run, so that the clock
-        need not wait for them, and every epoch of the image begins with the end of a round.
-    """
+    """How a chain steps in tiles: who drives it begins a round, has the tiles worked, and ends the round."""
 
     def __init__(self, sampler: ChainSampler, data: TileData) -> None:
         self.sampler = sampler

@@ -18,50 +18,25 @@ from prf.sampler.tiles.rounds import Round
 
 
 class TileState(NamedTuple):
-    """Inside of a tile at one of the looks of a round.
+    """Inside of a tile at one of the looks of a round."""
 
-    Attributes
-    ----------
-    xy : (m, 2) array
-        New vertices.
-    edges : (k, 2) int64 array
-        New edges: numbers of vertices of the round's map that stay, or -1 - i for the new vertex i.
-    gain : (len(FUNCTIONALS),) array
-        By how much what is watched has changed since the round began.
-    probe_black : (n_probes,) bool array
-        Colours of the probes in the tile, False elsewhere.
-    """
-
-    xy: NDArray[np.float64]
+    xy: NDArray[np.float64]  # (m, 2): new vertices
+    # (k, 2): new edges: numbers of vertices of the round's map that stay, or -1 - i for the new vertex i
     edges: NDArray[np.int64]
-    gain: NDArray[np.float64]
-    probe_black: NDArray[np.bool_]
+    gain: NDArray[np.float64]  # by how much what is watched has changed since the round began
+    probe_black: NDArray[np.bool_]  # (n_probes,): colours of the probes in the tile, False elsewhere
 
 
 class TileResult(NamedTuple):
-    """What came of a round in a tile.
+    """What came of a round in a tile."""
 
-    Attributes
-    ----------
-    drawn : (n,) int64 array
-        Edges of the round's map in whose place the new ones come.
-    states : tuple of TileState
-        One a look; the last is that of the end.
-    outcomes : (n_moves, 3) int64 array
-    pixels : (p,) int64 array
-        Pixels of the image that belong to the tile.
-    black : (p,) uint8 array
-    black_time, mixed_time : (p,) int64 arrays
-        In steps of the tile.
-    """
-
-    drawn: NDArray[np.int64]
-    states: tuple[TileState, ...]
-    outcomes: NDArray[np.int64]
-    pixels: NDArray[np.int64]
-    black: NDArray[np.uint8]
-    black_time: NDArray[np.int64]
-    mixed_time: NDArray[np.int64]
+    drawn: NDArray[np.int64]  # (n,): edges of the round's map in whose place the new ones come
+    states: tuple[TileState, ...]  # one a look; the last is that of the end
+    outcomes: NDArray[np.int64]  # (n_moves, 3)
+    pixels: NDArray[np.int64]  # (p,): pixels of the image that belong to the tile
+    black: NDArray[np.uint8]  # (p,)
+    black_time: NDArray[np.int64]  # (p,): in steps of the tile
+    mixed_time: NDArray[np.int64]  # (p,): in steps of the tile
 
 
 def work_tile(data: TileData, begun: Round, number: int) -> TileResult:
