@@ -125,7 +125,7 @@ def test_twins_agree_when_sensors_may_stand_in_black(power: float) -> None:
     chain = soften(make_chain(settings, start), power, 2.0)
     assert chain.graph.counts[c.OCCUPIED] > 0
     occupied, rng, n_accepted = set(), np.random.default_rng(2), 0
-    for now in states(chain, rng, 3000):
+    for now in states(chain, rng, 6000):
         n_accepted += 1
         assert differences(now) == structural_faults(now) == [], f"step {now.graph.counts[c.STEP]}"
         occupied.add(int(now.graph.counts[c.OCCUPIED]))
