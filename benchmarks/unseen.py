@@ -96,13 +96,13 @@ def read_said(folder: Path, row: Map, model: Model, forest: Any, before: dict[st
         earlier = before.get(variant, {}).get(row.name)
         if earlier is not None:
             score[BEFORE] = np.array(earlier["difference"], np.float64)
-        counts = result.counts()
+        counts = result.counts
         found[variant] = Said(
             row,
             known.label,
             plain,
             result.area,
-            result.suspicious,
+            result.is_suspicious,
             result.labelling.probability.astype(np.float64),
             score,
             float(counts["share_of_area"]),

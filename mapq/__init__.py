@@ -10,22 +10,21 @@ from typing import TYPE_CHECKING
 from prf import __version__ as __version__
 
 if TYPE_CHECKING:
-    from mapq.api.clouds import point_cloud, read_cloud
-    from mapq.api.patches import Features, Patches, read_patches, segment
-    from mapq.api.result import Result, classify
-    from mapq.api.training import train, write_model
+    from mapq.api import classify, point_cloud, read_cloud, segment, train
+    from mapq.assess import Result
     from mapq.cloud import PointCloud
     from mapq.crf import TrainSettings
     from mapq.features import FeatureSettings
     from mapq.io.models import read_model
     from mapq.io.options import ReadOptions
+    from mapq.io.patches import read_patches
     from mapq.model import Model
+    from mapq.patches import Patches
     from mapq.segmentation import SegmentSettings
     from prf.shell.errors import PrfError
 
 __all__ = [
     "FeatureSettings",
-    "Features",
     "Model",
     "Patches",
     "PointCloud",
@@ -41,20 +40,19 @@ __all__ = [
     "read_patches",
     "segment",
     "train",
-    "write_model",
 ]
 
 _HOMES = {
-    "mapq.api.clouds": ("point_cloud", "read_cloud"),
-    "mapq.api.patches": ("Features", "Patches", "read_patches", "segment"),
-    "mapq.api.result": ("Result", "classify"),
-    "mapq.api.training": ("train", "write_model"),
+    "mapq.api": ("classify", "point_cloud", "read_cloud", "segment", "train"),
+    "mapq.assess": ("Result",),
     "mapq.cloud": ("PointCloud",),
     "mapq.crf": ("TrainSettings",),
     "mapq.features": ("FeatureSettings",),
     "mapq.io.models": ("read_model",),
     "mapq.io.options": ("ReadOptions",),
+    "mapq.io.patches": ("read_patches",),
     "mapq.model": ("Model",),
+    "mapq.patches": ("Patches",),
     "mapq.segmentation": ("SegmentSettings",),
     "prf.shell.errors": ("PrfError",),
 }

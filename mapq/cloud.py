@@ -5,10 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from mapq.patches import Patches
+    from mapq.segmentation import SegmentSettings
+    from prf.shell.notebook import ProgressCallback
 
 SHIFT_ABOVE = 1e4
 """Metres: farther from the origin than this, covariances of float64 squares begin to lose what sensors resolve."""
@@ -105,6 +110,12 @@ class PointCloud:
     def with_fields(self, **values: NDArray[Any]) -> PointCloud:
         """Return the cloud with fields added, or replaced where the name is taken."""
         return replace(self, fields={**self.fields, **values})
+
+    def segment(self, settings: SegmentSettings | None = None, *, progress: bool | ProgressCallback = True) -> Patches:
+        """Cut the cloud into plane patches; see :func:`mapq.segment`."""
+        from mapq.api import segment
+
+        return segment(self, settings, progress=progress)
 
 
 def _moved(xyz: NDArray[np.float64], shift: NDArray[np.float64]) -> NDArray[np.float64]:

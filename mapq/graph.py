@@ -74,6 +74,27 @@ class PatchFeatures(NamedTuple):
     parameters: Mapping[str, Any] = MappingProxyType({})
 
     @property
+    def nodes(self) -> NDArray[np.void]:
+        """A row a patch (m,), columns by name: ``nodes["thickness_m"]``."""
+        from mapq.features.table import node_table
+
+        return node_table(self).array()
+
+    @property
+    def edges(self) -> NDArray[np.void]:
+        """A row a pair of neighbours ``i``, ``j``: ``edges["plausibility"]`` is x_ij, low where walls are doubled."""
+        from mapq.features.table import edge_table
+
+        return edge_table(self).array()
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Unit of each column of `nodes` and `edges`."""
+        from mapq.features.table import UNITS
+
+        return UNITS[self.reading]
+
+    @property
     def disagreement(self) -> NDArray[np.float64]:
         """Lower bound, value and upper bound (m, 3) of what scans disagree by on each patch, metres; nan unknown."""
         names = ("disagreement_low", "disagreement", "disagreement_high")

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mapq.cloud import PointCloud
+from prf.shell.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from mapq.assess import Result
+    from mapq.features import FeatureSettings
+    from mapq.graph import PatchFeatures
+    from mapq.model import Model
+    from prf.shell.notebook import ProgressCallback
 
 NO_PATCH = -1
 """Patch number of a point that belongs to none."""
@@ -22,7 +33,7 @@ FROM_NOBODY, FROM_FIELD, FROM_HAND = 0, 1, 2
 """Where a label comes from: those set by hand outrank those from a field."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Patches:
     """A cloud cut into plane patches.
 
@@ -90,3 +101,97 @@ class Patches:
     def counts(self) -> NDArray[np.int64]:
         """Number of points (m,) of each patch."""
         return np.bincount(self.patch[self.patch != NO_PATCH], minlength=len(self)).astype(np.int64)
+
+    def features(
+        self, settings: FeatureSettings | None = None, *, progress: bool | ProgressCallback = False
+    ) -> PatchFeatures:
+        """Return the features of patches and of pairs of neighbours (equations 6-13).
+
+        Parameters
+        ----------
+        settings : FeatureSettings, optional
+        progress : bool or callable
+            As :func:`mapq.segment`.
+        """
+        from mapq.features import patch_features
+        from mapq.features.compute import N_STEPS
+        from prf.shell.notebook import reported
+
+        with reported(progress, N_STEPS, "features") as reporter:
+            return patch_features(self, settings, reporter)
+
+    def classify(
+        self, model: Model | str | os.PathLike[str] | None = None, *, max_false_alarms: float | None = None
+    ) -> Result:
+        """Label the patches plausible or suspicious; see :func:`mapq.classify`."""
+        from mapq.api import classify
+
+        return classify(self, model, max_false_alarms=max_false_alarms)
+
+    def labelled(self, labels: ArrayLike | str) -> Patches:
+        """Return the patches with labels, for :func:`mapq.train`.
+
+        Parameters
+        ----------
+        labels : (m,) array or str
+            1 suspicious, 0 plausible, 255 unknown; or the name of a point field whose majority counts.
+
+        Raises
+        ------
+        ArgumentError
+            If the labels have another shape, or another value.
+        InputError
+            If there is no such field, or it is none of 0, 1 and 255.
+        """
+        from mapq.labels import label_from_field
+
+        if isinstance(labels, str):
+            return label_from_field(self, labels, self.cloud.source or "the cloud", overwrite_hand=True)[0]
+        label = np.asarray(labels)
+        if label.shape != (len(self),):
+            raise ArgumentError(f"labels: has shape {label.shape}, must be ({len(self)},), one a patch.")
+        if not np.isin(label, (PLAUSIBLE, SUSPICIOUS, UNLABELLED)).all():
+            raise ArgumentError("labels: must be 0 (plausible), 1 (suspicious) or 255 (unknown).")
+        source = np.where(label == UNLABELLED, FROM_NOBODY, FROM_HAND).astype(np.uint8)
+        return replace(self, label=label.astype(np.uint8), label_source=source)
+
+    def save(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
+        """Write a PATCHES file, as mapq segment does.
+
+        Raises
+        ------
+        OutputError
+            If the file exists and may not be replaced (`force`), or cannot be written.
+        """
+        from mapq.io.patches import write_patches
+        from prf.shell.files import refuse_existing
+
+        refuse_existing(path, force)
+        write_patches(path, self)
+
+    def plot(self, views: tuple[str, ...] = ("plan",)) -> Figure:
+        """Return a picture: labels if there are any, else a colour for each patch; views "plan" and "3d"."""
+        from mapq.render import picture_of
+
+        return picture_of(self).draw(views)
+
+    def __repr__(self) -> str:
+        """Return the patches in a line."""
+        known = int((self.label != UNLABELLED).sum())
+        labelled = f", {known:,} labelled" if known else ""
+        return f"<mapq.Patches: {len(self):,} patches of {int(self.counts.sum()):,} points{labelled}>"
+
+    def _repr_html_(self) -> str:
+        """Return the card that a notebook shows."""
+        from mapq.render import picture_of
+        from prf.shell.notebook import card
+
+        n_suspicious, n_plausible = (int((self.label == label).sum()) for label in (SUSPICIOUS, PLAUSIBLE))
+        facts = {
+            "patches": f"{len(self):,}",
+            "points": f"{int(self.counts.sum()):,} in patches, {len(self.cloud):,} in all",
+            "labels": f"{n_suspicious:,} suspicious, {n_plausible:,} plausible",
+            "source": self.cloud.source or "arrays",
+        }
+        warnings = " ".join(self.report.get("warnings", ()))
+        return card("Plane patches", facts | ({"warning": warnings} if warnings else {}), picture_of(self).png())

@@ -7,14 +7,15 @@ import mapq
 whole = mapq.read_cloud("data/demo-town.ply.gz")
 corner = whole.take(np.linalg.norm(whole.xyz[:, :2] - whole.xyz[:, :2].mean(axis=0), axis=1) < 20.0)
 
-patches = mapq.segment(corner, mapq.SegmentSettings(min_points=100))
+patches = corner.segment(mapq.SegmentSettings(min_points=100))
 print(patches)
 
-nodes, edges, units, _ = patches.features
-print(nodes["thickness_m"].max(), units["thickness_m"])
+features = patches.features()
+print(features.nodes["thickness_m"].max(), features.units["thickness_m"])
+edges = features.edges
 print(edges[["i", "j", "plausibility"]][edges["plausibility"].argsort()[:3]])
 
-result = mapq.classify(patches)  # the model that ships with the package
+result = patches.classify()  # by the model of the package
 print(result)
 print(result.verdict(fail_over=0.05)["passed"])
 

@@ -1,7 +1,5 @@
 """From labels to a model of one's own, and what it says of another part of the map."""
 
-import numpy as np
-
 import mapq
 
 town = mapq.read_cloud("data/demo-town.ply.gz")  # field truth: 1 where the robot's odometry had drifted
@@ -10,13 +8,11 @@ labelled = mapq.segment(town.take(west)).labelled("truth")
 print(labelled)
 
 by_hand = labelled.label.copy()
-by_hand[:3] = 1  # 1 suspicious, 0 plausible, 255 not known
-model = mapq.train([labelled], labels=[by_hand])
+by_hand[:3] = 1  # 1 suspicious, 0 plausible, 255 unknown
+model = mapq.train(labelled.labelled(by_hand))
 print(model.training["n_patches"], "patches,", model.training["n_suspicious"], "of them suspicious")
 print({name: round(model.training["held_out"][name], 3) for name in ("recall", "specificity", "auc")})
-mapq.write_model("town.model.json", model)
+model.save("town.model.json")
 
-east = mapq.segment(town.take(~west))
-result = mapq.classify(east, "town.model.json")
-truth = east.labelled("truth").label
-print(f"{np.mean(result.label == truth):.0%} of {len(truth)} patches as they are in truth")
+result = town.take(~west).segment().classify("town.model.json")
+print(f"{result.evaluate('truth').accuracy:.0%} of {len(result.label)} patches as they are in truth")

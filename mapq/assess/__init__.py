@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from mapq.assess.inputs import feature_settings, read_input
 from mapq.assess.regions import Region
-from mapq.assess.result import MIN_COVERAGE, Result, assess
+from mapq.assess.result import MIN_COVERAGE, Origin, Result, assess
 
-__all__ = ["MIN_COVERAGE", "Region", "Result", "assess", "feature_settings", "read_input"]
+__all__ = ["MIN_COVERAGE", "Origin", "Region", "Result", "assess", "feature_settings", "read_input"]

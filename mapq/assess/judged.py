@@ -94,7 +94,7 @@ def judge(result: Result, source: str) -> Judged:
     return Judged(
         xyz,
         area[patch],
-        result.suspicious[patch],
+        result.is_suspicious[patch],
         probability[patch],
         metres[patch],
         error[patch],

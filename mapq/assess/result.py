@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.lib import recfunctions
+from numpy.typing import ArrayLike, NDArray
 
 from mapq.assess.apart import mean_by_area, median_by_area
 from mapq.assess.causes import CAUSES, Cause, find_causes
@@ -23,10 +26,19 @@ from mapq.crf.marginals import cut_probability
 from mapq.features import patch_features
 from mapq.graph import PatchFeatures
 from mapq.io.models import read_default_model
-from mapq.io.results import CLOUD_UNIT, result_cloud
+from mapq.io.results import CLOUD_UNIT, json_beside, result_cloud, write_result
 from mapq.model import Model
 from mapq.patches import SUSPICIOUS, UNLABELLED, Patches
+from prf.shell.errors import ArgumentError
+from prf.shell.files import refuse_existing
+from prf.shell.manifest import describe_process
 from prf.shell.progress import Reporter
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from mapq.evaluate import Scores
+    from mapq.report import Palette
 
 AREA = "area_m2"
 """Name of the area of a patch, in m², among the shape measures."""
@@ -37,12 +49,32 @@ DECIMALS = 9
 N_REASONS = 3
 """Reasons of each patch in the JSON of a result."""
 MIN_COVERAGE = 0.2
-"""Share of the points on planes that a map needs in judged patches to pass, unless another is asked for."""
+"""Share of the points on planes that a map needs in judged patches to pass, unless another is given."""
+N_LISTED = 5
+"""Regions that the card in a notebook lists."""
 
 
-@dataclass(frozen=True)
+class Origin(NamedTuple):
+    """Inputs of a result.
+
+    Attributes
+    ----------
+    name : str
+        Of the map, for messages.
+    model : str
+        "default", the model's file, or "given".
+    files : tuple of str
+        Whose digests a written result has.
+    """
+
+    name: str = "the map"
+    model: str = "default"
+    files: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Result:
-    """What a model says of a map.
+    """Labels of the patches of a map, with probabilities and reasons.
 
     Attributes
     ----------
@@ -52,6 +84,7 @@ class Result:
     labelling : Labelling
     terms : Terms
         Why each patch has its label.
+    origin : Origin
     """
 
     patches: Patches
@@ -59,6 +92,47 @@ class Result:
     model: Model
     labelling: Labelling
     terms: Terms
+    origin: Origin = field(default_factory=Origin)
+
+    @property
+    def label(self) -> NDArray[np.uint8]:
+        """Of each patch (m,): 1 suspicious, 0 plausible."""
+        return self.labelling.label
+
+    @property
+    def probability(self) -> NDArray[np.float32]:
+        """Probability (m,) that each patch is suspicious."""
+        return self.labelling.probability
+
+    @property
+    def patch(self) -> NDArray[np.int32]:
+        """Patch of each point (n,), -1 for none."""
+        return self.patches.patch
+
+    @cached_property
+    def suspicious(self) -> NDArray[np.uint8]:
+        """Of each point (n,): 1 in a suspicious patch, 0 in a plausible one, 255 in none."""
+        return np.append(self.label, np.uint8(UNLABELLED))[self.patch]
+
+    @cached_property
+    def p_suspicious(self) -> NDArray[np.float32]:
+        """Probability (n,) that the patch of each point is suspicious; nan where there is none."""
+        return np.append(self.probability, np.float32(np.nan))[self.patch].astype(np.float32)
+
+    @property
+    def table(self) -> NDArray[np.void]:
+        """A row a patch (m,): `features.nodes`, with label, p_suspicious, difference (nats) and region (-1: none)."""
+        region = np.full(len(self.patches), -1, np.int32)
+        for number, found in enumerate(self.regions):
+            region[found.patches] = number
+        columns: dict[str, NDArray[Any]] = {
+            "label": self.label,
+            "p_suspicious": self.probability,
+            "difference": self.labelling.difference,
+            "region": region,
+        }
+        names, values = list(columns), list(columns.values())
+        return np.asarray(recfunctions.append_fields(self.features.nodes, names, values, usemask=False))
 
     def cloud(self) -> PointCloud:
         """Return all points with the fields of a result."""
@@ -77,7 +151,7 @@ class Result:
         return codes
 
     @cached_property
-    def suspicious(self) -> NDArray[np.bool_]:
+    def is_suspicious(self) -> NDArray[np.bool_]:
         """Return which patches (m,) are suspicious."""
         return np.asarray(self.labelling.label == SUSPICIOUS)
 
@@ -97,12 +171,13 @@ class Result:
         judged = int(self.patches.counts.sum())
         return judged / max(judged + int(dropped["points"]), 1)
 
+    @property
     def counts(self) -> dict[str, Any]:
-        """Return how much of the map is suspicious: patches, points and area, and their shares (nan of nothing).
+        """How much of the map is suspicious: patches, points and area, and their shares (nan of nothing).
 
         The expected share is the mean of p_suspicious over the area: what is wrong if p is right.
         """
-        counts, bad = self.patches.counts, self.suspicious
+        counts, bad = self.patches.counts, self.is_suspicious
         n_points, area = int(counts.sum()), float(self.area.sum())
         return {
             "n_patches": len(self.patches),
@@ -121,7 +196,7 @@ class Result:
 
     def worst(self, n_most: int) -> list[int]:
         """Return the suspicious patches that are most surely so, at most `n_most`, larger ones first among equals."""
-        candidates = np.flatnonzero(self.suspicious)
+        candidates = np.flatnonzero(self.is_suspicious)
         order = np.lexsort((candidates, -self.patches.counts[candidates], -self.labelling.difference[candidates]))
         return [int(patch) for patch in candidates[order[:n_most]]]
 
@@ -132,7 +207,7 @@ class Result:
     @cached_property
     def regions(self) -> list[Region]:
         """Return the regions of connected suspicious patches, the most severe first."""
-        return find_regions(self.patches, self.features, self.suspicious, self.labelling.probability, self.area)
+        return find_regions(self.patches, self.features, self.is_suspicious, self.labelling.probability, self.area)
 
     @cached_property
     def visits(self) -> Visits | None:
@@ -142,7 +217,7 @@ class Result:
     @cached_property
     def causes(self) -> dict[int, Cause]:
         """Return what made each suspicious patch so, as far as it is known, by its number."""
-        return find_causes(self.patches, self.features, self.suspicious, self.visits)
+        return find_causes(self.patches, self.features, self.is_suspicious, self.visits)
 
     @property
     def disagreement(self) -> float:
@@ -167,22 +242,42 @@ class Result:
         named = {name: round(value, DECIMALS) for name, value in area.items()}
         return {"cause": next(iter(area)) if any(area.values()) else None, "area_by_cause_m2": named}
 
-    def reasons(self, patch: int, n_most: int) -> list[Reason]:
-        """Return the largest reasons for the label that a patch has, at most `n_most`."""
-        return self._reasons.of(patch, 1.0 if self.suspicious[patch] else -1.0, n_most)
+    def reasons(self, patch: int, n_most: int = N_REASONS) -> list[Reason]:
+        """Return what speaks most for the label of a patch, in words and in log-odds.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no such patch.
+        """
+        if not 0 <= patch < len(self.label):
+            raise ArgumentError(f"patch {patch}: must be from 0 to {len(self.label) - 1}.")
+        return self._reasons.of(patch, 1.0 if self.is_suspicious[patch] else -1.0, n_most)
 
     @cached_property
     def _reasons(self) -> Reasons:
         return Reasons(self.features, self.terms)
 
-    def verdict(self, fail_over: float | None, min_coverage: float = MIN_COVERAGE) -> dict[str, Any]:
-        """Return whether the map passes: no more than a share of its area suspicious; None where none is asked for.
+    def verdict(self, fail_over: float | None = None, min_coverage: float = MIN_COVERAGE) -> dict[str, Any]:
+        """Return whether the map passes: enough of it judged, and little of that suspicious.
 
-        A map of whose planes less could be judged than `min_coverage` does not pass, nor one without any patch: too
-        little speaks for it. What could be judged may be unknown, and does not matter then. The cause is that of most
-        of the suspicious area.
+        Parameters
+        ----------
+        fail_over : float, optional
+            Largest share of the area that may be suspicious, such as 0.05; without one "passed" is None.
+        min_coverage : float
+            Share of the points on planes of any tilt that must be in judged patches, where that is known. A map
+            without a patch never passes.
+
+        Raises
+        ------
+        ArgumentError
+            If one is not between 0 and 1.
         """
-        share, coverage = self.counts()["share_of_area"], self.coverage
+        for name, limit in (("fail_over", fail_over), ("min_coverage", min_coverage)):
+            if limit is not None and not 0.0 <= limit <= 1.0:
+                raise ArgumentError(f"{name} {limit}: must be a share between 0 and 1.")
+        share, coverage = self.counts["share_of_area"], self.coverage
         is_good = bool(len(self.patches)) and not share > (fail_over or 0.0) and not coverage < min_coverage
         return {
             "share_of_area": share,
@@ -195,12 +290,18 @@ class Result:
             "scans_apart_m": self.scans_apart,
         }
 
-    def head(self) -> dict[str, Any]:
-        """Return the JSON of a result but for its patches."""
+    @cached_property
+    def _process(self) -> Mapping[str, Any]:
+        return describe_process(self.origin.files)
+
+    def head(self, fail_over: float | None = None, min_coverage: float = MIN_COVERAGE) -> dict[str, Any]:
+        """Return the JSON of a result without its patches (docs/results.md)."""
         return {
+            **self._process,
+            "model": self.origin.model,
             "unit": "m",
             CLOUD_UNIT: self.patches.cloud.unit.tolist(),
-            "counts": self.counts(),
+            "counts": self.counts,
             "regions": [
                 {**region.row(number, DECIMALS), **self._cause_row(region.patches)}
                 for number, region in enumerate(self.regions)
@@ -210,6 +311,7 @@ class Result:
             "threshold": {"difference": self.model.threshold, "p_suspicious": cut_probability(self.model)},
             "features": {**self.features.parameters, "n_clipped": self.features.n_clipped},
             "segmentation": {"parameters": self.patches.parameters, "report": self.patches.report},
+            "verdict": self.verdict(fail_over, min_coverage),
         }
 
     def patch_rows(self) -> Iterator[dict[str, Any]]:
@@ -254,9 +356,98 @@ class Result:
             rows.append(row)
         return rows
 
+    def evaluate(self, truth: ArrayLike | str = "truth") -> Scores:
+        """Return how well the labels agree with the truth.
 
-def assess(patches: Patches, model: Model | None = None, progress: Reporter | None = None) -> Result:
-    """Return what a model says of patches (None: the model that ships with the package).
+        Parameters
+        ----------
+        truth : (m,) array or str
+            1 suspicious, 0 plausible, 255 unknown; or the name of a point field whose majority counts.
+        """
+        from mapq.evaluate import score_labels
+
+        return score_labels(self.label, self.patches.labelled(truth).label, self.probability)
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        fail_over: float | None = None,
+        min_coverage: float = MIN_COVERAGE,
+        force: bool = False,
+    ) -> None:
+        """Write RESULT as mapq classify does: all points (PLY, LAS or LAZ), and a JSON of the same name.
+
+        Raises
+        ------
+        OutputError
+            If one of them exists and may not be replaced (`force`), or cannot be written.
+        """
+        target = os.fspath(path)
+        for name in (target, json_beside(target)):
+            refuse_existing(name, force)
+        write_result(target, self.cloud(), self.head(fail_over, min_coverage), self.patch_rows())
+
+    def report(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        title: str | None = None,
+        palette: Palette = "blue-red",
+        max_points: int = 120_000,
+        force: bool = False,
+    ) -> None:
+        """Write a report: one page of HTML that opens without a network. It needs the extra prf-mapq[report].
+
+        Raises
+        ------
+        OutputError
+            If the file exists and may not be replaced (`force`), or cannot be written.
+        UsageError
+            If plotly is not installed.
+        """
+        from mapq.report import read_findings, write_report
+
+        refuse_existing(path, force)
+        with TemporaryDirectory() as folder:
+            copy = os.path.join(folder, "map.ply")
+            self.save(copy)
+            findings = read_findings(copy)._replace(path=self.origin.name)
+        write_report(os.fspath(path), findings, title, palette, max_points)
+
+    def plot(self, views: tuple[str, ...] = ("plan",)) -> Figure:
+        """Return a picture, plausible blue and suspicious red; views "plan" and "3d"."""
+        from mapq.render import picture_of
+
+        return picture_of(self).draw(views)
+
+    def __repr__(self) -> str:
+        """Return the result in a line."""
+        return f"<mapq.Result: {self._words}>"
+
+    @property
+    def _words(self) -> str:
+        counts = self.counts
+        share = counts["share_of_area"]
+        area = "" if share != share else f", {share:.1%} of the area"
+        return f"{counts['n_suspicious']:,} of {counts['n_patches']:,} patches suspicious{area}"
+
+    def _repr_html_(self) -> str:
+        """Return the card that a notebook shows, with the worst regions."""
+        from mapq.render import picture_of
+        from prf.shell.notebook import card
+
+        facts = {"suspicious": self._words, "model": self.origin.model}
+        for number, region in enumerate(self.regions[:N_LISTED]):
+            where = " ".join(f"{x:.1f}" for x in region.centre.tolist())
+            facts[f"region {number}"] = f"{len(region.patches)} patches, {region.area:.1f} m² at {where}"
+        return card("Plausibility of the map", facts, picture_of(self).png())
+
+
+def assess(
+    patches: Patches, model: Model | None = None, progress: Reporter | None = None, origin: Origin | None = None
+) -> Result:
+    """Return the labels of patches by a model (None: the model that ships with the package).
 
     Raises
     ------
@@ -266,7 +457,8 @@ def assess(patches: Patches, model: Model | None = None, progress: Reporter | No
     model = model or read_default_model()
     features = patch_features(patches, feature_settings(model), progress)
     labelling = classify(features, model)
-    return Result(patches, features, model, labelling, explain(features, model, labelling.label))
+    terms = explain(features, model, labelling.label)
+    return Result(patches, features, model, labelling, terms, origin or Origin())
 
 
 def _share(part: float, whole: float) -> float:

@@ -115,11 +115,11 @@ def classify(
     A folder of LAS or LAZ tiles, or any cloud with one of --workers, --scheduler and --tile-points, is worked on tile
     by tile and need not fit into memory. Of a folder the result is a folder: tiles of the same names, and result.json.
     """
-    from mapq.api.result import classify as label
+    from mapq.api import classify as label
     from mapq.assess import MIN_COVERAGE
     from mapq.io import ReadOptions
     from mapq.io.results import claim_result, json_beside, result_lines
-    from mapq.settings import ask, settings_from
+    from mapq.settings import ask, segment_settings, settings_from
     from prf.shell import jsonout
     from prf.shell.files import STREAM, refuse_inputs
 
@@ -135,13 +135,20 @@ def classify(
     target = output or (beside(file, ".classified.ply") if file != STREAM else "map.classified.ply")
     claim_result(target, force)
     refuse_inputs([target, json_beside(target)], [file, model, config])
-    result = label(file, model, max_false_alarms=max_false_alarms, segmentation=chosen, options=options)
+    result = label(
+        file,
+        model,
+        max_false_alarms=max_false_alarms,
+        segmentation=segment_settings(chosen.values),
+        sources=chosen.places,
+        options=options,
+    )
     result.save(target, fail_over=limits[0], min_coverage=limits[1], force=True)
     if json:
-        jsonout.emit_pieces(result_lines({"output": target, **result.head(*limits)}, result.rows()))
+        jsonout.emit_pieces(result_lines({"output": target, **result.head(*limits)}, result.patch_rows()))
     else:
-        _show(result.assessment, target)
-    _judge(file, result.assessment, limits)
+        _show(result, target)
+    _judge(file, result, limits)
 
 
 def _in_tiles(file: str, given: dict[str, Any]) -> bool:
@@ -165,15 +172,14 @@ def _classify_tiles(
     force: bool,
 ) -> None:
     """Classify a map tile by tile; as :func:`classify`, but for what needs all points at once."""
+    from mapq.assess import Origin
     from mapq.io import is_patches
     from mapq.io.results import result_lines
     from mapq.scale.maps import classify_map
-    from mapq.scale.result import TiledResult
     from mapq.settings import segment_settings
     from prf.shell import jsonout
     from prf.shell.errors import UsageError
     from prf.shell.files import refuse_inputs
-    from prf.shell.manifest import describe_process
 
     target = output or _default_target(file)
     if is_patches(file):
@@ -181,21 +187,15 @@ def _classify_tiles(
     options, chosen, given = how
     inputs = [name for name in (file, model[0]) if name and os.path.isfile(name)]
     refuse_inputs([target, os.path.splitext(target)[0] + ".json"], inputs)
-    about: dict[str, Any] = {}
-
-    def head_of(result: TiledResult) -> dict[str, Any]:
-        if not about:
-            about.update({**describe_process(inputs), "model": model[0] or "default", **result.head()})
-            about["segmentation"]["report"] = {**about["segmentation"]["report"], "sources": chosen.places}
-            about["verdict"] = result.verdict(*limits)
-        return about
-
+    origin = Origin(file, model[0] or "default", tuple(inputs))
     settings, where = tiling(given, segment_settings(chosen.values), options)
-    result = classify_map(file, target, load_model(*model), settings, where, force, head_of)
+    result = classify_map(
+        file, target, load_model(*model), settings, where, force, origin, limits, sources=chosen.places
+    )
     for warning in result.patches.report["warnings"]:
         logger.warning("%s: %s", file, warning)
     if json:
-        jsonout.emit_pieces(result_lines({"output": target, **head_of(result)}, result.patch_rows()))
+        jsonout.emit_pieces(result_lines({"output": target, **result.head(*limits)}, result.patch_rows()))
     else:
         _show(result, target)
     _judge(file, result, limits)
@@ -240,7 +240,7 @@ def _judge(file: str, result: Result, limits: tuple[float | None, float]) -> Non
 
 def _lines(result: Result, target: str) -> Iterator[str]:
     """Return the table for a person."""
-    counts = result.counts()
+    counts = result.counts
     yield f"judged          {_judged(counts['coverage'])}"
     yield f"patches         {counts['n_suspicious']} of {counts['n_patches']} suspicious{_percent(counts, 'patches')}"
     yield f"area            {counts['area_suspicious_m2']:.1f} of {counts['area_m2']:.1f} m2{_percent(counts, 'area')}"

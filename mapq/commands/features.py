@@ -73,14 +73,14 @@ def features(
     """
     asked = {name: value for name, value in locals().items() if name in OPTIONS} | chosen_context(context)
 
-    from mapq.api.patches import read_patches
+    from mapq.io import read_patches
     from mapq.settings import ask, feature_settings, settings_from
     from prf.shell.errors import UsageError
 
     if csv and json:
         raise UsageError("--csv and --json do not go together.")
     settings = feature_settings(ask("features", asked, settings_from(config, preset)).values)
-    found = read_patches(patches).measured(settings).arrays
+    found = read_patches(patches).features(settings, progress=True)
     if found.n_clipped:
         logger.warning("%s: %d values were infinite, undefined or beyond 1e6 and were cut.", patches, found.n_clipped)
     _show(found, _tables(found, only), csv, json)

@@ -6,21 +6,17 @@ import logging
 import math
 from enum import StrEnum
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from mapq.commands._options import BinColumns, Frame, Topic, Unit
-from prf.shell.options import Force, Output, Terminal, TerminalWidth
-
-if TYPE_CHECKING:
-    from mapq.render.source import Picture
+from prf.shell.options import Force, Output
 
 logger = logging.getLogger(__name__)
 
 EXAMPLES = (
     "mapq render city.classified.ply -o city.png",
-    "mapq render city.classified.ply --terminal",
     "mapq render city.classified.ply --colour probability --view plan -o city.pdf",
     "mapq render city.patches --colour patch --azimuth 30 --elevation 50 -o patches.png",
 )
@@ -70,61 +66,31 @@ def render(
     unit: Unit = None,
     topic: Topic = None,
     frame: Frame = None,
-    terminal: Terminal = False,
-    width: TerminalWidth = None,
     output: Output = None,
     force: Force = False,
 ) -> None:
     """Draw a map in plan view and in 3D, plausible blue and suspicious red.
 
-    The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG in the current folder. With
-    --terminal the plan view, or with --view 3d the other, goes to standard output: half blocks in the colours that the
-    terminal has, a character for each label without any.
+    The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG in the current folder.
     """
     from mapq.io import ReadOptions
-    from mapq.render import render_views
-    from mapq.render.source import read_picture
+    from mapq.render import read_picture
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM, refuse_inputs
     from prf.shell.lock import claim_output
-    from prf.shell.pictures import picture_format
-    from prf.shell.terminal.verb import refuse_files
+    from prf.shell.pictures import picture_format, save
 
     if (colour is Colour.field) != (field is not None):
         raise UsageError("--colour field and --field NAME go together.")
     if not math.isfinite(azimuth) or not math.isfinite(elevation):
         raise UsageError("--azimuth and --elevation are angles in degrees, not nan or inf.")
     options = ReadOptions(bin_columns, unit, topic, frame)
-    if refuse_files(terminal, width, output, force):
-        picture = read_picture(file, colour.value if colour is not None else None, field, options)
-        _show(picture, width, title, (azimuth, elevation) if view is View.three_d else None)
-        return
     target = output or f"{PurePath(file).stem if file != STREAM else 'map'}.png"
     picture_format(target)
     claim_output(target, force)
     refuse_inputs([target], [file])
     picture = read_picture(file, colour.value if colour is not None else None, field, options)
-    views = ("plan", "3d") if view is View.both else (view.value,)
-    render_views(
-        picture.xyz,
-        picture.scheme,
-        target,
-        title=title or picture.title,
-        subtitle=picture.subtitle,
-        views=views,
-        azimuth=azimuth,
-        elevation=elevation,
-    )
+    picture = picture._replace(title=title or picture.title)
+    save(picture.draw(("plan", "3d") if view is View.both else (view.value,), azimuth, elevation), target)
     if target != STREAM:
         logger.info("wrote %s", target)
-
-
-def _show(picture: Picture, width: int | None, title: str | None, view: tuple[float, float] | None) -> None:
-    """Print the picture."""
-    import sys
-
-    from mapq.render.terminal import picture_lines
-    from prf.shell.terminal import find_screen, put
-
-    screen = find_screen(sys.stdout, width)
-    put(picture_lines(picture, screen, title=title, view=view), sys.stdout, screen)

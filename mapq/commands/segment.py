@@ -162,8 +162,7 @@ def _beside(cloud: str) -> str:
 def _run(
     cloud: str, options: ReadOptions, settings: SegmentSettings, truth_field: str | None, min_iou: float
 ) -> tuple[Patches, SegmentationScore | None]:
-    from mapq.api.clouds import read_cloud
-    from mapq.api.patches import segment
+    from mapq.api import read_cloud, segment
     from mapq.segmentation import score_segmentation, truth_of
 
     read = read_cloud(cloud, options)

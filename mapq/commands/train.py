@@ -144,7 +144,7 @@ def train(
     """
     given = {name: value for name, value in locals().items() if name in OPTIONS}
 
-    from mapq.api.training import train as teach
+    from mapq.api import train as teach
     from mapq.crf.operating import with_false_alarms
     from mapq.io.models import SCHEMA, model_content, write_model
     from mapq.settings import ask, feature_settings, settings_from, train_settings
@@ -168,7 +168,7 @@ def train(
     refuse_other_format(target, (), "a model is written as JSON. Name a .json.")
     refuse_inputs([target], [*patches, config])
     used_seed = resolve_seed(seed) if max_patches is not None else 0
-    model = teach(patches, None, settings, reading, max_patches=max_patches, seed=used_seed, conservative=conservative)
+    model = teach(patches, settings, reading, max_patches=max_patches, seed=used_seed, conservative=conservative)
     sources = {"features": measured.places, "crf": field.places}
     model = dataclasses.replace(model, training={**model.training, "sources": sources})
     if max_false_alarms is not None:

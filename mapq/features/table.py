@@ -70,6 +70,14 @@ class Table(NamedTuple):
         """Yield the rows as Python numbers."""
         return zip(*(column.tolist() for column in self.columns), strict=True)
 
+    def array(self) -> NDArray[np.void]:
+        """Return the rows as an array with named columns."""
+        kinds = [(name, column.dtype) for name, column in zip(self.names, self.columns, strict=True)]
+        found: NDArray[np.void] = np.zeros(len(self.columns[0]), dtype=kinds)
+        for name, column in zip(self.names, self.columns, strict=True):
+            found[name] = column
+        return found
+
 
 def node_table(features: PatchFeatures) -> Table:
     """Return a row a patch: its number, what people ask of it, its node features."""

@@ -1,15 +1,6 @@
 """Pictures of maps: plan view and axonometric 3D view, plausible blue and suspicious red."""
 
-from mapq.render.colours import Scheme, label_colours, patch_colours, probability_colours
-from mapq.render.page import render_views
-from mapq.render.views import Bounds, axonometric
+from mapq.render.picture import Picture
+from mapq.render.source import picture_of, read_picture
 
-__all__ = [
-    "Bounds",
-    "Scheme",
-    "axonometric",
-    "label_colours",
-    "patch_colours",
-    "probability_colours",
-    "render_views",
-]
+__all__ = ["Picture", "picture_of", "read_picture"]

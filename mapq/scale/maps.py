@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
+from mapq.assess import Origin
 from mapq.io.clouds import read_cloud
 from mapq.io.models import read_default_model
 from mapq.model import Model
@@ -54,7 +56,9 @@ def classify_map(
     settings: ScaleSettings,
     where: Where,
     force: bool,
-    head_of: Callable[[TiledResult], dict[str, Any]],
+    origin: Origin,
+    limits: tuple[float | None, float],
+    sources: Mapping[str, str],
 ) -> TiledResult:
     """Classify a map tile by tile, and write the result.
 
@@ -70,8 +74,12 @@ def classify_map(
     where : Where
     force : bool
         Whether a result that stands may be replaced.
-    head_of : callable
-        Makes the head of the JSON.
+    origin : Origin
+        Inputs that the JSON names.
+    limits : (float or None, float)
+        Of the verdict: fail_over and min_coverage.
+    sources : mapping of str to str
+        Where each setting of the segmentation was given.
 
     Raises
     ------
@@ -79,20 +87,21 @@ def classify_map(
         As reading, segmenting, the workers and writing do.
     """
     check(settings, where)
-    sources = find_sources(path, settings.options)
-    output = plan_output(target, sources, is_tiled(path), force)
-    n_points = sum(source.n_points for source in sources)
+    files = find_sources(path, settings.options)
+    output = plan_output(target, files, is_tiled(path), force)
+    n_points = sum(file.n_points for file in files)
     with (
         work_folder(target) as folder,
         open_workers(where.n_workers, where.scheduler) as workers,
         progress(total_cost(n_points), "classifying") as reporter,
     ):
-        job = Job(path, sources, settings, workers, folder, reporter)
+        job = Job(path, files, settings, workers, folder, reporter)
         cutting = job.cut()
-        result = job.assess(cutting, model or read_default_model())
+        cutting.report["sources"] = dict(sources)
+        result = replace(job.assess(cutting, model or read_default_model()), origin=origin)
         job.write(cutting, result, made_in(folder, output))
         rows = job.stages.telling(result.patch_rows(), len(result.patches))
-        publish(folder, output, head_of(result), rows)
+        publish(folder, output, result.head(*limits), rows)
     return result
 
 

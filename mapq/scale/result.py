@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mapq.assess.causes import Cause
 from mapq.assess.regions import Region, find_regions
-from mapq.assess.result import Result
+from mapq.assess.result import MIN_COVERAGE, Result
 from mapq.assess.visits import Visits
 from mapq.cloud import PointCloud
 from mapq.patches import Patches
@@ -77,7 +77,7 @@ class TiledResult(Result):
         cloud = PointCloud(corners, self.patches.cloud.shift, unit=self.patches.cloud.unit)
         number = np.tile(np.arange(n_patches, dtype=np.int32), 2)
         boxes = Patches.unlabelled(cloud, number, whole.normal, whole.centroid, {}, {})
-        found = find_regions(boxes, self.features, self.suspicious, self.labelling.probability, self.area)
+        found = find_regions(boxes, self.features, self.is_suspicious, self.labelling.probability, self.area)
         return [self._corrected(region, whole) for region in found]
 
     def _corrected(self, region: Region, whole: Whole) -> Region:
@@ -86,9 +86,9 @@ class TiledResult(Result):
         middle = weight @ whole.centroid[region.patches] / max(int(weight.sum()), 1)
         return region._replace(n_points=int(weight.sum()), centre=self.patches.cloud.world_of(middle))
 
-    def head(self) -> dict[str, Any]:
-        """Return the JSON of a result but for its patches, and in how many tiles the map was cut."""
-        return {**super().head(), "tiles": self.n_tiles}
+    def head(self, fail_over: float | None = None, min_coverage: float = MIN_COVERAGE) -> dict[str, Any]:
+        """Return the JSON of a result without its patches, and in how many tiles the map was cut."""
+        return {**super().head(fail_over, min_coverage), "tiles": self.n_tiles}
 
 
 def tiled_patches(

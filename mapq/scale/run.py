@@ -224,7 +224,9 @@ class Job:
         patches = tiled_patches(whole, frame, self.n_points, cutting.parameters, cutting.report)
         terms = explain(features, model, labelling.label)
         found = measuring.causes(features, labelling.label == SUSPICIOUS)
-        return TiledResult(patches, features, model, labelling, terms, whole, len(cutting.tiling.boxes), found)
+        return TiledResult(
+            patches, features, model, labelling, terms, whole=whole, n_tiles=len(cutting.tiling.boxes), found=found
+        )
 
     def write(self, cutting: Cutting, result: TiledResult, targets: Mapping[str, list[int]]) -> None:
         """Write the labels of the points into files, each of which takes those of some source files.

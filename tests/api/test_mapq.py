@@ -12,7 +12,6 @@ import pytest
 
 import mapq
 from mapq.cli import app
-from mapq.features import patch_features
 from mapq.segmentation import segment as cut
 from prf.shell.errors import ArgumentError, InputError, OutputExists, UsageError
 from prf.shell.run import run_app
@@ -43,19 +42,21 @@ def test_arrays_and_clouds_give_the_same_patches(cloud: mapq.PointCloud, patches
 def test_lengths_follow_the_unit(cloud: mapq.PointCloud, patches: mapq.Patches) -> None:
     in_feet = mapq.point_cloud(cloud.world() / 0.3048, {"time": np.arange(len(cloud))}, unit=0.3048)
     found = mapq.segment(in_feet, progress=False)
-    np.testing.assert_allclose(found.features.nodes["area_m2"].sum(), patches.features.nodes["area_m2"].sum(), rtol=0.1)
+    np.testing.assert_allclose(
+        found.features().nodes["area_m2"].sum(), patches.features().nodes["area_m2"].sum(), rtol=0.1
+    )
     assert list(in_feet.fields) == ["time"]
 
 
 def test_features_are_named_columns(patches: mapq.Patches) -> None:
-    nodes, edges, units, arrays = patches.features
-    plain = patch_features(patches)
+    plain = patches.features()
+    nodes, edges = plain.nodes, plain.edges
     np.testing.assert_array_equal(nodes["thickness"], plain.node[:, plain.node_names.index("thickness")])
     np.testing.assert_array_equal(edges["plausibility"], plain.plausibility)
     np.testing.assert_array_equal(np.column_stack([edges["i"], edges["j"]]), plain.pairs)
-    assert units["area_m2"] == "m2"
-    assert arrays.parameters["radius"] == 3.0
-    assert patches.measured(mapq.FeatureSettings(radius=1.0), progress=False).arrays.parameters["radius"] == 1.0
+    assert plain.units["area_m2"] == "m2"
+    assert plain.parameters["radius"] == 3.0
+    assert patches.features(mapq.FeatureSettings(radius=1.0)).parameters["radius"] == 1.0
 
 
 def test_a_result_speaks_of_points_as_the_written_one_does(result: mapq.Result, tmp_path: Path) -> None:
@@ -106,12 +107,22 @@ def test_a_result_gives_reasons(result: mapq.Result) -> None:
         result.verdict(0.05, min_coverage=2.0)
 
 
+def test_a_table_has_a_row_a_patch(result: mapq.Result) -> None:
+    np.testing.assert_array_equal(result.table["p_suspicious"], result.probability)
+    np.testing.assert_array_equal(result.table["area_m2"], result.features.nodes["area_m2"])
+    np.testing.assert_array_equal(np.flatnonzero(result.table["region"] == 0), np.sort(result.regions[0].patches))
+
+
+def test_a_result_is_compared_with_the_truth(result: mapq.Result) -> None:
+    truth = result.patches.labelled("truth").label
+    assert result.evaluate("truth").accuracy == np.mean(result.label == truth)
+    assert result.evaluate(result.label).accuracy == 1.0
+
+
 def test_notebooks_show_cards_with_pictures(result: mapq.Result, patches: mapq.Patches) -> None:
     for shown in (result, patches):
-        page, png = shown._repr_html_(), shown._repr_png_()
-        assert "data:image/png;base64," in page
-        assert png is not None
-        assert png.startswith(b"\x89PNG")
+        assert "data:image/png;base64,iVBOR" in shown._repr_html_()
+        assert len(shown.plot(("plan", "3d")).axes) == 2
     assert "suspicious" in repr(result)
 
 
@@ -137,13 +148,13 @@ def test_labels_are_taught(patches: mapq.Patches, tmp_path: Path) -> None:
     settings = mapq.TrainSettings(regularisation=1.0, coupling_regularisation=1.0)
     model = mapq.train(labelled, settings=settings, progress=listen)
     assert told[-1] == 1.0
-    same = mapq.train([patches], [labelled.label], settings, progress=False)
+    same = mapq.train([patches.labelled(labelled.label)], settings, progress=False)
     np.testing.assert_array_equal(model.weights, same.weights)
-    mapq.write_model(tmp_path / "model.json", model)
+    model.save(tmp_path / "model.json")
     by_file = mapq.classify(patches, tmp_path / "model.json", progress=False)
     np.testing.assert_array_equal(by_file.probability, mapq.classify(patches, model, progress=False).probability)
     with pytest.raises(OutputExists):
-        mapq.write_model(tmp_path / "model.json", model)
+        model.save(tmp_path / "model.json")
 
 
 @pytest.mark.parametrize(
@@ -159,8 +170,6 @@ def test_labels_are_taught(patches: mapq.Patches, tmp_path: Path) -> None:
         (lambda p: p.labelled([0, 1]), r"labels: has shape \(2,\)"),
         (lambda p: p.labelled(np.full(len(p), 2)), "labels: must be 0"),
         (lambda p: mapq.train([]), "maps: there are none"),
-        (lambda p: mapq.train([p], []), "labels: there are 0 arrays for 1 maps"),
-        (lambda p: mapq.train(["a.patches"], [[0, 1]]), "labels: go with patches in memory"),
     ],
 )
 def test_what_cannot_be_used_is_named(call: Any, words: str, patches: mapq.Patches) -> None:

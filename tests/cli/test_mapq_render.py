@@ -7,10 +7,7 @@ import numpy as np
 import pytest
 
 from mapq.io import read_cloud, write_ply
-from mapq.render.colours import label_colours, patch_colours
-from mapq.render.source import Picture, read_picture
-from mapq.render.terminal import picture_lines
-from prf.shell.terminal import Screen
+from mapq.render import read_picture
 from tests.cli.mapq_samples import call, save_cloud, save_model, save_patches
 
 
@@ -63,56 +60,3 @@ def test_mistakes_are_one_line(capsys, tmp_path, monkeypatch, options, code, mes
     found, out, err = call(capsys, "render", save_cloud(tmp_path), *options)
     assert (found, out, err.count("\n")) == (code, "", 1)
     assert message in err
-
-
-def test_in_a_pipe_the_plan_view_is_plain_characters(capsys, result):
-    code, out, err = call(capsys, "render", result, "--terminal", "--width", 60)
-    assert (code, err) == (0, "")
-    assert out.isascii()
-    lines = out.splitlines()
-    assert lines[0] == "Plausible and suspicious patches"
-    assert lines[-1].endswith("o plausible   # suspicious   . no patch")
-    assert max(map(len, lines)) <= 60
-    drawn = "".join(lines[2:-1])
-    assert drawn.count("o") > 10
-    assert drawn.count("#") > 10
-    code, out, _ = call(capsys, "render", result, "--terminal", "--view", "3d", "--title", "Here")
-    assert (code, out.splitlines()[0]) == (0, "Here")
-
-
-@pytest.mark.parametrize("options", [["--terminal", "-o", "x.png"], ["--terminal", "-f"], ["--width", "50"]])
-def test_terminal_and_file_do_not_go_together(capsys, result, options):
-    code, out, err = call(capsys, "render", result, *options)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-
-
-def test_a_suspicious_point_is_seen_over_plausible_ones():
-    """And a point that has no finite place is none."""
-    xyz = np.array([[0.0, 0.0, 0.0], [10.0, 4.0, 0.0], [10.0, 4.0, 1.0], [10.0, 4.0, 2.0], [5.0, 2.0, np.nan]])
-    label, patch = np.array([0, 1, 0, 255, 1], np.uint8), np.array([0, 1, 2, -1, 3], np.int32)
-    picture = Picture(xyz, label_colours(label, patch), "T", "S")
-    screen = Screen(11, None, None, blocks=False, braille=False)
-    lines = [line.plain for line in picture_lines(picture, screen)][2:5]
-    assert "".join(lines).replace(" ", "") in ("#o", "o#")
-    assert lines[0].rstrip().endswith("#")
-    coloured = picture_lines(picture, screen._replace(colours="truecolor", blocks=True))
-    colours = {colour.triplet.hex for line in coloured for span in line.spans if hasattr(span.style, "color")
-               for colour in (span.style.color, span.style.bgcolor) if colour is not None}  # fmt: skip
-    assert colours == {"#ffffff", "#1a5cb8", "#d61a1c"}
-
-
-def test_each_patch_has_a_letter_where_there_are_no_colours():
-    xyz = np.column_stack((np.arange(12.0), np.zeros(12), np.zeros(12)))
-    patch = np.repeat(np.array([-1, 0, 1, 2], np.int32), 3)
-    picture = Picture(xyz, patch_colours(patch), "T", "S")
-    lines = [line.plain for line in picture_lines(picture, Screen(12, None, None, False, False))]
-    drawn = "".join(lines[2:-2]).replace(" ", "")
-    assert drawn.count(".") == 3
-    assert len(set(drawn)) == 4
-    assert lines[-1] == ". no patch"
-
-
-def test_a_cloud_without_a_finite_point_is_an_empty_picture():
-    picture = Picture(np.full((2, 3), np.nan), patch_colours(np.zeros(2, np.int32)), "T", "S")
-    lines = [line.plain for line in picture_lines(picture, Screen(12, None, None, False, False))]
-    assert not "".join(lines[2:8]).strip()

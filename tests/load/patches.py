@@ -15,7 +15,6 @@ from mapq.io import read_patches, write_patches
 from mapq.io.models import read_default_model
 from mapq.io.results import json_beside, write_result
 from mapq.report import read_findings, write_report
-from prf.shell.manifest import describe_process
 from tests.load.meter import Meter
 from tests.load.town import town
 
@@ -39,7 +38,7 @@ def run(n_patches: int, folder: Path, meter: Meter) -> int:
         note.append(f"{len(terms.patch):,} terms")
     result = Result(patches, features, model, labelling, terms)
     with meter.stage("regions and verdict") as note:
-        head = {**describe_process(), "model": "default", **result.head(), "verdict": result.verdict(0.05)}
+        head = result.head(0.05)
         note.append(f"{len(result.regions):,} regions")
     target = str(folder / "town.ply")
     with meter.stage("result") as note:

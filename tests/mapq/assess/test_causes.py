@@ -182,7 +182,7 @@ def test_no_variance_is_seen_where_nothing_but_noise_is():
 def test_a_result_carries_causes():
     patches = wall_of_two_laps(0.5, 0.02)
     result = assess(patches, make_model())
-    assert result.suspicious.all()
+    assert result.is_suspicious.all()
     rows = list(result.patch_rows())
     assert {row["cause"]["kind"] for row in rows} == {MISSED_LOOP}
     (region,) = result.head()["regions"]

@@ -56,7 +56,7 @@ def test_both_copies_name_each_other(doubled):
 
 def test_reasons_of_a_plausible_patch_speak_for_plausible(doubled):
     reasons = doubled.reasons(2, 5)
-    assert not doubled.suspicious[2]
+    assert not doubled.is_suspicious[2]
     assert reasons
     assert all(reason.log_odds < 0.0 for reason in reasons)
     assert any("thick" in reason.text for reason in reasons)

@@ -26,7 +26,7 @@ def test_connected_suspicious_patches_are_a_region_the_most_severe_first(result)
     assert large.patches.tolist() == [2, 3, 4, 5]
     assert small.patches.tolist() == [0, 1]
     assert large.severity > small.severity
-    assert not result.suspicious[6]
+    assert not result.is_suspicious[6]
 
 
 def test_a_region_has_extent_area_and_displacement(result):
@@ -44,7 +44,7 @@ def test_a_region_has_extent_area_and_displacement(result):
 
 def test_every_suspicious_patch_is_in_one_region(result):
     numbers = np.concatenate([region.patches for region in result.regions])
-    np.testing.assert_array_equal(np.sort(numbers), np.flatnonzero(result.suspicious))
+    np.testing.assert_array_equal(np.sort(numbers), np.flatnonzero(result.is_suspicious))
     rows = list(result.patch_rows())
     assert [row["region"] for row in rows] == [1, 1, 0, 0, 0, 0, None]
     assert [row["n_patches"] for row in result.head()["regions"]] == [4, 2]
@@ -74,9 +74,9 @@ def test_no_suspicious_patch_is_no_region():
 
 @pytest.mark.parametrize(("fail_over", "passed"), [(0.5, False), (0.99, True), (1.0, True)])
 def test_the_verdict_is_that_of_the_area(result, fail_over, passed):
-    share = result.area[result.suspicious].sum() / result.area.sum()
+    share = result.area[result.is_suspicious].sum() / result.area.sum()
     verdict = result.verdict(fail_over)
-    area = {"unknown": pytest.approx(result.area[result.suspicious].sum())}
+    area = {"unknown": pytest.approx(result.area[result.is_suspicious].sum())}
     area |= {"missed loop closure": 0.0, "local mapping error": 0.0}
     assert verdict == {
         "share_of_area": pytest.approx(share),
@@ -96,7 +96,7 @@ def test_a_map_passes_only_where_enough_of_it_was_judged(result, dropped, passed
     judged = int(result.patches.counts.sum())
     report = {"dropped_for_tilt": {"patches": 1, "points": dropped * judged, "area": 1.0}}
     some = replace(result, patches=replace(result.patches, report=report))
-    assert some.coverage == some.counts()["coverage"] == 1.0 / (1 + dropped)
+    assert some.coverage == some.counts["coverage"] == 1.0 / (1 + dropped)
     assert some.verdict(1.0)["passed"] is passed
     assert some.verdict(1.0, 0.1)["passed"] is True
     assert some.verdict(None)["passed"] is None
@@ -131,7 +131,7 @@ def test_the_pairs_of_a_map_are_looked_through_once_however_many_regions_there_a
     result = assess(town(n_patches), make_model())
     assert len(result.regions) > n_patches // 10
     looked = Looked(result.features)
-    again = find_regions(result.patches, looked, result.suspicious, result.labelling.probability, result.area)
+    again = find_regions(result.patches, looked, result.is_suspicious, result.labelling.probability, result.area)
     assert [region.displacement for region in again] == [region.displacement for region in result.regions]
     assert looked.times <= 5
     assert 0 < looked.taken <= 3 * len(result.features.pairs)

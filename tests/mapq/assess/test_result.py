@@ -49,7 +49,7 @@ def test_double_walls_are_suspicious_with_reasons(result):
 
 
 def test_counts_are_shares_of_patches_points_and_area(result):
-    counts = result.counts()
+    counts = result.counts
     bad = result.labelling.label == 1
     assert (counts["n_patches"], counts["n_suspicious"]) == (32, 16)
     assert counts["share_of_points"] == result.patches.counts[bad].sum() / counts["n_points_in_patches"]
@@ -102,7 +102,7 @@ def test_few_patches(edge_model, n_walls):
 @pytest.mark.parametrize("edge_model", EDGE_MODELS)
 def test_no_patches(edge_model):
     found = assess(make_patches([], np.empty((0, 3)), loose=4), make_model(edge_model))
-    counts = found.counts()
+    counts = found.counts
     assert (counts["n_patches"], counts["n_points"], list(found.patch_rows())) == (0, 4, [])
     assert math.isnan(counts["share_of_area"])
     cloud = found.cloud()

@@ -9,8 +9,16 @@ import numpy as np
 import pytest
 
 from mapq.patches import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED
-from mapq.render import Bounds, axonometric, label_colours, patch_colours, probability_colours, render_views
-from mapq.render.colours import BACKGROUND_RGB, PLAUSIBLE_RGB, SUSPICIOUS_RGB
+from mapq.render.colours import (
+    BACKGROUND_RGB,
+    PLAUSIBLE_RGB,
+    SUSPICIOUS_RGB,
+    label_colours,
+    patch_colours,
+    probability_colours,
+)
+from mapq.render.picture import Bounds, Picture, axonometric
+from prf.shell import pictures
 from prf.shell.errors import InputError
 
 
@@ -65,34 +73,35 @@ class TestColours:
         assert np.all((rgb >= 0.0) & (rgb <= 1.0))
 
 
-class TestPage:
+class TestPicture:
     def test_both_views_and_formats(self, tmp_path: Path) -> None:
         xyz, patch, label = walls()
+        page = Picture(xyz, label_colours(label, patch), "A map", "four walls").draw()
         for suffix in ("png", "svg", "pdf"):
             target = tmp_path / f"map.{suffix}"
-            render_views(xyz, label_colours(label, patch), target, title="A map", subtitle="four walls")
+            pictures.save(page, target)
             assert target.stat().st_size > 5000
 
     def test_suspicious_points_are_drawn_red(self) -> None:
         from matplotlib.image import imread
 
         xyz, patch, label = walls()
-        page = io.BytesIO()
-        render_views(xyz, label_colours(label, patch), page, title="t", subtitle="s", views=("plan",))
-        pixels = imread(io.BytesIO(page.getvalue()), format="png")[..., :3]
+        pixels = imread(io.BytesIO(Picture(xyz, label_colours(label, patch), "t", "s").png()), format="png")[..., :3]
         for rgb in (PLAUSIBLE_RGB, SUSPICIOUS_RGB):
             assert np.count_nonzero(np.abs(pixels - rgb).max(axis=2) < 0.02) > 100
 
     def test_points_that_are_not_finite_are_left_out(self) -> None:
         xyz, patch, label = walls()
         xyz[::3] = np.nan
-        render_views(xyz, label_colours(label, patch), io.BytesIO(), title="t", subtitle="s")
+        picture = Picture(xyz, label_colours(label, patch), "t", "s")
+        picture.draw()
+        assert picture._replace(xyz=xyz * np.nan).png() is None
         with pytest.raises(InputError, match="no point"):
-            render_views(xyz * np.nan, label_colours(label, patch), io.BytesIO(), title="t", subtitle="s")
+            picture._replace(xyz=xyz * np.nan).draw()
 
     def test_a_single_point_has_a_page(self) -> None:
         scheme = label_colours(np.array([PLAUSIBLE], np.uint8), np.array([0], np.int32))
-        render_views(np.zeros((1, 3)), scheme, io.BytesIO(), title="t", subtitle="s")
+        assert Picture(np.zeros((1, 3)), scheme, "t", "s").png() is not None
 
     def test_bounds_hold_all_points(self) -> None:
         xy = np.random.default_rng(3).normal(size=(100, 2))

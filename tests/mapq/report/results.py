@@ -6,9 +6,7 @@ import re
 from pathlib import Path
 
 from mapq.assess import assess
-from mapq.io.results import write_result
 from mapq.patches import Patches
-from prf.shell.manifest import describe_process
 from tests.mapq.assess.test_result import make_model
 from tests.mapq.labelled import draw_patches
 
@@ -16,8 +14,7 @@ from tests.mapq.labelled import draw_patches
 def save_result(path: Path, patches: Patches | None = None) -> Path:
     """Write what a small model says of walls, half of them doubled."""
     result = assess(draw_patches(1) if patches is None else patches, make_model())
-    head = {**describe_process(), "model": "default", **result.head(), "verdict": result.verdict(0.05)}
-    write_result(str(path), result.cloud(), head, result.patch_rows())
+    result.save(path, fail_over=0.05, force=True)
     return path
 
 

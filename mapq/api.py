@@ -1,0 +1,257 @@
+"""Functions that read or make clouds, patches, models and results; all else is a method of these types."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mapq import assess
+from mapq.cloud import PointCloud
+from mapq.crf import TrainSettings
+from mapq.crf.operating import with_false_alarms
+from mapq.features import FeatureSettings
+from mapq.io import clouds as cloud_files
+from mapq.io.models import read_default_model, read_model
+from mapq.io.options import AS_IT_IS, ReadOptions
+from mapq.model import Model
+from mapq.patches import Patches
+from mapq.segmentation import STAGES, SegmentSettings
+from mapq.segmentation import segment as cut
+from mapq.training import train_maps
+from prf.shell.errors import ArgumentError, UsageError
+from prf.shell.notebook import ProgressCallback, reported
+
+logger = logging.getLogger(__name__)
+
+Path = str | os.PathLike[str]
+
+
+def read_cloud(path: Path, options: ReadOptions = AS_IT_IS) -> PointCloud:
+    """Read a cloud of points; the format is recognised from the content.
+
+    Parameters
+    ----------
+    path : path
+        Of a file in a format of docs/clouds.md, gzipped or not.
+    options : ReadOptions
+        What the file does not contain: its unit, the topic and frame of a bag.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged or of another format, or has no finite point.
+    """
+    return cloud_files.read_cloud(os.fspath(path), options)
+
+
+def point_cloud(
+    xyz: ArrayLike, fields: Mapping[str, ArrayLike] | None = None, *, unit: float = 1.0, source: str = "arrays"
+) -> PointCloud:
+    """Return the cloud of coordinates, with fields of its points.
+
+    Parameters
+    ----------
+    xyz : (n, 3) array
+        World coordinates; a point that is nan has no place and belongs to no patch.
+    fields : mapping of str to (n, ...) array, optional
+        Such as `scan`, `time` or `pass_id`: when a point was seen.
+    unit : float
+        Metres in a unit of the coordinates.
+    source : str
+        Name for messages.
+
+    Raises
+    ------
+    ArgumentError
+        If shapes do not agree, no point is finite, or the unit is no length.
+    """
+    world = _numbers("xyz", xyz)
+    if world.ndim != 2 or world.shape[1] != 3:
+        raise ArgumentError(f"xyz: has shape {world.shape}, must be (n, 3).")
+    if not np.isfinite(world).all(axis=1).any():
+        raise ArgumentError("xyz: no point is finite.")
+    if not (np.isfinite(unit) and unit > 0.0):
+        raise ArgumentError(f"unit {unit}: must be a length above 0, in metres.")
+    columns = {name: np.asarray(values) for name, values in (fields or {}).items()}
+    for name, values in columns.items():
+        if values.shape[:1] != (len(world),):
+            raise ArgumentError(f"fields[{name!r}]: has shape {values.shape}, must have {len(world)} rows.")
+    return PointCloud.from_world(world, columns, source, unit)
+
+
+def segment(
+    cloud: PointCloud | ArrayLike | Path,
+    settings: SegmentSettings | None = None,
+    *,
+    sources: Mapping[str, str] | None = None,
+    progress: bool | ProgressCallback = True,
+) -> Patches:
+    """Cut a cloud into plane patches by region growing.
+
+    Parameters
+    ----------
+    cloud : PointCloud, (n, 3) array, or path
+    settings : SegmentSettings, optional
+        What it leaves open is estimated from the cloud.
+    sources : mapping of str to str, optional
+        Where each setting was given, such as "--noise"; kept in the report of the patches.
+    progress : bool or callable
+        Show a bar. A callable is given the share done in [0, 1], and a mapping of what a bar would show.
+
+    Returns
+    -------
+    Patches
+        Largest first. There may be none: then the report has a warning, which is logged.
+
+    Raises
+    ------
+    ArgumentError
+        If the array is no cloud.
+    InputError
+        If the file cannot be read, or the points make no plane.
+    UsageError
+        If a setting is outside its domain.
+    """
+    if isinstance(cloud, str | os.PathLike):
+        cloud = read_cloud(cloud)
+    elif not isinstance(cloud, PointCloud):
+        cloud = point_cloud(cloud)
+    with reported(progress, len(STAGES), "segmenting") as reporter:
+        patches = cut(cloud, settings, reporter)
+    _warn(patches)
+    return replace(patches, report={**patches.report, "sources": dict(sources)}) if sources else patches
+
+
+def classify(
+    map: Patches | PointCloud | ArrayLike | Path,
+    model: Model | Path | None = None,
+    *,
+    max_false_alarms: float | None = None,
+    segmentation: SegmentSettings | None = None,
+    sources: Mapping[str, str] | None = None,
+    options: ReadOptions = AS_IT_IS,
+    progress: bool | ProgressCallback = True,
+) -> assess.Result:
+    """Label the patches of a map plausible or suspicious, with reasons.
+
+    Parameters
+    ----------
+    map : Patches, PointCloud, (n, 3) array, or path
+        A cloud is segmented first.
+    model : Model or path, optional
+        None: the model of the package.
+    max_false_alarms : float, optional
+        Share of the plausible patches that may be called suspicious, such as 0.02.
+    segmentation : SegmentSettings, optional
+        For a cloud; settings of a file (by `sources`) are ignored for patches.
+    sources : mapping of str to str, optional
+        As :func:`segment`.
+    options : ReadOptions
+        For the file of a cloud.
+    progress : bool or callable
+        Of the segmentation, as :func:`segment`.
+
+    Raises
+    ------
+    ArgumentError
+        If the array is no cloud, or `max_false_alarms` no share.
+    UsageError
+        If the model has no operating points, or segmentation settings are given for patches.
+    InputError
+        If a file cannot be read, the points make no plane, or the model does not fit this release.
+    """
+    used, origin = _model(model, max_false_alarms)
+    found: Any = map
+    if isinstance(map, str | os.PathLike):
+        found = assess.read_input(os.fspath(map), options)
+        origin = origin._replace(name=os.fspath(map), files=(os.fspath(map), *origin.files))
+    if not isinstance(found, Patches):
+        found = segment(found, segmentation, sources=sources, progress=progress)
+    elif segmentation is not None and (sources is None or any(each.startswith("--") for each in sources.values())):
+        raise UsageError(f"{origin.name} is segmented already: settings of a segmentation are for clouds.")
+    else:
+        _warn(found)
+    if not isinstance(map, str | os.PathLike):
+        origin = origin._replace(name=found.cloud.source or "the map")
+    return assess.assess(found, used, origin=origin)
+
+
+def train(
+    maps: Patches | Path | Sequence[Patches | Path],
+    settings: TrainSettings | None = None,
+    features: FeatureSettings | None = None,
+    *,
+    max_patches: int | None = None,
+    seed: int = 0,
+    conservative: bool = False,
+    progress: bool | ProgressCallback = True,
+) -> Model:
+    """Return the model fitted to labelled patches (:meth:`Patches.labelled`).
+
+    Without a regularisation in the settings its strength is chosen by cross-validation over regions of the maps, which
+    also calibrates the probabilities; ``model.training["held_out"]`` has the scores on regions kept out.
+
+    Parameters
+    ----------
+    maps : Patches, path of a PATCHES file, or a sequence of these
+    settings : TrainSettings, optional
+    features : FeatureSettings, optional
+        Stored in the model, which measures other maps in the same way.
+    max_patches : int, optional
+        Use about so many labelled patches: whole regions, drawn with `seed`.
+    seed : int
+    conservative : bool
+        Patches without a label count as suspicious.
+    progress : bool or callable
+        As :func:`segment`.
+
+    Raises
+    ------
+    ArgumentError
+        If there are no maps.
+    InputError
+        If a file is no PATCHES file, or there are not labels of both kinds.
+    ConfigError
+        If the settings ask for an edge feature that there is not.
+    """
+    given = [maps] if isinstance(maps, Patches | str | os.PathLike) else list(maps)
+    if not given:
+        raise ArgumentError("maps: there are none.")
+    with reported(progress, len(given), "maps") as reporter:
+        return train_maps(given, settings, features, max_patches, seed, reporter, conservative)[0]
+
+
+def _model(model: Model | Path | None, max_false_alarms: float | None) -> tuple[Model, assess.Origin]:
+    """Return a model at its operating point, and its name and file."""
+    if isinstance(model, Model):
+        used, origin, name = model, assess.Origin(model="given"), "the model"
+    elif model is None:
+        used, origin, name = read_default_model(), assess.Origin(), "the model of the package"
+    else:
+        name = os.fspath(model)
+        used, origin = read_model(model), assess.Origin(model=name, files=(name,))
+    if max_false_alarms is None:
+        return used, origin
+    if not 0.0 <= max_false_alarms <= 1.0:
+        raise ArgumentError(f"max_false_alarms {max_false_alarms}: must be a share between 0 and 1.")
+    return with_false_alarms(used, max_false_alarms, name), origin
+
+
+def _warn(patches: Patches) -> None:
+    warnings = patches.report.get("warnings", ())
+    for warning in warnings or (() if len(patches) else ("no plane patch was found",)):
+        logger.warning("%s: %s", patches.cloud.source or "the map", warning)
+
+
+def _numbers(name: str, values: ArrayLike) -> NDArray[Any]:
+    try:
+        array = np.asarray(values)
+        return array if array.dtype == np.float32 else array.astype(np.float64)
+    except (TypeError, ValueError):
+        raise ArgumentError(f"{name}: is no array of numbers.") from None

@@ -1,1 +1,0 @@
-"""What `import mapq` offers, beside models and settings that stand elsewhere; the verbs are thin layers over it."""
