@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapq.assess import Origin
+from mapq.assess import MIN_COVERAGE, Origin
 from mapq.io.clouds import read_cloud
 from mapq.io.models import read_default_model
 from mapq.model import Model
@@ -56,9 +56,9 @@ def classify_map(
     settings: ScaleSettings,
     where: Where,
     force: bool,
-    origin: Origin,
-    limits: tuple[float | None, float],
-    sources: Mapping[str, str],
+    origin: Origin | None = None,
+    limits: tuple[float | None, float] = (None, MIN_COVERAGE),
+    sources: Mapping[str, str] | None = None,
 ) -> TiledResult:
     """Classify a map tile by tile, and write the result.
 
@@ -97,8 +97,8 @@ def classify_map(
     ):
         job = Job(path, files, settings, workers, folder, reporter)
         cutting = job.cut()
-        cutting.report["sources"] = dict(sources)
-        result = replace(job.assess(cutting, model or read_default_model()), origin=origin)
+        cutting.report["sources"] = dict(sources or {})
+        result = replace(job.assess(cutting, model or read_default_model()), origin=origin or Origin(path))
         job.write(cutting, result, made_in(folder, output))
         rows = job.stages.telling(result.patch_rows(), len(result.patches))
         publish(folder, output, result.head(*limits), rows)

@@ -49,7 +49,7 @@ def test_a_worker_that_is_killed_changes_nothing(cluster: Any, model: Model, tmp
 
     def classified(name: str, where: Where) -> dict[str, Any]:
         target = str(tmp_path / name)
-        classify_map(str(tmp_path / "city"), target, model, settings, where, False, lambda result: result.head())
+        classify_map(str(tmp_path / "city"), target, model, settings, where, False)
         content: dict[str, Any] = json.loads((tmp_path / name / "result.json").read_text())
         return content
 

@@ -130,7 +130,7 @@ def test_tiles_have_the_causes_of_the_map_in_memory(drive, model, missing):
 def test_points_of_a_result_in_tiles_have_causes(drive, model, tmp_path):
     target = str(tmp_path / "result.ply")
     settings = ScaleSettings(tile_points=20_000)
-    result = classify_map(drive, target, model, settings, Where(), False, lambda each: each.head())
+    result = classify_map(drive, target, model, settings, Where(), False)
     fields = read_cloud(target).fields
     codes = result.cause_codes()
     assert codes is not None

@@ -44,7 +44,7 @@ def town(tmp_path_factory) -> Path:
 def classified(town: Path, model: Model, name: str, tile_points: int) -> tuple[dict, PointCloud]:
     target = town.parent / name
     settings = ScaleSettings(tile_points=tile_points)
-    classify_map(str(town), str(target), model, settings, Where(), False, lambda result: result.head())
+    classify_map(str(town), str(target), model, settings, Where(), False)
     return json.loads((target / "result.json").read_text()), whole(target)
 
 
@@ -107,7 +107,7 @@ def test_several_files_become_one_cloud(town, model, four):
     for name in ("joined.laz", "joined.ply"):
         settings = ScaleSettings(tile_points=N_POINTS // 4)
         target = town.parent / name
-        classify_map(str(town), str(target), model, settings, Where(), True, lambda result: result.head())
+        classify_map(str(town), str(target), model, settings, Where(), True)
         joined = read_cloud(str(target))
         np.testing.assert_array_equal(joined.fields["patch"], four[1].fields["patch"])
         np.testing.assert_allclose(joined.world(), four[1].world(), atol=1e-4)
