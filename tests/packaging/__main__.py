@@ -1,48 +1,135 @@
 """``python -m tests.packaging``: install the wheel, nothing else, and run the main jobs of both tools with it.
 
-Once with the newest versions that there are of what it needs, once with the oldest that pyproject.toml allows.
+Once with the newest versions of the dependencies, once with the oldest that pyproject.toml allows.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
+import shutil
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import NamedTuple
 
-from tests.packaging.archives import build
-from tests.packaging.bare import JOBS, MISSING, fault_of_job, fault_of_missing, make_bare
-from tests.packaging.bounds import MINIMUM
+from tests.conftest import ROOT
+from tests.packaging.test_packaging import MINIMUM, build
 
-VERSIONS: dict[str, Path | None] = {"newest": None, "oldest": MINIMUM}
+LOG = "demo-office.log.gz"
+TOWN = "demo-town.ply.gz"
+JOBS = (
+    "prf --version",
+    f"prf info {LOG}",
+    f"prf sample --laser {LOG} --every-scan 10 --every-beam 12 --chains 2 --steps 2000 --resolution 1 --seed 1 -o run",
+    "prf query run --points points.csv",
+    "prf render run -o run.png",
+    "prf inspect run",
+    f"prf score run --laser {LOG} --every-scan 10 --seed 1",
+    "prf export run --format geojson -o run.geojson",
+    "prf export run --format svg -o run.svg",
+    f"prf anneal --laser {LOG} --every-scan 10 --every-beam 12 --steps 2000 --chains 1 --seed 1 -o best.geojson",
+    f"prf grid --laser {LOG} --every-scan 10 -o grid.npz",
+    f"mapq segment {TOWN} -o town.patches",
+    "mapq features town.patches --csv",
+    "mapq label town.patches --from-field truth",
+    "mapq train town.patches -o model.json",
+    "mapq classify town.patches -o town.ply",
+    "mapq classify town.patches --model model.json -o own.laz",
+    "mapq evaluate town.ply --truth-field truth",
+    "mapq render town.ply -o town.png",
+    "mapq inspect model.json",
+)
+"""Reading, sampling, segmenting, classifying, training and pictures: what the core must do without any extra."""
+
+
+class Missing(NamedTuple):
+    """A command that needs an extra: its exit code without it, and the extra."""
+
+    command: str
+    code: int
+    extra: str
+
+
+MISSING = (
+    Missing("prf export run --format dxf -o run.dxf", 2, "dxf"),
+    Missing("prf export run --format netcdf -o run.nc", 2, "netcdf"),
+    Missing(f"prf sample --laser {LOG} --steps 10 --scheduler tcp://127.0.0.1:9 -o far", 2, "distributed"),
+    Missing("mapq report town.ply -o town.html", 2, "report"),
+    Missing("mapq label town.patches", 2, "report"),
+    Missing(f"mapq classify {TOWN} --scheduler tcp://127.0.0.1:9 -o far.ply", 2, "distributed"),
+    Missing("mapq inspect empty.e57", 3, "e57"),
+)
+
+
+class Environment(NamedTuple):
+    """A virtual environment in `folder`, which also holds ``home`` and ``work``, far from this tree."""
+
+    folder: Path
+
+    def run(self, command: str) -> subprocess.CompletedProcess[str]:
+        """Run a command line with the programs of the environment."""
+        environment = {
+            "PATH": os.pathsep.join([str(self.folder / "venv" / "bin"), "/usr/bin", "/bin"]),
+            "HOME": str(self.folder / "home"),
+            "LANG": os.environ.get("LANG", "C.UTF-8"),
+        }
+        program, *arguments = command.split()
+        path = shutil.which(program, path=environment["PATH"])
+        assert path is not None, f"{program} is not installed"
+        work = self.folder / "work"
+        return subprocess.run(
+            [path, *arguments], cwd=work, env=environment, capture_output=True, text=True, check=False
+        )
+
+    def fault_of(self, command: str) -> str | None:
+        """Return why a job of the core failed, None if it did not."""
+        done = self.run(command)
+        return None if done.returncode == 0 else f"exit code {done.returncode}: {done.stderr.strip()}"
+
+    def fault_of_missing(self, case: Missing) -> str | None:
+        """Return what is wrong with the answer to a command whose extra is missing."""
+        done = self.run(case.command)
+        lines = done.stderr.splitlines()
+        errors = [line for line in lines if line.startswith("error: ")]
+        if done.returncode == case.code and errors == lines[-1:] and f"prf-mapq[{case.extra}]" in lines[-1]:
+            return None
+        return f"exit code {done.returncode}, not one error that names the extra {case.extra}: {done.stderr.strip()}"
+
+
+def install(folder: Path, python: str, wheel: Path, constraints: Path | None) -> Environment:
+    """Make an environment with the wheel and what it needs, and small data to work on."""
+    folder.mkdir()
+    subprocess.run([python, "-m", "venv", folder / "venv"], check=True)
+    limits = [] if constraints is None else ["-c", str(constraints)]
+    pip = [folder / "venv" / "bin" / "python", "-m", "pip", "--disable-pip-version-check", "--no-input"]
+    subprocess.run([*pip, "install", "--quiet", "--only-binary", ":all:", *limits, str(wheel)], check=True)
+    subprocess.run([*pip, "check"], check=True)
+    for name in ("home", "work"):
+        (folder / name).mkdir()
+    for name in (LOG, TOWN):
+        shutil.copy(ROOT / "data" / name, folder / "work")
+    (folder / "work" / "points.csv").write_text("x,y\n5.0,7.0\n6.0,7.0\n")
+    (folder / "work" / "empty.e57").write_bytes(b"ASTM-E57" + bytes(40))
+    return Environment(folder)
 
 
 def main() -> int:
     """Print a line a command; return 1 if anything was wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--python", default=sys.executable, help="interpreter of the environments")
-    parser.add_argument("--versions", choices=list(VERSIONS), action="append", help="only these, repeatable")
-    asked = parser.parse_args()
-    n_faults = 0
-    with tempfile.TemporaryDirectory() as folder:
-        archives = build(Path(folder) / "dist")
-        for archive in archives:
-            print(f"{archive.name}: {archive.stat().st_size / 1e6:.1f} MB")
-        for versions in asked.versions or VERSIONS:
-            n_faults += try_versions(versions, Path(folder) / versions, asked.python, archives.wheel)
+    asked, n_faults = parser.parse_args(), 0
+    with tempfile.TemporaryDirectory() as name:
+        wheel = build("wheel", Path(name) / "dist")
+        for versions, constraints in (("newest", None), ("oldest", MINIMUM)):
+            environment = install(Path(name) / versions, asked.python, wheel, constraints)
+            outcomes = [(command, environment.fault_of(command)) for command in JOBS]
+            outcomes += [(case.command, environment.fault_of_missing(case)) for case in MISSING]
+            for command, fault in outcomes:
+                print(f"{versions}: {fault or 'as it should be'}: {command}", flush=True)
+                n_faults += fault is not None
     return int(n_faults > 0)
-
-
-def try_versions(versions: str, folder: Path, python: str, wheel: Path) -> int:
-    """Run all jobs with these versions of what the wheel needs; return how many were wrong."""
-    folder.mkdir()
-    bare = make_bare(folder, python, wheel, VERSIONS[versions])
-    jobs = [(command, fault_of_job(bare, command)) for command in JOBS]
-    refused = [(case.command, fault_of_missing(bare, case)) for case in MISSING]
-    for kind, outcomes in (("runs", jobs), ("names its extra", refused)):
-        for command, fault in outcomes:
-            print(f"{versions}: {fault or kind}: {command}", flush=True)
-    return sum(fault is not None for _, fault in [*jobs, *refused])
 
 
 if __name__ == "__main__":

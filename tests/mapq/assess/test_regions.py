@@ -7,9 +7,9 @@ import pytest
 
 from mapq.assess import assess
 from mapq.assess.regions import find_regions
-from tests.load.town import town
 from tests.mapq.assess.test_result import make_model
 from tests.mapq.factories import make_patches, sample_patches, shuffled, wall
+from tests.mapq.town import town
 
 SMALL = [wall((0, 0), (5, 0)), wall((0, 0.3), (5, 0.3))]
 LARGE = [wall((100, 0), (110, 0)), wall((100, 0.5), (110, 0.5)), wall((111, 0), (121, 0)), wall((111, 0.5), (121, 0.5))]

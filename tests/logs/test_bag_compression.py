@@ -1,4 +1,4 @@
-"""Bags with packed chunks, messages or files are read as plain ones; other packing is refused in one line."""
+"""Bags whose chunks, messages or files are compressed are read like plain ones; other compression is refused."""
 
 from __future__ import annotations
 

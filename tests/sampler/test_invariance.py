@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from prf.posterior import LaserData
-from tests.same.moves import first, maps_of, means_of, mirrored, reordered, scaled, shifted, turned
+from tests.sampler.frames import first, maps_of, means_of, mirrored, reordered, scaled, shifted, turned
 
 FALSE_ALARM = 1e-3
 """Of the whole family of comparisons below."""

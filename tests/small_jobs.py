@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 SAMPLED = ("draws.npz", "posterior.npz", "map.geojson")
 """Files of a RUN that depend on the seed and the input alone."""
 
@@ -83,7 +83,7 @@ def classified(folder: Path) -> dict[str, Any]:
 
 def in_child(expression: str, **environment: str) -> Any:
     """Return the value of an expression over this module's functions, from a process of its own."""
-    code = f"import json; from pathlib import Path; from tests.same.child import *; print(json.dumps({expression}))"
+    code = f"import json; from pathlib import Path; from tests.small_jobs import *; print(json.dumps({expression}))"
     done = subprocess.run(
         [sys.executable, "-c", code],
         env={**os.environ, "PYTHONPATH": str(ROOT), **environment},

@@ -16,8 +16,8 @@ from mapq.features import measure_shapes
 from mapq.io import read_cloud
 from mapq.segmentation import SegmentSettings, segment
 from mapq.simulate import SIZES, Settings, simulate
-from tests.load.town import town
 from tests.mapq.factories import moved
+from tests.mapq.town import town
 
 Floats = NDArray[np.float64]
 N_POINTS = 40_000

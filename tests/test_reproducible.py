@@ -1,12 +1,13 @@
-"""Same seed, same bytes, whatever the number of threads."""
+"""The same seed gives the same bytes for any number of threads, compiled and as plain Python."""
 
 from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
-from tests.same.child import ROOT, call, sampled
+from tests.small_jobs import ROOT, call, classified, in_child, sampled, short_chain
 
 WAYS = {
     "plain": "--chains 3 --steps 20000",
@@ -37,3 +38,26 @@ def test_an_annealed_map_has_the_same_shape_for_any_number_of_threads(tmp_path):
         content = json.loads(path.read_text())
         found.append((content["geometry"], content["properties"]["score"]))
     assert found[0] == found[1]
+
+
+def test_a_chain_is_the_same_to_the_last_bit():
+    assert in_child("short_chain(600)", NUMBA_DISABLE_JIT="1") == short_chain(600)
+
+
+def test_steps_that_differ_are_seen():
+    assert short_chain(600)["accepted"] > 30
+    assert short_chain(600) != short_chain(601)
+
+
+@pytest.mark.slow
+def test_a_small_map_has_the_same_patches_and_labels(tmp_path):
+    plain = in_child(f"classified(Path({str(tmp_path)!r}))", NUMBA_DISABLE_JIT="1")
+    (tmp_path / "result.ply").unlink()
+    (tmp_path / "result.json").unlink()
+    compiled = classified(tmp_path)
+    assert plain["n_patches"] >= 10
+    assert {"plausible", "suspicious"} <= set(plain["label"])
+    for name in ("patch", "label"):
+        assert plain[name] == compiled[name]
+    np.testing.assert_allclose(plain["measures"], compiled["measures"], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(plain["p"], compiled["p"], rtol=0, atol=1e-6)

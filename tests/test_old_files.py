@@ -14,7 +14,7 @@ from mapq.io import read_cloud, read_patches
 from prf.run import read_run
 from prf.shell.run import run_app
 
-OLD = Path(__file__).resolve().parents[1] / "old_files"
+OLD = Path(__file__).resolve().parent / "old_files"
 RUNS = ("run-checkpoint-1", "run-checkpoint-2")
 
 
