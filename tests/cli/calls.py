@@ -28,7 +28,7 @@ from tests.mapq.factories import wall
 from tests.mapq.labelled import draw_patches
 from tests.mapq.perturb.scenes import look, pose_at
 from tests.mapq.posed.test_poses import rows
-from tests.test_occupancy import BEAM, build
+from tests.occupancy.test_build import BEAM, build
 
 
 class Outcome(NamedTuple):
@@ -101,7 +101,6 @@ VERBS = (
     Verb(
         "prf calibrate --map room.geojson --laser laser.log -o out.toml", ("room.geojson", "laser.log"), ("out.toml",)
     ),
-    Verb("prf report run -o out.html", ("run/draws.npz",), ("out.html",)),
     Verb("prf render draws.geojsonl -o out.png", ("draws.geojsonl",), ("out.png",)),
     Verb("prf render run -o out.svg", ("run/manifest.json",), ("out.svg",)),
     Verb("prf export run --format ros-map -o out.yaml", ("run/draws.npz",), ("out.yaml", "out.pgm")),

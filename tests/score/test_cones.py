@@ -35,7 +35,7 @@ from tests.reference import slow_sonar
 from tests.reference.slow_score import cone_density
 from tests.reference.slow_sonar import Cone, Feature, Ring, features
 from tests.reference.sonar_worlds import model_of, random_office, ring_all_round
-from tests.test_occupancy import random_grid
+from tests.occupancy.test_build import random_grid
 
 ROOM = Window(0.0, 0.0, 10.0, 8.0)
 WALL = shapely.box(3.0, 0.0, 3.5, 8.0)

@@ -10,7 +10,7 @@ import pytest
 from prf.occupancy import SCHEMA, is_grid, read_grid, write_grid
 from prf.shell.errors import InputError
 from prf.shell.storage import load_arrays, save_arrays
-from tests.test_occupancy import BEAM, build
+from tests.occupancy.test_build import BEAM, build
 
 
 @pytest.fixture
