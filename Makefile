@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 PYTEST := $(BIN)/python -m pytest
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow test-oldest verify check coverage mutants package docs figures bench model clean
+.PHONY: help setup demo test test-slow test-oldest verify check coverage package docs figures bench model clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -56,9 +56,6 @@ coverage: setup ## lines and branches that the tests run, kernels uncompiled; fa
 	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest -n 2 -m "not slow" @tests/uncompiled.txt
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report
-
-mutants: setup ## small mistakes in ratios, likelihoods and energies that no test notices; half an hour (MUTANTS="--share 0.05")
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m tests.mutation $(MUTANTS)
 
 package: setup ## build wheel and source archive, install the wheel alone, run the main jobs with it; a quarter of an hour
 	$(BIN)/python -m tests.packaging

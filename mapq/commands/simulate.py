@@ -96,7 +96,7 @@ def simulate(
     """Make a map with known errors: an urban world, driven through and rendered from odometry.
 
     A street lined with offices, a block rounded twice, a pathway under an archway; a 2D laser that nods. The point
-    field `truth` is 1 where passes over one true surface disagree in the map; docs/simulator.md tells the fields. A
+    field `truth` is 1 where passes over one true surface disagree in the map; docs/simulation.md lists the fields. A
     city is made without a drive, tile by tile; docs/scale.md.
     """
     from mapq.io import write_cloud

@@ -1,16 +1,7 @@
-"""Blocks of commands in the pages, and what a page says of how tests run them.
+"""Blocks of commands in the pages.
 
-A block is fenced as `sh` or `console`, or indented, with a command of `STARTS` in its first line. In a console block
-lines after `$ ` are commands and the others what they print; `...` there stands for anything. A page may hold a comment
-
-    <!-- In tests:
-    with `prf sample`: --steps 10000
-    not `pip`: packages are there
-    exit 1 `mapq compare`: the page is about that
-    -->
-
-The first kind of line adds options to every command that begins so, in place of their values there; the second leaves
-it out.
+A block is fenced as `sh` or `console`, or indented, and begins with a command of `STARTS`. In a console block, lines
+after `$ ` are commands and the others what they print; `...` there stands for anything.
 """
 
 from __future__ import annotations
@@ -21,56 +12,18 @@ from pathlib import Path
 from typing import NamedTuple
 
 STARTS = ("prf", "mapq", "make", "python", "pip", "dask", "printf", "cat", "cp", "mkdir", "for")
-COMMENT = re.compile(r"<!-- In tests:\n(.*?)-->", re.DOTALL)
-RULE = re.compile(r"^(with|not|exit (?P<code>\d+)) `(?P<start>[^`]+)`: (?P<text>.+)$")
 
 
 class Command(NamedTuple):
-    """A command of a page, and what the page shows that it prints (None: nothing is said)."""
+    """A command of a page, and what the page shows as its output (None: nothing)."""
 
     place: str
     text: str
     shown: str | None
 
 
-class Rules(NamedTuple):
-    """What a page says of how tests run it: by the beginnings of commands."""
-
-    added: dict[str, list[str]]
-    left_out: dict[str, str]
-    codes: dict[str, int]
-
-    def is_left_out(self, command: str) -> bool:
-        return any(begins(command, start) for start in self.left_out)
-
-    def options_of(self, command: str) -> list[str]:
-        return next((words for start, words in self.added.items() if begins(command, start)), [])
-
-    def code_of(self, command: str) -> int:
-        return next((code for start, code in self.codes.items() if begins(command, start)), 0)
-
-
-def begins(command: str, start: str) -> bool:
-    return command == start or command.startswith(start + " ")
-
-
-def rules_of(text: str) -> Rules:
-    rules = Rules({}, {}, {})
-    for comment in COMMENT.findall(text):
-        for line in comment.strip().splitlines():
-            match = RULE.match(line)
-            assert match, f"no rule: {line}"
-            if match[1] == "with":
-                rules.added[match["start"]] = match["text"].split()
-            elif match[1] == "not":
-                rules.left_out[match["start"]] = match["text"]
-            else:
-                rules.codes[match["start"]] = int(match["code"])
-    return rules
-
-
 def commands_of(page: Path, name: str) -> list[Command]:
-    """Return the commands of a page in order; a line that ends on a backslash goes on in the next."""
+    """Return the commands of a page in order; a backslash at the end of a line continues it."""
     found: list[Command] = []
     for number, kind, lines in _blocks(page.read_text().splitlines()):
         if kind == "console":
@@ -115,7 +68,7 @@ NUMBER = re.compile(r"(?<![A-Za-z_])-?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
 def differences(shown: str, printed: str, share: float) -> str | None:
     """Compare what a page shows with what was printed; None if words agree and numbers do within `share`.
 
-    Of fractions up to 1 a distance of `FRACTION` is let pass: they are counted in draws of chains.
+    Fractions up to 1 may differ by `FRACTION`: they are shares of a few draws.
     """
     pattern, expected = "", []
     for piece in re.split(r"(\.\.\.)", shown):

@@ -18,7 +18,7 @@ MOST_FILES = 3
 
 
 def test_examples_are_there() -> None:
-    assert set(EXAMPLES) == {"A node feature", "A reader of clouds", "A sensor", "A move"}
+    assert set(EXAMPLES) == {"A feature of patches", "A reader of clouds", "A sensor", "A move"}
 
 
 @pytest.mark.parametrize("title", EXAMPLES)

@@ -31,11 +31,11 @@ from prf.score.scene import features_seen, outline, scene_of_coloring, scene_of_
 from prf.sensors.sonar import SonarModel
 from prf.shell.errors import ConfigError, InputError
 from prf.window import Window
+from tests.occupancy.test_build import random_grid
 from tests.reference import slow_sonar
 from tests.reference.slow_score import cone_density
 from tests.reference.slow_sonar import Cone, Feature, Ring, features
 from tests.reference.sonar_worlds import model_of, random_office, ring_all_round
-from tests.occupancy.test_build import random_grid
 
 ROOM = Window(0.0, 0.0, 10.0, 8.0)
 WALL = shapely.box(3.0, 0.0, 3.5, 8.0)

@@ -35,9 +35,9 @@ from prf.sensors.laser import LaserModel
 from prf.shell.errors import ConfigError, InputError
 from prf.window import Window
 from tests.factories import WINDOW, random_draws
+from tests.occupancy.test_build import random_grid
 from tests.reference.beams import impacts
 from tests.reference.slow_score import grid_density, pair_count_area
-from tests.occupancy.test_build import random_grid
 
 ROOM = Window(0.0, 0.0, 10.0, 10.0)
 WALL = shapely.box(7.0, 2.0, 7.5, 8.0)
