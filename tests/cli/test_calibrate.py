@@ -72,15 +72,6 @@ def test_the_file_is_for_the_verbs_that_weigh_readings(
     assert found[1] < found[0] - 0.05
 
 
-def test_the_settings_can_go_to_standard_output(folder: Path, capsys: pytest.CaptureFixture) -> None:
-    args = ("calibrate", "--laser", folder / "laser.csv", "--max-range", 8, "--map", folder / "floor.geojson")
-    assert run(*args, "-o", "-") == 0
-    shown = capsys.readouterr()
-    assert shown.out.startswith("# Fitted")
-    assert "[laser]" in shown.out
-    assert "held out" in shown.err
-
-
 @pytest.mark.parametrize(
     ("args", "code", "words"),
     [

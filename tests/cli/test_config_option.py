@@ -156,24 +156,3 @@ def test_bad_input_ends_in_one_line(
     assert len(error) == 1
     assert words in error[0]
     assert list(work.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    "args",
-    [
-        ["anneal", "--laser", "LOG"],
-        ["grid", "--laser", "LOG"],
-        ["export", "RUN"],
-        ["render", "RUN"],
-        ["prior", "--scale", "1", "--window", "0", "0", "1", "1", "--draws", "10"],
-    ],
-)
-def test_a_missing_folder_is_named_before_any_work(
-    args: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Before the input is even opened, so that a long computation cannot be lost."""
-    source = tmp_path / "LOG"
-    source.write_text("neither a log nor a run")
-    given = [str(source) if arg in ("LOG", "RUN") else arg for arg in args]
-    assert prf(*given, "-o", tmp_path / "no" / "such.svg") == 4
-    assert f"there is no folder {tmp_path / 'no'}" in capsys.readouterr().err

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import numpy as np
@@ -96,22 +95,6 @@ def test_a_ros_map_takes_a_stem_too(folder: Path, here: Path) -> None:
     assert "image: floor.2.png" in (here / "floor.2.yaml").read_text()
 
 
-def test_either_file_of_a_pair_is_in_the_way(folder: Path, here: Path, capsys: pytest.CaptureFixture) -> None:
-    (here / "a.pgm").write_text("mine")
-    assert call(folder, "-o", "a.yaml") == 4
-    assert "a.pgm already exists" in capsys.readouterr().err
-    assert (files(here), (here / "a.pgm").read_text()) == ({"a.pgm"}, "mine")
-
-
-def test_a_pair_is_written_whole_or_not_at_all(folder: Path, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (here / "a.yaml").write_text("old")
-    (here / "a.pgm").write_text("old")
-    monkeypatch.setattr("os.fsync", lambda descriptor: (_ for _ in ()).throw(OSError(28, "No space left on device")))
-    assert call(folder, "-o", "a.yaml", "-f") == 4
-    assert files(here) == {"a.yaml", "a.pgm"}
-    assert {(here / name).read_text() for name in files(here)} == {"old"}
-
-
 def test_figures_for_a_person(folder: Path, here: Path, capsys: pytest.CaptureFixture) -> None:
     assert call(folder, "-o", "a.geojson") == 0
     shown = capsys.readouterr().out
@@ -120,17 +103,6 @@ def test_figures_for_a_person(folder: Path, here: Path, capsys: pytest.CaptureFi
     assert f"a.geojson, {(here / 'a.geojson').stat().st_size:,} B" in shown
     assert f"vertices  {corners:,}\n" in shown
     assert f"polygons  {len(shape.geoms)}\n" in shown
-
-
-@pytest.mark.parametrize("format", ["geojson", "svg", "dxf"])
-def test_text_goes_to_standard_output(folder: Path, here: Path, capsys: pytest.CaptureFixture, format: str) -> None:
-    assert call(folder, "--format", format, "-o", "-") == 0
-    shown = capsys.readouterr()
-    assert call(folder, "--format", format, "-o", "file") == 0
-    assert "vertices" in shown.err
-    if format != "dxf":  # which holds the time of writing
-        assert shown.out == (here / "file").read_text()
-    assert shown.out.startswith({"geojson": '{"schema"', "svg": "<?xml", "dxf": "  0\nSECTION"}[format])
 
 
 def test_a_draw_instead_of_the_best_map(folder: Path, here: Path, capsys: pytest.CaptureFixture) -> None:
@@ -161,38 +133,6 @@ def test_polygons_of_another_program(data_dir: Path, here: Path, capsys: pytest.
     assert coloring.window == pytest.approx(shapely.box(*drawn.bounds).buffer(1.0, join_style="mitre").bounds)
     for format in FORMATS[1:-1]:
         assert call(plan, "--format", format) == 0
-
-
-@pytest.mark.parametrize("stem", ["bell\x07", "two\nlines", "byte\udcff", "<&>"])
-def test_other_programs_read_the_title_of_any_file(folder: Path, here: Path, stem: str) -> None:
-    ezdxf = pytest.importorskip("ezdxf")
-    source = here / f"{stem}.geojson"
-    source.write_bytes((folder / "map.geojson").read_bytes())
-    assert call(source, "-o", "title.svg") == call(source, "-o", "title.dxf") == 0
-    title = {"bell\x07": "bell\\x07", "two\nlines": "two lines", "byte\udcff": "byte\\udcff"}.get(stem, stem)
-    assert ElementTree.parse(here / "title.svg").getroot()[0].text == title
-    assert ezdxf.readfile(here / "title.dxf").header.custom_vars.get("Title") == title
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ('{"type": "FeatureCollection", "features": []}', "neither a polygon nor a window"),
-        (
-            '{"type": "MultiPolygon", "coordinates": '
-            "[[[[0, 0], [1, 0], [1, 1], [0, 0]]], [[[1, 1], [2, 1], [2, 2], [1, 1]]]]}",
-            "Part polygons that touch at a point",
-        ),
-        ('{"type": "Point", "coordinates": [0, 0]}', "geometry Point"),
-        ('{"schema": "prf.map/2", "type": "Feature"}', "prf.map/2"),
-    ],
-)
-def test_polygons_that_are_no_map(here: Path, capsys: pytest.CaptureFixture, content: str, message: str) -> None:
-    (here / "touch.geojson").write_text(content)
-    assert call("touch.geojson", "--format", "svg") == 3
-    error = capsys.readouterr().err
-    assert message in error
-    assert (error.count("\n"), files(here)) == (1, {"touch.geojson"})
 
 
 def test_a_grid_is_a_ros_map_only(here: Path, capsys: pytest.CaptureFixture) -> None:
@@ -264,14 +204,3 @@ def test_wrong_questions(
     shown = capsys.readouterr()
     assert message in shown.err
     assert (shown.out, shown.err.count("\n"), files(here)) == ("", 1, set())
-
-
-def test_what_is_neither_run_nor_map(here: Path, capsys: pytest.CaptureFixture) -> None:
-    (here / "empty").mkdir()
-    (here / "notes.txt").write_text("hello")
-    assert call("empty", "-o", "a.svg") == 3
-    assert "expected a RUN" in capsys.readouterr().err
-    assert call("notes.txt", "-o", "a.svg") == 3
-    assert "notes.txt" in capsys.readouterr().err
-    assert call("absent", "-o", "a.svg") == 3
-    assert "absent: no such file" in capsys.readouterr().err

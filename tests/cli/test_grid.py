@@ -124,10 +124,3 @@ def test_render_takes_a_grid(office: Path, tmp_path: Path, capsys: pytest.Captur
     assert run("render", office, "-o", tmp_path / "best.png", "--what", "best") == 2
     assert run("render", office, office, "-o", tmp_path / "two.png") == 2
     assert "GRID" in capsys.readouterr().err
-
-
-def test_a_damaged_grid_is_named(tmp_path: Path, points: Path, capsys: pytest.CaptureFixture) -> None:
-    (tmp_path / "cut.npz").write_bytes(b"PK\x03\x04cut")
-    for args in (["query", "--points", points], ["render", "-o", tmp_path / "x.png"]):
-        assert run(args[0], tmp_path / "cut.npz", *args[1:]) == 3
-        assert "cut.npz: damaged" in capsys.readouterr().err

@@ -93,14 +93,6 @@ def test_topic_and_frame_of_a_bag(capsys, tmp_path):
     assert err.count("\n") == 1
 
 
-@pytest.mark.parametrize("content", ["", "x,y\n1,2\n", "FLASER 3 1 2\n"])
-def test_bad_input_is_one_line_and_exit_code_3(capsys, tmp_path, content):
-    code, out, err = run(capsys, save(tmp_path, content))
-    assert (code, out) == (3, "")
-    assert err.startswith("error: ")
-    assert err.count("\n") == 1
-
-
 def test_nothing_suspicious_is_said(capsys, data_dir):
     code, out, _ = run(capsys, str(data_dir / "demo-office.log.gz"))
     assert code == 0

@@ -10,11 +10,8 @@ import numpy as np
 import pytest
 
 from prf.cli import app
-from prf.kernels.constants import STEP
 from prf.occupancy import OccupancyGrid, write_grid
-from prf.render import render_posterior
-from prf.run import read_run, write_run
-from prf.run.state import png_size
+from prf.run import write_run
 from prf.shell.run import run_app
 from prf.shell.storage import save_arrays
 from tests.factories import make_run
@@ -73,32 +70,6 @@ def test_files_of_other_versions(folder: Path, capsys: pytest.CaptureFixture) ->
     assert "version 9 of prf.draws is not known" in files["draws.npz"]["summary"]
 
 
-def test_a_cut_picture_or_checkpoint_is_seen(folder: Path, capsys: pytest.CaptureFixture) -> None:
-    render_posterior(read_run(folder), folder / "posterior.png")
-    whole = (folder / "posterior.png").read_bytes()
-    save_arrays(folder / "checkpoint.npz", "prf.checkpoint/2", {"chain0.graph.counts": np.full(STEP + 1, 7000)})
-    assert run_app(app, "prf", ["inspect", str(folder), "--json"]) == 0
-    summary = {file["name"]: file["summary"] for file in json.loads(capsys.readouterr().out)["files"]}
-    width, height = png_size(folder / "posterior.png")
-    assert summary["posterior.png"] == f"{width} x {height} pixels"
-    assert summary["checkpoint.npz"] == "1 chains at step 7,000"
-    middle = len(whole) // 2
-    for damage in (
-        whole[:middle],
-        whole[:-2],
-        whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :],
-        b"GIF",
-        b"",
-    ):
-        (folder / "posterior.png").write_bytes(damage)
-        assert run_app(app, "prf", ["inspect", str(folder)]) == 3
-        assert "damaged: posterior.png" in capsys.readouterr().err
-    (folder / "posterior.png").unlink()
-    save_arrays(folder / "checkpoint.npz", "prf.checkpoint/2", {"run": 1})
-    assert run_app(app, "prf", ["inspect", str(folder)]) == 3
-    assert "damaged: checkpoint.npz" in capsys.readouterr().err
-
-
 def inspected(path: Path, capsys: pytest.CaptureFixture) -> dict[str, Any]:
     assert run_app(app, "prf", ["inspect", str(path), "--json"]) == 0
     found: dict[str, Any] = json.loads(capsys.readouterr().out)
@@ -143,17 +114,3 @@ def test_draws(n: int, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     file.write_text(file.read_text() + "{}\n")
     assert run_app(app, "prf", ["inspect", str(file)]) == 3
     assert f"draws.geojsonl:{n + 1}: " in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    "content", [b"x,y,theta,range\n1,2,3,4\n", b"", b"\xff\x00", b"[1]", b"PK\x03\x04cut", b'{"a": 1}']
-)
-def test_what_is_none_of_them_is_refused_in_one_line(
-    content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
-    (tmp_path / "thing").write_bytes(content)
-    for path in (tmp_path / "thing", tmp_path / "absent", tmp_path):
-        assert run_app(app, "prf", ["inspect", str(path)]) == 3
-        error = capsys.readouterr().err
-        assert error.startswith(f"error: {path}: ")
-        assert error.count("\n") == 1

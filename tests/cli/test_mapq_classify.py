@@ -118,30 +118,6 @@ def test_no_patches_are_a_result_with_a_warning(capsys, tmp_path):
     assert read_cloud(str(target)).fields["suspicious"].tolist() == [255] * 5
 
 
-@pytest.mark.parametrize("stands", ["r.ply", "r.json"])
-def test_either_file_of_a_result_is_not_overwritten(capsys, tmp_path, stands):
-    (tmp_path / stands).write_text("mine")
-    args = ["classify", save_patches(tmp_path), "--model", save_model(tmp_path), "-o", tmp_path / "r.ply"]
-    code, out, err = call(capsys, *args)
-    assert (code, out, err.count("\n")) == (4, "", 1)
-    assert (tmp_path / stands).read_text() == "mine"
-    assert call(capsys, *args, "-f")[0] == 0
-
-
-def test_a_ply_that_cannot_be_written_leaves_no_json(capsys, tmp_path, monkeypatch):
-    from mapq.io import results
-    from prf.shell.errors import OutputError
-
-    def fail(path, cloud):
-        raise OutputError("disk full")
-
-    monkeypatch.setattr(results, "write_cloud", fail)
-    path, model = save_patches(tmp_path), save_model(tmp_path)
-    before = set(tmp_path.iterdir())
-    assert call(capsys, "classify", path, "--model", model, "-o", tmp_path / "r.ply")[0] == 4
-    assert set(tmp_path.iterdir()) == before
-
-
 @pytest.mark.parametrize(
     ("options", "code", "message"),
     [
@@ -158,14 +134,6 @@ def test_options_that_make_no_sense(capsys, tmp_path, monkeypatch, options, code
     found, out, err = call(capsys, "classify", save_patches(tmp_path), "--model", save_model(tmp_path), *options)
     assert (found, out, err.count("\n")) == (code, "", 1)
     assert message in err
-
-
-def test_a_model_that_is_none_is_one_line(capsys, tmp_path):
-    code, _, err = call(
-        capsys, "classify", save_patches(tmp_path), "--model", save_patches(tmp_path, 2), "-o", tmp_path / "r.ply"
-    )
-    assert (code, err.count("\n")) == (3, 1)
-    assert "walls2.patches" in err
 
 
 def test_without_a_model_that_ships_it_says_what_to_do(capsys, tmp_path, monkeypatch):
@@ -194,13 +162,6 @@ def test_a_map_without_a_patch_passes_no_gate(capsys, tmp_path):
     assert code == 1
     assert "nothing speaks for this map" in err
     assert not Path("/dev/null.json").exists()
-
-
-def test_the_model_is_not_overwritten_by_the_json(capsys, tmp_path):
-    path, model = save_patches(tmp_path), save_model(tmp_path)
-    before = model.read_bytes()
-    code, _, err = call(capsys, "classify", path, "--model", model, "-o", model.with_suffix(".ply"), "-f")
-    assert (code, err.count("\n"), model.read_bytes()) == (2, 1, before)
 
 
 def test_warnings_of_the_segmentation_are_shown(capsys, tmp_path):

@@ -155,29 +155,6 @@ def test_a_model(capsys, tmp_path):
     assert result["content"]["weights"]["w"] == [0.5, -1.5]
 
 
-@pytest.mark.parametrize(
-    ("name", "content"),
-    [
-        ("a.json", '{"schema": "other/1"}'),
-        ("a.json", '{"a": 1}'),
-        ("a.json", "{"),
-        ("a.json", b"{\xff}"),
-        ("a.las", b"LASF"),
-        ("a.txt", ""),
-    ],
-)
-def test_bad_input_is_one_line_and_exit_code_3(capsys, tmp_path, name, content):
-    code, out, err = run(capsys, save(tmp_path, name, content))
-    assert (code, out) == (3, "")
-    assert err.startswith("error: ")
-    assert err.count("\n") == 1
-
-
-def test_floats_that_begin_like_json_or_gzip(tmp_path):
-    for begin in (b"{\0\0\x41", b"\x1f\x8b\0\x41"):
-        assert describe(save(tmp_path, "0.bin", begin + np.ones(7, "<f4").tobytes())).cloud.n_points == 2
-
-
 def test_columns_of_kitti(capsys, tmp_path):
     path = save(tmp_path, "0.bin", np.ones((4, 3), "<f4").tobytes())
     assert "points          4" in run(capsys, path, "--bin-columns", "3")[1]
@@ -200,15 +177,6 @@ def median_spacing_of_all(xyz: np.ndarray) -> float:
     from scipy.spatial import cKDTree
 
     return float(np.median(cKDTree(xyz).query(xyz, k=2)[0][:, 1]))
-
-
-def test_json_of_something_else_beside_a_result_is_passed_over(capsys, tmp_path):
-    path = result_file(tmp_path)
-    save(tmp_path, "a.classified.json", '{"a": 1}')
-    code, out, err = run(capsys, path)
-    assert (code, err.count("\n")) == (0, 1)
-    assert "a.classified.json" in err
-    assert rows_of(out)["kind"] == "result (ply)"
 
 
 def test_metrics_are_two_numbers_more(capsys, tmp_path):

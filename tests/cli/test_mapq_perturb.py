@@ -157,12 +157,3 @@ def test_refusals(
     assert message in streams.err
     assert streams.err.count("\n") == 1, streams.err
     assert sorted(path.name for path in folder.parent.rglob("*")) == before
-
-
-def test_an_existing_file_is_kept_without_force(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = folder.parent / "map.ply"
-    for path in (out, out.with_suffix(".json")):
-        path.write_text("mine")
-        assert run(str(folder), "-o", str(out)) == 4
-        assert path.read_text() == "mine"
-        path.unlink()

@@ -1,8 +1,5 @@
 from __future__ import annotations
 
-import io
-import sys
-
 import numpy as np
 import pytest
 
@@ -37,12 +34,6 @@ def test_fields_that_are_no_patches_or_labels_are_none(result, value):
     strange = np.full(len(cloud), value)
     write_ply(result, cloud.with_fields(patch=strange, suspicious=strange))
     assert "0 patches" in read_picture(str(result)).subtitle
-
-
-def test_patches_come_through_a_pipe(monkeypatch, tmp_path):
-    data = save_patches(tmp_path).read_bytes()
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data)))
-    assert "32 patches" in read_picture("-").subtitle
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from tests.cli.mapq_samples import call, save_cloud, save_model, save_patches
+from tests.cli.mapq_samples import call, save_model, save_patches
 
 
 @pytest.fixture
@@ -31,22 +31,6 @@ def test_fewer_points_are_said(capsys, result, tmp_path):
     shown = int(err.partition("views show ")[2].partition(" of ")[0].replace(",", ""))
     assert shown <= 1000
     assert f"{shown:,} of 7,680 points shown" in (tmp_path / "x.html").read_text()
-
-
-def test_a_page_through_a_pipe(capsys, result):
-    code, out, _ = call(capsys, "report", result, "-o", "-")
-    assert code == 0
-    assert out.startswith("<!DOCTYPE html>")
-
-
-@pytest.mark.parametrize(("kind", "words"), [(save_cloud, "no result"), (save_patches, "without a verdict")])
-def test_what_is_no_result_is_refused_in_one_line(capsys, tmp_path, kind, words):
-    target = tmp_path / "x.html"
-    code, out, err = call(capsys, "report", kind(tmp_path), "-o", target)
-    assert (code, out, err.count("\n")) == (3, "", 1)
-    assert words in err
-    assert "mapq classify" in err
-    assert not target.exists()
 
 
 def test_without_plotly_the_extra_is_named(capsys, result, tmp_path, monkeypatch):

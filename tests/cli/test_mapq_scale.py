@@ -112,21 +112,11 @@ def test_what_cannot_be_is_refused(capsys, city, options, words):
     assert (code, words in err, err.count("\n")) == (2, True, 1)
 
 
-def test_the_input_is_never_the_output(capsys, city):
-    code, _, err = call(capsys, "classify", city, "-o", city, "-f")
-    assert (code, "is the input" in err) == (2, True)
-
-
 def test_patches_are_no_map_for_tiles(capsys, tmp_path):
     code, _, err = call(capsys, "classify", save_patches(tmp_path), "--workers", 2, "-o", tmp_path / "r.ply")
     assert (code, "segmented already" in err) == (2, True)
     code, _, err = call(capsys, "segment", tmp_path, "--workers", 2)
     assert (code, "goes to mapq classify" in err) == (2, True)
-
-
-def test_standard_input_cannot_be_read_twice(capsys):
-    code, _, err = call(capsys, "classify", "-", "--workers", 2)
-    assert (code, "read more than once" in err) == (2, True)
 
 
 def test_a_damaged_tile_is_named(capsys, city, tmp_path):

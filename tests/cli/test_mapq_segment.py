@@ -2,8 +2,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -47,14 +45,6 @@ def test_table_for_a_person_and_the_file_beside_the_cloud(capsys, map_ply):
     patches = read_patches(rows["output"])
     assert len(patches) == 2
     assert "plane" in patches.cloud.fields
-
-
-def test_an_output_that_stands_is_refused_without_force(capsys, map_ply):
-    assert run(capsys, map_ply)[0] == 0
-    code, out, err = run(capsys, map_ply)
-    assert (code, out) == (4, "")
-    assert "already exists" in err
-    assert run(capsys, map_ply, "-f")[0] == 0
 
 
 def test_patches_that_are_being_labelled_are_not_replaced(capsys, map_ply):
@@ -159,20 +149,5 @@ def test_real_clouds(capsys, shared_data, tmp_path, name, columns, fewest):
     assert report["warnings"] == []
 
 
-def test_patches_go_to_standard_output(map_ply, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    command = [sys.executable, "-m", "mapq", "segment", map_ply, "-o", "-"]
-    made = subprocess.run(command, capture_output=True, check=True, env=_with_sources())
-    (tmp_path / "piped.patches").write_bytes(made.stdout)
-    assert len(read_patches("piped.patches")) == 2
-    assert not Path("-").exists()
-
-
 def _with_sources() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
-
-
-def test_the_cloud_is_not_overwritten(capsys, map_ply):
-    before = Path(map_ply).read_bytes()
-    code, _, err = run(capsys, map_ply, "-o", map_ply, "--force")
-    assert (code, err.count("\n"), Path(map_ply).read_bytes()) == (2, 1, before)

@@ -83,10 +83,3 @@ def test_refusals(
     assert message in streams.err
     assert streams.err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
-
-
-def test_an_existing_file_is_kept_without_force(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "map.ply"
-    path.write_text("mine")
-    assert run("-o", str(path)) == 4
-    assert path.read_text() == "mine"

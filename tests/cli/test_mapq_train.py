@@ -60,22 +60,6 @@ def test_max_patches_prints_its_seed_in_the_model(capsys, tmp_path):
     assert drawn["n_patches"] == 20
 
 
-def test_the_model_may_go_to_standard_output(capsys, tmp_path):
-    code, out, err = call(capsys, "train", save_patches(tmp_path), "-o", "-")
-    assert code == 0
-    assert json.loads(out)["schema"] == "mapq.model/3"
-    assert "node.bias" in err
-
-
-def test_an_output_that_stands_is_refused_before_the_work(capsys, tmp_path):
-    target = tmp_path / "m.json"
-    target.write_text("mine")
-    code, _, err = call(capsys, "train", tmp_path / "absent", "-o", target)
-    assert (code, err.count("\n")) == (4, 1)
-    assert target.read_text() == "mine"
-    assert call(capsys, "train", save_patches(tmp_path), "-o", target, "--force")[0] == 0
-
-
 @pytest.mark.parametrize(
     ("options", "code", "message"),
     [
@@ -110,13 +94,6 @@ def test_labels_of_one_kind_are_refused(capsys, tmp_path):
     code, _, err = call(capsys, "train", path, "-o", tmp_path / "m.json")
     assert (code, err.count("\n")) == (3, 1)
     assert "all 32 labelled patches are plausible" in err
-
-
-def test_labels_are_not_overwritten_by_the_model(capsys, tmp_path):
-    path = save_patches(tmp_path)
-    before = path.read_bytes()
-    code, _, err = call(capsys, "train", path, "-o", path, "-f")
-    assert (code, err.count("\n"), path.read_bytes()) == (2, 1, before)
 
 
 def test_the_operating_point_is_stored_and_can_be_chosen_later(capsys, tmp_path):

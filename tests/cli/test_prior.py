@@ -78,15 +78,6 @@ def test_refusals(args: list[str], code: int, message: str, capsys: pytest.Captu
     assert streams.err.count("\n") == 1
 
 
-def test_an_existing_file_is_kept_without_force(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "draws.geojsonl"
-    path.write_text("mine")
-    assert run("--draws", "1", "-o", str(path)) == 4
-    assert path.read_text() == "mine"
-    assert run("--draws", "1", "-o", str(path), "--force") == 0
-    assert len(read_geojsonl(path)) == 1
-
-
 def test_the_chain_draws_maps_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "draws.geojsonl"
     args = ("--draws", "20", "--method", "mcmc", "--thin", "200", "--seed", "2", "-o", str(path), "--json")

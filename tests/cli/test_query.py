@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -69,12 +67,6 @@ def test_forms_of_points(folder: Path, tmp_path: Path, capsys: pytest.CaptureFix
     (tmp_path / "points.csv").write_bytes(text.encode())
     assert ask(folder, "--points", tmp_path / "points.csv") == 0
     np.testing.assert_array_equal(rows(capsys.readouterr().out)[:, :2], [[1.5, 2.0], [3.0, 4.0]])
-
-
-def test_standard_input(folder: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"x,y\n1,2\n")))
-    assert ask(folder, "--points", "-") == 0
-    assert capsys.readouterr().out.startswith("x,y,p_occupied,low,high,seen\n1.0,2.0,")
 
 
 def test_json_has_null_for_the_outside(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

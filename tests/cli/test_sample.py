@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -218,11 +217,6 @@ def test_bad_options_end_in_one_line(
     assert not (tmp_path / "run").exists()
 
 
-def test_an_existing_run_is_kept_unless_forced(log: Path, office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("--laser", str(log), "-o", str(office)) == 4
-    assert "--force" in capsys.readouterr().err
-
-
 def test_sensors_outside_the_window_are_dropped_and_counted(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -284,19 +278,6 @@ def test_a_damaged_checkpoint_is_named(office: Path, tmp_path: Path, capsys: pyt
     assert "checkpoint.npz: no such file" in capsys.readouterr().err
 
 
-def test_a_checkpoint_with_other_moves_is_refused(
-    office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder = tmp_path / "office"
-    shutil.copytree(office, folder)
-    with np.load(folder / "checkpoint.npz") as stored:
-        arrays = dict(stored)
-    arrays["chain0.outcomes"] = arrays["chain0.outcomes"][:-2]
-    np.savez(folder / "checkpoint.npz", **arrays)
-    assert run("--resume", str(folder), "--steps", "70000") == 3
-    assert "another version" in capsys.readouterr().err
-
-
 def test_a_checkpoint_of_another_run_is_refused(
     log: Path, office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -315,15 +296,6 @@ def test_force_leaves_nothing_of_the_older_run(log: Path, office: Path, tmp_path
     assert run("--laser", str(log), *QUICK, "--time-budget", "0", "-o", str(folder), "-f", "-q") == 0
     assert not (folder / "map.geojson").exists()
     assert len(read_run(folder).draws) == 0
-
-
-def test_a_file_in_the_way_of_a_run_is_named_before_sampling(
-    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "file").write_text("mine")
-    assert run("--laser", str(log), *QUICK, "-o", str(tmp_path / "file"), "-f", "-q") == 4
-    assert "in the way" in capsys.readouterr().err
-    assert (tmp_path / "file").read_text() == "mine"
 
 
 def test_the_maximum_range_is_that_of_the_whole_log(tmp_path: Path) -> None:

@@ -118,10 +118,3 @@ def test_no_sensor_and_no_world(
         assert run_app(app, "prf", ["simulate", "-o", "out", *args]) == code
         assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
-
-
-def test_an_existing_directory_is_kept_without_force(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "mine").mkdir()
-    assert run("-o", str(tmp_path / "mine")) == 4
-    assert "already exists" in capsys.readouterr().err
-    assert list((tmp_path / "mine").iterdir()) == []
