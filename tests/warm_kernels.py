@@ -1,8 +1,9 @@
 """Call every kernel that Python calls, once and on little data: ``python -m tests.warm_kernels``.
 
 `make test` runs it before pytest, so that the workers of pytest-xdist find machine code instead of compiling the same
-side by side. The two tools are warmed in a process each, or one of them alone: ``python -m tests.warm_kernels mapq``.
-Prints one JSON object: cache hits and misses of each kernel that was called from Python.
+code side by side. The loop of the sampler alone takes as long to compile as everything else, so it has a process of
+its own: ``python -m tests.warm_kernels chain`` or ``rest``. Prints one JSON object: cache hits and misses of each
+kernel that was called from Python.
 """
 
 from __future__ import annotations
@@ -24,58 +25,59 @@ from prf.coloring import Coloring, black_areas, black_at
 from prf.kernels.cones import N_POSE
 from prf.posterior import Settings, make_chain
 from prf.recompute import recompute_impacts
+from prf.run import write_run
 from prf.sampler.tiles import finish_round, make_round, make_tile_data, work_tile
 from prf.score.scene import features_seen, scene_of_coloring
 from prf.shell.run import run_app
 from prf.simulate.sonar import SonarPhysics, simulate_sonar
 from prf.window import Window
+from tests.factories import make_run
 
 LOG = Path(__file__).resolve().parent.parent / "data" / "demo-office.log.gz"
 TOWN = LOG.with_name("demo-town.ply.gz")
-COMMANDS = (
-    "prior --scale 1 --window 0 0 1 1 --draws 3 --method exact --seed 1 -o exact.geojsonl",
-    "prior --scale 1 --window 0 0 1 1 --draws 3 --method mcmc --thin 50 --seed 1 -o mcmc.geojsonl",
-    f"sample --laser {LOG} --every-scan 10 --every-beam 12 --beam-density 0.1 --chains 2 --steps 2000 --resolution 1"
-    " --seed 1 -o run",
-    f"sample --laser {LOG} --every-scan 10 --every-beam 12 --chains 1 --steps 10 --resolution 1 --rungs 2"
-    " --seed 1 -o hot",
-    "query run --points points.csv",
-    "export run --format ros-map --resolution 1 -o ros",
-    "query run --points points.csv --square 0.5",
-    "query run --path points.csv --radius 0.2",
-    f"grid --laser {LOG} --every-scan 10 -o grid.npz",
-    f"grid --laser {LOG} --every-scan 10 --method log-odds -o log-odds.npz",
-    f"score run --laser {LOG} --every-scan 10 --seed 1",
-    f"score grid.npz --laser {LOG} --every-scan 10 --seed 1",
-    "sample --sonar sonar.csv --window 3 5 8 9 --steps 10 --chains 1 --seed 1 -o echoes",
-    "score run --sonar sonar.csv",
-    "sample --point-data values.csv --steps 10 --chains 1 --seed 1 -o points",
-    "score grid.npz --sonar sonar.csv",
+CHAIN = (
+    "prf prior --scale 1 --window 0 0 1 1 --draws 3 --method exact --seed 1 -o exact.geojsonl",
+    "prf prior --scale 1 --window 0 0 1 1 --draws 3 --method mcmc --thin 50 --seed 1 -o mcmc.geojsonl",
+    f"prf sample --laser {LOG} --every-scan 10 --every-beam 12 --beam-density 0.1 --chains 2 --steps 2000"
+    " --resolution 1 --seed 1 -o run",
+    "prf sample --sonar sonar.csv --window 3 5 8 9 --steps 10 --chains 1 --seed 1 -o echoes",
+    "prf sample --point-data values.csv --steps 10 --chains 1 --seed 1 -o points",
 )
-CLOUD_COMMANDS = (
-    "simulate --size small --n-points 20000 --seed 1 -o simulated.ply",
-    "segment simulated.ply -o simulated.patches",
-    "features simulated.patches --json",
-    f"segment {TOWN} --truth-field surface -o town.patches",
-    f"segment {TOWN} --resolution 0.3 -o coarse.patches",
-    "features town.patches --features literal --json",
-    "label town.patches --from-field truth",
-    "train town.patches -o model.json",
-    "classify town.patches --model model.json -o town.ply",
+REST = (
+    "mapq simulate --size small --n-points 20000 --seed 1 -o simulated.ply",
+    "mapq segment simulated.ply -o simulated.patches",
+    "mapq features simulated.patches --json",
+    f"mapq segment {TOWN} --truth-field surface -o town.patches",
+    "mapq label town.patches --from-field truth",
+    "mapq train town.patches -o model.json",
+    "mapq classify town.patches --model model.json -o town.ply",
+    "prf query run --points points.csv --square 0.5",
+    "prf query run --points points.csv",
+    "prf query run --path points.csv --radius 0.2",
+    "prf export run --format ros-map --resolution 1 -o ros",
+    f"prf grid --laser {LOG} --every-scan 10 -o grid.npz",
+    f"prf grid --laser {LOG} --every-scan 10 --method log-odds -o log-odds.npz",
+    f"prf score run --laser {LOG} --every-scan 10 --seed 1",
+    f"prf score grid.npz --laser {LOG} --every-scan 10 --seed 1",
+    "prf score run --sonar sonar.csv",
+    "prf score grid.npz --sonar sonar.csv",
 )
 
 
-def run_commands(tool: str) -> None:
-    """Run the verbs that there are in a folder of their own, and throw their results away."""
-    app, commands = {"prf": (prf.cli.app, COMMANDS), "mapq": (mapq.cli.app, CLOUD_COMMANDS)}[tool]
+def run_commands(commands: tuple[str, ...]) -> None:
+    """Run commands in a folder of their own, and discard their results."""
+    apps = {"prf": prf.cli.app, "mapq": mapq.cli.app}
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
         Path("points.csv").write_text("x,y\n5.0,7.0\n6.0,7.0\n")
         Path("values.csv").write_text("x,y,value\n5.0,7.0,0\n6.0,7.0,1\n5.0,8.0,1\n6.0,8.0,0\n")
         Path("sonar.csv").write_text("x,y,theta,range,cone\n5.0,7.0,0.0,2.0,0.349\n")
         for command in commands:
-            code = run_app(app, tool, [*command.split(), "-q"])
+            tool, *words = command.split()
+            if words[1] == "run" and not Path("run").exists():
+                write_run("run", make_run(n_draws=4, window=Window(0.0, 0.0, 24.0, 16.0)))
+            code = run_app(apps[tool], tool, [*words, "-q"])
             if code != 0:
-                raise SystemExit(f"{tool} {command}: exit code {code}")
+                raise SystemExit(f"{command}: exit code {code}")
 
 
 def call_library() -> None:
@@ -111,21 +113,21 @@ def cache_counts() -> dict[str, tuple[int, int]]:
     return counts
 
 
-def warm(tool: str) -> dict[str, tuple[int, int]]:
-    """Call the kernels of one tool in this process."""
-    run_commands(tool)
-    if tool == "prf":
+def warm(part: str) -> dict[str, tuple[int, int]]:
+    """Call the kernels of one part in this process."""
+    run_commands({"chain": CHAIN, "rest": REST}[part])
+    if part == "rest":
         call_library()
     return cache_counts()
 
 
 def warm_side_by_side() -> dict[str, tuple[int, int]]:
-    """Call the kernels of each tool in a process of its own."""
-    commands = [[sys.executable, "-m", "tests.warm_kernels", tool] for tool in ("prf", "mapq")]
+    """Call the kernels of each part in a process of its own."""
+    commands = [[sys.executable, "-m", "tests.warm_kernels", part] for part in ("chain", "rest")]
     processes = [subprocess.Popen(command, stdout=subprocess.PIPE) for command in commands]
     printed = [process.communicate()[0] for process in processes]
     if any(process.returncode for process in processes):
-        raise SystemExit("error: a tool's commands failed, see above")
+        raise SystemExit("error: commands failed, see above")
     return {name: counts for text in printed for name, counts in json.loads(text).items()}
 
 
