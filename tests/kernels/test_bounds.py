@@ -21,6 +21,7 @@ ROOM = Window(0.0, 0.0, 10.0, 10.0)
 MODELS = [LaserModel(6.0), LaserModel(6.0, noise=0.1, noise_relative=0.05), LaserModel(6.0, noise=1.0)]
 
 
+@pytest.mark.slow  # its entry takes a minute to compile
 @pytest.mark.parametrize("model", MODELS)
 def test_early_decisions_are_the_same(model: LaserModel) -> None:
     rng = np.random.default_rng(4)
