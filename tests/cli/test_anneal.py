@@ -52,12 +52,3 @@ def test_json_has_sizes(data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert result["packed_bytes"] == 4 * result["n_vertices"]
     assert len(result["score_by_chain"]) == 2
     assert result["complete"]
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [[], ["--laser", "a", "--steps", "1", "--time-budget", "1"], ["--laser", "a", "-o", "-", "--json"], ["a"]],
-)
-def test_usage_errors(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_app(app, "prf", ["anneal", *arguments]) == 2
-    assert capsys.readouterr().err.count("\n") == 1

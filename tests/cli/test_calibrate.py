@@ -72,30 +72,6 @@ def test_the_file_is_for_the_verbs_that_weigh_readings(
     assert found[1] < found[0] - 0.05
 
 
-@pytest.mark.parametrize(
-    ("args", "code", "words"),
-    [
-        (["--sonar", "RING"], 2, "--map"),
-        (["--map", "MAP"], 2, "--sonar"),
-        (["--sonar", "RING", "--map", "absent.geojson"], 3, "absent.geojson"),
-        (["--sonar", "RING", "--map", "absent.yaml"], 3, "absent.yaml"),
-        (["--sonar", "absent.csv", "--map", "MAP"], 3, "absent.csv"),
-        (["--sonar", "RING", "--map", "FAR"], 3, "no wall of the map is in view"),
-        (["--sonar", "RING", "--map", "MAP", "--sonar-max-range", "-1"], 2, "sonar-max-range"),
-        (["--sonar", "RING", "--map", "MAP", "--json", "-o", "-"], 2, "standard output"),
-    ],
-)
-def test_bad_questions_end_in_one_line(
-    folder: Path, capsys: pytest.CaptureFixture, args: list[str], code: int, words: str
-) -> None:
-    names = {"RING": folder / "ring.csv", "MAP": folder / "floor.geojson", "FAR": folder / "far.geojson"}
-    assert run("calibrate", *[names.get(arg, arg) for arg in args]) == code
-    shown = capsys.readouterr()
-    assert shown.out == ""
-    assert shown.err.count("\n") == 1
-    assert words in shown.err
-
-
 def test_wrong_poses_are_noticed(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     known = laser_log(1, 10)
     mixed = known.readings.select(np.arange(known.readings.n_beams))  # a copy

@@ -89,12 +89,6 @@ def test_the_suffix_names_the_format(folder: Path, here: Path, output: str, name
     assert files(here) == names
 
 
-def test_a_ros_map_takes_a_stem_too(folder: Path, here: Path) -> None:
-    assert call(folder, "--format", "ros-map", "--mode", "scale", "-o", "floor.2") == 0
-    assert files(here) == {"floor.2.yaml", "floor.2.png"}
-    assert "image: floor.2.png" in (here / "floor.2.yaml").read_text()
-
-
 def test_figures_for_a_person(folder: Path, here: Path, capsys: pytest.CaptureFixture) -> None:
     assert call(folder, "-o", "a.geojson") == 0
     shown = capsys.readouterr().out
@@ -171,36 +165,3 @@ def test_a_missing_library_is_named_with_its_extra(
     assert f"needs {module}" in error
     assert f"pip install 'prf-mapq[{format}]'" in error
     assert files(here) == set()
-
-
-@pytest.mark.parametrize(
-    ("args", "code", "message"),
-    [
-        ([], 2, "no format asked for"),
-        (["-o", "a.txt"], 2, "a.txt: its suffix names no format"),
-        (["-o", "-"], 2, "-: its suffix names no format"),
-        (["--format", "ros-map", "-o", "-"], 2, "pair of files"),
-        (["--format", "netcdf", "-o", "-"], 2, "binary"),
-        (["-o", "a.pgm", "--mode", "scale"], 2, "a .png file"),
-        (["-o", "a.svg", "--mode", "raw"], 2, "--mode is for"),
-        (["-o", "a.svg", "--unknown", "0", "1"], 2, "--unknown is for"),
-        (["-o", "a.svg", "--squares"], 2, "--squares is for"),
-        (["-o", "a.svg", "--resolution", "1"], 2, "--resolution is for"),
-        (["-o", "a.nc", "--draw", "1"], 2, "--draw is for maps"),
-        (["-o", "a.svg", "--draw", "8"], 2, "draws 0 to 7"),
-        (["-o", "a.svg", "--draw", "-9"], 2, "draws 0 to 7"),
-        (["-o", "a.yaml", "--unknown", "0.7", "0.2"], 2, "lower one first"),
-        (["-o", "a.yaml", "--unknown", "nan", "0.2"], 2, "lower one first"),
-        (["-o", "a.yaml", "--draw", "0", "--resolution", "nan"], 2, "positive number"),
-        (["-o", "a.yaml", "--draw", "0", "--resolution", "-1"], 2, "positive number"),
-        (["--format", "geojson", "-o", "-", "--json"], 2, "both want standard output"),
-        (["-o", "no/such/folder/a.svg"], 4, "cannot be written"),
-    ],
-)
-def test_wrong_questions(
-    folder: Path, here: Path, capsys: pytest.CaptureFixture, args: list[str], code: int, message: str
-) -> None:
-    assert call(folder, *args) == code
-    shown = capsys.readouterr()
-    assert message in shown.err
-    assert (shown.out, shown.err.count("\n"), files(here)) == ("", 1, set())

@@ -67,38 +67,6 @@ def test_sonar_alone_and_with_a_laser(log: Path, tmp_path: Path) -> None:
     assert len(read_grid(tmp_path / "b.npz").process["inputs"]) == 2
 
 
-@pytest.mark.parametrize(
-    ("args", "code", "words"),
-    [
-        ([], 2, "--laser LOG, --sonar LOG"),
-        (["--laser", "LOG", "-o", "-"], 2, "-o -"),
-        (["--laser", "LOG", "--resolution", "-1"], 2, "--resolution"),
-        (["--laser", "LOG", "--method", "magic"], 2, "--method"),
-        (["--laser", "LOG", "--window", "3", "0", "1", "1"], 2, "window"),
-        (["--laser", "LOG", "--window", "100", "100", "110", "110"], 3, "no sensor stands inside"),
-        (["--laser", "LOG", "--scans", "900:901"], 3, "no reading is left"),
-        (["--sonar", "LOG"], 3, "sonar"),
-        (["--laser", "absent.log"], 3, "absent.log"),
-        (["--laser", "LOG", "-o", "no/such/folder.npz"], 4, "cannot be written"),
-    ],
-)
-def test_bad_options_end_in_one_line(
-    log: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture,
-    args: list[str],
-    code: int,
-    words: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert run("grid", *[str(log) if arg == "LOG" else arg for arg in args]) == code
-    error = capsys.readouterr().err.strip().splitlines()
-    assert len(error) == 1
-    assert words in error[0]
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_query_takes_a_grid(office: Path, points: Path, capsys: pytest.CaptureFixture) -> None:
     grid, xy = read_grid(office), [[5.0, 7.0], [6.0, 7.0]]
     assert run("query", office, "--points", points, "--square", 0.2) == 0

@@ -91,9 +91,3 @@ def test_topic_and_frame_of_a_bag(capsys, tmp_path):
     assert code == 3
     assert "'nowhere'" in err
     assert err.count("\n") == 1
-
-
-def test_nothing_suspicious_is_said(capsys, data_dir):
-    code, out, _ = run(capsys, str(data_dir / "demo-office.log.gz"))
-    assert code == 0
-    assert "suspicious      nothing that these checks see" in out

@@ -99,14 +99,6 @@ def test_patches_that_do_not_say_what_else_was_flat_pass(capsys, tmp_path):
     assert out.startswith("judged          an unknown share of the surface")
 
 
-@pytest.mark.parametrize("share", ["5", "-1%", "some", "101%", "nan"])
-def test_a_share_that_is_none_is_one_line(capsys, tmp_path, share):
-    args = ["classify", save_patches(tmp_path), "--model", save_model(tmp_path), f"--fail-over={share}"]
-    code, out, err = call(capsys, *args)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert "Give one such as 0.05 or 5%" in err
-
-
 def test_no_patches_are_a_result_with_a_warning(capsys, tmp_path):
     path, target = tmp_path / "none.patches", tmp_path / "r.ply"
     write_patches(path, make_patches([], np.empty((0, 3)), loose=5))
@@ -116,24 +108,6 @@ def test_no_patches_are_a_result_with_a_warning(capsys, tmp_path):
     assert "0 of 0 suspicious" in out
     assert json.loads((tmp_path / "r.json").read_text())["counts"]["share_of_area"] is None
     assert read_cloud(str(target)).fields["suspicious"].tolist() == [255] * 5
-
-
-@pytest.mark.parametrize(
-    ("options", "code", "message"),
-    [
-        (["-o", "-"], 2, "two files"),
-        (["-o", "r.json"], 2, "two files"),
-        (["-o", "r.ply", "--max-tilt", "10"], 2, "segmented already"),
-        (["-o", "r.ply", "--up", "0", "1", "0"], 2, "segmented already"),
-        (["-o", "r.ply", "--unit", "ft"], 2, "holds its unit"),
-        (["-o", "no/such/folder/r.ply"], 4, "there is no folder"),
-    ],
-)
-def test_options_that_make_no_sense(capsys, tmp_path, monkeypatch, options, code, message):
-    monkeypatch.chdir(tmp_path)
-    found, out, err = call(capsys, "classify", save_patches(tmp_path), "--model", save_model(tmp_path), *options)
-    assert (found, out, err.count("\n")) == (code, "", 1)
-    assert message in err
 
 
 def test_without_a_model_that_ships_it_says_what_to_do(capsys, tmp_path, monkeypatch):

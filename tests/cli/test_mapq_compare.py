@@ -50,16 +50,6 @@ def test_results_are_compared_by_their_labels(capsys, files, tmp_path):
     assert found["second"]["share_of_area"] == pytest.approx(again["second"]["share_of_area"], rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("options", "code", "message"), [(["--cell", "0"], 2, "no length"), (["--fail-over", "7"], 2, "5%")]
-)
-def test_options_that_make_no_sense(capsys, files, options, code, message):
-    clean, bad, model = files
-    found, out, err = call(capsys, "compare", clean, bad, "--model", model, *options)
-    assert (found, out, err.count("\n")) == (code, "", 1)
-    assert message in err
-
-
 def test_maps_that_share_little_are_doubted(capsys, files, tmp_path):
     model = files[2]
     far = [wall((200.0 + 14.0 * k, 2), (208.0 + 14.0 * k, 2)) for k in range(20)]

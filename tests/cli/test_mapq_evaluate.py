@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mapq.io import read_cloud, write_ply
-from tests.cli.mapq_samples import call, call_json, save_cloud, save_model, save_patches
+from tests.cli.mapq_samples import call, call_json, save_model, save_patches
 
 KEYS = {"n", "accuracy", "confusion", "precision", "recall", "f1", "mcc", "ece", "auc"}
 
@@ -45,34 +45,6 @@ def test_patches_are_classified_and_compared_with_their_labels(capsys, tmp_path)
     assert (field["truth"], field["accuracy"]) == ("point field truth", 1.0)
     named = call_json(capsys, "evaluate", save_patches(tmp_path), "--model", model, "--truth-field", "truth")
     assert named["truth"] == "point field truth"
-
-
-def test_the_table_has_the_matrix_and_every_score(capsys, result):
-    code, out, err = call(capsys, "evaluate", result)
-    assert (code, err) == (0, "")
-    rows = [line.split() for line in out.splitlines()]
-    assert ["plausible", "16", "0"] in rows
-    assert ["suspicious", "0", "16"] in rows
-    assert ["balanced", "accuracy", "1.0000"] in rows
-
-
-@pytest.mark.parametrize(
-    ("make", "options", "code", "message"),
-    [
-        (save_cloud, [], 3, "neither PATCHES nor a result"),
-        (save_patches, ["--truth-field", "wrong"], 3, "no point field wrong"),
-        (save_patches, ["--truth-field", "intensity"], 3, "neither 0 nor 1 nor 255"),
-        (save_cloud, ["--model"], 2, "Leave out --model"),
-    ],
-)
-def test_what_cannot_be_compared_is_one_line(capsys, tmp_path, make, options, code, message):
-    model = save_model(tmp_path)
-    options = (
-        [*options, model] if options == ["--model"] else ["--model", model, *options] if make is save_patches else []
-    )
-    found, out, err = call(capsys, "evaluate", make(tmp_path), *options)
-    assert (found, out, err.count("\n")) == (code, "", 1)
-    assert message in err
 
 
 def test_a_part_of_a_result_is_compared_by_the_patches_in_it(capsys, result):

@@ -110,13 +110,3 @@ def test_a_map_without_patches(capsys, tmp_path):
     assert "patches         0" in run(capsys, path)[1]
     assert json.loads(run(capsys, path, "--json")[1])["edges"] == []
     assert len(run(capsys, path, "--csv")[1].splitlines()) == 3
-
-
-@pytest.mark.parametrize(
-    "args", [("--csv", "--json"), ("--radius", "-1"), ("--neighbours", "0"), ("--tau", "nan"), ("--watched", "-1")]
-)
-def test_usage_errors(capsys, path, args):
-    code, out, err = run(capsys, path, *args)
-    assert (code, out) == (2, "")
-    assert err.startswith("error: ")
-    assert err.count("\n") == 1

@@ -68,13 +68,6 @@ def test_json(capsys, tmp_path):
     }
 
 
-def test_one_point_has_no_spacing(capsys, tmp_path):
-    path = save(tmp_path, "a.xyz", "1 2 3\n")
-    assert "spacing         unknown" in run(capsys, path)[1]
-    assert "fields          none" in run(capsys, path)[1]
-    assert json.loads(run(capsys, path, "--json")[1])["cloud"]["spacing"] is None
-
-
 def test_patches(capsys, tmp_path):
     path = str(tmp_path / "a.patches")
     before = patches()
@@ -102,14 +95,6 @@ def test_patches_hold_their_unit(capsys, tmp_path):
         code, out, err = call(capsys, verb, path, "--unit", "mm")
         assert (code, out) == (2, "")
         assert "holds its unit" in err
-
-
-def test_patches_of_a_cloud_without_walls(capsys, tmp_path):
-    write_patches(tmp_path / "a", patches(n_patches=0))
-    code, out, err = run(capsys, str(tmp_path / "a"))
-    assert (code, err) == (0, "")
-    rows = rows_of(out)
-    assert (rows["patches"], rows["in patches"]) == ("0", "0 points")
 
 
 def result_file(tmp_path) -> str:

@@ -72,14 +72,6 @@ def test_results_in_las_are_read_by_the_other_verbs(capsys, folder, survey, mode
     assert call(capsys, "render", target, "--view", "plan", "-o", folder / "r.png", "-f")[0] == 0
 
 
-def test_copc_is_refused_before_the_work(capsys, folder, survey, model):
-    code, _, err = call(capsys, "classify", survey, "--model", model, "-o", folder / "r.copc.laz")
-    assert (code, err.count("\n")) == (2, 1)
-    assert "COPC is not written" in err
-    code, _, err = call(capsys, "simulate", "-o", folder / "town.copc.laz")
-    assert (code, "COPC is not written" in err) == (2, True)
-
-
 def test_places_are_in_the_unit_of_the_file_and_sizes_in_metres(capsys, folder, survey, model):
     content = call_json(capsys, "classify", survey, "--model", model, "--unit", "cm", "-o", folder / "cm.laz", "-f")
     las = laspy.read(folder / "cm.laz")

@@ -5,7 +5,7 @@ import pytest
 
 from mapq.io import read_cloud, write_ply
 from mapq.render import read_picture
-from tests.cli.mapq_samples import call, save_cloud, save_model, save_patches
+from tests.cli.mapq_samples import call, save_model, save_patches
 
 
 @pytest.fixture
@@ -34,20 +34,3 @@ def test_fields_that_are_no_patches_or_labels_are_none(result, value):
     strange = np.full(len(cloud), value)
     write_ply(result, cloud.with_fields(patch=strange, suspicious=strange))
     assert "0 patches" in read_picture(str(result)).subtitle
-
-
-@pytest.mark.parametrize(
-    ("options", "code", "message"),
-    [
-        (["--azimuth", "nan"], 2, "--azimuth"),
-        (["--colour", "field"], 2, "--field"),
-        (["--colour", "field", "--field", "nope"], 3, "no point field 'nope'"),
-        (["--colour", "probability"], 3, "p_suspicious"),
-        (["-o", "x.bmp"], 2, "no picture format"),
-    ],
-)
-def test_mistakes_are_one_line(capsys, tmp_path, monkeypatch, options, code, message):
-    monkeypatch.chdir(tmp_path)
-    found, out, err = call(capsys, "render", save_cloud(tmp_path), *options)
-    assert (found, out, err.count("\n")) == (code, "", 1)
-    assert message in err

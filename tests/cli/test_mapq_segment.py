@@ -76,12 +76,6 @@ def test_json_with_scores_in_the_fields_words(capsys, map_ply, tmp_path):
     assert len(result["score"]["iou"]) == 2
 
 
-def test_scores_in_the_table(capsys, map_ply):
-    out = run(capsys, map_ply, "--truth-field", "plane")[1]
-    assert "true planes     2, 2 matched" in out
-    assert "over segmented  0" in out
-
-
 def test_no_patches_is_a_result_with_a_warning(capsys, tmp_path):
     path = tmp_path / "ground.ply"
     write_ply(str(path), PointCloud.from_world(ground(np.random.default_rng(1))))
@@ -101,33 +95,6 @@ def test_the_name_of_a_zipped_cloud_loses_both_ends(capsys, tmp_path):
     zipped.write_bytes(gzip.compress(path.read_bytes()))
     assert run(capsys, str(zipped))[0] == 0
     assert (tmp_path / "scan.patches").is_file()
-
-
-@pytest.mark.parametrize(
-    ("args", "code", "words"),
-    [
-        (["-"], 2, "Name the output with -o"),
-        (["MAP", "--max-angle", "0"], 2, "--max-angle must be above 0"),
-        (["MAP", "--min-points", "9" * 400], 2, "--min-points must be a finite number up to 1e+09"),
-        (["MAP", "--neighbours", "9" * 20], 2, "--neighbours must be a finite number up to 1e+09"),
-        (["MAP", "--unit", "1e308"], 2, "--unit 1e+308 is no length above 0, or not such as maps are measured in"),
-        (["MAP", "--neighbours", "2"], 2, "--neighbours must be from 3 to 64"),
-        (["MAP", "--up", "0", "0", "0"], 2, "--up must not be 0 0 0"),
-        (["MAP", "--up", "1e200", "0", "0"], 2, "--up must not be 0 0 0"),
-        (["MAP", "--truth-field", "walls"], 3, "no field 'walls'; it has: plane"),
-        (["LINE"], 3, "lie on one line"),
-        (["FEW"], 3, "2 distinct finite points of 3; a plane needs 3"),
-    ],
-)
-def test_mistakes_are_one_line(capsys, map_ply, tmp_path, args, code, words):
-    (tmp_path / "line.xyz").write_text("".join(f"{i} {2 * i} 0\n" for i in range(30)))
-    (tmp_path / "few.xyz").write_text("0 0 0\n1 0 0\n1 0 0\n")
-    names = {"MAP": map_ply, "LINE": str(tmp_path / "line.xyz"), "FEW": str(tmp_path / "few.xyz")}
-    found, out, err = run(capsys, *(names.get(arg, arg) for arg in args))
-    assert (found, out) == (code, "")
-    assert words in err
-    assert err.count("\n") == 1
-    assert not list(tmp_path.glob("*.patches"))
 
 
 @pytest.mark.parametrize(

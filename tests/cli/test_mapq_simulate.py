@@ -54,32 +54,3 @@ def test_json_options_and_the_seed_that_was_drawn(tmp_path: Path, capsys: pytest
     assert sum(first["points_by_kind"].values()) == first["points"]
     assert run(*options, "--seed", str(first["seed"]), "-f") == 0
     assert json.loads(capsys.readouterr().out) == first
-
-
-@pytest.mark.parametrize(
-    ("args", "code", "message"),
-    [
-        ([], 2, "-o"),
-        (["-o", "-", "--json"], 2, "standard output"),
-        (["-o", "map.ply", "--size", "huge"], 2, "--size"),
-        (["-o", "map.ply", "--drift", "-1"], 2, "--drift"),
-        (["-o", "map.ply", "--noise", "1"], 2, "--noise"),
-        (["-o", "map.ply", "--drift", "nan"], 2, "--drift"),
-        (["-o", "no/such/folder/map.ply"], 4, "no/such/folder"),
-    ],
-)
-def test_refusals(
-    args: list[str],
-    code: int,
-    message: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert run(*args) == code
-    streams = capsys.readouterr()
-    assert streams.out == ""
-    assert message in streams.err
-    assert streams.err.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []

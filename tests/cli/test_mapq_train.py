@@ -40,11 +40,6 @@ def test_options_reach_the_model(capsys, tmp_path):
     assert stored == result
 
 
-def test_both_labels_weigh_alike_by_default(capsys, tmp_path):
-    trained = call_json(capsys, "train", save_patches(tmp_path), "-o", tmp_path / "m.json")
-    assert trained["training"]["class_weight"] == "balanced"
-
-
 @pytest.mark.parametrize("edge_model", ["symmetric", "none"])
 def test_every_edge_model_trains(capsys, tmp_path, edge_model):
     target = tmp_path / "m.json"
@@ -58,30 +53,6 @@ def test_max_patches_prints_its_seed_in_the_model(capsys, tmp_path):
     again = call_json(capsys, "train", path, "-o", tmp_path / "b", "--max-patches", 20, "--seed", drawn["seed"])
     assert again["training"]["held_out"] == drawn["held_out"]
     assert drawn["n_patches"] == 20
-
-
-@pytest.mark.parametrize(
-    ("options", "code", "message"),
-    [
-        (["--regularisation", "0"], 2, "must be above 0"),
-        (["--objective", "likelihood"], 2, "max-margin"),
-        (["--edge-model", "full"], 2, "symmetric"),
-        (["--radius", "-1"], 2, "radius"),
-        (["--json", "-o", "-"], 2, "both want standard output"),
-    ],
-)
-def test_options_that_make_no_sense(capsys, tmp_path, options, code, message):
-    where = [] if "-o" in options else ["-o", tmp_path / "m.json"]
-    found, out, err = call(capsys, "train", save_patches(tmp_path), *where, *options)
-    assert (found, out, err.count("\n")) == (code, "", 1)
-    assert message in err
-    assert not (tmp_path / "m.json").exists()
-
-
-def test_patches_without_labels_are_sent_to_label(capsys, tmp_path):
-    code, _, err = call(capsys, "train", save_patches(tmp_path, labelled=False), "-o", tmp_path / "m.json")
-    assert code == 3
-    assert "mapq label" in err
 
 
 def test_labels_of_one_kind_are_refused(capsys, tmp_path):

@@ -135,19 +135,6 @@ def test_anneal_finds_the_square(files: dict[str, str], tmp_path: Path) -> None:
     assert best.n_edges < 12
 
 
-def test_the_other_verbs_take_the_run(bits_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for what in ("posterior", "beams", "best"):
-        assert prf("render", str(bits_run), "--what", what, "-o", str(tmp_path / f"{what}.png"), "-q") == 0
-    assert prf("inspect", str(bits_run)) == 0
-    assert f"{N * N} points" in capsys.readouterr().out
-    places = tmp_path / "places.csv"
-    places.write_text("x,y\n5,5\n1,1\n")
-    assert prf("query", str(bits_run), "--points", str(places)) == 0
-    _, middle, corner = capsys.readouterr().out.split()
-    assert float(middle.split(",")[2]) > 0.9
-    assert float(corner.split(",")[2]) < 0.1
-
-
 def test_info_tells_what_is_in_the_file(files: dict[str, str], capsys: pytest.CaptureFixture[str]) -> None:
     assert prf("info", "--point-data", files["bits"], "--json") == 0
     found = json.loads(capsys.readouterr().out)
@@ -158,19 +145,3 @@ def test_info_tells_what_is_in_the_file(files: dict[str, str], capsys: pytest.Ca
     assert "gaussian, unless given" in capsys.readouterr().out
     assert prf("info", files["bits"]) == 3
     assert "given as --point-data" in capsys.readouterr().err
-
-
-def test_what_is_refused(files: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    target = ("-o", str(tmp_path / "run"), "-q")
-    assert prf("sample", "--point-data", "-", "--laser", "-", *target) == 2
-    assert "standard input can be read once only" in capsys.readouterr().err
-    assert prf("sample", "--point-data", files["bits"], "--window", "20", "20", "30", "30", *target) == 3
-    assert "no point lies inside the window. Check --window." in capsys.readouterr().err
-    assert prf("sample", "--point-data", str(tmp_path / "absent.csv"), *target) == 3
-    assert "absent.csv" in capsys.readouterr().err
-    settings = tmp_path / "binary.toml"
-    settings.write_text('[points]\nkind = "binary"\n')
-    assert prf("sample", "--point-data", files["grey"], "--config", str(settings), *target) == 3
-    message = capsys.readouterr().err
-    assert "grey.csv:2: value is" in message
-    assert message.count("\n") == 1

@@ -57,27 +57,6 @@ def test_draws_to_standard_output_leave_the_summary_to_standard_error(capsys: py
     assert "draws       3" in streams.err
 
 
-@pytest.mark.parametrize(
-    ("args", "code", "message"),
-    [
-        (["--draws", "0"], 2, "--draws"),
-        (["--draws", "1", "--thin", "5"], 2, "--thin"),
-        (["--draws", "1", "--thin", "0", "--method", "mcmc"], 2, "--thin"),
-        (["--draws", "1", "--json", "-o", "-"], 2, "standard output"),
-        (["--draws", "1", "--scale", "0"], 2, "scale"),
-        (["--draws", "1", "--window", "0", "0", "0", "1"], 2, "window"),
-        (["--draws", "1", "--method", "gibbs"], 2, "--method"),
-        (["--draws", "1", "-o", "no/such/folder.geojsonl"], 4, "no/such/folder.geojsonl"),
-    ],
-)
-def test_refusals(args: list[str], code: int, message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(*args) == code
-    streams = capsys.readouterr()
-    assert streams.out == ""
-    assert message in streams.err
-    assert streams.err.count("\n") == 1
-
-
 def test_the_chain_draws_maps_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "draws.geojsonl"
     args = ("--draws", "20", "--method", "mcmc", "--thin", "200", "--seed", "2", "-o", str(path), "--json")

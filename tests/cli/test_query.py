@@ -118,53 +118,6 @@ def test_a_path_that_leaves_the_window_is_said_so(folder: Path, tmp_path: Path, 
     assert "leaves the window" in shown.err
 
 
-@pytest.mark.parametrize(
-    ("args", "code", "message"),
-    [
-        ([], 2, "either --points"),
-        (["--points", "p.csv", "--path", "p.csv", "--radius", "1"], 2, "either --points"),
-        (["--path", "p.csv"], 2, "--radius"),
-        (["--points", "p.csv", "--radius", "1"], 2, "--radius"),
-        (["--path", "p.csv", "--radius", "1", "--square", "1"], 2, "--square"),
-        (["--points", "p.csv", "--square", "-1"], 2, "square -1"),
-        (["--path", "p.csv", "--radius", "nan"], 2, "radius nan"),
-        (["--points", "bad.csv"], 3, "bad.csv:3"),
-        (["--points", "nan.csv"], 3, "nan.csv:2"),
-        (["--points", "empty.csv"], 3, "empty.csv: no points"),
-        (["--path", "header.csv", "--radius", "1"], 3, "the path has no point"),
-        (["--points", "absent.csv"], 3, "absent.csv: no such file"),
-    ],
-)
-def test_wrong_questions(
-    folder: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture,
-    args: list[str],
-    code: int,
-    message: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("p.csv").write_text("x,y\n1,2\n")
-    Path("bad.csv").write_text("x,y\n1,2\n1,two\n")
-    Path("nan.csv").write_text("x,y\n1,nan\n")
-    Path("empty.csv").touch()
-    Path("header.csv").write_text("x,y\n")
-    assert ask(folder, *args) == code
-    shown = capsys.readouterr()
-    assert shown.out == ""
-    assert message in shown.err
-    assert shown.err.count("\n") == 1
-
-
-def test_a_header_without_rows_is_answered_with_one(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
-    (tmp_path / "points.csv").write_text("x,y\n")
-    assert ask(folder, "--points", tmp_path / "points.csv") == 0
-    assert capsys.readouterr().out == "x,y,p_occupied,low,high,seen\n"
-
-
 def test_a_run_without_draws(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     empty = Run({}, Draws.from_colorings([], WINDOW), np.empty(0, np.int32), np.empty(0, np.int64), {})
     write_run(tmp_path / "run", empty)

@@ -112,12 +112,6 @@ def test_sonar_alone(logs: tuple[str, str], tmp_path: Path, capsys: pytest.Captu
         assert prf("render", str(folder), "--what", what, "--beams", "-o", str(tmp_path / f"{what}.png"), "-q") == 0
 
 
-def test_pictures_of_both_sensors(both: Path, tmp_path: Path) -> None:
-    assert prf("render", str(both), "--what", "beams", "--outline", "-o", str(tmp_path / "both.svg"), "-q") == 0
-    text = (tmp_path / "both.svg").read_text()
-    assert f"{N_CONES} sonar readings in 3 scans" in text
-
-
 def test_the_cone_of_the_log_goes_before_that_of_the_option(tmp_path: Path) -> None:
     table = tmp_path / "ring.csv"
     table.write_text("x,y,theta,range\n5,5,0,1\n5,5,1,2\n")
@@ -128,48 +122,6 @@ def test_the_cone_of_the_log_goes_before_that_of_the_option(tmp_path: Path) -> N
     prepared = read_prepared(None, SampleConfig(sonar_cone=0.2), str(table))
     assert prepared.cones is not None
     assert prepared.cones.cone.tolist() == [0.5, 0.6]
-
-
-def test_sensors_outside_the_window_are_counted_together(logs: tuple[str, str]) -> None:
-    whole = read_prepared(*(logs[0], SampleConfig(max_range=6.0), logs[1]))
-    assert whole.n_outside == 0
-    assert whole.cones is not None
-    x = float(np.median(whole.cones.origin[:, 0])) + 1e-6
-    part = read_prepared(logs[0], SampleConfig(max_range=6.0, window=(-1.0, -1.0, x, 11.0)), logs[1])
-    assert part.beams is not None
-    assert part.cones is not None
-    assert part.n_outside == N_BEAMS + N_CONES - len(part.beams.angle) - len(part.cones.angle) > 0
-
-
-@pytest.mark.parametrize(
-    ("args", "code", "words"),
-    [
-        (["--sonar-max-range", "0"], 2, "sonar-max-range"),
-        (["--sonar-max-range", "nan"], 2, "sonar-max-range"),
-        (["--sonar-cone", "0"], 2, "--sonar-cone"),
-        (["--sonar-cone", "3.2"], 2, "--sonar-cone"),
-        (["--window", "20", "20", "30", "30"], 3, "no sensor stands inside"),
-    ],
-)
-def test_bad_options_end_in_one_line(
-    logs: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str], args: list[str], code: int, words: str
-) -> None:
-    assert prf("sample", "--sonar", logs[1], "-o", str(tmp_path / "run"), *args) == code
-    error = capsys.readouterr().err.strip().splitlines()
-    assert len(error) == 1
-    assert words in error[0]
-    assert not (tmp_path / "run").exists()
-
-
-def test_bad_logs_end_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    table = tmp_path / "wide.csv"
-    table.write_text("x,y,theta,range,cone\n5,5,0,1,4\n")
-    assert prf("sample", "--sonar", str(table), "-o", str(tmp_path / "run")) == 3
-    assert "narrower than pi" in capsys.readouterr().err
-    assert prf("sample", "-o", str(tmp_path / "run")) == 2
-    assert "--sonar LOG" in capsys.readouterr().err
-    assert prf("sample", "--laser", "-", "--sonar", "-", "-o", str(tmp_path / "run")) == 2
-    assert "once" in capsys.readouterr().err
 
 
 def test_json_tells_of_a_run_with_sonar(both: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -150,39 +150,3 @@ def test_a_run_that_has_no_best_map_yet(tmp_path: Path, table: Path, capsys: pyt
     shown = capsys.readouterr()
     assert json.loads(shown.out)["rmse"] is None
     assert "no best map yet" in shown.err
-
-
-@pytest.mark.parametrize(
-    ("args", "code", "words"),
-    [
-        (["absent", "--laser", "HELD"], 3, "absent"),
-        (["RUN", "--laser", "absent.csv"], 3, "absent.csv"),
-        (["HELD", "--laser", "HELD"], 3, "neither a RUN, a GRID nor GeoJSON"),
-        (["RUN"], 2, "--laser"),
-        (["RUN"], 2, "--sonar"),
-        (["RUN", "--truth", "absent.geojson"], 3, "absent.geojson"),
-        (["RUN", "--truth", "HELD"], 3, "GeoJSON"),
-        (["RUN", "--sonar", "absent.csv"], 3, "absent.csv"),
-        (["RUN", "--sonar", "HELD", "--sonar-cone", "4"], 2, "cone"),
-        (["RUN", "--sonar", "HELD", "--sonar-max-range", "0"], 2, "sonar-max-range"),
-        (["RUN", "--sonar", "HELD", "--config", "absent.toml"], 3, "absent.toml"),
-        (["RUN", "--sonar", "HELD", "--scans", "2:"], 3, "stands inside the window"),
-        (["RUN", "--laser", "HELD", "--noise", "0"], 2, "noise"),
-        (["RUN", "--laser", "HELD", "--square", "-0.1"], 2, "square"),
-        (["RUN", "--laser", "HELD", "--square", "nan"], 2, "square"),
-        (["RUN", "--laser", "HELD", "--square", "1e7"], 2, "square"),
-        (["RUN", "--laser", "HELD", "--outlier-probability", "0"], 2, "outlier-probability"),
-        (["RUN", "--laser", "HELD", "--max-range", "0.5"], 3, "no beam has a return"),
-        (["RUN", "--laser", "HELD", "--scans", "x"], 2, "--scans"),
-        (["RUN", "--laser", "HELD", "--scans", "2:"], 3, "stands inside the window"),
-    ],
-)
-def test_bad_questions_end_in_one_line(
-    folder: Path, table: Path, capsys: pytest.CaptureFixture, args: list[str], code: int, words: str
-) -> None:
-    names = {"RUN": str(folder / "run"), "HELD": str(table)}
-    assert run("score", *[names.get(arg, arg) for arg in args]) == code
-    shown = capsys.readouterr()
-    assert shown.out == ""
-    assert shown.err.count("\n") == 1
-    assert words in shown.err
