@@ -133,7 +133,7 @@ def test_import_is_light() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_what_no_reading_saw_has_a_looser_rule_and_comes_last() -> None:
+def test_unseen_functionals_have_a_looser_rule_and_are_last() -> None:
     slow = chains() + np.array([[0.0], [0.5], [1.0], [0.0]])
     assert 1.05 < one(slow)[0] < 1.2
     found = diagnose({"far": slow, "near": chains(2)}, unseen=["far"])

@@ -166,7 +166,7 @@ def test_many_positions_and_returns_take_no_memory_of_all_pairs() -> None:
     assert way_of([track], walls, ROOM, RADIUS).round(6).tolist() == [[0.5, 5.0, 9.5, 5.0]]
 
 
-def test_settings_have_no_way_unless_told() -> None:
+def test_settings_have_no_driven_way_by_default() -> None:
     laser = LaserData(np.array([[5.0, 5.0]]), np.zeros(1), np.ones(1), LaserModel(3.0))
     chain = make_chain(Settings(ROOM, 0.2, laser), Coloring.empty(ROOM))
     assert chain.guards.lists.tolist() == [0]

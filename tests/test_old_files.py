@@ -139,7 +139,7 @@ def test_an_old_model_is_refused_in_one_line(file, words, old, capsys):
 
 
 @pytest.mark.parametrize(("run", "state"), list(zip(RUNS, ["other version", "ok"], strict=True)))
-def test_inspect_says_which_file_of_an_old_run_is_of_use(run, state, old, capsys):
+def test_inspect_reports_which_file_of_an_old_run_is_usable(run, state, old, capsys):
     (old / run / "posterior.png").unlink(missing_ok=True)
     code, out, errors = call(f"prf inspect {run} --json", capsys)
     assert (code, errors) == (0, [])

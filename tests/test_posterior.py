@@ -91,7 +91,7 @@ def test_every_move_is_made() -> None:
     assert min(DEFAULT_ODDS.values()) > 0.0
 
 
-def test_moves_are_chosen_with_their_odds() -> None:
+def test_moves_are_chosen_with_their_probabilities() -> None:
     chain = make_chain(Settings(UNIT, 1.0), Coloring.empty(UNIT))
     n = 200_000
     run(chain, np.random.default_rng(4), n)

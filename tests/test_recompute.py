@@ -104,7 +104,7 @@ def test_twins_agree_on_readings(at_truth: bool) -> None:
         assert np.isfinite(chain.beams.ray[:, c.DISTANCE]).mean() > 0.3
 
 
-def test_twins_agree_on_readings_asked_by_levels() -> None:
+def test_twins_agree_on_readings_evaluated_by_levels() -> None:
     settings = dataclasses.replace(world_settings(1), levels=3)
     chain, n_accepted = follow(make_chain(settings, Coloring.empty(ROOM)), np.random.default_rng(1), 1500)
     assert n_accepted > 100
@@ -118,7 +118,7 @@ def soften(chain: Chain, power: float, cost: float) -> Chain:
 
 
 @pytest.mark.parametrize("power", [1.0, 0.1, 0.0])
-def test_twins_agree_when_sensors_may_stand_in_black(power: float) -> None:
+def test_twins_agree_when_sensors_may_be_in_black(power: float) -> None:
     """From a draw of the prior, where they do."""
     settings = dataclasses.replace(world_settings(1), aimed_share=0.0)
     start = exact_draws(0.3, ROOM, 1, np.random.default_rng(8))[0]

@@ -98,7 +98,7 @@ def test_a_colour_of_one_short_visit_may_have_no_probability() -> None:
     assert 0.3 < found.low[1] < 0.5 < found.high[1] < 0.7
 
 
-def test_draws_too_few_to_tell_leave_everything_open() -> None:
+def test_too_few_draws_leave_everything_open() -> None:
     found = estimates(np.ones((4, 7, 3), np.bool_), 4.0)
     assert found.low.tolist() == [0.0] * 3
     assert found.high.tolist() == [1.0] * 3

@@ -17,7 +17,7 @@ def test_measures() -> None:
     assert WINDOW.to_array().tolist() == [-1.0, 2.0, 3.0, 5.0]
 
 
-def test_sides_go_counter_clockwise_from_the_bottom() -> None:
+def test_sides_are_numbered_counter_clockwise_from_the_bottom() -> None:
     assert SIDES == (BOTTOM, RIGHT, TOP, LEFT) == (0, 1, 2, 3)
     assert [WINDOW.side_coordinate(side) for side in SIDES] == [2.0, 3.0, 5.0, -1.0]
     assert [WINDOW.side_length(side) for side in SIDES] == [4.0, 3.0, 4.0, 3.0]

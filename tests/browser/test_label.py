@@ -122,7 +122,7 @@ def test_features_reasons_and_neighbours_are_shown_and_the_model_can_be_hidden(p
 
 
 @pytest.mark.slow
-def test_a_server_that_is_gone_is_said_and_nothing_moves_on(browser, saved, running):
+def test_a_lost_server_is_reported_and_the_page_stays(browser, saved, running):
     server, page = running(saved), browser.new_page()
     open_page(page, server)
     patch = patch_on(page)

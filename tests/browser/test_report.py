@@ -179,7 +179,7 @@ def test_it_prints_on_paper_with_both_views(browser, report, tmp_path):
 
 
 @pytest.mark.slow
-def test_without_webgl_the_map_in_space_stands_still(report, browser):
+def test_without_webgl_the_3d_view_is_fixed(report, browser):
     api = browser.browser_type
     flags = [flag for flag in FLAGS if "swiftshader" not in flag and "blocklist" not in flag]
     program = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -194,7 +194,7 @@ def test_without_webgl_the_map_in_space_stands_still(report, browser):
         other.close()
 
 
-def test_of_a_map_of_many_patches_those_told_of_keep_their_numbers(page, told, tmp_path, monkeypatch):
+def test_patches_listed_of_many_keep_their_numbers(page, told, tmp_path, monkeypatch):
     monkeypatch.setattr("mapq.report.source.MOST_TOLD", 20)
     few = read_findings(told.path)
     write_report(str(tmp_path / "few.html"), few)

@@ -53,7 +53,7 @@ def test_it_shows_what_a_file_makes_of_them(tmp_path: Path, capsys: pytest.Captu
     assert told["set"] == [f"{tmp_path}/site.toml: [laser] max_range", f"{tmp_path}/site.toml: [sonar] noise"]
 
 
-def test_all_problems_are_told_at_once(bad: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_problems_are_reported_at_once(bad: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert config("check", bad) == 1
     told = capsys.readouterr()
     assert [line.removeprefix(f"{bad}:").partition(":")[0] for line in told.out.splitlines()] == list("234678")

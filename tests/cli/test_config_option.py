@@ -36,7 +36,9 @@ def site(tmp_path: Path) -> Path:
     return file
 
 
-def test_a_run_keeps_what_the_file_says(ring: Path, site: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_a_run_keeps_the_settings_of_the_file(
+    ring: Path, site: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
     folder = tmp_path / "run"
     assert prf("sample", "--sonar", ring, "--config", site, "--scale", 0.3, *QUICK, "-o", folder) == 0
     run = read_run(folder)
@@ -52,7 +54,7 @@ def test_a_run_keeps_what_the_file_says(ring: Path, site: Path, tmp_path: Path, 
     assert prf("sample", "--resume", folder, "--config", site, "--scale", 0.3, *more) == 0
 
 
-def test_options_win_over_the_file_over_presets_and_the_manifest_says_so(
+def test_options_override_the_file_and_presets_and_the_manifest_records_it(
     ring: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -62,7 +62,7 @@ def test_a_result_can_be_classified_anew(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(("share", "code"), [(0.4, 1), (0.6, 0), ("40%", 1), ("60 %", 0)])
-def test_fail_over_says_no_after_the_result_is_written(capsys, tmp_path, share, code):
+def test_fail_over_fails_after_the_result_is_written(capsys, tmp_path, share, code):
     target = tmp_path / "r.ply"
     args = ["classify", save_patches(tmp_path), "--model", save_model(tmp_path), "-o", target, "--fail-over", share]
     found, out, err = call(capsys, *args)
@@ -110,7 +110,7 @@ def test_no_patches_are_a_result_with_a_warning(capsys, tmp_path):
     assert read_cloud(str(target)).fields["suspicious"].tolist() == [255] * 5
 
 
-def test_without_a_model_that_ships_it_says_what_to_do(capsys, tmp_path, monkeypatch):
+def test_a_missing_default_model_is_reported_with_advice(capsys, tmp_path, monkeypatch):
     from mapq.io import models
 
     monkeypatch.setattr(models, "DEFAULT", ("models", "absent.json"))
@@ -146,7 +146,7 @@ def test_warnings_of_the_segmentation_are_shown(capsys, tmp_path):
     assert "no patches:" in err
 
 
-def test_causes_are_named_where_the_map_tells_when_it_was_seen(capsys, tmp_path):
+def test_causes_are_named_where_the_map_has_times(capsys, tmp_path):
     patches = draw_patches(1)
     scan = np.where(patches.patch < 0, 0, patches.patch % 2)
     path = tmp_path / "walls.patches"

@@ -29,7 +29,7 @@ def test_it_prints_which_is_better_and_where(capsys, files):
 
 
 @pytest.mark.parametrize(("limit", "code"), [("1%", 1), ("0.9", 0), ("0", 1)])
-def test_fail_over_says_no_where_the_second_is_worse(capsys, files, limit, code):
+def test_fail_over_fails_where_the_second_is_worse(capsys, files, limit, code):
     clean, bad, model = files
     found, out, err = call(capsys, "compare", clean, bad, "--model", model, "--fail-over", limit, "--json")
     assert found == code

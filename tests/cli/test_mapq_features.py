@@ -95,7 +95,7 @@ def test_context_is_chosen_by_group(capsys, path):
     assert "no context colour" in err
 
 
-def test_literal_reading_says_what_it_cut(capsys, path):
+def test_the_literal_reading_reports_what_it_cut(capsys, path):
     code, out, err = run(capsys, path, "--features", "literal", "--json")
     result = json.loads(out)
     assert code == 0

@@ -61,7 +61,7 @@ def test_a_field_that_is_no_label_changes_nothing(capsys, tmp_path, field, messa
         (["other.patches", "--agreement", "--from-field", "truth"], "leave out"),
     ],
 )
-def test_options_that_do_not_go_together_are_one_line(capsys, tmp_path, options, words):
+def test_options_that_exclude_each_other_are_one_line(capsys, tmp_path, options, words):
     code, out, err = call(capsys, "label", save_patches(tmp_path), *options)
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert words in err
@@ -142,7 +142,7 @@ class Running:
         return self.process.returncode, out, err
 
 
-def test_by_hand_killed_and_gone_on_with(capsys, tmp_path):
+def test_labelling_by_hand_survives_a_kill(capsys, tmp_path):
     path = save_patches(tmp_path, labelled=False)
     first = Running(path)
     first.post("api/label", {"patch": 4, "label": "suspicious"})

@@ -39,7 +39,7 @@ def folder(tmp_path: Path) -> Path:
     return scans
 
 
-def test_a_map_is_las_where_its_name_says_so(folder: Path) -> None:
+def test_the_suffix_las_writes_las(folder: Path) -> None:
     ply, laz = folder.parent / "map.ply", folder.parent / "other.laz"
     for out in (ply, laz):
         assert run(str(folder), "--offset", "0.6", "--seed", "1", "-o", str(out), "-q") == 0
@@ -48,7 +48,7 @@ def test_a_map_is_las_where_its_name_says_so(folder: Path) -> None:
     np.testing.assert_array_equal(read_cloud(str(laz)).fields["suspicious"], fields["suspicious"])
 
 
-def test_the_right_poses_tell_what_is_displaced(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_right_poses_show_what_is_displaced(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, odometry = folder.parent / "map.ply", str(folder.parent / "odometry.txt")
     args = (str(folder), "--poses", odometry, "--reference", str(folder / "poses.txt"), "-o", str(out))
     assert run(*args) == 0

@@ -26,7 +26,7 @@ def test_a_page_of_its_own(capsys, result, tmp_path, monkeypatch):
     assert call(capsys, "report", result, "-f")[0] == 0
 
 
-def test_fewer_points_are_said(capsys, result, tmp_path):
+def test_fewer_points_are_reported(capsys, result, tmp_path):
     _, _, err = call(capsys, "report", result, "--max-points", 1000, "-o", tmp_path / "x.html")
     shown = int(err.partition("views show ")[2].partition(" of ")[0].replace(",", ""))
     assert shown <= 1000

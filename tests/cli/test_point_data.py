@@ -63,7 +63,7 @@ def bits_run(files: dict[str, str], tmp_path_factory: pytest.TempPathFactory) ->
     return folder
 
 
-def test_a_run_on_points_alone_finds_the_square_and_says_what_it_used(bits_run: Path, files: dict[str, str]) -> None:
+def test_a_run_on_points_alone_finds_the_square_and_records_its_input(bits_run: Path, files: dict[str, str]) -> None:
     run = read_run(bits_run)
     assert run.draws.window == pytest.approx((*ROOM,))
     assert (run.manifest["n_points"], run.manifest["n_points_outside"], run.manifest["n_beams"]) == (N * N, 0, 0)
@@ -135,7 +135,7 @@ def test_anneal_finds_the_square(files: dict[str, str], tmp_path: Path) -> None:
     assert best.n_edges < 12
 
 
-def test_info_tells_what_is_in_the_file(files: dict[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_describes_the_file(files: dict[str, str], capsys: pytest.CaptureFixture[str]) -> None:
     assert prf("info", "--point-data", files["bits"], "--json") == 0
     found = json.loads(capsys.readouterr().out)
     assert found["schema"] == "prf.info.points/1"

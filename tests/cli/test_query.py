@@ -110,7 +110,7 @@ def test_few_draws_say_nothing_of_their_error(tmp_path: Path, capsys: pytest.Cap
     assert "fewer than 8 draws a chain" in shown.err
 
 
-def test_a_path_that_leaves_the_window_is_said_so(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_a_path_that_leaves_the_window_is_reported(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     (tmp_path / "path.csv").write_text("x,y\n1,2\n999,2\n")
     assert ask(folder, "--path", tmp_path / "path.csv", "--radius", 0.1, "--json") == 0
     shown = capsys.readouterr()

@@ -103,7 +103,7 @@ def test_resuming_tempered_chains_gives_what_an_uninterrupted_run_gives(
     assert "--rungs 4" in capsys.readouterr().err
 
 
-def test_chains_that_stay_apart_get_rungs_and_say_so(
+def test_chains_that_disagree_get_a_ladder_and_report_it(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Chains from contours are far from agreement after 40,000 steps; resumed or not, the run is the same."""
@@ -242,7 +242,9 @@ def test_a_table_without_returns_leaves_free_space(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_signal_leaves_a_run_to_go_on_with(log: Path, tmp_path: Path, number: signal.Signals, code: int) -> None:
+def test_a_signal_leaves_a_run_that_can_be_resumed(
+    log: Path, tmp_path: Path, number: signal.Signals, code: int
+) -> None:
     folder = tmp_path / "run"
     args = ["--laser", str(log), *QUICK, "--seed", "1", "-o", str(folder), "--time-budget", "300"]
     process = subprocess.Popen(

@@ -54,7 +54,7 @@ def both(logs: tuple[str, str], tmp_path_factory: pytest.TempPathFactory) -> Pat
     return folder
 
 
-def test_a_run_with_both_sensors_says_and_keeps_what_it_used(both: Path, logs: tuple[str, str]) -> None:
+def test_a_run_with_both_sensors_keeps_its_readings(both: Path, logs: tuple[str, str]) -> None:
     run = read_run(both)
     assert (run.manifest["n_beams"], run.manifest["n_cones"]) == (N_BEAMS, N_CONES)
     assert [given["path"] for given in run.manifest["inputs"]] == list(logs)
@@ -112,7 +112,7 @@ def test_sonar_alone(logs: tuple[str, str], tmp_path: Path, capsys: pytest.Captu
         assert prf("render", str(folder), "--what", what, "--beams", "-o", str(tmp_path / f"{what}.png"), "-q") == 0
 
 
-def test_the_cone_of_the_log_goes_before_that_of_the_option(tmp_path: Path) -> None:
+def test_the_cone_of_the_log_overrides_the_option(tmp_path: Path) -> None:
     table = tmp_path / "ring.csv"
     table.write_text("x,y,theta,range\n5,5,0,1\n5,5,1,2\n")
     prepared = read_prepared(None, SampleConfig(sonar_cone=0.2), str(table))
@@ -124,7 +124,7 @@ def test_the_cone_of_the_log_goes_before_that_of_the_option(tmp_path: Path) -> N
     assert prepared.cones.cone.tolist() == [0.5, 0.6]
 
 
-def test_json_tells_of_a_run_with_sonar(both: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_describes_a_run_with_sonar(both: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert prf("sample", "--resume", str(both), "--steps", "1000", "--json") == 0
     assert json.loads(capsys.readouterr().out)["steps"] == 60_000
     assert prf("inspect", str(both), "--json") == 0

@@ -122,7 +122,7 @@ def test_a_true_plan_with_and_without_readings(folder: Path, ring: Path, capsys:
     assert "sonar_nll" in seen
 
 
-def test_a_settings_file_gives_the_parameters_and_options_go_before(
+def test_options_take_precedence_over_a_settings_file(
     folder: Path, ring: Path, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
     (tmp_path / "ring.toml").write_text("[sonar]\nmax_range = 3.2\nuniform_probability = 0.6\n")
@@ -138,7 +138,7 @@ def test_a_settings_file_gives_the_parameters_and_options_go_before(
     assert scores("--config", tmp_path / "ring.toml", "--sonar-max-range", 3.5)[0] == 3.5
 
 
-def test_without_a_seed_one_is_drawn_and_told(folder: Path, table: Path, capsys: pytest.CaptureFixture) -> None:
+def test_without_a_seed_one_is_drawn_and_reported(folder: Path, table: Path, capsys: pytest.CaptureFixture) -> None:
     assert run("score", folder / "map.geojson", "--laser", table, "--json", "-q") == 0
     assert isinstance(json.loads(capsys.readouterr().out)["seed"], int)
 

@@ -41,7 +41,9 @@ def test_a_log_as_sparse_as_the_office_is_used_whole(
     assert (tmp_path / "default" / "draws.npz").read_bytes() == (tmp_path / "exact" / "draws.npz").read_bytes()
 
 
-def test_what_was_left_out_is_told_and_recorded(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_was_left_out_is_reported_and_recorded(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = tmp_path / "run"
     assert prf("sample", "--laser", log, *QUICK, *DENSITY, "--steps", 10, "-o", folder, "--json") == 0
     captured = capsys.readouterr()
@@ -114,7 +116,7 @@ def test_densities_that_make_no_sense_are_refused(
     assert words in error[0]
 
 
-def test_dense_public_log_keeps_what_was_asked_for(shared_data: Path) -> None:
+def test_a_dense_public_log_keeps_the_requested_density(shared_data: Path) -> None:
     from prf.logs import read_readings
     from prf.sampler.config import SampleConfig, prepare
 

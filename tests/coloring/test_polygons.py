@@ -89,7 +89,7 @@ def test_slanted_clips_land_exactly_on_the_sides() -> None:
 
 
 @pytest.mark.parametrize("hair", [1e-12, 1e-10, 9e-10])
-def test_a_hair_along_the_border_is_nothing(hair: float) -> None:
+def test_slivers_along_the_border_are_dropped(hair: float) -> None:
     beside = [box(1.0 - hair, 0.2, 2.0, 0.4), box(0.1, -1.0, 0.9, hair), box(-1.0, 1.0 - hair, 2.0, 2.0)]
     for region in (*beside, shapely.union_all(beside)):
         nothing = from_polygons(region, UNIT)

@@ -54,7 +54,7 @@ def mapq_option(table: str, key: str) -> str:
     return f"`{flag}`" if flag in mapq_flags(table) else "–"
 
 
-def test_every_key_of_mapq_stands_there_as_the_code_has_it(project_root: Path) -> None:
+def test_every_key_of_mapq_is_documented_as_in_the_code(project_root: Path) -> None:
     rows = {place: row for place, row in documented(project_root).items() if place[0] in mapq.settings.TABLES}
     defaults = mapq.settings.defaults()
     assert list(rows) == [(table, key) for table, values in defaults.items() for key in values]
@@ -69,7 +69,7 @@ def prf_rows(project_root: Path) -> dict[tuple[str, str], list[str]]:
     return {place: row for place, row in documented(project_root).items() if place[0] in TABLES}
 
 
-def test_every_key_stands_there_as_the_code_has_it(project_root: Path) -> None:
+def test_every_key_is_documented_as_in_the_code(project_root: Path) -> None:
     config, rows = SampleConfig(), prf_rows(project_root)
     assert list(rows) == [(table, key) for table, content in TABLES.items() for key in content.keys]
     for (table, key), (unit, default, meaning, _) in rows.items():

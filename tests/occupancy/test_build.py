@@ -114,7 +114,7 @@ def test_the_opening_of_the_log_counts_before_the_option() -> None:
     assert build(sonar=plain, sonar_cone=1.0).hits.sum() > build(sonar=narrow, sonar_cone=1.0).hits.sum()
 
 
-def test_beams_without_return_are_left_out_unless_asked_for() -> None:
+def test_beams_without_return_are_left_out_by_default() -> None:
     silent = Readings.from_arrays([0.25, 0.25], [0.0, 1.0], [np.inf, 20.0])
     assert build(silent).share_seen == 0.0
     free = build(silent, no_return="free")

@@ -19,7 +19,7 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "room.grid.npz"
 
 
-def test_a_grid_comes_back_as_it_was(file: Path) -> None:
+def test_a_grid_is_read_as_it_was_written(file: Path) -> None:
     grid, found = build(BEAM), read_grid(file)
     for name in ("occupancy", "hits", "misses", "origin"):
         np.testing.assert_array_equal(getattr(found, name), getattr(grid, name))
@@ -30,7 +30,7 @@ def test_a_grid_comes_back_as_it_was(file: Path) -> None:
     assert found.settings["scans"] is None
 
 
-def test_grids_are_told_from_other_files(file: Path, tmp_path: Path) -> None:
+def test_grids_are_recognised(file: Path, tmp_path: Path) -> None:
     (tmp_path / "text").write_text("PX")
     assert is_grid(file)
     assert not is_grid(tmp_path / "text")

@@ -103,7 +103,7 @@ def test_a_limit_is_called_one() -> None:
     assert "left at most" in shown(glance(is_limit=True), SCREEN)
 
 
-def test_agreement_is_told_by_colour_too() -> None:
+def test_agreement_has_a_colour() -> None:
     lines = live_lines(glance(), SCREEN)
     styles = {
         line.plain[span.start : span.end].split("  ")[0]: span.style

@@ -98,7 +98,7 @@ def test_seen_cells_where_chains_differ_are_tinted() -> None:
     np.testing.assert_allclose(at_points(plain, WINDOW, xy), 1.0, atol=0.02)
 
 
-def test_an_unfinished_run_says_what_is_missing(tmp_path: Path) -> None:
+def test_an_unfinished_run_reports_what_is_missing(tmp_path: Path) -> None:
     empty = Run({}, Draws.from_colorings([], WINDOW), np.empty(0, np.int32), np.empty(0, np.int64), {}, path=tmp_path)
     for function, name in (
         (render_posterior, "posterior.npz"),

@@ -58,7 +58,7 @@ def test_half_covered_pixels_are_grey(room: Coloring) -> None:
     assert lines[-3:-1] == [" ++", " ++"], "pixels of 2 x 2 m, two in a cell"
 
 
-def test_maps_stand_side_by_side(room: Coloring) -> None:
+def test_maps_are_drawn_side_by_side(room: Coloring) -> None:
     lines = plain(terminal.map_lines([room, room], ["one", "two"], ASCII._replace(columns=80)))
     assert lines[0].split() == ["one", "two"]
     assert all(line[:39].rstrip() == line[41:] for line in lines[1:])
@@ -103,7 +103,7 @@ def test_sonar_and_points_are_drawn_too() -> None:
         terminal.reading_lines(replace(run, beams=None), ASCII)
 
 
-def test_a_run_without_draws_says_so() -> None:
+def test_a_run_without_draws_is_reported() -> None:
     run = replace(make_run(), image=None, best=None)
     for function in (terminal.posterior_lines, terminal.best_lines):
         with pytest.raises(InputError):
@@ -146,7 +146,7 @@ def test_grids_and_draws_from_the_prior(tmp_path: Path, room: Coloring, capsys: 
         (["--terminal", "--width", "3"], "--width"),
     ],
 )
-def test_options_that_do_not_go_together(
+def test_options_that_exclude_each_other(
     folder: Path, args: list[str], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert render(folder, *args) == 2

@@ -95,7 +95,7 @@ def test_a_run_interrupted_before_its_first_draw_is_valid(tmp_path: Path) -> Non
     }
 
 
-def test_only_the_parts_asked_for_are_read(folder: Path) -> None:
+def test_only_the_requested_parts_are_read(folder: Path) -> None:
     (folder / "posterior.npz").write_bytes(b"broken")
     read = read_run(folder, parts=("map.geojson",))
     assert read.image is None

@@ -86,7 +86,7 @@ class TestOneWall:
         ]
         assert (found["n_readings"], found["n_readings_no_return"], found["sonar_max_range"]) == (2, 1, 3.5)
 
-    def test_draws_are_averaged_before_the_logarithm_and_an_occupied_sensor_leaves_the_strays(self) -> None:
+    def test_draws_are_averaged_before_the_logarithm_and_an_occupied_sensor_leaves_outliers(self) -> None:
         covering = shapely.box(0.5, 3.0, 1.5, 5.0)
         colorings = [from_polygons(area, ROOM) for area in (WALL, covering)]
         found = score(draws_of([*colorings, Coloring.empty(ROOM)]), None, sonar=held([AHEAD], [2.02]))
@@ -192,7 +192,7 @@ def grid_of(occupancy: np.ndarray, side: float = 0.1) -> OccupancyGrid:
 class TestGrid:
     @pytest.mark.parametrize("seed", range(2))
     @pytest.mark.parametrize("view", [0.002, VIEW, 1.2])
-    def test_first_hits_agree_with_quadrature_and_come_to_one(self, seed: int, view: float) -> None:
+    def test_first_hits_agree_with_quadrature_and_sum_to_one(self, seed: int, view: float) -> None:
         grid = random_grid(seed)
         sparse = dataclasses.replace(grid, occupancy=grid.occupancy**6)
         ring = Ring(3.03, 0.05, 0.03)
@@ -216,7 +216,7 @@ class TestGrid:
         assert 0.5 * expected < prediction.density["first_hit"][0] < expected
         assert prediction.share_occupied == 0.0
 
-    def test_the_better_way_is_the_score_and_both_are_told(self) -> None:
+    def test_the_better_way_is_the_score_and_both_are_reported(self) -> None:
         occupancy = np.full((80, 100), 0.02)
         occupancy[:, 30:35] = 0.9
         for readings in ([2.03], [0.5], [math.inf]):
@@ -248,7 +248,7 @@ class TestHoldOut:
         cones = hold_out_sonar(self.log(), ScoreConfig())
         assert cones.range.tolist() == [1.0, math.inf, 2.0]
 
-    def test_the_cone_of_the_log_goes_before(self) -> None:
+    def test_the_cone_of_the_log_takes_precedence(self) -> None:
         for cone, expected in ((0.0, 0.5), (1.0, 1.0)):
             cones = hold_out_sonar(self.log(cone=cone), ScoreConfig(sonar_cone=0.5))
             assert cones.pose[:, 4] == pytest.approx(math.tan(0.5 * expected))

@@ -88,7 +88,7 @@ def test_what_is_no_map(tmp_path: Path, content: Any, words: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_what_is_no_text_is_told_without_codecs(tmp_path: Path) -> None:
+def test_binary_input_is_reported_without_codecs(tmp_path: Path) -> None:
     path = tmp_path / "map.pgm"
     path.write_bytes(b"P5 1 1 255 \xfe")
     with pytest.raises(InputError, match=r"map\.pgm: neither a RUN, a GRID nor GeoJSON \(no text\)"):
@@ -96,7 +96,7 @@ def test_what_is_no_text_is_told_without_codecs(tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("error")
-def test_polygons_that_cannot_be_united_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_polygons_that_cannot_be_united_are_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(_: Any) -> None:
         raise shapely.errors.GEOSException("TopologyException: side location conflict\nat 1 2")
 

@@ -159,7 +159,7 @@ def test_equal_draws_score_as_their_map(seed: int) -> None:
 
 class TestDensity:
     @pytest.mark.parametrize(("noise", "relative"), [(0.05, 0.0), (0.3, 0.0), (0.02, 0.1)])
-    def test_returns_and_no_return_of_a_map_come_to_one(self, noise: float, relative: float) -> None:
+    def test_returns_and_no_return_of_a_map_sum_to_one(self, noise: float, relative: float) -> None:
         area = PolygonMap(OccupiedArea(shapely.box(2.4, 4.0, 3.0, 6.0), None))
         r = np.linspace(0.0, 3.0, 60_001)[:-1] + 2.5e-5
         total = predicted_mass(area, r, 3.0, noise, relative)
@@ -168,7 +168,7 @@ class TestDensity:
         assert total + silent == pytest.approx(1.0, abs=1e-6)
 
     @pytest.mark.parametrize(("seed", "limit"), [(0, 5.03), (1, 5.03), (2, 5.53), (3, 5.53)])
-    def test_grids_agree_with_quadrature_and_come_to_one(self, seed: int, limit: float) -> None:
+    def test_grids_agree_with_quadrature_and_sum_to_one(self, seed: int, limit: float) -> None:
         grid = random_grid(seed)
         sparse = OccupancyGrid(grid.occupancy**4, grid.hits, grid.misses, grid.origin, grid.resolution)
         origin, angle, noise = np.array([-0.6, 2.3]), 0.5, 0.07
@@ -260,7 +260,7 @@ class TestPoints:
         assert found["nll"] == pytest.approx(-(2.0 * math.log(0.001) + math.log(0.5)) / 3.0)
         assert found["brier"] == pytest.approx(2.25 / 3.0)
 
-    def test_every_kind_of_map_is_asked_for_the_same_square(self) -> None:
+    def test_every_kind_of_map_is_evaluated_on_the_same_square(self) -> None:
         xy = np.array([[6.91, 5.0], [6.89, 5.0], [6.91, 1.91], [6.89, 1.91], [99.0, 0.0]])
         cells = np.zeros((100, 100), np.float32)
         cells[20:80, 70:75] = 1.0
@@ -276,14 +276,14 @@ class TestPoints:
         np.testing.assert_array_equal(grid.occupied(xy, 0.0), [0.0, 0.0, 0.0, 0.0, np.nan])
 
     @pytest.mark.parametrize("square", [0.0, 0.2, 0.5])
-    def test_the_square_is_what_is_asked_for(self, square: float) -> None:
+    def test_the_square_has_the_requested_side(self, square: float) -> None:
         scored, beams = GridMap(random_grid(1, (60, 80))), random_beams(1, WINDOW)
         points = draw_points(beams.select(WINDOW.contains(beams.origin)), np.random.default_rng(1))
         found = point_scores(scored, points, square)
         assert found["brier"] == classification_scores(scored.occupied(points.xy, square), points.occupied)["brier"]
         assert score(scored, beams, 1, square=square)["square"] == square
 
-    def test_points_that_no_reading_saw_are_told_apart(self) -> None:
+    def test_unseen_points_are_marked(self) -> None:
         hits = np.zeros((100, 100), np.int32)
         hits[:, 30:] = 1  # the sensor's beam is seen from x = 3 on
         occupancy = np.where(hits > 0, 0.1, 0.5).astype(np.float32)

@@ -121,7 +121,7 @@ def uncensored(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["laser", "sonar"])
-def test_a_crop_says_what_the_large_window_says(kind: str) -> None:
+def test_a_crop_agrees_with_the_large_window(kind: str) -> None:
     large, crop = (share_black(settings_of(kind, window), seed) for window, seed in ((HALL, 1), (CROP, 2)))
     told = f"{kind}: {apart(large, crop):.2f} errors apart, R-hat {large.rhat:.3f}, {crop.rhat:.3f}"
     print(told)

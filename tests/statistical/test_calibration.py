@@ -137,7 +137,7 @@ def test_probabilities_are_the_shares_observed() -> None:
 
 
 @pytest.mark.slow
-def test_probabilities_are_the_shares_observed_with_hot_rungs() -> None:
+def test_probabilities_are_the_shares_observed_with_a_ladder() -> None:
     """Fewer worlds, each of which costs three times as much."""
     found, answers = run_worlds(12, STAGES[:2], rungs=3)
     summary = report(found, answers)

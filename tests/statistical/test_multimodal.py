@@ -38,7 +38,7 @@ def test_the_log_is_its_own_mirror_image() -> None:
     assert multimodal.WINDOW.x_min == -multimodal.WINDOW.x_max
 
 
-def test_draws_are_told_by_the_doors() -> None:
+def test_draws_are_classified_by_the_doors() -> None:
     states = [(True, False), (False, True), (False, False), (True, True)]
     maps = [multimodal.corridor(*doors).coloring() for doors in states]
     draws = Draws.from_colorings(maps, multimodal.WINDOW)

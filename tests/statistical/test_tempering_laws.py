@@ -33,7 +33,7 @@ def worst(z: dict[str, float]) -> tuple[str, float]:
     return max(z.items(), key=lambda item: abs(item[1]))
 
 
-def test_every_rung_has_its_law() -> None:
+def test_every_chain_of_a_ladder_has_its_law() -> None:
     z = scores(4000, 6000)
     assert len(z) == len(POWERS) * len(NAMES)
     assert abs(worst(z)[1]) < 4.5, (SEED, worst(z))
@@ -48,7 +48,7 @@ def test_wrong_swaps_are_caught(kind: type[Tempering], rung: int) -> None:
 
 
 @pytest.mark.slow
-def test_every_rung_has_its_law_in_a_long_run() -> None:
+def test_every_chain_of_a_ladder_has_its_law_in_a_long_run() -> None:
     z = scores(100_000, 80_000)
     false_alarms = len(z) * 2.0 * stats.t.sf(4.0, N_BATCHES - 1)
     summary = f"seed {SEED}, |z| < 4 fails by chance once in {1 / false_alarms:.0f}: {worst(z)}"

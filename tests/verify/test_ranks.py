@@ -11,7 +11,7 @@ SEED = 20261121
 
 
 @pytest.mark.parametrize(("n", "n_draws"), [(200, 64), (100, 64), (30, 9)])
-def test_uniform_ranks_leave_the_band_as_often_as_it_says(n: int, n_draws: int) -> None:
+def test_uniform_ranks_leave_the_band_at_its_rate(n: int, n_draws: int) -> None:
     rng = np.random.default_rng(SEED)
     band = make_band(n, n_draws)
     verdicts = [band.judge(rng.integers(0, n_draws + 1, n)) for _ in range(2000)]

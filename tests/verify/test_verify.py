@@ -39,7 +39,7 @@ def check(name: str, inside: bool, is_control: bool = False) -> Check:
     return Check(name, "found", "allowed", inside, 1.0, is_control)
 
 
-def test_what_lies_outside_is_asked_again_once() -> None:
+def test_a_check_outside_its_band_is_repeated_once() -> None:
     seeds = []
 
     def run_checks(seed: int) -> list[Check]:
@@ -98,7 +98,7 @@ def outside(verdicts: dict[str, Verdict]) -> set[str]:
     return {name for name, verdict in verdicts.items() if verdict.outside > 0}
 
 
-def test_only_the_likelihood_tells_the_prior_from_the_posterior() -> None:
+def test_only_the_likelihood_distinguishes_prior_and_posterior() -> None:
     arm = next(arm for arm in control_arms() if "prior" in arm.name)
     assert outside(run_arm(arm, 40, SEED, 1).verdicts()) == {"log likelihood"}
 
