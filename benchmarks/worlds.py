@@ -50,9 +50,6 @@ MOVES = {
     c.UNDOCK: "part from side",
     c.NOTCH: "notch",
     c.FILL: "fill notch",
-    c.MOVE_LINE: "move line",
-    c.LEAN: "lean",
-    c.STAND: "stand",
 }
 
 Loop = Callable[[Chain, np.random.Generator, int], bool]

@@ -97,8 +97,6 @@ class Settings:
     # tiles in which a chain is updated at once (docs/tiles.md); 0: it is updated in one place after the other
     tiles: int = 0
     join_reach: float | None = None
-    line_reach: float | None = None
-    stand_reach: float | None = None
     # (ny, nx): cells of the image that readings crossed or ended in (:mod:`prf.seen`); None: all
     seen: NDArray[np.bool_] | None = None
     # (k, 4): pieces of the way that was driven (:func:`prf.driven.way_of`), metres
@@ -119,8 +117,6 @@ class Settings:
         tuning[c.MOVE_REACH] = self.move_reach or 0.01 / self.scale
         tuning[c.CUT_REACH] = self.cut_reach or 0.0005 / self.scale
         tuning[c.JOIN_REACH] = self.join_reach or 0.03 / self.scale
-        tuning[c.LINE_REACH] = self.line_reach or 0.002 / self.scale
-        tuning[c.STAND_REACH] = self.stand_reach or 0.003 / self.scale
         tuning[c.AIM_REACH] = self.aim_reach or 0.015 / self.scale
         return tuning
 

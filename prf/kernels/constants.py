@@ -59,11 +59,8 @@ DOCK = 18
 UNDOCK = 19
 NOTCH = 20
 FILL = 21
-MOVE_LINE = 22
-LEAN = 23
-STAND = 24
-BEND = 25
-UNBEND = 26
+BEND = 22
+UNBEND = 23
 
 MOVES = (
     ("triangle birth", 0.25),
@@ -88,9 +85,6 @@ MOVES = (
     ("part from window side", 0.02),
     ("notch wall", 0.06),
     ("fill notch", 0.05),
-    ("move line of edge", 0.03),
-    ("lean on wall", 0.03),
-    ("stand off wall", 0.03),
     ("bend to return", 0.08),
     ("unbend", 0.08),
 )
@@ -117,11 +111,9 @@ AIM_REACH = 8  # median distance of the vertices of such a birth, m
 LIKELIHOOD_POWER = 9  # exponent of the likelihood: 1 the posterior, 0 the prior; leaves the prior alone
 OCCUPIED_COST = 10  # log likelihood that each of those takes, nats; inf: there may be none
 JOIN_REACH = 11  # median distance of new corners from the feet of the vertices that are led to them, m
-LINE_REACH = 12  # median distance by which the line of an edge moves, m
-STAND_REACH = 13  # median distance by which what leans on a wall is drawn back from it, m
-REGION = 14  # the first of four: x_min, y_min, x_max, y_max of the region to which moves are confined
-REGION_TARGET = 18  # target in the middle of it, near which births are aimed; NONE: moves are not confined
-N_TUNING = 19
+REGION = 12  # the first of four: x_min, y_min, x_max, y_max of the region to which moves are confined
+REGION_TARGET = 16  # target in the middle of it, near which births are aimed; NONE: moves are not confined
+N_TUNING = 17
 
 # Columns of ``Beams.ray``.
 ORIGIN_X = 0

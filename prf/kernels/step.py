@@ -18,8 +18,6 @@ from prf.kernels.moves import (
     dock,
     interior_triangle,
     join_wall,
-    lean,
-    move_line,
     move_vertex,
     notch,
     recolor,
@@ -72,10 +70,6 @@ def propose(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, fl
         return join_wall.propose_join(graph, chain.edge_index, proposal, tuning, odds, rng)
     if move == c.PART_WALL:
         return join_wall.propose_part(graph, chain.edge_index, proposal, odds, rng)
-    if move == c.LEAN:
-        return lean.propose_lean(graph, chain.edge_index, proposal, tuning, odds, rng)
-    if move == c.STAND:
-        return lean.propose_stand(graph, proposal, tuning, odds, rng)
     if move == c.DOCK:
         return dock.propose_dock(graph, proposal, tuning, odds, rng)
     if move == c.UNDOCK:
@@ -84,8 +78,6 @@ def propose(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, fl
         return notch.propose_notch(graph, chain.edge_index, chain.targets, proposal, tuning, odds, rng)
     if move == c.FILL:
         return notch.propose_fill(graph, proposal, odds, rng)
-    if move == c.MOVE_LINE:
-        return move_line.propose_line(graph, proposal, tuning, rng)
     if move == c.BEND:
         return bend.propose_bend(graph, chain.edge_index, chain.targets, proposal, tuning, odds, rng)
     if move == c.UNBEND:
@@ -111,10 +103,6 @@ def log_ratio_of_cells(chain: Chain, move: int) -> float:
         return join_wall.join_returns(graph, index, proposal, chain.odds)
     if move == c.PART_WALL:
         return join_wall.part_returns(graph, index, proposal, chain.tuning, chain.odds)
-    if move == c.LEAN:
-        return lean.lean_returns(graph, proposal, chain.tuning, chain.odds)
-    if move == c.STAND:
-        return lean.stand_returns(graph, index, proposal, chain.tuning, chain.odds)
     if move == c.FILL:
         return notch.fill_returns(graph, index, chain.targets, proposal, chain.tuning, chain.odds)
     if move == c.UNBEND:

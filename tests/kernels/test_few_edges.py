@@ -18,7 +18,6 @@ from tests.reference.scripted import FIRST, SECOND, pick, reached, scripted
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
 WIDE = Window(0.0, 0.0, 2.0, 1.0)
-BIG = Window(0.0, 0.0, 4.0, 2.0)
 CUT = [(0.75, 0.0), (0.0, 0.75)]
 """A corner cut: a map of one edge."""
 TOOTH = [(0.75, 0.0), (0.5, 0.25), (0.25, 0.25), (0.25, 0.5), (0.0, 0.75)]
@@ -27,15 +26,11 @@ WALL = [(0.0, 0.3125), (2.0, 0.3125)]
 BEHIND = [(0.0, 0.65), (2.0, 0.65)]
 ONE_EYED = [(0.0, 0.3125), (0.5, 0.3), (0.5, 0.53), (0.7, 0.55), (0.7, 0.32), (2.0, 0.3125)]
 """A niche of whose inner corners one has the wall in the block of cells round it; the other lies a row further off."""
-RING = [(1.0, 0.625), (1.75, 1.375), (1.375, 1.75), (0.625, 1.0), (1.0, 0.625)]
-SLANT = [(1.5, 0.0), (0.0, 1.5)]
-LEANING = [(1.5, 0.0), (0.9375, 0.59375), (1.75, 1.375), (1.375, 1.75), (0.5625, 0.96875), (0.0, 1.5)]
 
 ROOMY = lab_at(UNIT, 4.0)
 """One cell holds the whole window."""
 AIMED = lab_at(UNIT, 0.25, aimed=0.6, returns=[(0.25, 0.25), (0.375, 0.125)])
 SEEN = lab_at(WIDE, 0.1, aimed=0.6, side=0.05, returns=[(0.5, 0.53), (0.7, 0.55)])
-NEAR = lab_at(BIG, 0.2)
 
 PAIRS = [
     pytest.param(
@@ -58,7 +53,6 @@ PAIRS = [
     pytest.param(
         SEEN, (c.NOTCH, c.FILL), drawn(WIDE, WALL, BEHIND), drawn(WIDE, ONE_EYED, BEHIND), id="niche before a wall"
     ),
-    pytest.param(NEAR, (c.LEAN, c.STAND), drawn(BIG, RING, SLANT), drawn(BIG, LEANING), id="lean on the only wall"),
 ]
 
 
@@ -106,8 +100,6 @@ APART = drawn(UNIT, [(0.25, 0.0), (0.0, 0.25)], [(1.0, 0.75), (0.75, 1.0)])
 @pytest.mark.parametrize(
     ("move", "x"),
     [
-        pytest.param(c.LEAN, ALONE, id="lean without a wall"),
-        pytest.param(c.STAND, ALONE, id="stand without a wall"),
         pytest.param(c.FILL, APART, id="fill without corners"),
         pytest.param(c.LOCAL_RECOLOR, APART, id="recolour without an edge near by"),
         pytest.param(c.RECOLOR, drawn(UNIT, CUT), id="recolour one edge"),

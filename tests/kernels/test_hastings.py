@@ -22,7 +22,7 @@ from tests.reference.plain_map import cells_passed
 from tests.reference.proposals import Plan, log_proposal_density
 
 SEED = 20050726
-ONE_WAY = {"local recolor", "cut wall", "mend wall", "join wall", "part wall", "fill", "lean", "stand"}
+ONE_WAY = {"local recolor", "cut wall", "mend wall", "join wall", "part wall", "fill"}
 """Moves to whose result no way may lead back."""
 
 
@@ -85,8 +85,6 @@ def plan(**changes: float) -> Plan:
         "move_reach": 0.1,
         "cut_reach": 0.1,
         "join_reach": 0.1,
-        "line_reach": 0.1,
-        "stand_reach": 0.1,
         **changes,
     }
     return Plan(**tuning, odds=np.ones(c.N_MOVES), grid=GRID)
@@ -147,23 +145,6 @@ WALL = [(0.2, 0.5), (1.8, 0.5), (1.8, 0.9), (0.2, 0.9)]
 TARGETS = {"target_grid": Grid(0.0, 0.0, 0.1, 20, 10), "targets": {(6, 3): 1.0}}
 
 
-def leaning_by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]]:
-    def reach(r: float) -> float:
-        return 0.1 / (0.1 + r) ** 2
-
-    free = rails([(0.5, 0.3), (0.5, 0.4), (0.7, 0.4), (0.7, 0.3)], WALL)
-    leaning = loop(WALL[0], (0.52, 0.5), (0.5, 0.3), (0.7, 0.3), (0.7, 0.51), *WALL[1:])
-    # Through the block behind the back pass the wall and the front, which is none: it shares vertices with the flanks.
-    density = 0.5**4 * reach(0.02) * reach(0.0) ** 2 * reach(0.01)
-    yield "lean", c.LEAN, free, leaning, plan(), density / (8.0 * 2.0)
-    flank = math.hypot(0.02, 0.2)
-    drawn = reach(0.0204 / flank) * reach(0.002 / flank) * reach(0.11) * reach(0.0)
-    yield "stand", c.STAND, leaning, free, plan(), 0.5**2 * drawn / 8.0
-    far = rails([(0.5, 0.2), (0.5, 0.3), (0.7, 0.3), (0.7, 0.2)], WALL)
-    leaning = loop(WALL[0], (0.5, 0.5), (0.5, 0.2), (0.7, 0.2), (0.7, 0.5), *WALL[1:])
-    yield "lean on a wall out of reach", c.LEAN, far, leaning, plan(), 0.0
-
-
 def joined_by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]]:
     def half(*distances: float) -> float:
         return math.prod(0.5 * 0.1 / (0.1 + r) ** 2 for r in distances)
@@ -172,7 +153,6 @@ def joined_by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float
     joined = loop(WALL[0], (0.45, 0.5), (0.5, 0.3), (0.6, 0.2), (0.7, 0.3), (0.7, 0.52), *WALL[1:])
     yield "join", c.JOIN_WALL, apart, joined, plan(), half(0.05, 0.0, 0.0, 0.02) / 7.0
     # Round the west link lie the east one, its edge to the corner, an edge of the triangle and the west wall.
-    yield from leaning_by_hand()
     yield "part", c.PART_WALL, joined, apart, plan(), 0.25 / 9.0 * (1.0 / 4.0 + 1.0 / 3.0)
     free = loop((0.3, 0.1), (0.4, 0.3), (0.5, 0.1))
     sides = np.array([INTERIOR, INTERIOR, INTERIOR, 0, 0], np.int8)
@@ -198,15 +178,6 @@ def notches_by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, floa
     density = 0.5**6 * reach(0.2, 0.01, 0.01, 0.0, 0.0, 0.0)
     yield "niche", c.NOTCH, wall, niche, aimed, 0.5 / 0.1**2 * density
     yield "fill niche", c.FILL, niche, wall, aimed, 0.5 / 8.0
-    box = loop((0.2, 0.2), (0.6, 0.2), (0.6, 0.6), (0.2, 0.6))
-    shifted = loop((0.2, 0.25), (0.6, 0.25), (0.6, 0.6), (0.2, 0.6))
-    measure = 0.35 * 0.4 * 0.35
-    yield "shift", c.MOVE_LINE, box, shifted, plan(), 0.5 * 0.5 * reach(0.05) / (4.0 * measure)
-    turned = loop((0.2, 0.1), (0.6, 0.3), (0.6, 0.6), (0.2, 0.6))
-    angle = math.atan(0.5)
-    measure = 0.5 * math.hypot(0.4, 0.2) * 0.3 / math.cos(angle) ** 2
-    density = 0.5 * 0.5 * reach(0.2 * angle) * 0.5 / math.sin(angle)
-    yield "turn", c.MOVE_LINE, box, turned, plan(), density / (4.0 * measure)
 
 
 def by_hand() -> Iterator[tuple[str, int, Coloring, Coloring, Plan, float]]:

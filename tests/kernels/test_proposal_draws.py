@@ -31,12 +31,11 @@ from tests.reference.plain_map import (
     corner_between,
     foot_and_offset,
     plain_map,
-    round_the_back,
     round_the_cut,
     round_the_middle,
     round_the_point,
 )
-from tests.reference.proposals import SIZES, Plan, line_measure, log_proposal_density, new_points
+from tests.reference.proposals import SIZES, Plan, log_proposal_density, new_points
 from tests.reference.scripted import (
     FIRST,
     SCRIPTS,
@@ -59,8 +58,6 @@ from tests.reference.scripted import (
 
 SEED = 20050726
 STEP = 1e-4
-LINE_STEP = 3e-3
-"""Wider, as direction and distance of a line through two close places lose digits."""
 NEAR = 1e-5
 """Share by which differences may miss a density."""
 
@@ -220,30 +217,6 @@ def dock(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]
     yield Branch(0.5**2 / len(x.edges), numbers, [1, 3])
 
 
-def lean(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
-    gone = x.side.keys() - y.side.keys()
-    for back in (edge for edge in x.edges - y.edges if edge <= gone):
-        walls = round_the_back(x.edges, plan.grid, back)
-        scripts = SCRIPTS[c.LEAN](chain, x, y, plan)
-        numbers = next(n for n in scripts if leads_to(chain, c.LEAN, n, x, y))
-        yield Branch(0.5**4 / (len(x.edges) * len(walls)), numbers, [2, 4, 6, 8])
-
-
-def stand(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
-    for numbers in SCRIPTS[c.STAND](chain, x, y, plan):
-        yield Branch(0.5**2 / len(x.edges), numbers, [1, 2, 4, 5])
-
-
-def move_line(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
-    """As densities over lines, of which the reference makes densities over places of two vertices on given rays."""
-    p, q = new_points(x, y, False)
-    (a,), (b,) = set(y.neighbors(p)) - {q}, set(y.neighbors(q)) - {p}
-    scripts = SCRIPTS[c.MOVE_LINE](chain, x, y, plan)
-    numbers = next(n for n in scripts if leads_to(chain, c.MOVE_LINE, n, x, y))
-    continuous = [2, 4] if numbers[1] == FIRST else [2]
-    yield Branch(0.5**2 / (len(x.edges) * line_measure(a, p, q, b)), numbers, continuous)
-
-
 def notch(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
     scripts = list(SCRIPTS[c.NOTCH](chain, x, y, plan))
     (edge,) = x.edges - y.edges
@@ -284,9 +257,6 @@ BRANCHES: dict[int, Callable[[Chain, PlainMap, PlainMap, Plan], Iterator[Branch]
     c.JOIN_WALL: join_wall,
     c.DOCK: dock,
     c.NOTCH: notch,
-    c.MOVE_LINE: move_line,
-    c.LEAN: lean,
-    c.STAND: stand,
     c.BEND: bend,
 }
 
@@ -301,30 +271,19 @@ def placed(start: Chain, move: int, numbers: list[float]) -> np.ndarray:
     return np.array([graph.vertex_xy[v, k] for v, axes in zip(slots, free, strict=True) for k in axes])
 
 
-def coordinates(move: int, places: np.ndarray) -> np.ndarray:
-    """What a density is of: the places; of a line through two places its direction and its distance from the origin."""
-    if move != c.MOVE_LINE:
-        return places
-    (px, py), (qx, qy) = places.reshape(2, 2)
-    theta = math.atan2(qy - py, qx - px)
-    return np.array([theta, py * math.cos(theta) - px * math.sin(theta)])
-
-
 def density(start: Chain, move: int, branch: Branch, target: PlainMap) -> float:
     """Probability of the branch over the Jacobian of the places by the numbers, differenced to fourth order."""
     reached_places = placed(start, move, branch.numbers)
     assert all(np.isclose(np.array(list(target.side)), value, 1e-9, 1e-9).any() for value in reached_places)
     columns = []
     for k in branch.continuous:
-        step = (LINE_STEP if move == c.MOVE_LINE else STEP) * min(branch.numbers[k], 1.0 - branch.numbers[k])
+        step = STEP * min(branch.numbers[k], 1.0 - branch.numbers[k])
         ends = []
         for steps in (-2.0, -1.0, 1.0, 2.0):
             numbers = list(branch.numbers)
             numbers[k] += steps * step
-            ends.append(coordinates(move, placed(start, move, numbers)))
+            ends.append(placed(start, move, numbers))
         columns.append((8.0 * (ends[2] - ends[1]) - (ends[3] - ends[0])) / (12.0 * step))
-    if len(columns) < len(columns[0]):  # a shift, which keeps the direction of its line
-        return branch.probability / float(np.linalg.norm(columns))
     return branch.probability / abs(float(np.linalg.det(np.array(columns))))
 
 
@@ -353,25 +312,6 @@ def test_near_a_corner_is_a_reach_from_it_along_each_side(side: int) -> None:
     ways = [1.0 if 2.0 * corner[s % 2] < sum(window[s % 2 :: 2]) else -1.0 for s in (side, side + 1)]
     expected = [corner[side % 2] + 0.2 * ways[0], corner[(side + 1) % 2] + 0.3 * ways[1]]
     assert along_sides == pytest.approx(expected, abs=1e-12)
-
-
-def test_measure_of_lines_by_finite_differences() -> None:
-    """Places of u and v by the directions of the rays from a and b and by direction and offset of the line of uv."""
-    a, b = (0.1, 0.7), (0.9, 0.8)
-
-    def ends(numbers: np.ndarray) -> np.ndarray:
-        normal = np.array([math.cos(numbers[2]), math.sin(numbers[2])])
-        found = []
-        for start, direction in ((a, numbers[0]), (b, numbers[1])):
-            ray = np.array([math.cos(direction), math.sin(direction)])
-            found.append(start + ray * (numbers[3] - normal @ start) / (normal @ ray))
-        return np.concatenate(found)
-
-    at = np.array([-1.2, -2.0, 1.4, 0.2])
-    columns = [(ends(at + step) - ends(at - step)) / 2e-6 for step in 1e-6 * np.eye(4)]
-    jacobian = abs(float(np.linalg.det(np.array(columns))))
-    (ux, uy, vx, vy) = ends(at).tolist()
-    assert line_measure(a, (ux, uy), (vx, vy), b) == pytest.approx(jacobian, rel=1e-7)
 
 
 def proposals(lab: Lab, move: int, rng: np.random.Generator) -> Iterator[tuple[Chain, Chain]]:

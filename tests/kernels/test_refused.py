@@ -71,34 +71,6 @@ def test_the_edge_at_the_border_is_no_inner_edge_of_a_niche() -> None:
         assert not is_legal(lab, c.FILL, x, [SECOND, pick(chain, c.EDGES, edge_slot(chain, frozenset(ends)))])
 
 
-def test_flanks_led_to_one_foot_are_no_flanks() -> None:
-    """A box of width 2 r, whose flanks are led by r towards each other; as far from each other they may stand."""
-    box = [(0.5, 0.5), (0.75, 0.5), (0.75, 0.875), (0.5, 0.875), (0.5, 0.5)]
-    lab, x = lab_at(WIDE, 0.125), drawn(WIDE, box, [(0.0, 0.375), (2.0, 0.375)])
-    picked = pick(chain := lab.chain_at(x), c.EDGES, edge_slot(chain, frozenset(box[:2])))
-    ways = [[0.5, way, 0.5, other] for way, other in ((FIRST, SECOND), (SECOND, FIRST))]
-    aside = [0.2, FIRST, 0.0, FIRST]
-    assert {is_legal(lab, c.LEAN, x, [picked, 0.5, *way, *aside]) for way in ways} == {False, True}
-
-
-def test_a_back_that_ends_on_the_border_stays() -> None:
-    """The first vertex of the map, where an edge without a name would lead, is the neighbour of its other end's."""
-    line = [(0.1, 0.8), (0.5, 0.8), (0.5, 0.5), (0.0, 0.5)]
-    lab, x = lab_at(WIDE, 0.1), drawn(WIDE, [*line[:1], (0.0, 0.9)], line, [(0.0, 0.4), (2.0, 0.4)])
-    picked = pick(chain := lab.chain_at(x), c.EDGES, edge_slot(chain, frozenset(line[2:])))
-    for way in (FIRST, SECOND):
-        for other in (FIRST, SECOND):
-            assert not is_legal(lab, c.LEAN, x, [picked, 0.5, 0.5, way, 0.5, other, *([0.1, FIRST] * 2)])
-
-
-def test_a_front_that_ends_on_the_border_stays() -> None:
-    lab = lab_at(WIDE, 0.2)
-    front = [(0.0, 0.5), (0.4, 0.5), (0.6, 0.7), (2.0, 0.8)]
-    x = drawn(WIDE, [(0.2, 0.3), (0.5, 0.0)], [(0.2, 0.3), (0.0, 0.2)], front)
-    picked = pick(chain := lab.chain_at(x), c.EDGES, edge_slot(chain, frozenset(front[:2])))
-    assert not is_legal(lab, c.STAND, x, [picked, *([0.01, FIRST] * 4)])
-
-
 def test_a_split_at_the_very_end_of_an_edge_is_none() -> None:
     lab, x = lab_at(WIDE, 0.25), drawn(WIDE, [(0.5, 0.5), (1.0, 0.5), (1.0, 0.75), (0.5, 0.75), (0.5, 0.5)])
     assert [is_legal(lab, c.SPLIT, x, [0.0, foot, 0.2, FIRST]) for foot in (0.0, 0.5)] == [False, True]

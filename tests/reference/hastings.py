@@ -58,9 +58,6 @@ NAMES = (
     "undock",
     "notch",
     "fill",
-    "move line",
-    "lean",
-    "stand",
     "bend",
     "unbend",
 )
@@ -69,9 +66,7 @@ SQUARES = 30
 """Squares along the longer side of the window: some targets are near one another, some are not."""
 TRIES = 50
 WALL_TRIES = 600
-RING_TRIES = 5000
-"""Attempts at a move in one state, until one is valid; at those with many corners, of which few are; at that of four
-edges in a ring before a wall, of which hardly any are there."""
+"""Attempts at a move in one state, until one is valid; at those with many corners, of which few are."""
 SMALL_TRIES = 12
 """The same in the smallest maps, in which many moves are never valid."""
 SMALL_CASES = 2
@@ -146,7 +141,7 @@ def make_lab(settings: Settings, rng: np.random.Generator) -> Lab:
     """Odds and targets at random; three births of five are aimed."""
     chain = make_chain(settings, Coloring.empty(settings.window))
     odds = rng.dirichlet(np.full(c.N_MOVES, 4.0))
-    names = (c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH, c.CUT_REACH, c.JOIN_REACH, c.LINE_REACH, c.STAND_REACH)
+    names = (c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH, c.CUT_REACH, c.JOIN_REACH)
     reaches = [float(chain.tuning[k]) for k in names]
     window = settings.window
     points = rng.uniform(window[:2], window[2:], (N_TARGETS, 2))
@@ -173,8 +168,6 @@ def shares_of(targets: Targets) -> dict[tuple[int, int], float]:
 
 
 def tries(move: int) -> int:
-    if move == c.LEAN:
-        return RING_TRIES
     return WALL_TRIES if move >= c.CUT_WALL else TRIES
 
 
@@ -197,7 +190,6 @@ def states(lab: Lab, n: int, rng: np.random.Generator) -> Iterator[Chain]:
             c.DOCK,
             c.NOTCH,
             c.NOTCH,
-            c.STAND,
         ):
             for _ in range(tries(move)):
                 chain = with_room(chain)

@@ -119,12 +119,6 @@ def round_the_cut(
     return in_block(edges, grid, frozenset(face), middle, 1)
 
 
-def round_the_back(edges: Iterable[Edge], grid: Grid, back: Edge) -> list[Edge]:
-    """Those that share no vertex with a back and pass through the 3 x 3 cells round that of its middle."""
-    (ax, ay), (bx, by) = back
-    return in_block(edges, grid, back, (0.5 * (ax + bx), 0.5 * (ay + by)), 1)
-
-
 def round_the_point(edges: Iterable[Edge], grid: Grid, v: Point) -> list[Edge]:
     """Edges that pass through the 5 x 5 cells round that of a point."""
     return in_block(edges, grid, frozenset(), v, 2)

@@ -33,7 +33,6 @@ from tests.reference.plain_map import (
     foot_and_offset,
     nearest_side,
     plain_map,
-    round_the_back,
     round_the_cut,
     round_the_middle,
     round_the_point,
@@ -52,7 +51,6 @@ REVERSE = {
     c.JOIN_WALL: c.PART_WALL,
     c.DOCK: c.UNDOCK,
     c.NOTCH: c.FILL,
-    c.LEAN: c.STAND,
     c.BEND: c.UNBEND,
 }
 REVERSE |= {back: move for move, back in REVERSE.items()}
@@ -68,8 +66,6 @@ class Plan(NamedTuple):
     move_reach: float
     cut_reach: float
     join_reach: float
-    line_reach: float
-    stand_reach: float
     odds: NDArray[np.float64]
     grid: Grid
     aimed: float = 0.0
@@ -364,103 +360,6 @@ def undock(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
             yield chain(p, u) | chain(q, v), frozenset([new]), 1.0 / (n * (n - 1))
 
 
-def meeting(a: Point, b: Point, f: Point, p: Point) -> float:
-    """Where the line fp meets the line ab, as a share of ab."""
-    (ax, ay), (bx, by), (fx, fy), (px, py) = a, b, f, p
-    across = (bx - ax) * (py - fy) - (by - ay) * (px - fx)
-    return ((fx - ax) * (py - fy) - (fy - ay) * (px - fx)) / across
-
-
-def lean(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
-    m = plan.cut_reach
-    for back in x.edges - y.edges:  # Edges that stay are no backs that go.
-        p, q = sorted(back)
-        walls = round_the_back(x.edges, plan.grid, back)
-        if x.side[p] != INTERIOR or x.side[q] != INTERIOR:
-            continue
-        (f,), (g,) = set(x.neighbors(p)) - {q}, set(x.neighbors(q)) - {p}
-        if frozenset((f, g)) not in x.edges:
-            continue
-        for (a, b), (s, t) in itertools.product(
-            (ends for wall in walls for ends in itertools.permutations(wall)),
-            itertools.permutations(new_points(x, y, False), 2),
-        ):
-            (on_s, off_s), (on_t, off_t) = foot_and_offset(s, a, b), foot_and_offset(t, a, b)
-            if len({f, g, a, b}) == 4 and 0.0 < on_s < on_t < 1.0:
-                shifts = (on_s - meeting(a, b, f, p), on_t - meeting(a, b, g, q))
-                density = math.prod(signed(shift * math.dist(a, b), m) for shift in shifts)
-                density *= signed(off_s, m) * signed(off_t, m)
-                old = chain(f, p, q, g) | frozenset((frozenset((a, b)),))
-                yield old, chain(f, s, a) | chain(g, t, b), density / (len(x.edges) * len(walls))
-
-
-def stand(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
-    for f, g in map(sorted, x.edges):
-        if x.side[f] != INTERIOR or x.side[g] != INTERIOR:
-            continue
-        (s,), (t,) = set(x.neighbors(f)) - {g}, set(x.neighbors(g)) - {f}
-        if s == t or x.side[s] != INTERIOR or x.side[t] != INTERIOR:
-            continue
-        (a,), (b,) = set(x.neighbors(s)) - {f}, set(x.neighbors(t)) - {g}
-        wall = frozenset((a, b))
-        if a == t or len({f, g, a, b}) < 4 or wall in x.edges or x.same_side(a, b):
-            continue
-        for p, q in itertools.permutations(new_points(x, y, False), 2):
-            density = drawn_back(p, s, f, plan) * drawn_back(q, t, g, plan)
-            new = chain(f, p, q, g) | frozenset((wall,))
-            yield chain(f, s, a) | chain(g, t, b), new, density / len(x.edges)
-
-
-def drawn_back(p: Point, s: Point, f: Point, plan: Plan) -> float:
-    along, off = foot_and_offset(p, s, f)
-    return reach(along * math.dist(s, f), plan.stand_reach) * signed(off, plan.cut_reach) if 0.0 < along < 1.0 else 0.0
-
-
-def line_measure(a: Point, u: Point, v: Point, b: Point) -> float:
-    """Area of places of u times that of places of v, over the measures of the lines au, uv and vb."""
-    sines = abs(math.sin(turn_of(a, u, v))) * abs(math.sin(turn_of(u, v, b)))
-    return math.dist(a, u) * math.dist(u, v) * math.dist(v, b) / sines
-
-
-def turn_of(a: Point, u: Point, v: Point) -> float:
-    """Angle by which the path a, u, v turns at u."""
-    return math.atan2(v[1] - u[1], v[0] - u[0]) - math.atan2(u[1] - a[1], u[0] - a[0])
-
-
-def on_ray(a: Point, u: Point, p: Point) -> bool:
-    """Whether p lies on the ray from a through u."""
-    along, across = foot_and_offset(p, a, u)
-    return along > 0.0 and abs(across) < 1e-9 * max(math.dist(a, p), math.dist(a, u))
-
-
-def move_line(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
-    """As a density over lines: of the normal's offset for a shift, of offset and direction for a turn."""
-    for e, (p, q) in itertools.product(x.edges - y.edges, itertools.permutations(new_points(x, y, False), 2)):
-        u, v = sorted(e)
-        if x.side[u] != INTERIOR or x.side[v] != INTERIOR:
-            continue
-        (a,), (b,) = set(x.neighbors(u)) - {v}, set(x.neighbors(v)) - {u}
-        if not (on_ray(a, u, p) and on_ray(b, v, q)):
-            continue
-        density = 0.5 * of_line(u, v, p, q, plan.line_reach) / (len(x.edges) * line_measure(a, p, q, b))
-        yield chain(a, u, v, b), chain(a, p, q, b), density
-
-
-def of_line(u: Point, v: Point, p: Point, q: Point, m: float) -> float:
-    """Density of the line pq among shifts, or among turns about a point that lies on uv and must lie on pq."""
-    (on_p, off_p), (on_q, off_q) = foot_and_offset(p, u, v), foot_and_offset(q, u, v)
-    if math.isclose(off_p, off_q, rel_tol=1e-9, abs_tol=1e-9 * math.dist(p, q)):
-        return signed(off_p, m)
-    if off_p * off_q > 0.0:
-        return 0.0
-    pivot = on_p + (on_q - on_p) * off_p / (off_p - off_q)
-    angle = math.asin(min(1.0, abs(off_p - off_q) / math.dist(p, q)))
-    if not 0.0 < pivot < 1.0 or angle > 1.5:
-        return 0.0
-    half = 0.5 * math.dist(u, v)
-    return signed(angle * half, m) * half / math.dist(u, v) / math.sin(angle)
-
-
 def aimed_at(v: Point, plan: Plan) -> float:
     """Density of a uniform point of a target that is picked with its probability."""
     square = plan.target(v)
@@ -569,9 +468,6 @@ WAYS: dict[int, Callable[[PlainMap, PlainMap, Plan], Iterator[Way]]] = {
     c.UNDOCK: undock,
     c.NOTCH: notch,
     c.FILL: fill,
-    c.MOVE_LINE: move_line,
-    c.LEAN: lean,
-    c.STAND: stand,
 }
 
 

@@ -17,7 +17,7 @@ from prf.kernels.chain import Chain
 from prf.kernels.targets import Targets
 from prf.window import Window
 from tests.reference.plain_map import PlainMap, Point, foot_and_offset, other
-from tests.reference.proposals import Plan, meeting, new_points
+from tests.reference.proposals import Plan, new_points
 
 FINEST = 2.0**-53
 """Numbers are multiples of this."""
@@ -312,50 +312,6 @@ def undock(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[
     yield [(i + 0.5) / n, (k - (k > i) + 0.5) / (n - 1)]
 
 
-def lean(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
-    m = plan.cut_reach
-    gone = x.side.keys() - y.side.keys()
-    (back,) = (edge for edge in x.edges - y.edges if edge <= gone)
-    (wall,) = (edge for edge in x.edges - y.edges if not edge & gone)
-    (p, q), (a, b) = end_points(chain, back), end_points(chain, wall)
-    shifts, aside = [], []
-    for corner, opposite in ((p, q), (q, p)):
-        (f,) = set(x.neighbors(corner)) - {opposite}
-        (led,) = (v for v in y.neighbors(f) if v not in x.side)
-        foot, off = foot_and_offset(led, a, b)
-        shifts += signed((foot - meeting(a, b, f, corner)) * math.dist(a, b), m)
-        aside += signed(off, m)
-    for place in places(x):
-        yield [pick(chain, c.EDGES, edge_slot(chain, back)), place, *shifts, *aside]
-
-
-def stand(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
-    for back in (edge for edge in y.edges - x.edges if not edge & x.side.keys()):
-        flank = {f: p for p in back for f in y.neighbors(p) if f in x.side}
-        front = frozenset(flank)
-        numbers = [pick(chain, c.EDGES, edge_slot(chain, front))]
-        for f in end_points(chain, front):
-            (s,) = set(x.neighbors(f)) - front
-            along, off = foot_and_offset(flank[f], s, f)
-            numbers += [reached(along * math.dist(s, f), plan.stand_reach), *signed(off, plan.cut_reach)]
-        yield numbers
-
-
-def move_line(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
-    for e in x.edges - y.edges:
-        if e & y.side.keys():
-            continue
-        u, v = end_points(chain, e)
-        picked = pick(chain, c.EDGES, edge_slot(chain, e))
-        for p, q in itertools.permutations(new_points(x, y, False)):
-            (on_p, off_p), (on_q, off_q) = foot_and_offset(p, u, v), foot_and_offset(q, u, v)
-            yield [picked, SECOND, *signed(off_p, plan.line_reach)]
-            if off_p * off_q < 0.0:
-                pivot = on_p + (on_q - on_p) * off_p / (off_p - off_q)
-                turn = math.atan((off_q - off_p) / ((on_q - on_p) * math.dist(u, v)))
-                yield [picked, FIRST, *signed(0.5 * turn * math.dist(u, v), plan.line_reach), pivot]
-
-
 def picked_by(targets: Targets, square: tuple[int, int]) -> float:
     """The number that picks a square: the middle of its share."""
     number = number_of(targets, square)
@@ -450,9 +406,6 @@ SCRIPTS: dict[int, Script] = {
     c.UNDOCK: undock,
     c.NOTCH: notch,
     c.FILL: fill,
-    c.MOVE_LINE: move_line,
-    c.LEAN: lean,
-    c.STAND: stand,
     c.BEND: bend,
     c.UNBEND: merge,
 }

@@ -87,26 +87,6 @@ NOTCH_WALLS = Mutant(
         ),
     ),
 )
-LINE_MEASURE = Mutant(
-    "move of a line that is symmetric in vertices",
-    (
-        (
-            "move_line.py",
-            "ratio = measure_of_line(graph, a, p, q, b) / measure_of_line(graph, a, u, v, b)",
-            "ratio = 1.0",
-        ),
-    ),
-)
-LEAN_WALLS = Mutant(
-    "leaning without the number of walls behind",
-    (
-        (
-            "lean.py",
-            "return True, -math.log(odds[c.LEAN] * density / n)",
-            "return True, -math.log(odds[c.LEAN] * density)",
-        ),
-    ),
-)
 BEND_WALLS = Mutant(
     "bend without the number of edges near the return",
     (("bend.py", "target_of(targets, graph, v)) / n", "target_of(targets, graph, v))"),),
@@ -115,17 +95,6 @@ ONE_SIZE = Mutant(
     "births of three sizes that count the largest alone",
     (("interior_triangle.py", "reach_of(tuning, size), u, v, w)", "reach_of(tuning, 0), u, v, w)"),),
 )
-DRAWN_BACK = Mutant(
-    "drawing back one corner alone",
-    (
-        (
-            "lean.py",
-            "density *= standing_density(graph, tuning, g, proposal.new_vertices[1], proposal.old_vertices[1])",
-            "density *= 1.0",
-        ),
-    ),
-)
-
 WHOLE_AREA = Mutant(
     "births in a tile that count the area of the whole window (10 x 10 m)",
     (("interior_triangle.py", "surface = area(graph.window)", "surface = 100.0"),),
