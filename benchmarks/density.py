@@ -26,7 +26,7 @@ from benchmarks import commands, worlds
 from benchmarks.commands import say
 from prf.coloring import Coloring
 from prf.kernels import constants as c
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.kernels.chain import Chain
 from prf.layout import make_sites, read_coloring
 from prf.logs import Readings, read_readings, thin
@@ -97,7 +97,7 @@ def settled(settings: Settings, coloring: Coloring, steps: int, seed: int) -> tu
     """Return a chain of a case at equilibrium, and its generator."""
     rng = np.random.default_rng(seed)
     chain = worlds.advance(make_chain(settings, coloring), rng, steps)
-    resum(chain)
+    recompute_sums(chain)
     return chain, rng
 
 

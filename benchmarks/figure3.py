@@ -21,9 +21,9 @@ from scipy import integrate
 
 from benchmarks.commands import OUTPUT, write_table
 from prf.coloring import Coloring, from_polygons
-from prf.kernels.cone_score import Scene, add_sonar_densities
 from prf.kernels.cones import READING
-from prf.kernels.visibility import BEARING, CORNER, DEPTH, KIND, PROJECTION, SUBTENDED
+from prf.kernels.sonar_features import BEARING, CORNER, DEPTH, KIND, PROJECTION, SUBTENDED
+from prf.kernels.sonar_score import Scene, add_sonar_densities
 from prf.render import layers
 from prf.score.scene import features_seen, scene_of_coloring
 from prf.sensors.sonar import Returns, SonarModel, make_poses, return_probabilities

@@ -10,22 +10,26 @@ import numba
 import numpy as np
 
 from prf.kernels import constants as c
+from prf.kernels.accept import accept, log_proposal_ratio
 from prf.kernels.beams import Beams, first_hit, link_beam, list_slot, slot_at
-from prf.kernels.bounds import most_cut, most_freed, shift_cells
 from prf.kernels.chain import Chain, apply_edges, refresh_vertices
 from prf.kernels.crossing import is_valid
 from prf.kernels.geometry import inside_loop
 from prf.kernels.laser import beam_log_likelihood
-from prf.kernels.proposal import N_LOOP, N_OLD_EDGES, log_prior_change
-from prf.kernels.sites import any_inside
-from prf.kernels.step import choose_move, evaluate, log_ratio_of_cells, propose, step
-from prf.kernels.touch import (
+from prf.kernels.laser_change import (
     NEW_EDGE,
+    most_cut,
+    most_freed,
     nearest_new_edge,
     release_touched,
+    shift_cells,
     touch_beams,
     touch_freed_beams,
 )
+from prf.kernels.prior import log_prior_change
+from prf.kernels.proposal import N_LOOP, N_OLD_EDGES
+from prf.kernels.sites import any_inside
+from prf.kernels.step import choose_move, propose, step
 
 bench = numba.njit(nogil=True, error_model="numpy", _nrt=False, cache=False)
 
@@ -47,23 +51,23 @@ def run_to_stage(chain: Chain, rng: np.random.Generator, n: int, stage: int) -> 
     graph, proposal = chain.graph, chain.proposal
     total = 0.0
     for _ in range(n):
-        move = choose_move(chain.odds, rng)
+        move = choose_move(chain.move_probabilities, rng)
         chain.outcomes[move, c.PROPOSED] += 1
-        legal, ratio = propose(chain, move, rng)
+        legal, log_forward, log_reverse = propose(chain, move, rng)
         if not legal:
             continue
-        needed = math.log(1.0 - rng.random()) - ratio
+        ratio = log_proposal_ratio(chain.move_probabilities, move, log_forward, log_reverse)
+        needed = math.log(1.0 - rng.random())
         total += needed
         if stage == PROPOSE or not is_valid(graph, chain.edge_index, proposal):
             continue
         chain.outcomes[move, c.VALID] += 1
         if stage == CROSSING:
             continue
-        ratio = log_ratio_of_cells(chain, move)
         if ratio == -math.inf:
             continue
         needed -= ratio
-        needed -= log_prior_change(graph, proposal, chain.tuning[c.SCALE])
+        needed -= log_prior_change(graph, proposal, chain.density[c.SCALE])
         if stage == PRIOR or any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
             continue
         if stage == SENSORS:
@@ -115,19 +119,19 @@ def step_from_scratch(chain: Chain, rng: np.random.Generator) -> None:
     """One step as the sampler's, but the likelihood of each valid proposal recomputed from all beams."""
     graph, proposal = chain.graph, chain.proposal
     graph.counts[c.STEP] += 1
-    move = choose_move(chain.odds, rng)
+    move = choose_move(chain.move_probabilities, rng)
     chain.outcomes[move, c.PROPOSED] += 1
-    legal, ratio = propose(chain, move, rng)
+    legal, log_forward, log_reverse = propose(chain, move, rng)
     if not legal:
         return
     log_u = math.log(1.0 - rng.random())
     if not is_valid(graph, chain.edge_index, proposal):
         return
     chain.outcomes[move, c.VALID] += 1
-    ratio += log_ratio_of_cells(chain, move)
+    ratio = log_proposal_ratio(chain.move_probabilities, move, log_forward, log_reverse)
     if ratio == -math.inf:
         return
-    prior = log_prior_change(graph, proposal, chain.tuning[c.SCALE])
+    prior = log_prior_change(graph, proposal, chain.density[c.SCALE])
     if any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
         return
     likelihood = log_likelihood_from_scratch(chain) - graph.sums[c.LOG_LIKELIHOOD]
@@ -183,13 +187,16 @@ def run_static(chain: Chain, rng: np.random.Generator, until: int) -> bool:
         if graph.counts[c.NEEDS_ROOM] != 0:
             return False
         graph.counts[c.STEP] += 1
-        move = choose_move(chain.odds, rng)
+        move = choose_move(chain.move_probabilities, rng)
         chain.outcomes[move, c.PROPOSED] += 1
-        legal, ratio = propose(chain, move, rng)
+        legal, log_forward, log_reverse = propose(chain, move, rng)
         if not legal:
             continue
         log_u = math.log(1.0 - rng.random())
-        accepted, prior, likelihood = evaluate(chain, move, ratio, log_u, rng)
+        if not is_valid(graph, chain.edge_index, chain.proposal):
+            continue
+        chain.outcomes[move, c.VALID] += 1
+        accepted, prior, likelihood = accept(chain, move, log_forward, log_reverse, log_u, rng)
         if accepted:
             release_touched(chain.beams)
             apply_map(chain, prior, likelihood)
@@ -215,7 +222,7 @@ def next_touching(chain: Chain, rng: np.random.Generator) -> float:
     """Propose until a proposal is valid and leaves the sensors in white; return its change of log likelihood."""
     proposal = chain.proposal
     while True:
-        legal, _ = propose(chain, choose_move(chain.odds, rng), rng)
+        legal, _, _ = propose(chain, choose_move(chain.move_probabilities, rng), rng)
         if not legal or not is_valid(chain.graph, chain.edge_index, proposal):
             continue
         if any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):

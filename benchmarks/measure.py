@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks import loops, worlds
 from prf.kernels import constants as c
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.kernels.chain import Chain
 from prf.kernels.step import run
 from prf.layout import read_coloring
@@ -220,13 +220,13 @@ def rival_moves(chain: Chain, rng: np.random.Generator, n_steps: int) -> dict[st
     """
     rivals = [c.RECOLOR, c.LOCAL_RECOLOR, c.MOVE_INTERIOR, c.SLIDE]
     others = [move for move in range(c.N_MOVES) if move not in rivals]
-    chain.odds[others] *= 0.2 / chain.odds[others].sum()
-    chain.odds[rivals] = 0.2
+    chain.move_probabilities[others] *= 0.2 / chain.move_probabilities[others].sum()
+    chain.move_probabilities[rivals] = 0.2
     runs = []
     for reach in (float(chain.tuning[c.MOVE_REACH]), slide_displacement(chain)):
         chain.tuning[c.MOVE_REACH] = reach
         chain = worlds.advance(chain, rng, n_steps // 10)
-        resum(chain)
+        recompute_sums(chain)
         before, n_edges = chain.outcomes.copy(), []
         for _ in range(10):
             chain = worlds.advance(chain, rng, n_steps // 10)

@@ -24,13 +24,15 @@ from benchmarks.loops import bench
 from prf.coloring import Draws
 from prf.estimate import occupied_probability
 from prf.kernels import constants as c
+from prf.kernels.accept import log_proposal_ratio
 from prf.kernels.chain import Chain
-from prf.kernels.cone_touch import sonar_change, touch_cones
 from prf.kernels.cones import CONE_LOG_LIKELIHOOD, sense
 from prf.kernels.crossing import is_valid
-from prf.kernels.proposal import N_LOOP, log_prior_change
+from prf.kernels.prior import log_prior_change
+from prf.kernels.proposal import N_LOOP
 from prf.kernels.sites import any_inside
-from prf.kernels.step import choose_move, log_ratio_of_cells, propose
+from prf.kernels.sonar_change import sonar_change, touch_cones
+from prf.kernels.step import choose_move, propose
 from prf.logs import read_readings
 from prf.posterior import Settings
 from prf.run import read_run
@@ -57,14 +59,14 @@ def decide(chain: Chain, rng: np.random.Generator, n: int, from_scratch: bool, c
     graph, proposal, cones = chain.graph, chain.proposal, chain.cones
     valid = 0
     for _ in range(n):
-        move = choose_move(chain.odds, rng)
-        legal, ratio = propose(chain, move, rng)
+        move = choose_move(chain.move_probabilities, rng)
+        legal, log_forward, log_reverse = propose(chain, move, rng)
         if not legal or not is_valid(graph, chain.edge_index, proposal):
             continue
-        ratio += log_ratio_of_cells(chain, move)
+        ratio = log_proposal_ratio(chain.move_probabilities, move, log_forward, log_reverse)
         if ratio == -math.inf or any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
             continue
-        ratio += log_prior_change(graph, proposal, chain.tuning[c.SCALE])
+        ratio += log_prior_change(graph, proposal, chain.density[c.SCALE])
         if from_scratch:
             change = 0.0
             for cone in range(cones.pose.shape[0]):

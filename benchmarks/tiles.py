@@ -23,7 +23,7 @@ import numpy as np
 from benchmarks import commands, panels
 from benchmarks.commands import made, prf, say
 from prf.kernels import constants as c
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.kernels.step import run
 from prf.layout import grow
 from prf.posterior import Settings, make_chain, one_colour_map
@@ -92,7 +92,7 @@ def stepped(chain: Any, rng: np.random.Generator, steps: int) -> Any:
     until = int(chain.graph.counts[c.STEP]) + steps
     while not run(chain, rng, until):
         chain = grow(chain)
-    resum(chain)
+    recompute_sums(chain)
     return chain
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from prf.arak import exact_draws
 from prf.coloring import Coloring
 from prf.kernels import constants as c
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.kernels.chain import Chain
 from prf.kernels.step import run
 from prf.layout import grow
@@ -87,7 +87,7 @@ def snapshots(chain: Chain, rng: np.random.Generator, n: int, spacing: int) -> l
     taken = []
     for _ in range(n):
         chain = advance(chain, rng, spacing)
-        resum(chain)
+        recompute_sums(chain)
         taken.append(copy(chain))
     return taken
 

@@ -101,7 +101,7 @@ class _Cooling:
 
     def advance(self, beta: float) -> None:
         """Run some rounds at one temperature."""
-        self.sampler.chain.tuning[c.INVERSE_TEMPERATURE] = beta
+        self.sampler.chain.density[c.INVERSE_TEMPERATURE] = beta
         end = self.sampler.step + self.sampler.block
         while self.sampler.step < end:
             self.sampler.run_to(min(end, self.sampler.step + ROUND))

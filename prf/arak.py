@@ -12,28 +12,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.coloring.graph import Coloring, Draws
-from prf.kernels.dynamic import Size, draw_many
+from prf.kernels.arak_sampler import Size, draw_many
 from prf.laws import expected_edges
 from prf.shell.errors import ConfigError
 from prf.window import INTERIOR, SIDES, Window
 
-LARGEST_SCALE = 1e6
+MAX_SCALE = 1e6
 """1/m: walls a micrometre apart."""
-MOST_EDGES = 1e8
+MAX_EDGES = 1e8
 """Of all draws that are asked for at once: gigabytes."""
 
 
 def checked_scale(scale: float) -> float:
-    """Return `scale` as a float; ConfigError unless it is above 0, and at most `LARGEST_SCALE`."""
-    if not 0.0 < scale <= LARGEST_SCALE:
-        raise ConfigError(f"scale {scale}: must be a finite number above 0, at most {LARGEST_SCALE:g}, in 1/m.")
+    """Return `scale` as a float; ConfigError unless it is above 0, and at most `MAX_SCALE`."""
+    if not 0.0 < scale <= MAX_SCALE:
+        raise ConfigError(f"scale {scale}: must be a finite number above 0, at most {MAX_SCALE:g}, in 1/m.")
     return float(scale)
 
 
-def refuse_endless(scale: float, window: Window, n_draws: int) -> None:
+def refuse_too_many_edges(scale: float, window: Window, n_draws: int) -> None:
     """Raise ConfigError if draws have so many edges that neither time nor memory would do for them."""
     expected = min(n_draws, sys.maxsize) * expected_edges(checked_scale(scale), window)
-    if not expected <= MOST_EDGES:
+    if not expected <= MAX_EDGES:
         raise ConfigError(
             f"scale {scale:g}: {n_draws} draws on {window.width:g} x {window.height:g} m would have about "
             f"{expected:.2g} edges. Give a smaller scale or window, or fewer draws."
@@ -111,11 +111,11 @@ def exact_draws(scale: float, window: Window, n_draws: int, rng: np.random.Gener
     Raises
     ------
     ConfigError
-        If `scale` is not above 0 or `n_draws` is negative, or the draws would have more than `MOST_EDGES`.
+        If `scale` is not above 0 or `n_draws` is negative, or the draws would have more than `MAX_EDGES`.
     """
     if n_draws < 0:
         raise ConfigError(f"{n_draws} draws: the number cannot be negative.")
-    refuse_endless(scale, window, n_draws)
+    refuse_too_many_edges(scale, window, n_draws)
     size = Size(window.width, window.height, checked_scale(scale))
     vertices, edges, offsets, anchor_black = draw_many(n_draws, size, rng)
     side = vertices[:, 2].astype(np.int8)

@@ -1,7 +1,7 @@
 """Exact laws of the Arak process with scale p in a convex window, for checks of samplers and of single draws.
 
 Edges and vertices count the discontinuity graph inside the window. Sources: Arak 1982; Arak & Surgailis 1989; Paskin &
-Thrun 2005 section 1.3.2. "Poisson" is said where the whole law is known, not its mean alone.
+Thrun 2005 section 1.3.2. "Poisson" marks a law that is known as a whole, not by its mean alone.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from prf.window import Window
 
 
 class Comparison(NamedTuple):
-    """Sample means of draws beside what the exact laws say; lengths in metres."""
+    """Sample means of draws beside the exact laws; lengths in metres."""
 
     n_draws: int
     mean_edges: float

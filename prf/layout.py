@@ -274,7 +274,7 @@ def grow(chain: Chain) -> Chain:
         ),
         beams=chain.beams._replace(
             first_beam=lengthen(chain.beams.first_beam, 0, capacity, c.NONE),
-            edge_gap=lengthen(chain.beams.edge_gap, 0, capacity, 0),
+            edge_shortfall=lengthen(chain.beams.edge_shortfall, 0, capacity, 0),
         ),
         cones=chain.cones._replace(sight=make_sight(capacity + c.MOST_CHANGES)),
     )

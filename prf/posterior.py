@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from prf.coloring import Coloring, black_at
 from prf.driven import way_guards
 from prf.kernels import constants as c
-from prf.kernels.build import resum, trace_all
+from prf.kernels.build import recompute_sums, trace_all
 from prf.kernels.chain import Chain
 from prf.kernels.grid import make_grid
 from prf.kernels.points import Points, Y, paint
@@ -22,7 +22,7 @@ from prf.window import Window
 
 Floats = NDArray[np.float64]
 
-DEFAULT_ODDS = {move: weight for move, (_, weight) in enumerate(c.MOVES)}
+MOVE_WEIGHTS = {move: weight for move, (_, weight) in enumerate(c.MOVES)}
 """Weight of each move."""
 BORDER_MOVES = (
     c.BOUNDARY_BIRTH,
@@ -34,7 +34,7 @@ BORDER_MOVES = (
     c.DOCK,
     c.UNDOCK,
 )
-"""Those that change what stands on the window's border."""
+"""Those that change vertices on the border of the window."""
 
 FIRST_CAPACITY = 256
 FIRST_CELL_ROOM = 24
@@ -103,20 +103,26 @@ class Settings:
     way: Floats = dataclasses.field(default_factory=lambda: np.zeros((0, 4)))
     driven_radius: float = 0.0  # of the disc that was free all along it, metres
 
+    def density(self) -> Floats:
+        """Return what the kernels sample: the posterior (``prf.kernels.constants``), occupied sensors forbidden."""
+        density = np.zeros(c.N_DENSITY)
+        density[c.SCALE] = self.scale
+        density[c.INVERSE_TEMPERATURE] = 1.0
+        density[c.LIKELIHOOD_POWER] = 1.0
+        density[c.OCCUPIED_COST] = np.inf
+        return density
+
     def tuning(self) -> Floats:
-        """Return the tuning array of the kernels."""
+        """Return the scales of the kernels' proposals (``prf.kernels.constants``)."""
         tuning = np.zeros(c.N_TUNING)
-        tuning[c.SCALE] = self.scale
-        tuning[c.INVERSE_TEMPERATURE] = 1.0
-        tuning[c.LIKELIHOOD_POWER] = 1.0
         tuning[c.REGION_TARGET] = c.NONE
-        tuning[c.OCCUPIED_COST] = np.inf
         tuning[c.LOCAL_SHARE] = self.local_share
         tuning[c.BIRTH_REACH] = self.birth_reach or 0.1 / self.scale
         tuning[c.SPLIT_REACH] = self.split_reach or 0.02 / self.scale
         tuning[c.MOVE_REACH] = self.move_reach or 0.01 / self.scale
         tuning[c.CUT_REACH] = self.cut_reach or 0.0005 / self.scale
         tuning[c.JOIN_REACH] = self.join_reach or 0.03 / self.scale
+        tuning[c.DOCK_REACH] = 0.25 / self.scale  # the mean length of an edge
         tuning[c.AIM_REACH] = self.aim_reach or 0.015 / self.scale
         return tuning
 
@@ -137,7 +143,7 @@ class Settings:
 def make_chain(settings: Settings, coloring: Coloring) -> Chain:
     """Build the state of a chain at `coloring`.
 
-    Every sensor must stand in white there, unless the tuning is given a finite cost of occupied ones before the first
+    Every sensor must be in white there, unless the density is given a finite cost of occupied ones before the first
     step; :func:`one_colour_map` is such a map.
     """
     window = settings.window
@@ -148,11 +154,11 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
     cell = settings.cell_size()
     if settings.cell is None:
         # So many beams that their lists would fill the memory get larger cells.
-        cell = max(cell, CELLS_A_LENGTH * float(ray[:, c.REACH].sum()) / MOST_LISTED)
+        cell = max(cell, CELLS_A_LENGTH * float(ray[:, c.MAX_DISTANCE].sum()) / MOST_LISTED)
     grid = make_grid(*window, cell)
     sonar = settings.sonar or SonarData(*_nothing(), np.zeros(0), SonarModel())
     pose = make_poses(sonar.model, sonar.origin, sonar.angle, sonar.cone, sonar.readings, window)
-    odds = np.array([DEFAULT_ODDS[move] for move in range(c.N_MOVES)])
+    weights = np.array([MOVE_WEIGHTS[move] for move in range(c.N_MOVES)])
     targets = make_targets(window, settings.target_side(), return_points(settings))
     tuning = settings.tuning()
     tuning[c.AIMED_SHARE] = settings.aimed_share if len(targets.cell) > 0 else 0.0
@@ -167,12 +173,13 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
         image=make_image(coloring, graph, settings.resolution),
         guards=make_guards(grid, np.zeros(0, np.int64), way_guards(settings.way, settings.driven_radius)),
         proposal=make_proposal(grid),
+        density=settings.density(),
         tuning=tuning,
-        odds=odds / odds.sum(),
+        move_probabilities=weights / weights.sum(),
         outcomes=np.zeros((c.N_MOVES, c.N_OUTCOMES), np.int64),
     )
     trace_all(chain)
-    resum(chain)
+    recompute_sums(chain)
     return chain
 
 

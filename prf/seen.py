@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.kernels.cones import REACH
+from prf.kernels.cones import MAX_DISTANCE
 from prf.kernels.grid import Grid, most_cells
-from prf.kernels.seen import mark_beams, mark_cones
+from prf.kernels.passed_cells import mark_beams, mark_cones
 from prf.sensors.laser import unit_vectors, window_exit
 from prf.sensors.sonar import SonarModel, make_poses
 from prf.window import Window
@@ -48,6 +48,6 @@ def seen_by_cones(
     seen: Bools = np.zeros((grid.ny, grid.nx), np.bool_)
     room = min(2 * math.ceil(max_range / grid.cell) + 3, max(grid.nx, grid.ny)) ** 2
     pose = make_poses(SonarModel(max_range=max_range), origin, angle, cone, ranges, window)
-    reach = np.minimum(ranges, pose[:, REACH])
+    reach = np.minimum(ranges, pose[:, MAX_DISTANCE])
     mark_cones(grid, pose, reach, np.empty(room, np.int32), np.empty(room), seen.reshape(-1))
     return seen

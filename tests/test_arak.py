@@ -15,7 +15,7 @@ from scipy import integrate
 
 from prf.arak import exact_draws, log_density, log_partition, vertex_sines
 from prf.coloring import Coloring, Draws, violations
-from prf.kernels import dynamic
+from prf.kernels import arak_sampler
 from prf.sampler.prior import mcmc_draws
 from prf.shell.errors import ConfigError
 from prf.window import BOTTOM, INTERIOR, LEFT, SIDES, TOP, Window
@@ -162,8 +162,8 @@ def test_density_and_partition_function_agree_with_the_exact_draws() -> None:
 
 
 def test_buffers_grow_within_a_draw() -> None:
-    size = dynamic.Size(1.0, 1.0, 20.0)
-    vertices, edges, offsets, _ = dynamic.draw_many(1, size, np.random.default_rng(17))
+    size = arak_sampler.Size(1.0, 1.0, 20.0)
+    vertices, edges, offsets, _ = arak_sampler.draw_many(1, size, np.random.default_rng(17))
     assert len(edges) > 256
     assert len(vertices) > 256
     assert offsets.tolist() == [[0, 0], [len(vertices), len(edges)]]

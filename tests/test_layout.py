@@ -13,10 +13,10 @@ from prf.kernels.chain import Chain
 from prf.kernels.step import run
 from prf.layout import grow, lengthen, make_graph, read_coloring
 from prf.posterior import Settings, make_chain
-from prf.recompute import differences
 from prf.window import INTERIOR, Window
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest, structural_faults
+from tests.reference.recompute import differences
 from tests.reference.worlds import World, draw_world
 
 ROOM = Window(0.0, 0.0, 10.0, 10.0)

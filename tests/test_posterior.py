@@ -15,14 +15,14 @@ import pytest
 from prf.arak import exact_draws, log_density
 from prf.coloring import Coloring
 from prf.kernels import constants as c
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.kernels.step import run
 from prf.layout import grow, read_coloring
-from prf.posterior import DEFAULT_ODDS, LaserData, PointData, Settings, SonarData, make_chain, one_colour_map
-from prf.recompute import differences
+from prf.posterior import MOVE_WEIGHTS, LaserData, PointData, Settings, SonarData, make_chain, one_colour_map
 from prf.window import Window
 from tests.reference.beams import Sensor, log_likelihoods_in
 from tests.reference.chain_state import digest, structural_faults
+from tests.reference.recompute import differences
 from tests.reference.slow_points import Flips, Normal, lattice, observe
 from tests.reference.slow_points import log_likelihood as point_log_likelihood
 from tests.reference.slow_sonar import Cone, Ring, features, reach_in
@@ -50,7 +50,7 @@ def short_runs() -> dict[str, dict[str, str]]:
         for until in (700, 1400):
             while not run(chain, rng, until):
                 chain = grow(chain)
-            resum(chain)
+            recompute_sums(chain)
         found[name] = digest(chain, rng)
     for name, laser in (("sonar", None), ("laser and sonar", world.data)):
         rng = np.random.default_rng(4)
@@ -60,7 +60,7 @@ def short_runs() -> dict[str, dict[str, str]]:
         for until in (400, 800):
             while not run(chain, rng, until):
                 chain = grow(chain)
-            resum(chain)
+            recompute_sums(chain)
         found[name] = digest(chain, rng)
     for name, laser, places in (("points", None, lattice(6, 0.0, 10.0)), ("laser and points", world.data, scattered())):
         rng = np.random.default_rng(5)
@@ -69,7 +69,7 @@ def short_runs() -> dict[str, dict[str, str]]:
         for until in (700, 1400):
             while not run(chain, rng, until):
                 chain = grow(chain)
-            resum(chain)
+            recompute_sums(chain)
         found[name] = digest(chain, rng)
     chain, rng = make_chain(Settings(UNIT, 1.0), exact_draws(1.0, UNIT, 1, np.random.default_rng(3))[0]), None
     rng = np.random.default_rng(3)
@@ -86,25 +86,25 @@ def test_the_compiled_chain_is_that_of_plain_python_bit_for_bit(project_root: Pa
 
 
 def test_every_move_is_made() -> None:
-    assert set(DEFAULT_ODDS) == set(range(c.N_MOVES))
-    assert make_chain(Settings(UNIT, 1.0), Coloring.empty(UNIT)).odds.sum() == pytest.approx(1.0)
-    assert min(DEFAULT_ODDS.values()) > 0.0
+    assert set(MOVE_WEIGHTS) == set(range(c.N_MOVES))
+    assert make_chain(Settings(UNIT, 1.0), Coloring.empty(UNIT)).move_probabilities.sum() == pytest.approx(1.0)
+    assert min(MOVE_WEIGHTS.values()) > 0.0
 
 
 def test_moves_are_chosen_with_their_probabilities() -> None:
     chain = make_chain(Settings(UNIT, 1.0), Coloring.empty(UNIT))
     n = 200_000
     run(chain, np.random.default_rng(4), n)
-    share = np.array([DEFAULT_ODDS[move] for move in range(c.N_MOVES)]) / sum(DEFAULT_ODDS.values())
+    share = np.array([MOVE_WEIGHTS[move] for move in range(c.N_MOVES)]) / sum(MOVE_WEIGHTS.values())
     z = (chain.outcomes[:, c.PROPOSED] / n - share) / np.sqrt(share * (1.0 - share) / n)
     assert np.abs(z).max() < 4.5, z
 
 
 def test_tuning_follows_the_scale_unless_it_is_given() -> None:
-    which = [c.SCALE, c.LOCAL_SHARE, c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH]
-    assert Settings(UNIT, 0.5).tuning()[which] == pytest.approx([0.5, 0.8, 0.2, 0.04, 0.02])
+    which = [c.LOCAL_SHARE, c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH]
+    assert Settings(UNIT, 0.5).tuning()[which] == pytest.approx([0.8, 0.2, 0.04, 0.02])
     given = Settings(UNIT, 0.5, local_share=0.1, birth_reach=1.0, split_reach=2.0, move_reach=3.0)
-    assert given.tuning()[which] == pytest.approx([0.5, 0.1, 1.0, 2.0, 3.0])
+    assert given.tuning()[which] == pytest.approx([0.1, 1.0, 2.0, 3.0])
 
 
 def test_cells_follow_the_scale_but_never_number_millions() -> None:

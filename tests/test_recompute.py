@@ -15,19 +15,19 @@ from prf.coloring import Coloring, black_at
 from prf.driven import STRAIGHT
 from prf.kernels import cones, points
 from prf.kernels import constants as c
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.kernels.chain import Chain
 from prf.kernels.grid import make_grid
 from prf.kernels.step import run
 from prf.layout import grow, make_targets, read_coloring
 from prf.posterior import LaserData, Settings, make_chain, one_colour_map, return_points
-from prf.recompute import differences
 from prf.sampler.config import SampleConfig
 from prf.sampler.session import read_prepared
 from prf.sensors.laser import LaserModel
 from prf.window import Window
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import structural_faults
+from tests.reference.recompute import differences
 from tests.reference.slow_points import Flips, Normal, lattice, observe
 from tests.reference.slow_sonar import Ring
 from tests.reference.sonar_worlds import draw_data, draw_sonar_world, ring_all_round
@@ -113,7 +113,7 @@ def test_twins_agree_on_readings_evaluated_by_levels() -> None:
 
 def soften(chain: Chain, power: float, cost: float) -> Chain:
     """Let occupied sensors cost something, and likelihoods count less, as on a rung of parallel tempering."""
-    chain.tuning[[c.LIKELIHOOD_POWER, c.OCCUPIED_COST]] = power, cost
+    chain.density[[c.LIKELIHOOD_POWER, c.OCCUPIED_COST]] = power, cost
     return chain
 
 
@@ -160,7 +160,7 @@ def test_twins_agree_when_edges_may_come_near_the_way(with_laser: bool, cell: fl
     assert n_accepted > 40
     assert len({blocked for blocked, _ in seen}) > 1
     assert all(blocked <= occupied for blocked, occupied in seen)
-    resum(now)
+    recompute_sums(now)
     assert differences(now) == []
 
 
@@ -220,7 +220,7 @@ def test_twins_agree_after_many_steps_without_new_sums() -> None:
         chain = grow(chain)
     assert differences(chain) == []
     assert structural_faults(chain) == []
-    resum(chain)
+    recompute_sums(chain)
     assert differences(chain) == []
 
 
@@ -255,7 +255,7 @@ def test_twins_agree_on_sonar_after_many_steps_without_new_sums() -> None:
             chain = grow(chain)
         assert differences(chain) == structural_faults(chain) == []
     before = chain.cones.pose.copy()
-    resum(chain)
+    recompute_sums(chain)
     assert differences(chain) == []
     assert np.array_equal(before, chain.cones.pose)
 
@@ -301,7 +301,7 @@ def test_twins_agree_on_points_after_many_steps_without_new_sums() -> None:
             chain = grow(chain)
         assert differences(chain) == structural_faults(chain) == []
     before = chain.graph.sums.copy()
-    resum(chain)
+    recompute_sums(chain)
     assert differences(chain) == []
     assert chain.graph.sums == pytest.approx(before, rel=1e-9)
 
@@ -361,8 +361,8 @@ def test_twins_agree_when_walls_are_changed(moves: list[int], is_driven: bool) -
         settings = dataclasses.replace(settings, way=WAY, driven_radius=RADIUS)
     chain = soften(make_chain(settings, Coloring.empty(ROOM)), 1.0, 0.5 if is_driven else np.inf)
     chain = chain._replace(targets=make_targets(ROOM, 0.5, return_points(settings)))
-    chain.odds[:] *= 0.4 / (chain.odds.sum() - chain.odds[moves].sum())
-    chain.odds[moves] = 0.3
+    chain.move_probabilities[:] *= 0.4 / (chain.move_probabilities.sum() - chain.move_probabilities[moves].sum())
+    chain.move_probabilities[moves] = 0.3
     rng, seen = np.random.default_rng(8), np.zeros(2, np.int64)
     for step in range(10, 300_001, 10):
         while not run(chain, rng, step):
@@ -553,16 +553,16 @@ DAMAGES: list[tuple[Callable[[Chain], None], list[str]]] = [
 
 def test_every_twin_is_damaged_below(sound: Chain, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whoever adds a quantity to the comparison adds its damage here."""
-    import prf.recompute
+    import tests.reference.recompute
 
-    monkeypatch.setattr(prf.recompute, "is_close", lambda value, twin: False)
-    monkeypatch.setattr(prf.recompute.np, "array_equal", lambda a, b: False)
-    monkeypatch.setattr(prf.recompute, "beams_by_edge", lambda chain: None)
-    monkeypatch.setattr(prf.recompute, "recompute_edge_cells", lambda chain: None)
-    monkeypatch.setattr(prf.recompute, "recompute_sets", lambda coloring: [])
-    monkeypatch.setattr(prf.recompute, "sines_hold", lambda chain, coloring: False)
-    monkeypatch.setattr(prf.recompute, "black_at", lambda coloring, xy: np.ones(1, bool))
-    monkeypatch.setattr(prf.recompute, "image_holds", lambda chain, coloring: False)
+    monkeypatch.setattr(tests.reference.recompute, "is_close", lambda value, twin: False)
+    monkeypatch.setattr(tests.reference.recompute.np, "array_equal", lambda a, b: False)
+    monkeypatch.setattr(tests.reference.recompute, "beams_by_edge", lambda chain: None)
+    monkeypatch.setattr(tests.reference.recompute, "recompute_edge_cells", lambda chain: None)
+    monkeypatch.setattr(tests.reference.recompute, "recompute_sets", lambda coloring: [])
+    monkeypatch.setattr(tests.reference.recompute, "sines_hold", lambda chain, coloring: False)
+    monkeypatch.setattr(tests.reference.recompute, "black_at", lambda coloring, xy: np.ones(1, bool))
+    monkeypatch.setattr(tests.reference.recompute, "image_holds", lambda chain, coloring: False)
     assert set(differences(sound)) == {name for _, names in DAMAGES for name in names}
 
 

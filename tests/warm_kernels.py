@@ -24,7 +24,6 @@ from prf.arak import exact_draws
 from prf.coloring import Coloring, black_areas, black_at
 from prf.kernels.cones import N_POSE
 from prf.posterior import Settings, make_chain
-from prf.recompute import recompute_impacts
 from prf.run import write_run
 from prf.sampler.tiles import finish_round, make_round, make_tile_data, work_tile
 from prf.score.scene import features_seen, scene_of_coloring
@@ -32,6 +31,7 @@ from prf.shell.run import run_app
 from prf.simulate.sonar import SonarPhysics, simulate_sonar
 from prf.window import Window
 from tests.factories import make_run
+from tests.reference.recompute import recompute_impacts
 
 LOG = Path(__file__).resolve().parent.parent / "data" / "demo-office.log.gz"
 TOWN = LOG.with_name("demo-town.ply.gz")

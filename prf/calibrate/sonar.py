@@ -12,7 +12,7 @@ from scipy import special
 
 from prf.calibrate.fit import Family
 from prf.calibrate.gauss import hit, mixed, share_slopes, shares, spread
-from prf.kernels.visibility import CORNER, DEPTH, KIND, PROJECTION, SUBTENDED
+from prf.kernels.sonar_features import CORNER, DEPTH, KIND, PROJECTION, SUBTENDED
 from prf.sensors.sonar import SonarModel
 
 Floats = NDArray[np.float64]

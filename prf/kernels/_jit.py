@@ -17,7 +17,13 @@ FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "cache": True}
 """
 
 CORE_FLAGS: dict[str, Any] = {**FLAGS, "_nrt": False}
-"""Flags of the sampler's kernels: ``_nrt`` off leaves reference counts out."""
+"""Flags of the sampler's kernels: ``_nrt`` off leaves reference counts out.
+
+``_nrt`` is private to numba, hence the upper bound of its version in pyproject.toml. A numba that drops the flag raises
+KeyError ("Unrecognized options") at the first call; without the flag all works, a step nine times slower.
+One that changes its meaning crashes or leaks in a kernel that allocates: `python -m tests.warm_kernels prf` and
+tests/kernels/test_jit_cache.py show both.
+"""
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 

@@ -1,7 +1,7 @@
 """The beams of one chain: where each meets the map, and the dynamic index from cells to beams (section 2.2).
 
 The cells that a beam can ever pass are known from the start ("slots", in order along the beam). A slot is listed in
-its cell only as far as the beam now reaches, so that a change of the map behind the impact finds no beam to ask.
+its cell only as far as the beam now reaches, so that a change of the map behind the impact touches no beam.
 All room is laid out once: a cell can never list more beams than have a slot there.
 """
 
@@ -14,7 +14,7 @@ from prf.kernels._jit import core, core_entry
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.geometry import ray_hit
 from prf.kernels.graph import Graph
-from prf.kernels.grid import HAIR, HAIR_SHARE, Grid, exit_distance, walk
+from prf.kernels.grid import ABS_TOL, REL_TOL, Grid, exit_distance, walk
 from prf.kernels.laser import beam_log_likelihood
 from prf.kernels.slots import list_slot
 
@@ -24,13 +24,13 @@ class Beams(NamedTuple):
 
     model: np.ndarray  # (N_LASER_MODEL,) f8
     ray: np.ndarray  # (n, N_RAY) f8 one cache line a beam: columns ORIGIN_X ... BEAM_LOG_LIKELIHOOD
-    beyond: np.ndarray  # (n,) f8 distance of what stands beyond the reach, which nothing moves; inf for nothing
+    beyond: np.ndarray  # (n,) f8 distance of what is beyond the maximum distance, which nothing moves; inf for nothing
     impact_edge: np.ndarray  # (n,) i4 edge that the beam meets, or NONE
     last_slot: np.ndarray  # (n,) i4 slot in which the impact lies: the last that is listed
     next_beam: np.ndarray  # (n,) i4 beams that meet the same edge, linked
     previous_beam: np.ndarray  # (n,) i4
     first_beam: np.ndarray  # (edge capacity, n_levels) i4 heads of those lists, one a level
-    level: np.ndarray  # (n,) u1 stage of the decision at which a beam is asked
+    level: np.ndarray  # (n,) u1 stage of the decision at which a beam counts
     slot_start: np.ndarray  # (n + 1,) i8
     slot_cell: np.ndarray  # (slots,) i4 list of the slot: cell + level * cells of the grid
     slot_exit: np.ndarray  # (slots,) f4 distance at which the beam leaves the slot, rounded down
@@ -40,8 +40,8 @@ class Beams(NamedTuple):
     entries: np.ndarray  # (slots, 2) i4 beam and slot, listed by cell
     best: np.ndarray  # (n,) f8 log likelihood that no distance exceeds
     aim: np.ndarray  # (n, 2) i4 slots in which the reading lies: the first, and the one after the last
-    edge_gap: np.ndarray  # (edge capacity, n_levels) f8 what the beams that meet an edge lack to their best, summed
-    cell_gap: np.ndarray  # (n_levels * n_cells,) f8 the same for the beams whose readings lie in a cell
+    edge_shortfall: np.ndarray  # (edge capacity, n_levels) f8 of the beams that meet an edge, summed (laser_change)
+    cell_shortfall: np.ndarray  # (n_levels * n_cells,) f8 the same for the beams whose readings lie in a cell
     mark: np.ndarray  # (n,) i4 place among the touched beams in the proposal of that mark
     touched: np.ndarray  # (n,) i4 beams that the proposal touches
     touched_edge: np.ndarray  # (n,) i4 their new impact: edge slot, or -2 - k for the new edge k, or NONE
@@ -76,17 +76,17 @@ def link_beam(beams: Beams, beam: int, edge: int) -> None:
         if head != c.NONE:
             beams.previous_beam[head] = beam
         beams.first_beam[edge, level] = beam
-        beams.edge_gap[edge, level] += beams.best[beam] - beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
+        beams.edge_shortfall[edge, level] += beams.best[beam] - beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
 
 
 @core
 def unlink_beam(beams: Beams, beam: int) -> None:
-    """Strike a beam, its log likelihood as it was, from the list of those that meet its edge."""
+    """Remove a beam, its log likelihood as it was, from the list of those that meet its edge."""
     edge = beams.impact_edge[beam]
     if edge == c.NONE:
         return
     level = beams.level[beam]
-    beams.edge_gap[edge, level] -= beams.best[beam] - beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
+    beams.edge_shortfall[edge, level] -= beams.best[beam] - beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
     before = beams.previous_beam[beam]
     after = beams.next_beam[beam]
     if before == c.NONE:
@@ -99,9 +99,16 @@ def unlink_beam(beams: Beams, beam: int) -> None:
 
 @core
 def first_hit(
-    graph: Graph, index: EdgeIndex, beams: Beams, beam: int, slot: int, limit: float, gone: np.ndarray, n_gone: int
+    graph: Graph,
+    index: EdgeIndex,
+    beams: Beams,
+    beam: int,
+    slot: int,
+    limit: float,
+    removed: np.ndarray,
+    n_removed: int,
 ) -> tuple[int, float]:
-    """First edge that stays on a beam from `slot` on, before `limit`; (NONE, `limit`) if there is none."""
+    """First edge that remains on a beam from `slot` on, before `limit`; (NONE, `limit`) if there is none."""
     ray = beams.ray[beam]
     ox = ray[c.ORIGIN_X]
     oy = ray[c.ORIGIN_Y]
@@ -117,11 +124,11 @@ def first_hit(
             xy = graph.edge_xy[edge]
             t = ray_hit(ox, oy, ux, uy, xy[0], xy[1], xy[2], xy[3])
             if t < best:
-                stays = True
-                for k in range(n_gone):
-                    if gone[k] == edge:
-                        stays = False
-                if stays:
+                remains = True
+                for k in range(n_removed):
+                    if removed[k] == edge:
+                        remains = False
+                if remains:
                     best = t
                     best_edge = edge
         if best <= beams.slot_exit[at]:
@@ -132,9 +139,9 @@ def first_hit(
 @core
 def trace_beam(graph: Graph, index: EdgeIndex, beams: Beams, beam: int) -> None:
     """Find the impact of a beam from its origin on, and its log likelihood (lists are not touched)."""
-    reach = beams.ray[beam, c.REACH]
-    gone = index.neighbors
-    edge, distance = first_hit(graph, index, beams, beam, beams.slot_start[beam], reach, gone, 0)
+    reach = beams.ray[beam, c.MAX_DISTANCE]
+    removed = index.neighbors
+    edge, distance = first_hit(graph, index, beams, beam, beams.slot_start[beam], reach, removed, 0)
     if edge == c.NONE:
         distance = beams.beyond[beam]
     beams.impact_edge[beam] = edge
@@ -147,12 +154,12 @@ def relist_beams(beams: Beams) -> float:
     """Lay out the lists anew from the impacts, in the order of beams; return the sum of log likelihoods.
 
     The order within a list decides the order of floating-point sums. Done at fixed steps it makes that order a
-    function of the impacts alone, which is what lets a resumed chain repeat an uninterrupted one bit for bit.
+    function of the impacts alone, so that a resumed chain repeats an uninterrupted one bit for bit.
     """
     beams.cell_count[:] = 0
     beams.first_beam[:, :] = c.NONE
-    beams.edge_gap[:, :] = 0.0
-    beams.cell_gap[:] = 0.0
+    beams.edge_shortfall[:, :] = 0.0
+    beams.cell_shortfall[:] = 0.0
     total = 0.0
     for beam in range(beams.ray.shape[0]):
         first = beams.slot_start[beam]
@@ -164,7 +171,7 @@ def relist_beams(beams: Beams) -> float:
         link_beam(beams, beam, beams.impact_edge[beam])
         log_likelihood = beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
         for slot in range(beams.aim[beam, 0], beams.aim[beam, 1]):
-            beams.cell_gap[beams.slot_cell[slot]] += beams.best[beam] - log_likelihood
+            beams.cell_shortfall[beams.slot_cell[slot]] += beams.best[beam] - log_likelihood
         total += log_likelihood
     return total
 
@@ -174,8 +181,8 @@ def count_slots(grid: Grid, ray: np.ndarray, path: np.ndarray, slot_start: np.nd
     """Fill `slot_start` (n + 1,) with the number of cells of each beam up to its reach, summed."""
     slot_start[0] = 0
     for beam in range(ray.shape[0]):
-        end_x = ray[beam, c.ORIGIN_X] + ray[beam, c.REACH] * ray[beam, c.DIRECTION_X]
-        end_y = ray[beam, c.ORIGIN_Y] + ray[beam, c.REACH] * ray[beam, c.DIRECTION_Y]
+        end_x = ray[beam, c.ORIGIN_X] + ray[beam, c.MAX_DISTANCE] * ray[beam, c.DIRECTION_X]
+        end_y = ray[beam, c.ORIGIN_Y] + ray[beam, c.MAX_DISTANCE] * ray[beam, c.DIRECTION_Y]
         n = walk(grid, ray[beam, c.ORIGIN_X], ray[beam, c.ORIGIN_Y], end_x, end_y, path)
         slot_start[beam + 1] = slot_start[beam] + n
 
@@ -193,7 +200,7 @@ def fill_slots(
 ) -> None:
     """Fill the lists and exits of all slots, and `cell_start` (n_levels * n_cells + 1,) with the room of each list.
 
-    Exits are lowered by a hair: a slot may then be listed, or searched, one cell too far, never one too short.
+    Exits are rounded down: a slot may then be listed, or searched, one cell too far, never one too short.
     """
     cell_start[:] = 0
     for beam in range(ray.shape[0]):
@@ -201,14 +208,14 @@ def fill_slots(
         oy = ray[beam, c.ORIGIN_Y]
         ux = ray[beam, c.DIRECTION_X]
         uy = ray[beam, c.DIRECTION_Y]
-        reach = ray[beam, c.REACH]
+        reach = ray[beam, c.MAX_DISTANCE]
         n = walk(grid, ox, oy, ox + reach * ux, oy + reach * uy, path)
         before = np.int64(level[beam]) * grid.nx * grid.ny
         latest = 0.0
         for k in range(n):
             slot = slot_start[beam] + k
             slot_cell[slot] = before + path[k]
-            latest = max(latest, exit_distance(grid, path[k], ox, oy, ux, uy) * (1.0 - HAIR_SHARE) - HAIR)
+            latest = max(latest, exit_distance(grid, path[k], ox, oy, ux, uy) * (1.0 - REL_TOL) - ABS_TOL)
             slot_exit[slot] = latest if k < n - 1 else reach
             cell_start[before + path[k] + 1] += 1
     for cell in range(cell_start.size - 1):

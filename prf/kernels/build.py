@@ -1,31 +1,30 @@
 """Filling and summing of a chain's arrays from nothing: at the start, when room grows, and at fixed steps."""
 
-import math
-
 import numpy as np
 
 from prf.kernels import constants as c
-from prf.kernels._jit import core, core_entry
+from prf.kernels._jit import core_entry
 from prf.kernels.beams import relist_beams, trace_beam
 from prf.kernels.chain import Chain
 from prf.kernels.cones import relist_cones, sense_now
 from prf.kernels.edge_index import EdgeIndex, index_edge
-from prf.kernels.graph import Graph, add_edge, add_vertex, classify_vertex, distance, vertex_sine_now
+from prf.kernels.graph import Graph, classify_vertex, distance, insert_edge, insert_vertex, vertex_sine_now
 from prf.kernels.grid import Grid, cell_at
 from prf.kernels.guards import count_blocked, index_frozen
 from prf.kernels.points import sum_points
+from prf.kernels.prior import log_prior
 from prf.kernels.sites import count_occupied
 
 
 @core_entry
 def fill_graph(graph: Graph, n_vertices: int, edges: np.ndarray) -> None:
-    """Bring the first `n_vertices` slots, whose places stand, and the given edges (n, 2) to life."""
+    """Insert the vertices of the first `n_vertices` slots, whose coordinates are set, and the given edges (n, 2)."""
     for v in range(n_vertices):
-        add_vertex(graph, v)
+        insert_vertex(graph, v)
     for k in range(edges.shape[0]):
         a = edges[k, 0]
         b = edges[k, 1]
-        add_edge(graph, a, b, distance(graph, a, b))
+        insert_edge(graph, a, b, distance(graph, a, b))
     for v in range(n_vertices):
         graph.vertex_sine[v] = vertex_sine_now(graph, v)
         classify_vertex(graph, v)
@@ -51,24 +50,9 @@ def trace_all(chain: Chain) -> None:
         sense_now(chain.graph, chain.edge_index, chain.cones, cone, chain.proposal)
 
 
-@core
-def log_prior(graph: Graph, scale: float) -> float:
-    """Log h of equations 1-3 from the cached lengths and sines."""
-    total = 0.0
-    length = 0.0
-    for i in range(graph.counts[c.EDGES]):
-        edge_length = graph.edge_length[graph.members[c.EDGES, i]]
-        total += math.log(scale / edge_length)
-        length += edge_length
-    for kind in (c.INTERIOR_VERTICES, c.BOUNDARY_VERTICES):
-        for i in range(graph.counts[kind]):
-            total += math.log(graph.vertex_sine[graph.members[kind, i]])
-    return total - 2.0 * scale * length
-
-
 @core_entry
-def resum(chain: Chain) -> None:
-    """Sum up length, log prior and log likelihood anew and lay out both indexes anew.
+def recompute_sums(chain: Chain) -> None:
+    """Recompute the sums of length, log prior and log likelihood and lay out both indexes anew.
 
     Orders within the lists of cells decide which neighbour a random number picks and how sums are rounded. After
     this they follow from the graph and the impacts alone.
@@ -82,7 +66,7 @@ def resum(chain: Chain) -> None:
     for i in range(graph.counts[c.EDGES]):
         length += graph.edge_length[graph.members[c.EDGES, i]]
     graph.sums[c.TOTAL_LENGTH] = length
-    graph.sums[c.LOG_PRIOR] = log_prior(graph, chain.tuning[c.SCALE])
+    graph.sums[c.LOG_PRIOR] = log_prior(graph, chain.density[c.SCALE])
     readings = relist_beams(chain.beams) + relist_cones(chain.cones)
     graph.sums[c.LOG_LIKELIHOOD] = readings + sum_points(chain.points)
     graph.counts[c.OCCUPIED] = count_occupied(chain.sensors) + count_blocked(graph, chain.edge_index, chain.guards)

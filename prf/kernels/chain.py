@@ -8,21 +8,21 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import spine
 from prf.kernels.beams import Beams
-from prf.kernels.cone_touch import apply_cones
 from prf.kernels.cones import Cones
 from prf.kernels.edge_index import EdgeIndex, index_edge, unindex_edge
 from prf.kernels.geometry import inside_loop
 from prf.kernels.graph import (
     Graph,
-    add_edge,
-    add_vertex,
     classify_vertex,
+    delete_edge,
+    delete_vertex,
+    insert_edge,
+    insert_vertex,
     other_end,
-    remove_edge,
-    remove_vertex,
 )
 from prf.kernels.guards import Guards, blocked_change
 from prf.kernels.image import Image, count_edge, recolor_inside
+from prf.kernels.laser_change import apply_touched, release_touched
 from prf.kernels.points import Points, gain_inside
 from prf.kernels.proposal import (
     N_AFFECTED,
@@ -34,8 +34,8 @@ from prf.kernels.proposal import (
     Proposal,
 )
 from prf.kernels.sites import Sites, occupied_change
+from prf.kernels.sonar_change import apply_cones
 from prf.kernels.targets import Targets
-from prf.kernels.touch import apply_touched, release_touched
 
 
 class Chain(NamedTuple):
@@ -51,27 +51,28 @@ class Chain(NamedTuple):
     image: Image
     guards: Guards
     proposal: Proposal
-    tuning: np.ndarray  # (N_TUNING,) f8
-    odds: np.ndarray  # (N_MOVES,) f8 probability of each move
+    density: np.ndarray  # (N_DENSITY,) f8 what is sampled: scale of the prior, powers, cost of occupied sensors
+    tuning: np.ndarray  # (N_TUNING,) f8 scales of the proposals
+    move_probabilities: np.ndarray  # (N_MOVES,) f8
     outcomes: np.ndarray  # (N_MOVES, N_OUTCOMES) i8
 
 
 @spine
 def apply_edges(graph: Graph, index: EdgeIndex, proposal: Proposal) -> None:
-    """Let edges and vertices go and come, in the graph and in the edge index."""
+    """Remove and add edges and vertices, in the graph and in the edge index."""
     for k in range(proposal.counts[N_OLD_EDGES]):
         edge = proposal.old_edges[k]
         unindex_edge(index, edge, graph.edge_xy[edge])
-        remove_edge(graph, edge)
+        delete_edge(graph, edge)
         graph.sums[c.TOTAL_LENGTH] -= graph.edge_length[edge]
     graph.counts[c.FREE_VERTICES] -= proposal.counts[N_NEW_VERTICES]
     for k in range(proposal.counts[N_NEW_VERTICES]):
-        add_vertex(graph, proposal.new_vertices[k])
+        insert_vertex(graph, proposal.new_vertices[k])
     for k in range(proposal.counts[N_OLD_VERTICES]):
-        remove_vertex(graph, proposal.old_vertices[k])
+        delete_vertex(graph, proposal.old_vertices[k])
     for k in range(proposal.counts[N_NEW_EDGES]):
         length = proposal.new_length[k]
-        edge = add_edge(graph, proposal.new_edges[k, 0], proposal.new_edges[k, 1], length)
+        edge = insert_edge(graph, proposal.new_edges[k, 0], proposal.new_edges[k, 1], length)
         proposal.new_slot[k] = edge
         graph.sums[c.TOTAL_LENGTH] += length
         if index_edge(index, edge, graph.edge_xy[edge]):
@@ -95,7 +96,7 @@ def refresh_vertices(graph: Graph, proposal: Proposal) -> None:
 
 @spine
 def update_image(chain: Chain, step: int) -> None:
-    """Let the image follow the edges that go and come and the recoloured loop (before slots change hands)."""
+    """Update the image by the edges removed and added and by the recoloured loop, before slots are reused."""
     proposal = chain.proposal
     for k in range(proposal.counts[N_OLD_EDGES]):
         count_edge(chain.image, chain.graph.edge_xy[proposal.old_edges[k]], -1, step)
@@ -111,7 +112,7 @@ def apply(chain: Chain, log_prior_change: float, log_likelihood_change: float) -
     proposal = chain.proposal
     if chain.image.black.size > 0:
         update_image(chain, graph.counts[c.STEP])
-    if chain.tuning[c.OCCUPIED_COST] != math.inf:
+    if chain.density[c.OCCUPIED_COST] != math.inf:
         graph.counts[c.OCCUPIED] += occupied_change(chain.sensors, proposal.loop, proposal.counts[N_LOOP], True)
         graph.counts[c.OCCUPIED] += blocked_change(graph, chain.edge_index, chain.guards, proposal)
     release_touched(chain.beams)

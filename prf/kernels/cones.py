@@ -2,7 +2,7 @@
 
 The cells that a cone can ever touch are known from the start ("slots", nearest first). A slot is listed in its cell
 while it lies within the cone's extent: up to its farthest contact where the whole field of view is covered, else up to
-its reach (section 2.3). A change of the map beyond finds no cone to ask.
+its reach (section 2.3). A change of the map beyond it concerns no cone.
 """
 
 import math
@@ -14,21 +14,21 @@ from prf.kernels import constants as c
 from prf.kernels._jit import core, core_entry
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, ends_of
-from prf.kernels.grid import HAIR, HAIR_SHARE, Grid, axis_index
-from prf.kernels.proposal import N_NEW_EDGES, Proposal, goes
+from prf.kernels.grid import ABS_TOL, REL_TOL, Grid, axis_index
+from prf.kernels.proposal import N_NEW_EDGES, Proposal, is_edge_removed
 from prf.kernels.slots import list_slot
 from prf.kernels.sonar import sonar_log_likelihood
-from prf.kernels.visibility import BORDER, N_LINES, POSE_COS, POSE_SIN, POSE_X, POSE_Y, Sight, see_edge, sweep
+from prf.kernels.sonar_features import BORDER, N_LINES, POSE_COS, POSE_SIN, POSE_X, POSE_Y, Sight, see_edge, sweep
 
 # Columns of ``Cones.pose`` after those that place the sonar.
 READING = 5  # m; inf for no return within the reach
-REACH = 6  # nothing farther is heard: the maximum range, or where the cone leaves the window, m
+MAX_DISTANCE = 6  # nothing farther is heard: the maximum range, or where the cone leaves the window, m
 EXTENT = 7  # up to where the map matters now, m
 CONE_LOG_LIKELIHOOD = 8
 N_POSE = 9
 
-SLACK = 1.0 + HAIR_SHARE
-"""Extents are raised by a hair: rounding may then ask a cone in vain, but never forget one."""
+SLACK = 1.0 + REL_TOL
+"""Extents are raised by this factor: rounding may then test a cone in vain, but never miss one."""
 
 
 class Cones(NamedTuple):
@@ -44,7 +44,7 @@ class Cones(NamedTuple):
     cell_start: np.ndarray  # (n_cells + 1,) i8
     cell_count: np.ndarray  # (n_cells,) i4
     entries: np.ndarray  # (slots, 2) i4 cone and slot, listed by cell
-    mark: np.ndarray  # (n,) i8 the proposal that last asked the cone
+    mark: np.ndarray  # (n,) i8 the last proposal that touched the cone
     proposals: np.ndarray  # (1,) i8 number of the proposal in work
     touched: np.ndarray  # (n,) i4 cones whose likelihood the proposal may change
     touched_extent: np.ndarray  # (n,) f8
@@ -68,9 +68,9 @@ def last_within(cones: Cones, cone: int, extent: float, near: int) -> int:
 
 @core
 def see_indexed(
-    graph: Graph, index: EdgeIndex, cones: Cones, cone: int, first: int, end: int, gone: Proposal, with_change: bool
+    graph: Graph, index: EdgeIndex, cones: Cones, cone: int, first: int, end: int, proposal: Proposal, with_change: bool
 ) -> None:
-    """Enter the edges of the slots from `first` to before `end` that stay and were not entered yet."""
+    """Enter the edges of the slots from `first` to before `end` that remain and were not entered yet."""
     pose = cones.pose[cone]
     for slot in range(first, end):
         cell = cones.slot_cell[slot]
@@ -79,13 +79,13 @@ def see_indexed(
             if index.marks[edge] == index.mark[0]:
                 continue
             index.marks[edge] = index.mark[0]
-            if with_change and goes(gone, edge):
+            if with_change and is_edge_removed(proposal, edge):
                 continue
             a, b = ends_of(graph, edge)
             see_edge(
                 cones.sight,
                 pose,
-                pose[REACH],
+                pose[MAX_DISTANCE],
                 graph.edge_xy[edge],
                 corner_at(graph, a),
                 corner_at(graph, b),
@@ -100,12 +100,12 @@ def corner_at(graph: Graph, vertex: int) -> int:
 
 @core
 def see_new(graph: Graph, cones: Cones, cone: int, proposal: Proposal) -> None:
-    """Enter the edges that come."""
+    """Enter the new edges."""
     pose = cones.pose[cone]
     for k in range(proposal.counts[N_NEW_EDGES]):
         a = corner_at(graph, proposal.new_edges[k, 0])
         b = corner_at(graph, proposal.new_edges[k, 1])
-        see_edge(cones.sight, pose, pose[REACH], proposal.new_xy[k], a, b)
+        see_edge(cones.sight, pose, pose[MAX_DISTANCE], proposal.new_xy[k], a, b)
 
 
 @core
@@ -114,9 +114,9 @@ def sense(
 ) -> tuple[float, float]:
     """Extent and log likelihood of a cone in the present map, or in that which the proposal would make.
 
-    The near slots are asked first: where they cover the field of view, the far ones cannot be seen.
+    The near slots are searched first: where they cover the field of view, the far ones cannot be seen.
     """
-    reach = cones.pose[cone, REACH]
+    reach = cones.pose[cone, MAX_DISTANCE]
     first = cones.slot_start[cone]
     end = cones.slot_start[cone + 1]
     near = cones.last_slot[cone] + 1
@@ -159,7 +159,7 @@ def relist_cones(cones: Cones) -> float:
 
 @core
 def enters_cell(grid: Grid, pose: np.ndarray, reach: float, ix: int, iy: int) -> float:
-    """Distance at which a cone enters a cell, a hair less; inf if it surely does not."""
+    """Distance at which a cone enters a cell, rounded down; inf if it surely does not."""
     x = grid.x0 + ix * grid.cell - pose[POSE_X]
     y = grid.y0 + iy * grid.cell - pose[POSE_Y]
     near_x = max(x, -(x + grid.cell), 0.0)
@@ -176,7 +176,7 @@ def enters_cell(grid: Grid, pose: np.ndarray, reach: float, ix: int, iy: int) ->
         across = pose[POSE_COS] * centre_y - pose[POSE_SIN] * centre_x
         if abs(math.atan2(across, along)) > math.atan(pose[BORDER]) + math.asin(radius / distance):
             return math.inf
-    return max(0.0, near * (1.0 - HAIR_SHARE) - HAIR)
+    return max(0.0, near * (1.0 - REL_TOL) - ABS_TOL)
 
 
 @core
@@ -208,7 +208,7 @@ def count_cone_slots(grid: Grid, pose: np.ndarray, cells: np.ndarray, near: np.n
     """Fill `slot_start` (n + 1,) with the number of cells of each cone, summed."""
     slot_start[0] = 0
     for cone in range(pose.shape[0]):
-        slot_start[cone + 1] = slot_start[cone] + cells_of_cone(grid, pose[cone], pose[cone, REACH], cells, near)
+        slot_start[cone + 1] = slot_start[cone] + cells_of_cone(grid, pose[cone], pose[cone, MAX_DISTANCE], cells, near)
 
 
 @core_entry
@@ -225,10 +225,10 @@ def fill_cone_slots(
     """Fill the cells and entries of all slots, and `cell_start` (n_cells + 1,) with the room of each cell."""
     cell_start[:] = 0
     for cone in range(pose.shape[0]):
-        n = cells_of_cone(grid, pose[cone], pose[cone, REACH], cells, near)
+        n = cells_of_cone(grid, pose[cone], pose[cone, MAX_DISTANCE], cells, near)
         for k in range(n):
             slot_cell[slot_start[cone] + k] = cells[k]
-            slot_near[slot_start[cone] + k] = near[k] * (1.0 - HAIR_SHARE)
+            slot_near[slot_start[cone] + k] = near[k] * (1.0 - REL_TOL)
             cell_start[cells[k] + 1] += 1
     for cell in range(cell_start.size - 1):
         cell_start[cell + 1] += cell_start[cell]

@@ -1,5 +1,7 @@
 """Integer names of sides, sets, counters, moves and columns that the kernels share (frozen at compile time)."""
 
+import numpy as np
+
 INTERIOR = -1
 BOTTOM = 0
 RIGHT = 1
@@ -24,7 +26,7 @@ FREE_EDGES = 7
 ANCHOR_BLACK = 8
 NEEDS_ROOM = 9
 STEP = 10
-OCCUPIED = 11  # sensor positions that stand in black, and pieces of the way that edges block, edge by edge
+OCCUPIED = 11  # sensor positions in black, and pieces of the way that edges block, edge by edge
 N_COUNTS = 12
 
 # Entries of ``Graph.sums``.
@@ -92,35 +94,53 @@ MOVES = (
 
 N_MOVES = len(MOVES)
 
+PAIRS = {
+    TRIANGLE_BIRTH: TRIANGLE_DEATH,
+    BOUNDARY_BIRTH: BOUNDARY_DEATH,
+    CORNER_BIRTH: CORNER_DEATH,
+    SPLIT: MERGE,
+    CUT_WALL: MEND_WALL,
+    JOIN_WALL: PART_WALL,
+    DOCK: UNDOCK,
+    NOTCH: FILL,
+    BEND: UNBEND,
+}
+REVERSE = np.array([(PAIRS | {back: move for move, back in PAIRS.items()}).get(move, move) for move in range(N_MOVES)])
+"""The move that undoes each: the other one of its pair, else itself."""
+
 # Columns of the table of outcomes.
 PROPOSED = 0
 VALID = 1  # passed legality and the crossing check
 ACCEPTED = 2
 N_OUTCOMES = 3
 
-# Entries of the tuning array.
-SCALE = 0  # p, 1/m
-LOCAL_SHARE = 1  # share of births whose further vertices lie near the first
-BIRTH_REACH = 2  # median distance of those, m
-SPLIT_REACH = 3  # median distance of a split's new vertex from the edge, m
-MOVE_REACH = 4  # median displacement of a vertex move, m
-CUT_REACH = 5  # median distance of the corners of a cut from the lines of the wall, m
-INVERSE_TEMPERATURE = 6  # 1 samples the posterior, more prefers its mode over lines
-AIMED_SHARE = 7  # share of interior births that are aimed at returns; 0 without targets
-AIM_REACH = 8  # median distance of the vertices of such a birth, m
-LIKELIHOOD_POWER = 9  # exponent of the likelihood: 1 the posterior, 0 the prior; leaves the prior alone
-OCCUPIED_COST = 10  # log likelihood that each of those takes, nats; inf: there may be none
-JOIN_REACH = 11  # median distance of new corners from the feet of the vertices that are led to them, m
-REGION = 12  # the first of four: x_min, y_min, x_max, y_max of the region to which moves are confined
-REGION_TARGET = 16  # target in the middle of it, near which births are aimed; NONE: moves are not confined
-N_TUNING = 17
+# Entries of ``Chain.density``: the density that a chain samples.
+SCALE = 0  # p of the prior, 1/m
+INVERSE_TEMPERATURE = 1  # 1 samples the posterior, more prefers its mode over lines
+LIKELIHOOD_POWER = 2  # exponent of the likelihood: 1 the posterior, 0 the prior; leaves the prior alone
+OCCUPIED_COST = 3  # log likelihood that each occupied sensor or blocked piece takes, nats; inf: there may be none
+N_DENSITY = 4
+
+# Entries of ``Chain.tuning``: scales of the proposals. A reach is the median of a random distance, m.
+LOCAL_SHARE = 0  # share of births whose further vertices lie near the first
+BIRTH_REACH = 1  # of those
+SPLIT_REACH = 2  # of a split's new vertex from the edge
+MOVE_REACH = 3  # of a vertex move
+CUT_REACH = 4  # of the corners of a cut from the lines of the wall
+JOIN_REACH = 5  # of new corners from the feet of the vertices that are joined to them
+DOCK_REACH = 6  # no median: edges whose middles are nearer than this to a side are joined to it
+AIM_REACH = 7  # of the vertices of an aimed birth
+AIMED_SHARE = 8  # share of interior births that are aimed at returns; 0 without targets
+REGION = 9  # the first of four: x_min, y_min, x_max, y_max of the region to which moves are confined
+REGION_TARGET = 13  # target in the middle of it, near which births are aimed; NONE: moves are not confined
+N_TUNING = 14
 
 # Columns of ``Beams.ray``.
 ORIGIN_X = 0
 ORIGIN_Y = 1
 DIRECTION_X = 2
 DIRECTION_Y = 3
-REACH = 4  # no obstacle is met beyond this distance: window border or max range
+MAX_DISTANCE = 4  # beyond it no obstacle is met: window border or maximum range
 RANGE = 5  # the reading; inf for no return, -m where it is censored at m, the border of the window
 DISTANCE = 6  # to the first obstacle in the current map, inf for none
 BEAM_LOG_LIKELIHOOD = 7

@@ -1,16 +1,16 @@
-"""Whether the new edges of a proposal cross an edge that stays, or one another (paper, section 1.3.3)."""
+"""Whether the new edges of a proposal cross an edge that remains, or one another (paper, section 1.3.3)."""
 
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.geometry import segments_meet
 from prf.kernels.graph import Graph
 from prf.kernels.grid import walk
-from prf.kernels.proposal import N_NEW_EDGES, Proposal, goes
+from prf.kernels.proposal import N_NEW_EDGES, Proposal, is_edge_removed
 
 
 @core
 def crosses_in_cell(graph: Graph, index: EdgeIndex, proposal: Proposal, k: int, cell: int) -> bool:
-    """Whether the new edge k meets an edge of one cell that stays and has no vertex in common with it."""
+    """Whether the new edge k meets an edge of one cell that remains and has no vertex in common with it."""
     a = proposal.new_edges[k, 0]
     b = proposal.new_edges[k, 1]
     p = proposal.new_xy[k]
@@ -20,7 +20,7 @@ def crosses_in_cell(graph: Graph, index: EdgeIndex, proposal: Proposal, k: int, 
         if segments_meet(p[0], p[1], p[2], p[3], q[0], q[1], q[2], q[3]):
             u = graph.edge_vertices[edge, 0]
             v = graph.edge_vertices[edge, 1]
-            if u != a and u != b and v != a and v != b and not goes(proposal, edge):
+            if u != a and u != b and v != a and v != b and not is_edge_removed(proposal, edge):
                 return True
     return False
 
@@ -47,9 +47,11 @@ def is_valid(graph: Graph, index: EdgeIndex, proposal: Proposal) -> bool:
     if new_edges_meet(proposal):
         return False
     for k in range(proposal.counts[N_NEW_EDGES]):
-        xy = proposal.new_xy[k]
-        n = walk(index.grid, xy[0], xy[1], xy[2], xy[3], proposal.cells[k])
-        proposal.n_cells[k] = n
+        n = proposal.n_cells[k]
+        if n == 0:
+            xy = proposal.new_xy[k]
+            n = walk(index.grid, xy[0], xy[1], xy[2], xy[3], proposal.cells[k])
+            proposal.n_cells[k] = n
         for i in range(n):
             if crosses_in_cell(graph, index, proposal, k, proposal.cells[k, i]):
                 return False

@@ -23,7 +23,7 @@ class EdgeIndex(NamedTuple):
 
 @core
 def index_edge(index: EdgeIndex, edge: int, xy: np.ndarray) -> bool:
-    """Enter an edge with ends `xy` (4,) into the cells that it passes; tell whether some cell is short of room."""
+    """Enter an edge with ends `xy` (4,) into the cells that it passes; return whether some cell is short of room."""
     n = walk(index.grid, xy[0], xy[1], xy[2], xy[3], index.path)
     fullest = 0
     for k in range(n):
@@ -38,7 +38,7 @@ def index_edge(index: EdgeIndex, edge: int, xy: np.ndarray) -> bool:
 
 @core
 def unindex_edge(index: EdgeIndex, edge: int, xy: np.ndarray) -> None:
-    """Strike an edge with ends `xy` (4,) from the cells that it passes."""
+    """Remove an edge with ends `xy` (4,) from the cells that it passes."""
     n = walk(index.grid, xy[0], xy[1], xy[2], xy[3], index.path)
     for k in range(n):
         cell = index.path[k]

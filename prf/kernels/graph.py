@@ -11,7 +11,7 @@ from prf.kernels.geometry import sine_of_angle
 
 
 class Graph(NamedTuple):
-    """Arrays of one map; a slot is a row that a vertex or an edge keeps as long as it lives."""
+    """Arrays of one map; a slot is a row that a vertex or an edge keeps as long as it exists."""
 
     window: np.ndarray  # (4,) x_min, y_min, x_max, y_max
     vertex_xy: np.ndarray  # (capacity, 2) f8
@@ -109,13 +109,13 @@ def are_adjacent(graph: Graph, a: int, b: int) -> bool:
 
 @core
 def is_drawn(graph: Graph, edge: int) -> bool:
-    """Whether moves may draw an edge: all but the frozen ones of a part of a map (``guards``)."""
+    """Whether moves may pick an edge: all but the frozen ones of a part of a map (``guards``)."""
     return graph.positions[c.EDGES, edge] != c.NONE
 
 
 @core
-def may_go(graph: Graph, v: int) -> bool:
-    """Whether v lies in the interior and moves may take it away: none of its edges is frozen."""
+def is_removable(graph: Graph, v: int) -> bool:
+    """Whether v lies in the interior and moves may remove it: none of its edges is frozen."""
     return graph.positions[c.INTERIOR_VERTICES, v] != c.NONE
 
 
@@ -123,6 +123,27 @@ def may_go(graph: Graph, v: int) -> bool:
 def on_one_side(graph: Graph, a: int, b: int) -> bool:
     """Whether both vertices lie on the same side of the window."""
     return graph.vertex_side[a] != c.INTERIOR and graph.vertex_side[a] == graph.vertex_side[b]
+
+
+@core
+def outer_edge(graph: Graph, v: int, edge: int) -> int:
+    """The other of the two edges of an interior vertex v."""
+    if graph.vertex_edges[v, 0] == edge:
+        return graph.vertex_edges[v, 1]
+    return graph.vertex_edges[v, 0]
+
+
+@core
+def beyond(graph: Graph, v: int, edge: int) -> tuple[int, int]:
+    """The other of the two edges of an interior vertex v, and the vertex at its far end."""
+    other = outer_edge(graph, v, edge)
+    return other, other_end(graph, other, v)
+
+
+@core
+def can_join(graph: Graph, a: int, b: int) -> bool:
+    """Whether an edge may join a and b: none does yet, and they do not lie on one side."""
+    return a != b and not are_adjacent(graph, a, b) and not on_one_side(graph, a, b)
 
 
 @core
@@ -166,23 +187,23 @@ def attach(graph: Graph, v: int, edge: int) -> None:
 
 @core
 def detach(graph: Graph, v: int, edge: int) -> None:
-    """Strike `edge` from those that end in v; the first place stays the occupied one."""
+    """Remove `edge` from those that end in v; the first place stays the occupied one."""
     if graph.vertex_edges[v, 0] == edge:
         graph.vertex_edges[v, 0] = graph.vertex_edges[v, 1]
     graph.vertex_edges[v, 1] = c.NONE
 
 
 @core
-def add_vertex(graph: Graph, v: int) -> None:
-    """Bring the slot v, whose coordinates and side stand already, to life."""
+def insert_vertex(graph: Graph, v: int) -> None:
+    """Insert the vertex in slot v, whose coordinates and side are set already."""
     graph.vertex_edges[v, 0] = c.NONE
     graph.vertex_edges[v, 1] = c.NONE
     set_add(graph, c.INTERIOR_VERTICES if graph.vertex_side[v] == c.INTERIOR else c.BOUNDARY_VERTICES, v)
 
 
 @core
-def remove_vertex(graph: Graph, v: int) -> None:
-    """Take v out of every set and give its slot back."""
+def delete_vertex(graph: Graph, v: int) -> None:
+    """Delete a vertex: take it out of every set and free its slot."""
     set_remove(graph, c.INTERIOR_VERTICES, v)
     set_remove(graph, c.BOUNDARY_VERTICES, v)
     set_remove(graph, c.TRIANGLE_VERTICES, v)
@@ -192,7 +213,7 @@ def remove_vertex(graph: Graph, v: int) -> None:
 
 
 @core
-def add_edge(graph: Graph, a: int, b: int, length: float) -> int:
+def insert_edge(graph: Graph, a: int, b: int, length: float) -> int:
     """Join a and b by a new edge and return its slot."""
     graph.counts[c.FREE_EDGES] -= 1
     edge = graph.free_edges[graph.counts[c.FREE_EDGES]]
@@ -212,8 +233,8 @@ def add_edge(graph: Graph, a: int, b: int, length: float) -> int:
 
 
 @core
-def remove_edge(graph: Graph, edge: int) -> None:
-    """Strike an edge and give its slot back."""
+def delete_edge(graph: Graph, edge: int) -> None:
+    """Delete an edge and free its slot."""
     detach(graph, graph.edge_vertices[edge, 0], edge)
     detach(graph, graph.edge_vertices[edge, 1], edge)
     set_remove(graph, c.EDGES, edge)
@@ -235,7 +256,7 @@ def classify_vertex(graph: Graph, v: int) -> None:
         if is_drawn(graph, first) and is_drawn(graph, last):
             middle = edge_between(graph, a, b)
             in_triangle = middle != c.NONE and is_drawn(graph, middle)
-            in_triangle = in_triangle and may_go(graph, v) and may_go(graph, a) and may_go(graph, b)
+            in_triangle = in_triangle and is_removable(graph, v) and is_removable(graph, a) and is_removable(graph, b)
             is_apex = on_one_side(graph, a, b)
     if in_triangle:
         set_add(graph, c.TRIANGLE_VERTICES, v)

@@ -18,10 +18,10 @@ ORIGIN_SHIFT = 0.6180339887498949
 coordinates then never lies exactly on a border of cells."""
 
 
-HAIR_SHARE = 1e-6
-HAIR = 1e-9
-"""Share, and metres besides, by which distances to borders of cells are lowered: rounding may then ask a cell in vain,
-but never pass one over."""
+REL_TOL = 1e-6
+ABS_TOL = 1e-9
+"""Share, and metres besides, by which distances to borders of cells are lowered: rounding may then search a cell in
+vain, but never miss one."""
 
 
 class Grid(NamedTuple):

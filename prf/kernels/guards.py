@@ -1,8 +1,8 @@
-"""Edges that must stay, and places where no edge may come.
+"""Edges that must remain, and places that no new edge may meet.
 
-A chain in a tile (``prf.sampler.tiles``) holds edges that do not lie inside the tile, and readings that other tiles
-answer for pass through it. The first must stay; the second must see the same obstacles as before. Any chain may hold
-the way that was driven (``prf.driven``), of which no edge may come within the radius of the robot: under a finite cost
+A chain in a tile (``prf.sampler.tiles``) holds edges that do not lie inside the tile, and readings that belong to other
+tiles pass through it. The first must remain; the second must see the same obstacles as before. Any chain may hold the
+way that was driven (``prf.driven``), to which no edge may be nearer than the radius of the robot: under a finite cost
 of occupied sensors each edge that does costs as much for each piece of the way.
 """
 
@@ -74,7 +74,7 @@ def meets_triangle(xy: np.ndarray, corner: np.ndarray) -> bool:
 
 @core
 def meets_guard(shape: np.ndarray, xy: np.ndarray) -> bool:
-    """Whether an edge `xy` (4,) would stand in the way of a guarded reading; rays as the beams themselves see it."""
+    """Whether an edge `xy` (4,) would block a guarded reading; rays as the beams themselves see it."""
     if shape[KIND] == GUARD_TRIANGLE:
         return meets_triangle(xy, shape[1:])
     if shape[KIND] == GUARD_WAY:
@@ -124,7 +124,7 @@ def is_listed_before(guards: Guards, guard: int, cells: np.ndarray, n: int) -> b
 
 @core
 def pieces_met(guards: Guards, xy: np.ndarray, cells: np.ndarray, n: int) -> int:
-    """Number of pieces of the way that an edge `xy` (4,), which passes the first `n` of `cells`, comes too near to."""
+    """Number of pieces of the way that an edge `xy` (4,), which passes the first `n` of `cells`, is too near to."""
     first = 1 + guards.lists[0]
     met = 0
     for i in range(n):
@@ -138,7 +138,7 @@ def pieces_met(guards: Guards, xy: np.ndarray, cells: np.ndarray, n: int) -> int
 
 @core
 def blocked_change(graph: Graph, index: EdgeIndex, guards: Guards, proposal: Proposal) -> int:
-    """Change of the number of pairs of an edge and a piece of the way that it comes too near to."""
+    """Change of the number of pairs of an edge and a piece of the way that it is too near to."""
     if guards.lists.shape[0] == 1:
         return 0
     change = 0
@@ -164,7 +164,7 @@ def count_blocked(graph: Graph, index: EdgeIndex, guards: Guards) -> int:
 
 @core
 def cells_of_way(grid: Grid, shape: np.ndarray, path: np.ndarray) -> int:
-    """Write the cells that a piece of the way comes near to; return their number."""
+    """Write the cells near a piece of the way; return their number."""
     radius = shape[5]
     i0 = axis_index((min(shape[1], shape[3]) - radius - grid.x0) / grid.cell, grid.nx)
     i1 = axis_index((max(shape[1], shape[3]) + radius - grid.x0) / grid.cell, grid.nx)

@@ -9,14 +9,14 @@ from prf.kernels._jit import core
 
 ROOT_TWO_PI = math.sqrt(2.0 * math.pi)
 ROOT_HALF = math.sqrt(0.5)
-WHOLE = 9.0
+CDF_SATURATION = 9.0
 """Phi(x) is 1 to the last bit of a double for x above this."""
 
 
 @core
 def normal_cdf(x: float) -> float:
     """Phi(x), the standard normal distribution function."""
-    if x > WHOLE:
+    if x > CDF_SATURATION:
         return 1.0
     return 0.5 * math.erfc(-x * ROOT_HALF)
 

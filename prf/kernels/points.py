@@ -1,9 +1,9 @@
 """Point observations: values at places whose density depends on the colour of the map there (paper, equation 5).
 
 Points are kept in bands of ascending y, sorted by x within a band. A band whose points share one y, such as a row of
-a bitmap, is read by where the loop crosses it; in any other each point in the loop's box is asked. Every point knows
-what the log likelihood would gain if its colour turned, so that a proposal's change is a sum over the points inside
-its loop, and turning is a change of sign.
+a bitmap, is read by where the loop crosses it; in any other each point in the loop's box is tested. For every
+point the gain of log likelihood if its colour turned is kept: a proposal's change is a sum over the points inside its
+loop, and turning is a change of sign.
 """
 
 from typing import NamedTuple

@@ -1,6 +1,6 @@
 """Squares and paths against the edges of many stored colorings.
 
-Points come sorted by x: an edge then meets only the points of its own band of x, found by bisection
+Points are sorted by x: an edge then meets only the points of its own band of x, found by bisection
 (2,000 points in 2,000 draws of 2,300 edges: 2.5 CPU seconds).
 """
 
@@ -44,7 +44,7 @@ def draws_mark_squares(
 
 @jit
 def edge_near_path(a: np.ndarray, b: np.ndarray, path: np.ndarray, radius: float) -> bool:
-    """Whether the edge a-b comes within `radius` of the polyline `path`; boxes are compared before distances."""
+    """Whether the edge a-b lies within `radius` of the polyline `path`; boxes are compared before distances."""
     for piece in range(path.shape[0] - 1):
         c, d = path[piece], path[piece + 1]
         if max(a[0], b[0]) < min(c[0], d[0]) - radius or min(a[0], b[0]) > max(c[0], d[0]) + radius:

@@ -1,4 +1,4 @@
-"""Segments listed by the cells of a grid that they pass: a ray or a cone asks those of its cells instead of all."""
+"""Segments listed by the cells of a grid that they pass: a ray or a cone meets those of its cells instead of all."""
 
 import numpy as np
 

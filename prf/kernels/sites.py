@@ -1,4 +1,4 @@
-"""Sites whose colour matters: sensors, which must stand in white, or cost something where they do not.
+"""Sites whose colour matters: sensors, which must be in white, or cost something where they are not.
 
 A grid finds those that a loop may enclose.
 """

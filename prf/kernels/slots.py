@@ -49,7 +49,7 @@ def list_slot(slots: Slots, owner: int, slot: int) -> None:
 
 @core
 def unlist_slot(slots: Slots, slot: int) -> None:
-    """Strike a slot from its cell's list by moving the last entry into its place."""
+    """Remove a slot from its cell's list by moving the last entry into its place."""
     cell = slots.slot_cell[slot]
     place = slots.slot_place[slot]
     last = slots.cell_count[cell] - 1

@@ -6,7 +6,7 @@ import numpy as np
 
 from prf.kernels._jit import core
 from prf.kernels.laser import ROOT_TWO_PI, normal_cdf
-from prf.kernels.visibility import BEARING, CORNER, DEPTH, KIND, N_FEATURES, PROJECTION, SUBTENDED, Sight
+from prf.kernels.sonar_features import BEARING, CORNER, DEPTH, KIND, N_FEATURES, PROJECTION, SUBTENDED, Sight
 
 # Entries of the sonar model's array.
 SONAR_MAX = 0  # maximum range, m

@@ -9,15 +9,15 @@ from prf.kernels._jit import core, core_entry
 from prf.kernels.geometry import ray_hit
 from prf.kernels.graph import (
     Graph,
-    add_edge,
-    add_vertex,
     classify_vertex,
     distance,
+    insert_edge,
+    insert_vertex,
     is_drawn,
     set_remove,
     vertex_sine_now,
 )
-from prf.kernels.grid import HAIR, HAIR_SHARE, Grid, exit_distance, walk
+from prf.kernels.grid import ABS_TOL, REL_TOL, Grid, exit_distance, walk
 from prf.kernels.guards import Guards, meets_triangle
 from prf.kernels.image import Image, count_edge
 
@@ -95,7 +95,7 @@ def first_outside(
                 if t < best:
                     best = t
                     found[beam] = edge
-            if best <= exit_distance(grid, path[i], ox, oy, ux, uy) * (1.0 - HAIR_SHARE) - HAIR:
+            if best <= exit_distance(grid, path[i], ox, oy, ux, uy) * (1.0 - REL_TOL) - ABS_TOL:
                 break
         distance[beam] = best
 
@@ -126,11 +126,11 @@ def fill_part(graph: Graph, n_vertices: int, edges: np.ndarray, is_live: np.ndar
     A vertex can be drawn if all its edges can; a vertex beyond the part may lack an edge.
     """
     for v in range(n_vertices):
-        add_vertex(graph, v)
+        insert_vertex(graph, v)
     for k in range(edges.shape[0]):
         a = edges[k, 0]
         b = edges[k, 1]
-        edge = add_edge(graph, a, b, distance(graph, a, b))
+        edge = insert_edge(graph, a, b, distance(graph, a, b))
         if is_live[k] == 0:
             set_remove(graph, c.EDGES, edge)
             set_remove(graph, c.CORNER_CUTS, edge)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from prf.coloring import Coloring
 from prf.kernels import constants as c
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.kernels.chain import Chain
 from prf.layout import make_image, read_coloring, run_chain
 from prf.posterior import Settings, make_chain, one_colour_map
@@ -153,7 +153,7 @@ class ChainSampler:
         """Lay out sums and lists anew, as at the end of every block."""
         if self.ground is not None:
             self.chain = self.ground.settle(self.chain)
-        resum(self.chain)
+        recompute_sums(self.chain)
         self.doubts.look(self.chain)
         if self.tempering is not None:
             self.tempering.settle()

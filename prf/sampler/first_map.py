@@ -15,7 +15,7 @@ import numpy as np
 
 from prf.coloring import Coloring
 from prf.kernels import constants as c
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.layout import make_sites, read_coloring, run_chain
 from prf.posterior import LaserData, PointData, Settings, SonarData, make_chain, one_colour_map, white_places
 
@@ -81,7 +81,7 @@ def _climb(
     best = -np.inf
     for look in range(1, MOST_LOOKS + 1):
         chain = run_chain(chain, rng, look * LOOK)
-        resum(chain)
+        recompute_sums(chain)
         now = chain.graph.sums[c.LOG_PRIOR] + chain.graph.sums[c.LOG_LIKELIHOOD]
         if now < best + least or stop_requested():
             break

@@ -1,7 +1,7 @@
 """Steps where they are needed: in regions round targets, which are drawn by how doubtful their returns are.
 
 A region is drawn without a look at the map (:mod:`prf.sampler.doubts`), and the moves of the chain are confined to it
-for a fixed number of steps (:mod:`prf.kernels.region`). Given what lies outside, they sample what lies inside: every
+for a fixed number of steps (:mod:`prf.kernels.frozen`). Given what lies outside, they sample what lies inside: every
 one of them leaves the posterior what it is, and so do all together.
 """
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from prf.kernels import constants as c
 from prf.kernels.chain import Chain
-from prf.kernels.region import confine, release
+from prf.kernels.frozen import confine, release
 from prf.kernels.step import run
 from prf.kernels.targets import NEAR
 from prf.layout import grow, run_chain
@@ -33,9 +33,9 @@ class Focus:
 
     def __init__(self, chain: Chain) -> None:
         self.half = (NEAR + MARGIN) * chain.targets.grid.cell
-        self._odds = chain.odds.copy()
-        self._odds[list(LEFT_OUT)] = 0.0
-        self._odds /= self._odds.sum()
+        self._move_probabilities = chain.move_probabilities.copy()
+        self._move_probabilities[list(LEFT_OUT)] = 0.0
+        self._move_probabilities /= self._move_probabilities.sum()
 
     def run_to(self, chain: Chain, rng: np.random.Generator, step: int) -> Chain:
         """Run a chain up to `step`, turn by turn; return it."""
@@ -55,7 +55,7 @@ class Focus:
         while True:
             frozen = np.empty(len(chain.graph.edge_length), np.int32)
             n = confine(chain.graph, tuning, frozen)
-            done = run(chain._replace(tuning=tuning, odds=self._odds), rng, step)
+            done = run(chain._replace(tuning=tuning, move_probabilities=self._move_probabilities), rng, step)
             release(chain.graph, frozen, n)
             if done:
                 return chain

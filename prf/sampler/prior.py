@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from prf.arak import checked_scale, refuse_endless
+from prf.arak import checked_scale, refuse_too_many_edges
 from prf.coloring import Coloring, Draws
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.laws import expected_edges
 from prf.layout import read_coloring, run_chain
 from prf.posterior import Settings, make_chain
@@ -26,7 +26,7 @@ def chosen_thin(scale: float, window: Window) -> int:
 
 def mcmc_draws(scale: float, window: Window, n_draws: int, thin: int | None = None, seed: int = 0) -> tuple[Draws, int]:
     """Draw maps from the Arak prior by one Markov chain from the all white map."""
-    refuse_endless(scale, window, n_draws)
+    refuse_too_many_edges(scale, window, n_draws)
     settings = Settings(window, checked_scale(scale))
     chain = make_chain(settings, Coloring.empty(window))
     rng = spawn_generators(seed, 1)[0]
@@ -35,7 +35,7 @@ def mcmc_draws(scale: float, window: Window, n_draws: int, thin: int | None = No
     colorings = []
     for _ in range(n_draws):
         chain = run_chain(chain, rng, until)
-        resum(chain)
+        recompute_sums(chain)
         colorings.append(read_coloring(chain.graph))
         until += spacing
     return Draws.from_colorings(colorings, window), spacing

@@ -20,11 +20,11 @@ from prf.driven import way_guards
 from prf.kernels import constants as c
 from prf.kernels.build import fill_index
 from prf.kernels.chain import Chain
-from prf.kernels.cones import REACH
+from prf.kernels.cones import MAX_DISTANCE
+from prf.kernels.frozen import freeze, retrace, thaw
 from prf.kernels.grid import Grid, most_cells
 from prf.kernels.guards import GUARD_BOX, N_SHAPE
-from prf.kernels.prior_ground import freeze, retrace, thaw
-from prf.kernels.seen import mark_beams, mark_cones
+from prf.kernels.passed_cells import mark_beams, mark_cones
 from prf.kernels.step import run
 from prf.layout import grow, make_guards, make_index
 from prf.posterior import Settings, make_chain
@@ -88,6 +88,7 @@ class PriorGround:
                 targets=bare.targets,
                 guards=self._guards,
                 proposal=bare.proposal,
+                density=bare.density,
                 tuning=bare.tuning,
                 outcomes=bare.outcomes,
                 image=bare.image,
@@ -131,7 +132,7 @@ def influence_of(settings: Settings, chain: Chain) -> Floats:
     ray = chain.beams.ray
     if settings.laser is None:
         return np.zeros(0)
-    return np.asarray(np.minimum(ray[:, c.REACH], settings.laser.model.influence(ray[:, c.RANGE])))
+    return np.asarray(np.minimum(ray[:, c.MAX_DISTANCE], settings.laser.model.influence(ray[:, c.RANGE])))
 
 
 def closed_cells(settings: Settings, chain: Chain) -> Bools:
@@ -146,7 +147,7 @@ def closed_cells(settings: Settings, chain: Chain) -> Bools:
         mark_cones(
             grid,
             pose,
-            np.ascontiguousarray(pose[:, REACH]),
+            np.ascontiguousarray(pose[:, MAX_DISTANCE]),
             np.empty(room, np.int32),
             np.empty(room),
             is_closed.reshape(-1),

@@ -15,7 +15,7 @@ import numpy as np
 from prf.arak import exact_draws
 from prf.coloring import Coloring, occupied_polygons
 from prf.kernels import constants as c
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.layout import read_coloring, run_chain
 from prf.posterior import Settings, make_chain
 from prf.sampler.contour import contour_map, map_of_region
@@ -64,9 +64,9 @@ def from_prior(settings: Settings, rng: np.random.Generator, stop_requested: Cal
     for look in range(1, RISE + MOST_DOUBLINGS + 1):
         if stop_requested() or (look > RISE and chain.graph.counts[c.OCCUPIED] == 0):
             break
-        chain.tuning[c.LIKELIHOOD_POWER] = LOWEST_POWER ** (1.0 - min(look, RISE) / RISE)
-        chain.tuning[c.OCCUPIED_COST] = cost * 2.0 ** max(0, look - RISE)
+        chain.density[c.LIKELIHOOD_POWER] = LOWEST_POWER ** (1.0 - min(look, RISE) / RISE)
+        chain.density[c.OCCUPIED_COST] = cost * 2.0 ** max(0, look - RISE)
         chain = run_chain(chain, rng, look * LOOK)
-        resum(chain)
+        recompute_sums(chain)
     coloring = read_coloring(chain.graph)
     return map_of_region(occupied_polygons(coloring), settings) if chain.graph.counts[c.OCCUPIED] else coloring

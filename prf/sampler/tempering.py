@@ -18,7 +18,7 @@ import numpy as np
 from prf.arak import exact_draws
 from prf.coloring import Coloring
 from prf.kernels import constants as c
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.kernels.chain import Chain
 from prf.layout import run_chain
 from prf.posterior import Settings
@@ -55,8 +55,8 @@ class Tempering:
     def apply_powers(self) -> None:
         """Give every hot rung its power and the cost of occupied sensors."""
         for chain, power in zip(self.hot, self.ladder.powers[1:], strict=True):
-            chain.tuning[c.LIKELIHOOD_POWER] = power
-            chain.tuning[c.OCCUPIED_COST] = self.cost
+            chain.density[c.LIKELIHOOD_POWER] = power
+            chain.density[c.OCCUPIED_COST] = self.cost
 
     def start_at(self, coloring: Coloring) -> None:
         """Before the first step: let every hot rung start from this map."""
@@ -77,7 +77,7 @@ class Tempering:
     def settle(self) -> None:
         """Lay out sums and lists of all hot rungs anew."""
         for chain in self.hot:
-            resum(chain)
+            recompute_sums(chain)
 
     def run_to(self, cold: Chain, rng: np.random.Generator, step: int) -> Chain:
         """Run all rungs up to `step`, swapping on the way; return the cold one."""

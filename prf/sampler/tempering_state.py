@@ -9,7 +9,7 @@ import numpy as np
 
 from prf.coloring import Coloring
 from prf.kernels import constants as c
-from prf.kernels.build import resum, trace_all
+from prf.kernels.build import recompute_sums, trace_all
 from prf.kernels.chain import Chain
 from prf.kernels.graph import Graph
 from prf.kernels.image import paint_all, settle_all
@@ -83,7 +83,7 @@ def with_graph(chain: Chain, settings: Settings, graph: Graph) -> Chain:
         sensors=painted_sites(chain.sensors, coloring),
     )
     trace_all(placed)
-    resum(placed)
+    recompute_sums(placed)
     return placed
 
 

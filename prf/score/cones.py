@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from prf.coloring import Draws, black_at_draws
-from prf.kernels.cone_score import add_sonar_densities, grid_cones
 from prf.kernels.cones import READING
+from prf.kernels.sonar_score import add_sonar_densities, grid_cones
 from prf.logs import Readings, thin
 from prf.logs.rings import fields_of_view
 from prf.occupancy import OccupancyGrid

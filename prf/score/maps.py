@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from prf import estimate
 from prf.coloring import Coloring, Draws, black_at_draws
-from prf.kernels.score import add_densities, grid_beams
+from prf.kernels.laser_score import add_densities, grid_beams
 from prf.occupancy import OccupancyGrid, is_grid, read_grid
 from prf.occupancy import occupied_probability as cells_occupied
 from prf.run import PosteriorImage, names, read_run

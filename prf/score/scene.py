@@ -12,10 +12,10 @@ from shapely.geometry.base import BaseGeometry
 from prf.coloring import Coloring
 from prf.coloring.polygons import turning_corners
 from prf.kernels import constants as c
-from prf.kernels.cone_score import Scene, list_features
 from prf.kernels.grid import most_cells
 from prf.kernels.segment_lists import segments_by_cell
-from prf.kernels.visibility import N_FEATURE, POSE_X, POSE_Y
+from prf.kernels.sonar_features import N_FEATURE, POSE_X, POSE_Y
+from prf.kernels.sonar_score import Scene, list_features
 from prf.score.trace import index_grid
 from prf.sensors.sonar import make_sight
 from prf.window import INTERIOR, Window
@@ -120,7 +120,7 @@ def features_seen(scene: Scene, pose: Floats, reach: float) -> tuple[NDArray[np.
     start : (n + 1,) int64
         Rows `start[i]` to before `start[i + 1]` belong to cone i.
     feature : (n_features, N_FEATURE) float64
-        Columns as in ``prf.kernels.visibility``.
+        Columns as in ``prf.kernels.sonar_features``.
     """
     start = np.zeros(len(pose) + 1, np.int64)
     feature = np.empty((0, N_FEATURE))

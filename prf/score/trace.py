@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.kernels.grid import Grid, make_grid, most_cells
-from prf.kernels.score import trace_rays
+from prf.kernels.laser_score import trace_rays
 from prf.window import Window
 
 Floats = NDArray[np.float64]

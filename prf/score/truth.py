@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from prf.kernels.visibility import BORDER, POSE_COS, POSE_SIN
+from prf.kernels.sonar_features import BORDER, POSE_COS, POSE_SIN
 from prf.score.cones import HeldOutSonar
 from prf.score.heldout import HeldOut
 from prf.score.points import CLIP, OUTSIDE

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from prf.kernels import constants as c
 from prf.kernels.beams import Beams, count_slots, fill_slots
-from prf.kernels.bounds import FADED, find_aims
 from prf.kernels.grid import Grid, most_cells
+from prf.kernels.laser_change import FADED, find_aims
 from prf.sensors.domain import LEAST_PROBABILITY, check_factor, check_length
 from prf.shell.errors import ConfigError
 from prf.window import Window
@@ -130,8 +130,8 @@ class LaserModel:
     def aim(self, readings: Floats) -> tuple[Floats, Floats]:
         """Return the distances (n,) between which an obstacle can explain a reading better than none before its own.
 
-        Outside of them a beam that is cut gains less than :data:`prf.kernels.bounds.FADED`; one without return, or that
-        is censored (readings as of :func:`make_rays`), nowhere.
+        Outside of them a beam that is cut gains less than :data:`prf.kernels.laser_change.FADED`; one without return,
+        or that is censored (readings as of :func:`make_rays`), nowhere.
         """
         if self.is_wide:
             return np.full(len(readings), -np.inf), np.full(len(readings), np.inf)
@@ -197,9 +197,9 @@ def make_rays(window: Window, model: LaserModel, origin: Floats, angle: Floats, 
     ray[:, c.DIRECTION_Y] = np.sin(angle)
     direction = ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
     leaves = window_exit(window, ray[:, :2], direction)
-    ray[:, c.REACH] = np.minimum(leaves, model.max_range)
+    ray[:, c.MAX_DISTANCE] = np.minimum(leaves, model.max_range)
     beyond = np.where(leaves < model.max_range, -leaves, np.inf)
-    ray[:, c.RANGE] = np.where(readings < ray[:, c.REACH], readings, beyond)
+    ray[:, c.RANGE] = np.where(readings < ray[:, c.MAX_DISTANCE], readings, beyond)
     ray[:, c.DISTANCE] = np.inf
     return ray
 
@@ -224,7 +224,7 @@ def number_of_levels(n: int) -> int:
 def empty_lists(beams: Beams, edge_capacity: int) -> Beams:
     """Return the beams with empty lists for so many edges; they must be listed anew."""
     shape = (edge_capacity, beams.first_beam.shape[1])
-    return beams._replace(first_beam=np.full(shape, c.NONE, np.int32), edge_gap=np.zeros(shape))
+    return beams._replace(first_beam=np.full(shape, c.NONE, np.int32), edge_shortfall=np.zeros(shape))
 
 
 def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int, n_levels: int | None = None) -> Beams:
@@ -272,8 +272,8 @@ def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int, n
         entries=np.zeros((n_slots, 2), np.int32),
         best=model.best_log_likelihood(ray[:, c.RANGE]),
         aim=aim,
-        edge_gap=np.zeros((edge_capacity, n_levels)),
-        cell_gap=np.zeros(n_levels * n_cells),
+        edge_shortfall=np.zeros((edge_capacity, n_levels)),
+        cell_shortfall=np.zeros(n_levels * n_cells),
         mark=np.zeros(n, np.int32),
         touched=np.zeros(n, np.int32),
         touched_edge=np.zeros(n, np.int32),

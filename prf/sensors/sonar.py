@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from prf.kernels import cones as k
 from prf.kernels import constants as c
 from prf.kernels import sonar as m
-from prf.kernels import visibility as v
+from prf.kernels import sonar_features as v
 from prf.kernels.grid import Grid
 from prf.sensors.domain import LEAST_PROBABILITY, check_factor, check_length
 from prf.sensors.laser import MOST_SLOTS, unit_vectors, window_exit
@@ -117,7 +117,7 @@ def return_probabilities(model: SonarModel, feature: Floats) -> Returns:
     ----------
     model : SonarModel
     feature : (n, N_FEATURE) array
-        Nearest first, columns as in ``prf.kernels.visibility``.
+        Nearest first, columns as in ``prf.kernels.sonar_features``.
     """
     depth = feature[:, v.DEPTH]
     corner = model.corner_bias - model.corner_distance * depth
@@ -181,9 +181,9 @@ def make_poses(
     pose[:, v.POSE_SIN] = np.sin(angle)
     pose[:, v.BORDER] = np.tan(0.5 * cone)
     leaves = np.full(len(angle), np.inf) if window is None else cone_exit(window, origin, angle, cone)
-    pose[:, k.REACH] = np.minimum(leaves, model.max_range)
-    pose[:, k.READING] = np.where(readings < pose[:, k.REACH], readings, np.inf)
-    pose[:, k.EXTENT] = pose[:, k.REACH]
+    pose[:, k.MAX_DISTANCE] = np.minimum(leaves, model.max_range)
+    pose[:, k.READING] = np.where(readings < pose[:, k.MAX_DISTANCE], readings, np.inf)
+    pose[:, k.EXTENT] = pose[:, k.MAX_DISTANCE]
     return pose
 
 

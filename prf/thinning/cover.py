@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.kernels.grid import make_grid, most_cells
-from prf.kernels.thinning import choose_lacking, count_passes
+from prf.kernels.passed_cells import choose_lacking, count_passes
 from prf.window import Window
 
 Floats = NDArray[np.float64]

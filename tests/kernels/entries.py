@@ -18,12 +18,12 @@ from prf.kernels.geometry import (
 from prf.kernels.grid import Grid, cell_at, exit_distance, walk
 from prf.kernels.image import Image, count_edge, recolor_inside
 from prf.kernels.laser import beam_log_likelihood
+from prf.kernels.laser_change import touch_beams
 from prf.kernels.points import Points, gain_inside, sum_points
 from prf.kernels.sites import Sites, any_inside, occupied_change
 from prf.kernels.sonar import sonar_log_likelihood
+from prf.kernels.sonar_features import BORDER, N_LINES, Sight, see_edge, sweep
 from prf.kernels.step import choose_move, propose
-from prf.kernels.touch import touch_beams
-from prf.kernels.visibility import BORDER, N_LINES, Sight, see_edge, sweep
 
 
 @core_entry
@@ -154,7 +154,7 @@ def decide_early(chain: Chain, rng: np.random.Generator, n: int, counts: np.ndar
     """
     k = 0
     while k < n:
-        legal, _ = propose(chain, choose_move(chain.odds, rng), rng)
+        legal, _, _ = propose(chain, choose_move(chain.move_probabilities, rng), rng)
         if not legal or not is_valid(chain.graph, chain.edge_index, chain.proposal):
             continue
         k += 1

@@ -22,7 +22,7 @@ from tests.reference.plain_map import cells_passed
 from tests.reference.proposals import Plan, log_proposal_density
 
 SEED = 20050726
-ONE_WAY = {"local recolor", "cut wall", "mend wall", "join wall", "part wall", "fill"}
+ONE_WAY = {"local recolor", "cut wall", "mend wall", "join wall", "part wall", "fill", "unbend"}
 """Moves to whose result no way may lead back."""
 
 
@@ -87,7 +87,7 @@ def plan(**changes: float) -> Plan:
         "join_reach": 0.1,
         **changes,
     }
-    return Plan(**tuning, odds=np.ones(c.N_MOVES), grid=GRID)
+    return Plan(**tuning, move_probabilities=np.ones(c.N_MOVES), grid=GRID)
 
 
 def loop(*points: tuple[float, float]) -> Coloring:

@@ -328,7 +328,7 @@ def densities(lab: Lab, move: int, start: Chain, end: Chain) -> tuple[float, flo
     x, y = read_coloring(start.graph), read_coloring(end.graph)
     a, b = plain_map(x), plain_map(y)
     drawn = sum(density(start, move, branch, b) for branch in BRANCHES[move](start, a, b, lab.plan))
-    return drawn, math.exp(log_proposal_density(move, x, y, lab.plan)) / lab.plan.odds[move]
+    return drawn, math.exp(log_proposal_density(move, x, y, lab.plan)) / lab.plan.move_probabilities[move]
 
 
 @pytest.mark.parametrize("move", BRANCHES, ids=[NAMES[move] for move in BRANCHES])

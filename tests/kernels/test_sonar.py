@@ -12,7 +12,7 @@ import shapely
 from prf.arak import exact_draws
 from prf.coloring import Coloring, black_at
 from prf.coloring.polygons import from_polygons
-from prf.kernels import visibility as v
+from prf.kernels import sonar_features as v
 from prf.kernels.sonar import OUTLIER_SHORT, OUTLIER_UNIFORM
 from prf.sensors.sonar import make_poses, make_sight
 from prf.window import INTERIOR, Window

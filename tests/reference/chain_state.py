@@ -1,4 +1,4 @@
-"""What slots, sets and stacks of a chain must satisfy beyond what `prf.recompute` compares, in plain Python."""
+"""What slots, sets and stacks of a chain must satisfy beyond what `recompute` compares, in plain Python."""
 
 from __future__ import annotations
 

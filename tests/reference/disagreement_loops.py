@@ -1,10 +1,11 @@
 """A second sampler of posteriors over maps, which shares nothing with the first: disagreement loops, in plain Python.
 
-A map is read as the history of particles that move in time x (the dynamic representation, ``prf.kernels.dynamic``). A
-proposal adds a birth, takes one away, or turns a particle anew where it turned, and lets the particles live again: each
-keeps to its old path as long as it lived, and who outlives its old end, because its partner does not come, goes on by
-fresh random numbers. Old and new map differ by a loop then, and the prior is left alone but for the numbers of births
-and turns to choose from (Schreiber, arXiv 0802.2115; Kluszczyński, van Lieshout, Schreiber 2007):
+A map is read as the history of particles that move in time x (the dynamic representation,
+``prf.kernels.arak_sampler``). A proposal adds a birth, takes one away, or turns a particle anew where it turned, and
+lets the particles live again: each keeps to its old path as long as it lived, and who outlives its old end, because its
+partner does not come, goes on by fresh random numbers. Old and new map differ by a loop then, and the prior is left
+alone but for the numbers of births and turns to choose from (Schreiber, arXiv 0802.2115; Kluszczyński, van Lieshout,
+Schreiber 2007):
 
     a birth more    Lambda / (n + 1),        a birth less    n / Lambda,        a turn anew    t / t',
 

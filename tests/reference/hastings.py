@@ -22,10 +22,12 @@ from prf.arak import exact_draws
 from prf.coloring import Coloring, black_at, violations
 from prf.kernels import constants as c
 from prf.kernels._jit import core_entry
+from prf.kernels.accept import accept, log_proposal_ratio
 from prf.kernels.chain import Chain, apply
 from prf.kernels.crossing import is_valid
-from prf.kernels.proposal import N_LOOP, N_NEW_EDGES, N_OLD_EDGES, log_prior_change
-from prf.kernels.step import evaluate, log_ratio_of_cells, propose, run
+from prf.kernels.prior import log_prior_change
+from prf.kernels.proposal import N_LOOP, N_NEW_EDGES, N_OLD_EDGES
+from prf.kernels.step import propose, run
 from prf.kernels.targets import Targets
 from prf.layout import grow, make_targets, read_coloring
 from prf.posterior import Settings, make_chain
@@ -93,18 +95,18 @@ CASES = (
 
 @core_entry
 def attempt(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, bool, bool, float]:
-    """Propose, and apply what is valid; return (legal, valid, whether `evaluate` decides by log R, log R)."""
+    """Propose, and apply what is valid; return (legal, valid, whether `accept` decides by log R, log R)."""
     graph, proposal = chain.graph, chain.proposal
-    legal, of_proposals = propose(chain, move, rng)
+    legal, log_forward, log_reverse = propose(chain, move, rng)
     if not legal or not is_valid(graph, chain.edge_index, proposal):
         return legal, False, True, -math.inf
-    prior = log_prior_change(graph, proposal, chain.tuning[c.SCALE])
-    ratio = prior + of_proposals + log_ratio_of_cells(chain, move)
+    prior = log_prior_change(graph, proposal, chain.density[c.SCALE])
+    ratio = prior + log_proposal_ratio(chain.move_probabilities, move, log_forward, log_reverse)
     middle = max(ratio, -1e300)
     margin = TOLERANCE * max(1.0, abs(middle))
     decided = True
     for side in (-1, 1):
-        accepted = evaluate(chain, move, of_proposals, middle + side * margin, rng)[0]
+        accepted = accept(chain, move, log_forward, log_reverse, middle + side * margin, rng)[0]
         decided = decided and accepted == (side < 0 and ratio == middle)
     if ratio == middle:
         apply(chain, prior, 0.0)
@@ -125,22 +127,24 @@ class Findings:
 
 
 class Lab(NamedTuple):
-    """Settings, odds that differ from move to move, targets, and what they mean to the reference."""
+    """Settings, move probabilities that differ, targets, and what they mean to the reference."""
 
     settings: Settings
     plan: Plan
     targets: Targets
 
     def chain_at(self, coloring: Coloring) -> Chain:
-        chain = make_chain(self.settings, coloring)._replace(odds=self.plan.odds, targets=self.targets)
+        chain = make_chain(self.settings, coloring)._replace(
+            move_probabilities=self.plan.move_probabilities, targets=self.targets
+        )
         chain.tuning[c.AIMED_SHARE] = self.plan.aimed
         return chain
 
 
 def make_lab(settings: Settings, rng: np.random.Generator) -> Lab:
-    """Odds and targets at random; three births of five are aimed."""
+    """Move probabilities and targets at random; three births of five are aimed."""
     chain = make_chain(settings, Coloring.empty(settings.window))
-    odds = rng.dirichlet(np.full(c.N_MOVES, 4.0))
+    move_probabilities = rng.dirichlet(np.full(c.N_MOVES, 4.0))
     names = (c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH, c.CUT_REACH, c.JOIN_REACH)
     reaches = [float(chain.tuning[k]) for k in names]
     window = settings.window
@@ -148,7 +152,7 @@ def make_lab(settings: Settings, rng: np.random.Generator) -> Lab:
     targets = make_targets(window, max(window.width, window.height) / SQUARES, points)
     weight = np.cumsum(rng.exponential(size=len(targets.cell)))
     targets.cumulative[:] = weight / weight[-1]
-    plan = Plan(settings.scale, settings.local_share, *reaches, odds, chain.edge_index.grid)
+    plan = Plan(settings.scale, settings.local_share, *reaches, move_probabilities, chain.edge_index.grid)
     aimed = plan._replace(
         aimed=0.6,
         aim_reach=float(chain.tuning[c.AIM_REACH]),
@@ -321,7 +325,7 @@ def try_move(
     for _ in range(most or tries(move)):
         legal, valid, decided, ratio = attempt(chain, move, rng)
         if not decided:
-            found.problems.append(f"`evaluate` does not decide by log R = {ratio}")
+            found.problems.append(f"`accept` does not decide by log R = {ratio}")
         if not legal:
             found.illegal += 1
         elif ratio == -math.inf:

@@ -42,6 +42,7 @@ from tests.reference.slow_coloring import slow_log_density
 
 Way = tuple[Edges, Edges, float]
 NOTHING: Edges = frozenset()
+
 REVERSE = {
     c.TRIANGLE_BIRTH: c.TRIANGLE_DEATH,
     c.BOUNDARY_BIRTH: c.BOUNDARY_DEATH,
@@ -66,7 +67,7 @@ class Plan(NamedTuple):
     move_reach: float
     cut_reach: float
     join_reach: float
-    odds: NDArray[np.float64]
+    move_probabilities: NDArray[np.float64]
     grid: Grid
     aimed: float = 0.0
     aim_reach: float = 0.1
@@ -472,14 +473,14 @@ WAYS: dict[int, Callable[[PlainMap, PlainMap, Plan], Iterator[Way]]] = {
 
 
 def log_proposal_density(move: int, x: Coloring, y: Coloring, plan: Plan) -> float:
-    """Log of odds[move] q(x -> y), -inf where the move at x cannot propose y."""
+    """Log of p[move] q(x -> y), -inf where the move at x cannot propose y."""
     start, end = plain_map(x), plain_map(y)
     goes, comes = start.edges - end.edges, end.edges - start.edges
     ways = math.fsum(density for old, new, density in WAYS[move](start, end, plan) if (old, new) == (goes, comes))
     flips = start.anchor_black != end.anchor_black
     if ways == 0.0 or flips != anchor_changes(start, end):
         return -math.inf
-    return math.log(plan.odds[move] * ways)
+    return math.log(plan.move_probabilities[move] * ways)
 
 
 def log_acceptance_ratio(move: int, x: Coloring, y: Coloring, plan: Plan) -> float:

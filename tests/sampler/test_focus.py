@@ -9,10 +9,9 @@ import pytest
 
 from prf.coloring import Coloring, violations
 from prf.kernels import constants as c
-from prf.kernels.region import confine, release
+from prf.kernels.frozen import confine, release
 from prf.layout import read_coloring, run_chain
 from prf.posterior import Settings, make_chain
-from prf.recompute import differences
 from prf.sampler import Sampler
 from prf.sampler.chain import ChainSampler
 from prf.sampler.doubts import EVEN, NEVER, Doubts, aim, target_of_beams, unexplained
@@ -20,6 +19,7 @@ from prf.sampler.focus import TURN, TURNS, Focus, focus_of
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
 from tests.reference.beams import Sensor
+from tests.reference.recompute import differences
 from tests.reference.worlds import draw_world
 
 ROOM = Window(0.0, 0.0, 16.0, 16.0)

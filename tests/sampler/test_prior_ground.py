@@ -11,13 +11,12 @@ import shapely
 
 from prf.coloring import Coloring, black_at, violations
 from prf.kernels import constants as c
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.kernels.chain import Chain
 from prf.kernels.cones import CONE_LOG_LIKELIHOOD
 from prf.kernels.grid import Grid
 from prf.layout import pixel_centres, read_coloring, run_chain
 from prf.posterior import LaserData, Settings, make_chain
-from prf.recompute import differences
 from prf.sampler import Sampler
 from prf.sampler.chain import ChainSampler
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
@@ -30,6 +29,7 @@ from prf.window import Window
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest, structural_faults
 from tests.reference.free_way import blocked_pairs
+from tests.reference.recompute import differences
 from tests.reference.slow_points import Flips, lattice, observe
 from tests.reference.slow_sonar import Ring
 from tests.reference.sonar_worlds import draw_data, ring_all_round
@@ -121,7 +121,7 @@ def test_steps_there_leave_every_likelihood_to_the_last_bit(kind: str) -> None:
 
 
 def holds_after_a_block(chain: Chain) -> None:
-    resum(chain)
+    recompute_sums(chain)
     assert differences(chain) == []
     assert structural_faults(chain) == []
 

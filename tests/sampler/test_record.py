@@ -12,15 +12,15 @@ import prf.sampler.chain
 import prf.sampler.record
 from prf.coloring import Coloring, black_at
 from prf.kernels import constants as c
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.layout import pixel_centres, read_coloring
 from prf.posterior import Settings
-from prf.recompute import differences
 from prf.sampler import ChainSampler
 from prf.sampler.record import FIRST_EPOCH, FIRST_THIN, FUNCTIONALS, Draw, ImageTimes, Record, burn_in
 from prf.window import Window
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest
+from tests.reference.recompute import differences
 from tests.reference.worlds import World, draw_world
 
 ROOM = Window(0.0, 0.0, 10.0, 10.0)
@@ -176,7 +176,7 @@ def test_the_image_is_the_average_over_every_step(world: World, monkeypatch: pyt
             mixed += found[1]
         twin.run_to(step + 1)
         if (step + 1) % 100 == 0:
-            resum(twin.chain)
+            recompute_sums(twin.chain)
     for _ in range(n_blocks):
         sampler.advance()
     totals = sampler.times.total(sampler.chain.image, steps)
@@ -195,7 +195,7 @@ def test_laying_out_anew_changes_orders_and_roundings_alone(world: World) -> Non
         chain = sampler.chain
         before, sums = digest(chain, sampler.rng), chain.graph.sums.copy()
         beams, impacts = chain.beams.ray.copy(), chain.beams.impact_edge.copy()
-        resum(chain)
+        recompute_sums(chain)
         after = digest(chain, sampler.rng)
         assert {name for name in before if before[name] != after[name]} <= {"sums", "beams", "index"}
         assert chain.graph.sums == pytest.approx(sums, rel=1e-10, abs=1e-9)
@@ -203,7 +203,7 @@ def test_laying_out_anew_changes_orders_and_roundings_alone(world: World) -> Non
         assert np.array_equal(chain.beams.impact_edge, impacts)
         assert differences(chain) == []
         again = digest(chain, sampler.rng)
-        resum(chain)
+        recompute_sums(chain)
         assert digest(chain, sampler.rng) == again
     assert chain.graph.counts[c.EDGES] > 4
 

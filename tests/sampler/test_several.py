@@ -239,7 +239,7 @@ def test_names_follow_the_numbers_of_moves() -> None:
 
 def test_an_error_in_a_chain_is_raised(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     with Sampler(Settings(ROOM, 0.2, world.data, 0.5), spawn_generators(7, 2), 2) as sampler:
-        monkeypatch.setattr(prf.sampler.chain, "resum", None)
+        monkeypatch.setattr(prf.sampler.chain, "recompute_sums", None)
         with pytest.raises(TypeError):
             sampler.advance()
 

@@ -14,7 +14,6 @@ from prf.coloring import Coloring, black_at
 from prf.kernels import constants as c
 from prf.layout import pixel_centres
 from prf.posterior import Settings, make_chain
-from prf.recompute import differences
 from prf.sampler import Sampler
 from prf.sampler import tempering as module
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
@@ -26,6 +25,7 @@ from prf.shell.seeds import spawn_generators
 from prf.window import Window
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest, structural_faults
+from tests.reference.recompute import differences
 from tests.reference.worlds import World, draw_world
 
 ROOM = Window(0.0, 0.0, 10.0, 10.0)
@@ -163,15 +163,15 @@ def test_exchanged_chains_keep_what_is_the_rungs(settings: Settings) -> None:
     one = make_chain(settings, Coloring.empty(ROOM))
     draw = exact_draws(0.2, ROOM, 1, np.random.default_rng(5))[0]
     other = with_map(make_chain(settings, Coloring.empty(ROOM)), settings, draw)
-    other.tuning[c.OCCUPIED_COST] = 1.0
+    other.density[c.OCCUPIED_COST] = 1.0
     first, second = exchanged(one, other)
     assert first.graph is other.graph
     assert second.beams is one.beams
-    assert first.tuning is one.tuning
+    assert first.density is one.density
     assert first.image is one.image
     repaint(first)
     repaint(second)
-    first.tuning[c.OCCUPIED_COST] = 1.0
+    first.density[c.OCCUPIED_COST] = 1.0
     assert differences(first) == differences(second) == []
 
 

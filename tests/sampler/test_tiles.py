@@ -15,7 +15,6 @@ from prf.kernels.chain import Chain
 from prf.kernels.targets import Targets
 from prf.layout import image_grid, read_coloring, run_chain
 from prf.posterior import Settings, make_chain
-from prf.recompute import differences, recompute_impacts
 from prf.sampler import Sampler
 from prf.sampler.record import functionals
 from prf.sampler.tiles import (
@@ -33,6 +32,7 @@ from prf.shell.seeds import spawn_generators
 from prf.window import Window
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest, structural_faults
+from tests.reference.recompute import differences, recompute_impacts
 from tests.reference.slow_points import Flips, lattice, observe
 from tests.reference.slow_sonar import Ring
 from tests.reference.sonar_worlds import draw_data, ring_all_round
@@ -235,10 +235,10 @@ def test_looks_change_no_result(settings: Settings, world: World) -> None:
 
 def test_a_beam_has_no_influence_beyond_its_own(settings: Settings) -> None:
     data = make_tile_data(settings)
-    assert (data.influence <= data.ray[:, c.REACH]).all()
+    assert (data.influence <= data.ray[:, c.MAX_DISTANCE]).all()
     chain = make_chain(settings, exact_draws(SCALE, ROOM, 1, np.random.default_rng(2))[0]._replace(anchor_black=False))
     found = recompute_impacts(chain)
-    beyond = (found.distance > data.influence) & (found.distance < data.ray[:, c.REACH])
+    beyond = (found.distance > data.influence) & (found.distance < data.ray[:, c.MAX_DISTANCE])
     assert beyond.sum() > 3
     returned = np.isfinite(data.ray[:, c.RANGE])
     assert returned[beyond].all()

@@ -12,7 +12,7 @@ import shapely
 from prf.arak import exact_draws
 from prf.coloring import Coloring, Draws, black_at, from_polygons, occupied_polygons
 from prf.kernels import constants as c
-from prf.kernels.visibility import CORNER, KIND
+from prf.kernels.sonar_features import CORNER, KIND
 from prf.logs import Readings
 from prf.occupancy import OccupancyGrid
 from prf.score import (

@@ -13,16 +13,16 @@ from scipy import integrate
 from prf.arak import exact_draws
 from prf.coloring import Coloring, black_at
 from prf.kernels import constants as c
-from prf.kernels.bounds import FADED
 from prf.kernels.build import trace_all
 from prf.kernels.chain import Chain
+from prf.kernels.laser_change import FADED
 from prf.posterior import LaserData, Settings, make_chain
-from prf.recompute import recompute_impacts
 from prf.sensors.laser import LaserModel, make_rays, window_exit
 from prf.shell.errors import ConfigError
 from prf.window import INTERIOR, Window
 from tests.kernels.entries import hit_table, log_likelihoods
 from tests.reference.beams import Sensor, exit_by_shapely, impacts, mass_from
+from tests.reference.recompute import recompute_impacts
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
 ROOM = Window(-5.0, -5.0, 5.0, 5.0)
@@ -94,8 +94,8 @@ def test_rays_keep_readings_and_reach() -> None:
     origin, angle = np.full((4, 2), 0.5), np.zeros(4)
     ray = make_rays(UNIT, LaserModel(0.3), origin, angle, np.array([0.1, 0.3, 7.0, np.inf]))
     assert ray[:, c.RANGE].tolist() == [0.1, math.inf, math.inf, math.inf]
-    assert ray[:, c.REACH].tolist() == [0.3] * 4
-    assert make_rays(UNIT, LaserModel(9.0), origin, angle, np.ones(4))[:, c.REACH].tolist() == [0.5] * 4
+    assert ray[:, c.MAX_DISTANCE].tolist() == [0.3] * 4
+    assert make_rays(UNIT, LaserModel(9.0), origin, angle, np.ones(4))[:, c.MAX_DISTANCE].tolist() == [0.5] * 4
 
 
 def test_a_reading_beyond_the_window_is_censored_at_its_border() -> None:

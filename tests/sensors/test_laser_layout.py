@@ -11,8 +11,8 @@ from scipy import special
 
 from prf.kernels import constants as c
 from prf.kernels.beams import Beams
-from prf.kernels.bounds import FADED
 from prf.kernels.grid import Grid
+from prf.kernels.laser_change import FADED
 from prf.sensors import laser
 from prf.sensors.laser import (
     MARGIN,
@@ -175,15 +175,17 @@ def test_each_level_has_lists_of_its_own(n_levels: int) -> None:
     beam = np.repeat(np.arange(4), np.diff(found.slot_start))
     assert (found.slot_cell // 6).tolist() == found.level[beam].tolist()
     assert np.diff(found.cell_start).tolist() == np.bincount(found.slot_cell, minlength=n_lists).tolist()
-    assert found.first_beam.shape == found.edge_gap.shape == (10, n_levels)
-    assert found.cell_count.shape == found.cell_gap.shape == (n_lists,)
+    assert found.first_beam.shape == found.edge_shortfall.shape == (10, n_levels)
+    assert found.cell_count.shape == found.cell_shortfall.shape == (n_lists,)
 
 
 def test_nothing_is_listed_yet() -> None:
     for found in (beams(), empty_lists(beams(2), 12)):
-        assert not any(part.any() for part in (found.cell_count, found.cell_gap, found.edge_gap, found.last_slot))
+        assert not any(
+            part.any() for part in (found.cell_count, found.cell_shortfall, found.edge_shortfall, found.last_slot)
+        )
         assert (found.first_beam == c.NONE).all()
-    assert found.first_beam.shape == found.edge_gap.shape == (12, 2)
+    assert found.first_beam.shape == found.edge_shortfall.shape == (12, 2)
     assert (found.n_touched.tolist(), found.entries.shape, found.aim.shape) == ([0], (10, 2), (4, 2))
 
 

@@ -16,17 +16,17 @@ from prf.coloring import Coloring, black_at
 from prf.coloring.polygons import from_polygons
 from prf.kernels import cones as k
 from prf.kernels import constants as c
-from prf.kernels import visibility as v
+from prf.kernels import sonar_features as v
 from prf.kernels.build import trace_all
-from prf.kernels.cone_score import Scene, add_sonar_densities
+from prf.kernels.sonar_score import Scene, add_sonar_densities
 from prf.posterior import Settings, SonarData, make_chain
-from prf.recompute import differences
 from prf.score.scene import features_seen, scene_of_coloring
 from prf.sensors import sonar as sensor
 from prf.sensors.sonar import SonarModel, make_poses
 from prf.shell.errors import ConfigError
 from prf.window import Window
 from tests.kernels.entries import see_all
+from tests.reference.recompute import differences
 from tests.reference.slow_sonar import (
     Cone,
     Feature,
@@ -162,10 +162,10 @@ def test_a_sonar_reaches_up_to_where_its_cone_leaves_the_window() -> None:
     readings = np.array([0.5, 1.0, 2.0, np.inf])
     pose = make_poses(SonarModel(), origin, angle, view, readings, window)
     assert pose[:, k.READING].tolist() == [0.5, np.inf, np.inf, np.inf]
-    assert pose[:, k.REACH].tolist() == pose[:, k.EXTENT].tolist() == [1.0] * n
+    assert pose[:, k.MAX_DISTANCE].tolist() == pose[:, k.EXTENT].tolist() == [1.0] * n
     pose = make_poses(SonarModel(), origin, angle, view, readings)
     assert pose[:, k.READING].tolist() == readings.tolist()
-    assert pose[:, k.REACH].tolist() == [3.5] * n
+    assert pose[:, k.MAX_DISTANCE].tolist() == [3.5] * n
 
 
 def test_what_stands_beyond_the_reach_changes_no_likelihood() -> None:
@@ -238,7 +238,7 @@ def test_slots_hold_every_cell_that_a_cone_enters(
             )
         }
         r, turn = (
-            chain.cones.pose[number, k.REACH] * np.sqrt(rng.random(500)),
+            chain.cones.pose[number, k.MAX_DISTANCE] * np.sqrt(rng.random(500)),
             cone.angle + cone.view * (rng.random(500) - 0.5),
         )
         xy = np.stack([cone.x + r * np.cos(turn), cone.y + r * np.sin(turn)], axis=1)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from prf.arak import exact_draws
 from prf.coloring import Coloring, Draws, black_areas, black_at_draws
 from prf.kernels import constants as c
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.layout import make_guards, read_coloring, run_chain
 from prf.posterior import Settings, make_chain
 from prf.window import Window
@@ -63,13 +63,13 @@ def weighted_mean(weight: Floats, found: Floats) -> Mean:
 def chain_draws(cost: float, n_draws: int, thin: int, seed: int, is_guarded: bool = True) -> Draws:
     """Every `thin`-th map of a chain from white; without guards only the ends of the pieces must be white."""
     chain, rng, maps = make_chain(SETTINGS, Coloring.empty(ROOM)), np.random.default_rng(seed), []
-    chain.tuning[c.OCCUPIED_COST] = cost
+    chain.density[c.OCCUPIED_COST] = cost
     if not is_guarded:
         nothing = make_guards(chain.edge_index.grid, np.zeros(0, np.int64), chain.guards.shape[:0])
         chain = chain._replace(guards=nothing)
     for until in range(BURN_IN, BURN_IN + n_draws * thin, thin):
         chain = run_chain(chain, rng, until)
-        resum(chain)
+        recompute_sums(chain)
         maps.append(read_coloring(chain.graph))
     return Draws.from_colorings(maps, ROOM)
 

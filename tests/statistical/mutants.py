@@ -23,15 +23,18 @@ class Mutant(NamedTuple):
 
 SLIDE_END = """* (graph.vertex_xy[v, 1] - graph.vertex_xy[u, 1])
     if not is_inside(graph.window, x, y):
-        return False, 0.0
+        return ILLEGAL
     move_interior_to(graph, proposal, v, x, y)
-    return True, {}
+    return True, 0.0, {}
 """
 TRIANGLE_LOCAL = "2.0 * (near_uv * near_wu + near_uv * near_vw + near_vw * near_wu) / surface"
-NO_COUNTS = ("recolor.py", "return math.log(after / before)", "return 0.0")
+NO_COUNTS = (
+    ("recolor.py", "log_forward = math.log(1.0 /", "log_forward = 0.0 * math.log(1.0 /"),
+    ("recolor.py", "return math.log(first +", "return 0.0 * math.log(first +"),
+)
 
-OTHER_EDGE = "corners_density(graph, tuning, a, b, u, v, p, q)"
-SECOND_FACE = "corners_density(graph, tuning, r, u, s, t, p, q, a, b)"
+OTHER_EDGE = "link_density(graph, tuning, a, b, u, v, p, q)"
+SECOND_FACE = "gap_density(graph, tuning, r, u, s, t, p, q, a, b)"
 
 INTACT = Mutant("intact", ())
 SLIDE = Mutant(
@@ -40,9 +43,9 @@ SLIDE = Mutant(
 )
 NO_WAY_BACK = Mutant(
     "local recolour without counts and without the test of the reverse pair",
-    (NO_COUNTS, ("recolor.py", "return -math.inf", "return 0.0")),
+    (*NO_COUNTS, ("recolor.py", "return -math.inf", "return 0.0")),
 )
-COUNTS = Mutant("local recolour without counts", (NO_COUNTS,))
+COUNTS = Mutant("local recolour without counts", NO_COUNTS)
 BIRTH = Mutant(
     "triangle birth without the number of its orders",
     (
@@ -56,7 +59,7 @@ MERGE = Mutant(
 )
 LINK_COUNTS = Mutant(
     "links without the partner counts",
-    (("gap.py", "return 1.0 / partners_after(graph, index, proposal, j)", "return 1.0"),),
+    (("nearby_edges.py", "return 1.0 / partners_after(graph, index, proposal, j)", "return 1.0"),),
 )
 MEND_EDGES = Mutant(
     "mend that ignores the changed length",
@@ -65,7 +68,7 @@ MEND_EDGES = Mutant(
 ONE_FACE = Mutant(
     "cut that could have begun at one face alone",
     (
-        ("cut_wall.py", "forward += corners_density(", "forward += 0.0 * corners_density("),
+        ("cut_wall.py", "forward += gap_density(", "forward += 0.0 * gap_density("),
         ("cut_wall.py", f"density += {SECOND_FACE} / n", "density += 0.0"),
     ),
 )
@@ -75,7 +78,7 @@ ONE_EDGE = Mutant(
 )
 ONE_ORDER = Mutant(
     "docking that could be undone in one order alone",
-    (("dock.py", "odds[c.UNDOCK] * 2.0 /", "odds[c.UNDOCK] /"),),
+    (("dock.py", "return True, log_forward, math.log(2.0 /", "return True, log_forward, math.log(1.0 /"),),
 )
 NOTCH_WALLS = Mutant(
     "tooth without the number of walls near its tip",
@@ -89,7 +92,7 @@ NOTCH_WALLS = Mutant(
 )
 BEND_WALLS = Mutant(
     "bend without the number of edges near the return",
-    (("bend.py", "target_of(targets, graph, v)) / n", "target_of(targets, graph, v))"),),
+    (("split_edge.py", "target_of(targets, graph, v)) / n", "target_of(targets, graph, v))"),),
 )
 ONE_SIZE = Mutant(
     "births of three sizes that count the largest alone",

@@ -38,8 +38,8 @@ def prior_draws(
     chain = chain._replace(targets=make_targets(UNIT, TARGET_SIDE, rng.random((n_targets, 2))))
     chain.tuning[c.AIMED_SHARE] = settings.aimed_share if n_targets > 0 else 0.0
     for move, share in odds.items():
-        chain.odds[move] = share
-    chain.odds[:] /= chain.odds.sum()
+        chain.move_probabilities[move] = share
+    chain.move_probabilities[:] /= chain.move_probabilities.sum()
     maps = []
     for until in range(BURN_IN, steps + 1, THIN):
         while not run(chain, rng, until):

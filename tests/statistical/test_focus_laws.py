@@ -11,7 +11,7 @@ import pytest
 from prf.arak import exact_draws
 from prf.coloring import Coloring, Draws, black_at
 from prf.kernels import constants as c
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.kernels.chain import Chain
 from prf.layout import make_graph, make_targets, read_coloring
 from prf.posterior import LaserData, Settings, make_chain
@@ -70,7 +70,7 @@ def focused_draws(settings: Settings, n_draws: int, seed: int, hook: Hook = look
         for turn in range(8):
             hook(chain)
             chain = focus.run_to(chain, rng, number * THIN + (turn + 1) * TURN)
-        resum(chain)
+        recompute_sums(chain)
         if number >= 20:
             maps.append(read_coloring(chain.graph))
     return Draws.from_colorings(maps, UNIT)

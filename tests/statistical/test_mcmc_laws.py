@@ -10,7 +10,7 @@ from scipy import stats
 
 from prf.coloring import Coloring, Draws, violations
 from prf.kernels import constants as c
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.kernels.step import run
 from prf.layout import grow, make_targets
 from prf.posterior import Settings, make_chain
@@ -90,7 +90,7 @@ def surplus_of_births(scale: float, window: Window, n_batches: int, length: int,
         until = 200_000 + batch * length
         while not run(chain, rng, until):
             chain = grow(chain)
-        resum(chain)
+        recompute_sums(chain)
         accepted.append(chain.outcomes[:, c.ACCEPTED].copy())
     births, deaths = (np.array(accepted)[:, [pair[k] for pair in PAIRS.values()]] for k in range(2))
     return np.diff(births - deaths, axis=0)
@@ -124,15 +124,15 @@ def balance_of_walls(which: str, n_batches: int, length: int, seed: int) -> tupl
     chain = chain._replace(targets=make_targets(UNIT, 0.05, points))
     chain.tuning[c.AIMED_SHARE] = 0.6
     walls = list(WALLS[which])
-    chain.odds[walls] = 0.0
-    chain.odds[:] *= 0.5 / chain.odds.sum()
-    chain.odds[walls] = 0.25
+    chain.move_probabilities[walls] = 0.0
+    chain.move_probabilities[:] *= 0.5 / chain.move_probabilities.sum()
+    chain.move_probabilities[walls] = 0.25
     rng = np.random.default_rng(seed)
     accepted = []
     for batch in range(n_batches + 1):
         while not run(chain, rng, 200_000 + batch * length):
             chain = grow(chain)
-        resum(chain)
+        recompute_sums(chain)
         accepted.append(chain.outcomes[walls, c.ACCEPTED].copy())
     cuts, mends = np.diff(accepted, axis=0).T
     surplus = cuts - mends

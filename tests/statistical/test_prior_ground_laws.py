@@ -14,7 +14,7 @@ import pytest
 from prf.arak import exact_draws
 from prf.coloring import Coloring, Draws, black_at_draws
 from prf.kernels import constants as c
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.layout import make_graph, read_coloring, run_chain
 from prf.posterior import LaserData, Settings, make_chain
 from prf.sampler.chain import ChainSampler
@@ -63,7 +63,7 @@ def refreshed_draws(n_draws: int, seed: int, is_closed: bool = True) -> Draws:
         for _ in range(2):
             step = int(chain.graph.counts[c.STEP])
             chain = ground.settle(ground.refresh(run_chain(chain, rng, step + 2000), rng, 2000))
-            resum(chain)
+            recompute_sums(chain)
         if number >= 20:
             maps.append(read_coloring(chain.graph))
     return Draws.from_colorings(maps, ROOM)

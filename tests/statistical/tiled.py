@@ -13,7 +13,7 @@ import numpy as np
 import prf
 from prf.coloring import Coloring, Draws
 from prf.kernels import constants as c
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.kernels.step import run
 from prf.layout import grow, read_coloring
 from prf.posterior import Settings, make_chain
@@ -37,7 +37,7 @@ def tiled_draws(settings: Settings, n_draws: int, seed: int, cost: float = np.in
     """Return the map after every round but the first ones; `cost` is that of an occupied sensor."""
     rng = np.random.default_rng(seed)
     chain, data = make_chain(settings, Coloring.empty(settings.window)), make_tile_data(settings)
-    chain.tuning[c.OCCUPIED_COST] = cost
+    chain.density[c.OCCUPIED_COST] = cost
     maps = []
     for number in range(BURN_IN + n_draws):
         begun = make_round(data, chain, TILES, LEAST, STEPS, rng)
@@ -45,7 +45,7 @@ def tiled_draws(settings: Settings, n_draws: int, seed: int, cost: float = np.in
         until = int(chain.graph.counts[c.STEP]) + PLAIN
         while not run(chain, rng, until):
             chain = grow(chain)
-        resum(chain)
+        recompute_sums(chain)
         if number >= BURN_IN:
             maps.append(read_coloring(chain.graph))
     return Draws.from_colorings(maps, settings.window)

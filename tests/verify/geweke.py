@@ -19,7 +19,7 @@ from scipy import stats
 
 from prf.coloring import Coloring, Draws
 from prf.kernels import constants as c
-from prf.kernels.build import resum
+from prf.kernels.build import recompute_sums
 from prf.kernels.chain import Chain
 from prf.layout import read_coloring, run_chain
 from prf.posterior import Settings, make_chain
@@ -86,7 +86,7 @@ class Means(NamedTuple):
 def moved_plainly(settings: Settings, chain: Chain, rng: np.random.Generator) -> Coloring:
     """Steps of one chain that asks all readings."""
     chain = unbounded(chain)
-    resum(chain)
+    recompute_sums(chain)
     return read_coloring(run_chain(chain, rng, STEPS).graph)
 
 

@@ -21,7 +21,7 @@ from prf.kernels.moves.placing import (
     side_length,
     side_point,
 )
-from prf.kernels.proposal import Proposal, drop_edge, drop_vertex, join, place_vertex, turn_at_vertex
+from prf.kernels.proposal import ILLEGAL, Proposal, add_edge, add_vertex, remove_edge, remove_vertex, turn_at_vertex
 
 
 @core
@@ -44,8 +44,8 @@ def birth_density(graph: Graph, tuning: np.ndarray, u: int, v: int, apex: int) -
 
 @core
 def propose_birth(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, odds: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float]:
+    graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
+) -> tuple[bool, float, float]:
     """Propose two points on one side and an apex inside the window."""
     window = graph.window
     is_local = rng.random() < tuning[c.LOCAL_SHARE]
@@ -55,45 +55,43 @@ def propose_birth(
         reach = random_reach(rng, tuning[c.BIRTH_REACH])
         second = first + (reach if rng.random() < 0.5 else -reach)
         if not is_on_side(window, side, second):
-            return False, 0.0
+            return ILLEGAL
     else:
         second = random_position(window, side, rng)
     x, y = side_point(window, side, first)
-    u = place_vertex(graph, proposal, x, y, side)
+    u = add_vertex(graph, proposal, x, y, side)
     x, y = side_point(window, side, second)
-    v = place_vertex(graph, proposal, x, y, side)
+    v = add_vertex(graph, proposal, x, y, side)
     if is_local:
         apex = vertex_near(graph, proposal, u, tuning[c.BIRTH_REACH], rng)
         if not is_inside(window, graph.vertex_xy[apex, 0], graph.vertex_xy[apex, 1]):
-            return False, 0.0
+            return ILLEGAL
     else:
         apex = uniform_vertex(graph, proposal, rng)
     for vertex in (u, apex, v):
         turn_at_vertex(graph, proposal, vertex)
-    join(graph, proposal, u, apex)
-    join(graph, proposal, apex, v)
-    triangles = graph.counts[c.BOUNDARY_APEXES] + 1
-    forward = odds[c.BOUNDARY_BIRTH] * birth_density(graph, tuning, u, v, apex)
-    return True, math.log(odds[c.BOUNDARY_DEATH] / (triangles * forward))
+    add_edge(graph, proposal, u, apex)
+    add_edge(graph, proposal, apex, v)
+    log_reverse = -math.log(graph.counts[c.BOUNDARY_APEXES] + 1)
+    return True, math.log(birth_density(graph, tuning, u, v, apex)), log_reverse
 
 
 @core
 def propose_death(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, odds: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float]:
-    """Propose to remove a uniform triangle that stands on a side."""
+    graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
+) -> tuple[bool, float, float]:
+    """Propose to remove a uniform triangle on a side."""
     triangles = graph.counts[c.BOUNDARY_APEXES]
     if triangles == 0:
-        return False, 0.0
+        return ILLEGAL
     apex = pick(graph, c.BOUNDARY_APEXES, rng)
     first = graph.vertex_edges[apex, 0]
     last = graph.vertex_edges[apex, 1]
     u = other_end(graph, first, apex)
     v = other_end(graph, last, apex)
-    drop_edge(proposal, first)
-    drop_edge(proposal, last)
+    remove_edge(proposal, first)
+    remove_edge(proposal, last)
     for vertex in (u, apex, v):
-        drop_vertex(proposal, vertex)
+        remove_vertex(proposal, vertex)
         turn_at_vertex(graph, proposal, vertex)
-    backward = odds[c.BOUNDARY_BIRTH] * birth_density(graph, tuning, u, v, apex)
-    return True, math.log(backward * triangles / odds[c.BOUNDARY_DEATH])
+    return True, -math.log(triangles), math.log(birth_density(graph, tuning, u, v, apex))

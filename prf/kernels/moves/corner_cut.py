@@ -19,7 +19,16 @@ from prf.kernels.moves.placing import (
     reach_density,
     side_point,
 )
-from prf.kernels.proposal import Proposal, drop_edge, drop_vertex, join, place_vertex, turn_at, turn_at_vertex
+from prf.kernels.proposal import (
+    ILLEGAL,
+    Proposal,
+    add_edge,
+    add_vertex,
+    remove_edge,
+    remove_vertex,
+    turn_at,
+    turn_at_vertex,
+)
 
 
 @core
@@ -49,12 +58,12 @@ def place_on_side(
     else:
         position = random_position(graph.window, side, rng)
     x, y = side_point(graph.window, side, position)
-    return place_vertex(graph, proposal, x, y, side)
+    return add_vertex(graph, proposal, x, y, side)
 
 
 @core
 def turn_round_corner(graph: Graph, proposal: Proposal, u: int, v: int) -> None:
-    """Let the loop run from u past the corner of its side with that of v."""
+    """Run the loop from u past the corner of its side with that of v."""
     turn_at_vertex(graph, proposal, u)
     x, y = corner_between(graph.window, graph.vertex_side[u], graph.vertex_side[v])
     turn_at(proposal, x, y)
@@ -63,8 +72,8 @@ def turn_round_corner(graph: Graph, proposal: Proposal, u: int, v: int) -> None:
 
 @core
 def propose_birth(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, odds: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float]:
+    graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
+) -> tuple[bool, float, float]:
     """Propose an edge across a uniform corner."""
     median = tuning[c.BIRTH_REACH] if rng.random() < tuning[c.LOCAL_SHARE] else 0.0
     side = int(4.0 * rng.random())
@@ -75,27 +84,24 @@ def propose_birth(
         at = graph.vertex_side[vertex]
         position = position_on_side(at, graph.vertex_xy[vertex, 0], graph.vertex_xy[vertex, 1])
         if not is_on_side(graph.window, at, position):
-            return False, 0.0
+            return ILLEGAL
     turn_round_corner(graph, proposal, u, v)
-    join(graph, proposal, u, v)
-    cuts = graph.counts[c.CORNER_CUTS] + 1
-    forward = odds[c.CORNER_BIRTH] * birth_density(graph, tuning, u, v)
-    return True, math.log(odds[c.CORNER_DEATH] / (cuts * forward))
+    add_edge(graph, proposal, u, v)
+    return True, math.log(birth_density(graph, tuning, u, v)), -math.log(graph.counts[c.CORNER_CUTS] + 1)
 
 
 @core
 def propose_death(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, odds: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float]:
+    graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
+) -> tuple[bool, float, float]:
     """Propose to remove a uniform edge that joins adjacent sides."""
     cuts = graph.counts[c.CORNER_CUTS]
     if cuts == 0:
-        return False, 0.0
+        return ILLEGAL
     edge = pick(graph, c.CORNER_CUTS, rng)
     u, v = ends_of(graph, edge)
-    drop_edge(proposal, edge)
-    drop_vertex(proposal, u)
-    drop_vertex(proposal, v)
+    remove_edge(proposal, edge)
+    remove_vertex(proposal, u)
+    remove_vertex(proposal, v)
     turn_round_corner(graph, proposal, u, v)
-    backward = odds[c.CORNER_BIRTH] * birth_density(graph, tuning, u, v)
-    return True, math.log(backward * cuts / odds[c.CORNER_DEATH])
+    return True, -math.log(cuts), math.log(birth_density(graph, tuning, u, v))

@@ -2,7 +2,7 @@
 
 Two edges e and f close to one another (the faces of a wall) lose what lies between two places; the loose ends are
 joined across by two short edges, the jambs. Without it a chain that has closed a door, or drawn a thin strip across a
-room, hardly finds out: each of the four corners would have to come by a split of its own that the readings do not
+room, hardly finds out: each of the four corners would need a split of its own that the readings do not
 reward.
 """
 
@@ -13,33 +13,103 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, ends_of, pick
-from prf.kernels.moves.gap import (
-    beyond,
-    block_round_cut,
-    can_face,
-    corners_density,
-    foot_and_offset,
-    length_after,
+from prf.kernels.graph import Graph, beyond, can_join, ends_of, pick
+from prf.kernels.grid import Grid
+from prf.kernels.moves.nearby_edges import (
+    begin_list_after,
+    block_at,
     links_after,
     links_now,
     list_block,
     opposite_now,
     passes_block,
     pick_pair,
-    place_two,
-    signed_reach,
-    turn_round_gap,
 )
-from prf.kernels.moves.placing import random_reach
-from prf.kernels.moves.recolor import begin_list_after
-from prf.kernels.proposal import Proposal, drop_edge, drop_vertex, join
+from prf.kernels.moves.placing import (
+    foot_and_offset,
+    log_or_minus_infinity,
+    place_two,
+    random_reach,
+    reach_density,
+    signed_density,
+    signed_reach,
+)
+from prf.kernels.proposal import (
+    ILLEGAL,
+    N_NEW_EDGES,
+    N_OLD_EDGES,
+    Proposal,
+    add_edge,
+    find_cells,
+    remove_edge,
+    remove_vertex,
+    turn_at_vertex,
+)
+
+CUT_RADIUS = 1
+"""The other face of a wall is searched in a square of cells that reaches so many beyond the middle of the cut."""
 
 # Places of the new edges in a cut's proposal, and of the mended faces in a mend's.
 FIRST_JAMB = 0
 SECOND_JAMB = 1
 FIRST_FACE = 0
 SECOND_FACE = 1
+
+
+@core
+def gap_density(
+    graph: Graph, tuning: np.ndarray, a: int, b: int, p: int, q: int, s: int, t: int, r: int, u: int
+) -> float:
+    """Density of the corners p, q on the face ab (in this order) and s, t on the face ru, if ab was chosen first.
+
+    The foot of q lies a reach further than that of p; those of s and t lie near the feet of p and q on the line ru; all
+    four lie a little off their lines. 0 where a foot is off its face or out of order. The foot of p is uniform on ab,
+    which is left out: faces are chosen in proportion to their lengths, so that it is uniform on all edges together.
+    """
+    near = tuning[c.CUT_REACH]
+    foot_p, off_p, length = foot_and_offset(graph, a, b, p)
+    foot_q, off_q, _ = foot_and_offset(graph, a, b, q)
+    foot_s, off_s, other_length = foot_and_offset(graph, r, u, s)
+    foot_t, off_t, _ = foot_and_offset(graph, r, u, t)
+    if not (0.0 < foot_p < foot_q < length and 0.0 < foot_s < foot_t < other_length):
+        return 0.0
+    shadow_p, _, _ = foot_and_offset(graph, r, u, p)
+    shadow_q, _, _ = foot_and_offset(graph, r, u, q)
+    density = reach_density(foot_q - foot_p, tuning[c.BIRTH_REACH])
+    density *= signed_density(off_p, near) * signed_density(off_q, near)
+    density *= signed_density(foot_s - shadow_p, near) * signed_density(foot_t - shadow_q, near)
+    return density * signed_density(off_s, near) * signed_density(off_t, near)
+
+
+@core
+def turn_round_gap(
+    graph: Graph, proposal: Proposal, a: int, b: int, p: int, q: int, s: int, t: int, r: int, u: int
+) -> None:
+    """Run the loop round the gap p, q, t, s in the wall of the faces ab and ru."""
+    for vertex in (a, p, s, r, u, t, q, b):
+        turn_at_vertex(graph, proposal, vertex)
+
+
+@core
+def block_round_cut(graph: Graph, grid: Grid, a: int, b: int, p: int, q: int) -> tuple[int, int, int, int]:
+    """Block of cells round the middle of the cut from p to q in the face ab."""
+    foot_p, _, length = foot_and_offset(graph, a, b, p)
+    foot_q, _, _ = foot_and_offset(graph, a, b, q)
+    share = 0.5 * (foot_p + foot_q) / length
+    x = graph.vertex_xy[a, 0] + share * (graph.vertex_xy[b, 0] - graph.vertex_xy[a, 0])
+    y = graph.vertex_xy[a, 1] + share * (graph.vertex_xy[b, 1] - graph.vertex_xy[a, 1])
+    return block_at(grid, x, y, CUT_RADIUS)
+
+
+@core
+def length_after(graph: Graph, proposal: Proposal) -> float:
+    """Total length of the edges in the new map."""
+    length = graph.sums[c.TOTAL_LENGTH]
+    for k in range(proposal.counts[N_OLD_EDGES]):
+        length -= graph.edge_length[proposal.old_edges[k]]
+    for k in range(proposal.counts[N_NEW_EDGES]):
+        length += proposal.new_length[k]
+    return length
 
 
 @core
@@ -57,7 +127,7 @@ def pick_by_length(graph: Graph, rng: np.random.Generator) -> int:
 
 @core
 def place_first_corners(graph: Graph, proposal: Proposal, tuning: np.ndarray, e: int, rng: np.random.Generator) -> bool:
-    """Place the corners p, q on e as new vertices 0 and 1; False if one cannot stand."""
+    """Place the corners p, q on e as new vertices 0 and 1; False if one is off its edge."""
     a, b = ends_of(graph, e)
     foot_p = rng.random() * graph.edge_length[e]
     foot_q = foot_p + random_reach(rng, tuning[c.BIRTH_REACH])
@@ -68,7 +138,7 @@ def place_first_corners(graph: Graph, proposal: Proposal, tuning: np.ndarray, e:
 def place_second_corners(
     graph: Graph, proposal: Proposal, tuning: np.ndarray, f: int, rng: np.random.Generator
 ) -> bool:
-    """Place the corners s, t on f, opposite to p and q, as new vertices 2 and 3; False if one cannot stand."""
+    """Place the corners s, t on f, opposite to p and q, as new vertices 2 and 3; False if one is off its edge."""
     near = tuning[c.CUT_REACH]
     r, u = ends_of(graph, f)
     shadow_p, _, length = foot_and_offset(graph, r, u, proposal.new_vertices[0])
@@ -84,52 +154,52 @@ def propose_cut(
     index: EdgeIndex,
     proposal: Proposal,
     tuning: np.ndarray,
-    odds: np.ndarray,
     rng: np.random.Generator,
-) -> tuple[bool, float]:
-    """Propose to cut through a face e and a face f opposite to the cut; the way back is added by `cut_returns`."""
+) -> tuple[bool, float, float]:
+    """Propose to cut through a face e and a face f opposite to the cut."""
     if graph.counts[c.EDGES] < 2:
-        return False, 0.0
+        return ILLEGAL
     e = pick_by_length(graph, rng)
     if not place_first_corners(graph, proposal, tuning, e, rng):
-        return False, 0.0
+        return ILLEGAL
     a, b = ends_of(graph, e)
     p = proposal.new_vertices[0]
     q = proposal.new_vertices[1]
     n_e = opposite_now(graph, index, e, block_round_cut(graph, index.grid, a, b, p, q))
     if n_e == 0:
-        return False, 0.0
+        return ILLEGAL
     f = index.neighbors[int(rng.random() * n_e)]
     if not place_second_corners(graph, proposal, tuning, f, rng):
-        return False, 0.0
+        return ILLEGAL
     r, u = ends_of(graph, f)
     s = proposal.new_vertices[2]
     t = proposal.new_vertices[3]
     if foot_and_offset(graph, r, u, s)[0] > foot_and_offset(graph, r, u, t)[0]:
         r, u = u, r
-    drop_edge(proposal, e)
-    drop_edge(proposal, f)
+    remove_edge(proposal, e)
+    remove_edge(proposal, f)
     for jamb in ((p, s), (q, t)):
-        join(graph, proposal, jamb[0], jamb[1])
+        add_edge(graph, proposal, jamb[0], jamb[1])
     for piece in ((a, p), (q, b), (r, s), (t, u)):
-        join(graph, proposal, piece[0], piece[1])
+        add_edge(graph, proposal, piece[0], piece[1])
     turn_round_gap(graph, proposal, a, b, p, q, s, t, r, u)
-    forward = corners_density(graph, tuning, a, b, p, q, s, t, r, u) / n_e
+    forward = gap_density(graph, tuning, a, b, p, q, s, t, r, u) / n_e
     n_f = opposite_now(graph, index, f, block_round_cut(graph, index.grid, r, u, s, t))
     if index.marks[e] == index.mark[0]:
-        forward += corners_density(graph, tuning, r, u, s, t, p, q, a, b) / n_f
-    return forward > 0.0, -math.log(odds[c.CUT_WALL] * forward / graph.sums[c.TOTAL_LENGTH])
+        forward += gap_density(graph, tuning, r, u, s, t, p, q, a, b) / n_f
+    if forward == 0.0:
+        return ILLEGAL  # rounding put a foot off its face
+    return True, math.log(forward / graph.sums[c.TOTAL_LENGTH]), log_reverse_of_cut(graph, index, proposal)
 
 
 @core
-def cut_returns(graph: Graph, index: EdgeIndex, proposal: Proposal, odds: np.ndarray) -> float:
-    """Log of odds times density with which a mend would undo the proposed cut; -inf if it could not."""
+def log_reverse_of_cut(graph: Graph, index: EdgeIndex, proposal: Proposal) -> float:
+    """Log density with which a mend would undo the proposed cut; -inf if it could not."""
+    find_cells(index.grid, proposal)
     density = links_after(graph, index, proposal, FIRST_JAMB, SECOND_JAMB)
     density += links_after(graph, index, proposal, SECOND_JAMB, FIRST_JAMB)
-    if density == 0.0:
-        return -math.inf
     edges_after = graph.counts[c.EDGES] + 4
-    return math.log(odds[c.MEND_WALL] * 0.5 * density / edges_after)
+    return log_or_minus_infinity(0.5 * density / edges_after)
 
 
 @core
@@ -138,40 +208,39 @@ def propose_mend(
     index: EdgeIndex,
     proposal: Proposal,
     tuning: np.ndarray,
-    odds: np.ndarray,
     rng: np.random.Generator,
-) -> tuple[bool, float]:
-    """Propose to close the gap between the jambs j, uniform, and k, uniform in M(j); `mend_returns` adds the way back.
+) -> tuple[bool, float, float]:
+    """Propose to close the gap between the jambs j, uniform, and k, uniform in M(j).
 
-    Corners p, s of j and q, t of k go; the faces ab and ru of the mended wall come between their other neighbours.
+    Corners p, s of j and q, t of k are removed; the faces ab and ru of the mended wall join their other neighbours.
     """
     edges = graph.counts[c.EDGES]
     j, k, n_j = pick_pair(graph, index, 6, rng)
     if j == c.NONE:
-        return False, 0.0
+        return ILLEGAL
     p, s = ends_of(graph, j)
     q, t = ends_of(graph, k)
     if rng.random() < 0.5:
         q, t = t, q
     if not are_jambs(graph, p, s, q, t):
-        return False, 0.0
+        return ILLEGAL
     from_p, a = beyond(graph, p, j)
     from_s, r = beyond(graph, s, j)
     from_q, b = beyond(graph, q, k)
     from_t, u = beyond(graph, t, k)
     if not are_faces(graph, a, b, r, u, p, s, q, t):
-        return False, 0.0
+        return ILLEGAL
     for vertex in (p, q, s, t):
-        drop_vertex(proposal, vertex)
-    drop_edge(proposal, j)
-    drop_edge(proposal, k)
+        remove_vertex(proposal, vertex)
+    remove_edge(proposal, j)
+    remove_edge(proposal, k)
     for edge in (from_p, from_q, from_s, from_t):
-        drop_edge(proposal, edge)
-    join(graph, proposal, a, b)
-    join(graph, proposal, r, u)
+        remove_edge(proposal, edge)
+    add_edge(graph, proposal, a, b)
+    add_edge(graph, proposal, r, u)
     turn_round_gap(graph, proposal, a, b, p, q, s, t, r, u)
     forward = 1.0 / n_j + links_now(graph, index, k, j)
-    return True, -math.log(odds[c.MEND_WALL] * 0.5 * forward / edges)
+    return True, math.log(0.5 * forward / edges), log_reverse_of_mend(graph, index, proposal, tuning)
 
 
 @core
@@ -185,13 +254,13 @@ def are_jambs(graph: Graph, p: int, s: int, q: int, t: int) -> bool:
 
 @core
 def are_faces(graph: Graph, a: int, b: int, r: int, u: int, p: int, s: int, q: int, t: int) -> bool:
-    """Whether ab and ru may be the faces of a wall whose corners p, s, q, t go."""
+    """Whether ab and ru may be the faces of a wall whose corners p, s, q, t are removed."""
     for v in (a, b, r, u):
         if v == p or v == s or v == q or v == t:
             return False
     if a == r or a == u or b == r or b == u:
         return False
-    return can_face(graph, a, b) and can_face(graph, r, u)
+    return can_join(graph, a, b) and can_join(graph, r, u)
 
 
 @core
@@ -206,8 +275,9 @@ def opposite_after(
 
 
 @core
-def mend_returns(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: np.ndarray, odds: np.ndarray) -> float:
-    """Log of odds times density with which a cut would undo the proposed mend; -inf if it could not."""
+def log_reverse_of_mend(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: np.ndarray) -> float:
+    """Log density with which a cut would undo the proposed mend; -inf if it could not."""
+    find_cells(index.grid, proposal)
     a = proposal.new_edges[FIRST_FACE, 0]
     b = proposal.new_edges[FIRST_FACE, 1]
     r = proposal.new_edges[SECOND_FACE, 0]
@@ -219,10 +289,8 @@ def mend_returns(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: np.
     density = 0.0
     n = opposite_after(graph, index, proposal, FIRST_FACE, block_round_cut(graph, index.grid, a, b, p, q))
     if n > 0:
-        density += corners_density(graph, tuning, a, b, p, q, s, t, r, u) / n
+        density += gap_density(graph, tuning, a, b, p, q, s, t, r, u) / n
     n = opposite_after(graph, index, proposal, SECOND_FACE, block_round_cut(graph, index.grid, r, u, s, t))
     if n > 0:
-        density += corners_density(graph, tuning, r, u, s, t, p, q, a, b) / n
-    if density == 0.0:
-        return -math.inf
-    return math.log(odds[c.CUT_WALL] * density / length_after(graph, proposal))
+        density += gap_density(graph, tuning, r, u, s, t, p, q, a, b) / n
+    return log_or_minus_infinity(density / length_after(graph, proposal))

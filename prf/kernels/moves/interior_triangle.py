@@ -7,13 +7,21 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.graph import Graph, distance, other_end, pick
-from prf.kernels.moves.placing import area, beside, beside_density, is_inside, near_density, random_reach
-from prf.kernels.proposal import Proposal, drop_edge, drop_vertex, join, place_vertex, turn_at_vertex
+from prf.kernels.moves.placing import (
+    area,
+    beside,
+    beside_density,
+    is_inside,
+    log_or_minus_infinity,
+    near_density,
+    random_reach,
+)
+from prf.kernels.proposal import ILLEGAL, Proposal, add_edge, add_vertex, remove_edge, remove_vertex, turn_at_vertex
 from prf.kernels.targets import Targets, first_density, pick_near, pick_target, point_in, second_density, target_of
 
 N_SIZES = 3
 SHRINKING = 0.3
-"""Aimed births come in so many sizes, each so many times the one before."""
+"""Aimed births have so many sizes, each so many times the one before."""
 
 
 @core
@@ -30,7 +38,7 @@ def free_density(graph: Graph, tuning: np.ndarray, u: int, v: int, w: int) -> fl
     """Density of the unordered triangle u, v, w among births that know nothing of the readings.
 
     Uniform births: 3! orders of three uniform points. Local births: any of the three may have been the first
-    (uniform), and the other two come in either order round it.
+    (uniform), and the other two are drawn in either order round it.
     """
     surface = area(graph.window)
     median = tuning[c.BIRTH_REACH]
@@ -96,7 +104,7 @@ def uniform_vertex(graph: Graph, proposal: Proposal, rng: np.random.Generator) -
     window = graph.window
     x = window[0] + rng.random() * (window[2] - window[0])
     y = window[1] + rng.random() * (window[3] - window[1])
-    return place_vertex(graph, proposal, x, y, c.INTERIOR)
+    return add_vertex(graph, proposal, x, y, c.INTERIOR)
 
 
 @core
@@ -106,7 +114,7 @@ def vertex_near(graph: Graph, proposal: Proposal, u: int, median: float, rng: np
     direction = 2.0 * math.pi * rng.random()
     x = graph.vertex_xy[u, 0] + r * math.cos(direction)
     y = graph.vertex_xy[u, 1] + r * math.sin(direction)
-    return place_vertex(graph, proposal, x, y, c.INTERIOR)
+    return add_vertex(graph, proposal, x, y, c.INTERIOR)
 
 
 @core
@@ -130,14 +138,14 @@ def draw_aimed(
     is_post = rng.random() < 0.5
     target = pick_target(targets, tuning, rng)
     x, y = point_in(targets, target, rng)
-    u = place_vertex(graph, proposal, x, y, c.INTERIOR)
+    u = add_vertex(graph, proposal, x, y, c.INTERIOR)
     if is_post:
         v = vertex_near(graph, proposal, u, median, rng)
         return u, v, vertex_near(graph, proposal, u, median, rng)
     x, y = point_in(targets, pick_near(targets, target, rng), rng)
-    v = place_vertex(graph, proposal, x, y, c.INTERIOR)
+    v = add_vertex(graph, proposal, x, y, c.INTERIOR)
     x, y = beside(graph.vertex_xy[u], graph.vertex_xy[v], median, rng)
-    return u, v, place_vertex(graph, proposal, x, y, c.INTERIOR)
+    return u, v, add_vertex(graph, proposal, x, y, c.INTERIOR)
 
 
 @core
@@ -146,9 +154,8 @@ def propose_birth(
     targets: Targets,
     proposal: Proposal,
     tuning: np.ndarray,
-    odds: np.ndarray,
     rng: np.random.Generator,
-) -> tuple[bool, float]:
+) -> tuple[bool, float, float]:
     """Propose a triangle: anywhere, or aimed at returns."""
     if tuning[c.AIMED_SHARE] > 0.0 and rng.random() < tuning[c.AIMED_SHARE]:
         u, v, w = draw_aimed(graph, targets, proposal, tuning, rng)
@@ -157,16 +164,15 @@ def propose_birth(
     for k in range(3):
         vertex = proposal.new_vertices[k]
         if not is_inside(graph.window, graph.vertex_xy[vertex, 0], graph.vertex_xy[vertex, 1]):
-            return False, 0.0
+            return ILLEGAL
         turn_at_vertex(graph, proposal, vertex)
-    join(graph, proposal, u, v)
-    join(graph, proposal, v, w)
-    join(graph, proposal, w, u)
-    forward = odds[c.TRIANGLE_BIRTH] * birth_density(graph, targets, tuning, u, v, w)
-    if forward == 0.0:
-        return False, 0.0  # the apex of a panel on the line of its ends, but for rounding
-    triangles = graph.counts[c.TRIANGLE_VERTICES] // 3 + 1
-    return True, math.log(odds[c.TRIANGLE_DEATH] / (triangles * forward))
+    add_edge(graph, proposal, u, v)
+    add_edge(graph, proposal, v, w)
+    add_edge(graph, proposal, w, u)
+    density = birth_density(graph, targets, tuning, u, v, w)
+    if density == 0.0:
+        return ILLEGAL  # rounding put the apex of a panel on the line of its ends
+    return True, math.log(density), -math.log(graph.counts[c.TRIANGLE_VERTICES] // 3 + 1)
 
 
 @core
@@ -175,12 +181,11 @@ def propose_death(
     targets: Targets,
     proposal: Proposal,
     tuning: np.ndarray,
-    odds: np.ndarray,
     rng: np.random.Generator,
-) -> tuple[bool, float]:
+) -> tuple[bool, float, float]:
     """Propose to remove a uniform triangle."""
     if graph.counts[c.TRIANGLE_VERTICES] == 0:
-        return False, 0.0
+        return ILLEGAL
     u = pick(graph, c.TRIANGLE_VERTICES, rng)
     first = graph.vertex_edges[u, 0]
     last = graph.vertex_edges[u, 1]
@@ -189,12 +194,11 @@ def propose_death(
     middle = graph.vertex_edges[v, 0]
     if middle == first:
         middle = graph.vertex_edges[v, 1]
-    drop_edge(proposal, first)
-    drop_edge(proposal, middle)
-    drop_edge(proposal, last)
+    remove_edge(proposal, first)
+    remove_edge(proposal, middle)
+    remove_edge(proposal, last)
     for vertex in (u, v, w):
-        drop_vertex(proposal, vertex)
+        remove_vertex(proposal, vertex)
         turn_at_vertex(graph, proposal, vertex)
-    triangles = graph.counts[c.TRIANGLE_VERTICES] // 3
-    backward = odds[c.TRIANGLE_BIRTH] * birth_density(graph, targets, tuning, u, v, w)
-    return True, math.log(backward * triangles / odds[c.TRIANGLE_DEATH])
+    log_forward = -math.log(graph.counts[c.TRIANGLE_VERTICES] // 3)
+    return True, log_forward, log_or_minus_infinity(birth_density(graph, targets, tuning, u, v, w))

@@ -20,22 +20,31 @@ from prf.kernels.moves.placing import (
     side_length,
     side_point,
 )
-from prf.kernels.proposal import Proposal, drop_edge, drop_vertex, join, place_vertex, turn_at, turn_at_vertex
+from prf.kernels.proposal import (
+    ILLEGAL,
+    Proposal,
+    add_edge,
+    add_vertex,
+    remove_edge,
+    remove_vertex,
+    turn_at,
+    turn_at_vertex,
+)
 
 
 @core
 def move_interior_to(graph: Graph, proposal: Proposal, v: int, x: float, y: float) -> None:
-    """Let the interior vertex v go and come again at (x, y)."""
+    """Move the interior vertex v to (x, y)."""
     first = graph.vertex_edges[v, 0]
     last = graph.vertex_edges[v, 1]
     u = other_end(graph, first, v)
     w = other_end(graph, last, v)
-    moved = place_vertex(graph, proposal, x, y, c.INTERIOR)
-    drop_edge(proposal, first)
-    drop_edge(proposal, last)
-    drop_vertex(proposal, v)
-    join(graph, proposal, u, moved)
-    join(graph, proposal, moved, w)
+    moved = add_vertex(graph, proposal, x, y, c.INTERIOR)
+    remove_edge(proposal, first)
+    remove_edge(proposal, last)
+    remove_vertex(proposal, v)
+    add_edge(graph, proposal, u, moved)
+    add_edge(graph, proposal, moved, w)
     turn_at_vertex(graph, proposal, u)
     turn_at_vertex(graph, proposal, v)
     turn_at_vertex(graph, proposal, w)
@@ -45,30 +54,30 @@ def move_interior_to(graph: Graph, proposal: Proposal, v: int, x: float, y: floa
 @core
 def propose_interior(
     graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float]:
+) -> tuple[bool, float, float]:
     """(e): a uniform interior vertex, displaced by a random reach in a uniform direction (symmetric)."""
     if graph.counts[c.INTERIOR_VERTICES] == 0:
-        return False, 0.0
+        return ILLEGAL
     v = pick(graph, c.INTERIOR_VERTICES, rng)
     r = random_reach(rng, tuning[c.MOVE_REACH])
     direction = 2.0 * math.pi * rng.random()
     x = graph.vertex_xy[v, 0] + r * math.cos(direction)
     y = graph.vertex_xy[v, 1] + r * math.sin(direction)
     if not is_inside(graph.window, x, y):
-        return False, 0.0
+        return ILLEGAL
     move_interior_to(graph, proposal, v, x, y)
-    return True, 0.0
+    return True, 0.0, 0.0
 
 
 @core
-def propose_slide(graph: Graph, proposal: Proposal, rng: np.random.Generator) -> tuple[bool, float]:
+def propose_slide(graph: Graph, proposal: Proposal, rng: np.random.Generator) -> tuple[bool, float, float]:
     """(j): a uniform interior vertex v slides along one of its edges, uv, to a distance from u in [r/2, 2 r].
 
     The proposal is uniform in the distance r', so that the ratio of proposals is r / r'; the line measure along
     a ray from u has the Jacobian r' / r: they cancel, and both or none must be written.
     """
     if graph.counts[c.INTERIOR_VERTICES] == 0:
-        return False, 0.0
+        return ILLEGAL
     v = pick(graph, c.INTERIOR_VERTICES, rng)
     edge = graph.vertex_edges[v, 0 if rng.random() < 0.5 else 1]
     u = other_end(graph, edge, v)
@@ -76,21 +85,21 @@ def propose_slide(graph: Graph, proposal: Proposal, rng: np.random.Generator) ->
     x = graph.vertex_xy[u, 0] + stretch * (graph.vertex_xy[v, 0] - graph.vertex_xy[u, 0])
     y = graph.vertex_xy[u, 1] + stretch * (graph.vertex_xy[v, 1] - graph.vertex_xy[u, 1])
     if not is_inside(graph.window, x, y):
-        return False, 0.0
+        return ILLEGAL
     move_interior_to(graph, proposal, v, x, y)
-    return True, 0.0
+    return True, 0.0, 0.0
 
 
 @core
 def move_boundary_to(graph: Graph, proposal: Proposal, v: int, side: int, position: float) -> None:
-    """Let the boundary vertex v go and come again on `side`, its own or an adjacent one."""
+    """Move the boundary vertex v to a position on `side`, its own or an adjacent one."""
     edge = graph.vertex_edges[v, 0]
     u = other_end(graph, edge, v)
     x, y = side_point(graph.window, side, position)
-    moved = place_vertex(graph, proposal, x, y, side)
-    drop_edge(proposal, edge)
-    drop_vertex(proposal, v)
-    join(graph, proposal, u, moved)
+    moved = add_vertex(graph, proposal, x, y, side)
+    remove_edge(proposal, edge)
+    remove_vertex(proposal, v)
+    add_edge(graph, proposal, u, moved)
     turn_at_vertex(graph, proposal, u)
     turn_at_vertex(graph, proposal, v)
     if side != graph.vertex_side[v]:
@@ -102,10 +111,10 @@ def move_boundary_to(graph: Graph, proposal: Proposal, v: int, side: int, positi
 @core
 def propose_boundary(
     graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float]:
+) -> tuple[bool, float, float]:
     """(f): a uniform boundary vertex moves on its side, anywhere or by a random reach (both symmetric)."""
     if graph.counts[c.BOUNDARY_VERTICES] == 0:
-        return False, 0.0
+        return ILLEGAL
     v = pick(graph, c.BOUNDARY_VERTICES, rng)
     side = graph.vertex_side[v]
     if rng.random() < tuning[c.LOCAL_SHARE]:
@@ -113,16 +122,16 @@ def propose_boundary(
         position = position_on_side(side, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1])
         position += reach if rng.random() < 0.5 else -reach
         if not is_on_side(graph.window, side, position):
-            return False, 0.0
+            return ILLEGAL
     else:
         position = random_position(graph.window, side, rng)
     move_boundary_to(graph, proposal, v, side, position)
-    return True, 0.0
+    return True, 0.0, 0.0
 
 
 @core
 def landing_density(graph: Graph, tuning: np.ndarray, side: int, other: int, distance: float) -> float:
-    """Density on `side` of a vertex that comes past the corner with `other` and lands at a distance from it."""
+    """Density on `side` of a vertex that moves past the corner with `other` and lands at a distance from it."""
     local = tuning[c.LOCAL_SHARE] * reach_density(distance, tuning[c.BIRTH_REACH])
     return local + (1.0 - tuning[c.LOCAL_SHARE]) / side_length(graph.window, side)
 
@@ -130,10 +139,10 @@ def landing_density(graph: Graph, tuning: np.ndarray, side: int, other: int, dis
 @core
 def propose_past_corner(
     graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float]:
+) -> tuple[bool, float, float]:
     """(g): a uniform boundary vertex moves past one of its two corners, anywhere on that side or near the corner."""
     if graph.counts[c.BOUNDARY_VERTICES] == 0:
-        return False, 0.0
+        return ILLEGAL
     window = graph.window
     v = pick(graph, c.BOUNDARY_VERTICES, rng)
     side = graph.vertex_side[v]
@@ -142,23 +151,23 @@ def propose_past_corner(
         reach = random_reach(rng, tuning[c.BIRTH_REACH])
         position = position_from_corner(window, other, side, reach)
         if not is_on_side(window, other, position):
-            return False, 0.0
+            return ILLEGAL
     else:
         position = random_position(window, other, rng)
     u = other_end(graph, graph.vertex_edges[v, 0], v)
     if graph.vertex_side[u] == other:
-        return False, 0.0
+        return ILLEGAL
     move_boundary_to(graph, proposal, v, other, position)
     before = position_on_side(side, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1])
     forward = landing_density(graph, tuning, other, side, distance_to_corner(window, other, side, position))
     backward = landing_density(graph, tuning, side, other, distance_to_corner(window, side, other, before))
-    return True, math.log(backward / forward)
+    return True, math.log(forward), math.log(backward)
 
 
 @core
 def propose_vertex_move(
     graph: Graph, proposal: Proposal, tuning: np.ndarray, move: int, rng: np.random.Generator
-) -> tuple[bool, float]:
+) -> tuple[bool, float, float]:
     """Fill the proposal of one of the moves above."""
     if move == c.MOVE_INTERIOR:
         return propose_interior(graph, proposal, tuning, rng)

@@ -1,7 +1,7 @@
 """Not in the paper: a notch in a wall, or a bump on it, that reaches to a return, and the reverse, it is filled.
 
-What lies behind a wall that was drawn past it, or stands at one, comes in one step; by splits its corners would have
-to come one by one, each against the readings. Notches are of two kinds: a tooth has one corner off the wall, its tip, a
+What lies behind a wall that was drawn past it, or before one, is added in one step; by splits its corners would be
+added one by one, each against the readings. Notches are of two kinds: a tooth has one corner off the wall, its tip, a
 niche has two.
 """
 
@@ -12,29 +12,156 @@ import numpy as np
 from prf.kernels import constants as c
 from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, ends_of, may_go, other_end, pick
-from prf.kernels.moves.gap import beyond, can_face, foot_and_offset, outer_edge
-from prf.kernels.moves.notch_shape import (
-    aim_at_wall,
-    niche_density,
-    place_niche,
-    place_tooth,
-    share_after,
-    share_now,
-    tooth_density,
+from prf.kernels.graph import Graph, beyond, can_join, ends_of, is_removable, other_end, outer_edge, pick
+from prf.kernels.moves.nearby_edges import block_at, list_block, passes_block
+from prf.kernels.moves.placing import (
+    foot_and_offset,
+    is_in_window,
+    log_or_minus_infinity,
+    place_at_offset,
+    place_off_line,
+    random_reach,
+    reach_density,
+    signed_density,
+    signed_reach,
 )
 from prf.kernels.proposal import (
+    ILLEGAL,
+    N_OLD_EDGES,
     N_OLD_VERTICES,
     Proposal,
-    drop_edge,
-    drop_vertex,
-    join,
+    add_edge,
+    add_vertex,
+    find_cells,
+    remove_edge,
+    remove_vertex,
     turn_at_vertex,
 )
-from prf.kernels.targets import Targets
+from prf.kernels.targets import Targets, first_density, pick_target, point_in, target_of
+
+NOTCH_RADIUS = 2
+"""The wall of a notch is searched in a square of cells that reaches so many to each side of the aimed corner."""
 
 TOOTH_CORNERS = 3
 """A niche has one more."""
+
+
+@core
+def walls_now(graph: Graph, index: EdgeIndex, v: int) -> int:
+    """List E(v), the edges through the block of cells round v; return their number."""
+    index.mark[0] += 1
+    return list_block(index, block_at(index.grid, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1], NOTCH_RADIUS))
+
+
+@core
+def aim_at_wall(
+    graph: Graph,
+    index: EdgeIndex,
+    targets: Targets,
+    proposal: Proposal,
+    tuning: np.ndarray,
+    rng: np.random.Generator,
+) -> tuple[int, int, int]:
+    """Place a new vertex v in a target that is picked; return it, a uniform edge of E(v), and the size of E(v).
+
+    The edge is NONE where there is none, nothing is aimed, or v lies outside the window.
+    """
+    if graph.counts[c.EDGES] == 0 or tuning[c.AIMED_SHARE] == 0.0:
+        return c.NONE, c.NONE, 0
+    x, y = point_in(targets, pick_target(targets, tuning, rng), rng)
+    v = add_vertex(graph, proposal, x, y, c.INTERIOR)
+    n = walls_now(graph, index, v)
+    if n == 0 or not is_in_window(graph, v):
+        return v, c.NONE, 0
+    return v, index.neighbors[int(rng.random() * n)], n
+
+
+@core
+def share_now(graph: Graph, index: EdgeIndex, e: int, v: int) -> float:
+    """1/#E(v) if the edge e is in E(v)."""
+    n = walls_now(graph, index, v)
+    return 1.0 / n if index.marks[e] == index.mark[0] else 0.0
+
+
+@core
+def share_after(graph: Graph, index: EdgeIndex, proposal: Proposal, v: int) -> float:
+    """1/#E(v) in the new map if its one new edge is in E(v)."""
+    block = block_at(index.grid, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1], NOTCH_RADIUS)
+    if not passes_block(index.grid, proposal, 0, block):
+        return 0.0
+    index.mark[0] += 1
+    for k in range(proposal.counts[N_OLD_EDGES]):
+        index.marks[proposal.old_edges[k]] = index.mark[0]
+    return 1.0 / (list_block(index, block) + 1)
+
+
+@core
+def tooth_density(graph: Graph, targets: Targets, tuning: np.ndarray, a: int, b: int, p: int, t: int, q: int) -> float:
+    """Density of the tip t and of the corners p and q on ab (in this order), if ab was chosen."""
+    foot_p, off_p, length = foot_and_offset(graph, a, b, p)
+    foot_t, _, _ = foot_and_offset(graph, a, b, t)
+    foot_q, off_q, _ = foot_and_offset(graph, a, b, q)
+    if not 0.0 < foot_p < foot_t < foot_q < length:
+        return 0.0
+    near = tuning[c.CUT_REACH]
+    reach = tuning[c.JOIN_REACH]
+    density = first_density(targets, tuning, target_of(targets, graph, t))
+    density *= reach_density(foot_t - foot_p, reach) * reach_density(foot_q - foot_t, reach)
+    return density * signed_density(off_p, near) * signed_density(off_q, near)
+
+
+@core
+def niche_density(
+    graph: Graph, targets: Targets, tuning: np.ndarray, a: int, b: int, p: int, s: int, t: int, q: int
+) -> float:
+    """Density of the inner corners s and t, s aimed, and of p and q on ab (in this order), if ab was chosen."""
+    foot_p, off_p, length = foot_and_offset(graph, a, b, p)
+    foot_q, off_q, _ = foot_and_offset(graph, a, b, q)
+    foot_s, depth_s, _ = foot_and_offset(graph, a, b, s)
+    foot_t, depth_t, _ = foot_and_offset(graph, a, b, t)
+    if not 0.0 < foot_p < foot_q < length or foot_s > foot_t:
+        return 0.0
+    near = tuning[c.CUT_REACH]
+    density = first_density(targets, tuning, target_of(targets, graph, s))
+    density *= signed_density(foot_t - foot_s, tuning[c.JOIN_REACH]) * signed_density(depth_t - depth_s, near)
+    density *= signed_density(foot_p - foot_s, near) * signed_density(foot_q - foot_t, near)
+    return density * signed_density(off_p, near) * signed_density(off_q, near)
+
+
+@core
+def place_tooth(
+    graph: Graph, proposal: Proposal, tuning: np.ndarray, a: int, b: int, t: int, rng: np.random.Generator
+) -> bool:
+    """Place the corners on ab of a tooth with its tip at t as new vertices 1 and 2; False if one is off ab."""
+    foot, _, length = foot_and_offset(graph, a, b, t)
+    foot_p = foot - random_reach(rng, tuning[c.JOIN_REACH])
+    foot_q = foot + random_reach(rng, tuning[c.JOIN_REACH])
+    if not (foot_p > 0.0 and foot_q < length):
+        return False
+    p = place_off_line(graph, proposal, a, b, foot_p, tuning[c.CUT_REACH], rng)
+    q = place_off_line(graph, proposal, a, b, foot_q, tuning[c.CUT_REACH], rng)
+    return is_in_window(graph, p) and is_in_window(graph, q)
+
+
+@core
+def place_niche(
+    graph: Graph, proposal: Proposal, tuning: np.ndarray, a: int, b: int, s: int, rng: np.random.Generator
+) -> bool:
+    """Place the other inner corner of a niche with one at s, and those beside s and it on ab, as new vertices 1 to 3.
+
+    False if one of them is off ab or the window.
+    """
+    near = tuning[c.CUT_REACH]
+    foot_s, depth, length = foot_and_offset(graph, a, b, s)
+    foot_t = foot_s + signed_reach(rng, tuning[c.JOIN_REACH])
+    t = place_at_offset(graph, proposal, a, b, foot_t, depth + signed_reach(rng, near))
+    foot_p = foot_s + signed_reach(rng, near)
+    foot_q = foot_t + signed_reach(rng, near)
+    if not (0.0 < foot_p < length and 0.0 < foot_q < length):
+        return False
+    p = place_off_line(graph, proposal, a, b, foot_p, near, rng)
+    q = place_off_line(graph, proposal, a, b, foot_q, near, rng)
+    return is_in_window(graph, t) and is_in_window(graph, p) and is_in_window(graph, q)
 
 
 @core
@@ -44,39 +171,38 @@ def propose_notch(
     targets: Targets,
     proposal: Proposal,
     tuning: np.ndarray,
-    odds: np.ndarray,
     rng: np.random.Generator,
-) -> tuple[bool, float]:
+) -> tuple[bool, float, float]:
     """Propose a tooth or a niche (1/2 each) in a uniform edge of E(v), v being uniform in a uniform target."""
     is_tooth = rng.random() < 0.5
     v, e, n = aim_at_wall(graph, index, targets, proposal, tuning, rng)
     if e == c.NONE:
-        return False, 0.0
+        return ILLEGAL
     a, b = ends_of(graph, e)
-    drop_edge(proposal, e)
+    remove_edge(proposal, e)
     if is_tooth:
         if not place_tooth(graph, proposal, tuning, a, b, v, rng):
-            return False, 0.0
+            return ILLEGAL
         density = join_tooth(graph, targets, proposal, tuning, a, b) / n
         places = graph.counts[c.INTERIOR_VERTICES] + 3
     else:
         if not place_niche(graph, proposal, tuning, a, b, v, rng):
-            return False, 0.0
+            return ILLEGAL
         density = join_niche(graph, index, targets, proposal, tuning, e)
         places = graph.counts[c.EDGES] + 4
     if density == 0.0:
-        return False, 0.0
-    return True, math.log(odds[c.FILL] / (places * odds[c.NOTCH] * density))
+        return ILLEGAL
+    return True, math.log(0.5 * density), math.log(0.5 / places)
 
 
 @core
 def join_tooth(graph: Graph, targets: Targets, proposal: Proposal, tuning: np.ndarray, a: int, b: int) -> float:
-    """Let the edges of a tooth in ab come; return the density of its corners."""
+    """Add the edges of a tooth in ab; return the density of its corners."""
     t = proposal.new_vertices[0]
     p = proposal.new_vertices[1]
     q = proposal.new_vertices[2]
-    join(graph, proposal, p, t)
-    join(graph, proposal, t, q)
+    add_edge(graph, proposal, p, t)
+    add_edge(graph, proposal, t, q)
     join_feet(graph, proposal, a, p, q, b)
     for vertex in (a, p, t, q, b):
         turn_at_vertex(graph, proposal, vertex)
@@ -87,7 +213,7 @@ def join_tooth(graph: Graph, targets: Targets, proposal: Proposal, tuning: np.nd
 def join_niche(
     graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: np.ndarray, e: int
 ) -> float:
-    """Let the edges of a niche in the edge e come; return its density, whichever of its inner corners was aimed."""
+    """Add the edges of a niche in the edge e; return its density, whichever of its inner corners was aimed."""
     a, b = ends_of(graph, e)
     s = proposal.new_vertices[0]
     t = proposal.new_vertices[1]
@@ -95,9 +221,9 @@ def join_niche(
     q = proposal.new_vertices[3]
     if foot_and_offset(graph, a, b, s)[0] > foot_and_offset(graph, a, b, t)[0]:
         a, b = b, a
-    join(graph, proposal, p, s)
-    join(graph, proposal, s, t)
-    join(graph, proposal, t, q)
+    add_edge(graph, proposal, p, s)
+    add_edge(graph, proposal, s, t)
+    add_edge(graph, proposal, t, q)
     join_feet(graph, proposal, a, p, q, b)
     for vertex in (a, p, s, t, q, b):
         turn_at_vertex(graph, proposal, vertex)
@@ -107,16 +233,23 @@ def join_niche(
 
 @core
 def join_feet(graph: Graph, proposal: Proposal, a: int, p: int, q: int, b: int) -> None:
-    """Let the pieces of the wall to either side of a notch come."""
-    join(graph, proposal, a, p)
-    join(graph, proposal, q, b)
+    """Add the pieces of the wall to either side of a notch."""
+    add_edge(graph, proposal, a, p)
+    add_edge(graph, proposal, q, b)
 
 
 @core
-def propose_fill(graph: Graph, proposal: Proposal, odds: np.ndarray, rng: np.random.Generator) -> tuple[bool, float]:
-    """Propose to fill a tooth at a uniform vertex or a niche at a uniform edge (1/2 each); see `fill_returns`."""
+def propose_fill(
+    graph: Graph,
+    index: EdgeIndex,
+    targets: Targets,
+    proposal: Proposal,
+    tuning: np.ndarray,
+    rng: np.random.Generator,
+) -> tuple[bool, float, float]:
+    """Propose to fill a tooth at a uniform vertex or a niche at a uniform edge (1/2 each)."""
     if graph.counts[c.INTERIOR_VERTICES] < TOOTH_CORNERS:
-        return False, 0.0
+        return ILLEGAL
     if rng.random() < 0.5:
         t = pick(graph, c.INTERIOR_VERTICES, rng)
         places = graph.counts[c.INTERIOR_VERTICES]
@@ -124,45 +257,48 @@ def propose_fill(graph: Graph, proposal: Proposal, odds: np.ndarray, rng: np.ran
     else:
         e = pick(graph, c.EDGES, rng)
         s, t = ends_of(graph, e)
-        if not (may_go(graph, s) and may_go(graph, t)):
-            return False, 0.0
-        drop_edge(proposal, e)
+        if not (is_removable(graph, s) and is_removable(graph, t)):
+            return ILLEGAL
+        remove_edge(proposal, e)
         places = graph.counts[c.EDGES]
         legal = fill(graph, proposal, s, t, outer_edge(graph, s, e), outer_edge(graph, t, e))
-    return legal, -math.log(odds[c.FILL] / places)
+    if not legal:
+        return ILLEGAL
+    return True, math.log(0.5 / places), log_reverse_of_fill(graph, index, targets, proposal, tuning)
 
 
 @core
 def fill(graph: Graph, proposal: Proposal, s: int, t: int, first: int, last: int) -> bool:
-    """Let the corners s and t (one vertex, or joined) of a notch go, and those beside them that end `first`, `last`."""
+    """Remove the corners s, t (one vertex, or joined) of a notch, and those beside them that end `first`, `last`."""
     p = other_end(graph, first, s)
     q = other_end(graph, last, t)
-    if p == q or not (may_go(graph, p) and may_go(graph, q)):
+    if p == q or not (is_removable(graph, p) and is_removable(graph, q)):
         return False
     outer_p, a = beyond(graph, p, first)
     outer_q, b = beyond(graph, q, last)
-    if a == q or not can_face(graph, a, b):
+    if a == q or not can_join(graph, a, b):
         return False
     for edge in (first, last, outer_p, outer_q):
-        drop_edge(proposal, edge)
+        remove_edge(proposal, edge)
     for vertex in (p, q, s):
-        drop_vertex(proposal, vertex)
+        remove_vertex(proposal, vertex)
     for vertex in (a, p, s):
         turn_at_vertex(graph, proposal, vertex)
     if s != t:
-        drop_vertex(proposal, t)
+        remove_vertex(proposal, t)
         turn_at_vertex(graph, proposal, t)
     turn_at_vertex(graph, proposal, q)
     turn_at_vertex(graph, proposal, b)
-    join(graph, proposal, a, b)
+    add_edge(graph, proposal, a, b)
     return True
 
 
 @core
-def fill_returns(
-    graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: np.ndarray, odds: np.ndarray
+def log_reverse_of_fill(
+    graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: np.ndarray
 ) -> float:
-    """Log of odds times density with which a notch would undo the proposed filling; -inf if none would."""
+    """Log density with which a notch would undo the proposed filling; -inf if none would."""
+    find_cells(index.grid, proposal)
     if tuning[c.AIMED_SHARE] == 0.0:
         return -math.inf
     a = proposal.new_edges[0, 0]
@@ -176,6 +312,4 @@ def fill_returns(
         t = proposal.old_vertices[3]
         density = niche_density(graph, targets, tuning, a, b, p, s, t, q) * share_after(graph, index, proposal, s)
         density += niche_density(graph, targets, tuning, b, a, q, t, s, p) * share_after(graph, index, proposal, t)
-    if density == 0.0:
-        return -math.inf
-    return math.log(odds[c.NOTCH] * density)
+    return log_or_minus_infinity(0.5 * density)

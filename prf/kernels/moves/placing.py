@@ -1,4 +1,4 @@
-"""Random places in the window and on its sides, with their densities."""
+"""Random places in the window, on its sides and beside edges, with their densities."""
 
 import math
 
@@ -6,6 +6,8 @@ import numpy as np
 
 from prf.kernels import constants as c
 from prf.kernels._jit import core
+from prf.kernels.graph import Graph
+from prf.kernels.proposal import Proposal, add_vertex
 
 
 @core
@@ -19,6 +21,12 @@ def random_reach(rng: np.random.Generator, median: float) -> float:
 def reach_density(r: float, median: float) -> float:
     """Density of :func:`random_reach` at r >= 0."""
     return median / ((median + r) * (median + r))
+
+
+@core
+def log_or_minus_infinity(density: float) -> float:
+    """Log of a density that may be 0."""
+    return math.log(density) if density > 0.0 else -math.inf
 
 
 @core
@@ -154,3 +162,76 @@ def position_from_corner(window: np.ndarray, side: int, other: int, distance: fl
     if corner > side_start(window, side):
         return corner - distance
     return corner + distance
+
+
+@core
+def foot_and_offset(graph: Graph, a: int, b: int, v: int) -> tuple[float, float, float]:
+    """Distance of v's foot from a along the line ab, signed offset from it, and the length of ab."""
+    ax = graph.vertex_xy[a, 0]
+    ay = graph.vertex_xy[a, 1]
+    ex = graph.vertex_xy[b, 0] - ax
+    ey = graph.vertex_xy[b, 1] - ay
+    length = math.sqrt(ex * ex + ey * ey)
+    vx = graph.vertex_xy[v, 0] - ax
+    vy = graph.vertex_xy[v, 1] - ay
+    return (vx * ex + vy * ey) / length, (ex * vy - ey * vx) / length, length
+
+
+@core
+def signed_density(x: float, median: float) -> float:
+    """Density of a random reach to either side."""
+    return 0.5 * reach_density(abs(x), median)
+
+
+@core
+def signed_reach(rng: np.random.Generator, median: float) -> float:
+    """Random reach to either side."""
+    reach = random_reach(rng, median)
+    return reach if rng.random() < 0.5 else -reach
+
+
+@core
+def place_at_offset(graph: Graph, proposal: Proposal, a: int, b: int, foot: float, off: float) -> int:
+    """New vertex at a foot along ab and an offset from the line."""
+    ax = graph.vertex_xy[a, 0]
+    ay = graph.vertex_xy[a, 1]
+    ex = graph.vertex_xy[b, 0] - ax
+    ey = graph.vertex_xy[b, 1] - ay
+    length = math.sqrt(ex * ex + ey * ey)
+    x = ax + (foot * ex - off * ey) / length
+    y = ay + (foot * ey + off * ex) / length
+    return add_vertex(graph, proposal, x, y, c.INTERIOR)
+
+
+@core
+def place_off_line(
+    graph: Graph, proposal: Proposal, a: int, b: int, foot: float, near: float, rng: np.random.Generator
+) -> int:
+    """New vertex at a foot along ab, a little off the line."""
+    return place_at_offset(graph, proposal, a, b, foot, signed_reach(rng, near))
+
+
+@core
+def is_in_window(graph: Graph, v: int) -> bool:
+    """Whether a vertex lies strictly inside the window."""
+    return is_inside(graph.window, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1])
+
+
+@core
+def place_two(
+    graph: Graph,
+    proposal: Proposal,
+    a: int,
+    b: int,
+    foot_s: float,
+    foot_t: float,
+    length: float,
+    near: float,
+    rng: np.random.Generator,
+) -> bool:
+    """Place two new vertices beside two feet on the edge ab; False if one is off the edge or the window."""
+    if not (0.0 < foot_s < length and 0.0 < foot_t < length):
+        return False
+    s = place_off_line(graph, proposal, a, b, foot_s, near, rng)
+    t = place_off_line(graph, proposal, a, b, foot_t, near, rng)
+    return is_in_window(graph, s) and is_in_window(graph, t)

@@ -1,4 +1,8 @@
-"""Figure 2 (d): an edge is split by a new vertex, and the reverse, a vertex whose two edges merge into one."""
+"""Figure 2 (d): an edge is split by a new vertex, and the reverse, the two edges of a vertex are merged into one.
+
+Not in the paper: an edge is bent to a return by a new vertex there, and the reverse. A split has its foot on the edge.
+A corner past the end of an edge, such as one return reveals, needs a vertex whose foot lies anywhere.
+"""
 
 import math
 
@@ -6,9 +10,21 @@ import numpy as np
 
 from prf.kernels import constants as c
 from prf.kernels._jit import core
-from prf.kernels.graph import Graph, are_adjacent, ends_of, on_one_side, other_end, pick
-from prf.kernels.moves.placing import beside, beside_density, is_inside
-from prf.kernels.proposal import Proposal, drop_edge, drop_vertex, join, place_vertex, turn_at_vertex
+from prf.kernels.edge_index import EdgeIndex
+from prf.kernels.graph import Graph, can_join, ends_of, other_end, pick
+from prf.kernels.moves.notch import aim_at_wall, share_after
+from prf.kernels.moves.placing import beside, beside_density, is_inside, log_or_minus_infinity
+from prf.kernels.proposal import (
+    ILLEGAL,
+    Proposal,
+    add_edge,
+    add_vertex,
+    find_cells,
+    remove_edge,
+    remove_vertex,
+    turn_at_vertex,
+)
+from prf.kernels.targets import Targets, first_density, target_of
 
 
 @core
@@ -19,11 +35,11 @@ def split_density(graph: Graph, tuning: np.ndarray, u: int, w: int, x: float, y:
 
 @core
 def lead_through(graph: Graph, proposal: Proposal, edge: int, v: int) -> None:
-    """Let an edge go, and those between its ends and the new vertex v come."""
+    """Replace an edge by two between its ends and the new vertex v."""
     u, w = ends_of(graph, edge)
-    drop_edge(proposal, edge)
-    join(graph, proposal, u, v)
-    join(graph, proposal, v, w)
+    remove_edge(proposal, edge)
+    add_edge(graph, proposal, u, v)
+    add_edge(graph, proposal, v, w)
     turn_at_vertex(graph, proposal, u)
     turn_at_vertex(graph, proposal, v)
     turn_at_vertex(graph, proposal, w)
@@ -31,11 +47,11 @@ def lead_through(graph: Graph, proposal: Proposal, edge: int, v: int) -> None:
 
 @core
 def take_out(graph: Graph, proposal: Proposal, u: int, v: int, w: int) -> None:
-    """Let the interior vertex v and its edges to u and w go, and the edge uw come."""
-    drop_edge(proposal, graph.vertex_edges[v, 0])
-    drop_edge(proposal, graph.vertex_edges[v, 1])
-    drop_vertex(proposal, v)
-    join(graph, proposal, u, w)
+    """Replace the interior vertex v and its edges to u and w by the edge uw."""
+    remove_edge(proposal, graph.vertex_edges[v, 0])
+    remove_edge(proposal, graph.vertex_edges[v, 1])
+    remove_vertex(proposal, v)
+    add_edge(graph, proposal, u, w)
     turn_at_vertex(graph, proposal, u)
     turn_at_vertex(graph, proposal, v)
     turn_at_vertex(graph, proposal, w)
@@ -43,43 +59,98 @@ def take_out(graph: Graph, proposal: Proposal, u: int, v: int, w: int) -> None:
 
 @core
 def propose_split(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, odds: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float]:
+    graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
+) -> tuple[bool, float, float]:
     """Propose to split a uniform edge."""
     edges = graph.counts[c.EDGES]
     if edges == 0:
-        return False, 0.0
+        return ILLEGAL
     edge = pick(graph, c.EDGES, rng)
     u, w = ends_of(graph, edge)
     x, y = beside(graph.vertex_xy[u], graph.vertex_xy[w], tuning[c.SPLIT_REACH], rng)
     density = split_density(graph, tuning, u, w, x, y)
     if density == 0.0 or not is_inside(graph.window, x, y):
-        return False, 0.0
-    lead_through(graph, proposal, edge, place_vertex(graph, proposal, x, y, c.INTERIOR))
-    forward = odds[c.SPLIT] * density / edges
-    return True, math.log(odds[c.MERGE] / ((graph.counts[c.INTERIOR_VERTICES] + 1) * forward))
+        return ILLEGAL
+    lead_through(graph, proposal, edge, add_vertex(graph, proposal, x, y, c.INTERIOR))
+    return True, math.log(density / edges), -math.log(graph.counts[c.INTERIOR_VERTICES] + 1)
 
 
 @core
 def propose_merge(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, odds: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float]:
+    graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
+) -> tuple[bool, float, float]:
     """Propose to replace the two edges of a uniform interior vertex by one.
 
     Illegal where that would double an edge (the neighbours are adjacent) or lay one along a side.
     """
     interior = graph.counts[c.INTERIOR_VERTICES]
     if interior == 0:
-        return False, 0.0
+        return ILLEGAL
     v = pick(graph, c.INTERIOR_VERTICES, rng)
     u = other_end(graph, graph.vertex_edges[v, 0], v)
     w = other_end(graph, graph.vertex_edges[v, 1], v)
-    if are_adjacent(graph, u, w) or on_one_side(graph, u, w):
-        return False, 0.0
+    if not can_join(graph, u, w):
+        return ILLEGAL
     density = split_density(graph, tuning, u, w, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1])
     if density == 0.0:
-        return False, 0.0
+        return ILLEGAL
     take_out(graph, proposal, u, v, w)
     edges_after = graph.counts[c.EDGES] - 1
-    backward = odds[c.SPLIT] * density / edges_after
-    return True, math.log(backward * interior / odds[c.MERGE])
+    return True, -math.log(interior), math.log(density / edges_after)
+
+
+@core
+def propose_bend(
+    graph: Graph,
+    index: EdgeIndex,
+    targets: Targets,
+    proposal: Proposal,
+    tuning: np.ndarray,
+    rng: np.random.Generator,
+) -> tuple[bool, float, float]:
+    """Propose a new vertex v, uniform in a target, in a uniform edge of E(v)."""
+    v, edge, n = aim_at_wall(graph, index, targets, proposal, tuning, rng)
+    if edge == c.NONE:
+        return ILLEGAL
+    lead_through(graph, proposal, edge, v)
+    density = first_density(targets, tuning, target_of(targets, graph, v)) / n
+    if density == 0.0:
+        return ILLEGAL  # on the border of a target, but for rounding
+    return True, math.log(density), -math.log(graph.counts[c.INTERIOR_VERTICES] + 1)
+
+
+@core
+def propose_unbend(
+    graph: Graph,
+    index: EdgeIndex,
+    targets: Targets,
+    proposal: Proposal,
+    tuning: np.ndarray,
+    rng: np.random.Generator,
+) -> tuple[bool, float, float]:
+    """Propose to join the neighbours of a uniform interior vertex, which is removed."""
+    interior = graph.counts[c.INTERIOR_VERTICES]
+    if interior == 0:
+        return ILLEGAL
+    v = pick(graph, c.INTERIOR_VERTICES, rng)
+    u = other_end(graph, graph.vertex_edges[v, 0], v)
+    w = other_end(graph, graph.vertex_edges[v, 1], v)
+    if not can_join(graph, u, w):
+        return ILLEGAL
+    take_out(graph, proposal, u, v, w)
+    return True, -math.log(interior), log_reverse_of_unbend(graph, index, targets, proposal, tuning)
+
+
+@core
+def log_reverse_of_unbend(
+    graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: np.ndarray
+) -> float:
+    """Log density with which a bend would undo the proposed unbending; -inf if none would."""
+    find_cells(index.grid, proposal)
+    if tuning[c.AIMED_SHARE] == 0.0:
+        return -math.inf
+    v = proposal.old_vertices[0]
+    density = first_density(targets, tuning, target_of(targets, graph, v))
+    if density == 0.0:
+        return -math.inf
+    return log_or_minus_infinity(density * share_after(graph, index, proposal, v))

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from prf.driven import way_guards
 from prf.kernels import constants as c
-from prf.kernels.cones import REACH
+from prf.kernels.cones import MAX_DISTANCE
+from prf.kernels.sonar_features import BORDER, POSE_COS, POSE_SIN, POSE_X, POSE_Y
 from prf.kernels.targets import Targets
-from prf.kernels.visibility import BORDER, POSE_COS, POSE_SIN, POSE_X, POSE_Y
 from prf.layout import make_targets
 from prf.posterior import LaserData, Settings, SonarData, return_points, white_places
 from prf.sensors.laser import LaserModel, make_rays
@@ -49,7 +49,7 @@ def make_tile_data(settings: Settings) -> TileData:
     sonar = settings.sonar or SonarData(*nothing, np.zeros(0), SonarModel())
     ray = make_rays(settings.window, laser.model, laser.origin, laser.angle, laser.readings)
     pose = make_poses(sonar.model, sonar.origin, sonar.angle, sonar.cone, sonar.readings, settings.window)
-    reach = ray[:, c.REACH]
+    reach = ray[:, c.MAX_DISTANCE]
     influence = np.minimum(reach, laser.model.influence(ray[:, c.RANGE]))
     returned = (ray[:, c.RANGE] >= 0.0) & np.isfinite(ray[:, c.RANGE])
     answered = np.where(returned, np.minimum(ray[:, c.RANGE], (1.0 - HAIR) * reach), 0.5 * reach)
@@ -72,7 +72,7 @@ def make_tile_data(settings: Settings) -> TileData:
 
 def cone_triangles(pose: Floats) -> Floats:
     """Return triangles (m, 6) that hold all of each cone up to its reach."""
-    far, across = pose[:, [REACH]] * (1.0 + HAIR), pose[:, BORDER] * (1.0 + HAIR)
+    far, across = pose[:, [MAX_DISTANCE]] * (1.0 + HAIR), pose[:, BORDER] * (1.0 + HAIR)
     corners = [pose[:, [POSE_X, POSE_Y]] - HAIR * far * pose[:, [POSE_COS, POSE_SIN]]]
     for side in (-1.0, 1.0):
         x = pose[:, POSE_COS] - side * across * pose[:, POSE_SIN]

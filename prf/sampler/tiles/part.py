@@ -19,14 +19,14 @@ from prf.coloring import Coloring
 from prf.driven import ways_near
 from prf.kernels import constants as c
 from prf.kernels.beams import Beams
-from prf.kernels.bounds import find_aims
-from prf.kernels.build import resum, trace_all
+from prf.kernels.build import recompute_sums, trace_all
 from prf.kernels.chain import Chain
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph
-from prf.kernels.grid import HAIR, HAIR_SHARE, Grid, make_grid, most_cells
+from prf.kernels.grid import ABS_TOL, REL_TOL, Grid, make_grid, most_cells
 from prf.kernels.guards import GUARD_RAY, GUARD_TRIANGLE, N_SHAPE, Guards, index_frozen
 from prf.kernels.image import Image
+from prf.kernels.laser_change import find_aims
 from prf.kernels.points import Points
 from prf.kernels.targets import Targets
 from prf.kernels.tile import clip_beams, count_part_edges, fill_part, first_outside, mark_met, tiles_at
@@ -226,19 +226,20 @@ def _assemble(
         beams=part_beams(data, grid, beams, capacity),
         cones=make_cones(grid, data.sonar, data.pose[own_cones], capacity),
         points=part_points(settings.points, begun.coloring, window),
-        sensors=make_sites(grid, sensors, begun.coloring if np.isfinite(tuning[c.OCCUPIED_COST]) else None),
+        sensors=make_sites(grid, sensors, begun.coloring if np.isfinite(begun.density[c.OCCUPIED_COST]) else None),
         targets=targets,
         image=image,
         guards=guards,
         proposal=make_proposal(grid),
+        density=begun.density,
         tuning=tuning,
-        odds=begun.odds,
+        move_probabilities=begun.move_probabilities,
         outcomes=np.zeros((c.N_MOVES, c.N_OUTCOMES), np.int64),
     )
     if image.black.size > 0:
         count_part_edges(graph, guards, image)
     trace_all(chain)
-    resum(chain)
+    recompute_sums(chain)
     return chain
 
 
@@ -282,12 +283,12 @@ def part_beams(data: TileData, grid: Grid, shared: Shared, capacity: int) -> Bea
     enter, end = shared.span.T
     moved = ray.copy()
     moved[:, : c.ORIGIN_Y + 1] += enter[:, None] * ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
-    moved[:, c.REACH] = end - enter
+    moved[:, c.MAX_DISTANCE] = end - enter
     beams = make_beams(grid, data.laser, moved, capacity, data.settings.levels)
-    ray[:, c.REACH] = end
+    ray[:, c.MAX_DISTANCE] = end
     # Exits are distances from the sensor, rounded down as before.
     exits = beams.slot_exit + np.repeat(enter, np.diff(beams.slot_start))
-    exits = exits * (1.0 - HAIR_SHARE) - HAIR
+    exits = exits * (1.0 - REL_TOL) - ABS_TOL
     last = beams.slot_start[1:] - 1
     exits[last] = end
     slot_exit = exits.astype(np.float32)

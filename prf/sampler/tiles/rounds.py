@@ -41,8 +41,9 @@ class Round(NamedTuple):
     seeds: NDArray[np.int64]  # (k,)
     looks: NDArray[np.int64]  # (n,): steps of a tile at which what is there is kept; the last is the end
     probes: NDArray[np.int64]  # (n_probes,): pixels whose colour is kept with it
-    tuning: Floats  # as the chain has them, but for moves on the border
-    odds: Floats  # as the chain has them, but for moves on the border
+    density: Floats  # of the chain
+    tuning: Floats  # of the chain
+    move_probabilities: Floats  # of the chain, but for moves on the border
     aim: Floats  # (n_targets,): probabilities of the targets, summed
 
     @property
@@ -68,8 +69,8 @@ def make_round(
     tiles_at(tiles, coloring.xy, vertex_tile)
     vertex_tile[coloring.side != INTERIOR] = c.NONE
     first, last = vertex_tile[coloring.edges].T
-    odds = chain.odds.copy()
-    odds[list(BORDER_MOVES)] = 0.0  # left to the steps between rounds
+    move_probabilities = chain.move_probabilities.copy()
+    move_probabilities[list(BORDER_MOVES)] = 0.0  # left to the steps between rounds
     return Round(
         coloring,
         chain.image.grid,
@@ -80,8 +81,9 @@ def make_round(
         seeds=rng.integers(0, 2**63, len(tiles)),
         looks=np.arange(1, n_looks + 1) * (steps // len(tiles)) // n_looks,
         probes=probes,
+        density=chain.density.copy(),
         tuning=chain.tuning.copy(),
-        odds=odds / odds.sum(),
+        move_probabilities=move_probabilities / move_probabilities.sum(),
         aim=chain.targets.cumulative.copy(),
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -14,11 +15,14 @@ from prf.kernels import cones as cone_columns
 from prf.kernels import constants as c
 from prf.kernels import guards as guard_columns
 from prf.kernels import points as point_columns
+from prf.kernels._jit import core_entry
 from prf.kernels.beams import Beams
-from prf.kernels.brute import impacts_from_scratch
 from prf.kernels.build import trace_all
 from prf.kernels.chain import Chain
 from prf.kernels.cones import Cones
+from prf.kernels.geometry import ray_hit
+from prf.kernels.graph import Graph
+from prf.kernels.laser import beam_log_likelihood
 from prf.layout import make_graph, make_image, make_index, pixel_centres, read_coloring
 
 Floats = NDArray[np.float64]
@@ -37,9 +41,46 @@ class Impacts(NamedTuple):
     total: float
 
 
+@core_entry
+def impacts_from_scratch(
+    graph: Graph,
+    model: np.ndarray,
+    ray: np.ndarray,
+    impact_edge: np.ndarray,
+    distance: np.ndarray,
+    log_likelihood: np.ndarray,
+) -> float:
+    """Fill edge, distance and log likelihood (n,) of every beam; return the sum of log likelihoods."""
+    total = 0.0
+    for beam in range(ray.shape[0]):
+        best = ray[beam, c.MAX_DISTANCE]
+        best_edge = c.NONE
+        for i in range(graph.counts[c.EDGES]):
+            edge = graph.members[c.EDGES, i]
+            xy = graph.edge_xy[edge]
+            t = ray_hit(
+                ray[beam, c.ORIGIN_X],
+                ray[beam, c.ORIGIN_Y],
+                ray[beam, c.DIRECTION_X],
+                ray[beam, c.DIRECTION_Y],
+                xy[0],
+                xy[1],
+                xy[2],
+                xy[3],
+            )
+            if t < best:
+                best = t
+                best_edge = edge
+        impact_edge[beam] = best_edge
+        distance[beam] = best if best_edge != c.NONE else math.inf
+        log_likelihood[beam] = beam_log_likelihood(model, ray[beam, c.RANGE], distance[beam])
+        total += log_likelihood[beam]
+    return total
+
+
 def recompute_log_prior(chain: Chain) -> float:
     """Return log h of the map (equations 1-3), without any cached term."""
-    return log_density(read_coloring(chain.graph), float(chain.tuning[c.SCALE]))
+    return log_density(read_coloring(chain.graph), float(chain.density[c.SCALE]))
 
 
 def recompute_impacts(chain: Chain) -> Impacts:
@@ -140,7 +181,7 @@ def recompute_gaps(chain: Chain) -> tuple[Floats, Floats]:
     beams = chain.beams
     impacts = recompute_impacts(chain)
     gap = beams.best - impacts.log_likelihood
-    by_edge, by_cell = np.zeros_like(beams.edge_gap), np.zeros_like(beams.cell_gap)
+    by_edge, by_cell = np.zeros_like(beams.edge_shortfall), np.zeros_like(beams.cell_shortfall)
     met = impacts.edge != c.NONE
     np.add.at(by_edge, (impacts.edge[met], beams.level[met]), gap[met])
     n_cells = beams.aim[:, 1] - beams.aim[:, 0]
@@ -153,7 +194,7 @@ def gaps_hold(chain: Chain) -> bool:
     """Whether the gaps by edge and by cell equal those summed anew; of edges and cells in use."""
     by_edge, by_cell = recompute_gaps(chain)
     edges = chain.graph.members[c.EDGES, : chain.graph.counts[c.EDGES]]
-    now = np.concatenate([chain.beams.edge_gap[edges].ravel(), chain.beams.cell_gap])
+    now = np.concatenate([chain.beams.edge_shortfall[edges].ravel(), chain.beams.cell_shortfall])
     anew = np.concatenate([by_edge[edges].ravel(), by_cell])
     return bool(np.allclose(now, anew, rtol=TOLERANCE, atol=TOLERANCE * len(chain.beams.best)))
 
@@ -235,7 +276,7 @@ def sensors_hold(chain: Chain, coloring: Coloring) -> bool:
     black = black_at(coloring, chain.sensors.xy)
     n = int(black.sum()) + recompute_blocked(chain, coloring)
     counted = np.array_equal(black, chain.sensors.black) and n == chain.graph.counts[c.OCCUPIED]
-    return counted and (n == 0 or bool(np.isfinite(chain.tuning[c.OCCUPIED_COST])))
+    return counted and (n == 0 or bool(np.isfinite(chain.density[c.OCCUPIED_COST])))
 
 
 def image_holds(chain: Chain, coloring: Coloring) -> bool:

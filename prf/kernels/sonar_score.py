@@ -8,8 +8,8 @@ import numpy as np
 from prf.kernels._jit import core, core_entry
 from prf.kernels.cones import READING, cells_of_cone
 from prf.kernels.grid import Grid
-from prf.kernels.laser import WHOLE
-from prf.kernels.score import blurred_bin, blurred_tail
+from prf.kernels.laser import CDF_SATURATION
+from prf.kernels.laser_score import blurred_bin, blurred_tail
 from prf.kernels.sonar import (
     SONAR_MAX,
     SONAR_NOISE,
@@ -18,7 +18,7 @@ from prf.kernels.sonar import (
     sort_features,
     stray_density,
 )
-from prf.kernels.visibility import (
+from prf.kernels.sonar_features import (
     BORDER,
     N_FEATURE,
     N_FEATURES,
@@ -44,7 +44,7 @@ class Scene(NamedTuple):
     corners: np.ndarray  # (n, 2) i4 vertices at the ends, NONE where the wall meets the border of the window
     start: np.ndarray  # (n_cells + 1,) i8 where each cell's list of edges begins
     listed: np.ndarray  # (start[-1],) i4
-    marks: np.ndarray  # (n,) i8 the cone that last asked an edge
+    marks: np.ndarray  # (n,) i8 the last cone that met an edge
     mark: np.ndarray  # (1,) i8 the cone in work
     cells: np.ndarray  # i4 scratch: the cells of one cone
     near: np.ndarray  # f8 scratch: where it enters them
@@ -73,7 +73,7 @@ def add_sonar_densities(
 ) -> None:
     """Add the density (no return: the probability) of each reading to ``total`` (n,).
 
-    An occupied sensor leaves what the outliers would say with nothing in view.
+    An occupied sensor leaves the density of outliers with nothing in view.
     """
     for cone in range(pose.shape[0]):
         reading = pose[cone, READING]
@@ -152,7 +152,7 @@ def grid_cone(
         p = arc_probability(grid, occupancy, pose, middle)
         if reading >= maximum:
             density += p * unmet * blurred_tail(maximum, near, far, s)
-        elif near - WHOLE * s < reading < far + WHOLE * s:
+        elif near - CDF_SATURATION * s < reading < far + CDF_SATURATION * s:
             density += p * unmet * blurred_bin(reading, near, far, s)
         unmet *= 1.0 - p
     return (1.0 - stray) * density + ((1.0 - stray) * unmet + stray) * stray_density(model, reading, model[SONAR_MAX])

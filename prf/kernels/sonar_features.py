@@ -1,6 +1,6 @@
-"""What a sonar sees: visible parts of edges and visible corners in its cone, by a radial sweep (Lee 1978; section 2.3).
+"""Features of a sonar: visible parts of edges and visible corners in its cone, by a radial sweep (Lee 1978, paper 2.3).
 
-Everything is in the frame of the sonar: it stands at the origin and looks along x. Edges are clipped to the cone and to
+Everything is in the frame of the sonar: it is at the origin and looks along x. Edges are clipped to the cone and to
 its reach; as edges do not cross, the order of two of them along a ray is the same on all rays that meet both. A ray is
 named by its slope, the tangent of its angle: in order like the angle, as cones are narrower than pi, and found faster.
 """
@@ -37,10 +37,10 @@ N_FEATURES = 1
 N_SIGHT_COUNTS = 2
 
 HIDDEN = 1.0 - 1e-9
-"""A corner is hidden by what stands before this share of its distance."""
+"""A corner is hidden by what is nearer than this share of its distance."""
 
-GRAIN = 1e-9
-"""Radians, in the middle of the cone. Nothing thinner is told apart: an end nearer than this to the border of the cone
+ANGLE_TOL = 1e-9
+"""Radians, in the middle of the cone. Nothing thinner is resolved: an end nearer than this to the border of the cone
 lies on it, lines seen end on and gaps that rounding leaves are passed over. Their depths would be rounding, too."""
 
 
@@ -124,7 +124,7 @@ def see_edge(sight: Sight, pose: np.ndarray, reach: float, xy: np.ndarray, first
         return
     p = snapped(py / px, pose[BORDER])
     q = snapped(qy / qx, pose[BORDER])
-    if abs(q - p) < GRAIN:
+    if abs(q - p) < ANGLE_TOL:
         return
     swap = 1 if q < p else 0
     line[2 * swap] = px
@@ -141,9 +141,9 @@ def see_edge(sight: Sight, pose: np.ndarray, reach: float, xy: np.ndarray, first
 @core
 def snapped(slope: float, border: float) -> float:
     """The slope, or that of the cone's border next to it, so that a line cut there covers the field of view."""
-    if slope > border - GRAIN * (1.0 + border * border):
+    if slope > border - ANGLE_TOL * (1.0 + border * border):
         return border
-    if slope < GRAIN * (1.0 + border * border) - border:
+    if slope < ANGLE_TOL * (1.0 + border * border) - border:
         return -border
     return slope
 
@@ -166,7 +166,7 @@ def depth_at(sight: Sight, line: int, slope: float) -> float:
 
 @core
 def is_nearer(sight: Sight, one: int, other: int) -> bool:
-    """Whether line `one` stands before line `other`, asked in the middle of the slopes that both span."""
+    """Whether line `one` is before line `other`, tested in the middle of the slopes that both span."""
     low = max(sight.slope[one, 0], sight.slope[other, 0])
     high = min(sight.slope[one, 1], sight.slope[other, 1])
     middle = 0.5 * (low + high)
@@ -231,7 +231,7 @@ def insert_active(sight: Sight, n_active: int, line: int) -> None:
 
 @core
 def remove_active(sight: Sight, n_active: int, line: int) -> None:
-    """Strike a line from the `n_active` ones."""
+    """Remove a line from the `n_active` ones."""
     place = 0
     while sight.active[place] != line:
         place += 1
@@ -272,7 +272,7 @@ def add_surface(sight: Sight, line: int, low: float, high: float) -> float:
 
 @core
 def add_corner(sight: Sight, line: int, end: int, front: int) -> None:
-    """Store the corner at an end of a line if nothing stands before it and it is not stored already."""
+    """Store the corner at an end of a line if nothing is before it and it is not stored already."""
     vertex = sight.corner[line, end]
     if vertex == c.NONE:
         return
@@ -319,7 +319,7 @@ def sweep(sight: Sight, border: float, reach: float) -> float:
                 n_active -= 1
         now = sight.active[0] if n_active > 0 else c.NONE
         if now != front:
-            if slope - since > GRAIN:
+            if slope - since > ANGLE_TOL:
                 extent = max(extent, add_surface(sight, front, since, slope) if front != c.NONE else reach)
             front = now
             since = slope

@@ -5,7 +5,7 @@ the left side (rate 2p per length), the bottom and the top (rate p). A particle 
 length, dies on the border or, together, with the particle that it meets. The traces are the edges. Angles: f is the
 direction in (-pi/2, pi/2); a turn adds d with density sin(d)/2 on (0, pi), wrapped mod pi.
 
-The active particles stand in order of y. Only neighbours can meet, so that an event looks at its neighbours alone and
+The active particles are in order of y. Only neighbours can meet, so that an event looks at its neighbours alone and
 the next event is the least of the rows' two times. Degenerate coincidences (probability zero) are not handled.
 
 Arrays that turn out too small are replaced by longer copies in the kernel itself: a caller who restarts a draw would
@@ -89,7 +89,7 @@ def add_edge(start: int, end: int, edges: np.ndarray, counts: np.ndarray) -> Non
 
 @jit
 def plan_end(particle: np.ndarray, size: Size, rng: np.random.Generator) -> None:
-    """Draw where the particle turns (length Exp(2p)); the border ends it if that comes first."""
+    """Draw where the particle turns (length Exp(2p)); the border ends it if that is nearer."""
     x, y, c, s = particle[START_X], particle[START_Y], particle[COS], particle[SIN]
     length = rng.standard_exponential() / (2.0 * size.p)
     to_right = (size.width - x) / c if c > 0.0 else math.inf
@@ -213,7 +213,7 @@ def birth_after_start(
     size: Size,
     rng: np.random.Generator,
 ) -> None:
-    """Give birth at time `x`: inside, on the bottom or on the top, with odds pi p^2 height : p : p."""
+    """Give birth at time `x`: inside, on the bottom or on the top, with probabilities as pi p^2 height : p : p."""
     inside = math.pi * size.p * size.height
     chosen = rng.random() * (inside + 2.0)
     at = np.empty(3)
@@ -246,7 +246,7 @@ def end_particle(
     size: Size,
     rng: np.random.Generator,
 ) -> None:
-    """Let particle `i` reach its planned end: it turns there, or stops on the border."""
+    """End particle `i` where it was planned: it turns there, or stops on the border."""
     a = active[i]
     at = np.empty(3)
     at[0], at[1], at[2] = a[END_X], a[END_Y], a[END_SIDE]
@@ -263,7 +263,7 @@ def end_particle(
 
 @jit
 def meet(i: int, active: np.ndarray, vertices: np.ndarray, edges: np.ndarray, counts: np.ndarray) -> None:
-    """Let particle `i` and the one above it meet and die."""
+    """End particle `i` and the one above it where they meet."""
     vertex = add_vertex(active[i, MEET_X], active[i, MEET_Y], INTERIOR, vertices, counts)
     add_edge(int(active[i, VERTEX]), vertex, edges, counts)
     add_edge(int(active[i + 1, VERTEX]), vertex, edges, counts)

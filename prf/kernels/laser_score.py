@@ -8,7 +8,7 @@ from prf.kernels import constants as c
 from prf.kernels._jit import core, core_entry, jit
 from prf.kernels.geometry import ray_hit
 from prf.kernels.grid import Grid, axis_index, exit_distance, walk
-from prf.kernels.laser import ROOT_TWO_PI, WHOLE, beam_log_likelihood, normal_cdf
+from prf.kernels.laser import CDF_SATURATION, ROOT_TWO_PI, beam_log_likelihood, normal_cdf
 from prf.kernels.segment_lists import segments_by_cell
 
 LEAST_BIN = 1e-9
@@ -22,7 +22,7 @@ def first_edge(
     """Distance to the first edge on a ray before its reach, inf if there is none."""
     ox, oy, ux, uy = ray[0], ray[1], ray[2], ray[3]
     best = math.inf
-    n = walk(grid, ox, oy, ox + ray[c.REACH] * ux, oy + ray[c.REACH] * uy, path)
+    n = walk(grid, ox, oy, ox + ray[c.MAX_DISTANCE] * ux, oy + ray[c.MAX_DISTANCE] * uy, path)
     for k in range(n):
         cell = path[k]
         for i in range(start[cell], start[cell + 1]):
@@ -30,14 +30,14 @@ def first_edge(
             best = min(best, ray_hit(ox, oy, ux, uy, s[0], s[1], s[2], s[3]))
         if best < exit_distance(grid, cell, ox, oy, ux, uy):
             break
-    return best if best < ray[c.REACH] else math.inf
+    return best if best < ray[c.MAX_DISTANCE] else math.inf
 
 
 @jit
 def trace_rays(grid: Grid, rays: np.ndarray, segments: np.ndarray, path: np.ndarray, distance: np.ndarray) -> None:
     """Set ``distance`` (n,) to the first of the segments (n_edges, 4) on each ray, inf for none.
 
-    Rays (n, 5) have the columns ORIGIN_X ... REACH of ``Beams.ray``.
+    Rays (n, 5) have the columns ORIGIN_X ... MAX_DISTANCE of ``Beams.ray``.
     """
     start, listed = segments_by_cell(grid, segments, path)
     for beam in range(rays.shape[0]):
@@ -84,7 +84,7 @@ def cdf_integral(z: float) -> float:
 def blurred_bin(reading: float, near: float, far: float, s: float) -> float:
     """Density of a reading whose obstacle is uniform on [near, far]: the noise of deviation s, cut at 0."""
     spread = normal_cdf((far - reading) / s) - normal_cdf((near - reading) / s)
-    if near > WHOLE * s:
+    if near > CDF_SATURATION * s:
         return spread / (far - near)
     return spread / (s * (cdf_integral(far / s) - cdf_integral(near / s)))
 
@@ -92,7 +92,7 @@ def blurred_bin(reading: float, near: float, far: float, s: float) -> float:
 @core
 def blurred_tail(bound: float, near: float, far: float, s: float) -> float:
     """Probability of a reading beyond a bound, the obstacle uniform on [near, far]; see ``blurred_bin``."""
-    whole = (far - near) / s if near > WHOLE * s else cdf_integral(far / s) - cdf_integral(near / s)
+    whole = (far - near) / s if near > CDF_SATURATION * s else cdf_integral(far / s) - cdf_integral(near / s)
     return (cdf_integral((far - bound) / s) - cdf_integral((near - bound) / s)) / whole
 
 
@@ -106,7 +106,7 @@ def grid_beam(
     p_k prod_{j < k} (1 - p_j), and the reading spreads round an obstacle anywhere in its bin. A reading -m is censored
     at m, the reach: its probability takes the place of a density.
     """
-    reach = ray[c.REACH]
+    reach = ray[c.MAX_DISTANCE]
     density = outliers(model, reading)
     first = math.inf
     unmet = 1.0
@@ -120,7 +120,7 @@ def grid_beam(
             first = middle
         if reading < 0.0:
             density += model[c.HIT] * p * unmet * blurred_tail(reach, near, far, s)
-        elif near - WHOLE * s < reading < far + WHOLE * s:
+        elif near - CDF_SATURATION * s < reading < far + CDF_SATURATION * s:
             density += model[c.HIT] * p * unmet * blurred_bin(reading, near, far, s)
         unmet *= 1.0 - p
     if reading < 0.0:

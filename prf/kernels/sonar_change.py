@@ -1,4 +1,4 @@
-"""Which sonar readings a proposal touches, and what becomes of their likelihoods."""
+"""Change of the sonar's log likelihood by a proposal: the cones that it touches, and their new features."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from prf.kernels.graph import Graph
 from prf.kernels.grid import walk
 from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal
 from prf.kernels.slots import list_slot, unlist_slot
-from prf.kernels.visibility import clip_edge
+from prf.kernels.sonar_features import clip_edge
 
 
 @core
@@ -36,7 +36,7 @@ def touch_in_cell(cones: Cones, cell: int, xy: np.ndarray) -> None:
 
 @core
 def touch_cones(graph: Graph, index: EdgeIndex, cones: Cones, proposal: Proposal) -> None:
-    """List the touched cones: those that see an edge that goes, or whose view a new edge enters."""
+    """List the touched cones: those that see a removed edge, or whose view a new edge enters."""
     cones.n_touched[0] = 0
     cones.proposals[0] += 1
     for k in range(proposal.counts[N_OLD_EDGES]):

@@ -1,21 +1,25 @@
-"""Which beams a proposal touches, what becomes of their impacts, and the change of their log likelihood.
+"""Change of the laser's log likelihood by a proposal: the beams that it touches, and their new impacts.
 
-Only beams whose impact lies on an edge that goes, and beams that a new edge cuts before their impact, change. For
-the second kind the new impact is on the new edge. For the first it is the nearest of the new edges, or else the
-beam walks on from its old impact: nothing stood before it.
+Only beams whose impact lies on a removed edge, and beams that a new edge cuts before their impact, change. For the
+second kind the new impact is on the new edge. For the first it is the nearest of the new edges, or else the beam walks
+on from its old impact: nothing was before it.
 
-Beams are asked by levels, so that a proposal which few beams refuse never meets the many (delayed acceptance). The
-caller says what the change must exceed for the proposal to be accepted. After every beam the change so far and the
-most that the beams not yet asked can gain (:mod:`prf.kernels.bounds`) are compared with it: most proposals lose so
-much at the first few beams that the others cannot make up for it. The decision is the same as after all beams.
+Most proposals lose so much at the first few beams that the others cannot make up for it. The caller gives what the
+change must exceed for the proposal to be accepted; after every beam this is compared with the change so far and the
+most that the other beams can gain. The decision is the same as after all beams. The shortfall of a beam is what its log
+likelihood lacks to the highest that any distance gives. Summed over the beams that end on an edge it is the most that
+they gain when the edge is removed. A beam that is cut gains only where the cut lies about its reading; elsewhere an
+obstacle explains the reading no better than none. Hence shortfalls are summed as well over the cells in which the
+reading of a beam lies.
+
+Beams come in levels, so that a proposal which few beams reject is never computed for the many (delayed acceptance).
 """
 
 import numpy as np
 
 from prf.kernels import constants as c
-from prf.kernels._jit import spine
+from prf.kernels._jit import core, core_entry, spine
 from prf.kernels.beams import Beams, first_hit, link_beam, slot_at, unlink_beam
-from prf.kernels.bounds import gap, most_cut, most_freed, shift_cells
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.geometry import ray_hit
 from prf.kernels.graph import Graph
@@ -25,6 +29,60 @@ from prf.kernels.slots import list_slot, unlist_slot
 
 NEW_EDGE = -2
 """Impact on the new edge k is written NEW_EDGE - k until the edge has a slot."""
+FADED = 1e-6
+"""Nats: the most that a beam gains where it is cut off its reading."""
+ROUNDING = 1e-6
+"""Nats: more than the rounding of all sums here between two times that they are made anew."""
+
+
+@core
+def shortfall(beams: Beams, beam: int) -> float:
+    """What the log likelihood of a beam lacks to its highest, nats."""
+    return beams.best[beam] - beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
+
+
+@core
+def most_freed(beams: Beams, proposal: Proposal, level: int) -> float:
+    """The most that the beams of a level on removed edges can gain, nats."""
+    most = ROUNDING
+    for k in range(proposal.counts[N_OLD_EDGES]):
+        most += beams.edge_shortfall[proposal.old_edges[k], level]
+    return most
+
+
+@core
+def most_cut(beams: Beams, proposal: Proposal, before: int) -> float:
+    """The most that the beams cut by new edges can gain, nats; `before`: lists of the levels before theirs."""
+    most = 0.0
+    for k in range(proposal.counts[N_NEW_EDGES]):
+        for i in range(proposal.n_cells[k]):
+            cell = before + proposal.cells[k, i]
+            most += beams.cell_shortfall[cell] + FADED * beams.cell_count[cell]
+    return most
+
+
+@core
+def shift_cells(beams: Beams, beam: int, change: float) -> None:
+    """Add the change of a beam's gap to the cells in which its reading lies."""
+    for slot in range(beams.aim[beam, 0], beams.aim[beam, 1]):
+        beams.cell_shortfall[beams.slot_cell[slot]] += change
+
+
+@core_entry
+def find_aims(
+    near: np.ndarray, far: np.ndarray, slot_start: np.ndarray, slot_exit: np.ndarray, aim: np.ndarray
+) -> None:
+    """Set `aim` (n, 2) to the slots, from the first to before the second, between the distances `near` and `far`."""
+    for beam in range(near.shape[0]):
+        first = slot_start[beam]
+        last = slot_start[beam + 1]
+        while first < last and slot_exit[first] < near[beam]:
+            first += 1
+        end = first
+        while end < last and (end == first or slot_exit[end - 1] <= far[beam]):
+            end += 1
+        aim[beam, 0] = first
+        aim[beam, 1] = end
 
 
 @spine
@@ -34,7 +92,7 @@ def nearest_new_edge(ray: np.ndarray, proposal: Proposal) -> tuple[int, float]:
     oy = ray[c.ORIGIN_Y]
     ux = ray[c.DIRECTION_X]
     uy = ray[c.DIRECTION_Y]
-    best = ray[c.REACH]
+    best = ray[c.MAX_DISTANCE]
     best_edge = c.NONE
     for k in range(proposal.counts[N_NEW_EDGES]):
         xy = proposal.new_xy[k]
@@ -67,12 +125,13 @@ def is_touched(beams: Beams, beam: int, n: int) -> bool:
 
 @spine
 def freed_impact(graph: Graph, index: EdgeIndex, beams: Beams, proposal: Proposal, beam: int) -> tuple[int, float]:
-    """New impact of a beam that ends on an edge that goes: edge (NONE: none) and distance."""
+    """New impact of a beam that ends on a removed edge: edge (NONE: none) and distance."""
     edge, distance = nearest_new_edge(beams.ray[beam], proposal)
     if distance > beams.ray[beam, c.DISTANCE]:
-        gone = proposal.old_edges
         last = beams.last_slot[beam]
-        old, nearer = first_hit(graph, index, beams, beam, last, distance, gone, proposal.counts[N_OLD_EDGES])
+        old, nearer = first_hit(
+            graph, index, beams, beam, last, distance, proposal.old_edges, proposal.counts[N_OLD_EDGES]
+        )
         if old != c.NONE:
             return old, nearer
     return edge, distance if edge != c.NONE else beams.beyond[beam]
@@ -82,7 +141,7 @@ def freed_impact(graph: Graph, index: EdgeIndex, beams: Beams, proposal: Proposa
 def touch_freed_beams(
     graph: Graph, index: EdgeIndex, beams: Beams, proposal: Proposal, level: int, needed: float, spare: float
 ) -> tuple[float, float]:
-    """Touch every beam of a level that ends on an edge that goes; return the change and what others can still gain.
+    """Touch every beam of a level that ends on a removed edge; return the change and what others can still gain.
 
     It stops where the sum of both falls below `needed`.
     """
@@ -91,7 +150,7 @@ def touch_freed_beams(
     for k in range(proposal.counts[N_OLD_EDGES]):
         beam = beams.first_beam[proposal.old_edges[k], level]
         while beam != c.NONE:
-            spare -= gap(beams, beam)
+            spare -= shortfall(beams, beam)
             edge, distance = freed_impact(graph, index, beams, proposal, beam)
             change += enter_touched(beams, n, beam, edge, distance)
             n += 1
@@ -120,7 +179,7 @@ def touch_in_cell(beams: Beams, proposal: Proposal, k: int, cell: int, least: fl
         beam = beams.entries[at, 0]
         ray = beams.ray[beam]
         t = ray_hit(ray[c.ORIGIN_X], ray[c.ORIGIN_Y], ray[c.DIRECTION_X], ray[c.DIRECTION_Y], ax, ay, bx, by)
-        if t < ray[c.DISTANCE] and t < ray[c.REACH] and not is_touched(beams, beam, n):
+        if t < ray[c.DISTANCE] and t < ray[c.MAX_DISTANCE] and not is_touched(beams, beam, n):
             edge, distance = nearest_new_edge(ray, proposal)
             change += enter_touched(beams, n, beam, edge, distance)
             n += 1
@@ -137,7 +196,7 @@ def touch_beams(
     """List the touched beams of a level with their new impacts; return whether their change may exceed `needed`.
 
     The second value is the change of their log likelihood; if the first is False, it is that of a part of them, and
-    the list is not complete. With ``needed = -inf`` all are asked. Level 0 begins the list, the others go on with it.
+    the list is not complete. With ``needed = -inf`` all are computed. Level 0 begins the list, the others continue it.
     """
     if level == 0:
         beams.n_touched[0] = 0
@@ -154,13 +213,13 @@ def touch_beams(
             change += touch_in_cell(beams, proposal, k, cell, needed - change - spare)
             if change + spare < needed:
                 return False, change
-            spare -= beams.cell_gap[cell]
+            spare -= beams.cell_shortfall[cell]
     return True, change
 
 
 @spine
 def release_touched(beams: Beams) -> None:
-    """Take the touched beams out of the lists of their old impacts, before edge slots change hands."""
+    """Take the touched beams out of the lists of their old impacts, before edge slots are reused."""
     for i in range(beams.n_touched[0]):
         unlink_beam(beams, beams.touched[i])
 
