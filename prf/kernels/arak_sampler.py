@@ -16,6 +16,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 
 from prf.kernels._jit import jit
 from prf.kernels.constants import BOTTOM, INTERIOR, LEFT, RIGHT, TOP
@@ -48,6 +49,15 @@ class Size(NamedTuple):
     p: float
 
 
+class Process(NamedTuple):
+    """The particles of the present draw, and what all draws so far have left."""
+
+    active: np.ndarray  # (room, N_COLUMNS) f8 in order of y
+    vertices: np.ndarray  # (room, 3) f8 x, y, side
+    edges: np.ndarray  # (room, 2) i4
+    counts: np.ndarray  # (4,) i8
+
+
 @jit
 def grown(array: np.ndarray) -> np.ndarray:
     """Return a copy with twice the rows."""
@@ -63,32 +73,33 @@ def wrapped(angle: float) -> float:
 
 
 @jit
-def turn_angle(rng: np.random.Generator) -> float:
+def turn_angle(rng: Generator) -> float:
     """Draw an angle in (0, pi) with density sin(d)/2."""
     return math.acos(1.0 - 2.0 * rng.random())
 
 
 @jit
-def add_vertex(x: float, y: float, side: int, vertices: np.ndarray, counts: np.ndarray) -> int:
-    """Append a vertex ``x, y, side`` and return its index in the present draw."""
-    index = counts[N_VERTICES]
-    vertices[index, 0] = x
-    vertices[index, 1] = y
-    vertices[index, 2] = side
-    counts[N_VERTICES] = index + 1
-    return int(index - counts[FIRST_VERTEX])
+def add_vertex(x: float, y: float, side: int, process: Process) -> int:
+    """Append a vertex and return its index in the present draw."""
+    index = process.counts[N_VERTICES]
+    process.vertices[index, 0] = x
+    process.vertices[index, 1] = y
+    process.vertices[index, 2] = side
+    process.counts[N_VERTICES] = index + 1
+    return int(index - process.counts[FIRST_VERTEX])
 
 
 @jit
-def add_edge(start: int, end: int, edges: np.ndarray, counts: np.ndarray) -> None:
+def add_edge(start: int, end: int, process: Process) -> None:
     """Append an edge."""
-    edges[counts[N_EDGES], 0] = start
-    edges[counts[N_EDGES], 1] = end
-    counts[N_EDGES] += 1
+    n = process.counts[N_EDGES]
+    process.edges[n, 0] = start
+    process.edges[n, 1] = end
+    process.counts[N_EDGES] = n + 1
 
 
 @jit
-def plan_end(particle: np.ndarray, size: Size, rng: np.random.Generator) -> None:
+def plan_end(particle: np.ndarray, size: Size, rng: Generator) -> None:
     """Draw where the particle turns (length Exp(2p)); the border ends it if that is nearer."""
     x, y, c, s = particle[START_X], particle[START_Y], particle[COS], particle[SIN]
     length = rng.standard_exponential() / (2.0 * size.p)
@@ -113,10 +124,11 @@ def plan_end(particle: np.ndarray, size: Size, rng: np.random.Generator) -> None
 
 
 @jit
-def plan_meeting(i: int, active: np.ndarray, n: int) -> None:
+def plan_meeting(i: int, process: Process) -> None:
     """Find where particle `i` meets the one above it, as if neither ended before."""
+    active = process.active
     active[i, MEET_X] = math.inf
-    if i + 1 >= n:
+    if i + 1 >= process.counts[N_ACTIVE]:
         return
     a, b = active[i], active[i + 1]
     closing = a[SIN] * b[COS] - a[COS] * b[SIN]
@@ -129,12 +141,12 @@ def plan_meeting(i: int, active: np.ndarray, n: int) -> None:
 
 
 @jit
-def place(x: float, y: float, active: np.ndarray, n: int) -> int:
+def place(x: float, y: float, process: Process) -> int:
     """Return how many active particles pass below (x, y), by bisection."""
-    low, high = 0, n
+    low, high = 0, process.counts[N_ACTIVE]
     while low < high:
         middle = (low + high) // 2
-        a = active[middle]
+        a = process.active[middle]
         if a[COS] * (y - a[START_Y]) - a[SIN] * (x - a[START_X]) > 0.0:
             low = middle + 1
         else:
@@ -143,76 +155,52 @@ def place(x: float, y: float, active: np.ndarray, n: int) -> int:
 
 
 @jit
-def launch(
-    i: int,
-    direction: float,
-    vertex: int,
-    at: np.ndarray,
-    active: np.ndarray,
-    size: Size,
-    rng: np.random.Generator,
-) -> None:
-    """Fill row `i` with a particle that leaves the vertex ``at`` = (x, y, side)."""
-    active[i, START_X] = at[0]
-    active[i, START_Y] = at[1]
-    active[i, COS] = math.cos(direction)
-    active[i, SIN] = math.sin(direction)
-    active[i, VERTEX] = vertex
-    plan_end(active[i], size, rng)
+def launch(particle: np.ndarray, direction: float, vertex: int, at: np.ndarray, size: Size, rng: Generator) -> None:
+    """Fill a row with a particle that leaves the vertex ``at`` = (x, y, side)."""
+    particle[START_X] = at[0]
+    particle[START_Y] = at[1]
+    particle[COS] = math.cos(direction)
+    particle[SIN] = math.sin(direction)
+    particle[VERTEX] = vertex
+    plan_end(particle, size, rng)
 
 
 @jit
-def open_rows(i: int, n_new: int, active: np.ndarray, counts: np.ndarray) -> None:
+def open_rows(i: int, n_new: int, process: Process) -> None:
     """Make room for `n_new` particles before row `i`."""
-    n = counts[N_ACTIVE]
+    n = process.counts[N_ACTIVE]
     for k in range(n - 1, i - 1, -1):
-        active[k + n_new] = active[k]
-    counts[N_ACTIVE] = n + n_new
+        process.active[k + n_new] = process.active[k]
+    process.counts[N_ACTIVE] = n + n_new
 
 
 @jit
-def close_rows(i: int, n_gone: int, active: np.ndarray, counts: np.ndarray) -> None:
-    """Take out `n_gone` particles from row `i` on, and plan the meeting of the two that become neighbours."""
-    n = counts[N_ACTIVE] - n_gone
+def close_rows(i: int, n_removed: int, process: Process) -> None:
+    """Remove `n_removed` particles from row `i` on, and plan the meeting of the two that become neighbours."""
+    n = process.counts[N_ACTIVE] - n_removed
     for k in range(i, n):
-        active[k] = active[k + n_gone]
-    counts[N_ACTIVE] = n
+        process.active[k] = process.active[k + n_removed]
+    process.counts[N_ACTIVE] = n
     if i > 0:
-        plan_meeting(i - 1, active, n)
+        plan_meeting(i - 1, process)
 
 
 @jit
-def give_birth(
-    at: np.ndarray,
-    low: float,
-    high: float,
-    active: np.ndarray,
-    vertices: np.ndarray,
-    counts: np.ndarray,
-    size: Size,
-    rng: np.random.Generator,
-) -> None:
+def give_birth(at: np.ndarray, low: float, high: float, process: Process, size: Size, rng: Generator) -> None:
     """Start a particle at the vertex ``at`` in direction `low`, and a second one in direction `high` if inside."""
     n_new = 2 if at[2] == INTERIOR else 1
-    vertex = add_vertex(at[0], at[1], int(at[2]), vertices, counts)
-    i = place(at[0], at[1], active, counts[N_ACTIVE])
-    open_rows(i, n_new, active, counts)
-    launch(i, low, vertex, at, active, size, rng)
+    vertex = add_vertex(at[0], at[1], int(at[2]), process)
+    i = place(at[0], at[1], process)
+    open_rows(i, n_new, process)
+    launch(process.active[i], low, vertex, at, size, rng)
     if n_new == 2:
-        launch(i + 1, high, vertex, at, active, size, rng)
+        launch(process.active[i + 1], high, vertex, at, size, rng)
     for k in range(max(i - 1, 0), i + n_new):
-        plan_meeting(k, active, counts[N_ACTIVE])
+        plan_meeting(k, process)
 
 
 @jit
-def birth_after_start(
-    x: float,
-    active: np.ndarray,
-    vertices: np.ndarray,
-    counts: np.ndarray,
-    size: Size,
-    rng: np.random.Generator,
-) -> None:
+def birth_after_start(x: float, process: Process, size: Size, rng: Generator) -> None:
     """Give birth at time `x`: inside, on the bottom or on the top, with probabilities as pi p^2 height : p : p."""
     inside = math.pi * size.p * size.height
     chosen = rng.random() * (inside + 2.0)
@@ -233,117 +221,98 @@ def birth_after_start(
         at[1] = size.height
         at[2] = TOP
         low = -math.acos(1.0 - rng.random())
-    give_birth(at, low, high, active, vertices, counts, size, rng)
+    give_birth(at, low, high, process, size, rng)
 
 
 @jit
-def end_particle(
-    i: int,
-    active: np.ndarray,
-    vertices: np.ndarray,
-    edges: np.ndarray,
-    counts: np.ndarray,
-    size: Size,
-    rng: np.random.Generator,
-) -> None:
+def end_particle(i: int, process: Process, size: Size, rng: Generator) -> None:
     """End particle `i` where it was planned: it turns there, or stops on the border."""
-    a = active[i]
+    a = process.active[i]
     at = np.empty(3)
     at[0], at[1], at[2] = a[END_X], a[END_Y], a[END_SIDE]
-    vertex = add_vertex(at[0], at[1], int(at[2]), vertices, counts)
-    add_edge(int(a[VERTEX]), vertex, edges, counts)
+    vertex = add_vertex(at[0], at[1], int(at[2]), process)
+    add_edge(int(a[VERTEX]), vertex, process)
     if at[2] != INTERIOR:
-        close_rows(i, 1, active, counts)
+        close_rows(i, 1, process)
         return
     direction = wrapped(math.atan2(a[SIN], a[COS]) + turn_angle(rng))
-    launch(i, direction, vertex, at, active, size, rng)
+    launch(a, direction, vertex, at, size, rng)
     for k in range(max(i - 1, 0), i + 1):
-        plan_meeting(k, active, counts[N_ACTIVE])
+        plan_meeting(k, process)
 
 
 @jit
-def meet(i: int, active: np.ndarray, vertices: np.ndarray, edges: np.ndarray, counts: np.ndarray) -> None:
+def meet(i: int, process: Process) -> None:
     """End particle `i` and the one above it where they meet."""
-    vertex = add_vertex(active[i, MEET_X], active[i, MEET_Y], INTERIOR, vertices, counts)
-    add_edge(int(active[i, VERTEX]), vertex, edges, counts)
-    add_edge(int(active[i + 1, VERTEX]), vertex, edges, counts)
-    close_rows(i, 2, active, counts)
+    active = process.active
+    vertex = add_vertex(active[i, MEET_X], active[i, MEET_Y], INTERIOR, process)
+    add_edge(int(active[i, VERTEX]), vertex, process)
+    add_edge(int(active[i + 1, VERTEX]), vertex, process)
+    close_rows(i, 2, process)
 
 
 @jit
-def next_event(active: np.ndarray, n: int) -> tuple[int, bool, float]:
+def next_event(process: Process) -> tuple[int, bool, float]:
     """Return the particle of the next event, whether it is a meeting, and its time (inf if none is active)."""
     which, is_meeting, time = 0, False, math.inf
-    for i in range(n):
-        if active[i, END_X] < time:
-            which, is_meeting, time = i, False, active[i, END_X]
-        if active[i, MEET_X] < time:
-            which, is_meeting, time = i, True, active[i, MEET_X]
+    for i in range(process.counts[N_ACTIVE]):
+        if process.active[i, END_X] < time:
+            which, is_meeting, time = i, False, process.active[i, END_X]
+        if process.active[i, MEET_X] < time:
+            which, is_meeting, time = i, True, process.active[i, MEET_X]
     return which, is_meeting, time
 
 
 @jit
-def with_room(
-    active: np.ndarray, vertices: np.ndarray, edges: np.ndarray, counts: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the arrays, or longer copies, with room for what one event can add."""
+def with_room(process: Process) -> Process:
+    """Return the process with room for what one event can add, in longer copies of arrays where it is short."""
+    active, vertices, edges, counts = process
     if counts[N_ACTIVE] + 2 > active.shape[0]:
         active = grown(active)
     if counts[N_VERTICES] + 1 > vertices.shape[0]:
         vertices = grown(vertices)
     if counts[N_EDGES] + 2 > edges.shape[0]:
         edges = grown(edges)
-    return active, vertices, edges
+    return Process(active, vertices, edges, counts)
 
 
 @jit
-def draw_one(
-    active: np.ndarray,
-    vertices: np.ndarray,
-    edges: np.ndarray,
-    counts: np.ndarray,
-    size: Size,
-    rng: np.random.Generator,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Append one draw; return ``active, vertices, edges``, which may have been replaced by longer copies."""
+def draw_one(process: Process, size: Size, rng: Generator) -> Process:
+    """Append one draw; return the process, whose arrays may have been replaced by longer copies."""
     at = np.zeros(3)
     at[2] = LEFT
     for _ in range(rng.poisson(2.0 * size.p * size.height)):
-        active, vertices, edges = with_room(active, vertices, edges, counts)
+        process = with_room(process)
         at[1] = size.height * rng.random()
         direction = math.asin(2.0 * rng.random() - 1.0)
-        give_birth(at, direction, 0.0, active, vertices, counts, size, rng)
+        give_birth(at, direction, 0.0, process, size, rng)
     birth_rate = math.pi * size.p * size.p * size.height + 2.0 * size.p
     birth_x = rng.standard_exponential() / birth_rate
     while True:
-        active, vertices, edges = with_room(active, vertices, edges, counts)
-        i, is_meeting, time = next_event(active, counts[N_ACTIVE])
+        process = with_room(process)
+        i, is_meeting, time = next_event(process)
         if birth_x < min(time, size.width):
-            birth_after_start(birth_x, active, vertices, counts, size, rng)
+            birth_after_start(birth_x, process, size, rng)
             birth_x += rng.standard_exponential() / birth_rate
         elif time == math.inf:
-            return active, vertices, edges
+            return process
         elif is_meeting:
-            meet(i, active, vertices, edges, counts)
+            meet(i, process)
         else:
-            end_particle(i, active, vertices, edges, counts, size, rng)
+            end_particle(i, process, size, rng)
 
 
 @jit
-def draw_many(
-    n_draws: int, size: Size, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def draw_many(n_draws: int, size: Size, rng: Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return vertices ``x, y, side``, edges, offsets (n_draws + 1, 2) of vertices and edges, and the coins."""
-    active = np.empty((16, N_COLUMNS))
-    vertices = np.empty((256, 3))
-    edges = np.empty((256, 2), np.int32)
     counts = np.zeros(4, np.int64)
+    process = Process(np.empty((16, N_COLUMNS)), np.empty((256, 3)), np.empty((256, 2), np.int32), counts)
     offsets = np.zeros((n_draws + 1, 2), np.int64)
     anchor_black = np.empty(n_draws, np.bool_)
     for k in range(n_draws):
         anchor_black[k] = rng.random() < 0.5
         counts[FIRST_VERTEX] = counts[N_VERTICES]
-        active, vertices, edges = draw_one(active, vertices, edges, counts, size, rng)
+        process = draw_one(process, size, rng)
         offsets[k + 1, 0] = counts[N_VERTICES]
         offsets[k + 1, 1] = counts[N_EDGES]
-    return vertices[: counts[N_VERTICES]], edges[: counts[N_EDGES]], offsets, anchor_black
+    return process.vertices[: counts[N_VERTICES]], process.edges[: counts[N_EDGES]], offsets, anchor_black

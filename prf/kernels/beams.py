@@ -110,10 +110,6 @@ def first_hit(
 ) -> tuple[int, float]:
     """First edge that remains on a beam from `slot` on, before `limit`; (NONE, `limit`) if there is none."""
     ray = beams.ray[beam]
-    ox = ray[c.ORIGIN_X]
-    oy = ray[c.ORIGIN_Y]
-    ux = ray[c.DIRECTION_X]
-    uy = ray[c.DIRECTION_Y]
     best = limit
     best_edge = c.NONE
     before = np.int64(beams.level[beam]) * index.cell_count.shape[0]
@@ -121,8 +117,7 @@ def first_hit(
         cell = beams.slot_cell[at] - before
         for place in range(index.cell_count[cell]):
             edge = index.cell_edges[cell, place]
-            xy = graph.edge_xy[edge]
-            t = ray_hit(ox, oy, ux, uy, xy[0], xy[1], xy[2], xy[3])
+            t = ray_hit(ray, graph.edge_xy[edge])
             if t < best:
                 remains = True
                 for k in range(n_removed):

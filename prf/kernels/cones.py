@@ -14,7 +14,7 @@ from prf.kernels import constants as c
 from prf.kernels._jit import core, core_entry
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, ends_of
-from prf.kernels.grid import ABS_TOL, REL_TOL, Grid, axis_index
+from prf.kernels.grid import ABS_TOL, REL_TOL, Grid, cells_of_box
 from prf.kernels.proposal import N_NEW_EDGES, Proposal, is_edge_removed
 from prf.kernels.slots import list_slot
 from prf.kernels.sonar import sonar_log_likelihood
@@ -182,10 +182,8 @@ def enters_cell(grid: Grid, pose: np.ndarray, reach: float, ix: int, iy: int) ->
 @core
 def cells_of_cone(grid: Grid, pose: np.ndarray, reach: float, cells: np.ndarray, near: np.ndarray) -> int:
     """Write the cells of a cone, nearest first, and where it enters them; return their number."""
-    i0 = axis_index((pose[POSE_X] - reach - grid.x0) / grid.cell, grid.nx)
-    i1 = axis_index((pose[POSE_X] + reach - grid.x0) / grid.cell, grid.nx)
-    k0 = axis_index((pose[POSE_Y] - reach - grid.y0) / grid.cell, grid.ny)
-    k1 = axis_index((pose[POSE_Y] + reach - grid.y0) / grid.cell, grid.ny)
+    x, y = pose[POSE_X], pose[POSE_Y]
+    i0, i1, k0, k1 = cells_of_box(grid, x - reach, y - reach, x + reach, y + reach)
     n = 0
     for iy in range(k0, k1 + 1):
         for ix in range(i0, i1 + 1):

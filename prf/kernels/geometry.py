@@ -64,12 +64,16 @@ def segment_distance2(ax: float, ay: float, bx: float, by: float, cx: float, cy:
 
 
 @core
-def ray_hit(ox: float, oy: float, ux: float, uy: float, ax: float, ay: float, bx: float, by: float) -> float:
-    """Distance along the ray o + t u to the segment ab, inf if the ray misses it.
+def ray_hit(ray: np.ndarray, xy: np.ndarray) -> float:
+    """Distance along a ray (its origin and unit direction come first in `ray`) to the segment with ends `xy` (4,).
+
+    It is inf if the ray misses the segment.
 
     Each end is classed by the side of the ray's line on which it lies, half open, so that a ray through a vertex
     meets exactly one of two edges that continue each other there: no light leaks between them.
     """
+    ox, oy, ux, uy = ray[0], ray[1], ray[2], ray[3]
+    ax, ay, bx, by = xy[0], xy[1], xy[2], xy[3]
     vx = ax - ox
     vy = ay - oy
     side_a = ux * vy - uy * vx

@@ -56,6 +56,15 @@ def cell_at(grid: Grid, x: float, y: float) -> int:
 
 
 @core
+def cells_of_box(grid: Grid, x_min: float, y_min: float, x_max: float, y_max: float) -> tuple[int, int, int, int]:
+    """First and last column, first and last row of the cells that a box meets."""
+    i0 = axis_index((x_min - grid.x0) / grid.cell, grid.nx)
+    i1 = axis_index((x_max - grid.x0) / grid.cell, grid.nx)
+    k0 = axis_index((y_min - grid.y0) / grid.cell, grid.ny)
+    return i0, i1, k0, axis_index((y_max - grid.y0) / grid.cell, grid.ny)
+
+
+@core
 def axis_walk(start: float, end: float, i0: int, i1: int) -> tuple[int, float, float]:
     """Step, first border crossing and spacing of crossings along one axis, as shares of the segment."""
     if i1 > i0:

@@ -22,7 +22,7 @@ from prf.kernels.geometry import (
     segments_meet,
 )
 from prf.kernels.graph import Graph, is_drawn
-from prf.kernels.grid import Grid, axis_index, walk
+from prf.kernels.grid import Grid, cells_of_box, walk
 from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal
 
 # Columns of ``Guards.shape``.
@@ -82,7 +82,7 @@ def meets_guard(shape: np.ndarray, xy: np.ndarray) -> bool:
         return segment_distance2(xy[0], xy[1], xy[2], xy[3], shape[1], shape[2], shape[3], shape[4]) <= radius * radius
     if shape[KIND] == GUARD_BOX:
         return segment_meets_box(xy[0], xy[1], xy[2], xy[3], shape[1], shape[2], shape[3], shape[4])
-    return ray_hit(shape[1], shape[2], shape[3], shape[4], xy[0], xy[1], xy[2], xy[3]) < shape[5]
+    return ray_hit(shape[1:], xy) < shape[5]
 
 
 @core
@@ -166,10 +166,9 @@ def count_blocked(graph: Graph, index: EdgeIndex, guards: Guards) -> int:
 def cells_of_way(grid: Grid, shape: np.ndarray, path: np.ndarray) -> int:
     """Write the cells near a piece of the way; return their number."""
     radius = shape[5]
-    i0 = axis_index((min(shape[1], shape[3]) - radius - grid.x0) / grid.cell, grid.nx)
-    i1 = axis_index((max(shape[1], shape[3]) + radius - grid.x0) / grid.cell, grid.nx)
-    k0 = axis_index((min(shape[2], shape[4]) - radius - grid.y0) / grid.cell, grid.ny)
-    k1 = axis_index((max(shape[2], shape[4]) + radius - grid.y0) / grid.cell, grid.ny)
+    x_min, x_max = min(shape[1], shape[3]) - radius, max(shape[1], shape[3]) + radius
+    y_min, y_max = min(shape[2], shape[4]) - radius, max(shape[2], shape[4]) + radius
+    i0, i1, k0, k1 = cells_of_box(grid, x_min, y_min, x_max, y_max)
     reach = radius + 0.75 * grid.cell  # half a diagonal, and a little for what rounding puts into a cell's neighbour
     n = 0
     for iy in range(k0, k1 + 1):
@@ -186,18 +185,14 @@ def cells_of_way(grid: Grid, shape: np.ndarray, path: np.ndarray) -> int:
 def cells_of_guard(grid: Grid, shape: np.ndarray, path: np.ndarray) -> int:
     """Write the cells in which a guard may be met; return their number."""
     if shape[KIND] == GUARD_RAY:
-        ox = shape[1]
-        oy = shape[2]
-        ux = shape[3]
-        uy = shape[4]
+        ox, oy, ux, uy = shape[1], shape[2], shape[3], shape[4]
         return walk(grid, ox + shape[6] * ux, oy + shape[6] * uy, ox + shape[5] * ux, oy + shape[5] * uy, path)
     if shape[KIND] == GUARD_WAY:
         return cells_of_way(grid, shape, path)
     last = 3 if shape[KIND] == GUARD_BOX else 5  # of the corners that span it
-    i0 = axis_index((min(shape[1], shape[3], shape[last]) - grid.x0) / grid.cell, grid.nx)
-    i1 = axis_index((max(shape[1], shape[3], shape[last]) - grid.x0) / grid.cell, grid.nx)
-    k0 = axis_index((min(shape[2], shape[4], shape[last + 1]) - grid.y0) / grid.cell, grid.ny)
-    k1 = axis_index((max(shape[2], shape[4], shape[last + 1]) - grid.y0) / grid.cell, grid.ny)
+    x_min, x_max = min(shape[1], shape[3], shape[last]), max(shape[1], shape[3], shape[last])
+    y_min, y_max = min(shape[2], shape[4], shape[last + 1]), max(shape[2], shape[4], shape[last + 1])
+    i0, i1, k0, k1 = cells_of_box(grid, x_min, y_min, x_max, y_max)
     n = 0
     for iy in range(k0, k1 + 1):
         for ix in range(i0, i1 + 1):

@@ -88,15 +88,10 @@ def find_aims(
 @spine
 def nearest_new_edge(ray: np.ndarray, proposal: Proposal) -> tuple[int, float]:
     """The new edge that a beam meets first within its reach, as NEW_EDGE - k, or NONE and its reach."""
-    ox = ray[c.ORIGIN_X]
-    oy = ray[c.ORIGIN_Y]
-    ux = ray[c.DIRECTION_X]
-    uy = ray[c.DIRECTION_Y]
     best = ray[c.MAX_DISTANCE]
     best_edge = c.NONE
     for k in range(proposal.counts[N_NEW_EDGES]):
-        xy = proposal.new_xy[k]
-        t = ray_hit(ox, oy, ux, uy, xy[0], xy[1], xy[2], xy[3])
+        t = ray_hit(ray, proposal.new_xy[k])
         if t < best:
             best = t
             best_edge = NEW_EDGE - k
@@ -168,17 +163,13 @@ def touch_in_cell(beams: Beams, proposal: Proposal, k: int, cell: int, least: fl
     It stops where the change falls below `least`: no other beam can then save the proposal.
     """
     xy = proposal.new_xy[k]
-    ax = xy[0]
-    ay = xy[1]
-    bx = xy[2]
-    by = xy[3]
     n = beams.n_touched[0]
     change = 0.0
     start = beams.cell_start[cell]
     for at in range(start, start + beams.cell_count[cell]):
         beam = beams.entries[at, 0]
         ray = beams.ray[beam]
-        t = ray_hit(ray[c.ORIGIN_X], ray[c.ORIGIN_Y], ray[c.DIRECTION_X], ray[c.DIRECTION_Y], ax, ay, bx, by)
+        t = ray_hit(ray, xy)
         if t < ray[c.DISTANCE] and t < ray[c.MAX_DISTANCE] and not is_touched(beams, beam, n):
             edge, distance = nearest_new_edge(ray, proposal)
             change += enter_touched(beams, n, beam, edge, distance)

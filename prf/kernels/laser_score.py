@@ -26,8 +26,7 @@ def first_edge(
     for k in range(n):
         cell = path[k]
         for i in range(start[cell], start[cell + 1]):
-            s = segments[listed[i]]
-            best = min(best, ray_hit(ox, oy, ux, uy, s[0], s[1], s[2], s[3]))
+            best = min(best, ray_hit(ray, segments[listed[i]]))
         if best < exit_distance(grid, cell, ox, oy, ux, uy):
             break
     return best if best < ray[c.MAX_DISTANCE] else math.inf

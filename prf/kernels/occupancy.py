@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from prf.kernels._jit import core, core_entry
-from prf.kernels.grid import Grid, axis_index, walk
+from prf.kernels.grid import Grid, cells_of_box, walk
 
 HIT_STEP = 0
 MISS_STEP = 1
@@ -60,10 +60,7 @@ def update_cone(
     """Enter one cone: centres nearer than `near` are free, from there to `far` occupied; others stay as they are."""
     grid = cells.grid
     reach = max(near, far)
-    i0 = axis_index((x - reach - grid.x0) / grid.cell, grid.nx)
-    i1 = axis_index((x + reach - grid.x0) / grid.cell, grid.nx)
-    k0 = axis_index((y - reach - grid.y0) / grid.cell, grid.ny)
-    k1 = axis_index((y + reach - grid.y0) / grid.cell, grid.ny)
+    i0, i1, k0, k1 = cells_of_box(grid, x - reach, y - reach, x + reach, y + reach)
     for k in range(k0, k1 + 1):
         dy = grid.y0 + (k + 0.5) * grid.cell - y
         for i in range(i0, i1 + 1):

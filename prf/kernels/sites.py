@@ -9,7 +9,7 @@ import numpy as np
 
 from prf.kernels._jit import core
 from prf.kernels.geometry import inside_loop, loop_box
-from prf.kernels.grid import Grid, axis_index
+from prf.kernels.grid import Grid, cells_of_box
 
 
 class Sites(NamedTuple):
@@ -25,11 +25,7 @@ class Sites(NamedTuple):
 def cells_round(grid: Grid, loop: np.ndarray, n: int) -> tuple[int, int, int, int]:
     """First and last column, first and last row of the cells that the first n rows of `loop` span."""
     x_min, y_min, x_max, y_max = loop_box(loop, n)
-    i0 = axis_index((x_min - grid.x0) / grid.cell, grid.nx)
-    i1 = axis_index((x_max - grid.x0) / grid.cell, grid.nx)
-    k0 = axis_index((y_min - grid.y0) / grid.cell, grid.ny)
-    k1 = axis_index((y_max - grid.y0) / grid.cell, grid.ny)
-    return i0, i1, k0, k1
+    return cells_of_box(grid, x_min, y_min, x_max, y_max)
 
 
 @core

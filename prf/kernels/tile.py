@@ -90,8 +90,7 @@ def first_outside(
                 edge = entries[at]
                 if owner[beam] != c.NONE and edge_tile[edge] == owner[beam]:
                     continue
-                xy = edge_xy[edge]
-                t = ray_hit(ox, oy, ux, uy, xy[0], xy[1], xy[2], xy[3])
+                t = ray_hit(ray[beam], edge_xy[edge])
                 if t < best:
                     best = t
                     found[beam] = edge

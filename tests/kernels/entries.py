@@ -57,8 +57,7 @@ def hit_table(rays: np.ndarray, segments: np.ndarray, distance: np.ndarray) -> N
     """Distance (n_rays, n_segments) along every ray to every segment."""
     for i in range(rays.shape[0]):
         for k in range(segments.shape[0]):
-            a = segments[k]
-            distance[i, k] = ray_hit(rays[i, 0], rays[i, 1], rays[i, 2], rays[i, 3], a[0], a[1], a[2], a[3])
+            distance[i, k] = ray_hit(rays[i], segments[k])
 
 
 @core_entry

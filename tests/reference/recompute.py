@@ -57,17 +57,7 @@ def impacts_from_scratch(
         best_edge = c.NONE
         for i in range(graph.counts[c.EDGES]):
             edge = graph.members[c.EDGES, i]
-            xy = graph.edge_xy[edge]
-            t = ray_hit(
-                ray[beam, c.ORIGIN_X],
-                ray[beam, c.ORIGIN_Y],
-                ray[beam, c.DIRECTION_X],
-                ray[beam, c.DIRECTION_Y],
-                xy[0],
-                xy[1],
-                xy[2],
-                xy[3],
-            )
+            t = ray_hit(ray[beam], graph.edge_xy[edge])
             if t < best:
                 best = t
                 best_edge = edge
