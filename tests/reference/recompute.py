@@ -166,23 +166,23 @@ def listed_now(readings: Beams | Cones) -> NDArray[np.bool_]:
     return listed
 
 
-def recompute_gaps(chain: Chain) -> tuple[Floats, Floats]:
+def recompute_shortfalls(chain: Chain) -> tuple[Floats, Floats]:
     """Return what beams lack to their best log likelihood, summed by edge met and level, and by list of readings."""
     beams = chain.beams
     impacts = recompute_impacts(chain)
-    gap = beams.best - impacts.log_likelihood
+    shortfall = beams.best - impacts.log_likelihood
     by_edge, by_cell = np.zeros_like(beams.edge_shortfall), np.zeros_like(beams.cell_shortfall)
     met = impacts.edge != c.NONE
-    np.add.at(by_edge, (impacts.edge[met], beams.level[met]), gap[met])
+    np.add.at(by_edge, (impacts.edge[met], beams.level[met]), shortfall[met])
     n_cells = beams.aim[:, 1] - beams.aim[:, 0]
     offset = np.arange(n_cells.sum()) - np.repeat(np.cumsum(n_cells) - n_cells, n_cells)
-    np.add.at(by_cell, beams.slot_cell[np.repeat(beams.aim[:, 0], n_cells) + offset], np.repeat(gap, n_cells))
+    np.add.at(by_cell, beams.slot_cell[np.repeat(beams.aim[:, 0], n_cells) + offset], np.repeat(shortfall, n_cells))
     return by_edge, by_cell
 
 
-def gaps_hold(chain: Chain) -> bool:
-    """Whether the gaps by edge and by cell equal those summed anew; of edges and cells in use."""
-    by_edge, by_cell = recompute_gaps(chain)
+def shortfalls_hold(chain: Chain) -> bool:
+    """Whether the shortfalls by edge and by cell equal those summed anew; of edges and cells in use."""
+    by_edge, by_cell = recompute_shortfalls(chain)
     edges = chain.graph.members[c.EDGES, : chain.graph.counts[c.EDGES]]
     now = np.concatenate([chain.beams.edge_shortfall[edges].ravel(), chain.beams.cell_shortfall])
     anew = np.concatenate([by_edge[edges].ravel(), by_cell])
@@ -218,7 +218,7 @@ def differences(chain: Chain) -> list[str]:
         "impact distances": np.array_equal(impacts.distance, chain.beams.ray[:, c.DISTANCE]),
         "beam log likelihoods": np.array_equal(impacts.log_likelihood, chain.beams.ray[:, c.BEAM_LOG_LIKELIHOOD]),
         "beams by edge": by_edge == beams_by_edge(chain),
-        "gaps of beams": gaps_hold(chain),
+        "shortfalls of beams": shortfalls_hold(chain),
         "beam index": np.array_equal(recompute_listed(chain), listed_now(chain.beams)),
         "cones": np.array_equal(cones, chain.cones.pose),
         "cone index": np.array_equal(recompute_listed_cones(chain), listed_now(chain.cones)),
