@@ -102,3 +102,10 @@ def test_the_newest_versions_are_pinned_and_allowed() -> None:
     for name, version in newest.items():
         parts = numbers(version)
         assert parts >= numbers(lowest[name])[: len(parts)], name
+
+
+def test_every_test_that_coverage_runs_uncompiled_exists() -> None:
+    for name in (ROOT / "tests" / "uncompiled.txt").read_text().splitlines()[2:]:
+        file, _, test = name.partition("::")
+        assert (ROOT / file).is_file(), name
+        assert all(part.partition("[")[0] in (ROOT / file).read_text() for part in test.split("::")), name
