@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import shutil
 import signal
 from pathlib import Path
@@ -11,6 +12,10 @@ import pytest
 from hypothesis import settings
 
 ROOT = Path(__file__).resolve().parent.parent
+
+# Threads of OpenMP and BLAS that wait for each other spin: on small data, beside another worker, ten times the time.
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
 
 # A first call compiles for seconds, so no deadline; examples are derived from the test, so that a red run repeats.
 settings.register_profile("project", deadline=None, derandomize=True)

@@ -81,7 +81,7 @@ def test_no_patches_is_a_result_with_a_warning(capsys, tmp_path):
     write_ply(str(path), PointCloud.from_world(ground(np.random.default_rng(1))))
     code, out, err = run(capsys, str(path))
     assert code == 0
-    assert "warning: no patches: all 1 found are tilted too far from vertical" in err
+    assert "no patches: all 1 found are tilted too far from vertical" in err
     assert "patches         0 of 0 points" in out
     assert len(read_patches(str(path.with_suffix(".patches")))) == 0
 
