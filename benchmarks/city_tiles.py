@@ -220,7 +220,7 @@ def start(role: str, *options: str) -> subprocess.Popen[bytes]:
 
 def wait_for_regions(folder: Path, process: subprocess.Popen[bytes]) -> None:
     """Wait until some tile is segmented."""
-    while process.poll() is None and not list(folder.glob(".result_killed.*.work/regions_*.npy")):
+    while process.poll() is None and not list(folder.glob(".result_killed.*.work/points_*")):
         time.sleep(0.05)
 
 

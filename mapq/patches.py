@@ -102,6 +102,16 @@ class Patches:
         """Number of points (m,) of each patch."""
         return np.bincount(self.patch[self.patch != NO_PATCH], minlength=len(self)).astype(np.int64)
 
+    def extent(self, group: NDArray[np.int64]) -> tuple[int, NDArray[np.float64]]:
+        """Return the number of points of some patches, and lowest corner, highest corner and mean (3, 3) of them."""
+        points, start = self.members
+        mine = np.concatenate([points[start[patch] : start[patch + 1]] for patch in group])
+        xyz = self.cloud.xyz[mine]
+        xyz = xyz[np.isfinite(xyz).all(axis=1)]
+        if len(xyz) == 0:
+            xyz = self.centroid[group]
+        return len(mine), np.array([xyz.min(axis=0), xyz.max(axis=0), np.sort(xyz, axis=0).mean(axis=0)])
+
     def features(
         self, settings: FeatureSettings | None = None, *, progress: bool | ProgressCallback = False
     ) -> PatchFeatures:
@@ -195,3 +205,32 @@ class Patches:
         }
         warnings = " ".join(self.report.get("warnings", ()))
         return card("Plane patches", facts | ({"warning": warnings} if warnings else {}), picture_of(self).png())
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PatchesOnDisk(Patches):
+    """Patches of a map in tiles, whose points are not in memory: `patch` is empty, and places of the cloud are nan.
+
+    Attributes
+    ----------
+    sizes : (m,) int64
+        Points of each patch.
+    low, high : (m, 3) float64
+        Box of the points.
+    """
+
+    sizes: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    low: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    high: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+
+    @cached_property
+    def counts(self) -> NDArray[np.int64]:
+        """Number of points (m,) of each patch."""
+        return self.sizes
+
+    def extent(self, group: NDArray[np.int64]) -> tuple[int, NDArray[np.float64]]:
+        """As :meth:`Patches.extent`, from boxes and means of patches."""
+        weight = self.sizes[group]
+        n_points = int(weight.sum())
+        mean = weight @ self.centroid[group] / max(n_points, 1)
+        return n_points, np.array([self.low[group].min(axis=0), self.high[group].max(axis=0), mean])

@@ -108,25 +108,11 @@ def _region(
     size: NDArray[np.float64],
     displacement: float,
 ) -> Region:
-    points, start = patches.members
-    mine = np.concatenate([points[start[patch] : start[patch + 1]] for patch in group])
-    xyz = patches.cloud.xyz[mine]
-    xyz = xyz[np.isfinite(xyz).all(axis=1)]
-    if len(xyz) == 0:
-        xyz = patches.centroid[group]
+    n_points, corners = patches.extent(group)
     area, severity = float(size[group].sum()), float((size[group] * probability[group]).sum())
-    world_of = patches.cloud.world_of
-    return Region(
-        group,
-        len(mine),
-        area,
-        severity,
-        world_of(xyz.min(axis=0)),
-        world_of(xyz.max(axis=0)),
-        world_of(np.sort(xyz, axis=0).mean(axis=0)),
-        displacement,
-        severity / area if area > 0.0 else float(probability[group].mean()),
-    )
+    low, high, centre = patches.cloud.world_of(corners)
+    p_suspicious = severity / area if area > 0.0 else float(probability[group].mean())
+    return Region(group, n_points, area, severity, low, high, centre, displacement, p_suspicious)
 
 
 def _displacement(features: PatchFeatures, inside: NDArray[np.int64]) -> float:

@@ -72,6 +72,13 @@ class Origin(NamedTuple):
     files: tuple[str, ...] = ()
 
 
+class Seen(NamedTuple):
+    """When a map was seen, without its points (None: not known), and the cause of each suspicious patch."""
+
+    visits: Visits | None
+    causes: dict[int, Cause]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """Labels of the patches of a map, with probabilities and reasons.
@@ -85,6 +92,10 @@ class Result:
     terms : Terms
         Why each patch has its label.
     origin : Origin
+    n_tiles : int or None
+        Tiles in which the map was worked on; None in memory.
+    seen : Seen or None
+        None: found from the points.
     """
 
     patches: Patches
@@ -93,6 +104,8 @@ class Result:
     labelling: Labelling
     terms: Terms
     origin: Origin = field(default_factory=Origin)
+    n_tiles: int | None = None
+    seen: Seen | None = None
 
     @property
     def label(self) -> NDArray[np.uint8]:
@@ -212,11 +225,13 @@ class Result:
     @cached_property
     def visits(self) -> Visits | None:
         """Return when the points were seen; None where the cloud does not say."""
-        return visits_of(self.patches.cloud)
+        return self.seen.visits if self.seen is not None else visits_of(self.patches.cloud)
 
     @cached_property
     def causes(self) -> dict[int, Cause]:
         """Return what made each suspicious patch so, as far as it is known, by its number."""
+        if self.seen is not None and self.seen.visits is not None:
+            return self.seen.causes
         return find_causes(self.patches, self.features, self.is_suspicious, self.visits)
 
     @property
@@ -312,6 +327,7 @@ class Result:
             "features": {**self.features.parameters, "n_clipped": self.features.n_clipped},
             "segmentation": {"parameters": self.patches.parameters, "report": self.patches.report},
             "verdict": self.verdict(fail_over, min_coverage),
+            **({} if self.n_tiles is None else {"tiles": self.n_tiles}),
         }
 
     def patch_rows(self) -> Iterator[dict[str, Any]]:

@@ -12,9 +12,8 @@ import typer
 if TYPE_CHECKING:
     from mapq.io import ReadOptions
     from mapq.model import Model
-    from mapq.scale.maps import Where
-    from mapq.scale.run import ScaleSettings
     from mapq.segmentation import SegmentSettings
+    from mapq.tiled.run import TileSettings
 
 BinColumns = Annotated[
     int,
@@ -74,7 +73,7 @@ TilePoints = Annotated[
 ]
 
 
-def tiling(given: Mapping[str, Any], segment: SegmentSettings, options: ReadOptions) -> tuple[ScaleSettings, Where]:
+def tiling(given: Mapping[str, Any], segment: SegmentSettings, options: ReadOptions) -> TileSettings:
     """Return how a map is worked on in tiles and who does it.
 
     Parameters
@@ -84,12 +83,11 @@ def tiling(given: Mapping[str, Any], segment: SegmentSettings, options: ReadOpti
     segment : SegmentSettings
     options : ReadOptions
     """
-    from mapq.scale.maps import Where
-    from mapq.scale.run import ScaleSettings
+    from mapq.tiled.run import TileSettings
 
-    sizes = {} if given["tile_points"] is None else {"tile_points": given["tile_points"]}
-    where = Where(1 if given["workers"] is None else given["workers"], given["scheduler"])
-    return ScaleSettings(**sizes, segment=segment, options=options), where
+    named = {"tile_points": given["tile_points"], "n_workers": given["workers"], "scheduler": given["scheduler"]}
+    chosen = {name: value for name, value in named.items() if value is not None}
+    return TileSettings(**chosen, segment=segment, options=options)
 
 
 def load_model(path: str | None, max_false_alarms: float | None) -> Model | None:

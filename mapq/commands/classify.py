@@ -157,7 +157,7 @@ def _in_tiles(file: str, given: dict[str, Any]) -> bool:
         return True
     if not os.path.isdir(file):
         return False
-    from mapq.scale.source import is_tiled
+    from mapq.tiled.source import is_tiled
 
     return is_tiled(file)
 
@@ -175,8 +175,8 @@ def _classify_tiles(
     from mapq.assess import Origin
     from mapq.io import is_patches
     from mapq.io.results import result_lines
-    from mapq.scale.maps import classify_map
     from mapq.settings import segment_settings
+    from mapq.tiled.run import classify_map
     from prf.shell import jsonout
     from prf.shell.errors import UsageError
     from prf.shell.files import refuse_inputs
@@ -188,10 +188,8 @@ def _classify_tiles(
     inputs = [name for name in (file, model[0]) if name and os.path.isfile(name)]
     refuse_inputs([target, os.path.splitext(target)[0] + ".json"], inputs)
     origin = Origin(file, model[0] or "default", tuple(inputs))
-    settings, where = tiling(given, segment_settings(chosen.values), options)
-    result = classify_map(
-        file, target, load_model(*model), settings, where, force, origin, limits, sources=chosen.places
-    )
+    settings = tiling(given, segment_settings(chosen.values), options)
+    result = classify_map(file, target, load_model(*model), settings, force, origin, limits, sources=chosen.places)
     for warning in result.patches.report["warnings"]:
         logger.warning("%s: %s", file, warning)
     if json:

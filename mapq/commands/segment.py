@@ -179,15 +179,15 @@ def _run_tiles(
     truth: tuple[str | None, float],
 ) -> tuple[Patches, SegmentationScore | None]:
     """Cut a cloud into patches tile by tile; `truth` is the field to score against, if any, and the overlap asked."""
-    from mapq.scale.maps import segment_map
     from mapq.segmentation import score_segmentation, truth_of
+    from mapq.tiled.run import segment_map
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM
 
     cloud, target = names
     if STREAM in names or os.path.isdir(cloud):
         raise UsageError("tiles need files: name a CLOUD and an output. A folder of tiles goes to mapq classify.")
-    patches = segment_map(cloud, target, *tiling(given, settings, options))
+    patches = segment_map(cloud, target, tiling(given, settings, options))
     for warning in patches.report["warnings"]:
         logger.warning(warning)
     name, min_iou = truth

@@ -84,6 +84,25 @@ class Columns(NamedTuple):
     edge_names: tuple[str, ...]
 
 
+def measure_columns(
+    patches: Patches, settings: FeatureSettings, beyond: Beyond | None = None, own: NDArray[np.bool_] | None = None
+) -> tuple[PatchShapes, Columns]:
+    """Return the shapes of patches, and their features with those of pairs.
+
+    Parameters
+    ----------
+    patches : Patches
+        In the map's own axes.
+    settings : FeatureSettings
+    beyond : Beyond, optional
+        What is known of the map, of which the patches are a part.
+    own : (m,) bool, optional
+        Patches whose pairs are measured; None: all.
+    """
+    shapes = measure_shapes(patches, settings)
+    return shapes, safe_features(patches, shapes, find_neighbours(shapes, settings, own), settings, beyond)
+
+
 def safe_features(
     patches: Patches,
     shapes: PatchShapes,

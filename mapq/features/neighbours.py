@@ -17,8 +17,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def find_neighbours(shapes: PatchShapes, settings: FeatureSettings) -> PatchGraph:
-    """Join each patch to the closest ones within the radius.
+def find_neighbours(shapes: PatchShapes, settings: FeatureSettings, own: NDArray[np.bool_] | None = None) -> PatchGraph:
+    """Join each patch (with a mask: each of those) to the closest ones within the radius.
 
     "The four closest plane patches to the current plane patch with respect to euclidean distance within a radius of s
     meters", by closest points and not by centroids; that of two patches one has the other among its closest is enough.
@@ -27,9 +27,9 @@ def find_neighbours(shapes: PatchShapes, settings: FeatureSettings) -> PatchGrap
     """
     n_watched = settings.n_watched if settings.reading == "safe" else 0
     pairs, distance, middle = measure_candidates(shapes, settings, max(settings.n_neighbours, n_watched))
-    watched = closest_of_each(pairs, distance, shapes.size_rank, max(settings.n_neighbours, n_watched))
+    watched = closest_of_each(pairs, distance, shapes.size_rank, max(settings.n_neighbours, n_watched), own)
     close = np.zeros(len(pairs), np.bool_)
-    close[closest_of_each(pairs, distance, shapes.size_rank, settings.n_neighbours)] = True
+    close[closest_of_each(pairs, distance, shapes.size_rank, settings.n_neighbours, own)] = True
     kept = watched[np.lexsort((pairs[watched, 1], pairs[watched, 0]))]
     return PatchGraph(len(shapes), pairs[kept].astype(np.int32), distance[kept], middle[kept], close[kept])
 
@@ -57,11 +57,15 @@ def measure_candidates(shapes: PatchShapes, settings: FeatureSettings, n_closest
     return pairs, distance, middle
 
 
-def closest_of_each(pairs: Ints, distance: Floats, rank: Ints, n_neighbours: int) -> Ints:
-    """Return which pairs (n, 2) are among the closest of either of their patches, each once."""
+def closest_of_each(
+    pairs: Ints, distance: Floats, rank: Ints, n_neighbours: int, own: NDArray[np.bool_] | None = None
+) -> Ints:
+    """Return which pairs (n, 2) are among the closest of either of their patches (of those in a mask), each once."""
     one = np.concatenate([pairs[:, 0], pairs[:, 1]])
     other = np.concatenate([pairs[:, 1], pairs[:, 0]])
     order = np.lexsort((rank[other], np.tile(distance, 2), one))
+    if own is not None:
+        order = order[own[one[order]]]
     sorted_one = one[order]
     place = np.arange(len(order)) - np.searchsorted(sorted_one, sorted_one)
     return np.unique(order[place < n_neighbours] % max(len(pairs), 1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,16 +11,15 @@ from numpy.typing import NDArray
 from mapq.axes import GroundPlan, turn
 from mapq.cloud import PointCloud
 from mapq.patches import Patches
-from mapq.segmentation.core import make_core
-from mapq.segmentation.finish import keep_patches
-from mapq.segmentation.parameters import choose_parameters
+from mapq.segmentation.core import Core, make_core
+from mapq.segmentation.join import describe_regions, join_regions, warnings_of
+from mapq.segmentation.parameters import Parameters, choose_parameters
 from mapq.segmentation.points import Points, sort_points
 from mapq.segmentation.regions import find_regions, spread_out
 from mapq.segmentation.score import SegmentationScore as SegmentationScore
 from mapq.segmentation.score import score_segmentation as score_segmentation
 from mapq.segmentation.score import truth_of as truth_of
 from mapq.segmentation.settings import SegmentSettings as SegmentSettings
-from mapq.segmentation.warnings import warnings_of
 from prf.shell.errors import InputError
 from prf.shell.progress import Reporter
 
@@ -60,33 +60,41 @@ def segment(
     """
     settings = settings or SegmentSettings()
     settings.check()
-    _tell(progress, 0)
+    _report(progress, 0)
     quarter = GroundPlan.of(cloud.xyz).quarter()
     points = sort_points(replace(cloud, xyz=turn(cloud.xyz, quarter)))
     _refuse_lines(points, cloud)
-    _tell(progress, 1)
+    _report(progress, 1)
     chosen = choose_parameters(points, settings.turned(quarter))
-    _tell(progress, 2)
-    core = make_core(points, chosen)
-    _tell(progress, 3)
-    region = find_regions(core, chosen)
-    _tell(progress, 4)
-    kept = keep_patches(points, spread_out(points, core, chosen, region), chosen)
+    region, core = cut_points(points, chosen, lambda stage: _report(progress, stage))
+    _report(progress, 4)
+    regions = describe_regions(points, region, points.multiplicity(), chosen)
+    found = join_regions([regions], np.zeros((0, 2), np.int64), chosen)
     report = {
         "points": len(cloud),
         "points_not_finite": points.n_not_finite,
         "points_far_outside": points.n_far,
         "points_repeated": len(cloud) - points.n_not_finite - points.n_far - len(points.xyz),
         "points_looked_at": len(core.xyz),
-        **kept.report,
-        "warnings": warnings_of(chosen, points.n_far, kept.report),
+        **found.report,
+        "warnings": warnings_of(chosen, points.n_far, found.report),
     }
-    patch = np.where(points.number >= 0, kept.patch[points.number], -1).astype(np.int32)
-    normal, centroid = (turn(each.copy(), -quarter) for each in (kept.planes[:, :3], kept.planes[:, 3:]))
+    patch = np.where(points.number >= 0, found.number[0][region][points.number], -1).astype(np.int32)
+    normal, centroid = (turn(each, -quarter) for each in (found.normal, found.centroid))
     return Patches.unlabelled(cloud, patch, normal, centroid, chosen.described(quarter), report)
 
 
-def _tell(progress: Reporter | None, done: int) -> None:
+def cut_points(
+    points: Points, chosen: Parameters, report: Callable[[int], None] = lambda _: None
+) -> tuple[NDArray[np.int32], Core]:
+    """Return the region (u,) of distinct points, -1 for none, and those that were looked at first."""
+    report(2)
+    core = make_core(points, chosen)
+    report(3)
+    return spread_out(points, core, chosen, find_regions(core, chosen)), core
+
+
+def _report(progress: Reporter | None, done: int) -> None:
     if progress is not None:
         progress.update(done, stage=STAGES[done])
 

@@ -44,94 +44,19 @@ class Fits(NamedTuple):
     sums: NDArray[np.float64]
 
 
-class Grown(NamedTuple):
-    """Regions as they grew, before pieces of one plane are united.
-
-    Attributes
-    ----------
-    core : Core
-        With normals where they are sure.
-    region : (c,) int32
-        -1 for none.
-    fits : Fits
-    piece : (c,) int32
-        Connected pieces of the regions.
-    pairs : (p, 2) int32
-        Regions that meet.
-    """
-
-    core: Core
-    region: NDArray[np.int32]
-    fits: Fits
-    piece: NDArray[np.int32]
-    pairs: NDArray[np.int32]
-
-
-class United(NamedTuple):
-    """Connected piece (c,) of each core point, -1 for none; and of which united region (k,) each piece is."""
-
-    piece: NDArray[np.int32]
-    region: NDArray[np.int32]
-
-
 def find_regions(core: Core, chosen: Parameters) -> NDArray[np.int32]:
     """Return the region (c,) of each core point, -1 for none; regions in no particular order."""
-    grown = grow_pieces(core, chosen)
-    return unite_pieces(grown, chosen, unions(grown, chosen)).piece
-
-
-def grow_pieces(core: Core, chosen: Parameters) -> Grown:
-    """Return regions of points that lie nearest to their planes, none of them united with another yet."""
     region = grow(core, chosen)
     core = core._replace(normal=sure_normals(core))
     region = drop_unsupported(core, settle(core, chosen, region))
     region = settle(core, chosen, region, sweeps=1)
     fits = fit(core.xyz, region)
-    return Grown(core, region, fits, *walk(core, chosen, region, fits.planes))
-
-
-def unions(grown: Grown, chosen: Parameters) -> NDArray[np.int32]:
-    """Return into which region (m,) each goes, as far as these points tell."""
-    return merge(grown.fits, grown.pairs, MERGE_RMS * chosen.max_distance)
-
-
-def unite_pieces(
-    grown: Grown, chosen: Parameters, parent: NDArray[np.int32], planes: NDArray[np.float64] | None = None
-) -> United:
-    """Return the connected pieces once regions have gone into others and points have settled anew.
-
-    Parameters
-    ----------
-    grown : Grown
-    chosen : Parameters
-    parent : (m,) int32
-        Into which region each goes.
-    planes : (m, 6) float64, optional
-        What is known of the planes of the united regions beyond these points; nan where nothing is.
-    """
+    piece, pairs = walk(core, chosen, region, fits.planes)
+    parent = merge(fits, pairs, MERGE_RMS * chosen.max_distance)
     if (parent == np.arange(len(parent))).all():
-        return United(grown.piece, _regions_of(grown.piece, grown.region))
-    region = np.append(parent, np.int32(-1))[grown.region]
-    region = settle(grown.core, chosen, region, sweeps=1, planes=planes)
-    found = _known_planes(fit(grown.core.xyz, region).planes, planes)
-    piece = walk(grown.core, chosen, region, found)[0]
-    return United(piece, _regions_of(piece, region))
-
-
-def _regions_of(piece: NDArray[np.int32], region: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the region (k,) that each piece is of."""
-    found = np.zeros(int(piece.max(initial=-1)) + 1, np.int32)
-    held = np.flatnonzero(piece >= 0)
-    found[piece[held]] = region[held]
-    return found
-
-
-def _known_planes(fitted: NDArray[np.float64], known: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    """Return planes as fitted, but those that are known as they are."""
-    if known is None:
-        return fitted
-    some = known[: len(fitted)]
-    return np.where(np.isfinite(some[:, :1]), some, fitted)
+        return piece
+    region = settle(core, chosen, np.append(parent, np.int32(-1))[region], sweeps=1)
+    return walk(core, chosen, region, fit(core.xyz, region).planes)[0]
 
 
 def grow(core: Core, chosen: Parameters) -> NDArray[np.int32]:
@@ -159,37 +84,24 @@ def fit(xyz: NDArray[np.float64], region: NDArray[np.int32]) -> Fits:
     n_regions = int(region.max(initial=-1)) + 1
     origin, sums = np.zeros((n_regions, 3)), np.empty((n_regions, MOMENTS))
     sum_regions(xyz, region, origin, sums)
-    planes, spread = np.empty((n_regions, 6)), np.empty((n_regions, 3))
+    return fit_sums(origin, sums)
+
+
+def fit_sums(origin: NDArray[np.float64], sums: NDArray[np.float64]) -> Fits:
+    """Return the planes of moments (m, 10) about origins (m, 3)."""
+    planes, spread = np.empty((len(sums), 6)), np.empty((len(sums), 3))
     fit_regions(origin, sums, planes, spread)
     return Fits(planes, spread, origin, sums)
 
 
-def settle(
-    core: Core,
-    chosen: Parameters,
-    region: NDArray[np.int32],
-    sweeps: int = SWEEPS,
-    planes: NDArray[np.float64] | None = None,
-) -> NDArray[np.int32]:
-    """Return the regions after points have gone to the nearest plane around them, a few times over.
-
-    `planes` as for :func:`unite_pieces`.
-    """
+def settle(core: Core, chosen: Parameters, region: NDArray[np.int32], sweeps: int = SWEEPS) -> NDArray[np.int32]:
+    """Return the regions after points have moved to the nearest plane around them, a few times over."""
     for _ in range(sweeps):
-        out = np.empty_like(region)
-        n_changed = change_sides(
-            core.xyz,
-            core.neighbours,
-            core.normal,
-            _known_planes(fit(core.xyz, region).planes, planes),
-            _loose_cosine(chosen),
-            chosen.max_distance,
-            region,
-            out,
-        )
+        out, planes = np.empty_like(region), fit(core.xyz, region).planes
+        cosine, distance = _loose_cosine(chosen), chosen.max_distance
+        if not change_sides(core.xyz, core.neighbours, core.normal, planes, cosine, distance, region, out):
+            return out
         region = out
-        if n_changed == 0:
-            break
     return region
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from mapq.scale.workers import Dask, Processes, open_workers
+from mapq.tiled.workers import open_workers
 from prf.shell.errors import InputError
 
 
@@ -24,72 +24,41 @@ def refuse(number: int) -> int:
     raise InputError(f"tile {number} is damaged.")
 
 
-def stumble(path: str) -> str:
-    """Fail the first time."""
-    if not Path(path).exists():
-        Path(path).write_text("")
-        raise OSError("the disk was away")
-    return path
-
-
-def die_once(path: str) -> str:
-    """Lose the process the first time."""
-    if not Path(path).exists():
-        Path(path).write_text("")
-        os.kill(os.getpid(), signal.SIGKILL)
-    return path
-
-
 def die(_: int) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def test_one_worker_is_this_process():
-    done: list[int] = []
-    with open_workers(1, None) as workers:
-        assert workers.each(double, [3, 1, 2], done.append) == [6, 2, 4]
-    assert done == [0, 1, 2]
+def test_results_are_in_the_order_of_tasks():
+    for n_workers in (1, 2):
+        with open_workers(n_workers, None) as workers:
+            assert list(workers(double, [3, 1, 2])) == [6, 2, 4]
 
 
-def test_what_the_system_refuses_once_is_tried_again(tmp_path):
-    with open_workers(1, None) as workers:
-        assert workers.each(stumble, [str(tmp_path / "a")], lambda _: None) == [str(tmp_path / "a")]
+def test_an_error_of_a_task_and_the_loss_of_a_worker_are_errors_of_the_run():
+    with pytest.raises(InputError, match="tile 5 is damaged"), open_workers(2, None) as workers:
+        list(workers(refuse, [5]))
+    with pytest.raises(InputError, match="--tile-points"), open_workers(2, None) as workers:
+        list(workers(die, [1]))
 
 
-def test_a_process_that_is_lost_costs_its_task_only(tmp_path):
-    done: list[int] = []
-    tasks = [str(tmp_path / name) for name in "abc"]
-    for name in "bc":
-        (tmp_path / name).write_text("")
-    with open_workers(2, None) as workers:
-        assert workers.each(die_once, tasks, done.append) == tasks
-        with pytest.raises(InputError, match="tile 5 is damaged"):
-            workers.each(refuse, [5], done.append)
-    assert sorted(done) == [0, 1, 2]
-
-
-@pytest.mark.slow
-def test_a_task_that_loses_every_process_ends_the_run_in_one_line():
-    workers = Processes(1)
-    with pytest.raises(InputError, match="--tile-points"):
-        workers.each(die, [1], lambda _: None)
-    workers.close()
-
-
-def test_no_scheduler_is_said_in_one_line(monkeypatch):
+def test_no_scheduler_is_an_error_in_one_line(monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr("prf.shell.scheduler.CONNECT_SECONDS", 0.2)
-    with pytest.raises(InputError, match=r"no scheduler answers there\. Start one: dask scheduler"):
-        Dask("tcp://127.0.0.1:9")
+    with (
+        pytest.raises(InputError, match=r"no scheduler answers there\. Start one: dask scheduler"),
+        open_workers(1, "tcp://127.0.0.1:9"),
+    ):
+        pass
 
 
 LEADER = """
 import sys
-from mapq.scale.workers import Processes
-from tests.mapq.scale.test_workers import say_and_sleep
+from mapq.tiled.workers import open_workers
+from tests.mapq.tiled.test_workers import say_and_sleep
 
 if __name__ == "__main__":
-    Processes(2).each(say_and_sleep, [sys.argv[1] + "/a", sys.argv[1] + "/b"], print)
+    with open_workers(2, None) as workers:
+        list(workers(say_and_sleep, [sys.argv[1] + "/a", sys.argv[1] + "/b"]))
 """
 
 

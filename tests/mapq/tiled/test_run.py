@@ -1,4 +1,4 @@
-"""A small town in one tile and in four: the same patches and labels, and those of the map in memory."""
+"""A small town in one tile and in four has the patches and labels of the map in memory."""
 
 from __future__ import annotations
 
@@ -13,15 +13,11 @@ from mapq.cloud import PointCloud
 from mapq.io import read_cloud, write_cloud
 from mapq.io.options import AS_IT_IS
 from mapq.model import Model
-from mapq.scale.gather import patches_near
-from mapq.scale.maps import Where, classify_map, segment_map
-from mapq.scale.patches import Whole
-from mapq.scale.run import Job, ScaleSettings
-from mapq.scale.source import find_sources
-from mapq.scale.workers import Here
 from mapq.segmentation import SegmentSettings, segment
 from mapq.simulate.city import PITCH, SIDES, make_block
 from mapq.simulate.city_tiles import ORIGIN, plan_city, write_city
+from mapq.tiled.run import Job, TileSettings, classify_map, segment_map
+from mapq.tiled.source import open_map
 from prf.shell.work import work_folder
 
 N_POINTS = 145_000
@@ -43,8 +39,7 @@ def town(tmp_path_factory) -> Path:
 
 def classified(town: Path, model: Model, name: str, tile_points: int) -> tuple[dict, PointCloud]:
     target = town.parent / name
-    settings = ScaleSettings(tile_points=tile_points)
-    classify_map(str(town), str(target), model, settings, Where(), False)
+    classify_map(str(town), str(target), model, TileSettings(tile_points), False)
     return json.loads((target / "result.json").read_text()), whole(target)
 
 
@@ -56,42 +51,40 @@ def whole(folder: Path) -> PointCloud:
 
 
 @pytest.fixture(scope="module")
-def one(town, model) -> tuple[dict, PointCloud]:
-    return classified(town, model, "one", 10**6)
-
-
-@pytest.fixture(scope="module")
 def four(town, model) -> tuple[dict, PointCloud]:
     return classified(town, model, "four", N_POINTS // 4)
 
 
-def test_one_tile_is_the_map_in_memory(town, model, one):
-    head, cloud = one
+@pytest.fixture(scope="module")
+def plain(town, model):
+    return assess(segment(whole(town)), model)
+
+
+def test_one_tile_is_the_map_in_memory(town, model, plain):
+    head, cloud = classified(town, model, "one", 10**6)
     assert head["tiles"] == 1
-    plain = assess(segment(whole(town)), model)
     np.testing.assert_array_equal(cloud.fields["patch"], plain.patches.patch)
     suspicious = np.append(plain.labelling.label, np.uint8(255))[plain.patches.patch]
     np.testing.assert_array_equal(cloud.fields["suspicious"], suspicious)
-    expected = json.loads(json.dumps(plain.head()["counts"]))
-    assert head["counts"] == pytest.approx(expected, rel=1e-6)
+    assert head["counts"] == pytest.approx(json.loads(json.dumps(plain.head()["counts"])), rel=1e-6)
     for mine, theirs in zip(head["regions"], plain.head()["regions"], strict=True):
         for name in ("area_m2", "severity_m2", "low", "high", "centre", "n_points"):
             assert mine[name] == pytest.approx(theirs[name], rel=1e-6)
     assert [row["reasons"] for row in head["patches"]] == [row["reasons"] for row in plain.patch_rows()]
 
 
-def test_four_tiles_have_the_patches_of_one(one, four):
-    (_, a), (head, b) = one, four
+def test_four_tiles_have_the_patches_and_labels_of_the_map_in_memory(plain, four):
+    head, cloud = four
     assert head["tiles"] == 4
-    np.testing.assert_array_equal(a.world(), b.world())
-    mine, theirs = a.fields["patch"], b.fields["patch"]
+    np.testing.assert_array_equal(cloud.world(), plain.patches.cloud.world())
+    mine, theirs = plain.patches.patch, cloud.fields["patch"]
     n_mine, n_theirs = np.bincount(mine[mine >= 0]), np.bincount(theirs[theirs >= 0])
     shared = np.zeros((len(n_mine), len(n_theirs)), np.int64)
     both = (mine >= 0) & (theirs >= 0)
     np.add.at(shared, (mine[both], theirs[both]), 1)
     iou = (shared / (n_mine[:, None] + n_theirs - shared)).max(axis=1)
     assert iou @ n_mine / n_mine.sum() > 0.99
-    assert np.mean(a.fields["suspicious"] == b.fields["suspicious"]) > 0.995
+    assert np.mean(plain.cloud().fields["suspicious"] == cloud.fields["suspicious"]) > 0.995
 
 
 def test_tiles_keep_their_names_points_and_fields(town, four):
@@ -103,22 +96,22 @@ def test_tiles_keep_their_names_points_and_fields(town, four):
     assert not list(town.parent.glob(".*.work"))
 
 
-def test_several_files_become_one_cloud(town, model, four):
-    for name in ("joined.laz", "joined.ply"):
-        settings = ScaleSettings(tile_points=N_POINTS // 4)
-        target = town.parent / name
-        classify_map(str(town), str(target), model, settings, Where(), True)
-        joined = read_cloud(str(target))
-        np.testing.assert_array_equal(joined.fields["patch"], four[1].fields["patch"])
-        np.testing.assert_allclose(joined.world(), four[1].world(), atol=1e-4)
-        assert target.with_suffix(".json").exists()
+@pytest.mark.parametrize("name", ["joined.laz", "joined.ply"])
+def test_several_files_become_one_cloud(town, model, four, name):
+    target = town.parent / name
+    settings = TileSettings(N_POINTS // 4)
+    classify_map(str(town), str(target), model, settings, True)
+    joined = read_cloud(str(target))
+    np.testing.assert_array_equal(joined.fields["patch"], four[1].fields["patch"])
+    np.testing.assert_allclose(joined.world(), four[1].world(), atol=1e-4)
+    assert target.with_suffix(".json").exists()
 
 
 def test_patches_of_a_cloud_in_tiles_are_returned_whole(town):
     path = str(sorted(town.glob("*.laz"))[0])
     settings = SegmentSettings(max_tilt=90.0)
     plain = segment(read_cloud(path), settings)
-    found = segment_map(path, str(town / "x"), ScaleSettings(tile_points=10**6, segment=settings), Where())
+    found = segment_map(path, str(town / "x"), TileSettings(10**6, segment=settings))
     np.testing.assert_array_equal(found.patch, plain.patch)
     np.testing.assert_allclose(found.centroid, plain.centroid, atol=1e-6)
     assert found.report == plain.report
@@ -148,27 +141,16 @@ def test_sides_that_were_seen_once_are_plausible():
     assert not all(block.truth[block.surface >= 0].all() for block in blocks)
 
 
-def test_neighbours_are_found_by_their_boxes():
-    rng = np.random.default_rng(4)
-    low = rng.uniform(0.0, 40.0, (700, 3))
-    high = low + rng.uniform(0.0, 3.0, (700, 3))
-    nothing = np.zeros((700, 3))
-    whole = Whole(nothing, nothing, *(np.zeros(700, np.int64),) * 2, low, high, *(np.zeros(1, np.int64),) * 5)
-    own = np.array([3, 50, 51, 699])
-    gap = np.maximum(np.maximum(low[:, None] - high[own], low[own] - high[:, None]), 0.0)
-    expected = np.flatnonzero(((gap**2).sum(axis=2) <= 4.0).any(axis=1))
-    np.testing.assert_array_equal(patches_near(whole, low[own], high[own], 2.0), expected)
-
-
 def test_the_ground_spans_tiles_and_large_patches_are_thinned(town, model, monkeypatch):
     """With all tilts kept, in nine tiles, and no more than 20 000 points of a patch looked at."""
     found = []
     for most in (10**9, 20_000):
-        monkeypatch.setattr("mapq.scale.measuring.LARGEST_PATCH", most)
-        settings = ScaleSettings(tile_points=N_POINTS // 9, segment=SegmentSettings(max_tilt=90.0))
+        monkeypatch.setattr("mapq.tiled.measure.LARGEST_PATCH", most)
+        settings = TileSettings(N_POINTS // 9, segment=SegmentSettings(max_tilt=90.0))
         with work_folder(str(town)) as folder:
-            job = Job("town", find_sources(str(town), AS_IT_IS), settings, Here(), folder)
-            found.append(job.assess(job.cut(), model))
+            job = Job(open_map(str(town), AS_IT_IS), settings, map, folder)
+            job.cut()
+            found.append(job.assess(model))
     whole, thinned = found
     ground = int(np.argmax(whole.patches.counts))
     assert whole.n_tiles >= 9
@@ -179,20 +161,19 @@ def test_the_ground_spans_tiles_and_large_patches_are_thinned(town, model, monke
     assert np.mean(whole.labelling.label == thinned.labelling.label) > 0.98
 
 
-def test_points_that_lie_absurdly_far_off_are_left_out(town, tmp_path, four):
-    """As those at 0, 0, 0 that some sensors write into a survey grid for no return."""
+def test_points_far_from_all_others_are_left_out(town, tmp_path, four):
+    """Such as those at 0, 0, 0 that some sensors write into a survey grid for no return."""
     for path in sorted(town.glob("*.laz")):
         cloud = read_cloud(str(path))
         world = np.concatenate([np.zeros((1, 3)), cloud.world()])
         fields = {"truth": np.append(np.uint8(0), cloud.fields["truth"])}
         write_cloud(tmp_path / path.name, PointCloud.from_world(world, fields))
     with work_folder(str(tmp_path)) as folder:
-        settings = ScaleSettings(tile_points=N_POINTS // 4)
-        job = Job("town", find_sources(str(tmp_path), AS_IT_IS), settings, Here(), folder)
-        cutting = job.cut()
-    assert cutting.report["points_far_outside"] == 4
-    assert cutting.report["warnings"]
-    assert len(cutting.tiling.boxes) == 4
+        job = Job(open_map(str(tmp_path), AS_IT_IS), TileSettings(N_POINTS // 4), map, folder)
+        job.cut()
+    assert job.patches.report["points_far_outside"] == 4
+    assert job.patches.report["warnings"]
+    assert len(job.tiling.boxes) == 4
     n_points = np.bincount(four[1].fields["patch"] + 1)[1:]
-    assert cutting.whole.n_points.sum() == pytest.approx(n_points.sum(), rel=0.01)
-    np.testing.assert_allclose(cutting.whole.n_points[:8], n_points[:8], rtol=0.02)
+    assert job.patches.counts.sum() == pytest.approx(n_points.sum(), rel=0.01)
+    np.testing.assert_allclose(job.patches.counts[:8], n_points[:8], rtol=0.02)

@@ -17,9 +17,8 @@ import pytest
 
 from mapq.io import read_cloud
 from mapq.model import Model
-from mapq.scale.maps import Where, classify_map
-from mapq.scale.run import ScaleSettings
 from mapq.simulate.city_tiles import write_city
+from mapq.tiled.run import TileSettings, classify_map
 
 N_POINTS = 147_000
 
@@ -36,7 +35,7 @@ def cluster() -> Iterator[Any]:
 def kill_when_cutting(folder: Path, victim: int) -> None:
     """Kill a worker as soon as a tile is segmented; give up after two minutes."""
     for _ in range(12_000):
-        if list(folder.glob(".far.*.work/regions_*.npy")):
+        if list(folder.glob(".far.*.work/points_*")):
             os.kill(victim, signal.SIGKILL)
             return
         time.sleep(0.01)
@@ -45,21 +44,21 @@ def kill_when_cutting(folder: Path, victim: int) -> None:
 @pytest.mark.slow
 def test_a_worker_that_is_killed_changes_nothing(cluster: Any, model: Model, tmp_path: Path) -> None:
     write_city(tmp_path / "city", N_POINTS, 5)
-    settings = ScaleSettings(tile_points=20_000)
 
-    def classified(name: str, where: Where) -> dict[str, Any]:
+    def classified(name: str, scheduler: str | None) -> dict[str, Any]:
         target = str(tmp_path / name)
-        classify_map(str(tmp_path / "city"), target, model, settings, where, False)
+        settings = TileSettings(20_000, scheduler=scheduler)
+        classify_map(str(tmp_path / "city"), target, model, settings, False)
         content: dict[str, Any] = json.loads((tmp_path / name / "result.json").read_text())
         return content
 
-    near = classified("near", Where())
+    near = classified("near", None)
     with cluster.get_client() as client:
         client.wait_for_workers(2, timeout=60)
         victim = next(iter(client.run(os.getpid).values()))
     killer = threading.Thread(target=kill_when_cutting, args=(tmp_path, victim))
     killer.start()
-    far = classified("far", Where(scheduler=cluster.scheduler_address))
+    far = classified("far", cluster.scheduler_address)
     killer.join()
     assert near["tiles"] > 4
     assert near["patches"] == far["patches"]

@@ -18,10 +18,9 @@ from mapq.io.describe import describe
 from mapq.io.result_folder import open_result_folder, steps_of, thinned_by_patch
 from mapq.render.source import read_picture
 from mapq.report import read_findings, write_report
-from mapq.scale.maps import Where, classify_map
-from mapq.scale.run import ScaleSettings
 from mapq.simulate.city import PITCH, make_block
 from mapq.simulate.city_tiles import ORIGIN
+from mapq.tiled.run import TileSettings, classify_map
 from prf.shell.errors import InputError, UsageError
 
 
@@ -39,7 +38,7 @@ def results(tmp_path_factory, model) -> tuple[str, str]:
         write_cloud(tiles / f"{name}.laz", PointCloud.from_world(part.xyz + ORIGIN, {"truth": part.truth}))
     targets = str(folder / "result"), str(folder / "result.laz")
     for target in targets:
-        classify_map(str(tiles), target, model, ScaleSettings(), Where(), False)
+        classify_map(str(tiles), target, model, TileSettings(), False)
     return targets
 
 

@@ -1,0 +1,342 @@
+"""Features and causes of the patches of a map in tiles, some patches that lie together at a time.
+
+The points of these patches and of all that their measures depend on are loaded, whatever tiles they are in, and
+measured by the functions that measure a map in memory. Only patches larger than `LARGEST_PATCH`, such as the ground,
+are thinned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from mapq.assess.causes import Cause, Spread, cause_of, copies_of, measure_spread, reach_of
+from mapq.assess.visits import Clock, Stays, Visits, to_sensor_of
+from mapq.axes import from_corner
+from mapq.cloud import PointCloud
+from mapq.features.compute import measure_columns
+from mapq.features.context import Beyond
+from mapq.features.copies import ABOUT
+from mapq.features.disagreement import OWNED, WINDOW, window_centres
+from mapq.features.edge import EDGE_NAMES
+from mapq.features.node import SHAPE_NAMES, shape_table
+from mapq.features.provenance import Known
+from mapq.features.settings import FeatureSettings
+from mapq.features.shape import curve_places
+from mapq.features.voxels import FARTHEST
+from mapq.graph import PatchFeatures
+from mapq.kernels.voxels import voxel_keys
+from mapq.patches import NO_PATCH, Patches
+from mapq.tiled.cut import Whole
+from mapq.tiled.store import Store
+from mapq.tiled.workers import Workers
+
+LOOSE_REACH = 2.0 * FARTHEST
+"""Metres from a patch within which points may lie over it, whether they are in a patch or in none."""
+SLACK = 0.1
+"""Metres by which the mean of a patch's distinct points may lie off that of all of them."""
+LARGEST_PATCH = 1_000_000
+"""Points of a patch that are looked at, in a map of several groups: of a larger one every n-th."""
+CHUNK = 1_000_000
+"""Loose points that are looked at together."""
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Part(NamedTuple):
+    """Some patches (c) of a map whose points are in the work folder.
+
+    Attributes
+    ----------
+    store : Store
+    number : (c,) int64
+        The patches, ascending.
+    normal, centroid : (c, 3) float64
+    slices : (s, 4) int64
+        Of their points, as :class:`mapq.tiled.cut.Whole` has them.
+    owner : (s,) int64
+        Of each slice, the place of its patch among these.
+    corner : (3,) float64
+        From which places are measured.
+    """
+
+    store: Store
+    number: Ints
+    normal: Floats
+    centroid: Floats
+    slices: Ints
+    owner: Ints
+    corner: Floats
+
+    def load(self) -> Patches:
+        """Return the patches as a map of their own."""
+        found = self.store.points(self.slices)
+        records = np.concatenate([np.zeros(0, self.store.record), *found])
+        patch = np.repeat(self.owner, [len(each) for each in found]).astype(np.int32)
+        patches = Patches.unlabelled(_cloud(records), patch, self.normal, self.centroid, {}, {})
+        return from_corner(patches, self.corner)
+
+
+def _cloud(records: NDArray[np.void]) -> PointCloud:
+    fields = {name: records[name] for name in records.dtype.names or () if name not in ("xyz", "number")}
+    return PointCloud(np.ascontiguousarray(records["xyz"]), np.zeros(3), fields)
+
+
+def part_of(whole: Whole, store: Store, number: Ints, step: Ints) -> Part:
+    """Return patches (c,), of each of which every `step`-th (c,) point is loaded."""
+    spans = [np.arange(whole.first[patch], whole.first[patch + 1]) for patch in number.tolist()]
+    owner = np.repeat(np.arange(len(number)), [len(span) for span in spans])
+    slices = whole.slices[np.concatenate([np.zeros(0, np.int64), *spans])]
+    slices[:, 3] = step[owner]
+    return Part(store, number, whole.joined.normal[number], whole.joined.centroid[number], slices, owner, whole.corner)
+
+
+class MeasureTask(NamedTuple):
+    """Patches that are measured, those that their measures depend on, and how.
+
+    Attributes
+    ----------
+    part : Part
+    is_own : (c,) bool
+        Which of them are measured.
+    is_about : (c,) bool
+        Over which of them all points of no patch are wanted; over the others one of `step`.
+    step : int
+    rest : (q, 4) int64
+        Slices of the points of no patch that may lie near.
+    settings : FeatureSettings
+    beyond : Beyond
+    """
+
+    part: Part
+    is_own: NDArray[np.bool_]
+    is_about: NDArray[np.bool_]
+    step: int
+    rest: Ints
+    settings: FeatureSettings
+    beyond: Beyond
+
+
+class Measured(NamedTuple):
+    """Node features (c, p) and shapes (c, s) of patches (c,), and the pairs (e, 2) that they have to others."""
+
+    patches: Ints
+    node: Floats
+    shape: Floats
+    pairs: Ints
+    edge: Floats
+    plausibility: Floats
+    node_names: tuple[str, ...]
+    edge_names: tuple[str, ...]
+
+
+def measure_part(task: MeasureTask) -> Measured:
+    """Measure some patches, and the pairs that they are in."""
+    number = task.part.number
+    patches = _with_loose(task.part.load(), task)
+    shapes, found = measure_columns(patches, task.settings, task.beyond, task.is_own)
+    return Measured(
+        patches=number[task.is_own],
+        node=found.node[task.is_own],
+        shape=shape_table(shapes)[task.is_own],
+        pairs=number[found.graph.pairs],
+        edge=found.edge,
+        plausibility=found.plausibility,
+        node_names=found.node_names,
+        edge_names=found.edge_names,
+    )
+
+
+def _with_loose(patches: Patches, task: MeasureTask) -> Patches:
+    """Return patches with the points of no patch that may lie over them."""
+    cloud, store = patches.cloud, task.part.store
+    about, far = (_voxels_about(cloud.xyz[some[patches.patch]]) for some in (task.is_about, ~task.is_about))
+    found = []
+    for records in _chunks(store, task.rest):
+        key = voxel_keys(records["xyz"] - task.part.corner, FARTHEST)
+        wanted = np.isin(key, about)
+        wanted[np.flatnonzero(~wanted & np.isin(key, far))[:: task.step]] = True
+        found.append(records[wanted])
+    loose = _cloud(np.concatenate([np.zeros(0, store.record), *found]))
+    xyz = np.concatenate([cloud.xyz, loose.xyz - task.part.corner])
+    fields = {name: np.concatenate([cloud.fields[name], loose.fields[name]]) for name in cloud.fields}
+    number = np.concatenate([patches.patch, np.full(len(loose), NO_PATCH, np.int32)])
+    return replace(patches, cloud=PointCloud(xyz, cloud.shift, fields), patch=number)
+
+
+def _chunks(store: Store, slices: Ints) -> Iterator[NDArray[np.void]]:
+    for tile, begin, end, _ in slices.tolist():
+        for first in range(begin, end, CHUNK):
+            yield store.points(np.array([[tile, first, min(first + CHUNK, end), 1]]))[0]
+
+
+def _voxels_about(points: Floats) -> Ints:
+    """Return the keys (v,) of the voxels in which points (k, 3) lie, and of those beside."""
+    places = np.unique(np.floor(points / FARTHEST), axis=0)
+    beside = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 1, 3)
+    return np.unique(voxel_keys(((places + beside).reshape(-1, 3) + 0.5) * FARTHEST, FARTHEST))
+
+
+class Measuring:
+    """The measuring of the patches of a map.
+
+    Parameters
+    ----------
+    whole : Whole
+    store : Store
+    boxes : (t, 4) float64
+        Of the tiles.
+    settings : FeatureSettings
+        With the vertical in the map's own axes.
+    workers : Workers
+    most : int
+        Points, about, that a task measures, with those of no patch about them.
+    """
+
+    def __init__(
+        self, whole: Whole, store: Store, boxes: Floats, settings: FeatureSettings, workers: Workers, most: int
+    ) -> None:
+        mse = whole.joined.mse
+        if settings.noise is None and len(mse):
+            settings = replace(settings, noise=max(float(np.median(np.sqrt(mse))), settings.eps))
+        self._whole, self._store, self._boxes, self._settings, self._workers = whole, store, boxes, settings, workers
+        in_patches, others = (int((each[:, 2] - each[:, 1]).sum()) for each in (whole.slices, whole.rest))
+        self._most = max(1, most * in_patches // max(in_patches + others, 1))
+        n_points = whole.joined.n_points
+        self._step = np.ones(len(whole), np.int64)
+        if n_points.sum() > self._most:
+            self._step = -(-n_points // LARGEST_PATCH)
+        order = np.argsort(curve_places(whole.joined.centroid), kind="stable")
+        group = (np.cumsum((n_points // self._step)[order]) - 1) // self._most
+        self.groups = [np.sort(each) for each in np.split(order, np.flatnonzero(np.diff(group)) + 1)]
+
+    def features(self, known: Known) -> Iterator[Measured]:
+        """Yield what is measured of each group of patches."""
+        middle, n_points = self._whole.joined.centroid, self._whole.joined.n_points
+        centres = window_centres(middle, np.argsort(np.lexsort((*middle.T[::-1], -n_points))))
+        has_windows = known.moment is not None and "moments" in self._settings.context and len(centres)
+        owner = cKDTree(centres).query(middle)[1] if len(centres) else np.zeros(0, np.int64)
+        tasks = []
+        for group in self.groups:
+            own = centres[np.unique(owner[group])]
+            reached = centres[cKDTree(own).query(centres)[0] <= WINDOW + OWNED] if len(own) else centres
+            tasks.append(self._task(group, own if has_windows else centres[:0], Beyond(known, reached)))
+        yield from self._workers(measure_part, tasks)
+
+    def _task(self, group: Ints, windows: Floats, beyond: Beyond) -> MeasureTask:
+        whole, settings = self._whole, self._settings
+        has_copies = "copies" in settings.context
+        about = self._about(group) if has_copies else group
+        near = patches_near(whole, whole.low[about], whole.high[about], max(settings.radius, LOOSE_REACH))
+        number = np.union1d(near, patches_near(whole, windows, windows, WINDOW + LOOSE_REACH))
+        is_near = np.isin(number, near, assume_unique=True)
+        step = max(1, -(-int(whole.joined.n_points[number[~is_near]].sum()) // self._most))
+        part = part_of(whole, self._store, number, np.maximum(self._step[number], np.where(is_near, 1, step)))
+        rest = whole.rest[:0]
+        if len(number) and (len(windows) or has_copies):
+            low, high = whole.low[number].min(axis=0) - LOOSE_REACH, whole.high[number].max(axis=0) + LOOSE_REACH
+            is_met = (self._boxes[:, :2] <= high[:2]).all(axis=1) & (self._boxes[:, 2:] >= low[:2]).all(axis=1)
+            rest = whole.rest[is_met[whole.rest[:, 0]]]
+        centres = None if beyond.centres is None else beyond.centres - whole.corner
+        is_own, is_about = (np.isin(number, some, assume_unique=True) for some in (group, about))
+        return MeasureTask(part, is_own, is_about, step, rest, settings, beyond._replace(centres=centres))
+
+    def _about(self, own: Ints) -> Ints:
+        """Return the patches, ascending, whose layers are evidence of some patches; these themselves too."""
+        middle = self._whole.joined.centroid
+        if not len(own):
+            return own
+        return np.flatnonzero(np.isfinite(cKDTree(middle[own]).query(middle, distance_upper_bound=ABOUT + SLACK)[0]))
+
+    def join(self, parts: list[Measured], up: list[float]) -> PatchFeatures:
+        """Return the features of all patches and pairs; pairs that two groups measured are taken once."""
+        first, n_patches = parts[0], len(self._whole)
+        node, shape = np.zeros((n_patches, first.node.shape[1])), np.zeros((n_patches, first.shape.shape[1]))
+        for part in parts:
+            node[part.patches], shape[part.patches] = part.node, part.shape
+        shape[:, 0] = self._whole.joined.n_points
+        pairs, edge, plausibility = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in ("pairs", "edge", "plausibility")
+        )
+        rows = np.unique(pairs[:, 0] * max(n_patches, 1) + pairs[:, 1], return_index=True)[1]
+        return PatchFeatures(
+            reading="safe",
+            node=node,
+            pairs=pairs[rows].astype(np.int32),
+            edge=edge[rows],
+            plausibility=plausibility[rows],
+            node_names=first.node_names,
+            edge_names=first.edge_names,
+            n_clipped=0,
+            shape=shape,
+            shape_names=SHAPE_NAMES,
+            context_names=first.edge_names[len(EDGE_NAMES) :],
+            parameters=self._settings.described(max(self._settings.noise or 0.0, self._settings.eps), up),
+        )
+
+    def causes(
+        self, features: PatchFeatures, suspicious: NDArray[np.bool_], clock: Clock, stays: Stays, visits: Visits
+    ) -> dict[int, Cause]:
+        """Return the cause of each suspicious patch (a mask) by its number, ascending."""
+        copies, reach = copies_of(features, len(suspicious)), reach_of(features)
+        tasks, own = [], []
+        for group in self.groups:
+            some = group[suspicious[group]]
+            if len(some):
+                several = [copies[patch] for patch in some.tolist()]
+                number = np.unique(np.concatenate([some, *(np.array(each, np.int64) for each in several)]))
+                part = part_of(self._whole, self._store, number, self._step[number])
+                tasks.append(CauseTask(part, some, several, reach[some], clock, stays.value, visits))
+                own.append(some.tolist())
+        found = {
+            patch: cause_of(spread, visits, features.disagreement[patch])
+            for some, spreads in zip(own, self._workers(measure_spreads, tasks), strict=True)
+            for patch, spread in zip(some, spreads, strict=True)
+        }
+        return dict(sorted(found.items()))
+
+
+class CauseTask(NamedTuple):
+    """Suspicious patches, those that may be copies of each, how far off points count (c,), and when the map was seen.
+
+    `value` (k,) is the clock's at all moments of the map.
+    """
+
+    part: Part
+    patches: Ints
+    copies: list[list[int]]
+    reach: Floats
+    clock: Clock
+    value: Floats
+    visits: Visits
+
+
+def measure_spreads(task: CauseTask) -> list[Spread]:
+    """Return how the points of patches and of their copies differ in height by visits and scans."""
+    patches, number = task.part.load(), task.part.number
+    values = task.clock.values(patches.cloud)
+    moment = np.where(np.isfinite(values), np.searchsorted(task.value, values), -1).astype(np.int64)
+    visits = task.visits._replace(moment=moment, to_sensor=to_sensor_of(patches.cloud, task.clock))
+    return [
+        measure_spread(patches, place, np.searchsorted(number, copies).tolist(), visits, reach)
+        for place, copies, reach in zip(
+            np.searchsorted(number, task.patches).tolist(), task.copies, task.reach.tolist(), strict=True
+        )
+    ]
+
+
+def patches_near(whole: Whole, low: Floats, high: Floats, radius: float) -> Ints:
+    """Return the patches, ascending, whose boxes lie within `radius` of some boxes, by their corners (k, 3)."""
+    first, last = low.min(axis=0, initial=np.inf) - radius, high.max(axis=0, initial=-np.inf) + radius
+    some = np.flatnonzero((whole.low <= last).all(axis=1) & (whole.high >= first).all(axis=1))
+    is_near = np.zeros(len(some), bool)
+    for one, other in zip(low, high, strict=True):
+        gap = np.maximum(np.maximum(whole.low[some] - other, one - whole.high[some]), 0.0)
+        is_near |= (gap * gap).sum(axis=1) <= radius * radius
+    return some[is_near]

@@ -1,0 +1,172 @@
+"""Where the result of a map in tiles is written: one cloud with a JSON beside it, or a folder of both."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import IO, Any, NamedTuple, Protocol
+
+import numpy as np
+
+from mapq.cloud import PointCloud
+from mapq.io.las_pieces import open_las_pieces
+from mapq.io.ply_write import vertex_rows
+from mapq.io.result_folder import RESULT_JSON
+from mapq.io.results import claim_result, json_beside, result_lines
+from mapq.io.write import LAS_SUFFIXES, write_cloud
+from mapq.tiled.source import Map, Source
+from prf.shell.errors import OutputError, OutputExists, UsageError
+from prf.shell.files import STREAM, atomic_write, open_output
+from prf.shell.lock import claim, claim_output
+from prf.shell.together import together
+
+CLOUD_SUFFIXES = (*LAS_SUFFIXES, ".ply")
+COPC = ".copc.laz"
+PLY_TYPES = {"i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint"} | {
+    "f4": "float",
+    "f8": "double",
+}
+
+
+class Output(NamedTuple):
+    """What is written: the file for the points of each source, and the JSON."""
+
+    path: str
+    is_folder: bool
+    files: tuple[str, ...]
+    json: str
+
+
+def plan_output(path: str, whole: Map, is_tiled: bool, force: bool) -> Output:
+    """Return what is written under a name: a folder for a folder, unless the name is that of a cloud.
+
+    Raises
+    ------
+    OutputExists, OutputError
+        If it exists and `force` is not given, or cannot be written.
+    UsageError
+        If it is standard output, in a format that is not written in tiles, or the folder of the input.
+    """
+    if path == STREAM:
+        raise UsageError("a map in tiles cannot be written to standard output. Name a file or a folder with -o.")
+    if not is_tiled or path.lower().endswith(CLOUD_SUFFIXES) or path == os.devnull:
+        claim_result(path, force)
+        return Output(path, False, (path,) * len(whole.sources), json_beside(path))
+    folder = Path(path)
+    if folder.is_dir() and any(os.path.samefile(folder, Path(source.path).parent) for source in whole.sources):
+        raise UsageError(f"{path} is the input and would be overwritten. Name another folder with -o.")
+    if not folder.is_dir():
+        claim_output(path, force)
+    elif not force and any(folder.iterdir()):
+        raise OutputExists(f"{path} already exists. Use --force to overwrite.")
+    claim(path)
+    return Output(path, True, tuple(str(folder / _name(source)) for source in whole.sources), str(folder / RESULT_JSON))
+
+
+def _name(source: Source) -> str:
+    """Return the name of a tile of the result: that of the source; COPC becomes plain LAZ."""
+    name = Path(source.path).name
+    return name[: -len(COPC)] + ".laz" if name.lower().endswith(COPC) else name
+
+
+def write_map(
+    work: str,
+    output: Output,
+    whole: Map,
+    clouds: Iterable[tuple[int, PointCloud]],
+    json: tuple[Mapping[str, Any], Iterable[Mapping[str, Any]]],
+) -> None:
+    """Write all files in the work folder, and move them to their places together.
+
+    Parameters
+    ----------
+    work : str
+    output : Output
+    whole : Map
+    clouds : iterable of (int, PointCloud)
+        Pieces of the result in order, with the number of their file.
+    json : (mapping, iterable of mapping)
+        Head and patches.
+
+    Raises
+    ------
+    OutputError
+        If that cannot be done; then all files are as they were before.
+    """
+    if output.path == os.devnull:
+        return
+    made = {name: os.path.join(work, f"made_{Path(name).name}") for name in output.files}
+    with ExitStack() as stack:
+        sinks: dict[str, Sink] = {}
+        for number, cloud in clouds:
+            name = output.files[number]
+            if name not in sinks:
+                stack.close()  # the file before is complete
+                sources = [each for each, file in zip(whole.sources, output.files, strict=True) if file == name]
+                sinks[name] = stack.enter_context(_open_sink(made[name], sources))
+            sinks[name].write(cloud)
+    if output.is_folder:
+        Path(output.path).mkdir(exist_ok=True)
+    with together() as group:
+        for name, path in made.items():
+            group.add(path, Path(os.path.realpath(name)))
+        with atomic_write(output.json) as stream:
+            stream.writelines(result_lines(*json))
+
+
+class Sink(Protocol):
+    """A cloud that is written in pieces."""
+
+    def write(self, cloud: PointCloud) -> None:
+        """Append points."""
+
+
+@contextmanager
+def _open_sink(path: str, sources: list[Source]) -> Iterator[Sink]:
+    if not sources[0].is_las:
+        yield _AtOnce(path)
+    elif path.lower().endswith(LAS_SUFFIXES):
+        with open_las_pieces(path) as pieces:
+            yield pieces
+    else:
+        with open_output(path, binary=True) as stream:
+            yield _Ply(path, stream, sum(source.n_points for source in sources))
+
+
+class _AtOnce:
+    """A cloud of one piece."""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+
+    def write(self, cloud: PointCloud) -> None:
+        """Write all points."""
+        write_cloud(self._path, cloud)
+
+
+class _Ply:
+    """A binary PLY that is written in pieces, of which the first has the properties of all."""
+
+    def __init__(self, path: str, stream: IO[Any], n_points: int) -> None:
+        self._path, self._stream, self._n_points, self._record = path, stream, n_points, np.dtype([])
+
+    def write(self, cloud: PointCloud) -> None:
+        """Append points.
+
+        Raises
+        ------
+        OutputError
+            If their fields are not those of the first piece.
+        """
+        rows = vertex_rows(replace(cloud, coordinate_type=np.float64), cloud.fields)
+        if not self._record.names:
+            self._record = rows.dtype
+            named = (f"property {PLY_TYPES[rows.dtype[name].str[1:]]} {name}" for name in rows.dtype.names or ())
+            lines = ["ply", "format binary_little_endian 1.0", f"element vertex {self._n_points}", *named, "end_header"]
+            self._stream.write("\n".join([*lines, ""]).encode("ascii"))
+        if rows.dtype != self._record:
+            raise OutputError(f"{self._path}: {cloud.source} has other fields than the files before. Name a folder.")
+        self._stream.write(rows.tobytes())

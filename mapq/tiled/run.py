@@ -1,0 +1,370 @@
+"""Large maps from files to a result, tile by tile."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.assess import visits
+from mapq.assess.inputs import feature_settings
+from mapq.assess.result import MIN_COVERAGE, Origin, Result, Seen
+from mapq.axes import GroundPlan, turn, turn_cloud
+from mapq.cloud import PointCloud
+from mapq.crf import classify, explain
+from mapq.features.provenance import FIELDS, Span, decide, span_of
+from mapq.io.clouds import read_cloud
+from mapq.io.models import read_default_model
+from mapq.io.options import AS_IT_IS, ReadOptions
+from mapq.io.results import result_cloud
+from mapq.model import Model
+from mapq.patches import SUSPICIOUS, Patches, PatchesOnDisk
+from mapq.segmentation import FEWEST_POINTS
+from mapq.segmentation.join import warnings_of
+from mapq.segmentation.parameters import Parameters, choose_parameters
+from mapq.segmentation.points import FAR, sort_points
+from mapq.segmentation.settings import SegmentSettings
+from mapq.tiled.cut import CutTask, Whole, cut_tile, unite
+from mapq.tiled.measure import Measuring
+from mapq.tiled.output import plan_output, write_map
+from mapq.tiled.source import Map, is_tiled, open_map
+from mapq.tiled.store import Store
+from mapq.tiled.tiling import HALO_IN_GAPS, HALO_IN_SPACING, Counts, Tiling, cells_of, keys_of, make_tiling
+from mapq.tiled.workers import Workers, open_workers
+from prf.shell.errors import InputError, UsageError
+from prf.shell.progress import Reporter, progress
+from prf.shell.work import work_folder
+
+TILE_POINTS = 2_500_000
+"""Points of a tile, about: a worker needs half a gigabyte for them, and at most as much again."""
+FEWEST_TILE_POINTS = 10_000
+MOST_WORKERS = 1024
+SAMPLE = 3_000_000
+"""Points of which parameters are estimated, about; smaller maps are used whole."""
+SAMPLE_CELL = 16.0
+"""Metres: side of the columns of the ground plan that are drawn for the sample, with all their points."""
+MOST_SPACINGS = 2.0**20
+"""Spacings of points along a side of the map up to which the cells of its octree are fine enough: two a spacing."""
+STAGES = ("counting", "sorting", "segmenting", "measuring", "finding causes", "writing")
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TileSettings:
+    """How a map is worked on in tiles, and by whom.
+
+    Attributes
+    ----------
+    tile_points : int
+        Points of a tile, about.
+    n_workers : int
+        Processes on this machine.
+    scheduler : str or None
+        Address of a Dask scheduler, whose workers are used instead.
+    segment : SegmentSettings
+    options : ReadOptions
+    """
+
+    tile_points: int = TILE_POINTS
+    n_workers: int = 1
+    scheduler: str | None = None
+    segment: SegmentSettings = field(default_factory=SegmentSettings)
+    options: ReadOptions = AS_IT_IS
+
+    def check(self) -> None:
+        """Raise UsageError for settings outside their domains."""
+        self.segment.check()
+        if self.tile_points < FEWEST_TILE_POINTS:
+            raise UsageError(f"--tile-points {self.tile_points} is less than {FEWEST_TILE_POINTS}.")
+        if not 1 <= self.n_workers <= MOST_WORKERS:
+            raise UsageError(f"--workers {self.n_workers} is not from 1 to {MOST_WORKERS}.")
+        if self.scheduler is not None and self.n_workers != 1:
+            raise UsageError("--workers and --scheduler exclude one another: Dask has workers of its own.")
+
+
+def classify_map(
+    path: str,
+    target: str,
+    model: Model | None,
+    settings: TileSettings,
+    force: bool,
+    origin: Origin | None = None,
+    limits: tuple[float | None, float] = (None, MIN_COVERAGE),
+    sources: Mapping[str, str] | None = None,
+) -> Result:
+    """Classify a map tile by tile, and write the result.
+
+    Parameters
+    ----------
+    path : str
+        A file, or a folder of LAS or LAZ tiles.
+    target : str
+        A cloud, beside which the JSON is written; or for a folder a folder, with tiles named as in the input.
+    model : Model or None
+        None: the model that ships with the package.
+    settings : TileSettings
+    force : bool
+        Whether an existing result may be replaced.
+    origin : Origin
+        Inputs that the JSON names.
+    limits : (float or None, float)
+        Of the verdict: fail_over and min_coverage.
+    sources : mapping of str to str
+        Where each setting of the segmentation was given.
+
+    Raises
+    ------
+    InputError, UsageError, ConfigError, OutputError
+        As reading, segmenting, the workers and writing do.
+    """
+    settings.check()
+    files = open_map(path, settings.options)
+    output = plan_output(target, files, is_tiled(path), force)
+    with (
+        work_folder(target) as folder,
+        open_workers(settings.n_workers, settings.scheduler) as workers,
+        progress(len(STAGES), "classifying") as reporter,
+    ):
+        job = Job(files, settings, workers, folder, reporter)
+        job.cut()
+        result = job.assess(model or read_default_model(), origin or Origin(path), sources or {})
+        write_map(folder, output, files, job.pieces(result), (result.head(*limits), result.patch_rows()))
+    return result
+
+
+def segment_map(path: str, beside: str, settings: TileSettings) -> Patches:
+    """Cut the map of a file into patches tile by tile, and return it whole, in memory.
+
+    The work folder is made beside a file. Errors as :func:`classify_map`.
+    """
+    settings.check()
+    files = open_map(path, settings.options)
+    with (
+        work_folder(beside) as folder,
+        open_workers(settings.n_workers, settings.scheduler) as workers,
+        progress(3, "segmenting") as reporter,
+    ):
+        job = Job(files, settings, workers, folder, reporter)
+        job.cut()
+        patch = np.array(job.patch)
+    cloud = read_cloud(path, settings.options)
+    centroid = job.patches.centroid + (files.shift - cloud.shift) * cloud.unit
+    return Patches.unlabelled(cloud, patch, job.patches.normal, centroid, job.patches.parameters, job.patches.report)
+
+
+class _Counted(NamedTuple):
+    """What the first pass over the points finds: counts by cells, the ground plan, and what fields hold."""
+
+    counts: Counts
+    columns: Counts
+    plan: GroundPlan
+    spans: dict[str, Span | None]
+
+
+class _Estimate(NamedTuple):
+    """Parameters for the whole map, frame (4,) of its octree, box (2, 3) beyond which points are left out."""
+
+    chosen: Parameters
+    frame: Floats
+    near: Floats
+
+
+class Job:
+    """One map, the workers and the work folder: :meth:`cut`, then :meth:`assess`, then :meth:`pieces`.
+
+    Attributes
+    ----------
+    patches : PatchesOnDisk
+        In the axes of the files.
+    patch : (n,) int32
+        Patch of each point, on the disk.
+    tiling : Tiling
+    """
+
+    patches: PatchesOnDisk
+    patch: NDArray[np.int32]
+    tiling: Tiling
+
+    def __init__(
+        self, files: Map, settings: TileSettings, workers: Workers, folder: str, reporter: Reporter | None = None
+    ) -> None:
+        self._files, self._settings, self._workers, self._reporter = files, settings, workers, reporter
+        names = tuple(name for name in dict.fromkeys((*FIELDS, *visits.FIELDS)) if name in files.fields)
+        self._names, self._folder = names, folder
+        self._stays: list[visits.Stays] = []
+
+    def cut(self) -> None:
+        """Cut the map into patches."""
+        counted = self._count()
+        self._plan, spans = counted.plan, {name: span for name, span in counted.spans.items() if span is not None}
+        self._known, self._clock = decide(spans), visits.clock_of(spans)
+        used = dict.fromkeys((*self._known.fields, *(self._clock.fields if self._clock is not None else ())))
+        self._quarter = counted.plan.quarter()
+        self._store = Store(self._folder, tuple(used))
+        self.tiling = make_tiling(counted.counts.turned(self._quarter), self._settings.tile_points)
+        guess = self._estimate(self._sort(counted.columns.turned(self._quarter)))
+        halo = max(HALO_IN_GAPS * guess.chosen.max_gap, HALO_IN_SPACING * guess.chosen.spacing)
+        tasks = [
+            CutTask(tile, self._store, self.tiling, halo, guess.chosen, guess.frame, guess.near)
+            for tile in range(len(self.tiling.boxes))
+        ]
+        cuts = list(self._each("segmenting", cut_tile, tasks))
+        self._whole = whole = unite(cuts, self._store, self.tiling, halo, guess.chosen)
+        n_near, n_distinct, n_looked_at = (
+            sum(getattr(cut, name) for cut in cuts) for name in ("n_points", "n_distinct", "n_looked_at")
+        )
+        n_far = counted.plan.n_points - n_near
+        report = {
+            "points": self._files.n_points,
+            "points_not_finite": self._files.n_points - counted.plan.n_points,
+            "points_far_outside": n_far,
+            "points_repeated": n_near - n_distinct,
+            "points_looked_at": n_looked_at,
+            **whole.joined.report,
+            "warnings": warnings_of(guess.chosen, n_far, whole.joined.report),
+        }
+        self._number_points()
+        self.patches = self._in_axes_of_files(whole, guess.chosen.described(self._quarter), report)
+
+    def _each(self, stage: str, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[Any]:
+        """Yield what a function returns for each task."""
+        return self._reported(stage, self._workers(function, tasks), len(tasks))
+
+    def _reported(self, stage: str, items: Iterable[Any], n_items: int) -> Iterator[Any]:
+        for place, item in enumerate(items):
+            if self._reporter is not None:
+                self._reporter.update(STAGES.index(stage) + (place + 1) / n_items, stage=stage)
+            yield item
+
+    def _count(self) -> _Counted:
+        counts, columns, plan = Counts(), Counts(SAMPLE_CELL), GroundPlan()
+        spans: dict[str, Span | None] = dict.fromkeys(self._names, Span())
+        n_pieces = -(-self._files.n_points // 1_000_000) + len(self._files.sources)
+        for _, piece in self._reported("counting", self._files.pieces(self._names), n_pieces):
+            number = np.flatnonzero(piece.finite())
+            if len(number):
+                xyz = piece.xyz[number]
+                counts, columns, plan = counts.plus(xyz), columns.plus(xyz), plan.joined(GroundPlan.of(xyz))
+                spans = {name: _joined(span, span_of(piece, name, number)) for name, span in spans.items()}
+        if plan.n_points == 0:
+            raise InputError(f"{self._files.name}: no point is finite. Check how the map was written.")
+        return _Counted(counts, columns, plan, spans)
+
+    def _sort(self, columns: Counts) -> Floats:
+        """Write the points of each tile to its file; return those of a sample of columns (n, 3)."""
+        drawn = columns.drawn(SAMPLE)
+        sample, begin = [], 0
+        n_pieces = -(-self._files.n_points // 1_000_000) + len(self._files.sources)
+        for _, read in self._reported("sorting", self._files.pieces(self._store.fields), n_pieces):
+            number = np.flatnonzero(read.finite())
+            piece = turn_cloud(read.take(number), self._quarter)
+            records = np.empty(len(piece), self._store.record)
+            records["xyz"], records["number"] = piece.xyz, number + begin
+            for name in self._store.fields:
+                records[name] = piece.fields[name]
+            begin += len(read)
+            if not len(piece):
+                continue
+            if self._clock is not None:
+                self._stays.append(visits.stays_of(piece, self._clock)[0])
+            sample.append(piece.xyz[np.isin(keys_of(cells_of(piece.xyz, columns.side)), drawn)])
+            tile = self.tiling.of_points(piece.xyz)
+            order = np.argsort(tile, kind="stable")
+            for rows in np.split(order, np.flatnonzero(np.diff(tile[order])) + 1):
+                self._store.append(int(tile[rows[0]]), records[rows])
+        return np.concatenate(sample)
+
+    def _estimate(self, sample: Floats) -> _Estimate:
+        name = self._files.name
+        points = sort_points(PointCloud(sample, np.zeros(3), source=name))
+        if len(points.xyz) < FEWEST_POINTS:
+            raise InputError(f"{name}: {len(points.xyz)} distinct points; a plane needs {FEWEST_POINTS}.")
+        chosen = choose_parameters(points, self._settings.segment.turned(self._quarter))
+        low, high = box = self._plan.box(self._quarter)
+        if float((high - low).max()) >= MOST_SPACINGS * chosen.spacing:
+            middle = np.quantile(sample, (0.01, 0.99), axis=0)
+            reach = FAR * float(np.ptp(middle, axis=0).max())
+            low, high = np.clip(box, middle[0] - reach, middle[1] + reach)
+        frame, doublings = points.frame.copy(), 0
+        if (frame[:3] > low).any() or (frame[:3] + frame[3] <= high).any():
+            frame[:3] = low
+            while (frame[:3] + frame[3] <= high).any():
+                frame[3] *= 2.0
+                doublings += 1
+        return _Estimate(chosen._replace(level=chosen.level + doublings), frame, np.array([low, high]))
+
+    def _number_points(self) -> None:
+        """Write the patch of each point of the map, in the order of the files."""
+        path = os.path.join(self._folder, "patch")
+        self.patch = np.memmap(path, np.int32, "w+", shape=(self._files.n_points,))
+        self.patch[:] = -1
+        for patch in range(len(self._whole)):
+            rows = self._whole.slices[self._whole.first[patch] : self._whole.first[patch + 1]]
+            for records in self._store.points(rows):
+                self.patch[records["number"]] = patch
+
+    def _in_axes_of_files(self, whole: Whole, parameters: dict[str, Any], report: dict[str, Any]) -> PatchesOnDisk:
+        files, quarter, joined = self._files, -self._quarter, whole.joined
+        nowhere = np.broadcast_to(np.full((1, 3), np.nan), (files.n_points, 3))
+        cloud = PointCloud(nowhere, files.shift, source=files.name, unit=files.sources[0].unit)
+        normal, centroid = turn(joined.normal, quarter), turn(joined.centroid, quarter)
+        plain = Patches.unlabelled(cloud, np.zeros(0, np.int32), normal, centroid, parameters, report)
+        low, high = np.sort([turn(whole.low, quarter), turn(whole.high, quarter)], axis=0)
+        named = {name: getattr(plain, name) for name in Patches.__dataclass_fields__}
+        return PatchesOnDisk(**named, sizes=joined.n_points, low=low, high=high)
+
+    def assess(
+        self, model: Model, origin: Origin | None = None, sources: Mapping[str, str] = MappingProxyType({})
+    ) -> Result:
+        """Return what a model infers about the patches; `sources` of the settings are added to their report.
+
+        Raises
+        ------
+        InputError
+            If the model asks for features that this release does not have.
+        """
+        settings = feature_settings(model)
+        given = np.asarray(settings.up if settings.up is not None else self.patches.parameters["up"], np.float64)
+        up = given / np.linalg.norm(given)
+        x, y, z = turn(up, self._quarter).tolist()
+        measuring = Measuring(
+            self._whole,
+            self._store,
+            self.tiling.boxes,
+            replace(settings, up=(x, y, z)),
+            self._workers,
+            self._settings.tile_points,
+        )
+        parts = self._reported("measuring", measuring.features(self._known), len(measuring.groups))
+        features = measuring.join(list(parts), up.tolist())
+        labelling = classify(features, model)
+        seen = Seen(None, {})
+        if self._clock is not None and self._stays:
+            stays = visits.join_stays(self._stays)
+            visited = visits.visits_from(self._clock, stays, np.zeros(0, np.int64), None)
+            bad = labelling.label == SUSPICIOUS
+            seen = Seen(visited, measuring.causes(features, bad, self._clock, stays, visited))
+        terms = explain(features, model, labelling.label)
+        patches = replace(self.patches, report={**self.patches.report, "sources": dict(sources)})
+        n_tiles = len(self.tiling.boxes)
+        return Result(patches, features, model, labelling, terms, origin or Origin(), n_tiles, seen)
+
+    def pieces(self, result: Result) -> Iterator[tuple[int, PointCloud]]:
+        """Yield the points of the map in order, with the fields of a result, and the number of their file."""
+        label, probability, cause = result.labelling.label, result.labelling.probability, result.cause_codes()
+        begin = 0
+        n_pieces = -(-self._files.n_points // 1_000_000) + len(self._files.sources)
+        for number, piece in self._reported("writing", self._files.pieces(), n_pieces):
+            patch = np.array(self.patch[begin : begin + len(piece)])
+            begin += len(piece)
+            yield number, result_cloud(piece, patch, label, probability, cause)
+
+
+def _joined(one: Span | None, other: Span | None) -> Span | None:
+    return None if one is None or other is None else one.joined(other)

@@ -1,0 +1,115 @@
+"""The files of a large map, read in pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.cloud import PointCloud, choose_shift
+from mapq.io.clouds import read_cloud
+from mapq.io.content import Content
+from mapq.io.las_pieces import read_las_head, read_las_pieces
+from mapq.io.options import ReadOptions
+from mapq.io.write import LAS_SUFFIXES
+from prf.shell.errors import InputError
+
+LAS_MAGIC = b"LASF"
+
+
+class Source(NamedTuple):
+    """One file: LAS is read in pieces, other formats whole.
+
+    Attributes
+    ----------
+    path : str
+    is_las : bool
+    n_points : int
+    low, high : (3,) float64
+        Box in world coordinates.
+    unit : (3,) float64
+        Metres in a unit of the file.
+    fields : tuple of str
+    """
+
+    path: str
+    is_las: bool
+    n_points: int
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    unit: NDArray[np.float64]
+    fields: tuple[str, ...]
+
+
+class Map(NamedTuple):
+    """The files of a map in order, with the shift (3,) of all their points in world coordinates."""
+
+    name: str
+    sources: tuple[Source, ...]
+    options: ReadOptions
+    shift: NDArray[np.float64]
+
+    @property
+    def n_points(self) -> int:
+        """Points of all files."""
+        return sum(source.n_points for source in self.sources)
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Fields that all files have."""
+        first, *others = self.sources
+        return tuple(name for name in first.fields if all(name in each.fields for each in others))
+
+    def pieces(self, names: tuple[str, ...] | None = None) -> Iterator[tuple[int, PointCloud]]:
+        """Yield the points in order, with the number of their file; with some of the fields (None: all)."""
+        for number, source in enumerate(self.sources):
+            if source.is_las:
+                for piece in read_las_pieces(source.path, self.options, 0, source.n_points, self.shift, names):
+                    yield number, piece
+                continue
+            cloud = read_cloud(source.path, self.options)
+            xyz = (cloud.world() - self.shift) * cloud.unit
+            fields = {name: values for name, values in cloud.fields.items() if names is None or name in names}
+            yield (
+                number,
+                PointCloud(xyz, self.shift, fields, cloud.coordinate_type, cloud.source, cloud.unit, cloud.las_header),
+            )
+
+
+def is_tiled(path: str) -> bool:
+    """Return whether a path is a folder of LAS or LAZ files."""
+    folder = Path(path)
+    return folder.is_dir() and any(each.suffix.lower() in LAS_SUFFIXES for each in folder.iterdir())
+
+
+def open_map(path: str, options: ReadOptions) -> Map:
+    """Return a map: the LAS and LAZ files of a folder by name, or one file of any format.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, or they have different units.
+    """
+    paths = [path]
+    if is_tiled(path):
+        paths = [str(each) for each in sorted(Path(path).iterdir()) if each.suffix.lower() in LAS_SUFFIXES]
+    sources = tuple(_look_at(each, options) for each in paths)
+    for other in sources[1:]:
+        if not np.array_equal(other.unit, sources[0].unit):
+            raise InputError(f"{other.path}: its unit is not that of {sources[0].path}. Give it with --unit.")
+    low, high = (
+        each([getattr(s, name) for s in sources], axis=0) for each, name in ((np.min, "low"), (np.max, "high"))
+    )
+    return Map(path, sources, options, choose_shift(np.array([low, high])))
+
+
+def _look_at(path: str, options: ReadOptions) -> Source:
+    if Content(path).head.startswith(LAS_MAGIC):
+        head = read_las_head(path, options)
+        return Source(path, True, head.n_points, head.low, head.high, head.unit, head.fields)
+    cloud = read_cloud(path, options)
+    world = cloud.world()[cloud.finite()]
+    return Source(path, False, len(cloud), world.min(axis=0), world.max(axis=0), cloud.unit, tuple(cloud.fields))
