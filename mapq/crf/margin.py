@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from mapq.crf.energy import Field, Inputs
 from mapq.crf.infer import solve
-from mapq.crf.quadratic import solve_quadratic
 from mapq.model import NONE
 from mapq.patches import SUSPICIOUS
 
@@ -181,3 +181,16 @@ def _master(planes: _Planes, n_parts: int, precision: Floats, bounded: NDArray[n
     pull = share @ slope
     pull = np.where(bounded, np.minimum(pull, 0.0), pull)
     return weights, float(share @ height - 0.5 * (pull**2 / precision).sum())
+
+
+def solve_quadratic(curvature: Floats, slope: Floats, left: Floats, right: Floats) -> tuple[Floats, Floats]:
+    """Return z (n,) of least ``z diag(curvature) z / 2 + slope z`` with ``left z <= right``, and multipliers (m,)."""
+    import clarabel  # noqa: PLC0415 - for this objective alone
+
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    cones = [clarabel.NonnegativeConeT(len(right))]
+    found = clarabel.DefaultSolver(
+        sparse.diags(curvature, format="csc"), slope, sparse.csc_matrix(left), right, cones, settings
+    ).solve()
+    return np.array(found.x), np.maximum(found.z, 0.0)
