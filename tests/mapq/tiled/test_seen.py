@@ -78,8 +78,7 @@ def assert_alike(found: Result, plain: Result) -> None:
     known = {tuple(sorted(pair)) for pair in plain.features.pairs.tolist()}
     assert len(pairs - known) < 0.02 * len(known)
     assert len(pairs) > 0.95 * len(known)
-    differ = found.labelling.label[mine] != plain.labelling.label[theirs]
-    assert n_points[theirs[differ]].sum() < 0.005 * n_points.sum()
+    assert np.mean(found.labelling.label[mine] != plain.labelling.label[theirs]) < 0.01
 
 
 @pytest.mark.parametrize("missing", [(), ("scan",), ("scan", "time"), ("scan", "time", "pass_id")])
