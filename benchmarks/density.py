@@ -25,13 +25,14 @@ import numpy as np
 from benchmarks import commands, worlds
 from benchmarks.commands import say
 from prf.coloring import Coloring
+from prf.configuration import Configuration
 from prf.kernels import constants as c
 from prf.kernels.build import recompute_sums
 from prf.kernels.chain import Chain
 from prf.layout import make_sites, read_coloring
 from prf.logs import Readings, read_readings, thin
 from prf.posterior import Settings, make_chain
-from prf.sampler.config import SampleConfig, prepare
+from prf.sampler.config import prepare
 
 LOG = "freiburg-079"
 HELD_OUT = "50::100"
@@ -66,7 +67,7 @@ class Log:
     def settings(self, size: str, density: float | None) -> tuple[Settings, int]:
         """Return what is sampled from in a case, without its image, and how many beams there were to choose from."""
         chosen = thin(self.readings, skip_scans=HELD_OUT, **SIZES[size])
-        config = SampleConfig(scale=worlds.SCALE, window=self.window, max_range=self.max_range, **commands.LASER)
+        config = Configuration.of(scale=worlds.SCALE, window=self.window, max_range=self.max_range, **commands.LASER)
         if density is not None:
             config = dataclasses.replace(config, beam_density=density)
         prepared = prepare(config, chosen)
@@ -78,10 +79,10 @@ class Log:
 def open_log(path: Path) -> Log:
     """Read the log; window and maximum range are those of the whole of it."""
     readings = read_readings(str(path))
-    config = prepare(SampleConfig(), readings).config
-    assert config.window is not None
-    assert config.max_range is not None
-    return Log(path, readings, config.window, config.max_range)
+    config = prepare(Configuration.of(), readings).config
+    assert config.prior.window is not None
+    assert config.laser.max_range is not None
+    return Log(path, readings, config.prior.window, config.laser.max_range)
 
 
 def common_map(log: Log, steps: int, seed: int) -> Coloring:

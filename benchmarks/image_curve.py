@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from prf.configuration import Configuration
 from prf.logs import read_readings
-from prf.sampler.config import SampleConfig, prepare
+from prf.sampler.config import prepare
 from prf.sampler.several import Sampler
 from prf.shell.seeds import spawn_generators
 
@@ -27,7 +28,7 @@ def seconds_now() -> float:
 
 def main(log: Path, output: Path, times: list[float], seed: int, chains: int) -> None:
     """Sample for as long as the last of `times` (seconds on two cores) and store the image of each."""
-    prepared = prepare(SampleConfig(), read_readings(str(log)))
+    prepared = prepare(Configuration.of(), read_readings(str(log)))
     with Sampler(prepared.settings, spawn_generators(seed, chains), THREADS) as sampler:
         sampler.compile()
         start = seconds_now()

@@ -21,7 +21,7 @@ from benchmarks.scores import HELD_OUT, MAX_RANGE, SCALE, SETS, cell
 SECONDS = 180.0
 SHARES = (0.1, 0.3, 1.0)
 """Of the time, at which the run is scored."""
-WAYS: dict[str, tuple[str, ...]] = {"thinned": (), "every beam": ("--no-thinning",)}
+WAYS: dict[str, tuple[str, ...]] = {"thinned": (), "every beam": ("--set", "thinning.beam_density=0")}
 COLUMNS = ("rhat", "beam_nll", "nll", "nll_seen", "brier", "auc", "within_0.2m", "rmse")
 
 

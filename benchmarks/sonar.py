@@ -22,6 +22,7 @@ import numpy as np
 from benchmarks import commands, worlds
 from benchmarks.loops import bench
 from prf.coloring import Draws
+from prf.configuration import Configuration
 from prf.estimate import occupied_probability
 from prf.kernels import constants as c
 from prf.kernels.accept import log_proposal_ratio
@@ -36,7 +37,7 @@ from prf.kernels.step import choose_move, propose
 from prf.logs import read_readings
 from prf.posterior import Settings
 from prf.run import read_run
-from prf.sampler.config import SampleConfig, prepare
+from prf.sampler.config import prepare
 from prf.sampler.drive import StopRule
 from prf.sampler.first_map import find_first_map
 from prf.sampler.session import read_prepared, start
@@ -82,7 +83,7 @@ def decide(chain: Chain, rng: np.random.Generator, n: int, from_scratch: bool, c
 
 def settings_of(log: Path) -> Settings:
     """Return what `prf sample --sonar LOG` samples from, without its image."""
-    prepared = prepare(SampleConfig(), None, read_readings(str(log), kind="sonar"))
+    prepared = prepare(Configuration.of(), None, read_readings(str(log), kind="sonar"))
     return dataclasses.replace(prepared.settings, resolution=None)
 
 
@@ -126,7 +127,7 @@ def compared(chain: Chain, seed: int) -> tuple[list[float], float]:
 def sampled(log: Path, folder: Path, seconds: float, seed: int, threads: int) -> dict[str, Any]:
     """Sample until the stop rule is met, or for `seconds`; return how it ended."""
     session = start(
-        [str(log)], read_prepared(None, SampleConfig(), str(log)), folder, seed, threads or os.cpu_count() or 1
+        [str(log)], read_prepared(None, Configuration.of(), str(log)), folder, seed, threads or os.cpu_count() or 1
     )
     session.sampler.compile()
     with session.sampler:

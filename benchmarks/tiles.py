@@ -22,13 +22,13 @@ import numpy as np
 
 from benchmarks import commands, panels
 from benchmarks.commands import made, prf, say
+from prf.configuration import Configuration
 from prf.kernels import constants as c
 from prf.kernels.build import recompute_sums
 from prf.kernels.step import run
 from prf.layout import grow
 from prf.posterior import Settings, make_chain, one_colour_map
 from prf.run import read_run
-from prf.sampler.config import SampleConfig
 from prf.sampler.session import read_prepared
 from prf.sampler.tiles import finish_round, make_round, make_tile_data, work_tile
 from prf.sampler.tiles.schedule import PLAIN_SHARE, narrowest, round_length
@@ -164,7 +164,7 @@ def main() -> None:
     steps = QUICK_STEPS if options.quick else STEPS
     result: dict[str, Any] = {}
     if "shares" in options.parts:
-        config = SampleConfig(skip_scans=HELD_OUT, chains=1, **commands.LASER)
+        config = Configuration.of(skip_scans=HELD_OUT, chains=1, **commands.LASER)
         settings = read_prepared(str(log), config).settings
         result["shares"] = shares(settings, 1 if options.quick else ROUNDS, options.seed)
     if "speed" in options.parts:

@@ -12,6 +12,7 @@ import numpy as np
 
 from prf.arak import exact_draws
 from prf.coloring import Coloring
+from prf.configuration import Configuration
 from prf.kernels import constants as c
 from prf.kernels.build import recompute_sums
 from prf.kernels.chain import Chain
@@ -19,7 +20,7 @@ from prf.kernels.step import run
 from prf.layout import grow
 from prf.logs import read_readings, thin
 from prf.posterior import Settings, make_chain
-from prf.sampler.config import SampleConfig, prepare
+from prf.sampler.config import prepare
 from prf.window import Window
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -58,7 +59,7 @@ Loop = Callable[[Chain, np.random.Generator, int], bool]
 def settings_of(log: Path, every_scan: int = 1, image: bool = False, **changes: Any) -> Settings:
     """Return what `prf sample --laser LOG` samples from, with or without its image, but for `changes`."""
     readings = thin(read_readings(str(log)), every_scan=every_scan)
-    settings = prepare(SampleConfig(scale=SCALE), readings).settings
+    settings = prepare(Configuration.of(scale=SCALE), readings).settings
     return dataclasses.replace(settings, resolution=settings.resolution if image else None, **changes)
 
 

@@ -22,7 +22,7 @@ VERBS: dict[str, str] = {
     "report": "Write a report on a result: one page of HTML that opens without a network.",
     "render": "Draw a map in plan view and in 3D, plausible blue and suspicious red.",
     "inspect": "Say what is in a file: a cloud, PATCHES, a RESULT, or a model.",
-    "config": "Show the parameters of the steps as a settings file, list presets, or check a file.",
+    "config": "Show all settings as a settings file, or list presets.",
     "simulate": "Make a map with known errors: an urban world, driven through and rendered from odometry.",
     "perturb": "Make a labelled map from posed scans: merged as they are, or with known errors of their poses.",
 }

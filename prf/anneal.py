@@ -43,7 +43,7 @@ class Schedule:
         if min(self.warm, self.polish) < 0.0 or self.warm + self.polish >= 1.0:
             raise ConfigError("annealing: the shares of warm and polish must not be negative, and leave time to cool")
         if not 0.0 < self.coldest < 1.0:
-            raise ConfigError(f"--coldest {self.coldest}: must lie between 0 and 1")
+            raise ConfigError(f"anneal.coldest {self.coldest}: must lie between 0 and 1")
 
     def inverse_temperature(self, share: float) -> float:
         """Return 1 / T when `share` of the work is done."""

@@ -21,7 +21,7 @@ VERBS: dict[str, str] = {
     "prior": "Draw maps from the prior, exactly or by Markov chain.",
     "query": "Ask a run or a grid how probably points, squares or a path are occupied or free.",
     "inspect": "Show what a result is, how it was made, and the state of its files.",
-    "config": "Show the parameters of prior and sensors as a settings file, list presets, or check a file.",
+    "config": "Show all settings as a settings file, or list presets.",
     "grid": "Build an occupancy grid, the baseline, from localized readings.",
     "score": "Score how well a map predicts held-out readings.",
     "calibrate": "Fit the parameters of sensors to readings in a known map.",

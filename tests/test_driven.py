@@ -9,12 +9,13 @@ import pytest
 import shapely
 
 from prf.coloring import Coloring, violations
+from prf.configuration import Configuration
 from prf.driven import LONGEST_JOIN, STRAIGHT, cleared, way_guards, way_of, ways_near
 from prf.kernels.guards import GUARD_WAY
 from prf.layout import make_guards
 from prf.logs import Readings
 from prf.posterior import LaserData, Settings, make_chain
-from prf.sampler.config import SampleConfig, prepare
+from prf.sampler.config import prepare
 from prf.sampler.contour import contour_map, map_of_region
 from prf.sampler.ground import sensor_tracks
 from prf.sampler.starts import find_start_map
@@ -121,7 +122,7 @@ def test_a_ring_counts_as_its_middle_scan_by_scan() -> None:
 
 def test_the_configuration_decides_about_the_way() -> None:
     log = readings([[1.0, 1.0], [1.5, 1.0], [2.0, 1.0]], [0, 1, 2], np.pi / 2)
-    config = SampleConfig(window=(*ROOM,), max_range=5.0, resolution=0.5)
+    config = Configuration.of(window=(*ROOM,), max_range=5.0, resolution=0.5)
     assert prepare(config, log).settings.way.tolist() == [[1.0, 1.0, 2.0, 1.0]]
     assert prepare(config, log).settings.driven_radius == 0.1
     whole = readings([[1.0, 1.0], [1.5, 1.0], [2.0, 1.0], [2.0, 2.0]], [0, 1, 2, 3])

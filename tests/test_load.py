@@ -20,9 +20,9 @@ import prf.sampler.record
 import prf.sampler.session
 from mapq.report import read_findings, write_report
 from prf.anneal import Goal, anneal
+from prf.configuration import Configuration
 from prf.run import names
 from prf.sampler import session as sessions
-from prf.sampler.config import SampleConfig
 from prf.sampler.drive import StopRule
 from prf.shell.seeds import spawn_generators
 from tests.conftest import ROOT
@@ -54,7 +54,7 @@ def shorten(monkeypatch: pytest.MonkeyPatch, block: int, most_draws: int, second
 
 def sample(n_rounds: int, block: int, folder: Path, look: Callable[[Any], None]) -> None:
     """Sample the demo office in so many rounds; call `look` with the session after each."""
-    config = SampleConfig(chains=CHAINS, every_scan=10, every_beam=10, resolution=0.5, start="empty")
+    config = Configuration.of(chains=CHAINS, every_scan=10, every_beam=10, resolution=0.5, start="empty")
     session = sessions.start([LOG], sessions.read_prepared(LOG, config), folder, 1, 1)
     with session.sampler:
         session.carry_out(StopRule(steps=n_rounds * block), lambda _: look(session), lambda: False)
@@ -124,7 +124,7 @@ def test_memory_of_annealing_stays_flat_and_a_leak_is_seen(
 ) -> None:
     shorten(monkeypatch, 100, 8, math.inf)
     look = memory(leak)
-    settings = sessions.read_prepared(LOG, SampleConfig(every_scan=10, every_beam=10)).settings
+    settings = sessions.read_prepared(LOG, Configuration.of(every_scan=10, every_beam=10)).settings
     anneal(settings, spawn_generators(1, CHAINS), Goal(steps=300_000), on_progress=look)
     assert (growth(look.notes) > FLAT) == bool(leak)
 

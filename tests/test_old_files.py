@@ -95,7 +95,7 @@ def test_old_draws_are_read(old, capsys):
 
 @pytest.mark.parametrize("file", ["settings-0874d18.toml", "settings-d766385.toml"])
 def test_old_settings_are_read(file, old, capsys):
-    assert call(f"prf config check {file}", capsys)[0] == 0
+    assert call(f"prf config show {file}", capsys)[0] == 0
 
 
 @pytest.mark.parametrize("file", ["patches-cd86f81.patches", "patches-1aa9a88.patches"])

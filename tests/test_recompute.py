@@ -12,6 +12,7 @@ import shapely
 
 from prf.arak import exact_draws
 from prf.coloring import Coloring, black_at
+from prf.configuration import Configuration
 from prf.driven import STRAIGHT
 from prf.kernels import cones, points
 from prf.kernels import constants as c
@@ -21,7 +22,6 @@ from prf.kernels.grid import make_grid
 from prf.kernels.step import run
 from prf.layout import grow, make_targets, read_coloring
 from prf.posterior import LaserData, Settings, make_chain, one_colour_map, return_points
-from prf.sampler.config import SampleConfig
 from prf.sampler.session import read_prepared
 from prf.sensors.laser import LaserModel
 from prf.window import Window
@@ -332,7 +332,7 @@ def test_twins_agree_for_sensors_on_the_border_of_the_window(tmp_path: Path) -> 
     columns = np.column_stack([data.origin, data.angle, data.readings])
     table = tmp_path / "border.csv"
     np.savetxt(table, columns, delimiter=",", header="x,y,theta,range", comments="", fmt="%.17g")
-    prepared = read_prepared(str(table), SampleConfig(scale=0.3, window=(*ROOM,), max_range=6.0, resolution=0.5))
+    prepared = read_prepared(str(table), Configuration.of(scale=0.3, window=(*ROOM,), max_range=6.0, resolution=0.5))
     chain = make_chain(dataclasses.replace(prepared.settings, cell=1.0), Coloring.empty(ROOM))
     rng = np.random.default_rng(7)
     for step in range(20, 20_001, 20):

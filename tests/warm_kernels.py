@@ -38,7 +38,7 @@ TOWN = LOG.with_name("demo-town.ply.gz")
 CHAIN = (
     "prf prior --scale 1 --window 0 0 1 1 --draws 3 --method exact --seed 1 -o exact.geojsonl",
     "prf prior --scale 1 --window 0 0 1 1 --draws 3 --method mcmc --thin 50 --seed 1 -o mcmc.geojsonl",
-    f"prf sample --laser {LOG} --every-scan 10 --every-beam 12 --beam-density 0.1 --chains 2 --steps 2000"
+    f"prf sample --laser {LOG} --every-scan 10 --every-beam 12 --set thinning.beam_density=0.1 --chains 2 --steps 2000"
     " --resolution 1 --seed 1 -o run",
     "prf sample --sonar sonar.csv --window 3 5 8 9 --steps 10 --chains 1 --seed 1 -o echoes",
     "prf sample --point-data values.csv --steps 10 --chains 1 --seed 1 -o points",
@@ -56,7 +56,7 @@ REST = (
     "prf query run --path points.csv --radius 0.2",
     "prf export run --format ros-map --resolution 1 -o ros",
     f"prf grid --laser {LOG} --every-scan 10 -o grid.npz",
-    f"prf grid --laser {LOG} --every-scan 10 --method log-odds -o log-odds.npz",
+    f"prf grid --laser {LOG} --every-scan 10 --set grid.method=log-odds -o log-odds.npz",
     f"prf score run --laser {LOG} --every-scan 10 --seed 1",
     f"prf score grid.npz --laser {LOG} --every-scan 10 --seed 1",
     "prf score run --sonar sonar.csv",

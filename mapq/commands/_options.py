@@ -188,11 +188,9 @@ MaxFalseAlarms = Annotated[
 ]
 
 
-def chosen_context(names: Sequence[str] | None) -> dict[str, Any]:
-    """Return the feature setting that ``--context`` makes; nothing where it is absent."""
-    if not names:
-        return {}
-    return {"context": tuple(name for name in dict.fromkeys(names) if name != "none")}
+def chosen_context(names: Sequence[str] | None) -> tuple[str, ...] | None:
+    """Return the groups that ``--context`` names; None where it is absent."""
+    return tuple(name for name in dict.fromkeys(names) if name != "none") if names else None
 
 
 def beside(path: str, suffix: str) -> str:

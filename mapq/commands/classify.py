@@ -24,12 +24,13 @@ from mapq.commands._options import (
     parse_share,
     tiling,
 )
-from prf.shell.options import Force, Json, Output, Presets
+from prf.shell.options import Assignments, Force, Json, Output, Presets
 
 if TYPE_CHECKING:
     from mapq.assess import Result
+    from mapq.configuration import Configuration
     from mapq.io import ReadOptions
-    from mapq.settings import Asked
+    from prf.shell.settings import Loaded
 
 logger = logging.getLogger(__name__)
 
@@ -63,6 +64,7 @@ def classify(
     max_false_alarms: MaxFalseAlarms = None,
     config: Config = None,
     preset: Presets = None,
+    assignments: Assignments = None,
     bin_columns: BinColumns = 4,
     unit: Unit = None,
     topic: Topic = None,
@@ -115,18 +117,19 @@ def classify(
     A folder of LAS or LAZ tiles, or any cloud with one of --workers, --scheduler and --tile-points, is worked on tile
     by tile and need not fit into memory. Of a folder the result is a folder: tiles of the same names, and result.json.
     """
+    asked = locals()
+
     from mapq.api import classify as label
     from mapq.assess import MIN_COVERAGE
+    from mapq.configuration import load_configuration, sources_of
     from mapq.io import ReadOptions
     from mapq.io.results import claim_result, json_beside, result_lines
-    from mapq.settings import ask, segment_settings, settings_from
     from prf.shell import jsonout
     from prf.shell.files import STREAM, refuse_inputs
 
     options = ReadOptions(bin_columns, unit, topic, frame)
-    found = settings_from(config, preset)
-    chosen = ask("segment", {"max_tilt": max_tilt, "up": up}, found)
-    max_false_alarms = ask("crf", {"max_false_alarms": max_false_alarms}, found).values.get("max_false_alarms")
+    chosen = load_configuration(asked, "segment", "crf")
+    max_false_alarms = chosen.settings.crf.max_false_alarms
     given = {"workers": workers, "scheduler": scheduler, "tile_points": tile_points}
     limits = fail_over, MIN_COVERAGE if min_coverage is None else min_coverage
     if _in_tiles(file, given):
@@ -139,8 +142,8 @@ def classify(
         file,
         model,
         max_false_alarms=max_false_alarms,
-        segmentation=segment_settings(chosen.values),
-        sources=chosen.places,
+        segmentation=chosen.settings.segment.settings(),
+        sources=sources_of(chosen, "segment"),
         options=options,
     )
     result.save(target, fail_over=limits[0], min_coverage=limits[1], force=True)
@@ -166,16 +169,16 @@ def _classify_tiles(
     file: str,
     output: str | None,
     model: tuple[str | None, float | None],
-    how: tuple[ReadOptions, Asked, dict[str, Any]],
+    how: tuple[ReadOptions, Loaded[Configuration], dict[str, Any]],
     limits: tuple[float | None, float],
     json: bool,
     force: bool,
 ) -> None:
     """Classify a map tile by tile; as :func:`classify`, but for what needs all points at once."""
     from mapq.assess import Origin
+    from mapq.configuration import sources_of
     from mapq.io import is_patches
     from mapq.io.results import result_lines
-    from mapq.settings import segment_settings
     from mapq.tiled.run import classify_map
     from prf.shell import jsonout
     from prf.shell.errors import UsageError
@@ -188,8 +191,9 @@ def _classify_tiles(
     inputs = [name for name in (file, model[0]) if name and os.path.isfile(name)]
     refuse_inputs([target, os.path.splitext(target)[0] + ".json"], inputs)
     origin = Origin(file, model[0] or "default", tuple(inputs))
-    settings = tiling(given, segment_settings(chosen.values), options)
-    result = classify_map(file, target, load_model(*model), settings, force, origin, limits, sources=chosen.places)
+    settings = tiling(given, chosen.settings.segment.settings(), options)
+    sources = sources_of(chosen, "segment")
+    result = classify_map(file, target, load_model(*model), settings, force, origin, limits, sources=sources)
     for warning in result.patches.report["warnings"]:
         logger.warning("%s: %s", file, warning)
     if json:

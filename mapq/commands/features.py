@@ -20,7 +20,7 @@ from mapq.commands._options import (
     Watched,
     chosen_context,
 )
-from prf.shell.options import Json, Presets
+from prf.shell.options import Assignments, Json, Presets
 
 if TYPE_CHECKING:
     from mapq.features.table import Table
@@ -49,6 +49,7 @@ def features(
     patches: Annotated[str, typer.Argument(metavar="PATCHES", help="What mapq segment wrote; - is standard input.")],
     config: Config = None,
     preset: Presets = None,
+    assignments: Assignments = None,
     reading: Features = None,
     radius: Radius = None,
     tau: Tau = None,
@@ -71,15 +72,15 @@ def features(
     Nodes: how well a patch's points make a plane (equations 6-8), and its size. Edges: how a patch lies to the closest
     ones (equations 9-12), and the plausibility x_ij of that (equation 13), low where walls are doubled or cross.
     """
-    asked = {name: value for name, value in locals().items() if name in OPTIONS} | chosen_context(context)
+    asked = locals() | {"context": chosen_context(context)}
 
+    from mapq.configuration import load_configuration
     from mapq.io import read_patches
-    from mapq.settings import ask, feature_settings, settings_from
     from prf.shell.errors import UsageError
 
     if csv and json:
         raise UsageError("--csv and --json do not go together.")
-    settings = feature_settings(ask("features", asked, settings_from(config, preset)).values)
+    settings = load_configuration(asked, "features").settings.features.settings()
     found = read_patches(patches).features(settings, progress=True)
     if found.n_clipped:
         logger.warning("%s: %d values were infinite, undefined or beyond 1e6 and were cut.", patches, found.n_clipped)

@@ -22,7 +22,7 @@ from mapq.commands._options import (
     beside,
     tiling,
 )
-from prf.shell.options import Force, Json, Output, Presets
+from prf.shell.options import Assignments, Force, Json, Output, Presets
 
 if TYPE_CHECKING:
     from mapq.io import ReadOptions
@@ -37,10 +37,6 @@ EXAMPLES = (
     "mapq segment city.ply --max-tilt 90 --truth-field plane",
     "mapq segment survey.laz --preset survey-scanner --workers 4",
 )
-OPTIONS = (
-    *("neighbours", "resolution", "noise", "max_angle", "max_distance", "max_gap", "max_variation"),
-    *("min_points", "min_extent", "max_tilt", "up"),
-)
 LENGTHS = ("resolution", "spacing", "noise", "max_distance", "max_gap", "min_extent")
 
 
@@ -54,6 +50,7 @@ def segment(
     output: Output = None,
     config: Config = None,
     preset: Presets = None,
+    assignments: Assignments = None,
     neighbours: Annotated[
         int | None, typer.Option("--neighbours", metavar="N", help="Neighbours of each point.  [16]")
     ] = None,
@@ -122,12 +119,12 @@ def segment(
     --workers tiles of the cloud are cut side by side; PATCHES themselves hold all points, as does memory. Maps that do
     not fit go straight to mapq classify.
     """
-    asked = {name: value for name, value in locals().items() if name in OPTIONS}
+    options = locals()
 
+    from mapq.configuration import load_configuration, sources_of
     from mapq.features import measure_shapes
     from mapq.io import ReadOptions
     from mapq.io.patches import write_patches
-    from mapq.settings import ask, segment_settings, settings_from
     from prf.shell.files import refuse_inputs
     from prf.shell.lock import claim_output
     from prf.shell.output_names import refuse_other_format
@@ -136,17 +133,17 @@ def segment(
     claim_output(target, force)
     refuse_other_format(target, (".npz",), "patches are written as a .patches file. Name one; mapq render draws it.")
     refuse_inputs([target], [cloud, config])
-    found = ask("segment", asked, settings_from(config, preset))
-    settings = segment_settings(found.values)
-    options = ReadOptions(bin_columns, unit, topic, frame)
+    loaded = load_configuration(options, "segment")
+    settings = loaded.settings.segment.settings()
+    read_options = ReadOptions(bin_columns, unit, topic, frame)
     given = {"workers": workers, "scheduler": scheduler, "tile_points": tile_points}
     if any(value is not None for value in given.values()):
-        patches, score = _run_tiles((cloud, target), options, settings, given, (truth_field, min_iou))
+        patches, score = _run_tiles((cloud, target), read_options, settings, given, (truth_field, min_iou))
     else:
-        patches, score = _run(cloud, options, settings, truth_field, min_iou)
+        patches, score = _run(cloud, read_options, settings, truth_field, min_iou)
     measured = {**patches.report, "area": float(measure_shapes(patches).area.sum())}
     patches = dataclasses.replace(patches, report=measured)
-    write_patches(target, dataclasses.replace(patches, report={**measured, "sources": found.places}))
+    write_patches(target, dataclasses.replace(patches, report={**measured, "sources": sources_of(loaded, "segment")}))
     _show(cloud, target, patches, score, json)
 
 

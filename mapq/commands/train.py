@@ -21,7 +21,7 @@ from mapq.commands._options import (
     Watched,
     chosen_context,
 )
-from prf.shell.options import Force, Json, Output, Presets, Seed
+from prf.shell.options import Assignments, Force, Json, Output, Presets, Seed
 
 if TYPE_CHECKING:
     from mapq.crf import Model
@@ -31,18 +31,6 @@ EXAMPLES = (
     "mapq train north.patches south.patches -o both.model.json",
     "mapq train city.patches --edge-model none --json -o nodes.model.json",
     "mapq train city.patches --max-false-alarms 2% -o careful.model.json",
-)
-OPTIONS = (
-    *(
-        "objective",
-        "potential",
-        "edge_model",
-        "regularisation",
-        "coupling_regularisation",
-        "class_weight",
-        "max_false_alarms",
-    ),
-    *("radius", "tau", "neighbours", "watched", "tolerance"),
 )
 SHOWN = (0.001, 0.01, 0.02, 0.05, 0.1, 0.2)
 """False alarms of the operating points that the table shows."""
@@ -83,6 +71,7 @@ def train(
     output: Output = None,
     config: Config = None,
     preset: Presets = None,
+    assignments: Assignments = None,
     objective: Annotated[
         Objective | None,
         typer.Option(
@@ -142,12 +131,12 @@ def train(
     the probabilities and counts false alarms. The seed draws the regions of --max-patches; nothing else is random.
     Default output: model.json.
     """
-    given = {name: value for name, value in locals().items() if name in OPTIONS}
+    asked = locals() | {"reading": features, "context": chosen_context(context)}
 
     from mapq.api import train as teach
+    from mapq.configuration import load_configuration, sources_of
     from mapq.crf.operating import with_false_alarms
     from mapq.io.models import SCHEMA, model_content, write_model
-    from mapq.settings import ask, feature_settings, settings_from, train_settings
     from prf.shell import jsonout
     from prf.shell.files import refuse_inputs
     from prf.shell.lock import claim_output
@@ -157,19 +146,17 @@ def train(
 
     target = output or "model.json"
     refuse_json_beside(target, json)
-    found = settings_from(config, preset)
-    field = ask("crf", given, found)
-    measured = ask("features", {**given, "reading": features} | chosen_context(context), found)
-    reading = feature_settings(measured.values)
-    by_reading = {"potential": "linear"} if reading.reading == "literal" else {}
-    settings = train_settings({**by_reading, **field.values})
-    max_false_alarms = field.values.get("max_false_alarms")
+    chosen = load_configuration(asked, "features", "crf")
+    reading, settings = chosen.settings.features.settings(), chosen.settings.crf.settings()
+    if reading.reading == "literal" and "crf.potential" not in chosen.sources:
+        settings = dataclasses.replace(settings, potential="linear")
+    max_false_alarms = chosen.settings.crf.max_false_alarms
     claim_output(target, force)
     refuse_other_format(target, (), "a model is written as JSON. Name a .json.")
     refuse_inputs([target], [*patches, config])
     used_seed = resolve_seed(seed) if max_patches is not None else 0
     model = teach(patches, settings, reading, max_patches=max_patches, seed=used_seed, conservative=conservative)
-    sources = {"features": measured.places, "crf": field.places}
+    sources = {table: sources_of(chosen, table) for table in ("features", "crf")}
     model = dataclasses.replace(model, training={**model.training, "sources": sources})
     if max_false_alarms is not None:
         model = with_false_alarms(model, max_false_alarms, target)

@@ -22,32 +22,31 @@ from prf.api.science import (
     by_kind,
     config_of,
     paths_of,
-    places_in,
     prepared_for,
+    sources_in,
 )
 from prf.api.words import announce_thinning, describe_session, warn_of_dropped
+from prf.configuration import Configuration, Start
 from prf.diagnostics import converged
 from prf.kernels import constants as c
 from prf.render.live import Glance
 from prf.sampler import session as sessions
-from prf.sampler.asked import Asked
-from prf.sampler.config import SampleConfig
 from prf.sampler.drive import Progress, StopRule
 from prf.sampler.output import is_unfinished, make_image
 from prf.sampler.session import Session
 from prf.sampler.several import MOVE_NAMES
-from prf.sampler.starts import Start
 from prf.shell.errors import ArgumentError
 from prf.shell.files import refuse_standing
 from prf.shell.lock import exclusive
 from prf.shell.notebook import ProgressCallback, reported
 from prf.shell.seeds import resolve_seed
+from prf.shell.settings import Loaded
 from prf.shell.signals import StopFlag, graceful_stop
 
 logger = logging.getLogger(__name__)
 
 MOST_TILES = 1024
-NOTHING_ASKED = Asked({}, {})
+NOTHING_ASKED = Loaded(Configuration(), {})
 
 OnInterrupt = Literal["return", "raise"]
 Number = TypeVar("Number", int | None, int | str | None)
@@ -120,7 +119,7 @@ def sample(
     seed: int | None = None,
     output: str | os.PathLike[str] | None = None,
     force: bool = False,
-    config: str | os.PathLike[str] | SampleConfig | Asked | None = None,
+    config: str | os.PathLike[str] | Configuration | Loaded[Configuration] | None = None,
     beam_density: float | None = None,
     driven_radius: float | None = None,
     resolution: float | None = None,
@@ -161,9 +160,8 @@ def sample(
         all stays in memory.
     force : bool
         Replace a run that stands there.
-    config : path, SampleConfig or Asked, optional
-        A settings file (docs/configuration.md), or what :func:`prf.sampler.asked.ask` makes of one and of presets;
-        what is given here wins.
+    config : path, Configuration, or Configuration with its sources, optional
+        A settings file (docs/configuration.md); what is given here wins.
     beam_density : float, optional
         Beams of a laser a square metre of seen ground to which a dense log is thinned (16); 0 keeps all.
     driven_radius : float, optional
@@ -207,10 +205,10 @@ def sample(
     }
     sources = by_kind(readings, sensors)
     asked = asked_of(config)
-    science = config_of(asked, prior, sensors, options)
+    science = config_of(asked.settings, prior, sensors, options)
     folder = None if output is None else Path(output)
     with _held(folder, force):
-        session = _fresh(sources, science, folder, seed, _threads(threads), scheduler, places_in(science, asked))
+        session = _fresh(sources, science, folder, seed, _threads(threads), scheduler, sources_in(science, asked))
         return _carry_out(session, rule, progress, watch, on_interrupt)
 
 
@@ -224,7 +222,7 @@ def resume(
     progress: bool | ProgressCallback = True,
     watch: Watch | None = None,
     on_interrupt: OnInterrupt = "return",
-    asked: Asked = NOTHING_ASKED,
+    asked: Loaded[Configuration] = NOTHING_ASKED,
     logs: Mapping[str, str] = MappingProxyType({}),
     seed: int | None = None,
 ) -> Run:
@@ -255,7 +253,7 @@ def resume(
 
 def _fresh(
     sources: Mapping[ReadingKind, Source],
-    config: SampleConfig,
+    config: Configuration,
     folder: Path | None,
     seed: int | None,
     threads: int,

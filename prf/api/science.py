@@ -10,15 +10,16 @@ from typing import Any, Literal
 
 import numpy as np
 
+from prf.configuration import IN_MANIFEST, Configuration, flat_name, load_configuration
 from prf.logs import CONE, Kind, PointTable, Readings, read_point_data
 from prf.logs import read_readings as read_log
-from prf.sampler.asked import Asked, ask
-from prf.sampler.config import Prepared, SampleConfig
+from prf.sampler.config import Prepared
 from prf.sampler.session import prepare_whole, read_configured
 from prf.sensors.laser import LaserModel
 from prf.sensors.points import PointModel
 from prf.sensors.sonar import SonarModel
 from prf.shell.errors import ArgumentError
+from prf.shell.settings import Loaded
 
 Sensor = LaserModel | SonarModel | PointModel
 Path = str | os.PathLike[str]
@@ -46,7 +47,7 @@ class Prior:
         x_min, y_min, x_max, y_max in metres; None: all sensors and 99.5 % of the returns, and a metre round them.
     """
 
-    scale: float = SampleConfig.scale
+    scale: float = Configuration().prior.scale
     window: Sequence[float] | None = None
 
 
@@ -75,26 +76,26 @@ def read_readings(
     return read_log(os.fspath(path), kind, topic=topic, frame=frame, cone=cone)
 
 
-def asked_of(config: Path | SampleConfig | Asked | None) -> Asked:
-    """Return what is asked by a settings file; of a configuration, its fields, which nobody in particular asked for."""
-    if isinstance(config, SampleConfig):
-        return Asked({field.name: getattr(config, field.name) for field in dataclasses.fields(config)}, {})
-    return config if isinstance(config, Asked) else ask({}, config)
+def asked_of(config: Path | Configuration | Loaded[Configuration] | None) -> Loaded[Configuration]:
+    """Return a configuration with its sources; nothing in particular has set the values of one without."""
+    if isinstance(config, Configuration):
+        return Loaded(config, {})
+    return config if isinstance(config, Loaded) else load_configuration({"config": config})
 
 
-def places_in(config: SampleConfig, asked: Asked) -> dict[str, str]:
-    """Return who asked for which field, of those that `config` has as they were asked for."""
-    return {name: place for name, place in asked.places.items() if getattr(config, name) == asked.values[name]}
+def sources_in(config: Configuration, asked: Loaded[Configuration]) -> dict[str, str]:
+    """Return what has set which value, by the names of manifests, of those that `config` has as asked for."""
+    kept = [place for place in asked.sources if config.get(place) == asked.settings.get(place)]
+    return {flat_name(place): asked.sources[place] for place in kept if place.partition(".")[0] in IN_MANIFEST}
 
 
 def config_of(
-    asked: Asked,
+    asked: Configuration,
     prior: Prior | None,
     sensors: Sensor | Sequence[Sensor],
     options: Mapping[str, Any],
-) -> SampleConfig:
+) -> Configuration:
     """Return the configuration: options, prior and sensors over what a settings file asks for, over defaults."""
-    base = SampleConfig(**asked.values)
     changes = {name: value for name, value in options.items() if value is not None}
     if prior is not None:
         changes |= {"scale": prior.scale, "window": _window(prior.window)}
@@ -103,7 +104,7 @@ def config_of(
             raise ArgumentError(f"sensors: a {type(sensor).__name__} is none of {_names_of_sensors()}.")
         prefix = PREFIXES[type(sensor)][1]
         changes |= {prefix + name: value for name, value in dataclasses.asdict(sensor).items()}
-    return dataclasses.replace(base, **changes)
+    return asked.replace(**changes)
 
 
 def by_kind(given: Given, sensors: Sensor | Sequence[Sensor] = ()) -> dict[ReadingKind, Source]:
@@ -141,7 +142,7 @@ def paths_of(sources: Mapping[ReadingKind, Source]) -> list[str]:
     return [os.fspath(source) for source in sources.values() if isinstance(source, str | os.PathLike)]
 
 
-def prepared_for(sources: Mapping[ReadingKind, Source], config: SampleConfig) -> Prepared:
+def prepared_for(sources: Mapping[ReadingKind, Source], config: Configuration) -> Prepared:
     """Read what is a log, thin all, and resolve the configuration for it.
 
     Raises

@@ -20,10 +20,10 @@ def words_for_beams(n_used: int, n_thinned: int) -> str:
 def announce_thinning(prepared: Prepared) -> None:
     """Say why not all beams of a dense log are used, and how to use them."""
     if prepared.n_beams_thinned:
-        density = prepared.config.beam_density
+        density = prepared.config.thinning.beam_density
         logger.info(
             f"thinned to about {density:g} beams a square metre of seen ground, since more repeat these and slow every "
-            "step; --no-thinning keeps all (docs/thinning.md)"
+            "step; --set thinning.beam_density=0 keeps all (docs/thinning.md)"
         )
 
 

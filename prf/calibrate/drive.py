@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import logging
 import math
 from typing import NamedTuple
@@ -14,7 +13,8 @@ from numpy.typing import NDArray
 from prf.calibrate.fit import Family, Fit, fit, held_out_loss
 from prf.calibrate.laser import LaserProblem
 from prf.calibrate.sonar import SonarProblem, sonar_problem
-from prf.logs import CONE, Readings, thin
+from prf.configuration import Configuration
+from prf.logs import Readings, thin
 from prf.logs.describe import default_max_range
 from prf.logs.rings import fields_of_view
 from prf.score import OccupiedArea, ScoreConfig, hold_out_sonar
@@ -22,42 +22,17 @@ from prf.score.scene import enclosing_window, features_seen, outline, scene_of_r
 from prf.score.trace import first_edges
 from prf.sensors.laser import LaserModel, unit_vectors, window_exit
 from prf.sensors.sonar import SonarModel
-from prf.shell.errors import ConfigError, InputError
+from prf.shell.errors import InputError
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 logger = logging.getLogger(__name__)
 
+FOLDS = 5
+"""Parts of the scans that are held out in turn."""
 GAIN = 0.01
 """Nats a reading by which a map must explain readings better than no map at all, else something does not fit."""
-
-
-@dataclasses.dataclass(frozen=True)
-class CalibrateConfig:
-    """How to calibrate. Units: metres, radians.
-
-    Attributes
-    ----------
-    max_range : float or None
-        Laser readings at or above it are no returns; default 0.97 of the log's largest range.
-    sonar_max_range, sonar_cone : float
-        The same of sonar readings; full field of view where the log has none.
-    folds : int
-        Parts of the scans that are held out in turn.
-    every_scan, every_beam : int
-    scans, skip_scans : str or None
-        As in :func:`prf.logs.thin`, of both logs.
-    """
-
-    max_range: float | None = None
-    sonar_max_range: float = SonarModel.max_range
-    sonar_cone: float = CONE
-    folds: int = 5
-    every_scan: int = 1
-    every_beam: int = 1
-    scans: str | None = None
-    skip_scans: str | None = None
 
 
 class Calibrated(NamedTuple):
@@ -106,7 +81,7 @@ class _Used(NamedTuple):
 
 
 def calibrate_sonar(
-    readings: Readings, area: OccupiedArea, config: CalibrateConfig, rng: np.random.Generator
+    readings: Readings, area: OccupiedArea, config: Configuration, rng: np.random.Generator
 ) -> Calibrated:
     """Return the sonar's parameters that explain readings in a known map best.
 
@@ -116,7 +91,7 @@ def calibrate_sonar(
         The whole log.
     area : OccupiedArea
         The map.
-    config : CalibrateConfig
+    config : Configuration
     rng : numpy.random.Generator
         Of the folds.
 
@@ -127,21 +102,21 @@ def calibrate_sonar(
     ConfigError
         If a maximum range or a field of view is none.
     """
-    model = SonarModel(config.sonar_max_range)
+    model = SonarModel(config.sonar.max_range)
     used = _usable(readings, area, config)
-    cones = hold_out_sonar(used.readings, ScoreConfig(sonar=model, sonar_cone=config.sonar_cone))
+    cones = hold_out_sonar(used.readings, ScoreConfig(sonar=model, sonar_cone=config.sonar.cone))
     scene = scene_of_region(area.region, area.window, cones.origin, model.max_range)
     start, feature = features_seen(scene, cones.pose, model.max_range)
     problem = sonar_problem(cones.range, start, feature, model.max_range)
-    view = fields_of_view(used.readings, config.sonar_cone)
-    return _fitted("sonar", problem, used, np.any(problem.there, axis=1), float(np.median(view)), config.folds, rng)
+    view = fields_of_view(used.readings, config.sonar.cone)
+    return _fitted("sonar", problem, used, np.any(problem.there, axis=1), float(np.median(view)), rng)
 
 
 def calibrate_laser(
-    readings: Readings, area: OccupiedArea, config: CalibrateConfig, rng: np.random.Generator
+    readings: Readings, area: OccupiedArea, config: Configuration, rng: np.random.Generator
 ) -> Calibrated:
     """Return the laser's parameters that explain readings in a known map best; see :func:`calibrate_sonar`."""
-    max_range = default_max_range(readings) if config.max_range is None else config.max_range
+    max_range = default_max_range(readings) if config.laser.max_range is None else config.laser.max_range
     if not math.isfinite(max_range):
         raise InputError(f"{readings.source}: no reading has a finite range. Give --max-range.")
     LaserModel(max_range)
@@ -156,14 +131,13 @@ def calibrate_laser(
     distance = first_edges(rays, outline(area.region, area.window)[0], window)
     ranges = np.where(used.readings.range < max_range, used.readings.range, np.inf)
     problem = LaserProblem(ranges, distance, max_range)
-    return _fitted("laser", problem, used, np.isfinite(distance), math.nan, config.folds, rng)
+    return _fitted("laser", problem, used, np.isfinite(distance), math.nan, rng)
 
 
-def _usable(readings: Readings, area: OccupiedArea, config: CalibrateConfig) -> _Used:
+def _usable(readings: Readings, area: OccupiedArea, config: Configuration) -> _Used:
     """Return the readings that the map says something of."""
-    if config.folds < 2:
-        raise ConfigError(f"--folds {config.folds}: must be at least 2")
-    kept = thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
+    chosen = config.readings
+    kept = thin(readings, chosen.every_scan, chosen.every_beam, chosen.scans, chosen.skip_scans)
     inside = np.ones(kept.n_beams, np.bool_)
     if area.window is not None:
         inside = area.window.contains(kept.origin, strictly=True)
@@ -187,7 +161,6 @@ def _fitted(
     used: _Used,
     in_view: Bools,
     cone: float,
-    folds: int,
     rng: np.random.Generator,
 ) -> Calibrated:
     """Return the fit with its checks."""
@@ -205,7 +178,7 @@ def _fitted(
     n_scans = len(np.unique(scan))
     # Readings of one scan stay together, if there are scans enough to hold some out.
     group = scan if n_scans >= 2 else np.arange(problem.n)
-    n_folds = min(folds, len(np.unique(group)))
+    n_folds = min(FOLDS, len(np.unique(group)))
     held_out = held_out_loss(problem, found.theta, group, n_folds, rng) if n_folds >= 2 else np.full(2, math.nan)
     return Calibrated(
         kind,

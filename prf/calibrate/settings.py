@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from prf.calibrate.drive import Calibrated
+from prf.shell.settings import settings_text
 
 DIGITS = 5
 """Significant digits of a parameter in the file; errors are never below 1e-4 of it."""
 
 
-def fitted_tables(found: Iterable[Calibrated]) -> tuple[dict[str, dict[str, float]], dict[str, str]]:
-    """Return the tables of a settings file, and its comments: standard errors, and what comes from the prior."""
+def fitted_text(found: Iterable[Calibrated]) -> str:
+    """Return a settings file of fitted parameters, with standard errors, and what comes from the prior alone."""
     tables: dict[str, dict[str, float]] = {}
     comments = {"": "Fitted by prf calibrate."}
     for part in found:
@@ -25,12 +26,12 @@ def fitted_tables(found: Iterable[Calibrated]) -> tuple[dict[str, dict[str, floa
             part.family.names, part.fit.value, part.fit.error, part.fit.told, strict=True
         ):
             values[name] = _rounded(value)
-            comments[f"{part.kind}.{name}"] = f"+- {error:.2g}" + ("" if told else ", hardly told by the readings")
+            comments[f"{part.kind}.{name}"] = f"+- {error:.2g}" + ("" if told else ", hardly informed by the readings")
         tables[part.kind] = values
         comments[part.kind] = (
             f"{part.n_readings} readings of {part.n_scans} scans, {part.n_in_view} with a wall in view"
         )
-    return tables, comments
+    return settings_text(tables, comments)
 
 
 def _rounded(value: float) -> float:

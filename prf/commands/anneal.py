@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from prf.commands._readings_options import (
-    SCIENCE,
-    BeamDensity,
+from prf.commands.options import (
     Config,
     DrivenPoses,
     DrivenRadius,
@@ -24,7 +22,6 @@ from prf.commands._readings_options import (
     MissProbability,
     Noise,
     NoiseRelative,
-    NoThinning,
     OutlierProbability,
     PointData,
     Scale,
@@ -33,13 +30,11 @@ from prf.commands._readings_options import (
     Sonar,
     SonarCone,
     SonarMaxRange,
-    SonarTopic,
     Topic,
     WindowOption,
-    chosen_density,
     refuse_shared_stream,
 )
-from prf.shell.options import Force, Json, Output, Presets, Seed, Threads, parse_duration
+from prf.shell.options import Assignments, Force, Json, Output, Presets, Seed, Threads, parse_duration
 
 if TYPE_CHECKING:
     from prf.anneal import Annealed, Moment
@@ -61,11 +56,11 @@ def anneal(
     sonar: Sonar = None,
     point_data: PointData = None,
     topic: Topic = None,
-    sonar_topic: SonarTopic = None,
     frame: Frame = None,
     output: Output = None,
     config: Config = None,
     preset: Presets = None,
+    assignments: Assignments = None,
     scale: Scale = None,
     window: WindowOption = None,
     max_range: MaxRange = None,
@@ -73,8 +68,6 @@ def anneal(
     every_beam: EveryBeam = None,
     scans: Scans = None,
     skip_scans: SkipScans = None,
-    beam_density: BeamDensity = None,
-    no_thinning: NoThinning = False,
     noise: Noise = None,
     noise_relative: NoiseRelative = None,
     outlier_probability: OutlierProbability = None,
@@ -83,9 +76,6 @@ def anneal(
     sonar_cone: SonarCone = None,
     driven_radius: DrivenRadius = None,
     driven_poses: DrivenPoses = None,
-    coldest: Annotated[
-        float, typer.Option("--coldest", metavar="T", help="Temperature before the last steps, which take no loss.")
-    ] = 0.003,
     chains: Annotated[
         int | None, typer.Option("--chains", metavar="N", min=1, help="Chains; the best of all counts.  [4]")
     ] = None,
@@ -114,12 +104,11 @@ def anneal(
     |E| log p - 2 p length + log likelihood. Ctrl-C writes the best map so far. --live draws it on standard
     error while it is looked for; elsewhere than on a terminal that changes nothing.
     """
-    beam_density = chosen_density(beam_density, no_thinning)
-    options = {name: value for name, value in locals().items() if name in (*SCIENCE, "chains")}
+    options = locals()
 
     from prf.anneal import Goal, Schedule
-    from prf.sampler.asked import ask
-    from prf.sampler.config import SampleConfig
+    from prf.api.science import sources_in
+    from prf.configuration import load_configuration
     from prf.sampler.output import default_output
     from prf.shell.errors import UsageError
     from prf.shell.files import refuse_inputs
@@ -135,8 +124,8 @@ def anneal(
         raise UsageError("--steps and --time-budget: give one of them.")
     refuse_json_beside(output, json)
     refuse_shared_stream({"--laser": laser, "--sonar": sonar, "--point-data": point_data, "--config": config})
-    asked = ask(options, config, presets=preset or ())
-    science = SampleConfig(**asked.values)
+    asked = load_configuration(options)
+    science = asked.settings
     target = output or str(default_output(logs[0]).with_suffix(".geojson"))
     claim_output(target, force)
     advice = "the map is written as GeoJSON. Name a .geojson; prf export converts it."
@@ -146,8 +135,8 @@ def anneal(
     goal = Goal(None, time_budget) if time_budget is not None else Goal(steps or DEFAULT_STEPS)
     inputs = (laser, sonar, point_data)
     name = PurePath(target).name if live else None
-    found, made, stop = _cool(inputs, science, goal, Schedule(coldest=coldest), used_seed, threads, name)
-    text = _write(target, found, {**made, "sources": asked.places}, logs)
+    found, made, stop = _cool(inputs, science, goal, Schedule(coldest=science.anneal.coldest), used_seed, threads, name)
+    text = _write(target, found, {**made, "sources": sources_in(science, asked)}, logs)
     _report(found, text, target, made, json)
     stop.raise_if_requested(f"interrupted after {found.steps} steps; {target} has the best map so far")
 
@@ -162,7 +151,6 @@ def _cool(
     live: str | None,
 ) -> tuple[Annealed, dict[str, Any], Any]:
     """Return what annealing found, how it was made, and whether it was asked to stop; `live`: under this name."""
-    import dataclasses
     import os
 
     from prf.anneal import anneal as cool
@@ -183,14 +171,14 @@ def _cool(
     with graceful_stop() as stop, _shown(live) as tell:
         found = cool(
             prepared.settings,
-            spawn_generators(seed, config.chains),
+            spawn_generators(seed, config.sampler.chains),
             goal,
             schedule,
             threads or len(os.sched_getaffinity(0)),
             tell,
             lambda: stop.requested,
         )
-    configuration = {name: value for name, value in dataclasses.asdict(prepared.config).items() if name != "resolution"}
+    configuration = {name: value for name, value in prepared.config.flat().items() if name != "resolution"}
     made = {
         "score": found.score,
         "steps": found.steps,

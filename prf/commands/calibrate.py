@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from prf.commands._readings_options import (
+from prf.commands.options import (
+    Config,
     EveryBeam,
     EveryScan,
     Frame,
@@ -17,11 +18,10 @@ from prf.commands._readings_options import (
     Sonar,
     SonarCone,
     SonarMaxRange,
-    SonarTopic,
     Topic,
     refuse_shared_stream,
 )
-from prf.shell.options import Force, Json, Output, Seed
+from prf.shell.options import Assignments, Force, Json, Output, Seed
 
 if TYPE_CHECKING:
     from prf.calibrate import Calibrated
@@ -40,17 +40,17 @@ def calibrate(
     sonar: Sonar = None,
     laser: Laser = None,
     topic: Topic = None,
-    sonar_topic: SonarTopic = None,
     frame: Frame = None,
     output: Output = None,
     sonar_max_range: SonarMaxRange = None,
     sonar_cone: SonarCone = None,
     max_range: MaxRange = None,
-    folds: Annotated[int, typer.Option("--folds", metavar="N", min=2, help="Parts held out in turn.")] = 5,
     every_scan: EveryScan = None,
     every_beam: EveryBeam = None,
     scans: Scans = None,
     skip_scans: SkipScans = None,
+    config: Config = None,
+    assignments: Assignments = None,
     seed: Seed = None,
     force: Force = False,
     json: Json = False,
@@ -61,15 +61,13 @@ def calibrate(
     weak priors round the defaults, their standard errors, and how well they predict scans that the fit had not seen.
     -o writes them as a settings file for --config. Without -o they are printed only.
     """
-    names = ("sonar_max_range", "sonar_cone", "max_range", "folds", "every_scan", "every_beam", "scans", "skip_scans")
-    given = locals()
-    asked = {name: given[name] for name in names if given[name] is not None}
+    options = locals()
 
-    from prf.calibrate import CalibrateConfig, calibrate_laser, calibrate_sonar, fitted_tables, read_known_map
-    from prf.logs import read_logs
-    from prf.settings_file import write_settings
+    from prf.calibrate import calibrate_laser, calibrate_sonar, fitted_text, read_known_map
+    from prf.configuration import load_configuration
+    from prf.sampler.session import read_configured
     from prf.shell.errors import UsageError
-    from prf.shell.files import refuse_inputs
+    from prf.shell.files import open_output, refuse_inputs
     from prf.shell.lock import claim_output
     from prf.shell.output_names import refuse_other_format
     from prf.shell.seeds import resolve_seed, spawn_generators
@@ -77,25 +75,25 @@ def calibrate(
 
     if sonar is None and laser is None:
         raise UsageError("Nothing to calibrate by: give --sonar LOG, --laser LOG, or both.")
-    refuse_shared_stream({"--map": known, "--sonar": sonar, "--laser": laser})
+    refuse_shared_stream({"--map": known, "--sonar": sonar, "--laser": laser, "--config": config})
     refuse_json_beside(output, json)
     if output is not None:
         claim_output(output, force)
         refuse_other_format(output, (".toml",), "parameters are written as a settings file. Name a .toml.")
         refuse_inputs([output], [known, sonar, laser])
-    config = CalibrateConfig(**asked)
+    settings = load_configuration(options).settings
     used_seed = resolve_seed(seed)
     area = read_known_map(known)
     for_sonar, for_laser = spawn_generators(used_seed, 2)
-    beams, cones = read_logs(laser, sonar, topic=topic, frame=frame, sonar_topic=sonar_topic, cone=config.sonar_cone)
+    beams, cones = read_configured(settings, laser, sonar)
     found = []
     if cones is not None:
-        found.append(calibrate_sonar(cones, area, config, for_sonar))
+        found.append(calibrate_sonar(cones, area, settings, for_sonar))
     if beams is not None:
-        found.append(calibrate_laser(beams, area, config, for_laser))
+        found.append(calibrate_laser(beams, area, settings, for_laser))
     if output is not None:
-        tables, comments = fitted_tables(found)
-        write_settings(output, tables, comments)
+        with open_output(output) as stream:
+            stream.write(fitted_text(found))
     _report(found, output, used_seed, json)
 
 

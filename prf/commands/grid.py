@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import logging
-from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from prf.commands._readings_options import (
+from prf.commands.options import (
     Config,
     EveryBeam,
     EveryScan,
@@ -20,12 +19,11 @@ from prf.commands._readings_options import (
     Sonar,
     SonarCone,
     SonarMaxRange,
-    SonarTopic,
     Topic,
     WindowOption,
     refuse_shared_stream,
 )
-from prf.shell.options import Force, Json, Output, Presets
+from prf.shell.options import Assignments, Force, Json, Output, Presets
 
 if TYPE_CHECKING:
     from prf.occupancy.build import BuiltGrid
@@ -36,59 +34,28 @@ EXAMPLES = (
     "prf grid --laser data/demo-office.log.gz -o office.npz",
     "prf grid --laser intel.log.gz --max-range 40 --skip-scans 5::10",
     "prf grid --laser drive.bag --topic /scan --frame odom",
-    "prf grid --sonar ring.csv --method log-odds --resolution 0.05 --config site.toml",
+    "prf grid --sonar ring.csv --set grid.method=log-odds --resolution 0.05 --config site.toml",
 )
-
-
-class Method(StrEnum):
-    """How readings change a cell."""
-
-    counts = "count"
-    log_odds = "log-odds"
-
-
-class NoReturn(StrEnum):
-    """What a laser beam without return says."""
-
-    ignore = "ignore"
-    free = "free"
 
 
 def grid(
     laser: Laser = None,
     sonar: Sonar = None,
     topic: Topic = None,
-    sonar_topic: SonarTopic = None,
     frame: Frame = None,
     output: Output = None,
     config: Config = None,
     preset: Presets = None,
-    method: Annotated[
-        Method, typer.Option("--method", help="Count hits and misses (Beta 0.5, 0.5), or add clamped log odds.")
-    ] = Method.counts,
-    resolution: Annotated[float, typer.Option("--resolution", metavar="METRES", help="Side of a cell.")] = 0.1,
+    assignments: Assignments = None,
+    resolution: Annotated[
+        float | None, typer.Option("--resolution", metavar="METRES", help="Side of a cell.  [0.1]")
+    ] = None,
     window: WindowOption = None,
     max_range: MaxRange = None,
-    no_return: Annotated[
-        NoReturn,
-        typer.Option("--no-return", help="Laser beams without return: leave them out, or take them for free space."),
-    ] = NoReturn.ignore,
-    hit_probability: Annotated[
-        float, typer.Option("--hit-probability", metavar="SHARE", help="Log odds: occupied, given one hit.")
-    ] = 0.7,
-    miss_probability: Annotated[
-        float, typer.Option("--miss-probability", metavar="SHARE", help="Log odds: occupied, given one miss.")
-    ] = 0.4,
-    clamp: Annotated[
-        float, typer.Option("--clamp", metavar="NATS", help="Log odds stay within plus and minus this.")
-    ] = 3.5,
     sonar_max_range: SonarMaxRange = None,
     sonar_cone: SonarCone = None,
-    sonar_thickness: Annotated[
-        float, typer.Option("--sonar-thickness", metavar="METRES", help="Depth of the arc that a sonar reading marks.")
-    ] = 0.2,
-    every_scan: EveryScan = 1,
-    every_beam: EveryBeam = 1,
+    every_scan: EveryScan = None,
+    every_beam: EveryBeam = None,
     scans: Scans = None,
     skip_scans: SkipScans = None,
     force: Force = False,
@@ -100,12 +67,12 @@ def grid(
     grid is a .npz file, by default the log's stem with .grid.npz; score, query, render, export and inspect take it in
     place of a RUN.
     """
-    options = {name: value for name, value in locals().items() if name not in NOT_SETTINGS}
+    options = locals()
 
-    from prf.logs import read_logs
-    from prf.occupancy import GridConfig, build_grid, write_grid
-    from prf.sampler.asked import ask
+    from prf.configuration import load_configuration
+    from prf.occupancy import build_grid, grid_config, grid_sources, write_grid
     from prf.sampler.output import default_output
+    from prf.sampler.session import read_configured
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM, refuse_inputs
     from prf.shell.lock import claim_output
@@ -123,22 +90,14 @@ def grid(
     advice = "a grid is written as a .npz archive. Name one; prf render draws it and prf export converts it."
     refuse_other_format(target, (".npz",), advice)
     refuse_inputs([target], [*logs, config])
-    asked = ask(options, config, IN_SETTINGS_FILE, preset or ())
-    settings = GridConfig(**asked.values)
-    readings = read_logs(laser, sonar, topic=topic, frame=frame, sonar_topic=sonar_topic, cone=settings.sonar_cone)
-    # Options of this verb have values even where nobody gave them.
-    default = GridConfig()
-    sources = {name: place for name, place in asked.places.items() if getattr(settings, name) != getattr(default, name)}
-    built = build_grid(*readings, settings, {**describe_process(logs), "sources": sources})
+    asked = load_configuration(options, tables=("prior", "laser", "sonar", "readings", "grid"))
+    settings = grid_config(asked.settings)
+    readings = read_configured(asked.settings, laser, sonar)
+    built = build_grid(*readings, settings, {**describe_process(logs), "sources": grid_sources(asked)})
     write_grid(target, built.grid)
     if built.n_outside:
         logger.warning(f"{built.n_outside} readings dropped: their sensors stand outside the window")
     _report(built, target, json)
-
-
-NOT_SETTINGS = ("laser", "sonar", "output", "config", "preset", "force", "json")
-IN_SETTINGS_FILE = ("window", "max_range", "sonar_max_range", "sonar_cone")
-"""What a grid takes of a settings file; its inverse models share no other parameter with the sensors' densities."""
 
 
 def _report(built: BuiltGrid, target: str, json: bool) -> None:

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from prf.commands._readings_options import (
-    SCIENCE,
-    BeamDensity,
+from prf.commands.options import (
     Config,
     DrivenPoses,
     DrivenRadius,
@@ -22,7 +20,6 @@ from prf.commands._readings_options import (
     MissProbability,
     Noise,
     NoiseRelative,
-    NoThinning,
     OutlierProbability,
     PointData,
     Scale,
@@ -31,13 +28,11 @@ from prf.commands._readings_options import (
     Sonar,
     SonarCone,
     SonarMaxRange,
-    SonarTopic,
     Topic,
     WindowOption,
-    chosen_density,
     refuse_shared_stream,
 )
-from prf.shell.options import Force, Json, Output, Presets, Seed, Threads, parse_duration
+from prf.shell.options import Assignments, Force, Json, Output, Presets, Seed, Threads, parse_duration
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -57,12 +52,6 @@ Chains = Annotated[int | None, typer.Option("--chains", metavar="N", min=1, help
 Resolution = Annotated[
     float | None,
     typer.Option("--resolution", metavar="METRES", help="Side of a pixel of the image.  [fits the window]"),
-]
-Tiles = Annotated[
-    str | None,
-    typer.Option(
-        "--tiles", metavar="auto|N|off", help="Tiles in which a chain is updated at once, for large windows.  [auto]"
-    ),
 ]
 Steps = Annotated[
     int | None,
@@ -86,28 +75,6 @@ Scheduler = Annotated[
     str | None,
     typer.Option("--scheduler", metavar="ADDRESS", help="Step on the workers of this Dask scheduler."),
 ]
-Start = Annotated[
-    str | None,
-    typer.Option(
-        "--start", metavar="MAP", help="Where chains start: empty, grid or prior.  [grid with a laser, else empty]"
-    ),
-]
-Rungs = Annotated[
-    str | None,
-    typer.Option(
-        "--rungs",
-        metavar="N|auto",
-        help="Parallel tempering: chains that help each chain, itself included; auto: once chains stay apart.  [1]",
-    ),
-]
-Hottest = Annotated[
-    float | None,
-    typer.Option(
-        "--hottest",
-        metavar="POWER",
-        help="Of the likelihood on the last rung; 0: the prior.  [half of the swaps succeed]",
-    ),
-]
 Live = Annotated[
     bool, typer.Option("--live", help="On a terminal show posterior, best map and agreement while sampling.")
 ]
@@ -115,7 +82,6 @@ Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Go 
 
 TIME_UNITS = ((86400.0, "day"), (3600.0, "hour"), (60.0, "minute"), (1.0, "second"))
 
-RUN_SCIENCE = (*SCIENCE, "chains", "resolution", "start", "rungs", "hottest")
 SOURCES: dict[ReadingKind, str] = {"laser": "--laser", "sonar": "--sonar", "points": "--point-data"}
 """Kind of readings to the option that names its log."""
 
@@ -125,11 +91,11 @@ def sample(
     sonar: Sonar = None,
     point_data: PointData = None,
     topic: Topic = None,
-    sonar_topic: SonarTopic = None,
     frame: Frame = None,
     output: Output = None,
     config: Config = None,
     preset: Presets = None,
+    assignments: Assignments = None,
     scale: Scale = None,
     window: WindowOption = None,
     max_range: MaxRange = None,
@@ -137,8 +103,6 @@ def sample(
     every_beam: EveryBeam = None,
     scans: Scans = None,
     skip_scans: SkipScans = None,
-    beam_density: BeamDensity = None,
-    no_thinning: NoThinning = False,
     noise: Noise = None,
     noise_relative: NoiseRelative = None,
     outlier_probability: OutlierProbability = None,
@@ -149,10 +113,6 @@ def sample(
     driven_poses: DrivenPoses = None,
     chains: Chains = None,
     resolution: Resolution = None,
-    tiles: Tiles = None,
-    start: Start = None,
-    rungs: Rungs = None,
-    hottest: Hottest = None,
     steps: Steps = None,
     time_budget: TimeBudget = None,
     resume: Resume = None,
@@ -170,14 +130,11 @@ def sample(
     sampled; --resume goes on from there, and gives the same draws as a run that was never stopped. --live draws
     pictures on standard error; elsewhere than on a terminal it changes nothing.
     """
-    beam_density = chosen_density(beam_density, no_thinning)
-    options = {name: value for name, value in locals().items() if name in RUN_SCIENCE}
-    options["tiles"] = _number_of_tiles(tiles)
-    options["rungs"] = _number_of_rungs(rungs)
+    options = locals()
 
     from prf.api.sampling import resume as go_on
     from prf.api.sampling import sample as draw
-    from prf.sampler.asked import ask
+    from prf.configuration import load_configuration
     from prf.shell.errors import UsageError
 
     if steps is not None and time_budget is not None:
@@ -185,7 +142,7 @@ def sample(
     given = (("--laser", laser), ("--sonar", sonar), ("--point-data", point_data))
     logs = {flag: log for flag, log in given if log is not None}
     refuse_shared_stream({**logs, "--config": config})
-    asked = ask(options, config, presets=preset or ())
+    asked = load_configuration(options)
     folder = _folder(logs, output, resume)
     how: dict[str, Any] = {"steps": steps, "seconds": time_budget, "threads": threads, "scheduler": scheduler}
     how |= {"seed": seed, "on_interrupt": "raise"}
@@ -209,30 +166,6 @@ def _shown(live: bool, name: str, is_limit: bool) -> Iterator[Watch | None]:
 
     with live_view(name, is_limit) as watch:
         yield watch
-
-
-def _number_of_tiles(tiles: str | None) -> int | None:
-    """Return the number that is asked for, 0 for none; None: chosen from the window and the readings."""
-    from prf.api.sampling import MOST_TILES
-    from prf.shell.errors import UsageError
-
-    if tiles is None or tiles == "auto":
-        return None
-    number = 0 if tiles == "off" else int(tiles) if tiles.isdecimal() else 1
-    if number == 1 or number > MOST_TILES:
-        raise UsageError(f"--tiles {tiles}: give auto, off, or a number from 2 to {MOST_TILES}.")
-    return number
-
-
-def _number_of_rungs(rungs: str | None) -> int | str | None:
-    """Return the number that is asked for, or "auto"; None: the default."""
-    from prf.shell.errors import UsageError
-
-    if rungs is None or rungs == "auto":
-        return rungs
-    if not rungs.isdecimal():
-        raise UsageError(f"--rungs {rungs}: give a number from 1 on, or auto.")
-    return int(rungs)
 
 
 def _folder(logs: dict[str, str], output: str | None, resume: str | None) -> Path:
@@ -337,7 +270,7 @@ def _advice(run: Run, folder: Path) -> str:
         return ""
     if waits and not is_tempered:
         return "tempering: none so far, the chains were not seen to stay apart; run longer (docs/tempering.md)"
-    other = "see docs/tempering.md" if is_tempered else "try --rungs auto (docs/tempering.md)"
+    other = "see docs/tempering.md" if is_tempered else "try --set sampler.rungs=auto (docs/tempering.md)"
     if is_flat:
         return f"the chains come no nearer, more time alone will not help: {other}"
     return f"run longer, or {other}"

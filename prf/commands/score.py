@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from prf.commands._readings_options import (
+from prf.commands.options import (
     Config,
     EveryBeam,
     EveryScan,
@@ -17,11 +17,10 @@ from prf.commands._readings_options import (
     SkipScans,
     SonarCone,
     SonarMaxRange,
-    SonarTopic,
     Topic,
     refuse_shared_stream,
 )
-from prf.shell.options import Json, Presets, Seed
+from prf.shell.options import Assignments, Json, Presets, Seed
 
 logger = logging.getLogger(__name__)
 
@@ -52,7 +51,6 @@ def score(
         typer.Option("--truth", metavar="PLAN.geojson", help="True plan: cells in view of the readings are compared."),
     ] = None,
     topic: Topic = None,
-    sonar_topic: SonarTopic = None,
     frame: Frame = None,
     max_range: MaxRange = None,
     noise: Annotated[
@@ -63,24 +61,25 @@ def score(
         typer.Option("--noise-relative", metavar="SHARE", help="The same as a share of the distance.  [0]"),
     ] = None,
     outlier_probability: Annotated[
-        float | None, typer.Option("--outlier-probability", metavar="SHARE", help="Stray readings.  [0.05]")
+        float | None, typer.Option("--outlier-probability", metavar="SHARE", help="Share of outliers.  [0.05]")
     ] = None,
     miss_probability: Annotated[
         float | None, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.  [0]")
     ] = None,
     square: Annotated[
-        float | None,
+        float,
         typer.Option(
             "--square",
             metavar="METRES",
             help="Side of the square that every map is asked for round a held-out point; 0: the point, of a GRID its "
-            "cell.  [0.2]",
+            "cell.",
         ),
-    ] = None,
+    ] = 0.2,
     sonar_max_range: SonarMaxRange = None,
     sonar_cone: SonarCone = None,
     config: Config = None,
     preset: Presets = None,
+    assignments: Assignments = None,
     every_scan: EveryScan = None,
     every_beam: EveryBeam = None,
     scans: Scans = None,
@@ -96,42 +95,36 @@ def score(
     Cells of a true plan give iou_occupied and iou_free. Held-out readings are a log of their own, or scans that the map
     was not made from: --skip-scans 5::10 there, --scans 5::10 here.
     """
-    options = {name: value for name, value in locals().items() if name not in NOT_SETTINGS}
+    options = locals()
 
-    from prf.logs import read_logs
-    from prf.score import hold_out, hold_out_sonar, open_map, read_occupied_area, score_config, true_cells
+    from prf.configuration import load_configuration
+    from prf.sampler.session import read_configured
+    from prf.score import (
+        SCORE_DEFAULTS,
+        hold_out,
+        hold_out_sonar,
+        open_map,
+        read_occupied_area,
+        score_config,
+        true_cells,
+    )
     from prf.score import score as score_map
-    from prf.settings_file import settings_from
     from prf.shell.errors import UsageError
     from prf.shell.seeds import resolve_seed
 
     if laser is None and sonar is None and truth is None:
         raise UsageError("Nothing to score by: give --laser HELDOUT, --sonar HELDOUT or --truth PLAN.geojson.")
     refuse_shared_stream({"MAP": scored, "--laser": laser, "--sonar": sonar, "--truth": truth, "--config": config})
-    settings = score_config(options, settings_from(config, preset or ()).tables)
+    configuration = load_configuration(options, SCORE_DEFAULTS).settings
+    settings = score_config(configuration, square)
     found = open_map(scored)
-    readings = read_logs(laser, sonar, topic=topic, frame=frame, sonar_topic=sonar_topic, cone=settings.sonar_cone)
+    readings = read_configured(configuration, laser, sonar)
     beams = None if readings[0] is None else hold_out(readings[0], settings)
     cones = None if readings[1] is None else hold_out_sonar(readings[1], settings)
     cells = None if truth is None else true_cells(read_occupied_area(truth), beams, cones)
     result = score_map(found, beams, None if laser is None else resolve_seed(seed), cones, cells, settings.square)
     _warn(scored, result)
     _report(result, json)
-
-
-NOT_SETTINGS = (
-    "scored",
-    "laser",
-    "sonar",
-    "truth",
-    "topic",
-    "sonar_topic",
-    "frame",
-    "config",
-    "preset",
-    "seed",
-    "json",
-)
 
 
 def _warn(scored: str, result: dict[str, Any]) -> None:

@@ -39,10 +39,11 @@ def read_logs(
     """
     if topic is not None and laser is None:
         raise ConfigError(
-            f"--topic {topic}: names readings of --laser, which is not given. For a sonar: --sonar-topic."
+            f"--topic {topic}: names readings of --laser, which is not given. For a sonar: --set "
+            "readings.sonar_topic=NAME."
         )
     if sonar_topic is not None and sonar is None:
-        raise ConfigError(f"--sonar-topic {sonar_topic}: names readings of --sonar, which is not given.")
+        raise ConfigError(f"readings.sonar_topic {sonar_topic}: names readings of --sonar, which is not given.")
     return (
         _laser(laser, topic, frame, has_sonar=sonar is not None) if laser is not None else None,
         read_readings(sonar, "sonar", topic=sonar_topic, frame=frame, cone=cone) if sonar is not None else None,

@@ -1,7 +1,7 @@
 """Occupancy grids, the baseline: cells that know nothing of one another (paper, section 1.2)."""
 
 from prf.occupancy.build import BuiltGrid, build_grid
-from prf.occupancy.config import GridConfig
+from prf.occupancy.config import GridConfig, grid_config, grid_sources
 from prf.occupancy.files import SCHEMA, is_grid, read_grid, write_grid
 from prf.occupancy.model import OccupancyGrid
 from prf.occupancy.query import occupied_probability, path_free
@@ -12,6 +12,8 @@ __all__ = [
     "GridConfig",
     "OccupancyGrid",
     "build_grid",
+    "grid_config",
+    "grid_sources",
     "is_grid",
     "occupied_probability",
     "path_free",

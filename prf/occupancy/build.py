@@ -19,7 +19,7 @@ from prf.logs import Kind, Readings, thin, warn_of_spoiling
 from prf.logs.describe import default_max_range
 from prf.occupancy.config import GridConfig
 from prf.occupancy.model import OccupancyGrid
-from prf.sampler.config import SampleConfig, chosen_window
+from prf.sampler.config import chosen_window
 from prf.sensors.laser import unit_vectors, window_exit
 from prf.shell.errors import ConfigError, InputError
 from prf.window import Window
@@ -115,7 +115,7 @@ def _rays(readings: Readings | None, kind: Kind, config: GridConfig, max_range: 
 def _window(config: GridConfig, *parts: _Rays) -> Window:
     """Return the window asked for, or the one that `prf sample` takes, for the readings of all sensors."""
     origin, angle, distance = (np.concatenate([part[field] for part in parts]) for field in range(3))
-    return chosen_window(SampleConfig(window=config.window), origin, angle, distance)
+    return chosen_window(config.window, origin, angle, distance)
 
 
 def _empty_cells(window: Window, config: GridConfig) -> Cells:

@@ -9,9 +9,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from prf.configuration import Configuration, flat_name
 from prf.logs import CONE
 from prf.sensors.sonar import SonarModel
 from prf.shell.errors import ConfigError
+from prf.shell.settings import Loaded
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,3 +92,18 @@ def _log_odds(probability: float) -> float:
 
 def _flag(name: str) -> str:
     return "--" + name.replace("_", "-")
+
+
+USED = ("prior.window", "laser.max_range", "sonar.max_range", "sonar.cone", "readings.", "grid.")
+"""What a grid takes of a configuration: its inverse models share no other parameter with the sensors' densities."""
+
+
+def grid_sources(loaded: Loaded[Configuration]) -> dict[str, str]:
+    """Return what has set which value of a grid's settings."""
+    return {flat_name(place): source for place, source in loaded.sources.items() if place.startswith(USED)}
+
+
+def grid_config(configuration: Configuration) -> GridConfig:
+    """Return what a configuration asks of a grid."""
+    flat = {**configuration.flat(), **configuration.grid.model_dump()}
+    return GridConfig(**{field.name: flat[field.name] for field in dataclasses.fields(GridConfig)})

@@ -1,4 +1,4 @@
-"""Whether chains stay apart: what `--rungs auto` waits for before it puts rungs below them.
+"""Whether chains stay apart: what `--set sampler.rungs=auto` waits for before it puts rungs below them.
 
 Chains that disagree may be on their way, slow, or caught in different readings of the data. What separates these is
 what more steps do: R-hat - 1 of chains that mix halves, or better, when a run doubles, and chains on their way come

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.coloring import Coloring
+from prf.configuration import Start
 from prf.kernels import constants as c
 from prf.kernels.build import recompute_sums
 from prf.kernels.chain import Chain
@@ -17,7 +18,7 @@ from prf.sampler.doubts import Doubts
 from prf.sampler.focus import focus_of
 from prf.sampler.prior_ground import prior_ground
 from prf.sampler.record import FIRST_THIN, ImageTimes, Record, burn_in
-from prf.sampler.starts import Start, find_start_map, needs_search
+from prf.sampler.starts import find_start_map, needs_search
 from prf.sampler.tempering import Tempering
 from prf.sampler.tempering_ladder import LadderPlan
 from prf.sampler.tempering_state import copied, with_map

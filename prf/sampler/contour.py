@@ -38,7 +38,7 @@ TOLERANCES = (1.0, 0.5, 0.1)
 def contour_map(settings: Settings, rng: np.random.Generator) -> Coloring:
     """Return the contour of an occupancy grid of a random half of the laser readings."""
     if settings.laser is None:
-        raise ConfigError("--start grid: needs the readings of a laser. Choose another start.")
+        raise ConfigError("sampler.start grid: needs the readings of a laser. Choose another start.")
     window = settings.window
     cell = max(CELL, float(np.sqrt(window.area / MOST_CELLS)))
     chosen = rng.random(len(settings.laser.readings)) < SHARE

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from prf.configuration import Configuration
 from prf.diagnostics import acceptance, document
 from prf.kernels import constants as c
 from prf.render import render_posterior
 from prf.run import Beams, Cones, Points, PosteriorImage, Run, names, read_manifest, read_run, write_run
 from prf.sampler.checkpoint import save_checkpoint
-from prf.sampler.config import SampleConfig
 from prf.sampler.drive import Progress
 from prf.sampler.outlook import outlook
 from prf.sampler.several import MOVE_NAMES, Sampler
@@ -33,7 +33,7 @@ class Output:
 
     folder: Path | None  # None: nothing is written, runs stay in memory
     process: dict[str, Any]  # versions, platform, command, inputs (:func:`prf.shell.manifest.describe_process`)
-    config: SampleConfig  # resolved
+    config: Configuration  # resolved
     seed: int
     beams: Beams | None
     cones: Cones | None = None
@@ -80,7 +80,7 @@ class Output:
 
     def identity(self) -> str:
         """Return a digest of configuration, seed and readings: a checkpoint of another run is refused by it."""
-        asked = json.dumps([dataclasses.asdict(self.config), self.seed], sort_keys=True)
+        asked = json.dumps([self.config.flat(), self.seed], sort_keys=True)
         digest = hashlib.sha256(asked.encode())
         if self.beams is not None:
             for array in (self.beams.origin, self.beams.angle, self.beams.range):
@@ -122,7 +122,7 @@ class Output:
         return {
             **self.process,
             "status": progress.status,
-            "configuration": dataclasses.asdict(self.config),
+            "configuration": self.config.flat(),
             "seed": self.seed,
             "steps": sampler.step,
             "burn_in": sampler.burn_in,

@@ -11,15 +11,15 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
+from prf.configuration import IN_MANIFEST, Configuration
 from prf.kernels import step
 from prf.kernels._jit import CACHE
 from prf.logs import Kind, PointTable, Readings, read_logs, read_point_data, thin, warn_of_spoiling
 from prf.logs.describe import default_max_range
 from prf.posterior import Settings
 from prf.run import Run, names, read_run
-from prf.sampler.asked import Asked
 from prf.sampler.checkpoint import load_checkpoint
-from prf.sampler.config import Prepared, SampleConfig, make_settings, prepare
+from prf.sampler.config import Prepared, ladder_plan, make_settings, prepare
 from prf.sampler.distributed import Remote
 from prf.sampler.drive import Progress, StopRule, drive
 from prf.sampler.output import Output
@@ -28,6 +28,7 @@ from prf.sampler.starts import needs_search
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.manifest import describe_input, describe_process, versions
 from prf.shell.seeds import spawn_generators
+from prf.shell.settings import Loaded
 
 CHECKPOINT_SECONDS = 60.0
 """Sampling between two checkpoints: what a killed run loses at most."""
@@ -100,7 +101,7 @@ class Session:
 
 
 def read_prepared(
-    laser_log: str | None, config: SampleConfig, sonar_log: str | None = None, point_data: str | None = None
+    laser_log: str | None, config: Configuration, sonar_log: str | None = None, point_data: str | None = None
 ) -> Prepared:
     """Read the logs of a laser and a sonar, thin them, read point observations, and resolve `config` for all these."""
     laser, sonar = read_configured(config, laser_log, sonar_log)
@@ -109,37 +110,38 @@ def read_prepared(
 
 
 def read_configured(
-    config: SampleConfig, laser_log: str | None, sonar_log: str | None
+    config: Configuration, laser_log: str | None, sonar_log: str | None
 ) -> tuple[Readings | None, Readings | None]:
     """Read the logs of a laser and a sonar, of the topics and in the frame of a configuration; None without a log."""
     return read_logs(
         laser_log,
         sonar_log,
-        topic=config.topic,
-        frame=config.frame,
-        sonar_topic=config.sonar_topic,
-        cone=config.sonar_cone,
+        topic=config.readings.topic,
+        frame=config.readings.frame,
+        sonar_topic=config.readings.sonar_topic,
+        cone=config.sonar.cone,
     )
 
 
 def prepare_whole(
-    config: SampleConfig, laser: Readings | None, sonar: Readings | None, observed: PointTable | None
+    config: Configuration, laser: Readings | None, sonar: Readings | None, observed: PointTable | None
 ) -> Prepared:
     """Thin the readings of whole logs, warn of what would spoil a map, and resolve `config` for them."""
-    kept_laser = _kept(config, laser, "laser", config.max_range)
-    kept_sonar = _kept(config, sonar, "sonar", config.sonar_max_range)
-    if laser is not None and config.max_range is None and math.isfinite(default_max_range(laser)):
+    kept_laser = _kept(config, laser, "laser", config.laser.max_range)
+    kept_sonar = _kept(config, sonar, "sonar", config.sonar.max_range)
+    if laser is not None and config.laser.max_range is None and math.isfinite(default_max_range(laser)):
         # Of the whole log: what is left after thinning may hold no "no return" at all.
-        config = dataclasses.replace(config, max_range=default_max_range(laser))
-    driven = [log for log in (laser, sonar) if log is not None] if config.driven_poses == "all" else None
+        config = config.replace(max_range=default_max_range(laser))
+    driven = [log for log in (laser, sonar) if log is not None] if config.driven.poses == "all" else None
     return prepare(config, kept_laser, kept_sonar, observed, driven)
 
 
-def _kept(config: SampleConfig, readings: Readings | None, kind: Kind, max_range: float | None) -> Readings | None:
+def _kept(config: Configuration, readings: Readings | None, kind: Kind, max_range: float | None) -> Readings | None:
     """Return the scans and beams of a whole log that are asked for."""
     if readings is None:
         return None
-    kept = thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
+    chosen = config.readings
+    kept = thin(readings, chosen.every_scan, chosen.every_beam, chosen.scans, chosen.skip_scans)
     warn_of_spoiling(readings, kept, kind, max_range)
     return kept
 
@@ -155,8 +157,7 @@ def start(
 ) -> Session:
     """Return a fresh session on prepared logs, which steps on the workers of a `scheduler` if there is one.
 
-    Without a `folder` nothing is written. The manifest keeps `sources`: who asked for which field of the configuration
-    (:class:`prf.sampler.asked.Asked`).
+    Without a `folder` nothing is written. The manifest keeps `sources`: who asked for which value of the configuration.
     """
     sampler = make_sampler(prepared.config, prepared.settings, seed, threads, scheduler)
     beams, cones, points = prepared.beams, prepared.cones, prepared.points
@@ -173,18 +174,23 @@ def start(
 
 
 def make_sampler(
-    config: SampleConfig, settings: Settings, seed: int, threads: int, scheduler: str | None = None
+    config: Configuration, settings: Settings, seed: int, threads: int, scheduler: str | None = None
 ) -> Sampler:
     """Return fresh chains of a resolved configuration, which step in threads, or on the workers of a scheduler."""
-    if scheduler is not None and config.is_tempered:
-        raise ConfigError("--scheduler: hot rungs step in threads alone. Leave out --rungs or --scheduler.")
-    generators = spawn_generators(seed, config.chains)
+    if scheduler is not None and config.sampler.is_tempered:
+        raise ConfigError("scheduler: tempered chains step in threads alone. Leave out sampler.rungs or the scheduler.")
+    generators = spawn_generators(seed, config.sampler.chains)
     remote = None if scheduler is None else Remote(scheduler, settings)
-    return Sampler(settings, generators, threads, remote, config.plan(), config.starts_from())
+    return Sampler(settings, generators, threads, remote, ladder_plan(config), config.sampler.start or "empty")
 
 
 def resume(
-    folder: Path, logs: dict[str, str], asked: Asked, seed: int | None, threads: int, scheduler: str | None = None
+    folder: Path,
+    logs: dict[str, str],
+    asked: Loaded[Configuration],
+    seed: int | None,
+    threads: int,
+    scheduler: str | None = None,
 ) -> Session:
     """Return a session that goes on from the checkpoint in `folder`."""
     run = read_run(folder, parts=(names.READINGS, names.POSTERIOR))
@@ -205,23 +211,23 @@ def resume(
     return Session(sampler, output, float(run.manifest.get("seconds", 0.0)), is_resumed=True)
 
 
-def stored_config(run: Run, folder: Path) -> tuple[SampleConfig, int]:
+def stored_config(run: Run, folder: Path) -> tuple[Configuration, int]:
     """Return the configuration and the seed of a run."""
     try:
-        return SampleConfig.from_dict(run.manifest["configuration"]), int(run.manifest["seed"])
-    except (KeyError, TypeError, ValueError) as error:
+        return Configuration.of(**{"start": "empty", **run.manifest["configuration"]}), int(run.manifest["seed"])
+    except (KeyError, TypeError, ValueError, ConfigError) as error:
         raise InputError(f"{folder}/manifest.json: configuration is damaged ({error}). Sample anew.") from error
 
 
-def refuse_changes(config: SampleConfig, asked: Asked, seed: int, asked_seed: int | None) -> None:
+def refuse_changes(config: Configuration, asked: Loaded[Configuration], seed: int, asked_seed: int | None) -> None:
     """Raise ConfigError naming the first field that is asked for with another value than the run has."""
-    stored = {**dataclasses.asdict(config), "seed": seed}
-    places = {**asked.places, "seed": "--seed"}
-    given = {**asked.values, **({} if asked_seed is None else {"seed": asked_seed})}
-    for name, value in given.items():
-        if value != stored[name]:
+    if asked_seed is not None and asked_seed != seed:
+        raise ConfigError(f"--seed {asked_seed}: the run to resume has {seed}. Leave it out, or sample anew.")
+    for place, source in asked.sources.items():
+        if place.partition(".")[0] in IN_MANIFEST and asked.settings.get(place) != config.get(place):
             raise ConfigError(
-                f"{places[name]} {value}: the run to resume has {stored[name]}. Leave it out, or sample anew."
+                f"{source} {asked.settings.get(place)}: the run to resume has {config.get(place)}. Leave it out, or "
+                "sample anew."
             )
 
 

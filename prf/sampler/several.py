@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.coloring import Draws
+from prf.configuration import Start
 from prf.diagnostics import Diagnosis, diagnose
 from prf.kernels import constants as c
 from prf.layout import image_grid, pixel_centres
@@ -22,7 +23,6 @@ from prf.sampler.chain import ChainSampler
 from prf.sampler.doubts import aim, is_due
 from prf.sampler.probes import probe_pixels, seen_pixels
 from prf.sampler.record import EDGES_ANYWHERE, FUNCTIONALS, Draw, burn_in
-from prf.sampler.starts import Start
 from prf.sampler.tempering_ladder import LadderPlan, SwapReport
 from prf.sampler.tiles import advance_in_tiles, tiled_chains
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Literal
 
 import numpy as np
 
 from prf.arak import exact_draws
 from prf.coloring import Coloring, occupied_polygons
+from prf.configuration import Start
 from prf.kernels import constants as c
 from prf.kernels.build import recompute_sums
 from prf.layout import read_coloring, run_chain
@@ -21,9 +21,6 @@ from prf.posterior import Settings, make_chain
 from prf.sampler.contour import contour_map, map_of_region
 from prf.sampler.first_map import find_first_map, has_shares
 from prf.sampler.tempering_state import occupied_cost
-
-Start = Literal["empty", "grid", "prior"]
-STARTS: tuple[Start, ...] = ("empty", "grid", "prior")
 
 LOWEST_POWER = 0.003
 """Power of the likelihood with which a chain leaves a draw of the prior."""

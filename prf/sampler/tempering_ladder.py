@@ -50,9 +50,9 @@ class LadderPlan:
     def __post_init__(self) -> None:
         """Refuse what is no ladder."""
         if self.rungs < 1:
-            raise ConfigError(f"--rungs {self.rungs}: must be at least 1")
+            raise ConfigError(f"sampler.rungs {self.rungs}: must be at least 1")
         if self.hottest is not None and not 0.0 <= self.hottest < 1.0:
-            raise ConfigError(f"--hottest {self.hottest}: must be at least 0 and below 1")
+            raise ConfigError(f"sampler.hottest {self.hottest}: must be at least 0 and below 1")
         if self.cost is not None and not (math.isfinite(self.cost) and self.cost >= 0.0):
             raise ConfigError(f"cost of an occupied sensor {self.cost}: must be a finite number of nats, not negative")
 

@@ -1,7 +1,7 @@
 """How well a map predicts readings that it was not made from (docs/scores.md)."""
 
 from prf.score.cones import HeldOutSonar, hold_out_sonar
-from prf.score.config import ScoreConfig, score_config
+from prf.score.config import SCORE_DEFAULTS, ScoreConfig, score_config
 from prf.score.heldout import HeldOut, hold_out
 from prf.score.maps import DrawsMap, GridMap, PolygonMap, ScoredMap, open_map
 from prf.score.points import LabelledPoints, classification_scores, draw_points, ranking_area
@@ -10,6 +10,7 @@ from prf.score.score import score
 from prf.score.truth import TrueCells, true_cells
 
 __all__ = [
+    "SCORE_DEFAULTS",
     "DrawsMap",
     "GridMap",
     "HeldOut",

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from types import MappingProxyType
 
+from prf.configuration import Configuration
 from prf.logs import CONE
 from prf.sensors.sonar import SonarModel
-from prf.settings_file import Tables
 from prf.shell.errors import ConfigError
 from prf.window import LARGEST_RANGE
 
@@ -56,25 +56,22 @@ class ScoreConfig:
             raise ConfigError(f"square {self.square}: must be a number of metres from 0 to {LARGEST_RANGE:g}")
 
 
-def score_config(asked: Mapping[str, Any], tables: Tables) -> ScoreConfig:
-    """Return the configuration that options and a settings file come to.
+SCORE_DEFAULTS: Mapping[str, float] = MappingProxyType(
+    {"laser.noise": 0.05, "laser.noise_relative": 0.0, "laser.miss_probability": 0.0}
+)
+"""Of a configuration by which maps are scored, where they differ from those of a sampler."""
 
-    Parameters
-    ----------
-    asked : mapping
-        Fields of :class:`ScoreConfig` and ``sonar_max_range``; None where the user gave none.
-    tables : Tables
-        Of a settings file (:func:`prf.settings_file.read_settings`): [laser] and [sonar] are used; options win.
 
-    Raises
-    ------
-    ConfigError
-        If a parameter is out of its range.
-    """
-    given = {name: value for name, value in asked.items() if value is not None}
-    sonar = dict(tables.get("sonar", {}))
-    if "cone" in sonar:
-        given.setdefault("sonar_cone", sonar.pop("cone"))
-    if "sonar_max_range" in given:
-        sonar["max_range"] = given.pop("sonar_max_range")
-    return ScoreConfig(**{**tables.get("laser", {}), **given, "sonar": SonarModel(**sonar)})
+def score_config(configuration: Configuration, square: float = SQUARE) -> ScoreConfig:
+    """Return what a configuration asks of a score."""
+    chosen = configuration.readings
+    return ScoreConfig(
+        **configuration.laser.model_dump(),
+        sonar=configuration.sonar.model(),
+        sonar_cone=configuration.sonar.cone,
+        square=square,
+        every_scan=chosen.every_scan,
+        every_beam=chosen.every_beam,
+        scans=chosen.scans,
+        skip_scans=chosen.skip_scans,
+    )

@@ -11,6 +11,7 @@ Seed       ``--seed``               seed of every random number; drawn and print
 Threads    ``--threads``            threads to use, 0 = one a core; never changes a result
 Json       ``--json``               the result as one JSON object on standard output
 Presets    ``--preset``             presets of sensors, beneath the settings file
+Assignments ``--set``                any key of the settings, above the file
 Terminal   ``--terminal``           the picture as text on standard output
 ========== ======================== =====================================================
 
@@ -41,6 +42,10 @@ Presets = Annotated[
     list[str] | None,
     typer.Option("--preset", metavar="NAME", help="Preset of a sensor, repeatable; config presets lists them."),
 ]
+Assignments = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Any key of the settings, repeatable; config lists them."),
+]
 
 
 SECONDS = {"s": 1.0, "m": 60.0, "h": 3600.0}
@@ -70,13 +75,12 @@ class ConfigAction(StrEnum):
     """What `prf config` and `mapq config` do."""
 
     show = "show"
-    check = "check"
     presets = "presets"
 
 
 ConfigWhat = Annotated[
     ConfigAction,
-    typer.Argument(metavar="show|check|presets", help="Print all parameters, what is wrong with a file, presets."),
+    typer.Argument(metavar="show|presets", help="Print all settings, or presets of sensors."),
 ]
 ConfigFile = Annotated[
     str | None, typer.Argument(metavar="FILE|NAME", help="Settings file, TOML, - is standard input; or a preset.")

@@ -9,7 +9,8 @@ import pytest
 import shapely
 
 from benchmarks.real_sonar import ARENA_MAX_RANGE, ARENA_WINDOW, arena_plan
-from prf.calibrate import CalibrateConfig, calibrate_sonar
+from prf.calibrate import calibrate_sonar
+from prf.configuration import Configuration
 from prf.score import read_occupied_area
 from prf.window import Window
 from tests.logs.sonar_sets import ARENA_POSITIONS, ARENA_WALLS, arena_readings
@@ -29,7 +30,7 @@ def test_the_plan_has_the_walls_and_no_others(tmp_path: Path) -> None:
 def test_what_some_places_tell_helps_at_the_others(shared_data: Path, tmp_path: Path) -> None:
     area = read_occupied_area(arena_plan(tmp_path / "arena.geojson"))
     readings = arena_readings(shared_data / "prf/sonar/arena_known_map")
-    config = CalibrateConfig(sonar_max_range=ARENA_MAX_RANGE)
+    config = Configuration.of(sonar_max_range=ARENA_MAX_RANGE)
     found = calibrate_sonar(readings, area, config, np.random.default_rng(1))
     assert (found.n_readings, found.n_in_view, found.folds) == (900, 900, 5)
     assert found.held_out[1] < found.held_out[0] - 0.4

@@ -11,16 +11,17 @@ import numpy as np
 import pytest
 import shapely
 
-from prf.calibrate import CalibrateConfig, calibrate_laser, calibrate_sonar, fitted_tables, read_known_map
+from prf.calibrate import calibrate_laser, calibrate_sonar, fitted_text, read_known_map
 from prf.calibrate.maps import read_ros_map
 from prf.calibrate.settings import lines_of, report_of
+from prf.configuration import Configuration
 from prf.export.cells import Cells
 from prf.export.images import pgm_bytes, png_bytes
 from prf.export.ros_map import ros_map
 from prf.logs import Readings
 from prf.score import OccupiedArea
-from prf.settings_file import read_settings, write_settings
 from prf.shell.errors import ConfigError, InputError
+from prf.shell.settings import load
 from prf.window import Window
 from tests.calibrate.worlds import HALL, laser_log, sonar_log
 
@@ -42,14 +43,14 @@ class TestUsable:
     def test_no_sensor_in_the_white_of_the_map(self, x: float, words: str) -> None:
         for calibrate in (calibrate_sonar, calibrate_laser):
             with pytest.raises(InputError, match=words):
-                calibrate(ring_at(x), AREA, CalibrateConfig(max_range=8.0), rng())
+                calibrate(ring_at(x), AREA, Configuration.of(max_range=8.0), rng())
 
     def test_some_are_dropped_counted_and_told(self, caplog: pytest.LogCaptureFixture) -> None:
         log = ring_at(4.0)
         origin = log.origin.copy()
         origin[:5, 0], origin[5:8, 0] = -3.0, 6.5
         with caplog.at_level(logging.WARNING):
-            found = calibrate_sonar(dataclasses.replace(log, origin=origin), AREA, CalibrateConfig(), rng())
+            found = calibrate_sonar(dataclasses.replace(log, origin=origin), AREA, Configuration.of(), rng())
         assert (found.n_readings, found.n_outside, found.n_occupied) == (32, 5, 3)
         assert "5 of 40 readings dropped: their sensors stand outside the map" in caplog.text
         assert "3 of 40 readings dropped: their sensors stand in a wall" in caplog.text
@@ -57,45 +58,44 @@ class TestUsable:
     def test_no_wall_in_view(self) -> None:
         for calibrate in (calibrate_sonar, calibrate_laser):
             with pytest.raises(InputError, match="no wall of the map is in view"):
-                calibrate(ring_at(1000.0), OccupiedArea(WALL, None), CalibrateConfig(max_range=8.0), rng())
+                calibrate(ring_at(1000.0), OccupiedArea(WALL, None), Configuration.of(max_range=8.0), rng())
 
     def test_a_map_in_another_frame_is_noticed(self, caplog: pytest.LogCaptureFixture) -> None:
         """A fifth of the readings has the wall in view, where by chance none of them tells of it."""
         known = laser_log(1, 12)
         turned = dataclasses.replace(known.readings, angle=known.readings.angle[::-1].copy())
         with caplog.at_level(logging.WARNING):
-            calibrate_laser(known.readings, known.area, CalibrateConfig(max_range=8.0), rng())
+            calibrate_laser(known.readings, known.area, Configuration.of(max_range=8.0), rng())
             assert "no better than no map" not in caplog.text
             scrambled = dataclasses.replace(turned, range=np.random.default_rng(2).permutation(turned.range))
-            calibrate_laser(scrambled, known.area, CalibrateConfig(max_range=8.0), rng())
+            calibrate_laser(scrambled, known.area, Configuration.of(max_range=8.0), rng())
         assert "no better than no map" in caplog.text
 
     def test_scans_are_thinned(self) -> None:
         known = sonar_log(2, 12)
-        found = calibrate_sonar(known.readings, known.area, CalibrateConfig(scans="0::3"), rng())
+        found = calibrate_sonar(known.readings, known.area, Configuration.of(scans="0::3"), rng())
         assert (found.n_scans, found.n_readings) == (4, 64)
         assert found.folds == 4
 
     def test_one_scan_is_held_out_by_readings(self) -> None:
         known = laser_log(3, 1)
-        assert calibrate_laser(known.readings, known.area, CalibrateConfig(max_range=8.0), rng()).folds == 5
+        assert calibrate_laser(known.readings, known.area, Configuration.of(max_range=8.0), rng()).folds == 5
 
     @pytest.mark.parametrize(
         ("options", "words"),
         [
-            ({"folds": 1}, "--folds"),
             ({"sonar_max_range": 0.0}, "sonar-max-range"),
-            ({"sonar_cone": 4.0}, "--sonar-cone"),
+            ({"sonar_cone": 4.0}, "sonar-cone"),
         ],
     )
     def test_bad_options(self, options: dict, words: str) -> None:
         with pytest.raises(ConfigError, match=words):
-            calibrate_sonar(ring_at(4.0), AREA, CalibrateConfig(**options), rng())
+            calibrate_sonar(ring_at(4.0), AREA, Configuration.of(**options), rng())
 
     def test_the_same_seed_deals_the_same_folds(self) -> None:
         known = laser_log(4, 10)
         one, two = (
-            calibrate_laser(known.readings, known.area, CalibrateConfig(max_range=8.0), rng()) for _ in range(2)
+            calibrate_laser(known.readings, known.area, Configuration.of(max_range=8.0), rng()) for _ in range(2)
         )
         assert one.held_out.tolist() == two.held_out.tolist()
 
@@ -104,21 +104,19 @@ class TestSettings:
     def test_what_is_written_is_read_back(self, tmp_path: Path) -> None:
         sonar, laser = sonar_log(5, 3), laser_log(5, 10)
         found = [
-            calibrate_sonar(sonar.readings, sonar.area, CalibrateConfig(), rng()),
-            calibrate_laser(laser.readings, laser.area, CalibrateConfig(max_range=8.0), rng()),
+            calibrate_sonar(sonar.readings, sonar.area, Configuration.of(), rng()),
+            calibrate_laser(laser.readings, laser.area, Configuration.of(max_range=8.0), rng()),
         ]
-        tables, comments = fitted_tables(found)
-        write_settings(tmp_path / "robot.toml", tables, comments)
-        again = read_settings(tmp_path / "robot.toml")
-        assert again == tables
-        assert again["sonar"]["cone"] == 0.4
-        assert again["sonar"]["noise"] == pytest.approx(found[0].fit.value[0], rel=1e-4)
-        assert again["laser"]["max_range"] == 8.0
-        assert "hardly told" in (tmp_path / "robot.toml").read_text()
+        (tmp_path / "robot.toml").write_text(fitted_text(found))
+        again = load(Configuration, tmp_path / "robot.toml").settings
+        assert again.sonar.cone == 0.4
+        assert again.sonar.noise == pytest.approx(found[0].fit.value[0], rel=1e-4)
+        assert again.laser.max_range == 8.0
+        assert "hardly informed" in fitted_text(found)
 
     def test_report(self) -> None:
         known = laser_log(6, 10)
-        found = calibrate_laser(known.readings, known.area, CalibrateConfig(max_range=8.0), rng())
+        found = calibrate_laser(known.readings, known.area, Configuration.of(max_range=8.0), rng())
         report = report_of(found)
         assert [row["name"] for row in report["parameters"]] == [*found.family.names]
         assert report["log_likelihood"] > report["log_likelihood_default"]

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from prf.calibrate import CalibrateConfig, Calibrated, calibrate_laser, calibrate_sonar
+from prf.calibrate import Calibrated, calibrate_laser, calibrate_sonar
 from prf.calibrate.fit import LIMIT, held_out_loss, penalised
 from prf.calibrate.laser import LaserProblem
 from prf.calibrate.sonar import model_at
+from prf.configuration import Configuration
 from prf.score import PolygonMap, ScoreConfig, hold_out_sonar, score
 from prf.sensors.sonar import SonarModel
 from tests.calibrate.worlds import TRUE_LASER, TRUE_RING, Known, laser_log, sonar_log
@@ -31,11 +32,11 @@ LASER_TRUTH = np.array([TRUE_LASER.noise, TRUE_LASER.relative, TRUE_LASER.outlie
 
 
 def sonar_fit(known: Known, seed: int = 1) -> Calibrated:
-    return calibrate_sonar(known.readings, known.area, CalibrateConfig(), np.random.default_rng(seed))
+    return calibrate_sonar(known.readings, known.area, Configuration.of(), np.random.default_rng(seed))
 
 
 def laser_fit(known: Known, seed: int = 1) -> Calibrated:
-    return calibrate_laser(known.readings, known.area, CalibrateConfig(max_range=8.0), np.random.default_rng(seed))
+    return calibrate_laser(known.readings, known.area, Configuration.of(max_range=8.0), np.random.default_rng(seed))
 
 
 def z_scores(found: Calibrated, truth: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,6 @@ import shapely
 
 from prf.cli import app
 from prf.logs import write_table
-from prf.settings_file import read_settings
 from prf.shell.run import run_app
 from tests.calibrate.worlds import HALL, laser_log, sonar_log
 
@@ -46,7 +46,7 @@ def test_a_sonar_and_a_laser(folder: Path, tmp_path: Path, capsys: pytest.Captur
     assert told["sonar"]["n_readings"] == 400
     assert told["sonar"]["held_out_nll"] < told["sonar"]["held_out_nll_default"]
     assert told["laser"]["cone"] is None
-    tables = read_settings(tmp_path / "robot.toml")
+    tables = tomllib.loads((tmp_path / "robot.toml").read_text())
     assert [*tables] == ["sonar", "laser"]
     values = {row["name"]: row["value"] for row in told["sonar"]["parameters"]}
     assert tables["sonar"]["surface_oblique"] == pytest.approx(values["surface_oblique"], rel=1e-4)

@@ -130,10 +130,10 @@ def test_anneal_takes_the_file(ring: Path, site: Path, tmp_path: Path, monkeypat
     ("args", "code", "words"),
     [
         (["--config", "absent.toml"], 3, "absent.toml: no such file"),
-        (["--config", "bad.toml"], 2, "bad.toml:2: [sonar] nose: there is no such key. Did you mean noise?"),
+        (["--config", "bad.toml"], 2, "bad.toml: [sonar] nose: there is no such key. Did you mean noise?"),
         (["--config", "-", "--laser", "-"], 2, "standard input can be read once only"),
         (["--topic", "/scan"], 2, "--topic /scan"),
-        (["--sonar-topic", "/scan"], 2, "is a table"),
+        (["--set", "readings.sonar_topic=/scan"], 2, "is a table"),
         (["--frame", "odom"], 2, "is a table"),
         (["--window", "0", "0", "-1", "1"], 2, "window"),
     ],

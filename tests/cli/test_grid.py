@@ -53,7 +53,7 @@ def test_a_grid_of_a_log(
     assert len(grid.process["inputs"][0]["sha256"]) == 64
     assert run("grid", "--laser", log, *THIN) == 4
     assert "--force" in capsys.readouterr().err
-    assert run("grid", "--laser", log, *THIN, "-f", "--method", "log-odds", "--resolution", 0.5) == 0
+    assert run("grid", "--laser", log, *THIN, "-f", "--set", "grid.method=log-odds", "--resolution", 0.5) == 0
     assert "0.5 m" in capsys.readouterr().out
     assert read_grid(told["grid"]).occupancy.max() <= 1.0 / (1.0 + np.exp(-3.5)) + 1e-6
 

@@ -12,11 +12,11 @@ import shapely
 
 from prf.cli import app
 from prf.coloring import black_at, from_polygons
+from prf.configuration import Configuration
 from prf.logs import Readings
 from prf.logs.table import write_table
 from prf.run import read_run
 from prf.run.mapfile import read_map_feature
-from prf.sampler.config import SampleConfig
 from prf.sampler.session import read_prepared
 from prf.shell.run import run_app
 from prf.window import Window
@@ -109,8 +109,8 @@ def test_laser_and_points_in_one_posterior(files: dict[str, str], tmp_path: Path
     assert run.manifest["configuration"]["points_kind"] == "gaussian"
     assert run.manifest["configuration"]["points_sigma"] == pytest.approx(0.5, abs=0.1)
     assert [used["path"] for used in run.manifest["inputs"]] == [files["laser"], files["grey"]]
-    alone = read_prepared(files["laser"], SampleConfig(), None, None).config.window
-    assert read_prepared(files["laser"], SampleConfig(), None, files["grey"]).config.window == alone
+    alone = read_prepared(files["laser"], Configuration.of(), None, None).config.prior.window
+    assert read_prepared(files["laser"], Configuration.of(), None, files["grey"]).config.prior.window == alone
 
 
 def test_settings_reach_the_model(files: dict[str, str], tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from prf.run import read_run
 from prf.sampler import apart
 from prf.shell.run import run_app
 
+RUNGS = ("--set", "sampler.rungs=3")
 QUICK = ("--every-scan", "8", "--every-beam", "6", "--chains", "2", "--resolution", "0.5")
 RESULTS = ("draws.npz", "posterior.npz", "readings.npz", "map.geojson")
 
@@ -78,7 +79,7 @@ def test_resuming_gives_what_an_uninterrupted_run_gives(log: Path, office: Path,
 
 
 @pytest.mark.parametrize(
-    "options", [("--rungs", "3"), ("--rungs", "3", "--hottest", "0", "--start", "prior")], ids=["reach", "prior"]
+    "options", [RUNGS, (*RUNGS, "--set", "sampler.hottest=0", "--set", "sampler.start=prior")], ids=["reach", "prior"]
 )
 def test_resuming_tempered_chains_gives_what_an_uninterrupted_run_gives(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...]
@@ -99,8 +100,8 @@ def test_resuming_tempered_chains_gives_what_an_uninterrupted_run_gives(
     assert len(first["powers"]) == 3
     assert len(first["swap_rates"]) == 2
     assert first != second
-    assert run("--resume", str(whole), "--rungs", "4") == 2
-    assert "--rungs 4" in capsys.readouterr().err
+    assert run("--resume", str(whole), "--set", "sampler.rungs=4") == 2
+    assert "--set sampler.rungs 4" in capsys.readouterr().err
 
 
 def test_chains_that_disagree_get_a_ladder_and_report_it(
@@ -109,12 +110,12 @@ def test_chains_that_disagree_get_a_ladder_and_report_it(
     """Chains from contours are far from agreement after 40,000 steps; resumed or not, the run is the same."""
     monkeypatch.setattr(apart, "FIRST_LOOK", 40_000)
     monkeypatch.setattr(apart, "STALLED", 0.0)
-    args = ("--laser", str(log), *QUICK, "--rungs", "auto", "--seed", "5")
+    args = ("--laser", str(log), *QUICK, "--set", "sampler.rungs=auto", "--seed", "5")
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     assert run(*args, "--steps", "40000", "-o", str(parts)) == 0
     assert "tempering: none so far" in capsys.readouterr().out
     assert "tempered_from" not in read_run(parts).manifest
-    assert run("--resume", str(parts), "--rungs", "auto", "--steps", "50000", "-q") == 0
+    assert run("--resume", str(parts), "--set", "sampler.rungs=auto", "--steps", "50000", "-q") == 0
     assert run("--resume", str(parts), "--steps", "60000", "-q") == 0
     assert run(*args, "--steps", "60000", "-o", str(whole)) == 0
     printed = capsys.readouterr()
@@ -127,7 +128,7 @@ def test_chains_that_disagree_get_a_ladder_and_report_it(
     assert found.manifest["configuration"]["rungs"] == "auto"
     assert found.diagnostics is not None
     assert [chain["first_step"] for chain in found.diagnostics["tempering"]] == [40_000, 40_000]
-    assert run("--resume", str(whole), "--rungs", "4") == 2
+    assert run("--resume", str(whole), "--set", "sampler.rungs=4") == 2
     assert "the run to resume has auto" in capsys.readouterr().err
 
 
@@ -135,7 +136,21 @@ def test_chains_that_disagree_get_a_ladder_and_report_it(
 def test_where_chains_start_is_kept_with_the_run(log: Path, tmp_path: Path, start: str, rungs: str) -> None:
     args = ("--laser", str(log), "--every-scan", "30", "--every-beam", "30", "--chains", "1", "--resolution", "1")
     folder = tmp_path / "run"
-    assert run(*args, "--start", start, "--rungs", rungs, "--steps", "10", "-o", str(folder), "-q") == 0
+    assert (
+        run(
+            *args,
+            "--set",
+            f"sampler.start={start}",
+            "--set",
+            f"sampler.rungs={rungs}",
+            "--steps",
+            "10",
+            "-o",
+            str(folder),
+            "-q",
+        )
+        == 0
+    )
     assert read_run(folder).manifest["configuration"]["start"] == start
 
 
@@ -196,13 +211,13 @@ def test_few_draws_are_no_disagreement(
         (["--steps", "10", "my.log"], 2, "Give a log as --laser LOG."),
         (["--time-budget", "1d"], 2, "5m or 1.5h"),
         (["--scans", "a:b"], 2, "--scans"),
-        (["--start", "moon"], 2, "--start moon"),
-        (["--rungs", "3", "--hottest", "1"], 2, "--hottest 1"),
-        (["--rungs", "3", "--tiles", "4"], 2, "--tiles 4"),
-        (["--rungs", "auto", "--tiles", "4"], 2, "--tiles 4"),
-        (["--rungs", "auto", "--scheduler", "tcp://127.0.0.1:1"], 2, "--scheduler"),
-        (["--rungs", "0"], 2, "--rungs 0"),
-        (["--rungs", "some"], 2, "--rungs some"),
+        (["--set", "sampler.start=moon"], 2, '--set sampler.start = "moon": must be'),
+        (["--set", "sampler.rungs=3", "--set", "sampler.hottest=1"], 2, "--set sampler.hottest = 1"),
+        (["--set", "sampler.rungs=3", "--set", "sampler.tiles=4"], 2, "--set sampler.tiles 4"),
+        (["--set", "sampler.rungs=auto", "--set", "sampler.tiles=4"], 2, "--set sampler.tiles 4"),
+        (["--set", "sampler.rungs=auto", "--scheduler", "tcp://127.0.0.1:1"], 2, "scheduler"),
+        (["--set", "sampler.rungs=0"], 2, "--set sampler.rungs 0"),
+        (["--set", "sampler.rung=3"], 2, "--set sampler.rung: there is no such key. Did you mean rungs?"),
         (["--every-scan", "1", "--scans", "900:901"], 3, ""),
     ],
 )

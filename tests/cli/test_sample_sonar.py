@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from prf.cli import app
+from prf.configuration import Configuration
 from prf.kernels import constants as c
 from prf.logs import Readings
 from prf.logs.table import write_table
 from prf.run import read_run
-from prf.sampler.config import SampleConfig
 from prf.sampler.session import read_prepared
 from prf.shell.run import run_app
 from prf.window import Window
@@ -115,11 +115,11 @@ def test_sonar_alone(logs: tuple[str, str], tmp_path: Path, capsys: pytest.Captu
 def test_the_cone_of_the_log_overrides_the_option(tmp_path: Path) -> None:
     table = tmp_path / "ring.csv"
     table.write_text("x,y,theta,range\n5,5,0,1\n5,5,1,2\n")
-    prepared = read_prepared(None, SampleConfig(sonar_cone=0.2), str(table))
+    prepared = read_prepared(None, Configuration.of(sonar_cone=0.2), str(table))
     assert prepared.cones is not None
     assert prepared.cones.cone.tolist() == [0.2, 0.2]
     table.write_text("x,y,theta,range,cone\n5,5,0,1,0.5\n5,5,1,2,0.6\n")
-    prepared = read_prepared(None, SampleConfig(sonar_cone=0.2), str(table))
+    prepared = read_prepared(None, Configuration.of(sonar_cone=0.2), str(table))
     assert prepared.cones is not None
     assert prepared.cones.cone.tolist() == [0.5, 0.6]
 

@@ -15,7 +15,8 @@ from prf.shell.run import run_app
 QUICK = ("--chains", "1", "--resolution", "0.5", "--seed", "3")
 ALL = 5580
 """Beams of the office's log."""
-DENSITY = ("--beam-density", "4")
+EXACT = ("--set", "thinning.beam_density=0")
+DENSITY = ("--set", "thinning.beam_density=4")
 """Of it that log has some fifteen."""
 
 
@@ -31,7 +32,7 @@ def log(data_dir: Path) -> Path:
 def test_a_log_as_sparse_as_the_office_is_used_whole(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name, flags in (("default", ()), ("exact", ("--no-thinning",))):
+    for name, flags in (("default", ()), ("exact", EXACT)):
         assert prf("sample", "--laser", log, *QUICK, *flags, "--steps", 10, "-o", tmp_path / name, "--json") == 0
         told = json.loads(capsys.readouterr().out)
         assert (told["n_beams"], told["n_beams_thinned"]) == (ALL, 0)
@@ -52,7 +53,7 @@ def test_what_was_left_out_is_reported_and_recorded(
     assert 1000 < told["n_beams"] < 2500
     assert f"{told['n_beams']:,} of 5,580 beams (thinned)" in captured.err
     (reason,) = (line for line in captured.err.splitlines() if line.startswith("thinned to about "))
-    assert "--no-thinning keeps all" in reason
+    assert "--set thinning.beam_density=0 keeps all" in reason
     run = read_run(folder)
     assert run.beams is not None
     assert len(run.beams.range) == run.manifest["n_beams"] == told["n_beams"]
@@ -68,7 +69,7 @@ def test_resuming_repeats_a_thinned_run(log: Path, tmp_path: Path, capsys: pytes
     assert json.loads(capsys.readouterr().out)["n_beams_thinned"] > 0
     for name in ("draws.npz", "posterior.npz", "readings.npz"):
         assert (whole / name).read_bytes() == (halved / name).read_bytes(), name
-    assert prf("sample", "--resume", halved, "--no-thinning", "--steps", 40_000) == 2
+    assert prf("sample", "--resume", halved, *EXACT, "--steps", 40_000) == 2
     assert "the run to resume has 4.0" in capsys.readouterr().err
 
 
@@ -79,7 +80,7 @@ def test_a_settings_file_can_say_it_and_options_win(
     common = ("sample", "--laser", log, *QUICK, "--config", tmp_path / "site.toml", "--steps", 10, "--json")
     assert prf(*common, "-o", tmp_path / "a") == 0
     assert json.loads(capsys.readouterr().out)["n_beams_thinned"] > 0
-    assert prf(*common, "-o", tmp_path / "b", "--no-thinning") == 0
+    assert prf(*common, "-o", tmp_path / "b", *EXACT) == 0
     assert json.loads(capsys.readouterr().out)["n_beams_thinned"] == 0
 
 
@@ -93,17 +94,16 @@ def test_annealing_thins_too(log: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert (made["n_beams"], made["n_beams_thinned"]) == (told["n_beams"], told["n_beams_thinned"])
     assert "of 5,580 beams (thinned)" in captured.err
     (reason,) = (line for line in captured.err.splitlines() if line.startswith("thinned to about "))
-    assert "--no-thinning keeps all" in reason
-    assert prf(*common, "--no-thinning", "--force") == 0
+    assert "--set thinning.beam_density=0 keeps all" in reason
+    assert prf(*common, *EXACT, "--force") == 0
     assert json.loads(capsys.readouterr().out)["n_beams"] == ALL
 
 
 @pytest.mark.parametrize(
     ("flags", "words"),
     [
-        (("--no-thinning", "--beam-density", "5"), "give one of them"),
-        (("--beam-density", "-1"), "beam-density"),
-        (("--beam-density", "nan"), "beam-density"),
+        (("--set", "thinning.beam_density=-1"), "beam_density"),
+        (("--set", "thinning.beam_density=nan"), "beam_density"),
     ],
 )
 @pytest.mark.parametrize("verb", ["sample", "anneal"])
@@ -116,12 +116,13 @@ def test_densities_that_make_no_sense_are_refused(
     assert words in error[0]
 
 
-def test_a_dense_public_log_keeps_the_requested_density(shared_data: Path) -> None:
+def test_dense_public_log_keeps_what_was_asked_for(shared_data: Path) -> None:
+    from prf.configuration import Configuration
     from prf.logs import read_readings
-    from prf.sampler.config import SampleConfig, prepare
+    from prf.sampler.config import prepare
 
     readings = read_readings(str(shared_data / "prf" / "carmen" / "intel-corrected.log.gz"))
-    prepared = prepare(SampleConfig(max_range=40.0, beam_density=20.0), readings)
+    prepared = prepare(Configuration.of(max_range=40.0, beam_density=20.0), readings)
     assert prepared.beams is not None
     assert len(prepared.beams.range) + prepared.n_beams_thinned == readings.n_beams
     assert 18_000 < len(prepared.beams.range) < 22_000

@@ -55,7 +55,7 @@ def test_the_cone_is_for_sonars_without_one(tmp_path: Path) -> None:
 
 
 def test_a_topic_without_its_log_is_refused(bag: str) -> None:
-    with pytest.raises(ConfigError, match="--sonar-topic"):
+    with pytest.raises(ConfigError, match="sonar_topic"):
         read_logs(None, bag, topic="/left")
     with pytest.raises(ConfigError, match="--sonar, which is not given"):
         read_logs(bag, None, topic="/rear", sonar_topic="/left")

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import pytest
 
+from prf.configuration import Configuration
 from prf.diagnostics import Diagnosis
 from prf.posterior import Settings
 from prf.sampler import Sampler, apart, several
 from prf.sampler.apart import FIRST_LOOK, is_look, stay_apart, worst_rhat
 from prf.sampler.chain import LONGEST_BLOCK
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
-from prf.sampler.config import SampleConfig
+from prf.sampler.config import ladder_plan
 from prf.sampler.tempering_ladder import AUTO_RUNGS, LadderPlan
-from prf.shell.errors import ConfigError
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
 from tests.reference.beams import Sensor
@@ -148,13 +147,7 @@ def test_a_resumed_run_is_the_run_in_one(
 
 
 def test_a_configuration_says_whether_rungs_are_waited_for() -> None:
-    assert SampleConfig(rungs="auto").plan() == LadderPlan(AUTO_RUNGS, None, waits=True)
-    assert SampleConfig(rungs="auto", hottest=0.5).plan() == LadderPlan(AUTO_RUNGS, 0.5, waits=True)
-    assert SampleConfig(rungs=3).plan() == LadderPlan(3)
-    assert [SampleConfig(rungs=rungs).is_tempered for rungs in (1, 2, "auto")] == [False, True, True]
-
-
-@pytest.mark.parametrize("rungs", [2, "auto"])
-def test_hot_rungs_have_no_tiles(rungs: Literal["auto"] | int) -> None:
-    with pytest.raises(ConfigError, match="--tiles 4"):
-        SampleConfig(rungs=rungs, tiles=4).plan()
+    assert ladder_plan(Configuration.of(rungs="auto")) == LadderPlan(AUTO_RUNGS, None, waits=True)
+    assert ladder_plan(Configuration.of(rungs="auto", hottest=0.5)) == LadderPlan(AUTO_RUNGS, 0.5, waits=True)
+    assert ladder_plan(Configuration.of(rungs=3)) == LadderPlan(3)
+    assert [Configuration.of(rungs=rungs).sampler.is_tempered for rungs in (1, 2, "auto")] == [False, True, True]

@@ -198,7 +198,7 @@ def test_powers_reach_from_one_to_what_is_asked() -> None:
 
 @pytest.mark.parametrize("wrong", [{"rungs": 0}, {"rungs": 3, "hottest": 1.0}, {"rungs": 3, "hottest": -0.1}])
 def test_what_is_no_ladder_is_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(ConfigError, match=r"--rungs|--hottest"):
+    with pytest.raises(ConfigError, match=r"sampler\.(rungs|hottest)"):
         LadderPlan(**wrong)  # type: ignore[arg-type]
 
 

@@ -24,11 +24,9 @@ from prf.score import (
     ScoreConfig,
     hold_out_sonar,
     score,
-    score_config,
 )
 from prf.score.cones import contours_of
 from prf.score.scene import features_seen, outline, scene_of_coloring, scene_of_region
-from prf.sensors.sonar import SonarModel
 from prf.shell.errors import ConfigError, InputError
 from prf.window import Window
 from tests.occupancy.test_build import random_grid
@@ -260,16 +258,3 @@ class TestHoldOut:
             hold_out_sonar(self.log(cone=3.5), ScoreConfig())
         with pytest.raises(InputError):
             hold_out_sonar(self.log(), ScoreConfig(scans="7:"))
-
-
-class TestConfig:
-    def test_options_win_over_the_file_and_the_file_over_defaults(self) -> None:
-        tables = {"sonar": {"max_range": 5.0, "noise": 0.1, "cone": 0.4}, "laser": {"noise": 0.2, "max_range": 30.0}}
-        found = score_config({"sonar_max_range": 4.0, "noise": None, "max_range": 20.0, "sonar_cone": None}, tables)
-        assert found == ScoreConfig(20.0, 0.2, sonar=SonarModel(4.0, 0.1), sonar_cone=0.4)
-        assert score_config({"sonar_cone": 0.3}, tables).sonar_cone == 0.3
-        assert score_config({}, {}) == ScoreConfig()
-
-    def test_bad_parameters_are_refused(self) -> None:
-        with pytest.raises(ConfigError, match="sonar-max-range"):
-            score_config({"sonar_max_range": -1.0}, {})

@@ -1,0 +1,142 @@
+"""All settings of `mapq`, a model a table of the settings file (docs/configuration.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal
+
+from mapq.crf.train import TrainSettings
+from mapq.features.settings import CONTEXTS, FeatureSettings
+from mapq.segmentation.settings import SegmentSettings
+from prf.shell.settings import Loaded, Table, Tree, key, load
+
+Direction = tuple[float, float, float]
+
+
+class Segment(Table):
+    """How a cloud is cut into patches (docs/segmentation.md), by segment and classify."""
+
+    neighbours: int = key(16, "", "nearest neighbours that make a normal")
+    resolution: float | None = key(None, "m", "side of cells, of each of which one point is looked at first; 0: all")
+    noise: float | None = key(None, "m", "standard deviation of points off their surface")
+    max_angle: float | None = key(None, "deg", "between a point's normal and its patch's")
+    max_distance: float | None = key(None, "m", "from a point to its patch's plane")
+    max_gap: float | None = key(None, "m", "patches end at wider gaps")
+    max_variation: float | None = key(None, "", "of normals that count: 0 plane, 1/3 ball")
+    min_points: int = key(50, "", "smaller patches are dropped")
+    min_extent: float | None = key(None, "m", "narrower patches are dropped")
+    max_tilt: float = key(30.0, "deg", "planes farther from vertical are dropped; 90 keeps all")
+    up: Direction = key((0.0, 0.0, 1.0), "", "the vertical, of any length")
+
+    def check(self) -> None:
+        """Refuse values outside their domains."""
+        self.settings().check()
+
+    def settings(self) -> SegmentSettings:
+        """Return what the segmentation takes."""
+        return SegmentSettings(**self.model_dump())
+
+
+class Features(Table):
+    """How patches are measured (docs/features.md), by features and train; classify does as its model."""
+
+    reading: Literal["safe", "literal"] = key(
+        "safe", "", "safe: bounded features in metres; literal: the equations as printed"
+    )
+    neighbours: int = key(4, "", "closest patches that each patch is joined to")
+    watched: int = key(16, "", "of so many closest patches those are joined too that lie over it or cross it")
+    radius: float = key(3.0, "m", "patches farther apart are no neighbours")
+    tau: float = key(2.0, "m", "distance over which a pair's weight falls to 1/e")
+    eps: float = key(0.01, "m", "what the sensor cannot resolve")
+    noise: float | None = key(None, "m", "standard deviation of points from a surface")
+    tolerance: float = key(0.05, "m", "distance at which surfaces count half as doubled; at least 3.3 noise")
+    spacing: float | None = key(None, "m", "between points")
+    up: Direction | None = key(None, "", "direction of the z axis of equation 7")
+    context: tuple[str, ...] = key(CONTEXTS, "", "groups of context features: outlines, moments, rays, copies")
+
+    def check(self) -> None:
+        """Refuse values outside their domains."""
+        self.settings()
+
+    def settings(self) -> FeatureSettings:
+        """Return what the features take."""
+        values = self.model_dump()
+        return FeatureSettings(n_neighbours=values.pop("neighbours"), n_watched=values.pop("watched"), **values)
+
+
+class Crf(Table):
+    """The random field (docs/crf.md), by train; max_false_alarms by classify too."""
+
+    objective: Literal["pl", "max-margin"] = key(
+        "pl", "", "pl: maximum pseudo-likelihood; max-margin: structured support vector machine"
+    )
+    potential: Literal["trees", "linear"] = key(
+        "trees", "", "trees: boosted trees on patches and pairs; linear: a sum over node features"
+    )
+    edge_model: Literal["symmetric", "none"] = key(
+        "symmetric", "", "symmetric: pairs favour equal labels; none: no pairs"
+    )
+    regularisation: float | None = key(None, "", "precision of each weight's prior")
+    coupling_regularisation: float | None = key(None, "", "the same, of the coupling")
+    class_weight: Literal["none", "balanced"] = key(
+        "balanced", "", "balanced: both labels weigh the same in sum; none: every patch does"
+    )
+    folds: int = key(5, "", "of the cross-validation over regions")
+    max_false_alarms: float | None = key(
+        None, "", "share of the plausible patches that may be called suspicious", ge=0.0, le=1.0
+    )
+
+    def check(self) -> None:
+        """Refuse values outside their domains."""
+        self.settings()
+
+    def settings(self) -> TrainSettings:
+        """Return what training takes; the share of false alarms is no part of it."""
+        values = self.model_dump(exclude={"class_weight", "folds", "max_false_alarms"})
+        return TrainSettings(balanced=self.class_weight == "balanced", n_folds=self.folds, **values)
+
+
+class Configuration(Tree):
+    """Everything that can be set; None: estimated from the cloud or the patches, or found by cross-validation."""
+
+    PACKAGE: ClassVar[str] = "mapq"
+
+    segment: Segment = Segment()
+    features: Features = Features()
+    crf: Crf = Crf()
+
+    @classmethod
+    def flag(cls, place: str) -> str:
+        """Return the flag that sets ``TABLE.KEY``."""
+        return "--features" if place == "features.reading" else super().flag(place)
+
+
+def load_configuration(options: Mapping[str, Any], *tables: str) -> Loaded[Configuration]:
+    """Return what the options of a verb ask for.
+
+    Parameters
+    ----------
+    options : mapping of str to Any
+        ``config``, ``preset``, ``assignments``, and keys of `tables`; the rest is passed over.
+    tables : str
+        Whose keys may be flags.
+
+    Raises
+    ------
+    InputError, ConfigError
+        As :func:`prf.shell.settings.load`.
+    """
+    flags = {
+        f"{table}.{name}": options[name]
+        for table in tables
+        for name in Configuration.tables()[table].model_fields
+        if name in options
+    }
+    path, presets, assignments = (options.get(name) for name in ("config", "preset", "assignments"))
+    return load(Configuration, path, presets or (), assignments or (), flags)
+
+
+def sources_of(loaded: Loaded[Configuration], table: str) -> dict[str, str]:
+    """Return key to what has set it, of one table."""
+    start = f"{table}."
+    return {place.removeprefix(start): each for place, each in loaded.sources.items() if place.startswith(start)}

@@ -1,0 +1,279 @@
+"""All settings of `prf`, a model a table of the settings file (docs/configuration.md)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, ClassVar, Literal, Self
+
+from prf.arak import checked_scale
+from prf.logs import CONE
+from prf.sensors.laser import LaserModel
+from prf.sensors.points import PointModel
+from prf.sensors.sonar import SonarModel
+from prf.shell.errors import ConfigError
+from prf.shell.settings import Loaded, Table, Tree, build, key, load
+from prf.thinning import BEAM_DENSITY
+from prf.window import LARGEST_RANGE, Window
+
+DrivenPoses = Literal["used", "all"]
+Start = Literal["empty", "grid", "prior"]
+
+
+class Prior(Table):
+    """The Arak process over maps."""
+
+    scale: float = key(0.1, "1/m", "scale parameter p; the expected length of edges is pi p a square metre")
+    window: tuple[float, float, float, float] | None = key(None, "m", "x_min, y_min, x_max, y_max")
+
+    def check(self) -> None:
+        """Refuse what is no scale or no window."""
+        checked_scale(self.scale)
+        if self.window is not None:
+            Window.checked(*self.window)
+
+
+class Laser(Table):
+    """Density of a laser reading (docs/sensor-models.md)."""
+
+    max_range: float | None = key(None, "m", "no return from here on")
+    noise: float = key(LaserModel.noise, "m", "standard deviation of a range")
+    noise_relative: float = key(
+        LaserModel.noise_relative, "", "the same as a share of the distance; the larger of the two counts"
+    )
+    outlier_probability: float = key(LaserModel.outlier_probability, "", "share of outliers, above 0")
+    miss_probability: float = key(LaserModel.miss_probability, "", "share of no returns from a wall in range")
+
+    def check(self) -> None:
+        """Refuse parameters that make no density, whatever the maximum range of the log."""
+        self.model(1.0)
+
+    def model(self, max_range: float | None = None) -> LaserModel:
+        """Return the model; `max_range` applies where the table has none."""
+        values = self.model_dump()
+        return LaserModel(**{**values, "max_range": max_range if self.max_range is None else self.max_range})
+
+
+class Sonar(Table):
+    """Density of a sonar reading (docs/sensor-models.md)."""
+
+    max_range: float = key(SonarModel.max_range, "m", "no return from here on")
+    noise: float = key(SonarModel.noise, "m", "standard deviation of a range")
+    noise_relative: float = key(
+        SonarModel.noise_relative, "", "the same as a share of the distance; the larger of the two counts"
+    )
+    corner_bias: float = key(SonarModel.corner_bias, "", "log odds that a corner at distance 0 returns the pulse")
+    corner_distance: float = key(SonarModel.corner_distance, "1/m", "loss of these log odds with distance")
+    surface_bias: float = key(
+        SonarModel.surface_bias, "", "log odds that a surface at distance 0, face on, returns the pulse"
+    )
+    surface_distance: float = key(SonarModel.surface_distance, "1/m", "loss of these log odds with distance")
+    surface_oblique: float = key(SonarModel.surface_oblique, "1/rad", "loss away from face on")
+    surface_subtended: float = key(SonarModel.surface_subtended, "1/rad", "gain with the angle that the surface fills")
+    uniform_probability: float = key(
+        SonarModel.uniform_probability, "", "of readings that no feature returned: share uniform up to the maximum"
+    )
+    short_probability: float = key(
+        SonarModel.short_probability, "", "of readings that no feature returned: share of short ones"
+    )
+    short_length: float = key(SonarModel.short_length, "m", "mean of the short ones")
+    cone: float = key(CONE, "rad", "full field of view, where the log has none")
+
+    def check(self) -> None:
+        """Refuse parameters that make no density."""
+        if not 0.0 < self.cone < math.pi:
+            raise ConfigError(f"cone {self.cone}: must lie between 0 and pi radians")
+        self.model()
+
+    def model(self) -> SonarModel:
+        """Return the model."""
+        return SonarModel(**self.model_dump(exclude={"cone"}))
+
+
+class Points(Table):
+    """Density of a point observation (docs/sensor-models.md)."""
+
+    kind: Literal["gaussian", "binary"] | None = key(
+        None, "", "gaussian, or binary: the colour itself, 1 for black, perhaps flipped"
+    )
+    mean_black: float = key(PointModel.mean_black, "", "gaussian: mean of the values in black, in their unit")
+    mean_white: float = key(PointModel.mean_white, "", "gaussian: mean of the values in white")
+    sigma: float | None = key(None, "", "gaussian: standard deviation round the mean")
+    flip_probability: float = key(
+        PointModel.flip_probability, "", "binary: share of values that report the other colour, below 0.5"
+    )
+
+    def check(self) -> None:
+        """Refuse parameters that make no density."""
+        self.model()
+
+    def model(self) -> PointModel:
+        """Return the model."""
+        return PointModel(**self.model_dump())
+
+
+class Thinning(Table):
+    """Which beams of a dense log are used (docs/large-jobs.md)."""
+
+    beam_density: float = key(
+        BEAM_DENSITY, "1/m²", "beams of a laser a square metre of seen ground, about; 0: all of them", ge=0.0
+    )
+
+
+class Readings(Table):
+    """Which readings of the logs are used (docs/readings.md)."""
+
+    topic: str | None = key(None, "", "laser: topic of a bag, device of a Player log, kind of CARMEN lines")
+    sonar_topic: str | None = key(None, "", "the same of the sonar's log, in a bag several with commas")
+    frame: str | None = key(None, "", "frame or odometry topic that poses are taken in")
+    every_scan: int = key(1, "", "scans 0, K, 2K ...", ge=1)
+    every_beam: int = key(1, "", "beams 0, K, 2K ...", ge=1)
+    scans: str | None = key(None, "", "START:STOP:STEP, only these scans")
+    skip_scans: str | None = key(None, "", "START:STOP:STEP, all but these scans")
+
+
+class Driven(Table):
+    """What the way driven says (docs/driven-way.md)."""
+
+    radius: float = key(0.1, "m", "of the disc that was free all along the way; 0: unknown", ge=0.0, le=LARGEST_RANGE)
+    poses: DrivenPoses = key("used", "", "used: the way of the scans in use; all: of the whole log")
+
+
+class Sampler(Table):
+    """The chains (docs/convergence.md, docs/large-jobs.md)."""
+
+    chains: int = key(4, "", "independent chains", ge=1, le=10_000)
+    resolution: float | None = key(None, "m", "side of a pixel of the image")
+    tiles: int | None = key(None, "", "tiles in which a chain is updated at once, for large windows; 0: none", ge=0)
+    start: Start | None = key(None, "", "where chains start: empty, grid (contour of one) or prior")
+    rungs: int | Literal["auto"] = key(
+        1, "", "temperatures of parallel tempering a chain; auto: several once chains disagree"
+    )
+    hottest: float | None = key(None, "", "power of the likelihood on the last of them; 0: the prior", ge=0.0, lt=1.0)
+
+    def check(self) -> None:
+        """Refuse numbers of temperatures that no machine holds, and tiles beside them."""
+        if isinstance(self.rungs, int) and not 1 <= self.rungs <= 1_000:
+            raise ConfigError(f"rungs {self.rungs}: must be from 1 to 1000")
+        if self.tiles is not None and (self.tiles == 1 or self.tiles > 1024):
+            raise ConfigError(f"tiles {self.tiles}: must be 0, or from 2 to 1024")
+        if self.is_tempered and self.tiles:
+            raise ConfigError(f"tiles {self.tiles}: tempered chains have none. Leave out rungs or tiles")
+
+    @property
+    def is_tempered(self) -> bool:
+        """Whether chains have several temperatures, or may come to have some."""
+        return isinstance(self.rungs, str) or self.rungs > 1
+
+
+class Grid(Table):
+    """Occupancy grids (docs/scores.md)."""
+
+    method: Literal["count", "log-odds"] = key("count", "", "count hits and misses, or add clamped log odds")
+    resolution: float = key(0.1, "m", "side of a cell")
+    no_return: Literal["free", "ignore"] = key("ignore", "", "what laser beams without return say of their cells")
+    hit_probability: float = key(0.7, "", "log-odds: occupied, given one hit", gt=0.5, lt=1.0)
+    miss_probability: float = key(0.4, "", "log-odds: occupied, given one miss", gt=0.0, lt=0.5)
+    clamp: float = key(3.5, "", "log-odds: stay within plus and minus this", gt=0.0)
+    sonar_thickness: float = key(0.2, "m", "depth of the arc that a sonar reading marks", gt=0.0)
+
+
+class Anneal(Table):
+    """The search for the best map (docs/scores.md)."""
+
+    coldest: float = key(0.003, "", "temperature before the last steps, which accept no loss")
+
+
+PREFIXES: Mapping[str, str] = {"sonar": "sonar_", "points": "points_", "driven": "driven_"}
+"""Before the keys of these tables in manifests and flags; nothing for others."""
+IN_MANIFEST = ("prior", "laser", "sonar", "points", "thinning", "readings", "driven", "sampler")
+
+
+class Configuration(Tree):
+    """Everything that can be set; None: from the log, or estimated."""
+
+    PACKAGE: ClassVar[str] = "prf"
+
+    prior: Prior = Prior()
+    laser: Laser = Laser()
+    sonar: Sonar = Sonar()
+    points: Points = Points()
+    thinning: Thinning = Thinning()
+    readings: Readings = Readings()
+    driven: Driven = Driven()
+    sampler: Sampler = Sampler()
+    grid: Grid = Grid()
+    anneal: Anneal = Anneal()
+
+    @classmethod
+    def flag(cls, place: str) -> str:
+        """Return the flag that sets ``TABLE.KEY``."""
+        return "--" + flat_name(place).replace("_", "-")
+
+    def flat(self) -> dict[str, Any]:
+        """Return the values as manifests have them."""
+        return {flat_name(place): self.get(place) for place in _in_manifest()}
+
+    @classmethod
+    def of(cls, **values: Any) -> Self:
+        """Return the configuration with these values, by the names that manifests have.
+
+        Raises
+        ------
+        ConfigError
+            If a name is unknown, or a value cannot be used.
+        """
+        return cls().replace(**values)
+
+    def replace(self, **changes: Any) -> Self:
+        """Return the configuration with other values, by the names that manifests have; ConfigError as :meth:`of`."""
+        places = {flat_name(place): place for place in _in_manifest()}
+        values = self.model_dump(exclude_none=True)
+        for name, value in changes.items():
+            if name not in places:
+                raise ConfigError(f"{name}: there is no such setting.")
+            table, each = places[name].split(".")
+            values[table][each] = value
+        return build(type(self), values, {place: name.replace("_", "-") for name, place in places.items()})
+
+
+def flat_name(place: str) -> str:
+    """Return the name of ``TABLE.KEY`` in manifests and, with dashes, of its flag."""
+    table, name = place.split(".")
+    return PREFIXES.get(table, "") + name
+
+
+def _in_manifest() -> list[str]:
+    return [f"{table}.{name}" for table in IN_MANIFEST for name in Configuration.tables()[table].model_fields]
+
+
+def load_configuration(
+    options: Mapping[str, Any],
+    defaults: Mapping[str, Any] = MappingProxyType({}),
+    tables: Sequence[str] = IN_MANIFEST,
+) -> Loaded[Configuration]:
+    """Return what the options of a verb ask for.
+
+    Parameters
+    ----------
+    options : mapping of str to Any
+        ``config``, ``preset``, ``assignments``, and flags by the names that manifests have; the rest is passed over.
+    defaults : mapping of str to Any
+        ``TABLE.KEY`` to a default of this verb.
+    tables : sequence of str
+        Whose keys may be flags.
+
+    Raises
+    ------
+    InputError, ConfigError
+        As :func:`prf.shell.settings.load`.
+    """
+    keys = {flat_name(f"{table}.{name}"): f"{table}.{name}" for table in tables for name in _fields(table)}
+    flags = {place: options[name] for name, place in keys.items() if name in options}
+    path, presets, assignments = (options.get(name) for name in ("config", "preset", "assignments"))
+    return load(Configuration, path, presets or (), assignments or (), flags, defaults)
+
+
+def _fields(table: str) -> Iterable[str]:
+    return Configuration.tables()[table].model_fields

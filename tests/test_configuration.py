@@ -1,0 +1,74 @@
+"""The settings of `prf`: they reach the models, and manifests keep them."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from prf.configuration import Configuration, flat_name, load_configuration
+from prf.occupancy import GridConfig, grid_config
+from prf.score import SCORE_DEFAULTS, ScoreConfig, score_config
+from prf.sensors.laser import LaserModel
+from prf.sensors.points import PointModel
+from prf.sensors.sonar import SonarModel
+from prf.shell.errors import ConfigError
+
+
+def test_every_parameter_of_the_models_is_a_key() -> None:
+    tables = Configuration.tables()
+    assert set(LaserModel.__dataclass_fields__) == set(tables["laser"].model_fields)
+    assert {*SonarModel.__dataclass_fields__, "cone"} == set(tables["sonar"].model_fields)
+    assert set(PointModel.__dataclass_fields__) == set(tables["points"].model_fields)
+
+
+def test_the_values_reach_the_models() -> None:
+    laser = LaserModel(9.0, 0.05, 0.02, 0.1, 0.03)
+    sonar = SonarModel(3.0, 0.04, 0.03, 1.5, 0.6, 2.0, 0.4, 12.0, 5.0, 0.3, 0.1, 0.7)
+    values = {f"sonar_{name}": value for name, value in dataclasses.asdict(sonar).items()}
+    found = Configuration.of(**dataclasses.asdict(laser), **values, points_sigma=2.0)
+    assert (found.laser.model(), found.sonar.model()) == (laser, sonar)
+    assert found.points.model() == PointModel(sigma=2.0)
+    assert Configuration().laser.model(8.0) == LaserModel(8.0)
+
+
+def test_manifests_keep_it_under_flat_names() -> None:
+    made = Configuration.of(window=np.arange(4.0), sonar_cone=0.5, chains=np.int64(2), driven_radius=0.2, rungs="auto")
+    flat = made.flat()
+    assert (flat["window"], flat["sonar_cone"], flat["chains"]) == ((0.0, 1.0, 2.0, 3.0), 0.5, 2)
+    assert Configuration.of(**flat) == made
+    assert flat_name("sonar.noise") == "sonar_noise"
+    assert Configuration.flag("driven.radius") == "--driven-radius"
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"chains": 0}, "chains = 0"),
+        ({"chains": 10**20}, "chains"),
+        ({"rungs": 0}, "rungs 0: must be from 1"),
+        ({"rungs": 10**20}, "rungs"),
+        ({"start": "moon"}, "start"),
+        ({"driven_poses": "some"}, "driven-poses"),
+        ({"rungs": 2, "tiles": 4}, "tiles 4"),
+        ({"rungs": "auto", "tiles": 4}, "tiles 4"),
+        ({"nose": 1}, "nose: there is no such setting"),
+    ],
+)
+def test_what_cannot_be_is_refused(values: dict[str, object], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        Configuration.of(**values)
+
+
+def test_options_of_a_verb_are_found_by_name() -> None:
+    options = {"noise": 0.1, "scale": None, "resolution": 0.5, "assignments": ["grid.clamp=2"], "json": True}
+    found = load_configuration(options)
+    assert (found.settings.laser.noise, found.settings.sampler.resolution, found.settings.grid.clamp) == (0.1, 0.5, 2.0)
+    assert found.sources["sampler.resolution"] == "--resolution"
+    assert load_configuration(options, tables=("grid",)).settings.grid.resolution == 0.5
+
+
+def test_grids_and_scores_share_the_defaults() -> None:
+    assert grid_config(Configuration()) == GridConfig()
+    assert score_config(load_configuration({}, SCORE_DEFAULTS).settings) == ScoreConfig()
