@@ -29,6 +29,6 @@ def config(
     from prf.shell.config_verb import show, show_presets
 
     if action is ConfigAction.show:
-        show(Configuration, "prf", file, preset, assignments, json)
+        show(Configuration, "prf.config/1", file, preset, assignments, json)
     else:
-        show_presets(Configuration, "prf", file, json)
+        show_presets(Configuration, "prf.config.presets/1", file, json)
