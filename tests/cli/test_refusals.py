@@ -82,7 +82,7 @@ CASES = (
     ("mapq simulate", 2, "-o"),
     ("mapq simulate -o out.ply --drift -1", 2, "--drift"),
     ("mapq simulate -o no/such/folder/out.ply", 4, "no/such/folder"),
-    ("mapq train walls.patches -o out.json --regularisation 0", 2, "must be above 0"),
+    ("mapq train walls.patches -o out.json --regularisation 0", 2, "above 0"),
     ("mapq train walls.patches -o out.json --radius -1", 2, "radius"),
     ("mapq train walls.patches --json -o -", 2, "both want standard output"),
     ("mapq train bare.patches -o out.json", 3, "mapq label"),
