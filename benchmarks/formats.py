@@ -29,7 +29,7 @@ from mapq.cloud import PointCloud
 from mapq.io import ReadOptions, read_cloud, write_cloud
 from prf.shell.errors import PrfError
 
-ENDS = (".pcd", ".ply", ".las", ".laz", ".e57", ".ptx", ".vtk", ".npy", ".csv", ".bin", ".bin.gz", ".3d.gz", ".xyz")
+ENDS = (".pcd", ".ply", ".las", ".laz", ".e57", ".ptx", ".npy", ".csv", ".bin", ".bin.gz", ".3d.gz", ".xyz")
 THREE_COLUMNS = ("newer_college_01", "gtsam_points_kitti_00")
 LARGE = ("a.ply", "a.las", "a.laz", "a.npy", "a.xyz")
 

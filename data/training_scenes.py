@@ -12,12 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.simulate.building import add_building
-from mapq.simulate.facade import add_facade, draw_windows
-from mapq.simulate.kinds import Kind
-from mapq.simulate.line import Line
-from mapq.simulate.scene import Frame, SceneBuilder, World
-from mapq.simulate.variety import add_balconies, add_hedge, add_shed, add_yard
+from mapq.simulate.buildings import add_balconies, add_building, add_facade, add_hedge, add_shed, add_yard, draw_windows
+from mapq.simulate.scene import Frame, Kind, Line, SceneBuilder, World
 
 Floats = NDArray[np.float64]
 Rng = np.random.Generator

@@ -25,13 +25,12 @@ from mapq.kernels.raycast import cast_beams
 from mapq.labels import label_from_field
 from mapq.patches import Patches
 from mapq.perturb.cells import mean_of
-from mapq.perturb.disagree import known_disagreement
 from mapq.perturb.errors import PoseErrors, displaced
+from mapq.perturb.known import FEWEST, Surfaces, known_disagreement
 from mapq.perturb.label import Rule, label_points
-from mapq.perturb.surfaces import FEWEST, Surfaces
 from mapq.posed import PosedScans, drive_passes
 from mapq.segmentation import segment
-from mapq.simulate.kinds import MOVING, Kind
+from mapq.simulate.scene import MOVING, Kind
 
 Floats = NDArray[np.float64]
 Rng = np.random.Generator
@@ -550,7 +549,7 @@ def labelled(world: ScannedWorld, used: Floats, source: str) -> PointCloud:
 def true_disagreement(world: ScannedWorld, used: Floats) -> Floats:
     """Return for each point (n,) how far the scans that see its piece of surface lie apart along its normal, in metres.
 
-    As :func:`mapq.perturb.disagree.known_disagreement`, for pieces of the true surfaces; nan for what moves and for
+    As :func:`mapq.perturb.known.known_disagreement`, for pieces of the true surfaces; nan for what moves and for
     mixed ranges.
     """
     metres = np.full(len(world.scan), np.nan)

@@ -15,8 +15,7 @@ from mapq.cloud import PointCloud
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.patches import is_patches
 from mapq.io.result_folder import ResultFolder, is_result_folder, open_result_folder
-from mapq.io.result_json import read_result_json
-from mapq.io.results import RESULT_FIELDS, json_beside
+from mapq.io.results import RESULT_FIELDS, json_beside, read_result_json
 from mapq.model import Model
 from mapq.patches import NO_PATCH, SUSPICIOUS, Patches
 from mapq.segmentation import segment

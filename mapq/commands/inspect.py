@@ -28,7 +28,7 @@ def inspect(
         str,
         typer.Argument(
             metavar="FILE",
-            help="A cloud (PLY, PCD, LAS/LAZ, E57, PTX, XYZ/TXT/CSV, VTK, .npy, .npz, 3DTK .3d, KITTI .bin, ROS bag; "
+            help="A cloud (PLY, PCD, LAS/LAZ, E57, PTX, XYZ/TXT/CSV, .npy, .npz, 3DTK .3d, KITTI .bin, ROS bag; "
             "also gzipped), PATCHES, a RESULT (also a folder of tiles) or a model; - is standard input.",
         ),
     ],

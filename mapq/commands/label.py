@@ -10,25 +10,19 @@ import typer
 from prf.shell.options import Json
 
 if TYPE_CHECKING:
-    from mapq.labelling import Agreement, HandCounts
+    from mapq.labelling import HandCounts
     from mapq.labels import LabelCounts
 
 EXAMPLES = (
     "mapq label city.patches",
     "mapq label city.patches --from-field truth --force --json",
     "mapq label city.patches --from-field suspicious --conservative",
-    "mapq label --agreement ann.patches bob.patches --json",
 )
-N_LISTED = 20
-"""Patches on which two people disagree that the table lists."""
 
 
 def label(
     patches: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="PATCHES...", help="What mapq segment wrote; labels are stored in it. Two: --agreement."
-        ),
+        str, typer.Argument(metavar="PATCHES", help="What mapq segment wrote; labels are stored in it.")
     ],
     from_field: Annotated[
         str | None,
@@ -44,22 +38,19 @@ def label(
             "--conservative", help="Plausible only if nine tenths of the points are, else suspicious, as in the paper."
         ),
     ] = False,
-    agreement: Annotated[
-        bool, typer.Option("--agreement", help="Compare the labels of two files: agreement and Cohen's kappa.")
-    ] = False,
     model: Annotated[
         str | None,
         typer.Option(
             "--model",
             metavar="MODEL",
-            help="Model that says which patches are uncertain.  [that of the package]",
+            help="Model by which patches are uncertain.  [that of the package]",
         ),
     ] = None,
     port: Annotated[
         int, typer.Option("--port", metavar="N", min=0, max=65535, help="Port of the page.  [a free one]")
     ] = 0,
     no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="Open no browser; the address stands on standard error.")
+        bool, typer.Option("--no-browser", help="Open no browser; the address is printed on standard error.")
     ] = False,
     json: Json = False,
     force: Annotated[
@@ -69,32 +60,24 @@ def label(
     """Label patches plausible or suspicious: by hand on a page, or by the majority of a point field.
 
     By hand: a page in the browser, served to this machine alone, asks for the most uncertain patch first: p plausible,
-    s suspicious, u unsure, z takes back. Each label is on the disk before the next patch is shown, and in PATCHES when
-    labelling ends, by the button or by Ctrl-C. It goes on where it stopped, also after a crash.
+    s suspicious, u unsure, z undoes. Each label is on the disk before the next patch is shown, and in PATCHES when
+    labelling ends, by the button or by Ctrl-C. It resumes where it stopped, also after a crash.
 
     With --from-field a patch with as many points of either kind is suspicious. With --conservative every patch gets a
-    label, and is plausible only if nine tenths of its points are: what is not known speaks against it. Labels of an
+    label, and is plausible only if nine tenths of its points are: what is unknown counts against it. Labels of an
     earlier field are replaced.
     """
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM
 
-    if len(patches) != 1 + agreement:
-        raise UsageError(
-            f"give {'two files for --agreement' if agreement else 'one PATCHES file'}, not {len(patches)}."
-        )
-    if agreement and (from_field is not None or model is not None):
-        raise UsageError("--agreement compares labels that there are: leave out --from-field and --model.")
-    if STREAM in patches:
+    if patches == STREAM:
         raise UsageError("labels are stored in PATCHES itself, which standard input has no place for. Name a file.")
     if (conservative or force) and from_field is None:
-        raise UsageError("--conservative and --force go with --from-field.")
-    if agreement:
-        _compare((patches[0], patches[1]), json)
-    elif from_field is not None:
-        _from_field(patches[0], from_field, conservative, force, json)
+        raise UsageError("--conservative and --force are for --from-field.")
+    if from_field is not None:
+        _from_field(patches, from_field, conservative, force, json)
     else:
-        _by_hand(patches[0], model, port, not no_browser, json)
+        _by_hand(patches, model, port, not no_browser, json)
 
 
 def _from_field(path: str, name: str, conservative: bool, force: bool, json: bool) -> None:
@@ -127,20 +110,6 @@ def _by_hand(path: str, model: str | None, port: int, browser: bool, json: bool)
         console.summarize(line)
 
 
-def _compare(files: tuple[str, str], json: bool) -> None:
-    """Compare two people."""
-    from mapq.io import read_patches
-    from mapq.labelling import compare_labels
-    from prf.shell import console, jsonout
-
-    found = compare_labels(read_patches(files[0]), read_patches(files[1]), files)
-    if json:
-        jsonout.emit_object("mapq.label.agreement/1", {"files": list(files), **found.content()})
-        return
-    for line in _agreement_lines(found):
-        console.emit(line)
-
-
 def _field_lines(counts: LabelCounts) -> Iterator[str]:
     """Return the table for a person."""
     yield f"patches         {counts.n_patches}"
@@ -160,20 +129,3 @@ def _hand_lines(counts: HandCounts) -> Iterator[str]:
     yield f"unsure          {counts.n_unsure}, left out of training"
     if counts.n_from_field:
         yield f"from a field    {counts.n_from_field}"
-
-
-def _agreement_lines(found: Agreement) -> Iterator[str]:
-    """Return the table for a person."""
-    (pp, ps), (sp, ss) = found.confusion.tolist()
-    low, high = found.interval
-    yield f"patches         {found.n_patches}, {found.n_common} of them labelled in both files"
-    yield f"unsure          {found.n_unsure[0]} in the first, {found.n_unsure[1]} in the second"
-    yield f"agreement       {found.agreement:.1%}"
-    yield f"Cohen's kappa   {found.kappa:.3f}, 95 % from {low:.3f} to {high:.3f}"
-    yield "                second: plausible  suspicious"
-    yield f"first plausible {pp:17d} {ps:11d}"
-    yield f"     suspicious {sp:17d} {ss:11d}"
-    if len(found.disagreeing):
-        listed = ", ".join(map(str, found.disagreeing[:N_LISTED].tolist()))
-        more = len(found.disagreeing) - N_LISTED
-        yield f"they differ on  patches {listed}" + (f" and {more} more (--json lists all)" if more > 0 else "")

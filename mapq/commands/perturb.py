@@ -136,7 +136,7 @@ def perturb(
         logger.info("takes a while. If these poses are right, give the same file as --reference too.")
     with progress(1.0, "merging and comparing scans") as bar:
         built = build(posed.every(every), errors, rule, settings, right, used_seed or 0, bar.update)
-    head = {"seed": used_seed, "errors": errors.as_dict(), "rule": rule.as_dict(), "merging": asdict(settings)}
+    head = {"seed": used_seed, "errors": asdict(errors), "rule": asdict(rule), "merging": asdict(settings)}
     report = write_map(targets, built, head, split, buffer)
     if json:
         jsonout.emit_object(SCHEMA, report)

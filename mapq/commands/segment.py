@@ -43,9 +43,7 @@ LENGTHS = ("resolution", "spacing", "noise", "max_distance", "max_gap", "min_ext
 def segment(
     cloud: Annotated[
         str,
-        typer.Argument(
-            metavar="CLOUD", help="PLY, PCD, LAS/LAZ, E57, PTX, XYZ, CSV, VTK, .npy, .npz, .3d, .bin, ROS bag."
-        ),
+        typer.Argument(metavar="CLOUD", help="PLY, PCD, LAS/LAZ, E57, PTX, XYZ, CSV, .npy, .npz, .3d, .bin, ROS bag."),
     ],
     output: Output = None,
     config: Config = None,

@@ -5,5 +5,5 @@ from mapq.io.options import ReadOptions as ReadOptions
 from mapq.io.patches import is_patches as is_patches
 from mapq.io.patches import read_patches as read_patches
 from mapq.io.patches import write_patches as write_patches
-from mapq.io.ply_write import write_ply as write_ply
+from mapq.io.ply import write_ply as write_ply
 from mapq.io.write import write_cloud as write_cloud

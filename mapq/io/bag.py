@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
 from mapq.io.content import ACCEPTED, Content
-from mapq.io.fields import Array, axes_of, cloud_of_world, refuse_doubles
-from mapq.io.joined import joined_fields
+from mapq.io.fields import Array, axes_of, cloud_of_world, joined_fields, refuse_doubles
 from mapq.io.options import ReadOptions
 from prf.shell.bag import Bag, Message, bag_in, bag_suffix, named_bag, open_bag, seconds
 from prf.shell.errors import ConfigError, InputError
@@ -26,15 +25,12 @@ CLOUD = "sensor_msgs/msg/PointCloud2"
 TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 FIXED = "map"
 
-LONGEST_POINT = 1 << 20
-"""Bytes of a point; a message that promises more is damaged."""
-
 TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """Types of numpy by the numbers of PointField."""
 
 
 class _Scan(NamedTuple):
-    """A message: coordinates as in the message (n, 3), and all else."""
+    """A message: coordinates as in the message (n, 3), and its other fields."""
 
     frame: str
     time: float
@@ -48,13 +44,6 @@ def read_bag(content: Content, options: ReadOptions) -> PointCloud:
     A single message, and messages in the frame of the map, are taken as they are; others by tf into the frame of the
     map, each at its time. A message that repeats the one before, as a map that is published again and again, counts
     once. Where there are several the field `scan` numbers them.
-
-    Raises
-    ------
-    InputError
-        If the bag is damaged, has no clouds, or tf does not lead to the frame of the map.
-    ConfigError
-        If there are several topics of clouds and none is named, or there is no such topic.
     """
     source = content.source
     with _bag_path(content) as path, open_bag(path, source) as bag:
@@ -64,28 +53,22 @@ def read_bag(content: Content, options: ReadOptions) -> PointCloud:
             raise InputError(f"{source}: the messages of {topic} are empty.")
         poses = _poses(bag, scans, options.frame)
     unit = options.unit or 1.0
-    placed = [
-        (_placed(scan.points, poses, row, unit), scan.fields)
-        for row, scan in enumerate(scans)
-        if poses is None or poses.known[row]
-    ]
-    if not placed:
+    rows = [row for row in range(len(scans)) if poses is None or poses.known[row]]
+    if not rows:
         raise InputError(f"{source}: no message of {topic} lies within the time of the transforms.")
-    if len(placed) < len(scans):
+    n_lost = len(scans) - len(rows)
+    if n_lost:
         logger.warning(
-            "%s: %d of %d messages lie outside the time of the transforms: left out",
-            source,
-            len(scans) - len(placed),
-            len(scans),
+            "%s: %d of %d messages lie outside the time of the transforms: left out", source, n_lost, len(scans)
         )
-    fields = joined_fields([part for _, part in placed], [len(points) for points, _ in placed], source)
-    world = np.concatenate([points for points, _ in placed])
-    return cloud_of_world(world, fields, source, unit)
+    placed = [_placed(scans[row].points, poses, row, unit) for row in rows]
+    fields = joined_fields([scans[row].fields for row in rows], list(map(len, placed)), source)
+    return cloud_of_world(np.concatenate(placed), fields, source, unit)
 
 
 @contextmanager
 def _bag_path(content: Content) -> Iterator[Path]:
-    """Give the bag under a name that tells its format."""
+    """Give the bag under a name of its format."""
     if content.is_folder:
         yield bag_in(Path(content.path), ACCEPTED)
         return
@@ -122,7 +105,7 @@ def _scans(bag: Bag, topic: str) -> list[_Scan]:
 
 
 def _parse(message: Message, where: str) -> _Scan:
-    """Return the points of a message."""
+    """Return the points of a message, whose rows may be padded."""
     body = message.body
     dtype = _row_type(body, where)
     height, width, step, stride = int(body.height), int(body.width), int(body.point_step), int(body.row_step)
@@ -133,34 +116,31 @@ def _parse(message: Message, where: str) -> _Scan:
             f"it anew."
         )
     lines = [np.frombuffer(data, dtype, width, row * stride) for row in range(height)]
-    rows = lines[0] if height == 1 else np.concatenate(lines) if lines else np.empty(0, dtype)
+    rows = np.concatenate(lines) if lines else np.empty(0, dtype)
     names = list(dtype.names or ())
     axes = axes_of(names, where)
     points = np.column_stack([rows[name] for name in axes])
-    time = seconds(body.header.stamp, message.received)
     fields = {name: rows[name].copy() for name in names if name not in axes}
-    return _Scan(frame_name(body.header.frame_id), time, points, fields)
+    return _Scan(frame_name(body.header.frame_id), seconds(body.header.stamp, message.received), points, fields)
 
 
 def _row_type(body: Any, where: str) -> np.dtype[np.void]:
-    """Return the type of a point; what lies between the fields is padding."""
+    """Return the type of a point; between the fields there may be padding."""
     order = ">" if body.is_bigendian else "<"
     names, formats, offsets = [], [], []
     for field in body.fields:
         count = max(1, int(field.count))  # old drivers write 0
-        if field.datatype not in TYPES or count > 1 << 16:
+        if field.datatype not in TYPES:
             raise InputError(f"{where}: field {field.name} is of type {field.datatype}, which is none of PointField.")
         names.append(str(field.name))
         formats.append((order + TYPES[field.datatype], (count,) if count > 1 else ()))
         offsets.append(int(field.offset))
     refuse_doubles(names, where)
     size = int(body.point_step)
-    ends = [offset + np.dtype(kind).itemsize for offset, kind in zip(offsets, formats, strict=True)]
-    if not 0 < max(ends, default=1) <= size <= LONGEST_POINT:
-        raise InputError(
-            f"{where}: fields reach beyond the {size} bytes of a point, or those are many. Record it anew."
-        )
-    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": size})
+    try:
+        return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": size})
+    except ValueError:
+        raise InputError(f"{where}: fields reach beyond the {size} bytes of a point. Record it anew.") from None
 
 
 def _poses(bag: Bag, scans: list[_Scan], named: str | None) -> Rigid | None:
@@ -187,7 +167,7 @@ def _poses(bag: Bag, scans: list[_Scan], named: str | None) -> Rigid | None:
 
 
 def _placed(points: Array, poses: Rigid | None, row: int, unit: float) -> NDArray[Any]:
-    """Return points (n, 3) in the frame of the map; `unit` is how many metres, those of tf, one of theirs is."""
+    """Return points (n, 3), in units of so many metres, in the frame of the map; tf is in metres."""
     if poses is None:
         return points
     wide = points.astype(np.float64)

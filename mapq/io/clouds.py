@@ -1,20 +1,85 @@
-"""Reading a cloud of any format: one entry for every command."""
+"""Clouds of any format: the format is recognised from the content, and from the name only where that cannot tell."""
 
 from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Literal
 
 import numpy as np
 
 from mapq.cloud import PointCloud
-from mapq.io.content import Content
-from mapq.io.fields import make_cloud
-from mapq.io.formats import CLOUD_READERS, COLUMN_READERS
+from mapq.io.bag import read_bag
+from mapq.io.content import ACCEPTED, Content, damage_in_one_line, suffix_of
+from mapq.io.e57 import read_e57
+from mapq.io.fields import Array, make_cloud
 from mapq.io.kitti import read_kitti
-from mapq.io.npy import read_npy
+from mapq.io.las import read_las
+from mapq.io.npy import MAGIC as NPY_MAGIC
+from mapq.io.npy import ZIP_MAGIC, read_npy, read_npz
 from mapq.io.options import AS_IT_IS, ReadOptions
-from mapq.io.recognise import recognise
-from mapq.io.result_json import unit_beside
-from mapq.io.results import RESULT_FIELDS
+from mapq.io.pcd import read_pcd
+from mapq.io.ply import MAGIC as PLY_MAGIC
+from mapq.io.ply import read_ply
+from mapq.io.ptx import read_ptx
+from mapq.io.results import RESULT_FIELDS, unit_beside
+from mapq.io.text import read_text
+from mapq.io.uos import read_uos
+from prf.shell.bag import bag_suffix
+from prf.shell.errors import InputError
 from prf.shell.files import STREAM
+
+Format = Literal["ply", "pcd", "las", "e57", "ptx", "npy", "npz", "3d", "kitti", "bag", "text"]
+
+MAGICS: tuple[tuple[bytes, Format], ...] = (
+    *((magic, "ply") for magic in PLY_MAGIC),
+    (b"LASF", "las"),
+    (b"ASTM-E57", "e57"),
+    (NPY_MAGIC, "npy"),
+    *((magic, "npz") for magic in ZIP_MAGIC),
+)
+"""How files of some formats begin."""
+
+COLUMN_READERS: Mapping[Format, Callable[[bytes, str], dict[str, Array]]] = {
+    "ply": read_ply,
+    "pcd": read_pcd,
+    "npz": read_npz,
+    "ptx": read_ptx,
+    "text": read_text,
+}
+"""Readers that make columns of the bytes of a file, given its name for messages."""
+
+CLOUD_READERS: Mapping[Format, Callable[[Content, ReadOptions], PointCloud]] = {
+    "las": read_las,
+    "e57": read_e57,
+    "3d": read_uos,
+    "bag": read_bag,
+}
+"""Readers of formats that hold more of a cloud than columns: its unit, axes, poses."""
+
+REFUSED = (
+    (b"#ROSBAG", "a ROS 1 bag of an old version, which rosbag fix can convert"),
+    (b"# vtk DataFile", "a VTK file; save it as PLY"),
+    (b"\x89HDF", "an HDF5 file"),
+    (b"OFF\n", "an OFF mesh"),
+    (b"solid ", "an STL mesh"),
+    (b"\x1f\x8b", "a file that was gzipped twice"),
+    (b"BZh", "a bzip2 archive"),
+    (b"\xff\xfe", "text in UTF-16; save it as UTF-8"),
+    (b"\xfe\xff", "text in UTF-16; save it as UTF-8"),
+    (b"{", "a JSON document"),
+    (b"<", "an XML or HTML document"),
+)
+"""Contents that are known and not read."""
+
+HEADERS = {
+    **{".ply": "PLY", ".pcd": "PCD", ".npy": "NPY", ".npz": "NPZ", ".las": "LAS", ".laz": "LAS", ".e57": "E57"},
+    **{".ptx": "PTX", ".bag": "ROS bag", ".db3": "SQLite", ".mcap": "MCAP"},
+}
+"""Formats that need a header, by their suffix."""
+
+_PCD = re.compile(rb"\A(?:[ \t\r]*(?:#[^\n]*)?\n)*[ \t]*(?:VERSION[ \t]+\.?\d|(?:FIELDS|COLUMNS)[ \t])")
+_PTX = re.compile(rb"\A\s*\d+\s*\n\s*\d+\s*\n(?:[ \t]*\S+[ \t]+\S+[ \t]+\S+\s*\n){4}")
 
 
 def read_cloud(path: str, options: ReadOptions = AS_IT_IS) -> PointCloud:
@@ -23,10 +88,10 @@ def read_cloud(path: str, options: ReadOptions = AS_IT_IS) -> PointCloud:
     Parameters
     ----------
     path : str
-        PLY, PCD, LAS, LAZ, E57, PTX, XYZ/TXT/CSV, VTK, .npy, .npz, 3DTK .3d, KITTI .bin or a ROS bag, gzipped or not;
-        ``-`` is standard input (not for .bin and .3d, which only their names tell).
+        PLY, PCD, LAS, LAZ, E57, PTX, XYZ/TXT/CSV, .npy, .npz, 3DTK .3d, KITTI .bin or a ROS bag, gzipped or not;
+        ``-`` is standard input (not for .bin and .3d, which only their names identify).
     options : ReadOptions
-        What the file does not say itself.
+        What the file does not state itself.
 
     Returns
     -------
@@ -41,27 +106,70 @@ def read_cloud(path: str, options: ReadOptions = AS_IT_IS) -> PointCloud:
     return parse_cloud(Content(path), options)[1]
 
 
-@np.errstate(over="ignore", invalid="ignore")  # numpy would warn of coordinates beyond reason, which no reader trusts
-def parse_cloud(content: Content, options: ReadOptions = AS_IT_IS) -> tuple[str, PointCloud]:
+@np.errstate(over="ignore", invalid="ignore")  # numpy would warn of coordinates that are refused later
+def parse_cloud(content: Content, options: ReadOptions = AS_IT_IS) -> tuple[Format, PointCloud]:
     """Return format and cloud of an input; parameters and errors as :func:`read_cloud`.
 
-    A result is in the unit in which it was classified, as the JSON beside it says, for PLY cannot.
+    A result is in the unit in which it was classified, as the JSON beside it states, for PLY cannot.
     """
-    kind, cloud = _parse(content, options)
+    kind = recognise(content)
+    with damage_in_one_line(content.source):
+        cloud = _parse(kind, content, options)
     if options.unit is not None or content.path == STREAM or not set(RESULT_FIELDS) <= set(cloud.fields):
         return kind, cloud
     unit = unit_beside(content.path)
     return kind, cloud if unit is None else cloud.in_unit(unit)
 
 
-def _parse(content: Content, options: ReadOptions) -> tuple[str, PointCloud]:
-    kind = recognise(content)
+def _parse(kind: Format, content: Content, options: ReadOptions) -> PointCloud:
+    source = content.source
     if kind in CLOUD_READERS:
-        return kind, CLOUD_READERS[kind](content, options)
+        return CLOUD_READERS[kind](content, options)
     if kind == "kitti":
-        fields = read_kitti(content.data(), content.source, options.bin_columns)
+        fields = read_kitti(content.data(), source, options.bin_columns)
     elif kind == "npy":
-        fields = read_npy(content.data(), content.source, scale_known=options.unit is not None)
+        fields = read_npy(content.data(), source, scale_known=options.unit is not None)
     else:
-        fields = COLUMN_READERS[kind](content.data(), content.source)
-    return kind, make_cloud(fields, content.source, options.unit or 1.0)
+        fields = COLUMN_READERS[kind](content.data(), source)
+    return make_cloud(fields, source, options.unit or 1.0)
+
+
+def recognise(content: Content) -> Format:
+    """Return the format of an input; InputError if no reader takes it, with what it looks like and what is read."""
+    if content.is_folder:
+        return "bag"
+    head, suffix = content.head, suffix_of(content.name)
+    if not head.strip():
+        raise InputError(f"{content.source}: the file is empty. {ACCEPTED}")
+    known = _by_content(head)
+    if known is not None:
+        return known
+    if suffix == ".bin":
+        return "kitti"
+    looks_like = _unreadable(head, suffix)
+    if looks_like:
+        raise InputError(f"{content.source}: {looks_like}. {ACCEPTED}")
+    return "3d" if suffix == ".3d" else "text"
+
+
+def _by_content(head: bytes) -> Format | None:
+    for magic, kind in MAGICS:
+        if head.startswith(magic):
+            return kind
+    if bag_suffix(head):
+        return "bag"
+    if _PCD.match(head[:4096]):
+        return "pcd"
+    return "ptx" if _PTX.match(head[:1024]) else None
+
+
+def _unreadable(head: bytes, suffix: str) -> str | None:
+    """Return what content without a known magic number looks like, None for text that may be points."""
+    for magic, name in REFUSED:
+        if head.startswith(magic):
+            return f"this is {name}"
+    if suffix == ".obj":
+        return "this is an OBJ mesh"
+    if suffix in HEADERS:
+        return f"no {HEADERS[suffix]} header: the file is damaged, or its name is wrong"
+    return "this is binary data of an unknown kind" if b"\0" in head[:4096] else None

@@ -1,31 +1,55 @@
-"""What an input holds: its first bytes at once, the rest in the way that its reader asks for."""
+"""What an input holds: its first bytes at once, the rest in the way that its reader needs."""
 
 from __future__ import annotations
 
 import io
+import re
+import struct
+import tokenize
+import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import BinaryIO
 
+from prf.shell.errors import InputError, PrfError
 from prf.shell.files import STREAM, open_input
 from prf.shell.gzipped import gunzip
 
 GZIP_MAGIC = b"\x1f\x8b\x08"
-"""With the only method that there is: two bytes alone begin one in 65,536 files of plain float32."""
+"""With its only method: two bytes alone begin one in 65,536 files of plain float32."""
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 """UTF-8's, which spreadsheets put before a CSV header."""
 
 ACCEPTED = (
-    "Read are PLY, PCD, LAS/LAZ, E57, PTX, XYZ/TXT/CSV, VTK, .npy, .npz, 3DTK .3d, KITTI .bin and ROS bags, "
-    "also gzipped."
+    "Read are PLY, PCD, LAS/LAZ, E57, PTX, XYZ/TXT/CSV, .npy, .npz, 3DTK .3d, KITTI .bin and ROS bags, also gzipped."
 )
 """What is read, for messages."""
 
 HEAD = 1 << 16
-"""Bytes that tell a format."""
+"""Bytes that identify a format."""
+
+DAMAGE = (
+    *(
+        ValueError,
+        TypeError,
+        LookupError,
+        ArithmeticError,
+        EOFError,
+        OSError,
+        AttributeError,
+        SyntaxError,
+        RecursionError,
+    ),
+    *(struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error),
+)
+"""What libraries raise for a damaged file, besides errors of their own."""
+
+LIBRARIES = ("laspy", "lazrs", "pyo3_runtime", "pye57", "plyfile")
+"""Modules of those; a panic of lazrs is of pyo3_runtime, and no `Exception`."""
 
 
 class Content:
@@ -43,11 +67,6 @@ class Content:
     is_folder : bool
     head : bytes
         The first `HEAD` bytes; none of a folder.
-
-    Raises
-    ------
-    InputError
-        If there is no such file, or it is gzipped and damaged.
     """
 
     def __init__(self, path: str) -> None:
@@ -67,7 +86,7 @@ class Content:
 
     @contextmanager
     def stream(self) -> Iterator[BinaryIO]:
-        """Give a seekable stream of the bytes, without taking a file into memory."""
+        """Give a seekable stream of the bytes, without reading a file into memory."""
         if self._data is not None:
             yield io.BytesIO(self._data)
             return
@@ -76,7 +95,7 @@ class Content:
 
     @contextmanager
     def file(self) -> Iterator[Path]:
-        """Give a file with the bytes: the input itself, or a copy of what came compressed or by a pipe."""
+        """Give a file with the bytes: the input itself, or a copy of compressed or piped bytes."""
         if self._data is None:
             yield Path(self.path)
             return
@@ -98,11 +117,26 @@ class Content:
 
 
 def read_bytes(path: str) -> bytes:
-    """Return the content of a file, decompressed if it is gzipped, without a byte order mark.
-
-    Raises
-    ------
-    InputError
-        If it is missing, a folder, or damaged.
-    """
+    """Return the content of a file, decompressed if it is gzipped, without a byte order mark."""
     return Content(path).data()
+
+
+def suffix_of(name: str) -> str:
+    """Return the suffix that identifies a file's kind, such as ``.ply`` of ``A.PLY.gz``; empty without a point."""
+    _, point, suffix = re.sub(r"\.gz$", "", name.lower()).rpartition(".")
+    return point + suffix if point else ""
+
+
+@contextmanager
+def damage_in_one_line(source: str) -> Iterator[None]:
+    """Turn whatever a reader or its library raises for a damaged file into an InputError that names the file."""
+    try:
+        yield
+    except PrfError:
+        raise
+    except BaseException as error:
+        if not isinstance(error, DAMAGE) and type(error).__module__.partition(".")[0] not in LIBRARIES:
+            raise
+        words = " ".join(str(error).split())[:120] or type(error).__name__
+        words = f"{words} is missing" if isinstance(error, KeyError) else words
+        raise InputError(f"{source}: damaged or cut off ({words}). Copy, download or export it again.") from error

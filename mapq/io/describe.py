@@ -1,4 +1,4 @@
-"""What is in a file of `mapq`, whatever its kind, as `mapq inspect` tells it."""
+"""Summary of a file of `mapq`, whatever its kind, for `mapq inspect`."""
 
 from __future__ import annotations
 
@@ -15,16 +15,13 @@ from scipy.spatial import cKDTree
 
 from mapq.cloud import PointCloud
 from mapq.io.clouds import parse_cloud
-from mapq.io.content import Content, read_bytes
+from mapq.io.content import Content, damage_in_one_line, read_bytes, suffix_of
 from mapq.io.fields import Array
-from mapq.io.las_pieces import read_las_pieces
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.patches import SCHEMA as PATCHES_SCHEMA
 from mapq.io.patches import holds_patches, parse_patches
-from mapq.io.recognise import suffix_of
 from mapq.io.result_folder import ResultFolder, is_result_folder, open_result_folder
-from mapq.io.result_json import patch_counts, read_result_json
-from mapq.io.results import RESULT_FIELDS
+from mapq.io.results import RESULT_FIELDS, patch_counts, read_result_json
 from mapq.patches import FROM_FIELD, FROM_HAND, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.errors import InputError
 from prf.shell.files import STREAM
@@ -34,11 +31,10 @@ logger = logging.getLogger(__name__)
 SAMPLE = 2000
 """Points whose nearest neighbour is looked for: enough for the median to within a few per cent."""
 
-WHOLE_TILE = 5_000_000
-"""Points of a tile of a result up to which it is read whole."""
+MOST_LISTED = 64
+"""A list of JSON longer than this, or of objects, is summarised by its length."""
 
-MOST_SHOWN = 64
-"""A list of JSON longer than this, or of objects, is told by its length."""
+NAN = float("nan")
 
 
 class FieldSummary(NamedTuple):
@@ -53,7 +49,7 @@ class FieldSummary(NamedTuple):
 
 @dataclass(frozen=True)
 class CloudSummary:
-    """What is in a cloud.
+    """A cloud in numbers.
 
     Attributes
     ----------
@@ -68,7 +64,7 @@ class CloudSummary:
     coordinate_type : str
     fields : tuple of FieldSummary
     spacing : float
-        Median distance of a point to its nearest neighbour in metres, on a sample; nan for one point.
+        Median distance of a point to its nearest neighbour in metres, on a sample; nan for one point and for tiles.
     """
 
     n_points: int
@@ -84,7 +80,7 @@ class CloudSummary:
 
 @dataclass(frozen=True)
 class PatchSummary:
-    """What a cloud is cut into: counts of patches and points, by label; for PATCHES where the labels come from."""
+    """Counts of patches and points, by label; for PATCHES where the labels are from."""
 
     n_patches: int
     n_points_in_patches: int
@@ -95,7 +91,7 @@ class PatchSummary:
 
 @dataclass(frozen=True)
 class Description:
-    """What is in a file.
+    """Summary of a file.
 
     Attributes
     ----------
@@ -106,8 +102,7 @@ class Description:
     patches : PatchSummary or None
         For PATCHES and RESULT.
     content : mapping
-        Parameters and report of PATCHES, the JSON of a model or the one beside a RESULT; long lists are told by their
-        length.
+        Parameters and report of PATCHES, the JSON of a model or the one beside a RESULT; long lists by their length.
     """
 
     path: str
@@ -119,7 +114,7 @@ class Description:
 
 
 def describe(path: str, options: ReadOptions = AS_IT_IS) -> Description:
-    """Return what is in a cloud, a PATCHES file, a RESULT, or a JSON file of a model or result.
+    """Return the summary of a cloud, a PATCHES file, a RESULT, or a JSON file of a model or result.
 
     Parameters
     ----------
@@ -137,8 +132,10 @@ def describe(path: str, options: ReadOptions = AS_IT_IS) -> Description:
         return _describe_folder(open_result_folder(path, options))
     found = Content(path)
     if found.head[:64].lstrip().startswith(b"{") and suffix_of(path) != ".bin":
-        content = _parse_object(found.data(), found.source)
-        schema = content["schema"]
+        content = _load_json(found.data(), found.source)
+        schema = str(content.get("schema", "none"))[:40]
+        if not schema.startswith(("mapq.model/", "mapq.result/")):
+            raise InputError(f"{found.source}: JSON that is neither a model nor a result of mapq (schema {schema}).")
         return Description(path, schema.partition("/")[0].removeprefix("mapq."), schema, None, None, _brief(content))
     if holds_patches(found):
         options.refuse_unit(path)
@@ -152,7 +149,7 @@ def describe(path: str, options: ReadOptions = AS_IT_IS) -> Description:
 
 
 def _describe_folder(folder: ResultFolder) -> Description:
-    """Return what is in a result in tiles, which is read a piece at a time."""
+    """Return the summary of a result in tiles, which is read a piece at a time."""
     head, _ = read_result_json(folder.json)
     n_patches, n_suspicious = patch_counts(folder.json, head)
     parts, n_points = [], np.zeros(n_patches + 1, np.int64)
@@ -161,16 +158,16 @@ def _describe_folder(folder: ResultFolder) -> Description:
         if len(patch) and not -1 <= int(patch.min()) <= int(patch.max()) < n_patches:
             raise InputError(f"{folder.json}: not the JSON of {folder.path}, which has other patches.")
         n_points += np.bincount(patch + 1, minlength=n_patches + 1)
-        parts.append(_cloud(piece, float("nan")))
+        parts.append(_cloud(piece, NAN))
     labels = {"plausible": n_patches - n_suspicious, "suspicious": n_suspicious}
-    median = float(np.median(n_points[1:])) if n_patches else float("nan")
+    median = float(np.median(n_points[1:])) if n_patches else NAN
     patches = PatchSummary(n_patches, int(n_points[1:].sum()), median, labels, {})
     tiles = f"{len(folder.tiles)} tile{'' if len(folder.tiles) == 1 else 's'}"
-    told = {**_brief(head), "patches": f"{n_patches} entries"}
-    return Description(folder.path, "result", tiles, _joined(parts, _spacing_in(folder)), patches, told)
+    content = {**_brief(head), "patches": f"{n_patches} entries"}
+    return Description(folder.path, "result", tiles, _joined(parts), patches, content)
 
 
-def _joined(parts: list[CloudSummary], spacing: float) -> CloudSummary:
+def _joined(parts: list[CloudSummary]) -> CloudSummary:
     """Return the summary of all pieces of a cloud."""
     fields = [
         several[0]._replace(low=min(each.low for each in several), high=max(each.high for each in several))
@@ -183,28 +180,16 @@ def _joined(parts: list[CloudSummary], spacing: float) -> CloudSummary:
         low=np.min([part.low for part in parts], axis=0),
         high=np.max([part.high for part in parts], axis=0),
         fields=tuple(fields),
-        spacing=spacing,
     )
-
-
-def _spacing_in(folder: ResultFolder) -> float:
-    """Return the spacing in the largest tile that is read whole without much ado; nan if none is."""
-    sizes = {tile: head.n_points for tile, head in zip(folder.tiles, folder.heads, strict=True)}
-    small = [tile for tile, n_points in sizes.items() if n_points <= WHOLE_TILE]
-    if not small:
-        return float("nan")
-    tile = max(small, key=lambda each: sizes[each])
-    pieces = read_las_pieces(tile, folder.options, 0, sizes[tile], folder.shift, ())
-    return median_spacing(np.concatenate([piece.xyz for piece in pieces]))
 
 
 def median_spacing(xyz: NDArray[np.float64]) -> float:
     """Return the median distance to the nearest neighbour, on at most `SAMPLE` of the points (n, 3), all finite.
 
-    Which points are asked depends on their coordinates alone, not on their order.
+    The sample depends on the coordinates alone, not on their order.
     """
     if len(xyz) < 2:
-        return float("nan")
+        return NAN
     mixed = np.zeros(len(xyz), np.uint64)
     for column in xyz.T:
         mixed = (mixed ^ np.ascontiguousarray(column).view(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
@@ -244,7 +229,7 @@ def _patches(patches: Patches) -> PatchSummary:
     return PatchSummary(
         n_patches=len(patches),
         n_points_in_patches=int(patches.counts.sum()),
-        points_per_patch=float(np.median(patches.counts)) if len(patches) else float("nan"),
+        points_per_patch=float(np.median(patches.counts)) if len(patches) else NAN,
         labels={name: int(np.count_nonzero(patches.label == value)) for name, value in kinds.items()},
         label_sources={name: int(np.count_nonzero(patches.label_source == value)) for name, value in sources.items()},
     )
@@ -264,7 +249,7 @@ def _result(cloud: PointCloud) -> PatchSummary:
     return PatchSummary(
         n_patches=len(numbers),
         n_points_in_patches=int(counts.sum()),
-        points_per_patch=float(np.median(counts)) if len(counts) else float("nan"),
+        points_per_patch=float(np.median(counts)) if len(counts) else NAN,
         labels={
             "plausible": int(np.count_nonzero(label == PLAUSIBLE)),
             "suspicious": int(np.count_nonzero(label == SUSPICIOUS)),
@@ -279,43 +264,27 @@ def _beside(path: str) -> dict[str, Any]:
     if path == STREAM or not beside.is_file():
         return {}
     content = _load_json(read_bytes(str(beside)), str(beside))
-    if not _schema_of(content).startswith("mapq.result/"):
+    if not str(content.get("schema")).startswith("mapq.result/"):
         logger.warning("%s is not the JSON of this result", beside)
         return {}
     return _brief(content)
 
 
-def _parse_object(data: bytes, source: str) -> dict[str, Any]:
-    content = _load_json(data, source)
-    schema = _schema_of(content)
-    if not schema.startswith(("mapq.model/", "mapq.result/")):
-        found = schema[:40] or "none"
-        raise InputError(f"{source}: JSON that is neither a model nor a result of mapq (schema {found}).")
-    return dict(content)
-
-
-def _schema_of(content: Any) -> str:
-    schema = content.get("schema") if isinstance(content, dict) else None
-    return schema if isinstance(schema, str) else ""
-
-
-def _load_json(data: bytes, source: str) -> Any:
-    try:
-        return json.loads(data.decode("utf-8"))
-    except json.JSONDecodeError as error:
-        raise InputError(f"{source}:{error.lineno}: damaged JSON ({error.msg}). Write it anew.") from None
-    except (ValueError, RecursionError):  # not UTF-8, whole numbers or nesting without end
-        raise InputError(f"{source}: damaged JSON. Write it anew.") from None
+def _load_json(data: bytes, source: str) -> dict[str, Any]:
+    with damage_in_one_line(source):
+        return dict(json.loads(data.decode("utf-8")))
 
 
 def _brief(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return JSON whose long lists, and lists of objects, are told by their length."""
+    """Return JSON with long lists, and lists of objects, replaced by their length."""
     return {key: _brief_value(value) for key, value in content.items()}
 
 
 def _brief_value(value: Any) -> Any:
     if isinstance(value, Mapping):
         return _brief(value)
-    if isinstance(value, list) and (len(value) > MOST_SHOWN or any(isinstance(item, Mapping | list) for item in value)):
+    if isinstance(value, list) and (
+        len(value) > MOST_LISTED or any(isinstance(item, Mapping | list) for item in value)
+    ):
         return f"{len(value)} entries"
     return value

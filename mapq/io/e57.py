@@ -1,17 +1,15 @@
-"""E57: scans, each with its pose. Needs pye57, the extra `e57`."""
+"""E57: scans, each with its pose, with pye57 (the extra `e57`)."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.io.content import Content
-from mapq.io.fields import LARGEST_COORDINATE, Array, cloud_of_world, warn_dropped
-from mapq.io.joined import joined_fields
+from mapq.io.content import Content, damage_in_one_line
+from mapq.io.fields import LARGEST_COORDINATE, Array, cloud_of_world, joined_fields, warn_dropped
 from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError
 
@@ -32,16 +30,11 @@ def read_e57(content: Content, options: ReadOptions) -> PointCloud:
     """Return all scans of an E57 file in its frame: poses applied, points that are marked invalid dropped.
 
     Where there are several scans the field `scan` numbers them.
-
-    Raises
-    ------
-    InputError
-        If pye57 is not installed, the file is damaged, or no valid point is in it.
     """
     with content.file() as path:
         file = open_e57(str(path), content.source)
         poses = e57_poses(file, content.source)
-        parts = [read_e57_columns(file, scan, content.source) for scan in range(len(poses))]
+        parts = [_scan_columns(file, scan, content.source) for scan in range(len(poses))]
         file.close()
     world = np.concatenate(
         [points @ pose[:3, :3].T + pose[:3, 3] for pose, (points, _) in zip(poses, parts, strict=True)]
@@ -51,13 +44,7 @@ def read_e57(content: Content, options: ReadOptions) -> PointCloud:
 
 
 def open_e57(path: str, source: str) -> Any:
-    """Open the E57 file `path`, which messages call `source`.
-
-    Raises
-    ------
-    InputError
-        If pye57 is not installed, or the file cannot be opened.
-    """
+    """Open the E57 file `path`, which messages call `source`; InputError if it cannot be opened, or without pye57."""
     try:
         import pye57  # noqa: PLC0415 - an extra of 58 MB
     except ImportError:
@@ -71,24 +58,16 @@ def open_e57(path: str, source: str) -> Any:
 
 
 def e57_poses(file: Any, source: str) -> NDArray[np.float64]:
-    """Return the poses (k, 4, 4) of the scans; a scan without one stands at the origin of the file.
-
-    Raises
-    ------
-    InputError
-        If the file has no scan, or a pose is no rigid motion.
-    """
+    """Return the poses (k, 4, 4) of the scans; a scan without one is at the origin of the file."""
     if file.scan_count == 0:
         raise InputError(f"{source}: no scan in this file. Give an E57 that has points.")
     poses = np.tile(np.eye(4), (file.scan_count, 1, 1))
-    try:
+    with damage_in_one_line(f"{source}: the pose of a scan"):
         for scan in range(file.scan_count):
             header = file.get_header(scan)
             if header.has_pose():
                 poses[scan, :3, :3] = header.rotation_matrix
                 poses[scan, :3, 3] = header.translation
-    except Exception as error:  # as above, and what pye57 makes of a tree that lacks a part
-        raise InputError(f"{source}: the pose of a scan is damaged. Copy or download the file again.") from error
     if not (np.abs(poses) <= LARGEST_COORDINATE).all():
         raise InputError(
             f"{source}: the pose of a scan is not finite, or beyond {LARGEST_COORDINATE:g} m. Export the file anew."
@@ -97,60 +76,58 @@ def e57_poses(file: Any, source: str) -> NDArray[np.float64]:
 
 
 def read_e57_scan(file: Any, scan: int, source: str) -> PointCloud:
-    """Return a scan in its own frame; errors as :func:`read_e57_columns`."""
-    points, fields = read_e57_columns(file, scan, source)
+    """Return a scan in its own frame."""
+    points, fields = _scan_columns(file, scan, source)
     return cloud_of_world(points, fields, f"{source} scan {scan}")
 
 
-def read_e57_columns(file: Any, scan: int, source: str) -> tuple[NDArray[np.float64], dict[str, Array]]:
-    """Return the points (n, 3) of a scan in its own frame and their other fields, without those marked invalid.
-
-    Raises
-    ------
-    InputError
-        If it has no coordinates, or its points are damaged or cut off.
-    """
+def _scan_columns(file: Any, scan: int, source: str) -> tuple[NDArray[np.float64], dict[str, Array]]:
+    """Return the points (n, 3) of a scan in its own frame and their other fields, without those marked invalid."""
     where = f"{source} scan {scan}"
-    columns = _raw_columns(file, scan, where)
+    try:
+        columns = _raw_columns(file, scan, where)
+    except Exception as error:  # of libE57Format, as above
+        words = " ".join(str(error).split()).partition(" **** ")[0][:120] or type(error).__name__
+        raise InputError(f"{where}: the points are damaged ({words}). Copy or download the file again.") from error
     points = take_points(columns, where)
     good = np.ones(len(points), bool)
     for name in INVALID:
         good &= columns.pop(name, np.zeros(len(points), np.int8)) == 0
-    fields = {FIELD_NAMES.get(name, name): values[good] for name, values in columns.items()}
-    return points[good], fields
+    return points[good], {FIELD_NAMES.get(name, name): values[good] for name, values in columns.items()}
 
 
 def _raw_columns(file: Any, scan: int, where: str) -> dict[str, Array]:
-    """Return all fields of a scan that are numbers, decoded piece by piece: the count is not believed before."""
-    try:
-        header = file.get_header(scan)
-        if header.point_count > 8 * Path(file.path).stat().st_size:
-            raise InputError(f"{where}: damaged: {header.point_count} points are more than the file can hold.")
-        types = {name: code for name in header.point_fields if (code := _code(header, name))}
-        warn_dropped([name for name in header.point_fields if name not in types], where)
-        # pye57 itself takes colours and rows for narrower than they may be, and knows the standard fields alone.
-        buffers, pieces = _buffers(file, types, min(CHUNK, header.point_count)), []
-        reader = header.points.reader(buffers[1])
-        while n_read := reader.read():
-            pieces.append({name: values[:n_read].copy() for name, values in buffers[0].items()})
-        reader.close()
-        columns = {name: np.concatenate([piece[name] for piece in pieces] or [buffers[0][name][:0]]) for name in types}
-    except (InputError, MemoryError):
-        raise
-    except Exception as error:
-        words = " ".join(str(error).split()).partition(" **** ")[0][:120] or type(error).__name__
-        raise InputError(f"{where}: the points are damaged ({words}). Copy or download the file again.") from error
-    n_points = sum(len(next(iter(piece.values()))) for piece in pieces)
+    """Return all fields of a scan that are numbers.
+
+    pye57's own `read_scan_raw` takes colours and rows for narrower than they may be, and knows the standard fields
+    alone.
+    """
+    from pye57 import libe57  # noqa: PLC0415
+
+    header = file.get_header(scan)
+    prototype = libe57.StructureNode(header.points.prototype())
+    types = {name: code for name in header.point_fields if (code := _code(prototype[name], name, libe57))}
+    warn_dropped([name for name in header.point_fields if name not in types], where)
+    size = min(CHUNK, header.point_count)
+    buffers = {name: np.empty(size, code) for name, code in types.items()}
+    targets = libe57.VectorSourceDestBuffer()
+    for name, values in buffers.items():
+        targets.append(libe57.SourceDestBuffer(file.image_file, name, values, size, True, True))
+    pieces: dict[str, list[Array]] = {name: [values[:0]] for name, values in buffers.items()}
+    reader = header.points.reader(targets)
+    while n_read := reader.read():
+        for name, values in buffers.items():
+            pieces[name].append(values[:n_read].copy())
+    reader.close()
+    columns = {name: np.concatenate(parts) for name, parts in pieces.items()}
+    n_points = len(next(iter(columns.values())))
     if n_points != header.point_count:
-        raise InputError(f"{where}: cut off: {header.point_count} points are promised, {n_points} follow.")
+        raise ValueError(f"{header.point_count} points are promised, {n_points} follow")
     return columns
 
 
-def _code(header: Any, name: str) -> str:
+def _code(node: Any, name: str, libe57: Any) -> str:
     """Return the type code in which pye57 gives a field, empty for text."""
-    from pye57 import libe57  # noqa: PLC0415
-
-    node = libe57.StructureNode(header.points.prototype())[name]
     if isinstance(node, libe57.IntegerNode):
         low, high = node.minimum(), node.maximum()
         return next((code for code, limits in WHOLE if limits.min <= low and high <= limits.max), "q")
@@ -162,19 +139,8 @@ def _code(header: Any, name: str) -> str:
     return ""
 
 
-def _buffers(file: Any, types: dict[str, str], size: int) -> tuple[dict[str, Array], Any]:
-    """Return arrays (size,) by name, and what pye57 needs to fill them."""
-    from pye57 import libe57  # noqa: PLC0415
-
-    arrays = {name: np.empty(size, code) for name, code in types.items()}
-    targets = libe57.VectorSourceDestBuffer()
-    for name, values in arrays.items():
-        targets.append(libe57.SourceDestBuffer(file.image_file, name, values, size, True, True))
-    return arrays, targets
-
-
 def take_points(columns: dict[str, NDArray[Any]], where: str) -> NDArray[np.float64]:
-    """Return the coordinates (n, 3), and take their columns away: cartesian, or spherical in metres and radians."""
+    """Return the coordinates (n, 3), and remove their columns: cartesian, or spherical in metres and radians."""
     if set(CARTESIAN) <= set(columns):
         return np.column_stack([columns.pop(name).astype(np.float64) for name in CARTESIAN])
     if set(SPHERICAL) <= set(columns):

@@ -1,9 +1,10 @@
-"""From the columns of a file, by name, to a `PointCloud`; the checks that every reader shares."""
+"""From the columns of a file, by name, to a `PointCloud`; names and types of columns for writers."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Collection, Container, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,36 +17,36 @@ logger = logging.getLogger(__name__)
 
 Array = NDArray[Any]
 
-SHOWN = 20
-"""Names told in a line; a damaged header may have thousands."""
+MOST_NAMES = 20
+"""Field names in one message; a damaged header may have thousands."""
 
 AXES = (("x", "y", "z"), ("X", "Y", "Z"))
-"""Names of the coordinates, in the order in which they are looked for; a file uses one row."""
+"""Names of the coordinates, in the order in which they are looked for."""
 
 LARGEST_COORDINATE = 1e9
-"""Metres. Beyond the planet, and small enough that a tenth of a micrometre survives in double precision."""
+"""Metres: beyond the planet, and small enough that double precision keeps a tenth of a micrometre."""
 
 NUMBERS = "iuf"
 """Kinds of numpy type that can be coordinates: integers and floating point."""
 
+SCAN = "scan"
+"""Field that numbers the scans of a file with several."""
+
+ORIGINAL = "original_"
+"""Prefix of a cloud's own fields whose names a result needs."""
+
 
 def axes_of(names: Sequence[str], source: str) -> tuple[str, str, str]:
-    """Return the names of the three coordinates among `names`.
-
-    Raises
-    ------
-    InputError
-        If there are none; the line says which fields there are.
-    """
+    """Return the names of the three coordinates among `names`; InputError if they are not there."""
     for axes in AXES:
         if set(axes) <= set(names):
             return axes
-    shown = ", ".join(names[:SHOWN]) + (", ..." if len(names) > SHOWN else "")
-    raise InputError(f"{source}: no fields x, y, z; there are {shown or 'none'}. Rename the coordinates to x, y, z.")
+    listed = ", ".join(names[:MOST_NAMES]) + (", ..." if len(names) > MOST_NAMES else "")
+    raise InputError(f"{source}: no fields x, y, z; there are {listed or 'none'}. Rename the coordinates to x, y, z.")
 
 
 def make_cloud(fields: Mapping[str, Array], source: str, unit: float = 1.0) -> PointCloud:
-    """Return the cloud of named columns.
+    """Return the cloud of named columns, in native byte order; fields that are not numbers are dropped with a warning.
 
     Parameters
     ----------
@@ -55,28 +56,16 @@ def make_cloud(fields: Mapping[str, Array], source: str, unit: float = 1.0) -> P
         Name of the file, for messages.
     unit : float
         Metres in a unit of the coordinates.
-
-    Returns
-    -------
-    PointCloud
-        In native byte order, arrays of its own. Fields that are not numbers are dropped with a warning.
-
-    Raises
-    ------
-    InputError
-        Without coordinates or finite points, or if a coordinate lies beyond `LARGEST_COORDINATE`.
     """
     axes = axes_of(list(fields), source)
     columns = [fields[name] for name in axes]
-    for name, column in zip(axes, columns, strict=True):
-        if column.dtype.kind not in NUMBERS or column.ndim != 1:
-            raise InputError(f"{source}: field {name} is not one real number a point. Save coordinates as float.")
+    if any(column.dtype.kind not in NUMBERS or column.ndim != 1 for column in columns):
+        raise InputError(f"{source}: x, y, z are not one real number a point each. Save coordinates as float.")
     kind = np.float32 if all(column.dtype.newbyteorder("=") == np.float32 for column in columns) else np.float64
     world = np.empty((len(columns[0]), 3), kind)
     for axis, column in enumerate(columns):
         world[:, axis] = column
-    rest = {name: values for name, values in fields.items() if name not in axes}
-    return cloud_of_world(world, rest, source, unit)
+    return cloud_of_world(world, {name: fields[name] for name in fields if name not in axes}, source, unit)
 
 
 def cloud_of_world(
@@ -86,30 +75,6 @@ def cloud_of_world(
     if len(world) == 0:
         raise InputError(f"{source}: no points. Check how the file was written.")
     check_coordinates(world, source)
-    return PointCloud.from_world(world, keep_numbers(fields, source), source, unit)
-
-
-def check_coordinates(world: Array, source: str) -> None:
-    """Refuse coordinates (n, 3) without a finite point, or with one beyond `LARGEST_COORDINATE`."""
-    finite = np.ones(len(world), bool)
-    far = np.zeros(len(world), bool)
-    for column in world.T:  # one at a time: large clouds have no memory to spare
-        known = np.isfinite(column)
-        finite &= known
-        far |= known & (np.abs(column) > LARGEST_COORDINATE)
-    if not finite.any():
-        raise InputError(f"{source}: all {len(world)} points are nan or infinite. Check how the file was written.")
-    if far.any():
-        point = int(far.argmax())
-        axis = int((np.isfinite(world[point]) & (np.abs(world[point]) > LARGEST_COORDINATE)).argmax())
-        raise InputError(
-            f"{source}: {'xyz'[axis]} of point {point} is {world[point, axis]:g}, beyond {LARGEST_COORDINATE:g} m. "
-            f"Remove such points, or set them to nan."
-        )
-
-
-def keep_numbers(fields: Mapping[str, Array], source: str) -> dict[str, Array]:
-    """Return the fields that are numbers or truth values, contiguous and in native byte order; warn of the others."""
     kept, dropped = {}, []
     for name, values in fields.items():
         if values.dtype.kind in NUMBERS + "b":
@@ -118,16 +83,33 @@ def keep_numbers(fields: Mapping[str, Array], source: str) -> dict[str, Array]:
         else:
             dropped.append(name)
     warn_dropped(dropped, source)
-    return kept
+    return PointCloud.from_world(world, kept, source, unit)
+
+
+def check_coordinates(world: Array, source: str) -> None:
+    """Refuse coordinates (n, 3) without a finite point, or with one beyond `LARGEST_COORDINATE`."""
+    finite = np.ones(len(world), bool)
+    for axis, column in enumerate(world.T):  # one at a time: large clouds leave no memory to spare
+        known = np.isfinite(column)
+        finite &= known
+        far = known & (np.abs(column) > LARGEST_COORDINATE)
+        if far.any():
+            point = int(far.argmax())
+            raise InputError(
+                f"{source}: {'xyz'[axis]} of point {point} is {column[point]:g}, beyond {LARGEST_COORDINATE:g} m. "
+                f"Remove such points, or set them to nan."
+            )
+    if not finite.any():
+        raise InputError(f"{source}: all {len(world)} points are nan or infinite. Check how the file was written.")
 
 
 def warn_dropped(names: Sequence[str], source: str, why: str = "not numbers", kind: str = "field") -> None:
-    """Warn, in one line however many there are, of fields that are left out."""
+    """Warn, in one line, of fields that are left out."""
     if not names:
         return
-    shown = ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
-    told = f"{kind} {shown} is" if len(names) == 1 else f"{kind}s {shown} are"
-    logger.warning("%s: %s dropped: %s", source, told, why)
+    listed = ", ".join(names[:MOST_NAMES]) + (f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else "")
+    what = f"{kind} {listed} is" if len(names) == 1 else f"{kind}s {listed} are"
+    logger.warning("%s: %s dropped: %s", source, what, why)
 
 
 def columns_of(table: Array) -> dict[str, Array]:
@@ -136,7 +118,72 @@ def columns_of(table: Array) -> dict[str, Array]:
 
 
 def refuse_doubles(names: Sequence[str], source: str) -> None:
-    """Refuse a name that stands for two fields."""
+    """Refuse a name of two fields."""
     doubled = sorted({name for name in names if names.count(name) > 1})
     if doubled:
-        raise InputError(f"{source}: field {doubled[0]} stands twice. Rename one of the two.")
+        raise InputError(f"{source}: there are two fields {doubled[0]}. Rename one of them.")
+
+
+def joined_fields(parts: Sequence[Mapping[str, Array]], counts: Sequence[int], source: str) -> dict[str, Array]:
+    """Return the fields that all scans have in one shape, and `scan` if there are several and none is called so.
+
+    Parameters
+    ----------
+    parts : sequence of mapping of str to (n, ...) array
+        Fields of each scan.
+    counts : sequence of int
+        Its points.
+    source : str
+        Name of the file, for messages.
+    """
+    fields = common_fields(parts, source)
+    if len(parts) > 1 and SCAN not in fields:
+        fields[SCAN] = np.repeat(np.arange(len(parts), dtype=np.int32), counts)
+    return fields
+
+
+def common_fields(parts: Sequence[Mapping[str, Array]], source: str) -> dict[str, Array]:
+    """Return the fields (n, ...) that all scans have in one shape, scan after scan; a warning names the others."""
+    fields, dropped = {}, []
+    for name in dict.fromkeys(name for part in parts for name in part):
+        values = [part[name] for part in parts if name in part]
+        if len(values) == len(parts) and len({each.shape[1:] for each in values}) == 1:
+            fields[name] = np.concatenate(values)
+        else:
+            dropped.append(name)
+    warn_dropped(dropped, source, "not alike in every scan")
+    return fields
+
+
+def original_names(fields: Mapping[str, Array], needed: Collection[str]) -> dict[str, Array]:
+    """Return the fields; those with a `needed` name get the prefix `ORIGINAL`, as often as it takes."""
+    renamed: dict[str, Array] = {}
+    for name, values in fields.items():
+        free = name
+        while free in needed or (free != name and (free in fields or free in renamed)):
+            free = ORIGINAL + free
+        renamed[free] = values
+    return renamed
+
+
+def scalar_columns(name: str, values: Array) -> Iterator[tuple[str, Array]]:
+    """Yield the columns (n,) of a field (n, ...) by name: `name_0` and so on where there are several."""
+    if values.ndim == 1:
+        yield name, values
+        return
+    flat = values.reshape(len(values), -1)
+    for number in range(flat.shape[1]):
+        yield f"{name}_{number}", flat[:, number]
+
+
+def free_name(name: str, taken: Container[str], longest: int | None = None) -> str:
+    """Return a name of printable ASCII without blanks, at most `longest` long and not taken, close to `name`."""
+    valid = re.sub(r"[^!-~]", "_", name)[:longest] or "field"
+    free, number = valid, 2
+    while free in taken:
+        end = f"_{number}"
+        free = (valid if longest is None else valid[: longest - len(end)]) + end
+        number += 1
+    if free != name:
+        logger.info("field %r is written as %s", name, free)
+    return free

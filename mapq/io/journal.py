@@ -13,15 +13,16 @@ from collections.abc import Iterable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.io.content import damage_in_one_line
 from mapq.patches import FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.errors import InputError, cannot_write
 from prf.shell.files import open_input
-from prf.shell.storage import check_schema, damaged
+from prf.shell.storage import check_schema
 
 logger = logging.getLogger(__name__)
 
@@ -29,48 +30,31 @@ SCHEMA = "mapq.labels/1"
 SUFFIX = ".labels.jsonl"
 
 WORDS = {"plausible": PLAUSIBLE, "suspicious": SUSPICIOUS, "unsure": UNLABELLED}
-"""Labels as a person sets them; an unsure patch has no label, and was seen all the same."""
+"""Labels as a person sets them; an unsure patch has no label, but was seen."""
 _WORD_OF = {value: word for word, value in WORDS.items()}
-
-Labels = NDArray[np.uint8]
 
 
 class Event(NamedTuple):
-    """One line of a journal.
-
-    Attributes
-    ----------
-    patch : int
-    label : int or None
-        `PLAUSIBLE`, `SUSPICIOUS`, or `UNLABELLED` for unsure; None takes back the last label that stands.
-    """
+    """One line of a journal: the label of a patch, `UNLABELLED` for unsure; None undoes the last label."""
 
     patch: int
     label: int | None
 
     def line(self) -> str:
-        """Return the event as it stands in the journal, with the time."""
+        """Return the event as it is written, with the time."""
         what = {"undo": True} if self.label is None else {"label": _WORD_OF[self.label]}
         return json.dumps({"patch": self.patch, **what, "time": datetime.now(UTC).isoformat(timespec="seconds")}) + "\n"
 
 
 class Replayed(NamedTuple):
-    """Labels after a journal.
+    """Labels and their sources (m,) after a journal; `undoable` has patch, label and source before each label."""
 
-    Attributes
-    ----------
-    label, source : (m,) uint8
-        As in :class:`mapq.patches.Patches`.
-    undoable : list of (int, int, int)
-        Patch, and the label and source that it had before; the last one is undone first.
-    """
-
-    label: Labels
-    source: Labels
+    label: NDArray[np.uint8]
+    source: NDArray[np.uint8]
     undoable: list[tuple[int, int, int]]
 
     def apply(self, event: Event) -> None:
-        """Take up one event, in place."""
+        """Apply one event, in place."""
         if event.label is None:
             if self.undoable:
                 patch, self.label[patch], self.source[patch] = self.undoable.pop()
@@ -86,7 +70,7 @@ def journal_beside(path: str | os.PathLike[str]) -> Path:
 
 
 def fingerprint(patches: Patches) -> str:
-    """Return what tells one segmentation from another: a digest of every point's patch and of where patches lie."""
+    """Return what identifies a segmentation: a digest of every point's patch and of the centroids."""
     digest = hashlib.sha256(f"{len(patches)} ".encode())
     digest.update(np.ascontiguousarray(patches.patch, "<i4").data)
     digest.update(np.ascontiguousarray(patches.centroid, "<f8").data)
@@ -104,63 +88,38 @@ def replay(patches: Patches, events: Iterable[Event]) -> Replayed:
 def with_journal(patches: Patches, path: str | os.PathLike[str]) -> Patches:
     """Return the patches of the file `path` with the labels of the journal beside it, if there is one.
 
-    The journal of another segmentation is left alone, with a warning.
-
-    Raises
-    ------
-    InputError
-        If the journal is damaged, or of another version.
+    The journal of another segmentation is ignored, with a warning.
     """
     journal = journal_beside(path)
     if not journal.is_file():
         return patches
-    mark, events = read_journal(journal, len(patches))
+    mark, events = read_journal(journal)
     if mark != fingerprint(patches):
         logger.warning("%s belongs to other patches than %s now holds: its labels are not used", journal, path)
         return patches
-    found = replay(patches, events)
+    with damage_in_one_line(str(journal)):
+        found = replay(patches, events)
     return replace(patches, label=found.label, label_source=found.source)
 
 
-def read_journal(journal: Path, n_patches: int) -> tuple[str, list[Event]]:
-    """Return the fingerprint in a journal, and its events; a last line that is cut off was never confirmed.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, is damaged, or of another version.
-    """
+def read_journal(journal: Path) -> tuple[str, list[Event]]:
+    """Return the fingerprint in a journal, and its events; a last line that is cut off was never confirmed."""
     with open_input(journal) as stream:
         lines = stream.read().decode("utf-8", "replace").split("\n")[:-1]
     if not lines:
         return "", []
-    head = _object(journal, 1, lines[0])
-    check_schema(journal, str(head.get("schema", "")), SCHEMA)
-    events = []
-    for number, line in enumerate(lines[1:], start=2):
-        row = _object(journal, number, line)
-        patch, label = _number(row.get("patch")), WORDS.get(str(row.get("label")))
-        if not 0 <= patch < max(n_patches, 1) or (label is None and "undo" not in row):
-            if head.get("n_patches") == n_patches:
-                raise damaged(journal, f"line {number} is no label of a patch")
-            continue
-        events.append(Event(patch, None if "undo" in row else label))
+    with damage_in_one_line(str(journal)):
+        head = dict(json.loads(lines[0]))
+        check_schema(journal, str(head.get("schema", "")), SCHEMA)
+        events = [_event(json.loads(line)) for line in lines[1:]]
     return str(head.get("fingerprint", "")), events
 
 
-def _number(value: object) -> int:
-    """Return a value that is a whole number, else -1; truth values are numbers to Python."""
-    return value if isinstance(value, int) and not isinstance(value, bool) else -1
-
-
-def _object(journal: Path, number: int, line: str) -> dict[str, Any]:
-    try:
-        found = json.loads(line)
-    except (ValueError, RecursionError):  # whole numbers or nesting without end too
-        found = None
-    if not isinstance(found, dict):
-        raise damaged(journal, f"line {number} is no JSON object")
-    return found
+def _event(row: dict[str, object]) -> Event:
+    patch = int(str(row["patch"]))
+    if patch < 0:
+        raise ValueError(f"patch {patch}")
+    return Event(patch, None if "undo" in row else WORDS[str(row["label"])])
 
 
 class Journal:
@@ -171,75 +130,49 @@ class Journal:
     path : path
         The PATCHES file.
     patches : Patches
-        What it holds.
+        Its content.
 
     Attributes
     ----------
     events : list of Event
         Of this session and of those that ended without being merged.
-
-    Raises
-    ------
-    InputError
-        If there is a journal that is damaged, or belongs to other patches.
-    OutputError
-        If it cannot be written.
     """
 
     def __init__(self, path: str | os.PathLike[str], patches: Patches) -> None:
         self.file = journal_beside(path)
         self.events: list[Event] = []
         mark = fingerprint(patches)
-        self._head = {
-            "schema": SCHEMA,
-            "patches": Path(path).name,
-            "n_patches": len(patches),
-            "fingerprint": mark,
-        }
+        head = {"schema": SCHEMA, "patches": Path(path).name, "n_patches": len(patches), "fingerprint": mark}
+        self._head = json.dumps(head) + "\n"
         if self.file.is_file():
-            found, self.events = read_journal(self.file, len(patches))
+            found, self.events = read_journal(self.file)
             if found not in ("", mark):
                 raise InputError(f"{self.file}: labels of other patches than {path} now holds. Move it out of the way.")
-            self._cut_torn_line()
-
-    def _cut_torn_line(self) -> None:
-        """Take away what a killed writer left after the last whole line."""
-        with open_input(self.file) as stream:
-            content = stream.read()
-        whole = content.rfind(b"\n") + 1
-        if whole < len(content):
-            os.truncate(self.file, whole)
+            whole = self.file.read_bytes().rfind(b"\n") + 1  # a killed writer may have left more
+            if whole < self.file.stat().st_size:
+                os.truncate(self.file, whole)
 
     def add(self, event: Event) -> None:
-        """Write an event to the disk, whole or not at all.
-
-        Raises
-        ------
-        OutputError
-            If it cannot be written; the journal is as it was.
-        """
+        """Write an event to the disk, whole or not at all; OutputError if that fails."""
         is_new = not self.file.exists() or self.file.stat().st_size == 0
-        text = (json.dumps(self._head) + "\n" if is_new else "") + event.line()
+        text = (self._head if is_new else "") + event.line()
         try:
-            descriptor = os.open(self.file, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o666)
-            try:
-                _append(descriptor, text.encode())
-            finally:
-                os.close(descriptor)
+            with open(self.file, "ab", buffering=0) as stream:
+                _append(stream.fileno(), text.encode())
             if is_new:
-                _sync_folder(self.file.parent)
+                _sync(self.file.parent)
         except OSError as error:
             raise cannot_write(self.file, error) from error
         self.events.append(event)
 
     def remove(self) -> None:
-        """Remove the journal: its labels stand in PATCHES."""
+        """Remove the journal, whose labels are in PATCHES."""
         self.file.unlink(missing_ok=True)
         self.events.clear()
 
 
 def _append(descriptor: int, data: bytes) -> None:
-    """Write at the end of a file and onto the disk; on an error the file is cut to what it was."""
+    """Write at the end of a file and onto the disk; on an error the file is cut to its length before."""
     before = os.fstat(descriptor).st_size
     try:
         while data:
@@ -250,8 +183,8 @@ def _append(descriptor: int, data: bytes) -> None:
         raise
 
 
-def _sync_folder(folder: Path) -> None:
-    """Make the name of a new file last through a power cut too."""
+def _sync(folder: Path) -> None:
+    """Make the name of a new file outlast a power cut too."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -1,7 +1,4 @@
-"""KITTI's .bin: float32, little endian, point after point, without a header.
-
-How many columns there are, the file does not say.
-"""
+"""KITTI's .bin: float32, little endian, point after point, without a header that states the number of columns."""
 
 from __future__ import annotations
 
@@ -14,63 +11,44 @@ from prf.shell.errors import InputError
 NAMES = ("x", "y", "z", "intensity")
 
 WIDTHS = (3, 4, 5, 6)
-"""Columns that such files have: those of nuScenes have 5. More than 4 are recognised, not read."""
+"""Columns of such files: those of nuScenes have 5. More than 4 are recognised, not read."""
 
 ENOUGH_POINTS = 200
-"""With fewer, the spread of the columns says too little about how many there are."""
+"""With fewer, the spread of the columns is no evidence of how many there are."""
 
 ALIKE, UNLIKE = 0.1, 0.5
-"""Natural logarithms. Columns that are mixed up have the same typical size within the first; coordinates and
-intensity, or height and range, differ by more than the second."""
+"""Natural logarithms. Mixed-up columns have the same typical size within the first; coordinates and intensity, or
+height and range, differ by more than the second."""
 
 
 def read_kitti(data: bytes, source: str, n_columns: int) -> dict[str, Array]:
     """Return the columns x, y, z and, if there are four, intensity.
 
-    The number of columns is the caller's to say, since a file of 3 columns often divides into 4 as well; but content
-    that speaks clearly for the other number is refused.
-
-    Parameters
-    ----------
-    data : bytes
-        The file.
-    source : str
-        Its name, for messages.
-    n_columns : {3, 4}
-
-    Raises
-    ------
-    InputError
-        If the size does not fit, the content speaks for the other number, or the values are no coordinates.
+    The user gives the number of columns, since a file of 3 columns often divides into 4 as well; content that clearly
+    contradicts it is refused.
     """
     other = 7 - n_columns
     if len(data) % (4 * n_columns):
-        remedy = f" It divides by {4 * other}: --bin-columns {other}?" if len(data) % (4 * other) == 0 else ""
+        hint = f" It divides by {4 * other}: --bin-columns {other}?" if len(data) % (4 * other) == 0 else ""
         raise InputError(
-            f"{source}: {len(data)} bytes are no whole number of points of {n_columns} float32 columns.{remedy}"
+            f"{source}: {len(data)} bytes are no whole number of points of {n_columns} float32 columns.{hint}"
         )
     values = np.frombuffer(data, "<f4")
-    _check_values(values, source)
-    spoken = _columns_spoken_for(values, n_columns)
-    if spoken != n_columns:
-        advice = f"Use --bin-columns {spoken}" if spoken <= len(NAMES) else "Save it as PLY or .npy"
+    size = np.abs(values)
+    if np.count_nonzero((size > LARGEST_COORDINATE) | ((size < 1e-20) & (size > 0))) > 0.01 * len(values):
+        raise InputError(f"{source}: the content is no float32 coordinates, so this is no .bin of KITTI.")
+    likely = _likely_columns(values, n_columns)
+    if likely != n_columns:
+        advice = f"Use --bin-columns {likely}" if likely <= len(NAMES) else "Save it as PLY or .npy"
         raise InputError(
-            f"{source}: read with {n_columns} columns, all of them mix x, y and z; the file has {spoken}. {advice}."
+            f"{source}: read with {n_columns} columns, all of them mix x, y and z; the file has {likely}. {advice}."
         )
     columns = values.reshape(-1, n_columns)
     return {name: columns[:, i] for i, name in enumerate(NAMES[:n_columns])}
 
 
-def _check_values(values: NDArray[np.float32], source: str) -> None:
-    """Refuse bytes that are no float32 coordinates, such as integers or text: those read as tiny or huge numbers."""
-    size = np.abs(values)
-    strange = (size > LARGEST_COORDINATE) | ((size < 1e-20) & (size > 0))
-    if np.count_nonzero(strange) > 0.01 * len(values):
-        raise InputError(f"{source}: the content is no float32 coordinates, so this is no .bin of KITTI.")
-
-
-def _columns_spoken_for(values: NDArray[np.float32], n_columns: int) -> int:
-    """Return the number of columns that the content speaks for where it does so clearly, else the given one."""
+def _likely_columns(values: NDArray[np.float32], n_columns: int) -> int:
+    """Return the number of columns of which the content is clear evidence, else the given one."""
     if len(values) < 4 * ENOUGH_POINTS or _spread(values, n_columns) >= ALIKE:
         return n_columns
     fitting = (width for width in WIDTHS if width != n_columns and len(values) % width == 0)

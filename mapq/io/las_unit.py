@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import logging
-import math
 import re
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -17,18 +16,16 @@ from prf.shell.errors import InputError
 logger = logging.getLogger(__name__)
 
 SYSTEM_USER = "LASF_Projection"
-WKT, GEO_KEYS, GEO_DOUBLES = 2112, 34735, 34736
-"""Records of that user which are read here."""
-MODEL_TYPE, LINEAR_UNITS, LINEAR_SIZE, VERTICAL_UNITS = 1024, 3076, 3077, 4099
+WKT, GEO_KEYS = 2112, 34735
+"""Records of that user that are read here."""
+MODEL_TYPE, LINEAR_UNITS, VERTICAL_UNITS = 1024, 3076, 4099
 GEOGRAPHIC = 2
 """Model type of degrees."""
-NOT_SAID, OWN_UNIT = 0, 32767
-"""Codes of GeoTIFF for no unit, and for one whose size stands under a key of its own."""
 EPSG_UNITS = {
     **{9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0, 9005: 0.3047972654, 9036: 1000.0, 9096: 0.9144},
     **{1025: 0.001, 1033: 0.01},
 }
-"""Metres in the units that point clouds come in, by their EPSG codes."""
+"""Metres in the units of point clouds, by their EPSG codes."""
 
 LEVEL, UPRIGHT, ANGLES, OTHER = range(4)
 KEYWORDS = {
@@ -37,14 +34,14 @@ KEYWORDS = {
     **dict.fromkeys(("GEOGCS", "GEOGCRS", "GEOGRAPHICCRS", "GEODCRS", "GEODETICCRS"), ANGLES),
     **dict.fromkeys(("LOCAL_CS", "ENGCRS", "ENGINEERINGCRS", "GEOCCS"), OTHER),
 }
-"""What systems of a WKT are of, in the spellings of both versions and of ESRI; others have one length on all axes."""
+"""Kinds of systems of a WKT, in the spellings of both versions and of ESRI."""
 
 _SYSTEM = re.compile(rf"\b({'|'.join(KEYWORDS)})\s*\[", re.IGNORECASE)
 _UNIT = re.compile(r'\b(?:LENGTH)?UNIT\s*\[\s*"[^"]*"\s*,\s*([-+.\deE]+)', re.IGNORECASE)
 
 
 def unit_of(records: Iterable[Any], source: str) -> NDArray[np.float64]:
-    """Return the metres (3,) in a unit of x, y and z; 1 where the records do not say.
+    """Return the metres (3,) in a unit of x, y and z; 1 where the records do not state it.
 
     Parameters
     ----------
@@ -52,22 +49,14 @@ def unit_of(records: Iterable[Any], source: str) -> NDArray[np.float64]:
         As laspy makes them. A WKT counts before GeoTIFF keys.
     source : str
         Name of the file, for messages.
-
-    Raises
-    ------
-    InputError
-        If x and y are degrees.
     """
     bodies = {
-        int(record.record_id): bytes(record.record_data_bytes())
-        for record in records
-        if record.user_id == SYSTEM_USER and record.record_id in (WKT, GEO_KEYS, GEO_DOUBLES)
+        int(record.record_id): bytes(record.record_data_bytes()) for record in records if record.user_id == SYSTEM_USER
     }
     if WKT in bodies:
         level, upright, is_geographic = _of_wkt(bodies[WKT].decode("utf-8", "replace"))
     else:
-        keys = _geo_keys(bodies.get(GEO_KEYS, b""), bodies.get(GEO_DOUBLES, b""))
-        level, upright, is_geographic = _of_keys(keys, source)
+        level, upright, is_geographic = _of_keys(bodies.get(GEO_KEYS, b""), source)
     if is_geographic:
         raise InputError(
             f"{source}: x and y are degrees of longitude and latitude. Project the cloud to a grid in metres first."
@@ -80,9 +69,9 @@ def unit_of(records: Iterable[Any], source: str) -> NDArray[np.float64]:
 
 
 def _of_wkt(text: str) -> tuple[float | None, float | None, bool]:
-    """Return metres in a unit of x and y and in one of z, None where it is not said, and whether x and y are degrees.
+    """Return metres in a unit of x and y and in one of z, None where not stated, and whether x and y are degrees.
 
-    The unit of a system is the last one in it: those of the systems that it is built on stand before.
+    The unit of a system is the last one in it, behind those of the systems that it is built on.
     """
     found: dict[int, float | None] = {}
     for match in _SYSTEM.finditer(text):
@@ -94,7 +83,7 @@ def _of_wkt(text: str) -> tuple[float | None, float | None, bool]:
 
 
 def _bracketed(text: str, start: int) -> str:
-    """Return what stands in the bracket that opens at `start`."""
+    """Return the content of the bracket that opens at `start`."""
     depth = 0
     for place in range(start, len(text)):
         depth += {"[": 1, "]": -1}.get(text[place], 0)
@@ -111,28 +100,14 @@ def _number(text: str) -> float | None:
     return value if 1e-6 < value < 1e6 else None
 
 
-def _geo_keys(body: bytes, doubles: bytes) -> dict[int, float]:
-    """Return the keys whose value stands in the directory itself, or is one of the doubles."""
+def _of_keys(body: bytes, source: str) -> tuple[float | None, float | None, bool]:
+    """Return what :func:`_of_wkt` does, of a directory of GeoTIFF keys."""
     values = struct.unpack(f"<{len(body) // 2}H", body[: len(body) // 2 * 2])
-    sizes = struct.unpack(f"<{len(doubles) // 8}d", doubles[: len(doubles) // 8 * 8])
-    rows = list(zip(*[iter(values[4:])] * 4, strict=False))
-    keys = {key: float(value) for key, location, _, value in rows if location == 0}
-    of_doubles = ((key, place) for key, location, _, place in rows if location == GEO_DOUBLES)
-    return keys | {key: sizes[place] for key, place in of_doubles if place < len(sizes) and math.isfinite(sizes[place])}
-
-
-def _of_keys(keys: Mapping[int, float], source: str) -> tuple[float | None, float | None, bool]:
-    """Return what :func:`_of_wkt` does, of GeoTIFF keys."""
-    level, upright = (_of_code(keys, key, source) for key in (LINEAR_UNITS, VERTICAL_UNITS))
+    rows = zip(*[iter(values[4:])] * 4, strict=False)
+    keys = {key: value for key, location, _, value in rows if location == 0}
+    codes = [keys.get(key, 0) for key in (LINEAR_UNITS, VERTICAL_UNITS)]
+    for code in codes:
+        if code and code not in EPSG_UNITS:
+            logger.warning("%s: the unit of length of code %d is not known; give it with --unit", source, code)
+    level, upright = (EPSG_UNITS.get(code) for code in codes)
     return level, upright, keys.get(MODEL_TYPE) == GEOGRAPHIC
-
-
-def _of_code(keys: Mapping[int, float], key: int, source: str) -> float | None:
-    """Return the metres in the unit under a key, None where there is none or its code is not known."""
-    code = int(keys.get(key, NOT_SAID))
-    size = keys.get(LINEAR_SIZE, 0.0)
-    if code == OWN_UNIT and key == LINEAR_UNITS and 1e-6 < size < 1e6:
-        return size
-    if code not in EPSG_UNITS and code != NOT_SAID:
-        logger.warning("%s: the unit of length of code %d is not known; say which with --unit", source, code)
-    return EPSG_UNITS.get(code)

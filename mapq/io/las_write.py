@@ -1,4 +1,4 @@
-"""Writing a cloud as LAS or LAZ, under the header of the LAS file that it came from if it did."""
+"""Writing clouds as LAS or LAZ, under the header of the LAS file that they came from if they did."""
 
 from __future__ import annotations
 
@@ -7,20 +7,19 @@ import logging
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.io.fields import Array
-from mapq.io.free_names import free_name, scalar_columns
-from mapq.io.las import LAYERED_WAVES, refusing_damage
+from mapq.io.content import damage_in_one_line
+from mapq.io.fields import Array, free_name, scalar_columns
 from prf.shell.errors import OutputError
 from prf.shell.files import open_output
 
 if TYPE_CHECKING:
-    from laspy import LasHeader
+    from laspy import LasHeader, LasWriter
     from laspy.point.dims import DimensionInfo
     from laspy.point.record import PackedPointRecord
 
@@ -29,7 +28,7 @@ logger = logging.getLogger(__name__)
 FRESH_FORMAT = 7
 """Point format of clouds that are not from LAS: that of LAS 1.4 with time and colours."""
 WITH_COLOURS = {0: 2, 1: 3, 4: 5, 6: 7, 9: 10}
-"""Point format that has colours besides, of one that has none."""
+"""Point format that also has colours, of one that has none."""
 COLOURS = ("red", "green", "blue")
 TO_16_BITS = 257
 """Takes 0 to 255 to 0 to 65,535."""
@@ -40,8 +39,6 @@ LARGEST_INTEGER = 2**31 - 1
 
 LONGEST_NAME = 32
 """Bytes of the name of an extra dimension."""
-
-CHUNK = 1_000_000
 
 REMADE = ("LasZipVlr", "ExtraBytesVlr")
 """Records that laspy makes anew."""
@@ -54,57 +51,71 @@ def write_las(path: str | os.PathLike[str], cloud: PointCloud) -> None:
     """Write a cloud as LAS, compressed if the name ends on .laz, whole or not at all.
 
     A cloud from LAS keeps version, scale, offset, records and, to the last bit, the integers of its coordinates; other
-    clouds become LAS 1.4, point format 7, at 0.1 mm. Whole numbers go into the standard dimension of their name where
-    they fit it, colours of 8 bits as 16; all else becomes an extra dimension. Points without coordinates cannot be
-    written.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written.
+    clouds become LAS 1.4, point format 7, at 0.1 mm. Whole numbers are written to the standard dimension of their name
+    where they fit it, colours of 8 bits as 16; all else becomes an extra dimension. Points without coordinates cannot
+    be written.
     """
-    from laspy import LasWriter  # noqa: PLC0415 - takes a fifth of a second
-
-    finite = cloud.finite()
-    if not finite.all():
-        lost = np.count_nonzero(~finite)
-        logger.warning("%s: %d points without coordinates are left out: LAS cannot hold them", path, lost)
-        cloud = cloud.take(finite)
-    world = cloud.world()
-    header = old_header(cloud) if cloud.las_header else new_header(cloud, world)
-    columns = columns_of_cloud(cloud, header)
-    whole = np.rint((world - header.offsets) / header.scales)
-    if len(whole) and (whole.max() > LARGEST_INTEGER or whole.min() < -LARGEST_INTEGER - 1):
-        raise OutputError(f"{path}: the coordinates do not fit the scale of LAS. Name a .ply with -o.")
-    compress = os.fspath(path).lower().endswith(".laz")
-    if compress and header.point_format.id in LAYERED_WAVES:
-        raise OutputError(
-            f"{path}: wave packets (point format {header.point_format.id}) are not compressed. Name a .las."
-        )
-    with (
-        open_output(path, binary=True) as stream,
-        refusing_full_disk(path),
-        LasWriter(stream, header, compress, closefd=False, encoding_errors="ignore") as writer,
-    ):
-        for start in range(0, len(cloud), CHUNK):
-            rows = slice(start, start + CHUNK)
-            some = {name: values[rows] for name, values in columns.items()}
-            writer.write_points(packed_record(header, whole[rows], some))
+    with open_las_pieces(path) as pieces:
+        pieces.write(cloud)
 
 
 @contextmanager
-def refusing_full_disk(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Turn what the packer of LAZ says of a disk without room, no `OSError`, into one line."""
-    try:
-        yield
-    except Exception as error:
-        if type(error).__name__ != "LazrsError":
-            raise
-        raise OutputError(f"{path}: cannot be written ({error}).") from error
+def open_las_pieces(path: str | os.PathLike[str]) -> Iterator[LasPieces]:
+    """Give a LAS file, LAZ if the name ends so, to be written piece by piece, whole or not at all."""
+    with open_output(path, binary=True) as stream:
+        pieces = LasPieces(os.fspath(path), stream)
+        try:
+            yield pieces
+            pieces.close()
+        except Exception as error:
+            if type(error).__name__ != "LazrsError":  # of a full disk: no OSError
+                raise
+            raise OutputError(f"{path}: cannot be written ({error}).") from error
 
 
-def packed_record(header: LasHeader, whole: NDArray[np.float64], columns: Mapping[str, Array]) -> PackedPointRecord:
-    """Return points as they stand in the file."""
+class LasPieces:
+    """A LAS file that is being written, under the header of the first piece; see :func:`open_las_pieces`."""
+
+    def __init__(self, path: str, stream: IO[Any]) -> None:
+        self._path, self._stream = path, stream
+        self._writer: LasWriter | None = None
+        self._head = b""
+        self._types: dict[str, np.dtype[Any]] = {}
+
+    def write(self, cloud: PointCloud) -> None:
+        """Append points; OutputError if their fields or coordinates do not fit those of the first piece."""
+        from laspy import LasWriter  # noqa: PLC0415 - an extra
+
+        finite = cloud.finite()
+        if not finite.all():
+            n_lost = np.count_nonzero(~finite)
+            logger.warning("%s: %d points without coordinates are left out: LAS cannot hold them", self._path, n_lost)
+            cloud = cloud.take(finite)
+        world = cloud.world()
+        self._head = self._head or cloud.las_header
+        header = _old_header(cloud, self._head) if self._head else _new_header(cloud, world)
+        columns = _columns(cloud, header)
+        types = {name: values.dtype for name, values in columns.items()}
+        if self._writer is None:
+            compress = self._path.lower().endswith(".laz")
+            self._writer = LasWriter(self._stream, header, compress, closefd=False, encoding_errors="ignore")
+            self._types = types
+        if types != self._types:
+            raise OutputError(f"{self._path}: {cloud.source} has other fields than the files before. Name a folder.")
+        header = self._writer.header
+        whole = np.rint((world - header.offsets) / header.scales)
+        if len(whole) and (whole.max() > LARGEST_INTEGER or whole.min() < -LARGEST_INTEGER - 1):
+            raise OutputError(f"{self._path}: the coordinates do not fit the scale of LAS. Name a .ply with -o.")
+        self._writer.write_points(_packed(header, whole, columns))
+
+    def close(self) -> None:
+        """Write what belongs behind the points."""
+        if self._writer is not None:
+            self._writer.close()
+
+
+def _packed(header: LasHeader, whole: NDArray[np.float64], columns: Mapping[str, Array]) -> PackedPointRecord:
+    """Return points as they are in the file."""
     from laspy.point.record import PackedPointRecord  # noqa: PLC0415
 
     record = PackedPointRecord.zeros(len(whole), header.point_format)
@@ -118,18 +129,15 @@ def packed_record(header: LasHeader, whole: NDArray[np.float64], columns: Mappin
     return record
 
 
-def old_header(cloud: PointCloud) -> LasHeader:
-    """Return the header of the cloud's LAS file, with colours in its point format if the cloud has some.
-
-    The dimensions of its own are still in its point format.
-    """
+def _old_header(cloud: PointCloud, stored: bytes) -> LasHeader:
+    """Return the header of a LAS file, with its own dimensions, and with colours if the cloud has some."""
     from laspy import LasHeader  # noqa: PLC0415
     from laspy.header import Version  # noqa: PLC0415
     from laspy.point import dims  # noqa: PLC0415
     from laspy.point.format import PointFormat  # noqa: PLC0415
 
-    with refusing_damage(cloud.source):
-        header = LasHeader.read_from(io.BytesIO(cloud.las_header))
+    with damage_in_one_line(cloud.source):
+        header = LasHeader.read_from(io.BytesIO(stored))
         if header.number_of_evlrs and not any(record.user_id == COPC for record in header.vlrs):
             logger.warning("%s: records behind the points (EVLR) are left out", cloud.source)
         header.vlrs = [
@@ -148,7 +156,7 @@ def old_header(cloud: PointCloud) -> LasHeader:
     return header
 
 
-def new_header(cloud: PointCloud, world: NDArray[np.float64]) -> LasHeader:
+def _new_header(cloud: PointCloud, world: NDArray[np.float64]) -> LasHeader:
     """Return a header for a cloud that does not come from LAS."""
     from laspy import LasHeader  # noqa: PLC0415
 
@@ -164,7 +172,7 @@ def new_header(cloud: PointCloud, world: NDArray[np.float64]) -> LasHeader:
     return header
 
 
-def columns_of_cloud(cloud: PointCloud, header: LasHeader) -> dict[str, Array]:
+def _columns(cloud: PointCloud, header: LasHeader) -> dict[str, Array]:
     """Return the values of each dimension but the coordinates, and declare the extra ones in the header."""
     from laspy.point.format import ExtraBytesParams, PointFormat  # noqa: PLC0415
 
@@ -205,7 +213,7 @@ def _fitting(name: str, values: Array, item: DimensionInfo) -> Array | None:
 
 
 def _is_of(values: Array, item: DimensionInfo) -> bool:
-    """Return whether values (n, ...) are as reading an extra dimension of a LAS file gives them, and can go back."""
+    """Return whether values (n, ...) are as an extra dimension of a LAS file is read, and can be written back."""
     if item.is_scaled and not (np.isfinite(item.scales) & (item.scales != 0.0)).all():
         return False
     shape = (item.num_elements,) if item.num_elements > 1 else ()
@@ -214,7 +222,7 @@ def _is_of(values: Array, item: DimensionInfo) -> bool:
 
 
 def _raw(values: Array, item: DimensionInfo) -> Array:
-    """Return values as they stand in the file, of a scaled dimension the integers."""
+    """Return values as they are in the file, of a scaled dimension the integers."""
     if not item.is_scaled:
         return values
     return np.asarray(np.rint((values - item.offsets) / item.scales).astype(item.dtype.base))

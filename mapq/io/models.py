@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from importlib import resources
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.io.trees import LARGEST, parse_potential, potential_content
-from mapq.model import CALIBRATIONS, EDGE_MODELS, EVIDENCE, ISOTONIC, PLATT, Calibration, Model, Scaling
+from mapq.io.content import damage_in_one_line
+from mapq.kernels.trees import LEAF, Trees
+from mapq.model import (
+    CALIBRATIONS,
+    EDGE_MODELS,
+    EVIDENCE,
+    ISOTONIC,
+    PLATT,
+    Calibration,
+    Model,
+    Potential,
+    Scaling,
+)
 from prf.shell.errors import InputError
 from prf.shell.files import open_output
 from prf.shell.jsonout import dump_object
@@ -25,10 +38,11 @@ DEFAULT = ("models", "default.json")
 OPERATING = ("false_alarms", "threshold", "recall")
 """Columns of the operating points."""
 
-SMALLEST = 1e-30
-"""Of scales: products and sums of what lies between it and `LARGEST` are finite."""
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Of scales, and of all numbers: products and sums of what lies between them are finite."""
 
-_KINDS: dict[type, str] = {str: "text", dict: "an object", list: "a list"}
+SIDES = ("left", "right")
+"""Where a node of a tree sends unknown values."""
 
 
 def write_model(path: str | os.PathLike[str], model: Model) -> None:
@@ -49,7 +63,7 @@ def model_content(model: Model) -> dict[str, Any]:
         parameters.setdefault(group, {})[key] = weight
     return {
         "edge_model": model.edge_model,
-        "potential": None if model.potential is None else potential_content(model.potential),
+        "potential": None if model.potential is None else _potential_content(model.potential),
         "parameters": parameters,
         "calibration": _calibration_content(model.calibration),
         "threshold": model.threshold,
@@ -62,32 +76,6 @@ def model_content(model: Model) -> dict[str, Any]:
     }
 
 
-def read_model(path: str | os.PathLike[str]) -> Model:
-    """Read a model file.
-
-    Raises
-    ------
-    InputError
-        If it is missing, damaged, of another version, lacks a key, holds a number that is not finite, or breaks a
-        constraint: a negative coupling, a scale or slope that is not positive, a calibration that falls.
-    """
-    return _parse(Path(path), load_object(Path(path), SCHEMA))
-
-
-def read_default_model() -> Model:
-    """Read the model that ships with the package.
-
-    Raises
-    ------
-    InputError
-        If it does not.
-    """
-    with resources.as_file(resources.files("mapq").joinpath(*DEFAULT)) as path:
-        if not path.is_file():
-            raise InputError("no model ships with this installation. Train one with mapq train, name it with --model.")
-        return read_model(path)
-
-
 def _calibration_content(calibration: Calibration) -> dict[str, Any]:
     if calibration.kind == ISOTONIC:
         at, value = calibration.knots.T.tolist()
@@ -98,108 +86,156 @@ def _calibration_content(calibration: Calibration) -> dict[str, Any]:
 
 def _scaling_content(scaling: Scaling) -> dict[str, Any]:
     rows = zip(scaling.names, scaling.median.tolist(), scaling.scale.tolist(), strict=True)
-    return {
-        "clip": scaling.clip,
-        "columns": {name: {"median": median, "scale": scale} for name, median, scale in rows},
-    }
+    columns = {name: {"median": median, "scale": scale} for name, median, scale in rows}
+    return {"clip": scaling.clip, "columns": columns}
+
+
+def _potential_content(potential: Potential) -> dict[str, Any]:
+    """Return trees as JSON: a node is ``column threshold left right side mean``, a leaf ``leaf value``.
+
+    Values up to the threshold go to the node of the tree numbered `left`, and unknown ones to the side named.
+    """
+    trees, rows = potential.trees, []
+    roots = [*trees.root.tolist(), len(trees.column)]
+    for begin, end in pairwise(roots):
+        rows.append([_node_text(potential, node, begin) for node in range(begin, end)])
+    return {"base": potential.base, "columns": list(potential.names), "trees": rows}
+
+
+def _node_text(potential: Potential, node: int, begin: int) -> str:
+    trees = potential.trees
+    value = float(trees.value[node])
+    if trees.column[node] == LEAF:
+        return f"leaf {value!r}"
+    name, side = potential.names[int(trees.column[node])], SIDES[0 if trees.nan_left[node] else 1]
+    left, right = int(trees.left[node]) - begin, int(trees.right[node]) - begin
+    return f"{name} {float(trees.threshold[node])!r} {left} {right} {side} {value!r}"
+
+
+def read_model(path: str | os.PathLike[str]) -> Model:
+    """Read a model file.
+
+    Raises
+    ------
+    InputError
+        If it is missing, damaged, of another version, lacks a key, holds a number that is not finite, or breaks a
+        constraint: a negative coupling, a scale or slope that is not positive, a calibration that falls.
+    """
+    file = Path(path)
+    content = load_object(file, SCHEMA)
+    with damage_in_one_line(str(path)):
+        return _parse(file, content)
+
+
+def read_default_model() -> Model:
+    """Read the model that ships with the package; InputError if there is none."""
+    with resources.as_file(resources.files("mapq").joinpath(*DEFAULT)) as path:
+        if not path.is_file():
+            raise InputError("no model ships with this installation. Train one with mapq train, name it with --model.")
+        return read_model(path)
 
 
 def _parse(path: Path, content: Mapping[str, Any]) -> Model:
-    edge_model = _take(path, content, "edge_model", str)
-    if edge_model not in EDGE_MODELS:
-        raise damaged(path, f"edge_model is {edge_model!r}, not {', '.join(EDGE_MODELS)}")
-    node = _parse_scaling(path, content, "node_scaling")
-    x_range = _number(path, content, "x_min"), _number(path, content, "x_max")
-    if x_range[0] > x_range[1]:
-        raise damaged(path, f"x_min {x_range[0]} is above x_max {x_range[1]}")
-    calibration = _parse_calibration(path, _take(path, content, "calibration", dict))
-    threshold = _number(path, content, "threshold")
-    blank = Model(edge_model, {}, node, x_range, np.zeros(0))
-    weights = _parse_weights(path, _take(path, content, "parameters", dict), blank)
-    features, training = _take(path, content, "features", dict), _take(path, content, "training", dict)
+    edge_model, node = content["edge_model"], _parse_scaling(path, content["node_scaling"])
+    x_range = _finite(path, [content["x_min"], content["x_max"]], "x_min, x_max").tolist()
+    if edge_model not in EDGE_MODELS or x_range[0] > x_range[1]:
+        raise damaged(path, f"edge_model is not one of {', '.join(EDGE_MODELS)}, or x_min is above x_max")
     potential = None
     if content.get("potential") is not None:
-        potential = parse_potential(path, _take(path, content, "potential", dict))
+        potential = _parse_potential(path, content["potential"])
         if node.names != (EVIDENCE,):
             raise damaged(path, f"node_scaling has not {EVIDENCE} alone, but the model has trees")
-    operating = _parse_operating(path, _take(path, content, "operating", dict))
-    return Model(edge_model, features, node, x_range, weights, calibration, threshold, operating, training, potential)
+    blank = Model(edge_model, {}, node, (x_range[0], x_range[1]), np.zeros(0))
+    threshold = float(_finite(path, [content["threshold"]], "threshold")[0])
+    columns = [_finite(path, content["operating"][name], f"operating.{name}") for name in OPERATING]
+    operating = np.column_stack(columns)
+    if len(operating) and (operating[0, 0] != 0.0 or (np.diff(operating[:, 0]) <= 0.0).any()):
+        raise damaged(path, "operating.false_alarms do not ascend from 0")
+    return Model(
+        edge_model,
+        dict(content["features"]),
+        node,
+        blank.x_range,
+        _parse_weights(path, content["parameters"], blank),
+        _parse_calibration(path, content["calibration"]),
+        threshold,
+        operating,
+        dict(content["training"]),
+        potential,
+    )
 
 
 def _parse_weights(path: Path, parameters: Mapping[str, Any], model: Model) -> NDArray[np.float64]:
-    weights = []
-    for name in model.parameter_names:
-        group, _, key = name.partition(".")
-        weights.append(_number(path, _take(path, parameters, group, dict, "parameters."), key, f"parameters.{group}."))
-        if group == "coupling" and weights[-1] < 0.0:
-            raise damaged(path, f"parameters.{name} is {weights[-1]}, but the coupling must not be negative")
-    n_found = sum(len(group) if isinstance(group, dict) else 1 for group in parameters.values())
+    names = [name.partition(".") for name in model.parameter_names]
+    weights = _finite(path, [parameters[group][key] for group, _, key in names], "parameters")
+    if any(group == "coupling" and weight < 0.0 for (group, _, _), weight in zip(names, weights, strict=True)):
+        raise damaged(path, "parameters.coupling must not be negative")
+    n_found = sum(map(len, parameters.values()))
     if n_found != len(weights):
         raise damaged(path, f"parameters are {n_found}, but edge_model {model.edge_model} has {len(weights)}")
-    return np.array(weights)
+    return weights
 
 
 def _parse_calibration(path: Path, content: Mapping[str, Any]) -> Calibration:
-    kind = _take(path, content, "kind", str, "calibration.")
+    kind = content["kind"]
     if kind not in CALIBRATIONS:
         raise damaged(path, f"calibration.kind is {kind!r}, not {', '.join(CALIBRATIONS)}")
     if kind == ISOTONIC:
-        columns = [_numbers(path, content, name, "calibration.") for name in ("difference", "log_odds")]
-        if len(columns[0]) != len(columns[1]) or len(columns[0]) == 0:
-            raise damaged(path, "calibration.difference and calibration.log_odds are not alike long, or empty")
-        if (np.diff(columns[0]) <= 0.0).any() or (np.diff(columns[1]) < 0.0).any():
+        knots = np.column_stack([_finite(path, content[name], "calibration") for name in ("difference", "log_odds")])
+        if len(knots) == 0 or (np.diff(knots[:, 0]) <= 0.0).any() or (np.diff(knots[:, 1]) < 0.0).any():
             raise damaged(path, "calibration: the curve does not rise")
-        return Calibration(kind, knots=np.column_stack(columns))
-    slope = _number(path, content, "slope", "calibration.")
+        return Calibration(kind, knots=knots)
+    slope, intercept = _finite(path, [content["slope"], content["intercept"] if kind == PLATT else 0.0], "calibration")
     if slope <= 0.0:
         raise damaged(path, f"calibration.slope is {slope}, not above 0")
-    intercept = _number(path, content, "intercept", "calibration.") if kind == PLATT else 0.0
-    return Calibration(kind, slope, intercept)
+    return Calibration(kind, float(slope), float(intercept))
 
 
-def _parse_operating(path: Path, content: Mapping[str, Any]) -> NDArray[np.float64]:
-    columns = [_numbers(path, content, name, "operating.") for name in OPERATING]
-    if len({len(column) for column in columns}) > 1:
-        raise damaged(path, "operating: the lists are not alike long")
-    points = np.column_stack(columns)
-    if len(points) and (points[0, 0] != 0.0 or (np.diff(points[:, 0]) <= 0.0).any()):
-        raise damaged(path, "operating.false_alarms do not ascend from 0")
-    return points
-
-
-def _parse_scaling(path: Path, content: Mapping[str, Any], key: str) -> Scaling:
-    scaling = _take(path, content, key, dict)
-    columns = _take(path, scaling, "columns", dict, f"{key}.")
-    median, scale = [], []
-    for name in columns:
-        where = f"{key}.columns.{name}."
-        column = _take(path, columns, name, dict, f"{key}.columns.")
-        median.append(_number(path, column, "median", where))
-        scale.append(_number(path, column, "scale", where))
-    clip = _number(path, scaling, "clip", f"{key}.")
+def _parse_scaling(path: Path, scaling: Mapping[str, Any]) -> Scaling:
+    columns = scaling["columns"]
+    median, scale = (
+        _finite(path, [column[key] for column in columns.values()], "node_scaling") for key in ("median", "scale")
+    )
+    clip = float(_finite(path, [scaling["clip"]], "node_scaling.clip")[0])
     if min([clip, *scale]) < SMALLEST:
-        raise damaged(path, f"{key}: clip and scales must be above 0")
-    return Scaling(tuple(columns), np.array(median), np.array(scale), clip)
+        raise damaged(path, "node_scaling: clip and scales must be above 0")
+    return Scaling(tuple(columns), median, scale, clip)
 
 
-def _take(path: Path, content: Mapping[str, Any], key: str, kind: type, where: str = "") -> Any:
-    if key not in content:
-        raise damaged(path, f"{where}{key} is missing")
-    if not isinstance(content[key], kind):
-        raise damaged(path, f"{where}{key} is not {_KINDS[kind]}")
-    return content[key]
+def _finite(path: Path, values: Any, what: str) -> NDArray[np.float64]:
+    """Return a list of JSON as numbers, all of them below `LARGEST`."""
+    if not isinstance(values, list) or not all(type(each) in (int, float) and abs(each) < LARGEST for each in values):
+        raise damaged(path, f"{what}: {repr(values)[:40]} is not finite numbers")
+    return np.array(values, np.float64)
 
 
-def _numbers(path: Path, content: Mapping[str, Any], key: str, where: str) -> NDArray[np.float64]:
-    values = _take(path, content, key, list, where)
-    named = {str(place): value for place, value in enumerate(values)}
-    return np.array([_number(path, named, place, f"{where}{key}.") for place in named], np.float64)
+def _parse_potential(path: Path, content: Mapping[str, Any]) -> Potential:
+    """Return the trees of a model file; nodes lead to later ones of their tree only, so that every walk ends."""
+    names = [str(name) for name in content["columns"]]
+    roots: list[int] = []
+    rows: list[tuple[float, ...]] = []
+    for number, tree in enumerate(content["trees"]):
+        begin = len(rows)
+        roots.append(begin)
+        for at, text in enumerate(tree):
+            row = _parse_node(text, names, begin)
+            is_inside = row[0] == LEAF or all(begin + at < end < begin + len(tree) for end in row[2:4])
+            if not is_inside or math.isnan(row[1]) or not abs(row[5]) < LARGEST:
+                raise damaged(path, f"potential.trees.{number}.{at} is no node: {text[:60]!r}")
+            rows.append(row)
+        if len(rows) == begin:
+            raise damaged(path, f"potential.trees.{number} has no nodes")
+    table = np.array(rows, np.float64).reshape(-1, 6).T
+    column, left, right = (table[place].astype(np.int64) for place in (0, 2, 3))
+    trees = Trees(np.array(roots, np.int64), column, table[1].copy(), left, right, table[4] > 0.0, table[5].copy())
+    return Potential(tuple(names), trees, float(_finite(path, [content["base"]], "potential.base")[0]))
 
 
-def _number(path: Path, content: Mapping[str, Any], key: str, where: str = "") -> float:
-    if key not in content:
-        raise damaged(path, f"{where}{key} is missing")
-    value = content[key]
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
-        raise damaged(path, f"{where}{key} is {repr(value)[:24]}, not a finite number")
-    return float(value)
+def _parse_node(text: str, names: list[str], begin: int) -> tuple[float, ...]:
+    """Return column, threshold, left, right, whether unknown values go left, and value."""
+    words = text.split()
+    if len(words) == 2 and words[0] == "leaf":
+        return LEAF, 0.0, 0, 0, 0.0, float(words[1])
+    name, threshold, left, right, side, value = words
+    is_left = float(SIDES.index(side) == 0)
+    return names.index(name), float(threshold), begin + int(left), begin + int(right), is_left, float(value)

@@ -1,4 +1,4 @@
-"""What a user says of a cloud beside its name, where the file does not say it."""
+"""What a user states about a cloud where the file itself does not."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from prf.shell.errors import UsageError
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200.0 / 3937.0}
-"""Metres in each; the survey foot of the United States is longer than the foot by two millionths: metres on a grid."""
-
+"""Metres in each; the US survey foot is two millionths longer than the foot, which is metres on a grid."""
 
 SMALLEST_UNIT, LARGEST_UNIT = 1e-9, 1e6
-"""Metres, between which a unit of coordinates must lie."""
+"""Metres."""
 
 
 @dataclass(frozen=True)
@@ -22,9 +21,9 @@ class ReadOptions:
     Attributes
     ----------
     bin_columns : {3, 4}
-        Columns of a KITTI .bin; other formats say it themselves.
+        Columns of a KITTI .bin; other formats state them.
     unit : float or None
-        Metres in a unit of the coordinates; None: as the file says (LAS), else metres.
+        Metres in a unit of the coordinates; None: as the file states (LAS), else metres.
     topic : str or None
         Topic of a bag's point clouds; None: the only one.
     frame : str or None
@@ -46,7 +45,7 @@ class ReadOptions:
         if self.bin_columns not in (3, 4):
             raise UsageError(f"--bin-columns {self.bin_columns} is neither 3 nor 4.")
         if self.unit is not None and not SMALLEST_UNIT <= self.unit <= LARGEST_UNIT:
-            raise UsageError(f"--unit {self.unit:g} is no length above 0, or not such as maps are measured in.")
+            raise UsageError(f"--unit {self.unit:g} is not a length from {SMALLEST_UNIT:g} to {LARGEST_UNIT:g} m.")
 
     def refuse_unit(self, path: str) -> None:
         """Raise UsageError if a unit is given for the PATCHES file `path`, which holds its own."""
@@ -57,17 +56,11 @@ class ReadOptions:
 
 
 AS_IT_IS = ReadOptions()
-"""No option given: all is as the file says, or as files of its format are."""
+"""No option given."""
 
 
 def parse_unit(text: str) -> float:
-    """Return the metres in a unit: a name of `UNITS`, or a number of metres such as 0.01.
-
-    Raises
-    ------
-    ValueError
-        If it is neither, or not above 0; typer makes a usage error of it.
-    """
+    """Return the metres in a unit: a name of `UNITS`, or a number of metres such as 0.01; ValueError for others."""
     known = UNITS.get(text.strip().lower())
     if known is not None:
         return known

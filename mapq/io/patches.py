@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import zipfile
@@ -11,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from mapq.cloud import PointCloud
-from mapq.io.content import Content, read_bytes
+from mapq.io.content import DAMAGE, Content, damage_in_one_line, read_bytes
 from mapq.io.fields import LARGEST_COORDINATE, NUMBERS, Array
 from mapq.io.journal import with_journal
-from mapq.io.npy import ARCHIVE_ERRORS, ZIP_MAGIC, parse_archive, parse_array
+from mapq.io.npy import ZIP_MAGIC
 from mapq.patches import FROM_FIELD, FROM_HAND, FROM_NOBODY, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.errors import InputError
 from prf.shell.files import STREAM, open_output
@@ -77,21 +78,22 @@ def parse_stored(data: bytes, path: str | os.PathLike[str]) -> Patches:
     file = Path(path)
     if not data.startswith(ZIP_MAGIC):
         raise InputError(f"{path}: this is no PATCHES file. Make one with mapq segment.")
-    arrays = {name: values.copy() for name, values in parse_archive(data, str(path)).items()}
-    check_schema(file, str(arrays.pop("schema", "")), SCHEMA)
-    cloud = _take_cloud(file, arrays)
-    normal = take_array(file, arrays, "normal", np.float64, (None, 3))
-    n_patches = len(normal)
-    patches = Patches(
-        cloud,
-        take_array(file, arrays, "patch", np.int32, (len(cloud),)),
-        normal,
-        take_array(file, arrays, "centroid", np.float64, (n_patches, 3)),
-        take_array(file, arrays, "label", np.uint8, (n_patches,)),
-        take_array(file, arrays, "label_source", np.uint8, (n_patches,)),
-        _take_json(file, arrays, "parameters", dict),
-        _take_json(file, arrays, "report", dict),
-    )
+    with damage_in_one_line(str(path)):
+        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        check_schema(file, str(arrays.pop("schema", "")), SCHEMA)
+        normal = take_array(file, arrays, "normal", np.float64, (None, 3))
+        cloud = _take_cloud(file, arrays)
+        patches = Patches(
+            cloud,
+            take_array(file, arrays, "patch", np.int32, (len(cloud),)),
+            normal,
+            take_array(file, arrays, "centroid", np.float64, (len(normal), 3)),
+            take_array(file, arrays, "label", np.uint8, (len(normal),)),
+            take_array(file, arrays, "label_source", np.uint8, (len(normal),)),
+            dict(json.loads(str(arrays["parameters"]))),
+            dict(json.loads(str(arrays["report"]))),
+        )
     _check(file, patches)
     return patches
 
@@ -109,11 +111,11 @@ def holds_patches(content: Content) -> bool:
     if not content.head.startswith(ZIP_MAGIC):
         return False
     try:
-        with content.stream() as stream, zipfile.ZipFile(stream) as archive:
-            schema = parse_array(archive.read("schema.npy"), "schema")
-    except (InputError, KeyError, *ARCHIVE_ERRORS):
+        with content.stream() as stream, np.load(stream, allow_pickle=False) as archive:
+            schema = str(archive["schema"])
+    except (*DAMAGE, zipfile.BadZipFile):
         return False
-    return str(schema).rpartition("/")[0] == SCHEMA.rpartition("/")[0]
+    return schema.rpartition("/")[0] == SCHEMA.rpartition("/")[0]
 
 
 def _text(value: Any) -> np.str_:
@@ -123,42 +125,21 @@ def _text(value: Any) -> np.str_:
 def _take_cloud(file: Path, arrays: dict[str, Array]) -> PointCloud:
     xyz = take_array(file, arrays, "xyz", np.float64, (None, 3))
     shift = take_array(file, arrays, "shift", np.float64, (3,))
-    if not np.isfinite(shift).all():
-        raise damaged(file, "shift is not finite")
-    kind = str(arrays.get("coordinate_type", ""))
-    if kind not in _TYPES:
-        raise damaged(file, f"coordinate_type is {kind[:24]!r}")
-    names = _take_json(file, arrays, "field_names", list)
-    if len(set(map(str, names))) < len(names):
-        raise damaged(file, "a field stands twice")
-    fields = {str(name): _take_field(file, arrays, number, len(xyz)) for number, name in enumerate(names)}
+    names = [str(name) for name in json.loads(str(arrays["field_names"]))]
+    fields = {name: arrays[f"field_{number}"] for number, name in enumerate(names)}
+    if len(fields) < len(names) or any(each.dtype.kind not in NUMBERS + "b" for each in fields.values()):
+        raise damaged(file, "two fields have one name, or a field is not numbers")
+    if any(np.shape(each)[:1] != (len(xyz),) for each in fields.values()):
+        raise damaged(file, f"a field has not {len(xyz)} rows")
     unit = take_array(file, arrays, "unit", np.float64, (3,)) if "unit" in arrays else np.ones(3)
-    if not (np.isfinite(unit) & (unit > 0.0)).all():
-        raise damaged(file, "unit is no length")
+    if not (np.isfinite(shift) & np.isfinite(unit) & (unit > 0.0)).all():
+        raise damaged(file, "shift or unit is no length")
     header = take_array(file, arrays, "las_header", np.uint8, (None,)).tobytes() if "las_header" in arrays else b""
-    return PointCloud(xyz, shift, fields, _TYPES[kind], str(arrays.get("source", "")), unit, header)
+    kind = _TYPES[str(arrays["coordinate_type"])]
+    return PointCloud(xyz, shift, fields, kind, str(arrays.get("source", "")), unit, header)
 
 
-def _take_field(file: Path, arrays: dict[str, Array], number: int, n_points: int) -> Array:
-    values = arrays.get(f"field_{number}")
-    if values is None or values.ndim == 0 or len(values) != n_points:
-        raise damaged(file, f"array field_{number} is missing or has not {n_points} rows")
-    if values.dtype.kind not in NUMBERS + "b":
-        raise damaged(file, f"array field_{number} holds no numbers")
-    return values
-
-
-def _take_json(file: Path, arrays: dict[str, Array], name: str, kind: type) -> Any:
-    try:
-        value = json.loads(str(arrays.get(name, "")))
-    except (ValueError, RecursionError):  # whole numbers or nesting without end too
-        value = None
-    if not isinstance(value, kind):
-        raise damaged(file, f"{name} is no JSON {'object' if kind is dict else 'list'}")
-    return value
-
-
-@np.errstate(over="ignore", invalid="ignore")  # of the length of a normal beyond reason
+@np.errstate(over="ignore", invalid="ignore")  # of the length of a damaged normal
 def _check(file: Path, patches: Patches) -> None:
     """Refuse content that contradicts itself."""
     n_patches, patch = len(patches), patches.patch
@@ -168,12 +149,11 @@ def _check(file: Path, patches: Patches) -> None:
         raise damaged(file, f"patch {int(patches.counts.argmin())} has no points")
     # Twice, as the shift that was taken off may be as large as they are.
     largest = 2.0 * LARGEST_COORDINATE * patches.cloud.unit
-    if not (np.abs(patches.cloud.xyz[patch != NO_PATCH]) <= largest).all():
-        raise damaged(file, f"a point of a patch is not finite, or beyond {LARGEST_COORDINATE:g}")
+    places = (patches.cloud.xyz[patch != NO_PATCH], patches.centroid)
+    if not all((np.abs(each) <= largest).all() for each in places):
+        raise damaged(file, f"a point of a patch or a centroid is not finite, or beyond {LARGEST_COORDINATE:g}")
     if not np.allclose(np.linalg.norm(patches.normal, axis=1), 1.0, atol=1e-6):
         raise damaged(file, "a normal is not of length 1")
-    if not (np.abs(patches.centroid) <= largest).all():
-        raise damaged(file, f"a centroid is not finite, or beyond {LARGEST_COORDINATE:g}")
     if not np.isin(patches.label, (PLAUSIBLE, SUSPICIOUS, UNLABELLED)).all():
         raise damaged(file, "a label is neither 0 nor 1 nor 255")
     if not np.isin(patches.label_source, (FROM_NOBODY, FROM_FIELD, FROM_HAND)).all():

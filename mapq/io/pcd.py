@@ -1,8 +1,7 @@
-"""PCD: text, binary and compressed.
+"""PCD: text, binary and compressed (LZF, the extra `pcd`).
 
-Header and layout are read here and only the decompression is a library's: pypcd4 takes a compressed field of COUNT > 1
-for COUNT columns (PCL stores the field's values point by point), cuts a header after ten lines and a name at the first
-sign that is not a letter, and takes one blank, no more, between the numbers of a text.
+Header and layout are read here: pypcd4 takes a compressed field of COUNT > 1 for COUNT columns (PCL stores the field's
+values point by point) and ends a header after ten lines.
 """
 
 from __future__ import annotations
@@ -10,7 +9,6 @@ from __future__ import annotations
 import struct
 from typing import NamedTuple
 
-import lzf  # type: ignore[import-not-found]
 import numpy as np
 
 from mapq.io.fields import Array, axes_of, columns_of, refuse_doubles
@@ -19,19 +17,13 @@ from prf.shell.errors import InputError
 
 LONGEST_HEADER = 1 << 16
 PADDING = "_"
-TYPES = {
-    **{("F", 4): "f4", ("F", 8): "f8", ("I", 1): "i1", ("I", 2): "i2", ("I", 4): "i4", ("I", 8): "i8"},
-    **{("U", 1): "u1", ("U", 2): "u2", ("U", 4): "u4", ("U", 8): "u8"},
-}
+KINDS = {"F": "f", "I": "i", "U": "u"}
 COMPRESSED = ("binary_compressed", "binaryscompressed")
 """The second spelling is that of an old program."""
 
-LZF_RATIO = 90
-"""LZF makes at most 264 bytes of 3; a file that promises more is damaged."""
-
 
 class Header(NamedTuple):
-    """What the header says: a field's values a point are (count,) of its type."""
+    """Types of the fields, (count,) where there are several values, points, encoding, and where the data begin."""
 
     dtype: np.dtype[np.void]
     n_points: int
@@ -41,34 +33,16 @@ class Header(NamedTuple):
 
 
 def read_pcd(data: bytes, source: str) -> dict[str, Array]:
-    """Return the fields of a PCD file, without padding.
+    """Return the fields (n,) or (n, count) of a PCD file, without padding; a packed ``rgb`` keeps its bits.
 
-    Parameters
-    ----------
-    data : bytes
-        The file.
-    source : str
-        Its name, for messages.
-
-    Returns
-    -------
-    dict of str to (n,) or (n, count) array
-        A packed ``rgb`` keeps its bits. VIEWPOINT is not applied: it says where the sensor stood, not how to move
-        the points.
-
-    Raises
-    ------
-    InputError
-        For a header that cannot be read or contradicts itself, and data that are cut off or damaged.
+    VIEWPOINT is not applied: it is where the sensor was, not a motion of the points.
     """
     header = parse_header(data, source)
-    names = list(header.dtype.names or ())
-    kept = [name for name in names if not name.startswith(PADDING + " ")]
+    kept = [name for name in header.dtype.names or () if not name.startswith(PADDING + " ")]
     axes_of(kept, source)
     if header.data == "ascii":
         fields = _read_ascii(data, header, source)
     elif header.data == "binary":
-        _check_size(header, len(data) - header.end, source)
         fields = columns_of(np.frombuffer(data, header.dtype, header.n_points, header.end))
     else:
         fields = _read_compressed(data, header, source)
@@ -76,20 +50,17 @@ def read_pcd(data: bytes, source: str) -> dict[str, Array]:
 
 
 def parse_header(data: bytes, source: str) -> Header:
-    """Return the header of a PCD file; raises :class:`InputError` naming the entry that is missing or wrong."""
+    """Return the header of a PCD file; raises :class:`InputError` for an entry that is missing or wrong."""
     entries, n_lines, end = _entries(data, source)
     fields = entries.get("FIELDS") or entries.get("COLUMNS") or []
-    types = entries.get("TYPE", [])
-    sizes = [_number(text, "SIZE", source) for text in entries.get("SIZE", [])]
+    types, sizes = entries.get("TYPE", []), entries.get("SIZE", [])
     counts = [_number(text, "COUNT", source) for text in entries.get("COUNT", ["1"] * len(fields))]
     if not fields or not len(fields) == len(types) == len(sizes) == len(counts):
         raise InputError(f"{source}: FIELDS, SIZE, TYPE and COUNT of the PCD header do not match. Write it anew.")
     dtype = []
     for place, (name, kind, size, count) in enumerate(zip(fields, types, sizes, counts, strict=True)):
-        if (kind, size) not in TYPES or not 0 < count <= 1 << 16:
-            raise InputError(f"{source}: field {name} of type {kind}, size {size}, count {count} is not PCD.")
         unique = f"{PADDING} {place}" if name == PADDING else name
-        dtype.append((unique, "<" + TYPES[kind, size], (count,) if count > 1 else ()))
+        dtype.append((unique, f"<{KINDS[kind]}{size}", (count,) if count > 1 else ()))
     refuse_doubles([name for name, _, _ in dtype], source)
     encoding = " ".join(entries["DATA"]).lower()
     if encoding not in ("ascii", "binary", *COMPRESSED):
@@ -98,7 +69,7 @@ def parse_header(data: bytes, source: str) -> Header:
 
 
 def _entries(data: bytes, source: str) -> tuple[dict[str, list[str]], int, int]:
-    """Return the header's entries, how many lines it has, and where it ends."""
+    """Return the header's entries, its number of lines, and where it ends."""
     entries: dict[str, list[str]] = {}
     start = n_lines = 0
     while "DATA" not in entries:
@@ -113,7 +84,7 @@ def _entries(data: bytes, source: str) -> tuple[dict[str, list[str]], int, int]:
 
 
 def _n_points(entries: dict[str, list[str]], source: str) -> int:
-    """Return the number of points: POINTS, which some programs fill in alone, or WIDTH x HEIGHT."""
+    """Return the number of points: POINTS, the only one that some programs set, or WIDTH x HEIGHT."""
     width, height, points = (
         _number(entries[key][0], key, source) if entries.get(key) else None for key in ("WIDTH", "HEIGHT", "POINTS")
     )
@@ -132,27 +103,18 @@ def _number(text: str, key: str, source: str) -> int:
     return number
 
 
-def _check_size(header: Header, size: int, source: str) -> None:
-    """Refuse a header that promises more than follows, before memory is taken for it."""
-    needed = header.n_points * header.dtype.itemsize
-    if needed > size:
-        raise InputError(
-            f"{source}: cut off: {header.n_points} points of {header.dtype.itemsize} bytes are promised, {size} bytes "
-            f"follow. Copy or download the file again."
-        )
+def _count(dtype: np.dtype[np.void], name: str) -> int:
+    """Return the values a point of a field, 0 for a plain one."""
+    return int(dtype[name].shape[0]) if dtype[name].shape else 0
 
 
 def _read_ascii(data: bytes, header: Header, source: str) -> dict[str, Array]:
     names = header.dtype.names or ()
     columns = [(name, number) for name in names for number in range(max(1, _count(header.dtype, name)))]
     dtype = np.dtype([(f"{name} {number}", header.dtype[name].base) for name, number in columns])
-    layout = Layout(dtype, len(columns), tuple(range(len(columns))))
-    rows = parse_rows(data[header.end :], layout, source, header.n_lines + 1)
+    rows = parse_rows(data[header.end :], Layout.of(dtype), source, header.n_lines + 1)
     if len(rows) != header.n_points:
-        raise InputError(
-            f"{source}: the header promises {header.n_points} points, {len(rows)} follow. Copy the file again, or "
-            f"mend WIDTH and POINTS."
-        )
+        raise InputError(f"{source}: the header promises {header.n_points} points, {len(rows)} follow. Copy it again.")
     return {
         name: np.stack([rows[f"{name} {number}"] for number in range(count)], axis=1) if count else rows[f"{name} 0"]
         for name in names
@@ -160,14 +122,9 @@ def _read_ascii(data: bytes, header: Header, source: str) -> dict[str, Array]:
     }
 
 
-def _count(dtype: np.dtype[np.void], name: str) -> int:
-    """Return the values a point of a field, 0 for a plain one."""
-    return int(dtype[name].shape[0]) if dtype[name].shape else 0
-
-
 def _read_compressed(data: bytes, header: Header, source: str) -> dict[str, Array]:
     """Return the fields of compressed data: field after field, each point after point."""
-    raw = _decompress(data, header, source)
+    raw = _decompressed(data, header, source)
     fields, start = {}, 0
     for name in header.dtype.names or ():
         kind, count = header.dtype[name].base, _count(header.dtype, name)
@@ -177,31 +134,18 @@ def _read_compressed(data: bytes, header: Header, source: str) -> dict[str, Arra
     return fields
 
 
-def _decompress(data: bytes, header: Header, source: str) -> bytes:
-    needed = header.n_points * header.dtype.itemsize
-    if needed == 0:
-        return b""
-    sizes = data[header.end : header.end + 8]
-    if len(sizes) < 8:
-        raise InputError(f"{source}: cut off behind the header. Copy or download the file again.")
-    packed_size, size = struct.unpack("<II", sizes)
-    packed = data[header.end + 8 : header.end + 8 + packed_size]
-    if len(packed) < packed_size:
-        raise InputError(
-            f"{source}: cut off: {packed_size} compressed bytes are promised, {len(packed)} follow. "
-            f"Copy or download the file again."
-        )
-    if size == needed == packed_size:
-        return packed  # pypcd4 before 1.4 did not compress where it did not pay
-    if size != needed or size > LZF_RATIO * packed_size:
-        raise InputError(
-            f"{source}: damaged: {header.n_points} points of {header.dtype.itemsize} bytes are promised, the "
-            f"compressed data hold {size} bytes. Copy or download it again."
-        )
+def _decompressed(data: bytes, header: Header, source: str) -> bytes:
+    """Return the data without their compression; pypcd4 before 1.4 compressed them only where it paid."""
     try:
-        raw: bytes | None = lzf.decompress(packed, size)
-    except ValueError:
-        raw = None
-    if raw is None or len(raw) != size:
-        raise InputError(f"{source}: the compressed data are damaged. Copy or download the file again.")
-    return raw
+        import lzf  # type: ignore[import-not-found]  # noqa: PLC0415 - an extra
+    except ImportError:
+        raise InputError(
+            f"{source}: compressed PCD is read with python-neo-lzf, which is not installed. Install prf-mapq[pcd]."
+        ) from None
+    packed_size, size = struct.unpack_from("<II", data, header.end)
+    packed = data[header.end + 8 : header.end + 8 + packed_size]
+    needed = header.n_points * header.dtype.itemsize
+    raw = packed if size == packed_size == len(packed) else lzf.decompress(packed, min(size, needed))
+    if raw is None or len(raw) != needed:
+        raise InputError(f"{source}: the compressed data are damaged or cut off. Copy or download the file again.")
+    return bytes(raw)

@@ -1,28 +1,32 @@
-"""PLY, the vertices: text or binary of both byte orders.
+"""PLY: the vertices of a file, text or binary of both byte orders; and a cloud as CloudCompare and MeshLab open it.
 
-Only the element ``vertex`` is read. The header is read here, because files of the wild have comments in any encoding
-and 64-bit integers, which plyfile refuses; where lists stand in the way, which only a walk over all rows can pass,
-plyfile walks.
+The header is read here, because plyfile refuses comments that are not ASCII and 64-bit integers, and reads text and
+streams row by row; plyfile reads files with lists before or in the vertices.
 """
 
 from __future__ import annotations
 
 import io
+import logging
+import os
 import re
-import warnings
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from plyfile import PlyData, PlyParseError  # type: ignore[import-untyped]
+from plyfile import PlyData, PlyElement  # type: ignore[import-untyped]
 
-from mapq.io.fields import Array, axes_of, columns_of, refuse_doubles, warn_dropped
-from mapq.io.rows import Layout, as_count, parse_rows
+from mapq.cloud import PointCloud
+from mapq.io.fields import Array, axes_of, columns_of, free_name, refuse_doubles, scalar_columns, warn_dropped
+from mapq.io.rows import Layout, parse_rows
 from prf.shell.errors import InputError
+from prf.shell.files import open_output
+
+logger = logging.getLogger(__name__)
 
 MAGIC = (b"ply\n", b"ply\r\n")
 LONGEST_HEADER = 1 << 20
 _END = re.compile(rb"^end_header\b", re.MULTILINE)
-"""A comment may hold these words too."""
 
 ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 TYPES = {
@@ -30,36 +34,27 @@ TYPES = {
     **{"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4"},
     **{"float": "f4", "double": "f8", "float32": "f4", "float64": "f8", "int64": "i8", "uint64": "u8"},
 }
-"""Types of the format, both spellings; the 64-bit integers are not in it, but some programs write them."""
+"""Types of the format, both spellings; the 64-bit integers are not in it, but PDAL writes them."""
 
-
-class Property(NamedTuple):
-    """A property of an element; `length` is the type of a list's length, empty for a plain value."""
-
-    name: str
-    type: str
-    length: str = ""
+LARGEST_EXACT = 2**53
+"""Whole numbers up to here are exact in double precision."""
 
 
 class Element(NamedTuple):
-    """An element of the header."""
+    """An element of the header: names and types of its plain properties, and names of its lists."""
 
     name: str
     n_rows: int
-    properties: list[Property]
+    properties: list[tuple[str, str]]
+    lists: list[str]
 
     def dtype(self, order: str) -> np.dtype[np.void]:
         """Return the type of a row without lists."""
-        return np.dtype([(item.name, order + TYPES[item.type]) for item in self.properties])
-
-    @property
-    def has_lists(self) -> bool:
-        """Whether rows differ in length."""
-        return any(item.length for item in self.properties)
+        return np.dtype([(name, order + kind) for name, kind in self.properties])
 
 
 class Header(NamedTuple):
-    """What the header says: name of the format, elements, number of header lines, offset of the data."""
+    """Name of the format, elements, number of header lines, offset of the data."""
 
     format: str
     elements: list[Element]
@@ -68,30 +63,18 @@ class Header(NamedTuple):
 
 
 def read_ply(data: bytes, source: str) -> dict[str, Array]:
-    """Return the properties of the vertices of a PLY file.
-
-    Parameters
-    ----------
-    data : bytes
-        The file.
-    source : str
-        Its name, for messages.
-
-    Raises
-    ------
-    InputError
-        For a header that cannot be read, a file without vertices, and data that are cut off.
-    """
+    """Return the properties of the vertices of a PLY file; lists are dropped with a warning."""
     header = parse_header(data, source)
     names = [element.name for element in header.elements]
     if "vertex" not in names:
         raise InputError(f"{source}: no element vertex; there are {', '.join(names) or 'none'}.")
     place = names.index("vertex")
     vertex, before = header.elements[place], header.elements[:place]
-    axes_of([item.name for item in vertex.properties], source)
-    _check_size(header, len(data), source)
-    if vertex.has_lists or (header.format != "ascii" and any(element.has_lists for element in before)):
-        return _walk(data, header, place, source)
+    axes_of([name for name, _ in vertex.properties], source)
+    if vertex.lists or (header.format != "ascii" and any(element.lists for element in before)):
+        warn_dropped(vertex.lists, source, "lists are not read")
+        rows = PlyData.read(io.BytesIO(data))["vertex"].data
+        return {name: rows[name] for name, _ in vertex.properties}
     if header.format == "ascii":
         return columns_of(_read_ascii(data, header, before, vertex, source))
     order = ORDERS[header.format]
@@ -100,7 +83,7 @@ def read_ply(data: bytes, source: str) -> dict[str, Array]:
 
 
 def parse_header(data: bytes, source: str) -> Header:
-    """Return the header of a PLY file; comments are passed over."""
+    """Return the header of a PLY file; comments are skipped, whatever their encoding."""
     found = _END.search(data, 0, LONGEST_HEADER)
     if found is None:
         raise InputError(f"{source}: the PLY header does not end. Copy the file again.")
@@ -108,87 +91,95 @@ def parse_header(data: bytes, source: str) -> Header:
     lines = data[:end].decode("latin-1").split("\n")
     format_name, elements = "", []
     for number, line in enumerate(lines, 1):
-        where = f"{source}:{number}"
         match line.split():
             case ["format", name, *_] if name in ORDERS:
                 format_name = name
-            case ["element", name, count]:
-                elements.append(Element(name, _count(count, where), []))
+            case ["element", name, count] if count.isdecimal():
+                elements.append(Element(name, int(count), [], []))
             case ["property", "list", length, kind, name] if elements and {length, kind} <= set(TYPES):
-                elements[-1].properties.append(Property(name, kind, length))
+                elements[-1].lists.append(name)
             case ["property", kind, name] if elements and kind in TYPES:
-                elements[-1].properties.append(Property(name, kind))
+                elements[-1].properties.append((name, TYPES[kind]))
             case [] | ["ply" | "comment" | "obj_info", *_]:
                 pass
             case _:
-                raise InputError(f"{where}: {line.strip()[:60]!r} is no line of a PLY header. Write the file anew.")
+                raise InputError(f"{source}:{number}: {line.strip()[:60]!r} is no line of a PLY header. Write it anew.")
     if not format_name:
         raise InputError(f"{source}: the PLY header has no format line. Write the file anew.")
     for element in elements:
-        refuse_doubles([item.name for item in element.properties], f"{source}: element {element.name}")
+        refuse_doubles([name for name, _ in element.properties] + element.lists, f"{source}: element {element.name}")
     newline = data.find(b"\n", end)
     return Header(format_name, elements, len(lines), len(data) if newline < 0 else newline + 1)
-
-
-def _count(text: str, where: str) -> int:
-    count = as_count(text)
-    if count is None:
-        raise InputError(f"{where}: {text[:24]!r} is not a count. Write the file anew.")
-    return count
-
-
-def _check_size(header: Header, size: int, source: str) -> None:
-    """Refuse a header that promises more than the file can hold, before memory is taken for it."""
-    needed = 0
-    for element in header.elements:
-        needed += element.n_rows * _least_bytes(element, header.format)
-        if element.name == "vertex":
-            break
-    # The last row of a text may lack its line end.
-    if needed > size - header.end + (header.format == "ascii"):
-        raise InputError(
-            f"{source}: cut off: the header promises at least {needed} bytes, {size - header.end} follow. "
-            f"Copy or download the file again."
-        )
-
-
-def _least_bytes(element: Element, format_name: str) -> int:
-    if format_name == "ascii":
-        return max(1, 2 * len(element.properties))
-    return sum(np.dtype(TYPES[item.length or item.type]).itemsize for item in element.properties)
 
 
 def _read_ascii(data: bytes, header: Header, before: list[Element], vertex: Element, source: str) -> Array:
     start, n_before = header.end, sum(element.n_rows for element in before)
     for _ in range(n_before):
         start = data.find(b"\n", start) + 1 or len(data)
-    body, line = data[start:], header.n_lines + 1 + n_before
-    width = len(vertex.properties)
-    layout = Layout(vertex.dtype("="), width, tuple(range(width)))
-    rows = parse_rows(body, layout, source, line, vertex.n_rows) if vertex.n_rows else np.empty(0, layout.dtype)
+    layout, line = Layout.of(vertex.dtype("=")), header.n_lines + 1 + n_before
+    rows = parse_rows(data[start:], layout, source, line, vertex.n_rows) if vertex.n_rows else np.empty(0, layout.dtype)
     if len(rows) != vertex.n_rows:
-        raise InputError(
-            f"{source}: cut off: the header promises {vertex.n_rows} points, {len(rows)} follow. "
-            f"Copy or download the file again."
-        )
+        raise InputError(f"{source}: cut off: {vertex.n_rows} points are promised, {len(rows)} follow. Copy it again.")
     return rows
 
 
-def _walk(data: bytes, header: Header, place: int, source: str) -> dict[str, Array]:
-    """Read past lists with plyfile: under a header that ends with the vertices, so that nothing behind them costs."""
-    lines = ["ply", f"format {header.format} 1.0"]
-    for element in header.elements[: place + 1]:
-        lines.append(f"element {element.name} {element.n_rows}")
-        for item in element.properties:
-            lines.append(f"property {f'list {item.length} ' if item.length else ''}{item.type} {item.name}")
-    try:
-        head = "\n".join([*lines, "end_header", ""]).encode("ascii")
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # of numpy, that a list of a text is empty
-            read = PlyData.read(io.BytesIO(head + data[header.end :]))
-    except (PlyParseError, ValueError, TypeError, OverflowError, EOFError) as error:
-        raise InputError(f"{source}: damaged or cut off ({' '.join(str(error).split())}). Copy it again.") from None
-    rows = read.elements[place].data
-    warn_dropped([item.name for item in header.elements[place].properties if item.length], source, "lists are not read")
-    plain = [item.name for item in header.elements[place].properties if not item.length]
-    return {name: rows[name] for name in plain}
+def write_ply(path: str | os.PathLike[str], cloud: PointCloud, extra: Mapping[str, Array] | None = None) -> None:
+    """Write a cloud as binary little endian PLY, whole or not at all.
+
+    Coordinates are written as the file had them, without the shift: float if they were float32 and there is no
+    shift, else double. All fields keep name and type, except for what PLY has no form for:
+
+    * a field (n, k) becomes k properties `name_0` to `name_k-1`;
+    * bool becomes uchar, float16 float; a 64-bit integer becomes int or uint if its values fit, else double, with a
+      warning if values beyond 2^53 lose digits;
+    * characters that a property name may not have become ``_``, and a name that is taken gets `_2`.
+
+    Parameters
+    ----------
+    path : path
+        ``-`` is standard output.
+    cloud : PointCloud
+    extra : mapping of str to (n, ...) array, optional
+        Further fields, behind the cloud's own; one of the same name replaces it.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    rows = vertex_rows(cloud, {**cloud.fields, **(extra or {})})
+    element = PlyElement.describe(rows, "vertex")
+    with open_output(path, binary=True) as stream:
+        PlyData([element], byte_order="<").write(stream)
+
+
+def vertex_rows(cloud: PointCloud, fields: Mapping[str, Array]) -> Array:
+    """Return the structured array (n,) of the vertices."""
+    small = cloud.coordinate_type is np.float32 and not cloud.shift.any()
+    world = cloud.world().astype(np.float32 if small else np.float64)
+    columns: dict[str, Array] = {name: world[:, axis] for axis, name in enumerate("xyz")}
+    for name, values in fields.items():
+        for part, column in scalar_columns(name, values):
+            columns[free_name(part, columns)] = storable(name, column)
+    rows = np.empty(len(cloud), [(name, column.dtype.newbyteorder("<")) for name, column in columns.items()])
+    for name, column in columns.items():
+        rows[name] = column
+    return rows
+
+
+def storable(name: str, values: Array) -> Array:
+    """Return values (n,) in a type that PLY has; see :func:`write_ply`."""
+    kind, size = values.dtype.kind, values.dtype.itemsize
+    if kind == "b":
+        return values.astype(np.uint8)
+    if kind == "f":
+        return values if size in (4, 8) else values.astype(np.float32 if size < 4 else np.float64)
+    if size < 8:
+        return values
+    low, high = (int(values.min()), int(values.max())) if len(values) else (0, 0)
+    for narrow in (np.int32, np.uint32):
+        if np.iinfo(narrow).min <= low and high <= np.iinfo(narrow).max:
+            return values.astype(narrow)
+    if max(-low, high) > LARGEST_EXACT:
+        logger.warning("field %s is rounded: PLY has no 64-bit integers, and double holds them exactly to 2^53", name)
+    return values.astype(np.float64)

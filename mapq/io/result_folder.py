@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud, choose_shift
-from mapq.io.las_pieces import LasHead, read_las_head, read_las_pieces
+from mapq.io.las import LasHead, read_las_head, read_las_pieces
 from mapq.io.options import AS_IT_IS, ReadOptions
-from mapq.io.result_json import stated_unit
-from mapq.io.results import PATCH, RESULT_FIELDS
+from mapq.io.results import PATCH, RESULT_FIELDS, stated_unit
 from mapq.io.write import LAS_SUFFIXES
 from mapq.patches import NO_PATCH
 from prf.shell.errors import InputError
@@ -25,18 +24,7 @@ Ints = NDArray[np.int64]
 
 
 class ResultFolder(NamedTuple):
-    """A result in tiles.
-
-    Attributes
-    ----------
-    path : str
-    json : Path
-    tiles : tuple of str
-    heads : tuple of LasHead
-    shift : (3,) float64
-        Of all points, in world coordinates.
-    options : ReadOptions
-    """
+    """A result in tiles; `shift` (3,) is that of all points, in world coordinates."""
 
     path: str
     json: Path
@@ -56,13 +44,7 @@ class ResultFolder(NamedTuple):
         return tuple(name for name in self.heads[0].fields if all(name in head.fields for head in self.heads))
 
     def pieces(self, names: tuple[str, ...]) -> Iterator[PointCloud]:
-        """Yield the points of all tiles, tile after tile in pieces, with some of the fields.
-
-        Raises
-        ------
-        InputError
-            If a tile is damaged or cut off.
-        """
+        """Yield the points of all tiles, tile after tile in pieces, with some of the fields."""
         for path, head in zip(self.tiles, self.heads, strict=True):
             yield from read_las_pieces(path, self.options, 0, head.n_points, self.shift, names)
 
@@ -73,15 +55,7 @@ def is_result_folder(path: str) -> bool:
 
 
 def open_result_folder(path: str, options: ReadOptions = AS_IT_IS) -> ResultFolder:
-    """Return a result in tiles, of which only the heads are read.
-
-    Its unit is the one in which it was classified.
-
-    Raises
-    ------
-    InputError
-        If there are no tiles, or one of them is damaged, no result, or in another unit.
-    """
+    """Return a result in tiles, of which only the heads are read, in the unit in which it was classified."""
     tiles = tuple(str(each) for each in sorted(Path(path).iterdir()) if each.suffix.lower() in LAS_SUFFIXES)
     if not tiles:
         raise InputError(f"{path}: no LAS or LAZ tile beside {RESULT_JSON}. Run mapq classify again.")
@@ -94,7 +68,7 @@ def open_result_folder(path: str, options: ReadOptions = AS_IT_IS) -> ResultFold
         if missing:
             raise InputError(f"{tile}: this is no tile of a result (no field {missing[0]}). Run mapq classify again.")
         if not np.array_equal(head.unit, heads[0].unit):
-            raise InputError(f"{tile}: its unit is not that of {tiles[0]}. Say which with --unit.")
+            raise InputError(f"{tile}: its unit is not that of {tiles[0]}. Give it with --unit.")
     box = np.array([np.min([head.low for head in heads], axis=0), np.max([head.high for head in heads], axis=0)])
     return ResultFolder(path, Path(path, RESULT_JSON), tiles, heads, choose_shift(box), options)
 
@@ -112,17 +86,12 @@ def thinned(folder: ResultFolder, names: tuple[str, ...], n_most: int) -> PointC
 def thinned_by_patch(folder: ResultFolder, n_points: Ints, n_most: int) -> PointCloud:
     """Return about `n_most` of the points as one cloud, with the fields of a result; of small patches all of them.
 
-    Parameters
-    ----------
-    folder : ResultFolder
-    n_points : (m,) int64
-        Of each patch.
-    n_most : int
+    `n_points` (m,) is that of each patch.
     """
     n_loose = max(folder.n_points - int(n_points.sum()), 0)
     share = n_most // 4 if n_loose > n_most // 4 else n_loose
     step = np.append(steps_of(n_points, n_most - share), max(1, -(-n_loose // max(share, 1))))
-    gone = np.zeros(len(step), np.int64)
+    n_before = np.zeros(len(step), np.int64)
     parts = []
     for piece in folder.pieces(RESULT_FIELDS):
         patch = np.asarray(piece.fields[PATCH]).astype(np.int64)
@@ -130,8 +99,8 @@ def thinned_by_patch(folder: ResultFolder, n_points: Ints, n_most: int) -> Point
         order = np.argsort(patch, kind="stable")
         rank = np.empty(len(order), np.int64)
         rank[order] = np.arange(len(order)) - np.searchsorted(patch[order], patch[order])
-        parts.append(piece.take(np.flatnonzero((gone[patch] + rank) % step[patch] == 0)))
-        gone += np.bincount(patch, minlength=len(step))
+        parts.append(piece.take(np.flatnonzero((n_before[patch] + rank) % step[patch] == 0)))
+        n_before += np.bincount(patch, minlength=len(step))
     return _joined(parts)
 
 
@@ -147,9 +116,7 @@ def steps_of(n_points: Ints, n_most: int) -> Ints:
 
 
 def _joined(parts: list[PointCloud]) -> PointCloud:
-    fields: Mapping[str, NDArray[Any]] = {
-        name: np.concatenate([part.fields[name] for part in parts]) for name in parts[0].fields
-    }
     first = parts[0]
+    fields = {name: np.concatenate([part.fields[name] for part in parts]) for name in first.fields}
     xyz = np.concatenate([part.xyz for part in parts])
     return PointCloud(xyz, first.shift, fields, first.coordinate_type, first.source, first.unit)

@@ -1,4 +1,7 @@
-"""A result: a PLY with the label of every point, and beside it a JSON with the patches and why; docs/results.md."""
+"""A result: a cloud with the label of every point, and beside it a JSON with the patches and why; docs/results.md.
+
+The JSON has a patch a line and is read so: that of a million patches has gigabytes.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.io.free_names import original_names
+from mapq.io.content import damage_in_one_line
+from mapq.io.fields import original_names
 from mapq.io.write import check_name, write_cloud
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
-from prf.shell.errors import UsageError
-from prf.shell.files import STREAM, atomic_write
+from prf.shell.errors import InputError, UsageError
+from prf.shell.files import STREAM, atomic_write, open_input
 from prf.shell.jsonout import dump_object, jsonable
 from prf.shell.lock import claim_output
+from prf.shell.storage import check_schema, damaged, load_object
 from prf.shell.together import together
+
+Row = dict[str, Any]
 
 SCHEMA = "mapq.result/1"
 OPENING = '"patches": ['
@@ -34,19 +42,13 @@ RESULT_FIELDS = (PATCH, LABEL, PROBABILITY)
 """The fields that make a cloud a result."""
 COLOURS = ("red", "green", "blue")
 CAUSE = "cause"
-"""Of maps that tell when their points were seen."""
+"""Of maps whose points have times."""
 
 _RGB = {PLAUSIBLE: (31, 98, 184), SUSPICIOUS: (214, 26, 28), UNLABELLED: (140, 148, 153)}
 
 
 def json_beside(path: str) -> str:
-    """Return the name of the JSON of the result `path`: the same name with .json; of the null device, itself.
-
-    Raises
-    ------
-    UsageError
-        If `path` is standard output, or that name itself.
-    """
+    """Return the name of the JSON of the result `path`: the same name with .json; of the null device, itself."""
     if path == os.devnull:  # for those who want the exit code alone
         return path
     beside = str(Path(path).with_suffix(".json")) if path != STREAM else STREAM
@@ -74,7 +76,7 @@ def result_cloud(
     Parameters
     ----------
     cloud : PointCloud
-        Fields of its own with the names of a result's are kept (:func:`mapq.io.free_names.original_names`). Fields of
+        Fields of its own with the names of a result's are kept (:func:`mapq.io.fields.original_names`). Fields of
         an earlier result, its colours included, are replaced.
     patch : (n,) int32
     label, probability : (m,)
@@ -101,13 +103,7 @@ def result_cloud(
 
 
 def write_result(path: str, cloud: PointCloud, head: Mapping[str, Any], patches: Iterable[Mapping[str, Any]]) -> None:
-    """Write both files of a result, which take their places together. Nothing is written to the null device.
-
-    Raises
-    ------
-    OutputError
-        If one of them cannot be written.
-    """
+    """Write both files of a result, which take their places together. Nothing is written to the null device."""
     if path == os.devnull:
         return
     with together():
@@ -127,8 +123,78 @@ def result_lines(head: Mapping[str, Any], patches: Iterable[Mapping[str, Any]]) 
 
 
 def _line(patch: Mapping[str, Any]) -> str:
-    """Return a patch as JSON; most are plain, and looking at each of their numbers first takes three times as long."""
+    """Return a patch as JSON; converting its numbers first takes three times as long, and few need it."""
     try:
         return json.dumps(patch, allow_nan=False, ensure_ascii=False)
     except (TypeError, ValueError):
         return json.dumps(jsonable(patch), allow_nan=False, ensure_ascii=False)
+
+
+def read_result_json(path: Path) -> tuple[Row, Iterator[Row]]:
+    """Return the JSON of a result but for its patches, and an iterator over these.
+
+    JSON in another layout, as another program writes it, is read at once.
+    """
+    with open_input(path) as stream:
+        first = stream.readline().decode("utf-8", "replace").rstrip()
+    if first.endswith(OPENING):
+        head = _parse(path, 1, first + "]}")
+        check_schema(path, str(head.get("schema", "")), SCHEMA)
+        del head["patches"]
+        return head, _patches(path)
+    head = load_object(path, SCHEMA)
+    rows = head.pop("patches", None)
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise damaged(path, "no list of patches")
+    return head, iter(rows)
+
+
+def _patches(path: Path) -> Iterator[Row]:
+    """Yield the patches of a file from its second line on."""
+    with open_input(path) as source, TextIOWrapper(source, encoding="utf-8", errors="replace") as stream:
+        stream.readline()
+        number = 1
+        for number, line in enumerate(stream, 2):
+            if line.rstrip() == "]}":
+                return
+            yield _parse(path, number, line.rstrip().removesuffix(","))
+    raise InputError(f"{path}:{number}: damaged (the list of patches does not end). Run mapq classify again.")
+
+
+def _parse(path: Path, number: int, text: str) -> Row:
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict):
+        raise InputError(f"{path}:{number}: damaged (not a JSON object). Run mapq classify again.")
+    return found
+
+
+def unit_beside(path: str) -> NDArray[np.float64] | None:
+    """Return the metres (3,) in a unit of the cloud of the result `path`, as the JSON beside it states, or None."""
+    return None if path.endswith(".json") else stated_unit(Path(json_beside(path)))
+
+
+def stated_unit(path: Path) -> NDArray[np.float64] | None:
+    """Return the metres (3,) in a unit of the cloud of a result, as its JSON states; None without such a JSON."""
+    try:
+        found = read_result_json(path)[0].get(CLOUD_UNIT) if path.is_file() else None
+    except (InputError, OSError):  # reported by those who need more of it
+        return None
+    if found is None:
+        return None
+    rows = found if isinstance(found, list) else []
+    unit = np.array([each if isinstance(each, int | float) else np.nan for each in rows], np.float64)
+    if unit.shape != (3,) or not (np.isfinite(unit) & (unit > 0.0)).all():
+        raise damaged(path, f"{CLOUD_UNIT} is no unit of three axes")
+    return unit
+
+
+def patch_counts(path: Path, head: Row) -> tuple[int, int]:
+    """Return the numbers of patches and of suspicious ones that the JSON of a result counts."""
+    counts = head.get("counts")
+    if not isinstance(counts, dict) or not {"n_patches", "n_suspicious"} <= counts.keys():
+        raise damaged(path, "no counts of patches")
+    with damage_in_one_line(str(path)):
+        return int(counts["n_patches"]), int(counts["n_suspicious"])

@@ -2,8 +2,8 @@
 
 Columns are separated by commas, semicolons, or blanks. A header names them, as the first row or as the last comment
 above the rows (``//X Y Z Intensity``, as CloudCompare writes it); without one the first three columns are x, y, z and
-the others `column_4`, `column_5` and so on, since nothing says what they hold. Every column is float64. A first line of
-one number is the count of points, as in PTS.
+the others `column_4`, `column_5` and so on. Every column is float64. A first line of one number is the count of points,
+as in PTS.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MARKS = ("#", "//")
 
 
 class _Head(NamedTuple):
-    """What stands above the rows: names, count of points, and where the first row is."""
+    """What is above the rows: names, count of points, and where the first row is."""
 
     names: list[str] | None
     n_promised: int | None
@@ -32,30 +32,19 @@ class _Head(NamedTuple):
 
 
 def read_text(data: bytes, source: str) -> dict[str, Array]:
-    """Return the columns of a text of points.
-
-    Parameters
-    ----------
-    data : bytes
-        The text, decompressed, without a byte order mark.
-    source : str
-        Name of the file, for messages.
-
-    Raises
-    ------
-    InputError
-        Without rows or coordinates, and for a row that cannot be read.
-    """
+    """Return the columns of a text of points; InputError names the line that cannot be read."""
     head = _read_head(data, source)
-    delimiter = delimiter_of(head.first_row)
+    delimiter = _delimiter_of(head.first_row)
     fields = split_row(head.first_row, delimiter)
     names = _names(head, fields, source)
-    axes_of(names, source)
-    taken = _taken(names, fields, source)
-    dtype = np.dtype([(names[column], np.float64) for column in taken])
-    layout = Layout(dtype, len(fields), tuple(taken), delimiter, comments=True)
+    axes = axes_of(names, source)
+    used = [column for column, name in enumerate(names) if name in axes or is_number(fields[column])]
+    dropped = sorted(set(range(len(names))) - set(used))
+    warn_dropped([names[column] for column in dropped], source, kind="column")
+    dtype = np.dtype([(names[column], np.float64) for column in used])
+    layout = Layout(dtype, len(fields), tuple(used), delimiter, comments=True)
     rows = parse_rows(data[head.offset :], layout, source, head.line)
-    if head.n_promised is not None and head.n_promised != len(rows):
+    if head.n_promised not in (None, len(rows)):
         raise InputError(
             f"{source}: its first line promises {head.n_promised} points, {len(rows)} follow. Copy the file again, or "
             f"remove that line."
@@ -63,12 +52,12 @@ def read_text(data: bytes, source: str) -> dict[str, Array]:
     return columns_of(rows)
 
 
-def delimiter_of(row: str) -> str | None:
+def _delimiter_of(row: str) -> str | None:
     """Return what separates the fields of a row: a semicolon, a comma, or None for blanks."""
     return ";" if ";" in row else "," if "," in row else None
 
 
-def content_lines(data: bytes) -> Iterator[tuple[int, int, str]]:
+def _lines(data: bytes) -> Iterator[tuple[int, int, str]]:
     """Yield number (from 1), offset and stripped text of each line that is not blank."""
     number, start = 1, 0
     while start < len(data):
@@ -82,45 +71,38 @@ def content_lines(data: bytes) -> Iterator[tuple[int, int, str]]:
 
 def _read_head(data: bytes, source: str) -> _Head:
     names: list[str] | None = None
-    said: list[str] | None = None
+    commented: list[str] | None = None
     count: int | None = None
-    for line, offset, text in content_lines(data):
+    for line, offset, text in _lines(data):
         if text.startswith(MARKS):
-            said = _header_names(text.lstrip("#/")) or said
+            commented = _header_names(text.lstrip("#/")) or commented
             continue
-        fields = split_row(text, delimiter_of(text))
-        number = as_count(fields[0]) if len(fields) == 1 and names is None else None
-        if number is not None:
-            _refuse_ptx(count, source)
-            count = number
+        fields = split_row(text, _delimiter_of(text))
+        if count is None and names is None and len(fields) == 1 and as_count(fields[0]) is not None:
+            count = as_count(fields[0])
         elif names is None and not any(map(is_number, fields)):
             names = _header_names(text)
             if names is None:
                 axes_of(fields, f"{source}:{line}")
         else:
-            fits = said is not None and len(said) == len(_trim(fields))
-            return _Head(names or (said if fits else None), count, text, line, offset)
+            fits = commented is not None and len(commented) == len(_trimmed(fields))
+            return _Head(names or (commented if fits else None), count, text, line, offset)
     raise InputError(f"{source}: no points. Give one point a row: x y z.")
-
-
-def _refuse_ptx(count: int | None, source: str) -> None:
-    if count is not None:
-        raise InputError(f"{source}: two lines of one number, as PTX has, and no matrix below. Copy the file again.")
 
 
 def _header_names(text: str) -> list[str] | None:
     """Return the names in a header, None where it does not name the coordinates."""
-    names = [name.strip("\"'") for name in _trim(split_row(text, delimiter_of(text)))]
+    names = [name.strip("\"'") for name in _trimmed(split_row(text, _delimiter_of(text)))]
     return names if {"x", "y", "z"} <= {name.lower() for name in names} else None
 
 
-def _trim(fields: list[str]) -> list[str]:
-    """Return fields without the empty one that a delimiter at the end of a row makes."""
+def _trimmed(fields: list[str]) -> list[str]:
+    """Return fields without the empty one of a delimiter at the end of a row."""
     return fields[:-1] if fields and not fields[-1] else fields
 
 
 def _names(head: _Head, fields: list[str], source: str) -> list[str]:
-    width = len(_trim(fields))
+    width = len(_trimmed(fields))
     if head.names is None:
         return [*"xyz"[:width], *(f"column_{number}" for number in range(4, width + 1))]
     if len(head.names) != width:
@@ -129,11 +111,3 @@ def _names(head: _Head, fields: list[str], source: str) -> list[str]:
         )
     refuse_doubles(head.names, source)
     return [name or f"column_{number}" for number, name in enumerate(head.names, 1)]
-
-
-def _taken(names: list[str], fields: list[str], source: str) -> list[int]:
-    """Return the columns to take: coordinates, and the others whose first field is a number."""
-    axes = axes_of(names, source)
-    taken = [i for i, name in enumerate(names) if name in axes or is_number(fields[i])]
-    warn_dropped([names[column] for column in sorted(set(range(len(names))) - set(taken))], source, kind="column")
-    return taken

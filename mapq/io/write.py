@@ -1,4 +1,4 @@
-"""Writing a cloud in the format that its name asks for."""
+"""Writing a cloud in the format of its name."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 
 from mapq.cloud import PointCloud
 from mapq.io.las_write import write_las
-from mapq.io.ply_write import write_ply
+from mapq.io.ply import write_ply
 from prf.shell.errors import UsageError
 from prf.shell.output_names import refuse_other_format
 
@@ -29,13 +29,7 @@ def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
 
 
 def check_name(path: str | os.PathLike[str]) -> None:
-    """Refuse the name of a format that is not written, before the work for it begins.
-
-    Raises
-    ------
-    UsageError
-        For COPC, whose points stand in an octree, and for names of other formats than PLY and LAS.
-    """
+    """Raise UsageError for the name of a format that is not written, before the work for it begins."""
     if os.fspath(path).lower().endswith(".copc.laz"):
         raise UsageError(f"{path}: COPC is not written, only plain LAZ. Name a .laz without .copc.")
     written = (".ply", *LAS_SUFFIXES)

@@ -30,11 +30,6 @@ class Page:
     ----------
     policy : str
         Its content security policy.
-
-    Raises
-    ------
-    UsageError
-        If plotly is not installed.
     """
 
     def __init__(self, store: Store, result: Result | None) -> None:

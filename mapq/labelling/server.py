@@ -58,11 +58,6 @@ class LabelServer(ThreadingHTTPServer):
     ----------
     done : threading.Event
         Set when the person says that labelling is over.
-
-    Raises
-    ------
-    UsageError
-        If the port is taken.
     """
 
     daemon_threads = True

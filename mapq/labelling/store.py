@@ -66,27 +66,13 @@ class Store:
         return len(self._journal.events)
 
     def set(self, patch: int, label: int) -> None:
-        """Set the label of a patch, `UNLABELLED` for unsure; on return it is on the disk.
-
-        Raises
-        ------
-        OutputError
-            If it cannot be written; then nothing has changed.
-        IndexError
-            If there is no such patch.
-        """
+        """Set the label of a patch, `UNLABELLED` for unsure; on return it is on the disk."""
         if not 0 <= patch < len(self.patches) or label not in (PLAUSIBLE, SUSPICIOUS, UNLABELLED):
             raise IndexError(patch)
         self._add(Event(patch, label))
 
     def undo(self) -> int | None:
-        """Take back the last label that stands, and return its patch; None if there is none.
-
-        Raises
-        ------
-        OutputError
-            As :meth:`set`.
-        """
+        """Take back the last label that stands, and return its patch; None if there is none."""
         with self._lock:
             patch = self._now.undoable[-1][0] if self._now.undoable else None
         if patch is not None:
@@ -113,13 +99,7 @@ class Store:
         return {"n_patches": len(said), "n_by_hand": sum(counts.values()), **counts, "n_from_field": from_field}
 
     def merge(self) -> None:
-        """Write the labels into PATCHES, whole or not at all, and remove the journal; no label can be set afterwards.
-
-        Raises
-        ------
-        OutputError
-            If it cannot be written, or PATCHES now holds other patches. The journal stays, and is merged next time.
-        """
+        """Write the labels into PATCHES, whole or not at all, and remove the journal; later labels are refused."""
         with self._lock:
             self._is_open = False
             if self._journal.events:
@@ -143,15 +123,7 @@ class Store:
 
 @contextmanager
 def open_store(path: str) -> Iterator[Store]:
-    """Hold the labels of a PATCHES file for this process, as long as the block lasts.
-
-    Raises
-    ------
-    InputError
-        If it is no PATCHES file, or its journal is damaged or of other patches.
-    OutputError
-        If another process labels it, or it could not be written.
-    """
+    """Hold the labels of a PATCHES file for this process, as long as the block lasts."""
     with open_input(path):
         pass
     refuse_existing(path, force=True)
@@ -172,19 +144,10 @@ class Relabelling:
         self._path = path
         self.patches = read_patches(path)
         journal = journal_beside(path)
-        self._is_ours = journal.is_file() and read_journal(journal, len(self.patches))[0] in (
-            "",
-            fingerprint(self.patches),
-        )
+        self._is_ours = journal.is_file() and read_journal(journal)[0] in ("", fingerprint(self.patches))
 
     def write(self, labelled: Patches) -> None:
-        """Write the patches, whole or not at all; the journal, whose labels are in them, goes.
-
-        Raises
-        ------
-        OutputError
-            If they cannot be written.
-        """
+        """Write the patches, whole or not at all; the journal, whose labels are in them, goes."""
         write_patches(self._path, labelled)
         if self._is_ours:
             journal_beside(self._path).unlink()

@@ -10,21 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import SHIFT_ABOVE, PointCloud
-from mapq.io.free_names import original_names
+from mapq.io.fields import original_names
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
-from mapq.perturb.disagree import Disagreement, known_disagreement
 from mapq.perturb.errors import PoseErrors, displaced
+from mapq.perturb.known import Disagreement, find_surfaces, known_disagreement
 from mapq.perturb.label import Rule, label_points
 from mapq.perturb.measure import measured_disagreement
 from mapq.perturb.merge import AT_THE_SENSOR, Merged, merge
-from mapq.perturb.surfaces import find_surfaces
 from mapq.posed import PosedScans, drive_passes
 from prf.shell.errors import UsageError
 
 Floats = NDArray[np.float64]
 
 ADDED = ("scan", "suspicious", "disagreement", "pass_id", "time", "to_sensor_x", "to_sensor_y", "to_sensor_z")
-"""Fields that a labelled map gets; those of the scans with these names are kept under others."""
+"""Fields that a labelled map gets; those of the scans with these names are renamed."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ def build(
     ----------
     scans : PosedScans
     errors : PoseErrors
-        What the poses get. None or none of them: the poses as they are.
+        Added to the poses; None: the poses as they are.
     rule : Rule
     settings : MergeSettings
     reference : (k, 4, 4) float64, optional
@@ -96,7 +95,7 @@ def build(
     seed : int
         Of the directions of errors.
     progress : callable
-        Told the share that is done.
+        Called with the share that is done.
 
     Raises
     ------
@@ -170,7 +169,7 @@ def _counts(merged: Merged, found: Disagreement, label: NDArray[np.uint8]) -> di
 
 
 def _rows(scans: PosedScans, merged: Merged, used: Floats, right: Floats | None) -> list[dict[str, Any]]:
-    """Return what is told of each scan."""
+    """Return the row of each scan in the report."""
     passes = drive_passes(scans.poses)
     n_points = np.bincount(merged.scan, minlength=len(scans))
     rows = []

@@ -32,13 +32,7 @@ CHUNK = 20_000
 
 
 def cell_keys(xyz: Floats, side: float, source: str = "the map") -> NDArray[np.int64]:
-    """Return a number (n,) for the cube of this side in which each point (n, 3) lies; equal for points of one cube.
-
-    Raises
-    ------
-    InputError
-        If there would be more than 2^21 cubes along an axis.
-    """
+    """Return a number (n,) for the cube of this side in which each point (n, 3) lies; equal for points of one cube."""
     if len(xyz) == 0:
         return np.zeros(0, np.int64)
     index = np.floor(xyz / side).astype(np.int64)

@@ -1,10 +1,9 @@
-"""Known errors of poses: what a map shows when its scans stand where they did not."""
+"""Known errors of poses."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,10 +56,6 @@ class PoseErrors:
     def is_none(self) -> bool:
         """Whether nothing is displaced."""
         return not (self.offset or self.yaw or any(self.drift) or any(self.missed_loop))
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the sizes for JSON."""
-        return asdict(self)
 
 
 def displaced(poses: Floats, errors: PoseErrors, seed: int) -> Floats:

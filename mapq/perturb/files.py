@@ -38,15 +38,7 @@ class Targets(NamedTuple):
 
 
 def target_files(output: str | None, is_split: bool, force: bool) -> Targets:
-    """Return the names that follow from that of the map, all of them free to be written.
-
-    Raises
-    ------
-    UsageError
-        Without a name, for standard output, for the name of the JSON itself, and for that of a format not written.
-    OutputError
-        If one stands and `force` is not given, or cannot be written.
-    """
+    """Return the names that follow from that of the map, all of them free to be written."""
     if output is None:
         raise UsageError("the map has no name. Give one with -o MAP.ply.")
     name = Path(output)
@@ -75,13 +67,6 @@ def write_map(
     share : float or None
         Of the test part, see :func:`mapq.perturb.split.split_by_place`; None: the map in one.
     buffer : float
-
-    Raises
-    ------
-    UsageError, InputError
-        If the map cannot be parted so.
-    OutputError
-        If a file cannot be written.
     """
     parts: Sequence[PointCloud] = (built.cloud,)
     content = {**head, **built.report}

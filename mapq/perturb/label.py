@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from prf.shell.errors import UsageError
 
 @dataclass(frozen=True)
 class Rule:
-    """What is suspicious, and what is plausible.
+    """Which points are suspicious, and which plausible.
 
     Attributes
     ----------
@@ -41,12 +40,8 @@ class Rule:
         if self.plausible_below > self.suspicious_above:
             raise UsageError(
                 f"--plausible-below {self.plausible_below:g} is above --suspicious-above {self.suspicious_above:g}: "
-                f"what lies between would be both."
+                f"points between would be both."
             )
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the lengths for JSON."""
-        return asdict(self)
 
 
 def label_points(metres: NDArray[np.float64], rule: Rule) -> NDArray[np.uint8]:

@@ -1,7 +1,7 @@
 """By how much scans disagree where no right poses are known: their pieces are laid onto each other.
 
 A piece of a scan, some twenty metres wide, is registered to every other scan near it. What does not overlap after that
-was seen from elsewhere or hidden and says nothing.
+was seen from elsewhere or hidden, and is no evidence.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mapq.perturb.cells import cell_keys, mean_of, planes_round
-from mapq.perturb.disagree import Disagreement
+from mapq.perturb.known import Disagreement
 from mapq.perturb.merge import Merged
 from mapq.perturb.register import Piece, Sheet, lies_on, register
 
@@ -36,13 +36,13 @@ ON_SHEET = 0.3
 DOUBT = 1.5
 """Metres: a wall of another scan so close, in no piece that fits, may be the same wall; farther ones seldom are."""
 CONSISTENT = 0.1
-"""Metres by which what one scan says of the other may differ from what the other says of it."""
+"""Metres by which the comparisons of two scans, either way, may differ."""
 UPRIGHT = 0.5
 """Largest upward component of the normal of a wall."""
 
 
 class Compared(NamedTuple):
-    """What one scan says of another.
+    """One scan compared with another.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ def measured_disagreement(
     proven : float
         Metres of disagreement above which it does not matter what else could not be compared.
     progress : callable
-        Told the number of scans compared.
+        Called with the number of scans compared.
     """
     points = merged.placed(poses)
     starts = np.searchsorted(merged.scan, np.arange(len(poses) + 1))
@@ -137,7 +137,7 @@ def _parted(points: Floats, origin: Floats | None) -> Parted:
 def _compare(
     part: Parted, other: Sheet, windows: list[NDArray[np.int64]], search: float, sided: bool
 ) -> Compared | None:
-    """Return what the other scan says of a scan, None if it comes nowhere near it."""
+    """Return the comparison of a scan with another, None if they are not near each other."""
     sheet = part.sheet
     if not (other.upright.any() and sheet.upright.any()):
         return None
@@ -155,7 +155,7 @@ def _gathered(
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Return the disagreement (m,) of each element of a scan with all others, and how many of them see it.
 
-    What one scan says of another counts unless that says otherwise of it: two wrong registrations seldom agree.
+    A comparison counts unless the one the other way contradicts it: two wrong registrations seldom agree.
     """
     worst, n_seen = np.zeros(len(part.flat)), np.zeros(len(part.flat), np.int64)
     in_doubt = np.zeros(len(part.flat), bool)
@@ -202,7 +202,7 @@ def _displacement(
 ) -> Compared:
     """Return by how much the other scan has each element displaced along its normal.
 
-    Of the windows that an element lies in, the one that overlaps best speaks.
+    Of the windows that an element lies in, the one that overlaps best counts.
     """
     along, best = np.full(len(near), np.nan), np.zeros(len(near))
     partner, judged = np.zeros(len(near), np.int64), np.zeros(len(near), bool)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.io.joined import common_fields
+from mapq.io.fields import common_fields
 from mapq.perturb.cells import cell_keys
 from mapq.posed import PosedScans
 from prf.shell.errors import InputError
@@ -65,12 +65,7 @@ def merge(
     reach : (float, float)
         Ranges in metres of the returns that are kept.
     progress : callable
-        Told the number of scans read.
-
-    Raises
-    ------
-    InputError
-        If a scan cannot be read, or no point is left.
+        Called with the number of scans read.
     """
     parts: list[PointCloud] = []
     counts = []

@@ -8,12 +8,12 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from mapq.io.recognise import suffix_of
+from mapq.io.content import suffix_of
 from prf.shell.errors import InputError, system_reason
 
 UOS_SUFFIX, E57_SUFFIX = ".3d", ".e57"
 SCAN_SUFFIXES = (".bin", ".pcd", ".ply", ".xyz", ".npy", ".npz", ".las", ".laz", ".ptx", UOS_SUFFIX, E57_SUFFIX)
-POSE_NAME = re.compile(r"(pose|traj|graph|odometry).*\.(txt|json|csv|tum)$", re.IGNORECASE)
+POSE_NAME = re.compile(r"(pose|traj|graph|odometry).*\.(txt|json|csv|tum|g2o)$", re.IGNORECASE)
 """Names that files of poses have; ``graph.txt`` is that of gtsam_points: a name, a place and a quaternion a row."""
 STAMP = re.compile(r"\d+\.\d+")
 """Stem of a file that is named after a time in seconds."""
@@ -33,11 +33,6 @@ def scan_files(folder: str, pattern: str | None) -> list[str]:
     folder : str
     pattern : str or None
         Names of the scans, such as ``planes_*.bin``; None: all files of points whose names differ in a number alone.
-
-    Raises
-    ------
-    InputError
-        If there is none, or more than one set of scans.
     """
     here = Path(folder)
     try:
@@ -98,13 +93,7 @@ def number_of(path: str) -> int | None:
 
 
 def pose_file(files: Sequence[str]) -> str:
-    """Return the only file of poses beside the scans, or in the folder above theirs.
-
-    Raises
-    ------
-    InputError
-        If there is none, or more than one.
-    """
+    """Return the only file of poses beside the scans, or in the folder above theirs."""
     folder = Path(files[0]).parent
     for place in (folder, folder.parent):
         found = [str(path) for path in sorted(place.glob("*")) if path.is_file() and POSE_NAME.search(path.name)]
@@ -117,7 +106,7 @@ def pose_file(files: Sequence[str]) -> str:
 
 
 def refuse_missing(files: Sequence[str]) -> None:
-    """Raise InputError for the first scan that is no file, before hours are spent on those before it."""
+    """Raise InputError for the first scan that is no file, before those before it are read."""
     for path in files:
         if Path(path).is_dir():
             raise InputError(f"{path}: this is a folder; give one folder alone, or files.")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,30 +11,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.io.clouds import parse_cloud
-from mapq.io.content import Content, read_bytes
+from mapq.io.clouds import parse_cloud, recognise
+from mapq.io.content import Content, read_bytes, suffix_of
 from mapq.io.e57 import e57_poses, open_e57, read_e57_scan
 from mapq.io.fields import make_cloud
 from mapq.io.options import ReadOptions
 from mapq.io.ptx import read_ptx_scan
-from mapq.io.recognise import recognise, suffix_of
-from mapq.posed.calibration import laser_poses, looks_ahead, read_calibration
-from mapq.posed.files import E57_SUFFIX, UOS_SUFFIX, natural_key, pose_file, refuse_missing, scan_files
-from mapq.posed.match import match_poses
-from mapq.posed.poses import PoseTable, check_rotations, read_poses
+from mapq.io.uos import read_uos_pose
+from mapq.posed.files import (
+    E57_SUFFIX,
+    UOS_SUFFIX,
+    natural_key,
+    number_of,
+    pose_file,
+    refuse_missing,
+    scan_files,
+    stamp_of,
+)
+from mapq.posed.poses import PoseTable, check_rotations, laser_poses, looks_ahead, read_calibration, read_poses
 from mapq.posed.scans import PosedScans
-from mapq.posed.uos import read_uos_pose
 from prf.shell.errors import InputError
 
 logger = logging.getLogger(__name__)
 
 CALIBRATION_NAME, TIMES_NAME = "calib.txt", "times.txt"
 NO_CALIBRATION = "none"
+SAME_TIME = 1e-3
+"""Seconds within which the name of a scan is the time of a pose: either may have been rounded."""
 
 
 @dataclass(frozen=True)
 class FindSettings:
-    """What a user says of scans and poses beside their names.
+    """What a user states about scans and poses besides their names.
 
     Attributes
     ----------
@@ -60,7 +68,7 @@ class FindSettings:
 def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> PosedScans:
     """Return the scans of a folder or of files, with their poses.
 
-    Scans go by the natural order of their names: 2 before 10, whatever order a shell gives.
+    Scans are in the natural order of their names: 2 before 10, whatever order a shell gives.
 
     Parameters
     ----------
@@ -81,7 +89,12 @@ def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> P
         scans = _e57_scans(files)
         return scans if settings.poses is None else replace_poses(scans, settings.poses, settings)
     if settings.poses is None and all(suffix_of(Path(name).name) == UOS_SUFFIX for name in files):
-        return _listed(files, np.array([read_uos_pose(_pose_beside(name)) for name in files]), None, settings)
+        return _listed(
+            files,
+            np.array([read_uos_pose(str(Path(name.removesuffix(".gz")).with_suffix(".pose"))) for name in files]),
+            None,
+            settings,
+        )
     path = settings.poses or pose_file(files)
     poses, chosen, table = _poses_of(path, files, settings)
     times = table.times if table.times is not None else _times_beside(path, len(table.poses))
@@ -105,14 +118,14 @@ def replace_poses(scans: PosedScans, path: str, settings: FindSettings) -> Posed
 def _poses_of(
     path: str, names: Sequence[str], settings: FindSettings, is_reference: bool = False
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], PoseTable]:
-    """Return the pose (k, 4, 4) of the sensor at each scan, the rows they stand in, and the table."""
+    """Return the pose (k, 4, 4) of the sensor at each scan, their rows, and the table."""
     table = read_poses(path, settings.quaternion)
     chosen = match_poses(names, table, path)
     if table.is_matrix and all(suffix_of(Path(name).name) == ".bin" for name in names):
         return _of_laser(table.poses, path, settings.calibration, is_reference)[chosen], chosen, table
     if settings.calibration not in (None, NO_CALIBRATION) and not is_reference:
         raise InputError(
-            f"{path}: a calibration goes with .bin scans and rows of 12 numbers, as KITTI has them. Leave out "
+            f"{path}: a calibration is for .bin scans and rows of 12 numbers, as KITTI has them. Leave out "
             f"--calibration."
         )
     if settings.calibration is None and looks_ahead(table.poses):
@@ -127,8 +140,8 @@ def _poses_of(
 def _of_laser(poses: NDArray[np.float64], path: str, given: str | None, is_reference: bool) -> NDArray[np.float64]:
     """Return the poses (k, 4, 4) of the laser: those given, unless they are those of KITTI's camera.
 
-    A calibration that is named for these poses is taken. One that lies beside them, or that was named for others, is
-    taken unless they plainly are no camera's: registration writes poses of the laser in the same layout.
+    A calibration that is named for these poses is used. One beside them, or one that was named for others, is
+    used unless they plainly are no camera's: registration writes poses of the laser in the same layout.
     """
     if given == NO_CALIBRATION:
         return poses
@@ -149,6 +162,62 @@ def _of_laser(poses: NDArray[np.float64], path: str, given: str | None, is_refer
     return poses
 
 
+def match_poses(names: Sequence[str], table: PoseTable, path: str) -> NDArray[np.int64]:
+    """Return the row (k,) of the table that is the pose of each scan.
+
+    Scans whose names are times are matched by time, where the table has times; else one row a scan by order; else the
+    last number in a scan's name picks the row of that name or, without names, of that place, from 0: as the poses of a
+    whole KITTI sequence and some of its scans.
+    """
+    stamps = [stamp_of(name) for name in names]
+    found = _match_times(np.array(stamps, np.float64), table.times) if table.times is not None else None
+    if found is not None:
+        return found
+    if len(table.poses) == len(names):
+        return np.arange(len(names))
+    wrong = InputError(
+        f"{path}: {len(table.poses)} poses for {len(names)} scans, and the numbers in the names of the scans do not "
+        f"identify theirs. Choose scans with --scans, or other poses with --poses."
+    )
+    if any(stamp is not None for stamp in stamps):
+        raise wrong
+    if table.names is not None:
+        known = {number_of(f"{name}.x"): row for row, name in enumerate(table.names)}
+    else:
+        known = {row: row for row in range(len(table.poses))}
+    rows = [known.get(number_of(name), -1) for name in names]
+    if min(rows) < 0 or len(set(rows)) < len(rows):
+        raise wrong
+    if table.times is not None:
+        _refuse_other_numbers([number_of(name) for name in names], rows, table.times, path)
+    return np.array(rows, np.int64)
+
+
+def _refuse_other_numbers(
+    numbers: Sequence[int | None], rows: Sequence[int], times: NDArray[np.float64], path: str
+) -> None:
+    """Raise InputError if the first column may be numbers of scans, by which other rows are theirs than by place."""
+    row_of = {float(time): row for row, time in enumerate(times.tolist())}
+    by_number = [row_of.get(-1.0 if number is None else float(number), -1) for number in numbers]
+    if min(by_number) >= 0 and by_number != list(rows):
+        raise InputError(
+            f"{path}: are the whole numbers of its first column times, or the numbers of scans? By these scan "
+            f"{numbers[0]} has row {by_number[0] + 1}, by its place row {rows[0] + 1}. Give a row a scan, or leave the "
+            f"column out."
+        )
+
+
+def _match_times(stamps: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.int64] | None:
+    """Return the row (k,) of the times (n,) that each stamp (k,) is; None where one is none, or two are the same."""
+    if not np.isfinite(stamps).all():
+        return None
+    order = np.argsort(times, kind="stable")
+    middle = 0.5 * (times[order][1:] + times[order][:-1])
+    rows = order[np.searchsorted(middle, stamps)]
+    is_one = len(set(rows.tolist())) == len(rows) and (np.abs(times[rows] - stamps) <= SAME_TIME).all()
+    return rows if is_one else None
+
+
 def _times_beside(poses: str, n_poses: int) -> NDArray[np.float64] | None:
     """Return the times (n,) of the file times.txt beside the poses, None if there is none of that length."""
     beside = Path(poses).with_name(TIMES_NAME)
@@ -163,11 +232,6 @@ def _times_beside(poses: str, n_poses: int) -> NDArray[np.float64] | None:
         return times
     logger.warning("%s: not %d times, one a pose; it is left out", beside, n_poses)
     return None
-
-
-def _pose_beside(path: str) -> str:
-    """Return the name of the .pose file of a .3d file."""
-    return str(Path(path.removesuffix(".gz")).with_suffix(".pose"))
 
 
 def _listed(
@@ -200,15 +264,9 @@ def _e57_scans(files: Sequence[str]) -> PosedScans:
     names = tuple(f"{files[number]} scan {scan}" for number, scan in places)
     poses = np.concatenate(tables)
     check_rotations(poses[:, :3, :3], list(names))
-    load = _e57_loader(opened, files, places)
-    return PosedScans(names, poses, None, load, np.arange(len(names)), files[0])
 
-
-def _e57_loader(
-    opened: Sequence[object], files: Sequence[str], places: Sequence[tuple[int, int]]
-) -> Callable[[int], PointCloud]:
     def load(number: int) -> PointCloud:
         file, scan = places[number]
         return read_e57_scan(opened[file], scan, files[file])
 
-    return load
+    return PosedScans(names, poses, None, load, np.arange(len(names)), files[0])

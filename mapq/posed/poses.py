@@ -1,4 +1,4 @@
-"""Poses from text: rows of a matrix as in KITTI, of a place and a quaternion as in TUM and graph.txt, matrices."""
+"""Poses from text: rows of a matrix as in KITTI, of a place and a quaternion as in TUM, g2o and graph.txt, matrices."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from numpy.typing import NDArray
 
 from mapq.io.content import read_bytes
 from mapq.io.fields import LARGEST_COORDINATE
+from mapq.posed.scans import driven
 from prf.shell.errors import InputError, UsageError
+
+Floats = NDArray[np.float64]
 
 QUATERNIONS = ("xyzw", "wxyz")
 
@@ -22,11 +25,22 @@ UPRIGHT = 0.9
 TILTED = 0.5
 """... the one below which a sensor does not."""
 
+CALIBRATION_ROWS = ("Tr", "Tr_velo_to_cam", "Tr_velo_cam")
+"""Rows of a calib.txt of KITTI that take points of the laser to the camera."""
+
+G2O_VERTEX, G2O_OTHERS = "VERTEX_SE3:QUAT", ("EDGE_", "FIX", "PARAMS_")
+"""Rows of g2o: those with a number and a pose are read as those of graph.txt, edges are skipped."""
+
+AHEAD = 0.8
+"""Share of the way along the z axis of the sensor above which that axis points ahead, as that of a camera does."""
+WAY_NEEDED = 1.0
+"""Metres: a shorter way has no direction."""
+
 UNSOUND = f"a number is not finite, or beyond {LARGEST_COORDINATE:g}"
 
 LAYOUTS = (
     "Read are rows of 12 numbers (3x4 matrix, KITTI), 16 (4x4), 7 (tx ty tz and a quaternion), 8 (time or name and "
-    "these), and 4x4 matrices over four lines."
+    "these), g2o, and 4x4 matrices over four lines."
 )
 
 
@@ -37,26 +51,26 @@ class PoseTable(NamedTuple):
     ----------
     poses : (k, 4, 4) float64
     names : tuple of str or None
-        What stands before each pose in graph.txt, such as ``v0``.
+        First column of graph.txt, such as ``v0``; of g2o the number behind a v.
     times : (k,) float64 or None
-        What stands before each pose in a TUM trajectory, seconds.
+        First column of a TUM trajectory, or the last number of 16, seconds.
     is_matrix : bool
         Whether rows are matrices of 12 numbers, as KITTI has them.
     """
 
-    poses: NDArray[np.float64]
+    poses: Floats
     names: tuple[str, ...] | None
-    times: NDArray[np.float64] | None
+    times: Floats | None
     is_matrix: bool
 
 
 def read_poses(path: str, quaternion: str | None = None) -> PoseTable:
-    """Read the poses of a file; the layout is told by the number of columns.
+    """Read the poses of a file; the number of columns identifies the layout.
 
     Parameters
     ----------
     path : str
-        Text of blanks or commas; lines that begin with ``#`` are passed over.
+        Text of blanks or commas; lines that begin with ``#`` are skipped.
     quaternion : {"xyzw", "wxyz"}, optional
         Order of quaternions. Without it ``xyzw``, and refused where sensors then hang upside down that would all
         stand upright by the other order.
@@ -64,67 +78,77 @@ def read_poses(path: str, quaternion: str | None = None) -> PoseTable:
     Raises
     ------
     InputError
-        If the file is missing, has another layout, or a row is no rigid motion; the line says which.
+        If the file is missing, has another layout, or a row is no rigid motion.
     UsageError
         If `quaternion` is none of the two orders.
     """
     if quaternion is not None and quaternion not in QUATERNIONS:
         raise UsageError(f"--quaternion {quaternion} is neither {QUATERNIONS[0]} nor {QUATERNIONS[1]}.")
-    data = read_bytes(path)
-    if data.lstrip()[:1] in (b"{", b"["):
-        raise InputError(f"{path}: this is JSON, no table of poses. Write one pose a row. {LAYOUTS}")
-    rows = _rows(data, path)
-    widths = {len(fields) for _, fields in rows}
-    if len(widths) > 1:
-        line, fields = next(row for row in rows if len(row[1]) != len(rows[0][1]))
-        raise InputError(f"{path}:{line}: {len(fields)} columns, but {len(rows[0][1])} before. Mend this line.")
-    width = widths.pop()
-    names, times = None, None
-    if width == 8:
-        first = [fields[0] for _, fields in rows]
-        rows = [(line, fields[1:]) for line, fields in rows]
-        names = tuple(first) if not all(_is_number(name) for name in first) else None
-        times = None if names is not None else np.array(first, np.float64)
-    values = _numbers(rows, path)
-    lines = [line for line, _ in rows]
+    rows = _rows(path)
+    where = [f"{path}:{line}" for line, _ in rows]
+    width, names, times = len(rows[0][1]), None, None
+    if width == 8 and not all(_is_number(fields[0]) for _, fields in rows):
+        names = tuple(fields[0] for _, fields in rows)
+    values = _numbers([fields[names is not None :] for _, fields in rows], where)
+    if width == 8 and names is None:
+        times, values = values[:, 0], values[:, 1:]
+    if width == 16 and (np.diff(values[:, 15]) > 0.0).all() and (values[:, 15] != 1.0).any():
+        times, values = values[:, 15].copy(), np.column_stack([values[:, :15], np.ones(len(values))])
+    wrong = np.flatnonzero(~(np.abs(values) <= LARGEST_COORDINATE).all(axis=1))
+    if len(wrong):
+        raise InputError(f"{where[wrong[0]]}: {UNSOUND}. Remove this pose and its scan.")
     if width in (7, 8):
-        return PoseTable(_of_quaternions(values, lines, path, quaternion), names, times, is_matrix=False)
-    return PoseTable(_of_matrices(values, lines, path), None, None, is_matrix=width == 12)
+        return PoseTable(_of_quaternions(values, where, path, quaternion), names, times, is_matrix=False)
+    return PoseTable(_of_matrices(values, where), None, times, is_matrix=width == 12)
 
 
-def is_sound(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return whether all numbers of each pose (k, m) are finite and such as coordinates may be."""
-    return np.asarray((np.abs(values) <= LARGEST_COORDINATE).all(axis=1))
+def read_calibration(path: str) -> Floats:
+    """Read ``T_camera_laser`` (4, 4) from the row ``Tr:`` of a calib.txt of KITTI."""
+    for number, line in enumerate(read_bytes(path).decode("utf-8", "replace").splitlines(), 1):
+        name, _, rest = line.partition(":")
+        if name.strip() in CALIBRATION_ROWS:
+            where = [f"{path}:{number}"]
+            values = _numbers([rest.split()], where)
+            if values.shape != (1, 12) or not (np.abs(values) <= LARGEST_COORDINATE).all():
+                raise InputError(f"{where[0]}: not the 12 numbers of a 3x4 matrix. Give a calib.txt of KITTI.")
+            return np.asarray(_of_matrices(values, where)[0])
+    raise InputError(f"{path}: no row Tr: with the 12 numbers of the motion from laser to camera. Give a calib.txt.")
 
 
-def rigid(rotation: NDArray[np.float64], translation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return poses (k, 4, 4) of rotations (k, 3, 3) and translations (k, 3)."""
-    poses = np.tile(np.eye(4), (len(rotation), 1, 1))
-    poses[:, :3, :3] = rotation
-    poses[:, :3, 3] = translation
-    return poses
+def laser_poses(camera: Floats, calibration: Floats) -> Floats:
+    """Return poses (k, 4, 4) of the laser in the frame of its first pose's laser, from those of the camera.
+
+    With ``Tr`` = ``T_camera_laser`` this is ``inv(Tr) @ pose @ Tr``: the map then has the laser's axes too, z upwards.
+    """
+    return np.asarray(np.linalg.inv(calibration) @ camera @ calibration)
 
 
-def nearest_rotation(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rotations (k, 3, 3) nearest to matrices (k, 3, 3) that are rotations but for rounding."""
-    left, _, right = np.linalg.svd(matrices)
-    return np.asarray(left @ right)
+def looks_ahead(poses: Floats) -> bool | None:
+    """Return whether the z axis of poses (k, 4, 4) points along the way, as that of a camera does; None: too short.
+
+    KITTI's trap: its poses are those of the left camera, its points those of the laser.
+    """
+    steps = np.diff(poses[:, :3, 3], axis=0)
+    way = driven(poses)[-1]
+    if way <= WAY_NEEDED:
+        return None
+    ahead = np.einsum("kji,kj->ki", poses[:-1, :3, :3], steps).sum(axis=0)
+    return bool(abs(ahead[2]) > AHEAD * way)
 
 
-def check_rotations(matrices: NDArray[np.float64], where: list[str]) -> None:
+def check_rotations(matrices: Floats, where: list[str]) -> None:
     """Raise InputError for the first of the matrices (k, 3, 3) that is no rotation, naming its place."""
     error = np.abs(matrices @ matrices.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    with np.errstate(all="ignore"):  # it goes by logarithms, which overflow for numbers next to 0
+    with np.errstate(all="ignore"):  # it uses logarithms, which overflow for numbers next to 0
         is_mirror = np.linalg.det(matrices) < 0.0
     wrong = np.flatnonzero(~(error < ROTATION_TOLERANCE) | is_mirror)
-    if len(wrong) == 0:
-        return
-    mirrored = error[wrong[0]] < ROTATION_TOLERANCE
-    what = "mirrors, as left-handed axes do" if mirrored else "is no rotation"
-    raise InputError(f"{where[wrong[0]]}: the matrix of this pose {what}. Check the layout of the file. {LAYOUTS}")
+    if len(wrong):
+        mirrored = error[wrong[0]] < ROTATION_TOLERANCE
+        what = "mirrors, as left-handed axes do" if mirrored else "is no rotation"
+        raise InputError(f"{where[wrong[0]]}: the matrix of this pose {what}. Check the layout of the file. {LAYOUTS}")
 
 
-def quaternion_rotation(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def quaternion_rotation(values: Floats) -> Floats:
     """Return the rotations (k, 3, 3) of unit quaternions (k, 4) in the order x, y, z, w."""
     x, y, z, w = values.T
     rows = [
@@ -135,28 +159,29 @@ def quaternion_rotation(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def _rows(data: bytes, path: str) -> list[tuple[int, list[str]]]:
-    """Return number (from 1) and fields of the lines that say something."""
+def _rows(path: str) -> list[tuple[int, list[str]]]:
+    """Return number (from 1) and fields of the lines with content, all of them alike long."""
     rows = []
-    for number, line in enumerate(data.decode("utf-8", "replace").splitlines(), 1):
+    for number, line in enumerate(read_bytes(path).decode("utf-8", "replace").splitlines(), 1):
         fields = [field for field in re.split(r"[\s,;]+", line.partition("#")[0].strip()) if field]
-        if fields:
+        if fields and fields[0] == G2O_VERTEX:
+            rows.append((number, ["v" + "".join(fields[1:2]), *fields[2:]]))
+        elif fields and not fields[0].startswith(G2O_OTHERS):
             rows.append((number, fields))
     if not rows:
         raise InputError(f"{path}: no poses. {LAYOUTS}")
+    for number, fields in rows:
+        if len(fields) != len(rows[0][1]):
+            raise InputError(f"{path}:{number}: {len(fields)} columns, but {len(rows[0][1])} before. Mend this line.")
     return rows
 
 
-def _numbers(rows: list[tuple[int, list[str]]], path: str) -> NDArray[np.float64]:
-    for line, fields in rows:
+def _numbers(rows: list[list[str]], where: list[str]) -> Floats:
+    for fields, place in zip(rows, where, strict=True):
         for field in fields:
             if not _is_number(field):
-                raise InputError(f"{path}:{line}: {field[:24]!r} is not a number. {LAYOUTS}")
-    values = np.array([fields for _, fields in rows], np.float64)
-    wrong = np.flatnonzero(~is_sound(values))
-    if len(wrong):
-        raise InputError(f"{path}:{rows[wrong[0]][0]}: {UNSOUND}. Remove this pose and its scan.")
-    return values
+                raise InputError(f"{place}: {field[:24]!r} is not a number. {LAYOUTS}")
+    return np.array(rows, np.float64)
 
 
 def _is_number(text: str) -> bool:
@@ -167,37 +192,43 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _of_matrices(values: NDArray[np.float64], lines: list[int], path: str) -> NDArray[np.float64]:
+def _of_matrices(values: Floats, where: list[str]) -> Floats:
     """Return the poses of rows of 12 or 16 numbers, or of four rows of 4 each."""
     width = values.shape[1]
     if width == 4 and len(values) % 4 == 0:
-        values, lines, width = values.reshape(-1, 16), lines[::4], 16
+        values, where, width = values.reshape(-1, 16), where[::4], 16
     if width not in (12, 16):
-        raise InputError(f"{path}:{lines[0]}: {width} columns are no pose. {LAYOUTS}")
+        raise InputError(f"{where[0]}: {width} columns are no pose. {LAYOUTS}")
     matrices = values.reshape(len(values), -1, 4)
-    where = [f"{path}:{line}" for line in lines]
     if width == 16:
         wrong = np.flatnonzero(np.abs(matrices[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1) > ROTATION_TOLERANCE)
         if len(wrong):
             raise InputError(f"{where[wrong[0]]}: the last row of this 4x4 matrix is not 0 0 0 1. Give it by rows.")
     check_rotations(matrices[:, :3, :3], where)
-    return rigid(nearest_rotation(matrices[:, :3, :3]), matrices[:, :3, 3])
+    left, _, right = np.linalg.svd(matrices[:, :3, :3])  # rotations but for rounding: the nearest ones
+    return _rigid(left @ right, matrices[:, :3, 3])
 
 
-def _of_quaternions(values: NDArray[np.float64], lines: list[int], path: str, order: str | None) -> NDArray[np.float64]:
+def _of_quaternions(values: Floats, where: list[str], path: str, order: str | None) -> Floats:
     """Return the poses of rows tx ty tz and a quaternion."""
     length = np.linalg.norm(values[:, 3:], axis=1)
     wrong = np.flatnonzero(np.abs(length - 1.0) > ROTATION_TOLERANCE)
     if len(wrong):
-        raise InputError(
-            f"{path}:{lines[wrong[0]]}: the last four columns are no unit quaternion (length "
-            f"{length[wrong[0]]:.3g}). {LAYOUTS}"
-        )
+        found = f"(length {length[wrong[0]]:.3g})"
+        raise InputError(f"{where[wrong[0]]}: the last four columns are no unit quaternion {found}. {LAYOUTS}")
     unit = values[:, 3:] / length[:, None]
     as_xyzw, as_wxyz = quaternion_rotation(unit), quaternion_rotation(unit[:, [1, 2, 3, 0]])
     if order is None and as_xyzw[:, 2, 2].min() < TILTED and as_wxyz[:, 2, 2].min() > UPRIGHT:
         raise InputError(
             f"{path}: read as tx ty tz qx qy qz qw sensors lie on their side or hang upside down; as tx ty tz qw qx qy "
-            f"qz all stand upright. Say which with --quaternion wxyz or --quaternion xyzw."
+            f"qz all stand upright. Choose with --quaternion wxyz or --quaternion xyzw."
         )
-    return rigid(as_wxyz if order == "wxyz" else as_xyzw, values[:, :3])
+    return _rigid(as_wxyz if order == "wxyz" else as_xyzw, values[:, :3])
+
+
+def _rigid(rotation: Floats, translation: Floats) -> Floats:
+    """Return poses (k, 4, 4) of rotations (k, 3, 3) and translations (k, 3)."""
+    poses = np.tile(np.eye(4), (len(rotation), 1, 1))
+    poses[:, :3, :3] = rotation
+    poses[:, :3, 3] = translation
+    return poses

@@ -14,8 +14,7 @@ from mapq.io.content import Content
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.patches import holds_patches, parse_patches
 from mapq.io.result_folder import is_result_folder, open_result_folder, thinned
-from mapq.io.result_json import patch_counts, read_result_json
-from mapq.io.results import RESULT_FIELDS
+from mapq.io.results import RESULT_FIELDS, patch_counts, read_result_json
 from mapq.patches import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from mapq.render.colours import Scheme, label_colours, patch_colours, probability_colours
 from mapq.render.picture import Picture

@@ -14,8 +14,7 @@ from mapq.io.clouds import parse_cloud
 from mapq.io.content import Content
 from mapq.io.patches import holds_patches
 from mapq.io.result_folder import ResultFolder, is_result_folder, open_result_folder, thinned_by_patch
-from mapq.io.result_json import read_result_json
-from mapq.io.results import LABEL, PATCH, RESULT_FIELDS, json_beside
+from mapq.io.results import LABEL, PATCH, RESULT_FIELDS, json_beside, read_result_json
 from mapq.patches import NO_PATCH
 from mapq.report.choice import Columns, choose
 from prf.shell.errors import InputError, UsageError

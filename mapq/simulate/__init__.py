@@ -1,8 +1,7 @@
 """Simulated maps with known truth: an urban world, a drive with a nodding laser, and a map rendered from odometry."""
 
-from mapq.simulate.drive import Simulation, simulate, simulate_with_report
-from mapq.simulate.kinds import Kind
-from mapq.simulate.report import Report
+from mapq.simulate.drive import Report, Simulation, simulate, simulate_with_report
+from mapq.simulate.scene import Kind
 from mapq.simulate.settings import SIZES, Settings
 
 __all__ = ["SIZES", "Kind", "Report", "Settings", "Simulation", "simulate", "simulate_with_report"]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.simulate.kinds import Kind
+from mapq.simulate.scene import Kind
 
 PITCH = np.array([66.0, 58.0])
 """Metres from block to block, along x and y."""

@@ -14,10 +14,7 @@ from numpy.typing import NDArray
 from mapq.cloud import PointCloud
 from mapq.io.write import write_cloud
 from mapq.simulate.city import PITCH, Part, join, make_block
-from prf.shell.errors import UsageError
-from prf.shell.files import remove_leftovers
-from prf.shell.together import together
-from prf.shell.work import made_folder, work_folder
+from prf.shell.errors import UsageError, cannot_write
 
 POINTS_OF_BLOCK = 146_500
 """Points of a block in the mean."""
@@ -64,13 +61,7 @@ class City(NamedTuple):
 
 
 def plan_city(n_points: int, points_of_tile: int = POINTS_OF_TILE) -> City:
-    """Return a city of about so many points.
-
-    Raises
-    ------
-    UsageError
-        If they are fewer than a block has, or too many for its numbers.
-    """
+    """Return a city of about so many points."""
     if not POINTS_OF_BLOCK <= n_points <= LARGEST:
         raise UsageError(f"--n-points {n_points}: a city has {POINTS_OF_BLOCK:,} (a block) to {LARGEST:,}.")
     blocks = n_points / POINTS_OF_BLOCK
@@ -107,15 +98,15 @@ def write_city(
     points_of_tile: int = POINTS_OF_TILE,
     progress: Callable[[float], None] = lambda share: None,
 ) -> dict[str, int]:
-    """Write a city as LAZ tiles into a folder, which is made; return counts of tiles, points and suspicious points.
+    """Write a city as LAZ tiles into a folder; return counts of tiles, points and suspicious points.
 
-    The tiles are made beside it and take their places together; those of an earlier city go. They have the fields
-    `truth`, `kind` and `surface`. The same numbers and seed give the same tiles, whatever the size of tiles the same
-    points.
+    The tiles of an earlier city are removed. They have the fields `truth`, `kind` and `surface`. The same numbers and
+    seed give the same tiles, and whatever the size of tiles the same points.
 
     Parameters
     ----------
     folder : path
+        Made if absent.
     n_points : int
         At least, about; the city is made of whole blocks.
     seed : int
@@ -123,37 +114,23 @@ def write_city(
     points_of_tile : int
         Of a tile, about.
     progress : callable
-        Called with the share of tiles that stand.
-
-    Raises
-    ------
-    UsageError
-        As :func:`plan_city`.
-    OutputError
-        If a tile cannot be written.
+        Called with the share of tiles that are written.
     """
     city = plan_city(n_points, points_of_tile)
-    target = Path(os.path.realpath(folder))
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        for old in target.glob("tile_*.laz"):
+            old.unlink()
+    except OSError as error:
+        raise cannot_write(target, error) from error
     tiles = list(city.tiles())
     counts = {"tiles": len(tiles), "points": 0, "suspicious_points": 0}
-    with work_folder(target) as work:
-        for done, tile in enumerate(tiles, 1):
-            part = make_tile(city, tile, seed)
-            fields: dict[str, NDArray[Any]] = {"truth": part.truth, "kind": part.kind, "surface": part.surface}
-            write_cloud(Path(work, tile.name), PointCloud.from_world(part.xyz + ORIGIN, fields, "simulated"))
-            counts["points"] += len(part.xyz)
-            counts["suspicious_points"] += int(part.truth.sum())
-            progress(done / len(tiles))
-        _publish(Path(work), target)
+    for done, tile in enumerate(tiles, 1):
+        part = make_tile(city, tile, seed)
+        fields: dict[str, NDArray[Any]] = {"truth": part.truth, "kind": part.kind, "surface": part.surface}
+        write_cloud(target / tile.name, PointCloud.from_world(part.xyz + ORIGIN, fields, "simulated"))
+        counts["points"] += len(part.xyz)
+        counts["suspicious_points"] += int(part.truth.sum())
+        progress(done / len(tiles))
     return counts
-
-
-def _publish(work: Path, target: Path) -> None:
-    """Move the tiles to their folder at once, or, where other files are in it, in place of older tiles."""
-    for made in work.iterdir():
-        remove_leftovers(target / made.name)
-    with made_folder(target), together() as group:
-        for old in sorted(target.glob("tile_*.laz")):
-            group.drop(old)
-        for made in sorted(work.iterdir()):
-            group.add(str(made), target / made.name)

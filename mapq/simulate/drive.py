@@ -9,15 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.simulate.drift import odometry
-from mapq.simulate.kinds import MOVING, Kind
 from mapq.simulate.laser import Returns, choose_beams, count_beams, make_beams, observe
-from mapq.simulate.layout import Plan, add_block, draw_plan
-from mapq.simulate.report import Report, find_look_alikes, summarise
-from mapq.simulate.robot import Trajectory, block_waypoints, drive_along
-from mapq.simulate.scene import NO_SURFACE, Frame, SceneBuilder, World
+from mapq.simulate.layout import Plan, add_block, block_waypoints, draw_plan
+from mapq.simulate.robot import Trajectory, drive_along, odometry
+from mapq.simulate.scene import MOVING, NO_SURFACE, Frame, Kind, SceneBuilder, World
 from mapq.simulate.settings import Settings
-from mapq.simulate.traffic import add_traffic
+from mapq.simulate.street import add_traffic
 from mapq.simulate.truth import Seen, Truth, judge
 from prf.shell.seeds import spawn_generators
 
@@ -28,6 +25,34 @@ CHUNK = 200_000
 
 PROBE = 6_000
 """Beams cast to find out how many return."""
+
+UPRIGHT = 0.1
+"""Largest upward component of the normal of what counts as a vertical surface."""
+
+SEEN = 20
+"""Points from which on a surface counts as seen."""
+
+
+class Report(NamedTuple):
+    """A simulated map in numbers: lengths in metres, the drive in seconds, shares of points.
+
+    `suspicious_wall_points` and `look_alike_points` are shares of the points on vertical surfaces, `suspicious_cells`
+    of their cells; `surfaces` counts vertical surfaces with `SEEN` points, `look_alike_surfaces` is a share of these.
+    """
+
+    points: int
+    passes: int
+    path_length: float
+    duration: float
+    final_drift: float
+    final_drift_deg: float
+    suspicious_points: float
+    suspicious_wall_points: float
+    suspicious_cells: float
+    surfaces: int
+    look_alike_points: float
+    look_alike_surfaces: float
+    points_by_kind: dict[str, int]
 
 
 class Simulation(NamedTuple):
@@ -164,3 +189,42 @@ def _fields(
         "disagreement": truth.disagreement.astype(np.float32),
         "look_alike": look_alike.astype(np.uint8),
     }
+
+
+def summarise(
+    cloud: PointCloud, world: World, truth: Truth, way: Trajectory, believed: Trajectory, settings: Settings
+) -> Report:
+    """Return the numbers of one map."""
+    surface = cloud.fields["surface"]
+    upright = (surface != NO_SURFACE) & (np.abs(world.normal[np.maximum(surface, 0), 2]) < UPRIGHT)
+    kinds = np.bincount(cloud.fields["kind"], minlength=len(Kind))
+    sizes = np.bincount(surface[upright], minlength=len(world.normal))
+    bad_cells = np.unique(truth.cell[upright & truth.suspicious])
+    return Report(
+        len(cloud),
+        int(cloud.fields["pass_id"].max(initial=-1)) + 1,
+        way.length,
+        way.length / settings.speed,
+        float(np.hypot(*(believed.xy[-1] - way.xy[-1]))),
+        float(np.degrees(abs(believed.heading[-1] - way.heading[-1]))),
+        _share(truth.suspicious),
+        _share(truth.suspicious[upright]),
+        len(bad_cells) / max(len(np.unique(truth.cell[upright])), 1),
+        int(np.count_nonzero(sizes >= SEEN)),
+        _share(cloud.fields["look_alike"][upright]),
+        _share(find_look_alikes(world, surface)[sizes >= SEEN]),
+        {kind.name.lower(): int(kinds[kind]) for kind in Kind},
+    )
+
+
+def find_look_alikes(world: World, surface: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Return which surfaces (n_surfaces,) look like an error and are none, given the surface (n,) of each point.
+
+    Of two walls close to each other both must be seen: one face of a gap between buildings is a wall like any other.
+    """
+    seen = np.bincount(surface[surface != NO_SURFACE], minlength=len(world.normal)) >= SEEN
+    return np.asarray((world.partner != NO_SURFACE) & seen & seen[world.partner])
+
+
+def _share(flags: np.ndarray) -> float:
+    return float(flags.mean()) if len(flags) else 0.0

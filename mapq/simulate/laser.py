@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.kernels.raycast import NOTHING, cast_beams
-from mapq.simulate.kinds import Kind
 from mapq.simulate.robot import Trajectory
-from mapq.simulate.scene import World
+from mapq.simulate.scene import Kind, World
 from mapq.simulate.settings import Settings
 
 Floats = NDArray[np.float64]

@@ -7,13 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.simulate.facade import add_facade, draw_windows
-from mapq.simulate.furniture import add_archway, add_bush, add_garden_wall
-from mapq.simulate.line import Line, crossing, left_of, rotated, unit
-from mapq.simulate.scene import Frame, SceneBuilder
+from mapq.simulate.buildings import SHED_CHANCE, add_facade, add_shed, draw_windows
+from mapq.simulate.robot import Waypoint
+from mapq.simulate.scene import Frame, Line, SceneBuilder, crossing, left_of, rotated, unit
 from mapq.simulate.settings import Settings
-from mapq.simulate.street import Row, add_row
-from mapq.simulate.variety import SHED_CHANCE, add_shed
+from mapq.simulate.street import Row, add_archway, add_bush, add_garden_wall, add_row
 
 Floats = NDArray[np.float64]
 
@@ -210,6 +208,25 @@ def _add_arch(builder: SceneBuilder, plan: Plan, rng: np.random.Generator) -> No
     middle = 0.5 * line.length + rng.uniform(-0.3, 0.3)
     opening = (middle - 0.5 * free, middle + 0.5 * free, rng.uniform(3.0, 4.2))
     add_archway(builder, line, rng.uniform(3.5, 7.0), rng.uniform(7.0, 10.0), opening)
+
+
+def block_waypoints(plan: Plan, frame: Frame, loops: int, rng: np.random.Generator) -> list[Waypoint]:
+    """Return the way along the street, `loops` times round the block, and down the pathway, in the world's frame.
+
+    Laps keep to the right lane, each a little differently. A lap begins where the street meets the ring; the pass
+    after the last lap is the pathway.
+    """
+    along = (plan.bend - plan.start) / np.hypot(*(plan.bend - plan.start))
+    aside = plan.lane * np.array([along[1], -along[0]])
+    points = [Waypoint(plan.start), Waypoint(plan.bend + aside)]
+    for lap in range(loops):
+        corners = plan.ring(0.5 * plan.width + plan.lane + rng.uniform(-0.3, 0.3))
+        if lap > 0:
+            points.append(Waypoint(corners[0], True))
+        points += [Waypoint(corner) for corner in corners[1:]]
+    points.append(Waypoint(plan.exit_point(0.0, -plan.lane), True))
+    points += [Waypoint(plan.exit_point(f * plan.exit_length, 0.0)) for f in (0.35, 1.0)]
+    return [Waypoint(frame.place(point.xy), point.begins_pass) for point in points]
 
 
 def offset_corners(corners: Floats, distance: float) -> Floats:

@@ -1,4 +1,4 @@
-"""The robot's way through the world, and where it is at any time."""
+"""The robot's way through the world, where it is at any time, and where it believes to be by odometry."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.simulate.layout import Plan
-from mapq.simulate.scene import Frame
+from mapq.simulate.settings import Settings
 
 Floats = NDArray[np.float64]
 
 STEP = 0.05
 """Metres between two poses of a trajectory; between them the robot moves evenly."""
+
+SMOOTH = 12.0
+"""Metres over which the scale error keeps its value: slip comes with the ground, not with the instant."""
 
 
 class Trajectory(NamedTuple):
@@ -54,25 +56,6 @@ class Waypoint(NamedTuple):
 
     xy: Floats
     begins_pass: bool = False
-
-
-def block_waypoints(plan: Plan, frame: Frame, loops: int, rng: np.random.Generator) -> list[Waypoint]:
-    """Return the way along the street, `loops` times round the block, and down the pathway, in the world's frame.
-
-    Laps keep to the right lane, each a little differently. A lap begins where the street meets the ring; the pass
-    after the last lap is the pathway.
-    """
-    along = (plan.bend - plan.start) / np.hypot(*(plan.bend - plan.start))
-    aside = plan.lane * np.array([along[1], -along[0]])
-    points = [Waypoint(plan.start), Waypoint(plan.bend + aside)]
-    for lap in range(loops):
-        corners = plan.ring(0.5 * plan.width + plan.lane + rng.uniform(-0.3, 0.3))
-        if lap > 0:
-            points.append(Waypoint(corners[0], True))
-        points += [Waypoint(corner) for corner in corners[1:]]
-    points.append(Waypoint(plan.exit_point(0.0, -plan.lane), True))
-    points += [Waypoint(plan.exit_point(f * plan.exit_length, 0.0)) for f in (0.35, 1.0)]
-    return [Waypoint(frame.place(point.xy), point.begins_pass) for point in points]
 
 
 def drive_along(waypoints: Sequence[Waypoint], rng: np.random.Generator) -> Trajectory:
@@ -117,3 +100,32 @@ def _rounded(before: Floats, corner: Floats, after: Floats, radius: float) -> Fl
     angles = sign * np.linspace(0.0, turn, max(3, int(radius * turn / STEP)))
     c, s = np.cos(angles), np.sin(angles)
     return np.asarray(middle + np.stack([c * first[0] - s * first[1], s * first[0] + c * first[1]], axis=1))
+
+
+def odometry(truth: Trajectory, settings: Settings, rng: np.random.Generator) -> Trajectory:
+    """Return the trajectory as odometry has it, which begins where the true one does.
+
+    The heading error grows by a constant bias and a random walk, the driven length is wrong by a share that wanders
+    slowly. Errors grow evenly along the way, so that what is seen within some metres of driving stays crisp; what is
+    seen again a lap later has moved.
+    """
+    n_steps = len(truth.distance) - 1
+    per_metre = np.radians(settings.drift * settings.yaw_bias) / 100.0
+    bias = rng.choice([-1.0, 1.0]) * rng.uniform(0.6, 1.4) * per_metre
+    walk = np.radians(settings.drift * settings.yaw_walk) * np.sqrt(STEP / 100.0)
+    turned = np.concatenate([[0.0], np.cumsum(bias * STEP + walk * rng.standard_normal(n_steps))])
+    scale = 1.0 + settings.drift * settings.scale_walk / 100.0 * _wandering(n_steps, rng)
+    steps = np.diff(truth.xy, axis=0) * scale[:, None]
+    middle = 0.5 * (turned[1:] + turned[:-1])
+    c, s = np.cos(middle), np.sin(middle)
+    moved = np.stack([c * steps[:, 0] - s * steps[:, 1], s * steps[:, 0] + c * steps[:, 1]], axis=1)
+    xy = np.concatenate([truth.xy[:1], truth.xy[0] + np.cumsum(moved, axis=0)])
+    return truth._replace(xy=xy, heading=truth.heading + turned)
+
+
+def _wandering(n_steps: int, rng: np.random.Generator) -> Floats:
+    """Return a stationary series (n_steps,) of variance 1 that forgets itself over `SMOOTH` metres."""
+    knots = rng.standard_normal(int(n_steps * STEP / SMOOTH) + 2)
+    # Between knots the variance falls to a half; the factor makes it 1 on average.
+    between = np.interp(np.arange(n_steps) * STEP / SMOOTH, np.arange(len(knots)), knots)
+    return np.asarray(between * np.sqrt(1.5))

@@ -1,15 +1,16 @@
-"""`SceneBuilder`: collects walls, sheets, posts, foliage and what moves, and makes arrays of them."""
+"""What stands in a simulated world: walls, sheets, posts, foliage and movers, and the lines of a plan."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.kernels.raycast import Scene
-from mapq.simulate.kinds import Kind
 
 Floats = NDArray[np.float64]
 
@@ -23,6 +24,90 @@ GRID_CELL = 1.0
 """Side of the grid's cells in metres: a beam crosses some tens of them, and few hold more than a window's parts."""
 
 UP = (0.0, 0.0, 1.0)
+
+
+class Kind(IntEnum):
+    """Values of the point field ``kind``."""
+
+    GROUND = 0
+    KERB = 1
+    FACADE = 2
+    RECESS = 3
+    REVEAL = 4
+    SIDE_WALL = 5
+    ROOF = 6
+    ARCH = 7
+    RAILING = 8
+    GARDEN_WALL = 9
+    FOLIAGE = 10
+    POST = 11
+    PARKED_CAR = 12
+    MOVING_CAR = 13
+    PERSON = 14
+    MIXED = 15
+    LORRY = 16
+    SHED = 17
+    BALCONY = 18
+
+
+MOVING = (Kind.MOVING_CAR, Kind.PERSON)
+"""Never at the same place twice, so two passes over them cannot disagree."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A facade's place: from `start` to `end`, the building on the side of the unit vector `inward`."""
+
+    start: Floats
+    end: Floats
+    inward: Floats
+
+    @classmethod
+    def facing(cls, start: Floats, end: Floats, inward: Floats) -> Line:
+        """Return the line with the unit normal that points to the side of `inward`."""
+        along = (end - start) / np.hypot(*(end - start))
+        normal = np.array([-along[1], along[0]])
+        return cls(start, end, normal if normal @ inward > 0.0 else -normal)
+
+    @property
+    def length(self) -> float:
+        """Length in metres."""
+        return float(np.hypot(*(self.end - self.start)))
+
+    @property
+    def along(self) -> Floats:
+        """Unit vector from start to end."""
+        return np.asarray((self.end - self.start) / self.length)
+
+    def shifted(self, depth: float) -> Line:
+        """Return the line moved into the building."""
+        return Line(self.start + depth * self.inward, self.end + depth * self.inward, self.inward)
+
+    def piece(self, first: float, last: float) -> Line:
+        """Return the part between two distances from the start."""
+        return Line(self.start + first * self.along, self.start + last * self.along, self.inward)
+
+
+def unit(vector: Floats) -> Floats:
+    """Return the vector (2,) at length 1."""
+    return np.asarray(vector / np.hypot(*vector))
+
+
+def left_of(vector: Floats) -> Floats:
+    """Return the vector (2,) turned to the left by a right angle."""
+    return np.array([-vector[1], vector[0]])
+
+
+def rotated(vector: Floats, angle: float) -> Floats:
+    """Return the vector (2,) turned to the left by an angle in radians."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
+
+
+def crossing(a: Floats, da: Floats, b: Floats, db: Floats) -> Floats:
+    """Return where the line through `a` along `da` meets the line through `b` along `db`, all (2,)."""
+    factor = ((b[0] - a[0]) * db[1] - (b[1] - a[1]) * db[0]) / (da[0] * db[1] - da[1] * db[0])
+    return np.asarray(a + factor * da)
 
 
 class Frame(NamedTuple):
@@ -63,7 +148,7 @@ class World(NamedTuple):
     thing : (n_items + 1,) int32
         Which thing without planes an item belongs to, such as one tree; -1 for items of surfaces.
     kind : (n_items + 1,) uint8
-        :class:`~mapq.simulate.kinds.Kind`.
+        :class:`Kind`.
     normal : (n_surfaces, 3) float64
         Unit normal of each surface.
     partner : (n_surfaces,) int32

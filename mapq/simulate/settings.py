@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any, get_type_hints
 
 from prf.shell.errors import UsageError
 
@@ -63,36 +63,36 @@ class Settings:
         Points that a pass must have in a cell to count.
     """
 
-    n_points: int = 560_000
-    blocks: int = 1
-    loops: int = 2
-    street_length: float = 340.0
-    block_length: float = 44.0
-    block_depth: float = 37.0
-    street_width: float = 14.0
-    path_length: float = 240.0
-    frontage: tuple[float, float] = (8.0, 30.0)
-    height: tuple[float, float] = (6.0, 15.0)
-    look_alikes: float = 1.0
-    variety: float = 0.0
-    clutter: float = 1.0
-    speed: float = 1.0
+    n_points: Annotated[int, 100, 50_000_000] = 560_000
+    blocks: Annotated[int, 1, 8] = 1
+    loops: Annotated[int, 1, 5] = 2
+    street_length: Annotated[float, 20.0, 1000.0] = 340.0
+    block_length: Annotated[float, 18.0, 500.0] = 44.0
+    block_depth: Annotated[float, 16.0, 500.0] = 37.0
+    street_width: Annotated[float, 9.0, 40.0] = 14.0
+    path_length: Annotated[float, 22.0, 1000.0] = 240.0
+    frontage: Annotated[tuple[float, float], 5.0, 100.0] = (8.0, 30.0)
+    height: Annotated[tuple[float, float], 4.0, 60.0] = (6.0, 15.0)
+    look_alikes: Annotated[float, 0.0, 3.0] = 1.0
+    variety: Annotated[float, 0.0, 3.0] = 0.0
+    clutter: Annotated[float, 0.0, 3.0] = 1.0
+    speed: Annotated[float, 0.1, 10.0] = 1.0
     all_round: bool = False
-    max_range: float = 35.0
-    noise: float = 0.015
-    drift: float = 1.0
-    yaw_bias: float = 0.6
-    yaw_walk: float = 0.2
-    scale_walk: float = 0.4
-    disagreement: float = 0.05
-    cell: float = 1.0
-    visit_gap: float = 25.0
-    visit_points: int = 3
+    max_range: Annotated[float, 5.0, 200.0] = 35.0
+    noise: Annotated[float, 0.0, 0.2] = 0.015
+    drift: Annotated[float, 0.0, 10.0] = 1.0
+    yaw_bias: Annotated[float, 0.0, 20.0] = 0.6
+    yaw_walk: Annotated[float, 0.0, 20.0] = 0.2
+    scale_walk: Annotated[float, 0.0, 20.0] = 0.4
+    disagreement: Annotated[float, 0.02, 10.0] = 0.05
+    cell: Annotated[float, 0.2, 10.0] = 1.0
+    visit_gap: Annotated[float, 2.0, 1000.0] = 25.0
+    visit_points: Annotated[int, 1, 1000] = 3
 
     def __post_init__(self) -> None:
-        """Refuse values outside their domain."""
-        for name, (low, high) in _DOMAIN.items():
-            value = getattr(self, name)
+        """Refuse values outside the domain that the annotation states."""
+        for name, hint in get_type_hints(type(self), include_extras=True).items():
+            value, (low, high) = getattr(self, name), getattr(hint, "__metadata__", (0.0, 1.0))
             for number in value if isinstance(value, tuple) else (value,):
                 if not low <= number <= high:
                     flag = name.replace("_", "-")
@@ -139,30 +139,3 @@ SIZES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     }
 )
 """Named sizes; medium is the size of the map of figure 4."""
-
-_DOMAIN: Mapping[str, tuple[float, float]] = {
-    "n_points": (100, 50_000_000),
-    "blocks": (1, 8),
-    "loops": (1, 5),
-    "street_length": (20.0, 1000.0),
-    "block_length": (18.0, 500.0),
-    "block_depth": (16.0, 500.0),
-    "street_width": (9.0, 40.0),
-    "path_length": (22.0, 1000.0),
-    "frontage": (5.0, 100.0),
-    "height": (4.0, 60.0),
-    "look_alikes": (0.0, 3.0),
-    "variety": (0.0, 3.0),
-    "clutter": (0.0, 3.0),
-    "speed": (0.1, 10.0),
-    "max_range": (5.0, 200.0),
-    "noise": (0.0, 0.2),
-    "drift": (0.0, 10.0),
-    "yaw_bias": (0.0, 20.0),
-    "yaw_walk": (0.0, 20.0),
-    "scale_walk": (0.0, 20.0),
-    "disagreement": (0.02, 10.0),
-    "cell": (0.2, 10.0),
-    "visit_gap": (2.0, 1000.0),
-    "visit_points": (1, 1000),
-}

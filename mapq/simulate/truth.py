@@ -15,16 +15,10 @@ Floats = NDArray[np.float64]
 
 
 class Truth(NamedTuple):
-    """What is true of each point.
+    """Whether each point (n,) is suspicious, by how many metres visits disagree there, and its cell, -1 for none.
 
-    Attributes
-    ----------
-    suspicious : (n,) bool
-    disagreement : (n,) float64
-        Metres between the point's pass and the pass that disagrees with it most, in the point's cell or, where one
-        pass alone saw that, in those that it touches; 0 where there is no other.
-    cell : (n,) int64
-        Number of the point's cell, -1 for points that belong to none.
+    The disagreement is that of the point's visit with the one that disagrees most, in the point's cell or, where one
+    visit alone saw that, in those that it touches; 0 where there is no other.
     """
 
     suspicious: NDArray[np.bool_]
@@ -33,7 +27,7 @@ class Truth(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """Points with all that the rule asks for.
+    """Points with all that the rule needs.
 
     Attributes
     ----------
@@ -89,19 +83,9 @@ def judge(seen: Seen, settings: Settings) -> Truth:
 
 
 class Visits(NamedTuple):
-    """Visits of cells: one row each.
+    """Visits (k,) of cells: mean place, normal and horizontal displacement by drift, first and last time (seconds).
 
-    Attributes
-    ----------
-    cell : (k,) int64
-    hits, normal : (k, 3) float64
-        Mean place in the world, and the normal of the surface.
-    moved : (k, 2) float64
-        Mean horizontal displacement by drift.
-    begin, end : (k,) float64
-        Times of the first and of the last point.
-    counted, planar : (k,) bool
-        Whether the visit has enough points; whether its cell is of a planar surface.
+    `counted`: whether the visit has enough points; `planar`: whether its cell is of a planar surface.
     """
 
     cell: NDArray[np.int64]

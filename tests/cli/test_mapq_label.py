@@ -56,9 +56,6 @@ def test_a_field_that_is_no_label_changes_nothing(capsys, tmp_path, field, messa
     [
         (["--conservative"], "--from-field"),
         (["--force"], "--from-field"),
-        (["--agreement"], "two files"),
-        (["other.patches"], "one PATCHES file"),
-        (["other.patches", "--agreement", "--from-field", "truth"], "leave out"),
     ],
 )
 def test_options_that_exclude_each_other_are_one_line(capsys, tmp_path, options, words):
@@ -80,33 +77,6 @@ def test_labels_of_a_journal_are_kept_by_a_field_and_used_in_training(capsys, tm
     assert call(capsys, "train", path, "-o", model)[0] == 0
     trained = json.loads(model.read_text())["training"]
     assert (trained["n_patches"], trained["n_suspicious"]) == (31, 18)
-
-
-def test_two_people(capsys, tmp_path):
-    first, second = tmp_path / "a.patches", tmp_path / "b.patches"
-    patches = draw_patches(1)
-    patches.label_source[:] = 2
-    write_patches(first, patches)
-    patches.label[:4] = [1, 1, 255, 1]
-    write_patches(second, patches)
-    result = call_json(capsys, "label", "--agreement", first, second)
-    assert (result["schema"], result["n_common"], result["confusion"]) == (
-        "mapq.label.agreement/1",
-        31,
-        [[12, 3], [0, 16]],
-    )
-    assert [row["patch"] for row in result["disagreeing"]] == [0, 1, 3]
-    assert result["kappa_interval"][0] < result["kappa"] < result["kappa_interval"][1]
-    code, out, err = call(capsys, "label", "--agreement", first, second)
-    assert (code, err) == (0, "")
-    assert "Cohen's kappa   0.80" in out
-    assert "they differ on  patches 0, 1, 3" in out
-
-
-def test_agreement_needs_the_same_patches(capsys, tmp_path):
-    code, out, err = call(capsys, "label", "--agreement", save_patches(tmp_path, 1), save_patches(tmp_path, 2))
-    assert (code, out, err.count("\n")) == (3, "", 1)
-    assert "different patches" in err
 
 
 class Running:

@@ -100,7 +100,7 @@ def _stop_serving() -> None:
 
 def _is_by_hand(words: list[str]) -> bool:
     """Return whether a command waits for labels on a page; Ctrl-C ends it as soon as that is served."""
-    return words[:2] == ["mapq", "label"] and not {"--from-field", "--agreement"} & set(words)
+    return words[:2] == ["mapq", "label"] and "--from-field" not in words
 
 
 def _with(words: list[str], options: list[str]) -> list[str]:

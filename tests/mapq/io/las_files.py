@@ -25,15 +25,6 @@ def geo_keys(**keys: int) -> VLR:
     return VLR("LASF_Projection", 34735, "", np.array(rows, "<u2").tobytes())
 
 
-def own_unit(metres: float) -> tuple[VLR, VLR]:
-    """Records of GeoTIFF with a unit that has no code, and its size."""
-    rows = [1, 1, 0, 3, 1024, 0, 1, 1, 3076, 0, 1, 32767, 3077, 34736, 1, 1]
-    doubles = np.array([7.0, metres], "<f8").tobytes()
-    return VLR("LASF_Projection", 34735, "", np.array(rows, "<u2").tobytes()), VLR(
-        "LASF_Projection", 34736, "", doubles
-    )
-
-
 def las_data(n: int = 60, kind: int = 3, version: str = "1.2", extra: bool = True, records: tuple[VLR, ...] = ()):
     """A file with every dimension filled, on a survey grid, with extra dimensions of three sorts."""
     rng = np.random.default_rng(kind)

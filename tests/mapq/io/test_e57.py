@@ -2,13 +2,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from mapq.io import ReadOptions, read_cloud
-from mapq.io.e57 import read_e57_columns, take_points
+from mapq.io.e57 import take_points
 from tests.mapq.io.samples import refusal
 
 pye57 = pytest.importorskip("pye57")
@@ -90,13 +89,6 @@ def test_damage_is_told(tmp_path):
     middle = len(data) // 3
     (tmp_path / "b.e57").write_bytes(data[:middle] + b"\xff" * 40 + data[middle + 40 :])
     assert "scan 0: the points are damaged" in refusal(read_cloud, str(tmp_path / "b.e57"))
-
-
-def test_a_promise_of_a_million_million_points(tmp_path):
-    (tmp_path / "a.e57").write_bytes(bytes(3000))
-    header = SimpleNamespace(point_count=10**12)
-    file = SimpleNamespace(path=str(tmp_path / "a.e57"), get_header=lambda _: header)
-    assert "1000000000000 points are more than the file can hold" in refusal(read_e57_columns, file, 0, "a.e57")
 
 
 def test_without_pye57_the_extra_is_named(tmp_path, monkeypatch):

@@ -44,7 +44,6 @@ COUNTS = {
     "pcl_matching_scan/map.pcd": (1, 49_168, INTENSITY),
     "gtsam_points_kitti_00/000000.bin": (1, 124_668, {}),
     "libpointmatcher/car_cloud400.csv": (1, 24_989, dict.fromkeys(("nx", "ny", "nz"), "float64")),
-    "libpointmatcher/cloud.00000.vtk": (1, 24_989, {}),
     "3dtk_dat/*.3d.gz": (2, 2 * 81_360, {}),
     "pdal_formats/1.2-with-color.las": (1, 1_065, LAS_TIME | LAS_COLOURS),
     "pdal_formats/1.2-with-color.copc.laz": (1, 1_065, LAS_SIX | LAS_COLOURS),
@@ -62,7 +61,7 @@ REFUSED = {
     "pdal_formats/missingheader.pcd": "no PCD header",
     "*/config/config.json": "JSON",
     "dxmcu_map/derived/*.csv": "no fields x, y, z; there are tile_a",
-    "kitti00_map-metrics/derived/calib_Tr.txt": "x is 'Tr:', not a number",
+    "kitti00_map-metrics/derived/calib_Tr.txt": "does not hold 13 numbers",
 }
 
 FOOT, SURVEY_FOOT = 0.3048, 1200 / 3937

@@ -23,7 +23,7 @@ def test_another_unit(tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "line"),
-    [("3\n" + TEXT, "promises 3 points, 2 follow"), ("1 2\n", ":1: 2 columns"), ("1 2 x\n", ":1: z is")],
+    [("3\n" + TEXT, "not the number of points, 2"), ("1 2\n", ":1: 2 columns"), ("1 2 x\n", ":1: '1 2 x'")],
 )
 def test_refusals(tmp_path, text, line):
     assert line in refusal(read_cloud, save(tmp_path, "scan000.3d", text))

@@ -7,9 +7,8 @@ import pytest
 
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.perturb import MergeSettings, Rule, build
-from mapq.perturb.disagree import known_disagreement
+from mapq.perturb.known import find_surfaces, known_disagreement
 from mapq.perturb.merge import merge
-from mapq.perturb.surfaces import find_surfaces
 from tests.mapq.factories import wall
 from tests.mapq.perturb.scenes import look, make_scans, pose_at, rings
 from tests.reference.mapq_perturb import brute_disagreement

@@ -10,9 +10,9 @@ import pytest
 
 from mapq.cloud import PointCloud
 from mapq.io import read_cloud, write_ply
+from mapq.io.uos import read_uos_pose
 from mapq.posed import FindSettings, find_scans, replace_poses
 from mapq.posed.files import family, natural_key, number_of
-from mapq.posed.uos import read_uos_pose
 from prf.shell.errors import InputError
 from tests.mapq.io.test_ptx import TURNED, ptx
 from tests.mapq.perturb.scenes import pose_at

@@ -7,9 +7,9 @@ import pytest
 
 from mapq.kernels.raycast import NOTHING, cast_beams
 from mapq.simulate import SIZES, Kind, Settings, Simulation, simulate, simulate_with_report
-from mapq.simulate.drift import odometry
 from mapq.simulate.drive import _build
 from mapq.simulate.laser import BEAMS, choose_beams, count_beams, make_beams
+from mapq.simulate.robot import odometry
 from mapq.simulate.scene import SceneBuilder, World
 from prf.shell.errors import UsageError
 

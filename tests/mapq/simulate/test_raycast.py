@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from mapq.kernels.raycast import NOTHING, cast_beams
-from mapq.simulate.kinds import Kind
-from mapq.simulate.scene import SceneBuilder, World
+from mapq.simulate.scene import Kind, SceneBuilder, World
 from tests.reference import mapq_raycast as reference
 
 

@@ -8,7 +8,7 @@ import pytest
 from mapq.simulate import Kind, Settings
 from mapq.simulate.robot import Trajectory
 from mapq.simulate.scene import SceneBuilder
-from mapq.simulate.traffic import add_traffic
+from mapq.simulate.street import add_traffic
 
 
 def movers(way: Trajectory, width: float, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:

@@ -43,7 +43,7 @@ def results(tmp_path_factory, model) -> tuple[str, str]:
 
 
 def test_scores_are_those_of_one_cloud(results, monkeypatch):
-    monkeypatch.setattr("mapq.io.las_pieces.PIECE", 10_000)
+    monkeypatch.setattr("mapq.io.las.PIECE", 10_000)
     mine, theirs = (read_labelled(path, None, None) for path in results)
     np.testing.assert_array_equal(mine.label, theirs.label)
     np.testing.assert_array_equal(mine.truth, theirs.truth)
@@ -112,7 +112,7 @@ def test_a_comparison_finds_no_difference_to_one_cloud(results):
 
 
 def test_its_summary_is_that_of_one_cloud(results, monkeypatch):
-    monkeypatch.setattr("mapq.io.las_pieces.PIECE", 10_000)
+    monkeypatch.setattr("mapq.io.las.PIECE", 10_000)
     mine, theirs = (describe(path) for path in results)
     assert (mine.kind, mine.format) == ("result", "2 tiles")
     assert mine.patches == theirs.patches
