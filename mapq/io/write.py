@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from importlib.util import find_spec
 
 from mapq.cloud import PointCloud
 from mapq.io.las_write import write_las
@@ -29,8 +30,10 @@ def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
 
 
 def check_name(path: str | os.PathLike[str]) -> None:
-    """Raise UsageError for the name of a format that is not written, before the work for it begins."""
+    """Raise UsageError for a format that is not written, or not without an extra, before the work begins."""
     if os.fspath(path).lower().endswith(".copc.laz"):
         raise UsageError(f"{path}: COPC is not written, only plain LAZ. Name a .laz without .copc.")
     written = (".ply", *LAS_SUFFIXES)
     refuse_other_format(path, written, "clouds are written as PLY, LAS or LAZ. Name a .ply, .las or .laz.")
+    if os.fspath(path).lower().endswith(LAS_SUFFIXES) and find_spec("laspy") is None:
+        raise UsageError(f"{path}: LAS is written with laspy. Install prf-mapq[las] and try again, or name a .ply.")

@@ -36,7 +36,7 @@ JOBS = (
     "mapq label town.patches --from-field truth",
     "mapq train town.patches -o model.json",
     "mapq classify town.patches -o town.ply",
-    "mapq classify town.patches --model model.json -o own.laz",
+    "mapq classify town.patches --model model.json -o own.ply",
     "mapq evaluate town.ply --truth-field truth",
     "mapq render town.ply -o town.png",
     "mapq inspect model.json",
@@ -60,6 +60,8 @@ MISSING = (
     Missing("mapq label town.patches", 2, "report"),
     Missing(f"mapq classify {TOWN} --scheduler tcp://127.0.0.1:9 -o far.ply", 2, "distributed"),
     Missing("mapq inspect empty.e57", 3, "e57"),
+    Missing("mapq inspect empty.las", 3, "las"),
+    Missing("mapq classify town.patches -o own.laz", 2, "las"),
 )
 
 
@@ -112,6 +114,7 @@ def install(folder: Path, python: str, wheel: Path, constraints: Path | None) ->
         shutil.copy(ROOT / "data" / name, folder / "work")
     (folder / "work" / "points.csv").write_text("x,y\n5.0,7.0\n6.0,7.0\n")
     (folder / "work" / "empty.e57").write_bytes(b"ASTM-E57" + bytes(40))
+    (folder / "work" / "empty.las").write_bytes(b"LASF" + bytes(400))
     return Environment(folder)
 
 
