@@ -117,14 +117,14 @@ def test_the_same_seed_gives_the_same_map_and_another_another() -> None:
 def test_look_alikes_can_be_left_out_and_multiplied() -> None:
     shares = []
     for factor in (0.0, 1.0, 2.0):
-        reports = [simulate_with_report(Settings.of_size("small", {**FEW, "look_alikes": factor}), s) for s in (1, 2)]
+        reports = [simulate_with_report(Settings.of_size("small", {**FEW, "look_alikes": factor}), 1)]
         shares.append(np.mean([report.report.look_alike_surfaces for report in reports]))
         assert all((one.cloud.fields["look_alike"].any()) == (factor > 0.0) for one in reports)
     assert shares[0] == 0.0 < shares[1] < shares[2]
 
 
 def test_variety_adds_what_streets_have_beside_offices() -> None:
-    offices, street = (simulate(Settings.of_size("small", {"drift": 0.0, "variety": v}), 4) for v in (0.0, 3.0))
+    offices, street = (simulate(Settings.of_size("small", {**FEW, "drift": 0.0, "variety": v}), 4) for v in (0.0, 3.0))
     added = {Kind.LORRY, Kind.SHED, Kind.BALCONY}
     assert added.isdisjoint(np.unique(offices.fields["kind"]).tolist())
     assert added <= set(np.unique(street.fields["kind"]).tolist())
@@ -132,7 +132,7 @@ def test_variety_adds_what_streets_have_beside_offices() -> None:
 
 
 @pytest.mark.parametrize("variety", [0.0, 3.0])
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("blocks", [1, 2])
 def test_the_way_is_free(seed: int, blocks: int, variety: float) -> None:
     """Nothing stands within half a metre of the robot, at the height of its wheels or of its laser."""

@@ -35,7 +35,11 @@ def test_the_same_seed_makes_the_same_maps_and_another_one_does_not() -> None:
     assert one.xyz.shape != other.xyz.shape
 
 
-@pytest.mark.parametrize("kind", [kind for kind in SITES if kind not in ("hall", "office")])
+QUICK = ("street",)
+KINDS = [kind if kind in QUICK else pytest.param(kind, marks=pytest.mark.slow) for kind in SITES]
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_right_maps_have_nothing_suspicious(kind: str) -> None:
     right, wrong = training_clouds(11, kind)
     assert set(right.fields) == set(wrong.fields) == FIELDS
