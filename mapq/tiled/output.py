@@ -12,8 +12,8 @@ from typing import IO, Any, NamedTuple, Protocol
 import numpy as np
 
 from mapq.cloud import PointCloud
-from mapq.io.las_pieces import open_las_pieces
-from mapq.io.ply_write import vertex_rows
+from mapq.io.las_write import open_las_pieces
+from mapq.io.ply import vertex_rows
 from mapq.io.result_folder import RESULT_JSON
 from mapq.io.results import claim_result, json_beside, result_lines
 from mapq.io.write import LAS_SUFFIXES, write_cloud
