@@ -73,7 +73,7 @@ def make_world(folder: Path, options: argparse.Namespace) -> World:
     settings: dict[str, Path | None] = {"defaults": None}
     if "fitted" in options.settings:
         simulate(other, options.seed + OTHER_SEED, **OTHER_WORLD)
-        made("calibrate", fitted, sonar=other / "sonar.csv.gz", map=other / "truth.geojson", seed=options.seed)
+        made("calibrate", fitted, sonar=other / "sonar.csv.gz", map=other / "truth.geojson")
         settings["fitted"] = fitted
     _, properties = read_map_feature(plan)
     return World(

@@ -69,7 +69,7 @@ def calibrated(log: Path, plan: Path, folder: Path) -> dict[str, Any]:
     rows = []
     for place in range(5):
         here, file = f"{place}:{place + 1}", folder / f"arena-but-{place}.toml"
-        known: dict[str, Any] = {"sonar": log, "map": plan, "sonar_max_range": ARENA_MAX_RANGE, "seed": commands.SEED}
+        known: dict[str, Any] = {"sonar": log, "map": plan, "sonar_max_range": ARENA_MAX_RANGE}
         made("calibrate", file, **known, skip_scans=here)
         before = prf("score", plan, sonar=log, scans=here, sonar_max_range=ARENA_MAX_RANGE)
         after = prf("score", plan, sonar=log, scans=here, config=file)

@@ -28,7 +28,6 @@ from prf.run import write_run
 from prf.sampler.tiles import finish_round, make_round, make_tile_data, work_tile
 from prf.score.scene import features_seen, scene_of_coloring
 from prf.shell.run import run_app
-from prf.simulate.sonar import SonarPhysics, simulate_sonar
 from prf.window import Window
 from tests.factories import make_run
 from tests.reference.recompute import recompute_impacts
@@ -86,7 +85,6 @@ def call_library() -> None:
     black_areas(draws)
     black_at(draws[0], [[0.5, 0.5]])
     features_seen(scene_of_coloring(draws[0], 3.5), np.empty((0, N_POSE)), 3.5)
-    simulate_sonar(np.array([[1.0, -1.0, 1.0, 1.0]]), np.zeros((1, 3)), SonarPhysics(), np.random.default_rng(1))
     recompute_impacts(make_chain(Settings(draws.window, 1.0), draws[0]))
     work_in_tiles(draws[0])
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from prf.logs import CONE, LogNotes, PointTable, Readings
-from prf.logs.points import LARGEST_VALUE
+from prf.logs.points import MAX_VALUE
 from prf.shell.errors import ArgumentError
 
 Floats = NDArray[np.float64]
@@ -88,7 +88,7 @@ def points(xy: ArrayLike, value: ArrayLike, *, source: str = "point arrays") -> 
         If shapes do not agree, or a number is not finite.
     """
     places = checked("xy", xy, (None, 2), FARTHEST)
-    values = checked("value", value, (len(places),), LARGEST_VALUE)
+    values = checked("value", value, (len(places),), MAX_VALUE)
     return PointTable(places, values, np.arange(1, len(places) + 1), source)
 
 

@@ -46,11 +46,6 @@ def from_feature(feature: Mapping[str, Any], window: Window | None = None) -> Co
     -------
     Coloring
         Validity of the graph is not checked: see :func:`prf.coloring.check`.
-
-    Raises
-    ------
-    InputError
-        If the Feature has not this form.
     """
     properties, geometry = feature.get("properties"), feature.get("geometry")
     if feature.get("type") != "Feature" or not isinstance(properties, Mapping) or not isinstance(geometry, Mapping):
@@ -87,18 +82,8 @@ def read_geojsonl(path: str | os.PathLike[str], window: Window | None = None) ->
 
     Parameters
     ----------
-    path : path
     window : Window, optional
         For Features without the property ``window``.
-
-    Returns
-    -------
-    Draws
-
-    Raises
-    ------
-    InputError
-        If the file is missing or has no Feature, and with ``path:line`` for a line that cannot be read.
     """
     colorings: list[Coloring] = []
     with open_input(path) as stream:

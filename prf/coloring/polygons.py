@@ -9,8 +9,7 @@ from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
-from prf.coloring.colours import black_at
-from prf.coloring.graph import Coloring
+from prf.coloring.graph import Coloring, black_at
 from prf.coloring.validity import check
 from prf.shell.errors import InputError
 from prf.window import BOTTOM, INTERIOR, LARGEST_COORDINATE, LEFT, RIGHT, SIDES, TOP, Window
@@ -29,10 +28,6 @@ def occupied_polygons(coloring: Coloring) -> MultiPolygon:
     ----------
     coloring : Coloring
         Valid (:func:`prf.coloring.check`).
-
-    Returns
-    -------
-    shapely.MultiPolygon
     """
     lines = np.concatenate([coloring.xy[coloring.edges], _border(coloring)])
     faces = shapely.get_parts(shapely.polygonize(shapely.linestrings(lines)))
@@ -65,17 +60,6 @@ def from_polygons(occupied: BaseGeometry, window: Window) -> Coloring:
     ----------
     occupied : shapely Polygon or MultiPolygon
         Clipped to the window; overlapping parts are united. Parts of rings along the border are not edges.
-    window : Window
-
-    Returns
-    -------
-    Coloring
-
-    Raises
-    ------
-    InputError
-        If the region is no polygonal coloring: polygons that touch at a point, or a corner that touches the border; or
-        if a coordinate is not finite, or lies beyond `LARGEST_COORDINATE`; or if GEOS cannot unite the parts.
     """
     refuse_far(occupied)
     box = shapely.box(*window)
@@ -107,12 +91,6 @@ def from_segments(ends: NDArray[np.float64], window: Window, anchor_black: bool 
     ----------
     ends : (n_edges, 2, 2) float64 array
         Start and end of each edge. Validity is not checked.
-    window : Window
-    anchor_black : bool
-
-    Returns
-    -------
-    Coloring
     """
     xy, first, index = np.unique(ends.reshape(-1, 2), axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
@@ -149,10 +127,10 @@ def turning_corners(ring: NDArray[np.float64], tolerance: float) -> NDArray[np.f
         before, after = np.roll(xy, 1, axis=0), np.roll(xy, -1, axis=0)
         chord, arm = after - before, xy - before
         off = np.abs(chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0])
-        goes = _every_second(off <= tolerance * np.maximum(np.hypot(*chord.T), tolerance))
-        if not goes.any():
+        drop = _every_second(off <= tolerance * np.maximum(np.hypot(*chord.T), tolerance))
+        if not drop.any():
             break
-        xy = xy[~goes]
+        xy = xy[~drop]
     return xy
 
 
@@ -160,9 +138,9 @@ def _every_second(straight: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return the first, third ... of each run in a ring: of neighbours only one may go, the other is judged by it."""
     place = np.arange(len(straight))
     before_run = np.maximum.accumulate(np.where(straight, -1, place))
-    goes: NDArray[np.bool_] = straight & ((place - before_run) % 2 == 1)
-    goes[-1] &= not goes[0]
-    return goes
+    drop: NDArray[np.bool_] = straight & ((place - before_run) % 2 == 1)
+    drop[-1] &= not drop[0]
+    return drop
 
 
 def _border(coloring: Coloring) -> NDArray[np.float64]:

@@ -18,10 +18,6 @@ def violations(coloring: Coloring) -> list[str]:
     exactly on their side and on one edge, even in number; no edge of length 0, repeated or along a side; no two edges
     that cross, touch or overlap, other than at a shared vertex. The predicates are GEOS's, exact in double precision.
 
-    Parameters
-    ----------
-    coloring : Coloring
-
     Returns
     -------
     list of str

@@ -21,7 +21,7 @@ from prf.commands.options import (
     Topic,
     refuse_shared_stream,
 )
-from prf.shell.options import Assignments, Force, Json, Output, Seed
+from prf.shell.options import Assignments, Force, Json, Output
 
 if TYPE_CHECKING:
     from prf.calibrate import Calibrated
@@ -51,14 +51,13 @@ def calibrate(
     skip_scans: SkipScans = None,
     config: Config = None,
     assignments: Assignments = None,
-    seed: Seed = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
     """Fit the parameters of sensors to readings in a known map.
 
     Poses and walls are taken as true; what is found are the parameters under which the readings are most probable, with
-    weak priors round the defaults, their standard errors, and how well they predict scans that the fit had not seen.
+    weak priors round the defaults, and their standard errors. `prf score MAP --config` tests them on other scans.
     -o writes them as a settings file for --config. Without -o they are printed only.
     """
     options = locals()
@@ -70,7 +69,6 @@ def calibrate(
     from prf.shell.files import open_output, refuse_inputs
     from prf.shell.lock import claim_output
     from prf.shell.output_names import refuse_other_format
-    from prf.shell.seeds import resolve_seed, spawn_generators
     from prf.shell.streams import refuse_json_beside
 
     if sonar is None and laser is None:
@@ -82,33 +80,30 @@ def calibrate(
         refuse_other_format(output, (".toml",), "parameters are written as a settings file. Name a .toml.")
         refuse_inputs([output], [known, sonar, laser])
     settings = load_configuration(options).settings
-    used_seed = resolve_seed(seed)
     area = read_known_map(known)
-    for_sonar, for_laser = spawn_generators(used_seed, 2)
     beams, cones = read_configured(settings, laser, sonar)
     found = []
     if cones is not None:
-        found.append(calibrate_sonar(cones, area, settings, for_sonar))
+        found.append(calibrate_sonar(cones, area, settings))
     if beams is not None:
-        found.append(calibrate_laser(beams, area, settings, for_laser))
+        found.append(calibrate_laser(beams, area, settings))
     if output is not None:
         with open_output(output) as stream:
             stream.write(fitted_text(found))
-    _report(found, output, used_seed, json)
+    _report(found, output, json)
 
 
-def _report(found: list[Calibrated], output: str | None, seed: int, json: bool) -> None:
+def _report(found: list[Calibrated], output: str | None, json: bool) -> None:
     """Print what came of it."""
-    from prf.calibrate.settings import lines_of, report_of
+    from prf.calibrate import lines_of, report_of
     from prf.shell import jsonout
     from prf.shell.streams import say_beside
 
     if json:
         parts = {part.kind: report_of(part) for part in found}
-        jsonout.emit_object("prf.calibrate/1", {**parts, "output": output, "seed": seed})
+        jsonout.emit_object("prf.calibrate/2", {**parts, "output": output})
         return
     say = say_beside(output)
     for part in found:
         for line in lines_of(part):
             say(line)
-    say(f"{'seed':22} {seed}")

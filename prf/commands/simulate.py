@@ -38,12 +38,6 @@ Size = Annotated[
     typer.Option("--size", metavar="W H", help="Of an office or of a draw's window, metres.  [60 40]"),
 ]
 Scale = Annotated[float | None, typer.Option("--scale", metavar="1/METRE", help="Scale parameter p of a draw.  [0.1]")]
-Room = Annotated[float | None, typer.Option("--room", metavar="METRES", help="Usual width of an office's rooms.  [4]")]
-Door = Annotated[float | None, typer.Option("--door", metavar="METRES", help="Width of its doors.  [0.9]")]
-Corridor = Annotated[float | None, typer.Option("--corridor", metavar="METRES", help="Width of its corridors.  [2]")]
-Furniture = Annotated[
-    bool | None, typer.Option("--furniture/--no-furniture", help="Cupboards and tables in an office.  [furniture]")
-]
 UnknownCells = Annotated[
     Unknown | None, typer.Option("--unknown", help="What the unknown cells of a ROS map are.  [occupied]")
 ]
@@ -51,24 +45,14 @@ PathFile = Annotated[
     str | None,
     typer.Option("--path", metavar="FILE", help="CSV of waypoints x,y, or of poses x,y,theta to measure at."),
 ]
-Start = Annotated[
-    tuple[float, float] | None, typer.Option("--start", metavar="X Y", help="Where a planned drive begins.")
-]
 RobotRadius = Annotated[
     float | None, typer.Option("--robot-radius", metavar="METRES", help="Distance kept from walls.  [0.25]")
-]
-Reach = Annotated[
-    float | None,
-    typer.Option("--reach", metavar="METRES", help="A planned drive comes so near to every place.  [3.5]"),
 ]
 Spacing = Annotated[
     float | None,
     typer.Option(
         "--spacing", metavar="METRES", help="Driven from scan to scan.  [0.5, or for --readings in one drive]"
     ),
-]
-TurnSpacing = Annotated[
-    float | None, typer.Option("--turn-spacing", metavar="RAD", help="Turned from scan to scan; likewise.")
 ]
 Readings = Annotated[
     int | None,
@@ -93,12 +77,6 @@ OutlierProbability = Annotated[
 MissProbability = Annotated[
     float | None, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.  [0.02]")
 ]
-Dropped = Annotated[
-    float | None, typer.Option("--dropped", metavar="SHARE", help="Readings marked as failed, range 0.  [0]")
-]
-Dark = Annotated[
-    float | None, typer.Option("--dark", metavar="SHARE", help="Of the walls, returning nothing as glass.  [0]")
-]
 Sonar = Annotated[bool, typer.Option("--sonar", help="Write sonar.csv.gz, of a ring of 16 transducers.")]
 SonarMaxRange = Annotated[float | None, typer.Option("--sonar-max-range", metavar="METRES", help="Of the sonar.  [8]")]
 
@@ -107,17 +85,10 @@ def simulate(
     world: World = "office",
     size: Size = None,
     scale: Scale = None,
-    room: Room = None,
-    door: Door = None,
-    corridor: Corridor = None,
-    furniture: Furniture = None,
     unknown: UnknownCells = None,
     path: PathFile = None,
-    start: Start = None,
     robot_radius: RobotRadius = None,
-    reach: Reach = None,
     spacing: Spacing = None,
-    turn_spacing: TurnSpacing = None,
     readings: Readings = None,
     laser: Laser = True,
     laser_beams: LaserBeams = None,
@@ -127,8 +98,6 @@ def simulate(
     laser_noise_relative: NoiseRelative = None,
     laser_outlier_probability: OutlierProbability = None,
     laser_miss_probability: MissProbability = None,
-    laser_dropped: Dropped = None,
-    laser_dark: Dark = None,
     sonar: Sonar = False,
     sonar_max_range: SonarMaxRange = None,
     seed: Seed = None,

@@ -1,17 +1,18 @@
-"""Probabilities on square cells, of a run, a grid or one map."""
+"""Probabilities on square cells of a run, a grid or one map, and what of them may be exported as known."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from scipy import ndimage
+from shapely.geometry.base import BaseGeometry
 
-from prf.coloring import Coloring, Draws, black_at_draws
+from prf.coloring import Coloring, Draws, black_at_draws, from_polygons, occupied_polygons
 from prf.estimate import occupied_probability
-from prf.export.formats import Options
-from prf.export.known import known_cells
-from prf.export.source import Source
+from prf.export.source import Map, Source
 from prf.kernels.grid import Grid
 from prf.kernels.query import count_black
 from prf.layout import image_grid, pixel_centres
@@ -21,7 +22,11 @@ from prf.window import Window
 
 RESOLUTION = 0.05
 """Metres a cell of one map: what maps for navigation mostly have."""
-MOST_CELLS = 25_000_000
+MAX_CELLS = 25_000_000
+WALL = 0.5
+"""Metres beyond seen cells up to which polygons of occupied ground are kept: walls are seen from one side."""
+SEAM = 1e-6
+"""Metres by which known ground is enlarged: parts of it that touch at a corner grow together."""
 
 
 class Cells(NamedTuple):
@@ -42,57 +47,54 @@ class Cells(NamedTuple):
     resolution: float
 
 
-def cells_of(source: Source, options: Options) -> Cells:
+def cells_of(
+    source: Source,
+    draw: int | None = None,
+    extrapolate: float = 0.0,
+    *,
+    squares: bool = False,
+    resolution: float | None = None,
+) -> Cells:
     """Return the posterior of a run, the cells of a grid, or one map as cells of probability 0 and 1.
 
     Cells farther than `extrapolate` metres from what readings of a run or a grid saw are nan.
 
     Parameters
     ----------
-    source : Source
-    options : Options
-        `draw`, `squares`, `resolution` and `extrapolate` are used.
-
-    Raises
-    ------
-    InputError
-        If the run has no image yet, or no such map.
-    UsageError
-        If something is asked of cells that they cannot give, or for too many cells.
+    draw : int, optional
+        Number of a draw of the run instead of its posterior.
+    extrapolate : float
+        Metres.
+    squares : bool
+        Whether a cell is not completely white, instead of the colour of its centre.
+    resolution : float, optional
+        Side of a cell, metres.
     """
-    return only_known(_all_cells(source, options), source.image, options.extrapolate or 0.0)
+    return only_known(_all_cells(source, draw, squares, resolution), source.image, extrapolate)
 
 
-def _all_cells(source: Source, options: Options) -> Cells:
+def _all_cells(source: Source, draw: int | None, squares: bool, resolution: float | None) -> Cells:
     run, image = source.run, source.image
-    if source.grid is not None and options.draw is None:
-        if options.squares or options.resolution is not None:
+    if source.grid is not None and draw is None:
+        if squares or resolution is not None:
             raise UsageError(
                 f"a GRID has cells of {source.grid.resolution:g} m only: leave --squares and --resolution out."
             )
         return Cells(source.grid.occupancy, source.grid.origin, source.grid.resolution)
-    if run is None or options.draw is not None:
+    if run is None or draw is not None:
         own = RESOLUTION if image is None else image.resolution
-        return rasterise(source.choose_map(options.draw).coloring, options.resolution or own, options.squares)
+        return rasterise(source.choose_map(draw).coloring, resolution or own, squares)
     if image is None:
         raise run.missing(names.POSTERIOR)
-    if options.resolution is not None:
-        if options.squares:
+    if resolution is not None:
+        if squares:
             raise UsageError("--squares and --resolution: a run knows the squares of its own image alone.")
-        return share_of_draws(run.draws, options.resolution)
-    return Cells(image.square_occupancy if options.squares else image.occupancy, image.origin, image.resolution)
+        return share_of_draws(run.draws, resolution)
+    return Cells(image.square_occupancy if squares else image.occupancy, image.origin, image.resolution)
 
 
 def share_of_draws(draws: Draws, resolution: float) -> Cells:
-    """Return the share of draws in which the centre of each cell is black, nan beyond the window.
-
-    Raises
-    ------
-    InputError
-        If there are no draws.
-    UsageError
-        If there would be too many cells.
-    """
+    """Return the share of draws in which the centre of each cell is black, nan beyond the window."""
     if len(draws) == 0:
         raise InputError("no draws yet: nothing can be exported. Go on with prf sample --resume.")
     grid = _checked_grid(draws.window, resolution)
@@ -126,6 +128,51 @@ def rasterise(coloring: Coloring, resolution: float, squares: bool) -> Cells:
 
 
 def _checked_grid(window: Window, resolution: float) -> Grid:
-    if window.area / resolution**2 > MOST_CELLS:
-        raise UsageError(f"--resolution {resolution:g}: more than {MOST_CELLS} cells. Give a larger one.")
+    if window.area / resolution**2 > MAX_CELLS:
+        raise UsageError(f"--resolution {resolution:g}: more than {MAX_CELLS} cells. Give a larger one.")
     return image_grid(window, resolution)
+
+
+def known_cells(image: PosteriorImage, extrapolate: float) -> NDArray[np.bool_]:
+    """Return which cells (ny, nx) lie within `extrapolate` metres, centre to centre, of one that a reading saw."""
+    if extrapolate == 0.0 or image.seen.all() or not image.seen.any():
+        return image.seen
+    distance = ndimage.distance_transform_edt(~image.seen, sampling=image.resolution)
+    return np.asarray(distance <= extrapolate)
+
+
+def cut_to_known(found: Map, image: PosteriorImage | None, extrapolate: float) -> Map:
+    """Return a map without the occupied ground that no reading came near (:data:`WALL`).
+
+    Parameters
+    ----------
+    image : PosteriorImage or None
+        Of the run that the map is of; None: nothing is cut off.
+    extrapolate : float
+        Metres beyond seen cells that count as known.
+    """
+    if image is None or image.seen.all():
+        return found
+    area = occupied_polygons(found.coloring)
+    ground = known_ground(image, max(extrapolate, WALL))
+    parts = [part for part in area.geoms if shapely.intersects(part, ground)]
+    near = shapely.MultiPolygon(parts)
+    for region in (shapely.intersection(near, ground), near):
+        polygons = [part for part in shapely.get_parts(region) if shapely.get_dimensions(part) == 2]
+        try:
+            coloring = from_polygons(shapely.MultiPolygon(polygons), found.coloring.window)
+        except InputError:  # the cut made parts touch at a point
+            continue
+        if coloring.n_edges > 0:
+            return found._replace(coloring=coloring)
+    return found._replace(coloring=type(found.coloring).empty(found.coloring.window))
+
+
+def known_ground(image: PosteriorImage, extrapolate: float) -> BaseGeometry:
+    """Return the ground of the cells that :func:`known_cells` names."""
+    row, column = np.nonzero(known_cells(image, extrapolate))
+    low = image.origin + image.resolution * np.column_stack([column, row])
+    high = low + image.resolution
+    boxes = shapely.box(*(low - SEAM).T, *(high + SEAM).T)
+    ground: BaseGeometry = shapely.union_all(boxes)
+    return ground

@@ -1,6 +1,6 @@
 """What the chains watched, as netCDF in the groups that ArviZ expects (InferenceData: posterior and sample_stats).
 
-Draws are maps of varying size, for which ArviZ has no place; what stands here has one value, or one for each probe
+Draws are maps of varying size, for which ArviZ has no place; these have one value, or one for each probe
 point, a draw.
 """
 
@@ -14,16 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf import __version__
-from prf.export.extras import require
 from prf.run import Run
 from prf.shell.errors import InputError
+from prf.shell.extras import require
 from prf.shell.files import encoded
 from prf.shell.jsonout import jsonable
 
 SCHEMA = "prf.netcdf/1"
 ENGINE = "h5netcdf"
 UNITS = {"n_edges": "1", "total_length": "m", "log_prior": "nat", "log_likelihood": "nat", "lp": "nat"}
-LARGEST_INTEGER = 2**63 - 1
+MAX_INTEGER = 2**63 - 1
 DIMENSIONS = ("chain", "draw")
 
 
@@ -49,11 +49,6 @@ def align_chains(run: Run) -> Chains:
     """Return the first draws of every chain, as many as the shortest one has.
 
     All chains record at the same steps, so that the first draws belong together and the longer ones ran on alone.
-
-    Raises
-    ------
-    InputError
-        If the run has no draws.
     """
     if len(run.chain) == 0:
         raise InputError(f"{run.name}: no draws yet: nothing can be exported. Go on with prf sample --resume.")
@@ -66,18 +61,8 @@ def align_chains(run: Run) -> Chains:
 
 
 def netcdf_bytes(run: Run) -> tuple[bytes, Chains]:
-    """Return a netCDF 4 file, and which draws it holds.
-
-    Raises
-    ------
-    InputError
-        If the run has no draws.
-    UsageError
-        If xarray, h5netcdf or h5py is not installed.
-    """
-    xarray = require("xarray", "netcdf")
-    for module in (ENGINE, "h5py"):
-        require(module, "netcdf")
+    """Return a netCDF 4 file, and which draws it holds."""
+    xarray, _, _ = (require(module, "netcdf", "--format netcdf") for module in ("xarray", ENGINE, "h5py"))
     chains = align_chains(run)
     provenance = _provenance(run)
     coordinates = {"chain": chains.numbers, "draw": np.arange(chains.rows.shape[1])}
@@ -145,7 +130,7 @@ def _version(run: Run) -> object:
 
 
 def _attribute(value: object) -> object:
-    if isinstance(value, int) and not isinstance(value, bool) and abs(value) > LARGEST_INTEGER:
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) > MAX_INTEGER:
         return str(value)
     if isinstance(value, str):
         return _text(value)

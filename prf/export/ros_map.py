@@ -8,6 +8,7 @@ and, above 100, unknown.
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from typing import Any, NamedTuple
@@ -16,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.export.cells import Cells
-from prf.export.formats import RAW, SCALE, TRINARY
-from prf.export.images import pgm_bytes, png_bytes
 
+TRINARY, SCALE, RAW = "trinary", "scale", "raw"
+IMAGE_SUFFIX = {TRINARY: ".pgm", SCALE: ".png", RAW: ".pgm"}
+"""In mode scale an unknown cell is a transparent pixel, which PGM does not have; map_saver writes PNG likewise."""
 FREE_THRESHOLD, OCCUPIED_THRESHOLD = 0.196, 0.65
 """Those of ROS 1. A free threshold of 0.25, nav2's own, would make unknown cells free: pixel 205 means 0.1961."""
 FREE_PIXEL, UNKNOWN_PIXEL, OCCUPIED_PIXEL = 254, 205, 0
@@ -46,12 +48,11 @@ def ros_map(cells: Cells, mode: str, unknown: tuple[float, float] | None, image_
 
     Parameters
     ----------
-    cells : Cells
     mode : str
         "trinary", "scale" or "raw".
     unknown : (float, float) or None
         A cell of a probability from the first to the second is unknown, as is one of probability nan. None: in mode
-        trinary the thresholds, in the others no cell, since there 0.5 says itself that nothing is known.
+        trinary the thresholds, in the others no cell, since there 0.5 itself means that nothing is known.
     image_name : str
         Name of the image as the yaml file gives it, relative to itself.
     """
@@ -100,3 +101,22 @@ def _number(value: float) -> str:
 def _plain(name: str) -> str:
     """Return a name, quoted where YAML would take it for something else."""
     return name if re.fullmatch(r"[A-Za-z_][\w.-]*", name, re.ASCII) else json.dumps(name, ensure_ascii=False)
+
+
+def pgm_bytes(grey: NDArray[np.uint8]) -> bytes:
+    """Return a binary PGM of (n_rows, n_columns) pixels, the top row first."""
+    n_rows, n_columns = grey.shape
+    return b"P5\n%d %d\n255\n" % (n_columns, n_rows) + np.ascontiguousarray(grey).tobytes()
+
+
+def png_bytes(grey: NDArray[np.uint8], opaque: NDArray[np.bool_]) -> bytes:
+    """Return a PNG of (n_rows, n_columns) pixels, the top row first, transparent where not `opaque`.
+
+    In colour with transparency: map_server's reader loses that of grey images.
+    """
+    from PIL import Image  # noqa: PLC0415 - matplotlib brings it, and only this mode needs it
+
+    alpha = np.where(opaque, 255, 0).astype(np.uint8)
+    stream = io.BytesIO()
+    Image.fromarray(np.stack([grey, grey, grey, alpha], axis=-1)).save(stream, "PNG")
+    return stream.getvalue()

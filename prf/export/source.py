@@ -38,9 +38,6 @@ class Source:
 
     Attributes
     ----------
-    path : Path
-    run : Run or None
-    grid : OccupancyGrid or None
     map : Map or None
         Also the best map of the run, if it has one yet.
     """
@@ -65,15 +62,7 @@ class Source:
         return None if self.run is None else self.run.image
 
     def choose_map(self, draw: int | None) -> Map:
-        """Return draw number `draw` of the run, or for None the best map.
-
-        Raises
-        ------
-        InputError
-            If the source is no run and a draw is asked for, is a grid, or is a run that has no best map yet.
-        UsageError
-            If the run has no such draw.
-        """
+        """Return draw number `draw` of the run, or for None the best map."""
         if draw is not None:
             return _draw_of(self.require_run("draws"), draw)
         if self.map is not None:
@@ -90,19 +79,13 @@ def stem_of(path: str | os.PathLike[str]) -> str:
 
 
 def require_existing(path: str | os.PathLike[str]) -> None:
-    """Raise InputError if nothing stands at `path`."""
+    """Raise InputError if nothing exists at `path`."""
     if not Path(path).exists():
         raise InputError(f"{path}: no such file or directory.")
 
 
 def read_source(path: str | os.PathLike[str]) -> Source:
-    """Return the run in the directory, or the grid or the map in the file, `path`.
-
-    Raises
-    ------
-    InputError
-        If it is none of them, damaged, or of an unknown version.
-    """
+    """Return the run in the directory, or the grid or the map in the file, `path`."""
     place = Path(path)
     if is_grid(place):
         return Source(place, grid=read_grid(place))

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from prf.logs.both import read_logs
 from prf.logs.describe import LogSummary, describe
-from prf.logs.open import read_readings
+from prf.logs.open import read_logs, read_readings
 from prf.logs.points import PointSummary, PointTable, describe_points, read_point_data
+from prf.logs.poses import CONE
 from prf.logs.readings import Kind, LogNotes, NoReadings, Readings, ScanTable
-from prf.logs.rings import CONE
 from prf.logs.suspicions import warn_of_spoiling
 from prf.logs.table import write_table
 from prf.logs.thin import thin

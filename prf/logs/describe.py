@@ -1,4 +1,4 @@
-"""What is in a log: counts, extent, ranges, and what looks suspicious, as `prf info` tells it."""
+"""What is in a log: counts, extent, ranges, and what looks suspicious, as `prf info` prints it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MAX_RANGE_SHARE = 0.97
 """Default maximum range over largest range: the numbers that mean "no return" in a log spread by less (51.05-51.16)."""
 
 FAR = 8.0
-"""Metres. What indoor mapping usually cuts ranges at; the share beyond says how much such a cut would cost."""
+"""Metres. What indoor mapping usually cuts ranges at; the share beyond shows how much such a cut would cost."""
 
 
 class Extent(NamedTuple):
@@ -42,9 +42,9 @@ class LogSummary:
     devices : tuple of str
         The kinds of scan in it: kinds of line, devices or topics.
     poses : str
-        Where the poses come from.
+        Where the poses are from.
     ring : tuple of (x, y, heading)
-        Where the transducers of a sonar ring sit on the robot, metres and radians; empty if the log does not say.
+        Where the transducers of a sonar ring sit on the robot, metres and radians; empty if unknown.
     cones : tuple of float
         Smallest and largest opening angle, radians.
     n_scans, n_beams : int
@@ -69,7 +69,7 @@ class LogSummary:
     n_invalid : int
         Beams dropped because their range is no number or below the sensor's own minimum.
     lines, odd_lines : dict of str to int
-        Lines (of a bag: messages, by topic) passed over: of kinds that the format knows, and of others.
+        Lines (of a bag: messages, by topic) skipped: of kinds that the format knows, and of others.
     remarks : tuple of str
         What the reader had to assume.
     suspicions : tuple of Suspicion
@@ -103,15 +103,7 @@ class LogSummary:
 
 
 def describe(readings: Readings, path: str) -> LogSummary:
-    """Return what is in a log.
-
-    Parameters
-    ----------
-    readings : Readings
-        The whole log, as `read_readings` gives it.
-    path : str
-        Name of the log for the summary.
-    """
+    """Return what is in a whole log, `path` being its name in the summary."""
     notes = readings.notes
     scans = notes.scans
     is_sonar = bool(readings.cone.any())

@@ -1,35 +1,59 @@
-"""Reading a log of any format: one entry for every command."""
+"""Reading a log of any format: one entry for every command; the format is recognised from the content alone."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import Literal
 
-from prf.logs.bag_readings import read_bag
-from prf.logs.carmen import read_carmen
-from prf.logs.carmen_sonar import SONAR, read_carmen_sonar
-from prf.logs.compressed import BYTE_ORDER_MARK, decompress
-from prf.logs.player_readings import read_player
-from prf.logs.readings import Kind, NoReadings, OwnPoses, Readings
-from prf.logs.recognise import ACCEPTED, recognise
-from prf.logs.rings import CONE
-from prf.logs.table import read_table
+from prf.logs.bag import read_bag
+from prf.logs.carmen import KNOWN_KINDS, read_carmen
+from prf.logs.player import read_player
+from prf.logs.poses import CONE
+from prf.logs.readings import Kind, OwnPoses, Readings
+from prf.logs.table import REQUIRED, read_table
+from prf.logs.text import BYTE_ORDER_MARK, column_names, decompress, is_number
 from prf.shell.bag import bag_in, bag_suffix, named_bag
-from prf.shell.errors import ConfigError
+from prf.shell.errors import ConfigError, InputError
 from prf.shell.files import STREAM, open_input
 
 HEAD = 64
-"""Bytes that tell a bag."""
+"""Bytes that show a bag."""
 
+Format = Literal["carmen", "player", "table"]
 
-class _Choice(NamedTuple):
-    """Which readings of a log are asked for."""
+ACCEPTED = (
+    "Accepted are CARMEN logs with laser poses, Player logs, ROS bags, and CSV tables with the columns "
+    "x,y,theta,range; also gzipped."
+)
 
-    kind: Kind | None
-    topic: str | None
-    frame: str | None
-    cone: float
+LINES_TRIED = 2000
+"""A text log may begin with hundreds of lines that an older tool wrote; a known first field is among these."""
+
+MAGICS = (
+    (b"#ROSBAG", "a ROS 1 bag of an old version, which rosbag fix can convert"),
+    (b"#ROSRECORD", "a ROS 1 bag of a version before 1.3, which rosbag fix can convert"),
+    (b"\x1f\x8b", "a file that was gzipped twice"),
+    (b"BZh", "a bzip2 archive"),
+    (b"\xfd7zXZ", "an xz archive"),
+    (b"\x28\xb5\x2f\xfd", "a zstd archive"),
+    (b"PK\x03\x04", "a zip archive"),
+    (b"\x89PNG", "a PNG picture"),
+    (b"\xff\xd8\xff", "a JPEG picture"),
+    (b"%PDF", "a PDF document"),
+    (b"P5", "a PGM picture"),
+    (b"ply\n", "a PLY point cloud"),
+    (b"ply\r\n", "a PLY point cloud"),
+    (b"# .PCD", "a PCD point cloud"),
+    (b"{", "a JSON document"),
+    (b"<", "an XML or HTML document"),
+)
+
+_PLAYER = re.compile(rb"^## Player version|^\d+\.\d+ \S+ \d+ (laser|sonar|position(2d)?) \d+", re.MULTILINE)
+_ODOMETRY = re.compile(rb"^Odometry\s+[-+\d.e]+\s+[-+\d.e]+\s+[-+\d.e]+\s*$", re.MULTILINE)
+_CARMEN_HEADER = re.compile(rb"^#+\s*message formats defined:", re.MULTILINE)
 
 
 def read_readings(
@@ -71,69 +95,141 @@ def read_readings(
     ConfigError
         If `topic` or `frame` is needed and missing, or is not in the log.
     """
-    choice = _Choice(kind, topic, frame, cone)
     source = "standard input" if path == STREAM else path
     if path != STREAM and Path(path).is_dir():
         bag = bag_in(Path(path), ACCEPTED)
-        return _read_bag_file(bag, "" if bag.is_dir() else bag.suffix, source, choice)
+        with named_bag(bag, "" if bag.is_dir() else bag.suffix) as file:
+            return read_bag(file, source, kind, cone, topic, frame)
     with open_input(path) as stream:
         head = stream.read(HEAD)
         if path != STREAM and bag_suffix(head):
-            return _read_bag_file(Path(path), bag_suffix(head), source, choice)
+            with named_bag(Path(path), bag_suffix(head)) as file:
+                return read_bag(file, source, kind, cone, topic, frame)
         data = decompress(head + stream.read(), source)
     if bag_suffix(data[:HEAD]):
         with TemporaryDirectory() as folder:
             copy = Path(folder) / "log"
             copy.write_bytes(data)
-            return _read_bag_file(copy, bag_suffix(data[:HEAD]), source, choice)
-    return _read_text(data.removeprefix(BYTE_ORDER_MARK), source, choice)
-
-
-def _read_text(data: bytes, source: str, choice: _Choice) -> Readings:
+            with named_bag(copy, bag_suffix(data[:HEAD])) as file:
+                return read_bag(file, source, kind, cone, topic, frame)
+    data = data.removeprefix(BYTE_ORDER_MARK)
     match recognise(data, source):
-        case "table":
-            return _read_table(data, source, choice)
         case "player":
-            return read_player(data, source, choice.kind, choice.cone, choice.topic, choice.frame)
+            return read_player(data, source, kind, cone, topic, frame)
         case "carmen":
-            return _read_carmen(data, source, choice)
+            return read_carmen(data, source, kind, cone, topic, frame)
+        case "table":
+            for flag, value in (("--topic", topic), ("--frame", frame)):
+                if value is not None:
+                    has = "is a table, which has one sensor and one frame"
+                    raise ConfigError(f"{flag} {value}: {source} {has}. Leave it out.")
+            return read_table(data, source, kind, cone)
 
 
-def _read_table(data: bytes, source: str, choice: _Choice) -> Readings:
-    for flag, value in (("--topic", choice.topic), ("--frame", choice.frame)):
-        if value is not None:
-            raise ConfigError(f"{flag} {value}: {source} is a table, which has one sensor and one frame. Leave it out.")
-    return read_table(data, source, choice.kind, choice.cone)
+def read_logs(
+    laser: str | None,
+    sonar: str | None,
+    *,
+    topic: str | None = None,
+    frame: str | None = None,
+    sonar_topic: str | None = None,
+    cone: float = CONE,
+) -> tuple[Readings | None, Readings | None]:
+    """Read the log of a laser, of a sonar or of both; None for a sensor without log.
 
-
-def _read_carmen(data: bytes, source: str, choice: _Choice) -> Readings:
-    if choice.kind != "sonar":
-        try:
-            readings = read_carmen(data, source, choice.topic)
-            if choice.frame is not None:
-                raise OwnPoses(
-                    f"--frame {choice.frame}: laser lines of {source} carry the laser's pose; a frame can be chosen "
-                    f"for SONAR lines alone. Leave it out."
-                )
-            return readings
-        except NoReadings as error:
-            if choice.kind == "laser":
-                raise
-            without_laser = error
-    try:
-        readings = read_carmen_sonar(data, source, choice.cone, choice.frame)
-    except NoReadings:
-        if choice.kind is None:
-            raise without_laser from None
-        raise
-    if choice.topic not in (None, SONAR):
+    Parameters
+    ----------
+    laser, sonar : str or None
+        Logs, which may be the same file.
+    topic, sonar_topic : str, optional
+        Whose readings to take of each, see :func:`prf.logs.read_readings`.
+    frame : str, optional
+        In what frame, for both; laser lines of CARMEN carry their poses, so there it is for the sonar alone.
+    cone : float, optional
+        Full opening angle in radians of sonar readings whose log has none.
+    """
+    if topic is not None and laser is None:
         raise ConfigError(
-            f"--topic {choice.topic}: the sonar readings of {source} are its {SONAR} lines. Leave it out."
+            f"--topic {topic}: names readings of --laser, which is not given. For a sonar: --set "
+            "readings.sonar_topic=NAME."
         )
-    return readings
+    if sonar_topic is not None and sonar is None:
+        raise ConfigError(f"readings.sonar_topic {sonar_topic}: names readings of --sonar, which is not given.")
+    beams = cones = None
+    if laser is not None:
+        try:
+            beams = read_readings(laser, topic=topic, frame=frame)
+        except OwnPoses:
+            if sonar is None:
+                raise
+            beams = read_readings(laser, topic=topic)
+    if sonar is not None:
+        cones = read_readings(sonar, "sonar", topic=sonar_topic, frame=frame, cone=cone)
+    return beams, cones
 
 
-def _read_bag_file(file: Path, suffix: str, source: str, choice: _Choice) -> Readings:
-    """Read a bag under a name that tells its format; `suffix` is empty for a folder."""
-    with named_bag(file, suffix) as path:
-        return read_bag(path, source, choice.kind, choice.cone, choice.topic, choice.frame)
+def recognise(data: bytes, source: str) -> Format:
+    """Return the format of decompressed content that is no bag (InputError with what it looks like if it is none)."""
+    looks_like = _by_magic(data)
+    if looks_like is None:
+        head = _head(data)
+        if _is_table(head):
+            return "table"
+        if _PLAYER.search(head):
+            return "player"
+        if _is_carmen(head):
+            return "carmen"
+        looks_like = _text_of(head)
+    raise InputError(f"{source}: {looks_like}. {ACCEPTED}")
+
+
+def _by_magic(data: bytes) -> str | None:
+    if not data.strip():
+        return "the file is empty"
+    for magic, name in MAGICS:
+        if data.startswith(magic):
+            return f"this is {name}"
+    if b"\0" in data:
+        return "this is binary data of an unknown kind"
+    return None
+
+
+def _head(data: bytes) -> bytes:
+    """Return the first `LINES_TRIED` lines."""
+    end = -1
+    for _ in range(LINES_TRIED):
+        end = data.find(b"\n", end + 1)
+        if end < 0:
+            return data
+    return data[:end]
+
+
+def _content(head: bytes) -> Iterator[bytes]:
+    return (line for line in head.splitlines() if line.strip() and not line.lstrip().startswith(b"#"))
+
+
+def _is_table(head: bytes) -> bool:
+    names = column_names(next(_content(head), b""))
+    return sum(name in names for name in REQUIRED) >= 2
+
+
+def _is_carmen(head: bytes) -> bool:
+    if _CARMEN_HEADER.search(head):
+        return True
+    return any(line.split(None, 1)[0].decode("latin-1") in KNOWN_KINDS for line in _content(head))
+
+
+def _text_of(head: bytes) -> str:
+    """Return what unreadable text looks like."""
+    if _ODOMETRY.search(head):
+        return (
+            "this is an unlocalized log: its scans come with odometry, not with corrected sensor poses. "
+            "Localize it first (by scan matching or SLAM)"
+        )
+    first = next(_content(head), b"")
+    if set(REQUIRED) <= set(re.split(r"[;\s|]+", first.decode("latin-1").lower())):
+        return "this is a table whose columns are not separated by commas"
+    fields = first.split(b",")
+    if len(fields) > 1 and all(is_number(text) for text in fields if text.strip()):
+        return "this is a CSV table without a header line"
+    return "this is text of an unknown format"

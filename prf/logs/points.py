@@ -7,18 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.logs.columns import PLACE, Domain, content_lines, read_header, read_rows, refuse_value
-from prf.logs.compressed import BYTE_ORDER_MARK, decompress
 from prf.logs.readings import FloatArray, IntArray
+from prf.logs.table import DOMAINS
+from prf.logs.text import BYTE_ORDER_MARK, content_lines, decompress, read_rows
 from prf.shell.errors import InputError
 from prf.shell.files import STREAM, open_input
 
 REQUIRED = ("x", "y", "value")
 HEADER = "Name the columns x,y,value."
-LARGEST_VALUE = 1e100
+MAX_VALUE = 1e100
 """Its square is a number."""
-
-_DOMAINS = {"x": PLACE, "y": PLACE, "value": Domain("a finite number", -LARGEST_VALUE, LARGEST_VALUE)}
 
 
 class PointTable(NamedTuple):
@@ -61,7 +59,7 @@ class PointSummary(NamedTuple):
     extent : tuple of 4 floats
         x_min, y_min, x_max, y_max of the places, metres.
     kind : {"binary", "gaussian"}
-        What `prf sample` takes them for unless told.
+        What `prf sample` takes them for by default.
     lowest, highest, mean : float
         Of the values.
     """
@@ -99,7 +97,7 @@ def read_point_data(path: str | os.PathLike[str]) -> PointTable:
     ----------
     path : path
         A CSV file whose header names the columns x, y and value, in any order and among others. Blank lines and lines
-        that begin with ``#`` are passed over.
+        that begin with ``#`` are skipped.
 
     Raises
     ------
@@ -109,14 +107,12 @@ def read_point_data(path: str | os.PathLike[str]) -> PointTable:
     source = "standard input" if os.fspath(path) == STREAM else os.fspath(path)
     with open_input(path) as stream:
         data = decompress(stream.read(), source).removeprefix(BYTE_ORDER_MARK)
-    lines = content_lines(data)
-    first = next(lines, None)
-    if first is None:
+    if next(content_lines(data), None) is None:
         raise InputError(f"{source}: the file is empty. Give a CSV table with the columns x,y,value.")
-    header = read_header(first[1], f"{source}:{first[0]}", REQUIRED, (), HEADER)
-    rows = read_rows(lines, header, source, {})
+    rows = read_rows(data, source, REQUIRED, (), {}, HEADER)
     if not len(rows.line):
         raise InputError(f"{source}: table without a row below its header. Give at least one point.")
-    for name, domain in _DOMAINS.items():
-        refuse_value(rows, name, domain.holds(rows.columns[name]), domain.words)
+    for name in ("x", "y"):
+        rows.require(name, *DOMAINS[name])
+    rows.require("value", -MAX_VALUE, MAX_VALUE, "a finite number")
     return PointTable(np.column_stack((rows.columns["x"], rows.columns["y"])), rows.columns["value"], rows.line, source)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
@@ -20,11 +20,11 @@ Kind = Literal["laser", "sonar"]
 
 
 class NoReadings(InputError):  # noqa: N818 - reads as what happened
-    """A sound log without readings of the kind that was asked for."""
+    """A sound log without readings of the kind that is wanted."""
 
 
 class OwnPoses(ConfigError):  # noqa: N818 - reads as what happened
-    """A frame was asked for of readings whose lines carry their poses."""
+    """A frame is chosen for readings whose lines carry their poses."""
 
 
 class ScanTable(NamedTuple):
@@ -80,11 +80,11 @@ class LogNotes:
         The sensors' own maximum range, where the log states it and has finite readings at or above it: these are inf
         in `Readings`. nan otherwise.
     poses : str
-        Where the poses come from, for a person.
+        Where the poses are from, for a person.
     ring : tuple of (x, y, heading)
         Where the transducers of a sonar ring sit on the robot, metres and radians; empty for other sensors.
     lines : mapping of str to int
-        How many lines of each kind were passed over, kinds that the format knows.
+        How many lines of each kind were skipped, kinds that the format knows.
     odd_lines : mapping of str to int
         The same for kinds that the format does not know.
     remarks : tuple of str
@@ -115,7 +115,7 @@ class Readings:
     angle : (n_beams,) float64
         Direction of the beam in the world, radians counter-clockwise, not wrapped.
     range : (n_beams,) float64
-        Measured distance, metres, greater than 0. A log's own number for "no return" is kept as it stands, for it
+        Measured distance, metres, greater than 0. A log's own number for "no return" is kept, for it
         differs from log to log: whatever is at least the maximum range counts as no return. inf is no return too.
     scan : (n_beams,) int64
         Scan number in the whole log, from 0; thinning keeps the numbers.
@@ -126,7 +126,7 @@ class Readings:
     cone : (n_beams,) float64
         Full opening angle, radians; 0 for a laser.
     source : str
-        Where the readings come from, for messages.
+        Where the readings are from, for messages.
     notes : LogNotes
         What the reader noticed.
     """
@@ -155,7 +155,7 @@ class Readings:
         source: str = "arrays",
         notes: LogNotes | None = None,
     ) -> Readings:
-        """Return readings with every array cast to its type, C-contiguous; a scalar stands for every beam.
+        """Return readings with every array cast to its type, C-contiguous; a scalar holds for every beam.
 
         Parameters
         ----------
@@ -166,14 +166,9 @@ class Readings:
         scan, beam, time, cone : (n,) array_like or scalar, optional
             As the attributes; `beam` counts through the beams of each scan if absent.
         source : str, optional
-            Where the readings come from.
+            Where the readings are from.
         notes : LogNotes, optional
             What the reader noticed.
-
-        Raises
-        ------
-        ValueError
-            If the shapes do not agree.
         """
         distance = np.array(ranges, dtype=np.float64, order="C").reshape(-1)
         distance[distance > LARGEST_RANGE] = np.inf
@@ -227,13 +222,7 @@ class Readings:
 
 
 def beam_numbers(scan: IntArray) -> NDArray[np.int32]:
-    """Return for every beam how many beams of the same scan stand before it.
-
-    Parameters
-    ----------
-    scan : (n,) int64
-        Scan numbers, in any order.
-    """
+    """Return for every beam how many beams of the same scan (n,), in any order, precede it."""
     order = np.argsort(scan, kind="stable")
     ordered = scan[order]
     starts = np.flatnonzero(np.r_[True, ordered[1:] != ordered[:-1]]) if len(scan) else np.empty(0, dtype=np.int64)
@@ -241,3 +230,55 @@ def beam_numbers(scan: IntArray) -> NDArray[np.int32]:
     numbers = np.empty(len(scan), dtype=np.int32)
     numbers[order] = np.arange(len(scan)) - np.repeat(starts, lengths)
     return numbers
+
+
+class Scan(NamedTuple):
+    """The beams of one line or message of a device.
+
+    `line`, `time` and `pose` (3,) as in :class:`ScanTable`; `origin` (2,) or (n, 2) where the beams begin, metres;
+    `angle` (n,) their directions in the world; `range` (n,) metres, inf: no return, 0 or nan: no measurement; `cone`
+    their full opening angle. Angles in radians.
+    """
+
+    device: str
+    line: int
+    time: float
+    pose: FloatArray
+    origin: FloatArray
+    angle: FloatArray
+    range: FloatArray
+    cone: float = 0.0
+
+
+def assemble(scans: Sequence[Scan], source: str, notes: LogNotes) -> Readings:
+    """Return the usable beams of all scans, at least one, numbered from 0 in their order; `notes` are completed."""
+    table = _scan_table(scans)
+    ranges = np.concatenate([scan.range for scan in scans])
+    usable = ranges > 0
+    n_zero, n_invalid = int(np.count_nonzero(ranges == 0)), int(np.count_nonzero(np.isnan(ranges)))
+    if not usable.any():
+        why = "no number or too short" if n_invalid else "0"
+        raise InputError(f"{source}: every range is {why}, which means no measurement. Look for a log with readings.")
+    devices = tuple(dict.fromkeys(scan.device for scan in scans))
+    return Readings.from_arrays(
+        np.concatenate([np.broadcast_to(scan.origin, (len(scan.range), 2)) for scan in scans]),
+        np.concatenate([scan.angle for scan in scans]),
+        ranges,
+        scan=np.repeat(table.number, table.n_beams),
+        time=np.repeat(table.time, table.n_beams),
+        cone=np.repeat([scan.cone for scan in scans], table.n_beams),
+        source=source,
+        notes=replace(notes, scans=table, devices=devices, n_zero_ranges=n_zero, n_invalid=n_invalid),
+    ).where(usable)
+
+
+def _scan_table(scans: Sequence[Scan]) -> ScanTable:
+    devices = list(dict.fromkeys(scan.device for scan in scans))
+    return ScanTable(
+        number=np.arange(len(scans)),
+        line=np.array([scan.line for scan in scans], dtype=np.int64),
+        n_beams=np.array([len(scan.range) for scan in scans], dtype=np.int64),
+        device=np.array([devices.index(scan.device) for scan in scans], dtype=np.int64),
+        pose=np.array([scan.pose for scan in scans]),
+        time=np.array([scan.time for scan in scans]),
+    )

@@ -1,6 +1,6 @@
 """Signs that a log is not what it seems: jumps, clocks that do not run, ranges that no scanner has.
 
-Whether the poses agree with one another over loops cannot be told cheaply, so nothing here says that a log is good.
+Whether the poses agree with one another over loops is not checked, so nothing here means that a log is good.
 """
 
 from __future__ import annotations
@@ -28,31 +28,17 @@ FAR_TURN = 1.5
 """Radians between scans whose time distance is unknown."""
 STILL = 20
 """Scans in a row at one and the same pose that are worth a remark."""
-LARGEST_SANE_RANGE = 1000.0
+MAX_RANGE = 1000.0
 """Metres. Some drivers write the largest float for "no return", which makes a default maximum range of no use."""
-LARGEST_USUAL_STEP = 100.0
-"""Metres. Half of the steps beyond it are positions in millimetres or centimetres."""
-LARGEST_USUAL_RANGE = 100.0
-"""Metres. Half of the returns beyond it are a log in millimetres or centimetres."""
-LARGEST_USUAL_ECHO = 20.0
-"""Metres. The same of sonars, which hear less far."""
-LARGEST_SANE_ANGLE = 4 * np.pi
+USUAL_STEP, USUAL_RANGE, USUAL_ECHO = 100.0, 100.0, 20.0
+"""Metres. Half of the steps, returns or echoes beyond them are a log in millimetres or centimetres."""
+MAX_ANGLE = 4 * np.pi
 """Radians. Beyond it headings are counted over turns at best, in degrees at worst."""
 DAY = 86400.0
 
 
 class Suspicion(NamedTuple):
-    """Something to look at.
-
-    Attributes
-    ----------
-    code : str
-        One word for scripts.
-    message : str
-        One sentence for a person.
-    scans : tuple of int
-        Scan numbers that it concerns, all of them; empty if it concerns the log.
-    """
+    """Something to look at: one word for scripts, one sentence, and all scans concerned (none: the whole log)."""
 
     code: str
     message: str
@@ -69,13 +55,7 @@ class _Steps(NamedTuple):
 
 
 def find_suspicions(readings: Readings) -> tuple[Suspicion, ...]:
-    """Return what looks suspicious in a log, the whole of it.
-
-    Parameters
-    ----------
-    readings : Readings
-        As `read_readings` gives it; poses and times are those of ``readings.notes.scans``.
-    """
+    """Return what looks suspicious in a whole log."""
     scans = readings.notes.scans
     return (
         *find_spoiling(readings),
@@ -141,23 +121,18 @@ def _jumps(scans: ScanTable) -> Iterator[Suspicion]:
         steps = _steps(scans, int(device))
         usual = _usual_step(steps)
         moved, turned = _are_far(steps)
-        if usual > LARGEST_USUAL_STEP:
+        if usual > USUAL_STEP:
             text = f"half of the steps from scan to scan are above {usual:g} m: are the positions in millimetres?"
             yield Suspicion("pose-unit", text)
         elif moved.any() or turned.any():
             numbers = tuple(int(n) for n in steps.number[moved | turned])
-            largest = [
-                _largest(steps.distance, moved, steps, ".1f", "m"),
-                _largest(steps.turn, turned, steps, ".2f", "rad"),
-            ]
-            far = " and ".join(words for words in largest if words)
+            sizes = ((steps.distance, moved, ".1f", "m"), (steps.turn, turned, ".2f", "rad"))
+            far = " and ".join(_largest(steps, *size) for size in sizes if size[1].any())
             yield Suspicion("pose-jump", f"the pose jumps before {_list(numbers, 'scan')}, the largest {far}", numbers)
 
 
-def _largest(size: FloatArray, chosen: NDArray[np.bool_], steps: _Steps, form: str, unit: str) -> str:
-    """Return the largest of the chosen steps in words; nothing of none."""
-    if not chosen.any():
-        return ""
+def _largest(steps: _Steps, size: FloatArray, chosen: NDArray[np.bool_], form: str, unit: str) -> str:
+    """Return the largest of the chosen steps in words."""
     worst = int(np.argmax(np.where(chosen, size, -1.0)))
     return f"by {size[worst]:{form}} {unit} at scan {steps.number[worst]}"
 
@@ -172,10 +147,8 @@ def _standing(scans: ScanTable) -> Iterator[Suspicion]:
         if len(long):
             rows = scans.number[scans.device == device]
             first = tuple(int(rows[ends[i]]) for i in long)
-            text = (
-                f"the pose is the same to the last digit for up to {lengths.max()} scans, from {_list(first, 'scan')}"
-            )
-            yield Suspicion("same-pose", text, first)
+            text = f"the pose is the same to the last digit for up to {lengths.max()} scans"
+            yield Suspicion("same-pose", f"{text}, from {_list(first, 'scan')}", first)
 
 
 def _clock(scans: ScanTable) -> Iterator[Suspicion]:
@@ -211,9 +184,9 @@ def _ranges(readings: Readings) -> Iterator[Suspicion]:
     if not len(finite):
         return
     usual = float(np.quantile(finite, 0.5, method="lower"))
-    if usual > (LARGEST_USUAL_ECHO if readings.cone.any() else LARGEST_USUAL_RANGE):
+    if usual > (USUAL_ECHO if readings.cone.any() else USUAL_RANGE):
         yield Suspicion("range-unit", f"half of the ranges are above {usual:g} m: are they in millimetres?")
-    elif (largest := float(finite.max())) > LARGEST_SANE_RANGE:
+    elif (largest := float(finite.max())) > MAX_RANGE:
         yield Suspicion("largest-range", f"the largest range is {largest:g} m: give the maximum range yourself")
 
 
@@ -221,7 +194,7 @@ def _angles(readings: Readings) -> Iterator[Suspicion]:
     turned = readings.angle[readings.angle != 0.0]
     largest = float(np.abs(turned).max(initial=0.0))
     are_whole = len(turned) > 0 and float(np.mean(turned == np.round(turned))) > 0.5
-    if largest > LARGEST_SANE_ANGLE or (largest > 2 * np.pi and are_whole):
+    if largest > MAX_ANGLE or (largest > 2 * np.pi and are_whole):
         yield Suspicion("angle", f"directions reach {largest:g} rad: are they in degrees?")
 
 
@@ -241,7 +214,7 @@ def _odd_lines(readings: Readings) -> Iterator[Suspicion]:
     odd = readings.notes.odd_lines
     if odd:
         kinds = ", ".join(f"{n} {kind}" for kind, n in sorted(odd.items(), key=lambda item: -item[1])[:5])
-        yield Suspicion("odd-line", f"lines of unknown kinds were passed over: {kinds}")
+        yield Suspicion("odd-line", f"lines of unknown kinds were skipped: {kinds}")
 
 
 def _list(numbers: tuple[int, ...], word: str, most: int = 8) -> str:

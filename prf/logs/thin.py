@@ -62,20 +62,7 @@ def thin(
 
 
 def parse_slice(text: str, flag: str) -> slice:
-    """Return ``START:STOP`` or ``START:STOP:STEP`` as a slice.
-
-    Parameters
-    ----------
-    text : str
-        The parts are whole numbers or empty; STEP is at least 1.
-    flag : str
-        The option, for the message.
-
-    Raises
-    ------
-    ConfigError
-        If it is anything else.
-    """
+    """Return ``START:STOP`` or ``START:STOP:STEP`` of option `flag` as a slice; STEP is at least 1."""
     parts = text.split(":")
     try:
         numbers = [int(part) if part.strip() else None for part in parts]

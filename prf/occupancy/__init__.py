@@ -2,9 +2,7 @@
 
 from prf.occupancy.build import BuiltGrid, build_grid
 from prf.occupancy.config import GridConfig, grid_config, grid_sources
-from prf.occupancy.files import SCHEMA, is_grid, read_grid, write_grid
-from prf.occupancy.model import OccupancyGrid
-from prf.occupancy.query import occupied_probability, path_free
+from prf.occupancy.grid import SCHEMA, OccupancyGrid, is_grid, occupied_probability, path_free, read_grid, write_grid
 
 __all__ = [
     "SCHEMA",

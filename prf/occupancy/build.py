@@ -18,7 +18,7 @@ from prf.kernels.occupancy import Cells, update_beams, update_cones
 from prf.logs import Kind, Readings, thin, warn_of_spoiling
 from prf.logs.describe import default_max_range
 from prf.occupancy.config import GridConfig
-from prf.occupancy.model import OccupancyGrid
+from prf.occupancy.grid import OccupancyGrid
 from prf.sampler.config import chosen_window
 from prf.sensors.laser import unit_vectors, window_exit
 from prf.shell.errors import ConfigError, InputError
@@ -26,20 +26,19 @@ from prf.window import Window
 
 Floats = NDArray[np.float64]
 
-MOST_CELLS = 100_000_000
+MAX_CELLS = 100_000_000
 """Each takes 20 bytes while the grid is built."""
 
 
 class BuiltGrid(NamedTuple):
-    """A grid, and how many readings it stands on.
+    """A grid, and how many readings it is made from.
 
     Attributes
     ----------
-    grid : OccupancyGrid
     n_beams : int
         Readings used.
     n_outside : int
-        Readings dropped because their sensor does not stand inside the window.
+        Readings dropped because their sensor is not inside the window.
     """
 
     grid: OccupancyGrid
@@ -69,7 +68,6 @@ def build_grid(
     ----------
     laser, sonar : Readings or None
         Not thinned yet; at least one of them.
-    config : GridConfig
     process : dict, optional
         What to keep with the grid beside its settings: versions, digests.
 
@@ -113,7 +111,7 @@ def _rays(readings: Readings | None, kind: Kind, config: GridConfig, max_range: 
 
 
 def _window(config: GridConfig, *parts: _Rays) -> Window:
-    """Return the window asked for, or the one that `prf sample` takes, for the readings of all sensors."""
+    """Return the window given, or the one that `prf sample` takes, for the readings of all sensors."""
     origin, angle, distance = (np.concatenate([part[field] for part in parts]) for field in range(3))
     return chosen_window(config.window, origin, angle, distance)
 
@@ -121,8 +119,8 @@ def _window(config: GridConfig, *parts: _Rays) -> Window:
 def _empty_cells(window: Window, config: GridConfig) -> Cells:
     # A hair less, so that 3 m hold 30 cells of 0.1 m and not 31.
     nx, ny = (max(1, math.ceil(side / config.resolution - 1e-9)) for side in (window.width, window.height))
-    if nx * ny > MOST_CELLS:
-        raise ConfigError(f"--resolution {config.resolution}: more than {MOST_CELLS} cells. Give a larger one.")
+    if nx * ny > MAX_CELLS:
+        raise ConfigError(f"--resolution {config.resolution}: more than {MAX_CELLS} cells. Give a larger one.")
     grid = Grid(window.x_min, window.y_min, config.resolution, nx, ny)
     return Cells(
         grid=grid,

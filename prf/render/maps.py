@@ -34,16 +34,10 @@ def render_best(run: Run, target: Target, *, path: bool = False, title: str | No
     ----------
     run : Run
         With a best map.
-    target : path or binary file
     path : bool
         Draw the sensor's path, if the run has beams.
     title : str, optional
         Instead of the default one.
-
-    Raises
-    ------
-    InputError
-        If the run has no best map yet.
     """
     if run.best is None:
         raise run.missing(names.MAP)
@@ -67,16 +61,10 @@ def render_draws(run: Run, target: Target, *, n_draws: int = 4, title: str | Non
     ----------
     run : Run
         With at least one draw.
-    target : path or binary file
     n_draws : int
         How many; fewer if the run has fewer.
     title : str, optional
         Instead of the default one.
-
-    Raises
-    ------
-    InputError
-        If the run has no draws.
     """
     maps, captions = spread_draws(run, n_draws)
     small = f"{run.name}  ·  {len(maps)} of {style.counted(len(run.draws), 'draw')}"
@@ -99,14 +87,8 @@ def render_maps(
         At least one; windows may differ.
     captions : sequence of str
         One a map.
-    target : path or binary file
     title, subtitle : str, optional
         Over the first map; none leaves no room for them.
-
-    Raises
-    ------
-    UsageError
-        If there is no map.
     """
     if not maps:
         raise UsageError("no map to draw.")
@@ -128,20 +110,14 @@ def render_maps(
 
 
 def columns_for(n_maps: int, width: float) -> int:
-    """Return how many maps of `width` inches stand side by side: rows filled evenly within the width of the page."""
+    """Return how many maps of `width` inches are side by side: rows filled evenly within the width of the page."""
     most = max(1, min(n_maps, int(PAGE_WIDTH / width)))
     n_rows = -(-n_maps // most)
     return -(-n_maps // n_rows)
 
 
 def spread_draws(run: Run, n_draws: int) -> tuple[list[Coloring], list[str]]:
-    """Return so many draws of a run, spread evenly over chains and time, and what to write below each.
-
-    Raises
-    ------
-    InputError
-        If the run has no draws.
-    """
+    """Return so many draws of a run, spread evenly over chains and time, and what to write below each."""
     chosen = spread(len(run.draws), n_draws)
     if not chosen:
         raise InputError(f"{run.name}: no draws yet. Go on with prf sample --resume.")

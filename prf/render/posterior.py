@@ -36,7 +36,7 @@ def render_posterior(
     run : Run
         With an image.
     target : path or binary file
-        Where the picture goes.
+        Where to write the picture.
     squares : bool
         Show how probably each cell is not completely white instead of the colour at its centre (section 1.3.3).
     outline : bool
@@ -49,11 +49,6 @@ def render_posterior(
         Tint the seen cells at which chains differ (docs/convergence.md).
     title : str, optional
         Instead of the default one.
-
-    Raises
-    ------
-    InputError
-        If the run has no image yet.
     """
     if run.image is None:
         raise run.missing(names.POSTERIOR)
@@ -89,7 +84,7 @@ def render_cells(image: PosteriorImage, target: Target, *, title: str, words: st
     image : PosteriorImage
         Its occupancy is drawn.
     target : path or binary file
-        Where the picture goes.
+        Where to write the picture.
     title, words : str
         Over the picture: a title, and what the small print begins with.
     """
@@ -105,7 +100,7 @@ def render_cells(image: PosteriorImage, target: Target, *, title: str, words: st
 
 
 def small_print(run: Run) -> str:
-    """Return what stands under the title: the run, its draws, the window, and its status if that is a bad one."""
+    """Return the words under the title: the run, its draws, the window, and its status if that is a bad one."""
     parts = [
         run.name,
         f"{style.counted(len(run.draws), 'draw')} of {style.counted(run.n_chains, 'chain')}",
@@ -117,7 +112,7 @@ def small_print(run: Run) -> str:
 
 
 def _add_colour_bar(page: Figure, drawn: AxesImage, window: Window, event: str) -> None:
-    """Add the bar of probabilities right of the map, its middle at the map's middle; it may stand over a low map."""
+    """Add the bar of probabilities right of the map, centred on the map's height; it may be taller than the map."""
     margins = style.margins_of(window)
     width, height = style.drawn_size(window)
     tall = max(LEAST_BAR, min(height, MOST_BAR))

@@ -19,18 +19,12 @@ def render_beams(
     ----------
     run : Run
         With readings.
-    target : path or binary file
     outline : bool
         Draw the edges of the best map over them.
     path : bool
         Draw the sensor's path.
     title : str, optional
         Instead of the default one.
-
-    Raises
-    ------
-    InputError
-        If the run has no readings.
     """
     if run.sensors is None and run.points is None:
         raise run.missing(names.READINGS)

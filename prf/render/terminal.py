@@ -54,11 +54,6 @@ def posterior_lines(
     squares, outline, path, beams : bool
         As there; of the beams where they ended.
     title : str, optional
-
-    Raises
-    ------
-    InputError
-        If the run has no image yet.
     """
     if run.image is None:
         raise run.missing(names.POSTERIOR)
@@ -74,13 +69,7 @@ def posterior_lines(
 
 
 def best_lines(run: Run, screen: Screen, *, path: bool = False, title: str | None = None) -> list[Text]:
-    """Return the best map for a terminal.
-
-    Raises
-    ------
-    InputError
-        If the run has no best map yet.
-    """
+    """Return the best map for a terminal."""
     if run.best is None:
         raise run.missing(names.MAP)
     small = f"{run.name}  ·  {style.counted(run.best.n_edges, 'edge')}  ·  {style.window_words(run.best.window)}"
@@ -92,13 +81,7 @@ def best_lines(run: Run, screen: Screen, *, path: bool = False, title: str | Non
 def reading_lines(
     run: Run, screen: Screen, *, outline: bool = False, path: bool = True, title: str | None = None
 ) -> list[Text]:
-    """Return for a terminal where the readings of a run ended, over white.
-
-    Raises
-    ------
-    InputError
-        If the run has no readings.
-    """
+    """Return for a terminal where the readings of a run ended, over white."""
     if run.sensors is None and run.points is None:
         raise run.missing(names.READINGS)
     window = run.draws.window
@@ -110,13 +93,7 @@ def reading_lines(
 
 
 def draw_lines(run: Run, screen: Screen, *, n_draws: int = 4, title: str | None = None) -> list[Text]:
-    """Return several draws side by side for a terminal.
-
-    Raises
-    ------
-    InputError
-        If the run has no draws.
-    """
+    """Return several draws side by side for a terminal."""
     maps, captions = spread_draws(run, n_draws)
     return map_lines(maps, captions, screen, title=title or "Draws from the posterior")
 

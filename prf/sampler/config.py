@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from prf.configuration import Configuration
 from prf.logs import PointTable, Readings
 from prf.logs.describe import default_max_range
-from prf.logs.rings import fields_of_view
+from prf.logs.poses import fields_of_view
 from prf.posterior import LaserData, PointData, Settings, SonarData
 from prf.run import Beams, Cones, Points
 from prf.sampler.ground import driven_way, seen_cells

@@ -4,9 +4,8 @@ from prf.score.cones import HeldOutSonar, hold_out_sonar
 from prf.score.config import SCORE_DEFAULTS, ScoreConfig, score_config
 from prf.score.heldout import HeldOut, hold_out
 from prf.score.maps import DrawsMap, GridMap, PolygonMap, ScoredMap, open_map
-from prf.score.points import LabelledPoints, classification_scores, draw_points, ranking_area
 from prf.score.polygons import OccupiedArea, read_occupied_area
-from prf.score.score import score
+from prf.score.score import LabelledPoints, classification_scores, draw_points, ranking_area, score
 from prf.score.truth import TrueCells, true_cells
 
 __all__ = [

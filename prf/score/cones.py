@@ -15,7 +15,7 @@ from prf.coloring import Draws, black_at_draws
 from prf.kernels.cones import READING
 from prf.kernels.sonar_score import add_sonar_densities, grid_cones
 from prf.logs import Readings, thin
-from prf.logs.rings import fields_of_view
+from prf.logs.poses import fields_of_view
 from prf.occupancy import OccupancyGrid
 from prf.score.config import ScoreConfig
 from prf.score.polygons import area_of_cells
@@ -38,7 +38,6 @@ class HeldOutSonar(NamedTuple):
     ----------
     pose : (n, N_POSE) float64
         As the kernels take them; the reading is inf where there was no return below the maximum range.
-    model : SonarModel
     """
 
     pose: Floats
@@ -46,7 +45,7 @@ class HeldOutSonar(NamedTuple):
 
     @property
     def origin(self) -> Floats:
-        """Where the sensors stand, (n, 2) in metres."""
+        """Where the sensors are, (n, 2) in metres."""
         return places(self.pose)
 
     @property
@@ -60,7 +59,7 @@ class HeldOutSonar(NamedTuple):
 
 
 class SonarPrediction(NamedTuple):
-    """What a map says of sonar readings.
+    """What a map predicts of sonar readings.
 
     Attributes
     ----------
@@ -68,7 +67,7 @@ class SonarPrediction(NamedTuple):
         Predictive density of each reading in 1/m, for no return its probability, by the name of the way to find it;
         "" where there is one way only.
     share_occupied : float
-        Share of pairs of a draw and a reading in which the sensor stands in occupied space.
+        Share of pairs of a draw and a reading in which the sensor is in occupied space.
     """
 
     density: Mapping[str, Floats]
@@ -82,14 +81,6 @@ def hold_out_sonar(readings: Readings, config: ScoreConfig) -> HeldOutSonar:
     ----------
     readings : Readings
         The whole log.
-    config : ScoreConfig
-
-    Raises
-    ------
-    InputError
-        If no reading is left, or a field of view of the log is none.
-    ConfigError
-        If a parameter of the sensor model is out of its range.
     """
     kept = thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
     view = fields_of_view(kept, config.sonar_cone)
@@ -133,7 +124,7 @@ def contours_of(grid: OccupancyGrid) -> BaseGeometry:
 
 
 def sonar_scores(prediction: SonarPrediction, cones: HeldOutSonar, n_outside: int) -> dict[str, Any]:
-    """Return ``sonar_nll`` (nats) and what goes with it; the better one where there are several ways."""
+    """Return ``sonar_nll`` (nats) and its companions; the better one where there are several ways."""
     with np.errstate(divide="ignore"):
         found = {way: -float(np.log(density).mean()) for way, density in prediction.density.items()}
     ways = {f"sonar_nll_{way}": value for way, value in found.items() if way}

@@ -17,6 +17,11 @@ from prf.window import Window
 
 Floats = NDArray[np.float64]
 
+CLIP = 1e-3
+"""Probabilities are kept so far from 0 and 1 before their logarithm is taken."""
+OUTSIDE = 0.5
+"""Probability of a point that a map does not know."""
+
 
 class HeldOut(NamedTuple):
     """Beams with a return, one row each, and what was left out.
@@ -27,7 +32,6 @@ class HeldOut(NamedTuple):
         Sensor positions in metres, unit vectors.
     range : (n,) float64
         Metres, below the maximum range of `model`.
-    model : LaserModel
     n_no_return : int
         Beams without return, which are not scored.
     """
@@ -66,14 +70,6 @@ def hold_out(readings: Readings, config: ScoreConfig) -> HeldOut:
     ----------
     readings : Readings
         The whole log.
-    config : ScoreConfig
-
-    Raises
-    ------
-    InputError
-        If no beam with a return is left.
-    ConfigError
-        If a parameter of the sensor model is out of its range.
     """
     max_range = default_max_range(readings) if config.max_range is None else config.max_range
     if config.max_range is None and not math.isfinite(max_range):

@@ -19,8 +19,7 @@ from prf.run import PosteriorImage, names, read_run
 from prf.score.cones import HeldOutSonar, SonarPrediction, predict_by_cells, predict_by_draws, predict_by_region
 from prf.score.heldout import HeldOut
 from prf.score.polygons import OccupiedArea, read_occupied_area
-from prf.score.scene import enclosing_window, outline
-from prf.score.trace import first_edges
+from prf.score.scene import enclosing_window, first_edges, outline
 from prf.shell.errors import InputError
 from prf.window import Window
 
@@ -32,7 +31,7 @@ BIN = 0.1
 
 
 class Prediction(NamedTuple):
-    """What a map says of beams.
+    """What a map predicts of beams.
 
     Attributes
     ----------
@@ -42,7 +41,7 @@ class Prediction(NamedTuple):
         Distance to the first obstacle in the best map; inf for none before the maximum range, 0 in occupied space,
         nan if there is no best map.
     share_occupied : float
-        Share of pairs of a draw and a beam in which the sensor stands in occupied space.
+        Share of pairs of a draw and a beam in which the sensor is in occupied space.
     """
 
     density: Floats
@@ -51,25 +50,20 @@ class Prediction(NamedTuple):
 
 
 class ScoredMap(Protocol):
-    """What a score needs of a map."""
+    """What a score needs of a map; `kind` is run, grid or map, `window` where it is known (None: everywhere)."""
 
     @property
-    def kind(self) -> str:
-        """Return run, grid or map."""
-
+    def kind(self) -> str: ...  # noqa: D102
     @property
-    def window(self) -> Window | None:
-        """Where the map is known; None: everywhere."""
-
+    def window(self) -> Window | None: ...  # noqa: D102
     @property
-    def n_draws(self) -> int:
-        """How many maps there are."""
+    def n_draws(self) -> int: ...  # noqa: D102
 
     def predict(self, beams: HeldOut) -> Prediction:
-        """Return what it says of beams whose sensors stand inside the window."""
+        """Return the prediction for beams whose sensors are inside the window."""
 
     def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
-        """Return what it says of sonar readings whose sensors stand inside the window."""
+        """Return the prediction for sonar readings whose sensors are inside the window."""
 
     def occupied(self, xy: Floats, square: float) -> Floats:
         """Return the probability that the square of this side round each point (n, 2) is not completely white.
@@ -78,7 +72,7 @@ class ScoredMap(Protocol):
         """
 
     def seen(self, xy: Floats) -> Bools | None:
-        """Return which points (n, 2) lie where a reading of the map's own log came by; None if that is not known."""
+        """Return which points (n, 2) lie in cells that a reading of the map's own log crossed; None if not known."""
 
 
 class DrawsMap:
@@ -88,9 +82,8 @@ class DrawsMap:
     ----------
     draws : Draws
         At least one.
-    best : Coloring or None
     image : PosteriorImage or None
-        It says which cells readings saw; None: not known.
+        Holds which cells readings saw; None: not known.
     """
 
     kind = "run"
@@ -136,12 +129,7 @@ class DrawsMap:
 
 
 class PolygonMap:
-    """One map as polygons of occupied area.
-
-    Parameters
-    ----------
-    area : OccupiedArea
-    """
+    """One map as polygons of occupied area."""
 
     kind = "map"
     n_draws = 1
@@ -181,12 +169,7 @@ class PolygonMap:
 
 
 class GridMap:
-    """The cells of a GRID.
-
-    Parameters
-    ----------
-    grid : OccupancyGrid
-    """
+    """The cells of a GRID."""
 
     kind = "grid"
     n_draws = 1

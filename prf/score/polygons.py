@@ -38,17 +38,12 @@ def read_occupied_area(path: str | os.PathLike[str]) -> OccupiedArea:
     ----------
     path : path
         ``-`` is standard input. The property ``window``, ``[x_min, y_min, x_max, y_max]``, of the first object that
-        has it says where the map is known.
+        has it is where the map is known.
 
     Returns
     -------
     OccupiedArea
         Overlapping polygons united, clipped to the window.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, is no GeoJSON, or holds anything but valid polygons.
     """
     content = _load(path)
     try:
@@ -128,23 +123,19 @@ def _windows(content: Mapping[str, Any]) -> Iterator[Any]:
             yield properties["window"]
 
 
-def area_of_cells(occupied: NDArray[np.bool_], origin: NDArray[np.float64], side: float) -> BaseGeometry:
-    """Return the area of the occupied cells, united, its staircases straightened (Douglas and Peucker).
-
-    Parameters
-    ----------
-    occupied : (ny, nx) bool array
-        Row 0 has the lowest y.
-    origin : (2,) array
-        Lower left corner of cell (0, 0) in metres.
-    side : float
-        Of a cell, metres.
-    """
+def outline_of_cells(occupied: NDArray[np.bool_], origin: NDArray[np.float64], side: float) -> BaseGeometry:
+    """Return the exact area of cells (ny, nx) of a side in metres, row 0 with the lowest y, from `origin` (2,) on."""
     step = np.diff(np.pad(occupied, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     row, first = np.nonzero(step == 1)
     end = np.nonzero(step == -1)[1]
     x, y = origin
     runs = shapely.box(x + side * first, y + side * row, x + side * end, y + side * (row + 1))
-    simple = shapely.simplify(shapely.union_all(runs), STAIRCASE * side, preserve_topology=True)
+    return shapely.union_all(runs)
+
+
+def area_of_cells(occupied: NDArray[np.bool_], origin: NDArray[np.float64], side: float) -> BaseGeometry:
+    """Return the area of :func:`outline_of_cells`, its staircases straightened (Douglas and Peucker)."""
+    runs = outline_of_cells(occupied, origin, side)
+    simple = shapely.simplify(runs, STAIRCASE * side, preserve_topology=True)
     parts = shapely.get_parts(shapely.get_parts(shapely.make_valid(simple)))
     return shapely.union_all(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON])

@@ -1,4 +1,4 @@
-"""Finished maps as sonars see them: edges with the vertices at their ends, indexed for many cones."""
+"""Finished maps as beams and sonars meet them: first edges on rays, and edges with their vertices indexed for cones."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from shapely.geometry.base import BaseGeometry
 from prf.coloring import Coloring
 from prf.coloring.polygons import turning_corners
 from prf.kernels import constants as c
-from prf.kernels.grid import most_cells
+from prf.kernels.grid import Grid, make_grid, most_cells
+from prf.kernels.laser_score import trace_rays
 from prf.kernels.segment_lists import segments_by_cell
 from prf.kernels.sonar_features import N_FEATURE, POSE_X, POSE_Y
 from prf.kernels.sonar_score import Scene, list_features
-from prf.score.trace import index_grid
 from prf.sensors.sonar import make_sight
 from prf.window import INTERIOR, Window
 
@@ -27,6 +27,9 @@ HAIR = 1e-9
 """Share of a window's extent within which a vertex lies on its border."""
 FLAT = 1e-6
 """Metres by which a vertex must leave the line through its neighbours, else it is no corner."""
+CELLS_PER_EDGE = 2.0
+"""Cells of the index of edges: fewer make lists longer, more make walks longer."""
+MIN_CELLS, MAX_CELLS = 100.0, 250_000.0
 
 
 def scene_of_coloring(coloring: Coloring, reach: float) -> Scene:
@@ -74,7 +77,7 @@ def make_scene(segments: Floats, corners: NDArray[np.integer], window: Window, r
 def outline(region: BaseGeometry, window: Window | None) -> tuple[Floats, Ints]:
     """Return the sides of all polygons, (n, 4), and numbers of the vertices at their ends, (n, 2).
 
-    Sides along the window's border are left out, and NONE stands for vertices on it.
+    Sides along the window's border are left out, and vertices on it are NONE.
     """
     rings = [_without_flat(shapely.get_coordinates(ring)[:-1]) for ring in shapely.get_rings(shapely.get_parts(region))]
     if not rings:
@@ -109,7 +112,6 @@ def features_seen(scene: Scene, pose: Floats, reach: float) -> tuple[NDArray[np.
 
     Parameters
     ----------
-    scene : Scene
     pose : (n, N_POSE) array
         From :func:`prf.sensors.sonar.make_poses`.
     reach : float
@@ -131,5 +133,26 @@ def features_seen(scene: Scene, pose: Floats, reach: float) -> tuple[NDArray[np.
 
 
 def places(pose: Floats) -> Floats:
-    """Return where the sonars stand, (n, 2) in metres."""
+    """Return where the sonars are, (n, 2) in metres."""
     return np.ascontiguousarray(pose[:, POSE_X : POSE_Y + 1])
+
+
+def first_edges(rays: Floats, segments: Floats, window: Window) -> Floats:
+    """Return the distance (n,) at which each ray first meets a segment, inf for none within its reach.
+
+    Parameters
+    ----------
+    rays : (n, 5) array
+        Origin, unit direction and reach; all of them inside the window.
+    segments : (n_edges, 4) array
+    """
+    grid = index_grid(window, len(segments))
+    distance = np.empty(len(rays))
+    trace_rays(grid, rays, np.ascontiguousarray(segments), np.empty(most_cells(grid), np.int32), distance)
+    return distance
+
+
+def index_grid(window: Window, n_edges: int) -> Grid:
+    """Return the cells of an index of so many edges."""
+    n_cells = min(max(CELLS_PER_EDGE * n_edges, MIN_CELLS), MAX_CELLS)
+    return make_grid(*window, math.sqrt(window.area / n_cells))

@@ -1,18 +1,17 @@
-"""All scores of one map against one held-out log."""
+"""All scores of one map against one held-out log: densities of readings, labelled points, distances."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from prf.score.cones import HeldOutSonar, sonar_scores
 from prf.score.config import SQUARE
-from prf.score.heldout import HeldOut
+from prf.score.heldout import CLIP, OUTSIDE, HeldOut
 from prf.score.maps import Prediction, ScoredMap
-from prf.score.points import LabelledPoints, classification_scores, draw_points
 from prf.score.truth import TrueCells, truth_scores
 from prf.shell.errors import InputError
 from prf.shell.seeds import spawn_generators
@@ -21,6 +20,9 @@ Floats = NDArray[np.float64]
 
 NEAR = 0.2
 """Metres within which a distance counts as right."""
+FREE_UP_TO = 0.95
+"""Share of a beam on which free points lie."""
+METRES_PER_FREE_POINT = 2.0
 
 
 def score(
@@ -35,9 +37,8 @@ def score(
 
     Parameters
     ----------
-    scored : ScoredMap
     held_out : HeldOut or None
-        Beams whose sensor stands outside the window of the map are dropped and counted.
+        Beams whose sensor is outside the window of the map are dropped and counted.
     seed : int, optional
         Of the free points; wanted with beams.
     sonar : HeldOutSonar, optional
@@ -45,17 +46,17 @@ def score(
     cells : TrueCells, optional
         Of the true plan.
     square : float
-        Side in metres of the square round each held-out point that is asked for; 0: the point, of a GRID its cell.
+        Side in metres of the square round each held-out point; 0: the point, of a GRID its cell.
 
     Returns
     -------
     dict
-        Names and definitions stand in docs/scores.md; nan where a score is not defined.
+        Names and definitions: docs/scores.md; nan where a score is not defined.
 
     Raises
     ------
     InputError
-        If no sensor of a kind stands inside the window.
+        If no sensor of a kind is inside the window.
     """
     found: dict[str, Any] = {"kind": scored.kind, "n_draws": scored.n_draws}
     if held_out is not None:
@@ -117,10 +118,70 @@ def distance_scores(prediction: Prediction, beams: HeldOut) -> dict[str, float]:
 
 
 def _known(scored: ScoredMap, origin: Floats) -> NDArray[np.bool_]:
-    """Return which sensors stand inside the window; at least one of them does."""
+    """Return which sensors are inside the window; at least one of them is."""
     if scored.window is None:
         return np.ones(len(origin), np.bool_)
     inside = scored.window.contains(origin, strictly=True)
     if not inside.any():
         raise InputError("no held-out sensor stands inside the window of the map. Are both in one frame?")
     return inside
+
+
+class LabelledPoints(NamedTuple):
+    """Points of known state.
+
+    Attributes
+    ----------
+    xy : (n, 2) float64
+        Metres.
+    occupied : (n,) bool
+    """
+
+    xy: Floats
+    occupied: NDArray[np.bool_]
+
+
+def draw_points(beams: HeldOut, rng: np.random.Generator) -> LabelledPoints:
+    """Return one occupied point at each return r, and int(r / 2) free points uniform on [0, 0.95 r] of its beam."""
+    n_free = (beams.range / METRES_PER_FREE_POINT).astype(np.int64)
+    beam = np.repeat(np.arange(len(n_free)), n_free)
+    along = rng.random(len(beam)) * FREE_UP_TO * beams.range[beam]
+    free = beams.origin[beam] + along[:, None] * beams.direction[beam]
+    occupied = np.arange(len(n_free) + len(beam)) < len(n_free)
+    return LabelledPoints(np.concatenate([beams.returns(), free]), occupied)
+
+
+def classification_scores(probability: Floats, occupied: NDArray[np.bool_]) -> dict[str, float]:
+    """Return ``auc``, ``nll`` (nats, mean) and ``brier`` (mean) of probabilities (n,) against states (n,)."""
+    if len(occupied) == 0:
+        return dict.fromkeys(("auc", "nll", "brier"), math.nan)
+    known = np.where(np.isnan(probability), OUTSIDE, probability)
+    clipped = np.clip(known, CLIP, 1.0 - CLIP)
+    return {
+        "auc": ranking_area(known, occupied),
+        "nll": float(-np.log(np.where(occupied, clipped, 1.0 - clipped)).mean()),
+        "brier": float(((known - occupied) ** 2).mean()),
+    }
+
+
+def ranking_area(values: Floats, positive: NDArray[np.bool_]) -> float:
+    """Return the area under the ROC curve: how often a positive outranks a negative, a tie counting half.
+
+    Parameters
+    ----------
+    values : (n,) array
+    positive : (n,) bool array
+
+    Returns
+    -------
+    float
+        nan if one of the two kinds is absent.
+    """
+    n_positive = int(np.count_nonzero(positive))
+    n_negative = len(positive) - n_positive
+    if n_positive == 0 or n_negative == 0:
+        return float("nan")
+    _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
+    middle_rank = np.cumsum(counts) - 0.5 * (counts - 1)
+    rank_sum = float(middle_rank[place.reshape(-1)[positive]].sum())
+    return (rank_sum - 0.5 * n_positive * (n_positive + 1)) / (n_positive * n_negative)

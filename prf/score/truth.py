@@ -12,11 +12,9 @@ from scipy import ndimage
 
 from prf.kernels.sonar_features import BORDER, POSE_COS, POSE_SIN
 from prf.score.cones import HeldOutSonar
-from prf.score.heldout import HeldOut
-from prf.score.points import CLIP, OUTSIDE
+from prf.score.heldout import CLIP, OUTSIDE, HeldOut
 from prf.score.polygons import OccupiedArea
-from prf.score.scene import outline
-from prf.score.trace import first_edges
+from prf.score.scene import first_edges, outline
 from prf.sensors.laser import window_exit
 from prf.shell.errors import InputError
 from prf.window import Window
@@ -27,11 +25,11 @@ Bools = NDArray[np.bool_]
 CELL = 0.1
 """Side of the cells in metres."""
 WALL_DEPTH = 0.2
-"""Metres from a free cell in view up to which occupied cells count: what lies deeper in a wall no reading tells."""
+"""Metres from a free cell in view up to which occupied cells count: no reading shows what lies deeper in a wall."""
 SPACING = 0.05
 """Metres between places along a ray, and between rays of a cone at its maximum range: half a cell."""
-MOST_CELLS = 25_000_000
-MOST_PLACES = 4_000_000
+MAX_CELLS = 25_000_000
+MAX_PLACES = 4_000_000
 """Rays are followed in batches of about so many places."""
 
 
@@ -67,16 +65,11 @@ def true_cells(truth: OccupiedArea, beams: HeldOut | None, cones: HeldOutSonar |
         Where the sensors stood and looked. A free cell counts if a ray from them through the plan, up to its first
         wall, the maximum range or the end of the window, passes it; an occupied cell if such a cell lies within 0.2 m.
         None and None: every cell counts. Cells whose middle lies beyond the window never do.
-
-    Raises
-    ------
-    InputError
-        If there are no or too many cells, or none in view.
     """
     window = truth.window or _box_round(truth)
     nx, ny = (max(1, math.ceil(side / CELL - 1e-9)) for side in (window.width, window.height))
-    if nx * ny > MOST_CELLS:
-        raise InputError(f"the true plan fills {nx} x {ny} cells of {CELL} m, more than {MOST_CELLS}. Is it in metres?")
+    if nx * ny > MAX_CELLS:
+        raise InputError(f"the true plan fills {nx} x {ny} cells of {CELL} m, more than {MAX_CELLS}. Is it in metres?")
     column, row = np.meshgrid(np.arange(nx), np.arange(ny))
     xy = np.array(window[:2]) + CELL * (np.stack([column, row], axis=-1).reshape(-1, 2) + 0.5)
     shapely.prepare(truth.region)
@@ -90,7 +83,7 @@ def true_cells(truth: OccupiedArea, beams: HeldOut | None, cones: HeldOutSonar |
 
 
 def truth_scores(scored: Mapped, cells: TrueCells) -> dict[str, Any]:
-    """Return ``iou_occupied``, ``iou_free`` and what goes with them; nan where neither has such a cell."""
+    """Return ``iou_occupied``, ``iou_free`` and their companions; nan where neither has such a cell."""
     found = scored.occupied(cells.xy, 0.0)
     p = np.where(np.isnan(found), OUTSIDE, found)
     clipped = np.clip(p, CLIP, 1.0 - CLIP)
@@ -140,7 +133,7 @@ def _in_view(truth: OccupiedArea, window: Window, inside: Bools, occupied: Bools
     rays[:, 4] = np.minimum(rays[:, 4], window_exit(window, rays[:, :2], rays[:, 2:4]))
     segments = outline(truth.region, window)[0]
     seen = np.zeros(inside.shape, np.bool_)
-    batch = max(1, int(MOST_PLACES * SPACING / max(rays[:, 4].max(initial=0.0), SPACING)))
+    batch = max(1, int(MAX_PLACES * SPACING / max(rays[:, 4].max(initial=0.0), SPACING)))
     for start in range(0, len(rays), batch):
         some = np.ascontiguousarray(rays[start : start + batch])
         _mark_passed(seen, window, some, np.minimum(first_edges(some, segments, window), some[:, 4]))

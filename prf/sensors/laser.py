@@ -12,20 +12,20 @@ from prf.kernels import constants as c
 from prf.kernels.beams import Beams, count_slots, fill_slots
 from prf.kernels.grid import Grid, most_cells
 from prf.kernels.laser_change import FADED, find_aims
-from prf.sensors.domain import LEAST_PROBABILITY, check_factor, check_length
+from prf.sensors.domain import MIN_PROBABILITY, check_factor, check_length
 from prf.shell.errors import ConfigError
 from prf.window import Window
 
 Floats = NDArray[np.float64]
 
-MOST_SLOTS = 2**31
+MAX_SLOTS = 2**31
 """Slots are numbered by 32-bit integers."""
 
 BELOW_ONE_BIT = 2.0**-54
 """What is added to a number and is smaller than this share of it leaves no trace."""
 
 FIRST_LEVEL = 5_000
-"""Beams at least that are asked at first, where there are further levels."""
+"""Beams at least that are tested at first, where there are further levels."""
 LEVEL_GROWTH = 4
 """How many times as many beams there are with a further level as without it."""
 ORDER = 19530921
@@ -52,7 +52,7 @@ class LaserModel:
     outlier_probability : float
         Weight of the uniform density on [0, max_range].
     miss_probability : float
-        Weight of "no return" although an obstacle stands in reach.
+        Weight of "no return" although an obstacle is in reach.
     """
 
     max_range: float
@@ -70,7 +70,7 @@ class LaserModel:
             value = getattr(self, name)
             if not 0.0 <= value < 1.0:
                 raise ConfigError(f"{name.replace('_', '-')} {value}: must lie in [0, 1)")
-        if self.outlier_probability < LEAST_PROBABILITY:
+        if self.outlier_probability < MIN_PROBABILITY:
             raise ConfigError(
                 f"outlier-probability {self.outlier_probability:g}: no map could explain a stray reading; use a small "
                 f"positive one"
@@ -166,7 +166,6 @@ def window_exit(window: Window, origin: Floats, direction: Floats) -> Floats:
 
     Parameters
     ----------
-    window : Window
     origin, direction : (n, 2) arrays
         Metres; unit vectors.
     """
@@ -181,8 +180,6 @@ def make_rays(window: Window, model: LaserModel, origin: Floats, angle: Floats, 
 
     Parameters
     ----------
-    window : Window
-    model : LaserModel
     origin : (n, 2) array
         Sensor positions inside the window, metres.
     angle : (n,) array
@@ -205,7 +202,7 @@ def make_rays(window: Window, model: LaserModel, origin: Floats, angle: Floats, 
 
 
 def deal_levels(n: int, n_levels: int) -> NDArray[np.uint8]:
-    """Return the stage (n,) of the decision at which each beam is asked: a fourth of them before the last, and so on.
+    """Return the stage (n,) of the decision at which each beam is tested: a fourth of them before the last, and so on.
 
     Drawn at random, the same for all chains: beams of a scan differ little, and so do scans that follow each other.
     """
@@ -217,7 +214,7 @@ def deal_levels(n: int, n_levels: int) -> NDArray[np.uint8]:
 
 
 def number_of_levels(n: int) -> int:
-    """Return in how many stages so many beams are asked."""
+    """Return in how many stages so many beams are tested."""
     return 1 + max(0, int(math.log(max(n, 1) / FIRST_LEVEL, LEVEL_GROWTH)))
 
 
@@ -228,21 +225,14 @@ def empty_lists(beams: Beams, edge_capacity: int) -> Beams:
 
 
 def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int, n_levels: int | None = None) -> Beams:
-    """Lay out beams and the index of their cells, with room for the longest lists that can come to be.
+    """Lay out beams and the index of their cells, with room for the longest possible lists.
 
     Parameters
     ----------
-    grid : Grid
-    model : LaserModel
     ray : (n, N_RAY) array
     edge_capacity : int
     n_levels : int, optional
         Stages of a decision; None: by the number of beams.
-
-    Raises
-    ------
-    ConfigError
-        If there are too many beams for the size of the window.
     """
     n = len(ray)
     n_cells = grid.nx * grid.ny
@@ -292,7 +282,7 @@ def _make_slots(
     slot_start = np.zeros(n + 1, np.int64)
     count_slots(grid, ray, path, slot_start)
     n_slots = int(slot_start[-1])
-    if n_slots >= MOST_SLOTS:
+    if n_slots >= MAX_SLOTS:
         raise ConfigError(
             f"{n} beams pass {n_slots} cells, too many for one index. Thin them: --every-scan, --every-beam."
         )

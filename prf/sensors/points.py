@@ -18,12 +18,12 @@ KINDS = ("gaussian", "binary")
 
 POINTS_A_ROW = 4
 """If so many points share each y in the mean, they are taken row by row."""
-LEAST_SIGMA = 1e-3
+MIN_SIGMA = 1e-3
 """An estimated sigma is never below this share of the distance of the means: values without noise have none."""
 ROUNDS = 1000
 """Of the estimation of sigma at most; it ends before once a round changes sigma by less than `ENOUGH` of itself."""
 ENOUGH = 1e-9
-MOST_VALUES = 100_000
+MAX_VALUES = 100_000
 """Sigma is estimated from every k-th value so that no more than twice as many are used."""
 
 
@@ -41,7 +41,7 @@ class PointModel:
     sigma : float or None
         Standard deviation of the values (gaussian); None: estimated from them.
     flip_probability : float
-        Probability that a value tells the other colour (binary).
+        Probability that a value is of the other colour (binary).
     """
 
     kind: str | None = None
@@ -65,13 +65,7 @@ class PointModel:
             raise ConfigError(f"points-flip-probability {self.flip_probability}: must lie in (0, 0.5)")
 
     def resolved(self, values: Floats) -> PointModel:
-        """Return the model with the kind, and the sigma of a gaussian one, that fit `values` (n,).
-
-        Raises
-        ------
-        ConfigError
-            If the model is binary and a value is neither 0 nor 1.
-        """
+        """Return the model with the kind, and the sigma of a gaussian one, that fit `values` (n,)."""
         is_binary = bool(np.isin(values, (0.0, 1.0)).all())
         kind = self.kind or ("binary" if is_binary else "gaussian")
         if kind == "binary":
@@ -83,18 +77,12 @@ class PointModel:
         return dataclasses.replace(self, kind=kind, sigma=sigma)
 
     def log_density(self, values: Floats) -> Floats:
-        """Return the log density of each of `values` (n,) where the map is white and where it is black, (n, 2).
-
-        Raises
-        ------
-        ConfigError
-            As :meth:`resolved`, and if sigma is too small for a density of the values in double precision.
-        """
+        """Return the log density of each of `values` (n,) where the map is white and where it is black, (n, 2)."""
         model = self.resolved(values)
         if model.kind == "binary":
-            told, flipped = math.log1p(-self.flip_probability), math.log(self.flip_probability)
-            black = np.where(values == 1.0, told, flipped)
-            return np.column_stack((told + flipped - black, black))
+            kept, flipped = math.log1p(-self.flip_probability), math.log(self.flip_probability)
+            black = np.where(values == 1.0, kept, flipped)
+            return np.column_stack((kept + flipped - black, black))
         assert model.sigma is not None
         means = np.array([self.mean_white, self.mean_black])
         with np.errstate(over="ignore"):
@@ -110,18 +98,18 @@ def estimated_sigma(values: Floats, mean_black: float, mean_white: float) -> flo
 
     By expectation and maximisation, over sigma and the share of black, from the share that the mean value suggests.
     """
-    values = values[:: max(1, len(values) // MOST_VALUES)]
+    values = values[:: max(1, len(values) // MAX_VALUES)]
     means = np.array([mean_white, mean_black])
     gap = abs(mean_black - mean_white)
     share = float(np.clip((values.mean() - mean_white) / (mean_black - mean_white), 0.01, 0.99))
     square = (values[:, None] - means) ** 2
-    sigma = math.sqrt(max(float(square.min(axis=1).mean()), (LEAST_SIGMA * gap) ** 2))
+    sigma = math.sqrt(max(float(square.min(axis=1).mean()), (MIN_SIGMA * gap) ** 2))
     for _ in range(ROUNDS):
         log_odds = math.log(share / (1.0 - share)) + (square[:, 0] - square[:, 1]) / (2.0 * sigma**2)
         black = 0.5 * (1.0 + np.tanh(0.5 * log_odds))
         share = float(np.clip(black.mean(), 1e-9, 1.0 - 1e-9))
         before, sigma = sigma, math.sqrt(float((square[:, 0] + black * (square[:, 1] - square[:, 0])).mean()))
-        sigma = max(sigma, LEAST_SIGMA * gap)
+        sigma = max(sigma, MIN_SIGMA * gap)
         if abs(sigma - before) < ENOUGH * sigma:
             break
     return sigma

@@ -14,8 +14,8 @@ from prf.kernels import constants as c
 from prf.kernels import sonar as m
 from prf.kernels import sonar_features as v
 from prf.kernels.grid import Grid
-from prf.sensors.domain import LEAST_PROBABILITY, check_factor, check_length
-from prf.sensors.laser import MOST_SLOTS, unit_vectors, window_exit
+from prf.sensors.domain import MIN_PROBABILITY, check_factor, check_length
+from prf.sensors.laser import MAX_SLOTS, unit_vectors, window_exit
 from prf.shell.errors import ConfigError
 from prf.window import Window
 
@@ -66,7 +66,7 @@ class SonarModel:
         for field in dataclasses.fields(self):
             check_factor(f"sonar-{field.name.replace('_', '-')}", getattr(self, field.name))
         check_factor("sonar-noise-relative", self.noise_relative, 0.0)
-        if not LEAST_PROBABILITY <= self.uniform_probability < 1.0:
+        if not MIN_PROBABILITY <= self.uniform_probability < 1.0:
             raise ConfigError(
                 f"sonar-uniform-probability {self.uniform_probability}: must lie in (0, 1), else no map could explain "
                 "a stray reading"
@@ -115,7 +115,6 @@ def return_probabilities(model: SonarModel, feature: Floats) -> Returns:
 
     Parameters
     ----------
-    model : SonarModel
     feature : (n, N_FEATURE) array
         Nearest first, columns as in ``prf.kernels.sonar_features``.
     """
@@ -133,7 +132,6 @@ def cone_exit(window: Window, origin: Floats, angle: Floats, cone: Floats) -> Fl
 
     Parameters
     ----------
-    window : Window
     origin : (n, 2) array
         Metres.
     angle, cone : (n,) arrays
@@ -155,7 +153,6 @@ def make_poses(
 
     Parameters
     ----------
-    model : SonarModel
     origin : (n, 2) array
         Sensor positions inside the window, metres.
     angle : (n,) array
@@ -165,13 +162,8 @@ def make_poses(
     readings : (n,) array
         Metres; inf or at least the maximum range: no return.
     window : Window, optional
-        Where the map ends. What returns a pulse from beyond the distance at which the cone leaves it may stand outside:
+        Where the map ends. What returns a pulse from beyond the distance at which the cone leaves it may be outside:
         the sonar reaches up to there, and farther readings are as no return (docs/sonar-model.md). None: it has no end.
-
-    Raises
-    ------
-    ConfigError
-        If a field of view is not between 0 and pi.
     """
     if np.any(~(cone > 0.0) | ~(cone < math.pi)):
         raise ConfigError("sonar cone: the field of view must lie between 0 and pi radians")
@@ -202,20 +194,14 @@ def make_sight(room: int) -> v.Sight:
 
 
 def make_cones(grid: Grid, model: SonarModel, pose: Floats, edge_capacity: int) -> k.Cones:
-    """Lay out cones and the index of their cells, with room for the longest lists that can come to be.
-
-    Raises
-    ------
-    ConfigError
-        If there are too many readings for the size of the cells.
-    """
+    """Lay out cones and the index of their cells, with room for the longest possible lists."""
     n, n_cells = len(pose), grid.nx * grid.ny
     side = min(2 * math.ceil(model.max_range / grid.cell) + 3, max(grid.nx, grid.ny))
     cells, near = np.empty(side * side, np.int32), np.empty(side * side)
     slot_start = np.zeros(n + 1, np.int64)
     k.count_cone_slots(grid, pose, cells, near, slot_start)
     n_slots = int(slot_start[-1])
-    if n_slots >= MOST_SLOTS:
+    if n_slots >= MAX_SLOTS:
         raise ConfigError(
             f"{n} sonar readings pass {n_slots} cells, too many for one index. Thin them: --every-scan, --every-beam."
         )

@@ -12,12 +12,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from prf.shell.bag_types import refuse_other_types
 from prf.shell.errors import InputError, system_reason
+from prf.shell.extras import require
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
-    from rosbags.typesys.store import Typestore
 
 
 MAGICS = ((b"#ROSBAG V2.0", ".bag"), (b"\x89MCAP", ".mcap"), (b"SQLite format 3\0", ".db3"))
@@ -60,14 +59,12 @@ class Bag:
     ----------
     reader : AnyReader
         Open.
-    usual : Typestore
-        The types of ROS.
     source : str
         Name of the bag, for messages.
     """
 
-    def __init__(self, reader: AnyReader, usual: Typestore, source: str) -> None:
-        self._reader, self._usual = reader, usual
+    def __init__(self, reader: AnyReader, source: str) -> None:
+        self._reader = reader
         self.source = source
         self.format = "ROS 2 bag" if reader.is2 else "ROS 1 bag"
         self.topics: dict[str, Topic] = {}
@@ -95,13 +92,11 @@ class Bag:
         Raises
         ------
         InputError
-            If the bag turns out to be damaged, or brings types of its own that are others than ROS's.
+            If the bag turns out to be damaged.
         """
         connections = [connection for connection in self._reader.connections if connection.topic in topics]
         if not connections:
             return
-        for name in {connection.msgtype for connection in connections}:
-            refuse_other_types(self._reader.typestore, self._usual, name, self.source)
         with _refusing_damage(self.source):
             stream = self._reader.messages(connections)
             for connection, nanoseconds, raw in stream:
@@ -152,16 +147,13 @@ def open_bag(path: Path, source: str) -> Iterator[Bag]:
     InputError
         If it is damaged or of a version that cannot be read.
     """
-    from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_typestore
-
+    highlevel, types = (require(f"rosbags.{part}", "ros", f"{source}: a ROS bag") for part in ("highlevel", "typesys"))
     with _refusing_damage(source):
-        usual = get_typestore(Stores.ROS2_HUMBLE)
-        reader = AnyReader([path], default_typestore=usual)
+        reader = highlevel.AnyReader([path], default_typestore=types.get_typestore(types.Stores.ROS2_HUMBLE))
         reader.open()
     try:
         with _refusing_damage(source):
-            bag = Bag(reader, usual, source)
+            bag = Bag(reader, source)
         yield bag
     except AttributeError as error:
         _refuse_own_type(error, source)

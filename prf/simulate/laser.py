@@ -1,7 +1,7 @@
 """A laser range finder in a world of walls: which wall each beam meets, and what the scanner makes of it.
 
 The caster here sweeps over angles and shares nothing with the one that maps are inferred with: every wall that shows
-its free side to the sensor covers an interval of bearings, so only the beams inside that interval are asked about it.
+its free side to the sensor covers an interval of bearings, so only the beams in that interval are tested.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.logs.carmen import QUARTER_DEGREES, half_circle
+from prf.logs.poses import QUARTER_DEGREES, half_circle
 from prf.sensors.domain import check_factor, check_length
 from prf.shell.errors import ConfigError
 from prf.simulate.world import Floats
 
 HAIR = 1e-9
 """Share of the step between beams by which intervals are widened, so that no beam slips between neighbouring walls."""
-MOST_BEAMS = 100_000
+MAX_BEAMS = 100_000
 """Of a scan; no scanner in a plane has a tenth of that."""
 BLOCK = 64
 """Scans between two reports of progress."""
@@ -47,10 +47,6 @@ class LaserPhysics:
         leaves 0.5 % of the returns outside: more strays than that beyond the walls widen it.
     miss_probability : float
         Share of readings without return although a wall is in reach.
-    dropped : float
-        Share of readings that the scanner marks as failed: range 0.
-    dark : float
-        Share of the length of all walls that return nothing, as glass and black cloth.
     """
 
     beams: int = 180
@@ -60,19 +56,17 @@ class LaserPhysics:
     noise_relative: float = 0.01
     outlier_probability: float = 0.003
     miss_probability: float = 0.02
-    dropped: float = 0.0
-    dark: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse parameters that no scanner has."""
-        if not 2 <= self.beams <= MOST_BEAMS:
-            raise ConfigError(f"beams {self.beams}: a scan has at least 2, and at most {MOST_BEAMS:,}")
+        if not 2 <= self.beams <= MAX_BEAMS:
+            raise ConfigError(f"beams {self.beams}: a scan has at least 2, and at most {MAX_BEAMS:,}")
         if not 0.0 < self.field_of_view <= 2.0 * math.pi + HAIR:
             raise ConfigError(f"field-of-view {self.field_of_view}: must lie above 0 and be at most 2 pi, in radians")
         check_length("max-range", self.max_range)
         for name in ("noise", "noise_relative"):
             check_factor(name.replace("_", "-"), getattr(self, name), 0.0)
-        for name in ("outlier_probability", "miss_probability", "dropped", "dark"):
+        for name in ("outlier_probability", "miss_probability"):
             value = getattr(self, name)
             if not 0.0 <= value <= 1.0:
                 raise ConfigError(f"{name.replace('_', '-')} {value}: must lie in [0, 1]")
@@ -118,7 +112,6 @@ def simulate_laser(
     poses: Floats,
     physics: LaserPhysics,
     rng: np.random.Generator,
-    is_dark: NDArray[np.bool_] | None = None,
     report: Callable[[float], None] = lambda done: None,
 ) -> Floats:
     """Return what a laser reads.
@@ -129,33 +122,15 @@ def simulate_laser(
         As :attr:`World.walls`.
     poses : (m, 3) float64
         Of the sensor, in free space: x, y in metres, heading in radians.
-    physics : LaserPhysics
-    rng : numpy.random.Generator
-    is_dark : (n_walls,) bool, optional
-        Walls that return nothing.
     report : callable
-        Told the share of scans done.
+        Called with the share of scans done.
 
     Returns
     -------
     (m, beams) float64
-        Metres above 0; inf: no return; 0: dropped.
+        Metres above 0; inf: no return.
     """
-    impacts = cast(walls, poses, physics, report)
-    distance = impacts.distance
-    if is_dark is not None and is_dark.any():
-        distance = np.where(is_dark[impacts.wall], np.inf, distance)  # without wall (-1) the distance is inf anyway
-    return measure(distance, physics, rng)
-
-
-def choose_dark(walls: Floats, share: float, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """Return which walls (n,) return nothing: at random until they make up a share of the length of all."""
-    length = np.hypot(*(walls[:, 2:] - walls[:, :2]).T)
-    order = rng.permutation(len(walls))
-    middle = np.cumsum(length[order]) - 0.5 * length[order]
-    dark = np.zeros(len(walls), dtype=np.bool_)
-    dark[order[middle < share * length.sum()]] = True
-    return dark
+    return measure(cast(walls, poses, physics, report).distance, physics, rng)
 
 
 def cast(
@@ -189,15 +164,13 @@ def measure(distance: Floats, physics: LaserPhysics, rng: np.random.Generator) -
     reading = np.where(in_reach & (reading < physics.max_range), reading, np.inf)
     miss = physics.outlier_probability + physics.miss_probability
     reading = np.where(kind < miss, np.inf, reading)
-    reading = np.where((kind < physics.outlier_probability) & (stray < physics.max_range), stray, reading)
-    dropped: Floats = np.where(rng.random(distance.shape) < physics.dropped, 0.0, reading)
-    return dropped
+    return np.where((kind < physics.outlier_probability) & (stray < physics.max_range), stray, reading)
 
 
 def _sweep(walls: Floats, pose: Floats, physics: LaserPhysics, distance: Floats, wall: NDArray[np.int64]) -> None:
     """Enter the nearest walls of one scan into `distance` and `wall`, both (beams,)."""
     first, second = walls[:, :2] - pose[:2], walls[:, 2:] - pose[:2]
-    # Twice the area between sensor and wall; positive if the sensor stands on the wall's left, the free side.
+    # Twice the area between sensor and wall; positive if the sensor is on the wall's left, the free side.
     area = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
     faces = np.flatnonzero(area > 0.0)
     first, second, area = first[faces], second[faces], area[faces]

@@ -8,23 +8,17 @@ from typing import Any
 from prf.shell.errors import UsageError
 from prf.simulate.laser import LaserPhysics
 from prf.simulate.simulation import ARAK, OFFICE, SimulateConfig
-from prf.simulate.sonar_physics import SonarPhysics
+from prf.simulate.sonar import SonarPhysics
 
 FILE = "FILE"
 WORLDS_OF = {
     "size": (OFFICE, ARAK),
     "scale": (ARAK,),
-    "room": (OFFICE,),
-    "door": (OFFICE,),
-    "corridor": (OFFICE,),
-    "furniture": (OFFICE,),
     "unknown_is_occupied": (FILE,),
 }
 """Options that speak of some worlds only."""
-FLAGS = {"furniture": "--furniture or --no-furniture", "unknown_is_occupied": "--unknown"}
+FLAGS = {"unknown_is_occupied": "--unknown"}
 """Of options whose flag is not their name."""
-PLANNED = ("start", "reach")
-"""Options of a drive that is planned."""
 
 
 def config_of(options: Mapping[str, Any], laser: bool, sonar: bool) -> SimulateConfig:
@@ -37,13 +31,6 @@ def config_of(options: Mapping[str, Any], laser: bool, sonar: bool) -> SimulateC
         them of :class:`LaserPhysics` and :class:`SonarPhysics`.
     laser, sonar : bool
         Whether the robot has them.
-
-    Raises
-    ------
-    UsageError
-        For an option that has no effect beside the others.
-    ConfigError
-        For a value outside its domain.
     """
     given = {name: value for name, value in options.items() if value is not None}
     for name, why in _idle(given, laser, sonar):
@@ -63,8 +50,6 @@ def _idle(given: Mapping[str, Any], laser: bool, sonar: bool) -> Iterator[tuple[
     for name in given:
         if kind not in WORLDS_OF.get(name, (kind,)):
             yield name, f"is for --world {' or '.join(WORLDS_OF[name])}"
-        if name in PLANNED and "path" in given:
-            yield name, "is for a drive that is planned, and there is a --path"
         if name.startswith("laser_") and not laser:
             yield name, "is for a laser, and there is --no-laser"
         if name.startswith("sonar_") and not sonar:

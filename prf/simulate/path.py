@@ -1,26 +1,33 @@
-"""A robot's drive through all space that it can reach, and the poses at which it measures."""
+"""A robot's drive, planned or from a CSV file, and the poses at which it measures."""
 
 from __future__ import annotations
 
+import csv
 import dataclasses
+import io
+import math
+import os
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
-from prf.shell.errors import ConfigError
-from prf.simulate.roadmap import CELL, Roadmap
-from prf.simulate.tour import tour_places, viewpoints
-from prf.simulate.world import Floats
+from prf.shell.errors import ConfigError, InputError
+from prf.shell.files import open_input
+from prf.simulate.roadmap import CELL, Roadmap, tour_places, viewpoints
+from prf.simulate.world import Floats, World
 
 SPEED = 0.5
 """Metres a second, while driving."""
 TURNING = 1.0
 """Radians a second, while turning in place."""
-MOST_SCANS = 10**8
-LEAST_STOPS = 4
+MAX_SCANS = 10**8
+MIN_STOPS = 4
 """Viewpoints of a drive, so that a room is seen from more than one side."""
 DIGITS = 6
 """Decimals of a pose, metres and radians: what a log writes is what was simulated."""
+COLUMNS = ("x", "y", "theta", "t")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,28 +65,24 @@ class Scans(NamedTuple):
         return cls(np.round(turned, DIGITS), np.round(time, 3))
 
 
-def plan_drive(road: Roadmap, reach: float, start: tuple[float, float] | None = None) -> Floats:
-    """Return corners (n, 2) of a way that comes near every place of the roadmap.
+def plan_drive(road: Roadmap, reach: float) -> Floats:
+    """Return corners (n, 2) of a way that passes near every place of the roadmap.
 
     Viewpoints are chosen in the middle of the space first, until every place has one within `reach` metres of way, or
     less where the space is so small that the robot would hardly move. It visits all of them by a short tour; its legs
-    are pulled straight where nothing stands in between.
+    are pulled straight where nothing is in between.
 
     Parameters
     ----------
-    road : Roadmap
     reach : float
         Metres.
-    start : (x, y), optional
-        Where to begin; default the place with most space round it.
     """
     stops = viewpoints(road, reach)
-    while len(stops) < LEAST_STOPS and reach > CELL:
+    while len(stops) < MIN_STOPS and reach > CELL:
         reach *= 0.5
         stops = viewpoints(road, reach)
-    first = 0 if start is None else int(np.hypot(*(road.xy[stops] - np.asarray(start)).T).argmin())
-    corners = [road.xy[stops[first]][None]]
-    corners += [pulled(road, road.xy[places])[1:] for places in tour_places(road, stops, first)]
+    corners = [road.xy[stops[0]][None]]  # the place with most space round it
+    corners += [pulled(road, road.xy[places])[1:] for places in tour_places(road, stops, 0)]
     return np.concatenate(corners)
 
 
@@ -100,21 +103,15 @@ def scans_along(corners: Floats, spacing: Spacing, n_scans: int | None = None, s
     ----------
     corners : (n, 2) float64
         Metres.
-    spacing : Spacing
     n_scans : int, optional
         How many; the robot drives the way and back until it has them. Default: as many as one drive gives.
     stretch : bool
         Spread `n_scans` evenly over one drive, metres and radians in the proportion of `spacing`.
-
-    Raises
-    ------
-    ConfigError
-        If there would be more than `MOST_SCANS`.
     """
     knots = _knots(corners, spacing)
     way = knots[-1, 0]
     wanted = max(way, n_scans or 0)
-    if not wanted <= MOST_SCANS:
+    if not wanted <= MAX_SCANS:
         raise ConfigError(f"the drive would have {wanted:.3g} scans. Give a larger --spacing, or fewer --readings.")
     if n_scans is None:
         marks = np.arange(int(way) + 1, dtype=np.float64)
@@ -145,3 +142,98 @@ def _knots(corners: Floats, spacing: Spacing) -> Floats:
     seconds = np.column_stack([turn / TURNING, length / SPEED]).ravel()
     xy = np.stack([corners[:-1], corners[1:]], axis=1).reshape(-1, 2)
     return np.column_stack([np.cumsum(parts), np.cumsum(seconds), xy, np.repeat(heading, 2)])
+
+
+class PathFile(NamedTuple):
+    """The rows of a file.
+
+    Attributes
+    ----------
+    source : str
+    line : (n,) int64
+        Lines of the rows.
+    rows : (n, 2), (n, 3) or (n, 4) float64
+        Waypoints x, y in metres, or poses with the heading in radians and perhaps the time in seconds.
+    """
+
+    source: str
+    line: np.ndarray[tuple[int], np.dtype[np.int64]]
+    rows: Floats
+
+    @property
+    def has_headings(self) -> bool:
+        """Whether the rows are poses at which to measure."""
+        return bool(self.rows.shape[1] > 2)
+
+    def scans(self) -> Scans:
+        """Return scans at the poses; without times the robot turns and drives from one to the next."""
+        if self.rows.shape[1] == len(COLUMNS):
+            return Scans.rounded(self.rows[:, :3], self.rows[:, 3])
+        turn = np.abs(np.angle(np.exp(1j * np.diff(self.rows[:, 2]))))
+        seconds = np.hypot(*np.diff(self.rows[:, :2], axis=0).T) / SPEED + turn / TURNING
+        return Scans.rounded(self.rows, np.r_[0.0, np.cumsum(seconds)])
+
+    def check(self, world: World) -> None:
+        """Refuse a path that runs into a wall or out of the window."""
+        free = world.free_at(self.rows[:, :2])
+        if not free.all():
+            first = int(np.argmin(free))
+            x, y = self.rows[first, :2]
+            raise InputError(f"{self.source}:{self.line[first]}: ({x:g}, {y:g}) is occupied or outside the world.")
+        if self.has_headings or len(self.rows) < 2:
+            return
+        legs = shapely.linestrings(np.stack([self.rows[:-1], self.rows[1:]], axis=1))
+        hit = shapely.intersects(world.occupied, legs)
+        if hit.any():
+            first = int(np.argmax(hit))
+            a, b = self.line[first], self.line[first + 1]
+            raise InputError(f"{self.source}:{b}: the way from the waypoint of line {a} runs into a wall.")
+
+
+def read_path(path: str | os.PathLike[str]) -> PathFile:
+    """Read a path: CSV with the columns x, y and perhaps theta and t; without a header, in this order.
+
+    With theta the rows are poses to measure at, and t is the time; without theta they are waypoints and t is not read.
+    Blank lines and lines that start with # are skipped.
+
+    Parameters
+    ----------
+    path : path
+        ``-`` is standard input.
+    """
+    with open_input(path) as stream:
+        try:
+            text = stream.read().decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise InputError(f"{path}: not UTF-8 text. Give a CSV with the columns x,y or x,y,theta.") from error
+    reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True)
+    rows = [(reader.line_num, row) for row in reader if any(map(str.strip, row)) and not row[0].startswith("#")]
+    places = _places(rows[0][1]) if rows else []
+    if places:
+        rows = rows[1:]
+    if not rows:
+        raise InputError(f"{path}: no waypoint in it. Give a CSV with the columns x,y or x,y,theta.")
+    places = places or list(range(min(len(rows[0][1]), len(COLUMNS))))
+    numbers = [_numbers(f"{path}:{line}", row, places) for line, row in rows]
+    return PathFile(str(path), np.array([line for line, _ in rows]), np.array(numbers))
+
+
+def _places(header: Sequence[str]) -> list[int]:
+    """Return the places of the columns in a header; none if the row is no header."""
+    names = [name.strip().lower() for name in header]
+    if not {"x", "y"} <= set(names):
+        return []
+    wanted = COLUMNS if "theta" in names else COLUMNS[:2]
+    return [names.index(name) for name in wanted if name in names]
+
+
+def _numbers(where: str, row: Sequence[str], places: Sequence[int]) -> list[float]:
+    try:
+        numbers = [float(row[place]) for place in places]
+    except (ValueError, IndexError):
+        numbers = []
+    if len(numbers) < 2 or not all(map(math.isfinite, numbers)):
+        raise InputError(
+            f"{where}: {','.join(row)!r} is no waypoint. Give finite x,y in metres, theta in radians, t in seconds."
+        )
+    return numbers

@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from prf.shell.errors import ConfigError
-from prf.simulate.draft import Box, Draft, Wall, box_of
-from prf.simulate.fittings import Fitter
+from prf.simulate.fittings import Box, Draft, Fitter, Wall, box_of
 from prf.simulate.world import World
 from prf.window import Window
 
@@ -23,7 +22,7 @@ MARGIN = 0.5
 """Metres of free space round the building: less than a robot needs, so that no path leads outside."""
 DEPTH_OF_ROOM = 1.25
 """Depth of a room from its corridor, over its usual width."""
-LEAST_DEPTH = 2.0
+MIN_DEPTH = 2.0
 CROSSING = 30.0
 """Metres of building for each corridor that crosses the others."""
 HALL_SHARE = 0.25
@@ -80,11 +79,6 @@ class Row(NamedTuple):
 def office(plan: OfficePlan, rng: np.random.Generator) -> World:
     """Return a floor of an office; every room can be reached through doors that are wide open.
 
-    Parameters
-    ----------
-    plan : OfficePlan
-    rng : numpy.random.Generator
-
     Returns
     -------
     World
@@ -122,12 +116,12 @@ def _corridors(plan: OfficePlan, inside: Box, rng: np.random.Generator) -> list[
     wall = CORRIDOR_WALL
     n = max(1, round(inside.height / (2.0 * depth + plan.corridor + 3.0 * wall)))
     spare = inside.height - n * (plan.corridor + 2.0 * wall) - (n - 1) * wall
-    if spare / (2 * n) < LEAST_DEPTH:
-        if inside.height - plan.corridor - wall < LEAST_DEPTH:
+    if spare / (2 * n) < MIN_DEPTH:
+        if inside.height - plan.corridor - wall < MIN_DEPTH:
             return []
         return [box_of(inside.x0, inside.y1 - plan.corridor, inside.x1, inside.y1)]
     weights = rng.uniform(0.85, 1.15, 2 * n)
-    depths = np.maximum(spare * weights / weights.sum(), LEAST_DEPTH)
+    depths = np.maximum(spare * weights / weights.sum(), MIN_DEPTH)
     depths *= spare / depths.sum()
     corridors, y = [], inside.y0
     for below, above in depths.reshape(-1, 2):
@@ -160,7 +154,7 @@ def _outer_rows(inside: Box, corridors: list[Box]) -> list[Row]:
     below = Box(inside.x0, inside.y0, inside.x1, south.y0 - wall)
     above = Box(inside.x0, north.y1 + wall, inside.x1, inside.y1)
     rows = [Row(below, Wall(below.x0, south.y0 - wall, below.x1, south.y0, room_side=-1))]
-    if above.height >= 0.5 * LEAST_DEPTH:
+    if above.height >= 0.5 * MIN_DEPTH:
         rows.append(Row(above, Wall(above.x0, north.y1, above.x1, north.y1 + wall, room_side=1)))
     return rows
 

@@ -1,13 +1,15 @@
-"""Where a robot can be, and how it gets from place to place: a grid over the space in which it has clearance."""
+"""Where a robot can be, on a grid of space with clearance, and a short tour through all of it."""
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy import ndimage, sparse
+from scipy.sparse import csgraph
 from shapely.geometry.base import BaseGeometry
 
 from prf.shell.errors import InputError
@@ -18,9 +20,10 @@ CELL = 0.1
 PLAY = 0.02
 """Metres between robot and walls: a step between two cells cuts a corner by 0.01 m, and the arcs of a buffer run inside
 the true ones."""
-MOST_CELLS = 2_500_000
+MAX_CELLS = 2_500_000
 NEIGHBOURS = ((0, 1), (1, -1), (1, 0), (1, 1))
 """Half of the eight steps to a neighbour; the other half is the way back."""
+Ints = NDArray[np.int64]
 
 
 class Roadmap(NamedTuple):
@@ -55,26 +58,18 @@ class Roadmap(NamedTuple):
         return free
 
 
-def roadmap(world: World, radius: float, start: tuple[float, float] | None = None) -> Roadmap:
-    """Return the largest connected space for a robot, or that round `start`.
+def roadmap(world: World, radius: float) -> Roadmap:
+    """Return the largest connected space for a robot.
 
     Parameters
     ----------
-    world : World
     radius : float
         Of the robot, metres; it stays inside the window too.
-    start : (x, y), optional
-        A place of the robot, metres.
-
-    Raises
-    ------
-    InputError
-        If the robot fits nowhere, or not at `start`, or the world is too large for the grid.
     """
     window = world.window
     shape = tuple(max(1, int(length / CELL)) for length in (window.height, window.width))
-    if shape[0] * shape[1] > MOST_CELLS:
-        most = MOST_CELLS * CELL**2
+    if shape[0] * shape[1] > MAX_CELLS:
+        most = MAX_CELLS * CELL**2
         raise InputError(f"world of {window.area:.0f} m2: paths are planned in up to {most:.0f} m2. Give --path FILE.")
     blocked = _blocked(world, radius)
     xy = _centres(world, shape)
@@ -88,7 +83,7 @@ def roadmap(world: World, radius: float, start: tuple[float, float] | None = Non
     part, n_parts = ndimage.label(free, np.ones((3, 3)))
     if n_parts == 0:
         raise InputError(f"no space for a robot of radius {radius:g} m. Give a smaller --robot-radius, or a --path.")
-    kept = part == _chosen(part, xy, radius, start)
+    kept = part == int(np.bincount(part.ravel())[1:].argmax()) + 1
     clearance = ndimage.distance_transform_edt(np.pad(kept, 1))[1:-1, 1:-1] * CELL
     places = kept.ravel()
     return Roadmap(xy[places], clearance.ravel()[places], _steps(kept, xy), blocked)
@@ -109,18 +104,6 @@ def _centres(world: World, shape: tuple[int, ...]) -> Floats:
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
-def _chosen(part: NDArray[np.int32], xy: Floats, radius: float, start: tuple[float, float] | None) -> int:
-    """Return the number of the largest part, or of the one at `start`."""
-    if start is None:
-        return int(np.bincount(part.ravel())[1:].argmax()) + 1
-    places = np.flatnonzero(part.ravel())
-    away = np.hypot(*(xy[places] - np.asarray(start)).T)
-    nearest = int(away.argmin())
-    if away[nearest] > 2.0 * CELL:
-        raise InputError(f"--start {start[0]:g} {start[1]:g}: a robot of radius {radius:g} m does not fit there.")
-    return int(part.ravel()[places[nearest]])
-
-
 def _steps(kept: NDArray[np.bool_], xy: Floats) -> sparse.csr_array:
     """Return the lengths of the steps between neighbouring places."""
     number = np.full(kept.shape, -1)
@@ -139,3 +122,139 @@ def _steps(kept: NDArray[np.bool_], xy: Floats) -> sparse.csr_array:
     n = len(places)
     steps = sparse.coo_array((length, (one, other)), (n, n))
     return sparse.csr_array(steps + steps.T)
+
+
+class Ways(NamedTuple):
+    """Ways between neighbouring viewpoints, those whose regions touch.
+
+    Attributes
+    ----------
+    lengths : (k, k) sparse array
+        Metres.
+    crossing : dict
+        For viewpoints (a, b) the two places at which the way leaves the region of a and enters that of b.
+    predecessor : (n,) int32
+        For each place of the roadmap the one before it, on the way from its viewpoint.
+    """
+
+    lengths: sparse.csr_array
+    crossing: dict[tuple[int, int], tuple[int, int]]
+    predecessor: NDArray[np.int32]
+
+    def between(self, a: int, b: int) -> list[int]:
+        """Return the places on the way from viewpoint a to its neighbour b, both ends included."""
+        leave, enter = self.crossing[a, b]
+        return [*reversed(self._back(leave)), *self._back(enter)]
+
+    def _back(self, place: int) -> list[int]:
+        """Return the places from one back to its viewpoint."""
+        way = []
+        while place >= 0:
+            way.append(place)
+            place = int(self.predecessor[place])
+        return way
+
+
+def viewpoints(road: Roadmap, reach: float) -> Ints:
+    """Return places from which all others are at most `reach` metres of way, those with most space round them first."""
+    covered = np.zeros(len(road.xy), dtype=np.bool_)
+    chosen = []
+    for place in np.argsort(-road.clearance, kind="stable").tolist():
+        if not covered[place]:
+            chosen.append(place)
+            _cover(road, place, reach, covered)
+    return np.array(chosen)
+
+
+def _cover(road: Roadmap, place: int, reach: float, covered: NDArray[np.bool_]) -> None:
+    """Mark all that is at most `reach` of way from a place; no such way leaves the rows of the grid so near to it."""
+    y = road.xy[:, 1]
+    low, high = np.searchsorted(y, [y[place] - reach - CELL, y[place] + reach + CELL])
+    rows = road.steps[low:high, low:high]
+    covered[low:high] |= csgraph.dijkstra(rows, indices=place - low, limit=reach) <= reach
+
+
+def tour_places(road: Roadmap, stops: Ints, first: int) -> list[Ints]:
+    """Return the legs of a tour: for each the places from one viewpoint to the next, both included.
+
+    Parameters
+    ----------
+    stops : (k,) int64
+        Places to visit.
+    first : int
+        Which of them is first.
+    """
+    ways = _ways(road, stops)
+    lengths, before = csgraph.dijkstra(ways.lengths, return_predecessors=True)
+    order = short_tour(lengths, first).tolist()
+    legs = []
+    for here, there in itertools.pairwise(order):
+        hops = _hops(before[here], there)
+        places = [place for a, b in itertools.pairwise(hops) for place in ways.between(a, b)]
+        legs.append(np.array(places))
+    return legs
+
+
+def short_tour(lengths: Floats, first: int) -> Ints:
+    """Return an order in which to visit all of k points: nearest neighbour first, then 2-opt; the end is free.
+
+    Parameters
+    ----------
+    lengths : (k, k) float64
+        Symmetric.
+    first : int
+        Where to begin.
+    """
+    order, left = [first], np.ones(len(lengths), dtype=np.bool_)
+    left[first] = False
+    while left.any():
+        order.append(int(np.where(left, lengths[order[-1]], np.inf).argmin()))
+        left[order[-1]] = False
+    tour = np.array(order)
+    while _turn_one_part(tour, lengths):
+        pass
+    return tour
+
+
+def _turn_one_part(tour: Ints, lengths: Floats) -> bool:
+    """Turn parts of a tour round where that makes it shorter, in place; return whether any did."""
+    shorter = False
+    for i in range(len(tour) - 2):
+        a, b, ends = tour[i], tour[i + 1], tour[i + 2 :]
+        after = np.r_[ends[1:], -1]
+        joins = np.where(after >= 0, lengths[b, after] - lengths[ends, after], 0.0)
+        gain = lengths[a, b] - lengths[a, ends] - joins
+        best = int(gain.argmax())
+        if gain[best] > 1e-9:
+            tour[i + 1 : i + best + 3] = tour[i + 1 : i + best + 3][::-1].copy()
+            shorter = True
+    return shorter
+
+
+def _ways(road: Roadmap, stops: Ints) -> Ways:
+    """Return the shortest way between each two viewpoints whose regions touch."""
+    distance, predecessor, source = csgraph.dijkstra(road.steps, indices=stops, min_only=True, return_predecessors=True)
+    number = np.zeros(len(road.xy), dtype=np.int64)
+    number[stops] = np.arange(len(stops))
+    region = number[source]
+    steps = road.steps.tocoo()
+    apart = region[steps.row] != region[steps.col]
+    leave, enter, length = steps.row[apart], steps.col[apart], steps.data[apart]
+    whole = distance[leave] + length + distance[enter]
+    pair = region[leave] * len(stops) + region[enter]
+    by_length = np.lexsort((leave, whole, pair))
+    _, at = np.unique(pair[by_length], return_index=True)
+    best = by_length[at]
+    a, b = region[leave[best]], region[enter[best]]
+    lengths = sparse.csr_array((whole[best], (a, b)), (len(stops), len(stops)))
+    ends = zip(leave[best].tolist(), enter[best].tolist(), strict=True)
+    crossing = dict(zip(zip(a.tolist(), b.tolist(), strict=True), ends, strict=True))
+    return Ways(lengths, crossing, predecessor)
+
+
+def _hops(before: NDArray[np.int32], there: int) -> list[int]:
+    """Return the viewpoints on the way to one of them."""
+    hops = [there]
+    while before[hops[-1]] >= 0:
+        hops.append(int(before[hops[-1]]))
+    return hops[::-1]

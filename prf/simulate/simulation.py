@@ -6,31 +6,27 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from prf.logs.rings import PIONEER
-from prf.logs.track import mounted
-from prf.sensors.domain import check_factor, check_length
+from prf.logs.poses import PIONEER, mounted
+from prf.sensors.domain import check_length
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.seeds import spawn_generators
-from prf.simulate.laser import LaserPhysics, choose_dark, simulate_laser
-from prf.simulate.path import Scans, Spacing, plan_drive, scans_along
-from prf.simulate.path_file import PathFile, read_path
+from prf.simulate.laser import LaserPhysics, simulate_laser
+from prf.simulate.path import PathFile, Scans, Spacing, plan_drive, read_path, scans_along
 from prf.simulate.plans import OfficePlan, office
 from prf.simulate.roadmap import roadmap
-from prf.simulate.sonar import simulate_sonar
-from prf.simulate.sonar_physics import SonarPhysics
+from prf.simulate.sonar import SonarPhysics, simulate_sonar
 from prf.simulate.sources import draw_world, read_world
 from prf.simulate.world import Floats, World
 from prf.window import Window
 
 OFFICE, ARAK = "office", "arak"
 SIZE = (60.0, 40.0)
-LEAST_ROOM = 0.2
+MIN_ROOM = 0.2
 """Share of the window in which the centre of the robot must be able to be, for a draw from the prior to be used."""
-MOST_READINGS = 10**9
-LEAST_TURN = 1e-9
-"""Radians from scan to scan."""
+MAX_READINGS = 10**9
+REACH = 3.5
+"""Metres of way within which a planned drive passes every place."""
 RING_RADIUS = float(np.hypot(*PIONEER[:, :2].T).max())
 
 
@@ -46,52 +42,35 @@ class SimulateConfig:
         Width and height of an office or of the window of a draw.
     scale : float
         p of a draw, 1/m.
-    room, door, corridor, furniture
-        As in :class:`OfficePlan`.
     unknown_is_occupied : bool
         What unknown cells of a ROS map become.
     path : str or None
         A file with waypoints or poses; default a drive that is planned.
-    start : (float, float) or None
-        Where a planned drive begins.
     robot_radius : float
-    reach : float
-        Metres of way within which a planned drive comes of every place.
-    spacing, turn_spacing : float or None
-        Metres and radians from scan to scan; default 0.5 each, or so that `readings` fill one drive.
+    spacing : float or None
+        Metres from scan to scan, and radians where the robot turns; default 0.5, or so that `readings` fill one drive.
     readings : int or None
         About how many readings, of the sonar if there is one, else of the laser.
-    laser : LaserPhysics or None
-    sonar : SonarPhysics or None
     """
 
     world: str = OFFICE
     size: tuple[float, float] = SIZE
     scale: float = 0.1
-    room: float = 4.0
-    door: float = 0.9
-    corridor: float = 2.0
-    furniture: bool = True
     unknown_is_occupied: bool = True
     path: str | None = None
-    start: tuple[float, float] | None = None
     robot_radius: float = 0.25
-    reach: float = 3.5
     spacing: float | None = None
-    turn_spacing: float | None = None
     readings: int | None = None
     laser: LaserPhysics | None = dataclasses.field(default_factory=LaserPhysics)
     sonar: SonarPhysics | None = None
 
     def __post_init__(self) -> None:
         """Refuse what cannot be simulated."""
-        for name in ("robot_radius", "reach", "spacing"):
+        for name in ("robot_radius", "spacing"):
             if getattr(self, name) is not None:
                 check_length(name.replace("_", "-"), getattr(self, name))
-        if self.turn_spacing is not None:
-            check_factor("turn-spacing", self.turn_spacing, LEAST_TURN)
-        if self.readings is not None and not 1 <= self.readings <= MOST_READINGS:
-            raise ConfigError(f"readings {self.readings}: must be at least 1, and at most {MOST_READINGS:,}")
+        if self.readings is not None and not 1 <= self.readings <= MAX_READINGS:
+            raise ConfigError(f"readings {self.readings}: must be at least 1, and at most {MAX_READINGS:,}")
         if self.laser is None and self.sonar is None:
             raise ConfigError("no sensor: leave --no-laser out, or add --sonar")
         if self.sonar is not None and self.robot_radius < RING_RADIUS:
@@ -109,17 +88,13 @@ class Simulation:
 
     Attributes
     ----------
-    config : SimulateConfig
     seed : int
-    world : World
     n_redrawn : int
         Draws from the prior that left too little space.
     scans : Scans
         Poses of the robot, which are those of its laser too.
-    is_dark : (n_walls,) bool
-        Walls that return nothing to the laser.
     laser : (n_scans, n_beams) float64 or None
-        Metres; inf: no return; 0: dropped.
+        Metres; inf: no return.
     sonar : (n_scans, 16) float64 or None
         Metres; inf: no return.
     """
@@ -129,7 +104,6 @@ class Simulation:
     world: World
     n_redrawn: int
     scans: Scans
-    is_dark: NDArray[np.bool_]
     laser: Floats | None
     sonar: Floats | None
 
@@ -137,12 +111,10 @@ class Simulation:
 def simulate(config: SimulateConfig, seed: int, report: Callable[[float], None] = lambda done: None) -> Simulation:
     """Simulate a robot in a world.
 
-    World, walls without return, laser and sonar have random numbers of their own: a change of one sensor leaves all
-    else as it was.
+    World, laser and sonar have random numbers of their own: a change of one sensor leaves all else as it was.
 
     Parameters
     ----------
-    config : SimulateConfig
     seed : int
     report : callable
         Told the share of laser scans done.
@@ -154,25 +126,22 @@ def simulate(config: SimulateConfig, seed: int, report: Callable[[float], None] 
     ConfigError
         If no draw from the prior leaves enough space.
     """
-    for_world, for_dark, for_laser, for_sonar = spawn_generators(seed, 4)
+    for_world, _, for_laser, for_sonar = spawn_generators(seed, 4)
     given = None if config.path is None else read_path(config.path)
     world, n_redrawn = _make_world(config, given, for_world)
     scans = _drive(config, world, given)
-    n_walls = len(world.walls)
-    is_dark, laser, sonar = np.zeros(n_walls, dtype=np.bool_), None, None
+    laser = sonar = None
     if config.laser is not None:
-        is_dark = choose_dark(world.walls, config.laser.dark, for_dark)
-        laser = simulate_laser(world.walls, scans.pose, config.laser, for_laser, is_dark, report)
+        laser = simulate_laser(world.walls, scans.pose, config.laser, for_laser, report)
     if config.sonar is not None:
         sonar = simulate_sonar(world.walls, scans.pose, config.sonar, for_sonar)
-    return Simulation(config, seed, world, n_redrawn, scans, is_dark, laser, sonar)
+    return Simulation(config, seed, world, n_redrawn, scans, laser, sonar)
 
 
 def _make_world(config: SimulateConfig, given: PathFile | None, rng: np.random.Generator) -> tuple[World, int]:
     """Return the world, and how many draws were thrown away."""
     if config.world == OFFICE:
-        plan = OfficePlan(*config.size, config.room, config.door, config.corridor, config.furniture)
-        return office(plan, rng), 0
+        return office(OfficePlan(*config.size), rng), 0
     if config.world != ARAK:
         return read_world(config.world, config.unknown_is_occupied), 0
     window = Window.checked(0.0, 0.0, *config.size)
@@ -185,7 +154,7 @@ def _can_be_driven(config: SimulateConfig, world: World, given: PathFile | None)
         if given is not None:
             given.check(world)
             return True
-        return roadmap(world, config.robot_radius, config.start).area >= LEAST_ROOM * world.window.area
+        return roadmap(world, config.robot_radius).area >= MIN_ROOM * world.window.area
     except InputError:
         return False
 
@@ -198,13 +167,9 @@ def _drive(config: SimulateConfig, world: World, given: PathFile | None) -> Scan
     if given is not None and given.has_headings:
         scans = given.scans()
         return _with_space(config, world, Scans(scans.pose[:n_scans], scans.time[:n_scans]))
-    if given is not None:
-        corners = given.rows
-    else:
-        corners = plan_drive(roadmap(world, config.robot_radius, config.start), config.reach, config.start)
-    spacing = Spacing(config.spacing or Spacing.metres, config.turn_spacing or Spacing.radians)
-    stretch = config.spacing is None and config.turn_spacing is None
-    return _with_space(config, world, scans_along(corners, spacing, n_scans, stretch))
+    corners = given.rows if given is not None else plan_drive(roadmap(world, config.robot_radius), REACH)
+    spacing = Spacing(config.spacing or Spacing.metres)
+    return _with_space(config, world, scans_along(corners, spacing, n_scans, stretch=config.spacing is None))
 
 
 def _with_space(config: SimulateConfig, world: World, scans: Scans) -> Scans:

@@ -1,209 +1,159 @@
-"""A ring of sonars by acoustics: pulses, beams, echoes by mirrors, corners, edges and rough walls, and a threshold.
+"""A ring of sonars by specular reflection: what a pulse meets face on, or in a corner, sends it back.
 
-Made to judge maps that the likelihood of :mod:`prf.sensors.sonar` led to, it shares neither code nor form with it
-(docs/sonar-simulator.md).
+A wall echoes from the foot of the perpendicular on it, a right-angled corner of the room from every direction, and an
+edge that sticks out weakly; each must be in view. The reading is the nearest echo that is loud enough. Nothing here is
+taken from the likelihood of :mod:`prf.sensors.sonar`, so that maps made with it can be judged (docs/simulation.md).
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import fresnel
+from scipy.special import j1
 
-from prf.kernels.echo_levels import MOST_ZONES, Acoustics, Echoes
-from prf.kernels.echo_receiver import Listening
-from prf.kernels.echo_ring import Effects, Nearby, Ring, sense_ring
-from prf.kernels.echo_scene import EchoScene
-from prf.logs.rings import PIONEER
-from prf.shell.errors import InputError
-from prf.simulate.reflectors import make_echo_scene
-from prf.simulate.sonar_physics import SonarPhysics
+from prf.logs.poses import PIONEER, mounted
+from prf.sensors.domain import check_factor, check_length
+from prf.shell.errors import ConfigError
+from prf.simulate.world import Floats
 
-Floats = NDArray[np.float64]
+RIGHT_ANGLE = math.radians(10.0)
+"""Corners within this of a right angle send sound back to where it came from."""
+SOUND_SPEED = 343.0
+"""Metres a second."""
+SHORT_OF = 1.0 - 1e-9
+"""Share of the way to an echo on which a wall hides it: the wall that echoes does not."""
 
-BIN = 0.005
-"""Metres of range between samples of the received signal: a third of what the resonant circuit needs to swing up."""
-FAINT = 0.1
-"""Share of the threshold below which an echo is not followed: ten such in phase would make one reading."""
-MOST_ECHOES = 2048
-"""Echoes of one reading; later ones are dropped. Offices make some dozens."""
-MIRROR_LEVEL = 10.0 ** (-30.0 / 20.0)
-"""Walls in directions in which the beam is weaker than this (-30 dB, one way) send nothing on a detour."""
-CHUNK = 50
-"""Poses between two reports of progress: about a third of a second in an office."""
-N_DIRECTIONS = 1801
-"""Entries of the table of the beam: steps of a twentieth of a degree."""
-N_ZONES = 4001
-"""Entries of the table of Fresnel integrals, from which interpolation is right to 1e-5."""
+
+@dataclasses.dataclass(frozen=True)
+class SonarPhysics:
+    """A transducer of the ring; levels are decibels of amplitude over the threshold, on the axis of the beam.
+
+    The receiver's gain grows with time and makes up for the distance, so walls and corners are equally loud everywhere.
+
+    Parameters
+    ----------
+    max_range : float
+        Metres; farther echoes are not heard.
+    frequency, aperture : float
+        Hertz; radius of the transducer in metres: together they make the beam. Defaults of a Polaroid transducer.
+    wall_db, edge_db : float
+        Level of a wall or corner, and of an edge at 1 m; an edge loses 10 dB a factor of ten in distance.
+    flutter_db : float
+        Standard deviation of the level of an echo.
+    noise, noise_relative : float
+        Standard deviation of a reading in metres and as a share of the distance; the larger counts.
+    outlier_probability, miss_probability : float
+        Shares of the readings that are uniform between 0 and `max_range`, and that hear nothing.
+    """
+
+    max_range: float = 8.0
+    frequency: float = 49.4e3
+    aperture: float = 0.018
+    wall_db: float = 30.0
+    edge_db: float = 10.0
+    flutter_db: float = 1.5
+    noise: float = 0.005
+    noise_relative: float = 0.002
+    outlier_probability: float = 0.002
+    miss_probability: float = 0.005
+
+    def __post_init__(self) -> None:
+        """Refuse parameters that no sonar has."""
+        check_length("sonar-max-range", self.max_range)
+        check_length("sonar-aperture", self.aperture)
+        for name in ("frequency", "flutter_db", "noise", "noise_relative"):
+            check_factor(f"sonar-{name.replace('_', '-')}", getattr(self, name), 0.0)
+        for name in ("wall_db", "edge_db"):
+            check_factor(f"sonar-{name.replace('_', '-')}", getattr(self, name))
+        if (
+            min(self.outlier_probability, self.miss_probability, 1 - self.outlier_probability - self.miss_probability)
+            < 0
+        ):
+            raise ConfigError("sonar: shares of outliers and misses must be positive, and their sum at most 1")
+
+
+class Reflectors(NamedTuple):
+    """What echoes: walls (n, 4) as :attr:`World.walls`; places (m, 2) of right-angled corners, and of edges."""
+
+    walls: Floats
+    corners: Floats
+    edges: Floats
+
+
+def reflectors_of(walls: Floats) -> Reflectors:
+    """Return the walls with the corners between those that follow one another."""
+    start = {tuple(xy): i for i, xy in enumerate(walls[:, :2].tolist())}
+    after = np.array([start.get(tuple(xy), -1) for xy in walls[:, 2:].tolist()], dtype=np.int64)
+    heading = np.arctan2(walls[:, 3] - walls[:, 1], walls[:, 2] - walls[:, 0])
+    turn = np.where(after >= 0, np.angle(np.exp(1j * (heading[after] - heading))), 0.0) if len(walls) else heading
+    is_square = np.abs(turn - 0.5 * np.pi) < RIGHT_ANGLE
+    return Reflectors(walls, walls[is_square, 2:], walls[turn < -RIGHT_ANGLE, 2:])
+
+
+def directivity_db(angle: Floats, physics: SonarPhysics) -> Floats:
+    """Return the level of a transducer, sending and hearing, at angles off its axis; a piston in a baffle."""
+    size = 2.0 * math.pi * physics.frequency / SOUND_SPEED * physics.aperture
+    x = np.maximum(size * np.sin(np.minimum(np.abs(angle), 0.5 * np.pi)), 1e-9)
+    level: Floats = 40.0 * np.log10(np.maximum(np.abs(2.0 * j1(x) / x), 1e-6))
+    return np.where(np.abs(angle) < 0.5 * np.pi, level, -np.inf)
 
 
 def simulate_sonar(
-    walls: Floats,
-    poses: Floats,
-    physics: SonarPhysics,
-    rng: np.random.Generator,
-    ring: Floats = PIONEER,
-    advance: Callable[[int], object] | None = None,
+    walls: Floats, poses: Floats, physics: SonarPhysics, rng: np.random.Generator, ring: Floats = PIONEER
 ) -> Floats:
-    """Return what a ring of sonars reads at each pose, (m, r) metres, inf: no return.
+    """Return what a ring of sonars reads at each pose, (m, r) metres; inf: no return.
 
     Parameters
     ----------
-    walls : (n, 4) array
-        Ends x1 y1 x2 y2 in metres, free space on the left; in any order, straight ones in any number of pieces.
-    poses : (m, 3) array
-        Robot's x and y in metres and heading in radians, in free space.
-    physics : SonarPhysics
-    rng : Generator
-    ring : (r, 3) array
-        Place (metres) and axis (radians) of each transducer on the robot; by default the 16 of a Pioneer.
-    advance : callable, optional
-        Called now and then with the number of poses done since the last call.
-
-    Raises
-    ------
-    InputError
-        If an array has another shape or holds values that are no numbers.
+    walls : (n, 4) float64
+        As :attr:`World.walls`.
+    poses : (m, 3) float64
+        Of the robot, in free space: x, y in metres, heading in radians.
+    ring : (r, 3) float64
+        Place and heading of each transducer on the robot; by default the 16 of a Pioneer.
     """
-    return _sense(walls, poses, physics, rng, ring, advance)[0]
+    reflectors = reflectors_of(walls)
+    heard = np.array([[_nearest_echo(reflectors, at, physics, rng) for at in mounted(pose, ring)] for pose in poses])
+    distance = heard.reshape(len(poses), len(ring))
+    spread = np.maximum(physics.noise, physics.noise_relative * np.where(np.isinf(distance), 0.0, distance))
+    reading = np.maximum(distance + spread * rng.standard_normal(distance.shape), 0.001)
+    kind, stray = rng.random(distance.shape), physics.max_range * (1.0 - rng.random(distance.shape))
+    reading = np.where(kind < physics.outlier_probability, stray, reading)
+    missed = (kind >= physics.outlier_probability) & (kind < physics.outlier_probability + physics.miss_probability)
+    return np.where(missed | (reading >= physics.max_range), np.inf, reading)
 
 
-def trace_echoes(
-    walls: Floats, pose: Floats, physics: SonarPhysics, rng: np.random.Generator, ring: Floats = PIONEER
-) -> list[Floats]:
-    """Return the echoes that each transducer receives at one pose, before noise and threshold.
-
-    Parameters
-    ----------
-    walls, physics, rng, ring
-        As for :func:`simulate_sonar`; those of a group fire at the same time.
-    pose : (3,) array
-        Robot's x and y in metres and heading in radians.
-
-    Returns
-    -------
-    list of (n, 2) arrays
-        For each transducer the range (half the path, metres) and the level (decibels over the threshold at the
-        gain with which listening begins; add :meth:`SonarPhysics.gain_db`) of every echo, nearest first.
-    """
-    at_once = dataclasses.replace(physics, firing_spread=0.0)
-    echoes = _sense(walls, np.asarray(pose, dtype=np.float64)[None], at_once, rng, ring, None)[1]
-    heard = []
-    for r, n in enumerate(echoes.n_heard):
-        size = np.hypot(echoes.re[r, :n], echoes.im[r, :n])
-        order = np.argsort(echoes.length[r, :n], kind="stable")
-        heard.append(np.stack([0.5 * echoes.length[r, :n], 20.0 * np.log10(size)], axis=1)[order])
-    return heard
+def _nearest_echo(reflectors: Reflectors, at: Floats, physics: SonarPhysics, rng: np.random.Generator) -> float:
+    """Return the distance of the nearest echo that is in view and loud enough; inf if there is none."""
+    walls = reflectors.walls
+    first, along = walls[:, :2] - at[:2], walls[:, 2:] - walls[:, :2]
+    # Positive where the sensor is on the wall's left, the free side.
+    area = first[:, 0] * along[:, 1] - first[:, 1] * along[:, 0]
+    share = -(first * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-18)
+    feet = first + share[:, None] * along
+    feet = feet[(area > 0.0) & (share >= 0.0) & (share <= 1.0)]
+    loud = np.concatenate([feet, reflectors.corners - at[:2]])
+    places = np.concatenate([loud, reflectors.edges - at[:2]])
+    distance = np.hypot(*places.T)
+    off_axis = np.angle(np.exp(1j * (np.arctan2(places[:, 1], places[:, 0]) - at[2])))
+    level = np.full(len(places), float(physics.wall_db))
+    level[len(loud) :] = physics.edge_db - 10.0 * np.log10(np.maximum(distance[len(loud) :], 1e-3))
+    level += directivity_db(off_axis, physics) + physics.flutter_db * rng.standard_normal(len(places))
+    heard = np.flatnonzero((level > 0.0) & (distance < physics.max_range))
+    for echo in heard[np.argsort(distance[heard], kind="stable")]:
+        if not _is_hidden(places[echo], first, along, area):
+            return float(distance[echo])
+    return math.inf
 
 
-def _sense(
-    walls: Floats,
-    poses: Floats,
-    physics: SonarPhysics,
-    rng: np.random.Generator,
-    ring: Floats,
-    advance: Callable[[int], object] | None,
-) -> tuple[Floats, Echoes]:
-    """Return the readings at all poses, and the echoes at the last."""
-    poses, ring = _rows_of_3("poses", poses), _rows_of_3("ring", ring)
-    scene, sound, effects = _scene(walls, poses, ring, physics, rng), _acoustics(physics), _effects(physics)
-    around, listening = _ring(ring, physics), _listening(physics)
-    near, echoes = _nearby(scene, len(ring)), _echoes(len(ring))
-    ranges = np.full((len(poses), len(ring)), np.inf)
-    for first in range(0, len(poses), CHUNK):
-        part = slice(first, first + CHUNK)
-        sense_ring(scene, sound, effects, around, listening, near, echoes, poses[part], rng, ranges[part])
-        if advance is not None:
-            advance(len(poses[part]))
-    return ranges, echoes
-
-
-def _rows_of_3(name: str, rows: Floats) -> Floats:
-    """Return (n, 3) finite numbers."""
-    rows = np.ascontiguousarray(rows, dtype=np.float64)
-    if rows.ndim != 2 or rows.shape[1] != 3 or not np.isfinite(rows).all():
-        raise InputError(f"{name}: expected finite numbers of shape (n, 3), got {rows.shape}")
-    return rows
-
-
-def _scene(walls: Floats, poses: Floats, ring: Floats, physics: SonarPhysics, rng: np.random.Generator) -> EchoScene:
-    """Return the reflectors round the robot."""
-    size = np.abs(ring[:, :2]).sum(axis=1).max(initial=0.0)
-    places = np.concatenate([poses[:, :2] - size, poses[:, :2] + size])
-    return make_echo_scene(walls, places, physics, rng)
-
-
-def _acoustics(physics: SonarPhysics) -> Acoustics:
-    """Return the constants of the paths, with tables of directivity, Fresnel integrals and gain."""
-    sine, cosine = fresnel(np.linspace(-MOST_ZONES, MOST_ZONES, N_ZONES))
-    bins = int(physics.max_range / BIN) + 2
-    return Acoustics(
-        wavelength=physics.wavelength,
-        loss=physics.absorption_db * math.log(10.0) / 20.0,
-        level=10.0 ** (physics.level_db / 20.0),
-        max_range=physics.max_range,
-        faint=FAINT,
-        detour=MIRROR_LEVEL,
-        edge_radius=physics.edge_radius,
-        directivity=physics.directivity(np.linspace(0.0, 0.5 * np.pi, N_DIRECTIONS)),
-        fresnel_re=np.ascontiguousarray(cosine),
-        fresnel_im=np.ascontiguousarray(sine),
-        bin=BIN,
-        gain=10.0 ** (physics.gain_db((np.arange(bins) + 1) * BIN) / 20.0),
-    )
-
-
-def _effects(physics: SonarPhysics) -> Effects:
-    """Return which ways of the sound there are."""
-    return Effects(physics.walls, physics.corners, physics.edges, physics.rough, physics.detours)
-
-
-def _ring(ring: Floats, physics: SonarPhysics) -> Ring:
-    """Return the transducers with their groups: those a whole number of groups apart fire together."""
-    n_groups = max(len(ring) // physics.fired_together, 1)
-    angle = np.linspace(0.0, 0.5 * np.pi, N_DIRECTIONS)
-    heard = physics.directivity(angle) > MIRROR_LEVEL
-    return Ring(
-        place=ring,
-        group=np.arange(len(ring)) % n_groups,
-        firing=np.zeros(len(ring)),
-        spread=physics.firing_spread * physics.sound_speed,
-        cross_talk=physics.cross_talk,
-        beam=float(angle[heard][-1]),
-    )
-
-
-def _listening(physics: SonarPhysics) -> Listening:
-    """Return the constants of the receivers, times as metres of range."""
-    last_gain = physics.gain_step_db * physics.n_gain_steps
-    half_speed = 0.5 * physics.sound_speed
-    return Listening(
-        pulse=physics.pulse * half_speed,
-        keep=math.exp(-BIN / (physics.swing * half_speed)),
-        noise=10.0 ** (-(last_gain + physics.noise_db) / 20.0) if physics.noise else 0.0,
-        blanking=physics.blanking,
-        flutter=physics.flutter_db * math.log(10.0) / 20.0 if physics.noise else 0.0,
-        stretch=physics.stretch if physics.noise else 0.0,
-        burst=physics.burst_probability if physics.noise else 0.0,
-        quantum=physics.quantum,
-        scale=physics.assumed_sound_speed / physics.sound_speed,
-        drive=np.zeros((int(physics.max_range / BIN) + 2, 2)),
-    )
-
-
-def _nearby(scene: EchoScene, n_transducers: int) -> Nearby:
-    """Return scratch for what lies within earshot."""
-    n_walls = len(scene.length)
-    walls, corners, patches = (np.zeros(n, np.int64) for n in (n_walls, len(scene.turn), len(scene.patch_wall)))
-    mirrors = np.zeros((n_transducers, n_walls), np.int64)
-    return Nearby(walls, corners, patches, mirrors, np.zeros(3, np.int64), np.zeros(n_transducers, np.int64))
-
-
-def _echoes(n_receivers: int) -> Echoes:
-    """Return empty lists of echoes."""
-    shape = (n_receivers, MOST_ECHOES)
-    return Echoes(np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(n_receivers, np.int64))
+def _is_hidden(place: Floats, first: Floats, along: Floats, area: Floats) -> bool:
+    """Return whether a wall is between the sensor, at the origin, and a place; all walls relative to it."""
+    slope = place[0] * along[:, 1] - place[1] * along[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        way = area / slope
+        across = (first[:, 0] * place[1] - first[:, 1] * place[0]) / slope
+    hides = (area > 0.0) & (slope > 0.0) & (way < SHORT_OF) & (across >= 0.0) & (across <= 1.0)
+    return bool(hides.any())

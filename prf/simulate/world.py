@@ -42,13 +42,7 @@ class World:
 
     @classmethod
     def from_polygons(cls, occupied: BaseGeometry, window: Window) -> World:
-        """Return the world that is occupied on `occupied`, clipped to the window.
-
-        Raises
-        ------
-        InputError
-            If polygons touch at a point, or a corner touches the border: then inside and outside are ambiguous.
-        """
+        """Return the world that is occupied on `occupied`, clipped to the window."""
         return cls.from_coloring(from_polygons(without_straight(occupied), window))
 
     @classmethod
@@ -59,7 +53,9 @@ class World:
 
     def coloring(self) -> Coloring:
         """Return the world as a coloring of its window."""
-        if self.occupied.is_empty or len(self.walls) == 0:  # no ring says which of the two colours fills the window
+        if (
+            self.occupied.is_empty or len(self.walls) == 0
+        ):  # no ring determines which of the two colours fills the window
             return Coloring.empty(self.window, not self.occupied.is_empty)
         return from_polygons(self.occupied, self.window)
 

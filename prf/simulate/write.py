@@ -1,26 +1,34 @@
-"""A simulation as a directory: the truth, logs that every verb reads, and how they came to be."""
+"""A simulation as a directory: the truth, logs that every verb reads, a picture, and how they came to be."""
 
 from __future__ import annotations
 
 import dataclasses
 import gzip
+import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import shapely
 
+from prf.logs.describe import MAX_RANGE_SHARE
+from prf.logs.poses import CONE, PIONEER, mounted
+from prf.logs.table import OPTIONAL, REQUIRED
+from prf.render.layers import fill_map
 from prf.run.mapfile import map_text
+from prf.shell import pictures as style
 from prf.shell.files import atomic_write, remove_leftovers
 from prf.shell.jsonout import dump_object
 from prf.shell.manifest import describe_input, versions
+from prf.shell.pictures import Target
 from prf.shell.together import Group, together
 from prf.shell.work import made_folder
-from prf.simulate.log_text import carmen_lines, no_return_number, path_lines, sonar_lines
-from prf.simulate.picture import draw_plan
+from prf.simulate.laser import LaserPhysics
+from prf.simulate.path import DIGITS, Scans
 from prf.simulate.simulation import ARAK, OFFICE, Simulation
+from prf.simulate.world import Floats
 
 TRUTH, PLAN, LASER, SONAR, PATH, MANIFEST = (
     "truth.geojson",
@@ -31,21 +39,19 @@ TRUTH, PLAN, LASER, SONAR, PATH, MANIFEST = (
     "manifest.json",
 )
 FILES = (MANIFEST, TRUTH, PLAN, LASER, SONAR, PATH)
-SCHEMA = "prf.simulation/1"
+SCHEMA = "prf.simulation/2"
 LEVEL = 6
 """Of compression: 9 takes thrice the time for a hundredth less."""
+MIN_RANGE = 0.001
+"""Metres, the resolution of a log: a range of 0 is an error code."""
+HOST = "simulated"
 
 
 def write_simulation(folder: str | os.PathLike[str], simulation: Simulation) -> dict[str, Any]:
     """Write a simulation into a directory, which is made if need be; the same simulation gives the same bytes.
 
     All files take their places together, the manifest last, so that a directory that has one is complete. A log of an
-    earlier simulation goes; files of other names are left alone.
-
-    Parameters
-    ----------
-    folder : path
-    simulation : Simulation
+    earlier simulation is removed; files of other names are left alone.
 
     Returns
     -------
@@ -126,7 +132,6 @@ def _manifest(place: Path, simulation: Simulation, inputs: list[dict[str, Any]],
     written = {name: describe_input(path) for name, path in made.items() if path is not None}
     return {
         **summary(simulation),
-        "dark_walls": simulation.world.walls[simulation.is_dark],
         "configuration": dataclasses.asdict(simulation.config),
         "versions": versions(),
         "inputs": inputs,
@@ -139,3 +144,82 @@ def _write_packed(path: Path, lines: Iterable[str]) -> None:
     text = "".join(f"{line}\n" for line in lines)
     with atomic_write(path, binary=True) as stream:
         stream.write(gzip.compress(text.encode("ascii"), compresslevel=LEVEL, mtime=0))
+
+
+def no_return_number(max_range: float) -> float:
+    """Return the range that a log has for "no return": the default maximum range that readers take is `max_range`."""
+    centimetres = math.ceil(100.0 * max_range / MAX_RANGE_SHARE)
+    rounds_off = MAX_RANGE_SHARE * (centimetres / 100.0) < max_range
+    return (centimetres + rounds_off) / 100.0
+
+
+def carmen_lines(scans: Scans, readings: Floats, physics: LaserPhysics) -> Iterator[str]:
+    """Yield the lines of a CARMEN log: FLASER for half a circle, ROBOTLASER1, which has angles, for other scanners.
+
+    Parameters
+    ----------
+    scans : Scans
+        Poses of the laser.
+    readings : (n_scans, n_beams) float64
+        Metres, written in millimetres; inf: no return.
+    """
+    silent = no_return_number(physics.max_range)
+    kind = "FLASER" if physics.is_half_circle else "ROBOTLASER1"
+    yield "# A simulated drive, made by prf simulate: poses are exact, and the laser's"
+    yield f"# message formats defined: {kind}"
+    yield f"# no return: {silent:g}; dropped: 0"
+    for pose, time, row in zip(scans.pose, scans.time.tolist(), readings, strict=True):
+        ranges = " ".join(_shown(np.where(np.isinf(row), silent, np.maximum(row, MIN_RANGE))))
+        at = " ".join(f"{value:.{DIGITS}f}" for value in pose.tolist())
+        stamp = f"{time:.3f} {HOST} {time:.3f}"
+        if physics.is_half_circle:
+            yield f"FLASER {len(row)} {ranges} {at} {at} {stamp}"
+            continue
+        begin, step = float(physics.bearings[0]), physics.step
+        scanner = f"0 {begin!r} {physics.field_of_view!r} {step!r} {silent:g} {physics.noise:g} 0"
+        yield f"ROBOTLASER1 {scanner} {len(row)} {ranges} 0 {at} {at} 0 0 0 0 0 {stamp}"
+
+
+def sonar_lines(scans: Scans, readings: Floats) -> Iterator[str]:
+    """Yield the lines of a table of sonar readings, one row a transducer, an empty range for no return.
+
+    Parameters
+    ----------
+    scans : Scans
+        Poses of the robot.
+    readings : (n_scans, 16) float64
+        Metres; inf: no return.
+    """
+    yield ",".join((*REQUIRED, *OPTIONAL))
+    for number, (pose, time, row) in enumerate(zip(scans.pose, scans.time.tolist(), readings, strict=True)):
+        for (x, y, theta), text in zip(mounted(pose, PIONEER).tolist(), _shown(row), strict=True):
+            distance = "" if text == "inf" else text
+            yield f"{x:.{DIGITS}f},{y:.{DIGITS}f},{theta:.{DIGITS}f},{distance},{CONE:g},{time:.3f},{number}"
+
+
+def path_lines(scans: Scans) -> Iterator[str]:
+    """Yield the lines of a table of poses, which `prf simulate --path` takes again."""
+    yield "x,y,theta,t"
+    for pose, time in zip(scans.pose.tolist(), scans.time.tolist(), strict=True):
+        yield ",".join(f"{value:.{DIGITS}f}" for value in pose) + f",{time:.3f}"
+
+
+def _shown(values: Floats) -> list[str]:
+    """Return numbers in millimetres, without zeros at the end."""
+    return [f"{value:.3f}".rstrip("0").rstrip(".") for value in values.tolist()]
+
+
+def draw_plan(simulation: Simulation, target: Target) -> None:
+    """Draw occupied area and the places of the scans, the first one ringed."""
+    world, path = simulation.world, simulation.scans.pose[:, :2]
+    length = float(np.hypot(*np.diff(path, axis=0).T).sum())
+    window = world.window
+    small = f"{style.counted(len(path), 'scan')} on {length:,.0f} m  ·  {style.counted(len(world.walls), 'wall')}"
+    page, axes = style.map_page(
+        window, style.margins_of(window), "Simulated world", f"{small}  ·  {style.window_words(window)}"
+    )
+    fill_map(axes, world.coloring())
+    dots = 2.0 if len(path) < 400 else 1.0
+    axes.plot(*path.T, color=style.PATH, linewidth=0.6, marker="o", markersize=dots, markeredgewidth=0.0, zorder=4)
+    axes.plot(*path[:1].T, marker="o", markersize=6.0, color="white", markeredgecolor=style.PATH, zorder=4.1)
+    style.save(page, target)

@@ -14,7 +14,7 @@ from prf.cli import app
 from prf.coloring import occupied_polygons
 from prf.commands.export import Format, Mode
 from prf.export import FORMATS
-from prf.export.formats import IMAGE_SUFFIX
+from prf.export.ros_map import IMAGE_SUFFIX
 from prf.occupancy import OccupancyGrid, write_grid
 from prf.run import read_map_feature, read_run, write_run
 from prf.shell.run import run_app

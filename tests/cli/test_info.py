@@ -26,7 +26,7 @@ def test_table_for_a_person(capsys, tmp_path):
     assert ["beams", "24 usable, 12 dropped (range 0)"] in rows
     assert "largest range   81.83 m" in out
     assert "the pose jumps before scan 6" in out
-    assert "passed over: 1 ODD" in out
+    assert "skipped: 1 ODD" in out
 
 
 def test_json_is_one_object(capsys, tmp_path):

@@ -12,8 +12,7 @@ from prf.coloring import black_at
 from prf.estimate import occupied_probability
 from prf.export import Options, export_source
 from prf.export.cells import Cells
-from prf.export.images import pgm_bytes, png_bytes
-from prf.export.ros_map import ros_map
+from prf.export.ros_map import pgm_bytes, png_bytes, ros_map
 from prf.layout import image_grid, pixel_centres
 from prf.occupancy import OccupancyGrid, write_grid
 from prf.run import read_run, write_run

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from prf.logs import describe
-from prf.logs.carmen import half_circle, read_carmen
+from prf.logs.carmen import read_carmen
+from prf.logs.poses import half_circle
 from prf.shell.errors import InputError
 from tests.logs.samples import flaser, robot_laser
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from prf.logs import NoReadings, Readings
-from prf.logs.carmen_sonar import read_carmen_sonar
-from prf.logs.rings import PIONEER
+from prf.logs.carmen import read_carmen
+from prf.logs.poses import PIONEER
 from prf.shell.errors import ConfigError, InputError
 from tests.logs.samples import flaser
 
@@ -29,7 +29,7 @@ def old_sonar(ranges, pose=(1, 2, 0.5), time: float = 2.0) -> str:
 
 
 def read(text: str, **options) -> Readings:
-    return read_carmen_sonar(text.encode(), "a.log", **{"cone": 0.349, **options})
+    return read_carmen(text.encode(), "a.log", "sonar", **options)
 
 
 def refusal(text: str) -> str:

@@ -122,7 +122,7 @@ class TestSuspicions:
 
     def test_lines_of_unknown_kinds(self):
         summary = summary_of(drive(straight(3)) + "GARBAGE 1\n" * 4 + "SONAR 1\n")
-        assert [s.message for s in summary.suspicions] == ["lines of unknown kinds were passed over: 4 GARBAGE"]
+        assert [s.message for s in summary.suspicions] == ["lines of unknown kinds were skipped: 4 GARBAGE"]
         assert summary.odd_lines == {"GARBAGE": 4}
         assert summary.lines == {"SONAR": 1}
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from prf.logs import NoReadings, Readings, describe
-from prf.logs.player_readings import read_player
-from prf.logs.rings import PIONEER
+from prf.logs.player import read_player
+from prf.logs.poses import PIONEER
 from prf.shell.errors import ConfigError, InputError
 from tests.logs.samples import player, player1, player_laser, position
 

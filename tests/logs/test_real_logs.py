@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from prf.logs import describe, read_readings
-from prf.logs.carmen import half_circle
+from prf.logs.poses import half_circle
 from prf.shell.errors import InputError, PrfError
 
 # name: scans, beams a scan, width and height of the path in metres, largest range

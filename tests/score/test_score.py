@@ -29,8 +29,8 @@ from prf.score import (
     ranking_area,
     score,
 )
+from prf.score.scene import first_edges
 from prf.score.score import point_scores
-from prf.score.trace import first_edges
 from prf.sensors.laser import LaserModel
 from prf.shell.errors import ConfigError, InputError
 from prf.window import Window
@@ -129,11 +129,11 @@ def test_first_edges_agree_with_shapely(seed: int) -> None:
 
 
 def test_compiled_and_plain_python_agree(monkeypatch: pytest.MonkeyPatch) -> None:
-    from prf.score import trace
+    from prf.score import scene
 
     coloring, beams = random_draws(4, 1)[0], random_beams(4, WINDOW, 30)
     compiled = first_edges(beams.rays(WINDOW), coloring.segments(), WINDOW)
-    monkeypatch.setattr(trace, "trace_rays", every_edge)
+    monkeypatch.setattr(scene, "trace_rays", every_edge)
     np.testing.assert_array_equal(first_edges(beams.rays(WINDOW), coloring.segments(), WINDOW), compiled)
 
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from prf.sensors.domain import LARGEST_FACTOR, LEAST_LENGTH, LEAST_PROBABILITY, check_factor, check_length
+from prf.sensors.domain import MAX_FACTOR, MIN_LENGTH, MIN_PROBABILITY, check_factor, check_length
 from prf.sensors.laser import LaserModel
 from prf.sensors.sonar import SonarModel
 from prf.shell.errors import ConfigError
@@ -14,31 +14,31 @@ from prf.window import LARGEST_RANGE
 
 
 def test_the_bounds() -> None:
-    assert (LEAST_LENGTH, LARGEST_RANGE, LARGEST_FACTOR, LEAST_PROBABILITY) == (1e-9, 1e6, 1e6, 1e-100)
+    assert (MIN_LENGTH, LARGEST_RANGE, MAX_FACTOR, MIN_PROBABILITY) == (1e-9, 1e6, 1e6, 1e-100)
 
 
 def test_lengths() -> None:
-    for value in (LEAST_LENGTH, 1.0, LARGEST_RANGE):
+    for value in (MIN_LENGTH, 1.0, LARGEST_RANGE):
         check_length("noise", value)
-    for value in (math.nextafter(LEAST_LENGTH, 0.0), math.nextafter(LARGEST_RANGE, math.inf), -1.0, 0.0, math.nan):
+    for value in (math.nextafter(MIN_LENGTH, 0.0), math.nextafter(LARGEST_RANGE, math.inf), -1.0, 0.0, math.nan):
         with pytest.raises(ConfigError, match=r"^noise .*: must be a positive number of metres, from 1e-09 to 1e\+06$"):
             check_length("noise", value)
 
 
-@pytest.mark.parametrize("least", [-LARGEST_FACTOR, 0.0])
+@pytest.mark.parametrize("least", [-MAX_FACTOR, 0.0])
 def test_factors(least: float) -> None:
     given = () if least < 0.0 else (least,)
-    for value in (least, 1.0, LARGEST_FACTOR):
+    for value in (least, 1.0, MAX_FACTOR):
         check_factor("bias", value, *given)
-    for value in (math.nextafter(least, -math.inf), math.nextafter(LARGEST_FACTOR, math.inf), math.nan):
+    for value in (math.nextafter(least, -math.inf), math.nextafter(MAX_FACTOR, math.inf), math.nan):
         with pytest.raises(ConfigError, match=r"^bias .*: must be a number from (-1e\+06|0) to 1e\+06$"):
             check_factor("bias", value, *given)
 
 
 def test_probabilities_whose_logarithm_is_needed() -> None:
-    below = math.nextafter(LEAST_PROBABILITY, 0.0)
-    assert LaserModel(10.0, outlier_probability=LEAST_PROBABILITY).outlier_probability == LEAST_PROBABILITY
-    assert SonarModel(uniform_probability=LEAST_PROBABILITY).uniform_probability == LEAST_PROBABILITY
+    below = math.nextafter(MIN_PROBABILITY, 0.0)
+    assert LaserModel(10.0, outlier_probability=MIN_PROBABILITY).outlier_probability == MIN_PROBABILITY
+    assert SonarModel(uniform_probability=MIN_PROBABILITY).uniform_probability == MIN_PROBABILITY
     with pytest.raises(ConfigError, match="outlier-probability"):
         LaserModel(10.0, outlier_probability=below)
     with pytest.raises(ConfigError, match="uniform-probability"):
@@ -48,7 +48,7 @@ def test_probabilities_whose_logarithm_is_needed() -> None:
 @pytest.mark.parametrize("limits", [(1e-9, 1e-100), (1e6, 1e-100), (1e-9, 0.9), (1e6, 0.9)])
 def test_at_the_bounds_all_numbers_of_a_density_are_finite(limits: tuple[float, float]) -> None:
     length, probability = limits
-    laser = LaserModel(length, length, LARGEST_FACTOR, probability, 0.0)
+    laser = LaserModel(length, length, MAX_FACTOR, probability, 0.0)
     assert all(math.isfinite(value) for value in laser.to_array())
     sonar = SonarModel(length, length, uniform_probability=probability, short_probability=0.0, short_length=length)
     assert all(math.isfinite(value) for value in sonar.to_array())

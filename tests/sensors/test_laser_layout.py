@@ -16,7 +16,7 @@ from prf.kernels.laser_change import FADED
 from prf.sensors import laser
 from prf.sensors.laser import (
     MARGIN,
-    MOST_SLOTS,
+    MAX_SLOTS,
     LaserModel,
     deal_levels,
     empty_lists,
@@ -202,9 +202,9 @@ def test_an_aim_reaches_into_the_cells_within_its_margin() -> None:
 
 
 def test_slots_are_as_many_as_their_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert np.iinfo(beams().entries.dtype).max == MOST_SLOTS - 1
-    monkeypatch.setattr(laser, "MOST_SLOTS", 11)
+    assert np.iinfo(beams().entries.dtype).max == MAX_SLOTS - 1
+    monkeypatch.setattr(laser, "MAX_SLOTS", 11)
     beams()
-    monkeypatch.setattr(laser, "MOST_SLOTS", 10)
+    monkeypatch.setattr(laser, "MAX_SLOTS", 10)
     with pytest.raises(ConfigError, match=r"4 beams pass 10 cells.*--every-scan"):
         beams()

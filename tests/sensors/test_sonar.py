@@ -272,7 +272,7 @@ def test_without_sonar_no_cone_is_touched() -> None:
 
 
 def test_too_many_slots_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sensor, "MOST_SLOTS", 10)
+    monkeypatch.setattr(sensor, "MAX_SLOTS", 10)
     data = data_of(Ring(), [Cone(0.0, 0.0, 0.0, 1.0)], np.ones(1))
     with pytest.raises(ConfigError, match="--every-scan"):
         make_chain(Settings(ROOM, 0.3, sonar=data), Coloring.empty(ROOM))

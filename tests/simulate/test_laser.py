@@ -7,12 +7,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from prf.arak import exact_draws
 from prf.shell.errors import ConfigError
 from prf.simulate import LaserPhysics, OfficePlan, World, office, simulate_laser
-from prf.simulate.laser import cast, choose_dark, measure
+from prf.simulate.laser import cast, measure
 from prf.window import Window
 from tests.reference.beams import Sensor, density, mass_of_no_return
 from tests.reference.slow_laser import first_wall
@@ -144,30 +143,6 @@ def test_a_slightly_wrong_scanner_does_not_follow_it(change: dict[str, float]) -
     assert worst_z(measure(np.full(N, 4.0), wrong, np.random.default_rng(6)), sensor, 4.0) > BOUND
 
 
-def test_dropped_readings_are_zero() -> None:
-    readings = measure(np.full(N, 4.0), LaserPhysics(dropped=0.1), np.random.default_rng(7))
-    assert stats.binomtest(int((readings == 0.0).sum()), N, 0.1).pvalue > 1e-4
-
-
-def test_dark_walls_return_nothing_but_strays() -> None:
-    poses = np.array([(2.0, 1.5, 0.0)])
-    physics = LaserPhysics(beams=360, field_of_view=2.0 * math.pi, outlier_probability=0.0, miss_probability=0.0)
-    dark = np.array([True, False, False, False])
-    readings = simulate_laser(SQUARE, poses, physics, np.random.default_rng(8), dark)
-    assert (np.isinf(readings) == (cast(SQUARE, poses, physics).wall == 0)).all()
-
-
-def test_the_share_of_dark_walls_is_one_of_length() -> None:
-    world = office(OfficePlan(30.0, 20.0), np.random.default_rng(9))
-    length = np.hypot(*(world.walls[:, 2:] - world.walls[:, :2]).T)
-    shares = [
-        length[choose_dark(world.walls, 0.3, np.random.default_rng(seed))].sum() / length.sum() for seed in range(30)
-    ]
-    assert np.mean(shares) == pytest.approx(0.3, abs=0.01)
-    assert choose_dark(world.walls, 1.0, np.random.default_rng(1)).all()
-    assert not choose_dark(world.walls, 0.0, np.random.default_rng(1)).any()
-
-
 def test_nothing_to_see() -> None:
     physics = LaserPhysics(beams=5, outlier_probability=0.0)
     none = np.zeros((0, 4))
@@ -186,7 +161,6 @@ def test_nothing_to_see() -> None:
         ({"max_range": math.inf}, "max-range"),
         ({"noise": -1.0}, "noise"),
         ({"noise_relative": math.nan}, "noise-relative"),
-        ({"dark": 1.5}, "dark"),
         ({"outlier_probability": 0.6, "miss_probability": 0.6}, "sum"),
     ],
 )

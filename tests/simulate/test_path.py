@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +13,8 @@ from shapely import box
 
 from prf.shell.errors import InputError
 from prf.simulate import OfficePlan, Spacing, World, office, plan_drive, roadmap, scans_along
-from prf.simulate.path import SPEED, TURNING
-from prf.simulate.tour import short_tour, viewpoints
+from prf.simulate.path import SPEED, TURNING, PathFile, read_path
+from prf.simulate.roadmap import short_tour, viewpoints
 from prf.window import Window
 
 RADIUS = 0.25
@@ -44,19 +45,10 @@ def test_the_robot_comes_everywhere(floor: World) -> None:
     assert way.length < 2.5 * road.area / REACH, "one drive, not one to each place and back"
 
 
-def test_a_drive_begins_where_it_is_told(floor: World) -> None:
-    road = roadmap(floor, RADIUS)
-    start = tuple(road.xy[100])
-    assert np.hypot(*(plan_drive(road, REACH, start)[0] - start)) <= REACH
-
-
 def test_only_what_is_connected_is_visited() -> None:
     rooms = shapely.union_all([box(1.0, 1.0, 4.0, 5.0), box(5.0, 1.0, 9.0, 7.0)])
     world = World.from_polygons(box(0.5, 0.5, 9.5, 7.5) - rooms, Window(0.0, 0.0, 10.0, 8.0))
     assert roadmap(world, RADIUS).xy[:, 0].min() > 5.0
-    assert roadmap(world, RADIUS, (2.0, 2.0)).xy[:, 0].max() < 4.0
-    with pytest.raises(InputError, match=r"--start 4\.5 2"):
-        roadmap(world, RADIUS, (4.5, 2.0))
     with pytest.raises(InputError, match="no space for a robot of radius 3 m"):
         roadmap(world, 3.0)
 
@@ -123,3 +115,64 @@ def test_headings_turn_the_shorter_way() -> None:
 def test_a_drive_without_length_stands_still() -> None:
     scans = scans_along(np.array([(1.0, 2.0)]), Spacing(), 3)
     assert scans.pose.tolist() == [[1.0, 2.0, 0.0]] * 3
+
+
+WORLD = World.from_polygons(box(4.0, 1.0, 5.0, 7.0), Window(0.0, 0.0, 10.0, 8.0))
+
+
+def written(folder: Path, text: str) -> PathFile:
+    (folder / "path.csv").write_text(text)
+    return read_path(folder / "path.csv")
+
+
+def test_columns_by_name_or_in_order(tmp_path: Path) -> None:
+    named = written(tmp_path, "u,theta,y,x\n# drive\n\n0,1.5,2,3\n1,-1,4,5\n")
+    assert named.rows.tolist() == [[3.0, 2.0, 1.5], [5.0, 4.0, -1.0]]
+    assert named.line.tolist() == [4, 5]
+    assert named.has_headings
+    assert written(tmp_path, "1, 2\n3, 4\n").rows.tolist() == [[1.0, 2.0], [3.0, 4.0]]
+    assert not written(tmp_path, "y,x,name\n1,2,a\n").has_headings
+    assert not written(tmp_path, "x,y,t\n1,2,5\n").has_headings
+    assert written(tmp_path, "1,2,0.5\n").has_headings
+
+
+def test_poses_are_scans_as_they_stand(tmp_path: Path) -> None:
+    scans = written(tmp_path, "x,y,theta\n1,1,0\n2,1,3\n2,2,-3\n").scans()
+    assert scans.pose.tolist() == [[1.0, 1.0, 0.0], [2.0, 1.0, 3.0], [2.0, 2.0, -3.0]]
+    # 2 s a metre, 1 s a radian
+    assert scans.time == pytest.approx([0.0, 5.0, 7.0 + 2.0 * np.pi - 6.0], abs=1e-3)
+    timed = written(tmp_path, "t,x,y,theta\n0.5,1,1,0\n9.25,2,1,3\n").scans()
+    assert timed.time.tolist() == [0.5, 9.25]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x,y\n", "no waypoint"),
+        ("", "no waypoint"),
+        ("x,y\n1,2\n1\n", r"path\.csv:3: '1' is no waypoint"),
+        ("x,y,theta\n1,2,nan\n", r"path\.csv:2"),
+        ("x,y\n1,two\n", r"path\.csv:2"),
+        ("name\nx\n", r"path\.csv:1"),
+    ],
+)
+def test_what_is_no_path_is_refused(text: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=message):
+        written(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x,y\n1,1\n4.5,2\n", r"path\.csv:3: \(4\.5, 2\) is occupied or outside"),
+        ("x,y\n1,1\n-1,2\n", r"path\.csv:3"),
+        ("x,y\n1,2\n2,2\n\n8,2\n", r"path\.csv:5: the way from the waypoint of line 3 runs into a wall"),
+    ],
+)
+def test_ways_into_walls_are_refused(text: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=message):
+        written(tmp_path, text).check(WORLD)
+
+
+def test_poses_may_lie_on_both_sides_of_a_wall(tmp_path: Path) -> None:
+    written(tmp_path, "x,y,theta\n1,2,0\n8,2,0\n").check(WORLD)

@@ -1,6 +1,6 @@
 """The simulated sonar beside real readings: an arena with known walls, and two corridors drawn after their echoes.
 
-Bounds are what was seen, with some room for another seed; docs/sonar-simulator.md has the figures.
+Bounds are what was seen, with some room for another seed; docs/simulation.md has the figures.
 """
 
 from __future__ import annotations
@@ -22,12 +22,10 @@ ARENA = [(0, 0), (2.1, 0), (2.1, 0.84), (1.68, 0.84), (1.68, 2.1), (0.84 + SPUR,
          (0.84 - SPUR, 1.26), (0.84 - SPUR, 1.68), (0, 1.68)]  # fmt: skip
 ARENA_HEADINGS = np.radians([3.0, 3.0, -9.0, -9.0, 0.0])
 """That fit best: the robot was placed by hand."""
-ARENA_SONAR = SonarPhysics(
-    frequency=40e3, aperture=0.006, pulse=0.2e-3, level_db=25.0, max_range=2.55, quantum=0.01, fired_together=1
-)
+ARENA_SONAR = SonarPhysics(max_range=2.55, frequency=40e3, aperture=0.006, wall_db=25.0, edge_db=0.0)
 """A pair of small transducers of 40 kHz, which have a wide beam."""
 
-CORRIDOR_SONAR = SonarPhysics(max_range=5.11, quantum=0.01, fired_together=1)
+CORRIDOR_SONAR = SonarPhysics(max_range=5.11)
 DOOR, RECESS = 0.95, 0.1
 """Metres. Doors in the corridors, as far as their echoes tell: width, and depth behind the wall."""
 
@@ -85,9 +83,9 @@ def test_the_arena_reads_as_it_did(shared_data: Path) -> None:
     off = simulated[both] - real[both]
     assert both.mean() > 0.9
     assert abs(np.median(off)) < 0.02
-    assert (np.abs(off) < 0.06).mean() > 0.72
+    assert (np.abs(off) < 0.06).mean() > 0.7
     axis, incidence = along_axis(free, poses, bearings)
-    for low, most in ((0.0, 0.08), (7.5, 0.1), (15.0, 0.1), (22.5, 0.12), (30.0, 0.16)):
+    for low, most in ((0.0, 0.08), (7.5, 0.1), (15.0, 0.1), (22.5, 0.12), (30.0, 0.22)):
         band = (incidence >= low) & (incidence < low + 7.5)
         assert np.abs(shares(simulated[band], axis[band]) - shares(real[band], axis[band])).max() < most
 

@@ -1,0 +1,224 @@
+"""From a bag to `Readings`: ``LaserScan`` and ``Range`` messages, placed in the world by tf.
+
+The pose of a sensor is that of its frame in the fixed frame, ``map`` unless another is named, at the time stamp of the
+message: transforms are interpolated in time and multiplied along the tree (map, odom, base_link, laser, say), in three
+dimensions, so that a scanner mounted upside down is right. Odometry alone is not enough. The fixed frame may also
+be the topic of odometry messages, such as a simulator's true pose. Where a transform is missing, before the localizer
+has begun for instance, the scan is dropped and counted.
+
+Ranges follow REP 117 and the message definitions: nan and whatever lies below range_min are error codes (a Hokuyo
+writes 0.006 or 0.019) and dropped; at or above range_max, and inf, is no return. One pose holds for a whole scan.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from prf.logs.readings import FloatArray, Kind, LogNotes, NoReadings, Readings, Scan, assemble
+from prf.shell.bag import Bag, Message, open_bag, seconds
+from prf.shell.errors import ConfigError, InputError
+from prf.shell.tf import Rigid, Tree, frame_name, turned
+
+FIXED = "map"
+
+TYPES: dict[Kind, str] = {"laser": "sensor_msgs/msg/LaserScan", "sonar": "sensor_msgs/msg/Range"}
+TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+ODOMETRY = "nav_msgs/msg/Odometry"
+TRUTH = "truth"
+"""In the name of a topic of odometry that is a simulator's true pose."""
+
+TILT = np.sin(np.radians(5.0))
+"""Sine of the tilt from which on a remark is due."""
+
+INFRARED = 1
+"""Radiation type of a Range message that is no sound."""
+
+
+class _Raw(NamedTuple):
+    """A message before it is placed: `bearing` in the sensor's frame; `no_return` if a finite range means it."""
+
+    topic: str
+    frame: str
+    time: float
+    bearing: FloatArray
+    ranges: FloatArray
+    cone: float
+    top: float
+    no_return: bool
+
+
+def read_bag(
+    path: Path, source: str, kind: Kind | None, cone: float, topic: str | None = None, frame: str | None = None
+) -> Readings:
+    """Read the readings of a bag: a .bag, .mcap or .db3 file, or the folder of a ROS 2 bag.
+
+    Parameters as of :func:`prf.logs.read_readings`. `topic` may be several with commas; default the only LaserScan
+    topic, or all Range topics, since each transducer of a ring usually has its own.
+    """
+    with open_bag(path, source) as bag:
+        kind, topics = _topics(bag, kind, topic)
+        raws = [_raw(kind, message, source, cone) for message in bag.messages(topics)]
+        raws = [raw for raw in raws if len(raw.ranges)]
+        if not raws:
+            raise NoReadings(f"{source}: the messages of {', '.join(topics)} are empty.")
+        tree = Tree()
+        tree.add_messages(bag.messages(bag.of_type(*TF_TYPES)))
+        fixed = frame if frame is not None else FIXED
+        if bag.topics.get(fixed) is not None and bag.topics[fixed].type == ODOMETRY:
+            _add_odometry(tree, bag, fixed, raws[0].frame)
+        scans, remarks = _place(raws, tree, bag, frame_name(fixed) if fixed not in bag.topics else fixed)
+        remarks += _infrared(bag, kind, topics)
+        notes = LogNotes(
+            format=bag.format,
+            sensor_max=max((raw.top for raw in raws if raw.no_return), default=np.nan),
+            poses=f"{_how(fixed, bag)}, interpolated in time",
+            lines={name: found.n_messages for name, found in bag.topics.items() if name not in topics},
+            remarks=tuple(remarks),
+        )
+    return assemble(scans, source, notes)
+
+
+def _topics(bag: Bag, kind: Kind | None, topic: str | None) -> tuple[Kind, list[str]]:
+    """Return the kind and the topics to read."""
+    found = {name: bag.of_type(message_type) for name, message_type in TYPES.items()}
+    if topic is not None:
+        return _named_topics(bag, found, kind, topic)
+    if kind is None:
+        kind = "laser" if found["laser"] or not found["sonar"] else "sonar"
+    topics = found[kind]
+    if not topics:
+        raise NoReadings(f"{bag.source}: no {TYPES[kind]} messages. The bag has {bag.contents}.")
+    if kind == "laser" and len(topics) > 1:
+        raise ConfigError(f"{bag.source}: several laser topics, {', '.join(topics)}. Choose one with --topic.")
+    return kind, topics
+
+
+def _named_topics(bag: Bag, found: dict[Kind, list[str]], kind: Kind | None, topic: str) -> tuple[Kind, list[str]]:
+    names = [name for name in topic.split(",") if name]
+    kinds: list[Kind] = [kind] if kind is not None else ["laser", "sonar"]
+    for candidate in kinds:
+        # ROS itself takes a name without the slash for the same topic.
+        topics = [name if name in found[candidate] else f"/{name}" for name in names]
+        if topics and all(name in found[candidate] for name in topics):
+            return candidate, topics
+    fitting = ", ".join(name for candidate in kinds for name in found[candidate])
+    has = f"has {fitting}" if fitting else f"has {bag.contents}, none of them {kind or 'laser or sonar'}"
+    raise ConfigError(f"--topic {topic}: {bag.source} {has}.")
+
+
+class _Beams(NamedTuple):
+    """The beams of a message, unchanged."""
+
+    ranges: FloatArray
+    start: float
+    step: float
+    low: float
+    top: float
+    cone: float
+
+
+def _beams(kind: Kind, body: Any, cone: float) -> _Beams:
+    if kind == "laser":
+        with np.errstate(invalid="ignore"):  # of signalling nan
+            ranges = np.asarray(body.ranges, dtype=np.float64)
+        return _Beams(ranges, body.angle_min, body.angle_increment, body.range_min, body.range_max, 0.0)
+    opening = body.field_of_view if 0 < body.field_of_view <= 2 * np.pi else cone
+    return _Beams(np.array([body.range], dtype=np.float64), 0.0, 1.0, body.min_range, body.max_range, opening)
+
+
+def _raw(kind: Kind, message: Message, source: str, cone: float) -> _Raw:
+    header = message.body.header
+    time = seconds(header.stamp, message.received)
+    ranges, start, step, low, top, opening = _beams(kind, message.body, cone)
+    n = len(ranges)
+    if not (np.isfinite([start, step]).all() and (step or n == 1) and abs(step) * (n - 1) <= 2 * np.pi + abs(step)):
+        what = f"{n} beams from {start:g} in steps of {step:g} rad are no scan"
+        raise InputError(f"{source}: {message.topic} at {time:.3f} s: {what}. Leave this topic out.")
+    if not (np.isfinite(top) and top > max(low, 0.0)):
+        top = np.inf
+    too_far, bad = ranges >= top, ~(ranges >= max(low, 0.0))
+    says_so = bool((too_far & np.isfinite(ranges)).any())
+    ranges = np.where(bad, np.nan, np.where(too_far, np.inf, ranges))
+    bearing: FloatArray = start + step * np.arange(n, dtype=np.float64)
+    return _Raw(message.topic, frame_name(header.frame_id), time, bearing, ranges, opening, top, says_so)
+
+
+def _add_odometry(tree: Tree, bag: Bag, topic: str, sensor: str) -> None:
+    """Hang the frame whose pose odometry messages give below a frame of the topic's name."""
+    child = ""
+    for message in bag.messages([topic]):
+        body = message.body
+        pose = body.pose.pose
+        child = child or frame_name(body.child_frame_id)
+        child = child or _moving_frame(tree, frame_name(body.header.frame_id), sensor)
+        time = seconds(body.header.stamp, message.received)
+        tree.add(topic, child, time, (pose.position, pose.orientation), is_static=False)
+
+
+def _moving_frame(tree: Tree, parent: str, sensor: str) -> str:
+    """Return the frame that odometry without a child frame (Stage's) means: the next after `parent` to the sensor."""
+    steps = tree.chain(parent, sensor)
+    return steps[0][1] if steps else sensor
+
+
+def _place(raws: list[_Raw], tree: Tree, bag: Bag, fixed: str) -> tuple[list[Scan], list[str]]:
+    """Return the scans whose pose is known, in the order of the messages, and remarks."""
+    scans: list[Scan | None] = [None] * len(raws)
+    several_frames = len({raw.frame for raw in raws}) > len({raw.topic for raw in raws})
+    tilt = 0.0
+    for frame in dict.fromkeys(raw.frame for raw in raws):
+        rows = [i for i, raw in enumerate(raws) if raw.frame == frame]
+        poses = tree.poses(fixed, frame, np.array([raws[i].time for i in rows]))
+        if poses is None:
+            raise InputError(_unfixed(tree, bag, fixed, frame))
+        ahead, aside = turned(poses.turn, np.array([1.0, 0.0, 0.0])), turned(poses.turn, np.array([0.0, 1.0, 0.0]))
+        tilt = max(tilt, float(np.abs(ahead[:, 2]).max()), float(np.abs(aside[:, 2]).max()))
+        for row, i in enumerate(rows):
+            if poses.known[row]:
+                device = f"{raws[i].topic} {frame}" if several_frames else raws[i].topic
+                scans[i] = _scan(raws[i], device, i, poses, row, ahead[row], aside[row])
+    placed = [scan for scan in scans if scan is not None]
+    if not placed:
+        raise InputError(f"{bag.source}: no message of the sensor lies within the time of the transforms from {fixed}.")
+    remarks = []
+    if len(placed) < len(raws):
+        missing = len(raws) - len(placed)
+        remarks.append(f"{missing} of {len(raws)} scans lie outside the time of the transforms from {fixed}: dropped")
+    if tilt > TILT:
+        remarks.append(f"the sensor is tilted by up to {np.degrees(np.arcsin(min(tilt, 1.0))):.0f} degrees: laid flat")
+    return placed, remarks
+
+
+def _scan(raw: _Raw, device: str, number: int, poses: Rigid, row: int, ahead: FloatArray, aside: FloatArray) -> Scan:
+    cosine, sine = np.cos(raw.bearing), np.sin(raw.bearing)
+    angle = np.arctan2(cosine * ahead[1] + sine * aside[1], cosine * ahead[0] + sine * aside[0])
+    where = poses.shift[row, :2]
+    pose = np.array([where[0], where[1], np.arctan2(ahead[1], ahead[0])])
+    return Scan(device, number + 1, raw.time, pose, where, angle, raw.ranges, raw.cone)
+
+
+def _unfixed(tree: Tree, bag: Bag, fixed: str, sensor: str) -> str:
+    """Return why the sensor has no pose, and what could be chosen."""
+    roots, topics = tree.roots_above(sensor), bag.of_type(ODOMETRY)
+    true_poses = [topic for topic in topics if TRUTH in topic]
+    choices = [*true_poses, *roots, *topics]
+    has = f"tf leads from {sensor!r} up to {', '.join(map(repr, roots))}" if roots else f"tf has no {sensor!r}"
+    odometry = f", odometry topics are {', '.join(topics)}" if topics else ""
+    advice = f"Localize it first, or choose with --frame {choices[0]}." if choices else "Record /tf and /tf_static too."
+    if true_poses:
+        advice = f"Take the true poses with --frame {true_poses[0]}."
+    return f"{bag.source}: no way from the fixed frame {fixed!r} to the sensor: {has}{odometry}. {advice}"
+
+
+def _infrared(bag: Bag, kind: Kind, topics: list[str]) -> list[str]:
+    if kind == "laser":
+        return []
+    lit = sorted({message.topic for message in bag.messages(topics) if message.body.radiation_type == INFRARED})
+    return [f"{', '.join(lit)}: infrared, not sound; leave it out with --topic"] if lit else []
+
+
+def _how(fixed: str, bag: Bag) -> str:
+    return f"odometry of {fixed}" if fixed in bag.topics else f"tf from {fixed}"

@@ -1,0 +1,101 @@
+"""Logs that are written: the readers give back what was simulated, whatever the scanner."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from prf.logs.carmen import read_carmen
+from prf.logs.describe import default_max_range
+from prf.logs.poses import CONE, PIONEER
+from prf.logs.table import read_table
+from prf.simulate import LaserPhysics, Scans
+from prf.simulate.write import carmen_lines, no_return_number, path_lines, sonar_lines
+
+RNG = np.random.default_rng(1)
+SCANS = Scans.rounded(RNG.uniform(-40.0, 40.0, (20, 3)), np.arange(20) * 0.7)
+
+
+def as_bytes(lines: object) -> bytes:
+    return "".join(f"{line}\n" for line in lines).encode()  # type: ignore[attr-defined]
+
+
+def some_ranges(n_beams: int, max_range: float) -> np.ndarray:
+    ranges = RNG.uniform(0.01, max_range, (20, n_beams))
+    ranges[RNG.random(ranges.shape) < 0.1] = np.inf
+    return ranges
+
+
+@pytest.mark.parametrize(
+    "physics",
+    [
+        LaserPhysics(),
+        LaserPhysics(beams=181, max_range=8.0),
+        LaserPhysics(beams=7, max_range=80.0),
+        LaserPhysics(beams=401, max_range=80.0),
+        LaserPhysics(beams=36, field_of_view=2.0 * math.pi),
+        LaserPhysics(beams=50, field_of_view=4.19),
+    ],
+)
+def test_carmen_logs_come_back(physics: LaserPhysics) -> None:
+    ranges = some_ranges(physics.beams, physics.max_range)
+    readings = read_carmen(as_bytes(carmen_lines(SCANS, ranges, physics)), "log")
+    assert readings.notes.odd_lines == {}
+    assert readings.notes.n_zero_ranges == 0
+    np.testing.assert_array_equal(readings.notes.scans.pose, SCANS.pose)
+    np.testing.assert_allclose(readings.time, np.repeat(SCANS.time, physics.beams))
+    np.testing.assert_allclose(readings.angle, (SCANS.pose[:, 2:] + physics.bearings).ravel(), atol=1e-12)
+    max_range = default_max_range(readings)
+    assert max_range == pytest.approx(physics.max_range, rel=2e-3)
+    assert max_range >= physics.max_range
+    found = np.where(readings.range < max_range, readings.range, np.inf).reshape(ranges.shape)
+    np.testing.assert_allclose(found, ranges, atol=0.00051)
+
+
+def test_short_readings_are_no_error_codes() -> None:
+    ranges = np.tile([0.0002, 5.0], (20, 1))
+    readings = read_carmen(as_bytes(carmen_lines(SCANS, ranges, LaserPhysics(beams=2))), "log")
+    assert readings.range.tolist() == [0.001, 5.0] * 20
+
+
+@pytest.mark.parametrize("max_range", [3.5, 8.0, 29.1, 30.0, 80.0, 81.83])
+def test_the_number_for_no_return_lies_above_all_ranges(max_range: float) -> None:
+    number = no_return_number(max_range)
+    assert number > max_range
+    assert 0.97 * number >= max_range
+    assert float(f"{number:.3f}") == number
+
+
+def test_sonar_tables_come_back() -> None:
+    ranges = some_ranges(len(PIONEER), 8.0)
+    readings = read_table(as_bytes(sonar_lines(SCANS, ranges)), "table", "sonar")
+    assert (readings.cone == CONE).all()
+    assert readings.scan.tolist() == np.repeat(np.arange(20), len(PIONEER)).tolist()
+    np.testing.assert_allclose(readings.range.reshape(ranges.shape), ranges, atol=0.00051)
+    np.testing.assert_allclose(readings.time, np.repeat(SCANS.time, len(PIONEER)))
+    x, y, turn = SCANS.pose[7]
+    front = PIONEER[3]
+    place = (
+        x + math.cos(turn) * front[0] - math.sin(turn) * front[1],
+        y + math.sin(turn) * front[0] + math.cos(turn) * front[1],
+    )
+    beam = 7 * len(PIONEER) + 3
+    assert readings.origin[beam] == pytest.approx(place, abs=1e-6)
+    assert readings.angle[beam] == pytest.approx(turn + front[2], abs=1e-6)
+
+
+def test_paths_can_be_driven_again(tmp_path: object) -> None:
+    from prf.simulate.path import read_path
+
+    file = tmp_path / "path.csv"  # type: ignore[operator]
+    file.write_bytes(as_bytes(path_lines(SCANS)))
+    np.testing.assert_array_equal(read_path(file).scans().pose, SCANS.pose)
+
+
+def test_ranges_are_in_millimetres_without_zeros() -> None:
+    physics = dataclasses.replace(LaserPhysics(), beams=4)
+    line = list(carmen_lines(SCANS, np.tile([1.0, 2.5004, 10.0, np.inf], (20, 1)), physics))[3]
+    assert line.split()[2:6] == ["1", "2.5", "10", "30.93"]
