@@ -1,7 +1,7 @@
 """The experiment of the second paper again, on simulated maps: its table 2 beside ours, and how many labels are needed.
 
 Each row trains on whole regions of labelled patches drawn from six maps and is scored on four maps of other seeds. The
-paper-literal mode is `--features literal --edge-model symmetric`; "nodes only" is logistic regression, which shows what
+paper-literal mode is `reading=literal, edge_model=symmetric`; "nodes only" is logistic regression, which shows what
 the pairs are worth. The fields that say when and from where points were seen are taken away, as the paper's map had
 none, but for the row that says so. About five minutes; `python -m benchmarks.table2 --json` prints all numbers.
 """

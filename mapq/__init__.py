@@ -1,6 +1,6 @@
 """How plausible a point cloud map is, plane patch by plane patch.
 
-What stands here is imported when it is first used, so that `import mapq` is quick (docs/python-api.md).
+Names are imported when they are first used, so that `import mapq` is quick (docs/python-api.md).
 """
 
 from __future__ import annotations

@@ -96,6 +96,37 @@ class Crf(Table):
         return TrainSettings(balanced=self.class_weight == "balanced", n_folds=self.folds, **values)
 
 
+class Simulate(Table):
+    """What differs from --size (docs/simulation.md), by simulate."""
+
+    blocks: int | None = key(None, "", "blocks that the robot drives around, one after the other")
+    loops: int | None = key(None, "", "how often the robot drives around each block")
+    look_alikes: float | None = key(None, "", "true walls close to each other, times the usual; 0 for none")
+    variety: float | None = key(None, "", "lorries side by side, sheds, balconies, hedges: 3 at most")
+    clutter: float | None = key(None, "", "cars, trees, people, times the usual")
+    noise: float | None = key(None, "m", "standard deviation of a range")
+    all_round: bool | None = key(None, "", "the laser looks all round, as on cars; else half a turn ahead")
+    max_range: float | None = key(None, "m", "longest range of the laser")
+    disagreement: float | None = key(None, "m", "suspicious is where passes disagree by more along the normal")
+    tile_points: int | None = key(None, "", "points of a tile of a city, about", gt=0)
+
+
+class Perturb(Table):
+    """How scans become a labelled map (docs/perturb.md), by perturb."""
+
+    quaternion: Literal["xyzw", "wxyz"] | None = key(
+        None, "", "order of quaternions in poses; xyzw unless the file says"
+    )
+    voxel: float | None = key(None, "m", "one point of a scan is kept in each cube of this side")
+    min_range: float | None = key(None, "m", "returns closer to the sensor are dropped")
+    max_range: float | None = key(None, "m", "returns farther from the sensor are dropped")
+    suspicious_above: float = key(0.3, "m", "where scans disagree by more they are suspicious")
+    plausible_below: float = key(0.1, "m", "where scans disagree by less they are plausible")
+    reach: float | None = key(None, "m", "distance along a surface within which scans see the same")
+    search: float = key(3.0, "m", "without right poses: how far off each other scans may lie")
+    buffer: float = key(20.0, "m", "width of the strip between the parts of --split, which is left out")
+
+
 class Configuration(Tree):
     """Everything that can be set; None: estimated from the cloud or the patches, or found by cross-validation."""
 
@@ -104,11 +135,8 @@ class Configuration(Tree):
     segment: Segment = Segment()
     features: Features = Features()
     crf: Crf = Crf()
-
-    @classmethod
-    def flag(cls, place: str) -> str:
-        """Return the flag that sets ``TABLE.KEY``."""
-        return "--features" if place == "features.reading" else super().flag(place)
+    simulate: Simulate = Simulate()
+    perturb: Perturb = Perturb()
 
 
 def load_configuration(options: Mapping[str, Any], *tables: str) -> Loaded[Configuration]:

@@ -33,7 +33,7 @@ class Scores(NamedTuple):
     n : int
         Patches with a label and a truth.
     n_without_truth : int
-        Patches left out because nothing says what they are.
+        Patches left out because their truth is unknown.
     confusion : ((int, int), (int, int))
         Rows inferred, columns truth; plausible, then suspicious.
     accuracy, precision, recall, specificity, f1, mcc, balanced_accuracy : float
@@ -86,7 +86,7 @@ class Bin(NamedTuple):
 
 
 class Labelled(NamedTuple):
-    """Patches with what was inferred and what is true.
+    """Inferred and true labels of patches.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class Labelled(NamedTuple):
     probability : (m,) float
         Of being suspicious.
     truth_from : str
-        Where the truth comes from, for people.
+        Source of the truth, for people.
     """
 
     label: NDArray[np.uint8]
@@ -162,7 +162,7 @@ def area_under_curve(p: NDArray[np.float64], true: NDArray[np.bool_]) -> float:
 
 
 def read_labelled(path: str, model: Model | None, truth_field: str | None) -> Labelled:
-    """Return what was inferred of the patches of a RESULT or PATCHES file, and what is true of them.
+    """Return the inferred and true labels of the patches of a RESULT or PATCHES file.
 
     A result carries its labels, and one in tiles is read a piece at a time; PATCHES are classified with `model` (None:
     the one that ships with the package). The truth of a patch is that of most of its points in `truth_field`; without
@@ -200,10 +200,7 @@ def _refuse_model(path: str, model: Model | None) -> None:
 
 
 def _labelled_result(pieces: Iterable[PointCloud], path: str, truth_field: str | None) -> Labelled:
-    """Return what a result says of the patches that have points in it; a part of a result may lack some.
-
-    It comes in pieces, of which what is counted is added up.
-    """
+    """Return the labels of the patches that have points in a result, which is read in pieces; votes are added up."""
     parts, name = [], truth_field
     for cloud in pieces:
         name = name or _default_truth(path, cloud)
@@ -220,7 +217,7 @@ def _labelled_result(pieces: Iterable[PointCloud], path: str, truth_field: str |
 
 
 class _Counted(NamedTuple):
-    """Numbers (k,) of the patches of a piece, what it says of them, and votes (k, 3) for the truth."""
+    """Numbers (k,) of the patches of a piece, their labels, and votes (k, 3) for the truth."""
 
     number: NDArray[Any]
     label: NDArray[Any]
@@ -229,7 +226,7 @@ class _Counted(NamedTuple):
 
 
 def _counted(cloud: PointCloud, path: str, name: str) -> _Counted:
-    """Return what a piece of a result says of its patches."""
+    """Return labels and votes of the patches of a piece of a result."""
     missing = [field for field in RESULT_FIELDS if field not in cloud.fields]
     if missing:
         raise InputError(
@@ -276,9 +273,7 @@ def _no_truth(path: str, name: str | None, fields: tuple[str, ...]) -> InputErro
     known = ", ".join(fields) or "none"
     if name is not None:
         return InputError(f"{path}: no point field {name}; there are {known}.")
-    return InputError(
-        f"{path}: nothing says what is true. Name a 0/1 point field with --truth-field (fields: {known})."
-    )
+    return InputError(f"{path}: no truth is known. Name a 0/1 point field with --truth-field (fields: {known}).")
 
 
 def _ratio(part: float, whole: float) -> float:

@@ -30,7 +30,7 @@ PLAUSIBLE, SUSPICIOUS, UNLABELLED = 0, 1, 255
 """Labels of a patch; `UNLABELLED` also marks points without a patch in a result."""
 
 FROM_NOBODY, FROM_FIELD, FROM_HAND = 0, 1, 2
-"""Where a label comes from: those set by hand outrank those from a field."""
+"""Source of a label: those set by hand outrank those of a field."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -16,17 +15,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from mapq.assess.apart import mean_by_area, median_by_area
 from mapq.assess.causes import CAUSES, Cause, find_causes
+from mapq.assess.content import cause_row, head_of, patch_rows, rounded
 from mapq.assess.inputs import feature_settings
 from mapq.assess.reasons import Reason, Reasons
 from mapq.assess.regions import Region, find_regions
 from mapq.assess.visits import Visits, visits_of
 from mapq.cloud import PointCloud
 from mapq.crf import Labelling, Terms, classify, explain
-from mapq.crf.marginals import cut_probability
 from mapq.features import patch_features
 from mapq.graph import PatchFeatures
 from mapq.io.models import read_default_model
-from mapq.io.results import CLOUD_UNIT, json_beside, result_cloud, write_result
+from mapq.io.results import json_beside, result_cloud, write_result
 from mapq.model import Model
 from mapq.patches import SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.errors import ArgumentError
@@ -38,14 +37,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from mapq.evaluate import Scores
-    from mapq.report import Palette
 
 AREA = "area_m2"
 """Name of the area of a patch, in m², among the shape measures."""
 
-LABELS = ("plausible", "suspicious")
-DECIMALS = 9
-"""Of numbers in the JSON of a result: sums of terms stay exact to a billionth."""
 N_REASONS = 3
 """Reasons of each patch in the JSON of a result."""
 MIN_COVERAGE = 0.2
@@ -215,7 +210,7 @@ class Result:
 
     def world_centroid(self, patch: int) -> list[float]:
         """Return the mean of a patch's points in world coordinates (3)."""
-        return _rounded(self.patches.cloud.world_of(self.patches.centroid[patch]))
+        return rounded(self.patches.cloud.world_of(self.patches.centroid[patch]))
 
     @cached_property
     def regions(self) -> list[Region]:
@@ -250,12 +245,6 @@ class Result:
         for patch in self.causes if some is None else some:
             area[self.causes[int(patch)].kind] += float(np.nan_to_num(self.area[patch]))
         return dict(sorted(area.items(), key=lambda item: -item[1]))
-
-    def _cause_row(self, some: NDArray[np.int64] | None = None) -> dict[str, Any]:
-        """Return for JSON which cause has the largest area, and the area of each."""
-        area = self.area_by_cause(some)
-        named = {name: round(value, DECIMALS) for name, value in area.items()}
-        return {"cause": next(iter(area)) if any(area.values()) else None, "area_by_cause_m2": named}
 
     def reasons(self, patch: int, n_most: int = N_REASONS) -> list[Reason]:
         """Return what speaks most for the label of a patch, in words and in log-odds.
@@ -300,7 +289,7 @@ class Result:
             "fail_over": fail_over,
             "min_coverage": min_coverage,
             "passed": None if fail_over is None else is_good,
-            **self._cause_row(),
+            **cause_row(self),
             "disagreement_m": self.disagreement,
             "scans_apart_m": self.scans_apart,
         }
@@ -311,66 +300,11 @@ class Result:
 
     def head(self, fail_over: float | None = None, min_coverage: float = MIN_COVERAGE) -> dict[str, Any]:
         """Return the JSON of a result without its patches (docs/results.md)."""
-        return {
-            **self._process,
-            "model": self.origin.model,
-            "unit": "m",
-            CLOUD_UNIT: self.patches.cloud.unit.tolist(),
-            "counts": self.counts,
-            "regions": [
-                {**region.row(number, DECIMALS), **self._cause_row(region.patches)}
-                for number, region in enumerate(self.regions)
-            ],
-            "edge_model": self.model.edge_model,
-            "calibration": self.model.calibration.kind,
-            "threshold": {"difference": self.model.threshold, "p_suspicious": cut_probability(self.model)},
-            "features": {**self.features.parameters, "n_clipped": self.features.n_clipped},
-            "segmentation": {"parameters": self.patches.parameters, "report": self.patches.report},
-            "verdict": self.verdict(fail_over, min_coverage),
-            **({} if self.n_tiles is None else {"tiles": self.n_tiles}),
-        }
+        return head_of(self, self._process, self.verdict(fail_over, min_coverage))
 
     def patch_rows(self) -> Iterator[dict[str, Any]]:
         """Yield each patch with its label, its probability, its geometry in metres, and its terms."""
-        starts = self.terms.starts(len(self.patches))
-        region_of = {int(patch): number for number, region in enumerate(self.regions) for patch in region.patches}
-        centroids = self.patches.cloud.world_of(self.patches.centroid)
-        disagreement = self.features.disagreement
-        for patch in range(len(self.patches)):
-            span = slice(int(starts[patch]), int(starts[patch + 1]))
-            shape = zip(self.features.shape_names, self.features.shape[patch].tolist(), strict=True)
-            yield {
-                "patch": patch,
-                "label": LABELS[int(self.labelling.label[patch])],
-                "p_suspicious": float(self.labelling.probability[patch]),
-                "difference": round(float(self.labelling.difference[patch]), DECIMALS),
-                "n_points": int(self.patches.counts[patch]),
-                "centroid": _rounded(centroids[patch]),
-                "normal": _rounded(self.patches.normal[patch]),
-                **{name: round(value, DECIMALS) for name, value in shape if name != "n_points"},
-                **_disagreement_row(*disagreement[patch].tolist()),
-                "region": region_of.get(patch),
-                "cause": self.causes[patch].row(DECIMALS) if patch in self.causes else None,
-                "reasons": [reason.row(DECIMALS) for reason in self.reasons(patch, N_REASONS)],
-                "log_odds": round(float(self.terms.contribution[span].sum()), DECIMALS),
-                "terms": self.term_rows(patch, int(starts[patch]), int(starts[patch + 1])),
-            }
-
-    def term_rows(self, patch: int, begin: int | None = None, end: int | None = None) -> list[dict[str, Any]]:
-        """Return the terms of a patch, largest first; `begin` and `end` where they stand, if known."""
-        if begin is None or end is None:
-            begin, end = (int(place) for place in np.searchsorted(self.terms.patch, (patch, patch + 1)))
-        rows = []
-        for place in range(begin, end):
-            row: dict[str, Any] = {
-                "name": self.terms.names[int(self.terms.name[place])],
-                "value": round(float(self.terms.value[place]), DECIMALS),
-                "contribution": round(float(self.terms.contribution[place]), DECIMALS),
-            }
-            if self.terms.other[place] >= 0:
-                row["other"] = int(self.terms.other[place])
-            rows.append(row)
-        return rows
+        return patch_rows(self)
 
     def evaluate(self, truth: ArrayLike | str = "truth") -> Scores:
         """Return how well the labels agree with the truth.
@@ -409,18 +343,15 @@ class Result:
         path: str | os.PathLike[str],
         *,
         title: str | None = None,
-        palette: Palette = "blue-red",
         max_points: int = 120_000,
         force: bool = False,
     ) -> None:
-        """Write a report: one page of HTML that opens without a network. It needs the extra prf-mapq[report].
+        """Write a report: one page of HTML that opens without a network.
 
         Raises
         ------
         OutputError
             If the file exists and may not be replaced (`force`), or cannot be written.
-        UsageError
-            If plotly is not installed.
         """
         from mapq.report import read_findings, write_report
 
@@ -429,7 +360,7 @@ class Result:
             copy = os.path.join(folder, "map.ply")
             self.save(copy)
             findings = read_findings(copy)._replace(path=self.origin.name)
-        write_report(os.fspath(path), findings, title, palette, max_points)
+        write_report(os.fspath(path), findings, title, max_points)
 
     def plot(self, views: tuple[str, ...] = ("plan",)) -> Figure:
         """Return a picture, plausible blue and suspicious red; views "plan" and "3d"."""
@@ -479,14 +410,3 @@ def assess(
 
 def _share(part: float, whole: float) -> float:
     return part / whole if whole else float("nan")
-
-
-def _disagreement_row(low: float, metres: float, high: float) -> dict[str, float | None]:
-    """Return for JSON what scans disagree by on a patch, with bounds; null where that is unknown."""
-    if not math.isfinite(metres):
-        return {"disagreement_m": None, "low": None, "high": None}
-    return {name: round(x, DECIMALS) for name, x in (("disagreement_m", metres), ("low", low), ("high", high))}
-
-
-def _rounded(values: NDArray[np.float64]) -> list[float]:
-    return [round(value, 6) for value in values.tolist()]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import BinColumns, Frame, Topic, Unit, parse_share
+from mapq.commands._options import ModelFile, is_verbose, parse_share
 from prf.shell.options import Json
 
 if TYPE_CHECKING:
@@ -22,8 +22,8 @@ EXAMPLES = (
     "mapq compare before.patches after.patches --cell 10 --json",
 )
 
-N_PLACES = 10
-"""Places that the table for a person lists."""
+N_PLACES = 3
+"""Places of each kind that are listed without -v."""
 LITTLE = 0.1
 """Share of both maps' areas below which common ground is doubtful."""
 
@@ -37,10 +37,7 @@ def compare(
         ),
     ],
     second: Annotated[str, typer.Argument(metavar="B", help="Another map of the same place, in the same frame.")],
-    model: Annotated[
-        str | None,
-        typer.Option("--model", metavar="MODEL", help="For PATCHES and clouds.  [that of the package]"),
-    ] = None,
+    model: ModelFile = None,
     cell: Annotated[
         float, typer.Option("--cell", metavar="METRES", help="Side of the cubes in which the maps are compared.")
     ] = 5.0,
@@ -53,10 +50,6 @@ def compare(
             help="Exit 1 if B has a larger share of suspicious area than A, by more than this: 0, 0.01 or 1%.",
         ),
     ] = None,
-    bin_columns: BinColumns = 4,
-    unit: Unit = None,
-    topic: Topic = None,
-    frame: Frame = None,
     json: Json = False,
 ) -> None:
     """Compare two maps of one place: which is better, and where.
@@ -69,15 +62,13 @@ def compare(
     from mapq.assess.compare import check_cell, comparison_content
     from mapq.assess.compare import compare as compare_maps
     from mapq.assess.judged import read_judged
-    from mapq.io import ReadOptions
     from mapq.io.models import read_model
     from prf.shell import console, jsonout
     from prf.shell.errors import CheckFailed
 
     used = read_model(model) if model is not None else None
-    options = ReadOptions(bin_columns, unit, topic, frame)
     check_cell(cell)
-    one, other = (read_judged(name, used, options, cell) for name in (first, second))
+    one, other = (read_judged(name, used, cell=cell) for name in (first, second))
     found = compare_maps(one, other, cell)
     if found.covered.max() < LITTLE:
         logger.warning(
@@ -112,14 +103,15 @@ def _lines(found: Comparison, first: str, second: str) -> Iterator[str]:
             + "".join(f"{_known(share, '.1%'):>12}" for share in shares)
             + f"{metres:>12}  {path}"
         )
-    yield f"{'verdict':<16}{_verdict(found)}"
     for worse in (False, True):
         places = [place for place in found.places if place.worse is worse]
         if places:
             word = "worse" if worse else "better"
-            shown = "" if len(places) <= N_PLACES else f", the {N_PLACES} largest"
+            n_most = len(places) if is_verbose() else N_PLACES
+            shown = "" if len(places) <= n_most else f", the {n_most} largest"
             yield f"B is {word} at {len(places)} place{'' if len(places) == 1 else 's'}{shown}:"
-            yield from map(_place_line, places[:N_PLACES])
+            yield from map(_place_line, places[:n_most])
+    yield f"{'verdict':<16}{_verdict(found)}"
 
 
 def _known(value: float, form: str, unit: str = "") -> str:

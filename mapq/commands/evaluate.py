@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import MaxFalseAlarms, load_model
+from mapq.commands._options import MaxFalseAlarms, ModelFile, TruthField, is_verbose, load_model
 from prf.shell.options import Json
 
 if TYPE_CHECKING:
@@ -18,33 +18,24 @@ EXAMPLES = (
     "mapq evaluate city.patches --model city.model.json --json",
     "mapq evaluate city.patches --max-false-alarms 2%",
 )
+DETAILS = ("balanced_accuracy", "base_rate", "log_loss", "brier")
+"""Scores that only -v prints."""
 
 
 def evaluate(
     file: Annotated[
         str, typer.Argument(metavar="RESULT|PATCHES", help="What mapq classify wrote, or patches to be classified.")
     ],
-    model: Annotated[
-        str | None,
-        typer.Option("--model", metavar="MODEL", help="For PATCHES: the model.  [that of the package]"),
-    ] = None,
+    model: ModelFile = None,
     max_false_alarms: MaxFalseAlarms = None,
-    truth_field: Annotated[
-        str | None,
-        typer.Option(
-            "--truth-field",
-            metavar="NAME",
-            help="Point field with the truth: 1 suspicious, 0 plausible, 255 not known. If absent: the labels of "
-            "PATCHES, else field truth.",
-        ),
-    ] = None,
+    truth_field: TruthField = None,
     json: Json = False,
 ) -> None:
     """Compare inferred labels with the truth: confusion matrix, scores, calibration.
 
     The truth of a patch is that of most of its points (a tie is suspicious). Suspicious is the positive label: recall
-    is the share of suspicious patches that were found, specificity the share of plausible ones that were let pass. The
-    reliability shows whether p can be trusted: of patches with p near 0.7 seven in ten should be suspicious.
+    is the share of suspicious patches found, specificity the share of plausible ones called plausible. -v adds
+    the reliability: of patches with p near 0.7 seven in ten should be suspicious.
     """
     from mapq.evaluate import read_labelled, reliability, score_labels
     from prf.shell import console, jsonout
@@ -56,7 +47,7 @@ def evaluate(
         content = {"file": file, "truth": labelled.truth_from, **scores._asdict(), "reliability": bins}
         jsonout.emit_object("mapq.evaluate/1", content)
         return
-    for line in (*_lines(scores, labelled.truth_from), *_reliability_lines(bins)):
+    for line in (*(_reliability_lines(bins) if is_verbose() else ()), *_lines(scores, labelled.truth_from)):
         console.emit(line)
 
 
@@ -79,6 +70,6 @@ def _lines(scores: Scores, truth_from: str) -> Iterator[str]:
     yield f"{'  plausible':<20}{pp:>11}{ps:>12}"
     yield f"{'  suspicious':<20}{sp:>11}{ss:>12}"
     for name, value in scores._asdict().items():
-        if isinstance(value, float):
+        if isinstance(value, float) and (is_verbose() or name not in DETAILS):
             shown = "undefined" if value != value else f"{value:.4f}"
             yield f"{name.replace('_', ' '):<20}{shown}"

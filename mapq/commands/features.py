@@ -4,22 +4,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
-from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import (
-    Config,
-    Contexts,
-    Features,
-    Neighbours,
-    Radius,
-    Tau,
-    Tolerance,
-    Watched,
-    chosen_context,
-)
+from mapq.commands._options import Config, is_verbose
 from prf.shell.options import Assignments, Json, Presets
 
 if TYPE_CHECKING:
@@ -30,19 +19,13 @@ logger = logging.getLogger(__name__)
 
 EXAMPLES = (
     "mapq features map.patches",
-    "mapq features map.patches --csv --only edges > pairs.csv",
-    "mapq features map.patches --json --radius 2 --tau 0.5",
+    "mapq features map.patches --csv > features.csv",
+    "mapq features map.patches --json --set features.radius=2 --set features.tau=0.5",
 )
-OPTIONS = ("reading", "radius", "tau", "neighbours", "watched", "tolerance", "noise")
 N_LEAST = 15
-"""Pairs that the table for a person shows."""
-
-
-class Only(StrEnum):
-    """Which of the tables to show."""
-
-    nodes = "nodes"
-    edges = "edges"
+"""Pairs that -v lists."""
+SHOWN = ("area_m2", "thickness_m", "tilt_deg", "separation", "overlap", "crossing", "plausibility")
+"""Columns that are summed up without -v."""
 
 
 def features(
@@ -50,48 +33,35 @@ def features(
     config: Config = None,
     preset: Presets = None,
     assignments: Assignments = None,
-    reading: Features = None,
-    radius: Radius = None,
-    tau: Tau = None,
-    neighbours: Neighbours = None,
-    watched: Watched = None,
-    tolerance: Tolerance = None,
-    noise: Annotated[
-        float | None,
-        typer.Option("--noise", metavar="METRES", help="Standard deviation of points from a surface.  [estimated]"),
-    ] = None,
-    context: Contexts = None,
     csv: Annotated[
         bool, typer.Option("--csv", help="Print CSV: a row a patch, an empty line, then a row a pair.")
     ] = False,
-    only: Annotated[Only | None, typer.Option("--only", help="Show the patches (nodes) or the pairs (edges).")] = None,
     json: Json = False,
 ) -> None:
     """Show the features of every patch and of every pair of neighbours.
 
     Nodes: how well a patch's points make a plane (equations 6-8), and its size. Edges: how a patch lies to the closest
-    ones (equations 9-12), and the plausibility x_ij of that (equation 13), low where walls are doubled or cross.
+    ones (equations 9-12), and the plausibility x_ij of that (equation 13), low where walls are doubled or cross. -v
+    sums up all columns and lists the least plausible pairs.
     """
-    asked = locals() | {"context": chosen_context(context)}
-
     from mapq.configuration import load_configuration
     from mapq.io import read_patches
     from prf.shell.errors import UsageError
 
     if csv and json:
         raise UsageError("--csv and --json do not go together.")
-    settings = load_configuration(asked, "features").settings.features.settings()
+    given = {"config": config, "preset": preset, "assignments": assignments}
+    settings = load_configuration(given).settings.features.settings()
     found = read_patches(patches).features(settings, progress=True)
     if found.n_clipped:
         logger.warning("%s: %d values were infinite, undefined or beyond 1e6 and were cut.", patches, found.n_clipped)
-    _show(found, _tables(found, only), csv, json)
+    _show(found, _tables(found), csv, json)
 
 
-def _tables(found: PatchFeatures, only: Only | None) -> dict[str, Table]:
+def _tables(found: PatchFeatures) -> dict[str, Table]:
     from mapq.features.table import edge_table, node_table
 
-    makers = {"nodes": node_table, "edges": edge_table}
-    return {name: make(found) for name, make in makers.items() if only is None or name == only.value}
+    return {"nodes": node_table(found), "edges": edge_table(found)}
 
 
 def _show(found: PatchFeatures, tables: dict[str, Table], csv: bool, json: bool) -> None:
@@ -123,9 +93,11 @@ def _lines(found: PatchFeatures, tables: dict[str, Table]) -> Iterator[str]:
     for name, table in tables.items():
         yield f"\n{name:<18}{'5 %':>12}{'median':>12}{'95 %':>12}  unit"
         for column, unit, values in summed_up(table):
+            if not is_verbose() and column not in SHOWN:
+                continue
             numbers = "".join(f"{value:>12.4g}" for value in values)
             yield f"{column:<18}{numbers}  {'' if unit == '1' else unit}".rstrip()
-    if "edges" in tables and len(found.pairs):
+    if is_verbose() and "edges" in tables and len(found.pairs):
         yield from _least_lines(found, tables["edges"])
 
 

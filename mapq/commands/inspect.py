@@ -1,4 +1,4 @@
-"""Say what is in a file: a cloud, PATCHES, a RESULT, or a model."""
+"""Show the contents of a file: a cloud, PATCHES, a RESULT, or a model."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EXAMPLES = (
     "mapq inspect map.pcd",
     "mapq inspect survey.laz --json",
     "mapq inspect scan.bin --bin-columns 3",
-    "mapq inspect map.ply --metrics --metrics-radius 0.5",
+    "mapq inspect map.ply --metrics 0.5",
 )
 
 
@@ -37,17 +37,19 @@ def inspect(
     topic: Topic = None,
     frame: Frame = None,
     metrics: Annotated[
-        bool, typer.Option("--metrics", help="Also mean map entropy and mean plane variance, one number a map each.")
-    ] = False,
-    metrics_radius: Annotated[
-        float, typer.Option("--metrics-radius", metavar="METRES", help="Radius of the neighbourhoods of --metrics.")
-    ] = 0.5,
+        float | None,
+        typer.Option(
+            "--metrics",
+            metavar="METRES",
+            help="Also mean map entropy and mean plane variance of neighbourhoods of this radius, such as 0.5.",
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
-    """Say what is in a file: a cloud, PATCHES, a RESULT, or a model.
+    """Show the contents of a file: a cloud, PATCHES, a RESULT, or a model.
 
     The kind is recognised from the content. Of points it shows extent, fields and spacing (median distance to the
-    nearest neighbour, on a sample); of patches the counts, labels and parameters; of a model what stands in it.
+    nearest neighbour, on a sample); of patches the counts, labels and parameters; of a model its entries.
     --metrics adds two published numbers for a whole map, on at most 20,000 of its points.
     """
     from mapq.io import ReadOptions
@@ -55,7 +57,7 @@ def inspect(
     from prf.shell import console, jsonout
 
     options = ReadOptions(bin_columns, unit, topic, frame)
-    measured = _measure(file, options, metrics_radius) if metrics else None
+    measured = None if metrics is None else _measure(file, options, metrics)
     summary = describe(file, options)
     if json:
         content = jsonout.jsonable(summary)

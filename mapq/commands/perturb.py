@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from mapq.commands._options import BinColumns
-from prf.shell.options import Force, Json, Output, Seed
+from mapq.commands._options import BinColumns, Config
+from prf.shell.options import Assignments, Force, Json, Output, Seed
 
 logger = logging.getLogger(__name__)
 
@@ -28,7 +28,7 @@ def perturb(
         str | None, typer.Option("--poses", metavar="FILE", help="Poses of the scans.  [the file beside the scans]")
     ] = None,
     reference: Annotated[
-        str | None, typer.Option("--reference", metavar="FILE", help="The right poses, which tell what is displaced.")
+        str | None, typer.Option("--reference", metavar="FILE", help="The right poses, which show what is displaced.")
     ] = None,
     pattern: Annotated[
         str | None, typer.Option("--scans", metavar="PATTERN", help="Which files of a folder are scans: 'planes_*'.")
@@ -39,24 +39,11 @@ def perturb(
             "--calibration", metavar="FILE", help="KITTI's calib.txt; none: poses are the laser's.  [beside the poses]"
         ),
     ] = None,
-    quaternion: Annotated[
-        str | None, typer.Option("--quaternion", metavar="xyzw|wxyz", help="Order of quaternions in poses.  [xyzw]")
-    ] = None,
     bin_columns: BinColumns = 4,
     every: Annotated[int, typer.Option("--every", metavar="K", min=1, help="Take scans 0, K, 2K and so on.")] = 1,
     submaps: Annotated[
         bool, typer.Option("--submaps", help="Scans are sub-maps of a drive, without a single sensor.")
     ] = False,
-    voxel: Annotated[
-        float | None,
-        typer.Option("--voxel", metavar="METRES", help="Keep one point of a scan in each cube of this side."),
-    ] = None,
-    min_range: Annotated[
-        float | None, typer.Option("--min-range", metavar="METRES", help="Drop returns closer to the sensor.")
-    ] = None,
-    max_range: Annotated[
-        float | None, typer.Option("--max-range", metavar="METRES", help="Drop returns farther from the sensor.")
-    ] = None,
     offset: Annotated[
         float, typer.Option("--offset", metavar="METRES", help="Displace every scan but the first by this.")
     ] = 0.0,
@@ -71,33 +58,14 @@ def perturb(
         tuple[float, float],
         typer.Option("--missed-loop", metavar="METRES DEG", help="Displace all scans from the first revisit on."),
     ] = (0.0, 0.0),
-    suspicious_above: Annotated[
-        float,
-        typer.Option("--suspicious-above", metavar="METRES", help="Where scans disagree by more they are suspicious."),
-    ] = 0.3,
-    plausible_below: Annotated[
-        float,
-        typer.Option("--plausible-below", metavar="METRES", help="Where scans disagree by less they are plausible."),
-    ] = 0.1,
-    reach: Annotated[
-        float | None,
-        typer.Option(
-            "--reach", metavar="METRES", help="Distance along a surface within which scans see the same.  [estimated]"
-        ),
-    ] = None,
-    search: Annotated[
-        float,
-        typer.Option("--search", metavar="METRES", help="Without right poses: how far off each other scans may lie."),
-    ] = 3.0,
     split: Annotated[
         float | None,
         typer.Option(
-            "--split", metavar="SHARE", help="Write MAP.train and MAP.test, parted by place; the share of the test."
+            "--split", metavar="SHARE", help="Write MAP.train and MAP.test, apart in place; the share of the test."
         ),
     ] = None,
-    buffer: Annotated[
-        float, typer.Option("--buffer", metavar="METRES", help="Width of the strip between them, which is left out.")
-    ] = 20.0,
+    config: Config = None,
+    assignments: Assignments = None,
     seed: Seed = None,
     output: Output = None,
     force: Force = False,
@@ -106,11 +74,13 @@ def perturb(
     """Make a labelled map from posed scans: merged as they are, or with known errors of their poses.
 
     Point field `suspicious` is 1 where scans that see the same surface disagree along its normal, 0 where they agree or
-    one alone saw it, 255 where that is ambiguous or not known. With errors the poses given are taken for right; else
-    --reference tells the right ones, or, without it, small pieces of the scans are registered to each other.
+    one alone saw it, 255 where that is ambiguous or unknown. With errors the given poses are the right ones; else
+    --reference has them, or, without it, small pieces of the scans are registered to each other. The table [perturb] of
+    the settings has the bounds of both labels, ranges and thinning.
     """
     from dataclasses import asdict
 
+    from mapq.configuration import load_configuration
     from mapq.perturb import MergeSettings, PoseErrors, Rule, build, check_split
     from mapq.perturb.files import SCHEMA, target_files, write_map
     from mapq.posed import FindSettings, find_scans, replace_poses
@@ -119,16 +89,18 @@ def perturb(
     from prf.shell.progress import progress
     from prf.shell.seeds import resolve_seed
 
-    find = FindSettings(poses, calibration, pattern, quaternion, bin_columns)
+    chosen = load_configuration({"config": config, "assignments": assignments}).settings.perturb
+    find = FindSettings(poses, calibration, pattern, chosen.quaternion, bin_columns)
     posed = find_scans(scans, find)
     targets = target_files(output, split is not None, force)
     refuse_inputs([*targets.maps, targets.report], [*posed.names, poses, reference, calibration])
-    errors, rule = PoseErrors(offset, yaw, drift, missed_loop), Rule(suspicious_above, plausible_below, reach, search)
-    settings = MergeSettings(voxel, min_range, max_range, submaps)
+    errors = PoseErrors(offset, yaw, drift, missed_loop)
+    rule = Rule(chosen.suspicious_above, chosen.plausible_below, chosen.reach, chosen.search)
+    settings = MergeSettings(chosen.voxel, chosen.min_range, chosen.max_range, submaps)
     for part in (errors, rule, settings):
         part.check()
     if split is not None:
-        check_split(split, buffer)
+        check_split(split, chosen.buffer)
     right = replace_poses(posed, reference, find).every(every).poses if reference else None
     used_seed = None if errors.is_none else resolve_seed(seed)
     if errors.is_none and right is None:
@@ -137,7 +109,7 @@ def perturb(
     with progress(1.0, "merging and comparing scans") as bar:
         built = build(posed.every(every), errors, rule, settings, right, used_seed or 0, bar.update)
     head = {"seed": used_seed, "errors": asdict(errors), "rule": asdict(rule), "merging": asdict(settings)}
-    report = write_map(targets, built, head, split, buffer)
+    report = write_map(targets, built, head, split, chosen.buffer)
     if json:
         jsonout.emit_object(SCHEMA, report)
         return

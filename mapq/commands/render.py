@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from mapq.commands._options import BinColumns, Frame, Topic, Unit
+from mapq.commands._options import Unit
 from prf.shell.options import Force, Output
 
 logger = logging.getLogger(__name__)
@@ -56,16 +56,13 @@ def render(
     ] = None,
     view: Annotated[View, typer.Option("--view", help="Plan view, 3D view, or one above the other.")] = View.both,
     azimuth: Annotated[
-        float, typer.Option("--azimuth", metavar="DEG", help="3D view: where the viewer stands, from x to y.")
+        float, typer.Option("--azimuth", metavar="DEG", help="3D view: direction of the viewer, from x to y.")
     ] = -60.0,
     elevation: Annotated[
         float, typer.Option("--elevation", metavar="DEG", min=-90.0, max=90.0, help="3D view: above the horizon.")
     ] = 35.0,
     title: Annotated[str | None, typer.Option("--title", metavar="TEXT", help="Instead of the default title.")] = None,
-    bin_columns: BinColumns = 4,
     unit: Unit = None,
-    topic: Topic = None,
-    frame: Frame = None,
     output: Output = None,
     force: Force = False,
 ) -> None:
@@ -84,7 +81,7 @@ def render(
         raise UsageError("--colour field and --field NAME go together.")
     if not math.isfinite(azimuth) or not math.isfinite(elevation):
         raise UsageError("--azimuth and --elevation are angles in degrees, not nan or inf.")
-    options = ReadOptions(bin_columns, unit, topic, frame)
+    options = ReadOptions(unit=unit)
     target = output or f"{PurePath(file).stem if file != STREAM else 'map'}.png"
     picture_format(target)
     claim_output(target, force)

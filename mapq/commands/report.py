@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from enum import StrEnum
 from pathlib import PurePath
 from typing import Annotated
 
@@ -15,16 +14,9 @@ logger = logging.getLogger(__name__)
 
 EXAMPLES = (
     "mapq report city.classified.ply",
-    "mapq report city.classified.laz -o city.html --palette colour-blind",
+    "mapq report city.classified.laz -o city.html",
     'mapq report city.classified.ply --title "City, second survey" --max-points 50000 -o city.html',
 )
-
-
-class PaletteChoice(StrEnum):
-    """Colours that the page starts with."""
-
-    blue_red = "blue-red"
-    colour_blind = "colour-blind"
 
 
 def report(
@@ -32,10 +24,6 @@ def report(
         str,
         typer.Argument(metavar="RESULT", help="What mapq classify wrote, its JSON beside it or in the folder."),
     ],
-    palette: Annotated[
-        PaletteChoice,
-        typer.Option("--palette", help="Colours that the page starts with; a button of the page changes them."),
-    ] = PaletteChoice.blue_red,
     max_points: Annotated[
         int,
         typer.Option("--max-points", metavar="N", min=1_000, max=2_000_000, help="Points that the views show, about."),
@@ -50,8 +38,7 @@ def report(
 
     The verdict with a histogram of probabilities, plan view and 3D view, regions worst first, and a table of patches. A
     click on a patch, in a view or in the table, shows its features, its label with its probability, and the reasons in
-    words. Of a result in tiles a part of the points is read. Without -o it is report.html in the current folder. It
-    needs the extra: pip install 'prf-mapq[report]'.
+    words. Of a result in tiles a part of the points is read. Without -o it is report.html in the current folder.
     """
     from mapq.report import read_findings, write_report
     from prf.shell.files import STREAM, refuse_inputs
@@ -64,9 +51,9 @@ def report(
     refuse_other_format(target, (".html", ".htm"), advice)
     refuse_inputs([target], [result, str(PurePath(result).with_suffix(".json"))])
     findings = read_findings(result)
-    written = write_report(target, findings, title, palette.value, max_points)
+    written = write_report(target, findings, title, max_points)
     if not len(findings.label):
-        logger.warning("%s: no patch was found, so the report says nothing of this map", result)
+        logger.warning("%s: no patch was found, so nothing of this map was judged", result)
     if target != STREAM:
         shown = f"{written.n_shown:,} of {written.n_points:,} points"
         logger.info("wrote %s: %.1f MB, its views show %s", target, written.n_bytes / 1e6, shown)

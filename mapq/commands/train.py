@@ -9,19 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import (
-    Config,
-    Contexts,
-    Features,
-    MaxFalseAlarms,
-    Neighbours,
-    Radius,
-    Tau,
-    Tolerance,
-    Watched,
-    chosen_context,
-)
-from prf.shell.options import Assignments, Force, Json, Output, Presets, Seed
+from mapq.commands._options import Config, MaxFalseAlarms, is_verbose
+from prf.shell.options import Assignments, Force, Json, Output, Presets
 
 if TYPE_CHECKING:
     from mapq.crf import Model
@@ -29,39 +18,22 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "mapq train city.patches -o city.model.json",
     "mapq train north.patches south.patches -o both.model.json",
-    "mapq train city.patches --edge-model none --json -o nodes.model.json",
+    "mapq train city.patches --set crf.edge_model=none --json -o nodes.model.json",
     "mapq train city.patches --max-false-alarms 2% -o careful.model.json",
 )
+N_IMPORTANT = 4
+"""Columns of the trees that are listed without -v."""
+SCORES = ("accuracy", "precision", "recall", "mcc", "auc", "ece")
+MORE_SCORES = ("balanced_accuracy", "f1", "log_loss")
 SHOWN = (0.001, 0.01, 0.02, 0.05, 0.1, 0.2)
 """False alarms of the operating points that the table shows."""
 
 
 class Objective(StrEnum):
-    """What training makes as large as can be."""
+    """Objective of training."""
 
     pl = "pl"
     max_margin = "max-margin"
-
-
-class Potential(StrEnum):
-    """What is measured on a patch counts by."""
-
-    trees = "trees"
-    linear = "linear"
-
-
-class EdgeModel(StrEnum):
-    """What pairs of neighbours contribute."""
-
-    symmetric = "symmetric"
-    none = "none"
-
-
-class ClassWeight(StrEnum):
-    """How patches of the two labels are weighed."""
-
-    none = "none"
-    balanced = "balanced"
 
 
 def train(
@@ -78,62 +50,21 @@ def train(
             "--objective", help="pl: maximum pseudo-likelihood; max-margin: structured support vector machine.  [pl]"
         ),
     ] = None,
-    potential: Annotated[
-        Potential | None,
-        typer.Option(
-            "--potential",
-            help="trees: boosted trees on all that is measured; linear: a sum over node features, as in the paper and "
-            "with --features literal.  [trees]",
-        ),
-    ] = None,
-    edge_model: Annotated[
-        EdgeModel | None,
-        typer.Option(
-            "--edge-model",
-            help="symmetric: pairs speak for equal labels, as in the paper; none: not at all.  [symmetric]",
-        ),
-    ] = None,
-    features: Features = None,
-    context: Contexts = None,
-    regularisation: Annotated[
-        float | None,
-        typer.Option("--regularisation", metavar="X", help="Precision of each weight's prior.  [cross-validated]"),
-    ] = None,
-    coupling_regularisation: Annotated[
-        float | None,
-        typer.Option("--coupling-regularisation", metavar="X", help="The same, of the coupling.  [cross-validated]"),
-    ] = None,
-    class_weight: Annotated[
-        ClassWeight | None,
-        typer.Option("--class-weight", help="balanced: both labels weigh the same in sum.  [balanced]"),
-    ] = None,
     conservative: Annotated[
         bool,
         typer.Option("--conservative", help="Patches without a label count as suspicious: not surely plausible."),
     ] = False,
-    radius: Radius = None,
-    tau: Tau = None,
-    neighbours: Neighbours = None,
-    watched: Watched = None,
-    tolerance: Tolerance = None,
     max_false_alarms: MaxFalseAlarms = None,
-    max_patches: Annotated[
-        int | None,
-        typer.Option("--max-patches", metavar="N", min=2, help="Train on about N labelled patches, in whole regions."),
-    ] = None,
-    seed: Seed = None,
     json: Json = False,
     force: Force = False,
 ) -> None:
     """Train the random field on labelled patches of one or several maps.
 
-    Without --regularisation the strength is chosen by cross-validation over regions of the maps, which also calibrates
-    the probabilities and counts false alarms. The seed draws the regions of --max-patches; nothing else is random.
-    Default output: model.json.
+    Without crf.regularisation in the settings the strength is chosen by cross-validation over regions of the maps,
+    which also calibrates the probabilities and counts false alarms. Nothing is random. Default output: model.json. -v
+    prints all weights, columns and operating points.
     """
-    asked = locals() | {"reading": features, "context": chosen_context(context)}
-
-    from mapq.api import train as teach
+    from mapq.api import train as fit
     from mapq.configuration import load_configuration, sources_of
     from mapq.crf.operating import with_false_alarms
     from mapq.io.models import SCHEMA, model_content, write_model
@@ -141,25 +72,24 @@ def train(
     from prf.shell.files import refuse_inputs
     from prf.shell.lock import claim_output
     from prf.shell.output_names import refuse_other_format
-    from prf.shell.seeds import resolve_seed
     from prf.shell.streams import refuse_json_beside
 
     target = output or "model.json"
     refuse_json_beside(target, json)
-    chosen = load_configuration(asked, "features", "crf")
+    given = {"objective": objective, "max_false_alarms": max_false_alarms}
+    chosen = load_configuration({"config": config, "preset": preset, "assignments": assignments, **given}, "crf")
+    sources = {table: sources_of(chosen, table) for table in ("features", "crf")}
     reading, settings = chosen.settings.features.settings(), chosen.settings.crf.settings()
-    if reading.reading == "literal" and "crf.potential" not in chosen.sources:
+    if reading.reading == "literal" and "potential" not in sources["crf"]:
         settings = dataclasses.replace(settings, potential="linear")
-    max_false_alarms = chosen.settings.crf.max_false_alarms
     claim_output(target, force)
     refuse_other_format(target, (), "a model is written as JSON. Name a .json.")
     refuse_inputs([target], [*patches, config])
-    used_seed = resolve_seed(seed) if max_patches is not None else 0
-    model = teach(patches, settings, reading, max_patches=max_patches, seed=used_seed, conservative=conservative)
-    sources = {table: sources_of(chosen, table) for table in ("features", "crf")}
+    model = fit(patches, settings, reading, conservative=conservative)
     model = dataclasses.replace(model, training={**model.training, "sources": sources})
-    if max_false_alarms is not None:
-        model = with_false_alarms(model, max_false_alarms, target)
+    share = chosen.settings.crf.max_false_alarms
+    if share is not None:
+        model = with_false_alarms(model, share, target)
     write_model(target, model)
     if json:
         jsonout.emit_object(SCHEMA, {**model_content(model), "output": target})
@@ -176,16 +106,21 @@ def _show(model: Model, target: str) -> None:
 
 
 def _trees(model: Model) -> Iterator[str]:
-    """Return the columns that trees ask for, by how far they move log-odds on the training maps."""
+    """Yield the columns of the trees, by how far they move log-odds on the training maps."""
     rows = model.training.get("importance", {})
     if rows:
         yield f"{'measured':<24}{'moves log-odds by (mean, nats)':>31}"
-    for name, moved in sorted(rows.items(), key=lambda row: -row[1]):
+    ordered = sorted(rows.items(), key=lambda row: -row[1])
+    for name, moved in ordered if is_verbose() else ordered[:N_IMPORTANT]:
         yield f"  {name:<22}{moved:>31.3f}"
 
 
 def _weights(model: Model) -> Iterator[str]:
     """Return the table of weights for a person."""
+    if not is_verbose():
+        weights = zip(model.parameter_names, model.weights.tolist(), strict=True)
+        yield f"{'weights':<24}" + ", ".join(f"{name} {weight:+.4g}" for name, weight in weights)
+        return
     scales = {f"node.{name}": row for name, *row in _scaling_rows(model.node)}
     yield f"{'weight':<24}{'standardised':>12}{'median':>12}{'scale':>12}"
     for name, weight in zip(model.parameter_names, model.weights.tolist(), strict=True):
@@ -210,9 +145,10 @@ def _held_out(model: Model) -> Iterator[str]:
         return
     of = f"{held_out['n']} patches in {held_out['n_folds']} folds"
     yield f"{'held out':<24}{of}, {held_out['base_rate']:.1%} suspicious"
-    for name in ("accuracy", "balanced_accuracy", "precision", "recall", "f1", "mcc", "auc", "ece", "log_loss"):
+    for name in (*SCORES, *(MORE_SCORES if is_verbose() else ())):
         yield f"  {name.replace('_', ' '):<22}{held_out[name]:.3f}"
-    yield from _operating(model)
+    if is_verbose() or model.threshold:
+        yield from _operating(model)
 
 
 def _calibration(model: Model) -> str:
@@ -232,4 +168,4 @@ def _operating(model: Model) -> Iterator[str]:
         if share in SHOWN:
             yield f"  {share:<22.1%}{recall:>8.1%}{threshold:>18.3f}"
     if model.threshold:
-        yield f"{'threshold':<24}{model.threshold:.4g} nats, as asked"
+        yield f"{'threshold':<24}{model.threshold:.4g} nats, by --max-false-alarms"

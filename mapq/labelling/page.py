@@ -14,7 +14,7 @@ from mapq.labelling.around import Surroundings
 from mapq.labelling.order import most_uncertain_first
 from mapq.labelling.store import NOTHING_YET, Store
 from mapq.patches import FROM_FIELD, UNLABELLED
-from mapq.report.markup import VIEWS, asset, escape, fill, plotly_script, script_sources, script_tags
+from mapq.report.markup import VIEWS, asset, escape, fill, script_sources, script_tags
 
 
 class Page:
@@ -36,7 +36,7 @@ class Page:
         self._store, self._result = store, result
         self._lock = threading.Lock()
         self._around = Surroundings(store.patches, result)
-        scripts = [plotly_script(), *map(asset, VIEWS), asset("label.js", "mapq.labelling")]
+        scripts = [*map(asset, VIEWS), asset("label.js", "mapq.labelling")]
         self.policy = (
             f"default-src 'none'; script-src {script_sources(scripts)}; style-src 'unsafe-inline'; connect-src 'self'; "
             "img-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"

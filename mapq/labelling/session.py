@@ -73,7 +73,7 @@ def label_by_hand(path: str, model: Model | None = None, port: int = 0, browser:
     OutputError
         If another process labels it, or the labels cannot be stored in it; they are in its journal then.
     UsageError
-        If the port is taken, or plotly is not installed.
+        If the port is taken.
     Interrupted
         If a signal ended it; all labels are stored.
     """

@@ -50,9 +50,9 @@ class MergeSettings:
         for name in ("voxel", "min_range", "max_range"):
             value = getattr(self, name)
             if value is not None and not (np.isfinite(value) and value > 0.0):
-                raise UsageError(f"--{name.replace('_', '-')} {value:g} is no length above 0.")
+                raise UsageError(f"{name} {value:g} is no length above 0.")
         if (self.min_range or 0.0) >= (self.max_range or np.inf):
-            raise UsageError(f"--min-range {self.min_range:g} is not below --max-range {self.max_range:g}.")
+            raise UsageError(f"min_range {self.min_range:g} is not below max_range {self.max_range:g}.")
 
 
 class Built(NamedTuple):

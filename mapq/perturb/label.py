@@ -36,10 +36,10 @@ class Rule:
         for name in ("suspicious_above", "plausible_below", "reach", "search"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and 0.0 < value <= 100.0):
-                raise UsageError(f"--{name.replace('_', '-')} {value:g} is no length above 0 and up to 100 m.")
+                raise UsageError(f"{name} {value:g} is no length above 0 and up to 100 m.")
         if self.plausible_below > self.suspicious_above:
             raise UsageError(
-                f"--plausible-below {self.plausible_below:g} is above --suspicious-above {self.suspicious_above:g}: "
+                f"plausible_below {self.plausible_below:g} is above suspicious_above {self.suspicious_above:g}: "
                 f"points between would be both."
             )
 

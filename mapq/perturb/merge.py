@@ -75,7 +75,9 @@ def merge(
         parts.append(_kept(cloud, voxel, reach))
         progress(scan + 1)
     if not any(len(part) for part in parts):
-        raise InputError(f"{scans.source}: no point is left of {sum(counts)}. Check --min-range and --max-range.")
+        raise InputError(
+            f"{scans.source}: no point is left of {sum(counts)}. Check perturb.min_range and perturb.max_range."
+        )
     of_scan = np.repeat(np.arange(len(parts), dtype=np.int32), [len(part) for part in parts])
     xyz = np.concatenate([part.metric_of(part.xyz) for part in parts])
     fields = common_fields([part.fields for part in parts], scans.source)

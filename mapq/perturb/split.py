@@ -66,7 +66,7 @@ def split_by_place(cloud: PointCloud, share: float, buffer: float, axis: int | N
     if not (is_train.any() and is_test.any()):
         raise InputError(
             f"{cloud.source or 'the map'}: {high[across] - low[across]:.3g} m long, a buffer of {buffer:g} m leaves no "
-            f"two parts. Give a narrower one with --buffer."
+            f"two parts. Lower perturb.buffer."
         )
     shift = float(cloud.shift[across] * cloud.unit[across])
     strip = (begin + shift, begin + buffer + shift)
@@ -79,7 +79,7 @@ def check_split(share: float, buffer: float) -> None:
     if not 0.0 < share < 1.0:
         raise UsageError(f"--split {share:g} is no share between 0 and 1.")
     if not (math.isfinite(buffer) and buffer >= 0.0):
-        raise UsageError(f"--buffer {buffer:g} is no length of 0 or more.")
+        raise UsageError(f"buffer {buffer:g} is no length of 0 or more.")
 
 
 def _strip(sorted_place: NDArray[np.float64], share: float, buffer: float) -> float:

@@ -83,7 +83,7 @@ def read_poses(path: str, quaternion: str | None = None) -> PoseTable:
         If `quaternion` is none of the two orders.
     """
     if quaternion is not None and quaternion not in QUATERNIONS:
-        raise UsageError(f"--quaternion {quaternion} is neither {QUATERNIONS[0]} nor {QUATERNIONS[1]}.")
+        raise UsageError(f"quaternion {quaternion} is neither {QUATERNIONS[0]} nor {QUATERNIONS[1]}.")
     rows = _rows(path)
     where = [f"{path}:{line}" for line, _ in rows]
     width, names, times = len(rows[0][1]), None, None
@@ -221,7 +221,7 @@ def _of_quaternions(values: Floats, where: list[str], path: str, order: str | No
     if order is None and as_xyzw[:, 2, 2].min() < TILTED and as_wxyz[:, 2, 2].min() > UPRIGHT:
         raise InputError(
             f"{path}: read as tx ty tz qx qy qz qw sensors lie on their side or hang upside down; as tx ty tz qw qx qy "
-            f"qz all stand upright. Choose with --quaternion wxyz or --quaternion xyzw."
+            f"qz all stand upright. Choose with perturb.quaternion=wxyz or xyzw."
         )
     return _rigid(as_wxyz if order == "wxyz" else as_xyzw, values[:, :3])
 

@@ -69,7 +69,7 @@ def probability_colours(probability: NDArray[np.floating], patch: NDArray[np.int
 
 
 def patch_colours(patch: NDArray[np.int32]) -> Scheme:
-    """Return one colour a patch, spread over the hues, so that neighbours can be told apart."""
+    """Return one colour a patch, spread over the hues, so that neighbours differ."""
     hue = np.mod(patch.astype(np.float64) * GOLDEN_RATIO, 1.0)
     value = 0.55 + 0.35 * np.mod(patch.astype(np.float64) * GOLDEN_RATIO**2, 1.0)
     turns = hue[:, None] + np.array([0.0, 2.0 / 3.0, 1.0 / 3.0])

@@ -123,7 +123,7 @@ def _of_cloud(cloud: PointCloud, name: str) -> _Points:
 
 
 def _whole(values: NDArray[Any], otherwise: int, most: int) -> NDArray[np.int64]:
-    """Return numbers (n,) as whole ones; what is not from 0 to `most`, or several a point, is `otherwise`."""
+    """Return numbers (n,) as integers; those outside [0, `most`], or several a point, are `otherwise`."""
     if values.ndim != 1:
         return np.full(len(values), otherwise, np.int64)
     with np.errstate(invalid="ignore"):

@@ -1,8 +1,8 @@
-"""A report on one result: a page of its own that opens without a network, with the map, its regions and its patches."""
+"""A report on one result: a page that opens without a network, with the map, its regions and its patches."""
 
 from __future__ import annotations
 
-from mapq.report.page import MOST_POINTS, Palette, write_report
-from mapq.report.source import Findings, read_findings
+from mapq.report.findings import Findings, read_findings
+from mapq.report.page import MAX_POINTS, write_report
 
-__all__ = ["MOST_POINTS", "Findings", "Palette", "read_findings", "write_report"]
+__all__ = ["MAX_POINTS", "Findings", "read_findings", "write_report"]

@@ -12,11 +12,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
-from prf.shell.errors import UsageError
 from prf.shell.files import encoded
 from prf.shell.jsonout import jsonable
 
-VIEWS = ("scene.js", "plan.js", "space.js")
+VIEWS = ("scene.js", "view.js")
 """Scripts of the views, which the report and the labelling page share, in the order in which they run."""
 
 _PLACE = re.compile(r"\{\{(\w+)\}\}")
@@ -33,26 +32,8 @@ def asset(name: str, package: str = "mapq.report") -> str:
 
 
 def fill(template: str, content: Mapping[str, str]) -> str:
-    """Return a template with every ``{{name}}`` replaced; what is put in is not looked at again."""
+    """Return a template with every ``{{name}}`` replaced, once: values are not searched again."""
     return _PLACE.sub(lambda match: content[match.group(1)], template)
-
-
-def plotly_script() -> str:
-    """Return the JavaScript of plotly, which its package ships.
-
-    Raises
-    ------
-    UsageError
-        If plotly is not installed.
-    """
-    try:
-        from plotly.offline import get_plotlyjs
-    except ImportError:
-        raise UsageError(
-            "pages are drawn with plotly, which is not installed. pip install 'prf-mapq[report]'"
-        ) from None
-    script: str = get_plotlyjs()
-    return script.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def script_tags(scripts: Iterable[str]) -> str:

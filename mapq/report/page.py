@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import PurePath
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 from mapq import __version__
-from mapq.report.choice import Shown, shown_patches
+from mapq.report.findings import MAX_REGIONS, Findings, Shown
 from mapq.report.histogram import histogram, histogram_svg
 from mapq.report.markup import (
     VIEWS,
@@ -16,29 +16,24 @@ from mapq.report.markup import (
     fill,
     packed,
     packed_json,
-    plotly_script,
     script_sources,
     script_tags,
 )
 from mapq.report.scene import Scene, build_scene
-from mapq.report.source import MOST_REGIONS, Findings, regions_in
-from mapq.report.words import local, made_table, map_facts, percent, region_table, threshold_of, verdict_words
+from mapq.report.words import facts, map_table, origin_table, percent, region_table, verdict_line
 from prf.shell.files import encoded, open_output
 
-MOST_POINTS = 120_000
-"""Points that the views show unless told otherwise: a laptop turns so many without a jolt."""
+MAX_POINTS = 120_000
+"""Default of the points that the views show: a laptop turns so many smoothly."""
 
 MEASURES = ("n_points", "area_m2", "width_m", "height_m", "rms_m", "thickness_m", "tilt_deg", "difference")
 """Numbers of a patch that the page has beside label, probability and place."""
 DIGITS = 5
 """Significant digits of numbers in a page."""
 
-Palette = Literal["blue-red", "colour-blind"]
-"""``colour-blind``: blue and orange that differ in lightness too, for every kind of colour vision."""
-
 
 class Written(NamedTuple):
-    """What was written.
+    """Size of a report.
 
     Attributes
     ----------
@@ -55,46 +50,39 @@ class Written(NamedTuple):
     n_outlines: int
 
 
-def write_report(
-    path: str, findings: Findings, title: str | None = None, palette: Palette = "blue-red", n_most: int = MOST_POINTS
-) -> Written:
+def write_report(path: str, findings: Findings, title: str | None = None, max_points: int = MAX_POINTS) -> Written:
     """Write the report on a result, whole or not at all; ``-`` is standard output.
 
     Parameters
     ----------
     path : str
     findings : Findings
-        From :func:`mapq.report.read_findings`.
+        Of :func:`mapq.report.read_findings`.
     title : str, optional
         Instead of the name of the file.
-    palette : Palette
-        That the page starts with; a button changes it.
-    n_most : int
+    max_points : int
         Points shown, about.
 
     Raises
     ------
     OutputError
         If it cannot be written.
-    UsageError
-        If plotly is not installed.
     """
-    scripts = [plotly_script(), *map(asset, VIEWS), asset("report.js")]
-    shown = shown_patches(findings.patch, findings.number, findings.label, findings.probability, findings.normal)
-    scene = build_scene(findings.cloud.xyz, shown.patch, shown.normal, shown.label, n_most)._replace(
+    scripts = [*map(asset, VIEWS), asset("report.js")]
+    shown = findings.shown()
+    scene = build_scene(findings.cloud.xyz, shown.patch, shown.normal, shown.label, max_points)._replace(
         n_points=findings.n_points
     )
-    text = _page(findings, shown, scene, title or PurePath(findings.path).name, palette, scripts)
+    text = _page(findings, shown, scene, title or PurePath(findings.path).name, scripts)
     with open_output(path) as stream:
         stream.write(text)
     n_outlines = int((scene.corner_start[1:] > scene.corner_start[:-1]).sum())
     return Written(len(encoded(text)), len(scene.points), scene.n_points, n_outlines)
 
 
-def _page(findings: Findings, shown: Shown, scene: Scene, title: str, palette: Palette, scripts: list[str]) -> str:
+def _page(findings: Findings, shown: Shown, scene: Scene, title: str, scripts: list[str]) -> str:
     head, content = scene.pack()
     sums, unit = histogram(findings.probability, findings.label, findings.area)
-    verdict, facts = verdict_words(findings)
     return fill(
         asset("report.html"),
         {
@@ -102,16 +90,15 @@ def _page(findings: Findings, shown: Shown, scene: Scene, title: str, palette: P
             "policy": f"default-src 'none'; script-src {script_sources(scripts)}; style-src 'unsafe-inline'; "
             "img-src data: blob:; base-uri 'none'; form-action 'none'",
             "style": asset("common.css") + asset("report.css"),
-            "palette": palette,
-            "verdict": verdict,
-            "facts": facts,
-            "map": map_facts(findings),
-            "histogram": histogram_svg(sums, unit, threshold_of(findings)),
+            "verdict": verdict_line(findings),
+            "facts": facts(findings),
+            "map": map_table(findings),
+            "histogram": histogram_svg(sums, unit, findings.threshold),
             "unit": unit,
-            "share": percent(_share(findings)),
+            "share": percent(findings.part("counts").get("share_of_area")),
             "shown": f"{len(scene.points):,} of {scene.n_points:,} points shown, evenly spread",
             "regions": region_table(findings),
-            "made": made_table(findings),
+            "made": origin_table(findings),
             "version": escape(__version__),
             "data": packed_json(page_data(findings, shown, head)),
             "scene": packed(content),
@@ -120,21 +107,16 @@ def _page(findings: Findings, shown: Shown, scene: Scene, title: str, palette: P
     )
 
 
-def _share(findings: Findings) -> Any:
-    counts = findings.head.get("counts")
-    return counts.get("share_of_area") if isinstance(counts, dict) else None
-
-
 def page_data(findings: Findings, shown: Shown, scene: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the scripts of the page read: columns of numbers and words of the patches that it tells of.
+    """Return the data of the scripts: columns of numbers and words of the patches listed (docs/report.md).
 
-    Behind them come two more where there are others, which have a label and a probability and nothing else.
+    The two groups of others (:class:`Shown`) are last; they have a label and a probability and nothing else.
     """
     shift = (findings.cloud.shift * findings.cloud.unit).tolist()
     rows: list[Mapping[str, Any]] = [*findings.rows, *[{}] * (len(shown.label) - len(findings.rows))]
     return {
         "scene": scene,
-        "threshold": threshold_of(findings),
+        "threshold": findings.threshold,
         "shift": shift if any(shift) else None,
         "number": findings.number,
         "others": shown.others,
@@ -142,14 +124,13 @@ def page_data(findings: Findings, shown: Shown, scene: Mapping[str, Any]) -> dic
         "p": [_short(value) for value in shown.probability.tolist()],
         "measures": {name: [_short(row.get(name)) for row in rows] for name in MEASURES},
         "apart": [[_short(row.get(name), 3) for name in ("disagreement_m", "low", "high")] for row in rows],
-        "centre": [[_short(x, 9) for x in local(findings, row.get("centroid"))] for row in rows],
+        "centre": [[_short(x, 9) for x in findings.local(row.get("centroid"))] for row in rows],
         "normal": [[_short(x, 4) for x in row] for row in shown.normal.tolist()],
         "region": [row.get("region") for row in rows],
         "cause": [_cause(row) for row in rows],
         "reasons": [list(_reasons(row)) for row in rows],
         "regions": [
-            {"patches": row.get("patches"), "box": _box(findings, row)}
-            for row in regions_in(findings.head)[:MOST_REGIONS]
+            {"patches": row.get("patches"), "box": _box(findings, row)} for row in findings.regions[:MAX_REGIONS]
         ],
     }
 
@@ -174,4 +155,4 @@ def _reasons(row: Mapping[str, Any]) -> Iterator[list[Any]]:
 
 
 def _box(findings: Findings, region: Mapping[str, Any]) -> list[list[Any]]:
-    return [[_short(x, 9) for x in local(findings, region.get(name))] for name in ("low", "high")]
+    return [[_short(x, 9) for x in findings.local(region.get(name))] for name in ("low", "high")]

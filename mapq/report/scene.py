@@ -1,4 +1,4 @@
-"""`Scene`: what the views of a page draw, small enough to stay smooth, and packed for it."""
+"""`Scene`: points and outlines that the views of a page draw, few enough to stay smooth, and packed for it."""
 
 from __future__ import annotations
 
@@ -8,20 +8,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.patches import NO_PATCH, SUSPICIOUS
-from mapq.report.outlines import outlines
-from mapq.report.thin import evenly
 
 MOST_OUTLINES = 20_000
-"""Patches with an outline: suspicious ones first, then the largest; points stand for the rest."""
+"""Patches with an outline: suspicious ones first, then the largest; the rest are points alone."""
 
 OUTLYING = 0.02
 """Share of the points on each side that may lie outside the box: through windows sensors see far away."""
 MOST_BOXED = 200_000
-"""Points that say where that is."""
+"""Points that this box is computed from."""
 
+N_DIRECTIONS = 24
+"""In so many directions the outermost point of a patch is a corner: its hull, without corners blunter than 15°."""
+N_ROUNDS = 12
+"""Sizes of cells that are tried at most to thin points; each try is a sort."""
+CLOSE_ENOUGH = 0.8
+"""Share of the points allowed that is not worth another try."""
+LOOKED_AT = 4_000_000
+"""Points that cells are made of; of more, evenly spaced ones."""
 FINEST = 1e-3
 """Metres: coordinates are whole numbers of it, or of more where a map is too large for that."""
 STEPS = 2**30
+
+_ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0x27D4EB2F165667C5], np.uint64)
+"""Multipliers that spread cells over 64 bits."""
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +49,7 @@ class Scene(NamedTuple):
     corner_start : (m + 1,) int64
         Where those of each patch begin; one without outline has none.
     low, high : (3,) float64
-        Box of what is worth seeing: all points in patches, and the others but for a few far out.
+        Box of all points in patches, and of the others without those far out.
     n_points : int
         So many points are finite.
     """
@@ -106,6 +115,93 @@ def build_scene(
     )
 
 
+def outlines(xyz: Floats, start: NDArray[np.int64], normal: Floats) -> tuple[Floats, NDArray[np.int64]]:
+    """Return the corners (h, 3) of the outlines of m patches, and where (m + 1,) each one's begin.
+
+    Parameters
+    ----------
+    xyz : (n, 3) float64
+        Points, patch after patch.
+    start : (m + 1,) int64
+        Where each patch's points begin.
+    normal : (m, 3) float64
+        A patch whose normal is not finite, or whose points lie on a line, has no outline.
+    """
+    n_patches = len(start) - 1
+    counts = np.diff(start)
+    across, along = _axes(normal)
+    owner = np.repeat(np.arange(n_patches), counts)
+    u, v = (np.einsum("ij,ij->i", xyz, axis[owner]) for axis in (across, along))
+    corner = np.full((n_patches, N_DIRECTIONS), -1, np.int64)
+    filled = np.flatnonzero((counts > 2) & np.isfinite(normal).all(axis=1))
+    for step in range(N_DIRECTIONS if len(filled) else 0):
+        angle = 2.0 * np.pi * step / N_DIRECTIONS
+        corner[filled, step] = _outermost(np.cos(angle) * u + np.sin(angle) * v, start, owner)[filled]
+    # A corner that is outermost in several directions counts once; these directions are consecutive.
+    new = (corner != np.roll(corner, 1, axis=1)) & (corner >= 0)
+    new[new.sum(axis=1) < 3] = False
+    begin = np.concatenate([[0], np.cumsum(new.sum(axis=1))]).astype(np.int64)
+    return xyz[corner[new]], begin
+
+
+def _axes(normal: Floats) -> tuple[Floats, Floats]:
+    """Return two unit vectors (m, 3) across each normal and each other."""
+    least = np.argmin(np.abs(np.nan_to_num(normal)), axis=1)
+    across = np.cross(normal, np.eye(3)[least])
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    return across, np.cross(normal, across)
+
+
+def _outermost(reach: Floats, start: NDArray[np.int64], owner: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the first point (m,) of the largest reach of each patch; of a patch without points something else."""
+    largest = np.maximum.reduceat(np.append(reach, -np.inf), start[:-1])
+    top = np.flatnonzero(reach == largest[owner])
+    first = np.ones(len(top), np.bool_)
+    first[1:] = owner[top[1:]] != owner[top[:-1]]
+    found = np.zeros(len(start) - 1, np.int64)
+    found[owner[top[first]]] = top[first]
+    return found
+
+
+def evenly(xyz: Floats, group: NDArray[np.int32], n_most: int) -> NDArray[np.intp]:
+    """Return the numbers of at most `n_most` points, ascending: the first of each group in each cell of a grid.
+
+    Parameters
+    ----------
+    xyz : (n, 3) float64
+        Finite.
+    group : (n,) int32
+        Patch of each point. Of small patches points remain as long as there are fewer patches than `n_most`.
+    n_most : int
+    """
+    if len(xyz) <= n_most:
+        return np.arange(len(xyz))
+    some = np.arange(0, len(xyz), -(-len(xyz) // LOOKED_AT))
+    places = xyz[some] - xyz[some].min(axis=0)
+    size = float(places.max()) / 500.0 or 1.0
+    best = np.zeros(0, np.intp)
+    for _ in range(N_ROUNDS):
+        found = _firsts(places, group[some], size)
+        if len(found) <= n_most and len(found) > len(best):
+            best = found
+        if CLOSE_ENOUGH * n_most <= len(found) <= n_most or len(found) == len(some):
+            break
+        # Points lie on surfaces, so there are as many cells as 1 / size².
+        size *= float(np.sqrt(len(found) / (0.93 * n_most)))
+    if len(best) == 0:
+        best = np.arange(0, len(some), -(-len(some) // n_most))
+    return np.sort(some[best])
+
+
+def _firsts(places: Floats, group: NDArray[np.int32], size: float) -> NDArray[np.intp]:
+    """Return the first point of every group in every cell of a grid; two cells may by rare chance pass for one."""
+    cell = np.floor(places / size).astype(np.int64).astype(np.uint64)
+    with np.errstate(over="ignore"):
+        key = cell @ _ODD[:3] + group.astype(np.int64).astype(np.uint64) * _ODD[3]
+        key ^= key >> np.uint64(29)
+    return np.unique(key, return_index=True)[1]
+
+
 def _box(inside: Floats, all_points: Floats) -> tuple[Floats, Floats]:
     """Return the corners of a box around the points in patches, and all points but for `OUTLYING` on each side."""
     if len(all_points) == 0:
@@ -120,7 +216,7 @@ def _box(inside: Floats, all_points: Floats) -> tuple[Floats, Floats]:
 def _chosen_outlines(
     xyz: Floats, counts: NDArray[np.int64], normal: Floats, label: NDArray[np.uint8]
 ) -> tuple[Floats, NDArray[np.int64]]:
-    """Return the outlines of patches whose points (n, 3) stand one patch after the other, as :func:`outlines`."""
+    """Return the outlines of patches whose points (n, 3) are sorted by patch, as :func:`outlines`."""
     order = np.lexsort((-counts, label != SUSPICIOUS))[:MOST_OUTLINES]
     chosen = np.zeros(len(counts), np.bool_)
     chosen[order] = True

@@ -194,18 +194,20 @@ def warnings_of(chosen: Parameters, n_far: int, found: dict[str, Any]) -> list[s
     if found["patches"] == 0 and tilted:
         warnings.append(f"no patches: all {tilted} found are tilted too far from vertical. --max-tilt 90 keeps them.")
     elif found["patches"] == 0 and small:
-        warnings.append(f"no patches: all {small} regions found are too small. Lower --min-points or --min-extent.")
+        warnings.append(
+            f"no patches: all {small} regions found are too small. Lower segment.min_points or segment.min_extent."
+        )
     elif found["patches"] == 0:
         warnings.append("no patches: nothing in this cloud is a plane at its spacing and noise.")
     if chosen.narrow_share > MANY_NARROW:
         warnings.append(
             f"{chosen.narrow_share:.0%} of the points have neighbours along one scan line only, or within the noise, "
-            "and show no plane. A coarser --resolution, or more --neighbours, may."
+            "and show no plane. A larger segment.resolution, or more segment.neighbours, may."
         )
     if chosen.flat_share < FEW_FLAT:
         warnings.append(
             f"only {chosen.flat_share:.0%} of the neighbourhoods show a plane: spacing and noise are estimated from "
-            "little. Give --noise and --resolution if you know better."
+            "little. Set segment.noise and segment.resolution if you know better."
         )
     if n_far:
         warnings.append(f"{n_far} points lie absurdly far from all others and were left out.")

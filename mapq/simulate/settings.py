@@ -95,8 +95,7 @@ class Settings:
             value, (low, high) = getattr(self, name), getattr(hint, "__metadata__", (0.0, 1.0))
             for number in value if isinstance(value, tuple) else (value,):
                 if not low <= number <= high:
-                    flag = name.replace("_", "-")
-                    raise UsageError(f"--{flag} {number} is outside [{low:g}, {high:g}]. Choose a value inside.")
+                    raise UsageError(f"{name} {number} is outside [{low:g}, {high:g}]. Choose a value inside.")
 
     @classmethod
     def of_size(cls, size: str, changes: Mapping[str, Any] = MappingProxyType({})) -> Settings:
@@ -109,7 +108,8 @@ class Settings:
         """
         if size not in SIZES:
             raise UsageError(f"--size {size} is none of {', '.join(SIZES)}, nor city.")
-        given = {name: value for name, value in changes.items() if value is not None}
+        known = {field.name for field in fields(cls)}
+        given = {name: value for name, value in changes.items() if value is not None and name in known}
         return cls(**{**SIZES[size], **given})
 
     def as_dict(self) -> dict[str, Any]:

@@ -127,7 +127,6 @@ def test_notebooks_show_cards_with_pictures(result: mapq.Result, patches: mapq.P
 
 
 def test_a_report_is_that_of_the_verb(result: mapq.Result, tmp_path: Path) -> None:
-    pytest.importorskip("plotly")
     result.report(tmp_path / "call.html", title="corner")
     result.save(tmp_path / "map.ply")
     words = ["report", str(tmp_path / "map.ply"), "--title", "corner", "-o", str(tmp_path / "verb.html"), "-q"]

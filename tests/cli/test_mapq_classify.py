@@ -21,7 +21,7 @@ def test_the_result_has_both_files_and_the_contract_s_fields(capsys, tmp_path, m
     assert (code, err) == (0, "")
     assert "patches         16 of 32 suspicious (50.0%)" in out
     assert "parallel to patch" in out
-    assert "of connected suspicious patches, the worst 5:" in out
+    assert "of connected suspicious patches, the worst 3:" in out
     cloud = read_cloud("walls1.classified.ply")
     label, p, patch = (cloud.fields[name] for name in ("suspicious", "p_suspicious", "patch"))
     assert (patch.dtype, label.dtype, p.dtype) == (np.int32, np.uint8, np.float32)
@@ -110,15 +110,6 @@ def test_no_patches_are_a_result_with_a_warning(capsys, tmp_path):
     assert read_cloud(str(target)).fields["suspicious"].tolist() == [255] * 5
 
 
-def test_a_missing_default_model_is_reported_with_advice(capsys, tmp_path, monkeypatch):
-    from mapq.io import models
-
-    monkeypatch.setattr(models, "DEFAULT", ("models", "absent.json"))
-    code, _, err = call(capsys, "classify", save_patches(tmp_path), "-o", tmp_path / "r.ply")
-    assert (code, err.count("\n")) == (3, 1)
-    assert "mapq train" in err
-
-
 def test_the_default_output_is_beside_the_input_without_gz(capsys, tmp_path):
     model, path = save_model(tmp_path), save_cloud(tmp_path)
     packed = tmp_path / "räume 1.ply.gz"
@@ -134,8 +125,15 @@ def test_a_map_without_a_patch_passes_no_gate(capsys, tmp_path):
     args = ["classify", path, "--model", save_model(tmp_path), "-o", "/dev/null", "--fail-over", 1]
     code, _, err = call(capsys, *args)
     assert code == 1
-    assert "nothing speaks for this map" in err
+    assert "does not pass" in err
     assert not Path("/dev/null.json").exists()
+
+
+def test_the_table_is_short_and_complete_under_v(capsys, tmp_path):
+    args = ["classify", save_patches(tmp_path), "--model", save_model(tmp_path), "-o", tmp_path / "r.ply", "-f"]
+    short, full = (call(capsys, *args, *more)[1].splitlines() for more in ([], ["-v"]))
+    assert len(short) <= 15 < len(full)
+    assert short[-3].startswith("patches         16 of 32 suspicious")
 
 
 def test_warnings_of_the_segmentation_are_shown(capsys, tmp_path):
@@ -152,7 +150,7 @@ def test_causes_are_named_where_the_map_has_times(capsys, tmp_path):
     path = tmp_path / "walls.patches"
     write_patches(path, replace(patches, cloud=patches.cloud.with_fields(scan=scan)))
     target = tmp_path / "result.ply"
-    code, out, _ = call(capsys, "classify", path, "--model", save_model(tmp_path), "-o", target)
+    code, out, _ = call(capsys, "classify", path, "--model", save_model(tmp_path), "-o", target, "-v")
     assert code == 0
     assert "causes          " in out
     assert "of the suspicious area" in out
@@ -165,3 +163,12 @@ def test_causes_are_named_where_the_map_has_times(capsys, tmp_path):
         expected = kinds[row["cause"] and row["cause"]["kind"]]
         assert set(fields["cause"][fields["patch"] == row["patch"]].tolist()) == {expected}
         assert (row["cause"] is None) == (row["label"] == "plausible")
+
+
+def test_a_missing_default_model_is_reported_with_advice(capsys, tmp_path, monkeypatch):
+    from mapq.io import models
+
+    monkeypatch.setattr(models, "DEFAULT", ("models", "absent.json"))
+    code, _, err = call(capsys, "classify", save_patches(tmp_path), "-o", tmp_path / "r.ply")
+    assert (code, err.count("\n")) == (3, 1)
+    assert "mapq train" in err

@@ -47,6 +47,16 @@ def test_patches_are_classified_and_compared_with_their_labels(capsys, tmp_path)
     assert named["truth"] == "point field truth"
 
 
+def test_the_table_has_the_matrix_and_every_score(capsys, result):
+    assert len(call(capsys, "evaluate", result)[1].splitlines()) <= 15
+    code, out, err = call(capsys, "evaluate", result, "-v")
+    assert (code, err) == (0, "")
+    rows = [line.split() for line in out.splitlines()]
+    assert ["plausible", "16", "0"] in rows
+    assert ["suspicious", "0", "16"] in rows
+    assert ["balanced", "accuracy", "1.0000"] in rows
+
+
 def test_a_part_of_a_result_is_compared_by_the_patches_in_it(capsys, result):
     cloud = read_cloud(str(result))
     patch = cloud.fields["patch"]
@@ -63,6 +73,6 @@ def test_the_reliability_counts_every_patch_once(capsys, tmp_path):
     assert sum(each["n"] for each in bins) == scores["n"]
     gaps = sum(each["n"] * abs(each["p_suspicious"] - each["suspicious"]) for each in bins if each["n"])
     assert gaps / scores["n"] == pytest.approx(scores["ece"])
-    code, out, _ = call(capsys, "evaluate", save_patches(tmp_path), "--model", save_model(tmp_path))
+    code, out, _ = call(capsys, "evaluate", save_patches(tmp_path), "--model", save_model(tmp_path), "-v")
     assert code == 0
     assert "reliability" in out

@@ -167,12 +167,12 @@ def median_spacing_of_all(xyz: np.ndarray) -> float:
 def test_metrics_are_two_numbers_more(capsys, tmp_path):
     path = save_cloud(tmp_path)
     plain = call_json(capsys, "inspect", path)
-    found = call_json(capsys, "inspect", path, "--metrics", "--metrics-radius", 1)
+    found = call_json(capsys, "inspect", path, "--metrics", 1)
     metrics = found.pop("metrics")
     assert found == plain
     assert metrics["radius"] == 1.0
     assert metrics["mean_plane_variance"] > 0.0
-    code, out, _ = call(capsys, "inspect", save_patches(tmp_path), "--metrics")
+    code, out, _ = call(capsys, "inspect", save_patches(tmp_path), "--metrics", 0.5)
     assert code == 0
     assert "map entropy" in out
     assert "plane variance" in out
@@ -180,5 +180,5 @@ def test_metrics_are_two_numbers_more(capsys, tmp_path):
 
 def test_metrics_need_a_file_of_points(capsys, tmp_path):
     for path, code in (("-", 2), (save_model(tmp_path), 3)):
-        found, _, err = call(capsys, "inspect", path, "--metrics")
+        found, _, err = call(capsys, "inspect", path, "--metrics", 0.5)
         assert (found, err.count("\n")) == (code, 1)

@@ -92,7 +92,10 @@ def test_json_and_a_seed_that_was_drawn(folder: Path, capsys: pytest.CaptureFixt
 
 def test_parts_by_place(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = folder.parent / "map.ply"
-    assert run(str(folder), "--every", "2", "--split", "0.4", "--buffer", "3", "-o", str(out), "--yaw", "2") == 0
+    assert (
+        run(str(folder), "--every", "2", "--split", "0.4", "--set", "perturb.buffer=3", "-o", str(out), "--yaw", "2")
+        == 0
+    )
     assert not out.exists()
     train, test = (read_cloud(str(folder.parent / f"map.{part}.ply")) for part in ("train", "test"))
     assert test.xyz[:, 0].min() - train.xyz[:, 0].max() > 2.9
@@ -106,7 +109,7 @@ def test_sub_maps_without_right_poses_are_registered(folder: Path, capsys: pytes
     out = folder.parent / "map.ply"
     odometry = str(folder.parent / "odometry.txt")
     files = [str(folder / f"{scan}.ply") for scan in (0, 1, 2, 3)]
-    assert run(*files, "--poses", odometry, "--submaps", "--voxel", "0.1", "-o", str(out)) == 0
+    assert run(*files, "--poses", odometry, "--submaps", "--set", "perturb.voxel=0.1", "-o", str(out)) == 0
     fields = read_cloud(str(out)).fields
     assert set(fields) == {"scan", "suspicious", "disagreement"}
     assert (fields["suspicious"] == 1).mean() > 0.9
@@ -124,13 +127,13 @@ def test_sub_maps_without_right_poses_are_registered(folder: Path, capsys: pytes
         (["scans", "-o", "map.pcd"], 2, "map.pcd"),
         (["scans", "-o", "map.ply", "--offset", "-1"], 2, "--offset"),
         (["scans", "-o", "map.ply", "--drift", "1", "nan"], 2, "--drift"),
-        (["scans", "-o", "map.ply", "--voxel", "0"], 2, "--voxel"),
-        (["scans", "-o", "map.ply", "--min-range", "3", "--max-range", "2"], 2, "--min-range"),
-        (["scans", "-o", "map.ply", "--plausible-below", "1"], 2, "--plausible-below"),
-        (["scans", "-o", "map.ply", "--quaternion", "abcd"], 2, "--quaternion"),
+        (["scans", "-o", "map.ply", "--set", "perturb.voxel=0"], 2, "voxel"),
+        (["scans", "-o", "map.ply", "--set", "perturb.min_range=3", "--set", "perturb.max_range=2"], 2, "min_range"),
+        (["scans", "-o", "map.ply", "--set", "perturb.plausible_below=1"], 2, "plausible_below"),
+        (["scans", "-o", "map.ply", "--set", "perturb.quaternion=abcd"], 2, "quaternion"),
         (["scans", "-o", "map.ply", "--split", "2", "--yaw", "1"], 2, "--split"),
-        (["scans", "-o", "map.ply", "--split", "0.5", "--yaw", "1", "--buffer", "99"], 3, "--buffer"),
-        (["scans", "-o", "map.ply", "--yaw", "1", "--max-range", "0.5"], 3, "no point is left"),
+        (["scans", "-o", "map.ply", "--split", "0.5", "--yaw", "1", "--set", "perturb.buffer=99"], 3, "buffer"),
+        (["scans", "-o", "map.ply", "--yaw", "1", "--set", "perturb.max_range=0.5"], 3, "no point is left"),
         (["scans", "-o", "map.ply", "--poses", "no.txt"], 3, "no.txt"),
         (["scans", "-o", "map.ply", "--reference", "no.txt"], 3, "no.txt"),
         (["scans", "-o", "map.ply", "--scans", "b*"], 3, "--scans"),

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import sys
-
 import pytest
 
 from tests.cli.mapq_samples import call, save_model, save_patches
@@ -16,11 +14,10 @@ def result(capsys, tmp_path):
 
 def test_a_page_of_its_own(capsys, result, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    code, out, err = call(capsys, "report", result, "--palette", "colour-blind", "--title", "Ours & <yours>")
+    code, out, err = call(capsys, "report", result, "--title", "Ours & <yours>")
     assert (code, out) == (0, "")
     assert "wrote report.html" in err
     page = (tmp_path / "report.html").read_text()
-    assert 'data-palette="colour-blind"' in page
     assert "<h1>Ours &amp; &lt;yours&gt;</h1>" in page
     assert call(capsys, "report", result)[0] == 4
     assert call(capsys, "report", result, "-f")[0] == 0
@@ -31,14 +28,6 @@ def test_fewer_points_are_reported(capsys, result, tmp_path):
     shown = int(err.partition("views show ")[2].partition(" of ")[0].replace(",", ""))
     assert shown <= 1000
     assert f"{shown:,} of 7,680 points shown" in (tmp_path / "x.html").read_text()
-
-
-def test_without_plotly_the_extra_is_named(capsys, result, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "plotly.offline", None)
-    code, out, err = call(capsys, "report", result, "-o", tmp_path / "x.html")
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert "pip install 'prf-mapq[report]'" in err
-    assert not (tmp_path / "x.html").exists()
 
 
 def test_the_json_of_another_result_is_refused(capsys, result, tmp_path):

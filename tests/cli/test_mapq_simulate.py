@@ -44,7 +44,19 @@ def test_the_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
 
 def test_json_options_and_the_seed_that_was_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "map.ply"
-    options = ("--drift", "0", "--look-alikes", "0", "--clutter", "0.5", "--loops", "1", "--json", "-o", str(path))
+    options = (
+        "--drift",
+        "0",
+        "--set",
+        "simulate.look_alikes=0",
+        "--set",
+        "simulate.clutter=0.5",
+        "--set",
+        "simulate.loops=1",
+        "--json",
+        "-o",
+        str(path),
+    )
     assert run(*options) == 0
     first = json.loads(capsys.readouterr().out)
     assert first["schema"] == "mapq.simulate/1"

@@ -11,7 +11,7 @@ from tests.cli.mapq_samples import call, call_json, save_model, save_patches
 def test_weights_and_held_out_scores_are_printed(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     paths = [save_patches(tmp_path, seed) for seed in (1, 2)]
-    code, out, _ = call(capsys, "train", *paths)
+    code, out, _ = call(capsys, "train", "-v", *paths)
     assert code == 0
     rows = {line.split()[0]: line.split()[1:] for line in out.splitlines()}
     model = read_model("model.json")
@@ -23,10 +23,11 @@ def test_weights_and_held_out_scores_are_printed(capsys, tmp_path, monkeypatch):
 
 def test_options_reach_the_model(capsys, tmp_path):
     path, target = save_patches(tmp_path), tmp_path / "m.json"
-    options = ["--features", "literal", "--regularisation", 3, "--coupling-regularisation", 4]
-    more = ["--radius", 2.5, "--tau", 0.7, "--neighbours", 3, "--class-weight", "none", "--objective", "pl"]
-    more += ["--watched", 7, "--tolerance", 0.2]
-    result = call_json(capsys, "train", path, "-o", target, *options, *more)
+    features = ("reading=literal", "radius=2.5", "tau=0.7", "neighbours=3", "watched=7", "tolerance=0.2")
+    field = ("regularisation=3", "coupling_regularisation=4", "class_weight=none")
+    values = [*(f"features.{each}" for each in features), *(f"crf.{each}" for each in field)]
+    options = [word for value in values for word in ("--set", value)]
+    result = call_json(capsys, "train", path, "-o", target, *options, "--objective", "pl")
     assert result["schema"] == "mapq.model/3"
     assert result["output"] == str(target)
     features = result["features"]
@@ -43,16 +44,15 @@ def test_options_reach_the_model(capsys, tmp_path):
 @pytest.mark.parametrize("edge_model", ["symmetric", "none"])
 def test_every_edge_model_trains(capsys, tmp_path, edge_model):
     target = tmp_path / "m.json"
-    assert call(capsys, "train", save_patches(tmp_path), "-o", target, "--edge-model", edge_model)[0] == 0
+    assert call(capsys, "train", save_patches(tmp_path), "-o", target, "--set", f"crf.edge_model={edge_model}")[0] == 0
     assert read_model(target).edge_model == edge_model
 
 
-def test_max_patches_prints_its_seed_in_the_model(capsys, tmp_path):
-    path = save_patches(tmp_path)
-    drawn = call_json(capsys, "train", path, "-o", tmp_path / "a", "--max-patches", 20)["training"]
-    again = call_json(capsys, "train", path, "-o", tmp_path / "b", "--max-patches", 20, "--seed", drawn["seed"])
-    assert again["training"]["held_out"] == drawn["held_out"]
-    assert drawn["n_patches"] == 20
+def test_the_table_is_short(capsys, tmp_path):
+    out = call(capsys, "train", save_patches(tmp_path), "-o", tmp_path / "m.json")[1]
+    assert len(out.splitlines()) <= 15
+    assert "node.bias" in out
+    assert "--max-false-alarms" not in out
 
 
 def test_labels_of_one_kind_are_refused(capsys, tmp_path):

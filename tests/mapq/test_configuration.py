@@ -19,12 +19,12 @@ def test_the_defaults_are_those_of_the_steps() -> None:
 
 
 def test_the_values_reach_the_steps() -> None:
-    texts = ["segment.max_tilt=15", "features.watched=3", "features.context=['rays']", "crf.class_weight=none"]
-    loaded = load_configuration({"assignments": texts, "neighbours": 20}, "segment")
+    texts = ["segment.neighbours=20", "features.watched=3", "features.context=['rays']", "crf.class_weight=none"]
+    loaded = load_configuration({"assignments": texts, "max_tilt": 15.0}, "segment")
     assert loaded.settings.segment.settings() == SegmentSettings(neighbours=20, max_tilt=15.0)
     assert loaded.settings.features.settings() == FeatureSettings(n_watched=3, context=("rays",))
     assert loaded.settings.crf.settings() == TrainSettings(balanced=False)
-    assert sources_of(loaded, "segment") == {"max_tilt": "--set segment.max_tilt", "neighbours": "--neighbours"}
+    assert sources_of(loaded, "segment") == {"neighbours": "--set segment.neighbours", "max_tilt": "--max-tilt"}
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,7 @@ JOBS = (
     "mapq classify town.patches --model model.json -o own.ply",
     "mapq evaluate town.ply --truth-field truth",
     "mapq render town.ply -o town.png",
+    "mapq report town.ply -o town.html",
     "mapq inspect model.json",
 )
 """Reading, sampling, segmenting, classifying, training and pictures: what the core must do without any extra."""
@@ -56,8 +57,6 @@ MISSING = (
     Missing("prf export run --format dxf -o run.dxf", 2, "dxf"),
     Missing("prf export run --format netcdf -o run.nc", 2, "netcdf"),
     Missing(f"prf sample --laser {LOG} --steps 10 --scheduler tcp://127.0.0.1:9 -o far", 2, "distributed"),
-    Missing("mapq report town.ply -o town.html", 2, "report"),
-    Missing("mapq label town.patches", 2, "report"),
     Missing(f"mapq classify {TOWN} --scheduler tcp://127.0.0.1:9 -o far.ply", 2, "distributed"),
     Missing("mapq inspect empty.e57", 3, "e57"),
     Missing("mapq inspect empty.las", 3, "las"),

@@ -70,18 +70,9 @@
     points: true,
     outlines: true,
     loose: LOOSE,
-    dot: 2.6,
-    opacity: 0.16,
-    eye: null,
     mark: { points: TARGET, line: [150, 0, 82] },
     colour: tint,
-    rank: (index) => (index === 0 ? 9 : 1),
-    value: (index) => (index + 0.5) / (TINTS.length + 1),
-    scale: () =>
-      [...Array(TINTS.length + 1).keys()].flatMap((index) => [
-        [index / (TINTS.length + 1), tint(index)],
-        [(index + 1) / (TINTS.length + 1), tint(index)],
-      ]),
+    rank: (index) => (index === 0 ? 9 : 1 - index / 1e3),
   };
 
   function fetchPatch(patch) {
@@ -101,19 +92,16 @@
       scene = new Views.Scene(found.scene, buffer);
       shown = found;
       const box = scene.boxOf([0]);
-      look.eye = eyeTo(found.normal);
       if (!plan) {
-        plan = new Views.Plan(byId("plan"), scene, look, pickNeighbour);
-        space = new Views.Space(byId("space"), scene, look, pickNeighbour);
-        if (!space.works) document.body.classList.add("flat");
+        plan = new Views.View(byId("plan"), scene, look, pickNeighbour);
+        space = new Views.View(byId("space"), scene, look, pickNeighbour, eyeTo(found.normal));
       } else {
-        plan.scene = space.scene = scene;
-        space.refresh();
+        plan.set(scene);
+        space.set(scene);
       }
-      plan.groups = [...Array(scene.m).keys()].reverse();
+      space.eye = eyeTo(found.normal);
       plan.show(box);
       space.show(box);
-      if (!space.works) Views.drawFlat(byId("flat"), scene, look, space.eye(), plan.density);
       describe();
       trouble(null);
       const next = nextOpen(patch);
@@ -130,7 +118,7 @@
   function eyeTo([x, y, z]) {
     const flat = Math.hypot(x, y),
       turn = flat > 0.3 ? Math.atan2(y, x) + 0.6 : -1;
-    return { x: 1.15 * Math.cos(turn), y: 1.15 * Math.sin(turn), z: 0.65 + 0.3 * Math.abs(z) };
+    return [turn, 0.5 + 0.3 * Math.abs(z)];
   }
   function pickNeighbour(index) {
     if (index > 0 && shown && !busy) go(shown.neighbours[index - 1].patch);

@@ -6,9 +6,9 @@
   const data = JSON.parse(new TextDecoder().decode(text)),
     cut = data.threshold;
   const scene = new Views.Scene(data.scene, buffer);
-  // Places of patches in the columns are not their numbers where the map has more than the page tells of; then two
-  // places at the end stand for all others, plausible and suspicious.
-  const told = data.number.length,
+  // Columns are indexed by place, which is not the number of a patch where the map has more than the page lists; then
+  // the last two places are the groups of all other plausible and all other suspicious patches.
+  const listedCount = data.number.length,
     places = new Map(data.number.map((number, place) => [number, place]));
   const ROWS = 25,
     LABELS = ["plausible", "suspicious"],
@@ -30,27 +30,13 @@
       return Views.mix(pale, deep, sureness(patch));
     },
     rank: (patch) => (data.label[patch] === 1 ? 2 + sureness(patch) : 1),
-    value: (patch) => (data.label[patch] === 1 ? 0.501 + 0.499 * sureness(patch) : 0.499 * (1 - sureness(patch))),
-    scale() {
-      const { plausible, suspicious } = shades();
-      return [
-        [0, plausible[1]],
-        [0.4999, plausible[0]],
-        [0.5, suspicious[0]],
-        [1, suspicious[1]],
-      ];
-    },
   };
-  const plan = new Views.Plan(byId("plan"), scene, look, (patch) => select(patch));
-  const space = new Views.Space(byId("space"), scene, look, (patch) => select(patch));
-  const flat = (density) => Views.drawFlat(byId("flat"), scene, look, space.eye(), density);
-  if (!space.works) {
-    document.body.classList.add("flat");
-    byId("notice").textContent = "This browser draws no 3D (WebGL): the 3D view stands still.";
-    flat(plan.density);
-  }
+  const views = [
+    new Views.View(byId("plan"), scene, look, (patch) => select(patch)),
+    new Views.View(byId("space"), scene, look, (patch) => select(patch), [-1.05, 0.6]),
+  ];
 
-  // ---- one patch in words; text of files goes through textContent alone
+  // ---- one patch in words; text of files is set by textContent alone
   const place = (values) => values.map((value) => (typeof value === "number" ? value.toFixed(2) : "–")).join(", ");
   function link(patch) {
     const made = element("button", `patch ${data.number[patch]}`, { type: "button", class: "link" });
@@ -64,15 +50,15 @@
     return parts.map((piece) => (piece === `patch ${other}` || piece === `neighbour ${other}` ? made() : piece));
   }
   function details(patch) {
-    if (patch >= told) {
-      const [count, label] = [data.others[patch - told].toLocaleString("en"), LABELS[data.label[patch]]];
+    const label = LABELS[data.label[patch]];
+    if (patch >= listedCount) {
+      const count = data.others[patch - listedCount].toLocaleString("en");
       byId("details").replaceChildren(
         element("h3", "One of the others"),
-        element("p", `${count} more ${label} patches are not told of one by one: the JSON of the result has them.`),
+        element("p", `${count} more ${label} patches are not listed one by one: the JSON of the result has them.`),
       );
       return;
     }
-    const label = LABELS[data.label[patch]];
     const rows = [
       ...measured((name) => data.measures[name][patch]),
       ["normal", data.normal[patch].map((x) => figure(x, 3)).join(", ")],
@@ -97,7 +83,7 @@
       element("h4", `Why it is called ${label}`),
       reasons.length
         ? element("ol", reasons, { id: "reasons" })
-        : element("p", "Nothing in particular: no feature speaks for its label.", { class: "note" }),
+        : element("p", "Nothing in particular: no feature favours its label.", { class: "note" }),
       ...(cause ? [element("h4", "Cause"), element("p", `${cause[0]}: ${cause[1]}`)] : []),
       element("h4", "Measured"),
       listed(rows),
@@ -109,7 +95,7 @@
     look.selected = patch;
     document.body.classList.add("chosen");
     details(patch);
-    if (!fromTable && patch < told) showRow(patch);
+    if (!fromTable && patch < listedCount) showRow(patch);
     for (const row of document.querySelectorAll("tr[data-patch]"))
       row.setAttribute("aria-selected", String(+row.dataset.patch === patch));
     for (const row of document.querySelectorAll("tr[data-region]"))
@@ -117,25 +103,27 @@
         "aria-selected",
         String(data.region[patch] !== null && +row.dataset.region === data.region[patch]),
       );
-    plan.draw();
-    space.select();
-    if (!space.works) flat(plan.density);
+    for (const view of views) view.draw();
   }
   const toViews = () => document.querySelector(".stage").scrollIntoView({ block: "nearest" });
   function goTo(box) {
-    plan.show(box);
-    space.show(box);
+    for (const view of views) view.show(box);
   }
 
   // ---- the table of patches
+  const largestFirst = (name, values, digits) => [
+    name,
+    (patch) => -(values[patch] ?? -1),
+    (patch) => figure(values[patch], digits),
+  ];
   const columns = [
     ["patch", (patch) => patch, (patch) => data.number[patch]],
     ["label", (patch) => -data.label[patch], null],
-    ["p", (patch) => -(data.p[patch] ?? -1), (patch) => figure(data.p[patch], 3)],
-    ["area m²", (patch) => -(data.measures.area_m2[patch] ?? 0), (patch) => figure(data.measures.area_m2[patch], 1)],
-    ["width m", (patch) => -(data.measures.width_m[patch] ?? 0), (patch) => figure(data.measures.width_m[patch], 1)],
-    ["height m", (patch) => -(data.measures.height_m[patch] ?? 0), (patch) => figure(data.measures.height_m[patch], 1)],
-    ["rms m", (patch) => -(data.measures.rms_m[patch] ?? 0), (patch) => figure(data.measures.rms_m[patch], 3)],
+    largestFirst("p", data.p, 3),
+    largestFirst("area m²", data.measures.area_m2, 1),
+    largestFirst("width m", data.measures.width_m, 1),
+    largestFirst("height m", data.measures.height_m, 1),
+    largestFirst("rms m", data.measures.rms_m, 3),
     ["region", (patch) => data.region[patch] ?? 1e9, (patch) => data.region[patch] ?? "–"],
     ["main reason", null, null],
   ];
@@ -153,7 +141,7 @@
   function arrange() {
     const wanted = byId("find").value.trim(),
       only = byId("only").checked;
-    order = [...Array(told).keys()].filter(
+    order = [...Array(listedCount).keys()].filter(
       (patch) => (!only || data.label[patch] === 1) && (!wanted || String(data.number[patch]).startsWith(wanted)),
     );
     const key = sorted < 0 ? null : columns[sorted][1];
@@ -275,9 +263,7 @@
     legend();
     list();
     byId("palette").setAttribute("aria-pressed", String(document.body.dataset.palette === "colour-blind"));
-    plan.draw();
-    space.refresh();
-    if (!space.works) flat(plan.density);
+    for (const view of views) view.draw();
   }
   byId("palette").addEventListener("click", () => {
     document.body.dataset.palette = document.body.dataset.palette === "colour-blind" ? "blue-red" : "colour-blind";
@@ -313,30 +299,13 @@
   });
 
   // ---- paper: both views as pictures, at the density of a printer
-  const PAPER = [695, 320];
-  function forPaper() {
-    const screen = { scale: plan.scale, middle: plan.middle, density: plan.density, paper: null };
-    const factor = Math.min(PAPER[0] / plan.canvas.clientWidth, PAPER[1] / plan.canvas.clientHeight);
-    Object.assign(plan, { paper: PAPER, density: 3 });
-    if (plan.fitted) plan.show(plan.fitted.box);
-    else {
-      plan.scale *= Number.isFinite(factor) && factor > 0 ? factor : 1;
-      plan.draw();
-    }
-    Views.drawFlat(byId("flat"), scene, look, space.eye(), 3, PAPER);
-    return screen;
-  }
-  let screen = null;
+  let backToScreen = [];
   window.addEventListener("beforeprint", () => {
-    screen = forPaper();
+    backToScreen = views.map((view) => view.print([695, 320]));
   });
   window.addEventListener("afterprint", () => {
-    if (screen) {
-      Object.assign(plan, screen);
-      plan.draw();
-      screen = null;
-      if (!space.works) flat(plan.density);
-    }
+    for (const back of backToScreen) back();
+    backToScreen = [];
   });
 
   arrange();

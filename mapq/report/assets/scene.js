@@ -1,5 +1,5 @@
 "use strict";
-// What the report and the labelling page share: colours, points and outlines of patches, and pieces of pages.
+// Shared by the report and the labelling page: colours, points and outlines of patches, and pieces of pages.
 const Views = (() => {
   const PALETTES = {
     "blue-red": {
@@ -56,26 +56,6 @@ const Views = (() => {
       this.cornerStart = take(head.m + 1);
       this.low = head.low;
       this.high = head.high;
-    }
-    patchOf(point) {
-      let low = 0,
-        high = this.m;
-      while (low < high) {
-        const middle = (low + high + 1) >> 1;
-        if (this.start[middle] <= point) low = middle;
-        else high = middle - 1;
-      }
-      return point >= this.start[this.m] ? -1 : low;
-    }
-    ownerOf(corner) {
-      let low = 0,
-        high = this.m - 1;
-      while (low < high) {
-        const middle = (low + high + 1) >> 1;
-        if (this.cornerStart[middle] <= corner) low = middle;
-        else high = middle - 1;
-      }
-      return low;
     }
     boxOf(patches) {
       const low = [Infinity, Infinity, Infinity],

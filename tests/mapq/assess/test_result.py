@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from mapq.assess import assess, feature_settings, read_input
+from mapq.assess.content import term_rows
 from mapq.cloud import PointCloud
 from mapq.crf import local_log_odds
 from mapq.crf.evidence import OVER
@@ -65,7 +66,7 @@ def test_rows_have_terms_that_sum_to_the_log_odds(result):
         assert sizes == sorted(sizes, reverse=True)
         assert sum(term["contribution"] for term in row["terms"]) == pytest.approx(expected, abs=1e-7)
         assert row["log_odds"] == pytest.approx(expected, abs=1e-7)
-        assert row["terms"] == result.term_rows(row["patch"])
+        assert row["terms"] == term_rows(result, row["patch"])
         paired = [
             term["name"] == "neighbour label" or (term["name"] == OVER and term["value"] > 0) for term in row["terms"]
         ]

@@ -89,19 +89,19 @@ def test_coordinates_of_a_survey_lose_nothing():
 
 
 @pytest.mark.parametrize(
-    ("settings", "flag"),
+    ("settings", "name"),
     [
-        (MergeSettings(voxel=0.0), "--voxel"),
-        (MergeSettings(max_range=np.nan), "--max-range"),
-        (MergeSettings(min_range=5.0, max_range=2.0), "--min-range"),
-        (Rule(suspicious_above=0.0), "--suspicious-above"),
-        (Rule(plausible_below=0.5), "--plausible-below"),
-        (Rule(reach=-1.0), "--reach"),
-        (Rule(search=1e3), "--search"),
+        (MergeSettings(voxel=0.0), "voxel"),
+        (MergeSettings(max_range=np.nan), "max_range"),
+        (MergeSettings(min_range=5.0, max_range=2.0), "min_range"),
+        (Rule(suspicious_above=0.0), "suspicious_above"),
+        (Rule(plausible_below=0.5), "plausible_below"),
+        (Rule(reach=-1.0), "reach"),
+        (Rule(search=1e3), "search"),
     ],
 )
-def test_values_outside_their_domains_are_refused(settings, flag):
-    with pytest.raises(UsageError, match=flag):
+def test_values_outside_their_domains_are_refused(settings, name):
+    with pytest.raises(UsageError, match=name):
         settings.check()
 
 

@@ -58,7 +58,7 @@ def test_gzipped_and_with_the_scalar_part_first(tmp_path):
 
 def test_an_order_of_quaternions_that_hangs_sensors_upside_down_is_not_guessed(tmp_path):
     path = written(tmp_path, rows(np.column_stack([PLACES, QUATERNIONS[:, [3, 0, 1, 2]]])))
-    with pytest.raises(InputError, match=r"poses.txt: read as tx ty tz qx .* --quaternion wxyz or --quaternion xyzw"):
+    with pytest.raises(InputError, match=r"poses.txt: read as tx ty tz qx .* perturb.quaternion=wxyz"):
         read_poses(path)
     assert read_poses(path, "xyzw").poses[0, 2, 2] < 0.0
 
@@ -90,7 +90,7 @@ def test_what_is_no_pose_is_refused_with_its_line(text, message, tmp_path):
 
 
 def test_an_unknown_order_is_refused(tmp_path):
-    with pytest.raises(UsageError, match="--quaternion abc"):
+    with pytest.raises(UsageError, match="quaternion abc"):
         read_poses(written(tmp_path, LAYOUTS["quaternion"]), "abc")
 
 

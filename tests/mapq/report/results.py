@@ -18,6 +18,6 @@ def save_result(path: Path, patches: Patches | None = None) -> Path:
     return path
 
 
-def without_plotly(page: str) -> str:
-    """Return a page without its scripts, the largest part of which is not ours."""
+def without_scripts(page: str) -> str:
+    """Return a page without its scripts."""
     return re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)

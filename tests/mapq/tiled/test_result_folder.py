@@ -61,14 +61,13 @@ def test_errors_of_scores_are_those_of_one_cloud(results):
 
 def test_a_report_tells_of_all_patches_and_shows_some_of_the_points(results, tmp_path, monkeypatch):
     whole = read_findings(results[1])
-    monkeypatch.setattr("mapq.report.source.MOST_READ", 8_000)
+    monkeypatch.setattr("mapq.report.findings.MAX_READ", 8_000)
     told = read_findings(results[0])
     assert told.rows == whole.rows
     assert told.n_points == whole.n_points == len(whole.cloud)
     assert 5_000 < len(told.cloud) < 10_000
     assert set(told.patch) == set(whole.patch)
-    pytest.importorskip("plotly")
-    written = write_report(str(tmp_path / "report.html"), told, n_most=4_000)
+    written = write_report(str(tmp_path / "report.html"), told, max_points=4_000)
     assert written.n_points == len(whole.cloud)
     page = (tmp_path / "report.html").read_text()
     assert f"of {len(whole.cloud):,} points shown" in page

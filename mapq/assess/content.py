@@ -1,0 +1,104 @@
+"""The JSON of a result: its head, and a row a patch with reasons and terms (docs/results.md)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.crf.marginals import cut_probability
+from mapq.io.results import CLOUD_UNIT
+
+if TYPE_CHECKING:
+    from mapq.assess.result import Result
+
+LABELS = ("plausible", "suspicious")
+DECIMALS = 9
+"""Of numbers: sums of terms stay exact to a billionth."""
+
+
+def head_of(result: Result, process: Mapping[str, Any], verdict: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the JSON of a result without its patches, of what is known of the process and the verdict."""
+    return {
+        **process,
+        "model": result.origin.model,
+        "unit": "m",
+        CLOUD_UNIT: result.patches.cloud.unit.tolist(),
+        "counts": result.counts,
+        "regions": [
+            {**region.row(number, DECIMALS), **cause_row(result, region.patches)}
+            for number, region in enumerate(result.regions)
+        ],
+        "edge_model": result.model.edge_model,
+        "calibration": result.model.calibration.kind,
+        "threshold": {"difference": result.model.threshold, "p_suspicious": cut_probability(result.model)},
+        "features": {**result.features.parameters, "n_clipped": result.features.n_clipped},
+        "segmentation": {"parameters": result.patches.parameters, "report": result.patches.report},
+        "verdict": verdict,
+    }
+
+
+def cause_row(result: Result, some: NDArray[np.int64] | None = None) -> dict[str, Any]:
+    """Return for JSON which cause has the largest area, and the area of each."""
+    area = result.area_by_cause(some)
+    named = {name: round(value, DECIMALS) for name, value in area.items()}
+    return {"cause": next(iter(area)) if any(area.values()) else None, "area_by_cause_m2": named}
+
+
+def patch_rows(result: Result) -> Iterator[dict[str, Any]]:
+    """Yield each patch with its label, its probability, its geometry in metres, and its terms."""
+    starts = result.terms.starts(len(result.patches))
+    region_of = {int(patch): number for number, region in enumerate(result.regions) for patch in region.patches}
+    centroids = result.patches.cloud.world_of(result.patches.centroid)
+    disagreement = result.features.disagreement
+    for patch in range(len(result.patches)):
+        span = slice(int(starts[patch]), int(starts[patch + 1]))
+        shape = zip(result.features.shape_names, result.features.shape[patch].tolist(), strict=True)
+        yield {
+            "patch": patch,
+            "label": LABELS[int(result.labelling.label[patch])],
+            "p_suspicious": float(result.labelling.probability[patch]),
+            "difference": round(float(result.labelling.difference[patch]), DECIMALS),
+            "n_points": int(result.patches.counts[patch]),
+            "centroid": rounded(centroids[patch]),
+            "normal": rounded(result.patches.normal[patch]),
+            **{name: round(value, DECIMALS) for name, value in shape if name != "n_points"},
+            **_disagreement_row(*disagreement[patch].tolist()),
+            "region": region_of.get(patch),
+            "cause": result.causes[patch].row(DECIMALS) if patch in result.causes else None,
+            "reasons": [reason.row(DECIMALS) for reason in result.reasons(patch)],
+            "log_odds": round(float(result.terms.contribution[span].sum()), DECIMALS),
+            "terms": term_rows(result, patch, int(starts[patch]), int(starts[patch + 1])),
+        }
+
+
+def term_rows(result: Result, patch: int, begin: int | None = None, end: int | None = None) -> list[dict[str, Any]]:
+    """Return the terms of a patch, largest first; `begin` and `end` where they stand, if known."""
+    if begin is None or end is None:
+        begin, end = (int(place) for place in np.searchsorted(result.terms.patch, (patch, patch + 1)))
+    rows = []
+    for place in range(begin, end):
+        row: dict[str, Any] = {
+            "name": result.terms.names[int(result.terms.name[place])],
+            "value": round(float(result.terms.value[place]), DECIMALS),
+            "contribution": round(float(result.terms.contribution[place]), DECIMALS),
+        }
+        if result.terms.other[place] >= 0:
+            row["other"] = int(result.terms.other[place])
+        rows.append(row)
+    return rows
+
+
+def _disagreement_row(low: float, metres: float, high: float) -> dict[str, float | None]:
+    """Return by how much scans disagree on a patch, with bounds; null where that is unknown."""
+    if not math.isfinite(metres):
+        return {"disagreement_m": None, "low": None, "high": None}
+    return {name: round(x, DECIMALS) for name, x in (("disagreement_m", metres), ("low", low), ("high", high))}
+
+
+def rounded(values: NDArray[np.float64]) -> list[float]:
+    """Return places in metres as numbers of JSON."""
+    return [round(value, 6) for value in values.tolist()]

@@ -1,0 +1,284 @@
+"use strict";
+// A view of the map on a canvas, without perspective: the plan view from above, or, with an eye, a 3D view that turns.
+// look: { colour(patch) -> rgb, rank(patch) -> higher is drawn later in plan, selected: number, points, outlines: bool,
+// loose -> rgb, mark -> { points, line } }
+Views.View = (() => {
+  const { LOOSE, INK, SOFT, MARK, Raster, css, marginOf, packedColour } = Views;
+  const ZOOM_KEYS = { "+": 1.3, "=": 1.3, "-": 1 / 1.3 };
+  const ARROWS = { ArrowLeft: [60, 0], ArrowRight: [-60, 0], ArrowUp: [0, 60], ArrowDown: [0, -60] };
+
+  const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  function niceStep(least) {
+    const power = 10 ** Math.floor(Math.log10(least));
+    return [1, 2, 5, 10].map((factor) => +(factor * power).toPrecision(3)).find((step) => step >= least * 0.999);
+  }
+
+  return class View {
+    // eye: null for the plan view, else [turn, rise] in radians, from x to y and above the horizon.
+    constructor(canvas, scene, look, onPick, eye = null) {
+      Object.assign(this, { canvas, look, onPick, eye, density: window.devicePixelRatio || 1, paper: null });
+      this.set(scene);
+      new ResizeObserver(() => this.draw()).observe(canvas);
+      this.listen();
+    }
+    set(scene) {
+      this.scene = scene;
+      this.groups = [...Array(scene.m).keys()].sort((a, b) => this.look.rank(a) - this.look.rank(b));
+      this.show();
+    }
+    // Unit vectors to the right, up and to the eye.
+    axes() {
+      const [turn, rise] = this.eye || [-Math.PI / 2, Math.PI / 2];
+      const [ct, st, cr, sr] = [Math.cos(turn), Math.sin(turn), Math.cos(rise), Math.sin(rise)];
+      return [
+        [-st, ct, 0],
+        [-sr * ct, -sr * st, cr],
+        [cr * ct, cr * st, sr],
+      ];
+    }
+    show(box) {
+      this.fitted = { box };
+      const [low, high] = box || [this.scene.low, this.scene.high];
+      const margin = box ? marginOf(low, high) : 0,
+        [right, up] = this.axes(),
+        [wide, tall] = this.size();
+      const sides = high.map((value, axis) => value - low[axis] + 2 * margin),
+        along = (axis) => dot(axis.map(Math.abs), sides);
+      this.middle = low.map((value, axis) => (value + high[axis]) / 2);
+      this.scale = Math.min((wide - 50) / Math.max(along(right), 1), (tall - 40) / Math.max(along(up), 1));
+      this.draw();
+    }
+    size() {
+      return this.paper || [this.canvas.clientWidth, this.canvas.clientHeight];
+    }
+    // Rows of the affine map from a place to pixels of the canvas and to its nearness in metres.
+    projection() {
+      const factor = this.scale * this.density,
+        [right, up, eye] = this.axes(),
+        row = (axis, scale, from) => [...axis.map((value) => scale * value), from - scale * dot(axis, this.middle)];
+      return [row(right, factor, this.canvas.width / 2), row(up, -factor, this.canvas.height / 2), row(eye, 1, 0)];
+    }
+    place(x, y, z) {
+      return this.rows.map((row) => row[0] * x + row[1] * y + row[2] * z + row[3]);
+    }
+    draw() {
+      const canvas = this.canvas,
+        [wide, tall] = this.size().map((length) => Math.round(length * this.density));
+      if (!wide || !tall || !this.scale) return;
+      canvas.width = wide;
+      canvas.height = tall;
+      const raster = new Raster(wide, tall, !!this.eye),
+        size = Math.min(6, Math.max(1, 0.05 * this.scale)) * this.density;
+      this.rows = this.projection();
+      if (this.look.points) {
+        this.drawPoints(raster, this.scene.m, this.look.loose || LOOSE, Math.max(1, 0.8 * size));
+        for (const patch of this.groups) this.drawPoints(raster, patch, this.look.colour(patch), size);
+      }
+      const pen = canvas.getContext("2d");
+      pen.putImageData(raster.image, 0, 0);
+      if (this.look.outlines) this.drawOutlines(pen);
+      if (this.look.selected >= 0) this.drawSelected(pen, size);
+      if (!this.eye) this.drawTicks(pen);
+      this.drawBar(pen);
+    }
+    eachPoint(patch, visit) {
+      const [x, y, z] = this.scene.points;
+      const [[a, b, c, d], [e, f, g, h], [k, l, m, n]] = this.rows;
+      for (let i = this.scene.start[patch]; i < this.scene.start[patch + 1]; i++) {
+        const [u, v, w] = [x[i], y[i], z[i]];
+        visit(a * u + b * v + c * w + d, e * u + f * v + g * w + h, k * u + l * v + m * w + n);
+      }
+    }
+    drawPoints(raster, patch, rgb, size) {
+      const colour = packedColour(rgb);
+      this.eachPoint(patch, (px, py, near) => raster.dot(px, py, size, colour, near));
+    }
+    path(pen, patch) {
+      const [x, y, z] = this.scene.corners;
+      pen.beginPath();
+      for (let i = this.scene.cornerStart[patch]; i < this.scene.cornerStart[patch + 1]; i++)
+        pen.lineTo(...this.place(x[i], y[i], z[i]).slice(0, 2));
+      pen.closePath();
+    }
+    // In plan by rank, in 3D those far off first.
+    outlined() {
+      const start = this.scene.cornerStart,
+        groups = this.groups.filter((patch) => start[patch + 1] > start[patch]);
+      if (!this.eye) return groups;
+      const near = groups.map((patch) => this.place(...this.scene.corners.map((axis) => axis[start[patch]]))[2]);
+      return [...groups.keys()].sort((a, b) => near[a] - near[b]).map((index) => groups[index]);
+    }
+    drawOutlines(pen) {
+      pen.lineWidth = this.density;
+      pen.lineJoin = "round";
+      for (const patch of this.outlined()) {
+        this.path(pen, patch);
+        pen.fillStyle = pen.strokeStyle = css(this.look.colour(patch));
+        pen.globalAlpha = 0.16;
+        pen.fill();
+        pen.globalAlpha = 0.9;
+        pen.stroke();
+      }
+      pen.globalAlpha = 1;
+    }
+    drawSelected(pen, size) {
+      const mark = this.look.mark || MARK,
+        half = 0.6 * size;
+      pen.fillStyle = css(mark.points);
+      this.eachPoint(this.look.selected, (px, py) => pen.fillRect(px - half, py - half, 2 * half, 2 * half));
+      this.path(pen, this.look.selected);
+      for (const [width, style] of [
+        [7, "#fff"],
+        [4.5, css(mark.line)],
+        [1.5, css(mark.points)],
+      ]) {
+        pen.lineWidth = width * this.density;
+        pen.strokeStyle = style;
+        pen.stroke();
+      }
+    }
+    label(pen, text, x, y) {
+      pen.font = `${11 * this.density}px system-ui, sans-serif`;
+      pen.textBaseline = "alphabetic";
+      pen.lineWidth = 3 * this.density;
+      pen.strokeStyle = "#fff";
+      pen.strokeText(text, x, y);
+      pen.fillStyle = SOFT;
+      pen.fillText(text, x, y);
+    }
+    drawTicks(pen) {
+      const d = this.density,
+        step = niceStep(90 / this.scale),
+        { width, height } = this.canvas;
+      const from = (axis, pixels) => this.middle[axis] - pixels / 2 / this.scale / d;
+      for (let x = Math.ceil(from(0, width) / step) * step; x < from(0, -width); x += step) {
+        const px = this.place(x, 0, 0)[0];
+        pen.fillStyle = SOFT;
+        pen.fillRect(px, height - 5 * d, d, 5 * d);
+        this.label(pen, +x.toPrecision(8) + "", px + 3 * d, height - 4 * d);
+      }
+      for (let y = Math.ceil(from(1, height) / step) * step; y < from(1, -height); y += step) {
+        const py = this.place(0, y, 0)[1];
+        pen.fillStyle = SOFT;
+        pen.fillRect(0, py, 5 * d, d);
+        this.label(pen, +y.toPrecision(8) + "", 7 * d, py + 4 * d);
+      }
+    }
+    drawBar(pen) {
+      const d = this.density,
+        metres = niceStep(60 / this.scale),
+        long = metres * this.scale * d,
+        left = this.canvas.width - 14 * d - long;
+      pen.fillStyle = INK;
+      pen.fillRect(left, 16 * d, long, 3 * d);
+      this.label(pen, `${metres} m`, left, 12 * d);
+    }
+    // The patch under the pointer: suspicious ones before others in plan, near ones before far ones in 3D; -1: none.
+    pick(event) {
+      const bounds = this.canvas.getBoundingClientRect(),
+        d = this.density;
+      const px = (event.clientX - bounds.left) * d,
+        py = (event.clientY - bounds.top) * d,
+        reach = (9 * d) ** 2;
+      let best = -1,
+        least = Infinity;
+      for (let patch = 0; patch < this.scene.m; patch++) {
+        const favour = this.eye ? 0 : 4 * d * d * this.look.rank(patch);
+        this.eachPoint(patch, (qx, qy, near) => {
+          const far = (qx - px) ** 2 + (qy - py) ** 2,
+            cost = far - favour - (this.eye ? near * reach : 0);
+          if (far > reach || cost >= least) return;
+          least = cost;
+          best = patch;
+        });
+      }
+      return best;
+    }
+    zoom(factor, px = this.canvas.clientWidth / 2, py = this.canvas.clientHeight / 2) {
+      const dx = px - this.canvas.clientWidth / 2,
+        dy = py - this.canvas.clientHeight / 2,
+        before = this.scale;
+      this.scale = Math.min(2000, Math.max(1e-3, before * factor));
+      const shift = this.scale / before - 1;
+      this.move(-dx * shift, -dy * shift);
+    }
+    // By pixels of the screen.
+    move(dx, dy) {
+      this.fitted = null;
+      const [right, up] = this.axes();
+      this.middle = this.middle.map((value, axis) => value - (dx * right[axis] - dy * up[axis]) / this.scale);
+      this.soon();
+    }
+    turn(dx, dy) {
+      const limit = Math.PI / 2;
+      this.eye = [this.eye[0] - 0.008 * dx, Math.min(limit, Math.max(-limit, this.eye[1] + 0.008 * dy))];
+      this.soon();
+    }
+    drag(dx, dy, moves) {
+      if (this.eye && !moves) this.turn(dx, dy);
+      else this.move(dx, dy);
+    }
+    soon() {
+      this.waiting ||= requestAnimationFrame(() => {
+        this.waiting = 0;
+        this.draw();
+      });
+    }
+    // Draws for paper, at the density of a printer; returns what brings the screen back.
+    print(paper) {
+      const { scale, middle, density, canvas } = this,
+        factor = Math.min(paper[0] / canvas.clientWidth, paper[1] / canvas.clientHeight);
+      Object.assign(this, { paper, density: 3 });
+      if (this.fitted) this.show(this.fitted.box);
+      else {
+        this.scale *= Number.isFinite(factor) && factor > 0 ? factor : 1;
+        this.draw();
+      }
+      return () => {
+        Object.assign(this, { scale, middle, density, paper: null });
+        this.draw();
+      };
+    }
+    listen() {
+      const canvas = this.canvas;
+      let last = null,
+        moved = 0;
+      canvas.addEventListener(
+        "wheel",
+        (event) => {
+          event.preventDefault();
+          this.zoom(Math.exp(-event.deltaY * 0.0015), event.offsetX, event.offsetY);
+        },
+        { passive: false },
+      );
+      canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+      canvas.addEventListener("pointerdown", (event) => {
+        last = [event.clientX, event.clientY];
+        moved = 0;
+        canvas.setPointerCapture(event.pointerId);
+      });
+      canvas.addEventListener("pointermove", (event) => {
+        if (!last) return;
+        const [dx, dy] = [event.clientX - last[0], event.clientY - last[1]];
+        moved += Math.abs(dx) + Math.abs(dy);
+        last = [event.clientX, event.clientY];
+        this.drag(dx, dy, event.shiftKey || event.buttons === 2);
+      });
+      canvas.addEventListener("pointerup", (event) => {
+        const patch = last && moved < 5 ? this.pick(event) : -1;
+        last = null;
+        if (patch >= 0) this.onPick(patch);
+      });
+      canvas.addEventListener("pointercancel", () => {
+        last = null;
+      });
+      canvas.addEventListener("keydown", (event) => {
+        if (ARROWS[event.key]) this.drag(...ARROWS[event.key], event.shiftKey);
+        else if (ZOOM_KEYS[event.key]) this.zoom(ZOOM_KEYS[event.key]);
+        else return;
+        event.preventDefault();
+        event.stopPropagation();
+      });
+    }
+  };
+})();
