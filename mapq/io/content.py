@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import re
 import struct
 import tokenize
@@ -139,4 +140,5 @@ def damage_in_one_line(source: str) -> Iterator[None]:
             raise
         words = " ".join(str(error).split())[:120] or type(error).__name__
         words = f"{words} is missing" if isinstance(error, KeyError) else words
-        raise InputError(f"{source}: damaged or cut off ({words}). Copy, download or export it again.") from error
+        where = f"{source}:{error.lineno}" if isinstance(error, json.JSONDecodeError) else source
+        raise InputError(f"{where}: damaged or cut off ({words}). Copy, download or export it again.") from error

@@ -122,7 +122,7 @@ def test_a_result(capsys, tmp_path):
     save(tmp_path, "a.classified.json", "{,}")
     code, out, err = run(capsys, path)
     assert (code, out) == (3, "")
-    assert "a.classified.json:1: damaged JSON" in err
+    assert "a.classified.json:1: damaged" in err
 
 
 def test_a_model(capsys, tmp_path):
