@@ -28,13 +28,10 @@ from prf.api.science import (
 from prf.api.words import announce_thinning, describe_session, warn_of_dropped
 from prf.configuration import Configuration, Start
 from prf.diagnostics import converged
-from prf.kernels import constants as c
-from prf.render.live import Glance
 from prf.sampler import session as sessions
 from prf.sampler.drive import Progress, StopRule
-from prf.sampler.output import is_unfinished, make_image
+from prf.sampler.output import is_unfinished
 from prf.sampler.session import Session
-from prf.sampler.several import MOVE_NAMES
 from prf.shell.errors import ArgumentError
 from prf.shell.files import refuse_standing
 from prf.shell.lock import exclusive
@@ -69,26 +66,6 @@ class Snapshot:
         output = self._session.output
         made = output.make_run(self._session.sampler, self.progress, self._session.seconds_before)
         return Run.of(made, self.progress)
-
-    def glance(self, name: str, is_limit: bool = False) -> Glance:
-        """Return what a live picture shows of the run, `name` over it; for `is_limit` see there."""
-        sampler, progress = self._session.sampler, self.progress
-        best, counts = sampler.best(), sampler.outcomes()[:, [c.PROPOSED, c.ACCEPTED]]
-        return Glance(
-            name=name,
-            window=sampler.settings.window,
-            image=make_image(sampler),
-            best=None if best is None else best.coloring,
-            step=progress.step,
-            chains=len(sampler.chains),
-            rungs=sampler.chains[0].rungs,
-            seconds=progress.seconds,
-            steps_per_second=progress.steps_per_second,
-            share=progress.share,
-            is_limit=is_limit,
-            diagnoses=progress.diagnoses or {},
-            accepted=[(move, *row) for move, row in zip(MOVE_NAMES, counts.tolist(), strict=True)],
-        )
 
     def fields(self) -> dict[str, str]:
         """Return what a progress bar shows beside the share."""

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
-from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -37,7 +34,7 @@ from prf.commands.options import (
 from prf.shell.options import Assignments, Force, Json, Output, Presets, Seed, Threads, parse_duration
 
 if TYPE_CHECKING:
-    from prf.anneal import Annealed, Moment
+    from prf.anneal import Annealed
 
 logger = logging.getLogger(__name__)
 
@@ -47,7 +44,6 @@ EXAMPLES = (
     "prf anneal --sonar ring.csv --config site.toml --time-budget 60",
 )
 
-Live = Annotated[bool, typer.Option("--live", help="On a terminal show the best map while it is looked for.")]
 DEFAULT_STEPS = 3_000_000
 
 
@@ -93,7 +89,6 @@ def anneal(
     ] = None,
     seed: Seed = None,
     threads: Threads = 0,
-    live: Live = False,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -101,8 +96,7 @@ def anneal(
 
     Chains are cooled from the posterior to its mode, and end by taking only what is better; the best map that any saw
     is written, its occupied area as a GeoJSON MultiPolygon. What is maximised is the density over the lines of the map,
-    |E| log p - 2 p length + log likelihood. Ctrl-C writes the best map so far. --live draws it on standard
-    error while it is looked for; elsewhere than on a terminal that changes nothing.
+    |E| log p - 2 p length + log likelihood. Ctrl-C writes the best map so far.
     """
     options = locals()
 
@@ -134,8 +128,7 @@ def anneal(
     used_seed = resolve_seed(seed)
     goal = Goal(None, time_budget) if time_budget is not None else Goal(steps or DEFAULT_STEPS)
     inputs = (laser, sonar, point_data)
-    name = PurePath(target).name if live else None
-    found, made, stop = _cool(inputs, science, goal, Schedule(coldest=science.anneal.coldest), used_seed, threads, name)
+    found, made, stop = _cool(inputs, science, goal, Schedule(coldest=science.anneal.coldest), used_seed, threads)
     text = _write(target, found, {**made, "sources": sources_in(science, asked)}, logs)
     _report(found, text, target, made, json)
     stop.raise_if_requested(f"interrupted after {found.steps} steps; {target} has the best map so far")
@@ -148,14 +141,14 @@ def _cool(
     schedule: Any,
     seed: int,
     threads: int,
-    live: str | None,
 ) -> tuple[Annealed, dict[str, Any], Any]:
-    """Return what annealing found, how it was made, and whether it was asked to stop; `live`: under this name."""
+    """Return what annealing found, how it was made, and whether it was asked to stop."""
     import os
 
     from prf.anneal import anneal as cool
     from prf.api.words import announce_thinning, warn_of_dropped, words_for_beams
     from prf.sampler.session import needs_compiling, read_prepared
+    from prf.shell.progress import progress
     from prf.shell.seeds import spawn_generators
     from prf.shell.signals import graceful_stop
 
@@ -168,14 +161,16 @@ def _cool(
         announce_thinning(prepared)
     if needs_compiling():
         logger.info("compiling kernels (once; about half a minute) ...")
-    with graceful_stop() as stop, _shown(live) as tell:
+    with graceful_stop() as stop, progress(1.0, "annealing") as reporter:
         found = cool(
             prepared.settings,
             spawn_generators(seed, config.sampler.chains),
             goal,
             schedule,
             threads or len(os.sched_getaffinity(0)),
-            tell,
+            lambda moment: reporter.update(
+                moment.share, T=f"{moment.temperature:.2g}", best=f"{max(moment.by_chain):,.1f}"
+            ),
             lambda: stop.requested,
         )
     configuration = {name: value for name, value in prepared.config.flat().items() if name != "resolution"}
@@ -188,22 +183,6 @@ def _cool(
         "n_beams_thinned": prepared.n_beams_thinned,
     }
     return found, made, stop
-
-
-@contextmanager
-def _shown(name: str | None) -> Iterator[Callable[[Moment], None]]:
-    """Yield what is told of every round: a picture if there is a `name` for it and a terminal, else a bar."""
-    from prf.api.live import live_map
-    from prf.shell.progress import progress
-
-    with live_map(name) if name is not None else nullcontext() as watch:
-        if watch is not None:
-            yield watch
-            return
-        with progress(1.0, "annealing") as reporter:
-            yield lambda moment: reporter.update(
-                moment.share, T=f"{moment.temperature:.2g}", best=f"{max(moment.by_chain):,.1f}"
-            )
 
 
 def _write(target: str, found: Annealed, made: dict[str, Any], logs: list[str]) -> str:

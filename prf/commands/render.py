@@ -10,20 +10,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from prf.shell.errors import UsageError
-from prf.shell.options import Force, Output, Terminal, TerminalWidth
+from prf.shell.options import Force, Output
 
 if TYPE_CHECKING:
-    from rich.text import Text
-
     from prf.coloring import Coloring
     from prf.run import PosteriorImage
-    from prf.shell.terminal import Screen
 
 logger = logging.getLogger(__name__)
 
 EXAMPLES = (
     "prf render office -o posterior.png",
-    "prf render office --terminal",
     "prf render office --what draws --draws 6 -o draws.svg",
     'prf render p1.geojsonl p10.geojsonl --caption "p = 1" --caption "p = 10" -o prior.png',
 )
@@ -69,30 +65,23 @@ def render(
     caption: Annotated[
         list[str] | None, typer.Option("--caption", metavar="TEXT", help="Caption of a map of DRAWS; once for each.")
     ] = None,
-    terminal: Terminal = False,
-    width: TerminalWidth = None,
     output: Output = None,
     force: Force = False,
 ) -> None:
     """Draw a picture of a run, of a grid, or of draws from the prior.
 
     The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG in the current folder.
-    White is free, black occupied, mid-grey unknown. With --terminal the picture goes to standard output: half blocks
-    in the colours that the terminal has, shades of characters without any, plain ASCII in a pipe.
+    White is free, black occupied, mid-grey unknown.
     """
     from prf.shell.files import STREAM, refuse_inputs
     from prf.shell.lock import claim_output
     from prf.shell.pictures import picture_format
-    from prf.shell.terminal.verb import refuse_files
 
     is_run, is_grid = Path(inputs[0]).is_dir(), _is_grid(inputs[0])
     if (is_run or is_grid) and len(inputs) > 1:
         raise UsageError("one RUN or GRID gives one picture; only DRAWS go side by side.")
     if is_grid and (what is not What.posterior or draws or outline or path or beams):
         raise UsageError("a GRID has cells only: leave --what, --draws, --outline, --path and --beams out.")
-    if refuse_files(terminal, width, output, force):
-        _show(inputs, is_run, is_grid, what, draws, (outline, path, beams), title, caption or [], width)
-        return
     name = Path(inputs[0]).resolve().name + f"-{what}" if is_run else Path(inputs[0]).stem
     target = output or f"{'draws' if inputs[0] == STREAM else name}.png"
     picture_format(target)
@@ -162,60 +151,6 @@ def _grid_picture(source: str, title: str | None) -> tuple[PosteriorImage, str, 
     grid = occupancy.read_grid(source)
     words = f"{Path(source).stem}  ·  {grid.settings.get('method', 'unknown method')}"
     return grid.image(), title or "Occupancy grid", words
-
-
-def _show(
-    inputs: list[str],
-    is_run: bool,
-    is_grid: bool,
-    what: What,
-    draws: int | None,
-    layers: tuple[bool | None, bool | None, bool],
-    title: str | None,
-    captions: list[str],
-    width: int | None,
-) -> None:
-    """Print the picture."""
-    import sys
-
-    from prf.render import terminal
-    from prf.shell.terminal import find_screen, put
-
-    screen = find_screen(sys.stdout, width)
-    if is_run:
-        lines = _run_lines(inputs[0], screen, what, draws or 4, layers, title)
-    elif is_grid:
-        image, *words = _grid_picture(inputs[0], title)
-        lines = terminal.cell_lines(image, screen, title=words[0], words=words[1])
-    else:
-        lines = terminal.map_lines(*_read_draws(inputs, draws, captions), screen, title=title)
-    put(lines, sys.stdout, screen)
-
-
-def _run_lines(
-    source: str,
-    screen: Screen,
-    what: What,
-    n_draws: int,
-    layers: tuple[bool | None, bool | None, bool],
-    title: str | None,
-) -> list[Text]:
-    from prf.render import terminal
-    from prf.run import read_run
-
-    run = read_run(source)
-    outline, path, beams = layers
-    if what is What.best:
-        return terminal.best_lines(run, screen, path=bool(path), title=title)
-    if what is What.draws:
-        return terminal.draw_lines(run, screen, n_draws=n_draws, title=title)
-    if what is What.beams:
-        return terminal.reading_lines(run, screen, outline=bool(outline), path=path is not False, title=title)
-    # Without colours, or without dots, lines would hide what they are drawn over.
-    lined = outline if outline is not None else screen.colours is not None and screen.braille
-    return terminal.posterior_lines(
-        run, screen, squares=what is What.squares, outline=lined, path=bool(path), beams=beams, title=title
-    )
 
 
 def _render_draws(sources: list[str], target: str, n_draws: int | None, title: str | None, captions: list[str]) -> None:

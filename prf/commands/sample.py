@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -38,7 +36,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from prf.api.run import Run
-    from prf.api.sampling import Watch
     from prf.api.science import ReadingKind, Source
 
 EXAMPLES = (
@@ -74,9 +71,6 @@ TimeBudget = Annotated[
 Scheduler = Annotated[
     str | None,
     typer.Option("--scheduler", metavar="ADDRESS", help="Step on the workers of this Dask scheduler."),
-]
-Live = Annotated[
-    bool, typer.Option("--live", help="On a terminal show posterior, best map and agreement while sampling.")
 ]
 Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Go on with this run from its checkpoint.")]
 
@@ -119,7 +113,6 @@ def sample(
     scheduler: Scheduler = None,
     seed: Seed = None,
     threads: Threads = 0,
-    live: Live = False,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -127,8 +120,7 @@ def sample(
 
     Without --steps and --time-budget it stops when the chains agree (R-hat < 1.05 and ESS > 100 for every functional of
     what was seen, R-hat < 1.2 for the rest), or after 30 minutes, saying that they do not. Ctrl-C keeps what was
-    sampled; --resume goes on from there, and gives the same draws as a run that was never stopped. --live draws
-    pictures on standard error; elsewhere than on a terminal it changes nothing.
+    sampled; --resume goes on from there, and gives the same draws as a run that was never stopped.
     """
     options = locals()
 
@@ -146,26 +138,12 @@ def sample(
     folder = _folder(logs, output, resume)
     how: dict[str, Any] = {"steps": steps, "seconds": time_budget, "threads": threads, "scheduler": scheduler}
     how |= {"seed": seed, "on_interrupt": "raise"}
-    with _shown(live, folder.name, steps is None and time_budget is None) as watch:
-        how |= {"watch": watch, "progress": watch is None}
-        if resume is not None:
-            run = go_on(folder, asked=asked, logs=logs, **how)
-        else:
-            sources: dict[ReadingKind, Source] = {name: logs[flag] for name, flag in SOURCES.items() if flag in logs}
-            run = draw(sources, config=asked, output=folder, force=force, **how)
+    if resume is not None:
+        run = go_on(folder, asked=asked, logs=logs, **how)
+    else:
+        sources: dict[ReadingKind, Source] = {name: logs[flag] for name, flag in SOURCES.items() if flag in logs}
+        run = draw(sources, config=asked, output=folder, force=force, **how)
     _report(run, folder, json, steps if resume is None else None)
-
-
-@contextmanager
-def _shown(live: bool, name: str, is_limit: bool) -> Iterator[Watch | None]:
-    """Yield what shows the run while it is sampled; None for a bar, or lines in a pipe."""
-    if not live:
-        yield None
-        return
-    from prf.api.live import live_view
-
-    with live_view(name, is_limit) as watch:
-        yield watch
 
 
 def _folder(logs: dict[str, str], output: str | None, resume: str | None) -> Path:

@@ -12,7 +12,6 @@ Threads    ``--threads``            threads to use, 0 = one a core; never change
 Json       ``--json``               the result as one JSON object on standard output
 Presets    ``--preset``             presets of sensors, beneath the settings file
 Assignments ``--set``                any key of the settings, above the file
-Terminal   ``--terminal``           the picture as text on standard output
 ========== ======================== =====================================================
 
 ``-v/--verbose``, ``-q/--quiet``, ``--color`` and ``--no-progress`` are added to every verb (:mod:`prf.shell.flags`), so
@@ -84,9 +83,4 @@ ConfigWhat = Annotated[
 ]
 ConfigFile = Annotated[
     str | None, typer.Argument(metavar="FILE|NAME", help="Settings file, TOML, - is standard input; or a preset.")
-]
-Terminal = Annotated[bool, typer.Option("--terminal", help="Print the picture here, in blocks or characters.")]
-TerminalWidth = Annotated[
-    int | None,
-    typer.Option("--width", metavar="COLUMNS", min=8, max=1000, help="Of the picture in a terminal.  [the terminal's]"),
 ]
