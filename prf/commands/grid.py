@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from prf.commands.options import (
+from prf.commands._options import (
     Config,
     EveryBeam,
     EveryScan,

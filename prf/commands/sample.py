@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from prf.commands.options import (
+from prf.commands._options import (
     Config,
     DrivenPoses,
     DrivenRadius,
