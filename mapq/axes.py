@@ -1,7 +1,7 @@
 """Axes of a map's own: those of its file, turned by quarters about z until its ground plan lies as all plans do.
 
-Which points make a sample, which of them leads a walk, and where cells begin hang on the axes. So a map is cut and
-measured in axes that turn with it; what goes out is in those of the file again. A turn by a quarter swaps and negates
+Which points make a sample, which of them leads a walk, and where cells begin depend on the axes. So a map is cut and
+measured in axes that turn with it; results are in those of the file again. A turn by a quarter swaps and negates
 coordinates, which is exact: maps that differ by one are the same in their own axes to the last bit.
 
 Features are measured in places counted from the corner of the box round all patches: cells of space that begin at the
@@ -23,7 +23,7 @@ from mapq.patches import NO_PATCH, Patches
 TO_SENSOR = ("to_sensor_x", "to_sensor_y", "to_sensor_z")
 """Point fields of the way to the sensor in metres, which turns with the map."""
 QUANTUM = 2.0**-20
-"""Metres: places are summed in whole numbers of it, as sums of these hang neither on the order nor on parts."""
+"""Metres: places are summed in whole numbers of it, as sums of these depend neither on the order nor on parts."""
 FARTHEST = 2.0**23
 """Metres up to which they are; what lies farther off counts as if it lay there."""
 CHUNK = 1 << 18
@@ -79,8 +79,8 @@ class GroundPlan(NamedTuple):
         """Return how many quarters, counter-clockwise from above, lead from the axes of the file to the map's own.
 
         There the mean of the points lies from the middle of their box towards (2, 1), by 45 degrees at most: borders
-        of the choice are no axes of symmetry that things are built with. A mean in the middle tells nothing; then the
-        longer side goes along x, and a half turn, which few such maps would show, is left as it is.
+        of the choice are no axes of symmetry that things are built with. A mean in the middle shows nothing; then the
+        longer side is along x, and a half turn, which few such maps would show, is left as it is.
         """
         if self.n_points == 0:
             return 0

@@ -36,11 +36,11 @@ class PointCloud:
         ``numpy.float32`` or ``numpy.float64``, the type of the coordinates in the file; results are written in
         the same one where it holds them.
     source : str
-        Where the points come from, for messages.
+        Source of the points, for messages.
     unit : (3,) float64
         Metres in a unit of the file, axis by axis: feet, or heights in feet over a grid in metres.
     las_header : bytes
-        Header and records of the LAS file that the points come from, under which a result in LAS is written: scale,
+        Header and records of the LAS file of the points, under which a result in LAS is written: scale,
         offset, reference system. Empty for points of other formats.
     """
 

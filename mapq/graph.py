@@ -52,7 +52,7 @@ class PatchFeatures(NamedTuple):
     n_clipped : int
         Values of the literal reading that were not finite, or too large, and were cut.
     shape : (n_patches, n_shape) float64
-        What people ask of a patch, named by `shape_names`: counts, metres, m², degrees. Not seen by the random field.
+        Measures of a patch for people, named by `shape_names`: counts, metres, m², degrees. The random field has none.
     shape_names : tuple of str
     context_names : tuple of str
         Those of `edge_names` that are context, beyond the paper.

@@ -1,6 +1,6 @@
 """One number for a whole map, as others publish it: mean map entropy and mean plane variance.
 
-They say neither what is wrong nor where; they are here to be compared with.
+They show neither what is wrong nor where; they are here for comparison.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ RADIUS = 0.5
 LEAST = 5
 """Points that a neighbourhood needs, the middle one included."""
 SAMPLE = 20_000
-"""Points that are asked, at most: the error of the mean is then below a hundredth of the spread."""
+"""Points that are sampled, at most: the error of the mean is then below a hundredth of the spread."""
 BATCH = 2_000
 """Points whose neighbours are held at once."""
 
@@ -37,7 +37,7 @@ class MapMetrics(NamedTuple):
     radius : float
         Metres.
     n_points, n_asked, n_used : int
-        Finite points, those that were asked, and those of them with a neighbourhood that counts.
+        Finite points, those that were sampled, and those of them with a neighbourhood that counts.
     """
 
     mean_map_entropy: float
@@ -71,18 +71,18 @@ def map_metrics(cloud: PointCloud, radius: float = RADIUS) -> MapMetrics:
         raise UsageError(f"a radius of {radius:g} m is none. Give one above 0.")
     xyz = cloud.xyz[cloud.finite()]
     xyz = xyz[np.lexsort(xyz.T)]
-    asked = np.unique(np.linspace(0, len(xyz) - 1, min(SAMPLE, len(xyz))).round().astype(np.int64))
+    sampled = np.unique(np.linspace(0, len(xyz) - 1, min(SAMPLE, len(xyz))).round().astype(np.int64))
     tree = KDTree(xyz, balanced_tree=False, compact_nodes=False) if len(xyz) else None
     entropy, variance = [np.zeros(0)], [np.zeros(0)]
-    for first in range(0, len(asked), BATCH):
+    for first in range(0, len(sampled), BATCH):
         assert tree is not None
-        found = tree.query_ball_point(xyz[asked[first : first + BATCH]], radius, return_sorted=True)
+        found = tree.query_ball_point(xyz[sampled[first : first + BATCH]], radius, return_sorted=True)
         values = _neighbourhoods(xyz, found)
         entropy.append(values[:, 0])
         variance.append(values[:, 1])
     h, v = np.concatenate(entropy), np.concatenate(variance)
     means = (float(h.mean()), float(v.mean())) if len(h) else (float("nan"), float("nan"))
-    return MapMetrics(*means, radius, len(xyz), len(asked), len(h))
+    return MapMetrics(*means, radius, len(xyz), len(sampled), len(h))
 
 
 def _neighbourhoods(xyz: NDArray[np.float64], found: NDArray[np.object_]) -> NDArray[np.float64]:

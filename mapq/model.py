@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.kernels.trees import Trees, contributions
+from mapq.kernels.boosted_trees import Trees, contributions
 from prf.shell.errors import InputError
 
 SYMMETRIC, NONE = "symmetric", "none"
@@ -71,7 +71,7 @@ class Columns(NamedTuple):
 
 
 class Potential(NamedTuple):
-    """Trees and the columns they ask for.
+    """Trees and the columns they test.
 
     Attributes
     ----------

@@ -136,7 +136,7 @@ def summarise(
     settings: TrainSettings,
     scores: Scores | None,
 ) -> dict[str, Any]:
-    """Return what the model file says of its training."""
+    """Return what the model file records of its training."""
     process = describe_process()
     inputs = [_input(number, source) for number, source in enumerate(sources)]
     held_out = {

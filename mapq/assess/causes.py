@@ -2,7 +2,7 @@
 
 The heights of points over the patch's plane are analysed as nested groups: visits, scans within a visit, points within
 a scan (Searle, Casella and McCulloch 1992, "Variance Components", chapter 5; Henderson's first method). What only
-parts visits has come about while the sensor was elsewhere; what parts scans of one visit is local.
+parts visits arose while the sensor was elsewhere; what parts scans of one visit is local.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def find_causes(
     ----------
     patches : Patches
     features : PatchFeatures
-        Their pairs tell which patches may be copies of one surface.
+        Their pairs show which patches may be copies of one surface.
     suspicious : (m,) bool
     visits : Visits or None
         None: when points were seen is not known, and so no cause.
@@ -129,7 +129,7 @@ def copies_of(features: PatchFeatures, n_patches: int) -> list[list[int]]:
 
 
 def cause_of(spread: Spread, visits: Visits, apart: Floats) -> Cause:
-    """Return the cause that a spread speaks for, if it is clear.
+    """Return the cause that a spread shows, if it is clear.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def cause_of(spread: Spread, visits: Visits, apart: Floats) -> Cause:
     visits : Visits
     apart : (3,) float64
         Lower bound, value and upper bound of what scans disagree by, metres; nan where that is not known, and the
-        spread alone tells.
+        spread alone counts.
     """
     measures: dict[str, Any] = {
         "between_visits_m": spread.visits,

@@ -1,4 +1,4 @@
-"""What is said of a map point by point, from a result, from patches or from a cloud."""
+"""What is inferred about a map point by point, from a result, from patches or from a cloud."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 
 
 class Judged(NamedTuple):
-    """Points of the patches of a map, with what is said of them.
+    """Points of the patches of a map, with what is inferred about them.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class Judged(NamedTuple):
 
 
 def read_judged(path: str, model: Model | None, options: ReadOptions = AS_IT_IS, cell: float = 1.0) -> Judged:
-    """Return what is said of the map in a RESULT, or what `model` says of PATCHES or of a cloud.
+    """Return what is inferred about the map in a RESULT, or what `model` infers about PATCHES or a cloud.
 
     Of a result in tiles all points of a patch in one cube of `cell` metres count as one.
 
@@ -108,7 +108,7 @@ def _with_error(low: Floats, metres: Floats, high: Floats) -> tuple[Floats, Floa
 
 
 def _judged_folder(folder: ResultFolder, cell: float) -> Judged:
-    """Return what a result in tiles says of its patches, cube by cube."""
+    """Return what a result in tiles has of its patches, cube by cube."""
     coverage, (area, n_points, *apart) = _columns(folder.json, (AREA, "n_points"))
     metres, error = _with_error(*apart)
     per_point = area / np.maximum(n_points, 1.0)
@@ -131,7 +131,7 @@ def _judged_folder(folder: ResultFolder, cell: float) -> Judged:
 def _columns(beside: Path, names: tuple[str, ...]) -> tuple[float, Floats]:
     """Return from the JSON of a result the coverage of the map, and numbers (k + 3, m) of all patches.
 
-    Last come the lower bound, value and upper bound of the disagreement, like the coverage nan where they are not
+    Last are the lower bound, value and upper bound of the disagreement, like the coverage nan where they are not
     known; those of earlier releases have none.
     """
     head, rows = read_result_json(beside)

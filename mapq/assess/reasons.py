@@ -19,7 +19,7 @@ MEASURES = {
     "inverse_mse": ("rms_m", "its points lie %.3g m off their plane (rms)"),
     "inverse_up_cosine": ("tilt_deg", "%.3g degrees from vertical"),
 }
-"""Node feature to the shape measure that says the same to people, and how to say it."""
+"""Node feature to the shape measure of the same meaning for people, and its words."""
 
 CONFLICTS = "sum_of_conflicts"
 """Column of the trees: W (A + R) of all pairs of a patch."""
@@ -32,7 +32,7 @@ GROUPS = {
 }
 """Node features that are one reason, to the one it is named by."""
 AGREE = 0.05
-"""Metres up to which scans are said to agree."""
+"""Metres up to which scans are reported to agree."""
 
 PARALLEL_DEG = 5.0
 """Planes that part by less are called parallel: so much two passes over one wall are turned against each other."""
@@ -44,7 +44,7 @@ PAIR_SHARES = ("overlap", "crossing")
 
 
 class Reason(NamedTuple):
-    """What speaks for a patch's label.
+    """A reason for a patch's label.
 
     Attributes
     ----------
@@ -140,7 +140,7 @@ class Reasons:
 
 
 def group_words(group: str, values: dict[str, float]) -> str:
-    """Return what several node features of a patch say together, given all of its node features by name."""
+    """Return the reason that several node features of a patch give together, given all of its node features by name."""
     if group == "disagreement":
         if not np.isfinite(values["disagreement"]):
             return "no two scans are known to have seen it"
@@ -172,7 +172,7 @@ def pair_words(values: dict[str, float], other: int) -> str:
 
 
 def context_words(values: dict[str, float]) -> str:
-    """Return what context says of a pair that lies over one another, given its edge features; it may be nothing."""
+    """Return the reason that context gives for a pair that lies over one another, by its edge features; or nothing."""
     if values.get("facing_away", 0.0) > 0.5 * values["weight"] * values["overlap"]:
         return ", seen from opposite sides: two faces of one wall"
     return ""

@@ -1,4 +1,4 @@
-"""Regions of a map: suspicious patches that hang together, with extent and severity."""
+"""Regions of a map: connected suspicious patches, with extent and severity."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mapq.graph import PatchFeatures
 from mapq.patches import Patches
 
 CONFLICT = 0.05
-"""Overlap from which a pair's distance says by how much a region is displaced."""
+"""Overlap from which a pair's distance shows by how much a region is displaced."""
 
 
 class Region(NamedTuple):
@@ -26,7 +26,7 @@ class Region(NamedTuple):
     n_points : int
     area, severity : float
         In m²: area of the patches, and the area among it that is expected to be wrong, the sum of area times
-        p_suspicious. Without areas the points stand for them.
+        p_suspicious. Without areas points are used instead.
     low, high, centre : (3,) float64
         Box of the points and their mean, in world coordinates, metres.
     displacement : float
@@ -79,7 +79,7 @@ def find_regions(
         Neighbours are those of the random field.
     suspicious : (m,) bool
     probability, area : (m,) float
-        Areas may be nan: then points stand for them.
+        Areas may be nan: then points are used instead.
     """
     size = area if np.isfinite(area).all() else patches.counts.astype(np.float64)
     inside = np.flatnonzero(suspicious[features.pairs].all(axis=1))

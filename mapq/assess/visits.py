@@ -65,14 +65,14 @@ class Visits(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """Which fields tell when and from where points were seen; decided once for a map.
+    """Which fields record when and from where points were seen; decided once for a map.
 
     Attributes
     ----------
     unit : str
         What moments are, as of :class:`Visits`.
     field : str
-        By which they are told.
+        That holds them.
     start : float
         Its least value.
     times : str or None
@@ -159,7 +159,7 @@ def visits_of(cloud: PointCloud) -> Visits | None:
 
 
 def to_sensor_of(cloud: PointCloud, clock: Clock) -> Floats | None:
-    """Return the way from each point to its sensor (n, 3) in metres; None where the cloud does not say."""
+    """Return the way from each point to its sensor (n, 3) in metres; None where the cloud does not record it."""
     if not clock.has_sensor:
         return None
     return np.column_stack([np.asarray(cloud.fields[name], np.float64) for name in TO_SENSOR])
@@ -242,7 +242,7 @@ def _middle(values: Floats) -> float:
 def _first_away(place: Floats) -> Ints:
     """Return for each place (k, 3) the first later one that is `AWAY` from it; k where none is."""
     found = np.full(len(place), len(place), np.int64)
-    # The box of all later places tells at once that nothing lies so far off, as where a sensor stands.
+    # The box of all later places shows at once that nothing lies so far off, as where a sensor does not move.
     low, high = (each.accumulate(place[::-1])[::-1] for each in (np.minimum, np.maximum))
     for start in np.flatnonzero(np.linalg.norm(np.maximum(place - low, high - place), axis=1) > AWAY):
         for begin in range(start + 1, len(place), CHUNK):

@@ -130,7 +130,7 @@ def fit_isotonic(difference: Floats, y: Floats) -> Calibration:
 def _groups(difference: Floats, y: Floats) -> list[NDArray[np.int64]]:
     """Return which patches (n,) are of like difference, in groups of about one size, ascending.
 
-    More patches of one difference than a group has stay together: what hangs together by coupling has one difference,
+    More patches of one difference than a group has stay together: what is coupled has one difference,
     and parted by its labels it would be sure of either.
     """
     n_groups = max(1, min(GROUPS, len(y) // SMALLEST_GROUP))
@@ -152,9 +152,9 @@ FITS: Mapping[str, Callable[[Floats, Floats], Calibration]] = MappingProxyType(
 
 
 def _targets(y: Floats) -> Floats:
-    """Return the probabilities (n,) that labels stand for: (n + 1) / (n + 2) for n patches of a label (Platt 1999).
+    """Return the probabilities (n,) that labels mean: (n + 1) / (n + 2) for n patches of a label (Platt 1999).
 
-    Patches that are all right would ask for an infinite slope otherwise.
+    Patches that are all right would need an infinite slope otherwise.
     """
     n_suspicious, n_plausible = np.count_nonzero(y > 0.0), np.count_nonzero(y < 0.0)
     return np.where(y > 0.0, (n_suspicious + 1.0) / (n_suspicious + 2.0), 1.0 / (n_plausible + 2.0))

@@ -1,7 +1,7 @@
-"""Potentials of patches by boosted trees: what speaks for an error, of all that is measured on a patch and its pairs.
+"""Potentials of patches by boosted trees: evidence for an error, of all that is measured on a patch and its pairs.
 
-A pair speaks to each of its patches through the pair that is in the worst conflict. The trees' log-odds are one more
-node feature, `EVIDENCE`, which the random field weighs against the labels of neighbours.
+Pairs are evidence for each of their patches through the pair that is in the worst conflict. The trees' log-odds are one
+more node feature, `EVIDENCE`, which the random field weighs against the labels of neighbours.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ OVER, ACROSS = "worst_overlap", "worst_crossing"
 SHARES = ("partly_covered", "unlike_height", "facing_away")
 """Of the pair with the largest weighted overlap, in times this, which they contain."""
 LEFT_OUT = ("tilt",)
-"""Node features that say nothing of an error: of walls of other places something else would be learnt."""
+"""Node features that are no evidence of an error: of walls of other places something else would be learnt."""
 RISING = {
     **dict.fromkeys(("disagreement", "disagreement_low", "disagreement_high"), 1),
     **dict.fromkeys(("fit", "thickness"), -1),

@@ -16,12 +16,12 @@ from mapq.crf.energy import (
 )
 from mapq.crf.evidence import columns_of
 from mapq.graph import PatchFeatures
-from mapq.kernels.trees import contributions
+from mapq.kernels.boosted_trees import contributions
 from mapq.model import NONE, Model
 from mapq.patches import SUSPICIOUS
 
 BASE = "base"
-"""The bias of nodes: what is said of a patch of which nothing is known."""
+"""The bias of nodes: the log-odds of a patch of which nothing is known."""
 NEIGHBOUR_LABEL = "neighbour label"
 """The coupling with a neighbour, which pulls towards its label."""
 
@@ -31,7 +31,7 @@ NO_OTHER = -1
 class Terms(NamedTuple):
     """Terms of the log-odds of patches being suspicious, given the labels of their neighbours.
 
-    In nats; positive speaks for suspicious. The terms of a patch sum to ``log P(suspicious) - log P(plausible)`` in the
+    In nats; positive means suspicious. The terms of a patch sum to ``log P(suspicious) - log P(plausible)`` in the
     random field given its neighbours' labels, which is twice the sum of its scores.
 
     Attributes

@@ -8,19 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.crf.evidence import RISING
-from mapq.kernels.trees import LEAF, Trees, contributions
+from mapq.kernels.boosted_trees import LEAF, Trees, contributions
 from mapq.model import Columns, Potential
 
 N_TREES, LEARNING_RATE, N_LEAVES, LEAST_ROWS, RIDGE = 100, 0.06, 6, 60, 5.0
-"""Small trees that learn slowly: maps to come are of other places and sensors."""
+"""Small trees that learn slowly: later maps are of other places and sensors."""
 SAME = 1e-9
-"""Nats: what scikit-learn and this package may say differently of one patch, for rounding."""
+"""Nats: by which scikit-learn and this package may differ for one patch, by rounding."""
 
 Floats = NDArray[np.float64]
 
 
 def grow(columns: Sequence[Columns], labels: Sequence[Floats], weights: Sequence[Floats]) -> Potential:
-    """Return the trees that tell suspicious patches from plausible ones.
+    """Return the trees that separate suspicious patches from plausible ones.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def grow(columns: Sequence[Columns], labels: Sequence[Floats], weights: Sequence
     known = [label != 0.0 for label in labels]
     x = np.vstack([each.values[mask] for each, mask in zip(columns, known, strict=True)])
     y = np.concatenate([label[mask] > 0.0 for label, mask in zip(labels, known, strict=True)])
-    # A column of which nothing is known cannot be binned; without a split it says nothing either.
+    # A column of which nothing is known cannot be binned; without a split it has no effect either.
     x[:, np.isnan(x).all(axis=0)] = 0.0
     weight = np.concatenate([each[mask] for each, mask in zip(weights, known, strict=True)])
     booster = HistGradientBoostingClassifier(
@@ -53,8 +53,8 @@ def grow(columns: Sequence[Columns], labels: Sequence[Floats], weights: Sequence
     booster.fit(x, y, sample_weight=weight)
     trees = _trees_of([stage[0].nodes for stage in booster._predictors])
     found = Potential(names, trees, float(np.ravel(booster._baseline_prediction)[0]))
-    said = found.base + contributions(trees, np.ascontiguousarray(x)).sum(axis=1)
-    if not np.allclose(said, booster.decision_function(x), rtol=SAME, atol=SAME):
+    log_odds = found.base + contributions(trees, np.ascontiguousarray(x)).sum(axis=1)
+    if not np.allclose(log_odds, booster.decision_function(x), rtol=SAME, atol=SAME):
         raise RuntimeError("this scikit-learn keeps its trees in another form than mapq reads")
     return found
 
@@ -67,7 +67,7 @@ def _trees_of(parts: Sequence[NDArray[np.void]]) -> Trees:
     leaf, begin = nodes["is_leaf"].astype(bool), np.repeat(root, sizes)
     left, right = (np.where(leaf, 0, nodes[name].astype(np.int64) + begin) for name in ("left", "right"))
     value, count = np.where(leaf, nodes["value"], 0.0), nodes["count"].astype(np.float64)
-    # Children come after their parents, so that going backwards their means are there.
+    # Children are after their parents, so that backwards their means are known.
     for node in np.flatnonzero(~leaf)[::-1]:
         a, b = left[node], right[node]
         value[node] = (count[a] * value[a] + count[b] * value[b]) / (count[a] + count[b])

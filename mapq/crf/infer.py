@@ -33,7 +33,7 @@ class Cut(NamedTuple):
         `SUSPICIOUS` or `PLAUSIBLE`. Of several best labellings the one with most suspicious patches, which is unique.
     difference : (m,) float64
         Best score with the patch suspicious minus best score with it plausible (in nats, the difference of
-        min-marginals); >= 0 exactly where the label is `SUSPICIOUS`. nan where it was not asked for.
+        min-marginals); >= 0 exactly where the label is `SUSPICIOUS`. nan where it was not wanted.
     """
 
     label: NDArray[np.uint8]

@@ -79,7 +79,7 @@ def fit(problem: Problem) -> NDArray[np.float64]:
         If only one label occurs: the bias would be infinite.
     """
     if len(np.unique(problem.y)) < 2:
-        raise InputError("patches of one label only cannot be told from others. Label patches of both kinds.")
+        raise InputError("patches of one label only cannot be separated from others. Label patches of both kinds.")
     best, best_value = np.zeros(problem.design.shape[1]), np.inf
     for n_zero in range(len(problem.bounded) + 1):
         for zero in combinations(problem.bounded, n_zero):

@@ -1,4 +1,4 @@
-"""Regions of a map, and folds of regions: neighbours must not stand on both sides of a cross-validation."""
+"""Regions of a map, and folds of regions: neighbours must not be on both sides of a cross-validation."""
 
 from __future__ import annotations
 

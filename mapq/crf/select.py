@@ -50,7 +50,7 @@ FALLBACK = Strength(1.0, 30.0)
 
 
 class HeldOut(NamedTuple):
-    """What models said of patches on which they were not trained.
+    """What models infer about patches on which they were not trained.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
 
     Each fold leaves out whole regions: their labels are hidden, the rest trains, and a graph cut labels them with no
     label given, as it will on a new map. Of the strengths whose held-out log-loss is within a standard error of the
-    least, the one with the least coupling is taken. The calibration is fitted to what its models said of their folds.
+    least, the one with the least coupling is taken. The calibration is fitted to what its models infer for their folds.
     The scaling is that of all patches: it sees no label.
 
     Raises
@@ -166,7 +166,7 @@ def with_trees(
 ) -> tuple[list[TrainingMap], list[list[NDArray[np.bool_]]], Potential]:
     """Return the maps with the evidence of trees that did not see the fold of a patch, their folds, and the trees.
 
-    Trees say of their own training patches what they have learnt by heart: the field would swallow it whole. Each map
+    Trees overfit their own training patches, and the field would trust them too much. Each map
     whose scans are known counts twice, the second time as if they were not: most maps are of that kind.
     """
     bare = [without_scans(each) for each in columns]
@@ -184,11 +184,11 @@ def with_trees(
         for found, hidden, each in zip(evidence, mask, seen, strict=True):
             if hidden.any():
                 found[hidden] = outside.log_odds(each)[hidden]
-    told = [
+    features = [
         maps[number]._replace(features=add_evidence(maps[number].features, found))
         for number, found in zip(sources, evidence, strict=True)
     ]
-    return told, masks, potential
+    return features, masks, potential
 
 
 def _same(one: Columns, other: Columns) -> bool:
@@ -270,7 +270,7 @@ def _try(
     settings: TrainSettings,
     strength: Strength,
 ) -> _Trial:
-    """Return what models trained without each fold say of it."""
+    """Return what models trained without each fold infer about it."""
     y, found, differences, numbers = [], [], [], []
     for number, held_out in enumerate(folds):
         visible = [np.where(mask, UNLABELLED, label) for mask, label in zip(held_out, labels, strict=True)]

@@ -81,7 +81,7 @@ class TrainSettings:
     objective: str = PL
 
     def __post_init__(self) -> None:
-        """Refuse values that nothing, or something else than was asked for, would be trained with.
+        """Refuse values that nothing, or something else than was given, would be trained with.
 
         Raises
         ------
@@ -137,7 +137,7 @@ class Prepared(NamedTuple):
 
 
 def prepare(maps: Sequence[TrainingMap], settings: TrainSettings) -> Prepared:
-    """Return the standardisation that all patches of the maps ask for, labelled or not, and the maps in it.
+    """Return the standardisation of all patches of the maps, labelled or not, and the maps in it.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def make_problem(
 def fit_weights(
     prepared: Prepared, labels: Sequence[NDArray[np.uint8]], settings: TrainSettings, strength: Strength
 ) -> NDArray[np.float64]:
-    """Return the weights that the objective asks for, regularised, in the order of the model's parameter names."""
+    """Return the weights of least objective, regularised, in the order of the model's parameter names."""
     if settings.objective == MAX_MARGIN:
         weights = margin_weights(prepared, labels, settings, strength)
     else:

@@ -39,7 +39,7 @@ def patch_features(
     patches : Patches
     settings : FeatureSettings
     progress : Reporter
-        Told the steps done, of `N_STEPS`.
+        Receives the steps done, of `N_STEPS`.
 
     Notes
     -----

@@ -1,6 +1,6 @@
 """Context of pairs and patches beyond the paper: what looks like an error of the map, and is none.
 
-Each group can be left out (`FeatureSettings.context`). What a map does not tell (passes, sensors) is 0 in its column,
+Each group can be left out (`FeatureSettings.context`). What a map does not record (passes, sensors) is 0 in its column,
 neither for nor against; what scans disagree by is nan there. Columns of pairs are conflicts, W A, times something
 between 0 and 1 or -1 and 1: a pair without a conflict has nothing to be explained.
 """
@@ -146,7 +146,7 @@ def facing_away(pairs: _Pairs, side: Floats) -> Floats:
 
     f is the share of pairs of points, one of each, of which this holds; 0 where it is not known from where either was
     seen. Both faces of a wall face away from each other; copies of a wall were seen from one side. Which side (m,) the
-    sensors stood on is given as +1 to -1, towards the normal and behind it, nan where that is not known. How
+    sensors were on is given as +1 to -1, towards the normal and behind it, nan where that is not known. How
     they lie to one another is taken at the middle of the smaller one, which the larger one is over.
     """
     shapes, (small, large) = pairs.shapes, pairs.ordered.T

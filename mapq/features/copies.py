@@ -1,8 +1,9 @@
 """Copies of surfaces by points alone: second layers over a patch, and the small motion that explains a neighbourhood's.
 
-Without scans, times or rays nothing says when a point was seen. What is left is geometry: whether a thin layer covers a
-patch at some distance, and whether one motion explains the layers of many patches about it. Lengths are in tolerances,
-what noise explains, and covers in cells as large as the patch's own points ask for, so that density does not matter.
+Without scans, times or rays it is unknown when a point was seen. Geometry is left: whether a thin layer covers
+a patch at some distance, and whether one motion explains the layers of many patches about it. Lengths are in
+tolerances: what noise explains, and covers in cells as large as the patch's own points need, so that density does not
+matter.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes, horizontal_directions
 from mapq.features.voxels import FARTHEST
 from mapq.kernels.copies import layers_over, self_shifts
-from mapq.kernels.nearby import Nearby
+from mapq.kernels.voxels import Nearby
 
 COLUMNS = {
     "copy_cover": 1,
@@ -45,7 +46,7 @@ Ints = NDArray[np.int64]
 
 
 def copy_columns(nearby: Nearby, shapes: PatchShapes, settings: FeatureSettings) -> dict[str, Floats]:
-    """Return what points alone say about copies of each patch, each (m,), by the names of `COLUMNS`; nan: nothing.
+    """Return what points alone show about copies of each patch, each (m,), by the names of `COLUMNS`; nan: nothing.
 
     Parameters
     ----------
@@ -60,7 +61,7 @@ def copy_columns(nearby: Nearby, shapes: PatchShapes, settings: FeatureSettings)
     it has points (cover), that over the one of as many points strewn at random (even), log of its points per point of
     the patch (density). `near`: their means over the patches about, weighted by the root of their area. `shift`: of the
     horizontal motion that moves patches about onto layers best, the covered share (support), its length in metres, how
-    far it goes along the normal of this very patch, in tolerances (along), and support times that, at most 4, over 4
+    far it moves along the normal of this very patch, in tolerances (along), and support times that, at most 4, over 4
     (here).
     """
     step = 0.5 * shapes.tolerance(settings)
@@ -76,7 +77,7 @@ def copy_columns(nearby: Nearby, shapes: PatchShapes, settings: FeatureSettings)
 
 
 def _second_layer(cover: Floats, count: Floats, n_cells: Floats, n_own: Ints) -> dict[str, Floats]:
-    """Return what the layer says that covers most of each patch; of equal ones the one with most points."""
+    """Return the measures of the layer that covers most of each patch; of equal ones the one with most points."""
     place = np.arange(cover.shape[1]) - cover.shape[1] // 2
     best = np.where(np.abs(place) >= 2 * NEAREST, cover + 1e-6 * np.log1p(count), -1.0).argmax(axis=1)
     rows = np.arange(len(cover))

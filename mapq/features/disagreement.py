@@ -1,7 +1,7 @@
 """How far scans that see a surface lie off each other along its normal, in metres and with bounds.
 
-Each scan's layers over the planes of patches say where it has their surfaces. Within some twenty metres scans are taken
-for rigid: the motions that make their layers agree are found by a search and robust least squares, all surfaces of the
+Each scan's layers over the planes of patches show where it has their surfaces. Within some twenty metres scans count
+as rigid: the motions that make their layers agree are found by a search and robust least squares, all surfaces of the
 neighbourhood together. What these motions part along a patch's normal, of the scans that see it, is its disagreement.
 """
 
@@ -19,9 +19,9 @@ from threadpoolctl import threadpool_limits
 from mapq.features.provenance import Moments
 from mapq.features.shape import PatchShapes
 from mapq.features.voxels import FARTHEST
-from mapq.kernels.alignment import fit_motions, match_scans, ranges_of_cells
-from mapq.kernels.nearby import Nearby
-from mapq.kernels.sightings import CELL_SPACINGS, LARGEST_CELL, SMALLEST_CELL, Motions, find_layers, find_sightings
+from mapq.kernels.scan_layers import CELL_SPACINGS, LARGEST_CELL, SMALLEST_CELL, Motions, find_layers, find_sightings
+from mapq.kernels.scan_motions import fit_motions, match_scans, ranges_of_cells
+from mapq.kernels.voxels import Nearby
 from mapq.patches import Patches
 
 LONGEST_SHIFT = 1.2
@@ -195,7 +195,7 @@ class Fit(NamedTuple):
 
 
 def fit(shapes: PatchShapes, sightings: Floats, rows: Ints, window: Window, motions: Motions) -> Fit:
-    """Return the motions that sightings (rows) of a window ask for, beginning with those it has."""
+    """Return the motions that sightings (rows) of a window imply, beginning with those it has."""
     rows = rows[np.isin(sightings[rows, MOMENT], window.scans)]
     if not len(rows):
         return Fit(window, np.zeros((0, 0)), rows, rows, np.zeros((0, 6)))
@@ -263,7 +263,7 @@ def _judge(found: Disagreement, shapes: PatchShapes, sightings: Floats, fitted: 
 def _sum_up(found: Disagreement, patch: int, ranges: list[Floats], weight: Floats) -> None:
     """Write the disagreement of a patch: medians of its cells, by their points (c,), less what noise makes.
 
-    The bounds take in how sure the motions are, and that one may ask more or less of a scan that sees a cell.
+    The bounds take in how sure the motions are, and that one may require more or less of a scan that sees a cell.
     """
     (low, low_error), (metres, error), (high, high_error) = (_median(each, weight) for each in ranges)
     seen = ranges[1][:, 2] >= 2

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes
 from mapq.graph import PatchGraph
-from mapq.kernels.cover import overlaps
 from mapq.kernels.crossing import crossings
+from mapq.kernels.overlap import overlaps
 
 EDGE_NAMES = ("separation", "weight", "overlap", "crossing", "angle_deg", "offset", "overlap_area")
 
@@ -22,7 +22,7 @@ def edge_features(shapes: PatchShapes, graph: PatchGraph, settings: FeatureSetti
     separation (equation 9): distance of the closest points less the spacing of points, not below 0, in metres.
     weight (equation 10): W = exp(-separation / tau).
     overlap (equation 11): A, the area of either that the other covers at an offset beyond the tolerance, over the area
-    of the smaller one; see :func:`mapq.kernels.cover.overlaps`.
+    of the smaller one; see :func:`mapq.kernels.overlap.overlaps`.
     crossing (equation 12): R, how centrally they cross; see :func:`mapq.kernels.crossing.crossings`.
     angle_deg, offset, overlap_area: acute angle of the planes in degrees, median distance of the planes over the shared
     area in metres, and that area in m².

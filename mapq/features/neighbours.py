@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes
 from mapq.graph import PatchGraph
-from mapq.kernels.closest import closest_patches, near_boxes
+from mapq.kernels.box_trees import closest_patches, near_boxes
 
 MOST_PAIRS = 1_000_000
 """Pairs of boxes that are looked at in one go: 16 bytes each, and as much again for what is measured."""
@@ -23,7 +23,7 @@ def find_neighbours(shapes: PatchShapes, settings: FeatureSettings, own: NDArray
     "The four closest plane patches to the current plane patch with respect to euclidean distance within a radius of s
     meters", by closest points and not by centroids; that of two patches one has the other among its closest is enough.
     Equally close ones are taken largest first, then by their place. In the safe reading those watched for conflicts
-    are returned as well, which only measuring them can tell.
+    are returned as well, which only measuring them can show.
     """
     n_watched = settings.n_watched if settings.reading == "safe" else 0
     pairs, distance, middle = measure_candidates(shapes, settings, max(settings.n_neighbours, n_watched))

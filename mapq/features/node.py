@@ -10,7 +10,7 @@ from mapq.features.shape import PatchShapes
 
 NODE_NAMES = ("fit", "tilt", "thickness")
 SHAPE_NAMES = ("n_points", "rms_m", "thickness_m", "area_m2", "width_m", "height_m", "tilt_deg")
-"""What people ask of a patch: a count, metres, m², and degrees."""
+"""Measures of a patch for people: a count, metres, m², and degrees."""
 
 
 def node_features(shapes: PatchShapes, settings: FeatureSettings) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Where and when the points of a map were seen, as far as its fields say so."""
+"""Where and when the points of a map were seen, as far as its fields record it."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Span(NamedTuple):
 
 
 class Known(NamedTuple):
-    """Which fields say where and when the points of a map were seen; decided once for a map.
+    """Which fields record where and when the points of a map were seen; decided once for a map.
 
     Attributes
     ----------
@@ -100,8 +100,8 @@ def span_of(cloud: PointCloud, name: str, number: NDArray[np.int64]) -> Span | N
 def decide(spans: Mapping[str, Span]) -> Known:
     """Return which fields count, of those whose spans over a whole map are given.
 
-    Moments are scans, else times, else passes. One scan sees all that it sees at once, but a pass may come by twice, so
-    a single pass says nothing.
+    Moments are scans, else times, else passes. A scan sees all that it sees at once, but a pass may see a place twice,
+    so a single pass shows nothing.
     """
     moment, start = None, 0.0
     scan, time = spans.get(SCAN, Span()), spans.get(TIME, Span())

@@ -12,10 +12,10 @@ Reading = Literal["safe", "literal"]
 """How equations 6 to 13 are read: bounded and in metres, or as printed."""
 
 CONTEXTS = ("outlines", "moments", "rays", "copies")
-"""Groups of context features, beyond the paper; moments and rays need fields that say when or from where."""
+"""Groups of context features, beyond the paper; moments and rays need fields of times or sensors."""
 
 TOLERANCE_IN_NOISE = 3.3
-"""Standard deviations: surfaces closer than this cannot be told from one rough surface."""
+"""Standard deviations: surfaces closer than this cannot be distinguished from one rough surface."""
 
 MOST_NEIGHBOURS = 10_000
 LONGEST = 1e6

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.features.settings import FeatureSettings
-from mapq.kernels.boxes import Trees, make_boxes
-from mapq.kernels.frames import Planes
-from mapq.kernels.occupied import occupied_areas, occupied_cells
-from mapq.kernels.order import medians, spans
+from mapq.kernels.box_trees import Trees, make_boxes
+from mapq.kernels.occupied_area import occupied_areas, occupied_cells
+from mapq.kernels.order_statistics import medians, spans
+from mapq.kernels.planes import Planes
 from mapq.kernels.sheets import Sheets, count_sheet_cells, fill_sheets
 from mapq.patches import Patches
 from prf.shell.errors import InputError
@@ -203,7 +203,7 @@ def up_direction(patches: Patches, settings: FeatureSettings) -> Floats:
 def ordered_points(patches: Patches) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Return the finite points (k,) of all patches, the patch (k,) of each, and where (m + 1,) each patch begins.
 
-    Points are told by their number in the cloud. Patch after patch, along a space-filling curve, ties by coordinates:
+    Points are given by their number in the cloud. Patch after patch, along a space-filling curve, ties by coordinates:
     the order follows from the points alone.
     """
     kept = np.flatnonzero((patches.patch >= 0) & patches.cloud.finite())

@@ -80,7 +80,7 @@ class Table(NamedTuple):
 
 
 def node_table(features: PatchFeatures) -> Table:
-    """Return a row a patch: its number, what people ask of it, its node features."""
+    """Return a row a patch: its number, what people need, its node features."""
     count = features.shape[:, 0].astype(np.int64)
     numbers = np.arange(len(features.node))
     names = ("patch", *features.shape_names, *features.node_names)

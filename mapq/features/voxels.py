@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.kernels.nearby import Nearby
-from mapq.kernels.voxels import fill_table, voxel_keys
+from mapq.kernels.voxels import Nearby, fill_table, voxel_keys
 from mapq.patches import Patches
 
 FARTHEST = 1.5

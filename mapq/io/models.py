@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.io.content import damage_in_one_line
-from mapq.kernels.trees import LEAF, Trees
+from mapq.kernels.boosted_trees import LEAF, Trees
 from mapq.model import (
     CALIBRATIONS,
     EDGE_MODELS,

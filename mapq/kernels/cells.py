@@ -67,7 +67,7 @@ def number_cells(xyz: NDArray[np.float64], low: NDArray[np.float64], side: float
 def first_levels(code: NDArray[np.uint64]) -> NDArray[np.int8]:
     """Return for each point (n,) of a sorted curve the coarsest level at which it begins a cell.
 
-    22 where the finest cell of the point before it goes on. The points that begin a cell of level l are those with a
+    22 where the finest cell of the point before it continues. The points that begin a cell of level l are those with a
     value of at most l: one a cell, the same for every order in which the points came.
     """
     first = np.zeros(len(code), np.int8)

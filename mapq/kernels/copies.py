@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.kernels._jit import jit, part
-from mapq.kernels.frames import Planes, dot_from
-from mapq.kernels.nearby import Nearby, cell_over, voxels_about
+from mapq.kernels.planes import Planes, dot_from
 from mapq.kernels.sheets import Sheets
-from mapq.kernels.voxels import EMPTY
+from mapq.kernels.voxels import EMPTY, Nearby, cell_over, voxels_about
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -101,7 +100,7 @@ def self_shifts(
     profile : (m, n) float64
         How much of a patch is covered at each distance from its plane, a `step` apart from 0, whichever side.
     motion : (k, 2) float64
-        Motions that are tried, the shortest first, in the frame of the patch asked about: along its normal, across.
+        Motions that are tried, the shortest first, in the frame of the patch in question: along its normal, across.
     flat : (m, 2) float64
         Horizontal normals; of patches that are not upright, any direction.
     weight : (m,) float64
@@ -113,9 +112,9 @@ def self_shifts(
 
     Notes
     -----
-    Columns: support of the best motion, its length, and how far it goes along the patch's normal, in metres; nan where
+    Columns: support of the best motion, its length, and how far it moves along the patch's normal, in metres; nan where
     no patch about is upright. Of the weight of what it moves along its normal, support is the covered share, with
-    `DOUBT` of all as what is moved and not covered: few patches that it moves say little.
+    `DOUBT` of all as what is moved and not covered: few patches that it moves are little evidence.
     """
     out = np.full((len(weight), 3), np.nan)
     explained, moved = np.zeros(len(motion)), np.zeros(len(motion))

@@ -6,15 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.kernels._jit import jit, part
-from mapq.kernels.boxes import Trees
-from mapq.kernels.frames import Planes, cross, dot, dot_from, normalise
-from mapq.kernels.order import quantile
+from mapq.kernels.box_trees import Trees
+from mapq.kernels.order_statistics import quantile
+from mapq.kernels.planes import Planes, cross, dot, dot_from, normalise
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 LOW, HIGH = 0.02, 0.98
-"""Quantiles that stand for the edges of a patch: growing regions leave a few points beyond them."""
+"""Quantiles taken for the edges of a patch: growing regions leave a few points beyond them."""
 PARALLEL = 1e-6
 """Sine below which there is no line of intersection in float64; noise ends the crossing long before."""
 STEP = 4.0
@@ -22,7 +22,7 @@ STEP = 4.0
 BESIDE = 3.0
 """Spacings, beyond twice the slack, up to which points lie beside the line."""
 STEEP = 0.17
-"""Sine, of 10 degrees, from which openings count in full: at less, what lies beside the line is too far off to tell."""
+"""Sine, of 10 degrees, from which openings count in full: at less, what lies beside the line is too far off to show."""
 DENSE = 0.15
 """Share of the points that a patch has elsewhere from which it has points beside the line."""
 

@@ -2,7 +2,7 @@
 
 The octree is walked cell by cell down to leaves of a few points. The points of a leaf share the search: whatever
 lies in the 27 cells round the leaf is a candidate for each of them. Who finds fewer than k candidates nearer than the
-border of that block goes on alone in the block of the leaf's parent, and in the end down the whole tree.
+border of that block continues alone in the block of the leaf's parent, and in the end down the whole tree.
 """
 
 from __future__ import annotations
@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.kernels._jit import jit, part
-from mapq.kernels.blocks import count_block, divide, gather_block, order_block, split
+from mapq.kernels.block_search import count_block, divide, gather_block, insert, order_block, scan, split
 from mapq.kernels.cells import LEVELS, gather_bits
-from mapq.kernels.nearest import insert, scan
 
 LEAF = 20
 """A cell with more points is divided. At k = 16 the time differs by a tenth from 16 to 26."""
@@ -156,7 +155,7 @@ def search_leaf(
     max_gap: float,
     neighbours: NDArray[np.int32],
 ) -> int:
-    """Search for the points of the leaf that `octants` tells; return how many need the whole tree.
+    """Search for the points of the leaf that `octants` leads to; return how many need the whole tree.
 
     The k nearest of the point before, and it, are k others within its radius plus the way to it: a bound to start from.
     `last` has that point and its radius.
@@ -219,10 +218,10 @@ def find_neighbours(
     max_gap: float,
     neighbours: NDArray[np.int32],
 ) -> None:
-    """Write the k nearest other points of each point that is asked for, nearest first, none beyond `max_gap`.
+    """Write the k nearest other points of each point that is wanted, nearest first, none beyond `max_gap`.
 
-    ``before[i]`` counts the points asked for before point i (n + 1 numbers), which is the row of the result. Points at
-    equal distance come in the order of their numbers; -1 fills up. `code` is sorted; `frame` is the corner of the root
+    ``before[i]`` counts the points wanted before point i (n + 1 numbers), which is the row of the result. Points at
+    equal distance are in the order of their numbers; -1 fills up. `code` is sorted; `frame` is the corner of the root
     and its side.
     """
     runs, near = np.empty((27, 2), np.int64), np.empty((3, CROWD))

@@ -1,11 +1,16 @@
-"""Normals of points from their neighbours, and how flat the neighbourhood is."""
+"""Normals of points from their neighbours, and planes through points that not all of their neighbours lie on.
+
+Robust planes are for places beside a crossing, or between two copies of a wall. Candidates are the planes through the
+point and two of its neighbours, taken by a fixed pattern; the best is fitted again to the points that lie near it. No
+random numbers, so that a point's plane depends on nothing but its neighbours.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.kernels._jit import jit
+from mapq.kernels._jit import jit, part
 from mapq.kernels.planes import MOMENTS, add_moments, fit_plane
 
 
@@ -40,3 +45,329 @@ def estimate_normals(
         for axis in range(3):
             normal[s, axis] = plane[axis]
             spread[s, axis] = variance[axis]
+
+
+REFITS = 2
+CLEAN_SHARE = 0.9
+"""Score by point, about 1.7 where all lie on the plane, from which on a clean neighbour's plane is taken."""
+NARROW = 0.25
+"""Squared sine of the angle at the point below which two neighbours determine a plane too badly (30 degrees)."""
+
+
+@part
+def local_points(xyz: NDArray[np.float64], i: int, neighbours: NDArray[np.int32], local: NDArray[np.float64]) -> int:
+    """Copy a point and its neighbours relative to the point; return how many."""
+    local[:, 0] = 0.0
+    n_local = 1
+    for j in neighbours:
+        if j < 0:
+            break
+        for axis in range(3):
+            local[axis, n_local] = xyz[j, axis] - xyz[i, axis]
+        n_local += 1
+    return n_local
+
+
+@part
+def keep(plane: NDArray[np.float64], best: NDArray[np.float64]) -> None:
+    """Copy a plane; number by number, as numba compiles that in a tenth of the time of a slice."""
+    for c in range(4):
+        best[c] = plane[c]
+
+
+@part
+def widen(
+    i: int,
+    neighbours: NDArray[np.int32],
+    size: int,
+    stamp: NDArray[np.int32],
+    wide: NDArray[np.int32],
+    n_inner: int,
+) -> int:
+    """List the neighbours of point i and then theirs, each once, the farthest neighbours' first; return how many.
+
+    ``stamp[j]`` is i for what is listed: no search whether a point is.
+    """
+    n_wide = 0
+    stamp[i] = i
+    for j in neighbours[i]:
+        if j < 0:
+            break
+        wide[n_wide] = j
+        stamp[j] = i
+        n_wide += 1
+    n_own = n_wide
+    for c in range(n_own - 1, -1, -1):
+        for rank in range(n_inner):
+            j = neighbours[wide[c], rank]
+            if n_wide == size:
+                return n_wide
+            if j < 0:
+                break
+            if stamp[j] != i:
+                stamp[j] = i
+                wide[n_wide] = j
+                n_wide += 1
+    for c in range(n_wide, size):
+        wide[c] = -1
+    return n_wide
+
+
+@part
+def list_pairs(size: int, turns: int) -> NDArray[np.int64]:
+    """Which two of n neighbours, for n up to `size`, make each candidate: pairs (size + 1, 2, turns)."""
+    pairs = np.zeros((size + 1, 2, turns), np.int64)
+    for n in range(1, size + 1):
+        for turn in range(turns):
+            pairs[n, 0, turn] = turn % n
+            pairs[n, 1, turn] = (turn % n + n // 3 + (turn // n) * (1 + n // 5)) % n
+    return pairs
+
+
+@part
+def list_candidates(
+    local: NDArray[np.float64], pairs: NDArray[np.int64], turns: int, planes: NDArray[np.float64]
+) -> None:
+    """Write the planes (4, turns) through the point and two neighbours: normals of their own length, and that squared.
+
+    0 for the square where the three lie nearly on a line.
+    """
+    for turn in range(turns):
+        a, b = np.uint64(1 + pairs[0, turn]), np.uint64(1 + pairs[1, turn])
+        ux, uy, uz = local[0, a], local[1, a], local[2, a]
+        vx, vy, vz = local[0, b], local[1, b], local[2, b]
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        squared = nx * nx + ny * ny + nz * nz
+        lengths = (ux * ux + uy * uy + uz * uz) * (vx * vx + vy * vy + vz * vz)
+        planes[0, turn], planes[1, turn], planes[2, turn] = nx, ny, nz
+        planes[3, turn] = squared if squared > NARROW * lengths else 0.0
+
+
+@part
+def take(planes: NDArray[np.float64], turn: int, plane: NDArray[np.float64]) -> None:
+    """Copy a candidate that is one, its normal made a unit vector."""
+    length = np.sqrt(planes[3, turn])
+    plane[0], plane[1], plane[2] = planes[0, turn] / length, planes[1, turn] / length, planes[2, turn] / length
+    plane[3] = 0.0
+
+
+@part
+def residuals(local: NDArray[np.float64], n_local: int, plane: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    """Write the distances of the local points to a plane."""
+    nx, ny, nz, d = plane[0], plane[1], plane[2], plane[3]
+    for c in range(n_local):
+        out[c] = abs(nx * local[0, c] + ny * local[1, c] + nz * local[2, c] - d)
+
+
+@part
+def count_near(local: NDArray[np.float64], n_local: int, nx: float, ny: float, nz: float, near: float) -> int:
+    """Return how many points lie near a plane through the point, those within half that distance counted twice.
+
+    `near` is the square of the distance, times that of the normal's length.
+
+    Whole numbers, because their sums need no order: the loop becomes vector instructions.
+    """
+    half = 0.25 * near
+    score = 0
+    for c in range(n_local):
+        r = nx * local[0, c] + ny * local[1, c] + nz * local[2, c]
+        score += int(r * r <= near) + int(r * r <= half)
+    return score
+
+
+@part
+def fit_within(
+    local: NDArray[np.float64],
+    residual: NDArray[np.float64],
+    n_local: int,
+    limit: float,
+    sums: NDArray[np.float64],
+    plane: NDArray[np.float64],
+    spread: NDArray[np.float64],
+) -> int:
+    """Fit the plane to the points within `limit` of the last one; return how many they are."""
+    sums[:] = 0.0
+    for c in range(n_local):
+        if residual[c] <= limit:
+            add_moments(sums, local[0, c], local[1, c], local[2, c])
+    if sums[0] >= 3.0:
+        fit_plane(sums, plane, spread)
+    return int(sums[0])
+
+
+@part
+def count_below(values: NDArray[np.float64], n: int, limit: float) -> int:
+    """Return how many of the first n values are below a limit: finds most bad planes without sorting."""
+    count = 0
+    for c in range(n):
+        count += int(values[c] < limit)
+    return count
+
+
+@part
+def smallest(values: NDArray[np.float64], n: int, kept: int, sorted_: NDArray[np.float64]) -> float:
+    """Return the number `kept` in the order of size of the first n values."""
+    n_sorted = 0
+    for c in range(n):
+        if n_sorted == kept and values[c] >= sorted_[kept - 1]:
+            continue
+        at = min(n_sorted, kept - 1)
+        while at > 0 and values[c] < sorted_[at - 1]:
+            sorted_[at] = sorted_[at - 1]
+            at -= 1
+        sorted_[at] = values[c]
+        n_sorted = min(n_sorted + 1, kept)
+    return sorted_[n_sorted - 1]
+
+
+@jit
+def trimmed_residuals(
+    xyz: NDArray[np.float64],
+    points: NDArray[np.int64],
+    neighbours: NDArray[np.int32],
+    turns: int,
+    scale: NDArray[np.float64],
+    thickness: NDArray[np.float64],
+    residual: NDArray[np.float64],
+) -> None:
+    """Write each point's distances (s, k + 1) to the plane that holds half of its neighbourhood best, and their scale.
+
+    Least quantile of squares (Rousseeuw 1984) over the candidates, then refits to the nearest half. The scale is the
+    root mean square of that half, its thickness the variance across by that along the short side; both are nan where
+    there is no plane. It needs no noise to be known, so noise can be estimated by it, and half of the points may belong
+    to another surface.
+    """
+    k = neighbours.shape[1]
+    pairs = list_pairs(k, turns)
+    local, values, order = np.empty((3, k + 1)), np.empty(k + 1), np.empty(k + 1)
+    plane, best, sums, spread = np.empty(4), np.empty(4), np.empty(MOMENTS), np.empty(3)
+    planes = np.empty((4, turns))
+    for s in range(len(points)):
+        n_local = local_points(xyz, points[s], neighbours[s], local)
+        scale[s] = np.nan
+        thickness[s] = np.nan
+        for c in range(k + 1):
+            residual[s, c] = np.nan
+        kept, lowest = n_local // 2, np.inf
+        if kept < 4:
+            continue
+        list_candidates(local, pairs[n_local - 1], turns, planes)
+        for turn in range(turns):
+            if planes[3, turn] > 0.0:
+                take(planes, turn, plane)
+                residuals(local, n_local, plane, values)
+                if count_below(values, n_local, lowest) >= kept:
+                    lowest = smallest(values, n_local, kept, order)
+                    keep(plane, best)
+        if lowest == np.inf:
+            continue
+        for _ in range(REFITS):
+            residuals(local, n_local, best, values)
+            fit_within(local, values, n_local, smallest(values, n_local, kept, order), sums, best, spread)
+        residuals(local, n_local, best, values)
+        smallest(values, n_local, kept, order)
+        total = 0.0
+        for c in range(kept):
+            total += order[c] * order[c]
+        scale[s] = np.sqrt(total / kept)
+        thickness[s] = spread[0] / spread[1]
+        for c in range(n_local):
+            residual[s, c] = values[c]
+
+
+@part
+def try_clean(
+    local: NDArray[np.float64],
+    n_local: int,
+    around: NDArray[np.int32],
+    thick: NDArray[np.bool_],
+    normal: NDArray[np.float32],
+    band: float,
+    plane: NDArray[np.float64],
+    best: NDArray[np.float64],
+) -> int:
+    """Write the best of the planes through the point that face as neighbours with one surface do; return its score."""
+    highest = 0
+    for j in around:
+        if j < 0:
+            break
+        if not thick[j]:
+            plane[0], plane[1], plane[2], plane[3] = normal[j, 0], normal[j, 1], normal[j, 2], 0.0
+            score = count_near(local, n_local, plane[0], plane[1], plane[2], band * band)
+            if score > highest:
+                highest = score
+                keep(plane, best)
+                if score >= n_local:
+                    break
+    return highest
+
+
+@part
+def try_turns(
+    local: NDArray[np.float64],
+    n_local: int,
+    pairs: NDArray[np.int64],
+    planes: NDArray[np.float64],
+    fewest: float,
+    band: float,
+    best: NDArray[np.float64],
+) -> int:
+    """Write the best of the planes through the point and two others; return its score, 0 if half of them show none."""
+    highest, turns = 0, planes.shape[1]
+    if n_local <= 4:
+        return 0
+    list_candidates(local, pairs[n_local - 1], turns, planes)
+    for turn in range(turns):
+        if turn == turns // 2 and highest < fewest:
+            return 0
+        squared = planes[3, turn]
+        if squared > 0.0:
+            score = count_near(local, n_local, planes[0, turn], planes[1, turn], planes[2, turn], band * band * squared)
+            if score > highest:
+                highest = score
+                take(planes, turn, best)
+    return highest
+
+
+@jit
+def robust_normals(
+    xyz: NDArray[np.float64],
+    thick: NDArray[np.bool_],
+    neighbours: NDArray[np.int32],
+    size: int,
+    turns: int,
+    band: float,
+    min_share: float,
+    normal: NDArray[np.float32],
+    variance: NDArray[np.float32],
+) -> None:
+    """Write the normals (n, 3) of thick neighbourhoods anew, from those points that lie near one plane with the point.
+
+    A plane that half of the neighbours lie on is taken if one of them, whose own neighbourhood is not thick, faces so.
+    Else the best candidate among the neighbours and, up to `size`, theirs has the most points within `band`, those
+    within half of it counted twice. A point of which less than `min_share` of those around lies on its plane gets nan:
+    there is none. `variance` gets the variance across the plane.
+    """
+    local, values, wide = np.empty((3, size + 1)), np.empty(size + 1), np.empty(size, np.int32)
+    stamp, pairs, planes = np.full(len(xyz), -1, np.int32), list_pairs(size, turns), np.empty((4, turns))
+    plane, best, sums, spread = np.empty(4), np.empty(4), np.empty(MOMENTS), np.empty(3)
+    for i in range(len(xyz)):
+        if not thick[i]:
+            continue
+        n_local = local_points(xyz, i, neighbours[i], local)
+        fewest = max(min_share * n_local, 4.0)
+        score = try_clean(local, n_local, neighbours[i], thick, normal, band, plane, best)
+        if score < CLEAN_SHARE * n_local:
+            widen(i, neighbours, size, stamp, wide, neighbours.shape[1] // 2)
+            n_local = local_points(xyz, i, wide, local)
+            fewest = max(min_share * n_local, 4.0)
+            score = try_turns(local, n_local, pairs, planes, fewest, band, best)
+        n_near = 0
+        for _ in range(REFITS if score >= fewest else 0):
+            residuals(local, n_local, best, values)
+            n_near = fit_within(local, values, n_local, band, sums, best, spread)
+        if n_near < fewest or abs(best[3]) > band:
+            best[0] = best[1] = best[2] = spread[0] = np.nan
+        variance[i] = spread[0]
+        for axis in range(3):
+            normal[i, axis] = best[axis]

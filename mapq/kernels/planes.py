@@ -1,6 +1,8 @@
-"""The plane of a set of points: moments, and the smallest eigenvalue of a symmetric 3 x 3 matrix."""
+"""Planes of sets of points by their moments, and planes of patches with the vectors that kernels need."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +10,7 @@ from numpy.typing import NDArray
 from mapq.kernels._jit import part
 
 MOMENTS = 10
-"""Numbers that tell the plane of a set: how many, sums of x y z, sums of xx xy xz yy yz zz."""
+"""Moments that give the plane of a set: how many, sums of x y z, sums of xx xy xz yy yz zz."""
 
 NO_WIDTH = 1e-28
 """Squared cross product, by the fourth power of the entries, that rounding alone makes of parallel rows."""
@@ -105,3 +107,44 @@ def across_line(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float
     length = np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
     if length > 0.0:
         plane[0], plane[1], plane[2] = plane[0] / length, plane[1] / length, plane[2] / length
+
+
+Floats = NDArray[np.float64]
+
+
+class Planes(NamedTuple):
+    """The plane of each patch: unit normal, a point of it, two unit vectors in it (m, 3 each); its area (m,)."""
+
+    normal: Floats
+    centre: Floats
+    across: Floats
+    along: Floats
+    area: Floats
+
+
+@part
+def dot(a: Floats, b: Floats) -> float:
+    """Scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@part
+def dot_from(a: Floats, point: Floats, origin: Floats) -> float:
+    """Scalar product of a and the ray from `origin` to `point`."""
+    return a[0] * (point[0] - origin[0]) + a[1] * (point[1] - origin[1]) + a[2] * (point[2] - origin[2])
+
+
+@part
+def cross(a: Floats, b: Floats, out: Floats) -> None:
+    """Vector product."""
+    for axis in range(3):
+        one, two = (axis + 1) % 3, (axis + 2) % 3
+        out[axis] = a[one] * b[two] - a[two] * b[one]
+
+
+@part
+def normalise(a: Floats) -> None:
+    """Make a unit vector of a."""
+    length = np.sqrt(dot(a, a))
+    for axis in range(3):
+        a[axis] /= length

@@ -10,7 +10,7 @@ from mapq.kernels.planes import add_moments, fit_plane
 
 FREE = -1
 PLANE_BITS = 40
-"""Of the number of a cell in a plane: 20 for its column, 20 for its row; the region's number stands above them."""
+"""Of the number of a cell in a plane: 20 for its column, 20 for its row; the region's number is above them."""
 MIN_TOUCHING = 3
 """A point that no region holds joins one only beside so many of its members: a single one may be a stray itself."""
 
@@ -19,7 +19,7 @@ MIN_TOUCHING = 3
 def sum_regions(
     xyz: NDArray[np.float64], region: NDArray[np.int32], origin: NDArray[np.float64], sums: NDArray[np.float64]
 ) -> None:
-    """Write the moments (m, 10) of each region about the first of its points, which goes to `origin` (m, 3)."""
+    """Write the moments (m, 10) of each region about the first of its points, which is written to `origin` (m, 3)."""
     sums[:] = 0.0
     for i in range(len(xyz)):
         r = region[i]
@@ -157,7 +157,7 @@ def count_support(
 
 @jit
 def list_members(region: NDArray[np.int32], start: NDArray[np.int64], members: NDArray[np.int32]) -> None:
-    """List the points of each region in order: those of region r stand from ``start[r]`` to ``start[r + 1]``."""
+    """List the points of each region in order: those of region r are from ``start[r]`` to ``start[r + 1]``."""
     start[:] = 0
     for r in region:
         if r != FREE:

@@ -35,7 +35,7 @@ def segment(
 ) -> Patches:
     """Cut a cloud into plane patches.
 
-    The same patches with the same numbers come out for any order of the points, and turned by quarters about z.
+    The same patches with the same numbers result for any order of the points, and turned by quarters about z.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def segment(
     settings : SegmentSettings, optional
         What is None is estimated from the cloud; all values used are in the result's `parameters`.
     progress : Reporter, optional
-        Told the number of stages done and the name of the next (:data:`STAGES`).
+        Receives the number of stages done and the name of the next (:data:`STAGES`).
 
     Returns
     -------
@@ -111,7 +111,7 @@ def _refuse_lines(points: Points, cloud: PointCloud) -> None:
 
 
 def _on_one_line(xyz: NDArray[np.float64]) -> bool:
-    """Return whether all points lie on one line, as far as their numbers can tell; a few usually show that not."""
+    """Return whether all points lie on one line, within rounding; a few usually show that they do not."""
     if len(xyz) > MANY_POINTS and not _on_one_line(xyz[:: len(xyz) // MANY_POINTS + 1]):
         return False
     offset = xyz - xyz.mean(axis=0)

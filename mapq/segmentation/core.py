@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.kernels.normals import estimate_normals
-from mapq.kernels.robust import robust_normals
+from mapq.kernels.normals import estimate_normals, robust_normals
 from mapq.segmentation.parameters import Parameters
 from mapq.segmentation.points import Points
 from mapq.segmentation.sample import TURNS, neighbours_of

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.kernels.growing import grow_regions
-from mapq.kernels.merging import pair_rms, resolve, unite
+from mapq.kernels.growing import grow_regions, pair_rms, resolve, unite
 from mapq.kernels.planes import MOMENTS
 from mapq.kernels.regions import (
     change_sides,
@@ -116,7 +115,7 @@ def drop_unsupported(core: Core, region: NDArray[np.int32]) -> NDArray[np.int32]
 
 
 def merge(fits: Fits, pairs: NDArray[np.int32], max_rms: float) -> NDArray[np.int32]:
-    """Return into which region (m,) each goes when pieces of one plane are united, best fits first."""
+    """Return into which region (m,) each is merged when pieces of one plane are united, best fits first."""
     parent = np.arange(len(fits.planes), dtype=np.int32)
     sums = fits.sums.copy()
     while True:

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.kernels.neighbours import find_neighbours
-from mapq.kernels.normals import estimate_normals
-from mapq.kernels.robust import trimmed_residuals
+from mapq.kernels.normals import estimate_normals, trimmed_residuals
 from mapq.segmentation.noise import pooled_noise
 
 SAMPLE = 3000
@@ -18,7 +17,7 @@ LARGE_SAMPLE = 8_000
 """Points that spacing and noise are estimated from then, to about 1 %. Eight times as many would cost a third more time
 on a million points."""
 WIDEST = 48
-"""Neighbours of the sample: so many tell a plane with others beside it from a ball."""
+"""Neighbours of the sample: so many distinguish a plane with others beside it from a ball."""
 TURNS = 28
 """Candidate planes of a robust fit."""
 THIN = 0.03

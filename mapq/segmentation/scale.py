@@ -24,7 +24,7 @@ a scanner may be the square of this times as far apart as the points along them.
 TILT_MARGIN = 15.0
 """Degrees by which a neighbourhood may be farther from vertical than the patches that are kept, to count as theirs."""
 ENOUGH = 100
-"""Flat neighbourhoods of the sample from which on they alone tell spacing and noise."""
+"""Flat neighbourhoods of the sample from which on they alone determine spacing and noise."""
 
 
 class Scale(NamedTuple):
@@ -111,7 +111,7 @@ def upright(sample: Sample, settings: SegmentSettings) -> NDArray[np.bool_]:
 
 
 def level_of(points: Points, resolution: float) -> int:
-    """Return the coarsest level whose cells are no wider than `resolution`; 0 asks for every point."""
+    """Return the coarsest level whose cells are no wider than `resolution`; 0 means every point."""
     if resolution <= 0.0:
         return LEVELS + 1
     return int(np.clip(np.ceil(np.log2(points.frame[3] / resolution)), 1, LEVELS + 1))

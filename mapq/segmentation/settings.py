@@ -1,4 +1,4 @@
-"""`SegmentSettings`: what a segmentation may be told; what it is not told it estimates from the cloud."""
+"""`SegmentSettings`: parameters of a segmentation; those that are not given are estimated from the cloud."""
 
 from __future__ import annotations
 

@@ -327,7 +327,7 @@ class Job:
         Raises
         ------
         InputError
-            If the model asks for features that this release does not have.
+            If the model needs features that this release does not have.
         """
         settings = feature_settings(model)
         given = np.asarray(settings.up if settings.up is not None else self.patches.parameters["up"], np.float64)

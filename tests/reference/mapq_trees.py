@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from mapq.kernels.trees import LEAF, Trees
+from mapq.kernels.boosted_trees import LEAF, Trees
 from mapq.model import Columns, Potential
 
 

@@ -14,7 +14,7 @@ from mapq.crf.evidence import OVER
 from mapq.features import FeatureSettings
 from mapq.io import read_cloud, write_patches, write_ply
 from mapq.io.results import result_cloud
-from mapq.kernels.trees import LEAF, Trees
+from mapq.kernels.boosted_trees import LEAF, Trees
 from mapq.model import EDGE_MODELS, EVIDENCE, Calibration, Model, Potential, Scaling, parameter_names
 from mapq.patches import Patches
 from prf.shell.errors import InputError

@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.kernels.normals import estimate_normals
-from mapq.kernels.robust import robust_normals, trimmed_residuals
+from mapq.kernels.normals import estimate_normals, robust_normals, trimmed_residuals
 from mapq.segmentation.noise import pooled_noise, usual_noise
 from tests.reference.mapq_segment import nearest, plane_of, wall
 

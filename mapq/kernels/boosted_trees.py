@@ -22,7 +22,7 @@ class Trees(NamedTuple):
     ----------
     root : (t,) int64
     column : (k,) int64
-        That a node asks for; `LEAF` for leaves.
+        That a node tests; `LEAF` for leaves.
     threshold : (k,) float64
         Values up to it go left.
     left, right : (k,) int64
@@ -43,9 +43,9 @@ class Trees(NamedTuple):
 
 @jit
 def contributions(trees: Trees, rows: Floats) -> Floats:
-    """What each column adds to the sum of the trees (n, c + 1), the last one what they say of no row in particular.
+    """What each column adds to the sum of the trees (n, c + 1), the last one their mean over all rows.
 
-    A step from a node to the next changes the mean, and the change belongs to the column that was asked for (Saabas
+    A step from a node to the next changes the mean, and the change belongs to the column that was tested (Saabas
     2014); the sum over all is the value of the trees.
     """
     n_columns = rows.shape[1]

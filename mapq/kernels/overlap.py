@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.kernels._jit import jit, part
-from mapq.kernels.frames import Planes, dot, dot_from
-from mapq.kernels.order import quantile
+from mapq.kernels.order_statistics import quantile
+from mapq.kernels.planes import Planes, dot, dot_from
 from mapq.kernels.sheets import Sheets, side_of
 
 Floats = NDArray[np.float64]
@@ -63,7 +63,7 @@ def is_covered(sheets: Sheets, j: int, u: float, v: float) -> bool:
 def lay_over(
     sheets: Sheets, planes: Planes, points: Floats, start: Ints, i: int, j: int, offsets: Floats, areas: Floats
 ) -> int:
-    """Find the points of patch i that patch j covers: their offsets from plane j and the area that each stands for."""
+    """Find the points of patch i that patch j covers: their offsets from plane j and the area that each represents."""
     total = 0.0
     for k in range(start[i], start[i + 1]):
         total += sheets.gap[k] * sheets.gap[k]

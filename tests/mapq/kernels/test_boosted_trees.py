@@ -8,7 +8,7 @@ from sklearn.ensemble import HistGradientBoostingClassifier
 
 from mapq.crf.evidence import RISING, Columns
 from mapq.crf.grow import grow
-from mapq.kernels.trees import contributions
+from mapq.kernels.boosted_trees import contributions
 from tests.reference.mapq_trees import draw_potential, slow_contributions
 
 NAMES = ("disagreement", "fit", "tilt", "colour")

@@ -235,7 +235,7 @@ def fit_motions(
     """Motions (s, 6) of least robust residuals, their normal matrix (6s, 6s), residuals (r,) and robust weights (r,).
 
     Geman and McClure's weights, whose scale shrinks from `WIDEST` to `finest` (graduated non-convexity: Yang and others
-    2020). Rows are sorted by cell, ``first`` (c + 1,) says where each begins.
+    2020). Rows are sorted by cell, ``first`` (c + 1,) is where each begins.
 
     Parameters
     ----------

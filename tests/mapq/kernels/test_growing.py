@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.kernels.merging import pair_rms
+from mapq.kernels.growing import pair_rms
 from mapq.segmentation.regions import fit, merge
 from tests.reference.mapq_segment import plane_of, wall
 

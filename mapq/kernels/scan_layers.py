@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.kernels._jit import jit, part
-from mapq.kernels.frames import Planes, dot, dot_from
-from mapq.kernels.nearby import Nearby, cell_over, voxels_about
-from mapq.kernels.order import quantile
+from mapq.kernels.order_statistics import quantile
+from mapq.kernels.planes import Planes, dot, dot_from
 from mapq.kernels.sheets import Sheets, first_corner
-from mapq.kernels.voxels import EMPTY
+from mapq.kernels.voxels import EMPTY, Nearby, cell_over, voxels_about
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

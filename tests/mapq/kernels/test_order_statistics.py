@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mapq.kernels.order import spans
+from mapq.kernels.order_statistics import spans
 
 VALUES = st.lists(st.floats(-1e6, 1e6), max_size=40) | st.lists(st.sampled_from([0.0, 1.0, 2.0]), max_size=40)
 
