@@ -29,11 +29,16 @@ ADDED = {
     "prf simulate --seed": "--size 12 8 --force",
     "prf simulate --world office": "--size 12 8 --force",
     "prf simulate": "--force",
+    "prf render": "--force",
+    "prf export": "--force",
     "mapq classify": "--force",
+    "mapq label city.patches": "--from-field truth",
     "mapq perturb sequences/00": "--offset 0.8 --force",
     "mapq perturb": "--force",
 }
-"""Options that tests give besides, in place of the values in the page, so that commands end soon; the first counts."""
+"""Options that tests give besides, in place of the values in the page, so that commands end soon; the first counts.
+
+Tutorials are run as they are."""
 NOT_RUN = ("make", "pip", "dask", "python -m benchmarks", "python -m tests")
 NOT_COMPARED = re.compile(r"^.*(?:elapsed \d+:\d\d:\d\d|compiling kernels).*\n", re.MULTILINE)
 SHARE = 0.1
@@ -46,8 +51,9 @@ SCHEDULER = "tcp://10.0.0.1:8786"
 class Runner:
     """Runs commands one after the other and counts them."""
 
-    def __init__(self, folder: Path, capsys, scheduler: Callable[[], str]) -> None:
+    def __init__(self, folder: Path, capsys, scheduler: Callable[[], str], as_is: bool) -> None:
         self.folder, self.capsys, self.scheduler = folder, capsys, scheduler
+        self.added = {} if as_is else ADDED
         self.n_run = self.code = 0
 
     def run(self, command: Command, follower: Command | None) -> None:
@@ -76,7 +82,9 @@ class Runner:
             done = subprocess.run(["sh", "-c", with_python], capture_output=True, text=True, check=False, env=there)
             self.code = done.returncode
             return done.stdout + done.stderr
-        words = _with(words, next((options.split() for start, options in ADDED.items() if text.startswith(start)), []))
+        words = _with(
+            words, next((options.split() for start, options in self.added.items() if text.startswith(start)), [])
+        )
         if SCHEDULER in words:
             words[words.index(SCHEDULER)] = self.scheduler()
         bring(words, self.folder)

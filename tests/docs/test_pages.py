@@ -60,7 +60,7 @@ def test_commands_of_a_page_run(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys, scheduler: Callable[[], str], name: str
 ) -> None:
     monkeypatch.chdir(folder)
-    runner = Runner(folder, capsys, scheduler)
+    runner = Runner(folder, capsys, scheduler, "tutorials" in name)
     commands = commands_of(WITH_COMMANDS[name], name)
     for command, follower in zip(commands, [*commands[1:], None], strict=True):
         runner.run(command, follower)
