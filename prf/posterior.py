@@ -94,7 +94,7 @@ class Settings:
     aimed_share: float = 0.8  # share of births of triangles that are aimed at returns, where there are any
     aim_reach: float | None = None
     levels: int | None = None  # stages in which the beams of a laser are asked; None chooses it by their number
-    # tiles in which a chain is updated at once (docs/tiles.md); 0: it is updated in one place after the other
+    # tiles in which a chain is updated at once (docs/large-jobs.md); 0: it is updated in one place after the other
     tiles: int = 0
     join_reach: float | None = None
     # (ny, nx): cells of the image that readings crossed or ended in (:mod:`prf.seen`); None: all

@@ -1,4 +1,4 @@
-"""Fewer laser beams that say nearly the same: a step's cost no longer grows with the log (docs/thinning.md).
+"""Fewer laser beams that say nearly the same: a step's cost no longer grows with the log (docs/large-jobs.md).
 
 Beams are drawn evenly from strata: those of one stratum end in one square, are from one of eight directions, and all
 have a return or all have none. They say nearly the same, so their number counts for less than in proportion: of n beams
@@ -36,7 +36,7 @@ PLACE = 0.5
 DIRECTIONS = 8
 """Sectors of the direction of a beam."""
 EVENNESS = 0.75
-"""Exponent of the number of beams; measured in docs/thinning.md."""
+"""Exponent of the number of beams; measured in docs/large-jobs.md."""
 RARE = 2.0
 """Beams with a return that each square keeps at least, if it has as many, and beams without one likewise."""
 HALVINGS = 60

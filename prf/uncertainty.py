@@ -1,6 +1,6 @@
 """How far the Monte Carlo error may carry a share of draws: intervals, effective sample size, R-hat.
 
-Derivation and measured coverage: docs/uncertainty.md. ESS and R-hat are those of Vehtari, Gelman, Simpson, Carpenter,
+Derivation and measured coverage: docs/convergence.md. ESS and R-hat are those of Vehtari, Gelman, Simpson, Carpenter,
 Buerkner (2021), for thousands of quantities at once: of a binary quantity the rank-normalised forms are the plain ones.
 """
 

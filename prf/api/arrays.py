@@ -71,7 +71,7 @@ def sonar(
 
 
 def points(xy: ArrayLike, value: ArrayLike, *, source: str = "point arrays") -> PointTable:
-    """Return values observed at points, such as a bitmap's (docs/point-data.md).
+    """Return values observed at points, such as a bitmap's (docs/sensor-models.md).
 
     Parameters
     ----------

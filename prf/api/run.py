@@ -91,7 +91,7 @@ class Run(stored.Run):
             Metres. 0: the share of draws that are black at the point. Else that of draws in which the square of this
             side round the point is not completely white (Paskin & Thrun 2005, section 1.3.3).
         interval : bool
-            Bound the Monte Carlo error too (docs/uncertainty.md).
+            Bound the Monte Carlo error too (docs/convergence.md).
 
         Returns
         -------
@@ -131,7 +131,7 @@ class Run(stored.Run):
         radius : float
             Of the disc, metres.
         interval : bool
-            Bound the Monte Carlo error too (docs/uncertainty.md).
+            Bound the Monte Carlo error too (docs/convergence.md).
 
         Returns
         -------

@@ -23,7 +23,7 @@ def announce_thinning(prepared: Prepared) -> None:
         density = prepared.config.thinning.beam_density
         logger.info(
             f"thinned to about {density:g} beams a square metre of seen ground, since more repeat these and slow every "
-            "step; --set thinning.beam_density=0 keeps all (docs/thinning.md)"
+            "step; --set thinning.beam_density=0 keeps all (docs/large-jobs.md)"
         )
 
 

@@ -247,8 +247,8 @@ def _advice(run: Run, folder: Path) -> str:
     if diagnostics["converged_seen"] or _is_short(diagnostics, configuration["chains"]):
         return ""
     if waits and not is_tempered:
-        return "tempering: none so far, the chains were not seen to stay apart; run longer (docs/tempering.md)"
-    other = "see docs/tempering.md" if is_tempered else "try --set sampler.rungs=auto (docs/tempering.md)"
+        return "tempering: none so far, the chains were not seen to stay apart; run longer (docs/convergence.md)"
+    other = "see docs/convergence.md" if is_tempered else "try --set sampler.rungs=auto (docs/convergence.md)"
     if is_flat:
         return f"the chains come no nearer, more time alone will not help: {other}"
     return f"run longer, or {other}"

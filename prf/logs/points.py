@@ -1,4 +1,4 @@
-"""Point observations: CSV with the columns x, y and value, one observation a row (docs/point-data.md)."""
+"""Point observations: CSV with the columns x, y and value, one observation a row (docs/sensor-models.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ground that no reading concerns, kept at the prior given what is seen (docs/prior-ground.md).
+"""Ground that no reading concerns, kept at the prior given what is seen (docs/driven-way.md).
 
 There the posterior is the prior given the rest of the map, by its spatial Markov property. The moves of a chain are as
 small as walls and doors ask for, and would take hours to redraw shapes of ten metres where nothing was seen. So at

@@ -111,7 +111,7 @@ class Returns(NamedTuple):
 
 
 def return_probabilities(model: SonarModel, feature: Floats) -> Returns:
-    """Return what the features in one cone do with a pulse (docs/sonar-model.md, "Likelihood").
+    """Return what the features in one cone do with a pulse (docs/sensor-models.md, "Likelihood").
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def make_poses(
         Metres; inf or at least the maximum range: no return.
     window : Window, optional
         Where the map ends. What returns a pulse from beyond the distance at which the cone leaves it may be outside:
-        the sonar reaches up to there, and farther readings are as no return (docs/sonar-model.md). None: it has no end.
+        the sonar reaches up to there, and farther readings are no returns (docs/sensor-models.md). None: no end.
     """
     if np.any(~(cone > 0.0) | ~(cone < math.pi)):
         raise ConfigError("sonar cone: the field of view must lie between 0 and pi radians")

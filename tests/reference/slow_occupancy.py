@@ -1,4 +1,4 @@
-"""Occupancy grids cell by cell in plain Python, as docs/occupancy-grids.md defines them."""
+"""Occupancy grids cell by cell in plain Python, as docs/scores.md defines them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sonar as section 2.3 of the paper and docs/sonar-model.md write it down, in plain numpy and scipy. No kernels.
+"""Sonar as section 2.3 of the paper and docs/sensor-models.md write it down, in plain numpy and scipy. No kernels.
 
 What a cone sees is found without a sweep: every edge casts its shadow on every other, one pair at a time.
 """

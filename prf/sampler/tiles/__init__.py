@@ -1,4 +1,4 @@
-"""Tiles: one chain updated in many places at once, exact in law (docs/tiles.md).
+"""Tiles: one chain updated in many places at once, exact in law (docs/large-jobs.md).
 
 A round cuts the window into rectangles by chance. In each a chain of its own changes what lies strictly inside, while
 all that crosses a border stays; then the parts are put together again. The spatial Markov property of the Arak process
