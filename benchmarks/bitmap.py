@@ -92,8 +92,8 @@ def by_ising(noisy: Bits, coupling: float, diagonal: bool) -> Bits:
 
 def by_maps(noisy: Bits, seed: int, scale: float, steps: int, threads: int) -> tuple[PosteriorImage, Coloring, float]:
     """Return the mean of the posterior over polygonal maps, its best draw, and the worst R-hat."""
-    data = PointData(centres(), noisy.ravel().astype(float), PointModel("binary", flip_probability=FLIPS))
-    settings = Settings(window_round(data.xy), scale, points=data, resolution=1.0)
+    data = PointData.from_arrays(centres(), noisy.ravel().astype(float), PointModel("binary", flip_probability=FLIPS))
+    settings = Settings(window_round(data.table.xy), scale, points=data, resolution=1.0)
     with Sampler(settings, spawn_generators(seed, CHAINS), threads) as sampler:
         while sampler.step < steps:
             sampler.advance()

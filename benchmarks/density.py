@@ -71,8 +71,8 @@ class Log:
         if density is not None:
             config = dataclasses.replace(config, beam_density=density)
         prepared = prepare(config, chosen)
-        assert prepared.beams is not None
-        n = len(prepared.beams.range) + prepared.n_beams_thinned
+        assert prepared.settings.laser is not None
+        n = prepared.settings.laser.readings.n_beams + prepared.n_beams_thinned
         return dataclasses.replace(prepared.settings, resolution=None), n
 
 
@@ -178,7 +178,7 @@ def measure(log: Log, options: argparse.Namespace) -> list[dict[str, Any]]:
             say(f"{size}, {way}")
             settings, n = log.settings(size, density)
             assert settings.laser is not None
-            row: dict[str, Any] = {"size": size, "way": way, "beams": n, "used": len(settings.laser.readings)}
+            row: dict[str, Any] = {"size": size, "way": way, "beams": n, "used": settings.laser.readings.n_beams}
             row |= speed(settled(settings, coloring, options.settle, options.seed), sparse, STEPS)
             folder = options.output / "density" / f"{size}-{way.replace(' ', '-')}"
             row["run"] = sampled(log, size, density, folder, options) if options.seconds > 0.0 else None

@@ -61,12 +61,12 @@ def hallway(log: Path, options: argparse.Namespace) -> dict[str, Any]:
     )
     run, grid = read_run(folder / "hallway.run"), read_grid(folder / "hallway.grid.npz")
     assert run.image is not None
-    assert run.beams is not None
-    n_beams = len(run.beams.range)
+    assert run.laser is not None
+    n_beams = len(run.laser.range)
     panels.save_page(
         folder / "figure4-hallway.png",
         [
-            panels.impacts(run.beams, "(a) laser scan", rays=True),
+            panels.impacts(run.laser, "(a) laser scan", rays=True),
             panels.image(grid.image(), "(b) occupancy grid"),
             panels.image(run.image, "(c) PRF posterior"),
         ],
@@ -111,12 +111,12 @@ def lobby(log: Path, options: argparse.Namespace) -> dict[str, Any]:
     best, _ = read_map_feature(folder / "lobby.geojson")
     sizes = {**map_bytes(folder / "lobby.geojson"), "grid_cells": grid.occupancy.size}
     assert run.image is not None
-    assert run.beams is not None
-    n_beams = len(run.beams.range)
+    assert run.laser is not None
+    n_beams = len(run.laser.range)
     panels.save_page(
         folder / "figure4-lobby.png",
         [
-            panels.impacts(run.beams, "(d) laser data"),
+            panels.impacts(run.laser, "(d) laser data"),
             panels.image(grid.image(), f"(e) occupancy grid, {sizes['grid_cells']:,} bytes at one a cell"),
             panels.image(run.image, "(f) PRF posterior"),
             panels.filled(best, f"(g) annealed map: {best.n_edges} edges, {sizes['float64_bytes']:,} bytes as doubles"),

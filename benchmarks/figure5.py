@@ -24,8 +24,9 @@ from matplotlib.collections import LineCollection
 
 from benchmarks import commands, panels
 from benchmarks.commands import made, prf, say
+from prf.logs import Readings
 from prf.occupancy import read_grid
-from prf.run import Cones, names, read_run
+from prf.run import names, read_run
 from prf.run.mapfile import read_map_feature
 from prf.shell import pictures as style
 
@@ -170,7 +171,7 @@ def table(rows: list[dict[str, Any]], name: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def arcs(cones: Cones, caption: str) -> panels.Panel:
+def arcs(cones: Readings, caption: str) -> panels.Panel:
     """Return a panel of the impact arcs: of every reading that returned, the arc of its cone at its range."""
     lines = cones.arcs()
     strength = float(np.clip(60.0 / len(lines) ** 0.5, 0.25, 1.0))
@@ -187,14 +188,14 @@ def draw_figure(world: World, options: argparse.Namespace, percent: float, name:
     run = read_run(folder / f"{name}.run")
     truth, _ = read_map_feature(world.plan)
     assert run.image is not None
-    assert run.cones is not None
+    assert run.sonar is not None
     assert run.best is not None
-    n = len(run.cones.range)
+    n = len(run.sonar.range)
     length = f"{run.manifest['steps']:,} steps in each of {run.n_chains} chains"
     panels.save_page(
         options.output / f"figure5-{name}.png",
         [
-            arcs(run.cones, f"(a) impact arcs of the readings below {run.cones.max_range:g} m"),
+            arcs(run.sonar, f"(a) impact arcs of the readings below {run.sonar.max_range:g} m"),
             panels.filled(truth, "the true plan"),
             panels.image(read_grid(grid_path(folder, "count")).image(), "(b) occupancy grid, counts"),
             panels.image(read_grid(grid_path(folder, "log-odds")).image(), "(b) occupancy grid, log odds"),

@@ -32,12 +32,13 @@ from benchmarks import panels
 from prf.coloring import Draws, black_at_draws
 from prf.diagnostics import Diagnosis, converged
 from prf.layout import image_grid, pixel_centres
+from prf.logs import Readings
 from prf.posterior import LaserData, Settings
 from prf.render import layers
-from prf.run import Beams, PosteriorImage
+from prf.run import PosteriorImage
 from prf.sampler import Sampler
-from prf.sampler.several import Sample
-from prf.sampler.tempering_ladder import LadderPlan
+from prf.sampler.chains import Sample
+from prf.sampler.tempering import LadderPlan
 from prf.sensors.laser import LaserModel
 from prf.shell import pictures as style
 from prf.shell.seeds import spawn_generators
@@ -97,7 +98,7 @@ def both_passes() -> LaserData:
     origin = np.repeat(PLACES[:, :2], SCANNER.beams, axis=0)
     impact = origin + distance.reshape(-1, 1) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     reading[(np.abs(impact[:, 0]) < FACE - 1e-6) & (np.abs(impact[:, 1]) > HALF_WIDTH - 1e-6)] = 0.0
-    return LaserData(
+    return LaserData.from_arrays(
         np.concatenate([origin, origin * [-1.0, 1.0]]),
         np.concatenate([angle, np.pi - angle]),
         np.concatenate([reading, reading]),
@@ -108,15 +109,17 @@ def both_passes() -> LaserData:
 def posterior() -> Settings:
     """Return the posterior of the log; error codes are no readings."""
     data = both_passes()
-    kept = data.readings > 0.0
-    laser = LaserData(data.origin[kept], data.angle[kept], data.readings[kept], data.model)
+    kept = data.readings.range > 0.0
+    laser = LaserData.from_arrays(
+        data.readings.origin[kept], data.readings.angle[kept], data.readings.range[kept], data.model
+    )
     return Settings(WINDOW, SCALE, laser, resolution=0.05)
 
 
 def write_log(path: str) -> None:
     """Write the log as a table that `prf sample --laser` reads."""
     data = both_passes()
-    rows = np.column_stack([data.origin, data.angle, data.readings])
+    rows = np.column_stack([data.readings.origin, data.readings.angle, data.readings.range])
     np.savetxt(path, rows, fmt="%.6f", delimiter=",", header="x,y,theta,range", comments="")
 
 
@@ -199,7 +202,7 @@ def image_of(sample: Sample, chain: int) -> PosteriorImage:
     )
 
 
-def draw_log(axes: Any, beams: Beams) -> None:
+def draw_log(axes: Any, beams: Readings) -> None:
     """Draw beams, impacts and places of the scanner; it went from one side to the other by another way."""
     layers.draw_beams(axes, beams)
     layers.draw_impacts(axes, beams)
@@ -210,13 +213,13 @@ def draw(plain: Result, tempered: Result, target: Path) -> None:
     """Draw the beams, the occupancy of two plain chains, most left and most right, and of a tempered chain."""
     data = posterior().laser
     assert data is not None
-    beams = Beams(data.origin, data.angle, data.readings, np.zeros(len(data.readings), np.int64), data.model.max_range)
+    beams = data.readings.within(data.model.max_range)
     left, rungs = plain.summary["left"], tempered.summary["rungs"]
     shown = (int(np.argmax(left)), int(np.argmin(left)))
     panels.save_page(
         target,
         [
-            panels.Panel(lambda axes: draw_log(axes, beams), f"{len(data.readings)} beams of two passes"),
+            panels.Panel(lambda axes: draw_log(axes, beams), f"{len(data.readings.range)} beams of two passes"),
             panels.image(image_of(tempered.sample, 0), f"a tempered chain, {rungs} rungs"),
             *(panels.image(image_of(plain.sample, chain), f"plain chain {chain + 1}") for chain in shown),
         ],

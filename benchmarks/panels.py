@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from prf.coloring import Coloring
+from prf.logs import Readings
 from prf.render import layers
-from prf.run import Beams, PosteriorImage
+from prf.run import PosteriorImage
 from prf.shell import pictures as style
 from prf.window import Window
 
@@ -43,7 +44,7 @@ def filled(coloring: Coloring, caption: str) -> Panel:
     return Panel(lambda axes: layers.fill_map(axes, coloring), caption)
 
 
-def impacts(beams: Beams, caption: str, rays: bool = False) -> Panel:
+def impacts(beams: Readings, caption: str, rays: bool = False) -> Panel:
     """Return a panel of the points where beams ended, the sensor's path, and the beams themselves if asked."""
 
     def draw(axes: Any) -> None:

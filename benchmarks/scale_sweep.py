@@ -88,8 +88,8 @@ def main() -> int:
     rows, runs = [], []
     for scale in options.scales:
         row, run = at_scale(log, scale, options)
-        assert run.beams is not None
-        rows.append({**row, "n_train": len(run.beams.range)})
+        assert run.laser is not None
+        rows.append({**row, "n_train": len(run.laser.range)})
         runs.append(run)
     title = "Posterior by the scale parameter of the prior"
     picture(rows, runs, options.output / "scale_sweep.png", runs[0].draws.window, title)

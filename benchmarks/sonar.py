@@ -38,9 +38,10 @@ from prf.logs import read_readings
 from prf.posterior import Settings
 from prf.run import read_run
 from prf.sampler.config import prepare
-from prf.sampler.drive import StopRule
-from prf.sampler.first_map import find_first_map
+from prf.sampler.driver import StopRule
+from prf.sampler.driver import run as drive
 from prf.sampler.session import read_prepared, start
+from prf.sampler.starts import find_first_map
 
 READINGS = 29_120
 QUICK_READINGS = 4_800
@@ -126,13 +127,14 @@ def compared(chain: Chain, seed: int) -> tuple[list[float], float]:
 
 def sampled(log: Path, folder: Path, seconds: float, seed: int, threads: int) -> dict[str, Any]:
     """Sample until the stop rule is met, or for `seconds`; return how it ended."""
-    session = start(
+    sampler, output = start(
         [str(log)], read_prepared(None, Configuration.of(), str(log)), folder, seed, threads or os.cpu_count() or 1
     )
-    session.sampler.compile()
-    with session.sampler:
-        run, end = session.carry_out(StopRule(limit=seconds), lambda progress: None, lambda: False)
+    with sampler:
+        run = drive(sampler, StopRule(limit=seconds), output, lambda progress: None, lambda: False)
+    end = run.progress
     assert run.diagnostics is not None
+    assert end is not None
     return {
         "status": end.status,
         "seconds": end.seconds,

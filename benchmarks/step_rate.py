@@ -62,7 +62,7 @@ def measure_all(seed: int) -> dict[str, Any]:
         "scale": settings.scale,
         "window": list(settings.window),
         "cell": settings.cell_size(),
-        "n_beams": len(settings.laser.angle),
+        "n_beams": settings.laser.readings.n_beams,
         "burn_in": BURN_IN,
         "equilibrium": measure.equilibrium(chain, rng, STEPS),
     }

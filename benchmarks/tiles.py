@@ -1,8 +1,8 @@
-"""A large window in tiles: what a round costs, two threads against one on one chain, and the same run on workers.
+"""A large window in tiles: what a round costs, two threads against one on one chain.
 
 Run it from the repository's root::
 
-    python -m benchmarks.tiles [--quick] [--parts shares speed workers map] [--seconds 600] [-o FOLDER]
+    python -m benchmarks.tiles [--quick] [--parts shares speed map] [--seconds 600] [-o FOLDER]
 
 On the log of the infinite corridor (232 x 198 m), scans 5, 15, 25 ... held out: see README.md beside this file.
 """
@@ -31,14 +31,14 @@ from prf.posterior import Settings, make_chain, one_colour_map
 from prf.run import read_run
 from prf.sampler.session import read_prepared
 from prf.sampler.tiles import finish_round, make_round, make_tile_data, work_tile
-from prf.sampler.tiles.schedule import PLAIN_SHARE, narrowest, round_length
+from prf.sampler.tiles.partition import PLAIN_SHARE, narrowest, round_length
 
 NAME = "infinite-corridor"
 SECONDS = 600.0
 HELD_OUT = "5::10"
 BURN_IN_ROUNDS, ROUNDS = 6, 4
 STEPS, QUICK_STEPS = 24_000_000, 3_000_000
-PARTS = ("shares", "speed", "workers", "map")
+PARTS = ("shares", "speed", "map")
 
 
 def cpu(work: Callable[..., Any], *arguments: Any) -> tuple[Any, float]:
@@ -109,17 +109,6 @@ def speed(log: Path, folder: Path, steps: int, seed: int) -> dict[str, float]:
     return {"one thread, s": seconds[1], "two threads, s": seconds[2], "speed-up": seconds[1] / seconds[2]}
 
 
-def workers(log: Path, folder: Path, steps: int, seed: int) -> dict[str, float]:
-    """The same run on two workers of a scheduler on this machine; the draws must be those of threads."""
-    from distributed import LocalCluster
-
-    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster:
-        how: dict[str, Any] = {"chains": 1, "steps": steps, "scheduler": cluster.scheduler_address, "seed": seed}
-        found = made("sample", folder / "workers.run", laser=log, skip_scans=HELD_OUT, **commands.LASER, **how)
-    assert_same(folder / "threads2.run", folder / "workers.run")
-    return {"two workers, s": float(found["seconds"])}
-
-
 def assert_same(one: Path, two: Path) -> None:
     """End the benchmark if two runs have not the same draws and image to the last bit."""
     for name in ("draws.npz", "posterior.npz"):
@@ -169,8 +158,6 @@ def main() -> None:
         result["shares"] = shares(settings, 1 if options.quick else ROUNDS, options.seed)
     if "speed" in options.parts:
         result["speed"] = speed(log, folder, steps, options.seed)
-    if "workers" in options.parts:
-        result["workers"] = workers(log, folder, steps, options.seed)
     if "map" in options.parts:
         result["map"] = mapped(log, folder, options)
     commands.write_table(folder / "tiles.json", result)

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from prf.api.arrays import laser, points, sonar
-    from prf.api.run import Run, open_run
     from prf.api.sampling import Snapshot, resume, sample
     from prf.api.science import Prior, read_readings
     from prf.logs import PointTable, Readings
+    from prf.logs.arrays import laser, points, sonar
+    from prf.run import Run, read_run
     from prf.sensors.laser import LaserModel
     from prf.sensors.points import PointModel
     from prf.sensors.sonar import SonarModel
@@ -31,20 +31,20 @@ __all__ = [
     "Snapshot",
     "SonarModel",
     "laser",
-    "open_run",
     "points",
     "read_readings",
+    "read_run",
     "resume",
     "sample",
     "sonar",
 ]
 
 _HOMES = {
-    "prf.api.arrays": ("laser", "points", "sonar"),
-    "prf.api.run": ("Run", "open_run"),
     "prf.api.sampling": ("Snapshot", "resume", "sample"),
     "prf.api.science": ("Prior", "read_readings"),
     "prf.logs": ("PointTable", "Readings"),
+    "prf.logs.arrays": ("laser", "points", "sonar"),
+    "prf.run": ("Run", "read_run"),
     "prf.sensors.laser": ("LaserModel",),
     "prf.sensors.points": ("PointModel",),
     "prf.sensors.sonar": ("SonarModel",),

@@ -43,7 +43,7 @@ class Agreement(NamedTuple):
         return f"{share}; they differ most round {where}" if where else share
 
     def document(self) -> dict[str, Any]:
-        """Return what JSON files say of it; an unknown share is null."""
+        """Return it as JSON; an unknown share is null."""
         shares = {"seen": self.seen, "unseen": self.unseen}
         known = {name: None if math.isnan(share) else round(share, 4) for name, share in shares.items()}
         return {**known, "places": [[round(value, 3) for value in place] for place in self.places]}

@@ -20,8 +20,8 @@ from prf.kernels import constants as c
 from prf.layout import read_coloring
 from prf.posterior import Settings
 from prf.sampler.chain import ChainSampler
-from prf.sampler.doubts import aim, is_due
-from prf.sampler.drive import START_SHARE
+from prf.sampler.driver import START_SHARE
+from prf.sampler.targets import aim, is_due
 from prf.shell.errors import ConfigError
 
 ROUND = 2000
@@ -54,13 +54,13 @@ class Schedule:
 
 
 class Annealed(NamedTuple):
-    """What came of it."""
+    """The best map found."""
 
     best: Coloring
     score: float  # of the best map: |E| log p - 2 p length + log likelihood, in nats
-    by_chain: tuple[float, ...]  # the best of each chain: how far these lie apart says how sure the best one is
+    by_chain: tuple[float, ...]  # the best of each chain: their spread shows how certain the best one is
     steps: int  # of each chain
-    is_complete: bool  # whether the schedule came to its end
+    is_complete: bool  # whether the schedule was completed
 
 
 class Moment(NamedTuple):

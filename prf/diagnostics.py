@@ -19,7 +19,7 @@ SCHEMA = "prf.diagnostics/1"
 MAX_RHAT = 1.05
 MIN_ESS = 100.0
 MAX_RHAT_UNSEEN = 1.2
-"""Of what no reading saw: the prior alone speaks there, and no ESS is asked for."""
+"""Of what no reading saw: only the prior informs it, and no ESS is required."""
 DRAWS_PER_CHAIN = 500
 """Draws a chain that the estimates look at: all functionals of four chains then cost a few milliseconds each."""
 FEWEST_DRAWS = 8
@@ -29,7 +29,7 @@ State = Literal["varies", "constant", "stuck", "short", "not finite"]
 
 
 class Diagnosis(NamedTuple):
-    """What the chains say about one functional."""
+    """Convergence of one functional."""
 
     # rank-normalised split R-hat, the larger of bulk and tail; nan where constant or too short, inf where stuck
     rhat: float
@@ -42,7 +42,7 @@ class Diagnosis(NamedTuple):
     def agrees(self, rhat: float = MAX_RHAT, ess: float = MIN_ESS) -> bool:
         """Return whether the functional passes: constant, or R-hat below `rhat` and ESS above `ess`.
 
-        Of what no reading saw only R-hat below `MAX_RHAT_UNSEEN` is asked.
+        Of what no reading saw only R-hat below `MAX_RHAT_UNSEEN` is required.
         """
         rhat, ess = (rhat, ess) if self.seen else (MAX_RHAT_UNSEEN, 0.0)
         return self.state == "constant" or (self.state == "varies" and self.rhat < rhat and self.ess > ess)
@@ -77,7 +77,7 @@ def diagnose(
 def converged(diagnoses: Mapping[str, Diagnosis], rhat: float = MAX_RHAT, ess: float = MIN_ESS) -> Verdict:
     """Return whether every functional has R-hat < `rhat` and ESS > `ess`, naming the worst one.
 
-    Functionals of what no reading saw have a rule of their own (:meth:`Diagnosis.agrees`), and come last.
+    Functionals of what no reading saw have a rule of their own (:meth:`Diagnosis.agrees`), and rank last.
     A functional with one value in all chains agrees. Without any functional nothing is known: not converged.
     """
     if not diagnoses:

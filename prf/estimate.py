@@ -1,4 +1,4 @@
-"""What the draws say: how probably a point or a square is occupied, and a path free.
+"""Probabilities from draws: how probably a point or a square is occupied, and a path free.
 
 Every estimate is a share of draws, so it is exact for the draws and its error is that of the chain, which
 :mod:`prf.uncertainty` bounds. A path is judged on whole maps: the answer is the probability that all of it is free at
@@ -23,7 +23,7 @@ MOST_COLOURS = 64_000_000
 
 
 class PathEstimate(NamedTuple):
-    """Share of draws in which a path is free, and the number of draws that it stands on."""
+    """Share of draws in which a path is free, and the number of draws."""
 
     p_free: float
     n_draws: int

@@ -1,21 +1,148 @@
-"""What a result is, how it was made, and whether its files are sound: RUN, GRID, MAP or DRAWS."""
+"""Kind, origin and state of a result: RUN, GRID, MAP or DRAWS. No damaged file of a run raises anything here."""
 
 from __future__ import annotations
 
 import json
 import os
+import struct
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
 import shapely
 
 from prf.coloring import read_geojsonl
+from prf.kernels.constants import STEP
 from prf.occupancy import SCHEMA as GRID_SCHEMA
 from prf.occupancy import is_grid, read_grid
-from prf.run import FileState, inspect_files, names, read_manifest, read_map_feature
+from prf.run import names, read_manifest, read_map_feature
+from prf.run.read import read_best, read_draws, read_image, read_readings
 from prf.score import read_occupied_area
-from prf.shell.errors import InputError
+from prf.shell.errors import InputError, PrfError
 from prf.shell.files import open_input
+from prf.shell.storage import OtherVersion, damaged, load_arrays, load_object, take_array
+
+_OLD_CHECKPOINT = (
+    "this release reads the draws, but cannot resume from here. Use the release that wrote it, or sample anew."
+)
+
+
+class FileState(NamedTuple):
+    """State of one file: "ok", "missing", "damaged" or "other version"; what it holds, or why it cannot be read."""
+
+    name: str
+    state: str
+    bytes: int | None
+    schema: str | None
+    summary: str
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether it is there and cannot be read, nor the run without it, as without an old checkpoint."""
+        spare = self.state == "other version" and self.name == names.CHECKPOINT
+        return self.state in ("damaged", "other version") and not spare
+
+
+def inspect_files(path: str | os.PathLike[str]) -> list[FileState]:
+    """Return the state of every file that a RUN directory may hold, in the order of the documentation."""
+    folder = Path(path)
+    if not (folder / names.MANIFEST).is_file():
+        read_manifest(folder)  # raises what is wrong with the folder itself
+    return [_inspect(folder / name, summarise) for name, summarise in _SUMMARIES.items()]
+
+
+def _inspect(file: Path, summarise: Callable[[Path], str]) -> FileState:
+    schema = {**names.SCHEMAS, names.CHECKPOINT: names.CHECKPOINT_SCHEMA}.get(file.name)
+    if not file.is_file():
+        return FileState(file.name, "missing", None, schema, "")
+    size = file.stat().st_size
+    try:
+        return FileState(file.name, "ok", size, schema, summarise(file))
+    except OtherVersion as error:
+        words = f"{error.found}: {_OLD_CHECKPOINT}" if file.name == names.CHECKPOINT else _without_name(error, file)
+        return FileState(file.name, "other version", size, error.found, words)
+    except PrfError as error:
+        return FileState(file.name, "damaged", size, schema, _without_name(error, file))
+
+
+def _without_name(error: PrfError, file: Path) -> str:
+    return str(error).removeprefix(f"{file}: ")
+
+
+def _summarise_manifest(file: Path) -> str:
+    return f"status {load_object(file, names.SCHEMAS[names.MANIFEST]).get('status', 'unknown')}"
+
+
+def _summarise_draws(file: Path) -> str:
+    fields: dict[str, Any] = read_draws(file)
+    chains = len(set(fields["chain"].tolist()))
+    edges = fields["draws"].n_edges
+    middle = f", {edges.mean():.0f} edges on average" if len(edges) else ""
+    return f"{len(edges)} draws of {chains} chains{middle}; functionals {', '.join(fields['functionals']) or 'none'}"
+
+
+def _summarise_image(file: Path) -> str:
+    image = read_image(file)
+    n_rows, n_columns = image.occupancy.shape
+    return f"{n_columns} x {n_rows} cells of {image.resolution:g} m"
+
+
+def _summarise_readings(file: Path) -> str:
+    found = read_readings(file)
+    parts = []
+    for name, what in (("laser", "beams"), ("sonar", "sonar readings")):
+        readings = found[name]
+        if readings is not None:
+            n_returns, reach = int(np.count_nonzero(readings.returned)), readings.max_range
+            parts.append(f"{readings.n_beams} {what}, {n_returns} with a return below {reach:g} m")
+    points = found["points"]
+    if points is not None:
+        parts.append(f"{len(points.value)} points")
+    return "; ".join(parts)
+
+
+def _summarise_best(file: Path) -> str:
+    coloring, log_posterior = read_best(file)
+    return f"best map: {coloring.n_edges} edges, log posterior {log_posterior:.2f}"
+
+
+def _summarise_diagnostics(file: Path) -> str:
+    content = load_object(file, names.SCHEMAS[names.DIAGNOSTICS])
+    return str(content.get("reason", ""))
+
+
+def _summarise_checkpoint(file: Path) -> str:
+    arrays = load_arrays(file, names.CHECKPOINT_SCHEMA)
+    chains = [name for name in arrays if name.endswith(".graph.counts") and ".rung" not in name]
+    counts = [take_array(file, arrays, name, np.int64, (None,)) for name in chains]
+    if not counts or min(map(len, counts)) <= STEP:
+        raise damaged(file, "no chain in it")
+    return f"{len(counts)} chains at step {int(counts[0][STEP]):,}"
+
+
+def _summarise_picture(file: Path) -> str:
+    from PIL import Image  # noqa: PLC0415 - for this file alone
+
+    try:
+        with Image.open(file) as picture:
+            picture.verify()
+            return f"{picture.width} x {picture.height} pixels"
+    except (OSError, SyntaxError, ValueError, struct.error) as error:
+        raise damaged(file, "not a whole picture") from error
+
+
+_SUMMARIES: dict[str, Callable[[Path], str]] = {
+    names.MANIFEST: _summarise_manifest,
+    names.DRAWS: _summarise_draws,
+    names.POSTERIOR: _summarise_image,
+    names.READINGS: _summarise_readings,
+    names.MAP: _summarise_best,
+    names.DIAGNOSTICS: _summarise_diagnostics,
+    names.CHECKPOINT: _summarise_checkpoint,
+    names.PICTURE: _summarise_picture,
+}
+
 
 Kind = Literal["run", "grid", "map", "draws"]
 
@@ -24,12 +151,12 @@ class Inspection(NamedTuple):
     """What was found."""
 
     kind: Kind
-    manifest: dict[str, Any]  # how it was made, as far as it says so
+    manifest: dict[str, Any]  # how it was made, as far as it is recorded
     files: list[FileState]  # one for everything but a run
 
 
 def inspect(path: str | os.PathLike[str]) -> Inspection:
-    """Return what the directory or file `path` is and holds; the kind is told by the content."""
+    """Return what the directory or file `path` is and holds; the kind is recognised from the content."""
     place = Path(path)
     if place.is_dir():
         return Inspection("run", read_manifest(place), inspect_files(place))
@@ -51,7 +178,7 @@ def _read_json(file: Path) -> dict[str, Any] | None:
         content = _object(text)
         if content is not None:
             return content if text is data else None
-    raise InputError(f"{file}: neither a RUN, a GRID, a MAP nor DRAWS. prf info says what is in a log.")
+    raise InputError(f"{file}: neither a RUN, a GRID, a MAP nor DRAWS. prf info shows what is in a log.")
 
 
 def _object(text: bytes) -> dict[str, Any] | None:
@@ -84,7 +211,7 @@ def _inspect_map(file: Path) -> Inspection:
 
 
 def _inspect_polygons(file: Path) -> Inspection:
-    """Take polygons of another program, which says nothing of how they were made."""
+    """Take polygons of another program, which do not record how they were made."""
     area = read_occupied_area(file)
     n_polygons = sum(part.geom_type == "Polygon" for part in shapely.get_parts(area.region))
     manifest = {"schema": None, "window": None if area.window is None else list(area.window)}

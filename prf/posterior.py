@@ -15,7 +15,8 @@ from prf.kernels.chain import Chain
 from prf.kernels.grid import make_grid
 from prf.kernels.points import Points, Y, paint
 from prf.layout import make_graph, make_guards, make_image, make_index, make_proposal, make_sites, make_targets
-from prf.sensors.laser import LaserModel, make_beams, make_rays, unit_vectors
+from prf.logs import PointTable, Readings
+from prf.sensors.laser import LaserModel, make_beams, make_rays
 from prf.sensors.points import PointModel, make_points
 from prf.sensors.sonar import SonarModel, make_cones, make_poses
 from prf.window import Window
@@ -46,32 +47,41 @@ MOST_LISTED = 4e7
 
 @dataclasses.dataclass(frozen=True)
 class LaserData:
-    """Laser beams and the model of their readings."""
+    """Readings of a laser, inf where there is no return, and their model."""
 
-    origin: Floats  # (n, 2): sensor positions, metres
-    angle: Floats  # (n,): directions in the world frame, radians
-    readings: Floats  # (n,): metres; inf: no return
+    readings: Readings
     model: LaserModel
+
+    @classmethod
+    def from_arrays(cls, origin: Floats, angle: Floats, ranges: Floats, model: LaserModel) -> LaserData:
+        """Return beams at `origin` (n, 2) in metres along `angle` (n,) in radians, `ranges` (n,) in metres."""
+        return cls(Readings.from_arrays(origin, angle, ranges), model)
 
 
 @dataclasses.dataclass(frozen=True)
 class SonarData:
-    """Sonar readings and their model."""
+    """Readings of a sonar, inf where there is no return, and their model."""
 
-    origin: Floats  # (n, 2): sensor positions, metres
-    angle: Floats  # (n,): directions in the world frame, radians
-    cone: Floats  # (n,): full fields of view, radians
-    readings: Floats  # (n,): metres; inf: no return
+    readings: Readings
     model: SonarModel
+
+    @classmethod
+    def from_arrays(cls, origin: Floats, angle: Floats, cone: Floats, ranges: Floats, model: SonarModel) -> SonarData:
+        """Return readings as those of a laser, each with its full field of view `cone` (n,) in radians."""
+        return cls(Readings.from_arrays(origin, angle, ranges, cone=cone), model)
 
 
 @dataclasses.dataclass(frozen=True)
 class PointData:
-    """Values at points and their model."""
+    """Values at points inside the window, off its border, and their model."""
 
-    xy: Floats  # (n, 2): places inside the window, off its border, metres
-    values: Floats  # (n,)
+    table: PointTable
     model: PointModel
+
+    @classmethod
+    def from_arrays(cls, xy: Floats, value: Floats, model: PointModel) -> PointData:
+        """Return values (n,) observed at places (n, 2) in metres."""
+        return cls(PointTable(xy, value, np.arange(1, len(value) + 1), "arrays"), model)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -149,15 +159,12 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
     window = settings.window
     capacity = max(FIRST_CAPACITY, 2 * (len(coloring.xy) + c.MOST_CHANGES))
     graph = make_graph(coloring, capacity)
-    laser = settings.laser or LaserData(*_nothing(), LaserModel(1.0))
-    ray = make_rays(window, laser.model, laser.origin, laser.angle, laser.readings)
+    ray = rays_of(settings)
     cell = settings.cell_size()
     if settings.cell is None:
         # So many beams that their lists would fill the memory get larger cells.
         cell = max(cell, CELLS_A_LENGTH * float(ray[:, c.MAX_DISTANCE].sum()) / MOST_LISTED)
     grid = make_grid(*window, cell)
-    sonar = settings.sonar or SonarData(*_nothing(), np.zeros(0), SonarModel())
-    pose = make_poses(sonar.model, sonar.origin, sonar.angle, sonar.cone, sonar.readings, window)
     weights = np.array([MOVE_WEIGHTS[move] for move in range(c.N_MOVES)])
     targets = make_targets(window, settings.target_side(), return_points(settings))
     tuning = settings.tuning()
@@ -165,8 +172,8 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
     chain = Chain(
         graph=graph,
         edge_index=make_index(graph, grid, FIRST_CELL_ROOM),
-        beams=make_beams(grid, laser.model, ray, capacity, settings.levels),
-        cones=make_cones(grid, sonar.model, pose, capacity),
+        beams=make_beams(grid, laser_model(settings), ray, capacity, settings.levels),
+        cones=make_cones(grid, sonar_model(settings), poses_of(settings), capacity),
         points=painted_points(settings.points, coloring),
         sensors=make_sites(grid, white_places(settings), coloring),
         targets=targets,
@@ -183,11 +190,38 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
     return chain
 
 
+def rays_of(settings: Settings) -> Floats:
+    """Return the beams (n, N_RAY) as the kernels want them."""
+    if settings.laser is None:
+        return make_rays(settings.window, laser_model(settings), np.zeros((0, 2)), np.zeros(0), np.zeros(0))
+    readings = settings.laser.readings
+    return make_rays(settings.window, settings.laser.model, readings.origin, readings.angle, readings.range)
+
+
+def poses_of(settings: Settings) -> Floats:
+    """Return the sonar readings (n, N_POSE) as the kernels want them."""
+    nothing = np.zeros(0)
+    if settings.sonar is None:
+        return make_poses(sonar_model(settings), np.zeros((0, 2)), nothing, nothing, nothing, settings.window)
+    found = settings.sonar.readings
+    return make_poses(settings.sonar.model, found.origin, found.angle, found.cone, found.range, settings.window)
+
+
+def laser_model(settings: Settings) -> LaserModel:
+    """Return the model of the laser; any without one."""
+    return LaserModel(1.0) if settings.laser is None else settings.laser.model
+
+
+def sonar_model(settings: Settings) -> SonarModel:
+    """Return the model of the sonar; any without one."""
+    return SonarModel() if settings.sonar is None else settings.sonar.model
+
+
 def painted_points(data: PointData | None, coloring: Coloring) -> Points:
     """Return point observations in the colours of a map."""
     if data is None:
         return make_points(np.zeros((0, 2)), np.zeros((0, 2)))
-    points = make_points(data.xy, data.model.log_density(data.values))
+    points = make_points(data.table.xy, data.model.log_density(data.table.value))
     paint(points, black_at(coloring, points.column[: Y + 1].T))
     return points
 
@@ -197,27 +231,18 @@ def one_colour_map(settings: Settings) -> Coloring:
     empty = Coloring.empty(settings.window)
     if settings.points is None or settings.laser is not None or settings.sonar is not None:
         return empty
-    white, black = settings.points.model.log_density(settings.points.values).sum(axis=0)
+    white, black = settings.points.model.log_density(settings.points.table.value).sum(axis=0)
     return empty._replace(anchor_black=bool(black > white))
 
 
 def white_places(settings: Settings) -> Floats:
     """Return the places (n, 2) that must be white, metres: those of sensors, and the ends of pieces of the way."""
-    sensors = [sensor.origin for sensor in (settings.laser, settings.sonar) if sensor is not None]
+    sensors = [sensor.readings.origin for sensor in (settings.laser, settings.sonar) if sensor is not None]
     return np.concatenate([np.zeros((0, 2)), *sensors, settings.way[:, :2], settings.way[:, 2:]])
 
 
 def return_points(settings: Settings) -> Floats:
-    """Return where the readings say that something stands (n, 2), metres: for a sonar on its axis."""
-    points = [np.zeros((0, 2))]
-    for sensor in (settings.laser, settings.sonar):
-        if sensor is not None:
-            hit = sensor.readings < sensor.model.max_range
-            direction = unit_vectors(sensor.angle[hit])
-            points.append(sensor.origin[hit] + sensor.readings[hit, None] * direction)
-    return np.concatenate(points)
-
-
-def _nothing() -> tuple[Floats, Floats, Floats]:
-    """Return origins, angles and readings of no sensor."""
-    return np.zeros((0, 2)), np.zeros(0), np.zeros(0)
+    """Return the impacts of the readings (n, 2), metres: for a sonar on its axis."""
+    sensors = [sensor for sensor in (settings.laser, settings.sonar) if sensor is not None]
+    impacts = [sensor.readings.within(sensor.model.max_range).impacts() for sensor in sensors]
+    return np.concatenate([np.zeros((0, 2)), *impacts])

@@ -7,7 +7,8 @@ import numpy as np
 from prf.arak import exact_draws
 from prf.coloring import Draws
 from prf.estimate import occupied_probability
-from prf.run import Beams, PosteriorImage, Run
+from prf.logs import Readings
+from prf.run import PosteriorImage, Run
 from prf.window import Window
 
 WINDOW = Window(-10.0, -5.0, 30.0, 20.0)
@@ -17,20 +18,16 @@ def random_draws(seed: int, n_draws: int, window: Window = WINDOW, scale: float 
     return exact_draws(scale, window, n_draws, np.random.default_rng(seed))
 
 
-def make_beams(window: Window, n_scans: int = 5, n_beams: int = 40) -> Beams:
+def make_beams(window: Window, n_scans: int = 5, n_beams: int = 40) -> Readings:
     rng = np.random.default_rng(7)
     along = np.linspace(0.3, 0.7, n_scans)[:, None]
     path = np.array(window[:2]) + along * np.array([window.width, window.height])
     angle = np.tile(np.linspace(-np.pi, np.pi, n_beams, endpoint=False), n_scans)
     measured = rng.uniform(0.05, 0.4, n_scans * n_beams) * min(window.width, window.height)
     measured[::9] = np.inf
-    return Beams(
-        np.repeat(path, n_beams, axis=0),
-        angle,
-        measured,
-        np.repeat(10 * np.arange(n_scans, dtype=np.int64), n_beams),
-        0.8 * max(window.width, window.height),
-    )
+    scan = np.repeat(10 * np.arange(n_scans, dtype=np.int64), n_beams)
+    readings = Readings.from_arrays(np.repeat(path, n_beams, axis=0), angle, measured, scan=scan)
+    return readings.within(0.8 * max(window.width, window.height))
 
 
 def make_image(draws: Draws, resolution: float) -> PosteriorImage:
@@ -64,7 +61,7 @@ def make_run(seed: int = 1, n_draws: int = 12, window: Window = WINDOW, resoluti
         probe_xy=probe_xy,
         probe_black=rng.random((n_draws, 3)) < 0.5,
         image=make_image(draws, resolution) if n_draws else None,
-        beams=make_beams(window),
+        laser=make_beams(window),
         best=draws[n_draws // 2] if n_draws else None,
         best_log_posterior=-123.25,
         diagnostics={"converged": True, "reason": "n_edges: R-hat 1.010, ESS 300"},

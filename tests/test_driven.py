@@ -16,9 +16,8 @@ from prf.layout import make_guards
 from prf.logs import Readings
 from prf.posterior import LaserData, Settings, make_chain
 from prf.sampler.config import prepare
-from prf.sampler.contour import contour_map, map_of_region
 from prf.sampler.ground import sensor_tracks
-from prf.sampler.starts import find_start_map
+from prf.sampler.starts import contour_map, find_start_map, map_of_region
 from prf.sensors.laser import LaserModel
 from prf.window import Window
 from tests.reference.beams import Sensor
@@ -134,7 +133,7 @@ def test_the_configuration_decides_about_the_way() -> None:
 def driven_settings(seed: int) -> Settings:
     """A laser in a world of the prior, driven for a metre from each of its places, whatever stood there."""
     found = draw_world(0.3, ROOM, Sensor(6.0), 6, 30, np.random.default_rng(seed))
-    place = np.unique(found.data.origin, axis=0)
+    place = np.unique(found.data.readings.origin, axis=0)
     to = np.clip(place + np.random.default_rng(seed).normal(0.0, 0.7, place.shape), 0.01, 9.99)
     return Settings(ROOM, 0.3, found.data, way=np.hstack([place, to]), driven_radius=0.3)
 
@@ -168,6 +167,6 @@ def test_many_positions_and_returns_take_no_memory_of_all_pairs() -> None:
 
 
 def test_settings_have_no_driven_way_by_default() -> None:
-    laser = LaserData(np.array([[5.0, 5.0]]), np.zeros(1), np.ones(1), LaserModel(3.0))
+    laser = LaserData.from_arrays(np.array([[5.0, 5.0]]), np.zeros(1), np.ones(1), LaserModel(3.0))
     chain = make_chain(Settings(ROOM, 0.2, laser), Coloring.empty(ROOM))
     assert chain.guards.lists.tolist() == [0]

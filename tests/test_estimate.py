@@ -10,7 +10,6 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prf.api.run import Run
 from prf.coloring import Coloring, Draws, occupied_polygons
 from prf.estimate import occupied_in_draws, occupied_probability, path_free, path_free_in_draws
 from prf.shell.errors import InputError, UsageError
@@ -69,7 +68,7 @@ def test_batches_do_not_change_the_answer(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_bounds_come_with_the_same_answers_chain_by_chain() -> None:
-    run = Run.of(make_run(n_draws=60))
+    run = make_run(n_draws=60)
     xy = np.vstack((random_points(6, 40), [[1e3, 0.0]]))
     found = run.query(xy, 0.3, interval=True)
     np.testing.assert_array_equal(found.probability, run.query(xy, 0.3))

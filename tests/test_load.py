@@ -16,14 +16,14 @@ import pytest
 
 import prf.anneal
 import prf.sampler.chain
+import prf.sampler.driver
 import prf.sampler.record
-import prf.sampler.session
 from mapq.report import read_findings, write_report
 from prf.anneal import Goal, anneal
 from prf.configuration import Configuration
 from prf.run import names
 from prf.sampler import session as sessions
-from prf.sampler.drive import StopRule
+from prf.sampler.driver import StopRule, run
 from prf.shell.seeds import spawn_generators
 from tests.conftest import ROOT
 from tests.mapq.report.results import save_result
@@ -45,7 +45,7 @@ def shorten(monkeypatch: pytest.MonkeyPatch, block: int, most_draws: int, second
         (prf.sampler.record, "MOST_DRAWS", most_draws),
         (prf.sampler.chain, "SHORTEST_BLOCK", block),
         (prf.sampler.chain, "LONGEST_BLOCK", block),
-        (prf.sampler.session, "CHECKPOINT_SECONDS", seconds),
+        (prf.sampler.driver, "CHECKPOINT_SECONDS", seconds),
         (prf.anneal, "ROUND", block // 2),
     )
     for module, name, value in places:
@@ -53,11 +53,11 @@ def shorten(monkeypatch: pytest.MonkeyPatch, block: int, most_draws: int, second
 
 
 def sample(n_rounds: int, block: int, folder: Path, look: Callable[[Any], None]) -> None:
-    """Sample the demo office in so many rounds; call `look` with the session after each."""
+    """Sample the demo office in so many rounds; call `look` with the chains after each."""
     config = Configuration.of(chains=CHAINS, every_scan=10, every_beam=10, resolution=0.5, start="empty")
-    session = sessions.start([LOG], sessions.read_prepared(LOG, config), folder, 1, 1)
-    with session.sampler:
-        session.carry_out(StopRule(steps=n_rounds * block), lambda _: look(session), lambda: False)
+    sampler, output = sessions.start([LOG], sessions.read_prepared(LOG, config), folder, 1, 1)
+    with sampler:
+        run(sampler, StopRule(steps=n_rounds * block), output, lambda _: look(sampler), lambda: False)
 
 
 def test_draws_are_capped_by_doubling_their_spacing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -65,8 +65,8 @@ def test_draws_are_capped_by_doubling_their_spacing(monkeypatch: pytest.MonkeyPa
     shorten(monkeypatch, block, most, -1.0)
     seen: list[tuple[int, int, int]] = []
 
-    def look(session: Any) -> None:
-        records = [chain.record for chain in session.sampler.chains]
+    def look(sampler: Any) -> None:
+        records = [chain.record for chain in sampler.chains]
         size = (tmp_path / "run" / names.DRAWS).stat().st_size if (tmp_path / "run" / names.DRAWS).exists() else 0
         seen.append((sum(len(each.draws) for each in records), records[0].thin, size))
 

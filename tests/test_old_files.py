@@ -39,8 +39,8 @@ def call(command, capsys):
 def test_an_old_run_is_read_queried_scored_and_exported(run, old, capsys):
     found = read_run(run)
     assert len(found.draws) == 3
-    assert found.beams is not None
-    assert len(found.beams.range) == 36
+    assert found.laser is not None
+    assert len(found.laser.range) == 36
     for command in (
         f"prf query {run} --points points.csv",
         f"prf score {run} --laser log.csv --seed 1 --json",
@@ -54,11 +54,11 @@ def test_an_old_run_is_read_queried_scored_and_exported(run, old, capsys):
 
 def test_old_readings_of_all_sensors_are_there(old):
     found = read_run("run-checkpoint-2")
-    assert found.cones is not None
+    assert found.sonar is not None
     assert found.points is not None
-    assert (len(found.cones.range), len(found.points.value)) == (9, 24)
+    assert (len(found.sonar.range), len(found.points.value)) == (9, 24)
     first = read_run("run-checkpoint-1")
-    assert first.cones is None
+    assert first.sonar is None
     assert first.points is None
 
 

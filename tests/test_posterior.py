@@ -54,7 +54,7 @@ def short_runs() -> dict[str, dict[str, str]]:
         found[name] = digest(chain, rng)
     for name, laser in (("sonar", None), ("laser and sonar", world.data)):
         rng = np.random.default_rng(4)
-        sonar = draw_data(world.coloring, Ring(), ring_all_round(world.data.origin[::12], 8, 0.5, rng), rng)
+        sonar = draw_data(world.coloring, Ring(), ring_all_round(world.data.readings.origin[::12], 8, 0.5, rng), rng)
         start = world.coloring if laser else Coloring.empty(ROOM)
         chain = make_chain(Settings(ROOM, 0.2, laser, resolution=1.0, cell=1.0, sonar=sonar), start)
         for until in (400, 800):
@@ -141,19 +141,22 @@ def test_the_sums_of_a_run_are_those_of_the_written_model() -> None:
     expected = slow_laser_sum(coloring, world.data)
     assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(expected, rel=1e-8)
     assert chain.graph.sums[c.LOG_PRIOR] == pytest.approx(log_density(coloring, 0.3), rel=1e-9)
-    assert expected > 1.2 * len(world.data.readings) * math.log(0.95)
+    assert expected > 1.2 * len(world.data.readings.range) * math.log(0.95)
 
 
 def slow_laser_sum(coloring: Coloring, laser: LaserData) -> float:
-    return sum(log_likelihoods_in(coloring, NEAR, laser.origin, laser.angle, laser.readings))
+    return sum(log_likelihoods_in(coloring, NEAR, laser.readings.origin, laser.readings.angle, laser.readings.range))
 
 
 def slow_sonar_sum(coloring: Coloring, ring: Ring, sonar: SonarData) -> float:
-    cones = [Cone(*row) for row in np.column_stack([sonar.origin, sonar.angle, sonar.cone]).tolist()]
+    cones = [
+        Cone(*row)
+        for row in np.column_stack([sonar.readings.origin, sonar.readings.angle, sonar.readings.cone]).tolist()
+    ]
     reach = [reach_in(coloring.window, cone, ring.max) for cone in cones]
     return sum(
         sonar_log_likelihood(ring, features(coloring, cone, end), reading, end)
-        for cone, end, reading in zip(cones, reach, sonar.readings.tolist(), strict=True)
+        for cone, end, reading in zip(cones, reach, sonar.readings.range.tolist(), strict=True)
     )
 
 
@@ -198,7 +201,7 @@ def test_the_sums_of_a_run_with_points_are_those_of_the_written_model(law: Norma
 def test_the_first_map_has_the_colour_that_points_prefer_if_no_sensor_forbids() -> None:
     world = draw_world(0.2, ROOM, NEAR, 1, 4, np.random.default_rng(14))
     for value, black in ((1.0, True), (0.0, False)):
-        points = PointData(scattered(), np.full(40, value), Flips().model)
+        points = PointData.from_arrays(scattered(), np.full(40, value), Flips().model)
         assert one_colour_map(Settings(ROOM, 0.2, points=points)).anchor_black == black
         assert not one_colour_map(Settings(ROOM, 0.2, world.data, points=points)).anchor_black
     assert not one_colour_map(Settings(ROOM, 0.2)).anchor_black

@@ -80,7 +80,7 @@ def sonar_chain(
     """Sonar of a short reach, so that walls come and go at its limit; with other data of the same world or alone."""
     rng = np.random.default_rng(seed)
     world = draw_world(0.5, ROOM, NEAR, 3, 20, rng)
-    places = np.unique(world.data.origin, axis=0)
+    places = np.unique(world.data.readings.origin, axis=0)
     sonar = draw_data(world.coloring, Ring(4.0), ring_all_round(places, 12, view, rng), rng)
     laser = world.data if with_laser else None
     start = world.coloring if at_truth else Coloring.empty(ROOM)
@@ -311,7 +311,7 @@ def rays_from(places: np.ndarray, n_beams: int, seed: int) -> LaserData:
     origin, angle = np.repeat(places, n_beams, axis=0), np.tile(np.arange(n_beams) * 2.0 * np.pi / n_beams, len(places))
     readings = np.random.default_rng(seed).uniform(0.2, 4.0, len(angle))
     readings[::7] = np.inf
-    return LaserData(origin, angle, readings, LaserModel(6.0))
+    return LaserData.from_arrays(origin, angle, readings, LaserModel(6.0))
 
 
 @pytest.mark.parametrize("cell", [0.5, 1.0])
@@ -329,7 +329,7 @@ def test_twins_agree_for_sensors_on_the_border_of_the_window(tmp_path: Path) -> 
     data = rays_from(
         np.array([[0.0, 5.0], [10.0, 3.0], [4.0, 0.0], [6.0, 10.0], [0.0, 0.0], [10.0, 10.0], [3.0, 4.0]]), 16, 7
     )
-    columns = np.column_stack([data.origin, data.angle, data.readings])
+    columns = np.column_stack([data.readings.origin, data.readings.angle, data.readings.range])
     table = tmp_path / "border.csv"
     np.savetxt(table, columns, delimiter=",", header="x,y,theta,range", comments="", fmt="%.17g")
     prepared = read_prepared(str(table), Configuration.of(scale=0.3, window=(*ROOM,), max_range=6.0, resolution=0.5))
@@ -383,7 +383,9 @@ def test_twins_agree_after_every_accepted_step_of_a_long_run(data_dir: Path) -> 
     window, data = office(data_dir, 3, 6)
     chain = make_chain(Settings(window, 0.1, data, resolution=1.0, cell=1.0), Coloring.empty(window))
     chain, n_accepted = follow(chain, np.random.default_rng(4), 100_000)
-    print(f"{n_accepted} accepted steps, {len(data.angle)} beams, {chain.graph.counts[c.EDGES]} edges at the end")
+    print(
+        f"{n_accepted} accepted steps, {len(data.readings.angle)} beams, {chain.graph.counts[c.EDGES]} edges at the end"
+    )
     assert n_accepted > 10_000
     # Of walls a handful are cut in so many steps: the test above is theirs.
     assert (chain.outcomes[: c.CUT_WALL, c.ACCEPTED] > 0).all(), chain.outcomes

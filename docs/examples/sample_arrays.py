@@ -28,5 +28,5 @@ run = prf.sample(
 print(run.query([[3.0, 2.0], [-0.1, 2.0]]))
 
 longer = prf.resume("room", steps=20_000)  # as if it had never stopped
-again = prf.open_run("room")
+again = prf.read_run("room")
 print(len(run.draws), len(longer.draws), len(again.draws))

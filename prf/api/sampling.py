@@ -11,7 +11,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Literal, TypeVar
 
-from prf.api.run import Run
 from prf.api.science import (
     Given,
     Prior,
@@ -25,20 +24,22 @@ from prf.api.science import (
     prepared_for,
     sources_in,
 )
-from prf.api.words import announce_thinning, describe_session, warn_of_dropped
+from prf.api.words import announce_thinning, describe_run, warn_of_dropped
 from prf.configuration import Configuration, Start
 from prf.diagnostics import converged
+from prf.run import Progress, Run
+from prf.run.write import is_unfinished
+from prf.sampler import StopRule, driver
 from prf.sampler import session as sessions
-from prf.sampler.drive import Progress, StopRule
-from prf.sampler.output import is_unfinished
-from prf.sampler.session import Session
+from prf.sampler.chains import Sampler
+from prf.sampler.output import Output
 from prf.shell.errors import ArgumentError
 from prf.shell.files import refuse_standing
 from prf.shell.lock import exclusive
 from prf.shell.notebook import ProgressCallback, reported
 from prf.shell.seeds import resolve_seed
 from prf.shell.settings import Loaded
-from prf.shell.signals import StopFlag, graceful_stop
+from prf.shell.signals import graceful_stop
 
 logger = logging.getLogger(__name__)
 
@@ -58,25 +59,23 @@ class Snapshot:
         Step, seconds, share of the goal, latest check of agreement.
     """
 
-    def __init__(self, session: Session, progress: Progress) -> None:
-        self._session, self.progress = session, progress
+    def __init__(self, sampler: Sampler, output: Output, progress: Progress) -> None:
+        self._sampler, self._output, self.progress = sampler, output, progress
 
     def run(self) -> Run:
         """Return the run as it stands: its draws so far, its image."""
-        output = self._session.output
-        made = output.make_run(self._session.sampler, self.progress, self._session.seconds_before)
-        return Run.of(made, self.progress)
+        return self._output.make_run(self._sampler, self.progress)
 
     def fields(self) -> dict[str, str]:
         """Return what a progress bar shows beside the share."""
-        progress, sampler = self.progress, self._session.sampler
+        progress, sampler = self.progress, self._sampler
         fields = {
             "step": f"{progress.step:,}",
             "steps/s": f"{progress.steps_per_second:,.0f}",
             "log posterior": f"{sampler.log_posterior():,.0f}",
         }
-        if sampler.chains[0].rungs > 1:
-            fields["rungs"] = f"{sampler.chains[0].rungs}"
+        if sampler.n_temperatures > 1:
+            fields["temperatures"] = f"{sampler.n_temperatures}"
         if progress.diagnoses:
             fields["worst"] = converged(progress.diagnoses).reason
         return fields
@@ -105,7 +104,6 @@ def sample(
     hottest: float | None = None,
     tiles: int | None = None,
     threads: int = 0,
-    scheduler: str | None = None,
     progress: bool | ProgressCallback = True,
     watch: Watch | None = None,
     on_interrupt: OnInterrupt = "return",
@@ -143,7 +141,7 @@ def sample(
         Beams of a laser a square metre of seen ground to which a dense log is thinned (16); 0 keeps all.
     driven_radius : float, optional
         Of the disc round the sensor that was free all along the way driven, metres (0.1); 0 takes nothing from the way.
-    resolution, start, rungs, hottest, tiles, threads, scheduler
+    resolution, start, rungs, hottest, tiles, threads
         As the options of `prf sample`; tiles: 0 for none, None to choose; threads: 0 for one a core.
     progress : bool or callable
         Show a bar, in notebooks too. A callable is told the share that is done, and a mapping of words beside it.
@@ -185,8 +183,8 @@ def sample(
     science = config_of(asked.settings, prior, sensors, options)
     folder = None if output is None else Path(output)
     with _held(folder, force):
-        session = _fresh(sources, science, folder, seed, _threads(threads), scheduler, sources_in(science, asked))
-        return _carry_out(session, rule, progress, watch, on_interrupt)
+        sampler, run = _fresh(sources, science, folder, seed, _threads(threads), sources_in(science, asked))
+        return _run(sampler, run, rule, progress, watch, on_interrupt)
 
 
 def resume(
@@ -195,7 +193,6 @@ def resume(
     steps: int | None = None,
     seconds: float | None = None,
     threads: int = 0,
-    scheduler: str | None = None,
     progress: bool | ProgressCallback = True,
     watch: Watch | None = None,
     on_interrupt: OnInterrupt = "return",
@@ -211,7 +208,7 @@ def resume(
         RUN directory that :func:`sample` wrote by its `output`, or `prf sample`.
     steps : int, optional
         A chain, in total.
-    seconds, threads, scheduler, progress, watch, on_interrupt
+    seconds, threads, progress, watch, on_interrupt
         As :func:`sample`.
     asked, logs, seed
         What the run must have been made with, if anything: values, option to log, seed.
@@ -223,9 +220,9 @@ def resume(
     """
     rule = _rule(steps, seconds)
     with exclusive(run):
-        session = sessions.resume(Path(run), dict(logs), asked, seed, _threads(threads), scheduler)
-        logger.info(f"resuming at step {session.sampler.step}")
-        return _carry_out(session, rule, progress, watch, on_interrupt)
+        sampler, output = sessions.resume(Path(run), dict(logs), asked, seed, _threads(threads))
+        logger.info(f"resuming at step {sampler.step}")
+        return _run(sampler, output, rule, progress, watch, on_interrupt)
 
 
 def _fresh(
@@ -234,48 +231,47 @@ def _fresh(
     folder: Path | None,
     seed: int | None,
     threads: int,
-    scheduler: str | None,
     places: Mapping[str, str],
-) -> Session:
+) -> tuple[Sampler, Output]:
     used_seed = resolve_seed(seed)
     prepared = prepared_for(sources, config)
     warn_of_dropped(prepared)
     announce_thinning(prepared)
     if sessions.needs_compiling():
         logger.info("compiling kernels (once; about half a minute) ...")
-    session = sessions.start(paths_of(sources), prepared, folder, used_seed, threads, scheduler, places)
-    session.sampler.compile()
-    return session
+    return sessions.start(paths_of(sources), prepared, folder, used_seed, threads, places)
 
 
-def _carry_out(
-    session: Session, rule: StopRule, progress: bool | ProgressCallback, watch: Watch | None, on_interrupt: OnInterrupt
+def _run(
+    sampler: Sampler,
+    output: Output,
+    rule: StopRule,
+    progress: bool | ProgressCallback,
+    watch: Watch | None,
+    on_interrupt: OnInterrupt,
 ) -> Run:
     """Sample with progress; Ctrl-C ends it in good order."""
-    logger.info(describe_session(session))
+    logger.info(describe_run(sampler, output))
     signals = (signal.SIGINT, signal.SIGTERM) if on_interrupt == "raise" else (signal.SIGINT,)
-    with session.sampler, graceful_stop(signals) as stop, reported(progress, 1.0, "sampling") as reporter:
+    with sampler, graceful_stop(signals) as stop, reported(progress, 1.0, "sampling") as reporter:
 
-        def tell(state: Progress) -> None:
-            snapshot = Snapshot(session, state)
+        def report(state: Progress) -> None:
+            snapshot = Snapshot(sampler, output, state)
             reporter.update(state.share, **snapshot.fields())
             if watch is not None:
                 watch(snapshot)
 
-        made, end = session.carry_out(rule, tell, lambda: stop.requested)
+        made = driver.run(sampler, rule, output, report, lambda: stop.requested)
+    end = made.progress
+    assert end is not None
     if end.status == "interrupted":
-        _tell_of_interrupt(session, end, stop, on_interrupt)
-    return Run.of(made, end)
-
-
-def _tell_of_interrupt(session: Session, end: Progress, stop: StopFlag, on_interrupt: OnInterrupt) -> None:
-    words = f"interrupted after {end.step} steps"
-    folder = session.output.folder
-    if folder is not None:
-        words += f"; {folder} is valid. Continue with: prf sample --resume {folder}"
-    if on_interrupt == "raise":
-        stop.raise_if_requested(words)
-    logger.warning(words)
+        words = f"interrupted after {end.step} steps"
+        if output.folder is not None:
+            words += f"; {output.folder} is valid. Continue with: prf sample --resume {output.folder}"
+        if on_interrupt == "raise":
+            stop.raise_if_requested(words)
+        logger.warning(words)
+    return made
 
 
 @contextmanager

@@ -6,8 +6,10 @@ import logging
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from prf.posterior import Settings
+    from prf.sampler.chains import Sampler
     from prf.sampler.config import Prepared
-    from prf.sampler.session import Session
+    from prf.sampler.output import Output
 
 logger = logging.getLogger(__name__)
 
@@ -35,19 +37,18 @@ def warn_of_dropped(prepared: Prepared) -> None:
         logger.warning(f"{prepared.n_points_outside} points dropped: they lie outside the window or on its border")
 
 
-def describe_session(session: Session) -> str:
+def describe_run(sampler: Sampler, output: Output) -> str:
     """Return in a line what a run is about."""
-    window = session.sampler.settings.window
+    window, n_thinned = sampler.settings.window, int(output.process.get("n_beams_thinned", 0))
     return (
-        f"{_readings(session)}, window {window.width:.1f} x {window.height:.1f} m, "
-        f"{len(session.sampler.chains)} chains, seed {session.output.seed}"
+        f"{_readings(sampler.settings, n_thinned)}, window {window.width:.1f} x {window.height:.1f} m, "
+        f"{len(sampler.chains)} chains, seed {output.seed}"
     )
 
 
-def _readings(session: Session) -> str:
+def _readings(settings: Settings, n_thinned: int) -> str:
     """Return how many readings of each sensor the run uses, in words."""
-    used = session.output
-    thinned = int(used.process.get("n_beams_thinned", 0))
-    parts = [words_for_beams(len(used.beams.range), thinned)] if used.beams is not None else []
-    parts += [f"{len(used.cones.range)} sonar readings"] if used.cones is not None else []
-    return " and ".join(parts + ([f"{len(used.points.value)} points"] if used.points is not None else []))
+    laser, sonar, points = settings.laser, settings.sonar, settings.points
+    parts = [words_for_beams(laser.readings.n_beams, n_thinned)] if laser is not None else []
+    parts += [f"{sonar.readings.n_beams} sonar readings"] if sonar is not None else []
+    return " and ".join(parts + ([f"{len(points.table.value)} points"] if points is not None else []))

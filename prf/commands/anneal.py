@@ -155,7 +155,7 @@ def _cool(
     laser, sonar, point_data = inputs
     prepared = read_prepared(laser, config, sonar, point_data)
     warn_of_dropped(prepared)
-    n_beams = 0 if prepared.beams is None else len(prepared.beams.range)
+    n_beams = 0 if prepared.settings.laser is None else prepared.settings.laser.readings.n_beams
     if prepared.n_beams_thinned:
         logger.info(words_for_beams(n_beams, prepared.n_beams_thinned))
         announce_thinning(prepared)

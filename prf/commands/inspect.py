@@ -10,7 +10,7 @@ import typer
 from prf.shell.options import Json
 
 if TYPE_CHECKING:
-    from prf.run import FileState
+    from prf.inspection import FileState
 
 EXAMPLES = (
     "prf inspect office",

@@ -10,8 +10,8 @@ import typer
 from prf.shell.options import Json
 
 if TYPE_CHECKING:
-    from prf.api.run import PointEstimates, Run
     from prf.occupancy import OccupancyGrid
+    from prf.run import PointEstimates, Run
     from prf.uncertainty import Estimates
 
 logger = logging.getLogger(__name__)
@@ -57,9 +57,8 @@ def query(
     and R-hat of the very question. A GRID has no such error, and answers for its cells, taken as independent: that
     not all cells with their centres in a square, or all cells that the disc touches, are free.
     """
-    from prf.api.run import open_run
     from prf.occupancy import is_grid, read_grid
-    from prf.run import names
+    from prf.run import names, read_run
     from prf.shell.errors import UsageError
 
     if (points is None) == (path is None):
@@ -68,7 +67,7 @@ def query(
         raise UsageError("--path and --radius METRES go together.")
     if path is not None and square is not None:
         raise UsageError("--square goes with --points.")
-    source = read_grid(run) if is_grid(run) else open_run(run, parts=(names.POSTERIOR,))
+    source = read_grid(run) if is_grid(run) else read_run(run, parts=(names.POSTERIOR,))
     if points is not None:
         _answer_points(source, points, square or 0.0, json)
     elif path is not None and radius is not None:

@@ -35,8 +35,8 @@ from prf.shell.options import Assignments, Force, Json, Output, Presets, Seed, T
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from prf.api.run import Run
     from prf.api.science import ReadingKind, Source
+    from prf.run import Run
 
 EXAMPLES = (
     "prf sample --laser data/demo-office.log.gz -o office --time-budget 30",
@@ -67,10 +67,6 @@ TimeBudget = Annotated[
         parser=parse_duration,
         help="Of this call, writing the run included; seconds, or 90s, 5m, 1.5h.",
     ),
-]
-Scheduler = Annotated[
-    str | None,
-    typer.Option("--scheduler", metavar="ADDRESS", help="Step on the workers of this Dask scheduler."),
 ]
 Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Go on with this run from its checkpoint.")]
 
@@ -110,7 +106,6 @@ def sample(
     steps: Steps = None,
     time_budget: TimeBudget = None,
     resume: Resume = None,
-    scheduler: Scheduler = None,
     seed: Seed = None,
     threads: Threads = 0,
     force: Force = False,
@@ -136,7 +131,7 @@ def sample(
     refuse_shared_stream({**logs, "--config": config})
     asked = load_configuration(options)
     folder = _folder(logs, output, resume)
-    how: dict[str, Any] = {"steps": steps, "seconds": time_budget, "threads": threads, "scheduler": scheduler}
+    how: dict[str, Any] = {"steps": steps, "seconds": time_budget, "threads": threads}
     how |= {"seed": seed, "on_interrupt": "raise"}
     if resume is not None:
         run = go_on(folder, asked=asked, logs=logs, **how)
@@ -185,7 +180,7 @@ def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None
         "seconds": progress.seconds,
         "steps_per_second": progress.steps_per_second,
         "seed": run.manifest["seed"],
-        "n_beams": 0 if run.beams is None else len(run.beams.range),
+        "n_beams": 0 if run.laser is None else len(run.laser.range),
         "n_beams_thinned": int(run.manifest.get("n_beams_thinned", 0)),
         "converged": run.diagnostics["converged"],
         "converged_seen": run.diagnostics["converged_seen"],
@@ -247,7 +242,7 @@ def _advice(run: Run, folder: Path) -> str:
     if diagnostics["converged_seen"] or _is_short(diagnostics, configuration["chains"]):
         return ""
     if waits and not is_tempered:
-        return "tempering: none so far, the chains were not seen to stay apart; run longer (docs/convergence.md)"
+        return "tempering: none so far, the chains were not found to disagree; run longer (docs/convergence.md)"
     other = "see docs/convergence.md" if is_tempered else "try --set sampler.rungs=auto (docs/convergence.md)"
     if is_flat:
         return f"the chains come no nearer, more time alone will not help: {other}"
@@ -269,4 +264,4 @@ def _ladders(reports: list[dict[str, Any]]) -> str:
     first_step = reports[0]["first_step"]
     since = f"from step {first_step:,} on " if first_step else ""
     rungs = len(reports[0]["powers"])
-    return f"tempering: {rungs} rungs {since}down to power {lowest:.3g}, {worst}, {trips} round trips"
+    return f"tempering: {rungs} temperatures {since}down to power {lowest:.3g}, {worst}, {trips} round trips"

@@ -6,12 +6,14 @@ import os
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from prf.logs.readings import FloatArray, IntArray
 from prf.logs.table import DOMAINS
 from prf.logs.text import BYTE_ORDER_MARK, content_lines, decompress, read_rows
 from prf.shell.errors import InputError
 from prf.shell.files import STREAM, open_input
+from prf.window import Window
 
 REQUIRED = ("x", "y", "value")
 HEADER = "Name the columns x,y,value."
@@ -37,6 +39,14 @@ class PointTable(NamedTuple):
     value: FloatArray
     line: IntArray
     source: str
+
+    def inside(self, window: Window) -> PointTable:
+        """Return the observations inside a window, off its border."""
+        return self.select(window.contains(self.xy, strictly=True))
+
+    def select(self, mask: NDArray[np.bool_] | IntArray) -> PointTable:
+        """Return the observations that a boolean mask or an index array picks."""
+        return self._replace(xy=self.xy[mask], value=self.value[mask], line=self.line[mask])
 
     def refuse_other_than_colours(self) -> None:
         """Raise InputError for the first value that is neither 0 nor 1."""

@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from prf.sensors.laser import unit_vectors
 from prf.shell.errors import ConfigError, InputError
 from prf.window import LARGEST_RANGE
 
@@ -17,6 +18,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 Kind = Literal["laser", "sonar"]
+
+ARC_POINTS = 9
+"""Points by which the arc of a sonar reading is drawn."""
 
 
 class NoReadings(InputError):  # noqa: N818 - reads as what happened
@@ -129,6 +133,8 @@ class Readings:
         Where the readings are from, for messages.
     notes : LogNotes
         What the reader noticed.
+    max_range : float
+        Metres; a reading at or above it is no return. inf: the log alone does not say (:meth:`within`).
     """
 
     origin: FloatArray
@@ -140,6 +146,7 @@ class Readings:
     cone: FloatArray
     source: str
     notes: LogNotes = field(default_factory=LogNotes)
+    max_range: float = math.inf
 
     @classmethod
     def from_arrays(
@@ -202,6 +209,32 @@ class Readings:
         """Largest finite range in metres; nan if no range is finite."""
         finite = self.range[np.isfinite(self.range)]
         return float(finite.max()) if len(finite) else float("nan")
+
+    @property
+    def returned(self) -> NDArray[np.bool_]:
+        """Which readings (n_beams,) have a return below the maximum range."""
+        return np.isfinite(self.range) & (self.range < self.max_range)
+
+    def within(self, max_range: float) -> Readings:
+        """Return the readings with this maximum range, inf where there was no return below it."""
+        return replace(self, range=np.where(self.range < max_range, self.range, np.inf), max_range=max_range)
+
+    def impacts(self) -> FloatArray:
+        """Return the end points of the beams with a return, (n_returns, 2) in metres."""
+        hit = self.returned
+        return np.asarray(self.origin[hit] + self.range[hit, None] * unit_vectors(self.angle[hit]))
+
+    def arcs(self) -> FloatArray:
+        """Return the arcs across the field of view of readings with a return, (n_returns, ARC_POINTS, 2) in metres."""
+        hit = self.returned
+        turn = self.angle[hit, None] + self.cone[hit, None] * np.linspace(-0.5, 0.5, ARC_POINTS)
+        away = self.range[hit, None, None] * np.stack((np.cos(turn), np.sin(turn)), axis=-1)
+        return np.asarray(self.origin[hit, None] + away)
+
+    def sensor_path(self) -> FloatArray:
+        """Return the position of the first beam of every scan, (n_scans, 2) in metres, in the order of the scans."""
+        _, first = np.unique(self.scan, return_index=True)
+        return self.origin[first]
 
     def select(self, mask: NDArray[np.bool_] | IntArray) -> Readings:
         """Return the beams that a boolean mask or an index array picks, in its order, with the same notes."""

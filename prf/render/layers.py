@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.image import AxesImage
 
-    from prf.run import Beams, Cones, Points, PosteriorImage
+    from prf.logs import PointTable, Readings
+    from prf.run import PosteriorImage
 
 MOST_BEAMS = 4000
 """More beams than this make a solid patch: they are thinned evenly before drawing."""
@@ -99,7 +100,7 @@ def thinned(rows: NDArray[Any]) -> NDArray[Any]:
     return rows[:: max(1, -(-len(rows) // MOST_BEAMS))]
 
 
-def draw_beams(axes: Axes, beams: Beams, width: float = 0.4, strength: float = 0.45) -> None:
+def draw_beams(axes: Axes, beams: Readings, width: float = 0.4, strength: float = 0.45) -> None:
     """Draw the beams that returned, from sensor to impact."""
     from matplotlib.collections import LineCollection
 
@@ -110,14 +111,14 @@ def draw_beams(axes: Axes, beams: Beams, width: float = 0.4, strength: float = 0
     )
 
 
-def draw_impacts(axes: Axes, beams: Beams) -> None:
+def draw_impacts(axes: Axes, beams: Readings) -> None:
     """Draw a small dot at the end of every beam that returned; the more there are, the smaller."""
     impacts = beams.impacts()
     size = float(np.clip(2.2 * (4000 / max(len(impacts), 1)) ** 0.5, 0.5, 3.0))
     axes.plot(*impacts.T, linestyle="none", marker="o", markersize=size, markeredgewidth=0.0, color=IMPACT, zorder=2.5)
 
 
-def draw_cones(axes: Axes, cones: Cones, width: float = 0.5, strength: float = 0.45) -> None:
+def draw_cones(axes: Axes, cones: Readings, width: float = 0.5, strength: float = 0.45) -> None:
     """Draw an arc across the field of view at the distance of every sonar reading that returned."""
     from matplotlib.collections import LineCollection
 
@@ -127,14 +128,14 @@ def draw_cones(axes: Axes, cones: Cones, width: float = 0.5, strength: float = 0
     )
 
 
-def draw_points(axes: Axes, points: Points) -> None:
+def draw_points(axes: Axes, points: PointTable) -> None:
     """Draw a dot at every point observation, the lowest value white and the highest black; the more, the smaller."""
     size = float(np.clip(30.0 * (400 / max(len(points.value), 1)), 2.0, 30.0))
     x, y = points.xy.T
     axes.scatter(x, y, s=size, c=points.value, cmap="gray_r", edgecolors=MUTED, linewidths=0.1 * size**0.5, zorder=2.4)
 
 
-def draw_path(axes: Axes, beams: Beams | Cones) -> None:
+def draw_path(axes: Axes, beams: Readings) -> None:
     """Draw the sensor's positions, joined in the order of the scans, the first one ringed."""
     path = beams.sensor_path()
     dots = 2.4 if len(path) < 200 else 1.2

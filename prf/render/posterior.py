@@ -64,10 +64,10 @@ def render_posterior(
         words += "\nviolet: chains differ"
     if run.best is not None and outline:
         layers.draw_outline(axes, run.best, run.image)
-    if run.beams is not None and beams:
-        layers.draw_beams(axes, run.beams)
-    if run.cones is not None and beams:
-        layers.draw_cones(axes, run.cones)
+    if run.laser is not None and beams:
+        layers.draw_beams(axes, run.laser)
+    if run.sonar is not None and beams:
+        layers.draw_cones(axes, run.sonar)
     if run.points is not None and beams:
         layers.draw_points(axes, run.points)
     if run.sensors is not None and path:

@@ -52,7 +52,7 @@ def read_map_feature(path: str | os.PathLike[str]) -> tuple[Coloring, dict[str, 
         properties = dict(content["properties"])
         window = Window.checked(*properties["window"])
         coloring = from_polygons(_geometry(content["geometry"]), window)
-        if coloring.n_edges == 0:  # all of the window, or nothing: no ring says which
+        if coloring.n_edges == 0:  # all of the window, or nothing: no ring shows which
             coloring = Coloring.empty(window, bool(properties["anchor_black"]))
     except (LookupError, TypeError, ValueError, AttributeError, OverflowError, shapely.errors.ShapelyError) as error:
         raise InputError(f"{file}: not a map that prf wrote ({type(error).__name__}: {error}).") from error
@@ -65,5 +65,5 @@ def _geometry(content: Mapping[str, Any]) -> BaseGeometry:
     """Return the MultiPolygon of a Feature (shapely takes no empty coordinate list)."""
     if content["type"] != "MultiPolygon":
         raise ValueError(f"geometry {content['type']}, expected MultiPolygon")
-    with np.errstate(invalid="ignore"):  # a nan is told by the coloring
+    with np.errstate(invalid="ignore"):  # the coloring refuses nan
         return shapely.geometry.shape(content) if content["coordinates"] else shapely.MultiPolygon()

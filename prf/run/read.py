@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.coloring import Coloring, Draws
+from prf.logs import PointTable, Readings
 from prf.run import names
 from prf.run.mapfile import read_map_feature
-from prf.run.model import Beams, Cones, Points, PosteriorImage, Run
+from prf.run.model import PosteriorImage
+from prf.run.run import Run
 from prf.shell.errors import InputError
 from prf.shell.storage import OtherVersion, damaged, load_arrays, load_object, take_array
 from prf.window import LARGEST_COORDINATE, Window
@@ -119,62 +121,45 @@ def read_image(path: Path) -> PosteriorImage:
 def read_readings(path: Path) -> dict[str, Any]:
     """Return the fields of :class:`Run` that readings.npz holds; None for readings that the run did not use."""
     arrays = load_arrays(path, names.SCHEMAS[names.READINGS])
-    beams = _take_beams(path, arrays)
-    cones = _take_cones(path, arrays) if names.SONAR_PREFIX + "angle" in arrays else None
+    laser = _take_readings(path, arrays, "")
+    sonar = _take_readings(path, arrays, names.SONAR_PREFIX) if names.SONAR_PREFIX + "angle" in arrays else None
     points = _take_points(path, arrays) if names.POINT_PREFIX + "value" in arrays else None
-    for readings in (beams, cones, points):
-        _refuse_strange(path, readings)
-    has_others = cones is not None or points is not None
     arrays.setdefault(names.WAY, np.zeros((0, 4)))
     way = take_array(path, arrays, names.WAY, np.float64, (None, 4))
     if not np.isfinite(way).all():
         raise damaged(path, f"array {names.WAY} has a value that is not finite")
-    used = None if has_others and len(beams.angle) == 0 else beams
-    return {"beams": used, "cones": cones, "points": points, "way": way}
+    has_others = sonar is not None or points is not None
+    return {"laser": None if has_others and laser.n_beams == 0 else laser, "sonar": sonar, "points": points, "way": way}
 
 
-def _refuse_strange(path: Path, readings: Beams | Cones | Points | None) -> None:
-    """Raise InputError for numbers that no reading has: a range alone may be infinite, which is no return."""
-    content = {} if readings is None else readings._asdict()
-    content.pop("max_range", None)
-    for name, values in content.items():
-        if not ((values >= 0.0).all() if name == "range" else np.isfinite(values).all()):
-            raise damaged(path, f"a reading has a value of {name} that none has")
-
-
-def _take_beams(path: Path, arrays: dict[str, NDArray[Any]]) -> Beams:
-    angle = take_array(path, arrays, "angle", np.float64, (None,))
-    n = len(angle)
-    return Beams(
-        take_array(path, arrays, "origin", np.float64, (n, 2)),
-        angle,
-        take_array(path, arrays, "range", np.float64, (n,)),
-        take_array(path, arrays, "scan", np.int64, (n,)),
-        float(take_array(path, arrays, "max_range", np.float64, ())),
-    )
-
-
-def _take_points(path: Path, arrays: dict[str, NDArray[Any]]) -> Points:
-    value = take_array(path, arrays, names.POINT_PREFIX + "value", np.float64, (None,))
-    return Points(take_array(path, arrays, names.POINT_PREFIX + "xy", np.float64, (len(value), 2)), value)
-
-
-def _take_cones(path: Path, arrays: dict[str, NDArray[Any]]) -> Cones:
-    prefix = names.SONAR_PREFIX
+def _take_readings(path: Path, arrays: dict[str, NDArray[Any]], prefix: str) -> Readings:
+    """Return the readings of the laser (no prefix), or of the sonar, whose readings have fields of view."""
     angle = take_array(path, arrays, prefix + "angle", np.float64, (None,))
     n = len(angle)
-    return Cones(
-        take_array(path, arrays, prefix + "origin", np.float64, (n, 2)),
-        angle,
-        take_array(path, arrays, prefix + "cone", np.float64, (n,)),
-        take_array(path, arrays, prefix + "range", np.float64, (n,)),
-        take_array(path, arrays, prefix + "scan", np.int64, (n,)),
-        float(take_array(path, arrays, prefix + "max_range", np.float64, ())),
-    )
+    ranges = take_array(path, arrays, prefix + "range", np.float64, (n,))
+    values = {
+        "origin": take_array(path, arrays, prefix + "origin", np.float64, (n, 2)),
+        "angle": angle,
+        "cone": take_array(path, arrays, prefix + "cone", np.float64, (n,)) if prefix else np.zeros(n),
+    }
+    sound = {name: np.isfinite(array).all() for name, array in values.items()} | {"range": (ranges >= 0.0).all()}
+    for name in (name for name, is_sound in sound.items() if not is_sound):
+        raise damaged(path, f"a reading has a value of {name} that none has")
+    scan = take_array(path, arrays, prefix + "scan", np.int64, (n,))
+    readings = Readings.from_arrays(values["origin"], angle, ranges, scan=scan, cone=values["cone"], source=str(path))
+    return readings.within(float(take_array(path, arrays, prefix + "max_range", np.float64, ())))
+
+
+def _take_points(path: Path, arrays: dict[str, NDArray[Any]]) -> PointTable:
+    value = take_array(path, arrays, names.POINT_PREFIX + "value", np.float64, (None,))
+    xy = take_array(path, arrays, names.POINT_PREFIX + "xy", np.float64, (len(value), 2))
+    if not (np.isfinite(xy).all() and np.isfinite(value).all()):
+        raise damaged(path, "a point has a coordinate or value that is not finite")
+    return PointTable(xy, value, np.arange(1, len(value) + 1), str(path))
 
 
 def read_best(path: Path) -> tuple[Coloring, float]:
-    """Return the best map in map.geojson and its log posterior (nan if the file does not say)."""
+    """Return the best map in map.geojson and its log posterior (nan if the file has none)."""
     coloring, properties = read_map_feature(path)
     value = properties.get("log_posterior")
     if isinstance(value, int | float) and abs(value) < LARGEST:

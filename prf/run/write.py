@@ -10,37 +10,81 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from prf.logs import Readings
 from prf.run import names
 from prf.run.mapfile import map_text
-from prf.run.model import Beams, Cones, Points, PosteriorImage, Run
-from prf.shell.errors import cannot_write
-from prf.shell.files import atomic_write
+from prf.run.model import PosteriorImage
+from prf.run.run import Run
+from prf.shell.errors import OutputError, cannot_write, system_reason
+from prf.shell.files import atomic_write, is_leftover, remove_leftovers
 from prf.shell.jsonout import dump_object
 from prf.shell.storage import save_arrays
+
+FILES = (names.MANIFEST, names.CHECKPOINT, names.PICTURE, *names.SCHEMAS)
+"""All that a RUN directory may hold, the manifest first: without it the others are no run."""
 
 
 def write_run(path: str | os.PathLike[str], run: Run) -> None:
     """Write all parts of `run` that are not None into the directory `path`, which is made if need be.
 
-    Each file is replaced whole; the manifest comes last, so that a directory without one is no run yet. Files of
-    other names (a checkpoint, pictures) are left alone. Whether an existing run may be replaced is the caller's to
-    ask.
+    Each file is replaced whole; the manifest is written last, so that a directory without one is no run yet. Files of
+    other names (a checkpoint, pictures) are left alone. Whether an existing run may be replaced is the caller's
+    decision.
     """
     folder = Path(path)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise cannot_write(folder, error) from error
+    make_folder(folder)
     write_draws(folder, run)
     if run.image is not None:
         write_image(folder, run.image)
-    if any(part is not None for part in (run.beams, run.cones, run.points)):
-        write_readings(folder, run.beams, run.cones, run.points, run.way)
+    if any(part is not None for part in (run.laser, run.sonar, run.points)):
+        write_readings(folder, run)
     if run.best is not None:
         write_best(folder, run)
     if run.diagnostics is not None:
         write_object(folder / names.DIAGNOSTICS, run.diagnostics)
     write_manifest(folder, run.manifest)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a RUN directory if it is missing."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise cannot_write(folder, error) from error
+
+
+def remove_stale_outputs(folder: Path) -> None:
+    """Remove what an older run left in a directory, so that no file of it can pass for one of the new run."""
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{folder}: a file is in the way. Choose another directory.")
+    remove_half_written(folder)
+    for name in FILES:
+        try:
+            (folder / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(f"{folder / name}: cannot be removed ({system_reason(error)}).") from error
+
+
+def remove_half_written(folder: Path) -> None:
+    """Remove what a killed process left half written; the caller holds the run (:mod:`prf.shell.lock`)."""
+    for name in FILES:
+        remove_leftovers(folder / name)
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Remove files that are no run without a manifest, and the directory if nothing else is in it."""
+    if is_unfinished(folder):
+        remove_stale_outputs(folder)
+    if folder.is_dir() and not any(folder.iterdir()):
+        folder.rmdir()
+
+
+def is_unfinished(folder: Path) -> bool:
+    """Return whether `folder` is what a run leaves that is killed before its first manifest: nothing that is missed."""
+    if not os.path.isdir(folder) or (folder / names.MANIFEST).exists():
+        return False
+    kept = [entry.name for entry in folder.iterdir()]
+    return bool(kept) and all(name in FILES or any(is_leftover(name, output) for output in FILES) for name in kept)
 
 
 def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
@@ -86,42 +130,27 @@ def write_image(folder: Path, image: PosteriorImage) -> None:
     save_arrays(folder / names.POSTERIOR, names.SCHEMAS[names.POSTERIOR], arrays)
 
 
-def write_readings(
-    folder: Path,
-    beams: Beams | None,
-    cones: Cones | None,
-    points: Points | None = None,
-    way: NDArray[np.float64] | None = None,
-) -> None:
+def write_readings(folder: Path, run: Run) -> None:
     """Write readings.npz; readings at or beyond the max range are written as inf, no laser as no beams."""
-    if beams is None:
-        nothing = np.zeros(0)
-        beams = Beams(np.zeros((0, 2)), nothing, nothing, np.zeros(0, np.int64), np.nan)
-    arrays = {
-        "origin": beams.origin.astype(np.float64),
-        "angle": beams.angle.astype(np.float64),
-        "range": np.where(beams.range < beams.max_range, beams.range, np.inf),
-        "scan": beams.scan.astype(np.int64),
-        "max_range": np.float64(beams.max_range),
-        names.WAY: np.zeros((0, 4)) if way is None else way.astype(np.float64),
-    }
-    if cones is not None:
-        silent = ~(cones.range < cones.max_range)
-        arrays |= {
-            names.SONAR_PREFIX + name: values
-            for name, values in (
-                ("origin", cones.origin.astype(np.float64)),
-                ("angle", cones.angle.astype(np.float64)),
-                ("cone", cones.cone.astype(np.float64)),
-                ("range", np.where(silent, np.inf, cones.range)),
-                ("scan", cones.scan.astype(np.int64)),
-                ("max_range", np.float64(cones.max_range)),
-            )
-        }
-    if points is not None:
-        arrays[names.POINT_PREFIX + "xy"] = points.xy.astype(np.float64)
-        arrays[names.POINT_PREFIX + "value"] = points.value.astype(np.float64)
+    laser = run.laser if run.laser is not None else Readings.from_arrays([0.0, 0.0], [], []).within(np.nan)
+    arrays = {**_arrays_of(laser), names.WAY: run.way.astype(np.float64)}
+    if run.sonar is not None:
+        sonar = {**_arrays_of(run.sonar), "cone": run.sonar.cone}
+        arrays |= {names.SONAR_PREFIX + name: values for name, values in sonar.items()}
+    if run.points is not None:
+        arrays[names.POINT_PREFIX + "xy"] = run.points.xy.astype(np.float64)
+        arrays[names.POINT_PREFIX + "value"] = run.points.value.astype(np.float64)
     save_arrays(folder / names.READINGS, names.SCHEMAS[names.READINGS], arrays)
+
+
+def _arrays_of(readings: Readings) -> dict[str, NDArray[Any]]:
+    return {
+        "origin": readings.origin,
+        "angle": readings.angle,
+        "range": np.where(readings.returned, readings.range, np.inf),
+        "scan": readings.scan,
+        "max_range": np.array(readings.max_range),
+    }
 
 
 def write_best(folder: Path, run: Run) -> None:

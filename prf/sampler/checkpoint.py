@@ -1,23 +1,37 @@
-"""Checkpoints: a resumed run repeats an uninterrupted one bit for bit."""
+"""Checkpoints: all that decides the future of chains. A resumed run repeats an uninterrupted one bit for bit."""
 
 from __future__ import annotations
 
+import dataclasses
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from prf.coloring import Coloring, Draws
+from prf.kernels.chain import Chain
+from prf.kernels.image import count_all_edges, settle_all
+from prf.posterior import Settings
 from prf.run import names
-from prf.sampler.chain_state import Arrays, chain_arrays, restore
-from prf.sampler.several import Sampler
-from prf.sampler.stored import check_stored
+from prf.sampler.chain import ChainSampler
+from prf.sampler.chain_map import with_graph
+from prf.sampler.chains import Sampler
+from prf.sampler.record import Draw
+from prf.sampler.tempering import Tempering
 from prf.shell.errors import InputError
 from prf.shell.storage import damaged, load_arrays, save_arrays
 
 SCHEMA = names.CHECKPOINT_SCHEMA
+LADDER = ("powers", "tried", "rate_sum", "came_from_hottest")
+
+Arrays = dict[str, NDArray[Any]]
+DRAW_ARRAYS = ("vertex_offsets", "xy", "side", "edge_offsets", "edges", "anchor_black")
 
 
 def save_checkpoint(folder: Path, sampler: Sampler, identity: str) -> None:
-    """Write the state of all chains into the RUN directory `folder`; `identity` says of which run."""
+    """Write the state of all chains into the RUN directory `folder`; `identity` is that of the run."""
     arrays: Arrays = {"run": np.array(identity)}
     for i, chain in enumerate(sampler.chains):
         arrays |= {f"chain{i}.{name}": array for name, array in chain_arrays(chain).items()}
@@ -35,11 +49,144 @@ def load_checkpoint(folder: Path, sampler: Sampler, identity: str) -> None:
         )
     try:
         if "chain0.ladder.powers" in arrays:
-            sampler.put_rungs()
+            sampler.temper()
         for i, chain in enumerate(sampler.chains):
             prefix = f"chain{i}."
             own = {name[len(prefix) :]: array for name, array in arrays.items() if name.startswith(prefix)}
-            check_stored(chain_arrays(chain), own)
             restore(chain, own)
     except (KeyError, ValueError, IndexError, TypeError, OverflowError) as error:
         raise damaged(path, f"does not fit this run: {error}") from error
+
+
+def chain_arrays(sampler: ChainSampler) -> Arrays:
+    """Return what decides the future of a chain, and what it has recorded.
+
+    Of draws in the burn-in, which grows but never shrinks, only functionals and colours are read again: their maps are
+    left out.
+    """
+    chain, times = sampler.chain, sampler.times
+    settle_all(chain.image, sampler.step)
+    arrays = state_arrays(chain, sampler.rng)
+    arrays |= {
+        "image.black": chain.image.black,
+        "image.black_time": chain.image.black_time,
+        "image.mixed_time": chain.image.mixed_time,
+        "times.starts": np.array([times.start, times.previous_start]),
+        "times.previous_black": times.previous_black,
+        "times.previous_mixed": times.previous_mixed,
+        "record.thin": np.array(sampler.record.thin),
+        "record.from": np.array(sampler.recorded_from),
+        "targets.cumulative": chain.targets.cumulative,
+        "doubts.count": sampler.doubts.count,
+        "doubts.looks": np.array(sampler.doubts.looks),
+    }
+    if sampler.tempering is not None:
+        arrays |= tempering_arrays(sampler.tempering)
+    without = Coloring.empty(sampler.settings.window, False)
+    draws = [
+        draw if draw.step > sampler.burn_in else dataclasses.replace(draw, coloring=without)
+        for draw in sampler.record.draws
+    ]
+    arrays |= draw_arrays("draws", draws, sampler)
+    best = [sampler.record.best] if sampler.record.best is not None else []
+    return arrays | draw_arrays("best", best, sampler)
+
+
+def draw_arrays(prefix: str, draws: list[Draw], sampler: ChainSampler) -> Arrays:
+    """Return draws as ragged arrays."""
+    stored = Draws.from_colorings([draw.coloring for draw in draws], sampler.settings.window)
+    n_functionals = 0 if not draws else len(draws[0].functionals)
+    own = {f"{prefix}.{part}": getattr(stored, part) for part in DRAW_ARRAYS}
+    black = np.array([draw.probe_black for draw in draws], np.bool_)
+    return own | {
+        f"{prefix}.step": np.array([draw.step for draw in draws], np.int64),
+        f"{prefix}.functionals": np.array([draw.functionals for draw in draws]).reshape(len(draws), n_functionals),
+        f"{prefix}.probe_black": black.reshape(len(draws), -1) if draws else np.zeros((0, 0), np.bool_),
+    }
+
+
+def restore_draws(prefix: str, arrays: Arrays, sampler: ChainSampler) -> list[Draw]:
+    """Return the draws that :func:`draw_arrays` stored."""
+    stored = Draws(sampler.settings.window, *(arrays[f"{prefix}.{part}"] for part in DRAW_ARRAYS))
+    steps = arrays[f"{prefix}.step"].tolist()
+    functionals, probe_black = arrays[f"{prefix}.functionals"], arrays[f"{prefix}.probe_black"]
+    colorings = [Coloring(*coloring) for coloring in stored]
+    return [Draw(steps[i], colorings[i], functionals[i], probe_black[i]) for i in range(len(steps))]
+
+
+def restore(sampler: ChainSampler, arrays: Arrays) -> None:
+    """Put a fresh chain into a stored state: the graph as it was, all that follows from it recomputed."""
+    sampler.chain = restored_state(sampler.chain, sampler.rng, sampler.settings, arrays)
+    restore_image(sampler, arrays)
+    if sampler.tempering is not None:
+        restore_tempering(sampler.tempering, arrays)
+    sampler.chain.targets.cumulative[:] = arrays["targets.cumulative"]
+    sampler.doubts.count = np.array(arrays["doubts.count"])
+    sampler.doubts.looks = float(arrays["doubts.looks"])
+    sampler.recorded_from = int(arrays["record.from"])
+    sampler.record.thin = int(arrays["record.thin"])
+    sampler.record.draws = restore_draws("draws", arrays, sampler)
+    sampler.record.best = next(iter(restore_draws("best", arrays, sampler)), None)
+
+
+def state_arrays(chain: Chain, rng: np.random.Generator) -> Arrays:
+    """Return the map of a chain, the outcomes of its moves, and its generator."""
+    arrays: Arrays = {f"graph.{name}": getattr(chain.graph, name) for name in chain.graph._fields}
+    return arrays | {"outcomes": chain.outcomes, "generator": generator_array(rng)}
+
+
+def restored_state(chain: Chain, rng: np.random.Generator, settings: Settings, arrays: Arrays) -> Chain:
+    """Return the chain at the map of :func:`state_arrays`, and put its generator there too."""
+    if arrays["outcomes"].shape != chain.outcomes.shape:
+        raise ValueError("its moves are those of another version of prf")
+    graph = chain.graph._replace(**{name: arrays[f"graph.{name}"] for name in chain.graph._fields})
+    rng.bit_generator.state = json.loads(str(arrays["generator"]))
+    return with_graph(chain._replace(outcomes=arrays["outcomes"]), settings, graph)
+
+
+def generator_array(rng: np.random.Generator) -> NDArray[Any]:
+    """Return the state of a generator as an array."""
+    return np.array(json.dumps(rng.bit_generator.state))
+
+
+def tempering_arrays(tempering: Tempering) -> Arrays:
+    """Return what decides the future of the hot chains and of the swaps."""
+    ladder = tempering.ladder
+    arrays: Arrays = {f"ladder.{name}": getattr(ladder, name) for name in LADDER}
+    arrays |= {
+        "ladder.round_trips": np.array(ladder.round_trips),
+        "ladder.first_step": np.array(tempering.first_step),
+        "ladder.generator": generator_array(tempering.swap_rng),
+    }
+    for k, (chain, rng) in enumerate(zip(tempering.hot, tempering.generators, strict=True), 1):
+        arrays |= {f"rung{k}.{name}": array for name, array in state_arrays(chain, rng).items()}
+    return arrays
+
+
+def restore_tempering(tempering: Tempering, arrays: Arrays) -> None:
+    """Put fresh hot chains into a stored state."""
+    ladder = tempering.ladder
+    for name in LADDER:
+        setattr(ladder, name, arrays[f"ladder.{name}"])
+    ladder.round_trips = int(arrays["ladder.round_trips"])
+    tempering.first_step = int(arrays["ladder.first_step"])
+    tempering.swap_rng.bit_generator.state = json.loads(str(arrays["ladder.generator"]))
+    for k, (chain, rng) in enumerate(zip(tempering.hot, tempering.generators, strict=True), 1):
+        prefix = f"rung{k}."
+        own = {name[len(prefix) :]: array for name, array in arrays.items() if name.startswith(prefix)}
+        tempering.hot[k - 1] = restored_state(chain, rng, tempering.settings, own)
+    tempering.apply_powers()
+
+
+def restore_image(sampler: ChainSampler, arrays: Arrays) -> None:
+    """Put the image of a restored chain and its epochs into the stored state."""
+    image, times = sampler.chain.image, sampler.times
+    image.black[:] = arrays["image.black"]
+    image.black_since[:] = sampler.step
+    image.mixed_since[:] = sampler.step
+    count_all_edges(sampler.chain.graph, image)
+    image.black_time[:] = arrays["image.black_time"]
+    image.mixed_time[:] = arrays["image.mixed_time"]
+    times.start, times.previous_start = (int(start) for start in arrays["times.starts"])
+    times.previous_black = arrays["times.previous_black"]
+    times.previous_mixed = arrays["times.previous_mixed"]

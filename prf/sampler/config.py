@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,9 @@ from prf.logs import PointTable, Readings
 from prf.logs.describe import default_max_range
 from prf.logs.poses import fields_of_view
 from prf.posterior import LaserData, PointData, Settings, SonarData
-from prf.run import Beams, Cones, Points
 from prf.sampler.ground import driven_way, seen_cells
-from prf.sampler.tempering_ladder import AUTO_RUNGS, LadderPlan
-from prf.sampler.tiles.schedule import chosen_tiles
+from prf.sampler.tempering import AUTO_RUNGS, LadderPlan
+from prf.sampler.tiles.partition import chosen_tiles
 from prf.sensors.domain import check_length
 from prf.sensors.laser import unit_vectors
 from prf.sensors.points import window_round
@@ -42,12 +41,6 @@ class Prepared(NamedTuple):
     Attributes
     ----------
     settings : Settings
-    beams : Beams or None
-        The laser readings that are used.
-    cones : Cones or None
-        The sonar readings that are used.
-    points : Points or None
-        The point observations that are used.
     config : Configuration
         Resolved: window, resolution and, with a laser, max_range are numbers; with points, what their kind needs.
     n_outside : int
@@ -59,9 +52,6 @@ class Prepared(NamedTuple):
     """
 
     settings: Settings
-    beams: Beams | None
-    cones: Cones | None
-    points: Points | None
     config: Configuration
     n_outside: int
     n_points_outside: int
@@ -120,10 +110,10 @@ def prepare(
     way = driven_way(resolved.driven.radius, driven, sensors, window)
     settings = dataclasses.replace(settings, way=way, seen=seen_cells(window, resolution, inside, kept_cones, points))
     n_thinned = 0 if inside is None or kept_beams is None else len(inside.range) - len(kept_beams.range)
-    return Prepared(settings, kept_beams, kept_cones, points, resolved, n_outside, n_points_outside, n_thinned)
+    return Prepared(settings, resolved, n_outside, n_points_outside, n_thinned)
 
 
-def _window(config: Configuration, sensors: Sequence[Beams | Cones], observed: PointTable | None) -> Window:
+def _window(config: Configuration, sensors: Sequence[Readings], observed: PointTable | None) -> Window:
     """Return the window asked for, or one round sensors and returns, or round points where there are no sensors."""
     if config.prior.window is None and observed is not None and not sensors:
         return window_round(observed.xy)
@@ -134,38 +124,32 @@ def _window(config: Configuration, sensors: Sequence[Beams | Cones], observed: P
     return chosen_window(config.prior.window, origin, angle, ranges)
 
 
-def _beams(config: Configuration, readings: Readings) -> Beams:
+def _beams(config: Configuration, readings: Readings) -> Readings:
     """Return the laser readings, inf where there was no return below the maximum range."""
     max_range = config.laser.max_range or default_max_range(readings)
     if not math.isfinite(max_range):
         raise InputError(f"{readings.source}: no reading has a finite range. Give --max-range.")
     config.laser.model(max_range)
-    ranges = np.where(readings.range < max_range, readings.range, np.inf)
-    return Beams(readings.origin, readings.angle, ranges, readings.scan, max_range)
+    return readings.within(max_range)
 
 
-def _cones(config: Configuration, readings: Readings) -> Cones:
+def _cones(config: Configuration, readings: Readings) -> Readings:
     """Return the sonar readings, inf where there was no return below the maximum range."""
     view = fields_of_view(readings, config.sonar.cone)
-    max_range = config.sonar.max_range
-    ranges = np.where(readings.range < max_range, readings.range, np.inf)
-    return Cones(readings.origin, readings.angle, view, ranges, readings.scan, max_range)
+    return dataclasses.replace(readings, cone=view).within(config.sonar.max_range)
 
 
-def _points(config: Configuration, observed: PointTable, window: Window) -> Points:
+def _points(config: Configuration, observed: PointTable, window: Window) -> PointTable:
     """Return the point observations inside the window."""
     if config.points.kind == "binary":
         observed.refuse_other_than_colours()
-    inside = window.contains(observed.xy, strictly=True)
-    if not inside.any():
+    inside = observed.inside(window)
+    if len(inside.value) == 0:
         raise InputError(f"{observed.source}: no point lies inside the window. Check --window.")
-    return Points(observed.xy[inside], observed.value[inside])
+    return inside
 
 
-Kept = TypeVar("Kept", Beams, Cones)
-
-
-def _inside(readings: Kept | None, window: Window) -> Kept | None:
+def _inside(readings: Readings | None, window: Window) -> Readings | None:
     """Return the readings whose sensor stands inside the window; None if there are none."""
     if readings is None:
         return None
@@ -173,7 +157,7 @@ def _inside(readings: Kept | None, window: Window) -> Kept | None:
     return readings.select(inside) if inside.any() else None
 
 
-def _thinned(config: Configuration, beams: Beams, window: Window) -> Beams:
+def _thinned(config: Configuration, beams: Readings, window: Window) -> Readings:
     """Return the beams that thinning keeps."""
     density = config.thinning.beam_density
     kept = thin_beams(window, beams.origin, beams.angle, beams.range, beams.max_range, density)
@@ -189,7 +173,7 @@ def ladder_plan(config: Configuration) -> LadderPlan:
 
 
 def make_settings(
-    config: Configuration, beams: Beams | None, cones: Cones | None = None, points: Points | None = None
+    config: Configuration, beams: Readings | None, cones: Readings | None = None, points: PointTable | None = None
 ) -> Settings:
     """Return the settings of a resolved configuration and its readings and points.
 
@@ -204,11 +188,9 @@ def make_settings(
     check_length("--resolution", resolution)
     if window.area / resolution**2 > MOST_PIXELS:
         raise ConfigError(f"--resolution {resolution}: more than {MOST_PIXELS} pixels. Give a larger one.")
-    laser = None if beams is None else LaserData(beams.origin, beams.angle, beams.range, config.laser.model())
-    sonar = (
-        None if cones is None else SonarData(cones.origin, cones.angle, cones.cone, cones.range, config.sonar.model())
-    )
-    observed = None if points is None else PointData(points.xy, points.value, config.points.model())
+    laser = None if beams is None else LaserData(beams, config.laser.model())
+    sonar = None if cones is None else SonarData(cones, config.sonar.model())
+    observed = None if points is None else PointData(points, config.points.model())
     return Settings(
         window,
         config.prior.scale,

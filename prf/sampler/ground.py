@@ -1,4 +1,4 @@
-"""What readings say of the ground before any map: which cells they saw, and where their sensors drove."""
+"""What readings show of the ground before any map: which cells they saw, and where their sensors drove."""
 
 from __future__ import annotations
 
@@ -9,34 +9,31 @@ from numpy.typing import NDArray
 
 from prf.driven import way_of
 from prf.layout import image_grid
-from prf.logs import Readings
-from prf.run import Beams, Cones, Points
+from prf.logs import PointTable, Readings
 from prf.seen import seen_by_beams, seen_by_cones
-from prf.sensors.laser import unit_vectors
 from prf.window import Window
 
 
 def seen_cells(
-    window: Window, resolution: float, beams: Beams | None, cones: Cones | None, points: Points | None
+    window: Window, resolution: float, laser: Readings | None, sonar: Readings | None, points: PointTable | None
 ) -> NDArray[np.bool_]:
     """Return the cells (ny, nx) of the image that readings crossed or ended in; values at points concern all of it."""
     grid = image_grid(window, resolution)
     seen = np.full((grid.ny, grid.nx), points is not None)
-    if beams is not None:
-        seen |= seen_by_beams(grid, window, beams.origin, beams.angle, beams.range, beams.max_range)
-    if cones is not None:
-        seen |= seen_by_cones(grid, window, cones.origin, cones.angle, cones.cone, cones.range, cones.max_range)
+    if laser is not None:
+        seen |= seen_by_beams(grid, window, laser.origin, laser.angle, laser.range, laser.max_range)
+    if sonar is not None:
+        seen |= seen_by_cones(grid, window, sonar.origin, sonar.angle, sonar.cone, sonar.range, sonar.max_range)
     return seen
 
 
 def driven_way(
-    radius: float, logs: Sequence[Readings], sensors: Sequence[Beams | Cones], window: Window
+    radius: float, logs: Sequence[Readings], sensors: Sequence[Readings], window: Window
 ) -> NDArray[np.float64]:
     """Return the pieces (k, 4) of the way of the sensors of `logs`; returns are those of the readings in use."""
     if radius == 0.0 or not logs:
         return np.zeros((0, 4))
-    returns = [part.origin + part.range[:, None] * unit_vectors(part.angle) for part in sensors]
-    ends = np.concatenate([end[part.returned] for end, part in zip(returns, sensors, strict=True)])
+    ends = np.concatenate([part.impacts() for part in sensors])
     tracks = [track for log in logs for track in sensor_tracks(log)]
     return way_of(tracks, ends, window, radius)
 

@@ -6,100 +6,117 @@ import dataclasses
 import hashlib
 import json
 import os
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from prf.configuration import Configuration
 from prf.diagnostics import acceptance, document
 from prf.kernels import constants as c
-from prf.render import render_posterior
-from prf.run import Beams, Cones, Points, PosteriorImage, Run, names, read_manifest, read_run, write_run
+from prf.posterior import Settings
+from prf.run import PosteriorImage, Progress, Run, names, read_manifest, read_run, write_run
+from prf.run.write import make_folder, remove_half_written, remove_stale_outputs, remove_unfinished
+from prf.sampler.chains import MOVE_NAMES, Sampler
 from prf.sampler.checkpoint import save_checkpoint
-from prf.sampler.drive import Progress
-from prf.sampler.outlook import outlook
-from prf.sampler.several import MOVE_NAMES, Sampler
-from prf.shell.errors import OutputError, cannot_write, system_reason
-from prf.shell.files import STREAM, is_leftover, remove_leftovers
+from prf.sampler.convergence import outlook
+from prf.shell.errors import OutputError
+from prf.shell.files import STREAM
 
-FILES = (names.MANIFEST, names.CHECKPOINT, names.PICTURE, *names.SCHEMAS)
-"""All that a RUN directory may hold, the manifest first: without it the others are no run."""
+PICTURE_SECONDS = 1.5
+"""What drawing the picture of a run takes."""
+FIRST_SECONDS = 1.0
+"""What writing a RUN without it is taken to cost until it was measured."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass
 class Output:
-    """Where and with what a run is written."""
+    """Where and with what a run is written; without a folder it stays in memory."""
 
-    folder: Path | None  # None: nothing is written, runs stay in memory
+    folder: Path | None
     process: dict[str, Any]  # versions, platform, command, inputs (:func:`prf.shell.manifest.describe_process`)
     config: Configuration  # resolved
     seed: int
-    beams: Beams | None
-    cones: Cones | None = None
-    points: Points | None = None
+    seconds_before: float = 0.0  # sampling in earlier processes of a resumed run
+    is_resumed: bool = False  # whether the folder holds the run already
+    written: float = dataclasses.field(default_factory=time.monotonic)  # when it was written last
+    seconds_to_write: float = FIRST_SECONDS
 
-    def write(self, sampler: Sampler, progress: Progress, seconds_before: float, picture: bool) -> Run:
-        """Write checkpoint and RUN as the chains stand; `picture` draws posterior.png too.
+    def write(self, sampler: Sampler, progress: Progress, picture: bool) -> Run:
+        """Write checkpoint and RUN as the chains are now; `picture` draws posterior.png too.
 
-        The manifest comes last: what is killed before can be resumed from a checkpoint, or is no run yet; and one that
-        does not say "running" stands beside files that are all of its step. `seconds_before` is the time of sampling
-        in earlier processes of a resumed run. Where one cannot be written, what is no run yet goes.
+        The manifest is written last: what is killed before can be resumed from a checkpoint, or is no run yet; and one
+        whose status is not "running" is beside files that are all of its step. If one cannot be written, what is no run
+        yet is removed.
         """
-        run = self.make_run(sampler, progress, seconds_before)
+        begun = time.monotonic()
+        run = self.make_run(sampler, progress)
         if self.folder is None:
             return run
-        _make_folder(self.folder)
         try:
-            save_checkpoint(self.folder, sampler, self.identity())
+            make_folder(self.folder)
+            save_checkpoint(self.folder, sampler, self.identity(sampler.settings))
             if picture:
-                render_posterior(dataclasses.replace(run, path=self.folder), self.folder / names.PICTURE)
+                run.draw(self.folder / names.PICTURE)
             write_run(self.folder, run)
         except OutputError:
-            _remove_unfinished(self.folder)
+            remove_unfinished(self.folder)
             raise
+        self.written = time.monotonic()
+        self.seconds_to_write = self.written - begun
         return run
 
+    def since_written(self) -> float:
+        """Return the seconds since the run was written; 0 if it stays in memory."""
+        return 0.0 if self.folder is None else time.monotonic() - self.written
+
+    def seconds_to_finish(self) -> float:
+        """Return the seconds that the end of the run will take."""
+        return 0.0 if self.folder is None else self.seconds_to_write + PICTURE_SECONDS
+
     def read_written(self, step: int) -> Run | None:
-        """Return the run that the directory holds if it is whole and stands after `step` steps, else None."""
-        if self.folder is None:
+        """Return the run to resume if its folder holds all of it at `step`, else None."""
+        if self.folder is None or not self.is_resumed:
             return None
         manifest = read_manifest(self.folder)
         is_whole = manifest.get("steps") == step and manifest.get("status") != "running"
         return read_run(self.folder) if is_whole else None
 
-    def make_way(self) -> None:
-        """Take away what an older run left in the directory; see :func:`make_way`."""
+    def prepare_folder(self) -> None:
+        """Remove what an older run left in the folder, or what a killed process left half written of this one."""
+        self.written = time.monotonic()
         if self.folder is not None:
-            make_way(self.folder)
+            if self.is_resumed:
+                remove_half_written(self.folder)
+            else:
+                remove_stale_outputs(self.folder)
 
-    def remove_leftovers(self) -> None:
-        """Take away what a killed process had half written; the caller holds the run (:mod:`prf.shell.lock`)."""
-        if self.folder is not None:
-            _remove_leftovers(self.folder)
-
-    def identity(self) -> str:
+    def identity(self, settings: Settings) -> str:
         """Return a digest of configuration, seed and readings: a checkpoint of another run is refused by it."""
         asked = json.dumps([self.config.flat(), self.seed], sort_keys=True)
         digest = hashlib.sha256(asked.encode())
-        if self.beams is not None:
-            for array in (self.beams.origin, self.beams.angle, self.beams.range):
-                digest.update(np.ascontiguousarray(array).tobytes())
-        if self.cones is not None:
-            for array in (self.cones.origin, self.cones.angle, self.cones.cone, self.cones.range):
-                digest.update(np.ascontiguousarray(array).tobytes())
-        if self.points is not None:
-            for array in self.points:
-                digest.update(np.ascontiguousarray(array).tobytes())
+        arrays: list[NDArray[np.float64]] = []
+        if settings.laser is not None:
+            laser = settings.laser.readings
+            arrays += [laser.origin, laser.angle, laser.range]
+        if settings.sonar is not None:
+            sonar = settings.sonar.readings
+            arrays += [sonar.origin, sonar.angle, sonar.cone, sonar.range]
+        if settings.points is not None:
+            arrays += [settings.points.table.xy, settings.points.table.value]
+        for array in arrays:
+            digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()
 
-    def make_run(self, sampler: Sampler, progress: Progress, seconds_before: float) -> Run:
-        """Return the RUN as the chains stand."""
+    def make_run(self, sampler: Sampler, progress: Progress) -> Run:
+        """Return the RUN as the chains are now."""
         sample = sampler.sample()
-        best = sampler.best()
+        best, settings = sampler.best(), sampler.settings
         image = make_image(sampler)
         return Run(
-            manifest=self.manifest(sampler, progress, seconds_before),
+            manifest=self.manifest(sampler, progress),
             draws=sample.draws,
             chain=sample.chain,
             step=sample.step,
@@ -107,17 +124,19 @@ class Output:
             probe_xy=sampler.probe_xy,
             probe_black=sample.probe_black,
             image=image,
-            beams=self.beams,
-            cones=self.cones,
-            points=self.points,
-            way=sampler.settings.way,
+            laser=None if settings.laser is None else settings.laser.readings,
+            sonar=None if settings.sonar is None else settings.sonar.readings,
+            points=None if settings.points is None else settings.points.table,
+            way=settings.way,
             best=best.coloring if best is not None else None,
             best_log_posterior=float(best.functionals[-1]) if best is not None else float("nan"),
-            diagnostics=make_diagnostics(sampler, progress, image, seconds_before),
+            diagnostics=make_diagnostics(sampler, progress, image, self.seconds_before),
+            path=self.folder,
+            progress=progress,
         )
 
-    def manifest(self, sampler: Sampler, progress: Progress, seconds_before: float) -> dict[str, Any]:
-        """Return what the manifest says besides its schema."""
+    def manifest(self, sampler: Sampler, progress: Progress) -> dict[str, Any]:
+        """Return the manifest without its schema."""
         swaps = sampler.swaps()
         return {
             **self.process,
@@ -127,40 +146,8 @@ class Output:
             "steps": sampler.step,
             "burn_in": sampler.burn_in,
             **({"tempered_from": swaps[0].first_step} if swaps else {}),
-            "seconds": round(seconds_before + progress.seconds, 3),
+            "seconds": round(self.seconds_before + progress.seconds, 3),
         }
-
-
-def make_way(folder: Path) -> None:
-    """Take away what an older run left in a directory, so that no file of it can pass for one of the new run."""
-    if folder.exists() and not folder.is_dir():
-        raise OutputError(f"{folder}: a file is in the way. Choose another directory.")
-    _remove_leftovers(folder)
-    for name in FILES:
-        try:
-            (folder / name).unlink(missing_ok=True)
-        except OSError as error:
-            raise OutputError(f"{folder / name}: cannot be removed ({system_reason(error)}).") from error
-
-
-def _remove_leftovers(folder: Path) -> None:
-    for name in FILES:
-        remove_leftovers(folder / name)
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise cannot_write(folder, error) from error
-
-
-def _remove_unfinished(folder: Path) -> None:
-    """Take away files that are no run without a manifest, and the directory if nothing else is in it."""
-    if is_unfinished(folder):
-        make_way(folder)
-    if folder.is_dir() and not any(folder.iterdir()):
-        folder.rmdir()
 
 
 def make_image(sampler: Sampler) -> PosteriorImage:
@@ -199,21 +186,13 @@ def make_diagnostics(
 
 
 def tempering_entry(sampler: Sampler) -> dict[str, Any]:
-    """Return what swaps between rungs came to, chain by chain; nothing without parallel tempering."""
+    """Return powers and swap rates, chain by chain; nothing without parallel tempering."""
     reports = [report._asdict() for report in sampler.swaps()]
     return {"tempering": reports} if reports else {}
 
 
-def is_unfinished(folder: Path) -> bool:
-    """Return whether `folder` is what a run leaves that is killed before its first manifest: nothing of worth."""
-    if not os.path.isdir(folder) or (folder / names.MANIFEST).exists():
-        return False
-    kept = [entry.name for entry in folder.iterdir()]
-    return bool(kept) and all(name in FILES or any(is_leftover(name, output) for output in FILES) for name in kept)
-
-
 LOG_SUFFIXES = (".bag", ".mcap", ".db3", ".csv", ".txt", ".log", ".clf", ".gz")
-"""Ends of the names of logs; several may stand one behind the other."""
+"""Ends of the names of logs; several may follow one another."""
 
 
 def default_output(log: str | os.PathLike[str]) -> Path:

@@ -28,7 +28,7 @@ from prf.kernels.passed_cells import mark_beams, mark_cones
 from prf.kernels.step import run
 from prf.layout import grow, make_guards, make_index
 from prf.posterior import Settings, make_chain
-from prf.sampler.tempering_state import repaint, settle_image
+from prf.sampler.chain_map import repaint, settle_image
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -43,7 +43,7 @@ FIRST_PER_EDGE = 1000
 MOST_FIRST = 3_000_000
 """Proposals before the first step, likewise: some eight times as many as it takes to forget a colour."""
 FEWEST_EDGES = 2.0
-"""Edges that the prior has there in the mean at least, if steps there are worth their while."""
+"""Edges that the prior has there in the mean at least, if steps there pay."""
 ENLARGED = 20.0
 """Moves there reach so many times as far as elsewhere."""
 REACHES = [c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH, c.CUT_REACH, c.JOIN_REACH]
@@ -102,7 +102,7 @@ class PriorGround:
             chain = grow(chain)
 
     def settle(self, chain: Chain) -> Chain:
-        """Return the chain with edges indexed, and impacts beyond what readings say found, anew; sums are not."""
+        """Return the chain with edges indexed, and impacts beyond the readings found again; sums are left."""
         index = chain.edge_index
         index.cell_count[:] = 0
         if not fill_index(chain.graph, index):

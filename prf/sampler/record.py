@@ -16,7 +16,7 @@ from prf.layout import read_coloring
 FIRST_THIN = 2000
 """Steps between two draws at the start."""
 MOST_DRAWS = 1024
-"""Draws a chain keeps at most; on reaching it, every other goes and the spacing doubles."""
+"""Draws a chain keeps at most; on reaching it, every other is dropped and the spacing doubles."""
 FIRST_EPOCH = FIRST_THIN
 """Steps before the first epoch of the image begins; each begins at twice the step of the one before."""
 
@@ -36,7 +36,7 @@ class Draw:
 
 
 def functionals(chain: Chain) -> NDArray[np.float64]:
-    """Return the values (len(FUNCTIONALS),) of a chain as it stands."""
+    """Return the values (len(FUNCTIONALS),) of the present state of a chain."""
     counts, sums = chain.graph.counts, chain.graph.sums
     log_posterior = sums[c.LOG_PRIOR] + sums[c.LOG_LIKELIHOOD]
     return np.array(
@@ -119,7 +119,7 @@ class ImageTimes:
 
 
 def burn_in(step: int) -> int:
-    """Return the burn-in of a run that stands at `step`: a quarter to a half of it, 0 in the first two epochs."""
+    """Return the burn-in of a run at `step`: a quarter to a half of it, 0 in the first two epochs."""
     if step < 2 * FIRST_EPOCH:
         return 0
     return int(FIRST_EPOCH * 2 ** (int(np.log2(step // FIRST_EPOCH)) - 1))

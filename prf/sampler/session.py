@@ -1,4 +1,4 @@
-"""A run from its start, or from its checkpoint, to its end: sampling with checkpoints on the way."""
+"""Chains and their output at the start of a run, or from its checkpoint."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import dataclasses
 import logging
 import math
 import os
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
@@ -18,86 +17,19 @@ from prf.logs import Kind, PointTable, Readings, read_logs, read_point_data, thi
 from prf.logs.describe import default_max_range
 from prf.posterior import Settings
 from prf.run import Run, names, read_run
+from prf.sampler.chains import Sampler
 from prf.sampler.checkpoint import load_checkpoint
 from prf.sampler.config import Prepared, ladder_plan, make_settings, prepare
-from prf.sampler.distributed import Remote
-from prf.sampler.drive import Progress, StopRule, drive
 from prf.sampler.output import Output
-from prf.sampler.several import Sampler
-from prf.sampler.starts import needs_search
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.manifest import describe_input, describe_process, versions
 from prf.shell.seeds import spawn_generators
 from prf.shell.settings import Loaded
 
-CHECKPOINT_SECONDS = 60.0
-"""Sampling between two checkpoints: what a killed run loses at most."""
-
-FIRST_ARCHIVES = 1.0
-"""Seconds that writing a RUN is thought to take, until it was measured."""
-PICTURE_SECONDS = 1.5
-"""What its picture takes besides."""
-
 COUNTS = ("n_beams", "n_beams_thinned", "n_cones", "n_outside", "n_points", "n_points_outside")
 PROCESS_KEYS = ("versions", "platform", "command", "created", "inputs", "sources", *COUNTS)
 
 logger = logging.getLogger(__name__)
-
-
-class Checkpoints:
-    """Checkpoints on the way, and how long it takes to write a RUN, as they show it."""
-
-    def __init__(self, output: Output, seconds_before: float) -> None:
-        self.output, self.seconds_before = output, seconds_before
-        self.written, self.archives = time.monotonic(), FIRST_ARCHIVES
-
-    def keep(self, sampler: Sampler, progress: Progress) -> None:
-        """Write a RUN without its picture if one is due."""
-        begun = time.monotonic()
-        is_due = progress.status == "running" and begun - self.written > CHECKPOINT_SECONDS
-        if self.output.folder is not None and is_due:
-            self.output.write(sampler, progress, self.seconds_before, picture=False)
-            self.written = time.monotonic()
-            self.archives = self.written - begun
-
-    def reserve(self) -> float:
-        """Return the seconds that the end of the run will take."""
-        return 0.0 if self.output.folder is None else self.archives + PICTURE_SECONDS
-
-
-@dataclasses.dataclass(frozen=True)
-class Session:
-    """A sampler and where it writes."""
-
-    sampler: Sampler
-    output: Output
-    seconds_before: float = 0.0  # sampling in earlier processes of a resumed run
-    is_resumed: bool = False  # whether the directory holds the run already
-
-    def carry_out(
-        self, rule: StopRule, on_progress: Callable[[Progress], None], stop_requested: Callable[[], bool]
-    ) -> tuple[Run, Progress]:
-        """Sample until `rule` is met or `stop_requested` says so, then write the RUN; return it and the end."""
-        if self.is_resumed:
-            self.output.remove_leftovers()
-        else:
-            self.output.make_way()
-        checkpoints = Checkpoints(self.output, self.seconds_before)
-        first_step = self.sampler.step
-        progress = Progress(first_step, 0.0, 0.0, 1.0, None, "finished")
-        if first_step == 0 and needs_search(self.sampler.chains[0].starts_from, self.sampler.settings):
-            logger.info("finding maps to start from ...")
-        for progress in drive(self.sampler, rule, stop_requested, checkpoints.reserve):
-            on_progress(progress)
-            if stop_requested() and progress.status == "running":
-                progress = progress._replace(status="interrupted")
-                break
-            checkpoints.keep(self.sampler, progress)
-        stands = self.is_resumed and self.sampler.step == first_step
-        written_run = self.output.read_written(first_step) if stands else None
-        if written_run is not None:
-            return written_run, progress
-        return self.output.write(self.sampler, progress, self.seconds_before, picture=True), progress
 
 
 def read_prepared(
@@ -152,47 +84,37 @@ def start(
     folder: Path | None,
     seed: int,
     threads: int,
-    scheduler: str | None = None,
     sources: Mapping[str, str] = MappingProxyType({}),
-) -> Session:
-    """Return a fresh session on prepared logs, which steps on the workers of a `scheduler` if there is one.
+) -> tuple[Sampler, Output]:
+    """Return fresh chains on prepared logs, and where they are written.
 
-    Without a `folder` nothing is written. The manifest keeps `sources`: who asked for which value of the configuration.
+    Without a `folder` nothing is written. The manifest keeps `sources`: what has set each value of the
+    configuration.
     """
-    sampler = make_sampler(prepared.config, prepared.settings, seed, threads, scheduler)
-    beams, cones, points = prepared.beams, prepared.cones, prepared.points
+    sampler = make_sampler(prepared.config, prepared.settings, seed, threads)
+    laser, sonar, points = prepared.settings.laser, prepared.settings.sonar, prepared.settings.points
     counts = {
-        "n_beams": 0 if beams is None else len(beams.range),
+        "n_beams": 0 if laser is None else laser.readings.n_beams,
         "n_beams_thinned": prepared.n_beams_thinned,
-        "n_cones": 0 if cones is None else len(cones.range),
+        "n_cones": 0 if sonar is None else sonar.readings.n_beams,
         "n_outside": prepared.n_outside,
-        "n_points": 0 if points is None else len(points.value),
+        "n_points": 0 if points is None else len(points.table.value),
         "n_points_outside": prepared.n_points_outside,
     }
     process = {**describe_process(logs), "sources": dict(sources), **counts}
-    return Session(sampler, Output(folder, process, prepared.config, seed, beams, cones, points))
+    return sampler, Output(folder, process, prepared.config, seed)
 
 
-def make_sampler(
-    config: Configuration, settings: Settings, seed: int, threads: int, scheduler: str | None = None
-) -> Sampler:
-    """Return fresh chains of a resolved configuration, which step in threads, or on the workers of a scheduler."""
-    if scheduler is not None and config.sampler.is_tempered:
-        raise ConfigError("scheduler: tempered chains step in threads alone. Leave out sampler.rungs or the scheduler.")
+def make_sampler(config: Configuration, settings: Settings, seed: int, threads: int) -> Sampler:
+    """Return fresh chains of a resolved configuration, which step in threads."""
     generators = spawn_generators(seed, config.sampler.chains)
-    remote = None if scheduler is None else Remote(scheduler, settings)
-    return Sampler(settings, generators, threads, remote, ladder_plan(config), config.sampler.start or "empty")
+    return Sampler(settings, generators, threads, ladder_plan(config), config.sampler.start or "empty")
 
 
 def resume(
-    folder: Path,
-    logs: dict[str, str],
-    asked: Loaded[Configuration],
-    seed: int | None,
-    threads: int,
-    scheduler: str | None = None,
-) -> Session:
-    """Return a session that goes on from the checkpoint in `folder`."""
+    folder: Path, logs: dict[str, str], asked: Loaded[Configuration], seed: int | None, threads: int
+) -> tuple[Sampler, Output]:
+    """Return the chains of the checkpoint in `folder`, and where they are written."""
     run = read_run(folder, parts=(names.READINGS, names.POSTERIOR))
     if run.sensors is None and run.points is None:
         raise InputError(f"{folder}: readings.npz is missing. Sample anew with --force.")
@@ -203,12 +125,13 @@ def resume(
     if run.manifest.get("versions") != versions():
         logger.warning("this run was begun with other versions of the packages: bit for bit may not hold")
     seen = None if run.image is None else run.image.seen
-    settings = dataclasses.replace(make_settings(config, run.beams, run.cones, run.points), seen=seen, way=run.way)
-    sampler = make_sampler(config, settings, stored_seed, threads, scheduler)
+    settings = dataclasses.replace(make_settings(config, run.laser, run.sonar, run.points), seen=seen, way=run.way)
+    sampler = make_sampler(config, settings, stored_seed, threads)
     process = {key: run.manifest[key] for key in PROCESS_KEYS if key in run.manifest}
-    output = Output(folder, process, config, stored_seed, run.beams, run.cones, run.points)
-    load_checkpoint(folder, sampler, output.identity())
-    return Session(sampler, output, float(run.manifest.get("seconds", 0.0)), is_resumed=True)
+    seconds = float(run.manifest.get("seconds", 0.0))
+    output = Output(folder, process, config, stored_seed, seconds_before=seconds, is_resumed=True)
+    load_checkpoint(folder, sampler, output.identity(settings))
+    return sampler, output
 
 
 def stored_config(run: Run, folder: Path) -> tuple[Configuration, int]:

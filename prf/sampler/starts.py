@@ -1,26 +1,36 @@
 """Where chains start: the empty map, the contour of an occupancy grid, or where a draw of the prior leads.
 
 Chains that start alike may agree for want of time to part. Contours differ from chain to chain in the readings that
-they stand on, draws of the prior in everything. No step on the way to a start is a step of the chain.
+they use, draws of the prior in everything. With many readings and neither of these, chains on growing shares of the
+readings look for the start: a step costs in proportion to the readings that it touches, and a quarter of them shows
+most walls. No step on the way to a start is a step of the chain.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import TypeVar
 
 import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from prf.arak import exact_draws
-from prf.coloring import Coloring, occupied_polygons
+from prf.coloring import Coloring, from_polygons, occupied_polygons
 from prf.configuration import Start
+from prf.driven import cleared
 from prf.kernels import constants as c
 from prf.kernels.build import recompute_sums
-from prf.layout import read_coloring, run_chain
-from prf.posterior import Settings, make_chain
-from prf.sampler.contour import contour_map, map_of_region
-from prf.sampler.first_map import find_first_map, has_shares
-from prf.sampler.tempering_state import occupied_cost
+from prf.kernels.grid import make_grid, most_cells
+from prf.kernels.occupancy import Cells, update_beams
+from prf.layout import make_sites, read_coloring, run_chain
+from prf.posterior import LaserData, PointData, Settings, SonarData, make_chain, one_colour_map, white_places
+from prf.sampler.chain_map import occupied_cost
+from prf.sensors.laser import unit_vectors, window_exit
+from prf.shell.errors import ConfigError, InputError
+from prf.window import Window
 
 LOWEST_POWER = 0.003
 """Power of the likelihood with which a chain leaves a draw of the prior."""
@@ -30,6 +40,39 @@ LOOK = 10_000
 """Steps between two looks."""
 MOST_DOUBLINGS = 20
 """How often, from look to look, the cost of an occupied sensor doubles if one still is."""
+
+
+FEWEST_READINGS = 4000
+"""Readings that a share must have at least."""
+STRIDE = 4
+"""A share has every fourth reading of the next larger one."""
+CLIMB_STEPS = 100_000
+"""Steps between two looks at the log posterior."""
+LEAST_GAIN = 0.004
+"""Nats a reading, from one look to the next: where the gain is less, the next share takes over."""
+MOST_CLIMBS = 40
+"""Looks at one share at most."""
+Data = TypeVar("Data", LaserData, SonarData, PointData)
+
+ORDER = 20050726
+"""Seed of the order in which readings are dealt out: the same for all chains."""
+CELL = 0.1
+"""Side of the cells of the grid, metres; larger where the window would have too many."""
+MOST_CELLS = 10_000_000
+GRID_SHARE = 0.5
+"""Share of the readings that a chain's grid is made of."""
+OCCUPIED = 0.35
+"""Share of hits among hits and misses above which a cell is taken to be black."""
+CLEAR = 1.2
+"""Sides of a cell round every sensor that are kept white."""
+BORDER = 0.05
+"""Black keeps away from the border of the window by this, metres."""
+SEAM = 0.005
+"""Metres that black loses all round: parts that touch in a point come apart."""
+LEAST_PART = 2.0
+"""Smallest area of a part that is kept, in cells."""
+TOLERANCES = (1.0, 0.5, 0.1)
+"""Sides of a cell by which corners may be straightened; the next is tried where the one before makes no map."""
 
 
 def needs_search(start: Start, settings: Settings) -> bool:
@@ -49,9 +92,9 @@ def find_start_map(
 
 
 def from_prior(settings: Settings, rng: np.random.Generator, stop_requested: Callable[[], bool]) -> Coloring:
-    """Return where a chain from an exact draw of the prior comes to.
+    """Return where a chain from an exact draw of the prior arrives.
 
-    The power of its likelihood rises from next to nothing to 1, so that colours come before walls. An occupied sensor
+    The power of its likelihood rises from next to nothing to 1, so that colours settle before walls. An occupied sensor
     costs a finite number of nats; in the end that number rises until there is none. What is black round a sensor even
     then, or when the search is cut short, is cut out.
     """
@@ -67,3 +110,128 @@ def from_prior(settings: Settings, rng: np.random.Generator, stop_requested: Cal
         recompute_sums(chain)
     coloring = read_coloring(chain.graph)
     return map_of_region(occupied_polygons(coloring), settings) if chain.graph.counts[c.OCCUPIED] else coloring
+
+
+def shares(settings: Settings) -> Iterator[Settings]:
+    """Yield settings with ever larger shares of readings and points, short of all; none where readings are few."""
+    n = sum(sensor.readings.n_beams for sensor in (settings.laser, settings.sonar) if sensor is not None)
+    stride = 1
+    while n // (stride * STRIDE) >= FEWEST_READINGS:
+        stride *= STRIDE
+    while stride > 1:
+        yield dataclasses.replace(
+            settings,
+            resolution=None,
+            laser=_dealt(settings.laser, stride),
+            sonar=_dealt(settings.sonar, stride),
+            points=_dealt(settings.points, stride),
+        )
+        stride //= STRIDE
+
+
+def has_shares(settings: Settings) -> bool:
+    """Return whether there are so many readings that a chain begins on a share of them."""
+    return next(shares(settings), None) is not None
+
+
+def find_first_map(settings: Settings, rng: np.random.Generator, stop_requested: Callable[[], bool]) -> Coloring:
+    """Return where a chain starts: the empty map, or what chains on growing shares of the readings arrive at."""
+    coloring = one_colour_map(settings)
+    for share in shares(settings):
+        if stop_requested():
+            break
+        coloring = _climb(share, settings, coloring, rng, stop_requested)
+    return coloring
+
+
+def _climb(
+    share: Settings,
+    settings: Settings,
+    coloring: Coloring,
+    rng: np.random.Generator,
+    stop_requested: Callable[[], bool],
+) -> Coloring:
+    """Run a chain on a share until its log posterior hardly rises; every sensor of the whole stays in white."""
+    chain = make_chain(share, coloring)
+    chain = chain._replace(sensors=make_sites(chain.edge_index.grid, white_places(settings)))
+    least = LEAST_GAIN * (len(chain.beams.ray) + len(chain.cones.pose))
+    best = -np.inf
+    for look in range(1, MOST_CLIMBS + 1):
+        chain = run_chain(chain, rng, look * CLIMB_STEPS)
+        recompute_sums(chain)
+        now = chain.graph.sums[c.LOG_PRIOR] + chain.graph.sums[c.LOG_LIKELIHOOD]
+        if now < best + least or stop_requested():
+            break
+        best = now
+    return read_coloring(chain.graph)
+
+
+def _dealt(data: Data | None, stride: int) -> Data | None:
+    """Return every `stride`-th row of data in an order of their own: thinned evenly, no ray of a ring preferred."""
+    if data is None:
+        return None
+    if isinstance(data, PointData):
+        chosen = _every(len(data.table.value), stride)
+        return dataclasses.replace(data, table=data.table.select(chosen))
+    return dataclasses.replace(data, readings=data.readings.select(_every(data.readings.n_beams, stride)))
+
+
+def _every(n: int, stride: int) -> NDArray[np.int64]:
+    return np.sort(np.random.default_rng(ORDER).permutation(n)[::stride])
+
+
+def contour_map(settings: Settings, rng: np.random.Generator) -> Coloring:
+    """Return the contour of an occupancy grid of a random half of the laser readings."""
+    if settings.laser is None:
+        raise ConfigError("sampler.start grid: needs the readings of a laser. Choose another start.")
+    window = settings.window
+    cell = max(CELL, float(np.sqrt(window.area / MOST_CELLS)))
+    chosen = rng.random(settings.laser.readings.n_beams) < GRID_SHARE
+    return map_of_region(_occupied_region(window, settings.laser, chosen, cell), settings, cell)
+
+
+def map_of_region(region: BaseGeometry, settings: Settings, cell: float = CELL) -> Coloring:
+    """Return a map that is black on a region as far as a map can be, and white round every sensor and on the way.
+
+    Corners are straightened by about a cell. Where no straightening makes a valid map, it is the empty one.
+    """
+    places = shapely.points(np.unique(white_places(settings), axis=0))
+    clear = shapely.union_all(shapely.buffer(places, CLEAR * cell, quad_segs=2))
+    clear = shapely.union(clear, cleared(settings.way, settings.driven_radius))
+    x0, y0, x1, y1 = settings.window
+    inner = shapely.box(x0 + BORDER, y0 + BORDER, x1 - BORDER, y1 - BORDER)
+    for tolerance in TOLERANCES:
+        smooth = shapely.simplify(region, tolerance * cell)
+        black = shapely.intersection(shapely.difference(shapely.make_valid(smooth), clear), inner)
+        parts = shapely.get_parts(shapely.buffer(black, -SEAM, join_style="mitre"))
+        kept = parts[(shapely.get_dimensions(parts) == 2) & (shapely.area(parts) > LEAST_PART * cell**2)]
+        try:
+            return from_polygons(shapely.MultiPolygon(list(kept)), settings.window)
+        except InputError:
+            continue
+    return one_colour_map(settings)
+
+
+def _occupied_region(window: Window, laser: LaserData, chosen: NDArray[np.bool_], cell: float) -> BaseGeometry:
+    """Return the union of the cells that the chosen beams end in often enough, holes of a cell closed."""
+    grid = make_grid(*window, cell)
+    n = grid.nx * grid.ny
+    cells = Cells(
+        grid,
+        np.zeros(n, np.int32),
+        np.zeros(n, np.int32),
+        np.zeros(n),
+        np.zeros(4),
+        np.empty(most_cells(grid), np.int32),
+    )
+    hit = laser.readings.select(chosen & (laser.readings.range < laser.model.max_range))
+    direction = unit_vectors(hit.angle)
+    length = np.minimum(hit.range, window_exit(window, hit.origin, direction))
+    segments = np.ascontiguousarray(np.hstack([hit.origin, hit.origin + length[:, None] * direction]))
+    update_beams(cells, segments, np.ascontiguousarray(hit.range <= length))
+    (black,) = np.nonzero((cells.hits > 0) & (cells.hits >= OCCUPIED * (cells.hits + cells.misses)))
+    low = np.stack([grid.x0 + (black % grid.nx) * cell, grid.y0 + (black // grid.nx) * cell], axis=1)
+    squares = shapely.union_all(shapely.box(*low.T, *(low + cell).T))
+    wide = shapely.buffer(squares, 1.01 * cell, join_style="mitre")
+    closed: BaseGeometry = shapely.buffer(wide, -1.01 * cell, join_style="mitre")
+    return closed

@@ -1,19 +1,25 @@
-"""Parallel tempering: hot rungs below a chain, on which the likelihood counts less, and swaps of maps between them.
+"""Parallel tempering: hot chains beside a chain, on which the likelihood counts less, and swaps of maps between them.
 
-Rung k has the target h exp(powers[k] (log likelihood - cost * occupied sensors)); on the cold one, of power 1, no
-sensor may stand in black. A swap exchanges the maps of neighbours and is accepted with probability
+Chain k of the temperature ladder has the target h exp(powers[k] (log likelihood - cost * occupied sensors)), where
+powers[k] is its inverse temperature; on the cold chain, of power 1, no sensor may be in black. A swap exchanges the
+maps of neighbours and is accepted with probability
 
     min(1, exp((powers[k] - powers[k + 1]) (E(map of k + 1) - E(map of k)))),    E = log likelihood - cost * occupied,
 
-except that a map with an occupied sensor never comes to the cold rung. A rung of power 0 makes no steps: whenever it
-is asked for a swap it has a fresh, exact draw of the prior.
+except that a map with an occupied sensor never enters the cold chain. A chain of power 0 makes no steps: for a swap it
+has a fresh, exact draw of the prior. Swaps alternate between even and odd pairs of neighbours, which carries maps
+through the ladder faster than random pairs do, and the powers are moved until all pairs refuse alike (Syed,
+Bouchard-Cote, Deligiannidis, Doucet 2022, Non-reversible parallel tempering).
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from prf.arak import exact_draws
 from prf.coloring import Coloring
@@ -22,8 +28,7 @@ from prf.kernels.build import recompute_sums
 from prf.kernels.chain import Chain
 from prf.layout import run_chain
 from prf.posterior import Settings
-from prf.sampler.tempering_ladder import Ladder, LadderPlan, SwapReport
-from prf.sampler.tempering_state import (
+from prf.sampler.chain_map import (
     exchanged,
     occupied_cost,
     penalised_log_likelihood,
@@ -32,15 +37,158 @@ from prf.sampler.tempering_state import (
     with_map,
     without_image,
 )
+from prf.shell.errors import ConfigError
 
+Floats = NDArray[np.float64]
+
+FIRST_RATIO = 0.9
+"""Ratio of neighbouring powers before anything is measured, where the ladder finds its own reach."""
+FIRST_DECADES = 3.0
+"""Decades that the positive powers of a full ladder span before anything is measured."""
+WANTED_REFUSAL = 0.5
+"""Share of swaps to be refused, where the ladder finds its own reach: about the best for so many chains."""
+MOST_STRETCH = 2.0
+"""The logarithm of the lowest power changes by no more than this factor at a time."""
+LOWEST_REACH = 1e-3
+HIGHEST_REACH = 0.98
+"""Bounds of the lowest power of a ladder that finds its own reach."""
+AUTO_RUNGS = 6
+"""Temperatures of chains that were found to disagree, where no number is given."""
+LEAST_REFUSAL = 0.01
+"""Share of swaps that a pair is taken to refuse at least: pairs that never refuse still keep a distance."""
 SWAP_SPACING = 1000
-"""Steps of every rung between two tries to swap."""
+"""Steps of every chain between two tries to swap."""
 ADAPTATIONS = tuple(20_000 * 2**k for k in range(6))
-"""Steps of the rungs after which the powers are moved, and the burn-in begins anew; after the last they stay."""
+"""Steps after which the powers are moved, and the burn-in starts again; after the last they are kept."""
+
+
+@dataclasses.dataclass(frozen=True)
+class LadderPlan:
+    """The temperature ladder to put on a chain."""
+
+    rungs: int  # temperatures, the cold one among them; 1: no ladder
+    # the lowest inverse temperature. 0: the prior, from which that chain has exact draws. None: as low as half of all
+    # swaps are accepted, found in burn-in
+    hottest: float | None = None
+    # nats of log likelihood that an occupied sensor costs below power 1; None chooses it from the readings
+    cost: float | None = None
+    waits: bool = False  # whether to temper only once chains disagree (:mod:`prf.sampler.convergence`)
+
+    def __post_init__(self) -> None:
+        """Refuse what is no ladder."""
+        if self.rungs < 1:
+            raise ConfigError(f"sampler.rungs {self.rungs}: must be at least 1")
+        if self.hottest is not None and not 0.0 <= self.hottest < 1.0:
+            raise ConfigError(f"sampler.hottest {self.hottest}: must be at least 0 and below 1")
+        if self.cost is not None and not (math.isfinite(self.cost) and self.cost >= 0.0):
+            raise ConfigError(f"cost of an occupied sensor {self.cost}: must be a finite number of nats, not negative")
+
+    def first_powers(self) -> Floats:
+        """Return the powers (n,) before anything is measured: evenly spaced logarithms, and 0 if given."""
+        if self.hottest is None:
+            return FIRST_RATIO ** np.arange(self.rungs, dtype=np.float64)
+        if self.hottest > 0.0:
+            return np.geomspace(1.0, self.hottest, self.rungs)
+        lowest = 10.0 ** (-FIRST_DECADES * (self.rungs - 2) / max(self.rungs - 1, 1))
+        positive = np.geomspace(1.0, lowest, self.rungs - 1) if self.rungs > 2 else np.ones(self.rungs - 1)
+        return np.append(positive, 0.0)
+
+
+class SwapReport(NamedTuple):
+    """Powers and swaps of a ladder."""
+
+    powers: list[float]  # from 1 down
+    # mean probability of a swap of each pair of neighbours since the powers were last moved; None where untried
+    swap_rates: list[float | None]
+    round_trips: int  # maps that returned to the cold chain from the hottest one, over the whole run
+    first_step: int  # step at which tempering began
+
+
+class Ladder:
+    """Powers, swap rates, and in which direction each map moves.
+
+    `powers` (n,), `tried` (n - 1,), `rate_sum` (n - 1,), `came_from_hottest` (n,).
+    """
+
+    def __init__(self, powers: Floats, finds_reach: bool = False) -> None:
+        self.powers = powers.copy()
+        self.finds_reach = finds_reach
+        n = len(powers)
+        self.tried = np.zeros(n - 1, np.int64)
+        self.rate_sum = np.zeros(n - 1)
+        self.came_from_hottest = np.zeros(n, np.bool_)
+        self.came_from_hottest[-1] = True
+        self.round_trips = 0
+
+    @property
+    def n_temperatures(self) -> int:
+        """Number of chains, the cold one among them."""
+        return len(self.powers)
+
+    def count(self, pair: int, probability: float) -> None:
+        """Count a swap that was tried between the chains `pair` and `pair` + 1."""
+        self.tried[pair] += 1
+        self.rate_sum[pair] += probability
+
+    def follow(self, pair: int) -> None:
+        """Follow the maps of the chains `pair` and `pair` + 1 through their swap."""
+        seen = self.came_from_hottest
+        seen[pair], seen[pair + 1] = seen[pair + 1], seen[pair]
+        seen[-1] = True
+        if seen[0]:
+            seen[0] = False
+            self.round_trips += 1
+
+    def refusals(self) -> Floats:
+        """Return the share of swaps refused, (n - 1,); a half where none was tried."""
+        return 1.0 - np.where(self.tried > 0, self.rate_sum / np.maximum(self.tried, 1), 0.5)
+
+    def even_out(self) -> None:
+        """Move the powers to where all pairs are expected to refuse alike, and restart the counts."""
+        refusals = self.refusals()
+        self.powers = even_powers(self.powers, refusals)
+        if self.finds_reach:
+            self.powers = stretched_powers(self.powers, float(refusals.mean()))
+        self.tried[:] = 0
+        self.rate_sum[:] = 0.0
+
+    def report(self, first_step: int) -> SwapReport:
+        """Return powers, swap rates and round trips since `first_step`."""
+        rates = [
+            float(total / n) if n > 0 else None for total, n in zip(self.rate_sum, self.tried.tolist(), strict=True)
+        ]
+        return SwapReport(self.powers.tolist(), rates, self.round_trips, first_step)
+
+
+def stretched_powers(powers: Floats, refusal: float) -> Floats:
+    """Return powers that reach so far down, or up, that :data:`WANTED_REFUSAL` is expected instead of `refusal`."""
+    factor = min(max(WANTED_REFUSAL / max(refusal, LEAST_REFUSAL), 1.0 / MOST_STRETCH), MOST_STRETCH)
+    lowest = min(max(powers[-1] ** factor, LOWEST_REACH), HIGHEST_REACH)
+    stretched: Floats = powers ** (math.log(lowest) / math.log(powers[-1]))
+    return stretched
+
+
+def even_powers(powers: Floats, refusals: Floats) -> Floats:
+    """Return powers with the same ends between which swaps should be refused equally often.
+
+    The communication barrier between two powers is the sum of the refusals between them (Syed et al., section 5). It is
+    taken to grow evenly with the logarithm of the power, and towards 0 with the power itself.
+
+    `powers` (n,), `refusals` (n - 1,).
+    """
+    barrier = np.concatenate([[0.0], np.cumsum(np.maximum(refusals, LEAST_REFUSAL))])
+    wanted = np.linspace(0.0, barrier[-1], len(powers))
+    moved = powers.copy()
+    for k in range(1, len(powers) - 1):
+        i = min(int(np.searchsorted(barrier, wanted[k], side="right")) - 1, len(powers) - 2)
+        share = (wanted[k] - barrier[i]) / (barrier[i + 1] - barrier[i])
+        upper, lower = powers[i], powers[i + 1]
+        moved[k] = upper ** (1.0 - share) * lower**share if lower > 0.0 else upper * (1.0 - share)
+    return moved
 
 
 class Tempering:
-    """The hot rungs of one chain."""
+    """The hot chains of one chain."""
 
     def __init__(self, settings: Settings, cold: Chain, rng: np.random.Generator, plan: LadderPlan) -> None:
         self.settings = settings
@@ -48,22 +196,22 @@ class Tempering:
         self.ladder = Ladder(plan.first_powers(), finds_reach=plan.hottest is None)
         self.cost = plan.cost if plan.cost is not None else occupied_cost(settings, len(cold.sensors.xy))
         self.first_step = int(cold.graph.counts[c.STEP])
-        self.swap_rng, *self.generators = rng.spawn(self.ladder.rungs)
+        self.swap_rng, *self.generators = rng.spawn(self.ladder.n_temperatures)
         self.hot = [without_image(cold) for _ in self.generators]
         self.apply_powers()
 
     def apply_powers(self) -> None:
-        """Give every hot rung its power and the cost of occupied sensors."""
+        """Give every hot chain its power and the cost of occupied sensors."""
         for chain, power in zip(self.hot, self.ladder.powers[1:], strict=True):
             chain.density[c.LIKELIHOOD_POWER] = power
             chain.density[c.OCCUPIED_COST] = self.cost
 
     def start_at(self, coloring: Coloring) -> None:
-        """Before the first step: let every hot rung start from this map."""
+        """Before the first step: let every hot chain start from this map."""
         self.hot = [with_map(chain, self.settings, coloring) for chain in self.hot]
 
     def report(self) -> SwapReport:
-        """Return what the ladder has come to."""
+        """Return powers and swaps."""
         return self.ladder.report(self.first_step)
 
     def adapt(self, step: int) -> bool:
@@ -75,12 +223,12 @@ class Tempering:
         return True
 
     def settle(self) -> None:
-        """Lay out sums and lists of all hot rungs anew."""
+        """Recompute sums and lists of all hot chains."""
         for chain in self.hot:
             recompute_sums(chain)
 
     def run_to(self, cold: Chain, rng: np.random.Generator, step: int) -> Chain:
-        """Run all rungs up to `step`, swapping on the way; return the cold one."""
+        """Run all chains up to `step`, swapping on the way; return the cold one."""
         now = int(cold.graph.counts[c.STEP])
         cold = run_chain(cold, rng, now)
         while now < step:
@@ -97,20 +245,20 @@ class Tempering:
 
     def swap(self, cold: Chain, parity: int) -> Chain:
         """Try to swap every second pair of neighbours, from the pair `parity` on; return the cold chain."""
-        rungs = [cold, *self.hot]
-        for pair in range(parity, len(rungs) - 1, 2):
+        chains = [cold, *self.hot]
+        for pair in range(parity, len(chains) - 1, 2):
             if self.ladder.powers[pair + 1] == 0.0:
-                rungs[pair + 1] = self.drawn_from_prior()
-            log_ratio = self.log_swap_ratio(pair, rungs[pair], rungs[pair + 1])
-            self.ladder.note(pair, math.exp(min(0.0, log_ratio)))
+                chains[pair + 1] = self.drawn_from_prior()
+            log_ratio = self.log_swap_ratio(pair, chains[pair], chains[pair + 1])
+            self.ladder.count(pair, math.exp(min(0.0, log_ratio)))
             if math.log(1.0 - self.swap_rng.random()) < log_ratio:
                 if pair == 0:
                     settle_image(cold)
-                rungs[pair], rungs[pair + 1] = exchanged(rungs[pair], rungs[pair + 1])
+                chains[pair], chains[pair + 1] = exchanged(chains[pair], chains[pair + 1])
                 if pair == 0:
-                    repaint(rungs[0])
-                self.ladder.carry(pair)
-        cold, *self.hot = rungs
+                    repaint(chains[0])
+                self.ladder.follow(pair)
+        cold, *self.hot = chains
         return cold
 
     def log_swap_ratio(self, pair: int, colder: Chain, hotter: Chain) -> float:
@@ -122,6 +270,6 @@ class Tempering:
         return float((powers[pair] - powers[pair + 1]) * gain)
 
     def drawn_from_prior(self) -> Chain:
-        """Return the hottest rung at a fresh draw of the prior."""
+        """Return the hottest chain at a fresh draw of the prior."""
         draw = exact_draws(self.settings.scale, self.settings.window, 1, self.generators[-1])[0]
         return with_map(self.hot[-1], self.settings, draw)

@@ -49,7 +49,7 @@ def test_a_run_in_memory_is_that_of_a_folder_and_that_of_the_verb(run: prf.Run, 
         room(), PRIOR, [prf.LaserModel(max_range=9.0)], steps=20_000, output=folder, **(HOW | {"threads": 2})
     )
     assert_same_draws(run, kept)
-    assert_same_draws(run, prf.open_run(folder))
+    assert_same_draws(run, prf.read_run(folder))
     table = tmp_path / "room.csv"
     readings = room()
     columns = np.column_stack([readings.origin, readings.angle, readings.range])
@@ -104,7 +104,7 @@ def test_paths_that_are_none_are_refused(run: prf.Run, paths: Any) -> None:
 
 def test_a_run_is_saved_and_opened(run: prf.Run, tmp_path: Path) -> None:
     run.save(tmp_path / "saved")
-    found = prf.open_run(tmp_path / "saved")
+    found = prf.read_run(tmp_path / "saved")
     assert_same_draws(run, found)
     np.testing.assert_array_equal(run.occupancy, found.occupancy)
     assert found.best_map.equals(run.best_map)
@@ -164,7 +164,7 @@ def test_an_interrupt_may_raise_after_the_run_is_written(tmp_path: Path) -> None
             watch=lambda _: signal.raise_signal(signal.SIGTERM),
             **HOW,
         )
-    assert prf.open_run(tmp_path / "room").manifest["status"] == "interrupted"
+    assert prf.read_run(tmp_path / "room").manifest["status"] == "interrupted"
 
 
 def test_a_second_interrupt_acts_at_once() -> None:
@@ -206,5 +206,5 @@ def test_points_alone_make_a_map() -> None:
         prf.points(grid, grid[:, 0] > 2.5), prf.Prior(scale=0.2), prf.PointModel(kind="binary"), steps=10_000, **HOW
     )
     assert run.points is not None
-    assert run.beams is None
+    assert run.laser is None
     assert run.query([[5.0, 2.0]])[0] > 0.5 > run.query([[0.0, 2.0]])[0]

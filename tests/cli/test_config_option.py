@@ -45,8 +45,8 @@ def test_a_run_keeps_the_settings_of_the_file(
     found = run.manifest["configuration"]
     assert (found["scale"], found["window"], found["sonar_cone"]) == (0.3, [0, 0, 10, 10], 0.5)
     assert (found["sonar_surface_oblique"], found["miss_probability"], found["sonar_max_range"]) == (8.0, 0.1, 3.9)
-    assert run.cones is not None
-    assert run.cones.cone.tolist() == [0.5] * 48
+    assert run.sonar is not None
+    assert run.sonar.cone.tolist() == [0.5] * 48
     more = ("--steps", "3000", "-q")
     assert prf("sample", "--resume", folder, *more) == 0
     assert prf("sample", "--resume", folder, "--config", site, *more) == 2

@@ -60,7 +60,7 @@ def test_files_of_other_versions(folder: Path, capsys: pytest.CaptureFixture) ->
     shown = capsys.readouterr()
     assert shown.err == ""
     assert "checkpoint.npz    other version" in shown.out
-    assert "prf.checkpoint/1: this release reads the draws, but cannot go on from here" in shown.out
+    assert "prf.checkpoint/1: this release reads the draws, but cannot resume from here" in shown.out
     save_arrays(folder / "draws.npz", "prf.draws/9", {})
     assert run_app(app, "prf", ["inspect", str(folder), "--json"]) == 3
     shown = capsys.readouterr()

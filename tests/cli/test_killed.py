@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from prf.sampler import session
+from prf.sampler import driver
 from prf.shell import files
 from tests.cli.calls import VERBS, Verb, call
 from tests.conftest import ROOT
@@ -50,7 +50,7 @@ def kill_before(name: str, nth: int, folder: Path, monkeypatch: pytest.MonkeyPat
             os.remove(path)
 
     with monkeypatch.context() as patched:
-        patched.setattr(session, "CHECKPOINT_SECONDS", 0.0)
+        patched.setattr(driver, "CHECKPOINT_SECONDS", 0.0)
         patched.setattr(files.os, "replace", replace)
         patched.setattr(files.Path, "unlink", unlink)
         with pytest.raises(Killed):

@@ -72,7 +72,7 @@ def test_a_run_on_points_alone_finds_the_square_and_records_its_input(bits_run: 
     (used,) = run.manifest["inputs"]
     assert used["sha256"] == hashlib.sha256(Path(files["bits"]).read_bytes()).hexdigest()
     assert run.points is not None
-    assert run.beams is run.cones is run.sensors is None
+    assert run.laser is run.sonar is run.sensors is None
     assert run.points.value.shape == (N * N,)
     assert run.image is not None
     assert run.image.occupancy[10, 10] > 0.95

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prf.api.run import open_run
 from prf.cli import app
 from prf.coloring import Draws
 from prf.estimate import occupied_probability
@@ -82,7 +81,7 @@ def test_path(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> No
     (tmp_path / "path.csv").write_text("x,y\n1,2\n1.5,2.5\n")
     assert ask(folder, "--path", tmp_path / "path.csv", "--radius", 0.1, "--json") == 0
     answer = json.loads(capsys.readouterr().out)
-    expected = open_run(folder).paths([[1.0, 2.0], [1.5, 2.5]], 0.1, interval=True)
+    expected = read_run(folder).paths([[1.0, 2.0], [1.5, 2.5]], 0.1, interval=True)
     bounds = {name: getattr(expected, name)[0] for name in ("low", "high", "ess", "rhat")}
     assert answer == {"schema": "prf.query.path/1", "p_free": expected.probability[0], **bounds, "n_draws": 48}
     assert 0.0 < answer["low"] < answer["p_free"] < answer["high"] < 1.0

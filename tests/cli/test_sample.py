@@ -16,7 +16,7 @@ import pytest
 from prf.cli import app
 from prf.coloring import violations
 from prf.run import read_run
-from prf.sampler import apart
+from prf.sampler import convergence
 from prf.shell.run import run_app
 
 RUNGS = ("--set", "sampler.rungs=3")
@@ -108,8 +108,8 @@ def test_chains_that_disagree_get_a_ladder_and_report_it(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Chains from contours are far from agreement after 40,000 steps; resumed or not, the run is the same."""
-    monkeypatch.setattr(apart, "FIRST_LOOK", 40_000)
-    monkeypatch.setattr(apart, "STALLED", 0.0)
+    monkeypatch.setattr(convergence, "FIRST_LOOK", 40_000)
+    monkeypatch.setattr(convergence, "STALLED", 0.0)
     args = ("--laser", str(log), *QUICK, "--set", "sampler.rungs=auto", "--seed", "5")
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     assert run(*args, "--steps", "40000", "-o", str(parts)) == 0
@@ -120,7 +120,7 @@ def test_chains_that_disagree_get_a_ladder_and_report_it(
     assert run(*args, "--steps", "60000", "-o", str(whole)) == 0
     printed = capsys.readouterr()
     assert "tempering: 6 rungs from step 40,000 on" in printed.out
-    assert "the chains stay apart: 6 rungs each from step 40,000 on" in printed.err
+    assert "the chains disagree: 6 temperatures each from step 40,000 on" in printed.err
     for name in RESULTS:
         assert (parts / name).read_bytes() == (whole / name).read_bytes(), name
     found = read_run(whole)
@@ -215,7 +215,6 @@ def test_few_draws_are_no_disagreement(
         (["--set", "sampler.rungs=3", "--set", "sampler.hottest=1"], 2, "--set sampler.hottest = 1"),
         (["--set", "sampler.rungs=3", "--set", "sampler.tiles=4"], 2, "--set sampler.tiles 4"),
         (["--set", "sampler.rungs=auto", "--set", "sampler.tiles=4"], 2, "--set sampler.tiles 4"),
-        (["--set", "sampler.rungs=auto", "--scheduler", "tcp://127.0.0.1:1"], 2, "scheduler"),
         (["--set", "sampler.rungs=0"], 2, "--set sampler.rungs 0"),
         (["--set", "sampler.rung=3"], 2, "--set sampler.rung: there is no such key. Did you mean rungs?"),
         (["--every-scan", "1", "--scans", "900:901"], 3, ""),
@@ -239,7 +238,7 @@ def test_sensors_outside_the_window_are_dropped_and_counted(
     window = ("--window", "0", "0", "11", "14")
     assert run("--laser", str(log), *QUICK, *window, "--steps", "100", "-o", str(folder)) == 0
     assert "readings dropped" in capsys.readouterr().err
-    beams = read_run(folder).beams
+    beams = read_run(folder).laser
     assert beams is not None
     assert beams.origin[:, 0].max() < 11.0
 

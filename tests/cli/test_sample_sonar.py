@@ -37,11 +37,16 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
     folder = tmp_path_factory.mktemp("logs")
     rng = np.random.default_rng(1)
     world = draw_world(0.3, ROOM, Sensor(6.0), 3, N_BEAMS // 3, rng)
-    places = np.unique(world.data.origin, axis=0)
+    places = np.unique(world.data.readings.origin, axis=0)
     sonar = draw_data(world.coloring, Ring(), ring_all_round(places, N_CONES // 3, 0.4, rng), rng)
     scan = np.repeat(np.arange(3), N_CONES // 3)
-    write_table(folder / "laser.csv", Readings.from_arrays(world.data.origin, world.data.angle, world.data.readings))
-    ring = Readings.from_arrays(sonar.origin, sonar.angle, sonar.readings, scan=scan, cone=sonar.cone)
+    write_table(
+        folder / "laser.csv",
+        Readings.from_arrays(world.data.readings.origin, world.data.readings.angle, world.data.readings.range),
+    )
+    ring = Readings.from_arrays(
+        sonar.readings.origin, sonar.readings.angle, sonar.readings.range, scan=scan, cone=sonar.readings.cone
+    )
     write_table(folder / "ring.csv", ring)
     return str(folder / "laser.csv"), str(folder / "ring.csv")
 
@@ -59,12 +64,12 @@ def test_a_run_with_both_sensors_keeps_its_readings(both: Path, logs: tuple[str,
     assert (run.manifest["n_beams"], run.manifest["n_cones"]) == (N_BEAMS, N_CONES)
     assert [given["path"] for given in run.manifest["inputs"]] == list(logs)
     assert run.manifest["configuration"]["sonar_max_range"] == 3.5
-    assert run.beams is not None
-    assert run.cones is not None
-    assert (len(run.beams.angle), len(run.cones.angle)) == (N_BEAMS, N_CONES)
-    assert run.cones.max_range == 3.5
-    assert run.cones.cone == pytest.approx(0.4)
-    assert np.unique(run.cones.scan).tolist() == [0, 1, 2]
+    assert run.laser is not None
+    assert run.sonar is not None
+    assert (len(run.laser.angle), len(run.sonar.angle)) == (N_BEAMS, N_CONES)
+    assert run.sonar.max_range == 3.5
+    assert run.sonar.cone == pytest.approx(0.4)
+    assert np.unique(run.sonar.scan).tolist() == [0, 1, 2]
     assert run.functionals["log_likelihood"].std() > 0.0
 
 
@@ -96,14 +101,14 @@ def test_sonar_alone(logs: tuple[str, str], tmp_path: Path, capsys: pytest.Captu
     assert prf("sample", "--sonar", logs[1], *args, "--steps", "40000", "--seed", "1", "-o", str(folder)) == 0
     assert f"{2 * N_CONES // 3} sonar readings, window" in capsys.readouterr().err
     run = read_run(folder)
-    assert run.beams is None
-    assert run.cones is not None
-    assert run.cones.max_range == 3.0
+    assert run.laser is None
+    assert run.sonar is not None
+    assert run.sonar.max_range == 3.0
     assert run.manifest["n_beams"] == 0
     assert run.manifest["configuration"]["max_range"] is None
-    window, hit = run.draws.window, np.isfinite(run.cones.range)
-    assert window.contains(run.cones.origin - 1.0).all()
-    assert window.contains(run.cones.origin + 1.0).all()
+    window, hit = run.draws.window, np.isfinite(run.sonar.range)
+    assert window.contains(run.sonar.origin - 1.0).all()
+    assert window.contains(run.sonar.origin + 1.0).all()
     assert hit.any()
     assert prf("sample", "--resume", str(folder), "--steps", "50000", "-q") == 0
     assert prf("inspect", str(folder)) == 0
@@ -116,12 +121,12 @@ def test_the_cone_of_the_log_overrides_the_option(tmp_path: Path) -> None:
     table = tmp_path / "ring.csv"
     table.write_text("x,y,theta,range\n5,5,0,1\n5,5,1,2\n")
     prepared = read_prepared(None, Configuration.of(sonar_cone=0.2), str(table))
-    assert prepared.cones is not None
-    assert prepared.cones.cone.tolist() == [0.2, 0.2]
+    assert prepared.settings.sonar is not None
+    assert prepared.settings.sonar.readings.cone.tolist() == [0.2, 0.2]
     table.write_text("x,y,theta,range,cone\n5,5,0,1,0.5\n5,5,1,2,0.6\n")
     prepared = read_prepared(None, Configuration.of(sonar_cone=0.2), str(table))
-    assert prepared.cones is not None
-    assert prepared.cones.cone.tolist() == [0.5, 0.6]
+    assert prepared.settings.sonar is not None
+    assert prepared.settings.sonar.readings.cone.tolist() == [0.5, 0.6]
 
 
 def test_json_describes_a_run_with_sonar(both: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -135,15 +140,15 @@ def test_json_describes_a_run_with_sonar(both: Path, capsys: pytest.CaptureFixtu
 def test_a_restored_chain_has_room_for_what_its_cones_see(both: Path) -> None:
     """A grown graph brings more edges than a fresh chain has room for."""
     from prf.layout import grow
-    from prf.sampler.chain_state import chain_arrays, restore
+    from prf.sampler.chains import Sampler
+    from prf.sampler.checkpoint import chain_arrays, restore
     from prf.sampler.config import make_settings
     from prf.sampler.session import stored_config
-    from prf.sampler.several import Sampler
     from prf.shell.seeds import spawn_generators
 
     run = read_run(both)
     config, seed = stored_config(run, both)
-    with Sampler(make_settings(config, run.beams, run.cones), spawn_generators(seed, 2), 1) as sampler:
+    with Sampler(make_settings(config, run.laser, run.sonar), spawn_generators(seed, 2), 1) as sampler:
         one, two = sampler.chains
         one.chain = grow(one.chain)
         restore(two, chain_arrays(one))

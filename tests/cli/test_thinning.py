@@ -55,8 +55,8 @@ def test_what_was_left_out_is_reported_and_recorded(
     (reason,) = (line for line in captured.err.splitlines() if line.startswith("thinned to about "))
     assert "--set thinning.beam_density=0 keeps all" in reason
     run = read_run(folder)
-    assert run.beams is not None
-    assert len(run.beams.range) == run.manifest["n_beams"] == told["n_beams"]
+    assert run.laser is not None
+    assert len(run.laser.range) == run.manifest["n_beams"] == told["n_beams"]
     assert run.manifest["n_beams_thinned"] == told["n_beams_thinned"]
 
 
@@ -123,7 +123,7 @@ def test_dense_public_log_keeps_what_was_asked_for(shared_data: Path) -> None:
 
     readings = read_readings(str(shared_data / "prf" / "carmen" / "intel-corrected.log.gz"))
     prepared = prepare(Configuration.of(max_range=40.0, beam_density=20.0), readings)
-    assert prepared.beams is not None
-    assert len(prepared.beams.range) + prepared.n_beams_thinned == readings.n_beams
-    assert 18_000 < len(prepared.beams.range) < 22_000
-    assert np.isin(prepared.beams.scan, readings.scan).all()
+    assert prepared.settings.laser is not None
+    assert len(prepared.settings.laser.readings.range) + prepared.n_beams_thinned == readings.n_beams
+    assert 18_000 < len(prepared.settings.laser.readings.range) < 22_000
+    assert np.isin(prepared.settings.laser.readings.scan, readings.scan).all()

@@ -35,7 +35,7 @@ RINGS = [
 def see(coloring: Coloring, cone: Cone, ring: Ring, reach: float = math.inf) -> tuple[v.Sight, float]:
     """What the kernels find in a cone within a reach: the features are left in the scratch; and the extent."""
     data = data_of(ring, [cone], np.full(1, np.inf))
-    pose = make_poses(data.model, data.origin, data.angle, data.cone, data.readings)[0]
+    pose = make_poses(data.model, data.readings.origin, data.readings.angle, data.readings.cone, data.readings.range)[0]
     ends = coloring.edges.reshape(-1, 2)
     corners = np.where(coloring.side[ends] == INTERIOR, ends, -1).astype(np.int64)
     sight = make_sight(len(ends) + 1)
@@ -314,7 +314,7 @@ def test_what_no_pulse_and_no_stray_reading_explains_is_impossible() -> None:
 
 def test_readings_at_the_maximum_range_or_beyond_are_one_event() -> None:
     data = data_of(Ring(), [AHEAD] * 4, np.array([3.4999, 3.5, 70.0, np.inf]))
-    pose = make_poses(data.model, data.origin, data.angle, data.cone, data.readings)
+    pose = make_poses(data.model, data.readings.origin, data.readings.angle, data.readings.cone, data.readings.range)
     assert pose[:, 5].tolist() == [3.4999, math.inf, math.inf, math.inf]
     sight, _ = see(scene(WALL), AHEAD, Ring())
     found = likelihoods(Ring(), sight, np.array([3.5, 70.0, math.inf]))

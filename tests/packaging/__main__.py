@@ -56,7 +56,6 @@ class Missing(NamedTuple):
 MISSING = (
     Missing("prf export run --format dxf -o run.dxf", 2, "dxf"),
     Missing("prf export run --format netcdf -o run.nc", 2, "netcdf"),
-    Missing(f"prf sample --laser {LOG} --steps 10 --scheduler tcp://127.0.0.1:9 -o far", 2, "distributed"),
     Missing(f"mapq classify {TOWN} --scheduler tcp://127.0.0.1:9 -o far.ply", 2, "distributed"),
     Missing("mapq inspect empty.e57", 3, "e57"),
     Missing("mapq inspect empty.las", 3, "las"),

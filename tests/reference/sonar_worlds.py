@@ -53,7 +53,7 @@ def ring_all_round(place: Floats, n_cones: int, view: float, rng: np.random.Gene
 
 def data_of(ring: Ring, cones: list[Cone], readings: Floats) -> SonarData:
     rows = np.array(cones).reshape(-1, 4)
-    return SonarData(rows[:, :2].copy(), rows[:, 2].copy(), rows[:, 3].copy(), readings, model_of(ring))
+    return SonarData.from_arrays(rows[:, :2].copy(), rows[:, 2].copy(), rows[:, 3].copy(), readings, model_of(ring))
 
 
 def draw_data(coloring: Coloring, ring: Ring, cones: list[Cone], rng: np.random.Generator) -> SonarData:

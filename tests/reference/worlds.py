@@ -40,7 +40,7 @@ def draw_world(
     )
     origin = np.repeat(place, n_beams, axis=0)
     readings = draw_readings(sensor, impacts(coloring, origin, angle, sensor.max), rng)
-    return World(coloring, LaserData(origin, angle, readings, model_of(sensor)))
+    return World(coloring, LaserData.from_arrays(origin, angle, readings, model_of(sensor)))
 
 
 def office(data_dir: Path, every_scan: int, every_beam: int) -> tuple[Window, LaserData]:
@@ -49,4 +49,6 @@ def office(data_dir: Path, every_scan: int, every_beam: int) -> tuple[Window, La
     from prf.logs.thin import thin
 
     readings = thin(read_readings(str(data_dir / "demo-office.log.gz")), every_scan=every_scan, every_beam=every_beam)
-    return Window(-1.0, -1.0, 23.0, 15.0), LaserData(readings.origin, readings.angle, readings.range, LaserModel(29.0))
+    return Window(-1.0, -1.0, 23.0, 15.0), LaserData.from_arrays(
+        readings.origin, readings.angle, readings.range, LaserModel(29.0)
+    )

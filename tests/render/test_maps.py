@@ -118,8 +118,8 @@ def test_maps_without_edges_and_beams_without_returns() -> None:
     render_maps([Coloring.empty(WINDOW), Coloring.empty(WINDOW, True)], ["white", "black"], stream)
     assert pixels(stream.getvalue()).mean() > 0.5
     run = make_run(n_draws=2)
-    assert run.beams is not None
-    draw(render_beams, replace(run, beams=run.beams._replace(range=np.full_like(run.beams.range, np.inf))))
+    assert run.laser is not None
+    draw(render_beams, replace(run, laser=replace(run.laser, range=np.full_like(run.laser.range, np.inf))))
 
 
 @pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])

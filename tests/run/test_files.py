@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from prf.coloring import Coloring, Draws
-from prf.run import Run, inspect_files, read_map_feature, read_run, write_run
+from prf.inspection import inspect_files
+from prf.run import Run, read_map_feature, read_run, write_run
 from prf.run.names import SCHEMAS
 from prf.shell.errors import InputError, OutputError
 from prf.window import Window
@@ -47,10 +49,10 @@ def test_round_trip_is_exact(folder: Path) -> None:
     np.testing.assert_array_equal(written.image.occupancy, read.image.occupancy)
     np.testing.assert_array_equal(written.image.square_occupancy, read.image.square_occupancy)
     assert read.image.extent == written.image.extent
-    assert written.beams is not None
-    assert read.beams is not None
-    for a, b in zip(written.beams, read.beams, strict=True):
-        np.testing.assert_array_equal(a, b)
+    assert written.laser is not None
+    assert read.laser is not None
+    for name in ("origin", "angle", "range", "scan", "max_range"):
+        np.testing.assert_array_equal(getattr(written.laser, name), getattr(read.laser, name))
     assert read.manifest["seed"] == 1
     assert read.diagnostics is not None
     assert read.diagnostics["converged"] is True
@@ -82,7 +84,7 @@ def test_a_run_interrupted_before_its_first_draw_is_valid(tmp_path: Path) -> Non
     write_run(tmp_path, run)
     read = read_run(tmp_path)
     assert len(read.draws) == 0
-    assert (read.image, read.beams, read.best, read.diagnostics) == (None, None, None, None)
+    assert (read.image, read.laser, read.best, read.diagnostics) == (None, None, None, None)
     assert {state.name: state.state for state in inspect_files(tmp_path)} == {
         "manifest.json": "ok",
         "draws.npz": "ok",
@@ -124,12 +126,12 @@ def test_files_are_plain_numpy_and_json(folder: Path) -> None:
 
 def test_readings_beyond_the_max_range_are_no_returns(folder: Path) -> None:
     run = make_run()
-    assert run.beams is not None
-    far = run.beams._replace(range=np.where(run.beams.range < 2.0, run.beams.max_range, run.beams.range))
-    write_run(folder, Run(run.manifest, run.draws, run.chain, run.step, {}, beams=far))
-    beams = read_run(folder).beams
-    assert beams is not None
-    assert np.isinf(beams.range).sum() == (far.range >= far.max_range).sum()
+    assert run.laser is not None
+    far = replace(run.laser, range=np.where(run.laser.range < 2.0, run.laser.max_range, run.laser.range))
+    write_run(folder, Run(run.manifest, run.draws, run.chain, run.step, {}, laser=far))
+    read = read_run(folder).laser
+    assert read is not None
+    assert np.isinf(read.range).sum() == (far.range >= far.max_range).sum()
 
 
 @pytest.mark.parametrize("name", ["manifest.json", "draws.npz", "posterior.npz", "readings.npz", "map.geojson"])

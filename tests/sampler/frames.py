@@ -46,7 +46,9 @@ def moved(case: Case, there: Callable[[Floats], Floats], turned: Callable[[Float
     corners = there(np.array([settings.window[:2], settings.window[2:]]))
     window = Window(*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
     model = replace(data.model, max_range=unit * data.model.max_range, noise=unit * data.model.noise)
-    laser = LaserData(there(data.origin), turned(data.angle), unit * data.readings, model)
+    laser = LaserData.from_arrays(
+        there(data.readings.origin), turned(data.readings.angle), unit * data.readings.range, model
+    )
     resolution = unit * settings.resolution
     return Case(replace(settings, window=window, scale=SCALE / unit, laser=laser, resolution=resolution), there, unit)
 
@@ -75,8 +77,10 @@ def reordered(case: Case, seed: int = 0) -> Case:
     """Return a case with its beams in another order."""
     data = case.settings.laser
     assert data is not None
-    order = np.random.default_rng(seed).permutation(len(data.angle))
-    laser = LaserData(data.origin[order], data.angle[order], data.readings[order], data.model)
+    order = np.random.default_rng(seed).permutation(len(data.readings.angle))
+    laser = LaserData.from_arrays(
+        data.readings.origin[order], data.readings.angle[order], data.readings.range[order], data.model
+    )
     return case._replace(settings=replace(case.settings, laser=laser))
 
 

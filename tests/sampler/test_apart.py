@@ -11,12 +11,12 @@ import pytest
 from prf.configuration import Configuration
 from prf.diagnostics import Diagnosis
 from prf.posterior import Settings
-from prf.sampler import Sampler, apart, several
-from prf.sampler.apart import FIRST_LOOK, is_look, stay_apart, worst_rhat
+from prf.sampler import Sampler, chains, convergence
 from prf.sampler.chain import LONGEST_BLOCK
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
 from prf.sampler.config import ladder_plan
-from prf.sampler.tempering_ladder import AUTO_RUNGS, LadderPlan
+from prf.sampler.convergence import FIRST_LOOK, disagree, is_look, worst_rhat
+from prf.sampler.tempering import AUTO_RUNGS, LadderPlan
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
 from tests.reference.beams import Sensor
@@ -34,8 +34,8 @@ def settings() -> Settings:
 
 
 def look_at(monkeypatch: pytest.MonkeyPatch, step: int, verdict: bool) -> None:
-    monkeypatch.setattr(apart, "FIRST_LOOK", step)
-    monkeypatch.setattr(several, "stay_apart", lambda before, now: verdict)
+    monkeypatch.setattr(convergence, "FIRST_LOOK", step)
+    monkeypatch.setattr(chains, "disagree", lambda before, now: verdict)
 
 
 def advanced(sampler: Sampler, step: int) -> Sampler:
@@ -87,8 +87,8 @@ def test_the_worst_counts() -> None:
         (math.inf, 1.9, False),
     ],
 )
-def test_chains_stay_apart_that_do_not_come_nearer(before: float, now: float, expected: bool) -> None:
-    assert stay_apart(diagnoses(1.0, before), diagnoses(now, 1.0)) is expected
+def test_chains_disagree_that_do_not_come_nearer(before: float, now: float, expected: bool) -> None:
+    assert disagree(diagnoses(1.0, before), diagnoses(now, 1.0)) is expected
 
 
 @pytest.mark.parametrize(("shift", "expected"), [(0.0, False), (50.0, True)])
@@ -102,10 +102,10 @@ def test_draws_of_both_times_are_compared(
             draw.functionals[:] = draw.step // 2000 % 3 + number * shift
             draw.probe_black[:] = False
     seen = []
-    monkeypatch.setattr(several, "stay_apart", lambda before, now: seen.append((list(before), list(now))) or True)
-    assert sampler.stays_apart()
+    monkeypatch.setattr(chains, "disagree", lambda before, now: seen.append((list(before), list(now))) or True)
+    assert sampler.disagree()
     ((before, now),) = seen
-    assert stay_apart(before, now) is expected
+    assert disagree(before, now) is expected
     assert sampler.burn_in == 32_000
     assert (worst_rhat(before) > 1.05, worst_rhat(now) > 1.05) == (expected, expected)
 
@@ -114,16 +114,16 @@ def test_rungs_come_at_the_look_and_burn_in_begins_anew(settings: Settings, monk
     look_at(monkeypatch, 20_000, True)
     sampler = advanced(fresh(settings), 20_000)
     assert sampler.swaps() == []
-    assert sampler.chains[0].rungs == 1
+    assert sampler.n_temperatures == 1
     assert sampler.burn_in == 8_000, "a run that ends at a look keeps its draws"
     advanced(again := fresh(settings), 30_000)
-    assert again.chains[0].rungs == 3
+    assert again.n_temperatures == 3
     assert [report.first_step for report in again.swaps()] == [20_000, 20_000]
     assert again.burn_in == 20_000
     assert again.sample().step.min() > 20_000
 
 
-def test_chains_that_do_not_stay_apart_remain_plain(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_chains_that_do_not_disagree_remain_plain(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
     look_at(monkeypatch, 10_000, False)
     plain = advanced(fresh(settings, LadderPlan(1)), 40_000)
     assert state(advanced(fresh(settings), 40_000)) == state(plain)

@@ -7,9 +7,9 @@ import pytest
 
 from prf.coloring import black_at, violations
 from prf.posterior import LaserData, PointData, Settings, make_chain
-from prf.sampler import first_map
+from prf.sampler import starts
 from prf.sampler.chain import ChainSampler
-from prf.sampler.first_map import find_first_map, has_shares, shares
+from prf.sampler.starts import find_first_map, has_shares, shares
 from prf.sensors.points import PointModel
 from prf.thinning import thin_beams
 from prf.window import Window
@@ -28,15 +28,15 @@ def room_settings() -> Settings:
 def many(monkeypatch: pytest.MonkeyPatch) -> Settings:
     """Readings enough for two shares, by lower bounds: short looks, too."""
     settings = room_settings()
-    monkeypatch.setattr(first_map, "FEWEST", 25)
-    monkeypatch.setattr(first_map, "LOOK", 2000)
+    monkeypatch.setattr(starts, "FEWEST_READINGS", 25)
+    monkeypatch.setattr(starts, "CLIMB_STEPS", 2000)
     return settings
 
 
 def test_shares_grow_by_the_stride_and_stop_short_of_all(many: Settings) -> None:
     assert many.laser is not None
-    n = len(many.laser.readings)
-    sizes = [len(share.laser.readings) for share in shares(many) if share.laser is not None]
+    n = len(many.laser.readings.range)
+    sizes = [len(share.laser.readings.range) for share in shares(many) if share.laser is not None]
     assert sizes == [-(-n // 16), -(-n // 4)]
 
 
@@ -46,10 +46,10 @@ def test_few_readings_have_no_share() -> None:
 
 def test_a_share_is_dealt_from_the_readings_as_they_stand_together(many: Settings) -> None:
     assert many.laser is not None
-    rows = np.column_stack([many.laser.origin, many.laser.angle, many.laser.readings])
+    rows = np.column_stack([many.laser.readings.origin, many.laser.readings.angle, many.laser.readings.range])
     for share in shares(many):
         assert share.laser is not None
-        dealt = np.column_stack([share.laser.origin, share.laser.angle, share.laser.readings])
+        dealt = np.column_stack([share.laser.readings.origin, share.laser.readings.angle, share.laser.readings.range])
         assert {tuple(row) for row in dealt} <= {tuple(row) for row in rows}
 
 
@@ -57,9 +57,9 @@ def test_first_map_is_valid_with_every_sensor_in_white_and_far_better_than_none(
     assert many.laser is not None
     coloring = find_first_map(many, np.random.default_rng(1), lambda: False)
     assert not violations(coloring)
-    assert not black_at(coloring, many.laser.origin).any()
+    assert not black_at(coloring, many.laser.readings.origin).any()
     found = make_chain(many, coloring).graph.sums
-    empty = make_chain(many, first_map.one_colour_map(many)).graph.sums
+    empty = make_chain(many, starts.one_colour_map(many)).graph.sums
     assert found.sum() > empty.sum() + 100.0
 
 
@@ -82,7 +82,7 @@ def test_a_request_during_one_share_spares_the_others_their_look(
     many: Settings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     built: list[int] = []
-    monkeypatch.setattr(first_map, "make_chain", lambda *args: built.append(1) or make_chain(*args))
+    monkeypatch.setattr(starts, "make_chain", lambda *args: built.append(1) or make_chain(*args))
     find_first_map(many, np.random.default_rng(2), lambda: bool(built))
     assert len(built) == 1
 
@@ -90,21 +90,27 @@ def test_a_request_during_one_share_spares_the_others_their_look(
 def test_points_are_dealt_with_the_readings(many: Settings) -> None:
     """All of them beside a sixteenth of the readings would outweigh these."""
     rng = np.random.default_rng(4)
-    points = PointData(rng.uniform(1.0, 9.0, (160, 2)), rng.integers(0, 2, 160).astype(float), PointModel("binary"))
+    points = PointData.from_arrays(
+        rng.uniform(1.0, 9.0, (160, 2)), rng.integers(0, 2, 160).astype(float), PointModel("binary")
+    )
     dealt = [share.points for share in shares(dataclasses.replace(many, points=points))]
-    assert [len(part.values) for part in dealt if part is not None] == [10, 40]
+    assert [len(part.table.value) for part in dealt if part is not None] == [10, 40]
     assert all(part.model == points.model for part in dealt if part is not None)
-    assert {tuple(xy) for xy in dealt[0].xy} <= {tuple(xy) for xy in points.xy}
+    assert {tuple(xy) for xy in dealt[0].table.xy} <= {tuple(xy) for xy in points.table.xy}
 
 
 def test_shares_are_of_the_beams_that_thinning_keeps(many: Settings) -> None:
     laser = many.laser
     assert laser is not None
-    kept = thin_beams(ROOM, laser.origin, laser.angle, laser.readings, laser.model.max_range, 1.5)
-    thinned = LaserData(laser.origin[kept], laser.angle[kept], laser.readings[kept], laser.model)
+    kept = thin_beams(
+        ROOM, laser.readings.origin, laser.readings.angle, laser.readings.range, laser.model.max_range, 1.5
+    )
+    thinned = LaserData.from_arrays(
+        laser.readings.origin[kept], laser.readings.angle[kept], laser.readings.range[kept], laser.model
+    )
     largest = [share.laser for share in shares(dataclasses.replace(many, laser=thinned))][-1]
     assert largest is not None
-    assert len(largest.readings) == -(-len(kept) // first_map.STRIDE) < len(laser.readings) // first_map.STRIDE
+    assert largest.readings.n_beams == -(-len(kept) // starts.STRIDE) < len(laser.readings.range) // starts.STRIDE
 
 
 def test_chain_with_few_readings_stays_where_it_was() -> None:

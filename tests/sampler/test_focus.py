@@ -14,8 +14,7 @@ from prf.layout import read_coloring, run_chain
 from prf.posterior import Settings, make_chain
 from prf.sampler import Sampler
 from prf.sampler.chain import ChainSampler
-from prf.sampler.doubts import EVEN, NEVER, Doubts, aim, target_of_beams, unexplained
-from prf.sampler.focus import TURN, TURNS, Focus, focus_of
+from prf.sampler.targets import EVEN, NEVER, TURN, TURNS, Doubts, Focus, aim, focus_of, target_of_beams, unexplained
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
 from tests.reference.beams import Sensor

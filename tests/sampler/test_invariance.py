@@ -39,7 +39,10 @@ def test_a_log_at_another_place_gives_the_same_maps_there(shift, metres):
 def test_a_log_that_differs_gives_other_maps():
     case = first()
     data = case.settings.laser
-    other = replace(case.settings, laser=LaserData(data.origin, data.angle, data.readings + 1e-3, data.model))
+    other = replace(
+        case.settings,
+        laser=LaserData.from_arrays(data.readings.origin, data.readings.angle, data.readings.range + 1e-3, data.model),
+    )
     assert not np.array_equal(maps_of(case, 1)[0][0].xy, maps_of(case._replace(settings=other), 1)[0][0].xy)
 
 
@@ -51,7 +54,7 @@ def known():
 def longer(case):
     """Return a case whose readings are all 2 per cent longer: not the same posterior."""
     data = case.settings.laser
-    laser = LaserData(data.origin, data.angle, 1.02 * data.readings, data.model)
+    laser = LaserData.from_arrays(data.readings.origin, data.readings.angle, 1.02 * data.readings.range, data.model)
     return case._replace(settings=replace(case.settings, laser=laser))
 
 

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from prf.diagnostics import Diagnosis
-from prf.sampler.outlook import Outlook, outlook, rounded
+from prf.sampler.convergence import Outlook, outlook, rounded
 
 
 def pair(half: Diagnosis, now: Diagnosis, climbs: bool = False) -> Outlook:

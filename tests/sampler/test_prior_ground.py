@@ -19,10 +19,10 @@ from prf.layout import pixel_centres, read_coloring, run_chain
 from prf.posterior import LaserData, Settings, make_chain
 from prf.sampler import Sampler
 from prf.sampler.chain import ChainSampler
+from prf.sampler.chain_map import settle_image
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
 from prf.sampler.prior_ground import PriorGround, closed_boxes, closed_cells, prior_ground
-from prf.sampler.tempering_ladder import LadderPlan
-from prf.sampler.tempering_state import settle_image
+from prf.sampler.tempering import LadderPlan
 from prf.sensors.laser import LaserModel
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
@@ -55,11 +55,12 @@ def settings_of(kind: str) -> Settings:
     laser: LaserData | None = found.data
     sonar = None
     if kind == "no returns":
-        laser = dataclasses.replace(found.data, readings=np.where(rng.random(120) < 0.5, np.inf, found.data.readings))
+        ranges = np.where(rng.random(120) < 0.5, np.inf, found.data.readings.range)
+        laser = dataclasses.replace(found.data, readings=dataclasses.replace(found.data.readings, range=ranges))
     if kind == "censored":
         laser = beside_the_border(rng)
     if kind in ("sonar", "both on a way"):
-        places = np.unique(found.data.origin, axis=0)
+        places = np.unique(found.data.readings.origin, axis=0)
         sonar = draw_data(found.coloring, Ring(3.0), ring_all_round(places, 8, 0.4, rng), rng)
     laser = None if kind == "sonar" else laser
     settings = Settings(ROOM, SCALE, laser, resolution=0.5, sonar=sonar)
@@ -72,7 +73,7 @@ def beside_the_border(rng: np.random.Generator) -> LaserData:
     """A sensor half a metre from the border, whose readings end within the window and far beyond it."""
     angle = rng.uniform(-np.pi, np.pi, 80)
     readings = np.where(rng.random(80) < 0.7, rng.uniform(0.3, 7.0, 80), np.inf)
-    return LaserData(np.tile([0.5, 8.0], (80, 1)), angle, readings, LaserModel(8.0, noise=0.02))
+    return LaserData.from_arrays(np.tile([0.5, 8.0], (80, 1)), angle, readings, LaserModel(8.0, noise=0.02))
 
 
 def log_likelihoods(chain: Chain) -> bytes:
@@ -234,9 +235,11 @@ def test_closed_cells_hold_all_that_a_reading_may_concern() -> None:
     chain = make_chain(settings, Coloring.empty(ROOM))
     assert settings.laser is not None
     laser, model = settings.laser, settings.laser.model
-    influence = np.minimum(model.influence(laser.readings), model.max_range)
-    tips = laser.origin + influence[:, None] * np.column_stack([np.cos(laser.angle), np.sin(laser.angle)])
-    rays = shapely.linestrings(np.stack([laser.origin, tips], axis=1))
+    influence = np.minimum(model.influence(laser.readings.range), model.max_range)
+    tips = laser.readings.origin + influence[:, None] * np.column_stack(
+        [np.cos(laser.readings.angle), np.sin(laser.readings.angle)]
+    )
+    rays = shapely.linestrings(np.stack([laser.readings.origin, tips], axis=1))
     region = shapely.buffer(closed_region(settings, chain), 1e-9)
     assert shapely.covers(region, shapely.intersection(rays, shapely.box(*ROOM))).all()
     assert region.area < 0.6 * ROOM.area

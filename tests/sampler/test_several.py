@@ -14,9 +14,8 @@ from prf.kernels import constants as c
 from prf.layout import pixel_centres
 from prf.posterior import Settings
 from prf.sampler import Sampler
-from prf.sampler.probes import probe_pixels
+from prf.sampler.chains import MOVE_NAMES, probe_pixels
 from prf.sampler.record import FUNCTIONALS
-from prf.sampler.several import MOVE_NAMES
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
 from tests.reference.beams import Sensor
@@ -96,7 +95,7 @@ def test_the_sample_holds_what_the_chains_recorded_after_burn_in(four: Sampler) 
 
 def test_no_sensor_ever_stands_in_black(world: World, four: Sampler) -> None:
     for coloring in four.sample().draws:
-        assert not black_at(coloring, world.data.origin).any()
+        assert not black_at(coloring, world.data.readings.origin).any()
 
 
 def test_the_best_map_has_the_highest_log_posterior_of_all_draws(four: Sampler) -> None:

@@ -12,8 +12,7 @@ from prf.coloring import Coloring, black_at, occupied_polygons, violations
 from prf.kernels import constants as c
 from prf.posterior import Settings, make_chain
 from prf.sampler import Sampler, starts
-from prf.sampler.contour import contour_map, map_of_region
-from prf.sampler.starts import find_start_map, needs_search
+from prf.sampler.starts import contour_map, find_start_map, map_of_region, needs_search
 from prf.shell.errors import ConfigError
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
@@ -46,7 +45,7 @@ def test_contours_are_valid_better_than_nothing_and_differ(settings: Settings) -
     found = [contour_map(settings, np.random.default_rng(k)) for k in range(3)]
     for coloring in found:
         assert not violations(coloring)
-        assert not black_at(coloring, settings.laser.origin).any()
+        assert not black_at(coloring, settings.laser.readings.origin).any()
         assert coloring.n_edges > 100
         assert log_posterior(settings, coloring) > empty + 2000.0
     assert len({coloring.xy.tobytes() for coloring in found}) == 3
@@ -59,17 +58,17 @@ def test_contours_of_small_worlds_are_valid(seed: int) -> None:
     world = draw_world(0.4, ROOM, Sensor(6.0), 5, 60, np.random.default_rng(seed))
     coloring = contour_map(Settings(ROOM, 0.4, world.data), np.random.default_rng(seed))
     assert not violations(coloring)
-    assert not black_at(coloring, world.data.origin).any()
+    assert not black_at(coloring, world.data.readings.origin).any()
 
 
 def test_a_region_that_touches_sensors_border_and_itself_becomes_a_map() -> None:
     world = draw_world(0.4, ROOM, Sensor(6.0), 3, 10, np.random.default_rng(1))
     squares = [shapely.box(0, 0, 2, 2), shapely.box(2, 2, 4, 4), shapely.box(8, 8, 10, 10)]
-    on_sensors = shapely.buffer(shapely.points(world.data.origin), 0.3)
+    on_sensors = shapely.buffer(shapely.points(world.data.readings.origin), 0.3)
     region = shapely.union_all([*squares, *on_sensors])
     coloring = map_of_region(region, Settings(ROOM, 0.4, world.data))
     assert not violations(coloring)
-    assert not black_at(coloring, world.data.origin).any()
+    assert not black_at(coloring, world.data.readings.origin).any()
     assert occupied_polygons(coloring).area == pytest.approx(region.area, rel=0.1)
 
 
@@ -82,7 +81,7 @@ def test_a_draw_of_the_prior_leads_to_a_map_of_the_readings(
     found = [find_start_map("prior", settings, np.random.default_rng(k), never) for k in range(2)]
     for coloring in found:
         assert not violations(coloring)
-        assert not black_at(coloring, settings.laser.origin).any()
+        assert not black_at(coloring, settings.laser.readings.origin).any()
         assert log_posterior(settings, coloring) > empty + 2000.0
     assert not np.array_equal(found[0].xy[:5], found[1].xy[:5])
 
@@ -94,7 +93,7 @@ def test_a_search_cut_short_still_frees_every_sensor(seed: int) -> None:
     settings = Settings(ROOM, 0.3, world.data)
     coloring = find_start_map("prior", settings, np.random.default_rng(seed), lambda: True)
     assert not violations(coloring)
-    assert not black_at(coloring, world.data.origin).any()
+    assert not black_at(coloring, world.data.readings.origin).any()
     assert coloring.n_edges > 0
 
 
@@ -102,7 +101,7 @@ def test_sonar_may_start_from_the_prior_and_not_from_a_grid() -> None:
     data = draw_sonar_world(0.3, ROOM, Ring(), 3, 12, 0.5, np.random.default_rng(3)).data
     settings = Settings(ROOM, 0.3, sonar=data)
     coloring = find_start_map("prior", settings, np.random.default_rng(1), lambda: True)
-    assert not black_at(coloring, data.origin).any()
+    assert not black_at(coloring, data.readings.origin).any()
     with pytest.raises(ConfigError, match="start grid"):
         contour_map(settings, np.random.default_rng(1))
 

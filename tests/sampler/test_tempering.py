@@ -16,10 +16,9 @@ from prf.layout import pixel_centres
 from prf.posterior import Settings, make_chain
 from prf.sampler import Sampler
 from prf.sampler import tempering as module
+from prf.sampler.chain_map import exchanged, occupied_cost, penalised_log_likelihood, repaint, with_map
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
-from prf.sampler.tempering import Tempering
-from prf.sampler.tempering_ladder import Ladder, LadderPlan, even_powers, stretched_powers
-from prf.sampler.tempering_state import exchanged, occupied_cost, penalised_log_likelihood, repaint, with_map
+from prf.sampler.tempering import Ladder, LadderPlan, Tempering, even_powers, stretched_powers
 from prf.shell.errors import ConfigError
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
@@ -76,7 +75,7 @@ def test_no_draw_of_the_cold_rung_has_an_occupied_sensor(settings: Settings, wor
     sampler = tempered(settings, LadderPlan(4, 0.0))
     assert len(sampler.sample().draws) == 10
     for coloring in sampler.sample().draws:
-        assert not black_at(coloring, world.data.origin).any()
+        assert not black_at(coloring, world.data.readings.origin).any()
 
 
 def test_times_of_the_image_are_those_of_the_cold_rung(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -142,7 +141,7 @@ def test_a_swap_leaves_the_joint_target_unchanged(settings: Settings) -> None:
     draws = exact_draws(0.2, ROOM, 12, rng)
     chains = [with_map(tempering.hot[0], settings, draw) for draw in draws]
     chains = [chain._replace(beams=chain.beams._replace(ray=chain.beams.ray.copy())) for chain in chains]
-    occupied = [int(black_at(draw, np.unique(settings.laser.origin, axis=0)).sum()) for draw in draws]
+    occupied = [int(black_at(draw, np.unique(settings.laser.readings.origin, axis=0)).sum()) for draw in draws]
     assert 0 < sum(n > 0 for n in occupied) < len(occupied)
 
     def log_target(rung: int, k: int) -> float:
@@ -228,16 +227,16 @@ def test_powers_reach_further_where_swaps_succeed_and_less_far_where_they_fail()
 
 def test_a_round_trip_is_from_the_cold_rung_to_the_hottest_and_back() -> None:
     ladder = Ladder(np.array([1.0, 0.5, 0.2]))
-    ladder.carry(1)
+    ladder.follow(1)
     assert ladder.round_trips == 0
-    ladder.carry(0)
+    ladder.follow(0)
     assert ladder.round_trips == 1
     for pair in (0, 0, 0):
-        ladder.carry(pair)
+        ladder.follow(pair)
     assert ladder.round_trips == 1
-    ladder.carry(1)
-    ladder.carry(1)
-    ladder.carry(0)
+    ladder.follow(1)
+    ladder.follow(1)
+    ladder.follow(0)
     assert ladder.round_trips == 2
 
 

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-import prf.sampler.tiles.schedule as schedule
+import prf.sampler.tiles.partition as schedule
 from prf.arak import exact_draws
 from prf.coloring import violations
 from prf.kernels import constants as c
@@ -26,8 +26,8 @@ from prf.sampler.tiles import (
     random_tiles,
     work_tile,
 )
-from prf.sampler.tiles.merge import draw_at
 from prf.sampler.tiles.part import cut_targets, make_part
+from prf.sampler.tiles.tiled import draw_at
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
 from tests.reference.beams import Sensor
@@ -51,7 +51,7 @@ def world() -> World:
 def settings(world: World) -> Settings:
     """Laser, sonar and points in one world, with an image."""
     rng = np.random.default_rng(4)
-    places = np.unique(world.data.origin, axis=0)
+    places = np.unique(world.data.readings.origin, axis=0)
     sonar = draw_data(world.coloring, Ring(max=2.5), ring_all_round(places, 12, 0.4, rng), rng)
     points = observe(world.coloring, Flips(), lattice(12, 0.05, 9.95), rng)
     return Settings(ROOM, SCALE, world.data, resolution=0.5, sonar=sonar, points=points)

@@ -133,7 +133,7 @@ def test_beams_that_end_beyond_the_window_say_nothing_of_what_is_inside() -> Non
         if black_at(coloring, origin[:1])[0]:
             continue
         beyond, silent = (
-            make_chain(Settings(window, 0.3, LaserData(origin, angle, ranges, LaserModel(10.0))), coloring)
+            make_chain(Settings(window, 0.3, LaserData.from_arrays(origin, angle, ranges, LaserModel(10.0))), coloring)
             for ranges in (np.full(n, 8.0), np.full(n, np.inf))
         )
         assert beyond.graph.sums[c.LOG_LIKELIHOOD] == silent.graph.sums[c.LOG_LIKELIHOOD]
@@ -143,7 +143,7 @@ def chain_at(
     coloring: Coloring, origin: np.ndarray, angle: np.ndarray, scale: float, max_range: float, cell: float | None = None
 ) -> Chain:
     """Chain with traced beams; the colour of the sensors does not matter here."""
-    data = LaserData(origin, angle, np.full(len(angle), np.inf), LaserModel(max_range))
+    data = LaserData.from_arrays(origin, angle, np.full(len(angle), np.inf), LaserModel(max_range))
     return make_chain(Settings(coloring.window, scale, data, cell=cell), coloring)
 
 

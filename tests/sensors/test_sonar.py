@@ -101,7 +101,9 @@ def looked_at(seed: int) -> list[tuple[Scene, np.ndarray, np.ndarray]]:
         places = rng.uniform(ROOM[:2], ROOM[2:], (6, 2))
         cones = ring_all_round(places[~black_at(coloring, places)], 5, 0.9, rng)
         data = data_of(Ring(), cones, np.ones(len(cones)))
-        pose = make_poses(data.model, data.origin, data.angle, data.cone, data.readings)
+        pose = make_poses(
+            data.model, data.readings.origin, data.readings.angle, data.readings.cone, data.readings.range
+        )
         scene = scene_of_coloring(coloring, 3.5)
         start, feature = features_seen(scene, pose, 3.5)
         found += [
@@ -171,7 +173,7 @@ def test_a_sonar_reaches_up_to_where_its_cone_leaves_the_window() -> None:
 def test_what_stands_beyond_the_reach_changes_no_likelihood() -> None:
     """A cone that leaves the window on its left, 1.7 m away, and a wall in it at 2.5 m: neither is more likely."""
     window, n = Window(0.0, 0.0, 4.0, 4.0), 20
-    data = SonarData(
+    data = SonarData.from_arrays(
         np.tile([0.3, 0.5], (n, 1)), np.full(n, 0.5 * np.pi), np.full(n, 0.35), np.full(n, np.inf), SonarModel()
     )
     beyond, before = (

@@ -51,7 +51,7 @@ def world(rng: np.random.Generator, with_sonar: bool) -> tuple[Settings, Colorin
         if not black_at(coloring, places).any():
             break
     origin, angle = np.repeat(places, N_BEAMS, axis=0), rng.uniform(-np.pi, np.pi, N_SENSORS * N_BEAMS)
-    unread = LaserData(origin, angle, np.full(len(angle), np.inf), model_of(SENSOR))
+    unread = LaserData.from_arrays(origin, angle, np.full(len(angle), np.inf), model_of(SENSOR))
     # Where beams end: held against shapely elsewhere, and a hundred times quicker.
     distance = make_chain(Settings(ROOM, SCALE, unread), coloring).beams.ray[:, c.DISTANCE]
     laser = dataclasses.replace(unread, readings=draw_readings(SENSOR, distance, rng))

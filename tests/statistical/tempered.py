@@ -16,9 +16,8 @@ from prf.kernels import constants as c
 from prf.kernels.chain import Chain
 from prf.layout import read_coloring
 from prf.posterior import LaserData, Settings, make_chain
-from prf.sampler.tempering import Tempering
-from prf.sampler.tempering_ladder import LadderPlan
-from prf.sampler.tempering_state import with_map
+from prf.sampler.chain_map import with_map
+from prf.sampler.tempering import LadderPlan, Tempering
 from prf.sensors.laser import LaserModel
 from prf.window import Window
 
@@ -42,7 +41,7 @@ def blunt_settings() -> Settings:
     angle = np.tile([0.0, 0.5 * np.pi, np.pi], 2)
     readings = np.array([0.9, 1.5, np.inf, 0.6, np.inf, 1.0])
     model = LaserModel(3.0, noise=0.4, outlier_probability=0.4, miss_probability=0.1)
-    return Settings(WINDOW, SCALE, LaserData(np.repeat(SENSORS, 3, axis=0), angle, readings, model))
+    return Settings(WINDOW, SCALE, LaserData.from_arrays(np.repeat(SENSORS, 3, axis=0), angle, readings, model))
 
 
 def functionals(chain: Chain, coloring: Coloring) -> list[float]:

@@ -67,7 +67,9 @@ def hall_of_beams() -> LaserData:
     origin, angle = np.repeat(place, 48, axis=0), np.tile(2.0 * np.pi / 48 * (np.arange(48) + 0.3), 3)
     world = from_polygons(walls(3.0, 3.4) | POST, HALL)
     distance = impacts(world, origin, angle, 10.0)
-    return LaserData(origin, angle, draw_readings(Sensor(10.0, outlier=0.0, miss=0.0), distance, rng), LaserModel(10.0))
+    return LaserData.from_arrays(
+        origin, angle, draw_readings(Sensor(10.0, outlier=0.0, miss=0.0), distance, rng), LaserModel(10.0)
+    )
 
 
 def hall_of_cones() -> SonarData:
@@ -162,7 +164,7 @@ def laser_that_looks_out(rng: np.random.Generator) -> Problem:
     world, place = world_round_the_room(rng)
     origin, angle = np.repeat(place, N_BEAMS, axis=0), rng.uniform(-np.pi, np.pi, N_SENSORS * N_BEAMS)
     readings = draw_readings(BLUNT, impacts(world, origin, angle, BLUNT.max), rng)
-    data = LaserData(origin, angle, readings, model_of(BLUNT))
+    data = LaserData.from_arrays(origin, angle, readings, model_of(BLUNT))
     return Problem(Settings(ROOM, SCALE, data, resolution=0.25), cropped(world))
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from prf.coloring import black_at, black_at_draws
 from prf.posterior import LaserData, Settings
 from prf.sampler import Sampler
-from prf.sampler.tempering_ladder import LadderPlan
+from prf.sampler.tempering import LadderPlan
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
 from tests.reference.beams import Sensor
@@ -114,10 +114,8 @@ def run_worlds(
 
     def one(number: int) -> Answer:
         world = make_world(number)
-        origin, angle, readings, model = (
-            getattr(world.data, name) for name in ("origin", "angle", "readings", "model")
-        )
-        data = LaserData(np.tile(origin, (repeat, 1)), np.tile(angle, repeat), np.tile(readings, repeat), model)
+        rows = np.tile(np.arange(world.data.readings.n_beams), repeat)
+        data = LaserData(world.data.readings.select(rows), world.data.model)
         return answer(number, data, world, scale, stages, tiles, rungs)
 
     with ThreadPoolExecutor(2) as pool:

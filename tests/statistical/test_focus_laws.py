@@ -15,9 +15,9 @@ from prf.kernels.build import recompute_sums
 from prf.kernels.chain import Chain
 from prf.layout import make_graph, make_targets, read_coloring
 from prf.posterior import LaserData, Settings, make_chain
-from prf.sampler import focus as focusing
-from prf.sampler.focus import Focus
-from prf.sampler.tempering_state import with_graph
+from prf.sampler import targets as focusing
+from prf.sampler.chain_map import with_graph
+from prf.sampler.targets import Focus
 from prf.sensors.laser import LaserModel
 from prf.window import Window
 from tests.statistical.driven import Mean, batch_means, weighted_mean, z_scores
@@ -103,7 +103,7 @@ def test_regions_that_look_at_the_map_are_caught() -> None:
 ANGLE = np.linspace(-2.9, 3.0, 12)
 READINGS = np.array([0.2, 0.3, np.inf, 0.25, 0.4, 0.3, np.inf, 0.35, 0.2, np.inf, 0.45, 0.3])
 BLUNT = LaserModel(0.5, 0.04, outlier_probability=0.5, miss_probability=0.3)
-SETTINGS = Settings(UNIT, 1.0, LaserData(np.tile([0.53, 0.47], (12, 1)), ANGLE, READINGS, BLUNT), cell=0.2)
+SETTINGS = Settings(UNIT, 1.0, LaserData.from_arrays(np.tile([0.53, 0.47], (12, 1)), ANGLE, READINGS, BLUNT), cell=0.2)
 """A laser that says what it says so bluntly that draws of the prior may be weighted."""
 NAMES = ("edges", "length", "corners in the middle", "log likelihood", *(f"black {k}" for k in range(6)))
 PLACES = np.random.default_rng(SEED).random((6, 2))
@@ -124,7 +124,7 @@ def compared(draws: Draws) -> np.ndarray:
 def weighted_means(n: int) -> Mean:
     """Of draws of the prior in which the sensor is free, weighted by their likelihood."""
     draws = exact_draws(1.0, UNIT, n, np.random.default_rng(SEED))
-    free = np.flatnonzero([not black_at(draw, SETTINGS.laser.origin[:1])[0] for draw in draws])  # type: ignore[union-attr]
+    free = np.flatnonzero([not black_at(draw, SETTINGS.laser.readings.origin[:1])[0] for draw in draws])  # type: ignore[union-attr]
     found = compared(draws.take(free))
     return weighted_mean(np.exp(found[:, 3] - found[:, 3].max()), found)
 

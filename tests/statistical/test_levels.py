@@ -56,7 +56,7 @@ def test_a_level_that_does_not_decide_is_seen(exact: Floats) -> None:
     """As if the last level let everything pass."""
     settings = blunt_settings()
     assert settings.laser is not None
-    asked = deal_levels(len(settings.laser.readings), LEVELS) < LEVELS - 1
+    asked = deal_levels(len(settings.laser.readings.range), LEVELS) < LEVELS - 1
     arrays = {name: getattr(settings.laser, name)[asked] for name in ("origin", "angle", "readings")}
     deaf = dataclasses.replace(settings, laser=dataclasses.replace(settings.laser, **arrays))
     z = np.delete(z_scores(deaf, exact, 7), 2)  # its sum of log likelihoods is of fewer beams anyway

@@ -30,11 +30,11 @@ def test_either_reading_explains_as_much_and_nothing_between_does() -> None:
 
 def test_the_log_is_its_own_mirror_image() -> None:
     data = multimodal.both_passes()
-    half = len(data.readings) // 2
-    along = np.stack([np.cos(data.angle), np.sin(data.angle)], axis=1)
-    for places in (data.origin, along):
+    half = len(data.readings.range) // 2
+    along = np.stack([np.cos(data.readings.angle), np.sin(data.readings.angle)], axis=1)
+    for places in (data.readings.origin, along):
         np.testing.assert_allclose(places[half:], places[:half] * [-1.0, 1.0], atol=1e-12)
-    assert np.array_equal(data.readings[half:], data.readings[:half])
+    assert np.array_equal(data.readings.range[half:], data.readings.range[:half])
     assert multimodal.WINDOW.x_min == -multimodal.WINDOW.x_max
 
 
@@ -53,8 +53,8 @@ def test_the_log_that_is_written_is_the_one_that_is_sampled(tmp_path: Path) -> N
     laser = multimodal.posterior().laser
     assert laser is not None
     found = read_readings(path)
-    np.testing.assert_allclose(found.range, laser.readings, atol=1e-6)
-    np.testing.assert_allclose(found.origin, laser.origin, atol=1e-6)
+    np.testing.assert_allclose(found.range, laser.readings.range, atol=1e-6)
+    np.testing.assert_allclose(found.origin, laser.readings.origin, atol=1e-6)
     assert 100 < len(found.range) < len(multimodal.both_passes().readings)
 
 

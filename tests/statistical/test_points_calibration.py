@@ -55,8 +55,8 @@ class World(NamedTuple):
 
 def quantities(draws: Draws, data: PointData) -> NDArray[np.float64]:
     """Numbers of each map, (n_draws, len(QUANTITIES))."""
-    density = data.model.log_density(data.values)
-    told = np.where(black_at_draws(draws, data.xy), density[:, 1], density[:, 0]).sum(axis=1)
+    density = data.model.log_density(data.table.value)
+    told = np.where(black_at_draws(draws, data.table.xy), density[:, 1], density[:, 0]).sum(axis=1)
     return np.column_stack([draws.n_edges, draws.total_length(), black_areas(draws), told])
 
 

@@ -48,15 +48,15 @@ def observations(case: Case) -> PointData:
     """Values that disagree, more of them black: every map stays possible."""
     rng = np.random.default_rng([SEED, case.n_points])
     black = np.arange(case.n_points) % 3 != 0
-    return PointData(rng.uniform(0.0, 1.0, (case.n_points, 2)), case.law.draw(black, rng), case.law.model)
+    return PointData.from_arrays(rng.uniform(0.0, 1.0, (case.n_points, 2)), case.law.draw(black, rng), case.law.model)
 
 
 def functionals(draws: Draws, data: PointData) -> tuple[Floats, Floats]:
     """What is compared, (n, n_functionals), and the log likelihood of each draw (n,)."""
     probes = np.random.default_rng([SEED, 1]).uniform(0.0, 1.0, (3, 2))
-    black = black_at_draws(draws, np.concatenate([data.xy, probes]))
-    density = data.model.log_density(data.values)
-    log_likelihood = np.where(black[:, : len(data.xy)], density[:, 1], density[:, 0]).sum(axis=1)
+    black = black_at_draws(draws, np.concatenate([data.table.xy, probes]))
+    density = data.model.log_density(data.table.value)
+    log_likelihood = np.where(black[:, : len(data.table.xy)], density[:, 1], density[:, 0]).sum(axis=1)
     edges, anchor = draws.n_edges, draws.anchor_black
     walls = [edges, draws.total_length(), (edges == 0) & anchor, (edges == 0) & ~anchor]
     return np.column_stack([black, *walls, log_likelihood]).astype(float), log_likelihood
@@ -79,7 +79,7 @@ def z_scores(name: str, repeat: int, steps: int) -> Floats:
     """Of the chain's means; `repeat` is how often each point is counted, 1 being right."""
     case = CASES[name]
     data = observations(case)
-    told = PointData(np.tile(data.xy, (repeat, 1)), np.tile(data.values, repeat), data.model)
+    told = PointData.from_arrays(np.tile(data.table.xy, (repeat, 1)), np.tile(data.table.value, repeat), data.model)
     settings = Settings(UNIT, case.scale, points=told)
     chain, rng = make_chain(settings, one_colour_map(settings)), np.random.default_rng([SEED, 3])
     maps = []

@@ -18,8 +18,8 @@ from prf.kernels.build import recompute_sums
 from prf.layout import make_graph, read_coloring, run_chain
 from prf.posterior import LaserData, Settings, make_chain
 from prf.sampler.chain import ChainSampler
+from prf.sampler.chain_map import with_graph
 from prf.sampler.prior_ground import PriorGround, edge_density
-from prf.sampler.tempering_state import with_graph
 from prf.sensors.laser import LaserModel
 from prf.window import INTERIOR, Window
 from tests.reference.free_way import is_free
@@ -29,7 +29,7 @@ SEED = 20050726
 ANGLE = np.array([-2.8, -0.9, 0.2, 1.4])
 READINGS = np.array([1.2, 0.8, 1.6, np.inf])
 """A wall may stand where three beams of four ended; they say so bluntly, that draws of the prior may be weighted."""
-LASER = LaserData(
+LASER = LaserData.from_arrays(
     np.tile([3.0, 3.2], (4, 1)), ANGLE, READINGS, LaserModel(2.0, 0.08, outlier_probability=0.4, miss_probability=0.4)
 )
 SETTINGS = Settings(ROOM, 0.25, LASER, way=np.array([[4.2, 0.5, 5.2, 0.4]]), driven_radius=0.2)

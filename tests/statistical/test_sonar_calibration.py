@@ -66,7 +66,8 @@ def test_probabilities_are_the_shares_observed() -> None:
 
 def seen_too_narrow(data: SonarData) -> SonarData:
     """Cones of 29 degrees taken for beams of 3: walls to the side of the axis are put on it."""
-    return dataclasses.replace(data, cone=np.full(len(data.cone), 0.05))
+    readings = dataclasses.replace(data.readings, cone=np.full(data.readings.n_beams, 0.05))
+    return dataclasses.replace(data, readings=readings)
 
 
 @pytest.mark.slow

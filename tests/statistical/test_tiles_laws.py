@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import prf.sampler.tiles.part as part
+import prf.sampler.tiles.partition as schedule
 import prf.sampler.tiles.rounds as rounds
-import prf.sampler.tiles.schedule as schedule
 from prf.coloring import Coloring, Draws
 from prf.kernels.chain import Chain
 from prf.kernels.grid import Grid

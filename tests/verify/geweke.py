@@ -23,8 +23,7 @@ from prf.kernels.build import recompute_sums
 from prf.kernels.chain import Chain
 from prf.layout import read_coloring, run_chain
 from prf.posterior import Settings, make_chain
-from prf.sampler.tempering import Tempering
-from prf.sampler.tempering_ladder import LadderPlan
+from prf.sampler.tempering import LadderPlan, Tempering
 from prf.sampler.tiles import finish_round, make_round, make_tile_data, work_tile
 from prf.shell.progress import progress
 from tests.verify.check import Check
@@ -116,12 +115,12 @@ def quantities(settings: Settings, coloring: Coloring, chain: Chain) -> Floats:
     shape = from_map(Draws.from_colorings([coloring]), PLACES)[0]
     read = []
     for readings, most in (
-        (settings.laser.readings, settings.laser.model.max_range),
-        (settings.sonar.readings, settings.sonar.model.max_range),
+        (settings.laser.readings.range, settings.laser.model.max_range),
+        (settings.sonar.readings.range, settings.sonar.model.max_range),
     ):
         read += [np.minimum(readings, most).mean(), float((readings >= most).sum())]
     sums = chain.graph.sums[[c.LOG_PRIOR, c.LOG_LIKELIHOOD]]
-    return np.array([*shape, *sums, shape[0] ** 2, shape[1] ** 2, *read, settings.points.values.sum()])
+    return np.array([*shape, *sums, shape[0] ** 2, shape[1] ** 2, *read, settings.points.table.value.sum()])
 
 
 def successive(station: Station, program: Program, n_turns: int, rng: np.random.Generator) -> Floats:

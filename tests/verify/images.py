@@ -18,7 +18,7 @@ from prf.coloring import Draws, black_at_draws
 from prf.diagnostics import diagnose
 from prf.posterior import Settings
 from prf.sampler import Sampler
-from prf.sampler.tempering_ladder import LadderPlan
+from prf.sampler.tempering import LadderPlan
 from prf.shell.progress import progress
 from prf.window import Window
 from tests.reference.disagreement_loops import sample

@@ -17,7 +17,7 @@ from prf.arak import exact_draws
 from prf.coloring import Coloring, Draws, black_areas, black_at_draws
 from prf.layout import make_graph
 from prf.posterior import LaserData, Settings, make_chain
-from prf.sampler.tempering_state import with_graph
+from prf.sampler.chain_map import with_graph
 from prf.window import Window
 from tests.reference.beams import Sensor, draw_readings, impacts
 from tests.reference.free_way import is_free
@@ -79,7 +79,7 @@ def driven_problem(rng: np.random.Generator) -> Problem:
     place, to = rng.uniform(0.5, 3.5, (N_SENSORS, 2)), rng.uniform(-np.pi, np.pi, N_SENSORS)
     way = np.hstack([place, np.clip(place + 2.0 * np.column_stack([np.cos(to), np.sin(to)]), 0.1, 3.9)])
     origin, angle = np.repeat(place, N_BEAMS, axis=0), rng.uniform(-np.pi, np.pi, N_SENSORS * N_BEAMS)
-    unread = LaserData(origin, angle, np.full(len(angle), np.inf), model_of(SENSOR))
+    unread = LaserData.from_arrays(origin, angle, np.full(len(angle), np.inf), model_of(SENSOR))
     settings = Settings(ROOM, SCALE, unread, resolution=RESOLUTION, way=way, driven_radius=DRIVEN_RADIUS)
     while True:
         world = exact_draws(SCALE, ROOM, 1, rng)[0]

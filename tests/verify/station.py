@@ -68,7 +68,7 @@ class Station(NamedTuple):
         """Return the posterior of readings that are drawn in this map."""
         distance = beams.impacts(coloring, self.origin, self.angle, self.laser.max)
         readings = beams.draw_readings(self.laser, distance, rng)
-        laser = LaserData(self.origin, self.angle, readings, model_of(self.laser))
+        laser = LaserData.from_arrays(self.origin, self.angle, readings, model_of(self.laser))
         sonar = draw_data(coloring, self.ring, self.cones, rng)
         points = slow_points.observe(coloring, self.flips, self.xy, rng)
         return Settings(self.window, self.scale, laser, resolution=self.resolution, sonar=sonar, points=points)
@@ -81,8 +81,10 @@ class Station(NamedTuple):
         assert settings.sonar is not None
         assert settings.points is not None
         total = slow_points.log_likelihood(coloring, self.flips, settings.points)
-        total += sum(beams.log_likelihoods_in(coloring, self.laser, self.origin, self.angle, settings.laser.readings))
-        for reading, cone in zip(settings.sonar.readings.tolist(), self.cones, strict=True):
+        total += sum(
+            beams.log_likelihoods_in(coloring, self.laser, self.origin, self.angle, settings.laser.readings.range)
+        )
+        for reading, cone in zip(settings.sonar.readings.range.tolist(), self.cones, strict=True):
             reach = slow_sonar.reach_in(self.window, cone, self.ring.max)
             seen = slow_sonar.features(coloring, cone, reach)
             total += slow_sonar.log_likelihood(self.ring, seen, reading, reach)

@@ -21,9 +21,10 @@ from prf.kernels.chain import Chain
 from prf.layout import read_coloring, run_chain
 from prf.posterior import Settings, make_chain
 from prf.sampler import Sampler
-from prf.sampler.tempering_ladder import LadderPlan
-from prf.sampler.tempering_state import with_map
-from prf.sampler.tiles import schedule, tiled
+from prf.sampler.chain_map import with_map
+from prf.sampler.tempering import LadderPlan
+from prf.sampler.tiles import partition as schedule
+from prf.sampler.tiles import tiled
 from tests.reference.free_way import is_free
 from tests.verify.problems import NAMES, from_map
 

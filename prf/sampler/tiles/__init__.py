@@ -6,13 +6,17 @@ makes what lies inside a tile independent of what lies outside given what stays.
 decided by one tile, whatever the others do.
 """
 
-from prf.sampler.tiles.data import TileData, make_tile_data
-from prf.sampler.tiles.merge import finish_round, merged
-from prf.sampler.tiles.partition import random_tiles
-from prf.sampler.tiles.rounds import Round, make_round
-from prf.sampler.tiles.schedule import chosen_tiles
-from prf.sampler.tiles.tiled import TiledChain, advance_in_tiles, tiled_chains
-from prf.sampler.tiles.work import TileResult, work_tile
+from prf.sampler.tiles.partition import chosen_tiles, random_tiles
+from prf.sampler.tiles.rounds import Round, TileData, make_round, make_tile_data
+from prf.sampler.tiles.tiled import (
+    TiledChain,
+    TileResult,
+    advance_in_tiles,
+    finish_round,
+    merged,
+    tiled_chains,
+    work_tile,
+)
 
 __all__ = [
     "Round",

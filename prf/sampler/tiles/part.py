@@ -2,7 +2,7 @@
 
 Every beam belongs to the tile that holds its end; this depends on the reading alone. Let f be the distance of the first
 obstacle on the beam that does not lie inside the tile to which it belongs. The other tiles leave f as it is: no new
-edge may come before it, and the edge that it lies on stays. Then the impact, the nearer of f and of what the own tile
+edge may cut it short, and the edge at f stays. Then the impact, the nearer of f and of what the own tile
 puts on the beam, is decided by one tile, and the likelihood is a product over tiles. A round is a step of the chain on
 the maps that have this f for every beam, and these classes part the space of all maps.
 """
@@ -32,8 +32,7 @@ from prf.kernels.targets import Targets
 from prf.kernels.tile import clip_beams, count_part_edges, fill_part, first_outside, mark_met, tiles_at
 from prf.layout import bare_graph, make_guards, make_index, make_proposal, make_sites
 from prf.posterior import FIRST_CAPACITY, FIRST_CELL_ROOM, PointData, painted_points
-from prf.sampler.tiles.data import TileData
-from prf.sampler.tiles.rounds import Round
+from prf.sampler.tiles.rounds import Round, TileData
 from prf.sensors.laser import MARGIN, make_beams
 from prf.sensors.sonar import make_cones
 from prf.window import Window
@@ -158,7 +157,7 @@ def _passes(segments: Floats, box: Floats) -> NDArray[np.bool_]:
 def cut_out(whole: Coloring, passes: NDArray[np.bool_], tile: Floats) -> tuple[Coloring, Ints, Ints]:
     """Return the edges that pass a tile and those next to them, as a map, with the vertices and edges of the whole.
 
-    Moves ask vertices at the ends of passing edges for their other edges.
+    Moves read the other edges of vertices at the ends of passing edges.
     """
     is_near = np.zeros(len(whole.xy), np.bool_)
     is_near[whole.edges[passes]] = True
@@ -302,6 +301,4 @@ def part_points(data: PointData | None, coloring: Coloring, window: Window) -> P
     """Return the point observations in a tile, in the colours of the map."""
     if data is None:
         return painted_points(None, coloring)
-    inside = window.contains(data.xy, strictly=True)
-    part = dataclasses.replace(data, xy=data.xy[inside], values=data.values[inside])
-    return painted_points(part, coloring)
+    return painted_points(dataclasses.replace(data, table=data.table.inside(window)), coloring)

@@ -1,4 +1,4 @@
-"""Several chains side by side: rounds in threads, pooled estimates, agreement."""
+"""Several chains of one posterior side by side: rounds in threads, pooled estimates, agreement."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,20 +18,18 @@ from prf.diagnostics import Diagnosis, diagnose
 from prf.kernels import constants as c
 from prf.layout import image_grid, pixel_centres
 from prf.posterior import Settings
-from prf.sampler.apart import is_look, stay_apart
 from prf.sampler.chain import ChainSampler
-from prf.sampler.doubts import aim, is_due
-from prf.sampler.probes import probe_pixels, seen_pixels
+from prf.sampler.convergence import disagree, is_look
 from prf.sampler.record import EDGES_ANYWHERE, FUNCTIONALS, Draw, burn_in
-from prf.sampler.tempering_ladder import LadderPlan, SwapReport
+from prf.sampler.targets import aim, is_due
+from prf.sampler.tempering import LadderPlan, SwapReport
 from prf.sampler.tiles import advance_in_tiles, tiled_chains
-
-if TYPE_CHECKING:
-    from prf.sampler.distributed import Remote
 
 logger = logging.getLogger(__name__)
 
 MOVE_NAMES = tuple(name for name, _ in c.MOVES)
+PROBE_BLOCKS = 4
+"""Along each axis the window is divided into so many blocks, and the colour of a probe or two is followed in each."""
 
 
 class Sample(NamedTuple):
@@ -45,14 +43,16 @@ class Sample(NamedTuple):
 
 
 class Sampler:
-    """Chains of one posterior that advance in step."""
+    """Chains of one posterior that advance in step, one a generator, in `threads`, which change no result.
+
+    With a `plan` every chain has a temperature ladder, from the start or once chains disagree.
+    """
 
     def __init__(
         self,
         settings: Settings,
         generators: list[np.random.Generator],
         threads: int,
-        remote: Remote | None = None,
         plan: LadderPlan | None = None,
         starts_from: Start = "empty",
     ) -> None:
@@ -64,8 +64,7 @@ class Sampler:
             self.chains.append(ChainSampler(settings, rng, self.probe_pixels, starts_from=starts_from, like=like))
         self._awaited = plan if plan is not None and plan.rungs > 1 else None
         if self._awaited is not None and not self._awaited.waits:
-            self.put_rungs()
-        self._remote = remote
+            self.temper()
         self._tiled = tiled_chains(self.chains)
         self._pool = ThreadPoolExecutor(max(1, threads if self._tiled else min(threads, len(self.chains))))
 
@@ -76,10 +75,8 @@ class Sampler:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Let the threads go."""
+        """End the threads."""
         self._pool.shutdown()
-        if self._remote is not None:
-            self._remote.close()
 
     @property
     def step(self) -> int:
@@ -90,6 +87,11 @@ class Sampler:
     def burn_in(self) -> int:
         """Steps at the start of each chain that are left out."""
         return self.chains[0].burn_in
+
+    @property
+    def n_temperatures(self) -> int:
+        """Chains of each temperature ladder; 1 without parallel tempering."""
+        return self.chains[0].n_temperatures
 
     @property
     def block(self) -> int:
@@ -104,8 +106,7 @@ class Sampler:
     @property
     def probe_xy(self) -> NDArray[np.float64]:
         """Points (n_probes, 2) in metres whose colour is followed."""
-        assert self.settings.resolution is not None
-        return pixel_centres(image_grid(self.settings.window, self.settings.resolution))[self.probe_pixels]
+        return _centres(self.settings)[self.probe_pixels]
 
     def compile(self) -> None:
         """Have the kernels compiled, or read from their cache, without making a step."""
@@ -115,46 +116,32 @@ class Sampler:
 
     def find_starts(self, stop_requested: Callable[[], bool]) -> None:
         """Before the first step: let every chain find where it starts (:mod:`prf.sampler.starts`)."""
-        for future in [self._pool.submit(chain.find_start, stop_requested) for chain in self.chains]:
-            future.result()
+        list(self._pool.map(lambda chain: chain.find_start(stop_requested), self.chains))
 
-    def advance(self, blocks: int = 1) -> None:
-        """Run one block in every chain, or one round of tiles; on workers of a scheduler so many `blocks` at most.
-
-        Chains that wait for rungs get them first, if they stay apart here.
-        """
-        if self._awaited is not None and is_look(self.step) and self.stays_apart():
-            self.put_rungs()
-            logger.info(f"the chains stay apart: {self.chains[0].rungs} rungs each from step {self.step:,} on")
+    def advance(self) -> None:
+        """Run one block in every chain, or one round of tiles; chains that disagree are tempered first, if planned."""
+        if self._awaited is not None and is_look(self.step) and self.disagree():
+            self.temper()
+            logger.info(f"the chains disagree: {self.n_temperatures} temperatures each from step {self.step:,} on")
         before = self.step // self.chains[0].block
-        self._advance(min(blocks, (1 << before.bit_length()) - before))
+        if self._tiled and self._tiled[0].is_due:
+            advance_in_tiles(self._tiled, self._pool)
+        else:
+            latest = self._tiled[0].first if self._tiled else None
+            list(self._pool.map(lambda chain: chain.advance(latest), self.chains))
         if is_due(before, self.step // self.chains[0].block):
             aim([chain.chain for chain in self.chains], [chain.doubts for chain in self.chains])
 
-    def _advance(self, blocks: int) -> None:
-        """Run one block, one round of tiles, or so many `blocks` on workers."""
-        if self._tiled and self._tiled[0].is_due:
-            advance_in_tiles(self._tiled, self._pool, self._remote)
-            return
-        latest = self._tiled[0].first if self._tiled else None
-        if self._remote is not None:
-            self._remote.advance(self.chains, latest, blocks)
-            return
-        for future in [self._pool.submit(chain.advance, latest) for chain in self.chains]:
-            future.result()
-
-    def put_rungs(self) -> None:
-        """Put the rungs below every chain that were waited for; burn-in begins anew. Without effect if there are."""
-        if self._awaited is None:
-            return
-        for chain in self.chains:
-            chain.temper(self._awaited)
-            chain.forget()
+    def temper(self) -> None:
+        """Put the planned temperature ladder on every chain; burn-in starts again. Without effect if it is there."""
+        if self._awaited is not None:
+            for chain in self.chains:
+                chain.temper(self._awaited)
         self._awaited = None
 
-    def stays_apart(self) -> bool:
-        """Return whether chains disagree and came no nearer since half of the steps (:mod:`prf.sampler.apart`)."""
-        return stay_apart(self.diagnose_half().values(), self.diagnose().values())
+    def disagree(self) -> bool:
+        """Return whether chains disagree and came no nearer since half of the steps."""
+        return disagree(self.diagnose_half().values(), self.diagnose().values())
 
     def diagnose_half(self) -> dict[str, Diagnosis]:
         """Return what :meth:`diagnose` was after half of the steps."""
@@ -183,8 +170,7 @@ class Sampler:
         if values.size == 0:
             return diagnose({name: np.zeros((len(recorded), 0)) for name in FUNCTIONALS}, unseen=self.unseen)
         named: dict[str, NDArray[Any]] = {name: values[:, :, i] for i, name in enumerate(FUNCTIONALS)}
-        for i, name in enumerate(self._probe_names):
-            named[name] = colours[:, :, i]
+        named |= {name: colours[:, :, i] for i, name in enumerate(self._probe_names)}
         return diagnose(named, unseen=self.unseen)
 
     @cached_property
@@ -221,28 +207,27 @@ class Sampler:
         Two arrays (ny, nx), the lowest row first; nan where the centre of a pixel lies outside the window, and
         everywhere before the first step after burn-in.
         """
-        totals = [chain.times.total(chain.chain.image, self.step) for chain in self.chains]
-        grid = self.chains[0].chain.image.grid
-        steps = (self.step - self.burn_in) * len(self.chains)
-        inside = self._pixels_inside & (steps > 0)
-        shares = []
-        for which in range(2):
-            share = np.full(grid.nx * grid.ny, np.nan, np.float32)
-            share[inside] = sum(total[which][inside] for total in totals) / max(steps, 1)
-            shares.append(share.reshape(grid.ny, grid.nx))
-        return shares[0], shares[1]
+        black, mixed = (np.array(times).sum(axis=0) for times in zip(*self._times(), strict=True))
+        steps = self.step - self.burn_in
+        return self._shares(black, steps * len(self.chains)), self._shares(mixed, steps * len(self.chains))
 
     def disagreement(self) -> NDArray[np.float32]:
         """Return the largest difference (ny, nx) between the shares of black of any two chains.
 
         nan as in :meth:`occupancy`, and everywhere of one chain.
         """
+        black = np.array([black for black, _ in self._times()])
+        return self._shares(np.ptp(black, axis=0), self.step - self.burn_in if len(black) > 1 else 0)
+
+    def _times(self) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+        """Return the black and mixed times of the pixels of each chain, in steps."""
+        return [chain.times.total(chain.chain.image, self.step) for chain in self.chains]
+
+    def _shares(self, times: NDArray[np.int64], steps: int) -> NDArray[np.float32]:
+        """Return times (n_pixels,) as shares of `steps` (ny, nx), nan outside the window or of no steps."""
         grid = self.chains[0].chain.image.grid
-        steps = self.step - self.burn_in
-        black = np.array([chain.times.total(chain.chain.image, self.step)[0] for chain in self.chains])
-        known = self._pixels_inside & (steps > 0) & (len(black) > 1)
-        shares = np.where(known, np.ptp(black, axis=0) / max(steps, 1), np.nan)
-        return shares.astype(np.float32).reshape(grid.ny, grid.nx)
+        known = self._pixels_inside & (steps > 0)
+        return np.where(known, times / max(steps, 1), np.nan).astype(np.float32).reshape(grid.ny, grid.nx)
 
     @cached_property
     def _pixels_inside(self) -> NDArray[np.bool_]:
@@ -260,10 +245,34 @@ class Sampler:
         return total
 
     def swaps(self) -> list[SwapReport]:
-        """Return what the ladder of each chain has come to; empty without parallel tempering."""
+        """Return the state of the temperature ladder of each chain; empty without parallel tempering."""
         return [chain.tempering.report() for chain in self.chains if chain.tempering is not None]
 
     def log_posterior(self) -> float:
         """Return the mean log posterior of the present maps, up to a constant."""
         sums = [chain.chain.graph.sums for chain in self.chains]
         return float(np.mean([s[c.LOG_PRIOR] + s[c.LOG_LIKELIHOOD] for s in sums]))
+
+
+def probe_pixels(settings: Settings) -> NDArray[np.int64]:
+    """Return pixels: of each block of a 4 x 4 division of the window the seen and the unseen one next to its middle."""
+    centres, seen = _centres(settings), seen_pixels(settings)
+    inside, window = settings.window.contains(centres), settings.window
+    place = PROBE_BLOCKS * (centres - window[:2]) / (window.width, window.height)
+    block = np.clip(np.floor(place), 0, PROBE_BLOCKS - 1)
+    metres = np.hypot(*((place - block - 0.5) * (window.width, window.height)).T)
+    kind = (block @ (1, PROBE_BLOCKS)) * 2 + ~seen
+    order = np.lexsort((metres, kind))
+    order = order[inside[order]]
+    _, first = np.unique(kind[order], return_index=True)
+    return np.sort(order[first])
+
+
+def seen_pixels(settings: Settings) -> NDArray[np.bool_]:
+    """Return which pixels (n_pixels,) of the image readings saw, row by row from the lowest."""
+    return np.ones(len(_centres(settings)), np.bool_) if settings.seen is None else settings.seen.ravel()
+
+
+def _centres(settings: Settings) -> NDArray[np.float64]:
+    assert settings.resolution is not None
+    return pixel_centres(image_grid(settings.window, settings.resolution))

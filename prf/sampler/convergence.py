@@ -1,18 +1,44 @@
-"""How much longer a run needs until its chains agree, from how it went since half of its steps.
+"""Whether more steps will bring agreement, from what R-hat did since half of the steps.
 
-For chains that mix, ESS grows in proportion to the steps and R-hat - 1 falls in inverse proportion, so the ratio by
-which a run misses its bounds is the ratio by which it is too short. Where R-hat does not fall, more time alone is no
-help.
+R-hat - 1 of chains that mix halves, or better, when a run doubles, and ESS doubles, so the ratio by which a run
+misses its bounds is the ratio by which it is too short. For chains that are caught in different readings of the data
+R-hat stays: more time alone is no help. ``sampler.rungs`` "auto" looks at 640,000 steps and at every doubling, and
+tempers chains that disagree. Nothing of this looks at a clock or outlives a look: it follows from the draws.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Literal, NamedTuple
 
 from prf.diagnostics import MAX_RHAT, MAX_RHAT_UNSEEN, Diagnosis, shortfall
-from prf.sampler.apart import STALLED
+
+FIRST_LOOK = 640_000
+"""Steps before the first look; a multiple of every length of a block."""
+STALLED = 0.75
+"""Of R-hat - 1: more than this share of it left after twice the steps, and the chains do not come nearer."""
+
+
+def is_look(step: int) -> bool:
+    """Return whether it is looked at this step: the first look, or a doubling of it."""
+    doublings, rest = divmod(step, FIRST_LOOK)
+    return rest == 0 and doublings.bit_count() == 1
+
+
+def worst_rhat(diagnoses: Iterable[Diagnosis]) -> float:
+    """Return the largest R-hat of what was seen, inf if chains are stuck at different values; 1 if there is none.
+
+    Where no reading saw the ground a power of the likelihood changes nothing.
+    """
+    return max((found.rhat for found in diagnoses if found.seen and not math.isnan(found.rhat)), default=1.0)
+
+
+def disagree(before: Iterable[Diagnosis], now: Iterable[Diagnosis]) -> bool:
+    """Return whether chains disagree and do not come nearer."""
+    was, found = worst_rhat(before), worst_rhat(now)
+    return found > MAX_RHAT and (math.isinf(found) or found - 1.0 > STALLED * (was - 1.0))
+
 
 Trend = Literal["agree", "nearing", "flat", "unknown"]
 
@@ -23,7 +49,7 @@ NICE = (1, 2, 3, 4, 5, 6, 8, 10, 15, 20, 30, 45)
 class Outlook(NamedTuple):
     """Whether more time will bring agreement."""
 
-    trend: Trend  # "agree", or the chains come nearer ("nearing") or do not ("flat"), or it cannot be said ("unknown")
+    trend: Trend  # "agree", or the chains come nearer ("nearing") or do not ("flat"), or that is unknown ("unknown")
     seconds: float | None  # more of them that it needs, if they come nearer
 
 

@@ -1,32 +1,31 @@
-"""`Run`: draws of the posterior, and the answers that they give."""
+"""`Run`: draws of the posterior over maps, what was estimated on the way, and the answers that they give."""
 
 from __future__ import annotations
 
 import dataclasses
 import io
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, NamedTuple, TypeVar, overload
+from typing import IO, TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar, overload
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from prf import run as stored
-from prf.api.arrays import as_paths, checked
-from prf.coloring import occupied_polygons
-from prf.estimate import occupied_estimates, occupied_probability, path_estimates, path_free
-from prf.render import render_posterior
-from prf.run import PosteriorImage, names, read_run, write_run
-from prf.run.read import PARTS
-from prf.sampler.drive import Progress
-from prf.sampler.output import make_way
+from prf.coloring import Coloring, Draws, occupied_polygons
+from prf.logs import PointTable, Readings
+from prf.logs.arrays import as_paths, checked
+from prf.run import names
+from prf.run.model import PosteriorImage, Progress
+from prf.shell.errors import InputError
 from prf.shell.files import refuse_standing
 from prf.shell.lock import exclusive
 from prf.shell.notebook import card
-from prf.uncertainty import Estimates, by_chain, smallest_ess
+
+if TYPE_CHECKING:
+    from prf.uncertainty import Estimates
 
 Part = TypeVar("Part")
 
@@ -51,24 +50,86 @@ class PointEstimates(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Run(stored.Run):
-    """A run of the sampler: draws from the posterior over maps, and what they answer.
+class Run:
+    """A run of the sampler: draws from the posterior over maps, and the answers that they give.
+
+    A run may have been interrupted at any time, so it may have no draws; the other parts are None where the run
+    wrote none, or where they were not read.
 
     Attributes
     ----------
-    manifest, draws, chain, step, functionals, image, best, diagnostics, ...
-        As :class:`prf.run.Run` has them.
+    manifest : dict
+        Content of manifest.json: schema, versions, configuration, seed, inputs, status, created.
+    draws : Draws
+        n recorded colorings, ragged.
+    chain : (n,) int32
+        Chain that recorded each draw.
+    step : (n,) int64
+        Step of its chain at which it was recorded, burn-in included.
+    functionals : dict of str to (n,) float64
+        Such as n_edges, total_length (m), log_prior, log_likelihood, one value a draw.
+    probe_xy : (n_probes, 2) float64
+        Points in metres whose colour is watched for convergence.
+    probe_black : (n, n_probes) bool
+        Colour of each probe point in each draw.
+    image : PosteriorImage or None
+    laser, sonar : Readings or None
+        Those that the run used; None too where it used no laser, or no sonar.
+    points : PointTable or None
+        None too where the run used no point observations.
+    way : (k, 4) float64
+        Pieces of the way driven that was held free: ends x0, y0, x1, y1 in metres.
+    best : Coloring or None
+        The map of highest log posterior among the states that any chain recorded.
+    best_log_posterior : float
+        Its log posterior, up to a constant; nan if unknown.
+    diagnostics : dict or None
+        Content of diagnostics.json.
+    path : Path or None
+        Where the run was read from.
     progress : Progress or None
         How the sampling of this call ended; None of a run that was read.
     """
 
+    manifest: dict[str, Any]
+    draws: Draws
+    chain: NDArray[np.int32]
+    step: NDArray[np.int64]
+    functionals: dict[str, NDArray[np.float64]]
+    probe_xy: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.empty((0, 2)))
+    probe_black: NDArray[np.bool_] = dataclasses.field(default_factory=lambda: np.empty((0, 0), dtype=np.bool_))
+    image: PosteriorImage | None = None
+    laser: Readings | None = None
+    sonar: Readings | None = None
+    points: PointTable | None = None
+    way: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.empty((0, 4)))
+    best: Coloring | None = None
+    best_log_posterior: float = float("nan")
+    diagnostics: dict[str, Any] | None = None
+    path: Path | None = None
     progress: Progress | None = None
 
-    @classmethod
-    def of(cls, run: stored.Run, progress: Progress | None = None) -> Run:
-        """Return the run with its answers."""
-        parts = {field.name: getattr(run, field.name) for field in dataclasses.fields(stored.Run)}
-        return cls(**parts, progress=progress)
+    @property
+    def n_chains(self) -> int:
+        """Number of chains that recorded a draw."""
+        return len(np.unique(self.chain))
+
+    @property
+    def sensors(self) -> Readings | None:
+        """The readings that show the sensor's path: the laser's if there are any."""
+        return self.laser if self.laser is not None else self.sonar
+
+    @property
+    def name(self) -> str:
+        """Name of the run's folder, for messages and titles."""
+        return "run" if self.path is None else self.path.resolve().name
+
+    def missing(self, file: str) -> InputError:
+        """Return the error that `file` is not in this run."""
+        where = file if self.path is None else str(self.path / file)
+        return InputError(
+            f"{where}: no such file: the run ended before it was written. Resume it with prf sample --resume."
+        )
 
     @overload
     def query(
@@ -105,6 +166,8 @@ class Run(stored.Run):
         InputError
             If there are no draws yet.
         """
+        from prf.estimate import occupied_estimates, occupied_probability  # noqa: PLC0415 - half a second
+
         xy = checked("points", points, (None, 2))
         if not interval:
             return occupied_probability(self.draws, xy, square)
@@ -145,6 +208,8 @@ class Run(stored.Run):
         InputError
             If there are no draws yet.
         """
+        from prf.estimate import path_estimates, path_free  # noqa: PLC0415
+
         if interval:
             return path_estimates(self.draws, self.chain, as_paths(paths), radius, self._smallest_ess)
         return np.array([path_free(self.draws, path, radius).p_free for path in as_paths(paths)], np.float64)
@@ -156,7 +221,7 @@ class Run(stored.Run):
 
     @property
     def occupancy(self) -> NDArray[np.float32]:
-        """How probably the centre of each cell is occupied (ny, nx), row 0 lowest; :attr:`extent` says where."""
+        """How probably the centre of each cell is occupied (ny, nx), row 0 lowest; :attr:`extent` locates it."""
         return self._image.occupancy
 
     @property
@@ -171,24 +236,34 @@ class Run(stored.Run):
         ----------
         folder : path
         force : bool
-            Replace what stands there.
+            Replace what is there.
 
         Raises
         ------
         OutputError
-            If it stands already, or cannot be written.
+            If it exists already, or cannot be written.
         """
+        from prf.run.write import remove_stale_outputs, write_run  # noqa: PLC0415 - they import this module
+
         target = Path(folder)
         refuse_standing(target, force)
         with exclusive(target):
-            make_way(target)
+            remove_stale_outputs(target)
             write_run(target, self)
             if self.image is not None:
-                render_posterior(dataclasses.replace(self, path=target), target / names.PICTURE)
+                dataclasses.replace(self, path=target).draw(target / names.PICTURE)
+
+    def draw(self, target: Path | IO[bytes]) -> None:
+        """Draw the posterior and its best map as PNG: the picture of a RUN."""
+        from prf.render import render_posterior  # noqa: PLC0415 - matplotlib takes a second
+
+        render_posterior(self, target)
 
     @cached_property
     def _smallest_ess(self) -> float:
         """Effective sample size that draws which are all equal count for."""
+        from prf.uncertainty import by_chain, smallest_ess  # noqa: PLC0415
+
         functionals = np.column_stack([np.empty((len(self.chain), 0)), *self.functionals.values()])
         return smallest_ess(by_chain(self.probe_black, self.chain), by_chain(functionals, self.chain))
 
@@ -223,7 +298,7 @@ class Run(stored.Run):
         if self.image is None:
             return None
         buffer = io.BytesIO()
-        render_posterior(self, buffer)
+        self.draw(buffer)
         return buffer.getvalue()
 
     def _repr_png_(self) -> bytes | None:
@@ -233,20 +308,3 @@ class Run(stored.Run):
     def _repr_html_(self) -> str:
         """Return the card that a notebook shows."""
         return card("Posterior over polygonal maps", self._facts(), self._picture)
-
-
-def open_run(folder: str | os.PathLike[str], parts: Collection[str] = PARTS) -> Run:
-    """Return the run in a RUN directory.
-
-    Parameters
-    ----------
-    folder : path
-    parts : collection of str
-        Files to read beside manifest and draws.
-
-    Raises
-    ------
-    InputError
-        If it is no RUN directory, or a file that is read is damaged or of an unknown version.
-    """
-    return Run.of(read_run(folder, parts))

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from prf.logs import CONE, LogNotes, PointTable, Readings
-from prf.logs.points import MAX_VALUE
+from prf.logs.points import MAX_VALUE, PointTable
+from prf.logs.poses import CONE
+from prf.logs.readings import LogNotes, Readings
 from prf.shell.errors import ArgumentError
 
 Floats = NDArray[np.float64]

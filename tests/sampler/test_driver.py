@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
 from prf.posterior import Settings
-from prf.sampler import Progress, Sampler, StopRule, drive
-from prf.sampler.drive import is_check
+from prf.run import Progress
+from prf.sampler import Sampler, StopRule, driver
+from prf.sampler import rounds as rounds_of
+from prf.sampler.driver import is_check
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
-MODULE = importlib.import_module("prf.sampler.drive")  # the package gives this name to the function
 
 
 @pytest.fixture
@@ -38,13 +38,13 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     made = Clock()
-    monkeypatch.setattr(MODULE.time, "monotonic", made)
+    monkeypatch.setattr(driver.time, "monotonic", made)
     return made
 
 
 @pytest.mark.parametrize(("steps", "ends"), [(1, 10_000), (10_000, 10_000), (25_000, 30_000)])
 def test_steps_are_rounded_up_to_whole_rounds(sampler: Sampler, steps: int, ends: int) -> None:
-    rounds = list(drive(sampler, StopRule(steps=steps)))
+    rounds = list(rounds_of(sampler, StopRule(steps=steps)))
     assert [found.step for found in rounds] == list(range(10_000, ends + 1, 10_000))
     assert [found.status for found in rounds] == ["running"] * (len(rounds) - 1) + ["finished"]
     assert rounds[-1].share == 1.0
@@ -52,17 +52,17 @@ def test_steps_are_rounded_up_to_whole_rounds(sampler: Sampler, steps: int, ends
 
 
 def test_a_goal_that_is_reached_already_does_nothing(sampler: Sampler) -> None:
-    assert list(drive(sampler, StopRule(steps=0))) == []
-    list(drive(sampler, StopRule(steps=20_000)))
-    assert list(drive(sampler, StopRule(steps=20_000))) == []
-    assert [found.step for found in drive(sampler, StopRule(steps=30_000))] == [30_000]
+    assert list(rounds_of(sampler, StopRule(steps=0))) == []
+    list(rounds_of(sampler, StopRule(steps=20_000)))
+    assert list(rounds_of(sampler, StopRule(steps=20_000))) == []
+    assert [found.step for found in rounds_of(sampler, StopRule(steps=30_000))] == [30_000]
 
 
 def test_a_run_in_two_parts_is_the_run_in_one(sampler: Sampler) -> None:
-    list(drive(sampler, StopRule(steps=20_000)))
-    list(drive(sampler, StopRule(steps=50_000)))
+    list(rounds_of(sampler, StopRule(steps=20_000)))
+    list(rounds_of(sampler, StopRule(steps=50_000)))
     with Sampler(Settings(UNIT, 1.0, resolution=0.25), spawn_generators(1, 2), 1) as whole:
-        list(drive(whole, StopRule(steps=50_000)))
+        list(rounds_of(whole, StopRule(steps=50_000)))
     one, two = sampler.sample(), whole.sample()
     assert np.array_equal(one.draws.xy, two.draws.xy)
     assert all(
@@ -72,7 +72,7 @@ def test_a_run_in_two_parts_is_the_run_in_one(sampler: Sampler) -> None:
 
 def test_seconds_are_those_of_the_clock(sampler: Sampler, clock: Clock) -> None:
     """A round takes one second, and one goes by between two rounds."""
-    rounds = list(drive(sampler, StopRule(seconds=6.0)))
+    rounds = list(rounds_of(sampler, StopRule(seconds=6.0)))
     assert [found.seconds for found in rounds] == [2.0, 4.0, 6.0]
     assert [found.status for found in rounds] == ["running", "running", "finished"]
     assert [found.share for found in rounds] == pytest.approx([2.5 / 6, 4.5 / 6, 1.0])
@@ -83,14 +83,14 @@ def test_seconds_are_those_of_the_clock(sampler: Sampler, clock: Clock) -> None:
 def test_the_last_round_ends_nearest_to_what_is_left(
     sampler: Sampler, clock: Clock, budget: float, reserve: float, rounds: int
 ) -> None:
-    found = list(drive(sampler, StopRule(seconds=budget), reserve=lambda: reserve))
+    found = list(rounds_of(sampler, StopRule(seconds=budget), reserve=lambda: reserve))
     assert [each.seconds for each in found] == [2.0 * (k + 1) for k in range(rounds)]
     assert found[-1].share == 1.0
 
 
 def test_speed_leaves_out_the_steps_of_an_earlier_run(sampler: Sampler, clock: Clock) -> None:
-    list(drive(sampler, StopRule(steps=50_000)))
-    (found,) = drive(sampler, StopRule(steps=60_000))
+    list(rounds_of(sampler, StopRule(steps=50_000)))
+    (found,) = rounds_of(sampler, StopRule(steps=60_000))
     assert found.steps_per_second == pytest.approx(10_000.0)
 
 
@@ -101,8 +101,8 @@ def test_without_a_goal_it_stops_on_agreement(sampler: Sampler, clock: Clock, mo
         asked.append((sampler.step, rhat, ess))
         return sampler.step >= 40_000
 
-    monkeypatch.setattr(MODULE, "converged", agree_later)
-    rounds = list(drive(sampler, StopRule()))
+    monkeypatch.setattr(driver, "converged", agree_later)
+    rounds = list(rounds_of(sampler, StopRule()))
     assert rounds[-1].status == "converged"
     assert rounds[-1].step == 40_000
     assert rounds[-1].diagnoses is not None
@@ -111,7 +111,7 @@ def test_without_a_goal_it_stops_on_agreement(sampler: Sampler, clock: Clock, mo
 
 def test_chains_that_agree_stop_by_themselves(sampler: Sampler) -> None:
     """No readings, a small window: agreement comes within seconds, on the real measure."""
-    *_, last = drive(sampler, StopRule(limit=120.0))
+    *_, last = rounds_of(sampler, StopRule(limit=120.0))
     assert isinstance(last, Progress)
     assert last.status == "converged"
     assert last.diagnoses is not None
@@ -121,8 +121,8 @@ def test_chains_that_agree_stop_by_themselves(sampler: Sampler) -> None:
 def test_without_agreement_it_stops_at_the_limit(
     sampler: Sampler, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(MODULE, "converged", lambda diagnoses, rhat, ess: False)
-    rounds = list(drive(sampler, StopRule(limit=8.0)))
+    monkeypatch.setattr(driver, "converged", lambda diagnoses, rhat, ess: False)
+    rounds = list(rounds_of(sampler, StopRule(limit=8.0)))
     assert [found.status for found in rounds] == ["running"] * 3 + ["not converged"]
     assert [found.share for found in rounds] == pytest.approx([2.5 / 8, 4.5 / 8, 6.5 / 8, 1.0])
 
@@ -130,9 +130,9 @@ def test_without_agreement_it_stops_at_the_limit(
 def test_agreement_does_not_end_a_run_with_a_goal(
     sampler: Sampler, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(MODULE, "converged", lambda diagnoses, rhat, ess: True)
-    assert list(drive(sampler, StopRule(steps=30_000)))[-1].step == 30_000
-    assert list(drive(sampler, StopRule(seconds=2.0)))[-1].seconds == 2.0
+    monkeypatch.setattr(driver, "converged", lambda diagnoses, rhat, ess: True)
+    assert list(rounds_of(sampler, StopRule(steps=30_000)))[-1].step == 30_000
+    assert list(rounds_of(sampler, StopRule(seconds=2.0)))[-1].seconds == 2.0
 
 
 def test_checks_come_at_growing_distances(sampler: Sampler, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -151,7 +151,7 @@ def test_checks_come_at_growing_distances(sampler: Sampler, monkeypatch: pytest.
 
 
 def test_whoever_leaves_early_leaves_the_chains_between_rounds(sampler: Sampler) -> None:
-    for found in drive(sampler, StopRule(steps=100_000)):
+    for found in rounds_of(sampler, StopRule(steps=100_000)):
         if found.step == 20_000:
             break
     assert {chain.step for chain in sampler.chains} == {20_000}
@@ -165,15 +165,15 @@ def test_the_search_for_starts_has_a_share_of_the_time_and_happens_once(
 ) -> None:
     answers: list[list[bool]] = []
     monkeypatch.setattr(sampler, "find_starts", lambda stop: answers.append([stop() for _ in range(40)]))
-    next(iter(drive(sampler, rule)))
+    next(iter(rounds_of(sampler, rule)))
     (found,) = answers
     assert found == [late and k >= 30 for k in range(40)]
-    next(iter(drive(sampler, StopRule(steps=20_000))))
+    next(iter(rounds_of(sampler, StopRule(steps=20_000))))
     assert len(answers) == 1
 
 
 def test_a_request_to_stop_ends_the_search_for_starts(sampler: Sampler, monkeypatch: pytest.MonkeyPatch) -> None:
     answers: list[bool] = []
     monkeypatch.setattr(sampler, "find_starts", lambda stop: answers.append(stop()))
-    next(iter(drive(sampler, StopRule(steps=10_000), lambda: True)))
+    next(iter(rounds_of(sampler, StopRule(steps=10_000), lambda: True)))
     assert answers == [True]

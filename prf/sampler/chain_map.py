@@ -1,4 +1,4 @@
-"""The part of a chain that is its map and what follows from it: exchanged between rungs, or planted anew."""
+"""The part of a chain that is its map and what follows from it: exchanged in swaps, or replaced."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from prf.sensors.laser import empty_lists
 from prf.sensors.sonar import make_sight
 
 STATE = ("graph", "edge_index", "beams", "cones", "points", "sensors")
-"""Fields of a chain that follow from its map; the others belong to the rung."""
+"""Fields of a chain that follow from its map; the others belong to the temperature."""
 SHARED = (
     "grid",
     "model",
@@ -72,7 +72,7 @@ def exchanged(one: Chain, other: Chain) -> tuple[Chain, Chain]:
 
 
 def with_graph(chain: Chain, settings: Settings, graph: Graph) -> Chain:
-    """Return the chain at another graph, all that follows from it computed anew. Its image is left as it is."""
+    """Return the chain at another graph, all that follows from it recomputed. Its image is left as it is."""
     capacity, coloring = len(graph.edge_length), read_coloring(graph)
     placed = chain._replace(
         graph=graph,
@@ -106,13 +106,13 @@ def settle_image(chain: Chain) -> None:
 
 
 def penalised_log_likelihood(chain: Chain, cost: float) -> float:
-    """Return E: the log likelihood less what occupied sensors cost, nats, which the power of a rung multiplies."""
+    """Return E: the log likelihood less what occupied sensors cost, nats, which an inverse temperature multiplies."""
     occupied = int(chain.graph.counts[c.OCCUPIED])
     return float(chain.graph.sums[c.LOG_LIKELIHOOD]) - (cost * occupied if occupied else 0.0)
 
 
 def occupied_cost(settings: Settings, n_sites: int) -> float:
-    """Return the nats that an occupied sensor position costs unless said otherwise.
+    """Return the nats that an occupied sensor position costs by default.
 
     As much as if all its readings went unexplained: less, and a map that is black where it should be white would be as
     good as the right one, since beams see edges and not colours.
@@ -121,7 +121,7 @@ def occupied_cost(settings: Settings, n_sites: int) -> float:
     if settings.laser is not None:
         model = settings.laser.model
         peak = 1.0 / (math.sqrt(2.0 * math.pi) * model.noise)
-        total += len(settings.laser.readings) * math.log(1.0 + peak * model.max_range / model.outlier_probability)
+        total += settings.laser.readings.n_beams * math.log(1.0 + peak * model.max_range / model.outlier_probability)
     if settings.sonar is not None:
-        total += NATS_PER_CONE * len(settings.sonar.readings)
+        total += NATS_PER_CONE * settings.sonar.readings.n_beams
     return max(LEAST_COST, total / max(n_sites, 1))
