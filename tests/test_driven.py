@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 import shapely
@@ -126,7 +124,7 @@ def test_the_configuration_decides_about_the_way() -> None:
     assert prepare(config, log).settings.driven_radius == 0.1
     whole = readings([[1.0, 1.0], [1.5, 1.0], [2.0, 1.0], [2.0, 2.0]], [0, 1, 2, 3])
     assert prepare(config, log, driven=[whole]).settings.way.tolist() == [[1.0, 1.0, 2.0, 1.0], [2.0, 1.0, 2.0, 2.0]]
-    none = dataclasses.replace(config, driven_radius=0.0)
+    none = config.replace(driven_radius=0.0)
     assert len(prepare(none, log).settings.way) == 0
 
 

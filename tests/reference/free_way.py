@@ -24,7 +24,7 @@ def blocked_pairs(settings: Settings, coloring: Coloring) -> int:
 
 def is_free(settings: Settings, coloring: Coloring) -> bool:
     """Whether every sensor stands in white and no wall on the way."""
-    places = [sensor.origin for sensor in (settings.laser, settings.sonar) if sensor is not None]
+    places = [sensor.readings.origin for sensor in (settings.laser, settings.sonar) if sensor is not None]
     places += [settings.way[:, :2], settings.way[:, 2:]]
     return not black_at(coloring, np.concatenate(places)).any() and blocked_pairs(settings, coloring) == 0
 
