@@ -146,7 +146,7 @@ def test_inspect_reports_which_file_of_an_old_run_is_usable(run, state, old, cap
     states = {file["name"]: (file["state"], file["summary"]) for file in json.loads(out)["files"]}
     assert states.pop("posterior.png")[0] == "missing"
     assert states["checkpoint.npz"][0] == state
-    assert ("reads the draws, but cannot go on" in states.pop("checkpoint.npz")[1]) == (state != "ok")
+    assert ("reads the draws, but cannot resume" in states.pop("checkpoint.npz")[1]) == (state != "ok")
     assert {found for found, _ in states.values()} == {"ok"}
 
 

@@ -21,7 +21,7 @@ from prf.kernels.chain import Chain
 from prf.kernels.grid import make_grid
 from prf.kernels.step import run
 from prf.layout import grow, make_targets, read_coloring
-from prf.posterior import LaserData, Settings, make_chain, one_colour_map, return_points
+from prf.posterior import LaserData, Settings, SonarData, make_chain, one_colour_map, return_points
 from prf.sampler.session import read_prepared
 from prf.sensors.laser import LaserModel
 from prf.window import Window
@@ -266,13 +266,8 @@ def test_twins_agree_on_sonar_on_borders_of_cells_and_beside_the_border_of_the_w
     world = draw_sonar_world(0.3, ROOM, Ring(4.0), 1, 2, 0.5, np.random.default_rng(14))
     turn = np.tile(np.arange(8) * np.pi / 4, len(places))
     readings = np.random.default_rng(14).uniform(0.3, 5.0, len(turn))
-    data = dataclasses.replace(
-        world.data,
-        origin=np.repeat(places, 8, axis=0),
-        angle=turn,
-        cone=np.full(len(turn), np.pi / 4),
-        readings=readings,
-    )
+    cone = np.full(len(turn), np.pi / 4)
+    data = SonarData.from_arrays(np.repeat(places, 8, axis=0), turn, cone, readings, world.data.model)
     chain = make_chain(Settings(ROOM, 0.3, cell=0.5, sonar=data), Coloring.empty(ROOM))
     _, n_accepted = follow(chain, np.random.default_rng(14), 1000)
     assert n_accepted > 50

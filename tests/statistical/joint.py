@@ -54,7 +54,8 @@ def world(rng: np.random.Generator, with_sonar: bool) -> tuple[Settings, Colorin
     unread = LaserData.from_arrays(origin, angle, np.full(len(angle), np.inf), model_of(SENSOR))
     # Where beams end: held against shapely elsewhere, and a hundred times quicker.
     distance = make_chain(Settings(ROOM, SCALE, unread), coloring).beams.ray[:, c.DISTANCE]
-    laser = dataclasses.replace(unread, readings=draw_readings(SENSOR, distance, rng))
+    read = dataclasses.replace(unread.readings, range=draw_readings(SENSOR, distance, rng))
+    laser = dataclasses.replace(unread, readings=read)
     if not with_sonar:
         return Settings(ROOM, SCALE, laser), coloring
     sonar = draw_data(coloring, Ring(max=2.0), ring_all_round(places, 8, 0.4, rng), rng)

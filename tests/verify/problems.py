@@ -86,7 +86,8 @@ def driven_problem(rng: np.random.Generator) -> Problem:
         if is_free(settings, world):
             break
     readings = draw_readings(SENSOR, impacts(world, origin, angle, SENSOR.max), rng)
-    return Problem(dataclasses.replace(settings, laser=dataclasses.replace(unread, readings=readings)), world)
+    laser = LaserData.from_arrays(origin, angle, readings, model_of(SENSOR))
+    return Problem(dataclasses.replace(settings, laser=laser), world)
 
 
 PROBLEMS: dict[str, DrawProblem] = {"laser": laser_problem, "sonar": sonar_problem}
