@@ -130,9 +130,9 @@ def test_memory_of_annealing_stays_flat_and_a_leak_is_seen(
 
 
 def test_a_report_stays_small_however_many_patches_there_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mapq.report.source.MOST_TOLD", 100)
+    monkeypatch.setattr("mapq.report.findings.MAX_LISTED", 100)
     sizes = []
     for n_patches in (200, 1600):
         findings = read_findings(str(save_result(tmp_path / f"{n_patches}.ply", town(n_patches))))
-        sizes.append(write_report(str(tmp_path / "r.html"), findings, n_most=2000).n_bytes)
+        sizes.append(write_report(str(tmp_path / "r.html"), findings, max_points=2000).n_bytes)
     assert sizes[1] < sizes[0] + 100_000

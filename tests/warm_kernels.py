@@ -47,6 +47,7 @@ REST = (
     "mapq segment simulated.ply -o simulated.patches",
     "mapq features simulated.patches --json",
     f"mapq segment {TOWN} --truth-field surface -o town.patches",
+    f"mapq segment {TOWN} --set segment.resolution=0.3 -o coarse.patches",
     "mapq label town.patches --from-field truth",
     "mapq train town.patches -o model.json",
     "mapq classify town.patches --model model.json -o town.ply",

@@ -134,7 +134,8 @@ def classify_map(
         job = Job(files, settings, workers, folder, reporter)
         job.cut()
         result = job.assess(model or read_default_model(), origin or Origin(path), sources or {})
-        write_map(folder, output, files, job.pieces(result), (result.head(*limits), result.patch_rows()))
+        head = {**result.head(*limits), "tiles": len(job.tiling.boxes)}
+        write_map(folder, output, files, job.pieces(result), (head, result.patch_rows()))
     return result
 
 

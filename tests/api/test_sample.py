@@ -196,7 +196,7 @@ def test_the_way_driven_is_free_as_wide_as_asked(run: prf.Run) -> None:
         edges = shapely.linestrings(draw.segments().reshape(-1, 2, 2))
         assert shapely.distance(edges[:, None], places).min(initial=9.0) > 0.6
     assert len(prf.sample(room(), PRIOR, model, steps=10_000, driven_radius=0.0, **HOW).way) == 0
-    with pytest.raises(ConfigError, match="--driven-radius"):
+    with pytest.raises(ConfigError, match="driven-radius"):
         prf.sample(room(), PRIOR, model, steps=10_000, driven_radius=-1.0, **HOW)
 
 

@@ -77,7 +77,7 @@ def test_the_operating_point_is_stored_and_can_be_chosen_later(capsys, tmp_path)
     assert points["false_alarms"][0] == 0.0
     assert chosen["threshold"] == points["threshold"][0]
     assert chosen["parameters"] == plain["parameters"]
-    code, out, _ = call(capsys, "train", *paths, "-o", target, "-f")
+    code, out, _ = call(capsys, "train", *paths, "-o", target, "-f", "-v")
     assert code == 0
     assert "--max-false-alarms" in out
     results = []

@@ -57,7 +57,6 @@ CASES = (
     ("prf simulate", 2, "-o"),
     (f"{SIMULATE} --size 2 2", 2, "size"),
     (f"{SIMULATE} --scale 1", 2, "--scale is for --world arak"),
-    (f"{SIMULATE} --start 100 100 --size 9 8", 3, "--start 100 100"),
     (f"{SIMULATE} --no-laser", 2, "no sensor"),
     (f"{CLASSIFY} -o -", 2, "two files"),
     (f"{CLASSIFY} -o out.json", 2, "two files"),

@@ -87,7 +87,7 @@ def test_resuming_tempered_chains_gives_what_an_uninterrupted_run_gives(
     args = ("--laser", str(log), *QUICK, *options, "--seed", "5")
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     assert run(*args, "--steps", "40000", "-o", str(whole)) == 0
-    assert "tempering: 3 rungs" in capsys.readouterr().out
+    assert "tempering: 3 temperatures" in capsys.readouterr().out
     assert run(*args, "--steps", "20000", "-o", str(parts), "-q", "--threads", "1") == 0
     assert run("--resume", str(parts), "--steps", "40000", "-q") == 0
     for name in RESULTS:
@@ -119,7 +119,7 @@ def test_chains_that_disagree_get_a_ladder_and_report_it(
     assert run("--resume", str(parts), "--steps", "60000", "-q") == 0
     assert run(*args, "--steps", "60000", "-o", str(whole)) == 0
     printed = capsys.readouterr()
-    assert "tempering: 6 rungs from step 40,000 on" in printed.out
+    assert "tempering: 6 temperatures from step 40,000 on" in printed.out
     assert "the chains disagree: 6 temperatures each from step 40,000 on" in printed.err
     for name in RESULTS:
         assert (parts / name).read_bytes() == (whole / name).read_bytes(), name

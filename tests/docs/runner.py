@@ -32,7 +32,6 @@ ADDED = {
     "prf render": "--force",
     "prf export": "--force",
     "mapq classify": "--force",
-    "mapq label city.patches": "--from-field truth",
     "mapq perturb sequences/00": "--offset 0.8 --force",
     "mapq perturb": "--force",
 }

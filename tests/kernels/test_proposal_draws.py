@@ -271,19 +271,23 @@ def placed(start: Chain, move: int, numbers: list[float]) -> np.ndarray:
     return np.array([graph.vertex_xy[v, k] for v, axes in zip(slots, free, strict=True) for k in axes])
 
 
+def slope(start: Chain, move: int, numbers: list[float], k: int) -> np.ndarray:
+    """Derivative of the places by number k, by central differences within what is legal."""
+    step = STEP * min(numbers[k], 1.0 - numbers[k])
+    for _ in range(4):
+        ends = [[*numbers[:k], numbers[k] + shift, *numbers[k + 1 :]] for shift in (-step, step)]
+        if all(attempt(copy.deepcopy(start), move, scripted(each))[0] for each in ends):
+            break
+        step /= 4.0
+    low, high = (placed(start, move, each) for each in ends)
+    return (high - low) / (2.0 * step)
+
+
 def density(start: Chain, move: int, branch: Branch, target: PlainMap) -> float:
-    """Probability of the branch over the Jacobian of the places by the numbers, differenced to fourth order."""
+    """Probability of the branch over the Jacobian of the places by the numbers, by central differences."""
     reached_places = placed(start, move, branch.numbers)
     assert all(np.isclose(np.array(list(target.side)), value, 1e-9, 1e-9).any() for value in reached_places)
-    columns = []
-    for k in branch.continuous:
-        step = STEP * min(branch.numbers[k], 1.0 - branch.numbers[k])
-        ends = []
-        for steps in (-2.0, -1.0, 1.0, 2.0):
-            numbers = list(branch.numbers)
-            numbers[k] += steps * step
-            ends.append(placed(start, move, numbers))
-        columns.append((8.0 * (ends[2] - ends[1]) - (ends[3] - ends[0])) / (12.0 * step))
+    columns = [slope(start, move, branch.numbers, k) for k in branch.continuous]
     return branch.probability / abs(float(np.linalg.det(np.array(columns))))
 
 

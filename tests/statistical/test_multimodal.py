@@ -43,7 +43,7 @@ def test_draws_are_classified_by_the_doors() -> None:
     maps = [multimodal.corridor(*doors).coloring() for doors in states]
     draws = Draws.from_colorings(maps, multimodal.WINDOW)
     assert multimodal.readings_of(draws).tolist() == [multimodal.LEFT, multimodal.RIGHT, 0, 0]
-    assert not any(black_at(found, multimodal.both_passes().origin).any() for found in maps)
+    assert not any(black_at(found, multimodal.both_passes().readings.origin).any() for found in maps)
     assert multimodal.changes(np.array([-1, 0, -1, 1, 0, 1, -1])) == 2
 
 
@@ -55,7 +55,7 @@ def test_the_log_that_is_written_is_the_one_that_is_sampled(tmp_path: Path) -> N
     found = read_readings(path)
     np.testing.assert_allclose(found.range, laser.readings.range, atol=1e-6)
     np.testing.assert_allclose(found.origin, laser.readings.origin, atol=1e-6)
-    assert 100 < len(found.range) < len(multimodal.both_passes().readings)
+    assert 100 < len(found.range) < len(multimodal.both_passes().readings.range)
 
 
 @pytest.mark.slow

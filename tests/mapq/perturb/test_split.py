@@ -45,9 +45,9 @@ def test_the_axis_may_be_chosen_and_points_without_coordinates_go():
     assert 7 not in {*parts.train.fields["number"], *parts.test.fields["number"]}
 
 
-@pytest.mark.parametrize(("share", "buffer", "flag"), [(0.0, 5.0, "--split"), (1.2, 5.0, "--split"), (0.3, -1.0, "--")])
-def test_values_outside_their_domains_are_refused(share, buffer, flag):
-    with pytest.raises(UsageError, match=flag):
+@pytest.mark.parametrize(("share", "buffer", "name"), [(0.0, 5.0, "split"), (1.2, 5.0, "split"), (0.3, -1.0, "buffer")])
+def test_values_outside_their_domains_are_refused(share, buffer, name):
+    with pytest.raises(UsageError, match=name):
         split_by_place(street(), share, buffer)
 
 

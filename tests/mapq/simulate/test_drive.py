@@ -199,8 +199,8 @@ def test_sizes_and_refusals() -> None:
     assert Settings.of_size("small", {"loops": None}).loops == 2
     for size, changes, word in (
         ("huge", {}, "--size"),
-        ("small", {"drift": -1.0}, "--drift"),
-        ("small", {"n_points": 1}, "--n-points"),
+        ("small", {"drift": -1.0}, "drift"),
+        ("small", {"n_points": 1}, "n_points"),
     ):
         with pytest.raises(UsageError, match=word):
             Settings.of_size(size, changes)
