@@ -30,8 +30,9 @@ def grow(columns: Sequence[Columns], labels: Sequence[Floats], weights: Sequence
         +1 suspicious, -1 plausible, 0 without.
     weights : sequence of (m,) float64
     """
-    # Heavy, and only training needs it.
+    # Heavy, and only training needs them.
     from sklearn.ensemble import HistGradientBoostingClassifier  # noqa: PLC0415
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415
 
     names = columns[0].names
     known = [label != 0.0 for label in labels]
@@ -50,7 +51,10 @@ def grow(columns: Sequence[Columns], labels: Sequence[Floats], weights: Sequence
         early_stopping=False,
         random_state=0,
     )
-    booster.fit(x, y, sample_weight=weight)
+    # The threads' partial sums would make the last bits depend on their number, and waiting for each other on a busy
+    # machine takes longer than the work.
+    with threadpool_limits(1):
+        booster.fit(x, y, sample_weight=weight)
     trees = _trees_of([stage[0].nodes for stage in booster._predictors])
     found = Potential(names, trees, float(np.ravel(booster._baseline_prediction)[0]))
     log_odds = found.base + contributions(trees, np.ascontiguousarray(x)).sum(axis=1)

@@ -40,7 +40,7 @@ def test_arrays_and_clouds_give_the_same_patches(cloud: mapq.PointCloud, patches
 
 
 def test_lengths_follow_the_unit(cloud: mapq.PointCloud, patches: mapq.Patches) -> None:
-    in_feet = mapq.point_cloud(cloud.world() / 0.3048, {"time": np.arange(len(cloud))}, unit=0.3048)
+    in_feet = mapq.point_cloud(cloud.world() / 0.3048, {"time": np.arange(len(cloud)) * 1e-4}, unit=0.3048)
     found = mapq.segment(in_feet, progress=False)
     np.testing.assert_allclose(
         found.features().nodes["area_m2"].sum(), patches.features().nodes["area_m2"].sum(), rtol=0.1

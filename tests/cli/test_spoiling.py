@@ -55,6 +55,6 @@ def test_python_callers_are_warned_too(tmp_path: Path, caplog) -> None:
     for readings in (path, read_readings(path)):
         caplog.clear()
         with caplog.at_level(logging.WARNING, logger="prf"):
-            prf.sample(readings, chains=1, steps=10, seed=1, resolution=500.0, progress=False)
+            prf.sample(readings, chains=1, steps=10, seed=1, resolution=500.0, start="empty", progress=False)
         assert [record.levelname for record in caplog.records] == ["WARNING"]
         assert "millimetres" in caplog.text
