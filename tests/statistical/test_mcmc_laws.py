@@ -25,7 +25,7 @@ ROOM = Window(-5.0, -5.0, 5.0, 5.0)
 CASES = [pytest.param(1.0, UNIT, id="unit"), pytest.param(0.5, OBLONG, id="oblong"), pytest.param(0.4, ROOM, id="room")]
 N_CHAINS = 4
 FAST = {1.0: (600, 20), 0.5: (600, 20), 0.4: (200, 25)}
-FULL = {1.0: (8000, 40), 0.5: (12_000, 40), 0.4: (3000, 100)}
+FULL = {1.0: (9000, 40), 0.5: (12_000, 40), 0.4: (3000, 100)}
 """Draws of each chain at the spacing that the sampler chooses, and how many make a batch.
 
 The autocorrelation time of the number of edges is 2 to 8 draws, that of the black share of the room about 20.
