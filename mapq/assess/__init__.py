@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from mapq.assess.inputs import feature_settings, read_input
+from mapq.assess.inputs import Origin, feature_settings, read_input
 from mapq.assess.regions import Region
-from mapq.assess.result import MIN_COVERAGE, Origin, Result, assess
+from mapq.assess.result import MIN_COVERAGE, Result, assess
 
 __all__ = ["MIN_COVERAGE", "Origin", "Region", "Result", "assess", "feature_settings", "read_input"]

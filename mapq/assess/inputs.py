@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 from mapq.cloud import PointCloud
 from mapq.features import FeatureSettings
@@ -17,6 +17,24 @@ from prf.shell.errors import ConfigError, InputError
 
 LARGEST_SETTING = 1e6
 """Of a model's feature settings, in metres or patches: a map is smaller."""
+
+
+class Origin(NamedTuple):
+    """Inputs of a result.
+
+    Attributes
+    ----------
+    name : str
+        Of the map, for messages.
+    model : str
+        "default", the model's file, or "given".
+    files : tuple of str
+        Whose digests a written result has.
+    """
+
+    name: str = "the map"
+    model: str = "default"
+    files: tuple[str, ...] = ()
 
 
 def feature_settings(model: Model) -> FeatureSettings:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from mapq.assess.apart import mean_by_area, median_by_area
 from mapq.assess.causes import CAUSES, Cause, find_causes
 from mapq.assess.content import cause_row, head_of, patch_rows, rounded
-from mapq.assess.inputs import feature_settings
+from mapq.assess.inputs import Origin, feature_settings
 from mapq.assess.reasons import Reason, Reasons
 from mapq.assess.regions import Region, find_regions
 from mapq.assess.visits import Visits, visits_of
@@ -47,24 +47,6 @@ MIN_COVERAGE = 0.2
 """Share of the points on planes that a map needs in judged patches to pass, unless another is given."""
 N_LISTED = 5
 """Regions that the card in a notebook lists."""
-
-
-class Origin(NamedTuple):
-    """Inputs of a result.
-
-    Attributes
-    ----------
-    name : str
-        Of the map, for messages.
-    model : str
-        "default", the model's file, or "given".
-    files : tuple of str
-        Whose digests a written result has.
-    """
-
-    name: str = "the map"
-    model: str = "default"
-    files: tuple[str, ...] = ()
 
 
 class Seen(NamedTuple):

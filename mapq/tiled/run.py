@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.assess import visits
-from mapq.assess.inputs import feature_settings
-from mapq.assess.result import MIN_COVERAGE, Origin, Result, Seen
+from mapq.assess.inputs import Origin, feature_settings
+from mapq.assess.result import MIN_COVERAGE, Result, Seen
 from mapq.axes import GroundPlan, turn, turn_cloud
 from mapq.cloud import PointCloud
 from mapq.crf import classify, explain
