@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -119,8 +120,8 @@ def load_model(path: str | None, max_false_alarms: float | None) -> Model | None
 
 
 def beside(path: str, suffix: str) -> str:
-    """Return the default name of an output: that of `path` with another suffix."""
-    file = Path(path)
+    """Return the default name of an output: that of `path` with another suffix; "." has the name of its folder."""
+    file = Path(path if Path(path).name not in ("", "..") else os.path.abspath(path))
     return str(file.with_name(file.name.removesuffix(".gz")).with_suffix(suffix))
 
 

@@ -166,6 +166,9 @@ def _classify_tiles(
     from mapq.assess import Origin
     from mapq.configuration import sources_of
     from mapq.io import is_patches
+    from mapq.io.result_folder import RESULT_JSON
+    from mapq.io.results import json_beside
+    from mapq.tiled.output import CLOUD_SUFFIXES
     from mapq.tiled.run import TileSettings, classify_map
     from prf.shell.errors import UsageError
     from prf.shell.files import refuse_inputs
@@ -173,7 +176,8 @@ def _classify_tiles(
     if is_patches(file):
         raise UsageError(f"{file} is segmented already: tiles are for clouds. Leave --workers and the like out.")
     inputs = [name for name in (file, model) if name and os.path.isfile(name)]
-    refuse_inputs([target, os.path.splitext(target)[0] + ".json"], inputs)
+    is_folder = _is_folder_of_tiles(file) and not target.lower().endswith(CLOUD_SUFFIXES)
+    refuse_inputs([os.path.join(target, RESULT_JSON)] if is_folder else [target, json_beside(target)], inputs)
     named = dict(zip(("n_workers", "scheduler", "tile_points"), how, strict=True))
     given: dict[str, Any] = {name: value for name, value in named.items() if value is not None}
     settings = TileSettings(**given, segment=chosen.settings.segment.settings(), options=options)
@@ -202,7 +206,7 @@ def _tiled_target(file: str) -> str:
     if file == STREAM:
         raise UsageError("a map in tiles is read more than once. Name a file or a folder, not standard input.")
     if os.path.isdir(file):
-        return file.rstrip("/" + os.sep) + ".classified"
+        return (os.path.abspath(file) if set(file) <= {".", os.sep} else file.rstrip(os.sep)) + ".classified"
     return beside(file, ".classified.ply")
 
 

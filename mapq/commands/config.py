@@ -21,9 +21,9 @@ def config(
     """Show all settings as a settings file, or list presets.
 
     show prints a settings file with every key, its unit and its meaning: the defaults, or what FILE, presets and --set
-    make of them, and which of these has set a value; a FILE with a mistake is refused. segment, features, train and
-    classify take it by --config. presets lists the sensors whose parameters are known by name; presets NAME prints
-    them, each with its source.
+    make of them, and which of these has set a value. segment, features, train, classify, simulate and perturb take the
+    file by --config. presets lists the sensors whose parameters are known by name; presets NAME prints them, each with
+    its source.
     """
     from mapq.configuration import Configuration
     from prf.shell.config_verb import show, show_presets

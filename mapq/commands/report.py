@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from pathlib import PurePath
+import os
 from typing import Annotated
 
 import typer
@@ -49,7 +49,7 @@ def report(
     claim_output(target, force)
     advice = "a report is a page of HTML. Name a .html; mapq render draws pictures."
     refuse_other_format(target, (".html", ".htm"), advice)
-    refuse_inputs([target], [result, str(PurePath(result).with_suffix(".json"))])
+    refuse_inputs([target], [result, os.path.splitext(result)[0] + ".json"])
     findings = read_findings(result)
     written = write_report(target, findings, title, max_points)
     if not len(findings.label):

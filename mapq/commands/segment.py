@@ -80,8 +80,10 @@ def segment(
     from prf.shell.files import refuse_inputs
     from prf.shell.lock import claim_output
     from prf.shell.output_names import refuse_other_format
+    from prf.shell.streams import refuse_json_beside
 
     target = output or _default_target(cloud)
+    refuse_json_beside(target, json)
     claim_output(target, force)
     refuse_other_format(target, (".npz",), "patches are written as a .patches file. Name one; mapq render draws it.")
     refuse_inputs([target], [cloud, config])
@@ -139,10 +141,9 @@ def _patches(
 
 def _show(cloud: str, target: str, patches: Patches, score: SegmentationScore | None, json: bool) -> None:
     from prf.shell import jsonout
-    from prf.shell.files import STREAM
     from prf.shell.streams import say_beside
 
-    if json and target != STREAM:
+    if json:
         head = {"cloud": cloud, "output": target, "parameters": patches.parameters, "report": patches.report}
         scored = {} if score is None else {"score": score._asdict()}
         jsonout.emit_object("mapq.segment/1", {**head, "n_points": patches.counts, **scored})

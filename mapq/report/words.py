@@ -90,7 +90,7 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
 def map_table(findings: Findings) -> str:
     """Return size, points and segmentation of the map as a table."""
     cut = findings.part("segmentation", "parameters")
-    some = findings.cloud.xyz[findings.patch >= 0] * findings.cloud.unit
+    some = findings.cloud.xyz[findings.patch >= 0]
     size = (some.max(axis=0) - some.min(axis=0)).tolist() if len(some) else []
     rows = (
         ("extent of patches", " × ".join(number(length) for length in size) + " m" if size else DASH),

@@ -102,7 +102,7 @@ def score_segmentation(
     patches, patch_of = _numbered(patch)
     if len(planes) == 0:
         raise InputError("no point has a true plane: every number is negative.")
-    shared = _shared(plane_of, patch_of, len(planes), len(patches))
+    shared = _shared(plane_of, patch_of, len(patches))
     n_plane = np.bincount(plane_of[plane_of >= 0], minlength=len(planes))
     n_patch = np.bincount(patch_of[patch_of >= 0], minlength=len(patches))
     return _scores(planes, patches, shared, n_plane, n_patch, min_iou)
@@ -125,7 +125,7 @@ def _numbered(values: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[n
     return distinct, out
 
 
-def _shared(plane_of: NDArray[np.int64], patch_of: NDArray[np.int64], n_planes: int, n_patches: int) -> _Shared:
+def _shared(plane_of: NDArray[np.int64], patch_of: NDArray[np.int64], n_patches: int) -> _Shared:
     both = (plane_of >= 0) & (patch_of >= 0)
     pairs, n = np.unique(plane_of[both] * max(n_patches, 1) + patch_of[both], return_counts=True)
     return _Shared(pairs // max(n_patches, 1), pairs % max(n_patches, 1), n.astype(np.int64))

@@ -46,7 +46,7 @@ def plan_output(path: str, whole: Map, is_tiled: bool, force: bool) -> Output:
     Raises
     ------
     OutputExists, OutputError
-        If it exists and `force` is not given, or cannot be written.
+        If it exists and `force` is not given, holds other tiles, or cannot be written.
     UsageError
         If it is standard output, in a format that is not written in tiles, or the folder of the input.
     """
@@ -62,8 +62,12 @@ def plan_output(path: str, whole: Map, is_tiled: bool, force: bool) -> Output:
         claim_output(path, force)
     elif not force and any(folder.iterdir()):
         raise OutputExists(f"{path} already exists. Use --force to overwrite.")
+    files = tuple(str(folder / _name(source)) for source in whole.sources)
+    others = sorted({str(each) for each in folder.glob("*") if each.suffix.lower() in LAS_SUFFIXES} - set(files))
+    if others:
+        raise OutputExists(f"{others[0]} would be taken for a tile of the result. Remove it, or name another folder.")
     claim(path)
-    return Output(path, True, tuple(str(folder / _name(source)) for source in whole.sources), str(folder / RESULT_JSON))
+    return Output(path, True, files, str(folder / RESULT_JSON))
 
 
 def _name(source: Source) -> str:
