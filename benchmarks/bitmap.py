@@ -1,4 +1,4 @@
-"""The noisy bitmap of Clifford and Nicholls (1994), which the first paper builds on: share of pixels told wrong.
+"""The noisy bitmap of Clifford and Nicholls (1994), which the first paper builds on: share of wrong pixels.
 
 Run it from the repository's root::
 
@@ -15,15 +15,16 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import maxflow
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
+from shapely.geometry.base import BaseGeometry
 
 from benchmarks import panels
 from prf.coloring import Coloring
@@ -45,7 +46,7 @@ COUPLINGS = np.round(np.geomspace(0.05, 2.0, 30), 3)
 FIRST_SEED = 101
 
 Bits = NDArray[np.bool_]
-Truth = shapely.geometry.base.BaseGeometry
+Truth: TypeAlias = BaseGeometry
 
 
 def shapes() -> Truth:
@@ -105,22 +106,21 @@ def by_maps(noisy: Bits, seed: int, scale: float, steps: int, threads: int) -> t
 
 
 def wrong(found: Bits, truth: Bits) -> float:
-    """Return the share of pixels told wrong."""
+    """Return the share of pixels of the wrong colour."""
     return float((found != truth).mean())
 
 
-def best_of(candidates: list[tuple[str, Callable[[], Bits]]], truth: Bits) -> tuple[float, str, Bits]:
+def best_of(candidates: Iterable[tuple[str, Bits]], truth: Bits) -> tuple[float, str, Bits]:
     """Return share wrong, name and bitmap of the best candidate."""
-    made = [(name, make()) for name, make in candidates]
-    return min(((wrong(bits, truth), name, bits) for name, bits in made), key=lambda row: row[0])
+    return min(((wrong(bits, truth), name, bits) for name, bits in candidates), key=lambda row: row[0])
 
 
 def one_bitmap(truth: Bits, seed: int, options: argparse.Namespace) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the figures of one noisy bitmap, and what to draw of it."""
     noisy = truth ^ (np.random.default_rng(seed).random(truth.shape) < FLIPS)
-    filtered = best_of([(f"{n} x {n}", lambda n=n: by_median(noisy, n)) for n in FILTERS], truth)
+    filtered = best_of([(f"{n} x {n}", by_median(noisy, n)) for n in FILTERS], truth)
     cuts = [
-        (f"{8 if diagonal else 4} neighbours, {coupling}", lambda j=coupling, d=diagonal: by_ising(noisy, j, d))
+        (f"{8 if diagonal else 4} neighbours, {coupling}", by_ising(noisy, coupling, diagonal))
         for diagonal in (False, True)
         for coupling in COUPLINGS
     ]

@@ -8,6 +8,7 @@ The scene that `docs/segmentation.md` reports on: 36 facades with windows 0.25 m
 
 from __future__ import annotations
 
+import math
 import sys
 from typing import NamedTuple
 
@@ -46,7 +47,7 @@ def make_city(n_points: int = 1_000_000, seed: int = 0) -> City:
 
 def _spacing(n_points: int) -> float:
     """Return the spacing at which the surfaces hold `n_points`; a million points lie 18 cm apart."""
-    return 0.1795 * np.sqrt(1e6 / n_points)
+    return 0.1795 * math.sqrt(1e6 / n_points)
 
 
 def _rectangle(

@@ -33,20 +33,27 @@ Option = str | int | float | Path | list[float] | None
 
 
 def prf(verb: str, *words: str | Path, **options: Option) -> dict[str, Any]:
-    """Run `prf VERB` with operands and flags (`words`) and options (_ for -); return what it prints with --json.
+    """Run `prf VERB` with operands and flags (`words`) and options; return what it prints with --json.
 
     Its messages go to standard error; a failure ends the benchmark.
     """
-    command = [sys.executable, "-m", "prf", verb, *map(str, words), "--json", "--no-progress"]
-    for name, value in options.items():
-        if value is not None:
-            values = value if isinstance(value, list) else [value]
-            command += ["--" + name.replace("_", "-"), *map(str, values)]
+    command = [sys.executable, "-m", "prf", verb, *map(str, words), *option_words(options), "--json", "--no-progress"]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, cwd=ROOT, check=False)
     if done.returncode != 0:
         raise SystemExit(done.returncode)
     result: dict[str, Any] = json.loads(done.stdout)
     return result
+
+
+def option_words(options: Mapping[str, Option]) -> list[str]:
+    """Return options as words: `every_scan` is --every-scan, and a name with a dot a setting (--set)."""
+    words = []
+    for name, value in options.items():
+        if value is not None and "." in name:
+            words += ["--set", f"{name}={value}"]
+        elif value is not None:
+            words += ["--" + name.replace("_", "-"), *map(str, value if isinstance(value, list) else [value])]
+    return words
 
 
 def made(verb: str, output: Path, **options: Option) -> dict[str, Any]:
@@ -108,5 +115,5 @@ def write_table(path: Path, result: Mapping[str, Any]) -> None:
 
 
 def say(words: str) -> None:
-    """Tell what is going on."""
+    """Print progress on standard error."""
     print(words, file=sys.stderr, flush=True)

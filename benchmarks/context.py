@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -67,7 +67,7 @@ def kinds_of(patches: Patches) -> NDArray[np.int64]:
     inside = patches.patch >= 0
     votes = np.zeros((len(patches), len(Kind)), np.int64)
     np.add.at(votes, (patches.patch[inside], patches.cloud.fields["kind"][inside]), 1)
-    return votes.argmax(axis=1)
+    return np.asarray(votes.argmax(axis=1))
 
 
 def teach(row: Row, maps: Sequence[Patches]) -> Model:
@@ -86,7 +86,7 @@ def shipped_rows() -> dict[str, tuple[Row, Model]]:
     return {row.name: (row, model) for row in rows}
 
 
-def run(row: Row, model: Model, worlds: dict[str, Sequence[Patches]]) -> dict[str, Any]:
+def run(row: Row, model: Model, worlds: Mapping[str, Sequence[Patches]]) -> dict[str, Any]:
     """Return false alarms by group and world, and the share of suspicious patches that is found."""
     out: dict[str, Any] = {"name": row.name}
     for world, maps in worlds.items():

@@ -36,7 +36,7 @@ from prf.sampler.config import prepare
 
 LOG = "freiburg-079"
 HELD_OUT = "50::100"
-SIZES: dict[str, dict[str, int]] = {
+SIZES: dict[str, dict[str, Any]] = {
     "5k": {"every_scan": 43, "every_beam": 8},
     "20k": {"every_scan": 21, "every_beam": 4},
     "80k": {"every_scan": 10, "every_beam": 2},
@@ -44,7 +44,7 @@ SIZES: dict[str, dict[str, int]] = {
     "1.7M": {},
 }
 WAYS: dict[str, float | None] = {"thinned": None, "every beam": 0.0}
-"""What is asked of --beam-density; None: the default."""
+"""thinning.beam_density; None: the default."""
 SECONDS = 60.0
 BURN_IN = 1_500_000
 SETTLE = 200_000
@@ -67,9 +67,8 @@ class Log:
     def settings(self, size: str, density: float | None) -> tuple[Settings, int]:
         """Return what is sampled from in a case, without its image, and how many beams there were to choose from."""
         chosen = thin(self.readings, skip_scans=HELD_OUT, **SIZES[size])
-        config = Configuration.of(scale=worlds.SCALE, window=self.window, max_range=self.max_range, **commands.LASER)
-        if density is not None:
-            config = dataclasses.replace(config, beam_density=density)
+        flags = {"scale": worlds.SCALE, "window": self.window, "max_range": self.max_range, **commands.LASER}
+        config = Configuration.of(**flags, beam_density=density)
         prepared = prepare(config, chosen)
         assert prepared.settings.laser is not None
         n = prepared.settings.laser.readings.n_beams + prepared.n_beams_thinned
@@ -134,9 +133,9 @@ def sampled(log: Log, size: str, density: float | None, folder: Path, options: a
         "threads": options.threads,
         "time_budget": options.seconds,
         "output": folder,
-        "beam_density": density,
+        "thinning.beam_density": density,
     }
-    words = [f"--{name.replace('_', '-')}={value}" for name, value in flags.items() if value is not None]
+    words = commands.option_words(flags)
     command = [sys.executable, "-m", "prf", "sample", *words, "--force", "--json", "--no-progress"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=commands.ROOT) as child:
         assert child.stdout is not None

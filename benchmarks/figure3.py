@@ -186,9 +186,8 @@ def draw_cone(axes: Any, sight: Sight) -> None:
 def mismatch(ends: np.ndarray, feature: np.ndarray) -> float:
     """Return how far a visible part is from being that of a surface: its angle and its distance."""
     angle = abs(float(np.diff(np.arctan2(ends[:, 1], ends[:, 0]))[0]))
-    return abs(angle - feature[SUBTENDED]) + abs(
-        shapely.LineString(ends).distance(shapely.Point(0, 0)) - feature[DEPTH]
-    )
+    distance = shapely.LineString(ends).distance(shapely.Point(0, 0))
+    return float(abs(angle - feature[SUBTENDED]) + abs(distance - feature[DEPTH]))
 
 
 def draw_density(axes: Any, sight: Sight) -> None:

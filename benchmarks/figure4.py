@@ -104,7 +104,7 @@ def lobby(log: Path, options: argparse.Namespace) -> dict[str, Any]:
         "threads": options.threads,
         "time_budget": options.seconds,
     }
-    made("grid", folder / "lobby.grid.npz", resolution=LOBBY_CELL, no_return="free", **what)
+    made("grid", folder / "lobby.grid.npz", resolution=LOBBY_CELL, **what, **{"grid.no_return": "free"})
     sampled = made("sample", folder / "lobby.run", resolution=LOBBY_CELL, **what, **how)
     annealed = made("anneal", folder / "lobby.geojson", **what, **how)
     run, grid = read_run(folder / "lobby.run"), read_grid(folder / "lobby.grid.npz")

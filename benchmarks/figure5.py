@@ -119,7 +119,7 @@ def share(world: World, rows: Rows, percent: float, options: argparse.Namespace)
     n_readings = write_share(rows, percent, log)
     what = {"sonar": log, "window": world.window}
     for method in GRIDS.values():
-        made("grid", grid_path(folder, method), method=method, resolution=CELL, **what)
+        made("grid", grid_path(folder, method), resolution=CELL, **what, **{"grid.method": method})
     for name, config in world.settings.items():
         say(f"{percent:g} % of the scans, {n_readings:,} readings, {name}: {options.seconds:g} s")
         run = folder / f"{name}.run"

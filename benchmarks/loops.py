@@ -5,13 +5,14 @@ machine code would go stale with an edit of a kernel, and nobody waits for them 
 """
 
 import math
+from typing import Any
 
 import numba
 import numpy as np
 
 from prf.kernels import constants as c
 from prf.kernels.accept import accept, log_proposal_ratio
-from prf.kernels.beams import Beams, first_hit, link_beam, list_slot, slot_at
+from prf.kernels.beams import Beams, first_hit, link_beam, slot_at
 from prf.kernels.chain import Chain, apply_edges, refresh_vertices
 from prf.kernels.crossing import is_valid
 from prf.kernels.geometry import inside_loop
@@ -29,9 +30,11 @@ from prf.kernels.laser_change import (
 from prf.kernels.prior import log_prior_change
 from prf.kernels.proposal import N_LOOP, N_OLD_EDGES
 from prf.kernels.sites import any_inside
+from prf.kernels.slots import list_slot
 from prf.kernels.step import choose_move, propose, step
 
-bench = numba.njit(nogil=True, error_model="numpy", _nrt=False, cache=False)
+FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False, "cache": False}
+bench = numba.njit(**FLAGS)
 
 # Stages of a step, in their order.
 PROPOSE = 0

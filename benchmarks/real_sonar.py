@@ -60,7 +60,7 @@ def arena_plan(target: Path) -> Path:
 
 def draw(path: Path, target: Path, title: str) -> None:
     """Draw a run or a grid with `prf render`, which prints no JSON."""
-    command = [sys.executable, "-m", "prf", "render", path, "-o", target, "-f", "-q", "--title", title]
+    command = [sys.executable, "-m", "prf", "render", str(path), "-o", str(target), "-f", "-q", "--title", title]
     subprocess.run(command, cwd=commands.ROOT, check=True)
 
 
@@ -100,7 +100,8 @@ def arena_maps(log: Path, plan: Path, options: argparse.Namespace) -> list[dict[
         names[f"PRF, {name} parameters"] = folder / f"arena-{name}.run"
     for method in ("count", "log-odds"):
         grid = folder / f"arena-{method}.grid.npz"
-        made("grid", grid, **known, method=method, resolution=ARENA_CELL, sonar_max_range=ARENA_MAX_RANGE)
+        how = {"resolution": ARENA_CELL, "sonar_max_range": ARENA_MAX_RANGE, "grid.method": method}
+        made("grid", grid, **known, **how)
         names[f"grid, {method}"] = grid
     rows = []
     for name, path in names.items():

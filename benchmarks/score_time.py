@@ -21,7 +21,7 @@ from benchmarks.scores import HELD_OUT, MAX_RANGE, SCALE, SETS, cell
 SECONDS = 180.0
 SHARES = (0.1, 0.3, 1.0)
 """Of the time, at which the run is scored."""
-WAYS: dict[str, tuple[str, ...]] = {"thinned": (), "every beam": ("--set", "thinning.beam_density=0")}
+WAYS: dict[str, dict[str, float]] = {"thinned": {}, "every beam": {"thinning.beam_density": 0.0}}
 COLUMNS = ("rhat", "beam_nll", "nll", "nll_seen", "brier", "auc", "within_0.2m", "rmse")
 
 
@@ -43,7 +43,7 @@ def curve(log: Path, scans: str, way: str, options: argparse.Namespace) -> list[
         if not rows:
             folder.parent.mkdir(parents=True, exist_ok=True)
             start = {**how, **common, "laser": log, "seed": options.seed, "output": folder}
-            told = prf("sample", "--force", *WAYS[way], **start)
+            told = prf("sample", "--force", **start, **WAYS[way])
         else:
             told = prf("sample", resume=folder, **common)
         spent += told["seconds"]

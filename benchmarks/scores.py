@@ -99,7 +99,7 @@ def grids(task: Task) -> list[Map]:
     for method in ("count", "log-odds"):
         for cell in CELLS:
             path, begun = task.folder / f"{method}-{cell:g}.grid.npz", time.monotonic()
-            made("grid", path, method=method, resolution=cell, **task.readings)
+            made("grid", path, resolution=cell, **task.readings, **{"grid.method": method})
             found.append(Map(f"{method} grid, {cell:g} m", path, None, time.monotonic() - begun))
     counts, contours, octomap = found[0], task.folder / "contours.geojson", task.folder / "octomap.grid.npz"
     begun = time.monotonic()

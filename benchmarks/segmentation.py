@@ -112,7 +112,7 @@ def peak() -> int:
     Not from getrusage, whose figure begins with that of the process which started this one.
     """
     status = Path("/proc/self/status").read_text()
-    return 1024 * int(re.search(r"VmHWM:\s+(\d+) kB", status).group(1))
+    return 1024 * int(re.findall(r"VmHWM:\s+(\d+) kB", status)[0])
 
 
 def measure_memory(path: str) -> None:

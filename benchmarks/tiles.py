@@ -39,6 +39,7 @@ HELD_OUT = "5::10"
 BURN_IN_ROUNDS, ROUNDS = 6, 4
 STEPS, QUICK_STEPS = 24_000_000, 3_000_000
 PARTS = ("shares", "speed", "map")
+WAYS: dict[str, dict[str, int]] = {"tiled": {"chains": 1}, "not tiled": {"chains": 2, "sampler.tiles": 0}}
 
 
 def cpu(work: Callable[..., Any], *arguments: Any) -> tuple[Any, float]:
@@ -120,10 +121,10 @@ def assert_same(one: Path, two: Path) -> None:
 def mapped(log: Path, folder: Path, options: argparse.Namespace) -> dict[str, Any]:
     """A map in a given time on all threads, one chain in tiles, beside chains without tiles; picture and scores."""
     rows: dict[str, Any] = {}
-    for name, how in {"tiled": {"chains": 1}, "not tiled": {"chains": 2, "tiles": "off"}}.items():
+    for name in WAYS:
         target = folder / f"{name.replace(' ', '-')}.run"
         fixed: dict[str, Any] = {"skip_scans": HELD_OUT, "seed": options.seed, "threads": options.threads}
-        found = made("sample", target, laser=log, time_budget=options.seconds, **fixed, **how, **commands.LASER)
+        found = made("sample", target, laser=log, time_budget=options.seconds, **fixed, **WAYS[name], **commands.LASER)
         scores = prf("score", target, laser=log, scans=HELD_OUT, noise=0.05, noise_relative=0.0, seed=options.seed)
         rows[name] = {"steps": found["steps"], "log_posterior": found["log_posterior"], **scores}
         picture = read_run(target)

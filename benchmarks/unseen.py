@@ -133,8 +133,9 @@ def _middle(values: np.ndarray) -> float:
 def _some(points: Judged) -> Judged:
     """Return every n-th point with the area of n."""
     step = max(1, -(-len(points.xyz) // MOST_COMPARED))
-    columns = (points.xyz[::step], step * points.area[::step], points.suspicious[::step], points.probability[::step])
-    return Judged(*columns, points.source)
+    names = ("xyz", "area", "suspicious", "probability", "disagreement", "error")
+    some = points._replace(**{name: getattr(points, name)[::step] for name in names})
+    return some._replace(area=step * some.area)
 
 
 def summary(said: Sequence[Said]) -> dict[str, Any]:
