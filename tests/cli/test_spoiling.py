@@ -14,10 +14,11 @@ from prf.logs import read_readings
 from prf.shell.run import run_app
 
 VERBS = {
-    "sample": ["-o", "out", "--chains", "1", "--steps", "10", "--seed", "1"],
-    "anneal": ["-o", "out.geojson", "--chains", "1", "--steps", "10", "--seed", "1"],
+    "sample": ["-o", "out", "--chains", "1", "--steps", "10", "--seed", "1", "--scale", "0.001"],
+    "anneal": ["-o", "out.geojson", "--chains", "1", "--steps", "10", "--seed", "1", "--scale", "0.001"],
     "grid": ["-o", "out.npz", "--resolution", "1", "--window", "-9", "-9", "999", "9"],
 }
+"""A small scale: a window of some kilometres, as millimetres taken for metres make it, has few edges then."""
 SCALES = {
     "sane": ((1.0, 1.0, 1.0), None),
     "millimetres": ((1.0, 1.0, 1000.0), "are they in millimetres?"),
@@ -55,6 +56,8 @@ def test_python_callers_are_warned_too(tmp_path: Path, caplog) -> None:
     for readings in (path, read_readings(path)):
         caplog.clear()
         with caplog.at_level(logging.WARNING, logger="prf"):
-            prf.sample(readings, chains=1, steps=10, seed=1, resolution=500.0, start="empty", progress=False)
+            prf.sample(
+                readings, prf.Prior(0.001), chains=1, steps=10, seed=1, resolution=500.0, start="empty", progress=False
+            )
         assert [record.levelname for record in caplog.records] == ["WARNING"]
         assert "millimetres" in caplog.text
