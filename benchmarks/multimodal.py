@@ -2,7 +2,7 @@
 
 Run it from the repository's root::
 
-    python -m benchmarks.multimodal [--seeds N] [--steps N] [--rungs K] [-o PICTURE] [--json FILE] [--log FILE.csv]
+    python -m benchmarks.multimodal [--seeds N] [--steps N] [--temperatures K] [-o PICTURE] [--json FILE] [--log CSV]
 
 A corridor leads through a lobby with a fire door at either end, which the robot never enters. While it is on the left,
 the left door stands open and the right one is shut; when it comes back, on the right, it is the other way round. A
@@ -13,7 +13,7 @@ fifty nats are lost. The sides of the lobby are glass and give no reading.
 What the robot reads on the right is the mirror image of what it reads on the left, noise included; so are window and
 prior. Each reading has therefore exactly the same weight, whatever else is on the maps.
 
-Plain chains and tempered ones make the same number of steps in all, hot rungs included.
+Plain chains and tempered ones make the same number of steps in all, hot chains included.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ SCANNER = LaserPhysics(beams=30, max_range=10.0, outlier_probability=0.0, miss_p
 NOISE_SEED = 1
 LEFT, NEITHER, RIGHT = -1, 0, 1
 """Which door is shut and stands in the way of the beams of one pass."""
-STEPS, RUNGS, CHAINS, SEEDS = 9_000_000, 6, 6, 3
+STEPS, TEMPERATURES, CHAINS, SEEDS = 9_000_000, 6, 6, 3
 
 
 class Result(NamedTuple):
@@ -72,7 +72,7 @@ class Result(NamedTuple):
     ----------
     sample : Sample
     summary : dict
-        Figures: steps of the cold rung, CPU seconds, verdict and worst R-hat of what `prf sample` watches, share of
+        Figures: steps of the cold chain, CPU seconds, verdict and worst R-hat of what `prf sample` watches, share of
         the left reading by chain, how often the draws of each chain change from reading to reading, round trips.
     """
 
@@ -143,16 +143,21 @@ def changes(reading: NDArray[np.int64]) -> int:
     return int((np.diff(told) != 0).sum())
 
 
-def sampled(rungs: int, steps: int, seed: int, chains: int = CHAINS) -> Result:
-    """Return what chains say after so many steps each, shared out to their rungs, from draws of the prior."""
+def sampled(temperatures: int, steps: int, seed: int, chains: int = CHAINS) -> Result:
+    """Return what chains say after so many steps each, shared out to their temperatures, from draws of the prior."""
     generators = spawn_generators(seed, chains)
-    with Sampler(posterior(), generators, 1, plan=LadderPlan(rungs), starts_from="prior") as sampler:
+    with Sampler(posterior(), generators, 1, plan=LadderPlan(temperatures), starts_from="prior") as sampler:
         sampler.compile()
         start = time.process_time()
         sampler.find_starts(lambda: False)
-        while sampler.step * rungs < steps:
+        while sampler.step * temperatures < steps:
             sampler.advance()
-        ran = {"rungs": rungs, "seed": seed, "steps": sampler.step, "cpu_seconds": time.process_time() - start}
+        ran = {
+            "temperatures": temperatures,
+            "seed": seed,
+            "steps": sampler.step,
+            "cpu_seconds": time.process_time() - start,
+        }
         sample = sampler.sample()
         trips = [report.round_trips for report in sampler.swaps()]
         return Result(sample, ran | agreement(sampler.diagnose()) | shares(sample) | {"round_trips": trips})
@@ -181,8 +186,8 @@ def words(found: dict[str, Any]) -> str:
     left, trips = found["left"], found["round_trips"]
     verdict = "agree" if found["converged"] else "do not agree"
     return (
-        f"seed {found['seed']}, {found['rungs']} rungs, {found['steps']:,} cold steps: R-hat {found['rhat']:.2f}, "
-        f"the chains {verdict} ({found['reason']}), {found['cpu_seconds']:.0f} s of CPU\n"
+        f"seed {found['seed']}, {found['temperatures']} temperatures, {found['steps']:,} cold steps: "
+        f"R-hat {found['rhat']:.2f}, the chains {verdict} ({found['reason']}), {found['cpu_seconds']:.0f} s of CPU\n"
         f"  left door shut in {min(left):.0%} to {max(left):.0%} of a chain's draws, {np.mean(left):.0%} of all, "
         f"neither reading in {found['neither']:.0%}; "
         f"reading changed {min(found['changes'])} to {max(found['changes'])} times a chain"
@@ -214,13 +219,13 @@ def draw(plain: Result, tempered: Result, target: Path) -> None:
     data = posterior().laser
     assert data is not None
     beams = data.readings.within(data.model.max_range)
-    left, rungs = plain.summary["left"], tempered.summary["rungs"]
+    left, temperatures = plain.summary["left"], tempered.summary["temperatures"]
     shown = (int(np.argmax(left)), int(np.argmin(left)))
     panels.save_page(
         target,
         [
             panels.Panel(lambda axes: draw_log(axes, beams), f"{len(data.readings.range)} beams of two passes"),
-            panels.image(image_of(tempered.sample, 0), f"a tempered chain, {rungs} rungs"),
+            panels.image(image_of(tempered.sample, 0), f"a tempered chain, {temperatures} temperatures"),
             *(panels.image(image_of(plain.sample, chain), f"plain chain {chain + 1}") for chain in shown),
         ],
         WINDOW,
@@ -236,8 +241,8 @@ def main() -> None:
     """Run both kinds of chains for each seed, and print in words what came of each."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=SEEDS, help="runs of either kind")
-    parser.add_argument("--steps", type=int, default=STEPS, help="of each chain, over all its rungs")
-    parser.add_argument("--rungs", type=int, default=RUNGS)
+    parser.add_argument("--steps", type=int, default=STEPS, help="of each chain, over all its temperatures")
+    parser.add_argument("--temperatures", type=int, default=TEMPERATURES)
     parser.add_argument("--chains", type=int, default=CHAINS)
     parser.add_argument("-o", "--output", type=Path, help="picture of the first seed")
     parser.add_argument("--json", type=Path)
@@ -248,7 +253,9 @@ def main() -> None:
         return
     summaries = []
     for seed in range(1, args.seeds + 1):
-        plain, tempered = (sampled(rungs, args.steps, seed, args.chains) for rungs in (1, args.rungs))
+        plain, tempered = (
+            sampled(temperatures, args.steps, seed, args.chains) for temperatures in (1, args.temperatures)
+        )
         summaries += [plain.summary, tempered.summary]
         print(f"{words(plain.summary)}\n{words(tempered.summary)}", flush=True)
         if seed == 1 and args.output:

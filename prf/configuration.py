@@ -147,24 +147,26 @@ class Sampler(Table):
     resolution: float | None = key(None, "m", "side of a pixel of the image")
     tiles: int | None = key(None, "", "tiles in which a chain is updated at once, for large windows; 0: none", ge=0)
     start: Start | None = key(None, "", "where chains start: empty, grid (contour of one) or prior")
-    rungs: int | Literal["auto"] = key(
+    temperatures: int | Literal["auto"] = key(
         1, "", "temperatures of parallel tempering a chain; auto: several once chains disagree"
     )
-    hottest: float | None = key(None, "", "power of the likelihood on the last of them; 0: the prior", ge=0.0, lt=1.0)
+    lowest_inverse_temperature: float | None = key(
+        None, "", "power of the likelihood on the hottest chain; 0: the prior", ge=0.0, lt=1.0
+    )
 
     def check(self) -> None:
         """Refuse numbers of temperatures that no machine holds, and tiles beside them."""
-        if isinstance(self.rungs, int) and not 1 <= self.rungs <= 1_000:
-            raise ConfigError(f"rungs {self.rungs}: must be from 1 to 1000")
+        if isinstance(self.temperatures, int) and not 1 <= self.temperatures <= 1_000:
+            raise ConfigError(f"temperatures {self.temperatures}: must be from 1 to 1000")
         if self.tiles is not None and (self.tiles == 1 or self.tiles > 1024):
             raise ConfigError(f"tiles {self.tiles}: must be 0, or from 2 to 1024")
         if self.is_tempered and self.tiles:
-            raise ConfigError(f"tiles {self.tiles}: tempered chains have none. Leave out rungs or tiles")
+            raise ConfigError(f"tiles {self.tiles}: tempered chains have none. Leave out temperatures or tiles")
 
     @property
     def is_tempered(self) -> bool:
         """Whether chains have several temperatures, or may come to have some."""
-        return isinstance(self.rungs, str) or self.rungs > 1
+        return isinstance(self.temperatures, str) or self.temperatures > 1
 
 
 class Grid(Table):

@@ -114,7 +114,7 @@ def _summarise_diagnostics(file: Path) -> str:
 
 def _summarise_checkpoint(file: Path) -> str:
     arrays = load_arrays(file, names.CHECKPOINT_SCHEMA)
-    chains = [name for name in arrays if name.endswith(".graph.counts") and ".rung" not in name]
+    chains = [name for name in arrays if name.endswith(".graph.counts") and ".hot" not in name]
     counts = [take_array(file, arrays, name, np.int64, (None,)) for name in chains]
     if not counts or min(map(len, counts)) <= STEP:
         raise damaged(file, "no chain in it")

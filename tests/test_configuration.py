@@ -34,7 +34,9 @@ def test_the_values_reach_the_models() -> None:
 
 
 def test_manifests_keep_it_under_flat_names() -> None:
-    made = Configuration.of(window=np.arange(4.0), sonar_cone=0.5, chains=np.int64(2), driven_radius=0.2, rungs="auto")
+    made = Configuration.of(
+        window=np.arange(4.0), sonar_cone=0.5, chains=np.int64(2), driven_radius=0.2, temperatures="auto"
+    )
     flat = made.flat()
     assert (flat["window"], flat["sonar_cone"], flat["chains"]) == ((0.0, 1.0, 2.0, 3.0), 0.5, 2)
     assert Configuration.of(**flat) == made
@@ -47,12 +49,12 @@ def test_manifests_keep_it_under_flat_names() -> None:
     [
         ({"chains": 0}, "chains = 0"),
         ({"chains": 10**20}, "chains"),
-        ({"rungs": 0}, "rungs 0: must be from 1"),
-        ({"rungs": 10**20}, "rungs"),
+        ({"temperatures": 0}, "temperatures 0: must be from 1"),
+        ({"temperatures": 10**20}, "temperatures"),
         ({"start": "moon"}, "start"),
         ({"driven_poses": "some"}, "driven-poses"),
-        ({"rungs": 2, "tiles": 4}, "tiles 4"),
-        ({"rungs": "auto", "tiles": 4}, "tiles 4"),
+        ({"temperatures": 2, "tiles": 4}, "tiles 4"),
+        ({"temperatures": "auto", "tiles": 4}, "tiles 4"),
         ({"nose": 1}, "nose: there is no such setting"),
     ],
 )

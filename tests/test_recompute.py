@@ -116,7 +116,7 @@ def test_twins_agree_on_readings_evaluated_by_levels() -> None:
 
 
 def soften(chain: Chain, power: float, cost: float) -> Chain:
-    """Let occupied sensors cost something, and likelihoods count less, as on a rung of parallel tempering."""
+    """Let occupied sensors cost something, and likelihoods count less, as on a temperature of parallel tempering."""
     chain.density[[c.LIKELIHOOD_POWER, c.OCCUPIED_COST]] = power, cost
     return chain
 

@@ -12,7 +12,7 @@ from tests.small_jobs import ROOT, call, classified, in_child, sampled, short_ch
 WAYS = {
     "plain": "--chains 3 --steps 20000",
     "tiles": "--chains 2 --steps 40000 --set sampler.tiles=4",
-    "tempered": "--chains 2 --steps 10000 --set sampler.rungs=3",
+    "tempered": "--chains 2 --steps 10000 --set sampler.temperatures=3",
     "prior": "--chains 2 --steps 10000 --set sampler.start=prior",
 }
 

@@ -100,8 +100,8 @@ def sample(
     driven_radius: float | None = None,
     resolution: float | None = None,
     start: Start | None = None,
-    rungs: int | Literal["auto"] | None = None,
-    hottest: float | None = None,
+    temperatures: int | Literal["auto"] | None = None,
+    lowest_inverse_temperature: float | None = None,
     tiles: int | None = None,
     threads: int = 0,
     progress: bool | ProgressCallback = True,
@@ -141,7 +141,7 @@ def sample(
         Beams of a laser a square metre of seen ground to which a dense log is thinned (16); 0 keeps all.
     driven_radius : float, optional
         Of the disc round the sensor that was free all along the way driven, metres (0.1); 0 takes nothing from the way.
-    resolution, start, rungs, hottest, tiles, threads
+    resolution, start, temperatures, lowest_inverse_temperature, tiles, threads
         As the options of `prf sample`; tiles: 0 for none, None to choose; threads: 0 for one a core.
     progress : bool or callable
         Show a bar, in notebooks too. A callable is told the share that is done, and a mapping of words beside it.
@@ -174,8 +174,8 @@ def sample(
         "driven_radius": driven_radius,
         "resolution": resolution,
         "start": start,
-        "rungs": _at_least("rungs", rungs, 1),
-        "hottest": hottest,
+        "temperatures": _at_least("temperatures", temperatures, 1),
+        "lowest_inverse_temperature": lowest_inverse_temperature,
         "tiles": _tiles(tiles),
     }
     sources = by_kind(readings, sensors)

@@ -235,7 +235,7 @@ def _advice(run: Run, folder: Path) -> str:
     assert run.diagnostics is not None
     configuration, diagnostics = run.manifest["configuration"], run.diagnostics
     seconds, is_flat = diagnostics["suggested_seconds"], diagnostics["trend"] == "flat"
-    is_tempered, waits = "tempering" in diagnostics, configuration.get("rungs") == "auto"
+    is_tempered, waits = "tempering" in diagnostics, configuration.get("temperatures") == "auto"
     if seconds is not None:
         again = f"prf sample --resume {shlex.quote(str(folder))} --time-budget {seconds:.0f}"
         return f"about {_time_words(seconds)} more at this speed: {again}"
@@ -243,7 +243,7 @@ def _advice(run: Run, folder: Path) -> str:
         return ""
     if waits and not is_tempered:
         return "tempering: none so far, the chains were not found to disagree; run longer (docs/convergence.md)"
-    other = "see docs/convergence.md" if is_tempered else "try --set sampler.rungs=auto (docs/convergence.md)"
+    other = "see docs/convergence.md" if is_tempered else "try --set sampler.temperatures=auto (docs/convergence.md)"
     if is_flat:
         return f"the chains come no nearer, more time alone will not help: {other}"
     return f"run longer, or {other}"
@@ -263,5 +263,5 @@ def _ladders(reports: list[dict[str, Any]]) -> str:
     trips = sum(report["round_trips"] for report in reports)
     first_step = reports[0]["first_step"]
     since = f"from step {first_step:,} on " if first_step else ""
-    rungs = len(reports[0]["powers"])
-    return f"tempering: {rungs} temperatures {since}down to power {lowest:.3g}, {worst}, {trips} round trips"
+    temperatures = len(reports[0]["powers"])
+    return f"tempering: {temperatures} temperatures {since}down to power {lowest:.3g}, {worst}, {trips} round trips"

@@ -23,7 +23,7 @@ SCHEMAS = {
 }
 OLD_POSTERIOR = "prf.posterior/1"
 """Without the cells that were seen; read, no longer written."""
-CHECKPOINT_SCHEMA = "prf.checkpoint/2"
+CHECKPOINT_SCHEMA = "prf.checkpoint/3"
 """Apart from the others: only the sampler writes and reads what is in it."""
 SONAR_PREFIX = "sonar_"
 """Arrays of readings.npz with this prefix hold the sonar readings."""

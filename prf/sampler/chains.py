@@ -62,7 +62,7 @@ class Sampler:
         for rng in generators:
             like = self.chains[0].chain if self.chains else None
             self.chains.append(ChainSampler(settings, rng, self.probe_pixels, starts_from=starts_from, like=like))
-        self._awaited = plan if plan is not None and plan.rungs > 1 else None
+        self._awaited = plan if plan is not None and plan.temperatures > 1 else None
         if self._awaited is not None and not self._awaited.waits:
             self.temper()
         self._tiled = tiled_chains(self.chains)

@@ -159,7 +159,7 @@ def tempering_arrays(tempering: Tempering) -> Arrays:
         "ladder.generator": generator_array(tempering.swap_rng),
     }
     for k, (chain, rng) in enumerate(zip(tempering.hot, tempering.generators, strict=True), 1):
-        arrays |= {f"rung{k}.{name}": array for name, array in state_arrays(chain, rng).items()}
+        arrays |= {f"hot{k}.{name}": array for name, array in state_arrays(chain, rng).items()}
     return arrays
 
 
@@ -172,7 +172,7 @@ def restore_tempering(tempering: Tempering, arrays: Arrays) -> None:
     tempering.first_step = int(arrays["ladder.first_step"])
     tempering.swap_rng.bit_generator.state = json.loads(str(arrays["ladder.generator"]))
     for k, (chain, rng) in enumerate(zip(tempering.hot, tempering.generators, strict=True), 1):
-        prefix = f"rung{k}."
+        prefix = f"hot{k}."
         own = {name[len(prefix) :]: array for name, array in arrays.items() if name.startswith(prefix)}
         tempering.hot[k - 1] = restored_state(chain, rng, tempering.settings, own)
     tempering.apply_powers()

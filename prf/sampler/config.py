@@ -16,7 +16,7 @@ from prf.logs.describe import default_max_range
 from prf.logs.poses import fields_of_view
 from prf.posterior import LaserData, PointData, Settings, SonarData
 from prf.sampler.ground import driven_way, seen_cells
-from prf.sampler.tempering import AUTO_RUNGS, LadderPlan
+from prf.sampler.tempering import AUTO_TEMPERATURES, LadderPlan
 from prf.sampler.tiles.partition import chosen_tiles
 from prf.sensors.domain import check_length
 from prf.sensors.laser import unit_vectors
@@ -166,10 +166,10 @@ def _thinned(config: Configuration, beams: Readings, window: Window) -> Readings
 
 def ladder_plan(config: Configuration) -> LadderPlan:
     """Return the temperature ladder that is asked for."""
-    rungs, hottest = config.sampler.rungs, config.sampler.hottest
-    if isinstance(rungs, str):
-        return LadderPlan(AUTO_RUNGS, hottest, waits=True)
-    return LadderPlan(rungs, hottest)
+    temperatures, lowest = config.sampler.temperatures, config.sampler.lowest_inverse_temperature
+    if isinstance(temperatures, str):
+        return LadderPlan(AUTO_TEMPERATURES, lowest, waits=True)
+    return LadderPlan(temperatures, lowest)
 
 
 def make_settings(

@@ -2,8 +2,8 @@
 
 R-hat - 1 of chains that mix halves, or better, when a run doubles, and ESS doubles, so the ratio by which a run
 misses its bounds is the ratio by which it is too short. For chains that are caught in different readings of the data
-R-hat stays: more time alone is no help. ``sampler.rungs`` "auto" looks at 640,000 steps and at every doubling, and
-tempers chains that disagree. Nothing of this looks at a clock or outlives a look: it follows from the draws.
+R-hat stays: more time alone is no help. ``sampler.temperatures`` "auto" looks at 640,000 steps and at every doubling,
+and tempers chains that disagree. Nothing of this looks at a clock or outlives a look: it follows from the draws.
 """
 
 from __future__ import annotations

@@ -14,7 +14,6 @@ Bouchard-Cote, Deligiannidis, Doucet 2022, Non-reversible parallel tempering).
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import NamedTuple
 
@@ -37,7 +36,6 @@ from prf.sampler.chain_map import (
     with_map,
     without_image,
 )
-from prf.shell.errors import ConfigError
 
 Floats = NDArray[np.float64]
 
@@ -52,7 +50,7 @@ MOST_STRETCH = 2.0
 LOWEST_REACH = 1e-3
 HIGHEST_REACH = 0.98
 """Bounds of the lowest power of a ladder that finds its own reach."""
-AUTO_RUNGS = 6
+AUTO_TEMPERATURES = 6
 """Temperatures of chains that were found to disagree, where no number is given."""
 LEAST_REFUSAL = 0.01
 """Share of swaps that a pair is taken to refuse at least: pairs that never refuse still keep a distance."""
@@ -62,36 +60,23 @@ ADAPTATIONS = tuple(20_000 * 2**k for k in range(6))
 """Steps after which the powers are moved, and the burn-in starts again; after the last they are kept."""
 
 
-@dataclasses.dataclass(frozen=True)
-class LadderPlan:
-    """The temperature ladder to put on a chain."""
+class LadderPlan(NamedTuple):
+    """The temperature ladder of each chain; :class:`prf.configuration.Sampler` checks it."""
 
-    rungs: int  # temperatures, the cold one among them; 1: no ladder
-    # the lowest inverse temperature. 0: the prior, from which that chain has exact draws. None: as low as half of all
-    # swaps are accepted, found in burn-in
-    hottest: float | None = None
-    # nats of log likelihood that an occupied sensor costs below power 1; None chooses it from the readings
-    cost: float | None = None
-    waits: bool = False  # whether to temper only once chains disagree (:mod:`prf.sampler.convergence`)
-
-    def __post_init__(self) -> None:
-        """Refuse what is no ladder."""
-        if self.rungs < 1:
-            raise ConfigError(f"sampler.rungs {self.rungs}: must be at least 1")
-        if self.hottest is not None and not 0.0 <= self.hottest < 1.0:
-            raise ConfigError(f"sampler.hottest {self.hottest}: must be at least 0 and below 1")
-        if self.cost is not None and not (math.isfinite(self.cost) and self.cost >= 0.0):
-            raise ConfigError(f"cost of an occupied sensor {self.cost}: must be a finite number of nats, not negative")
+    temperatures: int = 1  # the cold one among them; 1: no ladder
+    lowest: float | None = None  # inverse temperature; 0: exact draws of the prior; None: half of all swaps accepted
+    cost: float | None = None  # nats of log likelihood that an occupied sensor costs below power 1; None: chosen
+    waits: bool = False  # temper only once chains disagree
 
     def first_powers(self) -> Floats:
-        """Return the powers (n,) before anything is measured: evenly spaced logarithms, and 0 if given."""
-        if self.hottest is None:
-            return FIRST_RATIO ** np.arange(self.rungs, dtype=np.float64)
-        if self.hottest > 0.0:
-            return np.geomspace(1.0, self.hottest, self.rungs)
-        lowest = 10.0 ** (-FIRST_DECADES * (self.rungs - 2) / max(self.rungs - 1, 1))
-        positive = np.geomspace(1.0, lowest, self.rungs - 1) if self.rungs > 2 else np.ones(self.rungs - 1)
-        return np.append(positive, 0.0)
+        """Return the powers (n,) before anything is measured: evenly spaced logarithms, and 0 if it is the lowest."""
+        n = self.temperatures
+        if self.lowest is None:
+            return FIRST_RATIO ** np.arange(n, dtype=np.float64)
+        if self.lowest > 0.0:
+            return np.geomspace(1.0, self.lowest, n)
+        lowest_positive = 10.0 ** (-FIRST_DECADES * (n - 2) / max(n - 1, 1))
+        return np.append(np.geomspace(1.0, lowest_positive, n - 1), 0.0)
 
 
 class SwapReport(NamedTuple):
@@ -193,7 +178,7 @@ class Tempering:
     def __init__(self, settings: Settings, cold: Chain, rng: np.random.Generator, plan: LadderPlan) -> None:
         self.settings = settings
         self.spacing = SWAP_SPACING
-        self.ladder = Ladder(plan.first_powers(), finds_reach=plan.hottest is None)
+        self.ladder = Ladder(plan.first_powers(), finds_reach=plan.lowest is None)
         self.cost = plan.cost if plan.cost is not None else occupied_cost(settings, len(cold.sensors.xy))
         self.first_step = int(cold.graph.counts[c.STEP])
         self.swap_rng, *self.generators = rng.spawn(self.ladder.n_temperatures)

@@ -19,7 +19,8 @@ from prf.run import read_run
 from prf.sampler import convergence
 from prf.shell.run import run_app
 
-RUNGS = ("--set", "sampler.rungs=3")
+TEMPERATURES = ("--set", "sampler.temperatures=3")
+LOWEST = "sampler.lowest_inverse_temperature"
 QUICK = ("--every-scan", "8", "--every-beam", "6", "--chains", "2", "--resolution", "0.5")
 RESULTS = ("draws.npz", "posterior.npz", "readings.npz", "map.geojson")
 
@@ -79,7 +80,9 @@ def test_resuming_gives_what_an_uninterrupted_run_gives(log: Path, office: Path,
 
 
 @pytest.mark.parametrize(
-    "options", [RUNGS, (*RUNGS, "--set", "sampler.hottest=0", "--set", "sampler.start=prior")], ids=["reach", "prior"]
+    "options",
+    [TEMPERATURES, (*TEMPERATURES, "--set", f"{LOWEST}=0", "--set", "sampler.start=prior")],
+    ids=["reach", "prior"],
 )
 def test_resuming_tempered_chains_gives_what_an_uninterrupted_run_gives(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...]
@@ -100,8 +103,8 @@ def test_resuming_tempered_chains_gives_what_an_uninterrupted_run_gives(
     assert len(first["powers"]) == 3
     assert len(first["swap_rates"]) == 2
     assert first != second
-    assert run("--resume", str(whole), "--set", "sampler.rungs=4") == 2
-    assert "--set sampler.rungs 4" in capsys.readouterr().err
+    assert run("--resume", str(whole), "--set", "sampler.temperatures=4") == 2
+    assert "--set sampler.temperatures 4" in capsys.readouterr().err
 
 
 def test_chains_that_disagree_get_a_ladder_and_report_it(
@@ -110,12 +113,12 @@ def test_chains_that_disagree_get_a_ladder_and_report_it(
     """Chains from contours are far from agreement after 40,000 steps; resumed or not, the run is the same."""
     monkeypatch.setattr(convergence, "FIRST_LOOK", 40_000)
     monkeypatch.setattr(convergence, "STALLED", 0.0)
-    args = ("--laser", str(log), *QUICK, "--set", "sampler.rungs=auto", "--seed", "5")
+    args = ("--laser", str(log), *QUICK, "--set", "sampler.temperatures=auto", "--seed", "5")
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     assert run(*args, "--steps", "40000", "-o", str(parts)) == 0
     assert "tempering: none so far" in capsys.readouterr().out
     assert "tempered_from" not in read_run(parts).manifest
-    assert run("--resume", str(parts), "--set", "sampler.rungs=auto", "--steps", "50000", "-q") == 0
+    assert run("--resume", str(parts), "--set", "sampler.temperatures=auto", "--steps", "50000", "-q") == 0
     assert run("--resume", str(parts), "--steps", "60000", "-q") == 0
     assert run(*args, "--steps", "60000", "-o", str(whole)) == 0
     printed = capsys.readouterr()
@@ -125,15 +128,15 @@ def test_chains_that_disagree_get_a_ladder_and_report_it(
         assert (parts / name).read_bytes() == (whole / name).read_bytes(), name
     found = read_run(whole)
     assert found.manifest["tempered_from"] == 40_000
-    assert found.manifest["configuration"]["rungs"] == "auto"
+    assert found.manifest["configuration"]["temperatures"] == "auto"
     assert found.diagnostics is not None
     assert [chain["first_step"] for chain in found.diagnostics["tempering"]] == [40_000, 40_000]
-    assert run("--resume", str(whole), "--set", "sampler.rungs=4") == 2
+    assert run("--resume", str(whole), "--set", "sampler.temperatures=4") == 2
     assert "the run to resume has auto" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("start", "rungs"), [("prior", "1"), ("empty", "2")])
-def test_where_chains_start_is_kept_with_the_run(log: Path, tmp_path: Path, start: str, rungs: str) -> None:
+@pytest.mark.parametrize(("start", "temperatures"), [("prior", "1"), ("empty", "2")])
+def test_where_chains_start_is_kept_with_the_run(log: Path, tmp_path: Path, start: str, temperatures: str) -> None:
     args = ("--laser", str(log), "--every-scan", "30", "--every-beam", "30", "--chains", "1", "--resolution", "1")
     folder = tmp_path / "run"
     assert (
@@ -142,7 +145,7 @@ def test_where_chains_start_is_kept_with_the_run(log: Path, tmp_path: Path, star
             "--set",
             f"sampler.start={start}",
             "--set",
-            f"sampler.rungs={rungs}",
+            f"sampler.temperatures={temperatures}",
             "--steps",
             "10",
             "-o",
@@ -212,11 +215,15 @@ def test_few_draws_are_no_disagreement(
         (["--time-budget", "1d"], 2, "5m or 1.5h"),
         (["--scans", "a:b"], 2, "--scans"),
         (["--set", "sampler.start=moon"], 2, '--set sampler.start = "moon": must be'),
-        (["--set", "sampler.rungs=3", "--set", "sampler.hottest=1"], 2, "--set sampler.hottest = 1"),
-        (["--set", "sampler.rungs=3", "--set", "sampler.tiles=4"], 2, "--set sampler.tiles 4"),
-        (["--set", "sampler.rungs=auto", "--set", "sampler.tiles=4"], 2, "--set sampler.tiles 4"),
-        (["--set", "sampler.rungs=0"], 2, "--set sampler.rungs 0"),
-        (["--set", "sampler.rung=3"], 2, "--set sampler.rung: there is no such key. Did you mean rungs?"),
+        (["--set", f"{LOWEST}=1"], 2, f"--set {LOWEST} = 1"),
+        (["--set", "sampler.temperatures=3", "--set", "sampler.tiles=4"], 2, "--set sampler.tiles 4"),
+        (["--set", "sampler.temperatures=auto", "--set", "sampler.tiles=4"], 2, "--set sampler.tiles 4"),
+        (["--set", "sampler.temperatures=0"], 2, "--set sampler.temperatures 0"),
+        (
+            ["--set", "sampler.temperature=3"],
+            2,
+            "--set sampler.temperature: there is no such key. Did you mean temperatures?",
+        ),
         (["--every-scan", "1", "--scans", "900:901"], 3, ""),
     ],
 )

@@ -1,4 +1,4 @@
-"""Chains that wait for rungs: when they get them, and that neither a stop nor threads change what comes of it."""
+"""Chains that wait for tempering: when it begins, and that neither a stop nor threads change what comes of it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from prf.sampler.chain import LONGEST_BLOCK
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
 from prf.sampler.config import ladder_plan
 from prf.sampler.convergence import FIRST_LOOK, disagree, is_look, worst_rhat
-from prf.sampler.tempering import AUTO_RUNGS, LadderPlan
+from prf.sampler.tempering import AUTO_TEMPERATURES, LadderPlan
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
 from tests.reference.beams import Sensor
@@ -52,7 +52,7 @@ def fresh(settings: Settings, plan: LadderPlan = WAITING, threads: int = 1) -> S
 def state(sampler: Sampler) -> list[dict[str, str]]:
     found = [digest(chain.chain, chain.rng) for chain in sampler.chains]
     for tempering in (chain.tempering for chain in sampler.chains if chain.tempering is not None):
-        found += [digest(rung, rng) for rung, rng in zip(tempering.hot, tempering.generators, strict=True)]
+        found += [digest(each, rng) for each, rng in zip(tempering.hot, tempering.generators, strict=True)]
     return found
 
 
@@ -110,7 +110,7 @@ def test_draws_of_both_times_are_compared(
     assert (worst_rhat(before) > 1.05, worst_rhat(now) > 1.05) == (expected, expected)
 
 
-def test_rungs_come_at_the_look_and_burn_in_begins_anew(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tempering_begins_at_the_look_and_burn_in_anew(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
     look_at(monkeypatch, 20_000, True)
     sampler = advanced(fresh(settings), 20_000)
     assert sampler.swaps() == []
@@ -146,8 +146,10 @@ def test_a_resumed_run_is_the_run_in_one(
     assert all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
 
 
-def test_a_configuration_says_whether_rungs_are_waited_for() -> None:
-    assert ladder_plan(Configuration.of(rungs="auto")) == LadderPlan(AUTO_RUNGS, None, waits=True)
-    assert ladder_plan(Configuration.of(rungs="auto", hottest=0.5)) == LadderPlan(AUTO_RUNGS, 0.5, waits=True)
-    assert ladder_plan(Configuration.of(rungs=3)) == LadderPlan(3)
-    assert [Configuration.of(rungs=rungs).sampler.is_tempered for rungs in (1, 2, "auto")] == [False, True, True]
+def test_a_configuration_says_whether_tempering_waits() -> None:
+    assert ladder_plan(Configuration.of(temperatures="auto")) == LadderPlan(AUTO_TEMPERATURES, None, waits=True)
+    assert ladder_plan(Configuration.of(temperatures="auto", lowest_inverse_temperature=0.5)) == LadderPlan(
+        AUTO_TEMPERATURES, 0.5, waits=True
+    )
+    assert ladder_plan(Configuration.of(temperatures=3)) == LadderPlan(3)
+    assert [Configuration.of(temperatures=n).sampler.is_tempered for n in (1, 2, "auto")] == [False, True, True]

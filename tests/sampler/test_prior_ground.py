@@ -166,8 +166,8 @@ def test_a_start_has_no_steps_and_is_what_its_map_says() -> None:
         for _ in range(2):
             sampler.advance()
             assert differences(sampler.chain) == structural_faults(sampler.chain) == []
-        for rung in sampler.tempering.hot if sampler.tempering is not None else []:
-            assert differences(rung) == structural_faults(rung) == []
+        for each in sampler.tempering.hot if sampler.tempering is not None else []:
+            assert differences(each) == structural_faults(each) == []
 
 
 def test_a_search_that_is_stopped_starts_all_the_same() -> None:

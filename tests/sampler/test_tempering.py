@@ -1,4 +1,4 @@
-"""Rungs below a chain: swaps, powers, images that follow, and results that neither threads nor a stop change."""
+"""Temperatures of a chain: swaps, powers, images that follow, and results that neither threads nor a stop change."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from prf.sampler import tempering as module
 from prf.sampler.chain_map import exchanged, occupied_cost, penalised_log_likelihood, repaint, with_map
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
 from prf.sampler.tempering import Ladder, LadderPlan, Tempering, even_powers, stretched_powers
-from prf.shell.errors import ConfigError
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
 from tests.reference.beams import Sensor
@@ -54,31 +53,31 @@ def digests(sampler: Sampler) -> list[dict[str, str]]:
         assert chain.tempering is not None
         found.append(digest(chain.chain, chain.rng))
         hot = zip(chain.tempering.hot, chain.tempering.generators, strict=True)
-        found += [digest(rung, rng) for rung, rng in hot]
+        found += [digest(each, rng) for each, rng in hot]
     return found
 
 
-@pytest.mark.parametrize("hottest", [0.0, 0.3, None])
-def test_what_follows_from_the_maps_still_does_after_swaps(settings: Settings, hottest: float | None) -> None:
-    """Twins of every rung, among them the image of the cold one, whose map has come from elsewhere."""
-    sampler = tempered(settings, LadderPlan(4, hottest))
+@pytest.mark.parametrize("lowest", [0.0, 0.3, None])
+def test_what_follows_from_the_maps_still_does_after_swaps(settings: Settings, lowest: float | None) -> None:
+    """Twins of every chain, among them the image of the cold one, whose map has come from elsewhere."""
+    sampler = tempered(settings, LadderPlan(4, lowest))
     for chain in sampler.chains:
         assert chain.tempering is not None
         assert chain.tempering.ladder.rate_sum[0] > 0.0
-        for rung in (chain.chain, *chain.tempering.hot):
-            assert differences(rung) == structural_faults(rung) == []
-            assert rung.graph.counts[c.STEP] == sampler.step
-        assert all(rung.image.black.size == 0 for rung in chain.tempering.hot)
+        for each in (chain.chain, *chain.tempering.hot):
+            assert differences(each) == structural_faults(each) == []
+            assert each.graph.counts[c.STEP] == sampler.step
+        assert all(each.image.black.size == 0 for each in chain.tempering.hot)
 
 
-def test_no_draw_of_the_cold_rung_has_an_occupied_sensor(settings: Settings, world: World) -> None:
+def test_no_draw_of_the_cold_chain_has_an_occupied_sensor(settings: Settings, world: World) -> None:
     sampler = tempered(settings, LadderPlan(4, 0.0))
     assert len(sampler.sample().draws) == 10
     for coloring in sampler.sample().draws:
         assert not black_at(coloring, world.data.readings.origin).any()
 
 
-def test_times_of_the_image_are_those_of_the_cold_rung(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_times_of_the_image_are_those_of_the_cold_chain(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
     """The recorded maps and the image, which sees every step, say the same."""
     monkeypatch.setattr(module, "ADAPTATIONS", ())
     sampler = tempered(settings, LadderPlan(3, 0.7), blocks=12)
@@ -90,17 +89,17 @@ def test_times_of_the_image_are_those_of_the_cold_rung(settings: Settings, monke
     assert np.abs(image - share).mean() < 0.05
 
 
-@pytest.mark.parametrize("hottest", [0.0, None])
-def test_threads_change_no_result(settings: Settings, hottest: float | None) -> None:
-    one, two = (tempered(settings, LadderPlan(3, hottest), threads) for threads in (1, 2))
+@pytest.mark.parametrize("lowest", [0.0, None])
+def test_threads_change_no_result(settings: Settings, lowest: float | None) -> None:
+    one, two = (tempered(settings, LadderPlan(3, lowest), threads) for threads in (1, 2))
     assert digests(one) == digests(two)
     assert one.swaps() == two.swaps()
 
 
-@pytest.mark.parametrize("hottest", [0.0, 0.3, None])
-def test_a_stored_state_goes_on_as_if_never_stored(settings: Settings, hottest: float | None, tmp_path: Path) -> None:
+@pytest.mark.parametrize("lowest", [0.0, 0.3, None])
+def test_a_stored_state_goes_on_as_if_never_stored(settings: Settings, lowest: float | None, tmp_path: Path) -> None:
     """Stored right before the powers are moved, so that their measured rates count."""
-    plan = LadderPlan(3, hottest)
+    plan = LadderPlan(3, lowest)
     whole = tempered(settings, plan, blocks=4)
     save_checkpoint(tmp_path, tempered(settings, plan, blocks=2), "this run")
     with Sampler(settings, spawn_generators(7, 2), 1, plan=plan) as again:
@@ -133,7 +132,7 @@ def test_burn_in_begins_anew_when_powers_move_and_they_stay_in_the_end(
 
 
 def test_a_swap_leaves_the_joint_target_unchanged(settings: Settings) -> None:
-    """The ratio is that of the two rungs' densities, written out; a map with an occupied sensor is never cold."""
+    """The ratio is that of both densities, written out; a map with an occupied sensor is never cold."""
     rng = np.random.default_rng(3)
     cold = make_chain(settings, Coloring.empty(ROOM))
     tempering = Tempering(settings, cold, rng, LadderPlan(4, 0.0, 3.0))
@@ -144,9 +143,9 @@ def test_a_swap_leaves_the_joint_target_unchanged(settings: Settings) -> None:
     occupied = [int(black_at(draw, np.unique(settings.laser.readings.origin, axis=0)).sum()) for draw in draws]
     assert 0 < sum(n > 0 for n in occupied) < len(occupied)
 
-    def log_target(rung: int, k: int) -> float:
-        power = float(tempering.ladder.powers[rung])
-        if rung == 0 and occupied[k]:
+    def log_target(temperature: int, k: int) -> float:
+        power = float(tempering.ladder.powers[temperature])
+        if temperature == 0 and occupied[k]:
             return -math.inf
         return power * (float(chains[k].graph.sums[c.LOG_LIKELIHOOD]) - 3.0 * occupied[k])
 
@@ -158,7 +157,7 @@ def test_a_swap_leaves_the_joint_target_unchanged(settings: Settings) -> None:
         assert tempering.log_swap_ratio(pair, chains[i], chains[j]) == pytest.approx(expected, abs=1e-9)
 
 
-def test_exchanged_chains_keep_what_is_the_rungs(settings: Settings) -> None:
+def test_exchanged_chains_keep_what_belongs_to_a_temperature(settings: Settings) -> None:
     one = make_chain(settings, Coloring.empty(ROOM))
     draw = exact_draws(0.2, ROOM, 1, np.random.default_rng(5))[0]
     other = with_map(make_chain(settings, Coloring.empty(ROOM)), settings, draw)
@@ -195,12 +194,6 @@ def test_powers_reach_from_one_to_what_is_asked() -> None:
     assert LadderPlan(2).first_powers() == pytest.approx([1.0, 0.9])
 
 
-@pytest.mark.parametrize("wrong", [{"rungs": 0}, {"rungs": 3, "hottest": 1.0}, {"rungs": 3, "hottest": -0.1}])
-def test_what_is_no_ladder_is_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(ConfigError, match=r"sampler\.(rungs|hottest)"):
-        LadderPlan(**wrong)  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize("lowest", [0.05, 0.0])
 def test_even_powers_divide_a_known_barrier(lowest: float) -> None:
     """A barrier of 3 log(1/power): evenly refused where the logarithms are evenly spaced."""
@@ -225,7 +218,7 @@ def test_powers_reach_further_where_swaps_succeed_and_less_far_where_they_fail()
     assert stretched_powers(np.array([1.0, 0.002]), 0.01)[-1] == pytest.approx(1e-3)
 
 
-def test_a_round_trip_is_from_the_cold_rung_to_the_hottest_and_back() -> None:
+def test_a_round_trip_is_from_the_cold_chain_to_the_hottest_and_back() -> None:
     ladder = Ladder(np.array([1.0, 0.5, 0.2]))
     ladder.follow(1)
     assert ladder.round_trips == 0

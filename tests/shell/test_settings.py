@@ -42,9 +42,9 @@ def test_flags_win_over_assignments_over_the_file_over_presets(file: Path) -> No
 
 
 def test_values_of_assignments_are_toml_and_words_need_no_quotes() -> None:
-    texts = ("prior.window=[0, 0, 1, 2]", "sampler.rungs=auto", "readings.scans=5::10", "sampler.chains=2")
+    texts = ("prior.window=[0, 0, 1, 2]", "sampler.temperatures=auto", "readings.scans=5::10", "sampler.chains=2")
     found = load(Configuration, assignments=texts).settings
-    assert (found.prior.window, found.sampler.rungs) == ((0.0, 0.0, 1.0, 2.0), "auto")
+    assert (found.prior.window, found.sampler.temperatures) == ((0.0, 0.0, 1.0, 2.0), "auto")
     assert (found.readings.scans, found.sampler.chains) == ("5::10", 2)
     with pytest.raises(UsageError, match=r"^--set noise=1: give TABLE\.KEY=VALUE"):
         load(Configuration, assignments=("noise=1",))
@@ -86,7 +86,7 @@ def test_an_unusual_combination_is_judged_as_a_whole(file: Path) -> None:
         ("[points]\nkind = 'normal'\n", "must be 'gaussian' or 'binary'."),
         ("[points]\nmean_black = 3\nmean_white = 3\n", "are both 3.0"),
         ("[thinning]\nbeam_density = -1\n", ": [thinning] beam_density = -1: must be greater than or equal to 0."),
-        ("[sampler]\nrungs = 3\ntiles = 4\n", ": [sampler] tiles 4: tempered chains have none"),
+        ("[sampler]\ntemperatures = 3\ntiles = 4\n", ": [sampler] tiles 4: tempered chains have none"),
         ("[sonar\n", ": not valid TOML"),
         ("preset = 'kinect'\n", ": preset: there is no preset 'kinect'"),
         ("preset = 3\n", "must be the name of a preset"),

@@ -1,6 +1,7 @@
-"""Rungs of parallel tempering on readings that say little, against weighted exact draws of the prior.
+"""Temperatures of parallel tempering on readings that say little, against weighted exact draws of the prior.
 
-Weights say exactly what the law of every rung is; where they are not too uneven, draws of the prior are draws of it.
+Weights say exactly what the law at every temperature is; where they are not too uneven, draws of the prior are draws
+of it.
 """
 
 from __future__ import annotations
@@ -61,14 +62,14 @@ def exact_values(settings: Settings, n: int, seed: int) -> Floats:
 
 
 class Means(NamedTuple):
-    """Means of the functionals on every rung, (rungs, len(NAMES)), and their standard errors."""
+    """Means of the functionals on every temperature, (temperatures, len(NAMES)), and their standard errors."""
 
     mean: Floats
     error: Floats
 
 
 def exact_means(values: Floats) -> Means:
-    """Self-normalised importance sampling; on the cold rung no sensor may be occupied."""
+    """Self-normalised importance sampling; on the cold chain no sensor may be occupied."""
     log_likelihood, occupied = values[:, 2] - values[:, 2].max(), values[:, 3]
     means, errors = [], []
     for power in POWERS:
@@ -94,7 +95,7 @@ class Costless(Tempering):
 
 
 class Unforbidden(Tempering):
-    """The mistake: a map with an occupied sensor may come to the cold rung, at the cost that the others ask."""
+    """The mistake: a map with an occupied sensor may come to the cold chain, at the cost that the others ask."""
 
     def log_swap_ratio(self, pair: int, colder: Chain, hotter: Chain) -> float:
         log_ratio = super().log_swap_ratio(pair, colder, hotter)
@@ -124,8 +125,8 @@ def sampled_means(settings: Settings, n_swaps: int, seed: int, kind: type[Temper
 
 
 def z_scores(exact: Means, found: Means) -> dict[str, float]:
-    """z-score of every mean on every rung; 0 where both are the same without any error."""
+    """z-score of every mean on every temperature; 0 where both are the same without any error."""
     error = np.hypot(exact.error, found.error)
     difference = found.mean - exact.mean
     z = np.where(difference == 0.0, 0.0, difference / np.where(error > 0.0, error, 1e-300))
-    return {f"rung {k}: {name}": float(z[k, i]) for k in range(len(POWERS)) for i, name in enumerate(NAMES)}
+    return {f"temperature {k}: {name}": float(z[k, i]) for k in range(len(POWERS)) for i, name in enumerate(NAMES)}

@@ -65,11 +65,11 @@ def worst_rhat(sampler: Sampler) -> float:
 
 
 def answer(
-    number: int, data: LaserData, world: World, scale: float, stages: Stages, tiles: int = 0, rungs: int = 1
+    number: int, data: LaserData, world: World, scale: float, stages: Stages, tiles: int = 0, temperatures: int = 1
 ) -> Answer:
     """Sample the posterior of one world, in one thread, and ask for the colours of random points."""
     settings = Settings(ROOM, scale, data, resolution=0.5, tiles=tiles)
-    with Sampler(settings, spawn_generators(SEED + number, 4), 1, plan=LadderPlan(rungs)) as sampler:
+    with Sampler(settings, spawn_generators(SEED + number, 4), 1, plan=LadderPlan(temperatures)) as sampler:
         for steps, enough in stages:
             while sampler.step < steps:
                 sampler.advance()
@@ -108,7 +108,7 @@ def report(found: Calibration, answers: list[Answer]) -> str:
 
 
 def run_worlds(
-    n_worlds: int, stages: Stages, scale: float = SCALE, repeat: int = 1, tiles: int = 0, rungs: int = 1
+    n_worlds: int, stages: Stages, scale: float = SCALE, repeat: int = 1, tiles: int = 0, temperatures: int = 1
 ) -> tuple[Calibration, list[Answer]]:
     """Two worlds at a time. `scale` and `repeat` (times that each reading is counted) are right by default."""
 
@@ -116,7 +116,7 @@ def run_worlds(
         world = make_world(number)
         rows = np.tile(np.arange(world.data.readings.n_beams), repeat)
         data = LaserData(world.data.readings.select(rows), world.data.model)
-        return answer(number, data, world, scale, stages, tiles, rungs)
+        return answer(number, data, world, scale, stages, tiles, temperatures)
 
     with ThreadPoolExecutor(2) as pool:
         answers = list(pool.map(one, range(n_worlds)))
@@ -137,7 +137,7 @@ def test_probabilities_are_the_shares_observed() -> None:
 @pytest.mark.slow
 def test_probabilities_are_the_shares_observed_with_a_ladder() -> None:
     """Fewer worlds, each of which costs three times as much."""
-    found, answers = run_worlds(12, STAGES[:2], rungs=3)
+    found, answers = run_worlds(12, STAGES[:2], temperatures=3)
     summary = report(found, answers)
     print(summary)
     assert np.abs(found.z).max() < LIMIT, summary

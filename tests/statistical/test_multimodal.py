@@ -61,7 +61,10 @@ def test_the_log_that_is_written_is_the_one_that_is_sampled(tmp_path: Path) -> N
 @pytest.mark.slow
 def test_plain_chains_are_reported_and_tempered_ones_agree_on_what_is_exact() -> None:
     """After as many steps in all. By the mirror, either reading has the same weight."""
-    plain, tempered = (multimodal.sampled(rungs, multimodal.STEPS, SEED).summary for rungs in (1, multimodal.RUNGS))
+    plain, tempered = (
+        multimodal.sampled(temperatures, multimodal.STEPS, SEED).summary
+        for temperatures in (1, multimodal.TEMPERATURES)
+    )
     print(plain, tempered)
     assert not plain["converged"]
     assert plain["rhat"] > 1.1

@@ -1,4 +1,4 @@
-"""Every rung of parallel tempering has its law: the weighted prior; and wrong swaps are caught."""
+"""Every temperature of parallel tempering has its law: the weighted prior; and wrong swaps are caught."""
 
 from __future__ import annotations
 
@@ -40,11 +40,13 @@ def test_every_chain_of_a_ladder_has_its_law() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "rung"), [(Costless, 1), (Unforbidden, 0)], ids=["swaps without the cost", "black sensors in the cold"]
+    ("kind", "temperature"),
+    [(Costless, 1), (Unforbidden, 0)],
+    ids=["swaps without the cost", "black sensors in the cold"],
 )
-def test_wrong_swaps_are_caught(kind: type[Tempering], rung: int) -> None:
+def test_wrong_swaps_are_caught(kind: type[Tempering], temperature: int) -> None:
     z = scores(2000, 3000, kind)
-    assert z[f"rung {rung}: occupied sensors"] > 6.0, z
+    assert z[f"temperature {temperature}: occupied sensors"] > 6.0, z
 
 
 @pytest.mark.slow

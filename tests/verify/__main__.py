@@ -26,7 +26,7 @@ from tests.verify.sbc import Ranks, control_check, run_arm, standard_arm, unifor
 from tests.verify.station import small_station
 from tests.verify.ways import LADDER, LEVELS
 
-ARMS = (("laser", "plain"), ("laser", "rungs"), ("laser", "tiles"), ("sonar", "plain"), ("sonar", "rungs"))
+ARMS = (("laser", "plain"), ("laser", "tempered"), ("laser", "tiles"), ("sonar", "plain"), ("sonar", "tempered"))
 PARTS = (*(f"{kind}-{way}" for kind, way in ARMS), "joint", "images", "controls")
 IMAGE_RESOLUTION = 0.25
 
@@ -110,7 +110,7 @@ class Run:
         checks = [mixing_check("images, disagreement loops", loops)]
         for name, given, plan in (
             ("the sampler, plain", settings, None),
-            ("the sampler, levels and rungs", dataclasses.replace(settings, levels=LEVELS), LADDER),
+            ("the sampler, levels and tempering", dataclasses.replace(settings, levels=LEVELS), LADDER),
             ("control, the sampler, noise taken for less than half", sharper(settings), None),
         ):
             found = by_sampler(given, plan, asked.image_chains, asked.image_steps, seed, asked.threads)

@@ -36,7 +36,7 @@ Floats = NDArray[np.float64]
 STEPS = 4000
 """Of a chain between two sets of readings."""
 SPACING = 250
-"""Of them between two offers of the prior's rung, which take place every second time."""
+"""Of them between two offers of the prior's temperature, which take place every second time."""
 LEAST_SIDE = 0.8
 """Metres: width of the narrowest tile."""
 CONFIDENCE = 0.99
@@ -90,21 +90,21 @@ def moved_plainly(settings: Settings, chain: Chain, rng: np.random.Generator) ->
 
 
 def moved_with_accelerators(settings: Settings, chain: Chain, rng: np.random.Generator) -> Coloring:
-    """Steps with bounds and levels, a round of tiles, then swaps with a hot rung that has exact draws of the prior.
+    """Steps with bounds and levels, a round of tiles, then swaps with a hot chain that has exact draws of the prior.
 
-    No other rung may begin anew at each set of readings: its map would remember the readings before.
+    No other temperature may begin anew at each set of readings: its map would remember the readings before.
     """
     chain = run_chain(chain, rng, STEPS // 4)
     data = make_tile_data(settings)
     begun = make_round(data, chain, TILES, LEAST_SIDE, STEPS // 4, rng)
     chain = finish_round(data, chain, begun, [work_tile(data, begun, k) for k in range(len(begun.tiles))])
-    tempering = Tempering(settings, chain, rng, LadderPlan(2, hottest=0.0))
+    tempering = Tempering(settings, chain, rng, LadderPlan(2, lowest=0.0))
     tempering.spacing = SPACING
     return read_coloring(tempering.run_to(chain, rng, int(chain.graph.counts[c.STEP]) + STEPS // 2).graph)
 
 
 PLAIN = Program("plain", 1, moved_plainly)
-ACCELERATED = Program("bounds, levels, tiles, prior's rung", LEVELS, moved_with_accelerators)
+ACCELERATED = Program("bounds, levels, tiles, prior's temperature", LEVELS, moved_with_accelerators)
 
 
 def quantities(settings: Settings, coloring: Coloring, chain: Chain) -> Floats:

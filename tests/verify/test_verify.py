@@ -128,7 +128,9 @@ def test_the_command_writes_its_plots_and_figures(tmp_path: Path, few_steps: Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "way", "n"), [("laser", "plain", 60), ("laser", "rungs", 30), ("sonar", "rungs", 30)])
+@pytest.mark.parametrize(
+    ("kind", "way", "n"), [("laser", "plain", 60), ("laser", "tempered", 30), ("sonar", "tempered", 30)]
+)
 def test_ranks_are_uniform_in_some_worlds(kind: str, way: str, n: int) -> None:
     """Nine quantities at 99 %, those outside asked again: a false alarm once in 1,000 runs."""
     first = outside(run_arm(standard_arm(kind, way), n, SEED, 2).verdicts())

@@ -35,14 +35,14 @@ N_DRAWS = 40
 N_CHAINS = 2
 MOST_RHAT = 1.1
 FIRST_STEPS, MOST_STEPS = 320_000, 5_120_000
-"""Of a chain; the powers of rungs move after the first for the last time."""
+"""Of a chain; the powers of temperatures move after the first for the last time."""
 KEPT = 256
 """Maps that a plain chain keeps of the second half of its steps."""
 UNREACHED = 1e6
 """Nats that any beam may gain: bounds so wide reject nothing."""
 LEVELS = 3
-LADDER = LadderPlan(3, hottest=0.0)
-"""The lowest rung has exact draws of the prior."""
+LADDER = LadderPlan(3, lowest=0.0)
+"""The lowest temperature has exact draws of the prior."""
 TILES = 4
 TILE_ROUND, PLAIN_SHARE = 16_000, 0.5
 """Steps of a round, and the share of them on the whole window: the sampler's own are for windows of many rooms. In one
@@ -122,13 +122,13 @@ def by_sampler(settings: Settings, rng: np.random.Generator, threads: int, plan:
             goal *= 2
 
 
-def with_rungs(settings: Settings, rng: np.random.Generator, threads: int) -> Answer:
-    """Bounds, levels, hot rungs below every chain, chains in threads."""
+def with_tempering(settings: Settings, rng: np.random.Generator, threads: int) -> Answer:
+    """Bounds, levels, hot chains below every chain, chains in threads."""
     return by_sampler(dataclasses.replace(settings, levels=LEVELS), rng, threads, LADDER)
 
 
 def with_tiles(settings: Settings, rng: np.random.Generator, threads: int) -> Answer:
-    """Bounds, levels, tiles, tiles in threads. Rungs and tiles cannot be combined."""
+    """Bounds, levels, tiles, tiles in threads. Temperatures and tiles cannot be combined."""
     with (
         mock.patch.object(schedule, "ROUND_LENGTHS", (TILE_ROUND, TILE_ROUND)),
         mock.patch.object(tiled, "PLAIN_SHARE", PLAIN_SHARE),
@@ -136,7 +136,7 @@ def with_tiles(settings: Settings, rng: np.random.Generator, threads: int) -> An
         return by_sampler(dataclasses.replace(settings, levels=LEVELS, tiles=TILES), rng, threads, None)
 
 
-WAYS: dict[str, Way] = {"plain": plain, "rungs": with_rungs, "tiles": with_tiles}
+WAYS: dict[str, Way] = {"plain": plain, "tempered": with_tempering, "tiles": with_tiles}
 
 
 def agree(kept: list[Draws]) -> bool:
