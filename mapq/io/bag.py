@@ -15,7 +15,7 @@ from mapq.cloud import PointCloud
 from mapq.io.content import ACCEPTED, Content
 from mapq.io.fields import Array, axes_of, cloud_of_world, joined_fields, refuse_doubles
 from mapq.io.options import ReadOptions
-from prf.shell.bag import Bag, Message, bag_in, bag_suffix, named_bag, open_bag, seconds
+from prf.shell.bag import Bag, Message, bag_in, open_bag, seconds
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.tf import Rigid, Tree, frame_name, turned
 
@@ -68,12 +68,12 @@ def read_bag(content: Content, options: ReadOptions) -> PointCloud:
 
 @contextmanager
 def _bag_path(content: Content) -> Iterator[Path]:
-    """Give the bag under a name of its format."""
+    """Give the file or folder of the bag."""
     if content.is_folder:
         yield bag_in(Path(content.path), ACCEPTED)
         return
-    with content.file() as file, named_bag(file, bag_suffix(content.head)) as path:
-        yield path
+    with content.file() as file:
+        yield file
 
 
 def _topic(bag: Bag, named: str | None) -> str:

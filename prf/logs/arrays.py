@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from prf.logs.points import MAX_VALUE, PointTable
+from prf.logs.points import PointTable
 from prf.logs.poses import CONE
 from prf.logs.readings import LogNotes, Readings
+from prf.logs.text import DOMAINS
 from prf.shell.errors import ArgumentError
 
 Floats = NDArray[np.float64]
@@ -89,7 +90,7 @@ def points(xy: ArrayLike, value: ArrayLike, *, source: str = "point arrays") -> 
         If shapes do not agree, or a number is not finite.
     """
     places = checked("xy", xy, (None, 2), FARTHEST)
-    values = checked("value", value, (len(places),), MAX_VALUE)
+    values = checked("value", value, (len(places),), DOMAINS["value"][1])
     return PointTable(places, values, np.arange(1, len(places) + 1), source)
 
 

@@ -17,7 +17,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from prf.logs.readings import FloatArray, Kind, LogNotes, NoReadings, Readings, Scan, assemble
+from prf.logs.readings import Kind, LogNotes, NoReadings, Readings, Scan, assemble
+from prf.logs.text import FloatArray
 from prf.shell.bag import Bag, Message, open_bag, seconds
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.tf import Rigid, Tree, frame_name, turned

@@ -30,49 +30,41 @@ frame; in a log without a laser from ``GLOBALPOS`` (the localizer's), else ``TRU
 from __future__ import annotations
 
 import re
-from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.logs.poses import CONE, QUARTER_DEGREES, Track, mounted, plain_bearings, ring_of
-from prf.logs.readings import FloatArray, Kind, LogNotes, NoReadings, OwnPoses, Readings, Scan, assemble
-from prf.logs.text import (
-    MEND,
-    check_pose,
-    check_ranges,
-    check_time,
-    count_odd_kind,
-    is_number,
-    parse_count,
-    parse_floats,
-)
+from prf.logs.poses import CONE, QUARTER_DEGREES, Track, mounted, plain_bearings, ring_of, spread
+from prf.logs.readings import Kind, LogNotes, NoReadings, OwnPoses, Readings, Scan, assemble
+from prf.logs.text import FloatArray, expect_length, floats, parse_lines
 from prf.shell.errors import ConfigError, InputError
 
-ROBOT_LASERS = tuple(f"ROBOTLASER{i}" for i in range(6))
+PLAIN_LASERS = ("FLASER", "RLASER")
+LASERS = (*PLAIN_LASERS, *(f"ROBOTLASER{i}" for i in range(6)))
 SONAR = "SONAR"
 POSE_LINES = ("GLOBALPOS", "TRUEPOS", "ODOM")
-POSE_FIELDS = 10
-"""Fields of each: kind, six numbers (the pose first), time, host, logger's time."""
 LASER_LINES = "laser lines"
-POSE_SOURCES = (LASER_LINES, *POSE_LINES)
-"""Where the robot's pose at SONAR lines is looked for, in this order."""
+COMMENT = "comment"
 KNOWN_KINDS = frozenset(
     (
-        *ROBOT_LASERS,
+        *LASERS,
         *(f"RAWLASER{i}" for i in range(6)),
-        *("FLASER", "RLASER", "LASER3", "LASER4", "LASER5", "REMISSIONFLASER", "REMISSIONRLASER", "POSITIONLASER"),
+        *("LASER3", "LASER4", "LASER5", "REMISSIONFLASER", "REMISSIONRLASER", "POSITIONLASER"),
         *("PARAM", "SYNC", "NEFF", "MARKER", "BUMPER", "ARM", "IMU", "SCANMARK", "NMEAGGA", SONAR, *POSE_LINES),
         *("NMEARMC", "VECTORMOVE", "ROBOTVELOCITY", "FOLLOWTRAJECTORY", "BASEVELOCITY"),
     )
 )
 """First fields of CARMEN's log format; NEFF is an addition of GMapping's."""
-OFFSETS = re.compile(rb"\w*sonar_offsets$")
+OFFSETS = re.compile(rb"\s*PARAM\s+\w*sonar_offsets\s+((?:[-+\d.eE]+\s+)+)")
+MOST_ODD = 20
+"""Unknown kinds of line that are listed; a damaged file may have thousands."""
 SAME_MOUNT = 1e-3
 """Metres and radians within which a laser sits on the robot alike in all its lines."""
+
+Lines = dict[str, list[tuple[int, bytes]]]
+"""Numbers and text of the lines of each kind."""
 
 
 class LaserLine(NamedTuple):
@@ -90,7 +82,7 @@ class LaserLine(NamedTuple):
     @property
     def is_return(self) -> NDArray[np.bool_]:
         """Which ranges lie below the scanner's maximum, all if there is none."""
-        return np.asarray(self.ranges < (self.max_range if self.max_range > 0.0 else np.inf))
+        return np.asarray(~(self.ranges >= (self.max_range if self.max_range > 0.0 else np.inf)))
 
     def scan(self) -> Scan:
         """Return the beams in the world."""
@@ -119,71 +111,66 @@ def read_carmen(
 ) -> Readings:
     """Read the readings of a CARMEN log, decompressed; parameters as of :func:`prf.logs.read_readings`.
 
-    Scans are numbered in the order of the file, all lasers together. `device` names a kind of line, `frame` one of
-    `POSE_SOURCES` for the robot's pose at SONAR lines.
+    Scans are numbered in the order of the file, all lasers together. `device` names a kind of line, `frame` what gives
+    the robot's pose at SONAR lines: "laser lines" or one of `POSE_LINES`.
     """
-    if kind != "sonar":
-        try:
-            return _read_lasers(data, source, device, frame)
-        except NoReadings as error:
-            if kind == "laser":
-                raise
-            without_laser = error
-    try:
-        readings = _read_sonars(data, source, cone, frame)
-    except NoReadings:
-        if kind is None:
-            raise without_laser from None
-        raise
-    if device not in (None, SONAR):
-        raise ConfigError(f"--topic {device}: the sonar readings of {source} are its {SONAR} lines. Leave it out.")
-    return readings
-
-
-def _fields_of_lines(data: bytes, source: str) -> Iterator[tuple[int, str, list[bytes]]]:
-    """Yield the number, ``file:line`` and the fields of every line that is not blank."""
-    for number, line in enumerate(data.splitlines(), 1):
-        fields = line.split()
-        if fields:
-            yield number, f"{source}:{number}", fields
-
-
-def _read_lasers(data: bytes, source: str, device: str | None, frame: str | None) -> Readings:
-    lines: list[LaserLine] = []
-    kinds, odd = Counter[str](), Counter[str]()
-    for number, where, fields in _fields_of_lines(data, source):
-        kind = fields[0].decode("latin-1")
-        if fields[0].startswith(b"#"):
-            kinds["comment"] += 1
-        elif kind in LASER_PARSERS:
-            lines.append(LASER_PARSERS[kind](kind, fields, number, where))
-        elif kind in KNOWN_KINDS:
-            kinds[kind] += 1
-        else:
-            count_odd_kind(odd, fields[0])
-    if not lines:
-        found = ", ".join(f"{n} {kind}" for kind, n in (kinds + odd).most_common(6)) or "nothing"
+    lines = _lines_by_kind(data)
+    lasers = [name for name in lines if name in LASERS]
+    if kind != "sonar" and lasers:
+        return _read_lasers(lines, lasers, source, device, frame)
+    if kind == "laser" or (kind is None and SONAR not in lines):
+        by_number = sorted(lines.items(), key=lambda item: -len(item[1]))
+        found = ", ".join(f"{len(group)} {name}" for name, group in by_number[:6]) or "nothing"
         why = "no FLASER, RLASER or ROBOTLASER line, the ones that carry a laser pose"
         raise NoReadings(
             f"{source}: CARMEN log with {why}; it has {found}. Use a log with corrected (localized) scans."
         )
-    if device is not None and device not in (present := tuple(dict.fromkeys(line.kind for line in lines))):
-        raise ConfigError(f"--topic {device}: {source} has {', '.join(present)}.")
+    if SONAR not in lines:
+        raise NoReadings(f"{source}: CARMEN log without SONAR lines. Use a log with sonar, or a table with cones.")
+    if device not in (None, SONAR):
+        raise ConfigError(f"--topic {device}: the sonar readings of {source} are its {SONAR} lines. Leave it out.")
+    return _read_sonars(lines, lasers, source, cone, frame)
+
+
+def _lines_by_kind(data: bytes) -> Lines:
+    """Return the lines that are not blank by their first field, comments together."""
+    lines: Lines = {}
+    for number, line in enumerate(data.splitlines(), 1):
+        if first := line.split(None, 1)[:1]:
+            kind = COMMENT if first[0].startswith(b"#") else first[0][:24].decode("ascii", "backslashreplace")
+            lines.setdefault(kind, []).append((number, line))
+    return lines
+
+
+def _counts(lines: Lines, read: Sequence[str]) -> tuple[dict[str, int], dict[str, int]]:
+    """Return how many lines were not read, of known kinds and of the most frequent unknown ones."""
+    left = {kind: len(group) for kind, group in lines.items() if kind not in read}
+    odd = sorted((item for item in left.items() if item[0] not in KNOWN_KINDS | {COMMENT}), key=lambda item: -item[1])
+    known = {kind: n for kind, n in left.items() if kind in KNOWN_KINDS | {COMMENT}}
+    return known, dict(odd[:MOST_ODD])
+
+
+def _read_lasers(lines: Lines, lasers: list[str], source: str, device: str | None, frame: str | None) -> Readings:
+    if device is not None and device not in lasers:
+        raise ConfigError(f"--topic {device}: {source} has {', '.join(lasers)}.")
     if frame is not None:
         raise OwnPoses(
             f"--frame {frame}: laser lines of {source} carry the laser's pose; a frame can be chosen for SONAR lines "
             "alone. Leave it out."
         )
-    lines = lines if device is None else [line for line in lines if line.kind == device]
-    reached = [line.max_range for line in lines if line.max_range > 0.0 and not line.is_return.all()]
-    sensor_max, remarks = max(reached, default=np.nan), _laser_remarks(lines)
-    notes = LogNotes("CARMEN", sensor_max=sensor_max, lines=dict(kinds), odd_lines=dict(odd), remarks=remarks)
-    return assemble([line.scan() for line in lines], source, notes)
+    chosen = lasers if device is None else [device]
+    merged = sorted(row for kind in chosen for row in lines[kind])
+    found = parse_lines(_parse_laser, merged, source)
+    reached = [line.max_range for line in found if line.max_range > 0.0 and not line.is_return.all()]
+    top = max(reached, default=np.nan)
+    known, odd = _counts(lines, lasers)
+    notes = LogNotes("CARMEN", sensor_max=top, lines=known, odd_lines=odd, remarks=_laser_remarks(found))
+    return assemble([line.scan() for line in found], source, notes)
 
 
 def _laser_remarks(lines: list[LaserLine]) -> tuple[str, ...]:
     remarks = []
-    counts = {len(line.ranges) for line in lines if line.kind in ("FLASER", "RLASER")}
+    counts = {len(line.ranges) for line in lines if line.kind in PLAIN_LASERS}
     if narrow := sorted(counts & set(QUARTER_DEGREES)):
         beams = " and ".join(map(str, narrow))
         remarks.append(f"laser lines of {beams} beams carry no angles: 100 degrees in steps of 0.25 are assumed")
@@ -196,203 +183,112 @@ def _laser_remarks(lines: list[LaserLine]) -> tuple[str, ...]:
     return tuple(remarks)
 
 
-def _parse_plain_laser(kind: str, fields: list[bytes], number: int, where: str) -> LaserLine:
-    n = _beam_count(kind, fields, 1, where)
-    _check_length(kind, fields, (n + 11,), f"{n} readings", where)
-    values = parse_floats(fields[2 : n + 9], where)
-    return _laser_line(kind, number, where, values[:n], plain_bearings(n), values[n : n + 6], float(values[n + 6]))
+def _parse_laser(number: int, fields: list[bytes]) -> LaserLine:
+    kind = fields[0].decode("ascii")
+    if kind not in PLAIN_LASERS:
+        return _parse_robot_laser(kind, number, fields)
+    n = int(fields[1])
+    expect_length(fields, (n + 11,), f"{n} readings")
+    values = floats(fields[2 : n + 9])
+    return LaserLine(
+        kind, number, values[:n], plain_bearings(n), values[n : n + 3], float(values[-1]), values[n + 3 : n + 6]
+    )
 
 
-def _parse_robot_laser(kind: str, fields: list[bytes], number: int, where: str) -> LaserLine:
-    n = _beam_count(kind, fields, 8, where)
-    if len(fields) <= n + 9:
-        _check_length(kind, fields, (n + 23,), f"{n} readings", where)
-    m = parse_count(fields[n + 9], where, "the number of remission values")
+def _parse_robot_laser(kind: str, number: int, fields: list[bytes]) -> LaserLine:
+    n = int(fields[8])
+    m = int(fields[n + 9])
     # The format page of CARMEN has turn_axis, some writers of the format leave it out.
-    _check_length(kind, fields, (n + m + 24, n + m + 23), f"{n} readings and {m} remission values", where)
-    start, _, step, max_range = parse_floats(fields[2:6], where)
-    within_circle = 0 < abs(step) * max(n - 1, 1) <= 2 * np.pi + 1e-6
-    if not (within_circle and abs(start) <= 2 * np.pi):
-        raise InputError(f"{where}: {n} beams from {start:g} in steps of {step:g} rad are no scan. {MEND}")
-    ranges = parse_floats(fields[9 : n + 9], where)
-    poses = parse_floats(fields[n + m + 10 : n + m + 16], where)
-    time = parse_floats(fields[-3:-2], where)
-    line = _laser_line(kind, number, where, ranges, start + step * np.arange(n), poses, float(time[0]))
-    return line._replace(max_range=float(max_range))
+    expect_length(fields, (n + m + 24, n + m + 23), f"{n} readings and {m} remission values")
+    start, _, step, max_range = floats(fields[2:6]).tolist()
+    ranges, poses = floats(fields[9 : n + 9]), floats(fields[n + m + 10 : n + m + 16])
+    return LaserLine(kind, number, ranges, spread(start, step, n), poses[:3], float(fields[-3]), poses[3:], max_range)
 
 
-LASER_PARSERS: dict[str, Callable[[str, list[bytes], int, str], LaserLine]] = {
-    "FLASER": _parse_plain_laser,
-    "RLASER": _parse_plain_laser,
-    **dict.fromkeys(ROBOT_LASERS, _parse_robot_laser),
-}
-"""By the first field of a line: parser of its (kind, fields, line number, file:line)."""
-
-
-def _beam_count(kind: str, fields: list[bytes], place: int, where: str) -> int:
-    if len(fields) <= place:
-        raise InputError(f"{where}: {kind} line ends before its number of readings. {MEND}")
-    n = parse_count(fields[place], where, "the number of readings")
-    if n == 0:
-        raise InputError(f"{where}: {kind} line without readings. {MEND}")
-    return n
-
-
-def _check_length(kind: str, fields: list[bytes], allowed: tuple[int, ...], announced: str, where: str) -> None:
-    if len(fields) not in allowed:
-        has = f"announces {announced}, which makes {allowed[0]} fields, but has {len(fields)}"
-        raise InputError(f"{where}: {kind} line {has}. {MEND}")
-
-
-def _laser_line(
-    kind: str, number: int, where: str, ranges: FloatArray, bearing: FloatArray, poses: FloatArray, time: float
-) -> LaserLine:
-    check_ranges(ranges, where)
-    check_pose(poses[:3], where)
-    return LaserLine(kind, number, ranges, bearing, poses[:3], check_time(time, where), poses[3:])
-
-
-@dataclass
-class _SonarLog:
-    """Lines gathered for the sonar; `tracks` has (line, time, pose) rows by source of the pose."""
-
-    sonars: list[SonarLine] = field(default_factory=list)
-    tracks: dict[str, list[tuple[int, float, FloatArray]]] = field(default_factory=dict)
-    laser: str | None = None
-    laser_poses: list[FloatArray] = field(default_factory=list)
-    ring: FloatArray | None = None
-    lines: Counter[str] = field(default_factory=Counter)
-
-
-def _read_sonars(data: bytes, source: str, cone: float, frame: str | None) -> Readings:
-    log = _SonarLog()
-    for number, where, fields in _fields_of_lines(data, source):
-        if not fields[0].startswith(b"#"):
-            _gather(fields, number, where, log, cone)
-    if not log.sonars:
-        raise NoReadings(f"{source}: CARMEN log without SONAR lines. Use a log with sonar, or a table with cones.")
-    poses, known, remarks, where_from = _poses(log, source, frame)
-    rings = [_ring(sonar, log, source) for sonar in log.sonars]
-    if any(sonar.ring is None for sonar in log.sonars) and log.ring is None:
+def _read_sonars(lines: Lines, lasers: list[str], source: str, cone: float, frame: str | None) -> Readings:
+    sonars = parse_lines(lambda number, fields: _parse_sonar(number, fields, cone), lines[SONAR], source)
+    poses, remarks, where_from = _poses(lines, lasers, sonars, source, frame)
+    offsets = [found for _, line in lines.get("PARAM", []) if (found := OFFSETS.match(line))]
+    numbers = floats(offsets[-1][1].split()) if offsets else np.empty(0)
+    given = numbers[: len(numbers) // 3 * 3].reshape(-1, 3) if offsets else None
+    rings = [_ring(sonar, given, source) for sonar in sonars]
+    if given is None and any(sonar.ring is None for sonar in sonars):
         remarks.append(f"no offsets of the transducers in the log: a Pioneer's ring of {len(rings[0])} is assumed")
     scans = []
-    for sonar, pose, ring, is_known in zip(log.sonars, poses, rings, known, strict=True):
-        if is_known:
+    for sonar, pose, ring in zip(sonars, poses, rings, strict=True):
+        if not np.isnan(pose[0]):
             at = mounted(pose, ring)
             scans.append(Scan(SONAR, sonar.line, sonar.time, pose, at[:, :2], at[:, 2], sonar.ranges, sonar.cone))
+    known, odd = _counts(lines, (SONAR,))
     notes = LogNotes(
         format="CARMEN",
+        lines=known,
+        odd_lines=odd,
         poses=where_from,
         ring=tuple(map(tuple, rings[0].tolist())),
-        lines={kind: n for kind, n in log.lines.items() if kind != SONAR},
         remarks=tuple(remarks),
     )
     return assemble(scans, source, notes)
 
 
-def _gather(fields: list[bytes], number: int, where: str, log: _SonarLog, cone: float) -> None:
-    kind = fields[0].decode("latin-1")
-    if kind in KNOWN_KINDS:
-        log.lines[kind] += 1
-    if kind == SONAR:
-        log.sonars.append(_parse_sonar(fields, number, where, cone))
-    elif kind in POSE_LINES:
-        log.tracks.setdefault(kind, []).append(_parse_pose(fields, number, where))
-    elif kind in LASER_PARSERS and log.laser in (None, kind):
-        log.laser = kind
-        scan = LASER_PARSERS[kind](kind, fields, number, where)
-        log.tracks.setdefault(LASER_LINES, []).append((number, scan.time, scan.robot))
-        log.laser_poses.append(scan.pose)
-    elif kind == "PARAM" and len(fields) > 2 and OFFSETS.match(fields[1]):
-        log.ring = _parse_offsets(fields[2:], where)
-
-
-def _parse_sonar(fields: list[bytes], number: int, where: str, cone: float) -> SonarLine:
-    if len(fields) < 3:
-        raise InputError(f"{where}: SONAR line ends before its number of readings. {MEND}")
+def _parse_sonar(number: int, fields: list[bytes], cone: float) -> SonarLine:
     has_pose = fields[1].isdigit()
-    n = parse_count(fields[1] if has_pose else fields[2], where, "the number of readings")
-    length = n + 11 if has_pose else 4 * n + 6
-    if n == 0 or len(fields) != length:
-        has = f"announces {n} readings, which makes {length} fields, but has {len(fields)}"
-        raise InputError(f"{where}: SONAR line {has}. {MEND}")
-    values = parse_floats((*fields[2 if has_pose else 3 : -2], fields[-3]), where)
-    ranges, rest, time = values[:n], values[n:-2], check_time(float(values[-1]), where)
-    check_ranges(ranges, where)
+    n = int(fields[1] if has_pose else fields[2])
+    expect_length(fields, (n + 11 if has_pose else 4 * n + 6,), f"{n} readings")
+    time = float(fields[-3])
     if has_pose:
-        check_pose(rest[:3], where)
-        return SonarLine(number, ranges, time, cone, rest[:3], None)
-    opening = float(parse_floats(fields[1:2], where)[0])
-    if not 0 <= opening <= 2 * np.pi:
-        raise InputError(f"{where}: cone angle {opening:g}, but must be from 0 to 2 pi. {MEND}")
-    check_pose(rest, where)
-    return SonarLine(number, ranges, time, opening or cone, None, rest.reshape(n, 3))
+        values = floats(fields[2 : n + 5])
+        return SonarLine(number, values[:n], time, cone, values[n:], None)
+    values = floats(fields[3:-3])
+    return SonarLine(number, values[:n], time, float(fields[1]) or cone, None, values[n:].reshape(n, 3))
 
 
-def _parse_pose(fields: list[bytes], number: int, where: str) -> tuple[int, float, FloatArray]:
-    if len(fields) != POSE_FIELDS:
-        raise InputError(f"{where}: line of {len(fields)} fields, where its kind has {POSE_FIELDS}. {MEND}")
-    values = parse_floats((*fields[1:4], fields[-3]), where)
-    check_pose(values[:3], where)
-    return number, check_time(float(values[3]), where), values[:3]
-
-
-def _parse_offsets(fields: list[bytes], where: str) -> FloatArray:
-    """Return the (n, 3) ring of a PARAM line, whose list ends in one to three fields of time and host."""
-    n = next((i for i, text in enumerate(fields) if not is_number(text)), len(fields)) // 3
-    if n == 0:
-        raise InputError(f"{where}: sonar offsets are not x y theta a transducer. {MEND}")
-    ring = parse_floats(fields[: 3 * n], where).reshape(n, 3)
-    check_pose(ring, where)
-    return ring
-
-
-def _ring(sonar: SonarLine, log: _SonarLog, source: str) -> FloatArray:
+def _ring(sonar: SonarLine, given: FloatArray | None, source: str) -> FloatArray:
+    """Return the ring (n, 3) of a line: its own, that of a PARAM line, or a Pioneer's."""
     n = len(sonar.ranges)
     if sonar.ring is not None:
         return sonar.ring
-    if log.ring is not None and len(log.ring) >= n:
-        return log.ring[:n]
-    ring = ring_of(n) if log.ring is None else None
-    if ring is None:
-        why = f"nothing says where its {n} transducers sit"
+    ring = ring_of(n) if given is None else given[:n]
+    if ring is None or len(ring) < n:
         raise InputError(
-            f"{source}:{sonar.line}: {why}. Add PARAM robot_sonar_offsets x y theta ..., one a transducer."
+            f"{source}:{sonar.line}: nothing says where its {n} transducers sit. Add PARAM robot_sonar_offsets x y "
+            "theta ..., one a transducer."
         )
     return ring
 
 
-def _poses(log: _SonarLog, source: str, frame: str | None) -> tuple[list[FloatArray], list[bool], list[str], str]:
-    """Return pose of the robot and whether it is known, both by SONAR line; remarks; where the poses are from."""
-    own = [sonar.pose for sonar in log.sonars if sonar.pose is not None]
-    if frame is None and len(own) == len(log.sonars):
-        return own, [True] * len(own), [], "in the log"
-    name = frame if frame is not None else next((name for name in POSE_SOURCES if name in log.tracks), None)
-    if name is None:
-        raise InputError(f"{source}: SONAR lines without a pose, and no line that has one ({', '.join(POSE_SOURCES)}).")
-    if name not in log.tracks:
-        raise ConfigError(f"--frame {name}: {source} has {', '.join(log.tracks) or 'no poses'}.")
-    rows, remarks = log.tracks[name], []
-    if name == LASER_LINES and not _robot_is_in_laser_frame(log):
-        rows = [(line, time, pose) for (line, time, _), pose in zip(rows, log.laser_poses, strict=True)]
-        remarks.append("laser lines hold the robot's pose in another frame: the laser's is taken for the robot's")
-    if name == "ODOM":
-        remarks.append("the poses are the odometry's, which drifts unless the log was corrected")
-    track = Track.from_rows(rows)
-    times = np.array([sonar.time for sonar in log.sonars])
-    pose, known = track.poses_at(np.array([sonar.line for sonar in log.sonars]), times)
-    if not known.any():
-        raise InputError(f"{source}: no SONAR line lies within the time of the poses ({name}).")
-    if not known.all():
-        n_lost = np.count_nonzero(~known)
-        remarks.append(f"{n_lost} of {len(known)} SONAR lines lie outside the time of the poses: dropped")
-    return list(pose), known.tolist(), remarks, f"{name}, {track.how}"
+def _poses(
+    lines: Lines, lasers: list[str], sonars: list[SonarLine], source: str, frame: str | None
+) -> tuple[FloatArray, list[str], str]:
+    """Return the robot's pose at each SONAR line, nan where unknown; remarks; where the poses are from."""
+    own = [sonar.pose for sonar in sonars if sonar.pose is not None]
+    if frame is None and len(own) == len(sonars):
+        return np.array(own), [], "in the log"
+    present = [*([LASER_LINES] if lasers else []), *(name for name in POSE_LINES if name in lines)]
+    if not present:
+        names = ", ".join((LASER_LINES, *POSE_LINES))
+        raise InputError(f"{source}: SONAR lines without a pose, and no line that has one ({names}).")
+    name = present[0] if frame is None else frame
+    if name not in present:
+        raise ConfigError(f"--frame {name}: {source} has {', '.join(present)}.")
+    remarks = ["the poses are the odometry's, which drifts unless the log was corrected"] if name == "ODOM" else []
+    if name == LASER_LINES:
+        found = parse_lines(_parse_laser, lines[lasers[0]], source)
+        one_frame = _robot_is_in_laser_frame(found)
+        rows = [(line.line, line.time, line.robot if one_frame else line.pose) for line in found]
+        if not one_frame:
+            remarks.append("laser lines hold the robot's pose in another frame: the laser's is taken for the robot's")
+    else:
+        rows = parse_lines(lambda at, fields: (at, float(fields[7]), floats(fields[1:4])), lines[name], source)
+    track = Track.from_rows(name, rows, source)
+    poses, lost = track.poses_at([sonar.line for sonar in sonars], [sonar.time for sonar in sonars], source)
+    return poses, remarks + lost, track.how
 
 
-def _robot_is_in_laser_frame(log: _SonarLog) -> bool:
+def _robot_is_in_laser_frame(lines: list[LaserLine]) -> bool:
     """Return whether the laser sits at one place of the robot, by the two poses of every laser line."""
-    robot = np.array([pose for _, _, pose in log.tracks[LASER_LINES]])
-    change = np.array(log.laser_poses) - robot
+    robot = np.array([line.robot for line in lines])
+    change = np.array([line.pose for line in lines]) - robot
     cosine, sine = np.cos(robot[:, 2]), np.sin(robot[:, 2])
     ahead, aside = cosine * change[:, 0] + sine * change[:, 1], cosine * change[:, 1] - sine * change[:, 0]
     turn = np.angle(np.exp(1j * (change[:, 2] - change[0, 2])))

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.logs.readings import FloatArray, Kind, Readings, ScanTable
+from prf.logs.readings import Kind, Readings, ScanTable
 from prf.logs.suspicions import Suspicion, find_suspicions
+from prf.logs.text import FloatArray
 from prf.sensors.laser import unit_vectors
 from prf.sensors.sonar import SonarModel
 from prf.window import LARGEST_RANGE

@@ -8,17 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.logs.readings import FloatArray, IntArray
-from prf.logs.table import DOMAINS
-from prf.logs.text import BYTE_ORDER_MARK, content_lines, decompress, read_rows
+from prf.logs.text import BYTE_ORDER_MARK, FloatArray, IntArray, content_lines, decompress, read_rows
 from prf.shell.errors import InputError
 from prf.shell.files import STREAM, open_input
 from prf.window import Window
 
 REQUIRED = ("x", "y", "value")
-HEADER = "Name the columns x,y,value."
-MAX_VALUE = 1e100
-"""Its square is a number."""
 
 
 class PointTable(NamedTuple):
@@ -119,10 +114,5 @@ def read_point_data(path: str | os.PathLike[str]) -> PointTable:
         data = decompress(stream.read(), source).removeprefix(BYTE_ORDER_MARK)
     if next(content_lines(data), None) is None:
         raise InputError(f"{source}: the file is empty. Give a CSV table with the columns x,y,value.")
-    rows = read_rows(data, source, REQUIRED, (), {}, HEADER)
-    if not len(rows.line):
-        raise InputError(f"{source}: table without a row below its header. Give at least one point.")
-    for name in ("x", "y"):
-        rows.require(name, *DOMAINS[name])
-    rows.require("value", -MAX_VALUE, MAX_VALUE, "a finite number")
+    rows = read_rows(data, source, REQUIRED, (), {}, "Name the columns x,y,value.")
     return PointTable(np.column_stack((rows.columns["x"], rows.columns["y"])), rows.columns["value"], rows.line, source)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.logs.readings import FloatArray, IntArray, Readings
+from prf.logs.readings import Readings
+from prf.logs.text import FloatArray, IntArray, check_domains
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.tf import HOLD
 
@@ -33,6 +35,8 @@ class Track(NamedTuple):
 
     Attributes
     ----------
+    name : str
+        Where they are from, for a person.
     line : (n,) int64
         Line of the file, growing.
     time : (n,) float64
@@ -41,15 +45,17 @@ class Track(NamedTuple):
         Position in metres and heading in radians.
     """
 
+    name: str
     line: IntArray
     time: FloatArray
     pose: FloatArray
 
     @classmethod
-    def from_rows(cls, rows: list[tuple[int, float, FloatArray]]) -> Track:
+    def from_rows(cls, name: str, rows: Sequence[tuple[int, float, FloatArray]], source: str) -> Track:
         """Return the track of (line, time, pose) rows, at least one."""
-        line, time, pose = zip(*rows, strict=True)
-        return cls(np.array(line, dtype=np.int64), np.array(time), np.array(pose))
+        line, time, pose = (np.array(column) for column in zip(*rows, strict=True))
+        check_domains(source, line, {"t": time, **dict(zip(("x", "y", "theta"), pose.T, strict=True))}, nan=())
+        return cls(name, line, time, pose)
 
     @property
     def has_clock(self) -> bool:
@@ -60,18 +66,27 @@ class Track(NamedTuple):
     @property
     def how(self) -> str:
         """How poses are found, for a person."""
-        return "interpolated in time" if self.has_clock else "the last one before each reading"
+        return f"{self.name}, " + ("interpolated in time" if self.has_clock else "the last one before each reading")
 
-    def poses_at(self, line: IntArray, time: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Return where the robot was at readings (m, 3), heading not wrapped, and whether that is known (m,).
+    def poses_at(self, line: Sequence[int], time: Sequence[float], source: str) -> tuple[FloatArray, list[str]]:
+        """Return where the robot was at readings (m, 3), heading not wrapped, nan where unknown, and remarks.
 
         With a fit clock the pose is interpolated between the poses before and after the reading's time, linearly and
         along the shorter turn, and held for `HOLD` seconds beyond the ends. Without one it is the last pose in the file
         before the reading.
         """
-        if not self.has_clock:
+        if self.has_clock:
+            found, known = self._interpolated(np.array(time))
+        else:
             before = np.searchsorted(self.line, line) - 1
-            return self.pose[np.maximum(before, 0)], before >= 0
+            found, known = self.pose[np.maximum(before, 0)], before >= 0
+        if not known.any():
+            raise InputError(f"{source}: no reading lies within the time of the poses ({self.name}).")
+        n_lost = np.count_nonzero(~known)
+        lost = f"{n_lost} of {len(known)} scans lie outside the time of the poses: dropped"
+        return np.where(known[:, None], found, np.nan), [lost] if n_lost else []
+
+    def _interpolated(self, time: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
         pose = self.pose.copy()
         pose[:, 2] = np.unwrap(pose[:, 2])
         # Of equal time stamps the last pose counts.
@@ -111,6 +126,14 @@ def fields_of_view(readings: Readings, cone: float) -> FloatArray:
     if view.max() >= np.pi:
         raise InputError(f"{readings.source}: a sonar cone of {view.max():g} radians. It must be narrower than pi.")
     return view
+
+
+def spread(start: float, step: float, n: int) -> FloatArray:
+    """Return n directions from `start` on, radians (ValueError if they are no scan)."""
+    is_scan = n == 1 or 0.0 < abs(step) * (n - 1) <= 2.0 * np.pi + min(abs(step), 1.0)
+    if not (is_scan and abs(start) <= 2.0 * np.pi):
+        raise ValueError(f"{n} beams from {start:g} in steps of {step:g} rad are no scan")
+    return np.asarray(start + step * np.arange(n, dtype=np.float64) if n > 1 else [start], dtype=np.float64)
 
 
 @lru_cache(maxsize=8)

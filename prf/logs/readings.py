@@ -10,12 +10,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from prf.logs.text import FloatArray, IntArray, check_domains
 from prf.sensors.laser import unit_vectors
 from prf.shell.errors import ConfigError, InputError
 from prf.window import LARGEST_RANGE
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 Kind = Literal["laser", "sonar"]
 
@@ -287,6 +285,11 @@ def assemble(scans: Sequence[Scan], source: str, notes: LogNotes) -> Readings:
     """Return the usable beams of all scans, at least one, numbered from 0 in their order; `notes` are completed."""
     table = _scan_table(scans)
     ranges = np.concatenate([scan.range for scan in scans])
+    origin = np.concatenate([np.broadcast_to(scan.origin, (len(scan.range), 2)) for scan in scans])
+    angle, time = np.concatenate([scan.angle for scan in scans]), np.repeat(table.time, table.n_beams)
+    cone = np.repeat([scan.cone for scan in scans], table.n_beams)
+    columns = {"x": origin[:, 0], "y": origin[:, 1], "theta": angle, "range": ranges, "cone": cone, "t": time}
+    check_domains(source, np.repeat(table.line, table.n_beams), columns, nan=("t", "range"))
     usable = ranges > 0
     n_zero, n_invalid = int(np.count_nonzero(ranges == 0)), int(np.count_nonzero(np.isnan(ranges)))
     if not usable.any():
@@ -294,12 +297,12 @@ def assemble(scans: Sequence[Scan], source: str, notes: LogNotes) -> Readings:
         raise InputError(f"{source}: every range is {why}, which means no measurement. Look for a log with readings.")
     devices = tuple(dict.fromkeys(scan.device for scan in scans))
     return Readings.from_arrays(
-        np.concatenate([np.broadcast_to(scan.origin, (len(scan.range), 2)) for scan in scans]),
-        np.concatenate([scan.angle for scan in scans]),
+        origin,
+        angle,
         ranges,
         scan=np.repeat(table.number, table.n_beams),
-        time=np.repeat(table.time, table.n_beams),
-        cone=np.repeat([scan.cone for scan in scans], table.n_beams),
+        time=time,
+        cone=cone,
         source=source,
         notes=replace(notes, scans=table, devices=devices, n_zero_ranges=n_zero, n_invalid=n_invalid),
     ).where(usable)

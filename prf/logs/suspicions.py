@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.logs.readings import FloatArray, Kind, Readings, ScanTable
+from prf.logs.readings import Kind, Readings, ScanTable
+from prf.logs.text import FloatArray
 
 logger = logging.getLogger(__name__)
 

@@ -14,25 +14,15 @@ import os
 import numpy as np
 
 from prf.logs.poses import CONE
-from prf.logs.readings import FloatArray, IntArray, Kind, LogNotes, Readings, ScanTable, beam_numbers
-from prf.logs.text import MAX_TIME, MEND, Rows, column_names, content_lines, read_rows
+from prf.logs.readings import Kind, LogNotes, Readings, ScanTable, beam_numbers
+from prf.logs.text import MEND, FloatArray, IntArray, Rows, column_names, content_lines, read_rows
 from prf.shell.errors import InputError
 from prf.shell.files import open_output
-from prf.window import LARGEST_COORDINATE
 
 REQUIRED = ("x", "y", "theta", "range")
 OPTIONAL = ("cone", "t", "scan")
 HEADER = "Name the columns x,y,theta,range (and cone,t,scan if there are any)."
 POINT_HEADER = "Point observations (x,y,value) are given as --point-data."
-DOMAINS = {
-    "x": (-LARGEST_COORDINATE, LARGEST_COORDINATE, "metres, finite"),
-    "y": (-LARGEST_COORDINATE, LARGEST_COORDINATE, "metres, finite"),
-    "theta": (-LARGEST_COORDINATE, LARGEST_COORDINATE, "radians, finite"),
-    "range": (0.0, np.inf, "a distance of at least 0, or empty or inf for no return"),
-    "cone": (0.0, 2 * np.pi, "an angle from 0 to 2 pi"),
-    "t": (-MAX_TIME, MAX_TIME, "seconds, finite, or empty"),
-    "scan": (0.0, 2.0**53 - 1, "a whole number from 0"),
-}
 
 
 def read_table(data: bytes, source: str, kind: Kind | None = None, cone: float = CONE) -> Readings:
@@ -42,17 +32,10 @@ def read_table(data: bytes, source: str, kind: Kind | None = None, cone: float =
     """
     _, first = next(content_lines(data), (0, b""))
     advice = POINT_HEADER if "value" in column_names(first) else HEADER
-    rows = read_rows(data, source, REQUIRED, OPTIONAL, {"range": b"inf", "t": b"nan"}, advice)
-    if not len(rows.line):
-        raise InputError(f"{source}: table without a row below its header. Give at least one beam.")
-    for name, values in rows.columns.items():
-        rows.require(name, *DOMAINS[name], also=np.isnan(values) if name == "t" else False)
-    if "scan" in rows.columns and len(odd := np.flatnonzero(rows.columns["scan"] % 1)):
-        what = f"scan is {rows.columns['scan'][odd[0]]:g}, but must be {DOMAINS['scan'][2]}"
-        raise InputError(f"{source}:{rows.line[odd[0]]}: {what}. {MEND}")
+    rows = read_rows(data, source, REQUIRED, OPTIONAL, {"range": np.inf, "t": np.nan}, advice)
     if kind == "sonar" and "cone" not in rows.columns:
         rows.columns["cone"] = np.full(len(rows.line), cone)
-    readings = _assemble(rows)
+    readings = _assemble(rows, source)
     is_sonar = readings.cone > 0
     if kind is None or is_sonar.all() or not is_sonar.any():
         return readings
@@ -60,15 +43,7 @@ def read_table(data: bytes, source: str, kind: Kind | None = None, cone: float =
 
 
 def write_table(path: str | os.PathLike[str], readings: Readings) -> None:
-    """Write readings as a table that `read_table` gives back exactly, beam numbers and notes apart.
-
-    Parameters
-    ----------
-    path : path
-        Where to; ``-`` is standard output.
-    readings : Readings
-        A time that is nan becomes an empty field.
-    """
+    """Write readings as a table that `read_table` gives back exactly, beam numbers and notes apart; ``-`` is stdout."""
     columns = (*readings.origin.T, readings.angle, readings.range, readings.cone, readings.time, readings.scan)
     with open_output(path) as stream:
         stream.write(",".join((*REQUIRED, *OPTIONAL)) + "\n")
@@ -76,14 +51,14 @@ def write_table(path: str | os.PathLike[str], readings: Readings) -> None:
             stream.write(",".join("" if value != value else repr(value) for value in row) + "\n")
 
 
-def _assemble(rows: Rows) -> Readings:
+def _assemble(rows: Rows, source: str) -> Readings:
     columns = rows.columns
     origin = np.column_stack((columns["x"], columns["y"]))
     time = columns.get("t", np.full(len(origin), np.nan))
-    scan = columns["scan"].astype(np.int64) if "scan" in columns else _scans_by_place(origin, time)
+    scan = _whole(columns["scan"], rows, source) if "scan" in columns else _scans_by_place(origin, time)
     usable = columns["range"] > 0
     if not usable.any():
-        raise InputError(f"{rows.source}: every range is 0, which means no measurement. Give readings with a distance.")
+        raise InputError(f"{source}: every range is 0, which means no measurement. Give readings with a distance.")
     notes = LogNotes(
         format="table",
         scans=_scan_table(scan, rows.line, origin, time),
@@ -99,17 +74,23 @@ def _assemble(rows: Rows) -> Readings:
         beam=beam_numbers(scan),
         time=time,
         cone=columns.get("cone", 0.0),
-        source=rows.source,
+        source=source,
         notes=notes,
     ).where(usable)
+
+
+def _whole(scan: FloatArray, rows: Rows, source: str) -> IntArray:
+    """Return scan numbers as integers."""
+    odd = np.flatnonzero(scan % 1)
+    if len(odd):
+        raise InputError(f"{source}:{rows.line[odd[0]]}: scan is {scan[odd[0]]:g}, but must be a whole number. {MEND}")
+    return scan.astype(np.int64)
 
 
 def _scans_by_place(origin: FloatArray, time: FloatArray) -> IntArray:
     """Return scan numbers that grow by one wherever position or time changes from one row to the next."""
     key = np.column_stack((origin, np.nan_to_num(time, nan=-1.0)))
-    scan = np.zeros(len(key), dtype=np.int64)
-    np.cumsum(np.any(key[1:] != key[:-1], axis=1), out=scan[1:])
-    return scan
+    return np.concatenate(([0], np.cumsum(np.any(key[1:] != key[:-1], axis=1)))).astype(np.int64)
 
 
 def _scan_table(scan: IntArray, line: IntArray, origin: FloatArray, time: FloatArray) -> ScanTable:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.logs.readings import IntArray, Readings
+from prf.logs.readings import Readings
+from prf.logs.text import IntArray
 from prf.shell.errors import ConfigError, InputError
 
 

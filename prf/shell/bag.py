@@ -24,6 +24,9 @@ MAGICS = ((b"#ROSBAG V2.0", ".bag"), (b"\x89MCAP", ".mcap"), (b"SQLite format 3\
 
 SUFFIXES = tuple(suffix for _, suffix in MAGICS)
 
+HEAD = 64
+"""Bytes that show a bag."""
+
 METADATA = "metadata.yaml"
 """What makes a folder a ROS 2 bag."""
 
@@ -70,8 +73,6 @@ class Bag:
         self.topics: dict[str, Topic] = {}
         # Several publishers of one topic, usual for /tf, are several connections.
         for connection in sorted(reader.connections, key=lambda connection: connection.topic):
-            if not (isinstance(connection.topic, str) and isinstance(connection.msgtype, str)):
-                raise TypeError("name or type of a topic is no text")
             count = connection.msgcount + self.topics.get(connection.topic, Topic("", 0)).n_messages
             self.topics[connection.topic] = Topic(connection.msgtype, count)
 
@@ -127,20 +128,8 @@ def bag_in(folder: Path, accepted: str) -> Path:
 
 
 @contextmanager
-def named_bag(file: Path, suffix: str) -> Iterator[Path]:
-    """Give the bag `file`, whatever its name, under a name with the end that tells its format."""
-    if file.suffix == suffix:
-        yield file
-        return
-    with TemporaryDirectory() as folder:
-        named = Path(folder) / f"log{suffix}"
-        named.symlink_to(file.resolve())
-        yield named
-
-
-@contextmanager
 def open_bag(path: Path, source: str) -> Iterator[Bag]:
-    """Open a bag: a .bag, .mcap or .db3 file, or the folder of a ROS 2 bag with its metadata.yaml.
+    """Open a bag: a file of any name, or the folder of a ROS 2 bag with its metadata.yaml.
 
     Raises
     ------
@@ -148,26 +137,31 @@ def open_bag(path: Path, source: str) -> Iterator[Bag]:
         If it is damaged or of a version that cannot be read.
     """
     highlevel, types = (require(f"rosbags.{part}", "ros", f"{source}: a ROS bag") for part in ("highlevel", "typesys"))
-    with _refusing_damage(source):
-        reader = highlevel.AnyReader([path], default_typestore=types.get_typestore(types.Stores.ROS2_HUMBLE))
-        reader.open()
-    try:
+    with TemporaryDirectory() as folder:
         with _refusing_damage(source):
-            bag = Bag(reader, source)
-        yield bag
-    except AttributeError as error:
-        _refuse_own_type(error, source)
-        raise
-    finally:
-        reader.close()
+            reader = highlevel.AnyReader(
+                [_named(path, Path(folder))], default_typestore=types.get_typestore(types.Stores.ROS2_HUMBLE)
+            )
+            reader.open()
+        try:
+            yield Bag(reader, source)
+        finally:
+            reader.close()
 
 
-def _refuse_own_type(error: AttributeError, source: str) -> None:
-    """Raise InputError if it is a message that lacks something: a bag brings the definitions of its types with it."""
-    package, found, name = type(error.obj).__name__.partition("__msg__")
-    if found:
-        lacks = f"its {package}/{name} has no {error.name}"
-        raise InputError(f"{source}: {lacks}. Record it with the standard messages of ROS.") from error
+def _named(path: Path, folder: Path) -> Path:
+    """Return a bag, or a link to it in `folder`, under a name with the suffix by which the library knows its format."""
+    suffix = "" if path.is_dir() else bag_suffix(_head(path))
+    if suffix == path.suffix:
+        return path
+    link = folder / f"bag{suffix}"
+    link.symlink_to(path.resolve())
+    return link
+
+
+def _head(path: Path) -> bytes:
+    with path.open("rb") as stream:
+        return stream.read(HEAD)
 
 
 def seconds(stamp: Any, received: float) -> float:

@@ -119,8 +119,11 @@ def test_what_cannot_be_read_is_named(tmp_path, content, words, zipped):
         (b"#ROSBAG V2.0\n\x45\0", "the bag is damaged"),
         (b"\x89MCAP0\r\n\0", "the bag is damaged"),
         (b"SQLite format 3\0", "the bag is damaged"),
-        (b"## Player version 2.1.2 \n## File version 0.3.0 \n", "Player log without laser readings; it has 2 comment"),
-        (b"1106955333.287 rossum 6665 laser 00 1106955333.276 16 +00.115\n", "ends before its number of readings"),
+        (
+            b"## Player version 2.1.2 \n## File version 0.3.0 \n",
+            "Player log without laser readings",
+        ),
+        (b"1106955333.287 rossum 6665 laser 00 1106955333.276 16 +00.115\n", "ends too early"),
     ],
 )
 @pytest.mark.parametrize("zipped", [False, True])
