@@ -321,7 +321,7 @@ def _standard_errors(family: Family, density: Density, theta: Floats) -> tuple[F
 def read_known_map(path: str | os.PathLike[str]) -> OccupiedArea:
     """Read the occupied area of a map file: .yaml and .yml are maps of ROS, others GeoJSON."""
     is_ros = Path(path).suffix.lower() in YAML_SUFFIXES
-    area = OccupiedArea(*area_of_map(read_cell_map(path))) if is_ros else read_occupied_area(path)
+    area = area_of_map(read_cell_map(path)) if is_ros else read_occupied_area(path)
     if area.region.is_empty:
         raise InputError(f"{path}: nothing is occupied in this map. Calibration needs walls.")
     return area

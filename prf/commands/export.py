@@ -34,14 +34,6 @@ class Format(StrEnum):
     netcdf = "netcdf"
 
 
-class Mode(StrEnum):
-    """How map_server is to read the image of a ROS map."""
-
-    trinary = "trinary"
-    scale = "scale"
-    raw = "raw"
-
-
 def export(
     source: Annotated[
         str, typer.Argument(metavar="RUN|GRID|MAP", help="From prf sample or prf grid, or polygons in GeoJSON.")
@@ -53,15 +45,12 @@ def export(
         int | None,
         typer.Option("--draw", metavar="K", help="Draw number K, from 0, instead of the best map or the posterior."),
     ] = None,
-    mode: Annotated[
-        Mode | None, typer.Option("--mode", help="ros-map: three values (default), or probabilities in two ways.")
-    ] = None,
     unknown: Annotated[
         tuple[float, float] | None,
         typer.Option(
             "--unknown",
             metavar="LOW HIGH",
-            help="ros-map: cells of these probabilities are unknown (trinary: 0.196 0.65, else none).",
+            help="ros-map: cells of these probabilities are unknown.  [0.196 0.65]",
         ),
     ] = None,
     squares: Annotated[
@@ -95,7 +84,7 @@ def export(
     from prf.shell.streams import refuse_json_beside, say_beside
 
     refuse_json_beside(output, json)
-    options = Options(format, draw, mode, unknown, squares, resolution, extrapolate)
+    options = Options(format, draw, unknown, squares, resolution, extrapolate)
     done = export_source(source, output, options, force)
     for note in done.notes:
         logger.warning(note)

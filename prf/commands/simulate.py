@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from enum import StrEnum
 from typing import Annotated, Any
 
 import typer
@@ -16,13 +15,6 @@ EXAMPLES = (
     "prf simulate --world arak --scale 0.1 --size 30 30 --seed 1 -o draw",
     "prf simulate --world map.yaml --path drive.csv --no-laser --sonar -o run",
 )
-
-
-class Unknown(StrEnum):
-    """What unknown cells are."""
-
-    occupied = "occupied"
-    free = "free"
 
 
 World = Annotated[
@@ -38,9 +30,6 @@ Size = Annotated[
     typer.Option("--size", metavar="W H", help="Of an office or of a draw's window, metres.  [60 40]"),
 ]
 Scale = Annotated[float | None, typer.Option("--scale", metavar="1/METRE", help="Scale parameter p of a draw.  [0.1]")]
-UnknownCells = Annotated[
-    Unknown | None, typer.Option("--unknown", help="What the unknown cells of a ROS map are.  [occupied]")
-]
 PathFile = Annotated[
     str | None,
     typer.Option("--path", metavar="FILE", help="CSV of waypoints x,y, or of poses x,y,theta to measure at."),
@@ -50,13 +39,11 @@ RobotRadius = Annotated[
 ]
 Spacing = Annotated[
     float | None,
-    typer.Option(
-        "--spacing", metavar="METRES", help="Driven from scan to scan.  [0.5, or for --readings in one drive]"
-    ),
+    typer.Option("--spacing", metavar="METRES", help="Driven from scan to scan.  [0.5]"),
 ]
 Readings = Annotated[
     int | None,
-    typer.Option("--readings", metavar="N", help="So many readings, about: of the sonar, or else laser beams."),
+    typer.Option("--readings", metavar="N", help="So many readings instead, about: of the sonar, or else laser beams."),
 ]
 Laser = Annotated[bool, typer.Option("--laser/--no-laser", help="Write laser.log.gz.")]
 LaserBeams = Annotated[int | None, typer.Option("--beams", metavar="N", help="Beams of a scan.  [180]")]
@@ -85,7 +72,6 @@ def simulate(
     world: World = "office",
     size: Size = None,
     scale: Scale = None,
-    unknown: UnknownCells = None,
     path: PathFile = None,
     robot_radius: RobotRadius = None,
     spacing: Spacing = None,
@@ -125,7 +111,6 @@ def simulate(
         raise UsageError("the result is a directory. Name one with -o DIR.")
     refuse_standing(output, force)
     claim(output)
-    options["unknown_is_occupied"] = None if unknown is None else unknown is Unknown.occupied
     config = config_of(options, laser, sonar)
     with progress(1.0, "casting beams") as bar:
         simulation = make(config, resolve_seed(seed), bar.update)
@@ -137,7 +122,7 @@ def simulate(
         _report(result)
 
 
-NOT_SETTINGS = ("laser", "sonar", "unknown", "seed", "output", "force", "json")
+NOT_SETTINGS = ("laser", "sonar", "seed", "output", "force", "json")
 
 
 def _report(result: dict[str, Any]) -> None:

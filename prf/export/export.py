@@ -15,7 +15,7 @@ from prf.coloring import oriented_polygons
 from prf.export.cells import cells_of, cut_to_known
 from prf.export.drawings import dxf_text, paper_ratio, svg_text
 from prf.export.netcdf import netcdf_bytes
-from prf.export.ros_map import IMAGE_SUFFIX, TRINARY, ros_map
+from prf.export.ros_map import ros_map
 from prf.export.source import Source, read_source, require_existing, stem_of
 from prf.run import map_text
 from prf.shell.errors import UsageError
@@ -46,8 +46,6 @@ class Options:
         One of `FORMATS`; None: by the suffix of the output.
     draw : int or None
         Number of the draw of a RUN to export instead of its best map or its posterior image, from 0; -1 is the last.
-    mode : str or None
-        Of a ROS map: "trinary", "scale" or "raw".
     unknown : (float, float) or None
         Of a ROS map: cells of a probability from the first to the second are unknown.
     squares : bool
@@ -60,7 +58,6 @@ class Options:
 
     format: str | None = None
     draw: int | None = None
-    mode: str | None = None
     unknown: tuple[float, float] | None = None
     squares: bool = False
     resolution: float | None = None
@@ -113,7 +110,7 @@ def export_source(path: str | os.PathLike[str], output: str | None, options: Opt
     require_existing(path)
     name = resolve_format(options.format, output)
     check_options(name, options)
-    files = targets(name, output, stem_of(path), options.mode or TRINARY)
+    files = targets(name, output, stem_of(path))
     with held_outputs(files, force):
         refuse_inputs(files, [os.fspath(path)])
         source = read_source(path)
@@ -141,7 +138,6 @@ def resolve_format(wanted: str | None, output: str | None) -> str:
 def check_options(name: str, options: Options) -> None:
     """Refuse options that format `name` has no use for, and values outside their domain (UsageError)."""
     only_ros = {
-        "--mode": options.mode is not None,
         "--unknown": options.unknown is not None,
         "--squares": options.squares,
         "--resolution": options.resolution is not None,
@@ -162,7 +158,7 @@ def check_options(name: str, options: Options) -> None:
         raise UsageError(f"--resolution {options.resolution:g}: must be a positive number of metres.")
 
 
-def targets(name: str, output: str | None, stem: str, mode: str) -> tuple[str, ...]:
+def targets(name: str, output: str | None, stem: str) -> tuple[str, ...]:
     """Return the files that an export writes: one, or for a ROS map the yaml file and the image.
 
     Parameters
@@ -173,23 +169,17 @@ def targets(name: str, output: str | None, stem: str, mode: str) -> tuple[str, .
         As the user gave it. Of a ROS map the name of either file, or their common stem.
     stem : str
         Names the output if the user did not.
-    mode : str
-        Of a ROS map.
     """
     if output == STREAM and name in (ROS_MAP, NETCDF):
         what = "is a pair of files" if name == ROS_MAP else "is binary"
         raise UsageError(f"--format {name} {what} and cannot go to standard output. Name a file with -o.")
     if name != ROS_MAP:
         return (output if output is not None else stem + SUFFIXES[name][0],)
-    given = PurePath(output if output is not None else stem)
-    image_suffix = IMAGE_SUFFIX[mode]
-    suffix = given.suffix.lower() if output is not None else ""
-    if suffix in IMAGE_SUFFIX.values() and suffix != image_suffix:
-        raise UsageError(f"{output}: the image of mode {mode} is a {image_suffix} file. Name the yaml file instead.")
-    if suffix in (".yaml", ".yml"):
-        return str(given), str(given.with_suffix(image_suffix))
-    base = str(given.with_suffix("")) if suffix == image_suffix else str(given)
-    return f"{base}.yaml", f"{base}{image_suffix}"
+    given = PurePath(stem if output is None else output)
+    if output is not None and given.suffix.lower() in (".yaml", ".yml"):
+        return str(given), str(given.with_suffix(".pgm"))
+    base = given.with_suffix("") if output is not None and given.suffix.lower() == ".pgm" else given
+    return f"{base}.yaml", f"{base}.pgm"
 
 
 def chains_notes(source: Source) -> tuple[str, ...]:
@@ -239,18 +229,13 @@ def _printable(title: str) -> str:
 
 
 def _ros_map(source: Source, options: Options, image_name: str) -> _Content:
-    mode = options.mode or TRINARY
     cells = cells_of(
         source, options.draw, options.extrapolate or 0.0, squares=options.squares, resolution=options.resolution
     )
-    made = ros_map(cells, mode, options.unknown, image_name)
+    made = ros_map(cells, options.unknown, image_name)
     n_rows, n_columns = cells.probability.shape
-    facts = {"mode": mode, "n_columns": n_columns, "n_rows": n_rows, "resolution": cells.resolution}
-    served = (
-        f"mode {mode} is served as probabilities in per cent: a costmap that takes only 100 for an obstacle "
-        "needs a lower lethal_threshold, such as 65."
-    )
-    return _Content((made.yaml, made.image), {**facts, **made.counts}, () if mode == TRINARY else (served,))
+    facts = {"n_columns": n_columns, "n_rows": n_rows, "resolution": cells.resolution, **made.counts}
+    return _Content((made.yaml, made.image), facts)
 
 
 def _netcdf(source: Source) -> _Content:

@@ -3,7 +3,7 @@
 from prf.simulate.laser import LaserPhysics, simulate_laser
 from prf.simulate.options import config_of
 from prf.simulate.path import Scans, Spacing, plan_drive, scans_along
-from prf.simulate.plans import OfficePlan, office
+from prf.simulate.plans import office
 from prf.simulate.roadmap import Roadmap, roadmap
 from prf.simulate.simulation import SimulateConfig, Simulation, simulate
 from prf.simulate.sources import draw_world, read_world
@@ -12,7 +12,6 @@ from prf.simulate.write import summary, write_simulation
 
 __all__ = [
     "LaserPhysics",
-    "OfficePlan",
     "Roadmap",
     "Scans",
     "SimulateConfig",

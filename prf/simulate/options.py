@@ -11,14 +11,8 @@ from prf.simulate.simulation import ARAK, OFFICE, SimulateConfig
 from prf.simulate.sonar import SonarPhysics
 
 FILE = "FILE"
-WORLDS_OF = {
-    "size": (OFFICE, ARAK),
-    "scale": (ARAK,),
-    "unknown_is_occupied": (FILE,),
-}
-"""Options that speak of some worlds only."""
-FLAGS = {"unknown_is_occupied": "--unknown"}
-"""Of options whose flag is not their name."""
+WORLDS_OF = {"size": (OFFICE, ARAK), "scale": (ARAK,)}
+"""Options for some worlds only."""
 
 
 def config_of(options: Mapping[str, Any], laser: bool, sonar: bool) -> SimulateConfig:
@@ -57,7 +51,7 @@ def _idle(given: Mapping[str, Any], laser: bool, sonar: bool) -> Iterator[tuple[
 
 
 def _flag(name: str) -> str:
-    return FLAGS.get(name, "--" + name.removeprefix("laser_").replace("_", "-"))
+    return "--" + name.removeprefix("laser_").replace("_", "-")
 
 
 def _part(options: Mapping[str, Any], prefix: str) -> dict[str, Any]:

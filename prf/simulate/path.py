@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
-import math
 import os
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 
+from prf.logs.text import BYTE_ORDER_MARK, IntArray, decompress, read_rows
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.files import open_input
 from prf.simulate.roadmap import CELL, Roadmap, tour_places, viewpoints
@@ -96,7 +93,7 @@ def pulled(road: Roadmap, way: Floats) -> Floats:
     return way[kept]
 
 
-def scans_along(corners: Floats, spacing: Spacing, n_scans: int | None = None, stretch: bool = False) -> Scans:
+def scans_along(corners: Floats, spacing: Spacing, n_scans: int | None = None) -> Scans:
     """Return the scans of a robot that drives along straight legs and turns in place between them.
 
     Parameters
@@ -104,26 +101,15 @@ def scans_along(corners: Floats, spacing: Spacing, n_scans: int | None = None, s
     corners : (n, 2) float64
         Metres.
     n_scans : int, optional
-        How many; the robot drives the way and back until it has them. Default: as many as one drive gives.
-    stretch : bool
-        Spread `n_scans` evenly over one drive, metres and radians in the proportion of `spacing`.
+        How many, spread evenly over the drive, metres and radians in the proportion of `spacing`. Default: by spacing.
     """
     knots = _knots(corners, spacing)
     way = knots[-1, 0]
-    wanted = max(way, n_scans or 0)
-    if not wanted <= MAX_SCANS:
-        raise ConfigError(f"the drive would have {wanted:.3g} scans. Give a larger --spacing, or fewer --readings.")
-    if n_scans is None:
-        marks = np.arange(int(way) + 1, dtype=np.float64)
-    elif stretch:
-        marks = np.arange(n_scans) * (way / max(n_scans, 1))
-    else:
-        laps = [corners, corners[::-1]]
-        while len(corners) > 1 and knots[-1, 0] < n_scans - 1:
-            corners = np.concatenate([corners, laps[1][1:]])
-            laps.reverse()
-            knots = _knots(corners, spacing)
-        marks = np.minimum(np.arange(n_scans), knots[-1, 0])
+    if not max(way, n_scans or 0) <= MAX_SCANS:
+        raise ConfigError(
+            f"the drive would have {max(way, n_scans or 0):.3g} scans. Give a larger --spacing, or fewer --readings."
+        )
+    marks = np.arange(int(way) + 1.0) if n_scans is None else np.arange(n_scans) * (way / n_scans)
     found = np.column_stack([np.interp(marks, knots[:, 0], column) for column in knots[:, 1:].T])
     return Scans.rounded(found[:, 1:], found[:, 0])
 
@@ -157,7 +143,7 @@ class PathFile(NamedTuple):
     """
 
     source: str
-    line: np.ndarray[tuple[int], np.dtype[np.int64]]
+    line: IntArray
     rows: Floats
 
     @property
@@ -191,49 +177,13 @@ class PathFile(NamedTuple):
 
 
 def read_path(path: str | os.PathLike[str]) -> PathFile:
-    """Read a path: CSV with the columns x, y and perhaps theta and t; without a header, in this order.
+    """Read a path: CSV with the columns x, y and perhaps theta and t; ``-`` is standard input.
 
     With theta the rows are poses to measure at, and t is the time; without theta they are waypoints and t is not read.
-    Blank lines and lines that start with # are skipped.
-
-    Parameters
-    ----------
-    path : path
-        ``-`` is standard input.
     """
     with open_input(path) as stream:
-        try:
-            text = stream.read().decode("utf-8-sig")
-        except UnicodeDecodeError as error:
-            raise InputError(f"{path}: not UTF-8 text. Give a CSV with the columns x,y or x,y,theta.") from error
-    reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True)
-    rows = [(reader.line_num, row) for row in reader if any(map(str.strip, row)) and not row[0].startswith("#")]
-    places = _places(rows[0][1]) if rows else []
-    if places:
-        rows = rows[1:]
-    if not rows:
-        raise InputError(f"{path}: no waypoint in it. Give a CSV with the columns x,y or x,y,theta.")
-    places = places or list(range(min(len(rows[0][1]), len(COLUMNS))))
-    numbers = [_numbers(f"{path}:{line}", row, places) for line, row in rows]
-    return PathFile(str(path), np.array([line for line, _ in rows]), np.array(numbers))
-
-
-def _places(header: Sequence[str]) -> list[int]:
-    """Return the places of the columns in a header; none if the row is no header."""
-    names = [name.strip().lower() for name in header]
-    if not {"x", "y"} <= set(names):
-        return []
-    wanted = COLUMNS if "theta" in names else COLUMNS[:2]
-    return [names.index(name) for name in wanted if name in names]
-
-
-def _numbers(where: str, row: Sequence[str], places: Sequence[int]) -> list[float]:
-    try:
-        numbers = [float(row[place]) for place in places]
-    except (ValueError, IndexError):
-        numbers = []
-    if len(numbers) < 2 or not all(map(math.isfinite, numbers)):
-        raise InputError(
-            f"{where}: {','.join(row)!r} is no waypoint. Give finite x,y in metres, theta in radians, t in seconds."
-        )
-    return numbers
+        data = decompress(stream.read(), str(path)).removeprefix(BYTE_ORDER_MARK)
+    rows = read_rows(data, str(path), COLUMNS[:2], COLUMNS[2:], {}, "Give a CSV with the columns x,y or x,y,theta.")
+    names = COLUMNS if "theta" in rows.columns else COLUMNS[:2]
+    table = np.column_stack([rows.columns[name] for name in names if name in rows.columns])
+    return PathFile(str(path), rows.line, table)

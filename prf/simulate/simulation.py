@@ -13,7 +13,7 @@ from prf.shell.errors import ConfigError, InputError
 from prf.shell.seeds import spawn_generators
 from prf.simulate.laser import LaserPhysics, simulate_laser
 from prf.simulate.path import PathFile, Scans, Spacing, plan_drive, read_path, scans_along
-from prf.simulate.plans import OfficePlan, office
+from prf.simulate.plans import office
 from prf.simulate.roadmap import roadmap
 from prf.simulate.sonar import SonarPhysics, simulate_sonar
 from prf.simulate.sources import draw_world, read_world
@@ -42,21 +42,18 @@ class SimulateConfig:
         Width and height of an office or of the window of a draw.
     scale : float
         p of a draw, 1/m.
-    unknown_is_occupied : bool
-        What unknown cells of a ROS map become.
     path : str or None
         A file with waypoints or poses; default a drive that is planned.
     robot_radius : float
     spacing : float or None
-        Metres from scan to scan, and radians where the robot turns; default 0.5, or so that `readings` fill one drive.
+        Metres from scan to scan, and radians where the robot turns; default 0.5.
     readings : int or None
-        About how many readings, of the sonar if there is one, else of the laser.
+        About how many readings instead, of the sonar if there is one, else of the laser, spread over the drive.
     """
 
     world: str = OFFICE
     size: tuple[float, float] = SIZE
     scale: float = 0.1
-    unknown_is_occupied: bool = True
     path: str | None = None
     robot_radius: float = 0.25
     spacing: float | None = None
@@ -71,6 +68,8 @@ class SimulateConfig:
                 check_length(name.replace("_", "-"), getattr(self, name))
         if self.readings is not None and not 1 <= self.readings <= MAX_READINGS:
             raise ConfigError(f"readings {self.readings}: must be at least 1, and at most {MAX_READINGS:,}")
+        if self.readings is not None and self.spacing is not None:
+            raise ConfigError("readings are spread over one drive: give --readings or --spacing, not both")
         if self.laser is None and self.sonar is None:
             raise ConfigError("no sensor: leave --no-laser out, or add --sonar")
         if self.sonar is not None and self.robot_radius < RING_RADIUS:
@@ -141,9 +140,9 @@ def simulate(config: SimulateConfig, seed: int, report: Callable[[float], None] 
 def _make_world(config: SimulateConfig, given: PathFile | None, rng: np.random.Generator) -> tuple[World, int]:
     """Return the world, and how many draws were thrown away."""
     if config.world == OFFICE:
-        return office(OfficePlan(*config.size), rng), 0
+        return office(*config.size, rng), 0
     if config.world != ARAK:
-        return read_world(config.world, config.unknown_is_occupied), 0
+        return read_world(config.world), 0
     window = Window.checked(0.0, 0.0, *config.size)
     return draw_world(config.scale, window, rng, lambda world: _can_be_driven(config, world, given))
 
@@ -169,7 +168,7 @@ def _drive(config: SimulateConfig, world: World, given: PathFile | None) -> Scan
         return _with_space(config, world, Scans(scans.pose[:n_scans], scans.time[:n_scans]))
     corners = given.rows if given is not None else plan_drive(roadmap(world, config.robot_radius), REACH)
     spacing = Spacing(config.spacing or Spacing.metres)
-    return _with_space(config, world, scans_along(corners, spacing, n_scans, stretch=config.spacing is None))
+    return _with_space(config, world, scans_along(corners, spacing, n_scans))
 
 
 def _with_space(config: SimulateConfig, world: World, scans: Scans) -> Scans:

@@ -12,9 +12,8 @@ import shapely
 
 from prf.cli import app
 from prf.coloring import occupied_polygons
-from prf.commands.export import Format, Mode
+from prf.commands.export import Format
 from prf.export import FORMATS
-from prf.export.ros_map import IMAGE_SUFFIX
 from prf.occupancy import OccupancyGrid, write_grid
 from prf.run import read_map_feature, read_run, write_run
 from prf.shell.run import run_app
@@ -44,7 +43,6 @@ def files(folder: Path) -> set[str]:
 
 def test_the_options_offer_what_the_library_writes() -> None:
     assert {*Format} == {*FORMATS}
-    assert {*Mode} == {*IMAGE_SUFFIX}
 
 
 @pytest.mark.parametrize(
@@ -144,15 +142,6 @@ def test_a_grid_is_a_ros_map_only(here: Path, capsys: pytest.CaptureFixture) -> 
     ):
         assert call("room.grid.npz", *args, "-f") == code
         assert message in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("mode", ["scale", "raw"])
-def test_modes_that_a_costmap_may_misread_say_so(
-    folder: Path, here: Path, capsys: pytest.CaptureFixture, mode: str
-) -> None:
-    assert call(folder, "-o", "a.yaml", "--mode", mode) == 0
-    assert "lethal_threshold" in capsys.readouterr().err
-    assert f"mode: {mode}" in (here / "a.yaml").read_text()
 
 
 @pytest.mark.parametrize(("format", "module"), [("dxf", "ezdxf"), ("netcdf", "xarray"), ("netcdf", "h5netcdf")])

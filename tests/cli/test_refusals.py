@@ -25,8 +25,6 @@ CASES = (
     ("prf export run -o out.txt", 2, "out.txt: its suffix names no format"),
     ("prf export run --format ros-map -o -", 2, "pair of files"),
     ("prf export run --format netcdf -o -", 2, "binary"),
-    ("prf export run -o out.pgm --mode scale", 2, "a .png file"),
-    ("prf export run -o out.svg --mode raw", 2, "--mode is for"),
     ("prf export run -o out.svg --unknown 0 1", 2, "--unknown is for"),
     ("prf export run -o out.nc --draw 1", 2, "--draw is for maps"),
     ("prf export run -o out.svg --draw 4", 2, "draws 0 to 3"),

@@ -54,7 +54,7 @@ def test_an_exported_truth_can_be_simulated_in_again(tmp_path: Path) -> None:
     assert run_app(app, "prf", ["export", truth, "--format", "ros-map", "-o", ros, "-q"]) == 0
     for name, world in (("again", truth), ("raster", ros)):
         again = tmp_path / name
-        args = ["simulate", "--world", world, "--path", path, "--unknown", "free", "--beams", "36"]
+        args = ["simulate", "--world", world, "--path", path, "--beams", "36"]
         assert run_app(app, "prf", [*args, "--seed", "4", "-o", str(again)]) == 0
         assert (again / "path.csv").read_text() == (folder / "path.csv").read_text()
     assert (tmp_path / "again" / "laser.log.gz").read_bytes() == (folder / "laser.log.gz").read_bytes()

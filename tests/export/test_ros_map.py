@@ -1,4 +1,4 @@
-"""ROS maps: what map_server makes of them is what the posterior says, in every mode and in both releases of ROS."""
+"""ROS maps: what map_server makes of them is what the posterior says."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from matplotlib.image import imread
 from prf.coloring import black_at
 from prf.estimate import occupied_probability
 from prf.export import Options, export_source
-from prf.export.cells import Cells
-from prf.export.ros_map import pgm_bytes, png_bytes, ros_map
+from prf.export.cells import Cells, cells_of
+from prf.export.ros_map import pgm_bytes, ros_map
+from prf.export.source import read_source
 from prf.layout import image_grid, pixel_centres
 from prf.occupancy import OccupancyGrid, write_grid
 from prf.run import read_run, write_run
@@ -20,8 +21,6 @@ from prf.shell.errors import InputError, UsageError
 from prf.window import Window
 from tests.export import map_server
 from tests.factories import make_run
-
-ROS = pytest.mark.parametrize("ros", [1, 2])
 
 
 @pytest.fixture(scope="module")
@@ -41,17 +40,15 @@ def ramp() -> Cells:
     return Cells(probability, np.array([-12.25, 1e-5]), 0.05)
 
 
-def serve(cells: Cells, mode: str, folder: Path, unknown: tuple[float, float] | None = None, ros: int = 2):
-    image = folder / ("map.png" if mode == "scale" else "map.pgm")
-    made = ros_map(cells, mode, unknown, image.name)
-    image.write_bytes(made.image)
+def serve(cells: Cells, folder: Path, unknown: tuple[float, float] | None = None):
+    made = ros_map(cells, unknown, "map.pgm")
+    (folder / "map.pgm").write_bytes(made.image)
     (folder / "map.yaml").write_text(made.yaml)
-    return map_server.load(folder / "map.yaml", ros), made
+    return map_server.load(folder / "map.yaml"), made
 
 
-@ROS
-def test_trinary_round_trip(ramp: Cells, tmp_path: Path, ros: int) -> None:
-    served, made = serve(ramp, "trinary", tmp_path, ros=ros)
+def test_round_trip(ramp: Cells, tmp_path: Path) -> None:
+    served, made = serve(ramp, tmp_path)
     p = ramp.probability.astype(float)
     expected = np.where(p > 0.65, 100, np.where(p < 0.196, 0, -1))
     np.testing.assert_array_equal(served.data, expected)
@@ -65,10 +62,10 @@ def test_trinary_round_trip(ramp: Cells, tmp_path: Path, ros: int) -> None:
 
 
 def test_thresholds_and_pixels_are_those_that_keep_unknown_cells_unknown(ramp: Cells, tmp_path: Path) -> None:
-    served, made = serve(ramp, "trinary", tmp_path)
+    served, made = serve(ramp, tmp_path)
     content = map_server.read_yaml(tmp_path / "map.yaml")
     assert (content["free_thresh"], content["occupied_thresh"], content["negate"]) == ("0.196", "0.65", "0")
-    assert set(np.unique(map_server.read_pgm(tmp_path / "map.pgm")[0])) == {0, 205, 254}
+    assert set(np.unique(map_server.read_pgm(tmp_path / "map.pgm"))) == {0, 205, 254}
     # The threshold that others write turns every unknown cell into free space: the reader sees it.
     (tmp_path / "map.yaml").write_text(made.yaml.replace("0.196", "0.25"))
     mistaken = map_server.load(tmp_path / "map.yaml")
@@ -76,52 +73,23 @@ def test_thresholds_and_pixels_are_those_that_keep_unknown_cells_unknown(ramp: C
     assert not (mistaken.data == -1).any()
 
 
-@ROS
 @pytest.mark.parametrize("band", [(0.5, 0.5), (0.0, 0.25), (0.05, 0.95), (0.0, 1.0)])
-def test_the_unknown_band_is_the_users(ramp: Cells, tmp_path: Path, band: tuple[float, float], ros: int) -> None:
-    served, _ = serve(ramp, "trinary", tmp_path, band, ros)
+def test_the_unknown_band_is_the_users(ramp: Cells, tmp_path: Path, band: tuple[float, float]) -> None:
+    served, _ = serve(ramp, tmp_path, band)
     p = ramp.probability.astype(float)
     np.testing.assert_array_equal(served.data, np.where(p > band[1], 100, np.where(p < band[0], 0, -1)))
 
 
-@ROS
-@pytest.mark.parametrize(("mode", "error"), [("scale", {2: 0.71, 1: 2.2}), ("raw", {2: 0.51, 1: 0.51})])
-@pytest.mark.parametrize("band", [None, (0.4, 0.6)])
-def test_scale_and_raw_serve_every_probability(
-    ramp: Cells, tmp_path: Path, mode: str, error: dict[int, float], band: tuple[float, float] | None, ros: int
-) -> None:
-    served, made = serve(ramp, mode, tmp_path, band, ros)
-    p = ramp.probability.astype(float)
-    unknown = np.isnan(p) if band is None else np.isnan(p) | ((p >= band[0]) & (p <= band[1]))
-    np.testing.assert_array_equal(served.data == -1, unknown)
-    assert np.abs(served.data - 100.0 * p)[~unknown].max() <= error[ros]
-    assert served.data.max() in (99, 100)  # ROS 1 interpolates up to 99
-    assert made.counts == {"n_unknown": unknown.sum()}
-
-
-def test_pixels_of_scale_hold_the_probability_whatever_the_thresholds(ramp: Cells, tmp_path: Path) -> None:
-    serve(ramp, "scale", tmp_path)
-    shade, opacity = map_server.read_png(tmp_path / "map.png")
-    known = opacity[::-1] == 255
-    np.testing.assert_allclose((1.0 - shade / 255.0)[::-1][known], ramp.probability[known], atol=0.5 / 255.0 + 1e-6)
-
-
 def test_other_readers_see_the_same_pixels(tmp_path: Path) -> None:
-    rng = np.random.default_rng(3)
-    grey, opaque = rng.integers(0, 256, (7, 11), dtype=np.uint8), rng.random((7, 11)) < 0.5
+    grey = np.random.default_rng(3).integers(0, 256, (7, 11), dtype=np.uint8)
     (tmp_path / "a.pgm").write_bytes(pgm_bytes(grey))
-    (tmp_path / "a.png").write_bytes(png_bytes(grey, opaque))
     np.testing.assert_array_equal(imread(tmp_path / "a.pgm"), grey)
-    seen = np.rint(255.0 * imread(tmp_path / "a.png")).astype(int)
-    np.testing.assert_array_equal(seen[..., 0], grey)
-    np.testing.assert_array_equal(seen[..., 3] == 255, opaque)
 
 
-@ROS
 @pytest.mark.parametrize("squares", [False, True])
-def test_a_run_from_its_directory_to_the_server(folder: Path, tmp_path: Path, squares: bool, ros: int) -> None:
+def test_a_run_from_its_directory_to_the_server(folder: Path, tmp_path: Path, squares: bool) -> None:
     done = export_source(folder, str(tmp_path / "office.yaml"), Options(format="ros-map", squares=squares))
-    served = map_server.load(tmp_path / "office.yaml", ros)
+    served = map_server.load(tmp_path / "office.yaml")
     image = read_run(folder).image
     p = np.where(image.seen, image.square_occupancy if squares else image.occupancy, np.nan).astype(float)
     np.testing.assert_array_equal(served.data, np.where(p > 0.65, 100, np.where(p < 0.196, 0, -1)))
@@ -164,41 +132,30 @@ def test_what_no_reading_saw_is_unknown_but_near_it_if_asked(folder: Path, tmp_p
     away = np.hypot(*(centres[:, None] - seen[None]).transpose(2, 0, 1)).min(axis=1).reshape(image.seen.shape)
     assert 0.0 < away.max() <= 1.5
     for extrapolate in (0.0, 1.0, 2.0):
-        name = tmp_path / f"{extrapolate:g}.yaml"
-        export_source(folder, str(name), Options(format="ros-map", mode="raw", extrapolate=extrapolate))
         known = (away <= extrapolate + 1e-9) & ~np.isnan(image.occupancy)
-        np.testing.assert_array_equal(map_server.load(name).data >= 0, known)
+        cells = cells_of(read_source(folder), extrapolate=extrapolate)
+        np.testing.assert_array_equal(~np.isnan(cells.probability), known)
 
 
-def test_a_run_takes_finer_cells_from_its_draws(folder: Path, tmp_path: Path) -> None:
+def test_a_run_takes_finer_cells_from_its_draws(folder: Path) -> None:
     run = read_run(folder)
-    options = Options(format="ros-map", mode="raw", resolution=0.21, extrapolate=100.0)
-    export_source(folder, str(tmp_path / "fine.yaml"), options)
-    served = map_server.load(tmp_path / "fine.yaml")
+    cells = cells_of(read_source(folder), extrapolate=100.0, resolution=0.21)
     centres = pixel_centres(image_grid(run.draws.window, 0.21))
     inside = run.draws.window.contains(centres)
     p = occupied_probability(run.draws, centres[inside])
-    assert np.abs(served.data.ravel()[inside] - 100.0 * p).max() <= 0.51
+    np.testing.assert_allclose(cells.probability.ravel()[inside], p)
 
 
-@ROS
-@pytest.mark.parametrize("mode", ["trinary", "scale", "raw"])
-def test_a_grid_serves_what_was_seen(tmp_path: Path, mode: str, ros: int) -> None:
+def test_a_grid_serves_what_was_seen(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     hits, misses = rng.integers(0, 3, (2, 6, 9), dtype=np.int32)
     occupancy = ((hits + 0.5) / (hits + misses + 1.0)).astype(np.float32)
     grid = OccupancyGrid(occupancy, hits, misses, np.array([-3.5, 2.0]), 0.1)
     write_grid(tmp_path / "room.grid.npz", grid)
-    export_source(tmp_path / "room.grid.npz", str(tmp_path / "room.yaml"), Options(format="ros-map", mode=mode))
-    served = map_server.load(tmp_path / "room.yaml", ros)
-    seen = hits + misses > 0
-    assert (seen & (occupancy == 0.5)).any(), "seen, and still one half"
-    if mode == "trinary":
-        expected = np.where(occupancy > 0.65, 100, np.where(occupancy < 0.196, 0, -1))
-        np.testing.assert_array_equal(served.data, expected)
-    else:
-        np.testing.assert_array_equal(served.data >= 0, seen)
-        assert np.abs(served.data - 100.0 * occupancy)[seen].max() < 2.2
+    export_source(tmp_path / "room.grid.npz", str(tmp_path / "room.yaml"), Options(format="ros-map"))
+    served = map_server.load(tmp_path / "room.yaml")
+    expected = np.where(occupancy > 0.65, 100, np.where(occupancy < 0.196, 0, -1))
+    np.testing.assert_array_equal(served.data, expected)
     assert (served.resolution, served.origin) == (0.1, [-3.5, 2.0, 0.0])
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from prf.arak import exact_draws
 from prf.shell.errors import ConfigError
-from prf.simulate import LaserPhysics, OfficePlan, World, office, simulate_laser
+from prf.simulate import LaserPhysics, World, office, simulate_laser
 from prf.simulate.laser import cast, measure
 from prf.window import Window
 from tests.reference.beams import Sensor, density, mass_of_no_return
@@ -47,7 +47,7 @@ def test_distances_in_draws_from_the_prior_are_those_of_brute_force(field_of_vie
 
 
 def test_distances_in_an_office_are_those_of_brute_force() -> None:
-    world = office(OfficePlan(15.0, 12.0), np.random.default_rng(2))
+    world = office(15.0, 12.0, np.random.default_rng(2))
     poses = free_poses(world, 12, np.random.default_rng(3))
     physics = LaserPhysics(beams=61)
     found = cast(world.walls, poses, physics)

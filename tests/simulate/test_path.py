@@ -12,7 +12,7 @@ from scipy.sparse import csgraph
 from shapely import box
 
 from prf.shell.errors import InputError
-from prf.simulate import OfficePlan, Spacing, World, office, plan_drive, roadmap, scans_along
+from prf.simulate import Spacing, World, office, plan_drive, roadmap, scans_along
 from prf.simulate.path import SPEED, TURNING, PathFile, read_path
 from prf.simulate.roadmap import short_tour, viewpoints
 from prf.window import Window
@@ -23,7 +23,7 @@ REACH = 2.5
 
 @pytest.fixture(scope="module")
 def floor() -> World:
-    return office(OfficePlan(30.0, 20.0), np.random.default_rng(1))
+    return office(30.0, 20.0, np.random.default_rng(1))
 
 
 def test_the_robot_keeps_clear_of_walls_and_of_the_border(floor: World) -> None:
@@ -95,13 +95,9 @@ def test_scans_are_spaced_in_metres_and_radians() -> None:
 
 
 def test_so_many_scans_as_asked_for() -> None:
-    spread = scans_along(L_SHAPE, Spacing(0.5, 0.5), 1000, stretch=True)
+    spread = scans_along(L_SHAPE, Spacing(0.5, 0.5), 1000)
     assert len(spread.time) == 1000
     assert 0.0 < np.hypot(*(spread.pose[-1, :2] - L_SHAPE[-1])) < 0.02
-    longer = scans_along(L_SHAPE, Spacing(0.5, np.pi / 8.0), 50)
-    assert len(longer.time) == 50
-    np.testing.assert_array_equal(longer.pose[:19], scans_along(L_SHAPE, Spacing(0.5, np.pi / 8.0)).pose)
-    np.testing.assert_allclose(longer.pose[-1, 1], 0.0, atol=2.0)
     assert len(scans_along(L_SHAPE, Spacing(), 5).time) == 5
 
 
@@ -125,15 +121,13 @@ def written(folder: Path, text: str) -> PathFile:
     return read_path(folder / "path.csv")
 
 
-def test_columns_by_name_or_in_order(tmp_path: Path) -> None:
+def test_columns_by_name(tmp_path: Path) -> None:
     named = written(tmp_path, "u,theta,y,x\n# drive\n\n0,1.5,2,3\n1,-1,4,5\n")
     assert named.rows.tolist() == [[3.0, 2.0, 1.5], [5.0, 4.0, -1.0]]
     assert named.line.tolist() == [4, 5]
     assert named.has_headings
-    assert written(tmp_path, "1, 2\n3, 4\n").rows.tolist() == [[1.0, 2.0], [3.0, 4.0]]
     assert not written(tmp_path, "y,x,name\n1,2,a\n").has_headings
     assert not written(tmp_path, "x,y,t\n1,2,5\n").has_headings
-    assert written(tmp_path, "1,2,0.5\n").has_headings
 
 
 def test_poses_are_scans_as_they_stand(tmp_path: Path) -> None:
@@ -148,12 +142,11 @@ def test_poses_are_scans_as_they_stand(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("x,y\n", "no waypoint"),
-        ("", "no waypoint"),
-        ("x,y\n1,2\n1\n", r"path\.csv:3: '1' is no waypoint"),
+        ("x,y\n", "without a row"),
+        ("x,y\n1,2\n1\n", r"path\.csv:3: row of 1 fields"),
+        ("1,2\n", r"path\.csv:1: the header has no column x, y"),
         ("x,y,theta\n1,2,nan\n", r"path\.csv:2"),
         ("x,y\n1,two\n", r"path\.csv:2"),
-        ("name\nx\n", r"path\.csv:1"),
     ],
 )
 def test_what_is_no_path_is_refused(text: str, message: str, tmp_path: Path) -> None:
