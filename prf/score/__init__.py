@@ -1,8 +1,7 @@
 """How well a map predicts readings that it was not made from (docs/scores.md)."""
 
-from prf.score.cones import HeldOutSonar, hold_out_sonar
 from prf.score.config import SCORE_DEFAULTS, ScoreConfig, score_config
-from prf.score.heldout import HeldOut, hold_out
+from prf.score.heldout import HeldOut, HeldOutSonar, hold_out, hold_out_sonar
 from prf.score.maps import DrawsMap, GridMap, PolygonMap, ScoredMap, open_map
 from prf.score.polygons import OccupiedArea, read_occupied_area
 from prf.score.score import LabelledPoints, classification_scores, draw_points, ranking_area, score

@@ -8,10 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from prf.kernels.cones import READING
+from prf.kernels.sonar_features import POSE_X, POSE_Y
 from prf.logs import Readings, thin
 from prf.logs.describe import default_max_range
+from prf.logs.poses import fields_of_view
 from prf.score.config import ScoreConfig
 from prf.sensors.laser import LaserModel, unit_vectors, window_exit
+from prf.sensors.sonar import SonarModel, make_poses
 from prf.shell.errors import InputError
 from prf.window import Window
 
@@ -64,13 +68,7 @@ class HeldOut(NamedTuple):
 
 
 def hold_out(readings: Readings, config: ScoreConfig) -> HeldOut:
-    """Return the beams to score.
-
-    Parameters
-    ----------
-    readings : Readings
-        The whole log.
-    """
+    """Return the beams of a whole log to score."""
     max_range = default_max_range(readings) if config.max_range is None else config.max_range
     if config.max_range is None and not math.isfinite(max_range):
         raise InputError(f"{readings.source}: no reading has a finite range. There is nothing to score.")
@@ -85,3 +83,37 @@ def hold_out(readings: Readings, config: ScoreConfig) -> HeldOut:
     return HeldOut(
         kept.origin[returned], direction[returned], kept.range[returned], model, int(np.count_nonzero(~returned))
     )
+
+
+class HeldOutSonar(NamedTuple):
+    """Sonar readings, those without return included.
+
+    Attributes
+    ----------
+    pose : (n, N_POSE) float64
+        As the kernels take them; the reading is inf where there was no return below the maximum range.
+    """
+
+    pose: Floats
+    model: SonarModel
+
+    @property
+    def origin(self) -> Floats:
+        """Where the sensors are, (n, 2) in metres."""
+        return np.ascontiguousarray(self.pose[:, POSE_X : POSE_Y + 1])
+
+    @property
+    def range(self) -> Floats:
+        """Metres, (n,); inf for no return."""
+        return self.pose[:, READING]
+
+    def select(self, mask: NDArray[np.bool_]) -> HeldOutSonar:
+        """Return the readings that `mask` (n,) picks."""
+        return HeldOutSonar(np.ascontiguousarray(self.pose[mask]), self.model)
+
+
+def hold_out_sonar(readings: Readings, config: ScoreConfig) -> HeldOutSonar:
+    """Return the readings of a whole log to score."""
+    kept = thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
+    view = fields_of_view(kept, config.sonar_cone)
+    return HeldOutSonar(make_poses(config.sonar, kept.origin, kept.angle, view, kept.range), config.sonar)

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import math
 import os
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from prf import estimate
 from prf.coloring import Coloring, Draws, black_at_draws
 from prf.kernels.laser_score import add_densities, grid_beams
+from prf.kernels.sonar_score import Scene, add_sonar_densities, grid_cones
 from prf.occupancy import OccupancyGrid, is_grid, read_grid
 from prf.occupancy import occupied_probability as cells_occupied
 from prf.run import PosteriorImage, names, read_run
-from prf.score.cones import HeldOutSonar, SonarPrediction, predict_by_cells, predict_by_draws, predict_by_region
-from prf.score.heldout import HeldOut
-from prf.score.polygons import OccupiedArea, read_occupied_area
-from prf.score.scene import enclosing_window, first_edges, outline
+from prf.score.heldout import HeldOut, HeldOutSonar
+from prf.score.polygons import OccupiedArea, area_of_cells, read_occupied_area
+from prf.score.scene import enclosing_window, first_edges, outline, scene_of_coloring, scene_of_region
 from prf.shell.errors import InputError
 from prf.window import Window
 
@@ -27,7 +31,9 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 BIN = 0.1
-"""Metres of a beam that take the probability of one cell."""
+"""Metres of range that take the probability of one cell, or of one arc of cells."""
+OCCUPIED = 0.5
+"""Cells above are walls of a GRID's contours."""
 
 
 class Prediction(NamedTuple):
@@ -49,22 +55,38 @@ class Prediction(NamedTuple):
     share_occupied: float
 
 
-class ScoredMap(Protocol):
+class SonarPrediction(NamedTuple):
+    """What a map predicts of sonar readings.
+
+    Attributes
+    ----------
+    density : dict of str to (n,) float64
+        Predictive density of each reading in 1/m, for no return its probability, by the name of the way to find it;
+        "" where there is one way only.
+    share_occupied : float
+        Share of pairs of a draw and a reading in which the sensor is in occupied space.
+    """
+
+    density: Mapping[str, Floats]
+    share_occupied: float
+
+
+class ScoredMap(ABC):
     """What a score needs of a map; `kind` is run, grid or map, `window` where it is known (None: everywhere)."""
 
-    @property
-    def kind(self) -> str: ...  # noqa: D102
-    @property
-    def window(self) -> Window | None: ...  # noqa: D102
-    @property
-    def n_draws(self) -> int: ...  # noqa: D102
+    kind: str
+    window: Window | None
+    n_draws: int = 1
 
+    @abstractmethod
     def predict(self, beams: HeldOut) -> Prediction:
         """Return the prediction for beams whose sensors are inside the window."""
 
+    @abstractmethod
     def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
         """Return the prediction for sonar readings whose sensors are inside the window."""
 
+    @abstractmethod
     def occupied(self, xy: Floats, square: float) -> Floats:
         """Return the probability that the square of this side round each point (n, 2) is not completely white.
 
@@ -73,9 +95,50 @@ class ScoredMap(Protocol):
 
     def seen(self, xy: Floats) -> Bools | None:
         """Return which points (n, 2) lie in cells that a reading of the map's own log crossed; None if not known."""
+        return np.ones(len(xy), np.bool_)
 
 
-class DrawsMap:
+class PolygonalMaps(ScoredMap):
+    """Polygonal maps of equal weight: densities are averaged over them. Without a window `region` is all occupied."""
+
+    region: BaseGeometry = shapely.MultiPolygon()
+
+    @abstractmethod
+    def _black(self, xy: Floats) -> Bools:
+        """Return which points are occupied in each map, (n_draws, n)."""
+
+    @abstractmethod
+    def _segments(self) -> Iterable[Floats]:
+        """Return the edges of each map, (n_edges, 4)."""
+
+    @abstractmethod
+    def _scenes(self, cones: HeldOutSonar) -> Iterable[Scene]:
+        """Return each map as cones look at it."""
+
+    @abstractmethod
+    def _best_distance(self, beams: HeldOut, rays: Floats, window: Window) -> Floats:
+        """Return the distances (n,) of the best map, as of :class:`Prediction`."""
+
+    def predict(self, beams: HeldOut) -> Prediction:
+        """Return the density averaged over maps, and the distances of the best one."""
+        rays, model = beams.rays(self.window), beams.model.to_array()
+        readings, black = beams.readings(rays), self._black(beams.origin)
+        window = self.window or enclosing_window(beams.origin, beams.model.max_range, self.region)
+        total = np.zeros(len(rays))
+        for segments, occupied in zip(self._segments(), black, strict=True):
+            add_densities(model, readings, first_edges(rays, segments, window), occupied, total)
+        return Prediction(total / self.n_draws, self._best_distance(beams, rays, window), float(black.mean()))
+
+    def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
+        """Return the density averaged over maps."""
+        model, black = cones.model.to_array(), self._black(cones.origin)
+        total = np.zeros(len(cones.pose))
+        for scene, occupied in zip(self._scenes(cones), black, strict=True):
+            add_sonar_densities(scene, model, cones.pose, occupied, total)
+        return SonarPrediction({"": total / self.n_draws}, float(black.mean()))
+
+
+class DrawsMap(PolygonalMaps):
     """The draws of a RUN, every one a possible map, and its best map.
 
     Parameters
@@ -97,21 +160,21 @@ class DrawsMap:
         self.window: Window = draws.window
         self.n_draws = len(draws)
 
-    def predict(self, beams: HeldOut) -> Prediction:
-        """Return the density averaged over draws, and the distances of the best map."""
-        rays, model = beams.rays(self.window), beams.model.to_array()
-        readings = beams.readings(rays)
-        sensors, sensor = np.unique(beams.origin, axis=0, return_inverse=True)
-        black = np.ascontiguousarray(black_at_draws(self.draws, sensors)[:, sensor.reshape(-1)])
-        total = np.zeros(len(rays))
-        for draw, occupied in zip(self.draws, black, strict=True):
-            distance = first_edges(rays, draw.segments(), self.window)
-            add_densities(model, readings, distance, occupied, total)
-        return Prediction(total / self.n_draws, self._best_distance(beams, rays), float(black.mean()))
+    def _black(self, xy: Floats) -> Bools:
+        sensors, sensor = np.unique(xy, axis=0, return_inverse=True)
+        return np.ascontiguousarray(black_at_draws(self.draws, sensors)[:, sensor.reshape(-1)])
 
-    def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
-        """Return the density averaged over draws."""
-        return predict_by_draws(self.draws, cones)
+    def _segments(self) -> Iterable[Floats]:
+        return (draw.segments() for draw in self.draws)
+
+    def _scenes(self, cones: HeldOutSonar) -> Iterable[Scene]:
+        return (scene_of_coloring(draw, cones.model.max_range) for draw in self.draws)
+
+    def _best_distance(self, beams: HeldOut, rays: Floats, window: Window) -> Floats:
+        if self.best is None:
+            return np.full(len(rays), np.nan)
+        black = black_at_draws(Draws.from_colorings([self.best]), beams.origin)[0]
+        return np.where(black, 0.0, first_edges(rays, self.best.segments(), window))
 
     def occupied(self, xy: Floats, square: float) -> Floats:
         """Return the share of draws in which the square round each point is not completely white."""
@@ -121,58 +184,44 @@ class DrawsMap:
         """Return which points lie in cells of the image that a reading crossed or ended in."""
         return None if self.image is None else self.image.seen_at(xy)
 
-    def _best_distance(self, beams: HeldOut, rays: Floats) -> Floats:
-        if self.best is None:
-            return np.full(len(rays), np.nan)
-        black = black_at_draws(Draws.from_colorings([self.best]), beams.origin)[0]
-        return np.where(black, 0.0, first_edges(rays, self.best.segments(), self.window))
 
-
-class PolygonMap:
-    """One map as polygons of occupied area."""
+class PolygonMap(PolygonalMaps):
+    """One map as polygons of occupied area, which do not say what was seen."""
 
     kind = "map"
-    n_draws = 1
 
     def __init__(self, area: OccupiedArea) -> None:
         self.region = area.region
         self.window = area.window
         shapely.prepare(self.region)
 
-    def predict(self, beams: HeldOut) -> Prediction:
-        """Return density and distances of the one map."""
-        rays = beams.rays(self.window)
-        black = shapely.contains_xy(self.region, beams.origin)
-        window = self.window or enclosing_window(beams.origin, beams.model.max_range, self.region)
-        distance = first_edges(rays, outline(self.region, self.window)[0], window)
-        density = np.zeros(len(rays))
-        add_densities(beams.model.to_array(), beams.readings(rays), distance, black, density)
-        return Prediction(density, np.where(black, 0.0, distance), float(black.mean()))
+    def _black(self, xy: Floats) -> Bools:
+        return np.asarray(shapely.contains_xy(self.region, xy))[None]
 
-    def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
-        """Return the density of the one map."""
-        return predict_by_region(self.region, self.window, cones)
+    def _segments(self) -> Iterable[Floats]:
+        return [outline(self.region, self.window)[0]]
+
+    def _scenes(self, cones: HeldOutSonar) -> Iterable[Scene]:
+        return [scene_of_region(self.region, self.window, cones.origin, cones.model.max_range)]
+
+    def _best_distance(self, beams: HeldOut, rays: Floats, window: Window) -> Floats:
+        (segments,) = self._segments()
+        return np.where(self._black(beams.origin)[0], 0.0, first_edges(rays, segments, window))
 
     def occupied(self, xy: Floats, square: float) -> Floats:
         """Return 1 where the square round a point is not completely white, 0 elsewhere."""
         known = np.ones(len(xy), np.bool_) if self.window is None else self.window.contains(xy)
         if square == 0.0:
-            black = shapely.contains_xy(self.region, xy)
-        else:
-            low, high = xy - 0.5 * square, xy + 0.5 * square
-            black = shapely.intersects(self.region, shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
+            return np.where(known, self._black(xy)[0].astype(np.float64), np.nan)
+        low, high = xy - 0.5 * square, xy + 0.5 * square
+        black = shapely.intersects(self.region, shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
         return np.where(known, black.astype(np.float64), np.nan)
 
-    def seen(self, xy: Floats) -> Bools:
-        """Return that all points are: polygons do not say which readings they were made from."""
-        return np.ones(len(xy), np.bool_)
 
-
-class GridMap:
+class GridMap(ScoredMap):
     """The cells of a GRID."""
 
     kind = "grid"
-    n_draws = 1
 
     def __init__(self, grid: OccupancyGrid) -> None:
         self.grid = grid
@@ -184,12 +233,18 @@ class GridMap:
         occupancy = self.grid.occupancy.astype(np.float64)
         rays, model = beams.rays(self.window), beams.model.to_array()
         grid_beams(self.grid.cells, occupancy, model, BIN, rays, beams.readings(rays), density, distance)
-        at_sensor = cells_occupied(self.grid, beams.origin) > 0.5
+        at_sensor = cells_occupied(self.grid, beams.origin) > OCCUPIED
         return Prediction(density, np.where(at_sensor, 0.0, distance), float(at_sensor.mean()))
 
     def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
-        """Return the densities that contours and cells give."""
-        return predict_by_cells(self.grid, cones)
+        """Return the densities that the contours of the grid give, and that first hits among its cells give."""
+        contours = PolygonMap(OccupiedArea(contours_of(self.grid), self.window)).predict_sonar(cones)
+        first_hit = np.empty(len(cones.pose))
+        occupancy, model = self.grid.occupancy.astype(np.float64), cones.model
+        # A cell returns the pulse as surely as a wall at no distance, face on.
+        stray = 1.0 / (1.0 + math.exp(model.surface_bias))
+        grid_cones(self.grid.cells, occupancy, model.to_array(), stray, BIN, cones.pose, first_hit)
+        return SonarPrediction({"contours": contours.density[""], "first_hit": first_hit}, contours.share_occupied)
 
     def occupied(self, xy: Floats, square: float) -> Floats:
         """Return the probability that not all cells whose centres lie in the square round each point are free."""
@@ -198,6 +253,11 @@ class GridMap:
     def seen(self, xy: Floats) -> Bools:
         """Return which points lie in cells that a reading hit or missed."""
         return self.grid.image().seen_at(xy)
+
+
+def contours_of(grid: OccupancyGrid) -> BaseGeometry:
+    """Return the area of all cells above 0.5, its staircases straightened."""
+    return area_of_cells(grid.occupancy > OCCUPIED, grid.origin, grid.resolution)
 
 
 def open_map(path: str | os.PathLike[str]) -> ScoredMap:

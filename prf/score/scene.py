@@ -15,7 +15,7 @@ from prf.kernels import constants as c
 from prf.kernels.grid import Grid, make_grid, most_cells
 from prf.kernels.laser_score import trace_rays
 from prf.kernels.segment_lists import segments_by_cell
-from prf.kernels.sonar_features import N_FEATURE, POSE_X, POSE_Y
+from prf.kernels.sonar_features import N_FEATURE
 from prf.kernels.sonar_score import Scene, list_features
 from prf.sensors.sonar import make_sight
 from prf.window import INTERIOR, Window
@@ -130,11 +130,6 @@ def features_seen(scene: Scene, pose: Floats, reach: float) -> tuple[NDArray[np.
     feature = np.empty((needed, N_FEATURE))
     list_features(scene, reach, pose, start, feature)
     return start, feature
-
-
-def places(pose: Floats) -> Floats:
-    """Return where the sonars are, (n, 2) in metres."""
-    return np.ascontiguousarray(pose[:, POSE_X : POSE_Y + 1])
 
 
 def first_edges(rays: Floats, segments: Floats, window: Window) -> Floats:

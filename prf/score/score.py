@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.score.cones import HeldOutSonar, sonar_scores
 from prf.score.config import SQUARE
-from prf.score.heldout import CLIP, OUTSIDE, HeldOut
-from prf.score.maps import Prediction, ScoredMap
+from prf.score.heldout import CLIP, OUTSIDE, HeldOut, HeldOutSonar
+from prf.score.maps import Prediction, ScoredMap, SonarPrediction
 from prf.score.truth import TrueCells, truth_scores
 from prf.shell.errors import InputError
 from prf.shell.seeds import spawn_generators
@@ -90,6 +89,22 @@ def _laser_scores(scored: ScoredMap, held_out: HeldOut, seed: int, square: float
         "square": square,
         "max_range": beams.model.max_range,
         "seed": seed,
+    }
+
+
+def sonar_scores(prediction: SonarPrediction, cones: HeldOutSonar, n_outside: int) -> dict[str, Any]:
+    """Return ``sonar_nll`` (nats) and its companions; the better one where there are several ways."""
+    with np.errstate(divide="ignore"):
+        found = {way: -float(np.log(density).mean()) for way, density in prediction.density.items()}
+    ways = {f"sonar_nll_{way}": value for way, value in found.items() if way}
+    return {
+        "n_readings": len(cones.pose),
+        "n_readings_outside": n_outside,
+        "n_readings_no_return": int(np.count_nonzero(np.isinf(cones.range))),
+        "sonar_nll": min(found.values()),
+        **ways,
+        "sonar_sensor_occupied": prediction.share_occupied,
+        "sonar_max_range": cones.model.max_range,
     }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from prf.kernels.sonar_features import BORDER, POSE_COS, POSE_SIN
-from prf.score.cones import HeldOutSonar
-from prf.score.heldout import CLIP, OUTSIDE, HeldOut
+from prf.score.heldout import CLIP, OUTSIDE, HeldOut, HeldOutSonar
+from prf.score.maps import ScoredMap
 from prf.score.polygons import OccupiedArea
 from prf.score.scene import first_edges, outline
 from prf.sensors.laser import window_exit
@@ -47,13 +47,6 @@ class TrueCells(NamedTuple):
     occupied: Bools
 
 
-class Mapped(Protocol):
-    """What a comparison needs of a map."""
-
-    def occupied(self, xy: Floats, square: float) -> Floats:
-        """Return the probability that squares of a side round points (n, 2) are occupied, nan outside the window."""
-
-
 def true_cells(truth: OccupiedArea, beams: HeldOut | None, cones: HeldOutSonar | None) -> TrueCells:
     """Return the cells of a plan that count: those in view of the readings, or all.
 
@@ -82,7 +75,7 @@ def true_cells(truth: OccupiedArea, beams: HeldOut | None, cones: HeldOutSonar |
     return TrueCells(xy[counts], occupied[counts])
 
 
-def truth_scores(scored: Mapped, cells: TrueCells) -> dict[str, Any]:
+def truth_scores(scored: ScoredMap, cells: TrueCells) -> dict[str, Any]:
     """Return ``iou_occupied``, ``iou_free`` and their companions; nan where neither has such a cell."""
     found = scored.occupied(cells.xy, 0.0)
     p = np.where(np.isnan(found), OUTSIDE, found)

@@ -25,7 +25,7 @@ from prf.score import (
     hold_out_sonar,
     score,
 )
-from prf.score.cones import contours_of
+from prf.score.maps import contours_of
 from prf.score.scene import features_seen, outline, scene_of_coloring, scene_of_region
 from prf.shell.errors import ConfigError, InputError
 from prf.window import Window
