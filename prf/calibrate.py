@@ -83,40 +83,25 @@ class Family(NamedTuple):
 
 
 class Calibrated(NamedTuple):
-    """The parameters of one sensor that explain its readings best.
+    """The parameters of one sensor that explain its readings best."""
 
-    Attributes
-    ----------
-    kind : str
-        sonar or laser.
-    family : Family
-    theta : (k,) float64
-        The fit on its scale.
-    value, error : (k,) float64
-        As people write them, and standard errors (nan where the Hessian is no minimum's).
-    informed : (k,) bool
-        Whether the readings determine a parameter better than its prior.
-    loss_before, loss, no_map : float
-        -log likelihood in nats: at the defaults, at the fit, and fitted without any map.
-    converged : bool
-    max_range, cone : float
-        Metres; full field of view of most sonars in radians, nan for a laser.
-    n_readings, n_scans, n_outside, n_occupied, n_in_view : int
-        Used; their scans; dropped because the sensor is outside the map, or in a wall; used with a wall in view.
-    """
-
-    kind: str
+    kind: str  # sonar or laser
     family: Family
-    theta: Floats
+    theta: Floats  # (k,) the fit on its scale
+    # value, error: (k,) as people write them, and standard errors (nan where the Hessian is no minimum's)
     value: Floats
     error: Floats
-    informed: NDArray[np.bool_]
+    informed: NDArray[np.bool_]  # (k,) whether the readings determine a parameter better than its prior
+    # loss_before, loss, no_map: -log likelihood in nats: at the defaults, at the fit, and fitted without any map
     loss_before: float
     loss: float
     no_map: float
     converged: bool
+    # max_range, cone: metres; full field of view of most sonars in radians, nan for a laser
     max_range: float
     cone: float
+    # n_readings, n_scans, n_outside, n_occupied, n_in_view: used; their scans; dropped because the sensor is outside
+    # the map, or in a wall; used with a wall in view
     n_readings: int
     n_scans: int
     n_outside: int

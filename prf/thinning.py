@@ -54,13 +54,7 @@ GAINS = (16, 4, 1)
 
 
 def checked_density(density: float) -> float:
-    """Return a density of beams, 1/m^2.
-
-    Raises
-    ------
-    ConfigError
-        If it is negative or not finite.
-    """
+    """Return a density of beams, 1/m^2."""
     if not (math.isfinite(density) and density >= 0.0):
         raise ConfigError(f"beam-density {density}: must be a number of beams a square metre, or 0 to keep all")
     return density
@@ -75,23 +69,9 @@ def thin_beams(
     have every passed cell passed. One with little more than that is kept whole. No random
     number is used: the same beams in the same order give the same choice.
 
-    Parameters
-    ----------
-    window : Window
-    origin : (n, 2) array
-        Sensor positions inside the window, metres.
-    angle : (n,) array
-        Directions in the world frame, radians.
-    ranges : (n,) array
-        Metres; at or above `max_range`: no return.
-    max_range : float
-        Metres.
-    density : float
-        Beams a square metre; 0 keeps all.
-
-    Returns
-    -------
-    (m,) int64 array
+    `origin` (n, 2): sensor positions inside the window, metres. `angle` (n,): directions in the world frame, radians.
+    `ranges` (n,): metres; at or above `max_range`: no return. `max_range`: metres. `density`: beams a square metre; 0
+    keeps all. Returns (m,).
     """
     everything = np.arange(len(ranges), dtype=np.int64)
     if density == 0.0 or len(ranges) <= 1:
@@ -108,32 +88,17 @@ def thin_beams(
 
 
 class Strata(NamedTuple):
-    """Beams sorted by stratum, in their own order within each; neighbouring squares follow one another.
+    """Beams sorted by stratum, in their own order within each; neighbouring squares follow one another."""
 
-    Attributes
-    ----------
-    order : (n,) int64
-        The beams, stratum by stratum.
-    size : (k,) int64
-        Beams of each stratum, at least 1.
-    alike : (k,) int64
-        Beams that end in the same square with the same outcome, whatever their direction.
-    """
-
-    order: Ints
-    size: Ints
-    alike: Ints
+    order: Ints  # (n,) the beams, stratum by stratum
+    size: Ints  # (k,) beams of each stratum, at least 1
+    alike: Ints  # (k,) beams that end in the same square with the same outcome, whatever their direction
 
 
 def strata_of(window: Window, origin: Floats, end: Floats, returned: Bools) -> Strata:
     """Return the strata of beams.
 
-    Parameters
-    ----------
-    window : Window
-    origin, end : (n, 2) arrays
-        Metres, inside the window.
-    returned : (n,) bool array
+    `origin`, `end` (n, 2): metres, inside the window. `returned` (n,).
     """
     column, row = (np.maximum(end - np.array(window[:2]), 0.0) // PLACE).astype(np.int64).T
     across = int(window.width // PLACE) + 2
@@ -179,11 +144,7 @@ def draw_evenly(strata: Strata, share: Floats) -> Bools:
 class Passages:
     """Beams as segments, and how many of them pass each cell.
 
-    Parameters
-    ----------
-    window : Window
-    start, end : (n, 2) arrays
-        Of the beams, metres, inside the window.
+    `start`, `end` (n, 2): of the beams, metres, inside the window.
     """
 
     def __init__(self, window: Window, start: Floats, end: Floats) -> None:

@@ -95,10 +95,7 @@ class Draws:
     def from_colorings(cls, colorings: Sequence[Coloring], window: Window | None = None) -> Draws:
         """Return the colorings one after the other.
 
-        Parameters
-        ----------
-        window : Window, optional
-            Needed for an empty sequence only.
+        `window`: needed for an empty sequence only.
         """
         windows = {*(coloring.window for coloring in colorings), *([] if window is None else [window])}
         if len(windows) != 1:
@@ -185,15 +182,8 @@ def _offsets(counts: ArrayLike) -> NDArray[np.int64]:
 def black_at(coloring: Coloring, xy: ArrayLike) -> NDArray[np.bool_]:
     """Return the colour of points: parity of the edges met on a path from the anchor (Paskin & Thrun 1.3.1).
 
-    Parameters
-    ----------
-    xy : (n, 2) array
-        Points in the closed window; a point on an edge gets the colour of one of its sides.
-
-    Returns
-    -------
-    (n,) bool array
-        Whether each point is black; without meaning outside the window.
+    `xy` (n, 2): points in the closed window; a point on an edge gets the colour of one of its sides. Returns (n,):
+    whether each point is black; without meaning outside the window.
     """
     colours: NDArray[np.bool_] = black_at_draws(Draws.from_colorings([coloring]), xy)[0]
     return colours
@@ -202,13 +192,7 @@ def black_at(coloring: Coloring, xy: ArrayLike) -> NDArray[np.bool_]:
 def black_at_draws(draws: Draws, xy: ArrayLike) -> NDArray[np.bool_]:
     """Return the colour of points in every draw, as :func:`black_at`.
 
-    Parameters
-    ----------
-    xy : (n, 2) array
-
-    Returns
-    -------
-    (n_draws, n) bool array
+    `xy` (n, 2). Returns (n_draws, n).
     """
     points = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
     centre = np.array([draws.window.centre])

@@ -24,10 +24,7 @@ def occupied_polygons(coloring: Coloring) -> MultiPolygon:
     The edges and the border split at boundary vertices bound the faces. Two faces that share an edge differ in
     colour, so the black faces make a valid MultiPolygon as they are, holes kept, every vertex of the graph exact.
 
-    Parameters
-    ----------
-    coloring : Coloring
-        Valid (:func:`prf.coloring.check`).
+    `coloring`: valid (:func:`prf.coloring.check`).
     """
     lines = np.concatenate([coloring.xy[coloring.edges], _border(coloring)])
     faces = shapely.get_parts(shapely.polygonize(shapely.linestrings(lines)))
@@ -56,10 +53,7 @@ def refuse_far(region: BaseGeometry) -> None:
 def from_polygons(occupied: BaseGeometry, window: Window) -> Coloring:
     """Return the coloring of `window` that is black on `occupied`.
 
-    Parameters
-    ----------
-    occupied : shapely Polygon or MultiPolygon
-        Clipped to the window; overlapping parts are united. Parts of rings along the border are not edges.
+    `occupied`: clipped to the window; overlapping parts are united. Parts of rings along the border are not edges.
     """
     refuse_far(occupied)
     box = shapely.box(*window)
@@ -87,10 +81,7 @@ def from_polygons(occupied: BaseGeometry, window: Window) -> Coloring:
 def from_segments(ends: NDArray[np.float64], window: Window, anchor_black: bool = False) -> Coloring:
     """Return the coloring whose edges are `ends`; equal coordinates are one vertex, those on the border lie on a side.
 
-    Parameters
-    ----------
-    ends : (n_edges, 2, 2) float64 array
-        Start and end of each edge. Validity is not checked.
+    `ends` (n_edges, 2, 2): start and end of each edge. Validity is not checked.
     """
     xy, first, index = np.unique(ends.reshape(-1, 2), axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
@@ -110,17 +101,9 @@ def sides_of(xy: NDArray[np.float64], window: Window) -> NDArray[np.int8]:
 def turning_corners(ring: NDArray[np.float64], tolerance: float) -> NDArray[np.float64]:
     """Return the vertices of a ring at which it turns; of several at one place one stays.
 
-    Parameters
-    ----------
-    ring : (n, 2) float64 array
-        The first vertex is not repeated at the end.
-    tolerance : float
-        Metres that a vertex may stick out of the line of its neighbours before it counts as a corner.
-
-    Returns
-    -------
-    (m, 2) float64 array
-        Two vertices or fewer where nothing but a line is left.
+    `ring` (n, 2): the first vertex is not repeated at the end. `tolerance`: metres that a vertex may stick out of the
+    line of its neighbours before it counts as a corner. Returns (m, 2): two vertices or fewer where nothing but a line
+    is left.
     """
     xy = ring
     while len(xy) > 2:

@@ -17,10 +17,6 @@ def violations(coloring: Coloring) -> list[str]:
     The rules: arrays of the right shape; interior vertices strictly inside and on two edges; boundary vertices
     exactly on their side and on one edge, even in number; no edge of length 0, repeated or along a side; no two edges
     that cross, touch or overlap, other than at a shared vertex. The predicates are GEOS's, exact in double precision.
-
-    Returns
-    -------
-    list of str
     """
     broken = _shape_violations(coloring)
     if broken:

@@ -30,21 +30,11 @@ SEAM = 1e-6
 
 
 class Cells(NamedTuple):
-    """Probabilities on square cells.
+    """Probabilities on square cells."""
 
-    Attributes
-    ----------
-    probability : (ny, nx) float array
-        Of being occupied; row 0 has the lowest y; nan where nothing is known.
-    origin : (2,) float64 array
-        Lower left corner of cell (0, 0) in metres.
-    resolution : float
-        Side of a cell in metres.
-    """
-
-    probability: NDArray[Any]
-    origin: NDArray[np.float64]
-    resolution: float
+    probability: NDArray[Any]  # (ny, nx) of being occupied; row 0 has the lowest y; nan where nothing is known
+    origin: NDArray[np.float64]  # (2,) lower left corner of cell (0, 0) in metres
+    resolution: float  # side of a cell in metres
 
 
 def cells_of(
@@ -59,16 +49,8 @@ def cells_of(
 
     Cells farther than `extrapolate` metres from what readings of a run or a grid saw are nan.
 
-    Parameters
-    ----------
-    draw : int, optional
-        Number of a draw of the run instead of its posterior.
-    extrapolate : float
-        Metres.
-    squares : bool
-        Whether a cell is not completely white, instead of the colour of its centre.
-    resolution : float, optional
-        Side of a cell, metres.
+    `draw`: number of a draw of the run instead of its posterior. `extrapolate`: metres. `squares`: whether a cell is
+    not completely white, instead of the colour of its centre. `resolution`: side of a cell, metres.
     """
     return only_known(_all_cells(source, draw, squares, resolution), source.image, extrapolate)
 
@@ -144,12 +126,8 @@ def known_cells(image: PosteriorImage, extrapolate: float) -> NDArray[np.bool_]:
 def cut_to_known(found: Map, image: PosteriorImage | None, extrapolate: float) -> Map:
     """Return a map without the occupied ground that no reading came near (:data:`WALL`).
 
-    Parameters
-    ----------
-    image : PosteriorImage or None
-        Of the run that the map is of; None: nothing is cut off.
-    extrapolate : float
-        Metres beyond seen cells that count as known.
+    `image`: of the run that the map is of; None: nothing is cut off. `extrapolate`: metres beyond seen cells that count
+    as known.
     """
     if image is None or image.seen.all():
         return found

@@ -38,29 +38,17 @@ AGREED = 0.99
 
 @dataclass(frozen=True)
 class Options:
-    """How to export; None and False: not given.
+    """How to export; None and False: not given."""
 
-    Attributes
-    ----------
-    format : str or None
-        One of `FORMATS`; None: by the suffix of the output.
-    draw : int or None
-        Number of the draw of a RUN to export instead of its best map or its posterior image, from 0; -1 is the last.
-    unknown : (float, float) or None
-        Of a ROS map: cells of a probability from the first to the second are unknown.
-    squares : bool
-        Of a ROS map: ask whether a cell is not completely white instead of the colour of its centre.
-    resolution : float or None
-        Of a ROS map made from one map: side of a cell in metres.
-    extrapolate : float or None
-        Metres beyond the cells that readings saw up to which a RUN or a GRID is exported as it has it; None: 0.
-    """
-
-    format: str | None = None
+    format: str | None = None  # one of `FORMATS`; None: by the suffix of the output
+    # number of the draw of a RUN to export instead of its best map or its posterior image, from 0; -1 is the last
     draw: int | None = None
+    # of a ROS map: cells of a probability from the first to the second are unknown
     unknown: tuple[float, float] | None = None
+    # of a ROS map: ask whether a cell is not completely white instead of the colour of its centre
     squares: bool = False
-    resolution: float | None = None
+    resolution: float | None = None  # of a ROS map made from one map: side of a cell in metres
+    # metres beyond the cells that readings saw up to which a RUN or a GRID is exported as it has it; None: 0
     extrapolate: float | None = None
 
 
@@ -89,23 +77,8 @@ class _Content(NamedTuple):
 def export_source(path: str | os.PathLike[str], output: str | None, options: Options, force: bool = False) -> Exported:
     """Write a run, a grid or one map in the form of another program.
 
-    Parameters
-    ----------
-    path : path
-        RUN directory, GRID file or map in GeoJSON.
-    output : str or None
-        Where to; None: named after the source, in the working directory. ``-`` is standard output.
-    force : bool
-        Overwrite an existing output.
-
-    Raises
-    ------
-    InputError
-        If the source cannot be read, or lacks what the format needs.
-    UsageError
-        If the options do not go together, or the format needs a library that is not installed.
-    OutputError
-        If the output exists already, or cannot be written.
+    `path`: RUN directory, GRID file or map in GeoJSON. `output`: where to; None: named after the source, in the working
+    directory. ``-`` is standard output. `force`: overwrite an existing output.
     """
     require_existing(path)
     name = resolve_format(options.format, output)
@@ -161,14 +134,8 @@ def check_options(name: str, options: Options) -> None:
 def targets(name: str, output: str | None, stem: str) -> tuple[str, ...]:
     """Return the files that an export writes: one, or for a ROS map the yaml file and the image.
 
-    Parameters
-    ----------
-    name : str
-        The format.
-    output : str or None
-        As the user gave it. Of a ROS map the name of either file, or their common stem.
-    stem : str
-        Names the output if the user did not.
+    `name`: the format. `output`: as the user gave it. Of a ROS map the name of either file, or their common stem.
+    `stem`: names the output if the user did not.
     """
     if output == STREAM and name in (ROS_MAP, NETCDF):
         what = "is a pair of files" if name == ROS_MAP else "is binary"

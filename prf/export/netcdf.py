@@ -28,21 +28,11 @@ DIMENSIONS = ("chain", "draw")
 
 
 class Chains(NamedTuple):
-    """Draws in a rectangle.
+    """Draws in a rectangle."""
 
-    Attributes
-    ----------
-    numbers : (n_chains,) int array
-        Numbers of the chains that recorded a draw.
-    rows : (n_chains, n_draws) int array
-        Number of each draw in the run, by step.
-    n_left_out : int
-        Draws beyond the length of the shortest chain.
-    """
-
-    numbers: NDArray[np.int32]
-    rows: NDArray[np.int64]
-    n_left_out: int
+    numbers: NDArray[np.int32]  # (n_chains,) numbers of the chains that recorded a draw
+    rows: NDArray[np.int64]  # (n_chains, n_draws) number of each draw in the run, by step
+    n_left_out: int  # draws beyond the length of the shortest chain
 
 
 def align_chains(run: Run) -> Chains:

@@ -31,13 +31,8 @@ class RosMap(NamedTuple):
 def ros_map(cells: Cells, unknown: tuple[float, float] | None, image_name: str) -> RosMap:
     """Return the files of a map.
 
-    Parameters
-    ----------
-    unknown : (float, float) or None
-        A cell of a probability from the first to the second is unknown, as is one of probability nan. None: the
-        thresholds.
-    image_name : str
-        Name of the image as the yaml file gives it, relative to itself.
+    `unknown`: a cell of a probability from the first to the second is unknown, as is one of probability nan. None: the
+    thresholds. `image_name`: name of the image as the yaml file gives it, relative to itself.
     """
     probability = np.asarray(cells.probability, dtype=np.float64)[::-1]  # the top row of an image has the largest y
     low, high = unknown if unknown is not None else (FREE_THRESHOLD, OCCUPIED_THRESHOLD)

@@ -34,18 +34,12 @@ class Map(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A run, a grid or a map; the others are None.
-
-    Attributes
-    ----------
-    map : Map or None
-        Also the best map of the run, if it has one yet.
-    """
+    """A run, a grid or a map; the others are None."""
 
     path: Path
     run: Run | None = None
     grid: OccupancyGrid | None = None
-    map: Map | None = None
+    map: Map | None = None  # also the best map of the run, if it has one yet
 
     def require_run(self, what: str) -> Run:
         """Return the run (InputError if the source is a grid or one map, which has not `what`)."""

@@ -137,12 +137,7 @@ def _ranges(ranges: ArrayLike) -> Floats:
 def checked(
     name: str, values: ArrayLike, shape: tuple[int | None, ...], limit: float = sys.float_info.max, unit: str = "metres"
 ) -> Floats:
-    """Return `values` as float64 if they have a shape (None: any length) and are all finite and within a limit.
-
-    Raises
-    ------
-    ArgumentError
-    """
+    """Return `values` as float64 if they have a shape (None: any length) and are all finite and within a limit."""
     array = _numbers(name, values)
     _require_shape(name, array, shape)
     bad = ~(np.abs(array) <= limit)

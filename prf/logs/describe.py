@@ -32,75 +32,40 @@ class Extent(NamedTuple):
 
 @dataclass(frozen=True)
 class LogSummary:
-    """What is in a log.
+    """What is in a log."""
 
-    Attributes
-    ----------
-    source, format : str
-        Name and format of the log.
-    kind : {"laser", "sonar"}
-        What the readings are: sonar's if any has an opening angle.
-    devices : tuple of str
-        The kinds of scan in it: kinds of line, devices or topics.
-    poses : str
-        Where the poses are from.
-    ring : tuple of (x, y, heading)
-        Where the transducers of a sonar ring sit on the robot, metres and radians; empty if unknown.
-    cones : tuple of float
-        Smallest and largest opening angle, radians.
-    n_scans, n_beams : int
-        Scans, and beams with a usable range.
-    beams_per_scan : tuple of int
-        Fewest and most beams that a scan has in the file.
-    path_extent, returns_extent : Extent or None
-        Round the sensor positions, and round the end points of the beams below the maximum range (None: no such beam).
-    path_length : float
-        Sum of the steps between successive scans of the first device, metres.
-    duration : float
-        Seconds from the smallest to the largest time stamp; nan if there are none.
-    largest_range, max_range : float
-        Largest finite range of the log, cut at the sensors' own maximum (nan if no range is finite), and the maximum
-        range that `prf sample` takes for it: from the log for a laser, 3.5 m for sonars.
-    share_no_return : float
-        Share of beams at or beyond the maximum range.
-    share_far : float
-        Share of beams of at least `FAR` metres, no returns included; of sonars returns alone.
-    n_zero_ranges : int
-        Beams dropped because their range is 0.
-    n_invalid : int
-        Beams dropped because their range is no number or below the sensor's own minimum.
-    lines, odd_lines : dict of str to int
-        Lines (of a bag: messages, by topic) skipped: of kinds that the format knows, and of others.
-    remarks : tuple of str
-        What the reader had to assume.
-    suspicions : tuple of Suspicion
-        What a person should look at before mapping.
-    """
-
+    # source, format: name and format of the log
     source: str
     format: str
-    kind: Kind
-    devices: tuple[str, ...]
-    poses: str
+    kind: Kind  # what the readings are: sonar's if any has an opening angle
+    devices: tuple[str, ...]  # the kinds of scan in it: kinds of line, devices or topics
+    poses: str  # where the poses are from
+    # where the transducers of a sonar ring sit on the robot, metres and radians; empty if unknown
     ring: tuple[tuple[float, float, float], ...]
-    cones: tuple[float, float]
+    cones: tuple[float, float]  # smallest and largest opening angle, radians
+    # n_scans, n_beams: scans, and beams with a usable range
     n_scans: int
     n_beams: int
-    beams_per_scan: tuple[int, int]
+    beams_per_scan: tuple[int, int]  # fewest and most beams that a scan has in the file
+    # path_extent, returns_extent: round the sensor positions, and round the end points of the beams below the maximum
+    # range (None: no such beam)
     path_extent: Extent
-    path_length: float
+    path_length: float  # sum of the steps between successive scans of the first device, metres
     returns_extent: Extent | None
-    duration: float
+    duration: float  # seconds from the smallest to the largest time stamp; nan if there are none
+    # largest_range, max_range: largest finite range of the log, cut at the sensors' own maximum (nan if no range is
+    # finite), and the maximum range that `prf sample` takes for it: from the log for a laser, 3.5 m for sonars
     largest_range: float
     max_range: float
-    share_no_return: float
-    share_far: float
-    n_zero_ranges: int
-    n_invalid: int
+    share_no_return: float  # share of beams at or beyond the maximum range
+    share_far: float  # share of beams of at least `FAR` metres, no returns included; of sonars returns alone
+    n_zero_ranges: int  # beams dropped because their range is 0
+    n_invalid: int  # beams dropped because their range is no number or below the sensor's own minimum
+    # lines, odd_lines: lines (of a bag: messages, by topic) skipped: of kinds that the format knows, and of others
     lines: dict[str, int]
     odd_lines: dict[str, int]
-    remarks: tuple[str, ...]
-    suspicions: tuple[Suspicion, ...]
+    remarks: tuple[str, ...]  # what the reader had to assume
+    suspicions: tuple[Suspicion, ...]  # what a person should look at before mapping
 
 
 def describe(readings: Readings, path: str) -> LogSummary:

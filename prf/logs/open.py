@@ -124,16 +124,9 @@ def read_logs(
 ) -> tuple[Readings | None, Readings | None]:
     """Read the log of a laser, of a sonar or of both; None for a sensor without log.
 
-    Parameters
-    ----------
-    laser, sonar : str or None
-        Logs, which may be the same file.
-    topic, sonar_topic : str, optional
-        Whose readings to take of each, see :func:`prf.logs.read_readings`.
-    frame : str, optional
-        In what frame, for both; laser lines of CARMEN carry their poses, so there it is for the sonar alone.
-    cone : float, optional
-        Full opening angle in radians of sonar readings whose log has none.
+    `laser`, `sonar`: logs, which may be the same file. `topic`, `sonar_topic`: whose readings to take of each, see
+    :func:`prf.logs.read_readings`. `frame`: in what frame, for both; laser lines of CARMEN carry their poses, so there
+    it is for the sonar alone. `cone`: full opening angle in radians of sonar readings whose log has none.
     """
     if topic is not None and laser is None:
         raise ConfigError(

@@ -54,26 +54,15 @@ class PointTable(NamedTuple):
 
 
 class PointSummary(NamedTuple):
-    """What is in a file of point observations.
-
-    Attributes
-    ----------
-    source : str
-    n_points, n_places : int
-        Observations, and different places.
-    extent : tuple of 4 floats
-        x_min, y_min, x_max, y_max of the places, metres.
-    kind : {"binary", "gaussian"}
-        What `prf sample` takes them for by default.
-    lowest, highest, mean : float
-        Of the values.
-    """
+    """What is in a file of point observations."""
 
     source: str
+    # n_points, n_places: observations, and different places
     n_points: int
     n_places: int
-    extent: tuple[float, float, float, float]
-    kind: str
+    extent: tuple[float, float, float, float]  # x_min, y_min, x_max, y_max of the places, metres
+    kind: str  # what `prf sample` takes them for by default
+    # lowest, highest, mean: of the values
     lowest: float
     highest: float
     mean: float
@@ -98,16 +87,8 @@ def describe_points(table: PointTable) -> PointSummary:
 def read_point_data(path: str | os.PathLike[str]) -> PointTable:
     """Read point observations; gzipped or not, ``-`` is standard input.
 
-    Parameters
-    ----------
-    path : path
-        A CSV file whose header names the columns x, y and value, in any order and among others. Blank lines and lines
-        that begin with ``#`` are skipped.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, damaged or empty, or a row has no finite x, y and value; with ``file:line``.
+    `path`: a CSV file whose header names the columns x, y and value, in any order and among others. Blank lines and
+    lines that begin with ``#`` are skipped.
     """
     source = "standard input" if os.fspath(path) == STREAM else os.fspath(path)
     with open_input(path) as stream:

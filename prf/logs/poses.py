@@ -31,24 +31,12 @@ left. A robot with the front array alone has the first 8. As the Player server w
 
 
 class Track(NamedTuple):
-    """Poses of a robot, one a line of the log.
+    """Poses of a robot, one a line of the log."""
 
-    Attributes
-    ----------
-    name : str
-        Where they are from, for a person.
-    line : (n,) int64
-        Line of the file, growing.
-    time : (n,) float64
-        Seconds.
-    pose : (n, 3) float64
-        Position in metres and heading in radians.
-    """
-
-    name: str
-    line: IntArray
-    time: FloatArray
-    pose: FloatArray
+    name: str  # where they are from, for a person
+    line: IntArray  # (n,) line of the file, growing
+    time: FloatArray  # (n,) seconds
+    pose: FloatArray  # (n, 3) position in metres and heading in radians
 
     @classmethod
     def from_rows(cls, name: str, rows: Sequence[tuple[int, float, FloatArray]], source: str) -> Track:
@@ -99,12 +87,8 @@ class Track(NamedTuple):
 def mounted(robot: FloatArray, mount: FloatArray) -> FloatArray:
     """Return the world pose of something mounted on a robot.
 
-    Parameters
-    ----------
-    robot : (3,) float64
-        Pose of the robot in the world, metres and radians.
-    mount : (3,) or (k, 3) float64
-        Poses in the robot's frame.
+    `robot` (3,): pose of the robot in the world, metres and radians. `mount` (3,) or (k, 3): poses in the robot's
+    frame.
     """
     cosine, sine = np.cos(robot[2]), np.sin(robot[2])
     x, y = mount[..., 0], mount[..., 1]

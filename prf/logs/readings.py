@@ -30,31 +30,17 @@ class OwnPoses(ConfigError):  # noqa: N818 - reads as what happened
 
 
 class ScanTable(NamedTuple):
-    """One row a scan of the whole log, before thinning.
+    """One row a scan of the whole log, before thinning."""
 
-    Attributes
-    ----------
-    number : (n_scans,) int64
-        Scan number, as in `Readings.scan`.
-    line : (n_scans,) int64
-        Line of the file, from 1, on which the scan begins; in a bag, which of the sensors' messages it is.
-    n_beams : (n_scans,) int64
-        Beams in the file, those with an unusable range included.
-    device : (n_scans,) int64
-        Which sensor made the scan, an index into `LogNotes.devices`.
-    pose : (n_scans, 3) float64
-        Position in metres and heading in radians of the sensor, of the robot for a ring of sonars; heading nan where
-        the format has none.
-    time : (n_scans,) float64
-        Seconds; nan where unknown.
-    """
-
-    number: IntArray
+    number: IntArray  # (n_scans,) scan number, as in `Readings.scan`
+    # (n_scans,) line of the file, from 1, on which the scan begins; in a bag, which of the sensors' messages it is
     line: IntArray
-    n_beams: IntArray
-    device: IntArray
+    n_beams: IntArray  # (n_scans,) beams in the file, those with an unusable range included
+    device: IntArray  # (n_scans,) which sensor made the scan, an index into `LogNotes.devices`
+    # (n_scans, 3) position in metres and heading in radians of the sensor, of the robot for a ring of sonars; heading
+    # nan where the format has none
     pose: FloatArray
-    time: FloatArray
+    time: FloatArray  # (n_scans,) seconds; nan where unknown
 
 
 def _no_scans() -> ScanTable:
@@ -64,46 +50,25 @@ def _no_scans() -> ScanTable:
 
 @dataclass(frozen=True)
 class LogNotes:
-    """What a reader noticed; it always speaks of the whole log, also after thinning.
+    """What a reader noticed; it always speaks of the whole log, also after thinning."""
 
-    Attributes
-    ----------
-    format : str
-        Name of the format, for a person.
-    scans : ScanTable
-        The scans of the log.
-    devices : tuple of str
-        Names of the sensors, in the order of their first scan.
-    n_zero_ranges : int
-        Beams dropped because their range is exactly 0: an error code of the scanner, neither a hit nor a miss.
-    n_invalid : int
-        Beams dropped because their range is no number, or below the least that the sensor itself claims to measure.
-    sensor_max : float
-        The sensors' own maximum range, where the log states it and has finite readings at or above it: these are inf
-        in `Readings`. nan otherwise.
-    poses : str
-        Where the poses are from, for a person.
-    ring : tuple of (x, y, heading)
-        Where the transducers of a sonar ring sit on the robot, metres and radians; empty for other sensors.
-    lines : mapping of str to int
-        How many lines of each kind were skipped, kinds that the format knows.
-    odd_lines : mapping of str to int
-        The same for kinds that the format does not know.
-    remarks : tuple of str
-        What the reader had to assume.
-    """
-
-    format: str = ""
-    scans: ScanTable = field(default_factory=_no_scans)
-    devices: tuple[str, ...] = ()
+    format: str = ""  # name of the format, for a person
+    scans: ScanTable = field(default_factory=_no_scans)  # the scans of the log
+    devices: tuple[str, ...] = ()  # names of the sensors, in the order of their first scan
+    # beams dropped because their range is exactly 0: an error code of the scanner, neither a hit nor a miss
     n_zero_ranges: int = 0
+    # beams dropped because their range is no number, or below the least that the sensor itself claims to measure
     n_invalid: int = 0
+    # the sensors' own maximum range, where the log states it and has finite readings at or above it: these are inf in
+    # `Readings`. nan otherwise
     sensor_max: float = math.nan
-    poses: str = "in the log"
+    poses: str = "in the log"  # where the poses are from, for a person
+    # where the transducers of a sonar ring sit on the robot, metres and radians; empty for other sensors
     ring: tuple[tuple[float, float, float], ...] = ()
+    # how many lines of each kind were skipped, kinds that the format knows
     lines: Mapping[str, int] = field(default_factory=dict)
-    odd_lines: Mapping[str, int] = field(default_factory=dict)
-    remarks: tuple[str, ...] = ()
+    odd_lines: Mapping[str, int] = field(default_factory=dict)  # the same for kinds that the format does not know
+    remarks: tuple[str, ...] = ()  # what the reader had to assume
 
 
 @dataclass(frozen=True)
@@ -162,18 +127,10 @@ class Readings:
     ) -> Readings:
         """Return readings with every array cast to its type, C-contiguous; a scalar holds for every beam.
 
-        Parameters
-        ----------
-        origin : (n, 2) or (2,) array_like
-            Sensor positions, metres.
-        angle, ranges : (n,) array_like
-            Directions in radians and distances in metres; `ranges` fixes n. One beyond `LARGEST_RANGE` is no return.
-        scan, beam, time, cone : (n,) array_like or scalar, optional
-            As the attributes; `beam` counts through the beams of each scan if absent.
-        source : str, optional
-            Where the readings are from.
-        notes : LogNotes, optional
-            What the reader noticed.
+        `origin` (n, 2) or (2,): sensor positions, metres. `angle`, `ranges` (n,): directions in radians and distances
+        in metres; `ranges` fixes n. One beyond `LARGEST_RANGE` is no return. `scan`, `beam`, `time`, `cone` (n,): as
+        the attributes; `beam` counts through the beams of each scan if absent. `source`: where the readings are from.
+        `notes`: what the reader noticed.
         """
         distance = np.array(ranges, dtype=np.float64, order="C").reshape(-1)
         distance[distance > LARGEST_RANGE] = np.inf

@@ -76,16 +76,8 @@ def find_spoiling(readings: Readings) -> tuple[Suspicion, ...]:
 def warn_of_spoiling(readings: Readings, used: Readings, kind: Kind, max_range: float | None) -> None:
     """Log a warning of each sign that a map of these readings would be spoilt.
 
-    Parameters
-    ----------
-    readings : Readings
-        The whole log.
-    used : Readings
-        What is used of it: jumps before its first scan or after its last do no harm.
-    kind : {"laser", "sonar"}
-        What the readings were given as.
-    max_range : float or None
-        Metres, if it need not be taken from the log.
+    `readings`: the whole log. `used`: what is used of it: jumps before its first scan or after its last do no harm.
+    `kind`: what the readings were given as. `max_range`: metres, if it need not be taken from the log.
     """
     first, last = (int(used.scan.min()), int(used.scan.max())) if used.n_beams else (0, 0)
     for code, message, scans in find_spoiling(readings):

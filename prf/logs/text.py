@@ -90,20 +90,11 @@ def column_names(line: bytes) -> list[str]:
 
 
 class Rows(NamedTuple):
-    """The known columns of a CSV table.
+    """The known columns of a CSV table."""
 
-    Attributes
-    ----------
-    line : (n,) int64
-        Number of each row in the file.
-    columns : dict of str to (n,) float64
-    n_unknown : int
-        Further columns.
-    """
-
-    line: IntArray
+    line: IntArray  # (n,) number of each row in the file
     columns: dict[str, FloatArray]
-    n_unknown: int
+    n_unknown: int  # further columns
 
 
 def read_rows(
@@ -111,14 +102,8 @@ def read_rows(
 ) -> Rows:
     """Return the known columns of a CSV table with a header, within their `DOMAINS`.
 
-    Parameters
-    ----------
-    required, optional : sequence of str
-        Names of columns, read without case; others are counted.
-    empty : mapping of str to float
-        What an empty field of a column stands for; in every other column it is an error.
-    advice : str
-        What to do about a header that lacks a column.
+    `required`, `optional`: names of columns, read without case; others are counted. `empty`: what an empty field of a
+    column stands for; in every other column it is an error. `advice`: what to do about a header that lacks a column.
     """
     lines = content_lines(data)
     first, header = next(lines, (1, b""))

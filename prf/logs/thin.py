@@ -22,26 +22,10 @@ def thin(
     Scans and beams are selected by their numbers in the log, so two selections of one log, say ``skip_scans="9::10"``
     and ``scans="9::10"``, share no beam however they are combined with the other conditions.
 
-    Parameters
-    ----------
-    readings : Readings
-        The whole log.
-    every_scan : int, optional
-        K keeps scans 0, K, 2 K ...
-    every_beam : int, optional
-        K keeps beams 0, K, 2 K ... of each scan.
-    scans : str, optional
-        ``START:STOP:STEP`` keeps scans START, START + STEP ... below STOP. As in Python, each part may be empty, and a
-        negative START or STOP counts from the end of the log.
-    skip_scans : str, optional
-        The same for scans to leave out.
-
-    Raises
-    ------
-    ConfigError
-        If a number is below 1 or a slice is malformed; the option is named.
-    InputError
-        If nothing is left.
+    `readings`: the whole log. `every_scan`: k keeps scans 0, K, 2 K ... `every_beam`: k keeps beams 0, K, 2 K ... of
+    each scan. `scans`: ``START:STOP:STEP`` keeps scans START, START + STEP ... below STOP. As in Python, each part may
+    be empty, and a negative START or STOP counts from the end of the log. `skip_scans`: the same for scans to leave
+    out.
     """
     if not readings.n_beams:
         raise InputError(f"{readings.source}: there are no readings to choose from.")

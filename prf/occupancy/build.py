@@ -31,19 +31,11 @@ MAX_CELLS = 100_000_000
 
 
 class BuiltGrid(NamedTuple):
-    """A grid, and how many readings it is made from.
-
-    Attributes
-    ----------
-    n_beams : int
-        Readings used.
-    n_outside : int
-        Readings dropped because their sensor is not inside the window.
-    """
+    """A grid, and how many readings it is made from."""
 
     grid: OccupancyGrid
-    n_beams: int
-    n_outside: int
+    n_beams: int  # readings used
+    n_outside: int  # readings dropped because their sensor is not inside the window
 
 
 class _Rays(NamedTuple):
@@ -64,19 +56,8 @@ def build_grid(
 ) -> BuiltGrid:
     """Build the grid of whole logs; laser readings are entered first, each log in its own order.
 
-    Parameters
-    ----------
-    laser, sonar : Readings or None
-        Not thinned yet; at least one of them.
-    process : dict, optional
-        What to keep with the grid beside its settings: versions, digests.
-
-    Raises
-    ------
-    InputError
-        If no reading is left, or no maximum range can be found.
-    ConfigError
-        If the window is none, or has too many cells.
+    `laser`, `sonar`: not thinned yet; at least one of them. `process`: what to keep with the grid beside its settings:
+    versions, digests.
     """
     beams = _rays(laser, "laser", config, config.max_range)
     cones = _rays(sonar, "sonar", config, config.sonar_max_range)

@@ -18,52 +18,32 @@ from prf.shell.settings import Loaded
 
 @dataclasses.dataclass(frozen=True)
 class GridConfig:
-    """What a user may ask of a grid; None is resolved from the logs. Units: metres, radians.
+    """What a user may ask of a grid; None is resolved from the logs. Units: metres, radians."""
 
-    Attributes
-    ----------
-    method : {"count", "log-odds"}
-        Whether cells count hits and misses (Beta(0.5, 0.5) before the first), or add clamped log odds.
-    resolution : float
-        Side of a cell.
-    window : tuple of 4 floats or None
-        x_min, y_min, x_max, y_max; rounded up to whole cells.
-    max_range : float or None
-        Laser readings at or above it are no returns; default 0.97 of the log's largest range.
-    no_return : {"free", "ignore"}
-        Whether a laser beam without return says that all cells up to the maximum range are free, or nothing, since
-        scanners answer glass and black walls in the same way. A sonar cone always says free.
-    hit_probability, miss_probability : float
-        Probability that a cell is occupied given one hit, or one miss (log-odds).
-    clamp : float
-        Log odds stay within plus and minus this (log-odds).
-    sonar_max_range, sonar_cone : float
-        As `max_range`; full opening angle of readings that have none of their own.
-    sonar_thickness : float
-        Depth of the arc in which a sonar reading puts its obstacle.
-    topic, sonar_topic, frame : str or None
-        Whose readings to take of each log, and in what frame (:func:`prf.logs.read_readings`).
-    every_scan, every_beam : int
-    scans, skip_scans : str or None
-        As in :func:`prf.logs.thin`, for each log.
-    """
-
+    # whether cells count hits and misses (Beta(0.5, 0.5) before the first), or add clamped log odds
     method: Literal["count", "log-odds"] = "count"
-    resolution: float = 0.1
-    window: tuple[float, float, float, float] | None = None
+    resolution: float = 0.1  # side of a cell
+    window: tuple[float, float, float, float] | None = None  # x_min, y_min, x_max, y_max; rounded up to whole cells
+    # laser readings at or above it are no returns; default 0.97 of the log's largest range
     max_range: float | None = None
+    # whether a laser beam without return says that all cells up to the maximum range are free, or nothing, since
+    # scanners answer glass and black walls in the same way. A sonar cone always says free
     no_return: Literal["free", "ignore"] = "ignore"
+    # hit_probability, miss_probability: probability that a cell is occupied given one hit, or one miss (log-odds)
     hit_probability: float = 0.7
     miss_probability: float = 0.4
-    clamp: float = 3.5
+    clamp: float = 3.5  # log odds stay within plus and minus this (log-odds)
+    # sonar_max_range, sonar_cone: as `max_range`; full opening angle of readings that have none of their own
     sonar_max_range: float = SonarModel.max_range
     sonar_cone: float = CONE
-    sonar_thickness: float = 0.2
+    sonar_thickness: float = 0.2  # depth of the arc in which a sonar reading puts its obstacle
+    # topic, sonar_topic, frame: whose readings to take of each log, and in what frame (:func:`prf.logs.read_readings`)
     topic: str | None = None
     sonar_topic: str | None = None
     frame: str | None = None
     every_scan: int = 1
     every_beam: int = 1
+    # scans, skip_scans: as in :func:`prf.logs.thin`, for each log
     scans: str | None = None
     skip_scans: str | None = None
 

@@ -32,31 +32,16 @@ ARCHIVE_MAGIC = b"PK"
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class OccupancyGrid:
-    """Probability of being occupied, cell by cell; row 0 has the lowest y.
+    """Probability of being occupied, cell by cell; row 0 has the lowest y."""
 
-    Attributes
-    ----------
-    occupancy : (ny, nx) float32
-        Probability that the cell is occupied; 0.5 where no reading came.
-    hits, misses : (ny, nx) int32
-        Readings that ended in the cell, and that passed it.
-    origin : (2,) float64
-        Lower left corner of cell (0, 0) in metres.
-    resolution : float
-        Side of a cell in metres.
-    settings : dict
-        Configuration as resolved, in SI units.
-    process : dict
-        Versions, command, digests of the inputs.
-    """
-
-    occupancy: NDArray[np.float32]
+    occupancy: NDArray[np.float32]  # (ny, nx) probability that the cell is occupied; 0.5 where no reading came
+    # hits, misses: (ny, nx) readings that ended in the cell, and that passed it
     hits: NDArray[np.int32]
     misses: NDArray[np.int32]
-    origin: NDArray[np.float64]
-    resolution: float
-    settings: dict[str, Any] = dataclasses.field(default_factory=dict)
-    process: dict[str, Any] = dataclasses.field(default_factory=dict)
+    origin: NDArray[np.float64]  # (2,) lower left corner of cell (0, 0) in metres
+    resolution: float  # side of a cell in metres
+    settings: dict[str, Any] = dataclasses.field(default_factory=dict)  # configuration as resolved, in SI units
+    process: dict[str, Any] = dataclasses.field(default_factory=dict)  # versions, command, digests of the inputs
 
     @property
     def cells(self) -> Grid:
@@ -90,23 +75,9 @@ class OccupancyGrid:
 def occupied_probability(grid: OccupancyGrid, xy: ArrayLike, square: float = 0.0) -> Floats:
     """Return how probably each point, or the square round it, is occupied.
 
-    Parameters
-    ----------
-    xy : (n_points, 2) array
-        Points in metres.
-    square : float
-        Side of the closed square in metres: one minus the product of 1 - p over the cells whose centres lie in it.
-        Where there is none, as with 0, the cell of the point.
-
-    Returns
-    -------
-    (n_points,) float64
-        Probabilities; nan for a point outside the grid.
-
-    Raises
-    ------
-    UsageError
-        If `square` is negative or not finite.
+    `xy` (n_points, 2): points in metres. `square`: side of the closed square in metres: one minus the product of 1 - p
+    over the cells whose centres lie in it. Where there is none, as with 0, the cell of the point. Returns (n_points,):
+    probabilities; nan for a point outside the grid.
     """
     if not 0.0 <= square < np.inf:
         raise UsageError(f"square {square} m: the side of a square is a finite number >= 0.")
@@ -129,24 +100,8 @@ def occupied_probability(grid: OccupancyGrid, xy: ArrayLike, square: float = 0.0
 def path_free(grid: OccupancyGrid, path_xy: ArrayLike, radius: float) -> float:
     """Return the probability that a disc can follow the whole path: the product of 1 - p over the cells it touches.
 
-    Parameters
-    ----------
-    path_xy : (n_points, 2) array
-        Corners of the path in metres, in order.
-    radius : float
-        Radius of the disc in metres, >= 0.
-
-    Returns
-    -------
-    float
-        nan if a part of the path lies outside the grid.
-
-    Raises
-    ------
-    InputError
-        If the path has no point.
-    UsageError
-        If `radius` is negative or not finite.
+    `path_xy` (n_points, 2): corners of the path in metres, in order. `radius`: radius of the disc in metres, >= 0.
+    Returns: nan if a part of the path lies outside the grid.
     """
     path = np.asarray(path_xy, dtype=np.float64).reshape(-1, 2)
     if len(path) == 0:
@@ -204,13 +159,7 @@ def write_grid(path: str | os.PathLike[str], grid: OccupancyGrid) -> None:
 
 
 def read_grid(path: str | os.PathLike[str]) -> OccupancyGrid:
-    """Read a GRID file.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, damaged, or of another schema.
-    """
+    """Read a GRID file."""
     file = Path(path)
     arrays = load_arrays(file, SCHEMA)
     occupancy = take_array(file, arrays, "occupancy", np.float32, (None, None))

@@ -30,14 +30,7 @@ GAP, CAPTION, EDGE, TITLE = 0.25, 0.45, 0.25, 0.7
 def render_best(run: Run, target: Target, *, path: bool = False, title: str | None = None) -> None:
     """Draw the best map, occupied area filled.
 
-    Parameters
-    ----------
-    run : Run
-        With a best map.
-    path : bool
-        Draw the sensor's path, if the run has beams.
-    title : str, optional
-        Instead of the default one.
+    `run`: with a best map. `path`: draw the sensor's path, if the run has beams. `title`: instead of the default one.
     """
     if run.best is None:
         raise run.missing(names.MAP)
@@ -57,14 +50,7 @@ def render_best(run: Run, target: Target, *, path: bool = False, title: str | No
 def render_draws(run: Run, target: Target, *, n_draws: int = 4, title: str | None = None) -> None:
     """Draw several draws side by side, spread evenly over chains and time.
 
-    Parameters
-    ----------
-    run : Run
-        With at least one draw.
-    n_draws : int
-        How many; fewer if the run has fewer.
-    title : str, optional
-        Instead of the default one.
+    `run`: with at least one draw. `n_draws`: how many; fewer if the run has fewer. `title`: instead of the default one.
     """
     maps, captions = spread_draws(run, n_draws)
     small = f"{run.name}  ·  {len(maps)} of {style.counted(len(run.draws), 'draw')}"
@@ -81,14 +67,8 @@ def render_maps(
 ) -> None:
     """Draw maps side by side as black polygons on white in a thin frame, captions below, each with its scale bar.
 
-    Parameters
-    ----------
-    maps : sequence of Coloring
-        At least one; windows may differ.
-    captions : sequence of str
-        One a map.
-    title, subtitle : str, optional
-        Over the first map; none leaves no room for them.
+    `maps`: at least one; windows may differ. `captions`: one a map. `title`, `subtitle`: over the first map; none
+    leaves no room for them.
     """
     if not maps:
         raise UsageError("no map to draw.")

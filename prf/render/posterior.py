@@ -31,24 +31,11 @@ def render_posterior(
 ) -> None:
     """Draw how probably each point is occupied: white free, mid-grey unknown, black occupied; unseen cells hatched.
 
-    Parameters
-    ----------
-    run : Run
-        With an image.
-    target : path or binary file
-        Where to write the picture.
-    squares : bool
-        Show how probably each cell is not completely white instead of the colour at its centre (section 1.3.3).
-    outline : bool
-        Draw the edges of the best map over it.
-    path : bool
-        Draw the sensor's path.
-    beams : bool
-        Draw the beams of the laser and the arcs of the sonar, thinly, and the points with their values.
-    disagreement : bool
-        Tint the seen cells at which chains differ (docs/convergence.md).
-    title : str, optional
-        Instead of the default one.
+    `run`: with an image. `target`: where to write the picture. `squares`: show how probably each cell is not completely
+    white instead of the colour at its centre (section 1.3.3). `outline`: draw the edges of the best map over it.
+    `path`: draw the sensor's path. `beams`: draw the beams of the laser and the arcs of the sonar, thinly, and the
+    points with their values. `disagreement`: tint the seen cells at which chains differ (docs/convergence.md). `title`:
+    instead of the default one.
     """
     if run.image is None:
         raise run.missing(names.POSTERIOR)
@@ -79,14 +66,8 @@ def render_posterior(
 def render_cells(image: PosteriorImage, target: Target, *, title: str, words: str = "") -> None:
     """Draw probabilities cell by cell: white free, mid-grey unknown, black occupied.
 
-    Parameters
-    ----------
-    image : PosteriorImage
-        Its occupancy is drawn.
-    target : path or binary file
-        Where to write the picture.
-    title, words : str
-        Over the picture: a title, and what the small print begins with.
+    `image`: its occupancy is drawn. `target`: where to write the picture. `title`, `words`: over the picture: a title,
+    and what the small print begins with.
     """
     left, right, bottom, top = image.extent
     window = Window(left, bottom, right, top)

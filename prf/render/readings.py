@@ -16,16 +16,8 @@ def render_beams(
 ) -> None:
     """Draw beams and impacts of the laser, arcs of the sonar, the sensor's path, and points with their values.
 
-    Parameters
-    ----------
-    run : Run
-        With readings.
-    outline : bool
-        Draw the edges of the best map over them.
-    path : bool
-        Draw the sensor's path.
-    title : str, optional
-        Instead of the default one.
+    `run`: with readings. `outline`: draw the edges of the best map over them. `path`: draw the sensor's path. `title`:
+    instead of the default one.
     """
     if run.sensors is None and run.points is None:
         raise run.missing(names.READINGS)

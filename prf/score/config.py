@@ -18,35 +18,23 @@ SQUARE = 0.2
 
 @dataclasses.dataclass(frozen=True)
 class ScoreConfig:
-    """How to score. Units: metres, radians.
+    """How to score. Units: metres, radians."""
 
-    Attributes
-    ----------
-    max_range : float or None
-        Laser readings at or above it are no returns and are not scored; default 0.97 of the log's largest range.
-    noise, noise_relative, outlier_probability, miss_probability : float
-        See :class:`prf.sensors.laser.LaserModel`.
-    sonar : SonarModel
-        Sonar readings at or above its maximum range are no returns; they are scored.
-    sonar_cone : float
-        Full field of view of sonars whose log has none.
-    square : float
-        Side of the square round a held-out point that a map is asked for; 0: the point itself, of a GRID its cell.
-    every_scan, every_beam : int
-    scans, skip_scans : str or None
-        As in :func:`prf.logs.thin`, of both logs.
-    """
-
+    # laser readings at or above it are no returns and are not scored; default 0.97 of the log's largest range
     max_range: float | None = None
+    # noise, noise_relative, outlier_probability, miss_probability: see :class:`prf.sensors.laser.LaserModel`
     noise: float = 0.05
     noise_relative: float = 0.0
     outlier_probability: float = 0.05
     miss_probability: float = 0.0
+    # sonar readings at or above its maximum range are no returns; they are scored
     sonar: SonarModel = dataclasses.field(default_factory=SonarModel)
-    sonar_cone: float = CONE
+    sonar_cone: float = CONE  # full field of view of sonars whose log has none
+    # side of the square round a held-out point that a map is asked for; 0: the point itself, of a GRID its cell
     square: float = SQUARE
     every_scan: int = 1
     every_beam: int = 1
+    # scans, skip_scans: as in :func:`prf.logs.thin`, of both logs
     scans: str | None = None
     skip_scans: str | None = None
 

@@ -28,23 +28,14 @@ OUTSIDE = 0.5
 
 
 class HeldOut(NamedTuple):
-    """Beams with a return, one row each, and what was left out.
+    """Beams with a return, one row each, and what was left out."""
 
-    Attributes
-    ----------
-    origin, direction : (n, 2) float64
-        Sensor positions in metres, unit vectors.
-    range : (n,) float64
-        Metres, below the maximum range of `model`.
-    n_no_return : int
-        Beams without return, which are not scored.
-    """
-
+    # origin, direction: (n, 2) sensor positions in metres, unit vectors
     origin: Floats
     direction: Floats
-    range: Floats
+    range: Floats  # (n,) metres, below the maximum range of `model`
     model: LaserModel
-    n_no_return: int
+    n_no_return: int  # beams without return, which are not scored
 
     def select(self, mask: NDArray[np.bool_]) -> HeldOut:
         """Return the beams that `mask` (n,) picks."""
@@ -86,14 +77,9 @@ def hold_out(readings: Readings, config: ScoreConfig) -> HeldOut:
 
 
 class HeldOutSonar(NamedTuple):
-    """Sonar readings, those without return included.
+    """Sonar readings, those without return included."""
 
-    Attributes
-    ----------
-    pose : (n, N_POSE) float64
-        As the kernels take them; the reading is inf where there was no return below the maximum range.
-    """
-
+    # (n, N_POSE) as the kernels take them; the reading is inf where there was no return below the maximum range
     pose: Floats
     model: SonarModel
 

@@ -37,38 +37,23 @@ OCCUPIED = 0.5
 
 
 class Prediction(NamedTuple):
-    """What a map predicts of beams.
+    """What a map predicts of beams."""
 
-    Attributes
-    ----------
-    density : (n,) float64
-        Predictive density of each reading, 1/m; of a censored one the probability to end beyond the window.
-    distance : (n,) float64
-        Distance to the first obstacle in the best map; inf for none before the maximum range, 0 in occupied space,
-        nan if there is no best map.
-    share_occupied : float
-        Share of pairs of a draw and a beam in which the sensor is in occupied space.
-    """
-
+    # (n,) predictive density of each reading, 1/m; of a censored one the probability to end beyond the window
     density: Floats
+    # (n,) distance to the first obstacle in the best map; inf for none before the maximum range, 0 in occupied space,
+    # nan if there is no best map
     distance: Floats
-    share_occupied: float
+    share_occupied: float  # share of pairs of a draw and a beam in which the sensor is in occupied space
 
 
 class SonarPrediction(NamedTuple):
-    """What a map predicts of sonar readings.
+    """What a map predicts of sonar readings."""
 
-    Attributes
-    ----------
-    density : dict of str to (n,) float64
-        Predictive density of each reading in 1/m, for no return its probability, by the name of the way to find it;
-        "" where there is one way only.
-    share_occupied : float
-        Share of pairs of a draw and a reading in which the sensor is in occupied space.
-    """
-
+    # predictive density of each reading in 1/m, for no return its probability, by the name of the way to find it; ""
+    # where there is one way only
     density: Mapping[str, Floats]
-    share_occupied: float
+    share_occupied: float  # share of pairs of a draw and a reading in which the sensor is in occupied space
 
 
 class ScoredMap(ABC):
@@ -141,12 +126,7 @@ class PolygonalMaps(ScoredMap):
 class DrawsMap(PolygonalMaps):
     """The draws of a RUN, every one a possible map, and its best map.
 
-    Parameters
-    ----------
-    draws : Draws
-        At least one.
-    image : PosteriorImage or None
-        Holds which cells readings saw; None: not known.
+    `draws`: at least one. `image`: holds which cells readings saw; None: not known.
     """
 
     kind = "run"
@@ -261,13 +241,7 @@ def contours_of(grid: OccupancyGrid) -> BaseGeometry:
 
 
 def open_map(path: str | os.PathLike[str]) -> ScoredMap:
-    """Return the map at `path`: a RUN directory, a GRID file, or else GeoJSON.
-
-    Raises
-    ------
-    InputError
-        If there is none, or it is damaged.
-    """
+    """Return the map at `path`: a RUN directory, a GRID file, or else GeoJSON."""
     if Path(path).is_dir():
         run = read_run(path, parts=(names.MAP, names.POSTERIOR))
         return DrawsMap(run.draws, run.best, run.image)

@@ -34,16 +34,8 @@ class OccupiedArea(NamedTuple):
 def read_occupied_area(path: str | os.PathLike[str]) -> OccupiedArea:
     """Read every Polygon and MultiPolygon of a GeoJSON file: a geometry, a Feature or a FeatureCollection.
 
-    Parameters
-    ----------
-    path : path
-        ``-`` is standard input. The property ``window``, ``[x_min, y_min, x_max, y_max]``, of the first object that
-        has it is where the map is known.
-
-    Returns
-    -------
-    OccupiedArea
-        Overlapping polygons united, clipped to the window.
+    `path`: ``-`` is standard input. The property ``window``, ``[x_min, y_min, x_max, y_max]``, of the first object that
+    has it is where the map is known. Returns: overlapping polygons united, clipped to the window.
     """
     content = _load(path)
     try:

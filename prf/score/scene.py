@@ -42,12 +42,8 @@ def scene_of_coloring(coloring: Coloring, reach: float) -> Scene:
 def scene_of_region(region: BaseGeometry, window: Window | None, origin: Floats, reach: float) -> Scene:
     """Return occupied area as cones at `origin` (n, 2) of this reach (metres) look at it.
 
-    Parameters
-    ----------
-    region : shapely geometry
-        Polygons; every vertex at which the outline turns is a corner.
-    window : Window or None
-        What lies along its border is no wall. None: everywhere.
+    `region`: polygons; every vertex at which the outline turns is a corner. `window`: what lies along its border is no
+    wall. None: everywhere.
     """
     segments, corners = outline(region, window)
     return make_scene(segments, corners, window or enclosing_window(origin, reach, region), reach)
@@ -110,19 +106,9 @@ def enclosing_window(origin: Floats, reach: float, region: BaseGeometry) -> Wind
 def features_seen(scene: Scene, pose: Floats, reach: float) -> tuple[NDArray[np.int64], Floats]:
     """Return the features in each cone, nearest first.
 
-    Parameters
-    ----------
-    pose : (n, N_POSE) array
-        From :func:`prf.sensors.sonar.make_poses`.
-    reach : float
-        Maximum range, metres.
-
-    Returns
-    -------
-    start : (n + 1,) int64
-        Rows `start[i]` to before `start[i + 1]` belong to cone i.
-    feature : (n_features, N_FEATURE) float64
-        Columns as in ``prf.kernels.sonar_features``.
+    `pose` (n, N_POSE): from :func:`prf.sensors.sonar.make_poses`. `reach`: maximum range, metres. Returns (n + 1,):
+    rows `start[i]` to before `start[i + 1]` belong to cone i. Returns (n_features, N_FEATURE): columns as in
+    ``prf.kernels.sonar_features``.
     """
     start = np.zeros(len(pose) + 1, np.int64)
     feature = np.empty((0, N_FEATURE))
@@ -135,11 +121,7 @@ def features_seen(scene: Scene, pose: Floats, reach: float) -> tuple[NDArray[np.
 def first_edges(rays: Floats, segments: Floats, window: Window) -> Floats:
     """Return the distance (n,) at which each ray first meets a segment, inf for none within its reach.
 
-    Parameters
-    ----------
-    rays : (n, 5) array
-        Origin, unit direction and reach; all of them inside the window.
-    segments : (n_edges, 4) array
+    `rays` (n, 5): origin, unit direction and reach; all of them inside the window. `segments` (n_edges, 4).
     """
     grid = index_grid(window, len(segments))
     distance = np.empty(len(rays))

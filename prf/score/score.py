@@ -34,28 +34,10 @@ def score(
 ) -> dict[str, Any]:
     """Return every score of a map that the readings and a true plan allow.
 
-    Parameters
-    ----------
-    held_out : HeldOut or None
-        Beams whose sensor is outside the window of the map are dropped and counted.
-    seed : int, optional
-        Of the free points; wanted with beams.
-    sonar : HeldOutSonar, optional
-        Likewise.
-    cells : TrueCells, optional
-        Of the true plan.
-    square : float
-        Side in metres of the square round each held-out point; 0: the point, of a GRID its cell.
-
-    Returns
-    -------
-    dict
-        Names and definitions: docs/scores.md; nan where a score is not defined.
-
-    Raises
-    ------
-    InputError
-        If no sensor of a kind is inside the window.
+    `held_out`: beams whose sensor is outside the window of the map are dropped and counted. `seed`: of the free points;
+    wanted with beams. `sonar`: likewise. `cells`: of the true plan. `square`: side in metres of the square round each
+    held-out point; 0: the point, of a GRID its cell. Returns: names and definitions: docs/scores.md; nan where a score
+    is not defined.
     """
     found: dict[str, Any] = {"kind": scored.kind, "n_draws": scored.n_draws}
     if held_out is not None:
@@ -143,17 +125,10 @@ def _known(scored: ScoredMap, origin: Floats) -> NDArray[np.bool_]:
 
 
 class LabelledPoints(NamedTuple):
-    """Points of known state.
+    """Points of known state."""
 
-    Attributes
-    ----------
-    xy : (n, 2) float64
-        Metres.
-    occupied : (n,) bool
-    """
-
-    xy: Floats
-    occupied: NDArray[np.bool_]
+    xy: Floats  # (n, 2) metres
+    occupied: NDArray[np.bool_]  # (n,)
 
 
 def draw_points(beams: HeldOut, rng: np.random.Generator) -> LabelledPoints:
@@ -182,15 +157,7 @@ def classification_scores(probability: Floats, occupied: NDArray[np.bool_]) -> d
 def ranking_area(values: Floats, positive: NDArray[np.bool_]) -> float:
     """Return the area under the ROC curve: how often a positive outranks a negative, a tie counting half.
 
-    Parameters
-    ----------
-    values : (n,) array
-    positive : (n,) bool array
-
-    Returns
-    -------
-    float
-        nan if one of the two kinds is absent.
+    `values` (n,). `positive` (n,). Returns: nan if one of the two kinds is absent.
     """
     n_positive = int(np.count_nonzero(positive))
     n_negative = len(positive) - n_positive

@@ -34,30 +34,19 @@ MAX_PLACES = 4_000_000
 
 
 class TrueCells(NamedTuple):
-    """The cells that count, and what they are in truth.
+    """The cells that count, and what they are in truth."""
 
-    Attributes
-    ----------
-    xy : (n, 2) float64
-        Their middles in metres.
-    occupied : (n,) bool
-    """
-
-    xy: Floats
-    occupied: Bools
+    xy: Floats  # (n, 2) their middles in metres
+    occupied: Bools  # (n,)
 
 
 def true_cells(truth: OccupiedArea, beams: HeldOut | None, cones: HeldOutSonar | None) -> TrueCells:
     """Return the cells of a plan that count: those in view of the readings, or all.
 
-    Parameters
-    ----------
-    truth : OccupiedArea
-        Without a window, the box round its polygons.
-    beams, cones : HeldOut or None, HeldOutSonar or None
-        Where the sensors stood and looked. A free cell counts if a ray from them through the plan, up to its first
-        wall, the maximum range or the end of the window, passes it; an occupied cell if such a cell lies within 0.2 m.
-        None and None: every cell counts. Cells whose middle lies beyond the window never do.
+    `truth`: without a window, the box round its polygons. `beams`, `cones`: where the sensors stood and looked. A free
+    cell counts if a ray from them through the plan, up to its first wall, the maximum range or the end of the window,
+    passes it; an occupied cell if such a cell lies within 0.2 m. None and None: every cell counts. Cells whose middle
+    lies beyond the window never do.
     """
     window = truth.window or _box_round(truth)
     nx, ny = (max(1, math.ceil(side / CELL - 1e-9)) for side in (window.width, window.height))

@@ -164,10 +164,7 @@ def unit_vectors(angle: Floats) -> Floats:
 def window_exit(window: Window, origin: Floats, direction: Floats) -> Floats:
     """Return the distance (n,) at which rays from inside the window leave it.
 
-    Parameters
-    ----------
-    origin, direction : (n, 2) arrays
-        Metres; unit vectors.
+    `origin`, `direction` (n, 2): metres; unit vectors.
     """
     corner = np.where(direction > 0.0, [window.x_max, window.y_max], [window.x_min, window.y_min])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -178,15 +175,9 @@ def window_exit(window: Window, origin: Floats, direction: Floats) -> Floats:
 def make_rays(window: Window, model: LaserModel, origin: Floats, angle: Floats, readings: Floats) -> Floats:
     """Return the (n, N_RAY) array of beams that the kernels keep, with no impact yet.
 
-    Parameters
-    ----------
-    origin : (n, 2) array
-        Sensor positions inside the window, metres.
-    angle : (n,) array
-        Directions in the world frame, radians.
-    readings : (n,) array
-        Metres; inf or at least the maximum range: no return. One that ends beyond the window is censored at its border:
-        all that the map can say is that nothing stopped the beam before (docs/sensor-models.md).
+    `origin` (n, 2): sensor positions inside the window, metres. `angle` (n,): directions in the world frame, radians.
+    `readings` (n,): metres; inf or at least the maximum range: no return. One that ends beyond the window is censored
+    at its border: all that the map can say is that nothing stopped the beam before (docs/sensor-models.md).
     """
     ray = np.zeros((len(angle), c.N_RAY))
     ray[:, c.ORIGIN_X : c.ORIGIN_Y + 1] = origin
@@ -227,12 +218,7 @@ def empty_lists(beams: Beams, edge_capacity: int) -> Beams:
 def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int, n_levels: int | None = None) -> Beams:
     """Lay out beams and the index of their cells, with room for the longest possible lists.
 
-    Parameters
-    ----------
-    ray : (n, N_RAY) array
-    edge_capacity : int
-    n_levels : int, optional
-        Stages of a decision; None: by the number of beams.
+    `ray` (n, N_RAY). `n_levels`: stages of a decision; None: by the number of beams.
     """
     n = len(ray)
     n_cells = grid.nx * grid.ny

@@ -118,12 +118,7 @@ def estimated_sigma(values: Floats, mean_black: float, mean_white: float) -> flo
 def make_points(xy: Floats, log_density: Floats) -> k.Points:
     """Lay out points for a chain, with no colour yet (:func:`prf.kernels.points.paint`).
 
-    Parameters
-    ----------
-    xy : (n, 2) array
-        Inside the window, metres.
-    log_density : (n, 2) array
-        Of each value in white and in black.
+    `xy` (n, 2): inside the window, metres. `log_density` (n, 2): of each value in white and in black.
     """
     n = len(xy)
     band = _bands(xy[:, 1])

@@ -93,30 +93,17 @@ class SonarModel:
 
 
 class Returns(NamedTuple):
-    """Who returns a pulse.
+    """Who returns a pulse."""
 
-    Attributes
-    ----------
-    alone : (n,) float64
-        q: probability that a feature would return it if there were no other.
-    share : (n,) float64
-        r: probability that it does; what nearer features return does not reach it.
-    none : float
-        r_0: probability that no feature returns it.
-    """
-
-    alone: Floats
-    share: Floats
-    none: float
+    alone: Floats  # (n,) q: probability that a feature would return it if there were no other
+    share: Floats  # (n,) r: probability that it does; what nearer features return does not reach it
+    none: float  # r_0: probability that no feature returns it
 
 
 def return_probabilities(model: SonarModel, feature: Floats) -> Returns:
     """Return what the features in one cone do with a pulse (docs/sensor-models.md, "Likelihood").
 
-    Parameters
-    ----------
-    feature : (n, N_FEATURE) array
-        Nearest first, columns as in ``prf.kernels.sonar_features``.
+    `feature` (n, N_FEATURE): nearest first, columns as in ``prf.kernels.sonar_features``.
     """
     depth = feature[:, v.DEPTH]
     corner = model.corner_bias - model.corner_distance * depth
@@ -130,12 +117,7 @@ def return_probabilities(model: SonarModel, feature: Floats) -> Returns:
 def cone_exit(window: Window, origin: Floats, angle: Floats, cone: Floats) -> Floats:
     """Return the distance (n,) at which cones from inside the window first leave it, metres.
 
-    Parameters
-    ----------
-    origin : (n, 2) array
-        Metres.
-    angle, cone : (n,) arrays
-        Directions of the axes and full fields of view, radians.
+    `origin` (n, 2): metres. `angle`, `cone` (n,): directions of the axes and full fields of view, radians.
     """
     leaves = [window_exit(window, origin, unit_vectors(angle + side * cone)) for side in (-0.5, 0.5)]
     for direction in 0.5 * math.pi * np.arange(4):
@@ -151,19 +133,10 @@ def make_poses(
 ) -> Floats:
     """Return the (n, N_POSE) array of cones that the kernels keep, with no extent yet.
 
-    Parameters
-    ----------
-    origin : (n, 2) array
-        Sensor positions inside the window, metres.
-    angle : (n,) array
-        Directions in the world frame, radians.
-    cone : (n,) array
-        Full fields of view, radians.
-    readings : (n,) array
-        Metres; inf or at least the maximum range: no return.
-    window : Window, optional
-        Where the map ends. What returns a pulse from beyond the distance at which the cone leaves it may be outside:
-        the sonar reaches up to there, and farther readings are no returns (docs/sensor-models.md). None: no end.
+    `origin` (n, 2): sensor positions inside the window, metres. `angle` (n,): directions in the world frame, radians.
+    `cone` (n,): full fields of view, radians. `readings` (n,): metres; inf or at least the maximum range: no return.
+    `window`: where the map ends. What returns a pulse from beyond the distance at which the cone leaves it may be
+    outside: the sonar reaches up to there, and farther readings are no returns (docs/sensor-models.md). None: no end.
     """
     if np.any(~(cone > 0.0) | ~(cone < math.pi)):
         raise ConfigError("sonar cone: the field of view must lie between 0 and pi radians")

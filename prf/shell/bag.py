@@ -32,20 +32,11 @@ METADATA = "metadata.yaml"
 
 
 class Message(NamedTuple):
-    """One message.
-
-    Attributes
-    ----------
-    topic : str
-    received : float
-        When it was recorded, seconds.
-    body : object
-        Its fields, as `rosbags` makes them.
-    """
+    """One message."""
 
     topic: str
-    received: float
-    body: Any
+    received: float  # when it was recorded, seconds
+    body: Any  # its fields, as `rosbags` makes them
 
 
 class Topic(NamedTuple):
@@ -58,12 +49,7 @@ class Topic(NamedTuple):
 class Bag:
     """An open bag.
 
-    Parameters
-    ----------
-    reader : AnyReader
-        Open.
-    source : str
-        Name of the bag, for messages.
+    `reader`: open. `source`: name of the bag, for messages.
     """
 
     def __init__(self, reader: AnyReader, source: str) -> None:
@@ -88,13 +74,7 @@ class Bag:
         return [name for name, topic in self.topics.items() if topic.type in types and topic.n_messages]
 
     def messages(self, topics: Collection[str]) -> Iterator[Message]:
-        """Yield the messages of some topics in the order of recording.
-
-        Raises
-        ------
-        InputError
-            If the bag turns out to be damaged.
-        """
+        """Yield the messages of some topics in the order of recording."""
         connections = [connection for connection in self._reader.connections if connection.topic in topics]
         if not connections:
             return
@@ -111,13 +91,7 @@ def bag_suffix(head: bytes) -> str:
 
 
 def bag_in(folder: Path, accepted: str) -> Path:
-    """Return what to open of a folder: itself if it is a ROS 2 bag, or the only bag file in it.
-
-    Raises
-    ------
-    InputError
-        If it is neither; `accepted` says what else would be read.
-    """
+    """Return what to open of a folder: itself if it is a ROS 2 bag, or the only bag file in it."""
     if (folder / METADATA).is_file():
         return folder
     files = [file for suffix in SUFFIXES for file in sorted(folder.glob(f"*{suffix}"))]
@@ -129,13 +103,7 @@ def bag_in(folder: Path, accepted: str) -> Path:
 
 @contextmanager
 def open_bag(path: Path, source: str) -> Iterator[Bag]:
-    """Open a bag: a file of any name, or the folder of a ROS 2 bag with its metadata.yaml.
-
-    Raises
-    ------
-    InputError
-        If it is damaged or of a version that cannot be read.
-    """
+    """Open a bag: a file of any name, or the folder of a ROS 2 bag with its metadata.yaml."""
     highlevel, types = (require(f"rosbags.{part}", "ros", f"{source}: a ROS bag") for part in ("highlevel", "typesys"))
     with TemporaryDirectory() as folder:
         with _refusing_damage(source):

@@ -207,15 +207,7 @@ def counted(n: int, noun: str) -> str:
 
 
 def save(page: Figure, target: Target) -> None:
-    """Write a page; the format is that of the file's suffix, PNG for streams.
-
-    Raises
-    ------
-    UsageError
-        For a suffix that is neither .png nor .svg nor .pdf.
-    OutputError
-        If the file cannot be written.
-    """
+    """Write a page; the format is that of the file's suffix, PNG for streams."""
     _spell_out(page)
     if not isinstance(target, str | os.PathLike):
         page.savefig(target, format="png", dpi=DPI)

@@ -29,21 +29,11 @@ FARTHEST = 1e12
 
 
 class Rigid(NamedTuple):
-    """Rigid motions, one a row.
+    """Rigid motions, one a row."""
 
-    Attributes
-    ----------
-    shift : (m, 3) float64
-        Metres.
-    turn : (m, 4) float64
-        Unit quaternions x y z w.
-    known : (m,) bool
-        Whether the bag has this motion.
-    """
-
-    shift: FloatArray
-    turn: FloatArray
-    known: NDArray[np.bool_]
+    shift: FloatArray  # (m, 3) metres
+    turn: FloatArray  # (m, 4) unit quaternions x y z w
+    known: NDArray[np.bool_]  # (m,) whether the bag has this motion
 
 
 @dataclass

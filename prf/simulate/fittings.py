@@ -68,15 +68,7 @@ def box_of(x0: float, y0: float, x1: float, y1: float) -> Box:
 class Draft:
     """What has been drawn so far.
 
-    Parameters
-    ----------
-    building : Box
-        Solid at first.
-
-    Attributes
-    ----------
-    kept_clear : list of shapely.Polygon
-        What is kept clear: before and behind doors, and round furniture.
+    `building`: solid at first. `kept_clear`: what is kept clear: before and behind doors, and round furniture.
     """
 
     def __init__(self, building: Box) -> None:
@@ -118,12 +110,7 @@ class Draft:
 class Fitter:
     """Draws doors and furniture into a draft.
 
-    Parameters
-    ----------
-    door_width : float
-        Metres.
-    furniture : bool
-        Whether there is any; pillars are there anyway.
+    `door_width`: metres. `furniture`: whether there is any; pillars are there anyway.
     """
 
     def __init__(self, draft: Draft, door_width: float, furniture: bool, rng: np.random.Generator) -> None:

@@ -29,33 +29,20 @@ BLOCK = 64
 
 @dataclasses.dataclass(frozen=True)
 class LaserPhysics:
-    """A scanner: geometry, noise and failures. What it reads follows the density that `prf sample` assumes.
+    """A scanner: geometry, noise and failures. What it reads follows the density that `prf sample` assumes."""
 
-    Parameters
-    ----------
-    beams : int
-        A scan; spread over `field_of_view`.
-    field_of_view : float
-        Radians, symmetric to the heading. Half a circle is laid out as CARMEN does (:func:`half_circle`); a full one
-        leaves out its last beam, which would be the first; others have a beam at both ends.
-    max_range : float
-        Metres; what is farther returns nothing.
-    noise, noise_relative : float
-        Standard deviation in metres and as a share of the distance; the larger counts.
-    outlier_probability : float
-        Share of readings that are uniform between 0 and `max_range`. The window that `prf sample` takes by default
-        leaves 0.5 % of the returns outside: more strays than that beyond the walls widen it.
-    miss_probability : float
-        Share of readings without return although a wall is in reach.
-    """
-
-    beams: int = 180
+    beams: int = 180  # a scan; spread over `field_of_view`
+    # radians, symmetric to the heading. Half a circle is laid out as CARMEN does (:func:`half_circle`); a full one
+    # leaves out its last beam, which would be the first; others have a beam at both ends
     field_of_view: float = math.pi
-    max_range: float = 30.0
+    max_range: float = 30.0  # metres; what is farther returns nothing
+    # noise, noise_relative: standard deviation in metres and as a share of the distance; the larger counts
     noise: float = 0.03
     noise_relative: float = 0.01
+    # share of readings that are uniform between 0 and `max_range`. The window that `prf sample` takes by default leaves
+    # 0.5 % of the returns outside: more strays than that beyond the walls widen it
     outlier_probability: float = 0.003
-    miss_probability: float = 0.02
+    miss_probability: float = 0.02  # share of readings without return although a wall is in reach
 
     def __post_init__(self) -> None:
         """Refuse parameters that no scanner has."""
@@ -93,18 +80,10 @@ class LaserPhysics:
 
 
 class Impacts(NamedTuple):
-    """What beams meet first.
+    """What beams meet first."""
 
-    Attributes
-    ----------
-    distance : (m, n) float64
-        Metres; inf where there is no wall.
-    wall : (m, n) int64
-        Index of the wall; -1 for none.
-    """
-
-    distance: Floats
-    wall: NDArray[np.int64]
+    distance: Floats  # (m, n) metres; inf where there is no wall
+    wall: NDArray[np.int64]  # (m, n) index of the wall; -1 for none
 
 
 def simulate_laser(
@@ -116,19 +95,8 @@ def simulate_laser(
 ) -> Floats:
     """Return what a laser reads.
 
-    Parameters
-    ----------
-    walls : (n_walls, 4) float64
-        As :attr:`World.walls`.
-    poses : (m, 3) float64
-        Of the sensor, in free space: x, y in metres, heading in radians.
-    report : callable
-        Called with the share of scans done.
-
-    Returns
-    -------
-    (m, beams) float64
-        Metres above 0; inf: no return.
+    `walls` (n_walls, 4): as :attr:`World.walls`. `poses` (m, 3): of the sensor, in free space: x, y in metres, heading
+    in radians. `report`: called with the share of scans done. Returns (m, beams): metres above 0; inf: no return.
     """
     return measure(cast(walls, poses, physics, report).distance, physics, rng)
 

@@ -18,13 +18,8 @@ WORLDS_OF = {"size": (OFFICE, ARAK), "scale": (ARAK,)}
 def config_of(options: Mapping[str, Any], laser: bool, sonar: bool) -> SimulateConfig:
     """Return the configuration that options ask for.
 
-    Parameters
-    ----------
-    options : mapping
-        Name to value, None for the default: fields of :class:`SimulateConfig`, and with ``laser_`` or ``sonar_`` before
-        them of :class:`LaserPhysics` and :class:`SonarPhysics`.
-    laser, sonar : bool
-        Whether the robot has them.
+    `options`: name to value, None for the default: fields of :class:`SimulateConfig`, and with ``laser_`` or ``sonar_``
+    before them of :class:`LaserPhysics` and :class:`SonarPhysics`. `laser`, `sonar`: whether the robot has them.
     """
     given = {name: value for name, value in options.items() if value is not None}
     for name, why in _idle(given, laser, sonar):

@@ -29,30 +29,17 @@ COLUMNS = ("x", "y", "theta", "t")
 
 @dataclasses.dataclass(frozen=True)
 class Spacing:
-    """When a robot measures: whenever the metres and radians since the last scan, each in these units, add up to 1.
-
-    Attributes
-    ----------
-    metres, radians : float
-    """
+    """When a robot measures: whenever the metres and radians since the last scan, each in these units, add up to 1."""
 
     metres: float = 0.5
     radians: float = 0.5
 
 
 class Scans(NamedTuple):
-    """Where and when a robot measures.
+    """Where and when a robot measures."""
 
-    Attributes
-    ----------
-    pose : (n, 3) float64
-        x, y in metres, heading in radians from -pi to pi.
-    time : (n,) float64
-        Seconds from the start.
-    """
-
-    pose: Floats
-    time: Floats
+    pose: Floats  # (n, 3) x, y in metres, heading in radians from -pi to pi
+    time: Floats  # (n,) seconds from the start
 
     @classmethod
     def rounded(cls, pose: Floats, time: Floats) -> Scans:
@@ -69,10 +56,7 @@ def plan_drive(road: Roadmap, reach: float) -> Floats:
     less where the space is so small that the robot would hardly move. It visits all of them by a short tour; its legs
     are pulled straight where nothing is in between.
 
-    Parameters
-    ----------
-    reach : float
-        Metres.
+    `reach`: metres.
     """
     stops = viewpoints(road, reach)
     while len(stops) < MIN_STOPS and reach > CELL:
@@ -96,12 +80,8 @@ def pulled(road: Roadmap, way: Floats) -> Floats:
 def scans_along(corners: Floats, spacing: Spacing, n_scans: int | None = None) -> Scans:
     """Return the scans of a robot that drives along straight legs and turns in place between them.
 
-    Parameters
-    ----------
-    corners : (n, 2) float64
-        Metres.
-    n_scans : int, optional
-        How many, spread evenly over the drive, metres and radians in the proportion of `spacing`. Default: by spacing.
+    `corners` (n, 2): metres. `n_scans`: how many, spread evenly over the drive, metres and radians in the proportion of
+    `spacing`. Default: by spacing.
     """
     knots = _knots(corners, spacing)
     way = knots[-1, 0]
@@ -131,19 +111,11 @@ def _knots(corners: Floats, spacing: Spacing) -> Floats:
 
 
 class PathFile(NamedTuple):
-    """The rows of a file.
-
-    Attributes
-    ----------
-    source : str
-    line : (n,) int64
-        Lines of the rows.
-    rows : (n, 2), (n, 3) or (n, 4) float64
-        Waypoints x, y in metres, or poses with the heading in radians and perhaps the time in seconds.
-    """
+    """The rows of a file."""
 
     source: str
-    line: IntArray
+    line: IntArray  # (n,) lines of the rows
+    # (n, 2) waypoints x, y in metres, or poses with the heading in radians and perhaps the time in seconds
     rows: Floats
 
     @property

@@ -40,12 +40,8 @@ class Row(NamedTuple):
 def office(width: float, height: float, rng: np.random.Generator, furniture: bool = True) -> World:
     """Return a floor of an office; every room can be reached through doors that are wide open.
 
-    Parameters
-    ----------
-    width, height : float
-        Outside of the building, metres. Its lower left corner is the origin; the window reaches `MARGIN` beyond it.
-    furniture : bool
-        Whether there are cupboards along the walls and tables in the rooms.
+    `width`, `height`: outside of the building, metres. Its lower left corner is the origin; the window reaches `MARGIN`
+    beyond it. `furniture`: whether there are cupboards along the walls and tables in the rooms.
     """
     window = Window.checked(-MARGIN, -MARGIN, width + MARGIN, height + MARGIN)
     if min(width, height) < 3.0:

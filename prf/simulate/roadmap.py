@@ -27,24 +27,12 @@ Ints = NDArray[np.int64]
 
 
 class Roadmap(NamedTuple):
-    """The places a robot can reach from one another.
+    """The places a robot can reach from one another."""
 
-    Attributes
-    ----------
-    xy : (n, 2) float64
-        Centres of cells, metres, row by row from the lowest y.
-    clearance : (n,) float64
-        Metres from each centre to the nearest place where the robot cannot be, about.
-    steps : (n, n) sparse array
-        Metres between neighbours, both ways.
-    blocked : shapely geometry
-        Where the centre of the robot must not be.
-    """
-
-    xy: Floats
-    clearance: Floats
-    steps: sparse.csr_array
-    blocked: BaseGeometry
+    xy: Floats  # (n, 2) centres of cells, metres, row by row from the lowest y
+    clearance: Floats  # (n,) metres from each centre to the nearest place where the robot cannot be, about
+    steps: sparse.csr_array  # (n, n) metres between neighbours, both ways
+    blocked: BaseGeometry  # where the centre of the robot must not be
 
     @property
     def area(self) -> float:
@@ -61,10 +49,7 @@ class Roadmap(NamedTuple):
 def roadmap(world: World, radius: float) -> Roadmap:
     """Return the largest connected space for a robot.
 
-    Parameters
-    ----------
-    radius : float
-        Of the robot, metres; it stays inside the window too.
+    `radius`: of the robot, metres; it stays inside the window too.
     """
     window = world.window
     shape = tuple(max(1, int(length / CELL)) for length in (window.height, window.width))
@@ -125,20 +110,12 @@ def _steps(kept: NDArray[np.bool_], xy: Floats) -> sparse.csr_array:
 
 
 class Ways(NamedTuple):
-    """Ways between neighbouring viewpoints, those whose regions touch.
+    """Ways between neighbouring viewpoints, those whose regions touch."""
 
-    Attributes
-    ----------
-    lengths : (k, k) sparse array
-        Metres.
-    crossing : dict
-        For viewpoints (a, b) the two places at which the way leaves the region of a and enters that of b.
-    predecessor : (n,) int32
-        For each place of the roadmap the one before it, on the way from its viewpoint.
-    """
-
-    lengths: sparse.csr_array
+    lengths: sparse.csr_array  # (k, k) metres
+    # for viewpoints (a, b) the two places at which the way leaves the region of a and enters that of b
     crossing: dict[tuple[int, int], tuple[int, int]]
+    # (n,) for each place of the roadmap the one before it, on the way from its viewpoint
     predecessor: NDArray[np.int32]
 
     def between(self, a: int, b: int) -> list[int]:
@@ -177,12 +154,7 @@ def _cover(road: Roadmap, place: int, reach: float, covered: NDArray[np.bool_]) 
 def tour_places(road: Roadmap, stops: Ints, first: int) -> list[Ints]:
     """Return the legs of a tour: for each the places from one viewpoint to the next, both included.
 
-    Parameters
-    ----------
-    stops : (k,) int64
-        Places to visit.
-    first : int
-        Which of them is first.
+    `stops` (k,): places to visit. `first`: which of them is first.
     """
     ways = _ways(road, stops)
     lengths, before = csgraph.dijkstra(ways.lengths, return_predecessors=True)
@@ -198,12 +170,7 @@ def tour_places(road: Roadmap, stops: Ints, first: int) -> list[Ints]:
 def short_tour(lengths: Floats, first: int) -> Ints:
     """Return an order in which to visit all of k points: nearest neighbour first, then 2-opt; the end is free.
 
-    Parameters
-    ----------
-    lengths : (k, k) float64
-        Symmetric.
-    first : int
-        Where to begin.
+    `lengths` (k, k): symmetric. `first`: where to begin.
     """
     order, left = [first], np.ones(len(lengths), dtype=np.bool_)
     left[first] = False

@@ -32,31 +32,15 @@ RING_RADIUS = float(np.hypot(*PIONEER[:, :2].T).max())
 
 @dataclasses.dataclass(frozen=True)
 class SimulateConfig:
-    """What to simulate. Units: metres, radians.
+    """What to simulate. Units: metres, radians."""
 
-    Attributes
-    ----------
-    world : str
-        "office", "arak", or a file (:func:`prf.simulate.sources.read_world`).
-    size : (float, float)
-        Width and height of an office or of the window of a draw.
-    scale : float
-        p of a draw, 1/m.
-    path : str or None
-        A file with waypoints or poses; default a drive that is planned.
-    robot_radius : float
-    spacing : float or None
-        Metres from scan to scan, and radians where the robot turns; default 0.5.
-    readings : int or None
-        About how many readings instead, of the sonar if there is one, else of the laser, spread over the drive.
-    """
-
-    world: str = OFFICE
-    size: tuple[float, float] = SIZE
-    scale: float = 0.1
-    path: str | None = None
+    world: str = OFFICE  # "office", "arak", or a file (:func:`prf.simulate.sources.read_world`)
+    size: tuple[float, float] = SIZE  # width and height of an office or of the window of a draw
+    scale: float = 0.1  # p of a draw, 1/m
+    path: str | None = None  # a file with waypoints or poses; default a drive that is planned
     robot_radius: float = 0.25
-    spacing: float | None = None
+    spacing: float | None = None  # metres from scan to scan, and radians where the robot turns; default 0.5
+    # about how many readings instead, of the sonar if there is one, else of the laser, spread over the drive
     readings: int | None = None
     laser: LaserPhysics | None = dataclasses.field(default_factory=LaserPhysics)
     sonar: SonarPhysics | None = None
@@ -83,28 +67,15 @@ class SimulateConfig:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Simulation:
-    """What came of it.
-
-    Attributes
-    ----------
-    seed : int
-    n_redrawn : int
-        Draws from the prior that left too little space.
-    scans : Scans
-        Poses of the robot, which are those of its laser too.
-    laser : (n_scans, n_beams) float64 or None
-        Metres; inf: no return.
-    sonar : (n_scans, 16) float64 or None
-        Metres; inf: no return.
-    """
+    """What came of it."""
 
     config: SimulateConfig
     seed: int
     world: World
-    n_redrawn: int
-    scans: Scans
-    laser: Floats | None
-    sonar: Floats | None
+    n_redrawn: int  # draws from the prior that left too little space
+    scans: Scans  # poses of the robot, which are those of its laser too
+    laser: Floats | None  # (n_scans, n_beams) metres; inf: no return
+    sonar: Floats | None  # (n_scans, 16) metres; inf: no return
 
 
 def simulate(config: SimulateConfig, seed: int, report: Callable[[float], None] = lambda done: None) -> Simulation:
@@ -112,18 +83,7 @@ def simulate(config: SimulateConfig, seed: int, report: Callable[[float], None] 
 
     World, laser and sonar have random numbers of their own: a change of one sensor leaves all else as it was.
 
-    Parameters
-    ----------
-    seed : int
-    report : callable
-        Told the share of laser scans done.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be used, or no robot fits into the world.
-    ConfigError
-        If no draw from the prior leaves enough space.
+    `report`: told the share of laser scans done.
     """
     for_world, _, for_laser, for_sonar = spawn_generators(seed, 4)
     given = None if config.path is None else read_path(config.path)

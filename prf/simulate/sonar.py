@@ -32,31 +32,23 @@ class SonarPhysics:
     """A transducer of the ring; levels are decibels of amplitude over the threshold, on the axis of the beam.
 
     The receiver's gain grows with time and makes up for the distance, so walls and corners are equally loud everywhere.
-
-    Parameters
-    ----------
-    max_range : float
-        Metres; farther echoes are not heard.
-    frequency, aperture : float
-        Hertz; radius of the transducer in metres: together they make the beam. Defaults of a Polaroid transducer.
-    wall_db, edge_db : float
-        Level of a wall or corner, and of an edge at 1 m; an edge loses 10 dB a factor of ten in distance.
-    flutter_db : float
-        Standard deviation of the level of an echo.
-    noise, noise_relative : float
-        Standard deviation of a reading in metres and as a share of the distance; the larger counts.
-    outlier_probability, miss_probability : float
-        Shares of the readings that are uniform between 0 and `max_range`, and that hear nothing.
     """
 
-    max_range: float = 8.0
+    max_range: float = 8.0  # metres; farther echoes are not heard
+    # frequency, aperture: hertz; radius of the transducer in metres: together they make the beam. Defaults of a
+    # Polaroid transducer
     frequency: float = 49.4e3
     aperture: float = 0.018
+    # wall_db, edge_db: level of a wall or corner, and of an edge at 1 m; an edge loses 10 dB a factor of ten in
+    # distance
     wall_db: float = 30.0
     edge_db: float = 10.0
-    flutter_db: float = 1.5
+    flutter_db: float = 1.5  # standard deviation of the level of an echo
+    # noise, noise_relative: standard deviation of a reading in metres and as a share of the distance; the larger counts
     noise: float = 0.005
     noise_relative: float = 0.002
+    # outlier_probability, miss_probability: shares of the readings that are uniform between 0 and `max_range`, and that
+    # hear nothing
     outlier_probability: float = 0.002
     miss_probability: float = 0.005
 
@@ -106,14 +98,8 @@ def simulate_sonar(
 ) -> Floats:
     """Return what a ring of sonars reads at each pose, (m, r) metres; inf: no return.
 
-    Parameters
-    ----------
-    walls : (n, 4) float64
-        As :attr:`World.walls`.
-    poses : (m, 3) float64
-        Of the robot, in free space: x, y in metres, heading in radians.
-    ring : (r, 3) float64
-        Place and heading of each transducer on the robot; by default the 16 of a Pioneer.
+    `walls` (n, 4): as :attr:`World.walls`. `poses` (m, 3): of the robot, in free space: x, y in metres, heading in
+    radians. `ring` (r, 3): place and heading of each transducer on the robot; by default the 16 of a Pioneer.
     """
     reflectors = reflectors_of(walls)
     heard = np.array([[_nearest_echo(reflectors, at, physics, rng) for at in mounted(pose, ring)] for pose in poses])

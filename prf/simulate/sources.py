@@ -43,15 +43,7 @@ class DrawnWorld(NamedTuple):
 def read_world(path: str | os.PathLike[str]) -> World:
     """Read a world from GeoJSON polygons of occupied area, or from the yaml file of a ROS map.
 
-    Parameters
-    ----------
-    path : path
-        GeoJSON of any program, in metres; a property ``window`` is kept. Unknown cells of a ROS map are occupied.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, or its walls have no inside and outside: polygons that touch at a point.
+    `path`: geoJSON of any program, in metres; a property ``window`` is kept. Unknown cells of a ROS map are occupied.
     """
     if Path(path).suffix.lower() in YAML_SUFFIXES:
         return world_of_cells(read_cell_map(path))
@@ -68,12 +60,8 @@ def read_world(path: str | os.PathLike[str]) -> World:
 def draw_world(scale: float, window: Window, rng: np.random.Generator, accept: Callable[[World], bool]) -> DrawnWorld:
     """Draw from the Arak process until a draw can be used.
 
-    Parameters
-    ----------
-    scale : float
-        p in 1/m.
-    accept : callable
-        Whether a world can be used. The world returned is a draw from the prior given that it can.
+    `scale`: p in 1/m. `accept`: whether a world can be used. The world returned is a draw from the prior given that it
+    can.
     """
     for n_redrawn in range(MAX_DRAWS):
         world = World.from_coloring(exact_draws(scale, window, 1, rng)[0])
@@ -85,22 +73,13 @@ def draw_world(scale: float, window: Window, rng: np.random.Generator, accept: C
 
 
 class CellMap(NamedTuple):
-    """A grid map.
+    """A grid map."""
 
-    Attributes
-    ----------
-    occupied, unknown : (ny, nx) bool
-        Row 0 has the lowest y; free is what is neither.
-    origin : (float, float)
-        Lower left corner of cell (0, 0), metres.
-    resolution : float
-        Side of a cell, metres.
-    """
-
+    # occupied, unknown: (ny, nx) row 0 has the lowest y; free is what is neither
     occupied: NDArray[np.bool_]
     unknown: NDArray[np.bool_]
-    origin: tuple[float, float]
-    resolution: float
+    origin: tuple[float, float]  # lower left corner of cell (0, 0), metres
+    resolution: float  # side of a cell, metres
 
     def window(self, padding: int = 0) -> Window:
         """Return the window of the cells and `padding` more round them."""
@@ -111,13 +90,7 @@ class CellMap(NamedTuple):
 
 
 def read_cell_map(path: str | os.PathLike[str]) -> CellMap:
-    """Read the yaml file of a map of mode trinary, whose image is named relative to it (https://wiki.ros.org/map_server).
-
-    Raises
-    ------
-    InputError
-        If either file cannot be read, or the map is turned against the axes.
-    """
+    """Read the yaml file of a map of mode trinary, whose image is named relative to it (https://wiki.ros.org/map_server)."""
     with open_input(path) as stream:
         entries = dict(ENTRY.findall(stream.read().decode("utf-8", "replace")))
     try:

@@ -23,21 +23,12 @@ STRAIGHT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """What is occupied, and its boundary.
+    """What is occupied, and its boundary."""
 
-    Attributes
-    ----------
-    window : Window
-        Where the world is known. Its border is no wall: nothing beyond it is ever met.
-    occupied : shapely.MultiPolygon
-        Occupied area inside the window, holes kept, in metres.
-    walls : (n, 4) float64
-        ``x1 y1 x2 y2`` in metres, free space on the left of the way from 1 to 2; ring by ring, the end of a wall is the
-        beginning of the next to the last bit, but where the window cuts a ring. Neighbours are never in line.
-    """
-
-    window: Window
-    occupied: MultiPolygon
+    window: Window  # where the world is known. Its border is no wall: nothing beyond it is ever met
+    occupied: MultiPolygon  # occupied area inside the window, holes kept, in metres
+    # (n, 4) ``x1 y1 x2 y2`` in metres, free space on the left of the way from 1 to 2; ring by ring, the end of a wall
+    # is the beginning of the next to the last bit, but where the window cuts a ring. Neighbours are never in line
     walls: Floats
 
     @classmethod
@@ -71,10 +62,7 @@ class World:
 def without_straight(region: BaseGeometry) -> MultiPolygon:
     """Return a region whose rings have no vertex at which nothing turns: unions leave them in the middle of walls.
 
-    Parameters
-    ----------
-    region : shapely Polygon or MultiPolygon
-        Whatever has no area is left out.
+    `region`: whatever has no area is left out.
     """
     polygons = [part for part in shapely.get_parts(region) if isinstance(part, Polygon) and not part.is_empty]
     cleaned = [

@@ -53,15 +53,7 @@ def write_simulation(folder: str | os.PathLike[str], simulation: Simulation) -> 
     All files take their places together, the manifest last, so that a directory that has one is complete. A log of an
     earlier simulation is removed; files of other names are left alone.
 
-    Returns
-    -------
-    dict
-        The manifest.
-
-    Raises
-    ------
-    OutputError
-        If the directory or a file cannot be written.
+    Returns: the manifest.
     """
     place = Path(folder)
     inputs = [describe_input(path) for path in _inputs(simulation)]  # one may be a file that is replaced now
@@ -156,12 +148,7 @@ def no_return_number(max_range: float) -> float:
 def carmen_lines(scans: Scans, readings: Floats, physics: LaserPhysics) -> Iterator[str]:
     """Yield the lines of a CARMEN log: FLASER for half a circle, ROBOTLASER1, which has angles, for other scanners.
 
-    Parameters
-    ----------
-    scans : Scans
-        Poses of the laser.
-    readings : (n_scans, n_beams) float64
-        Metres, written in millimetres; inf: no return.
+    `scans`: poses of the laser. `readings` (n_scans, n_beams): metres, written in millimetres; inf: no return.
     """
     silent = no_return_number(physics.max_range)
     kind = "FLASER" if physics.is_half_circle else "ROBOTLASER1"
@@ -183,12 +170,7 @@ def carmen_lines(scans: Scans, readings: Floats, physics: LaserPhysics) -> Itera
 def sonar_lines(scans: Scans, readings: Floats) -> Iterator[str]:
     """Yield the lines of a table of sonar readings, one row a transducer, an empty range for no return.
 
-    Parameters
-    ----------
-    scans : Scans
-        Poses of the robot.
-    readings : (n_scans, 16) float64
-        Metres; inf: no return.
+    `scans`: poses of the robot. `readings` (n_scans, 16): metres; inf: no return.
     """
     yield ",".join((*REQUIRED, *OPTIONAL))
     for number, (pose, time, row) in enumerate(zip(scans.pose, scans.time.tolist(), readings, strict=True)):
