@@ -28,16 +28,17 @@ demo: setup ## sample a small office, assess the map of a small town; leaves pic
 
 test: setup ## all tests but the slow ones
 	$(BIN)/python -m tests.warm_kernels
-	$(PYTEST) -n 2 -m "not slow"
+	NUMBA_DISABLE_JIT=1 $(PYTEST) -n 2 -m "uncompiled and not slow" tests/kernels
+	$(PYTEST) -n 2 -m "not uncompiled and not slow"
 
 test-slow: setup ## the slow tests: long chains, statistics with many draws
-	$(PYTEST) -n 2 -m slow
+	$(PYTEST) -n 2 -m "uncompiled or slow"
 
 test-oldest: ## all tests but the slow ones, with the oldest versions allowed of everything, in .venv-oldest
 	./.ci/make-venv "$(PYTHON)" .venv-oldest
 	.venv-oldest/bin/python -m pip install --quiet --disable-pip-version-check -c tests/packaging/minimum.txt -e ".[all]"
 	.venv-oldest/bin/python -m tests.warm_kernels
-	.venv-oldest/bin/python -m pytest -n 2 -m "not slow"
+	.venv-oldest/bin/python -m pytest -n 2 -m "not uncompiled and not slow"
 
 verify: setup ## show that the sampler is right: calibration, joint law, a second sampler; half an hour, plots in verify/
 	$(BIN)/python -m tests.verify --output verify
@@ -52,7 +53,7 @@ check: setup ## lint, format, types, import contracts, spelling
 coverage: setup ## lines and branches that the tests run, kernels uncompiled; fails below 95 %; half an hour
 	rm -rf build/coverage
 	$(BIN)/python -m tests.warm_kernels
-	$(BIN)/coverage run -m pytest -n 2 -m "not slow"
+	$(BIN)/coverage run -m pytest -n 2 -m "not uncompiled and not slow"
 	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest -n 2 -m "not slow" @tests/uncompiled.txt
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report

@@ -1,9 +1,9 @@
 """Call every kernel that Python calls, once and on little data: ``python -m tests.warm_kernels``.
 
 `make test` runs it before pytest, so that the workers of pytest-xdist find machine code instead of compiling the same
-code side by side. The loop of the sampler alone takes as long to compile as everything else, so it has a process of
-its own: ``python -m tests.warm_kernels chain`` or ``rest``. Prints one JSON object: cache hits and misses of each
-kernel that was called from Python.
+code side by side. The loop of the sampler alone takes as long to compile as everything else, so all that calls it has
+a process of its own: ``python -m tests.warm_kernels chain`` or ``rest``. No kernel that takes long is called by both.
+Prints one JSON object: cache hits and misses of each kernel that was called from Python.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 import mapq.cli
 import prf.cli
 from prf.arak import exact_draws
-from prf.coloring import Coloring, black_areas, black_at
+from prf.coloring import Coloring, Draws, black_areas, black_at
 from prf.kernels.cones import N_POSE
 from prf.posterior import Settings, make_chain
 from prf.run import write_run
@@ -48,9 +48,7 @@ REST = (
     "mapq features simulated.patches --json",
     f"mapq segment {TOWN} --truth-field surface -o town.patches",
     f"mapq segment {TOWN} --set segment.resolution=0.3 -o coarse.patches",
-    "mapq label town.patches --from-field truth",
-    "mapq train town.patches -o model.json",
-    "mapq classify town.patches --model model.json -o town.ply",
+    "mapq classify town.patches -o town.ply",
     "prf query run --points points.csv --square 0.5",
     "prf query run --points points.csv",
     "prf query run --path points.csv --radius 0.2",
@@ -80,22 +78,22 @@ def run_commands(commands: tuple[str, ...]) -> None:
                 raise SystemExit(f"{command}: exit code {code}")
 
 
-def call_library() -> None:
-    """Call what no verb calls."""
-    draws = exact_draws(1.0, Window(0.0, 0.0, 1.0, 1.0), 3, np.random.default_rng(1))
+def call_with_chain() -> None:
+    """Call what no verb calls, on a chain: a round of tiles, which verbs begin only after many steps."""
+    coloring = exact_draws(1.0, Window(0.0, 0.0, 1.0, 1.0), 1, np.random.default_rng(1))[0]
+    settings = Settings(coloring.window, 1.0, resolution=0.2)
+    data, chain = make_tile_data(settings), make_chain(settings, coloring)
+    recompute_impacts(chain)
+    begun = make_round(data, chain, 2, 0.2, 20, np.random.default_rng(1))
+    finish_round(data, chain, begun, [work_tile(data, begun, number) for number in range(len(begun.tiles))])
+
+
+def call_on_maps() -> None:
+    """Call what no verb calls, on maps alone."""
+    draws = Draws.from_colorings([Coloring.empty(Window(0.0, 0.0, 1.0, 1.0))])
     black_areas(draws)
     black_at(draws[0], [[0.5, 0.5]])
     features_seen(scene_of_coloring(draws[0], 3.5), np.empty((0, N_POSE)), 3.5)
-    recompute_impacts(make_chain(Settings(draws.window, 1.0), draws[0]))
-    work_in_tiles(draws[0])
-
-
-def work_in_tiles(coloring: Coloring) -> None:
-    """One round of tiles, which verbs begin only after many steps."""
-    settings = Settings(coloring.window, 1.0, resolution=0.2)
-    data, chain = make_tile_data(settings), make_chain(settings, coloring)
-    begun = make_round(data, chain, 2, 0.2, 20, np.random.default_rng(1))
-    finish_round(data, chain, begun, [work_tile(data, begun, number) for number in range(len(begun.tiles))])
 
 
 def cache_counts() -> dict[str, tuple[int, int]]:
@@ -115,8 +113,7 @@ def cache_counts() -> dict[str, tuple[int, int]]:
 def warm(part: str) -> dict[str, tuple[int, int]]:
     """Call the kernels of one part in this process."""
     run_commands({"chain": CHAIN, "rest": REST}[part])
-    if part == "rest":
-        call_library()
+    {"chain": call_with_chain, "rest": call_on_maps}[part]()
     return cache_counts()
 
 

@@ -16,6 +16,8 @@ from tests.reference.hastings import Lab, attempt
 from tests.reference.proposals import log_acceptance_ratio
 from tests.reference.scripted import FIRST, SECOND, pick, reached, scripted
 
+pytestmark = pytest.mark.uncompiled
+
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
 WIDE = Window(0.0, 0.0, 2.0, 1.0)
 CUT = [(0.75, 0.0), (0.0, 0.75)]

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -21,9 +17,17 @@ from tests.reference.hastings import NAMES, TOLERANCE, Findings, examine
 from tests.reference.plain_map import cells_passed
 from tests.reference.proposals import Plan, log_proposal_density
 
+pytestmark = pytest.mark.uncompiled
+
 SEED = 20050726
 ONE_WAY = {"local recolor", "cut wall", "mend wall", "join wall", "part wall", "fill", "unbend"}
 """Moves to whose result no way may lead back."""
+
+
+FEW, MANY = 3, 18
+"""States of each of the five cases: as plain Python, and compiled."""
+LEAST = {FEW: 10, MANY: 50}
+"""Valid attempts at each move among them."""
 
 
 class Examination(NamedTuple):
@@ -33,19 +37,9 @@ class Examination(NamedTuple):
     least: int
 
 
-def examine_in_plain_python(n_states: int) -> dict[str, Findings]:
-    """Examine in a process of its own that compiles nothing: compiling takes longer than a few states."""
-    command = [sys.executable, "-m", "tests.reference.hastings", str(n_states), str(SEED)]
-    done = subprocess.run(command, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, capture_output=True, check=True)
-    return {name: Findings(**move) for name, move in json.loads(done.stdout)["moves"].items()}
-
-
-@pytest.fixture(scope="module", params=["plain", pytest.param("compiled", marks=pytest.mark.slow)])
+@pytest.fixture(scope="module", params=[FEW, pytest.param(MANY, marks=pytest.mark.slow)])
 def found(request: pytest.FixtureRequest) -> Examination:
-    """Three states of each of the five cases in plain Python, eighteen by compiled code."""
-    if request.param == "plain":
-        return Examination(examine_in_plain_python(3), 10)
-    return Examination(examine(18, SEED), 50)
+    return Examination(examine(request.param, SEED), LEAST[request.param])
 
 
 @pytest.mark.parametrize("move", NAMES)
@@ -64,7 +58,7 @@ def test_what_is_applied_is_valid_and_what_is_refused_crosses(move: str, found: 
     assert found.moves[move].problems == []
 
 
-@pytest.mark.parametrize("found", [pytest.param("compiled", marks=pytest.mark.slow)], indirect=True)
+@pytest.mark.parametrize("found", [pytest.param(MANY, marks=pytest.mark.slow)], indirect=True)
 def test_refusals_and_ways_without_return_were_seen(found: Examination) -> None:
     """Three states are too few for some of them."""
     deaths = {"triangle death", "boundary death", "corner death"}

@@ -56,6 +56,8 @@ from tests.reference.scripted import (
     within,
 )
 
+pytestmark = pytest.mark.uncompiled
+
 SEED = 20050726
 STEP = 1e-4
 NEAR = 1e-5

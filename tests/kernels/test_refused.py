@@ -14,6 +14,8 @@ from tests.reference.hastings import Lab, attempt
 from tests.reference.plain_map import plain_map
 from tests.reference.scripted import FINEST, FIRST, SCRIPTS, SECOND, edge_slot, pick, scripted, signed
 
+pytestmark = pytest.mark.uncompiled
+
 WIDE = Window(0.0, 0.0, 2.0, 1.0)
 WALL = [(0.0, 0.25), (2.0, 0.25)]
 BEHIND = [(0.0, 0.6), (2.0, 0.6)]

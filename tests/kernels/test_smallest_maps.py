@@ -17,6 +17,8 @@ from tests.reference.plain_map import plain_map
 from tests.reference.proposals import REVERSE, log_acceptance_ratio
 from tests.reference.scripted import FIRST, SCRIPTS, edge_slot, pick, reached, scripted
 
+pytestmark = pytest.mark.uncompiled
+
 WINDOW = Window(0.0, 0.0, 2.0, 1.0)
 FEET = [(1.2, 0.0), (1.2, 1.0), (1.25, 0.0), (1.25, 1.0)]
 SIDES_OF_FEET = [BOTTOM, TOP, BOTTOM, TOP]
