@@ -68,7 +68,7 @@ class Log:
         """Return what is sampled from in a case, without its image, and how many beams there were to choose from."""
         chosen = thin(self.readings, skip_scans=HELD_OUT, **SIZES[size])
         flags = {"scale": worlds.SCALE, "window": self.window, "max_range": self.max_range, **commands.LASER}
-        config = Configuration.of(**flags, beam_density=density)
+        config = Configuration.of(**flags, **({} if density is None else {"beam_density": density}))
         prepared = prepare(config, chosen)
         assert prepared.settings.laser is not None
         n = prepared.settings.laser.readings.n_beams + prepared.n_beams_thinned

@@ -58,6 +58,7 @@ def test_a_wrong_simulator_is_caught(wrong: dict[str, float]) -> None:
     assert scores.beyond(6.0), scores.worst()
 
 
+@pytest.mark.slow
 def test_a_wrong_border_law_is_caught_by_few_draws() -> None:
     draws = naive_draws(1.0, UNIT, 3000, np.random.default_rng(SEED), sine_border=True)
     scores = law_scores(draws, 1.0, UNIT)

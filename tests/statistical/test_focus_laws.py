@@ -84,17 +84,13 @@ def prior_scores(n_draws: int, batch: int, hook: Hook = look_away) -> LawScores:
     return law_scores(Draws.concatenate(chains), 1.0, UNIT, chain_ids=ids, batch=batch)
 
 
-def test_the_prior_keeps_its_laws() -> None:
-    scores = prior_scores(1500, 30)
+@pytest.mark.parametrize(("n_draws", "batch"), [(1500, 30), pytest.param(15_000, 150, marks=pytest.mark.slow)])
+def test_the_prior_keeps_its_laws(n_draws: int, batch: int) -> None:
+    scores = prior_scores(n_draws, batch)
     assert not scores.beyond(4.5), scores.worst()
 
 
 @pytest.mark.slow
-def test_the_prior_keeps_its_laws_in_long_chains() -> None:
-    scores = prior_scores(15_000, 150)
-    assert not scores.beyond(4.5), scores.worst()
-
-
 def test_regions_that_look_at_the_map_are_caught() -> None:
     """The negative control."""
     assert prior_scores(1500, 30, look_at_black).beyond(6.0)
@@ -139,13 +135,11 @@ def worst(z: dict[str, float]) -> float:
     return max(abs(value) for value in z.values())
 
 
-def test_maps_are_those_of_the_posterior() -> None:
+@pytest.mark.parametrize(
+    ("n_draws", "n_exact"),
+    [(240, 5000), *(pytest.param(n, m, marks=pytest.mark.slow) for n, m in [(900, 20_000), (9000, 150_000)])],
+)
+def test_maps_are_those_of_the_posterior(n_draws: int, n_exact: int) -> None:
     """Ten numbers: |z| < 4.5 fails by chance once in some thousands."""
-    z = posterior_scores(900, 20_000)
-    assert worst(z) < 4.5, z
-
-
-@pytest.mark.slow
-def test_many_maps_are_those_of_the_posterior() -> None:
-    z = posterior_scores(9000, 150_000)
+    z = posterior_scores(n_draws, n_exact)
     assert worst(z) < 4.5, z

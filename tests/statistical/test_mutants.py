@@ -28,16 +28,6 @@ SUSPECTS = {
 }
 
 
-QUICK = 2
-"""Copies that `make test` examines, the first of them intact; each takes ten seconds, `make test-slow` has the rest."""
-
-
-def by_name(*chosen: mutants.Mutant, quick: int | None = None) -> Any:
-    marks = [() if quick is None or k < quick else pytest.mark.slow for k in range(len(chosen))]
-    cases = [pytest.param(one, id=one.name, marks=mark) for one, mark in zip(chosen, marks, strict=True)]
-    return pytest.mark.parametrize("mutant", cases)
-
-
 def wrong_moves(found: dict[str, Any]) -> set[str]:
     """Moves whose ratio is not that of the reference, or that misbehave."""
     return {
@@ -47,7 +37,8 @@ def wrong_moves(found: dict[str, Any]) -> set[str]:
     }
 
 
-@by_name(mutants.INTACT, *SUSPECTS, quick=QUICK)
+@pytest.mark.slow
+@pytest.mark.parametrize("mutant", [pytest.param(one, id=one.name) for one in (mutants.INTACT, *SUSPECTS)])
 def test_hastings_check_names_the_wrong_move(mutant: mutants.Mutant, tmp_path: Path) -> None:
     found = mutants.run_check(tmp_path, mutant, "tests.reference.hastings", "2", str(SEED), compiled=False)
     assert set(found["moves"]) == set(NAMES)
