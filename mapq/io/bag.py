@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
 from mapq.io.content import ACCEPTED, Content
-from mapq.io.fields import Array, axes_of, cloud_of_world, joined_fields, refuse_doubles
+from mapq.io.fields import Array, axes_of, cloud_of_world, joined_fields
 from mapq.io.options import ReadOptions
 from prf.shell.bag import Bag, Message, bag_in, open_bag, seconds
 from prf.shell.errors import ConfigError, InputError
@@ -107,16 +107,9 @@ def _scans(bag: Bag, topic: str) -> list[_Scan]:
 def _parse(message: Message, where: str) -> _Scan:
     """Return the points of a message, whose rows may be padded."""
     body = message.body
-    dtype = _row_type(body, where)
-    height, width, step, stride = int(body.height), int(body.width), int(body.point_step), int(body.row_step)
-    data = np.asarray(body.data, np.uint8)
-    if (width * step > stride and height > 1) or (height - 1) * stride + width * step > len(data):
-        raise InputError(
-            f"{where}: {height} rows of {width} points of {step} bytes do not fit into its {len(data)} bytes. Record "
-            f"it anew."
-        )
-    lines = [np.frombuffer(data, dtype, width, row * stride) for row in range(height)]
-    rows = np.concatenate(lines) if lines else np.empty(0, dtype)
+    dtype, data, width = _row_type(body), np.asarray(body.data, np.uint8), int(body.width)
+    lines = [np.frombuffer(data, dtype, width, row * int(body.row_step)) for row in range(int(body.height))]
+    rows = np.concatenate([np.empty(0, dtype), *lines])
     names = list(dtype.names or ())
     axes = axes_of(names, where)
     points = np.column_stack([rows[name] for name in axes])
@@ -124,23 +117,16 @@ def _parse(message: Message, where: str) -> _Scan:
     return _Scan(frame_name(body.header.frame_id), seconds(body.header.stamp, message.received), points, fields)
 
 
-def _row_type(body: Any, where: str) -> np.dtype[np.void]:
+def _row_type(body: Any) -> np.dtype[np.void]:
     """Return the type of a point; between the fields there may be padding."""
     order = ">" if body.is_bigendian else "<"
     names, formats, offsets = [], [], []
     for field in body.fields:
         count = max(1, int(field.count))  # old drivers write 0
-        if field.datatype not in TYPES:
-            raise InputError(f"{where}: field {field.name} is of type {field.datatype}, which is none of PointField.")
         names.append(str(field.name))
         formats.append((order + TYPES[field.datatype], (count,) if count > 1 else ()))
         offsets.append(int(field.offset))
-    refuse_doubles(names, where)
-    size = int(body.point_step)
-    try:
-        return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": size})
-    except ValueError:
-        raise InputError(f"{where}: fields reach beyond the {size} bytes of a point. Record it anew.") from None
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": int(body.point_step)})
 
 
 def _poses(bag: Bag, scans: list[_Scan], named: str | None) -> Rigid | None:

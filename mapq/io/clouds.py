@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -12,7 +13,6 @@ from mapq.cloud import PointCloud
 from mapq.io.bag import read_bag
 from mapq.io.content import ACCEPTED, Content, damage_in_one_line, suffix_of
 from mapq.io.e57 import read_e57
-from mapq.io.fields import Array, make_cloud
 from mapq.io.kitti import read_kitti
 from mapq.io.las import read_las
 from mapq.io.npy import MAGIC as NPY_MAGIC
@@ -22,7 +22,7 @@ from mapq.io.pcd import read_pcd
 from mapq.io.ply import MAGIC as PLY_MAGIC
 from mapq.io.ply import read_ply
 from mapq.io.ptx import read_ptx
-from mapq.io.results import RESULT_FIELDS, unit_beside
+from mapq.io.results import RESULT_FIELDS, stated_unit
 from mapq.io.text import read_text
 from mapq.io.uos import read_uos
 from prf.shell.bag import bag_suffix
@@ -30,6 +30,20 @@ from prf.shell.errors import InputError
 from prf.shell.files import STREAM
 
 Format = Literal["ply", "pcd", "las", "e57", "ptx", "npy", "npz", "3d", "kitti", "bag", "text"]
+
+READERS: Mapping[Format, Callable[[Content, ReadOptions], PointCloud]] = {
+    "ply": read_ply,
+    "pcd": read_pcd,
+    "las": read_las,
+    "e57": read_e57,
+    "ptx": read_ptx,
+    "npy": read_npy,
+    "npz": read_npz,
+    "3d": read_uos,
+    "kitti": read_kitti,
+    "bag": read_bag,
+    "text": read_text,
+}
 
 MAGICS: tuple[tuple[bytes, Format], ...] = (
     *((magic, "ply") for magic in PLY_MAGIC),
@@ -40,31 +54,9 @@ MAGICS: tuple[tuple[bytes, Format], ...] = (
 )
 """How files of some formats begin."""
 
-COLUMN_READERS: Mapping[Format, Callable[[bytes, str], dict[str, Array]]] = {
-    "ply": read_ply,
-    "pcd": read_pcd,
-    "npz": read_npz,
-    "ptx": read_ptx,
-    "text": read_text,
-}
-"""Readers that make columns of the bytes of a file, given its name for messages."""
-
-CLOUD_READERS: Mapping[Format, Callable[[Content, ReadOptions], PointCloud]] = {
-    "las": read_las,
-    "e57": read_e57,
-    "3d": read_uos,
-    "bag": read_bag,
-}
-"""Readers of formats that hold more of a cloud than columns: its unit, axes, poses."""
-
 REFUSED = (
     (b"#ROSBAG", "a ROS 1 bag of an old version, which rosbag fix can convert"),
     (b"# vtk DataFile", "a VTK file; save it as PLY"),
-    (b"\x89HDF", "an HDF5 file"),
-    (b"OFF\n", "an OFF mesh"),
-    (b"solid ", "an STL mesh"),
-    (b"\x1f\x8b", "a file that was gzipped twice"),
-    (b"BZh", "a bzip2 archive"),
     (b"\xff\xfe", "text in UTF-16; save it as UTF-8"),
     (b"\xfe\xff", "text in UTF-16; save it as UTF-8"),
     (b"{", "a JSON document"),
@@ -114,24 +106,11 @@ def parse_cloud(content: Content, options: ReadOptions = AS_IT_IS) -> tuple[Form
     """
     kind = recognise(content)
     with damage_in_one_line(content.source):
-        cloud = _parse(kind, content, options)
+        cloud = READERS[kind](content, options)
     if options.unit is not None or content.path == STREAM or not set(RESULT_FIELDS) <= set(cloud.fields):
         return kind, cloud
-    unit = unit_beside(content.path)
+    unit = stated_unit(Path(content.path).with_suffix(".json"))
     return kind, cloud if unit is None else cloud.in_unit(unit)
-
-
-def _parse(kind: Format, content: Content, options: ReadOptions) -> PointCloud:
-    source = content.source
-    if kind in CLOUD_READERS:
-        return CLOUD_READERS[kind](content, options)
-    if kind == "kitti":
-        fields = read_kitti(content.data(), source, options.bin_columns)
-    elif kind == "npy":
-        fields = read_npy(content.data(), source, scale_known=options.unit is not None)
-    else:
-        fields = COLUMN_READERS[kind](content.data(), source)
-    return make_cloud(fields, source, options.unit or 1.0)
 
 
 def recognise(content: Content) -> Format:
@@ -139,12 +118,10 @@ def recognise(content: Content) -> Format:
     if content.is_folder:
         return "bag"
     head, suffix = content.head, suffix_of(content.name)
-    if not head.strip():
-        raise InputError(f"{content.source}: the file is empty. {ACCEPTED}")
     known = _by_content(head)
     if known is not None:
         return known
-    if suffix == ".bin":
+    if suffix == ".bin" and head:
         return "kitti"
     looks_like = _unreadable(head, suffix)
     if looks_like:
@@ -165,11 +142,11 @@ def _by_content(head: bytes) -> Format | None:
 
 def _unreadable(head: bytes, suffix: str) -> str | None:
     """Return what content without a known magic number looks like, None for text that may be points."""
+    if not head.strip():
+        return "the file is empty"
     for magic, name in REFUSED:
         if head.startswith(magic):
             return f"this is {name}"
-    if suffix == ".obj":
-        return "this is an OBJ mesh"
     if suffix in HEADERS:
         return f"no {HEADERS[suffix]} header: the file is damaged, or its name is wrong"
     return "this is binary data of an unknown kind" if b"\0" in head[:4096] else None

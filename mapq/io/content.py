@@ -5,10 +5,6 @@ from __future__ import annotations
 import io
 import json
 import re
-import struct
-import tokenize
-import zipfile
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,29 +24,9 @@ BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 ACCEPTED = (
     "Read are PLY, PCD, LAS/LAZ, E57, PTX, XYZ/TXT/CSV, .npy, .npz, 3DTK .3d, KITTI .bin and ROS bags, also gzipped."
 )
-"""What is read, for messages."""
 
 HEAD = 1 << 16
 """Bytes that identify a format."""
-
-DAMAGE = (
-    *(
-        ValueError,
-        TypeError,
-        LookupError,
-        ArithmeticError,
-        EOFError,
-        OSError,
-        AttributeError,
-        SyntaxError,
-        RecursionError,
-    ),
-    *(struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error),
-)
-"""What libraries raise for a damaged file, besides errors of their own."""
-
-LIBRARIES = ("laspy", "lazrs", "pyo3_runtime", "pye57", "plyfile")
-"""Modules of those; a panic of lazrs is of pyo3_runtime, and no `Exception`."""
 
 
 class Content:
@@ -67,7 +43,7 @@ class Content:
         As given, for messages, and the name of the file: empty for standard input.
     is_folder : bool
     head : bytes
-        The first `HEAD` bytes; none of a folder.
+        The first `HEAD` bytes; empty for a folder.
     """
 
     def __init__(self, path: str) -> None:
@@ -84,6 +60,10 @@ class Content:
             with open_input(self.path) as stream:
                 self._data = stream.read().removeprefix(BYTE_ORDER_MARK)
         return self._data
+
+    def text(self) -> str:
+        """Return the content as UTF-8 text; bytes that are none are replaced."""
+        return self.data().decode("utf-8", "replace")
 
     @contextmanager
     def stream(self) -> Iterator[BinaryIO]:
@@ -117,15 +97,9 @@ class Content:
         return head.removeprefix(BYTE_ORDER_MARK)
 
 
-def read_bytes(path: str) -> bytes:
-    """Return the content of a file, decompressed if it is gzipped, without a byte order mark."""
-    return Content(path).data()
-
-
-def suffix_of(name: str) -> str:
-    """Return the suffix that identifies a file's kind, such as ``.ply`` of ``A.PLY.gz``; empty without a point."""
-    _, point, suffix = re.sub(r"\.gz$", "", name.lower()).rpartition(".")
-    return point + suffix if point else ""
+def suffix_of(path: str) -> str:
+    """Return the suffix that identifies a file's kind, such as ``.ply`` of ``maps/A.PLY.gz``."""
+    return Path(re.sub(r"\.gz$", "", path.lower())).suffix
 
 
 @contextmanager
@@ -133,10 +107,9 @@ def damage_in_one_line(source: str) -> Iterator[None]:
     """Turn whatever a reader or its library raises for a damaged file into an InputError that names the file."""
     try:
         yield
-    except PrfError:
-        raise
     except BaseException as error:
-        if not isinstance(error, DAMAGE) and type(error).__module__.partition(".")[0] not in LIBRARIES:
+        is_panic = type(error).__module__.startswith("pyo3_runtime")  # of lazrs, which is no Exception
+        if isinstance(error, PrfError) or not (is_panic or isinstance(error, Exception)):
             raise
         words = " ".join(str(error).split())[:120] or type(error).__name__
         words = f"{words} is missing" if isinstance(error, KeyError) else words

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,18 +14,16 @@ from scipy.spatial import cKDTree
 
 from mapq.cloud import PointCloud
 from mapq.io.clouds import parse_cloud
-from mapq.io.content import Content, damage_in_one_line, read_bytes, suffix_of
+from mapq.io.content import Content, damage_in_one_line, suffix_of
 from mapq.io.fields import Array
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.patches import SCHEMA as PATCHES_SCHEMA
 from mapq.io.patches import holds_patches, parse_patches
 from mapq.io.result_folder import ResultFolder, is_result_folder, open_result_folder
-from mapq.io.results import RESULT_FIELDS, patch_counts, read_result_json
+from mapq.io.results import PATCH, RESULT_FIELDS, patch_counts, read_result_json
 from mapq.patches import FROM_FIELD, FROM_HAND, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.errors import InputError
 from prf.shell.files import STREAM
-
-logger = logging.getLogger(__name__)
 
 SAMPLE = 2000
 """Points whose nearest neighbour is looked for: enough for the median to within a few per cent."""
@@ -35,6 +32,8 @@ MOST_LISTED = 64
 """A list of JSON longer than this, or of objects, is summarised by its length."""
 
 NAN = float("nan")
+LABELS = {"plausible": PLAUSIBLE, "suspicious": SUSPICIOUS, "unlabelled": UNLABELLED}
+SOURCES = {"by hand": FROM_HAND, "from a field": FROM_FIELD}
 
 
 class FieldSummary(NamedTuple):
@@ -51,20 +50,9 @@ class FieldSummary(NamedTuple):
 class CloudSummary:
     """A cloud in numbers.
 
-    Attributes
-    ----------
-    n_points, n_finite : int
-        All points, and those with three finite coordinates.
-    low, high : (3,) float64
-        The box round the finite points, in world coordinates.
-    shift : (3,) float64
-        Subtracted before all work.
-    unit : (3,) float64
-        Metres in a unit of these three, axis by axis.
-    coordinate_type : str
-    fields : tuple of FieldSummary
-    spacing : float
-        Median distance of a point to its nearest neighbour in metres, on a sample; nan for one point and for tiles.
+    Points, and those with three finite coordinates; the box (3,) round these and the shift (3,) subtracted before all
+    work, both in world coordinates; metres (3,) in a unit of these; median distance in metres of a point to its nearest
+    neighbour, on a sample: nan for one point and for tiles.
     """
 
     n_points: int
@@ -132,20 +120,26 @@ def describe(path: str, options: ReadOptions = AS_IT_IS) -> Description:
         return _describe_folder(open_result_folder(path, options))
     found = Content(path)
     if found.head[:64].lstrip().startswith(b"{") and suffix_of(path) != ".bin":
-        content = _load_json(found.data(), found.source)
-        schema = str(content.get("schema", "none"))[:40]
-        if not schema.startswith(("mapq.model/", "mapq.result/")):
-            raise InputError(f"{found.source}: JSON that is neither a model nor a result of mapq (schema {schema}).")
-        return Description(path, schema.partition("/")[0].removeprefix("mapq."), schema, None, None, _brief(content))
+        return _describe_json(found)
     if holds_patches(found):
         options.refuse_unit(path)
         patches = parse_patches(found.data(), path)
         content = {"parameters": patches.parameters, "report": patches.report}
         return Description(path, "patches", PATCHES_SCHEMA, _cloud(patches.cloud), _patches(patches), _brief(content))
     format_name, cloud = parse_cloud(found, options)
-    if not _is_result(cloud):
+    if not set(RESULT_FIELDS) <= set(cloud.fields):
         return Description(path, "cloud", format_name, _cloud(cloud), None, {})
     return Description(path, "result", format_name, _cloud(cloud), _result(cloud), _beside(path))
+
+
+def _describe_json(found: Content) -> Description:
+    with damage_in_one_line(found.source):
+        content = dict(json.loads(found.data()))
+    schema = str(content.get("schema", "none"))[:40]
+    if not schema.startswith(("mapq.model/", "mapq.result/")):
+        raise InputError(f"{found.source}: JSON that is neither a model nor a result of mapq (schema {schema}).")
+    kind = schema.partition("/")[0].removeprefix("mapq.")
+    return Description(found.path, kind, schema, None, None, _brief(content))
 
 
 def _describe_folder(folder: ResultFolder) -> Description:
@@ -154,32 +148,27 @@ def _describe_folder(folder: ResultFolder) -> Description:
     n_patches, n_suspicious = patch_counts(folder.json, head)
     parts, n_points = [], np.zeros(n_patches + 1, np.int64)
     for piece in folder.pieces(folder.fields):
-        patch = piece.fields[RESULT_FIELDS[0]].astype(np.int64)
-        if len(patch) and not -1 <= int(patch.min()) <= int(patch.max()) < n_patches:
-            raise InputError(f"{folder.json}: not the JSON of {folder.path}, which has other patches.")
-        n_points += np.bincount(patch + 1, minlength=n_patches + 1)
+        n_points += np.bincount(piece.fields[PATCH].astype(np.int64) + 1, minlength=n_patches + 1)
         parts.append(_cloud(piece, NAN))
     labels = {"plausible": n_patches - n_suspicious, "suspicious": n_suspicious}
-    median = float(np.median(n_points[1:])) if n_patches else NAN
-    patches = PatchSummary(n_patches, int(n_points[1:].sum()), median, labels, {})
     tiles = f"{len(folder.tiles)} tile{'' if len(folder.tiles) == 1 else 's'}"
     content = {**_brief(head), "patches": f"{n_patches} entries"}
-    return Description(folder.path, "result", tiles, _joined(parts), patches, content)
+    return Description(folder.path, "result", tiles, _joined(parts), _summary(n_points[1:], labels), content)
 
 
 def _joined(parts: list[CloudSummary]) -> CloudSummary:
     """Return the summary of all pieces of a cloud."""
-    fields = [
+    fields = tuple(
         several[0]._replace(low=min(each.low for each in several), high=max(each.high for each in several))
         for several in zip(*(part.fields for part in parts), strict=True)
-    ]
+    )
     return replace(
         parts[0],
         n_points=sum(part.n_points for part in parts),
         n_finite=sum(part.n_finite for part in parts),
         low=np.min([part.low for part in parts], axis=0),
         high=np.max([part.high for part in parts], axis=0),
-        fields=tuple(fields),
+        fields=fields,
     )
 
 
@@ -218,61 +207,40 @@ def _cloud(cloud: PointCloud, spacing: float | None = None) -> CloudSummary:
 
 def _field(name: str, values: Array) -> FieldSummary:
     known = values[np.isfinite(values)]
-    low, high = (known.min().item(), known.max().item()) if known.size else (np.nan, np.nan)
-    n_values = int(np.prod(values.shape[1:]))
-    return FieldSummary(name, values.dtype.name, n_values, low, high)
+    low, high = (known.min().item(), known.max().item()) if known.size else (NAN, NAN)
+    return FieldSummary(name, values.dtype.name, int(np.prod(values.shape[1:])), low, high)
 
 
 def _patches(patches: Patches) -> PatchSummary:
-    kinds = {"plausible": PLAUSIBLE, "suspicious": SUSPICIOUS, "unlabelled": UNLABELLED}
-    sources = {"by hand": FROM_HAND, "from a field": FROM_FIELD}
-    return PatchSummary(
-        n_patches=len(patches),
-        n_points_in_patches=int(patches.counts.sum()),
-        points_per_patch=float(np.median(patches.counts)) if len(patches) else NAN,
-        labels={name: int(np.count_nonzero(patches.label == value)) for name, value in kinds.items()},
-        label_sources={name: int(np.count_nonzero(patches.label_source == value)) for name, value in sources.items()},
-    )
-
-
-def _is_result(cloud: PointCloud) -> bool:
-    if not set(RESULT_FIELDS) <= set(cloud.fields):
-        return False
-    plain = all(cloud.fields[name].ndim == 1 for name in RESULT_FIELDS)
-    return plain and cloud.fields["patch"].dtype.kind in "iu"
+    return _summary(patches.counts, _counted(patches.label, LABELS), _counted(patches.label_source, SOURCES))
 
 
 def _result(cloud: PointCloud) -> PatchSummary:
-    inside = cloud.fields["patch"] != NO_PATCH
-    numbers, first, counts = np.unique(cloud.fields["patch"][inside], return_index=True, return_counts=True)
-    label = cloud.fields["suspicious"][inside][first]
-    return PatchSummary(
-        n_patches=len(numbers),
-        n_points_in_patches=int(counts.sum()),
-        points_per_patch=float(np.median(counts)) if len(counts) else NAN,
-        labels={
-            "plausible": int(np.count_nonzero(label == PLAUSIBLE)),
-            "suspicious": int(np.count_nonzero(label == SUSPICIOUS)),
-        },
-        label_sources={},
-    )
+    inside = cloud.fields[PATCH] != NO_PATCH
+    _, first, counts = np.unique(cloud.fields[PATCH][inside], return_index=True, return_counts=True)
+    labels = _counted(cloud.fields["suspicious"][inside][first], LABELS)
+    return _summary(counts, {name: labels[name] for name in ("plausible", "suspicious")})
+
+
+def _summary(
+    counts: NDArray[np.int64], labels: Mapping[str, int], sources: Mapping[str, int] | None = None
+) -> PatchSummary:
+    """Return the summary of patches with so many points (m,)."""
+    median = float(np.median(counts)) if len(counts) else NAN
+    return PatchSummary(len(counts), int(counts.sum()), median, labels, sources or {})
+
+
+def _counted(values: NDArray[Any], kinds: Mapping[str, int]) -> dict[str, int]:
+    return {name: int(np.count_nonzero(values == value)) for name, value in kinds.items()}
 
 
 def _beside(path: str) -> dict[str, Any]:
-    """Return the JSON beside a RESULT, empty if there is none, or one of something else."""
+    """Return the JSON beside a RESULT, empty if there is none."""
     beside = Path(path).with_suffix(".json")
     if path == STREAM or not beside.is_file():
         return {}
-    content = _load_json(read_bytes(str(beside)), str(beside))
-    if not str(content.get("schema")).startswith("mapq.result/"):
-        logger.warning("%s is not the JSON of this result", beside)
-        return {}
-    return _brief(content)
-
-
-def _load_json(data: bytes, source: str) -> dict[str, Any]:
-    with damage_in_one_line(source):
-        return dict(json.loads(data.decode("utf-8")))
+    head, patches = read_result_json(beside)
+    return {**_brief(head), "patches": f"{sum(1 for _ in patches)} entries"}
 
 
 def _brief(content: Mapping[str, Any]) -> dict[str, Any]:
@@ -283,8 +251,7 @@ def _brief(content: Mapping[str, Any]) -> dict[str, Any]:
 def _brief_value(value: Any) -> Any:
     if isinstance(value, Mapping):
         return _brief(value)
-    if isinstance(value, list) and (
-        len(value) > MOST_LISTED or any(isinstance(item, Mapping | list) for item in value)
-    ):
+    is_long = isinstance(value, list) and len(value) > MOST_LISTED
+    if is_long or (isinstance(value, list) and any(isinstance(item, Mapping | list) for item in value)):
         return f"{len(value)} entries"
     return value

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.io.content import Content, damage_in_one_line
+from mapq.io.content import Content
 from mapq.io.fields import LARGEST_COORDINATE, Array, cloud_of_world, joined_fields, warn_dropped
 from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError
@@ -22,7 +24,7 @@ FIELD_NAMES = {"colorRed": "red", "colorGreen": "green", "colorBlue": "blue", "t
 CHUNK = 200_000
 """Points that are decoded at once."""
 
-WHOLE = tuple((code, np.iinfo(code)) for code in "bBhHq")
+INTEGERS = tuple((code, np.iinfo(code)) for code in "bBhHq")
 """Types of whole numbers that pye57 can fill, the narrow ones first."""
 
 
@@ -31,16 +33,17 @@ def read_e57(content: Content, options: ReadOptions) -> PointCloud:
 
     Where there are several scans the field `scan` numbers them.
     """
+    source = content.source
     with content.file() as path:
-        file = open_e57(str(path), content.source)
-        poses = e57_poses(file, content.source)
-        parts = [_scan_columns(file, scan, content.source) for scan in range(len(poses))]
+        file = open_e57(str(path), source)
+        poses = e57_poses(file, source)
+        parts = [_scan_columns(file, scan, source) for scan in range(len(poses))]
         file.close()
     world = np.concatenate(
         [points @ pose[:3, :3].T + pose[:3, 3] for pose, (points, _) in zip(poses, parts, strict=True)]
     )
-    fields = joined_fields([columns for _, columns in parts], [len(points) for points, _ in parts], content.source)
-    return cloud_of_world(world, fields, content.source, options.unit or 1.0)
+    fields = joined_fields([columns for _, columns in parts], [len(points) for points, _ in parts], source)
+    return cloud_of_world(world, fields, source, options.unit or 1.0)
 
 
 def open_e57(path: str, source: str) -> Any:
@@ -51,10 +54,18 @@ def open_e57(path: str, source: str) -> Any:
         raise InputError(
             f"{source}: E57 is read with pye57, which is not installed. Install prf-mapq[e57] and try again."
         ) from None
-    try:
+    with _reported(f"{source}: no E57 file that can be opened"):
         return pye57.E57(path)
-    except Exception as error:  # libE57Format raises its own type, which pye57 does not export
-        raise InputError(f"{source}: no E57 file that can be opened. Copy or download it again.") from error
+
+
+@contextmanager
+def _reported(what: str) -> Iterator[None]:
+    """Turn the errors of libE57Format, whose type pye57 does not export, into an InputError of one line."""
+    try:
+        yield
+    except Exception as error:
+        words = " ".join(str(error).split()).partition(" **** ")[0][:120] or type(error).__name__
+        raise InputError(f"{what} ({words}). Copy or download the file again.") from error
 
 
 def e57_poses(file: Any, source: str) -> NDArray[np.float64]:
@@ -62,7 +73,7 @@ def e57_poses(file: Any, source: str) -> NDArray[np.float64]:
     if file.scan_count == 0:
         raise InputError(f"{source}: no scan in this file. Give an E57 that has points.")
     poses = np.tile(np.eye(4), (file.scan_count, 1, 1))
-    with damage_in_one_line(f"{source}: the pose of a scan"):
+    with _reported(f"{source}: the pose of a scan is damaged"):
         for scan in range(file.scan_count):
             header = file.get_header(scan)
             if header.has_pose():
@@ -84,11 +95,8 @@ def read_e57_scan(file: Any, scan: int, source: str) -> PointCloud:
 def _scan_columns(file: Any, scan: int, source: str) -> tuple[NDArray[np.float64], dict[str, Array]]:
     """Return the points (n, 3) of a scan in its own frame and their other fields, without those marked invalid."""
     where = f"{source} scan {scan}"
-    try:
+    with _reported(f"{where}: the points are damaged"):
         columns = _raw_columns(file, scan, where)
-    except Exception as error:  # of libE57Format, as above
-        words = " ".join(str(error).split()).partition(" **** ")[0][:120] or type(error).__name__
-        raise InputError(f"{where}: the points are damaged ({words}). Copy or download the file again.") from error
     points = take_points(columns, where)
     good = np.ones(len(points), bool)
     for name in INVALID:
@@ -108,19 +116,18 @@ def _raw_columns(file: Any, scan: int, where: str) -> dict[str, Array]:
     prototype = libe57.StructureNode(header.points.prototype())
     types = {name: code for name in header.point_fields if (code := _code(prototype[name], name, libe57))}
     warn_dropped([name for name in header.point_fields if name not in types], where)
-    size = min(CHUNK, header.point_count)
+    size, n_points = min(CHUNK, header.point_count), 0
     buffers = {name: np.empty(size, code) for name, code in types.items()}
+    columns = {name: np.empty(header.point_count, code) for name, code in types.items()}
     targets = libe57.VectorSourceDestBuffer()
     for name, values in buffers.items():
         targets.append(libe57.SourceDestBuffer(file.image_file, name, values, size, True, True))
-    pieces: dict[str, list[Array]] = {name: [values[:0]] for name, values in buffers.items()}
     reader = header.points.reader(targets)
     while n_read := reader.read():
         for name, values in buffers.items():
-            pieces[name].append(values[:n_read].copy())
+            columns[name][n_points : n_points + n_read] = values[:n_read]
+        n_points += n_read
     reader.close()
-    columns = {name: np.concatenate(parts) for name, parts in pieces.items()}
-    n_points = len(next(iter(columns.values())))
     if n_points != header.point_count:
         raise ValueError(f"{header.point_count} points are promised, {n_points} follow")
     return columns
@@ -130,7 +137,7 @@ def _code(node: Any, name: str, libe57: Any) -> str:
     """Return the type code in which pye57 gives a field, empty for text."""
     if isinstance(node, libe57.IntegerNode):
         low, high = node.minimum(), node.maximum()
-        return next((code for code, limits in WHOLE if limits.min <= low and high <= limits.max), "q")
+        return next((code for code, limits in INTEGERS if limits.min <= low and high <= limits.max), "q")
     if isinstance(node, libe57.ScaledIntegerNode):
         return "d"
     if isinstance(node, libe57.FloatNode):

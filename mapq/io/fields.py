@@ -17,9 +17,6 @@ logger = logging.getLogger(__name__)
 
 Array = NDArray[Any]
 
-MOST_NAMES = 20
-"""Field names in one message; a damaged header may have thousands."""
-
 AXES = (("x", "y", "z"), ("X", "Y", "Z"))
 """Names of the coordinates, in the order in which they are looked for."""
 
@@ -41,8 +38,14 @@ def axes_of(names: Sequence[str], source: str) -> tuple[str, str, str]:
     for axes in AXES:
         if set(axes) <= set(names):
             return axes
-    listed = ", ".join(names[:MOST_NAMES]) + (", ..." if len(names) > MOST_NAMES else "")
-    raise InputError(f"{source}: no fields x, y, z; there are {listed or 'none'}. Rename the coordinates to x, y, z.")
+    raise InputError(
+        f"{source}: no fields x, y, z; there are {_listed(names) or 'none'}. Rename the coordinates to x, y, z."
+    )
+
+
+def _listed(names: Sequence[str], most: int = 20) -> str:
+    rest = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + rest
 
 
 def make_cloud(fields: Mapping[str, Array], source: str, unit: float = 1.0) -> PointCloud:
@@ -75,14 +78,12 @@ def cloud_of_world(
     if len(world) == 0:
         raise InputError(f"{source}: no points. Check how the file was written.")
     check_coordinates(world, source)
-    kept, dropped = {}, []
-    for name, values in fields.items():
-        if values.dtype.kind in NUMBERS + "b":
-            is_ready = values.flags.c_contiguous and values.flags.writeable and values.dtype.isnative
-            kept[name] = values if is_ready else np.array(values, dtype=values.dtype.newbyteorder("="), order="C")
-        else:
-            dropped.append(name)
-    warn_dropped(dropped, source)
+    kept = {
+        name: np.require(values, values.dtype.newbyteorder("="), ["C", "W"])
+        for name, values in fields.items()
+        if values.dtype.kind in NUMBERS + "b"
+    }
+    warn_dropped([name for name in fields if name not in kept], source)
     return PointCloud.from_world(world, kept, source, unit)
 
 
@@ -103,13 +104,11 @@ def check_coordinates(world: Array, source: str) -> None:
         raise InputError(f"{source}: all {len(world)} points are nan or infinite. Check how the file was written.")
 
 
-def warn_dropped(names: Sequence[str], source: str, why: str = "not numbers", kind: str = "field") -> None:
+def warn_dropped(names: Sequence[str], source: str, why: str = "not numbers") -> None:
     """Warn, in one line, of fields that are left out."""
-    if not names:
-        return
-    listed = ", ".join(names[:MOST_NAMES]) + (f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else "")
-    what = f"{kind} {listed} is" if len(names) == 1 else f"{kind}s {listed} are"
-    logger.warning("%s: %s dropped: %s", source, what, why)
+    if names:
+        what = f"field {names[0]} is" if len(names) == 1 else f"fields {_listed(names)} are"
+        logger.warning("%s: %s dropped: %s", source, what, why)
 
 
 def columns_of(table: Array) -> dict[str, Array]:
@@ -117,25 +116,8 @@ def columns_of(table: Array) -> dict[str, Array]:
     return {name: table[name] for name in table.dtype.names or ()}
 
 
-def refuse_doubles(names: Sequence[str], source: str) -> None:
-    """Refuse a name of two fields."""
-    doubled = sorted({name for name in names if names.count(name) > 1})
-    if doubled:
-        raise InputError(f"{source}: there are two fields {doubled[0]}. Rename one of them.")
-
-
 def joined_fields(parts: Sequence[Mapping[str, Array]], counts: Sequence[int], source: str) -> dict[str, Array]:
-    """Return the fields that all scans have in one shape, and `scan` if there are several and none is called so.
-
-    Parameters
-    ----------
-    parts : sequence of mapping of str to (n, ...) array
-        Fields of each scan.
-    counts : sequence of int
-        Its points.
-    source : str
-        Name of the file, for messages.
-    """
+    """Return the fields of scans with so many points, and `scan` if there are several and none is called so."""
     fields = common_fields(parts, source)
     if len(parts) > 1 and SCAN not in fields:
         fields[SCAN] = np.repeat(np.arange(len(parts), dtype=np.int32), counts)
@@ -171,9 +153,8 @@ def scalar_columns(name: str, values: Array) -> Iterator[tuple[str, Array]]:
     if values.ndim == 1:
         yield name, values
         return
-    flat = values.reshape(len(values), -1)
-    for number in range(flat.shape[1]):
-        yield f"{name}_{number}", flat[:, number]
+    for number, column in enumerate(values.reshape(len(values), -1).T):
+        yield f"{name}_{number}", column
 
 
 def free_name(name: str, taken: Container[str], longest: int | None = None) -> str:

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.io.fields import LARGEST_COORDINATE, Array
+from mapq.cloud import PointCloud
+from mapq.io.content import Content
+from mapq.io.fields import LARGEST_COORDINATE, make_cloud
+from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError
 
 NAMES = ("x", "y", "z", "intensity")
@@ -21,44 +24,42 @@ ALIKE, UNLIKE = 0.1, 0.5
 height and range, differ by more than the second."""
 
 
-def read_kitti(data: bytes, source: str, n_columns: int) -> dict[str, Array]:
-    """Return the columns x, y, z and, if there are four, intensity.
+def read_kitti(content: Content, options: ReadOptions) -> PointCloud:
+    """Return the cloud of columns x, y, z and, if there are four, intensity.
 
     The user gives the number of columns, since a file of 3 columns often divides into 4 as well; content that clearly
     contradicts it is refused.
     """
-    other = 7 - n_columns
-    if len(data) % (4 * n_columns):
+    data, source, width = content.data(), content.source, options.bin_columns
+    other = 7 - width
+    if len(data) % (4 * width):
         hint = f" It divides by {4 * other}: --bin-columns {other}?" if len(data) % (4 * other) == 0 else ""
-        raise InputError(
-            f"{source}: {len(data)} bytes are no whole number of points of {n_columns} float32 columns.{hint}"
-        )
+        raise InputError(f"{source}: {len(data)} bytes are no whole number of points of {width} float32 columns.{hint}")
     values = np.frombuffer(data, "<f4")
     size = np.abs(values)
     if np.count_nonzero((size > LARGEST_COORDINATE) | ((size < 1e-20) & (size > 0))) > 0.01 * len(values):
         raise InputError(f"{source}: the content is no float32 coordinates, so this is no .bin of KITTI.")
-    likely = _likely_columns(values, n_columns)
-    if likely != n_columns:
+    likely = _likely_columns(size, width)
+    if likely != width:
         advice = f"Use --bin-columns {likely}" if likely <= len(NAMES) else "Save it as PLY or .npy"
         raise InputError(
-            f"{source}: read with {n_columns} columns, all of them mix x, y and z; the file has {likely}. {advice}."
+            f"{source}: read with {width} columns, all of them mix x, y and z; the file has {likely}. {advice}."
         )
-    columns = values.reshape(-1, n_columns)
-    return {name: columns[:, i] for i, name in enumerate(NAMES[:n_columns])}
+    return make_cloud(dict(zip(NAMES, values.reshape(-1, width).T, strict=False)), source, options.unit or 1.0)
 
 
-def _likely_columns(values: NDArray[np.float32], n_columns: int) -> int:
-    """Return the number of columns of which the content is clear evidence, else the given one."""
-    if len(values) < 4 * ENOUGH_POINTS or _spread(values, n_columns) >= ALIKE:
+def _likely_columns(size: NDArray[np.float32], n_columns: int) -> int:
+    """Return the number of columns of which the sizes of all values are clear evidence, else the given one."""
+    if len(size) < 4 * ENOUGH_POINTS or _spread(size, n_columns) >= ALIKE:
         return n_columns
-    fitting = (width for width in WIDTHS if width != n_columns and len(values) % width == 0)
-    return next((width for width in fitting if _spread(values, width) > UNLIKE), n_columns)
+    fitting = (width for width in WIDTHS if width != n_columns and len(size) % width == 0)
+    return next((width for width in fitting if _spread(size, width) > UNLIKE), n_columns)
 
 
-def _spread(values: NDArray[np.float32], n_columns: int) -> float:
+def _spread(size: NDArray[np.float32], n_columns: int) -> float:
     """Return by how much the typical sizes of the columns differ, as a natural logarithm."""
-    size = np.abs(values.reshape(-1, n_columns))
-    typical = [float(np.median(column[np.isfinite(column)])) if np.isfinite(column).any() else 0.0 for column in size.T]
-    if min(typical) <= 0.0:
-        return float("inf") if max(typical) > 0.0 else 0.0
-    return float(np.log(max(typical) / min(typical)))
+    typical = np.nanmedian(np.where(np.isfinite(size), size, np.nan).reshape(-1, n_columns), axis=0)
+    least, most = float(np.nan_to_num(typical).min()), float(np.nan_to_num(typical).max())
+    if least > 0.0:
+        return float(np.log(most / least))
+    return float("inf") if most > 0.0 else 0.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import logging
-import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, BinaryIO, NamedTuple
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
 from mapq.io.content import Content, damage_in_one_line
-from mapq.io.fields import Array, check_coordinates, cloud_of_world, refuse_doubles, warn_dropped
+from mapq.io.fields import Array, check_coordinates, cloud_of_world, warn_dropped
 from mapq.io.las_unit import SYSTEM_USER, unit_of
 from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError
@@ -43,17 +42,8 @@ MOST_RECORDS = 1 << 12
 class LasHead(NamedTuple):
     """What the head of a LAS file states.
 
-    Attributes
-    ----------
-    n_points : int
-    low, high : (3,) float64
-        Box of the points in world coordinates.
-    unit : (3,) float64
-        Metres in a unit of the file.
-    header : bytes
-        Header and records, as `PointCloud.las_header`.
-    fields : tuple of str
-        Names of the fields, without the coordinates.
+    Box (3,) of the points in world coordinates, metres (3,) in a unit of these, header and records as
+    `PointCloud.las_header`, and names of the fields without the coordinates.
     """
 
     n_points: int
@@ -97,17 +87,9 @@ def read_las_pieces(
     shift: NDArray[np.float64],
     names: tuple[str, ...] | None = None,
 ) -> Iterator[PointCloud]:
-    """Yield the points from `start` to `stop` in pieces of at most `PIECE`.
+    """Yield the points from `start` to `stop` in pieces of at most `PIECE`, with this shift (3,).
 
-    Parameters
-    ----------
-    path : str
-    options : ReadOptions
-    start, stop : int
-    shift : (3,) float64
-        Of the clouds, in world coordinates.
-    names : tuple of str, optional
-        Fields to read, as far as they exist; by default all.
+    `names` are the fields to read, as far as they exist; by default all.
     """
     with damage_in_one_line(path), _opened(Content(path)) as (reader, stream):
         head = _head(reader.header, stream, path, options)
@@ -130,8 +112,7 @@ def _opened(content: Content) -> Iterator[tuple[LasReader, BinaryIO]]:
             f"{content.source}: LAS is read with laspy, which is not installed. Install prf-mapq[las] and try again."
         ) from None
     with content.stream() as stream:
-        head = stream.read(104)
-        (n_records,) = struct.unpack_from("<I", head, 100)
+        n_records = int.from_bytes(stream.read(104)[100:], "little")
         if n_records > MOST_RECORDS:
             raise InputError(f"{content.source}: damaged: {n_records} records in the LAS header. Copy it again.")
         stream.seek(0)
@@ -147,7 +128,6 @@ def _head(header: LasHeader, stream: BinaryIO, source: str, options: ReadOptions
         warn_dropped(WAVES, source, "they cannot be decompressed reliably")
         left_out = (*RAW, *WAVES)
     names = [name for name in header.point_format.dimension_names if name not in left_out]
-    refuse_doubles(names, source)
     stored = _stored_head(header, stream)
     unit = np.array(np.broadcast_to(options.unit or unit_of(header.vlrs, source), 3), np.float64)
     low, high = np.asarray(header.mins, np.float64), np.asarray(header.maxs, np.float64)

@@ -10,13 +10,10 @@ from prf.shell.errors import UsageError
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200.0 / 3937.0}
 """Metres in each; the US survey foot is two millionths longer than the foot, which is metres on a grid."""
 
-SMALLEST_UNIT, LARGEST_UNIT = 1e-9, 1e6
-"""Metres."""
-
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """How to read a cloud.
+    """How to read a cloud; UsageError for a value outside its domain.
 
     Attributes
     ----------
@@ -28,11 +25,6 @@ class ReadOptions:
         Topic of a bag's point clouds; None: the only one.
     frame : str or None
         Frame of the map, into which tf takes the clouds of a bag; None: ``map``.
-
-    Raises
-    ------
-    UsageError
-        If a value is outside its domain.
     """
 
     bin_columns: int = 4
@@ -44,8 +36,8 @@ class ReadOptions:
         """Check the values."""
         if self.bin_columns not in (3, 4):
             raise UsageError(f"--bin-columns {self.bin_columns} is neither 3 nor 4.")
-        if self.unit is not None and not SMALLEST_UNIT <= self.unit <= LARGEST_UNIT:
-            raise UsageError(f"--unit {self.unit:g} is not a length from {SMALLEST_UNIT:g} to {LARGEST_UNIT:g} m.")
+        if self.unit is not None and not 1e-9 <= self.unit <= 1e6:
+            raise UsageError(f"--unit {self.unit:g} is not a length from 1e-09 to 1e+06 m.")
 
     def refuse_unit(self, path: str) -> None:
         """Raise UsageError if a unit is given for the PATCHES file `path`, which holds its own."""
@@ -61,13 +53,11 @@ AS_IT_IS = ReadOptions()
 
 def parse_unit(text: str) -> float:
     """Return the metres in a unit: a name of `UNITS`, or a number of metres such as 0.01; ValueError for others."""
-    known = UNITS.get(text.strip().lower())
-    if known is not None:
-        return known
+    name = text.strip().lower()
     try:
-        metres = float(text)
+        metres = UNITS[name] if name in UNITS else float(name)
     except ValueError:
         metres = math.nan
-    if not (math.isfinite(metres) and metres > 0.0):
+    if not 0.0 < metres < math.inf:
         raise ValueError(f"{text} is no unit. Give one of {', '.join(UNITS)}, or how many metres it is")
     return metres

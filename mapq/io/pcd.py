@@ -11,13 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapq.io.fields import Array, axes_of, columns_of, refuse_doubles
-from mapq.io.rows import Layout, as_count, parse_rows
+from mapq.cloud import PointCloud
+from mapq.io.content import Content
+from mapq.io.fields import Array, axes_of, columns_of, make_cloud
+from mapq.io.options import ReadOptions
+from mapq.io.text import as_count, parse_rows
 from prf.shell.errors import InputError
 
 LONGEST_HEADER = 1 << 16
 PADDING = "_"
-KINDS = {"F": "f", "I": "i", "U": "u"}
 COMPRESSED = ("binary_compressed", "binaryscompressed")
 """The second spelling is that of an old program."""
 
@@ -32,11 +34,12 @@ class Header(NamedTuple):
     end: int
 
 
-def read_pcd(data: bytes, source: str) -> dict[str, Array]:
-    """Return the fields (n,) or (n, count) of a PCD file, without padding; a packed ``rgb`` keeps its bits.
+def read_pcd(content: Content, options: ReadOptions) -> PointCloud:
+    """Return the cloud of a PCD file, without padding; a packed ``rgb`` keeps its bits.
 
     VIEWPOINT is not applied: it is where the sensor was, not a motion of the points.
     """
+    data, source = content.data(), content.source
     header = parse_header(data, source)
     kept = [name for name in header.dtype.names or () if not name.startswith(PADDING + " ")]
     axes_of(kept, source)
@@ -46,11 +49,11 @@ def read_pcd(data: bytes, source: str) -> dict[str, Array]:
         fields = columns_of(np.frombuffer(data, header.dtype, header.n_points, header.end))
     else:
         fields = _read_compressed(data, header, source)
-    return {name: fields[name] for name in kept}
+    return make_cloud({name: fields[name] for name in kept}, source, options.unit or 1.0)
 
 
 def parse_header(data: bytes, source: str) -> Header:
-    """Return the header of a PCD file; raises :class:`InputError` for an entry that is missing or wrong."""
+    """Return the header of a PCD file."""
     entries, n_lines, end = _entries(data, source)
     fields = entries.get("FIELDS") or entries.get("COLUMNS") or []
     types, sizes = entries.get("TYPE", []), entries.get("SIZE", [])
@@ -60,8 +63,7 @@ def parse_header(data: bytes, source: str) -> Header:
     dtype = []
     for place, (name, kind, size, count) in enumerate(zip(fields, types, sizes, counts, strict=True)):
         unique = f"{PADDING} {place}" if name == PADDING else name
-        dtype.append((unique, f"<{KINDS[kind]}{size}", (count,) if count > 1 else ()))
-    refuse_doubles([name for name, _, _ in dtype], source)
+        dtype.append((unique, f"<{kind.lower()}{size}", (count,) if count > 1 else ()))
     encoding = " ".join(entries["DATA"]).lower()
     if encoding not in ("ascii", "binary", *COMPRESSED):
         raise InputError(f"{source}: DATA {encoding[:24]!r} is not known; ascii, binary and binary_compressed are.")
@@ -73,8 +75,8 @@ def _entries(data: bytes, source: str) -> tuple[dict[str, list[str]], int, int]:
     entries: dict[str, list[str]] = {}
     start = n_lines = 0
     while "DATA" not in entries:
-        end = data.find(b"\n", start, start + LONGEST_HEADER)
-        if end < 0 or start > LONGEST_HEADER:
+        end = data.find(b"\n", start, LONGEST_HEADER)
+        if end < 0:
             raise InputError(f"{source}: the PCD header has no DATA line. Copy the file again.")
         words = data[start:end].decode("latin-1").split()
         if words and not words[0].startswith("#"):
@@ -85,10 +87,8 @@ def _entries(data: bytes, source: str) -> tuple[dict[str, list[str]], int, int]:
 
 def _n_points(entries: dict[str, list[str]], source: str) -> int:
     """Return the number of points: POINTS, the only one that some programs set, or WIDTH x HEIGHT."""
-    width, height, points = (
-        _number(entries[key][0], key, source) if entries.get(key) else None for key in ("WIDTH", "HEIGHT", "POINTS")
-    )
-    grid = None if width is None else width * (1 if height is None else height)
+    found = {key: _number(entries[key][0], key, source) for key in ("WIDTH", "HEIGHT", "POINTS") if entries.get(key)}
+    points, grid = found.get("POINTS"), found["WIDTH"] * found.get("HEIGHT", 1) if "WIDTH" in found else None
     if points is None and grid is None:
         raise InputError(f"{source}: the PCD header has neither POINTS nor WIDTH. Write it anew.")
     if points is not None and grid and grid != points:
@@ -103,22 +103,16 @@ def _number(text: str, key: str, source: str) -> int:
     return number
 
 
-def _count(dtype: np.dtype[np.void], name: str) -> int:
-    """Return the values a point of a field, 0 for a plain one."""
-    return int(dtype[name].shape[0]) if dtype[name].shape else 0
-
-
 def _read_ascii(data: bytes, header: Header, source: str) -> dict[str, Array]:
-    names = header.dtype.names or ()
-    columns = [(name, number) for name in names for number in range(max(1, _count(header.dtype, name)))]
-    dtype = np.dtype([(f"{name} {number}", header.dtype[name].base) for name, number in columns])
-    rows = parse_rows(data[header.end :], Layout.of(dtype), source, header.n_lines + 1)
+    """Return the fields of text: its columns are those of the fields, one after the other."""
+    parts = [(name, header.dtype[name].base, header.dtype[name].shape) for name in header.dtype.names or ()]
+    columns = [(f"{name} {k}", kind) for name, kind, shape in parts for k in range(*(shape or (1,)))]
+    rows = parse_rows(data[header.end :], np.dtype(columns), source, header.n_lines + 1)
     if len(rows) != header.n_points:
         raise InputError(f"{source}: the header promises {header.n_points} points, {len(rows)} follow. Copy it again.")
     return {
-        name: np.stack([rows[f"{name} {number}"] for number in range(count)], axis=1) if count else rows[f"{name} 0"]
-        for name in names
-        for count in (_count(header.dtype, name),)
+        name: np.stack([rows[f"{name} {k}"] for k in range(*shape)], axis=1) if shape else rows[f"{name} 0"]
+        for name, _, shape in parts
     }
 
 
@@ -127,10 +121,9 @@ def _read_compressed(data: bytes, header: Header, source: str) -> dict[str, Arra
     raw = _decompressed(data, header, source)
     fields, start = {}, 0
     for name in header.dtype.names or ():
-        kind, count = header.dtype[name].base, _count(header.dtype, name)
-        values = np.frombuffer(raw, kind, header.n_points * max(1, count), start)
-        fields[name] = values.reshape(-1, count) if count else values
-        start += values.nbytes
+        kind = header.dtype[name]
+        fields[name] = np.frombuffer(raw, kind, header.n_points, start)
+        start += fields[name].nbytes
     return fields
 
 

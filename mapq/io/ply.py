@@ -1,24 +1,22 @@
 """PLY: the vertices of a file, text or binary of both byte orders; and a cloud as CloudCompare and MeshLab open it.
 
-The header is read here, because plyfile refuses comments that are not ASCII and 64-bit integers, and reads text and
-streams row by row; plyfile reads files with lists before or in the vertices.
+Read and written here: plyfile refuses comments that are not ASCII and 64-bit integers, and reads text row by row.
 """
 
 from __future__ import annotations
 
-import io
 import logging
 import os
 import re
-from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from plyfile import PlyData, PlyElement  # type: ignore[import-untyped]
 
 from mapq.cloud import PointCloud
-from mapq.io.fields import Array, axes_of, columns_of, free_name, refuse_doubles, scalar_columns, warn_dropped
-from mapq.io.rows import Layout, parse_rows
+from mapq.io.content import Content
+from mapq.io.fields import Array, axes_of, columns_of, free_name, make_cloud, scalar_columns
+from mapq.io.options import ReadOptions
+from mapq.io.text import parse_rows
 from prf.shell.errors import InputError
 from prf.shell.files import open_output
 
@@ -26,13 +24,17 @@ logger = logging.getLogger(__name__)
 
 MAGIC = (b"ply\n", b"ply\r\n")
 LONGEST_HEADER = 1 << 20
-_END = re.compile(rb"^end_header\b", re.MULTILINE)
+_END = re.compile(rb"^end_header\b.*\n?", re.MULTILINE)
 
 ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
+WRITTEN = {
+    **{"i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint"},
+    **{"f4": "float", "f8": "double"},
+}
+"""Names of the types that are written."""
 TYPES = {
-    **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
-    **{"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4"},
-    **{"float": "f4", "double": "f8", "float32": "f4", "float64": "f8", "int64": "i8", "uint64": "u8"},
+    **{name: code for code, name in WRITTEN.items()},
+    **{np.dtype(code).name: code for code in (*WRITTEN, "i8", "u8")},
 }
 """Types of the format, both spellings; the 64-bit integers are not in it, but PDAL writes them."""
 
@@ -62,24 +64,24 @@ class Header(NamedTuple):
     end: int
 
 
-def read_ply(data: bytes, source: str) -> dict[str, Array]:
-    """Return the properties of the vertices of a PLY file; lists are dropped with a warning."""
+def read_ply(content: Content, options: ReadOptions) -> PointCloud:
+    """Return the cloud of the vertices of a PLY file; what follows these is passed over."""
+    data, source = content.data(), content.source
     header = parse_header(data, source)
     names = [element.name for element in header.elements]
     if "vertex" not in names:
         raise InputError(f"{source}: no element vertex; there are {', '.join(names) or 'none'}.")
-    place = names.index("vertex")
-    vertex, before = header.elements[place], header.elements[:place]
+    before, vertex = header.elements[: names.index("vertex")], header.elements[names.index("vertex")]
     axes_of([name for name, _ in vertex.properties], source)
-    if vertex.lists or (header.format != "ascii" and any(element.lists for element in before)):
-        warn_dropped(vertex.lists, source, "lists are not read")
-        rows = PlyData.read(io.BytesIO(data))["vertex"].data
-        return {name: rows[name] for name, _ in vertex.properties}
-    if header.format == "ascii":
-        return columns_of(_read_ascii(data, header, before, vertex, source))
-    order = ORDERS[header.format]
-    start = header.end + sum(element.n_rows * element.dtype(order).itemsize for element in before)
-    return columns_of(np.frombuffer(data, vertex.dtype(order), vertex.n_rows, start))
+    is_text, order = header.format == "ascii", ORDERS[header.format]
+    if vertex.lists or (not is_text and any(element.lists for element in before)):
+        raise InputError(f"{source}: lists in or before the vertices are not read. Save the cloud without them.")
+    if is_text:
+        rows = _read_ascii(data, header, sum(element.n_rows for element in before), vertex, source)
+    else:
+        start = header.end + sum(element.n_rows * element.dtype(order).itemsize for element in before)
+        rows = np.frombuffer(data, vertex.dtype(order), vertex.n_rows, start)
+    return make_cloud(columns_of(rows), source, options.unit or 1.0)
 
 
 def parse_header(data: bytes, source: str) -> Header:
@@ -87,8 +89,7 @@ def parse_header(data: bytes, source: str) -> Header:
     found = _END.search(data, 0, LONGEST_HEADER)
     if found is None:
         raise InputError(f"{source}: the PLY header does not end. Copy the file again.")
-    end = found.start()
-    lines = data[:end].decode("latin-1").split("\n")
+    lines = data[: found.start()].decode("latin-1").split("\n")
     format_name, elements = "", []
     for number, line in enumerate(lines, 1):
         match line.split():
@@ -106,25 +107,23 @@ def parse_header(data: bytes, source: str) -> Header:
                 raise InputError(f"{source}:{number}: {line.strip()[:60]!r} is no line of a PLY header. Write it anew.")
     if not format_name:
         raise InputError(f"{source}: the PLY header has no format line. Write the file anew.")
-    for element in elements:
-        refuse_doubles([name for name, _ in element.properties] + element.lists, f"{source}: element {element.name}")
-    newline = data.find(b"\n", end)
-    return Header(format_name, elements, len(lines), len(data) if newline < 0 else newline + 1)
+    return Header(format_name, elements, len(lines), found.end())
 
 
-def _read_ascii(data: bytes, header: Header, before: list[Element], vertex: Element, source: str) -> Array:
-    start, n_before = header.end, sum(element.n_rows for element in before)
+def _read_ascii(data: bytes, header: Header, n_before: int, vertex: Element, source: str) -> Array:
+    start, dtype = header.end, vertex.dtype("=")
     for _ in range(n_before):
         start = data.find(b"\n", start) + 1 or len(data)
-    layout, line = Layout.of(vertex.dtype("=")), header.n_lines + 1 + n_before
-    rows = parse_rows(data[start:], layout, source, line, vertex.n_rows) if vertex.n_rows else np.empty(0, layout.dtype)
+    rows = np.empty(0, dtype)
+    if vertex.n_rows:
+        rows = parse_rows(data[start:], dtype, source, header.n_lines + 1 + n_before, max_rows=vertex.n_rows)
     if len(rows) != vertex.n_rows:
         raise InputError(f"{source}: cut off: {vertex.n_rows} points are promised, {len(rows)} follow. Copy it again.")
     return rows
 
 
-def write_ply(path: str | os.PathLike[str], cloud: PointCloud, extra: Mapping[str, Array] | None = None) -> None:
-    """Write a cloud as binary little endian PLY, whole or not at all.
+def write_ply(path: str | os.PathLike[str], cloud: PointCloud) -> None:
+    """Write a cloud as binary little endian PLY, whole or not at all; ``-`` is standard output.
 
     Coordinates are written as the file had them, without the shift: float if they were float32 and there is no
     shift, else double. All fields keep name and type, except for what PLY has no form for:
@@ -134,40 +133,39 @@ def write_ply(path: str | os.PathLike[str], cloud: PointCloud, extra: Mapping[st
       warning if values beyond 2^53 lose digits;
     * characters that a property name may not have become ``_``, and a name that is taken gets `_2`.
 
-    Parameters
-    ----------
-    path : path
-        ``-`` is standard output.
-    cloud : PointCloud
-    extra : mapping of str to (n, ...) array, optional
-        Further fields, behind the cloud's own; one of the same name replaces it.
-
     Raises
     ------
     OutputError
         If it cannot be written.
     """
-    rows = vertex_rows(cloud, {**cloud.fields, **(extra or {})})
-    element = PlyElement.describe(rows, "vertex")
+    rows = vertex_rows(cloud)
     with open_output(path, binary=True) as stream:
-        PlyData([element], byte_order="<").write(stream)
+        stream.write(header_of(rows.dtype, len(rows)))
+        stream.write(rows.tobytes())
 
 
-def vertex_rows(cloud: PointCloud, fields: Mapping[str, Array]) -> Array:
-    """Return the structured array (n,) of the vertices."""
+def header_of(dtype: np.dtype[Any], n_rows: int) -> bytes:
+    """Return the header of a binary file of so many vertices of this type."""
+    properties = [f"property {WRITTEN[dtype[name].str[1:]]} {name}" for name in dtype.names or ()]
+    lines = ["ply", "format binary_little_endian 1.0", f"element vertex {n_rows}", *properties, "end_header", ""]
+    return "\n".join(lines).encode()
+
+
+def vertex_rows(cloud: PointCloud) -> Array:
+    """Return the structured array (n,) of the vertices, little endian."""
     small = cloud.coordinate_type is np.float32 and not cloud.shift.any()
     world = cloud.world().astype(np.float32 if small else np.float64)
     columns: dict[str, Array] = {name: world[:, axis] for axis, name in enumerate("xyz")}
-    for name, values in fields.items():
+    for name, values in cloud.fields.items():
         for part, column in scalar_columns(name, values):
-            columns[free_name(part, columns)] = storable(name, column)
+            columns[free_name(part, columns)] = _storable(name, column)
     rows = np.empty(len(cloud), [(name, column.dtype.newbyteorder("<")) for name, column in columns.items()])
     for name, column in columns.items():
         rows[name] = column
     return rows
 
 
-def storable(name: str, values: Array) -> Array:
+def _storable(name: str, values: Array) -> Array:
     """Return values (n,) in a type that PLY has; see :func:`write_ply`."""
     kind, size = values.dtype.kind, values.dtype.itemsize
     if kind == "b":

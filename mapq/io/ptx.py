@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import logging
+from itertools import islice
 
 import numpy as np
 
-from mapq.io.fields import Array, columns_of, joined_fields
-from mapq.io.rows import Layout, parse_rows
+from mapq.cloud import PointCloud
+from mapq.io.content import Content
+from mapq.io.fields import Array, columns_of, joined_fields, make_cloud
+from mapq.io.options import ReadOptions
+from mapq.io.text import parse_rows
 from prf.shell.errors import InputError
 
 logger = logging.getLogger(__name__)
@@ -18,67 +23,69 @@ WIDTHS = (3, 4, 7)
 ROW = [("x", "f8"), ("y", "f8"), ("z", "f8"), ("intensity", "f8"), ("red", "u1"), ("green", "u1"), ("blue", "u1")]
 
 
-def read_ptx(data: bytes, source: str) -> dict[str, Array]:
+def read_ptx(content: Content, options: ReadOptions) -> PointCloud:
     """Return the points of all scans in the frame of the file, with `scan` where there are several.
 
     Cells of the grid without a return, written 0 0 0, are dropped.
     """
-    parts = _scans(data, source, is_placed=True)
-    return joined_fields(parts, [len(part["x"]) for part in parts], source)
+    parts = _scans(content.data(), content.source, is_placed=True)
+    fields = joined_fields(parts, [len(part["x"]) for part in parts], content.source)
+    return make_cloud(fields, content.source, options.unit or 1.0)
 
 
-def read_ptx_scan(data: bytes, source: str) -> dict[str, Array]:
+def read_ptx_scan(content: Content) -> PointCloud:
     """Return the points of a file with one scan in the frame of its scanner, the matrix not applied."""
-    parts = _scans(data, source, is_placed=False)
+    parts = _scans(content.data(), content.source, is_placed=False)
     if len(parts) > 1:
-        raise InputError(f"{source}: {len(parts)} scans in one file, but one pose. Give a file for each scan.")
-    return parts[0]
+        raise InputError(f"{content.source}: {len(parts)} scans in one file, but one pose. Give a file for each scan.")
+    return make_cloud(parts[0], content.source)
 
 
 def _scans(data: bytes, source: str, is_placed: bool) -> list[dict[str, Array]]:
     """Return the fields of each scan, in the frame of the file or in its scanner's."""
-    ends = np.flatnonzero(np.frombuffer(data.rstrip(), np.uint8) == ord("\n"))
-    start = np.concatenate([[0], ends + 1, [len(data)]])
+    lines = iter(io.BytesIO(data.rstrip()))
     parts: list[dict[str, Array]] = []
-    line = n_empty = 0
-    while line < len(start) - 1:
-        n_cells, matrix = _head(data[start[line] : start[min(line + HEADER_LINES, len(start) - 1)]], line, source)
-        line, last = line + HEADER_LINES, line + HEADER_LINES + n_cells
-        if n_cells == 0 or last > len(start) - 1:
+    line = 1
+    while head := list(islice(lines, HEADER_LINES)):
+        n_cells, matrix = _head(head, line, source)
+        line += HEADER_LINES
+        cells = list(islice(lines, n_cells))
+        width = len(cells[0].split()) if cells else 0
+        if cells and width not in WIDTHS:
+            raise InputError(f"{source}:{line}: {width} columns; PTX has x y z, intensity and perhaps r g b.")
+        rows = parse_rows(b"".join(cells), np.dtype(ROW[: width or 3]), source, line)
+        if len(rows) != n_cells or not n_cells:
             raise InputError(
-                f"{source}:{line}: this scan promises {n_cells} points, {len(start) - 1 - line} lines follow. Copy or "
-                f"download the file again."
+                f"{source}:{line}: this scan promises {n_cells} points, {len(rows)} follow. Copy or download the file "
+                f"again."
             )
-        width = len(data[start[line] : start[line + 1]].split())
-        if width not in WIDTHS:
-            raise InputError(f"{source}:{line + 1}: {width} columns; PTX has x y z, intensity and perhaps r g b.")
-        rows = parse_rows(data[start[line] : start[last]], Layout.of(np.dtype(ROW[:width])), source, line + 1)
-        if len(rows) != n_cells:
-            raise InputError(f"{source}:{line + 1}: blank lines among the {n_cells} points of a scan. Remove them.")
-        line = last
-        columns = columns_of(rows)
-        local = np.column_stack([columns.pop(axis) for axis in "xyz"])
-        seen = (local != 0.0).any(axis=1)
-        n_empty += n_cells - int(np.count_nonzero(seen))
-        points = local[seen] @ matrix[:3, :3] + matrix[3, :3] if is_placed else local[seen]
-        places = {axis: points[:, number] for number, axis in enumerate("xyz")}
-        parts.append(places | {name: values[seen] for name, values in columns.items()})
+        line += n_cells
+        parts.append(_placed(columns_of(rows), matrix if is_placed else np.eye(4)))
+    n_empty = line - 1 - sum(HEADER_LINES + len(part["x"]) for part in parts)
     if n_empty:
         logger.info("%s: %d cells without a return are left out", source, n_empty)
     return parts
 
 
-def _head(text: bytes, line: int, source: str) -> tuple[int, Array]:
+def _placed(columns: dict[str, Array], matrix: Array) -> dict[str, Array]:
+    """Return the cells with a return, moved by a matrix (4, 4) for row vectors."""
+    local = np.column_stack([columns.pop(axis) for axis in "xyz"])
+    seen = (local != 0.0).any(axis=1)
+    points = local[seen] @ matrix[:3, :3] + matrix[3, :3]
+    return dict(zip("xyz", points.T, strict=True)) | {name: values[seen] for name, values in columns.items()}
+
+
+def _head(lines: list[bytes], line: int, source: str) -> tuple[int, Array]:
     """Return the number of cells of the scan whose header begins at a line, and its matrix (4, 4) for row vectors."""
-    rows = [row.split() for row in text.splitlines()]
+    rows = [row.split() for row in lines]
     try:
         n_cells = int(rows[0][0]) * int(rows[1][0])
         matrix = np.array(rows[6:HEADER_LINES], np.float64).reshape(4, 4)
     except (ValueError, IndexError):
-        raise InputError(f"{source}:{line + 1}: not the header of a scan of PTX. Copy the file again.") from None
-    if n_cells < 0 or not np.isfinite(matrix).all() or np.abs(matrix[:, 3] - [0.0, 0.0, 0.0, 1.0]).max() > 1e-6:
+        raise InputError(f"{source}:{line}: not the header of a scan of PTX. Copy the file again.") from None
+    if not np.abs(matrix[:, 3] - [0.0, 0.0, 0.0, 1.0]).max() <= 1e-6:
         raise InputError(
-            f"{source}:{line + 7}: the last column of this matrix is not 0 0 0 1. PTX has the translation in its last "
+            f"{source}:{line + 6}: the last column of this matrix is not 0 0 0 1. PTX has the translation in its last "
             f"row; mend the header."
         )
     return n_cells, matrix

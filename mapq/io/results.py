@@ -25,7 +25,7 @@ from prf.shell.errors import InputError, UsageError
 from prf.shell.files import STREAM, atomic_write, open_input
 from prf.shell.jsonout import dump_object, jsonable
 from prf.shell.lock import claim_output
-from prf.shell.storage import check_schema, damaged, load_object
+from prf.shell.storage import check_schema, load_object
 from prf.shell.together import together
 
 Row = dict[str, Any]
@@ -84,15 +84,13 @@ def result_cloud(
     cause : (m,), optional
         Of each patch, 255 where it is plausible; None: no such field.
     """
-    fields = dict(cloud.fields)
-    if set(RESULT_FIELDS) <= set(fields):
-        for name in (*RESULT_FIELDS, *COLOURS, CAUSE):
-            fields.pop(name, None)
-    fields = original_names(fields, (*RESULT_FIELDS, *COLOURS, CAUSE))
+    own = (*RESULT_FIELDS, *COLOURS, CAUSE)
+    is_result = set(RESULT_FIELDS) <= set(cloud.fields)
+    kept = {name: values for name, values in cloud.fields.items() if not (is_result and name in own)}
+    fields = original_names(kept, own)
     labels = np.append(label, np.uint8(UNLABELLED))[patch]
     table = np.zeros((256, 3), np.uint8)
-    for kind, rgb in _RGB.items():
-        table[kind] = rgb
+    table[list(_RGB)] = list(_RGB.values())
     fields[PATCH] = patch
     fields[LABEL] = labels
     fields[PROBABILITY] = np.append(probability, np.float32(np.nan))[patch].astype(np.float32)
@@ -137,16 +135,12 @@ def read_result_json(path: Path) -> tuple[Row, Iterator[Row]]:
     """
     with open_input(path) as stream:
         first = stream.readline().decode("utf-8", "replace").rstrip()
-    if first.endswith(OPENING):
-        head = _parse(path, 1, first + "]}")
+    is_ours = first.endswith(OPENING)
+    with damage_in_one_line(str(path)):
+        head = dict(json.loads(first + "]}")) if is_ours else load_object(path, SCHEMA)
         check_schema(path, str(head.get("schema", "")), SCHEMA)
-        del head["patches"]
-        return head, _patches(path)
-    head = load_object(path, SCHEMA)
-    rows = head.pop("patches", None)
-    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise damaged(path, "no list of patches")
-    return head, iter(rows)
+        rows = head.pop("patches")
+    return head, _patches(path) if is_ours else iter(rows)
 
 
 def _patches(path: Path) -> Iterator[Row]:
@@ -157,44 +151,25 @@ def _patches(path: Path) -> Iterator[Row]:
         for number, line in enumerate(stream, 2):
             if line.rstrip() == "]}":
                 return
-            yield _parse(path, number, line.rstrip().removesuffix(","))
+            try:
+                row = dict(json.loads(line.rstrip().removesuffix(",")))
+            except (ValueError, TypeError):
+                raise InputError(f"{path}:{number}: damaged (not a JSON object). Run mapq classify again.") from None
+            yield row
     raise InputError(f"{path}:{number}: damaged (the list of patches does not end). Run mapq classify again.")
-
-
-def _parse(path: Path, number: int, text: str) -> Row:
-    try:
-        found = json.loads(text)
-    except (ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict):
-        raise InputError(f"{path}:{number}: damaged (not a JSON object). Run mapq classify again.")
-    return found
-
-
-def unit_beside(path: str) -> NDArray[np.float64] | None:
-    """Return the metres (3,) in a unit of the cloud of the result `path`, as the JSON beside it states, or None."""
-    return None if path.endswith(".json") else stated_unit(Path(json_beside(path)))
 
 
 def stated_unit(path: Path) -> NDArray[np.float64] | None:
     """Return the metres (3,) in a unit of the cloud of a result, as its JSON states; None without such a JSON."""
     try:
-        found = read_result_json(path)[0].get(CLOUD_UNIT) if path.is_file() else None
-    except (InputError, OSError):  # reported by those who need more of it
+        found = read_result_json(path)[0].get(CLOUD_UNIT)
+    except InputError:  # reported by those who need more of it
         return None
-    if found is None:
-        return None
-    rows = found if isinstance(found, list) else []
-    unit = np.array([each if isinstance(each, int | float) else np.nan for each in rows], np.float64)
-    if unit.shape != (3,) or not (np.isfinite(unit) & (unit > 0.0)).all():
-        raise damaged(path, f"{CLOUD_UNIT} is no unit of three axes")
-    return unit
+    with damage_in_one_line(str(path)):
+        return None if found is None else np.array(found, np.float64).reshape(3)
 
 
 def patch_counts(path: Path, head: Row) -> tuple[int, int]:
     """Return the numbers of patches and of suspicious ones that the JSON of a result counts."""
-    counts = head.get("counts")
-    if not isinstance(counts, dict) or not {"n_patches", "n_suspicious"} <= counts.keys():
-        raise damaged(path, "no counts of patches")
     with damage_in_one_line(str(path)):
-        return int(counts["n_patches"]), int(counts["n_suspicious"])
+        return int(head["counts"]["n_patches"]), int(head["counts"]["n_suspicious"])

@@ -1,4 +1,4 @@
-"""XYZ, TXT, ASC, PTS and CSV: one point a row, with or without a header.
+"""Rows of numbers as text: XYZ, TXT, ASC, PTS and CSV, with or without a header; and the parser of all text formats.
 
 Columns are separated by commas, semicolons, or blanks. A header names them, as the first row or as the last comment
 above the rows (``//X Y Z Intensity``, as CloudCompare writes it); without one the first three columns are x, y, z and
@@ -8,17 +8,70 @@ as in PTS.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+import io
+import re
+import warnings
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from mapq.io.fields import Array, axes_of, columns_of, refuse_doubles, warn_dropped
-from mapq.io.rows import Layout, as_count, is_number, parse_rows, split_row
+from mapq.cloud import PointCloud
+from mapq.io.content import Content
+from mapq.io.fields import Array, axes_of, columns_of, make_cloud, warn_dropped
+from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError
 
-MARKS = ("#", "//")
-"""What begins a comment."""
+_SLASHES = re.compile(rb"//[^\r\n]*")
+
+
+def parse_rows(body: bytes, dtype: np.dtype[np.void], source: str, first_line: int = 1, **how: Any) -> Array:
+    """Return the rows of a text as a structured array (n,); blank lines are skipped.
+
+    Parameters
+    ----------
+    body : bytes
+    dtype : structured dtype
+        A field for each column that is read.
+    source : str
+        Name of the file, for messages.
+    first_line : int
+        Line of the file on which `body` begins.
+    **how
+        `delimiter`, `comments`, `usecols` and `max_rows` of :func:`numpy.loadtxt`.
+
+    Raises
+    ------
+    InputError
+        Names the first line that cannot be read.
+    """
+    how = {"comments": None, **how}
+    try:
+        return _load(body, dtype, how)
+    except ValueError:
+        lines = body.split(b"\n")
+    begin, end = 0, len(lines)
+    while end - begin > 1:  # halves: a line at a time would take minutes
+        middle = (begin + end) // 2
+        try:
+            _load(b"\n".join(lines[begin:middle]), dtype, how)
+            begin = middle
+        except ValueError:
+            end = middle
+    text, width = lines[begin].decode("utf-8", "replace").strip()[:40], len(dtype.names or ())
+    raise InputError(
+        f"{source}:{first_line + begin}: {text!r} does not hold {width} numbers. Remove or mend this line; decimals "
+        f"need a point."
+    )
+
+
+def _load(body: bytes, dtype: np.dtype[np.void], how: dict[str, Any]) -> Array:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # "input contained no data": the callers count rows
+        warnings.filterwarnings("error", ".*integer via a float", DeprecationWarning)  # it would read 256 as the byte 0
+        try:
+            return np.loadtxt(io.BytesIO(body), dtype, ndmin=1, **how)
+        except (DeprecationWarning, IndexError, OverflowError) as error:
+            raise ValueError(*error.args) from error
 
 
 class _Head(NamedTuple):
@@ -31,25 +84,26 @@ class _Head(NamedTuple):
     offset: int
 
 
-def read_text(data: bytes, source: str) -> dict[str, Array]:
-    """Return the columns of a text of points; InputError names the line that cannot be read."""
+def read_text(content: Content, options: ReadOptions) -> PointCloud:
+    """Return the cloud of a text of points."""
+    data, source = content.data(), content.source
     head = _read_head(data, source)
-    delimiter = _delimiter_of(head.first_row)
-    fields = split_row(head.first_row, delimiter)
-    names = _names(head, fields, source)
+    fields = split_row(head.first_row)
+    names = _names(head, len(_trimmed(fields)), source)
     axes = axes_of(names, source)
     used = [column for column, name in enumerate(names) if name in axes or is_number(fields[column])]
-    dropped = sorted(set(range(len(names))) - set(used))
-    warn_dropped([names[column] for column in dropped], source, kind="column")
+    warn_dropped([name for column, name in enumerate(names) if column not in used], source)
     dtype = np.dtype([(names[column], np.float64) for column in used])
-    layout = Layout(dtype, len(fields), tuple(used), delimiter, comments=True)
-    rows = parse_rows(data[head.offset :], layout, source, head.line)
+    how: dict[str, Any] = {"delimiter": _delimiter_of(head.first_row), "comments": "#"}
+    if len(used) < len(fields):
+        how["usecols"] = used
+    rows = parse_rows(_SLASHES.sub(b"", data[head.offset :]), dtype, source, head.line, **how)
     if head.n_promised not in (None, len(rows)):
         raise InputError(
             f"{source}: its first line promises {head.n_promised} points, {len(rows)} follow. Copy the file again, or "
             f"remove that line."
         )
-    return columns_of(rows)
+    return make_cloud(columns_of(rows), source, options.unit or 1.0)
 
 
 def _delimiter_of(row: str) -> str | None:
@@ -57,42 +111,52 @@ def _delimiter_of(row: str) -> str | None:
     return ";" if ";" in row else "," if "," in row else None
 
 
-def _lines(data: bytes) -> Iterator[tuple[int, int, str]]:
-    """Yield number (from 1), offset and stripped text of each line that is not blank."""
-    number, start = 1, 0
-    while start < len(data):
-        end = data.find(b"\n", start)
-        end = len(data) if end < 0 else end
-        text = data[start:end].decode("utf-8", "replace").strip()
-        if text:
-            yield number, start, text
-        number, start = number + 1, end + 1
+def split_row(row: str) -> list[str]:
+    """Return the fields of a row, without blanks around them."""
+    return [part.strip() for part in row.split(_delimiter_of(row))]
+
+
+def is_number(text: str) -> bool:
+    """Return whether a field reads as a C number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return "_" not in text and text.isascii()
+
+
+def as_count(text: str) -> int | None:
+    """Return a field as a whole number of at least 0, None if it is none (or has more than 15 digits)."""
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 16 else None
 
 
 def _read_head(data: bytes, source: str) -> _Head:
     names: list[str] | None = None
     commented: list[str] | None = None
     count: int | None = None
-    for line, offset, text in _lines(data):
-        if text.startswith(MARKS):
+    line = offset = 0
+    while offset < len(data):
+        end = data.find(b"\n", offset) + 1 or len(data)
+        text, line = data[offset:end].decode("utf-8", "replace").strip(), line + 1
+        fields = split_row(text)
+        if text.startswith(("#", "//")):
             commented = _header_names(text.lstrip("#/")) or commented
-            continue
-        fields = split_row(text, _delimiter_of(text))
-        if count is None and names is None and len(fields) == 1 and as_count(fields[0]) is not None:
-            count = as_count(fields[0])
-        elif names is None and not any(map(is_number, fields)):
+        elif count is None and names is None and len(fields) == 1 and as_count(text) is not None:
+            count = as_count(text)
+        elif text and names is None and not any(map(is_number, fields)):
             names = _header_names(text)
             if names is None:
                 axes_of(fields, f"{source}:{line}")
-        else:
+        elif text:
             fits = commented is not None and len(commented) == len(_trimmed(fields))
             return _Head(names or (commented if fits else None), count, text, line, offset)
+        offset = end
     raise InputError(f"{source}: no points. Give one point a row: x y z.")
 
 
 def _header_names(text: str) -> list[str] | None:
     """Return the names in a header, None where it does not name the coordinates."""
-    names = [name.strip("\"'") for name in _trimmed(split_row(text, _delimiter_of(text)))]
+    names = [name.strip("\"'") for name in _trimmed(split_row(text))]
     return names if {"x", "y", "z"} <= {name.lower() for name in names} else None
 
 
@@ -101,13 +165,16 @@ def _trimmed(fields: list[str]) -> list[str]:
     return fields[:-1] if fields and not fields[-1] else fields
 
 
-def _names(head: _Head, fields: list[str], source: str) -> list[str]:
-    width = len(_trimmed(fields))
+def _names(head: _Head, width: int, source: str) -> list[str]:
     if head.names is None:
-        return [*"xyz"[:width], *(f"column_{number}" for number in range(4, width + 1))]
+        return [*"xyz"[:width], *numbered_columns(width)]
     if len(head.names) != width:
         raise InputError(
             f"{source}:{head.line}: {width} columns under a header of {len(head.names)}. Mend the header or this line."
         )
-    refuse_doubles(head.names, source)
     return [name or f"column_{number}" for number, name in enumerate(head.names, 1)]
+
+
+def numbered_columns(width: int) -> list[str]:
+    """Return names for the columns behind x, y, z of rows of this width."""
+    return [f"column_{number}" for number in range(4, width + 1)]

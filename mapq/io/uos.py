@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mapq.cloud import PointCloud
-from mapq.io.content import Content, read_bytes
+from mapq.io.content import Content
 from mapq.io.fields import LARGEST_COORDINATE, cloud_of_world
 from mapq.io.options import ReadOptions
-from mapq.io.rows import Layout, as_count, parse_rows
+from mapq.io.text import as_count, numbered_columns, parse_rows
 from prf.shell.errors import InputError
 
 AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -31,8 +31,8 @@ def read_uos(content: Content, options: ReadOptions) -> PointCloud:
     width = len(body.partition(b"\n")[0].split())
     if width < 3:
         raise InputError(f"{source}:{line}: {width} columns; a .3d file of 3DTK has x y z.")
-    names = ["x", "y", "z", *(f"column_{number}" for number in range(4, width + 1))]
-    rows = parse_rows(body, Layout.of(np.dtype([(name, np.float64) for name in names])), source, line)
+    names = [*"xyz", *numbered_columns(width)]
+    rows = parse_rows(body, np.dtype([(name, np.float64) for name in names]), source, line)
     if has_count and as_count(first.decode("latin-1").strip()) != len(rows):
         raise InputError(f"{source}: its first line is not the number of points, {len(rows)}. Copy the file again.")
     unit = CENTIMETRE if options.unit is None else options.unit
@@ -43,7 +43,7 @@ def read_uos(content: Content, options: ReadOptions) -> PointCloud:
 def read_uos_pose(path: str) -> NDArray[np.float64]:
     """Read the pose (4, 4) of a .pose file: place in centimetres, then Euler angles about x, y and z in degrees."""
     try:
-        values = np.array(read_bytes(path).decode("utf-8", "replace").split(), np.float64)
+        values = np.array(Content(path).text().split(), np.float64)
     except ValueError:
         values = np.empty(0)
     if len(values) != 6 or not (np.abs(values) <= LARGEST_COORDINATE).all():

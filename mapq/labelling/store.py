@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.io.content import read_bytes
+from mapq.io.content import Content
 from mapq.io.journal import Event, Journal, fingerprint, journal_beside, read_journal, replay
 from mapq.io.patches import parse_stored, read_patches, write_patches
 from mapq.patches import FROM_FIELD, FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
@@ -40,7 +40,7 @@ class Store:
         self.path = path
         self._lock = threading.Lock()
         self._stamp = _stamp(path)
-        self.patches = parse_stored(read_bytes(path), path)
+        self.patches = parse_stored(Content(path).data(), path)
         self._journal = Journal(path, self.patches)
         self._now = replay(self.patches, self._journal.events)
         self._is_open = True
@@ -112,7 +112,7 @@ class Store:
         """Return what the file holds, read again if another program wrote it."""
         if _stamp(self.path) == self._stamp:
             return self.patches
-        patches = parse_stored(read_bytes(self.path), self.path)
+        patches = parse_stored(Content(self.path).data(), self.path)
         if fingerprint(patches) != fingerprint(self.patches):
             raise OutputError(
                 f"{self.path} was replaced by other patches while it was labelled. The labels are in "

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mapq.io.content import suffix_of
-from prf.shell.errors import InputError, system_reason
+from prf.shell.errors import InputError
 
 UOS_SUFFIX, E57_SUFFIX = ".3d", ".e57"
 SCAN_SUFFIXES = (".bin", ".pcd", ".ply", ".xyz", ".npy", ".npz", ".las", ".laz", ".ptx", UOS_SUFFIX, E57_SUFFIX)
@@ -19,9 +19,7 @@ STAMP = re.compile(r"\d+\.\d+")
 """Stem of a file that is named after a time in seconds."""
 LAST_NUMBER = re.compile(r"\d+(?=\D*$)")
 """What numbers the files of a set: ``scan2_007.pcd`` is the seventh."""
-LONGEST_NAME = 255
-"""Letters; a table of poses may have longer ones."""
-SCANS_SHOWN = 4
+MOST_LISTED = 4
 """Sets of scans, or files of poses, that a message names."""
 
 
@@ -35,47 +33,41 @@ def scan_files(folder: str, pattern: str | None) -> list[str]:
         Names of the scans, such as ``planes_*.bin``; None: all files of points whose names differ in a number alone.
     """
     here = Path(folder)
-    try:
-        os.scandir(here).close()
-    except OSError as error:
-        raise InputError(f"{folder}: {system_reason(error)}.") from error
-    files = sorted(path for path in (*here.glob("*"), *here.glob("*/*")) if path.is_file())
+    files = [path for path in (*here.glob("*"), *here.glob("*/*")) if path.is_file()]
     if pattern is not None:
-        named = (path for path in files if fnmatch.fnmatch(path.relative_to(here).as_posix(), pattern))
-        found = sorted((str(path) for path in named), key=natural_key)
-        if not found:
+        named = [str(path) for path in files if fnmatch.fnmatch(path.relative_to(here).as_posix(), pattern)]
+        if not named:
             raise InputError(f"{folder}: no file in it is called {pattern}. Check --scans.")
-        return found
+        return sorted(named, key=natural_key)
     families: dict[str, list[str]] = {}
-    for path in files:
-        if suffix_of(path.name) in SCAN_SUFFIXES:
-            families.setdefault(family(path.relative_to(here)), []).append(str(path))
-    several = {name: found for name, found in families.items() if "*" in name or suffix_of(name) == E57_SUFFIX}
-    if not several:
+    for path in sorted(files):
+        name = family(path.relative_to(here))
+        if suffix_of(path.name) in SCAN_SUFFIXES and ("*" in name or suffix_of(name) == E57_SUFFIX):
+            families.setdefault(name, []).append(str(path))
+    if not families:
         raise InputError(f"{folder}: no scans in it: no numbered files such as 000000.bin, 0.pcd or scan000.3d.")
-    if len(several) > 1:
-        names = ", ".join(f"{name} ({len(found)})" for name, found in list(several.items())[:SCANS_SHOWN])
+    if len(families) > 1:
+        names = ", ".join(f"{name} ({len(found)})" for name, found in list(families.items())[:MOST_LISTED])
         raise InputError(f"{folder}: several sets of scans: {names}. Choose one with --scans.")
-    return sorted(next(iter(several.values())), key=natural_key)
+    return sorted(next(iter(families.values())), key=natural_key)
 
 
 def stem_of(path: str) -> str:
     """Return the name of a file without its suffix, nor that of gzip."""
-    return Path(path).name.removesuffix(".gz").rpartition(".")[0]
+    return Path(path.removesuffix(".gz")).stem
 
 
 def stamp_of(path: str) -> float | None:
-    """Return the time that the name of a file is, as 1305031102.1753.pcd tells one; None if it is none."""
+    """Return the time in seconds that a file is named after, such as 1305031102.1753.pcd; None if there is none."""
     stem = stem_of(path)
     return float(stem) if STAMP.fullmatch(stem) else None
 
 
 def family(path: Path) -> str:
-    """Return the name of a path with its last number replaced by ``*``; of a time, all of it."""
+    """Return the name of a path with its last number, or the time that it is, replaced by ``*``."""
     number = STAMP if stamp_of(path.name) is not None else LAST_NUMBER
     stem, found = number.subn("*", stem_of(path.name), count=1)
-    name = f"{stem}{suffix_of(path.name)}" if found else path.name
-    return (path.parent / name).as_posix()
+    return (path.parent / (f"{stem}{suffix_of(path.name)}" if found else path.name)).as_posix()
 
 
 def natural_key(path: str) -> tuple[list[tuple[int, float, str]], str]:
@@ -87,9 +79,9 @@ def natural_key(path: str) -> tuple[list[tuple[int, float, str]], str]:
 
 
 def number_of(path: str) -> int | None:
-    """Return the last number in the name of a file, None if it has none, or one of more digits than names have."""
+    """Return the last number in the name of a file, None if it has none."""
     numbers = re.findall(r"\d+", stem_of(path))
-    return int(numbers[-1]) if numbers and len(numbers[-1]) <= LONGEST_NAME else None
+    return int(numbers[-1]) if numbers else None
 
 
 def pose_file(files: Sequence[str]) -> str:
@@ -100,15 +92,6 @@ def pose_file(files: Sequence[str]) -> str:
         if len(found) == 1:
             return found[0]
         if found:
-            names = ", ".join(found[:SCANS_SHOWN])
+            names = ", ".join(found[:MOST_LISTED])
             raise InputError(f"{folder}: which file has the poses: {names}? Name it with --poses.")
     raise InputError(f"{files[0]}: no file of poses beside the scans. Name it with --poses.")
-
-
-def refuse_missing(files: Sequence[str]) -> None:
-    """Raise InputError for the first scan that is no file, before those before it are read."""
-    for path in files:
-        if Path(path).is_dir():
-            raise InputError(f"{path}: this is a folder; give one folder alone, or files.")
-        if not Path(path).is_file():
-            raise InputError(f"{path}: no such file or directory.")

@@ -12,25 +12,15 @@ from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
 from mapq.io.clouds import parse_cloud, recognise
-from mapq.io.content import Content, read_bytes, suffix_of
+from mapq.io.content import Content, suffix_of
 from mapq.io.e57 import e57_poses, open_e57, read_e57_scan
-from mapq.io.fields import make_cloud
 from mapq.io.options import ReadOptions
 from mapq.io.ptx import read_ptx_scan
 from mapq.io.uos import read_uos_pose
-from mapq.posed.files import (
-    E57_SUFFIX,
-    UOS_SUFFIX,
-    natural_key,
-    number_of,
-    pose_file,
-    refuse_missing,
-    scan_files,
-    stamp_of,
-)
+from mapq.posed.files import E57_SUFFIX, UOS_SUFFIX, natural_key, number_of, pose_file, scan_files, stamp_of
 from mapq.posed.poses import PoseTable, check_rotations, laser_poses, looks_ahead, read_calibration, read_poses
 from mapq.posed.scans import PosedScans
-from prf.shell.errors import InputError
+from prf.shell.errors import InputError, UsageError
 
 logger = logging.getLogger(__name__)
 
@@ -80,25 +70,31 @@ def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> P
     ------
     InputError
         If there are no scans or no poses, more than one set of either, or not as many of one as of the other.
+    UsageError
+        If a pattern is given for files.
     """
     settings = settings or FindSettings()
-    is_folder = len(inputs) == 1 and Path(inputs[0]).is_dir()
-    files = scan_files(inputs[0], settings.pattern) if is_folder else sorted(inputs, key=natural_key)
-    refuse_missing(files)
-    if any(suffix_of(Path(name).name) == E57_SUFFIX for name in files):
+    if len(inputs) == 1 and Path(inputs[0]).is_dir():
+        files = scan_files(inputs[0], settings.pattern)
+    elif settings.pattern is not None:
+        raise UsageError("--scans chooses among the files of a folder, but files are given. Leave it out.")
+    else:
+        files = sorted(inputs, key=natural_key)
+    kinds = {suffix_of(path) for path in files}
+    if E57_SUFFIX in kinds:
+        if settings.calibration is not None:
+            raise InputError(f"{files[0]}: a calibration is not for E57, which has its poses. Leave out --calibration.")
         scans = _e57_scans(files)
         return scans if settings.poses is None else replace_poses(scans, settings.poses, settings)
-    if settings.poses is None and all(suffix_of(Path(name).name) == UOS_SUFFIX for name in files):
-        return _listed(
-            files,
-            np.array([read_uos_pose(str(Path(name.removesuffix(".gz")).with_suffix(".pose"))) for name in files]),
-            None,
-            settings,
-        )
+    if settings.poses is None and kinds == {UOS_SUFFIX}:
+        beside = [Path(path.removesuffix(".gz")).with_suffix(".pose") for path in files]
+        return _listed(files, np.array([read_uos_pose(str(path)) for path in beside]), None, settings)
     path = settings.poses or pose_file(files)
-    poses, chosen, table = _poses_of(path, files, settings)
+    table = read_poses(path, settings.quaternion)
+    rows = match_poses(files, table, path)
     times = table.times if table.times is not None else _times_beside(path, len(table.poses))
-    return _listed(files, poses, None if times is None else times[chosen], settings)
+    poses = _sensor_poses(table, path, files, settings)[rows]
+    return _listed(files, poses, None if times is None else times[rows], settings)
 
 
 def replace_poses(scans: PosedScans, path: str, settings: FindSettings) -> PosedScans:
@@ -111,50 +107,42 @@ def replace_poses(scans: PosedScans, path: str, settings: FindSettings) -> Posed
     InputError
         As :func:`mapq.posed.poses.read_poses`, and if poses and scans do not fit.
     """
-    poses = _poses_of(path, scans.names, settings, is_reference=True)[0]
-    return scans.with_poses(poses, path)
-
-
-def _poses_of(
-    path: str, names: Sequence[str], settings: FindSettings, is_reference: bool = False
-) -> tuple[NDArray[np.float64], NDArray[np.int64], PoseTable]:
-    """Return the pose (k, 4, 4) of the sensor at each scan, their rows, and the table."""
     table = read_poses(path, settings.quaternion)
-    chosen = match_poses(names, table, path)
-    if table.is_matrix and all(suffix_of(Path(name).name) == ".bin" for name in names):
-        return _of_laser(table.poses, path, settings.calibration, is_reference)[chosen], chosen, table
-    if settings.calibration not in (None, NO_CALIBRATION) and not is_reference:
-        raise InputError(
-            f"{path}: a calibration is for .bin scans and rows of 12 numbers, as KITTI has them. Leave out "
-            f"--calibration."
-        )
-    if settings.calibration is None and looks_ahead(table.poses):
-        logger.warning(
-            "%s: the sensor moves along its z axis, as a camera does; points of a laser would lie on their side. "
-            "--calibration none says that the scans have these axes",
-            path,
-        )
-    return table.poses[chosen], chosen, table
+    rows = match_poses(scans.names, table, path)
+    return scans.with_poses(_sensor_poses(table, path, scans.names, settings, is_reference=True)[rows], path)
 
 
-def _of_laser(poses: NDArray[np.float64], path: str, given: str | None, is_reference: bool) -> NDArray[np.float64]:
-    """Return the poses (k, 4, 4) of the laser: those given, unless they are those of KITTI's camera.
+def _sensor_poses(
+    table: PoseTable, path: str, names: Sequence[str], settings: FindSettings, is_reference: bool = False
+) -> NDArray[np.float64]:
+    """Return the poses (n, 4, 4) of a file as those of the sensor: KITTI's are those of a camera.
 
     A calibration that is named for these poses is used. One beside them, or one that was named for others, is
     used unless they plainly are no camera's: registration writes poses of the laser in the same layout.
     """
+    given, poses, ahead = settings.calibration, table.poses, looks_ahead(table.poses)
     if given == NO_CALIBRATION:
         return poses
-    camera = looks_ahead(poses)
-    beside = str(Path(path).with_name(CALIBRATION_NAME))
-    found = given or (beside if Path(beside).is_file() else None)
-    if given is not None and not is_reference:
-        camera = True
-    if found is not None and camera is not False:
-        motion = read_calibration(found)
+    is_named = given is not None and not is_reference
+    if not (table.is_matrix and all(suffix_of(name) == ".bin" for name in names)):
+        if is_named:
+            raise InputError(
+                f"{path}: a calibration is for .bin scans and rows of 12 numbers, as KITTI has them. Leave out "
+                f"--calibration."
+            )
+        if ahead and given is None:
+            logger.warning(
+                "%s: the sensor moves along its z axis, as a camera does; points of a laser would lie on their side. "
+                "--calibration none says that the scans have these axes",
+                path,
+            )
+        return poses
+    beside = Path(path).with_name(CALIBRATION_NAME)
+    found = given or (str(beside) if beside.is_file() else None)
+    if found is not None and (is_named or ahead is not False):
         logger.info("%s: taken from the camera to the laser with %s", path, found)
-        return laser_poses(poses, motion)
-    if camera:
+        return laser_poses(poses, read_calibration(found))
+    if ahead:
         raise InputError(
             f"{path}: the sensor moves along its z axis, so these are poses of a camera, as KITTI has them. Give the "
             f"calib.txt of the sequence with --calibration, or --calibration none if the scans have these axes."
@@ -169,53 +157,22 @@ def match_poses(names: Sequence[str], table: PoseTable, path: str) -> NDArray[np
     last number in a scan's name picks the row of that name or, without names, of that place, from 0: as the poses of a
     whole KITTI sequence and some of its scans.
     """
-    stamps = [stamp_of(name) for name in names]
-    found = _match_times(np.array(stamps, np.float64), table.times) if table.times is not None else None
-    if found is not None:
-        return found
+    stamps = np.array([stamp_of(name) for name in names], np.float64)
+    if table.times is not None and np.isfinite(stamps).all():
+        nearest = np.abs(table.times - stamps[:, None]).argmin(axis=1)
+        if len(set(nearest)) == len(names) and (np.abs(table.times[nearest] - stamps) <= SAME_TIME).all():
+            return np.asarray(nearest)
     if len(table.poses) == len(names):
         return np.arange(len(names))
-    wrong = InputError(
-        f"{path}: {len(table.poses)} poses for {len(names)} scans, and the numbers in the names of the scans do not "
-        f"identify theirs. Choose scans with --scans, or other poses with --poses."
-    )
-    if any(stamp is not None for stamp in stamps):
-        raise wrong
-    if table.names is not None:
-        known = {number_of(f"{name}.x"): row for row, name in enumerate(table.names)}
-    else:
-        known = {row: row for row in range(len(table.poses))}
+    keys = range(len(table.poses)) if table.names is None else (number_of(f"{name}.x") for name in table.names)
+    known = {number: row for row, number in enumerate(keys)}
     rows = [known.get(number_of(name), -1) for name in names]
-    if min(rows) < 0 or len(set(rows)) < len(rows):
-        raise wrong
-    if table.times is not None:
-        _refuse_other_numbers([number_of(name) for name in names], rows, table.times, path)
-    return np.array(rows, np.int64)
-
-
-def _refuse_other_numbers(
-    numbers: Sequence[int | None], rows: Sequence[int], times: NDArray[np.float64], path: str
-) -> None:
-    """Raise InputError if the first column may be numbers of scans, by which other rows are theirs than by place."""
-    row_of = {float(time): row for row, time in enumerate(times.tolist())}
-    by_number = [row_of.get(-1.0 if number is None else float(number), -1) for number in numbers]
-    if min(by_number) >= 0 and by_number != list(rows):
+    if min(rows) < 0 or len(set(rows)) < len(rows) or np.isfinite(stamps).any():
         raise InputError(
-            f"{path}: are the whole numbers of its first column times, or the numbers of scans? By these scan "
-            f"{numbers[0]} has row {by_number[0] + 1}, by its place row {rows[0] + 1}. Give a row a scan, or leave the "
-            f"column out."
+            f"{path}: {len(table.poses)} poses for {len(names)} scans, and the numbers in the names of the scans do "
+            f"not identify theirs. Choose scans with --scans, or other poses with --poses."
         )
-
-
-def _match_times(stamps: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.int64] | None:
-    """Return the row (k,) of the times (n,) that each stamp (k,) is; None where one is none, or two are the same."""
-    if not np.isfinite(stamps).all():
-        return None
-    order = np.argsort(times, kind="stable")
-    middle = 0.5 * (times[order][1:] + times[order][:-1])
-    rows = order[np.searchsorted(middle, stamps)]
-    is_one = len(set(rows.tolist())) == len(rows) and (np.abs(times[rows] - stamps) <= SAME_TIME).all()
-    return rows if is_one else None
+    return np.array(rows, np.int64)
 
 
 def _times_beside(poses: str, n_poses: int) -> NDArray[np.float64] | None:
@@ -223,15 +180,11 @@ def _times_beside(poses: str, n_poses: int) -> NDArray[np.float64] | None:
     beside = Path(poses).with_name(TIMES_NAME)
     if not beside.is_file():
         return None
-    fields = read_bytes(str(beside)).decode("utf-8", "replace").split()
     try:
-        times = np.array(fields, np.float64)
+        return np.array(Content(str(beside)).text().split(), np.float64).reshape(n_poses)
     except ValueError:
-        times = np.empty(0)
-    if len(times) == n_poses and np.isfinite(times).all():
-        return times
-    logger.warning("%s: not %d times, one a pose; it is left out", beside, n_poses)
-    return None
+        logger.warning("%s: not %d times, one a pose; it is left out", beside, n_poses)
+        return None
 
 
 def _listed(
@@ -240,22 +193,17 @@ def _listed(
     """Return scans that are files of their own."""
 
     def load(number: int) -> PointCloud:
-        return _read_scan(files[number], ReadOptions(bin_columns=settings.bin_columns))
+        content = Content(files[number])
+        if recognise(content) == "ptx":  # with a pose of its own, which is not the one
+            return read_ptx_scan(content)
+        return parse_cloud(content, ReadOptions(bin_columns=settings.bin_columns))[1]
 
     return PosedScans(tuple(files), poses, times, load, np.arange(len(files)), str(Path(files[0]).parent))
 
 
-def _read_scan(path: str, options: ReadOptions) -> PointCloud:
-    """Return the points of a scan in the frame of its sensor: PTX has a pose in the file too, which is not the one."""
-    content = Content(path)
-    if recognise(content) == "ptx":
-        return make_cloud(read_ptx_scan(content.data(), content.source), content.source)
-    return parse_cloud(content, options)[1]
-
-
 def _e57_scans(files: Sequence[str]) -> PosedScans:
     """Return the scans of E57 files, one file after the other."""
-    strange = [path for path in files if suffix_of(Path(path).name) != E57_SUFFIX]
+    strange = [path for path in files if suffix_of(path) != E57_SUFFIX]
     if strange:
         raise InputError(f"{strange[0]}: not E57, beside files that are. Give scans of one kind.")
     opened = [open_e57(path, path) for path in files]
@@ -263,7 +211,7 @@ def _e57_scans(files: Sequence[str]) -> PosedScans:
     places = [(number, scan) for number, table in enumerate(tables) for scan in range(len(table))]
     names = tuple(f"{files[number]} scan {scan}" for number, scan in places)
     poses = np.concatenate(tables)
-    check_rotations(poses[:, :3, :3], list(names))
+    check_rotations(poses[:, :3, :3], names)
 
     def load(number: int) -> PointCloud:
         file, scan = places[number]

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.io.content import read_bytes
-from mapq.io.fields import LARGEST_COORDINATE
+from mapq.io.content import Content
 from mapq.posed.scans import driven
-from prf.shell.errors import InputError, UsageError
+from prf.shell.errors import InputError
 
 Floats = NDArray[np.float64]
-
-QUATERNIONS = ("xyzw", "wxyz")
 
 ROTATION_TOLERANCE = 1e-2
 """Largest error of a rotation matrix or of the length of a quaternion: rounded numbers pass, other numbers do not."""
@@ -35,8 +33,6 @@ AHEAD = 0.8
 """Share of the way along the z axis of the sensor above which that axis points ahead, as that of a camera does."""
 WAY_NEEDED = 1.0
 """Metres: a shorter way has no direction."""
-
-UNSOUND = f"a number is not finite, or beyond {LARGEST_COORDINATE:g}"
 
 LAYOUTS = (
     "Read are rows of 12 numbers (3x4 matrix, KITTI), 16 (4x4), 7 (tx ty tz and a quaternion), 8 (time or name and "
@@ -79,24 +75,17 @@ def read_poses(path: str, quaternion: str | None = None) -> PoseTable:
     ------
     InputError
         If the file is missing, has another layout, or a row is no rigid motion.
-    UsageError
-        If `quaternion` is none of the two orders.
     """
-    if quaternion is not None and quaternion not in QUATERNIONS:
-        raise UsageError(f"quaternion {quaternion} is neither {QUATERNIONS[0]} nor {QUATERNIONS[1]}.")
-    rows = _rows(path)
-    where = [f"{path}:{line}" for line, _ in rows]
-    width, names, times = len(rows[0][1]), None, None
-    if width == 8 and not all(_is_number(fields[0]) for _, fields in rows):
-        names = tuple(fields[0] for _, fields in rows)
-    values = _numbers([fields[names is not None :] for _, fields in rows], where)
+    where, rows = _rows(path)
+    width, names, times = len(rows[0]), None, None
+    if width == 8 and not all(_is_number(fields[0]) for fields in rows):
+        names = tuple(fields[0] for fields in rows)
+        rows = [fields[1:] for fields in rows]
+    values = _numbers(rows, where)
     if width == 8 and names is None:
         times, values = values[:, 0], values[:, 1:]
     if width == 16 and (np.diff(values[:, 15]) > 0.0).all() and (values[:, 15] != 1.0).any():
         times, values = values[:, 15].copy(), np.column_stack([values[:, :15], np.ones(len(values))])
-    wrong = np.flatnonzero(~(np.abs(values) <= LARGEST_COORDINATE).all(axis=1))
-    if len(wrong):
-        raise InputError(f"{where[wrong[0]]}: {UNSOUND}. Remove this pose and its scan.")
     if width in (7, 8):
         return PoseTable(_of_quaternions(values, where, path, quaternion), names, times, is_matrix=False)
     return PoseTable(_of_matrices(values, where), None, times, is_matrix=width == 12)
@@ -104,12 +93,12 @@ def read_poses(path: str, quaternion: str | None = None) -> PoseTable:
 
 def read_calibration(path: str) -> Floats:
     """Read ``T_camera_laser`` (4, 4) from the row ``Tr:`` of a calib.txt of KITTI."""
-    for number, line in enumerate(read_bytes(path).decode("utf-8", "replace").splitlines(), 1):
+    for number, line in enumerate(Content(path).text().splitlines(), 1):
         name, _, rest = line.partition(":")
         if name.strip() in CALIBRATION_ROWS:
             where = [f"{path}:{number}"]
             values = _numbers([rest.split()], where)
-            if values.shape != (1, 12) or not (np.abs(values) <= LARGEST_COORDINATE).all():
+            if values.shape != (1, 12):
                 raise InputError(f"{where[0]}: not the 12 numbers of a 3x4 matrix. Give a calib.txt of KITTI.")
             return np.asarray(_of_matrices(values, where)[0])
     raise InputError(f"{path}: no row Tr: with the 12 numbers of the motion from laser to camera. Give a calib.txt.")
@@ -136,15 +125,13 @@ def looks_ahead(poses: Floats) -> bool | None:
     return bool(abs(ahead[2]) > AHEAD * way)
 
 
-def check_rotations(matrices: Floats, where: list[str]) -> None:
+def check_rotations(matrices: Floats, where: Sequence[str]) -> None:
     """Raise InputError for the first of the matrices (k, 3, 3) that is no rotation, naming its place."""
     error = np.abs(matrices @ matrices.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    with np.errstate(all="ignore"):  # it uses logarithms, which overflow for numbers next to 0
-        is_mirror = np.linalg.det(matrices) < 0.0
-    wrong = np.flatnonzero(~(error < ROTATION_TOLERANCE) | is_mirror)
+    is_orthogonal = error < ROTATION_TOLERANCE
+    wrong = np.flatnonzero(~is_orthogonal | (np.linalg.det(matrices) < 0.0))
     if len(wrong):
-        mirrored = error[wrong[0]] < ROTATION_TOLERANCE
-        what = "mirrors, as left-handed axes do" if mirrored else "is no rotation"
+        what = "mirrors, as left-handed axes do" if is_orthogonal[wrong[0]] else "is no rotation"
         raise InputError(f"{where[wrong[0]]}: the matrix of this pose {what}. Check the layout of the file. {LAYOUTS}")
 
 
@@ -159,37 +146,38 @@ def quaternion_rotation(values: Floats) -> Floats:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def _rows(path: str) -> list[tuple[int, list[str]]]:
-    """Return number (from 1) and fields of the lines with content, all of them alike long."""
-    rows = []
-    for number, line in enumerate(read_bytes(path).decode("utf-8", "replace").splitlines(), 1):
-        fields = [field for field in re.split(r"[\s,;]+", line.partition("#")[0].strip()) if field]
+def _rows(path: str) -> tuple[list[str], list[list[str]]]:
+    """Return the places, for messages, and the fields of the lines with content, all of them alike long."""
+    where, rows = [], []
+    for number, line in enumerate(Content(path).text().splitlines(), 1):
+        fields = [field for field in re.split(r"[\s,;]+", line.partition("#")[0]) if field]
         if fields and fields[0] == G2O_VERTEX:
-            rows.append((number, ["v" + "".join(fields[1:2]), *fields[2:]]))
-        elif fields and not fields[0].startswith(G2O_OTHERS):
-            rows.append((number, fields))
+            fields = ["v" + "".join(fields[1:2]), *fields[2:]]
+        if fields and not fields[0].startswith(G2O_OTHERS):
+            where.append(f"{path}:{number}")
+            rows.append(fields)
     if not rows:
         raise InputError(f"{path}: no poses. {LAYOUTS}")
-    for number, fields in rows:
-        if len(fields) != len(rows[0][1]):
-            raise InputError(f"{path}:{number}: {len(fields)} columns, but {len(rows[0][1])} before. Mend this line.")
-    return rows
+    for place, fields in zip(where, rows, strict=True):
+        if len(fields) != len(rows[0]):
+            raise InputError(f"{place}: {len(fields)} columns, but {len(rows[0])} before. Mend this line.")
+    return where, rows
 
 
 def _numbers(rows: list[list[str]], where: list[str]) -> Floats:
+    """Return the numbers (k, w) in rows of text."""
     for fields, place in zip(rows, where, strict=True):
         for field in fields:
             if not _is_number(field):
-                raise InputError(f"{place}: {field[:24]!r} is not a number. {LAYOUTS}")
+                raise InputError(f"{place}: {field[:24]!r} is not a finite number. {LAYOUTS}")
     return np.array(rows, np.float64)
 
 
 def _is_number(text: str) -> bool:
     try:
-        float(text)
+        return bool(np.isfinite(float(text)))
     except ValueError:
         return False
-    return True
 
 
 def _of_matrices(values: Floats, where: list[str]) -> Floats:

@@ -29,13 +29,13 @@ class PosedScans:
     poses : (k, 4, 4) float64
         ``T_map_scan``: takes the points of a scan to the map, in metres.
     times : (k,) float64 or None
-        Seconds, where the files tell them.
+        Seconds, where the files have them.
     load : callable
         Returns the cloud of a scan by its number in the files, in the frame of the scan.
     numbers : (k,) int64
         Those numbers.
     source : str
-        Where all of it comes from, for messages.
+        Name of the input, for messages.
     """
 
     names: tuple[str, ...]

@@ -13,7 +13,7 @@ import numpy as np
 
 from mapq.cloud import PointCloud
 from mapq.io.las_write import open_las_pieces
-from mapq.io.ply import vertex_rows
+from mapq.io.ply import header_of, vertex_rows
 from mapq.io.result_folder import RESULT_JSON
 from mapq.io.results import claim_result, json_beside, result_lines
 from mapq.io.write import LAS_SUFFIXES, write_cloud
@@ -25,10 +25,6 @@ from prf.shell.together import together
 
 CLOUD_SUFFIXES = (*LAS_SUFFIXES, ".ply")
 COPC = ".copc.laz"
-PLY_TYPES = {"i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint"} | {
-    "f4": "float",
-    "f8": "double",
-}
 
 
 class Output(NamedTuple):
@@ -165,12 +161,10 @@ class _Ply:
         OutputError
             If their fields are not those of the first piece.
         """
-        rows = vertex_rows(replace(cloud, coordinate_type=np.float64), cloud.fields)
+        rows = vertex_rows(replace(cloud, coordinate_type=np.float64))
         if not self._record.names:
             self._record = rows.dtype
-            named = (f"property {PLY_TYPES[rows.dtype[name].str[1:]]} {name}" for name in rows.dtype.names or ())
-            lines = ["ply", "format binary_little_endian 1.0", f"element vertex {self._n_points}", *named, "end_header"]
-            self._stream.write("\n".join([*lines, ""]).encode("ascii"))
+            self._stream.write(header_of(rows.dtype, self._n_points))
         if rows.dtype != self._record:
             raise OutputError(f"{self._path}: {cloud.source} has other fields than the files before. Name a folder.")
         self._stream.write(rows.tobytes())

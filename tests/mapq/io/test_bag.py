@@ -176,8 +176,8 @@ def test_what_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("name", "value", "line"),
     [
-        ("width", 2**31, "do not fit into its 480 bytes"),
-        ("point_step", 8, "fields reach beyond the 8 bytes"),
+        ("width", 2**31, "buffer is smaller than requested"),
+        ("point_step", 8, "cannot override to smaller itemsize"),
         ("fields", [], "no fields x, y, z"),
     ],
 )

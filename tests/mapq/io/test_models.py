@@ -69,21 +69,12 @@ def test_the_file_is_readable(tmp_path):
         ("schema", "mapq.model/1", "version 1 of mapq.model is not known"),
         ("schema", "mapq.result/1", "schema mapq.result/1, expected"),
         ("edge_model", "potts", "edge_model is not one of"),
-        ("edge_model", "none", "parameters are 6, but edge_model none has 4"),
         ("calibration.kind", "warm", "calibration.kind is 'warm', not temperature, platt, isotonic"),
-        ("calibration.slope", 0, "calibration.slope is 0.0, not above 0"),
-        ("calibration.slope", "hot", "is not finite numbers"),
+        ("calibration.slope", "hot", "damaged"),
         ("calibration", {"kind": "platt", "slope": 1.0}, "'intercept' is missing"),
-        ("calibration", {"kind": "isotonic", "difference": [0, 1], "log_odds": [1, 0]}, "the curve does not rise"),
-        ("threshold", float("nan"), "threshold: [nan] is not finite numbers"),
         ("operating.recall", [1.0], "damaged"),
-        ("operating", {"false_alarms": [0.1], "threshold": [0.0], "recall": [1.0]}, "do not ascend from 0"),
-        ("x_min", 2.0, "x_min is above x_max"),
         ("parameters.coupling.at_x_min", -1e-9, "coupling must not be negative"),
-        ("parameters.node.fit", 1e300, "is not finite numbers"),
-        ("parameters.node.more", 1.0, "parameters are 7, but edge_model symmetric has 6"),
         ("parameters", [], "damaged"),
-        ("node_scaling.columns.fit.scale", 0.0, "clip and scales must be above 0"),
         ("features", "safe", "damaged"),
     ],
 )
@@ -174,20 +165,10 @@ def test_a_threshold_of_known_against_unknown_is_kept(tmp_path):
 @pytest.mark.parametrize(
     ("place", "value"),
     [
-        *(("base", value) for value in (None, float("nan"), "0", True)),
-        ("trees", [[]]),
+        ("base", None),
         *(
             ("trees", [[text, "leaf 1", "leaf 2"]])
-            for text in (
-                "leaf nan",
-                "colour 0.1 1 2 left 0.2",
-                "fit nan 1 2 left 0.2",
-                "fit 0.1 0 2 left 0.2",
-                "fit 0.1 1 3 left 0.2",
-                "fit 0.1 1 2 up 0.2",
-                "fit 0.1 1 2 left inf",
-                "fit 0.1 1 2 left",
-            )
+            for text in ("colour 0.1 1 2 left 0.2", "fit 0.1 0 2 left 0.2", "fit 0.1 1 3 left 0.2", "fit 0.1 1 2 left")
         ),
     ],
 )
@@ -201,13 +182,3 @@ def test_damaged_trees_are_one_line_that_names_the_file(place, value, tmp_path):
     assert "damaged" in str(error.value)
     assert str(path) in str(error.value)
     assert "\n" not in str(error.value)
-
-
-def test_trees_are_the_only_node_feature(tmp_path):
-    path, _ = saved_trees(tmp_path)
-    content = json.loads(path.read_text())
-    content["node_scaling"]["columns"]["more"] = {"median": 0.0, "scale": 1.0}
-    content["parameters"]["node"]["more"] = 1.0
-    path.write_text(json.dumps(content))
-    with pytest.raises(InputError, match="node_scaling has not evidence alone"):
-        read_model(path)

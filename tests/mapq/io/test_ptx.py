@@ -41,13 +41,13 @@ def test_several_scans(tmp_path):
     ("text", "line"),
     [
         (ptx(["1 2 3 0.5"] * 4)[:-4], ":14: '1 2 3' does not hold 4 numbers"),
-        (ptx(["1 2 3 0.5"] * 4).replace("\n4\n", "\n9\n"), "promises 9 points, 4 lines follow"),
+        (ptx(["1 2 3 0.5"] * 4).replace("\n4\n", "\n9\n"), "promises 9 points, 4 follow"),
         (ptx(["1 2 3 0.5", "1 2 x 0.5"]), ":12: '1 2 x 0.5'"),
         (ptx(["1 2 3 0.5 1 2 256"]), ":11: '1 2 3 0.5 1 2 256'"),
         (ptx(["1 2"]), ":11: 2 columns; PTX has"),
         (ptx(["1 2 3 0.5"], matrix=np.array(TURNED).T), ":7: the last column of this matrix is not 0 0 0 1"),
         (ptx(["1 2 3 0.5"]) + "1\n", ":12: not the header of a scan"),
-        (ptx(["1 2 3 0.5", "", "4 5 6 0.5"]), "blank lines among the 3 points"),
+        (ptx(["1 2 3 0.5", "", "4 5 6 0.5"]), "promises 3 points, 2 follow"),
         (ptx(["0 0 0 0.5"]), "no points"),
     ],
 )

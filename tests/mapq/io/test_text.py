@@ -82,11 +82,11 @@ def test_delimiter_at_the_end_of_each_row(tmp_path):
 def test_columns_of_words_are_dropped_with_a_warning(tmp_path, caplog):
     with caplog.at_level(logging.WARNING):
         cloud = read_cloud(save(tmp_path, "a.csv", "x,y,z,class,id\n1,2,3,car,5\n4,5,6,tree,6\n"))
-    assert "column class is dropped" in caplog.text
+    assert "field class is dropped" in caplog.text
     assert {name: values.tolist() for name, values in cloud.fields.items()} == {"id": [5, 6]}
 
 
-@pytest.mark.parametrize(("n", "told"), [(2, "columns column_4, column_5 are"), (50, "column_23 and 30 more are")])
+@pytest.mark.parametrize(("n", "told"), [(2, "fields column_4, column_5 are"), (50, "column_23 and 30 more are")])
 def test_many_columns_of_words_are_told_of_in_one_line(tmp_path, caplog, n, told):
     read_cloud(save(tmp_path, "a.txt", ("1 2 3" + " word" * n + "\n") * 2))
     assert [record.message.endswith(f"{told} dropped: not numbers") for record in caplog.records] == [True]
@@ -99,7 +99,7 @@ def test_many_columns_of_words_are_told_of_in_one_line(tmp_path, caplog, n, told
         ("# only\n// comments\n", "no points"),
         ("a,b,c\n1,2,3\n", ":1: no fields x, y, z; there are a, b, c"),
         ("1 2\n3 4\n", "no fields x, y, z"),
-        ("x,y,z,z2,z2\n1,2,3,4,5\n", "two fields z2"),
+        ("x,y,z,z2,z2\n1,2,3,4,5\n", "field 'z2' occurs more than once"),
         ("x,y,z\n1,2,3,4\n", ":2: 4 columns under a header of 3"),
         ("1 2 3\n\n# more\n4 5 6 7\n", ":4: '4 5 6 7' does not hold 3 numbers"),
         ("x y z\n1 2 3\n4 5 1_0\n", ":3: '4 5 1_0' does not hold 3 numbers"),

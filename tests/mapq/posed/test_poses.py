@@ -7,7 +7,7 @@ import pytest
 
 from mapq.posed import drive_passes, read_poses
 from mapq.posed.poses import laser_poses, looks_ahead, quaternion_rotation, read_calibration
-from prf.shell.errors import InputError, UsageError
+from prf.shell.errors import InputError
 from tests.mapq.perturb.scenes import pose_at
 
 POSES = np.array([pose_at(1.0, 2.0, 30.0), pose_at(-4.0, 5.0, -100.0)])
@@ -75,9 +75,8 @@ def test_rounded_rotations_become_exact(tmp_path):
         ("# nothing\n\n", "poses.txt: no poses"),
         ("1 2 3\n", "poses.txt:1: 3 columns are no pose"),
         ("0 0 0 0 0 0 1\n\n0 0 0 0 0 1\n", "poses.txt:3: 6 columns, but 7 before"),
-        ("0 0 0 0 0 0 1\n0 0 x 0 0 0 1\n", "poses.txt:2: 'x' is not a number"),
-        ("0 0 0 0 0 0 1\n0 0 nan 0 0 0 1\n", "poses.txt:2: a number is not finite"),
-        ("1 0 0 1e300 0 1 0 0 0 0 1 0\n", r"poses.txt:1: a number is not finite, or beyond 1e.09"),
+        ("0 0 0 0 0 0 1\n0 0 x 0 0 0 1\n", "poses.txt:2: 'x' is not a finite number"),
+        ("0 0 0 0 0 0 1\n0 0 nan 0 0 0 1\n", "poses.txt:2: 'nan' is not a finite number"),
         ("0 0 0 0 0 0 1\n0 0 0 1 0 0 1\n", r"poses.txt:2: the last four .* no unit quaternion \(length 1.41"),
         ("1 0 0 0 0 2 0 0 0 0 1 0\n", "poses.txt:1: the matrix of this pose is no rotation"),
         ("1 0 0 0 0 1 0 0 0 0 -1 0\n", "poses.txt:1: the matrix of this pose mirrors"),
@@ -87,11 +86,6 @@ def test_rounded_rotations_become_exact(tmp_path):
 def test_what_is_no_pose_is_refused_with_its_line(text, message, tmp_path):
     with pytest.raises(InputError, match=message):
         read_poses(written(tmp_path, text))
-
-
-def test_an_unknown_order_is_refused(tmp_path):
-    with pytest.raises(UsageError, match="quaternion abc"):
-        read_poses(written(tmp_path, LAYOUTS["quaternion"]), "abc")
 
 
 def test_a_quaternion_turns_as_its_definition_says():
@@ -125,7 +119,7 @@ def test_camera_poses_become_those_of_the_laser(tmp_path):
     [
         ("P0: 1 0 0\n", "calib.txt: no row Tr:"),
         ("Tr: 1 0 0\n", "calib.txt:1: not the 12 numbers"),
-        ("P0: 1\nTr: 1 0 0 nan 0 1 0 0 0 0 1 0\n", "calib.txt:2: not the 12 numbers"),
+        ("P0: 1\nTr: 1 0 0 nan 0 1 0 0 0 0 1 0\n", "calib.txt:2: 'nan' is not a finite number"),
         ("P0: 1\nTr: 1 0 0 0 0 1 0 0 0 0 3 0\n", "calib.txt:2: the matrix of this pose is no rotation"),
     ],
 )
