@@ -29,7 +29,7 @@ from mapq.io import read_cloud, write_cloud
 from mapq.patches import UNLABELLED
 from mapq.segmentation import segment
 from mapq.simulate import SIZES, Settings, simulate
-from mapq.simulate.city_tiles import POINTS_OF_TILE, write_city
+from mapq.simulate.city import POINTS_OF_TILE, write_city
 
 SEED = 7
 DRIVES = (1, 2, 3, 4, 5)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
 from mapq.crf.train import TrainSettings
 from mapq.features.settings import CONTEXTS, FeatureSettings
 from mapq.segmentation.settings import SegmentSettings
+from prf.shell.errors import UsageError
 from prf.shell.settings import Loaded, Table, Tree, key, load
 
 Direction = tuple[float, float, float]
@@ -108,7 +110,14 @@ class Simulate(Table):
     all_round: bool | None = key(None, "", "the laser looks all round, as on cars; else half a turn ahead")
     max_range: float | None = key(None, "m", "longest range of the laser")
     disagreement: float | None = key(None, "m", "suspicious is where passes disagree by more along the normal")
-    tile_points: int | None = key(None, "", "points of a tile of a city, about", gt=0)
+
+    def check(self) -> None:
+        """Refuse values outside their domains."""
+        given = self.model_dump(exclude_none=True)
+        if given:
+            from mapq.simulate import Settings  # noqa: PLC0415 - which imports the kernels
+
+            Settings.of_size("medium", given)
 
 
 class Perturb(Table):
@@ -117,14 +126,21 @@ class Perturb(Table):
     quaternion: Literal["xyzw", "wxyz"] | None = key(
         None, "", "order of quaternions in poses; xyzw unless the file says"
     )
-    voxel: float | None = key(None, "m", "one point of a scan is kept in each cube of this side")
-    min_range: float | None = key(None, "m", "returns closer to the sensor are dropped")
-    max_range: float | None = key(None, "m", "returns farther from the sensor are dropped")
-    suspicious_above: float = key(0.3, "m", "where scans disagree by more they are suspicious")
-    plausible_below: float = key(0.1, "m", "where scans disagree by less they are plausible")
-    reach: float | None = key(None, "m", "distance along a surface within which scans see the same")
-    search: float = key(3.0, "m", "without right poses: how far off each other scans may lie")
-    buffer: float = key(20.0, "m", "width of the strip between the parts of --split, which is left out")
+    voxel: float | None = key(None, "m", "one point of a scan is kept in each cube of this side", gt=0)
+    min_range: float | None = key(None, "m", "returns closer to the sensor are dropped", gt=0)
+    max_range: float | None = key(None, "m", "returns farther from the sensor are dropped", gt=0)
+    suspicious_above: float = key(0.3, "m", "where scans disagree by more they are suspicious", gt=0, le=100)
+    plausible_below: float = key(0.1, "m", "where scans disagree by less they are plausible", gt=0, le=100)
+    reach: float | None = key(None, "m", "distance along a surface within which scans see the same", gt=0, le=100)
+    search: float = key(3.0, "m", "without right poses: how far off each other scans may lie", gt=0, le=100)
+    buffer: float = key(20.0, "m", "width of the strip between the parts of --split, which is left out", ge=0)
+
+    def check(self) -> None:
+        """Refuse bounds in the wrong order."""
+        if self.plausible_below > self.suspicious_above:
+            raise UsageError(f"plausible_below {self.plausible_below:g} is above suspicious_above.")
+        if (self.min_range or 0.0) >= (self.max_range or math.inf):
+            raise UsageError(f"min_range {self.min_range:g} is not below max_range.")
 
 
 class Configuration(Tree):

@@ -74,6 +74,8 @@ def label(
         raise UsageError("labels are stored in PATCHES itself, which standard input has no place for. Name a file.")
     if (conservative or force) and from_field is None:
         raise UsageError("--conservative and --force are for --from-field.")
+    if from_field is not None and (model is not None or port or no_browser):
+        raise UsageError("--model, --port and --no-browser are for the page, which --from-field does not open.")
     if from_field is not None:
         _from_field(patches, from_field, conservative, force, json)
     else:
@@ -86,9 +88,7 @@ def _from_field(path: str, name: str, conservative: bool, force: bool, json: boo
     from mapq.labels import label_from_field
     from prf.shell import console, jsonout
 
-    with relabel(path) as store:
-        labelled, counts = label_from_field(store.patches, name, path, force, conservative)
-        store.write(labelled)
+    counts = relabel(path, lambda patches: label_from_field(patches, name, path, force, conservative))
     if json:
         jsonout.emit_object("mapq.label/1", {"patches": path, "field": name, **counts._asdict()})
         return

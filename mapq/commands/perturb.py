@@ -61,7 +61,11 @@ def perturb(
     split: Annotated[
         float | None,
         typer.Option(
-            "--split", metavar="SHARE", help="Write MAP.train and MAP.test, apart in place; the share of the test."
+            "--split",
+            metavar="SHARE",
+            min=0.01,
+            max=0.99,
+            help="Write MAP.train and MAP.test, apart in place; the share of the test.",
         ),
     ] = None,
     config: Config = None,
@@ -81,7 +85,7 @@ def perturb(
     from dataclasses import asdict
 
     from mapq.configuration import load_configuration
-    from mapq.perturb import MergeSettings, PoseErrors, Rule, build, check_split
+    from mapq.perturb import MergeSettings, PoseErrors, Rule, build
     from mapq.perturb.files import SCHEMA, target_files, write_map
     from mapq.posed import FindSettings, find_scans, replace_poses
     from prf.shell import console, jsonout
@@ -97,10 +101,7 @@ def perturb(
     errors = PoseErrors(offset, yaw, drift, missed_loop)
     rule = Rule(chosen.suspicious_above, chosen.plausible_below, chosen.reach, chosen.search)
     settings = MergeSettings(chosen.voxel, chosen.min_range, chosen.max_range, submaps)
-    for part in (errors, rule, settings):
-        part.check()
-    if split is not None:
-        check_split(split, chosen.buffer)
+    errors.check()
     right = replace_poses(posed, reference, find).every(every).poses if reference else None
     used_seed = None if errors.is_none else resolve_seed(seed)
     if errors.is_none and right is None:

@@ -92,14 +92,14 @@ def simulate(
 
 def _make_city(folder: str, changes: dict[str, Any], seed: int, force: bool, json: bool) -> None:
     """Write a city as LAZ tiles into a folder."""
-    from mapq.simulate.city_tiles import POINTS_OF_TILE, write_city
+    from mapq.simulate.city import write_city
     from prf.shell import console, jsonout
     from prf.shell.errors import OutputExists, UsageError
     from prf.shell.files import STREAM
     from prf.shell.lock import claim, claim_output
     from prf.shell.progress import progress
 
-    others = [name for name, value in changes.items() if value is not None and name not in ("n_points", "tile_points")]
+    others = [name for name, value in changes.items() if value is not None and name != "n_points"]
     if others:
         raise UsageError(f"{others[0]} is not for --size city, which is made without a drive.")
     if folder == STREAM:
@@ -111,7 +111,7 @@ def _make_city(folder: str, changes: dict[str, Any], seed: int, force: bool, jso
     claim(folder)
     n_points = CITY_POINTS if changes["n_points"] is None else changes["n_points"]
     with progress(1.0, "making tiles") as bar:
-        counts = write_city(folder, n_points, seed, changes["tile_points"] or POINTS_OF_TILE, bar.update)
+        counts = write_city(folder, n_points, seed, progress=bar.update)
     if json:
         jsonout.emit_object("mapq.city/1", {"output": folder, "seed": seed, **counts})
         return

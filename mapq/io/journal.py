@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,27 +115,14 @@ def read_journal(journal: Path) -> tuple[str, list[Event]]:
     return str(head.get("fingerprint", "")), events
 
 
-def _event(row: dict[str, object]) -> Event:
-    patch = int(str(row["patch"]))
-    if patch < 0:
-        raise ValueError(f"patch {patch}")
-    return Event(patch, None if "undo" in row else WORDS[str(row["label"])])
+def _event(row: dict[str, Any]) -> Event:
+    return Event(int(row["patch"]), None if "undo" in row else WORDS[row["label"]])
 
 
 class Journal:
-    """A journal that events are added to; the caller holds the lock of the PATCHES file.
+    """A journal beside a PATCHES file, of which the caller holds the lock, that events are added to.
 
-    Parameters
-    ----------
-    path : path
-        The PATCHES file.
-    patches : Patches
-        Its content.
-
-    Attributes
-    ----------
-    events : list of Event
-        Of this session and of those that ended without being merged.
+    `events` are those of this session and of sessions that ended without being merged.
     """
 
     def __init__(self, path: str | os.PathLike[str], patches: Patches) -> None:
@@ -157,10 +144,7 @@ class Journal:
         is_new = not self.file.exists() or self.file.stat().st_size == 0
         text = (self._head if is_new else "") + event.line()
         try:
-            with open(self.file, "ab", buffering=0) as stream:
-                _append(stream.fileno(), text.encode())
-            if is_new:
-                _sync(self.file.parent)
+            _append(self.file, text.encode())
         except OSError as error:
             raise cannot_write(self.file, error) from error
         self.events.append(event)
@@ -171,22 +155,14 @@ class Journal:
         self.events.clear()
 
 
-def _append(descriptor: int, data: bytes) -> None:
+def _append(file: Path, data: bytes) -> None:
     """Write at the end of a file and onto the disk; on an error the file is cut to its length before."""
-    before = os.fstat(descriptor).st_size
-    try:
-        while data:
-            data = data[os.write(descriptor, data) :]
-        os.fsync(descriptor)
-    except OSError:
-        os.ftruncate(descriptor, before)
-        raise
-
-
-def _sync(folder: Path) -> None:
-    """Make the name of a new file outlast a power cut too."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    with file.open("ab", buffering=0) as stream:
+        before = os.fstat(stream.fileno()).st_size
+        try:
+            while data:
+                data = data[stream.write(data) :]
+            os.fsync(stream.fileno())
+        except OSError:
+            os.ftruncate(stream.fileno(), before)
+            raise

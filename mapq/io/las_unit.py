@@ -27,17 +27,14 @@ EPSG_UNITS = {
 }
 """Metres in the units of point clouds, by their EPSG codes."""
 
-LEVEL, UPRIGHT, ANGLES, OTHER = range(4)
-KEYWORDS = {
-    **dict.fromkeys(("PROJCS", "PROJCRS", "PROJECTEDCRS", "DERIVEDPROJCRS"), LEVEL),
-    **dict.fromkeys(("VERT_CS", "VERTCS", "VERTCRS", "VERTICALCRS"), UPRIGHT),
-    **dict.fromkeys(("GEOGCS", "GEOGCRS", "GEOGRAPHICCRS", "GEODCRS", "GEODETICCRS"), ANGLES),
-    **dict.fromkeys(("LOCAL_CS", "ENGCRS", "ENGINEERINGCRS", "GEOCCS"), OTHER),
-}
+LEVEL = ("PROJCS", "PROJCRS", "PROJECTEDCRS", "DERIVEDPROJCRS")
+UPRIGHT = ("VERT_CS", "VERTCS", "VERTCRS", "VERTICALCRS")
+ANGLES = ("GEOGCS", "GEOGCRS", "GEOGRAPHICCRS", "GEODCRS", "GEODETICCRS")
+OTHER = ("LOCAL_CS", "ENGCRS", "ENGINEERINGCRS", "GEOCCS")
 """Kinds of systems of a WKT, in the spellings of both versions and of ESRI."""
 
-_SYSTEM = re.compile(rf"\b({'|'.join(KEYWORDS)})\s*\[", re.IGNORECASE)
-_UNIT = re.compile(r'\b(?:LENGTH)?UNIT\s*\[\s*"[^"]*"\s*,\s*([-+.\deE]+)', re.IGNORECASE)
+_SYSTEM = re.compile(rf"\b({'|'.join((*LEVEL, *UPRIGHT, *ANGLES, *OTHER))})\s*\[", re.IGNORECASE)
+_UNIT = re.compile(r'\b(?:LENGTH)?UNIT\s*\[\s*"[^"]*"\s*,\s*(\d[-+.\deE]*)', re.IGNORECASE)
 
 
 def unit_of(records: Iterable[Any], source: str) -> NDArray[np.float64]:
@@ -73,13 +70,17 @@ def _of_wkt(text: str) -> tuple[float | None, float | None, bool]:
 
     The unit of a system is the last one in it, behind those of the systems that it is built on.
     """
-    found: dict[int, float | None] = {}
+    found: dict[str, float | None] = {}
     for match in _SYSTEM.finditer(text):
-        factors = [_number(unit) for unit in _UNIT.findall(_bracketed(text, match.end() - 1))]
-        found.setdefault(KEYWORDS[match[1].upper()], factors[-1] if factors else None)
-    is_geographic = ANGLES in found and not {LEVEL, OTHER} & set(found) and "cartesian" not in text.lower()
-    level = found.get(LEVEL)
-    return found.get(OTHER) if level is None else level, found.get(UPRIGHT), is_geographic
+        units = _UNIT.findall(_bracketed(text, match.end() - 1))
+        found.setdefault(match[1].upper(), float(units[-1]) if units else None)
+
+    def unit(kinds: tuple[str, ...]) -> float | None:
+        return next((found[kind] for kind in kinds if found.get(kind) is not None), None)
+
+    is_level = any(kind in found for kind in (*LEVEL, *OTHER))
+    is_geographic = not is_level and any(kind in found for kind in ANGLES) and "cartesian" not in text.lower()
+    return unit((*LEVEL, *OTHER)), unit(UPRIGHT), is_geographic
 
 
 def _bracketed(text: str, start: int) -> str:
@@ -92,18 +93,9 @@ def _bracketed(text: str, start: int) -> str:
     return text[start:]
 
 
-def _number(text: str) -> float | None:
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if 1e-6 < value < 1e6 else None
-
-
 def _of_keys(body: bytes, source: str) -> tuple[float | None, float | None, bool]:
     """Return what :func:`_of_wkt` does, of a directory of GeoTIFF keys."""
-    values = struct.unpack(f"<{len(body) // 2}H", body[: len(body) // 2 * 2])
-    rows = zip(*[iter(values[4:])] * 4, strict=False)
+    rows = struct.iter_unpack("<4H", body[8 : len(body) // 8 * 8])
     keys = {key: value for key, location, _, value in rows if location == 0}
     codes = [keys.get(key, 0) for key in (LINEAR_UNITS, VERTICAL_UNITS)]
     for code in codes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import logging
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import IO, TYPE_CHECKING, Any
 
@@ -21,7 +21,6 @@ from prf.shell.files import open_output
 if TYPE_CHECKING:
     from laspy import LasHeader, LasWriter
     from laspy.point.dims import DimensionInfo
-    from laspy.point.record import PackedPointRecord
 
 logger = logging.getLogger(__name__)
 
@@ -85,6 +84,7 @@ class LasPieces:
     def write(self, cloud: PointCloud) -> None:
         """Append points; OutputError if their fields or coordinates do not fit those of the first piece."""
         from laspy import LasWriter  # noqa: PLC0415 - an extra
+        from laspy.point.record import PackedPointRecord  # noqa: PLC0415
 
         finite = cloud.finite()
         if not finite.all():
@@ -106,27 +106,16 @@ class LasPieces:
         whole = np.rint((world - header.offsets) / header.scales)
         if len(whole) and (whole.max() > LARGEST_INTEGER or whole.min() < -LARGEST_INTEGER - 1):
             raise OutputError(f"{self._path}: the coordinates do not fit the scale of LAS. Name a .ply with -o.")
-        self._writer.write_points(_packed(header, whole, columns))
+        record = PackedPointRecord.zeros(len(world), header.point_format)
+        columns |= dict(zip("XYZ", whole.T, strict=True))
+        for name, values in columns.items():  # some dimensions are bits of a byte
+            (record.array if name in record.array.dtype.names else record)[name] = values
+        self._writer.write_points(record)
 
     def close(self) -> None:
         """Write what belongs behind the points."""
         if self._writer is not None:
             self._writer.close()
-
-
-def _packed(header: LasHeader, whole: NDArray[np.float64], columns: Mapping[str, Array]) -> PackedPointRecord:
-    """Return points as they are in the file."""
-    from laspy.point.record import PackedPointRecord  # noqa: PLC0415
-
-    record = PackedPointRecord.zeros(len(whole), header.point_format)
-    for axis, name in enumerate("XYZ"):
-        record.array[name] = whole[:, axis]
-    for name, values in columns.items():
-        if name in record.array.dtype.names:
-            record.array[name] = values
-        else:  # some bits of a byte
-            record[name] = values
-    return record
 
 
 def _old_header(cloud: PointCloud, stored: bytes) -> LasHeader:
@@ -138,19 +127,17 @@ def _old_header(cloud: PointCloud, stored: bytes) -> LasHeader:
 
     with damage_in_one_line(cloud.source):
         header = LasHeader.read_from(io.BytesIO(stored))
-        if header.number_of_evlrs and not any(record.user_id == COPC for record in header.vlrs):
-            logger.warning("%s: records behind the points (EVLR) are left out", cloud.source)
-        header.vlrs = [
-            record for record in header.vlrs if type(record).__name__ not in REMADE and record.user_id != COPC
-        ]
-        own = list(header.point_format.extra_dimensions)
-        kind = header.point_format.id
-        if set(COLOURS) <= set(cloud.fields):
-            kind = WITH_COLOURS.get(kind, kind)
-        least = Version.from_str(dims.preferred_file_version_for_point_format(kind))
-        version = max(header.version, least, key=lambda each: (each.major, each.minor))
-        header.set_version_and_point_format(version, PointFormat(kind))
-        header.point_format.dimensions += own
+    if header.number_of_evlrs and not any(record.user_id == COPC for record in header.vlrs):
+        logger.warning("%s: records behind the points (EVLR) are left out", cloud.source)
+    header.vlrs = [each for each in header.vlrs if type(each).__name__ not in REMADE and each.user_id != COPC]
+    own = list(header.point_format.extra_dimensions)
+    kind = header.point_format.id
+    if set(COLOURS) <= set(cloud.fields):
+        kind = WITH_COLOURS.get(kind, kind)
+    least = Version.from_str(dims.preferred_file_version_for_point_format(kind))
+    version = max(header.version, least, key=lambda each: (each.major, each.minor))
+    header.set_version_and_point_format(version, PointFormat(kind))
+    header.point_format.dimensions += own
     header.start_of_waveform_data_packet_record = 0
     header.generating_software = "mapq"
     return header
@@ -163,9 +150,8 @@ def _new_header(cloud: PointCloud, world: NDArray[np.float64]) -> LasHeader:
     header = LasHeader(version="1.4", point_format=FRESH_FORMAT)
     header.global_encoding.wkt = True  # as point formats from 6 on have it
     header.offsets = cloud.shift.copy()
-    reach = float(np.abs(world - cloud.shift).max(initial=0.0))
-    scale = FINEST
-    while reach / scale > LARGEST_INTEGER:
+    farthest, scale = float(np.abs(world - cloud.shift).max(initial=0.0)), FINEST
+    while farthest / scale > LARGEST_INTEGER:
         scale *= 10.0
     header.scales = np.full(3, scale)
     header.generating_software = "mapq"
@@ -206,16 +192,13 @@ def _fitting(name: str, values: Array, item: DimensionInfo) -> Array | None:
         return values.astype(np.uint16) * np.uint16(TO_16_BITS)
     if item.dtype is not None and item.dtype.kind == "f":
         return values if values.dtype == item.dtype else None
-    if values.dtype.kind not in "iub":
-        return None
-    fits = len(values) == 0 or (item.min <= int(values.min()) and int(values.max()) <= item.max)
+    is_whole = values.dtype.kind in "iub"
+    fits = is_whole and (len(values) == 0 or (item.min <= int(values.min()) and int(values.max()) <= item.max))
     return values if fits else None
 
 
 def _is_of(values: Array, item: DimensionInfo) -> bool:
     """Return whether values (n, ...) are as an extra dimension of a LAS file is read, and can be written back."""
-    if item.is_scaled and not (np.isfinite(item.scales) & (item.scales != 0.0)).all():
-        return False
     shape = (item.num_elements,) if item.num_elements > 1 else ()
     base = np.dtype(np.float64) if item.is_scaled else item.dtype.base
     return values.shape[1:] == shape and values.dtype == base

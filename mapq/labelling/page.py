@@ -7,11 +7,11 @@ from pathlib import PurePath
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mapq import __version__
 from mapq.assess import Result
 from mapq.labelling.around import Surroundings
-from mapq.labelling.order import most_uncertain_first
 from mapq.labelling.store import NOTHING_YET, Store
 from mapq.patches import FROM_FIELD, UNLABELLED
 from mapq.report.markup import VIEWS, asset, escape, fill, script_sources, script_tags
@@ -94,3 +94,21 @@ class Page:
     def _cut(self) -> float:
         assert self._result is not None
         return float(self._result.head()["threshold"]["p_suspicious"])
+
+
+def most_uncertain_first(
+    counts: NDArray[np.int64], probability: NDArray[np.floating] | None, has_label: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """Return the patches (m,) in the order in which a person is asked for their labels.
+
+    Parameters
+    ----------
+    counts : (m,) int64
+        Points of each patch: of equally uncertain ones the larger comes first.
+    probability : (m,) float, optional
+        That each is suspicious. A half is most uncertain; without probabilities the largest patch comes first.
+    has_label : (m,) bool
+        Patches with a label come after all others.
+    """
+    doubt = np.zeros(len(counts)) if probability is None else np.abs(np.nan_to_num(probability, nan=0.5) - 0.5)
+    return np.lexsort((-counts, doubt, has_label)).astype(np.int64)

@@ -1,12 +1,13 @@
-"""`Store`: the labels of one PATCHES file while a person sets them; none is lost, whatever ends the program."""
+"""`Store`: the labels of one PATCHES file while a person sets them; none is lost, however the program ends."""
 
 from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ from mapq.patches import FROM_FIELD, FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLE
 from prf.shell.errors import OutputError
 from prf.shell.files import open_input, refuse_existing
 from prf.shell.lock import exclusive
+
+T = TypeVar("T")
 
 NOTHING_YET = np.uint8(254)
 """What the page is told of a patch that nobody has looked at; ``NOTHING`` of label.js is the same number."""
@@ -131,35 +134,21 @@ def open_store(path: str) -> Iterator[Store]:
         yield Store(path)
 
 
-class Relabelling:
-    """Patches whose labels another rule replaces; made by :func:`relabel`.
+def relabel(path: str, rule: Callable[[Patches], tuple[Patches, T]]) -> T:
+    """Hold a PATCHES file while a rule replaces its labels, and return what the rule returns beside the patches.
 
-    Attributes
-    ----------
-    patches : Patches
-        With the labels of the journal, if there is one.
+    The rule is given the labels of the journal too; these are in PATCHES then, and the journal is removed.
     """
-
-    def __init__(self, path: str) -> None:
-        self._path = path
-        self.patches = read_patches(path)
-        journal = journal_beside(path)
-        self._is_ours = journal.is_file() and read_journal(journal)[0] in ("", fingerprint(self.patches))
-
-    def write(self, labelled: Patches) -> None:
-        """Write the patches, whole or not at all; the journal, whose labels are in them, goes."""
-        write_patches(self._path, labelled)
-        if self._is_ours:
-            journal_beside(self._path).unlink()
-
-
-@contextmanager
-def relabel(path: str) -> Iterator[Relabelling]:
-    """Hold a PATCHES file for this process while its labels are replaced; errors as :func:`open_store`."""
     with open_input(path):
         pass
     with exclusive(path):
-        yield Relabelling(path)
+        patches, journal = read_patches(path), journal_beside(path)
+        is_ours = journal.is_file() and read_journal(journal)[0] in ("", fingerprint(patches))
+        labelled, found = rule(patches)
+        write_patches(path, labelled)
+        if is_ours:
+            journal.unlink()
+    return found
 
 
 def _stamp(path: str) -> tuple[int, int, int]:

@@ -18,7 +18,6 @@ from mapq.perturb.label import Rule, label_points
 from mapq.perturb.measure import measured_disagreement
 from mapq.perturb.merge import AT_THE_SENSOR, Merged, merge
 from mapq.posed import PosedScans, drive_passes
-from prf.shell.errors import UsageError
 
 Floats = NDArray[np.float64]
 
@@ -45,27 +44,9 @@ class MergeSettings:
     max_range: float | None = None
     submaps: bool = False
 
-    def check(self) -> None:
-        """Raise :class:`UsageError` for lengths outside their domains."""
-        for name in ("voxel", "min_range", "max_range"):
-            value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and value > 0.0):
-                raise UsageError(f"{name} {value:g} is no length above 0.")
-        if (self.min_range or 0.0) >= (self.max_range or np.inf):
-            raise UsageError(f"min_range {self.min_range:g} is not below max_range {self.max_range:g}.")
-
 
 class Built(NamedTuple):
-    """A labelled map.
-
-    Attributes
-    ----------
-    cloud : PointCloud
-        Points scan by scan with `scan`, `suspicious`, `disagreement`, for scans that have one sensor `pass_id` and
-        `to_sensor_x/y/z`, and `time` where it is known.
-    report : dict
-        Counts, lengths, and a row for each scan, for JSON.
-    """
+    """A labelled map: its points scan by scan with the fields `ADDED` that are known, and a report for JSON."""
 
     cloud: PointCloud
     report: dict[str, Any]
@@ -100,13 +81,11 @@ def build(
     Raises
     ------
     UsageError
-        For values outside their domains.
+        For errors of poses that are negative, not finite, or too large.
     InputError
         If a scan cannot be read or no point is left.
     """
     errors, rule, settings = errors or PoseErrors(), rule or Rule(), settings or MergeSettings()
-    for part in (errors, rule, settings):
-        part.check()
     near = 0.0 if settings.submaps else AT_THE_SENSOR
     limits = (settings.min_range or near, settings.max_range or np.inf)
     merged = merge(scans, settings.voxel, limits, lambda done: progress(0.5 * done / len(scans)))

@@ -43,15 +43,7 @@ def cell_keys(xyz: Floats, side: float, source: str = "the map") -> NDArray[np.i
 
 
 class Planes(NamedTuple):
-    """The plane round each of some places.
-
-    Attributes
-    ----------
-    normal : (m, 3) float64
-        Of unit length, of either sign.
-    flat : (m,) bool
-        Whether the neighbours make a plane at all.
-    """
+    """Unit normals (m, 3) of either sign of the planes round places, and where (m,) the neighbours make one at all."""
 
     normal: Floats
     flat: NDArray[np.bool_]

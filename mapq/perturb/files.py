@@ -1,4 +1,4 @@
-"""The files of a labelled map: one PLY, or two parted by place, and a JSON that says how they were made."""
+"""The files of a labelled map: one PLY, or two parted by place, and a JSON with how they were made."""
 
 from __future__ import annotations
 
@@ -23,15 +23,7 @@ SCHEMA = "mapq.perturb/1"
 
 
 class Targets(NamedTuple):
-    """Names of the files.
-
-    Attributes
-    ----------
-    maps : tuple of str
-        The map, or its training and its test part.
-    report : str
-        The JSON.
-    """
+    """Names of the files: the map, or its training and its test part, and the JSON."""
 
     maps: tuple[str, ...]
     report: str
@@ -56,17 +48,9 @@ def target_files(output: str | None, is_split: bool, force: bool) -> Targets:
 def write_map(
     targets: Targets, built: Built, head: Mapping[str, Any], share: float | None, buffer: float
 ) -> dict[str, Any]:
-    """Write the files, which take their places together, and return what stands in the JSON.
+    """Write the files, which take their places together, and return the content of the JSON, which begins with `head`.
 
-    Parameters
-    ----------
-    targets : Targets
-    built : Built
-    head : mapping
-        What else the JSON says, first.
-    share : float or None
-        Of the test part, see :func:`mapq.perturb.split.split_by_place`; None: the map in one.
-    buffer : float
+    `share` and `buffer` are those of :func:`mapq.perturb.split.split_by_place`; share None: the map in one.
     """
     parts: Sequence[PointCloud] = (built.cloud,)
     content = {**head, **built.report}

@@ -38,20 +38,10 @@ REACH_IN_SPACING = 2.0
 class Surfaces(NamedTuple):
     """Elements of surface, and the scans at each of them.
 
-    Attributes
-    ----------
-    place, normal : (m, 3) float64
-        In the frame of the map with the right poses; normals point to the sensors where those are known.
-    flat : (m,) bool
-        Whether the element has a plane.
-    entry : (n,) int64
-        For each point the row of `at` and `by`.
-    at, by : (e,) int64
-        Element and scan, of every scan that has a point in an element.
-    seen_at, seen_by : (s,) int64
-        Element and scan, of every scan that has `FEWEST` points on the surface within reach. Sorted by element.
-    reach : float
-        Metres.
+    Places and normals (m, 3) are in the frame of the map with the right poses; normals point to the sensors where those
+    are known. `flat` (m,): the element has a plane. `at` and `by` (e,) are element and scan, of every scan that has a
+    point in an element; `entry` (n,) is the row of each point there. `seen_at` and `seen_by` (s,), sorted by element,
+    are of every scan that has `FEWEST` points on the surface within reach (metres).
     """
 
     place: Floats
@@ -76,18 +66,11 @@ class Disagreement(NamedTuple):
 
 
 def find_surfaces(merged: Merged, poses: Floats, reach: float | None = None, sided: bool = True) -> Surfaces:
-    """Return the surfaces of a map with the right poses.
+    """Return the surfaces of a map with the right poses (k, 4, 4).
 
-    Parameters
-    ----------
-    merged : Merged
-    poses : (k, 4, 4) float64
-        The right ones.
-    reach : float, optional
-        Metres along a surface within which two scans see the same part of it. None: twice the distance to the fourth
-        neighbour in the same scan, that of the widest tenth, so that rings of a scan still meet; 0.4 to 2 m.
-    sided : bool
-        Whether each scan was taken from one place, its origin; sub-maps were not.
+    `reach` is how many metres along a surface two scans see the same part of it. None: twice the distance to the fourth
+    neighbour in the same scan, that of the widest tenth, so that rings of a scan still meet; 0.4 to 2 m. `sided`: each
+    scan was taken from one place, its origin; sub-maps were not.
     """
     reach = reach or estimate_reach(merged)
     points = merged.placed(poses)
@@ -148,15 +131,8 @@ def known_disagreement(surfaces: Surfaces, right: Floats, used: Floats, agree: f
 
     At an element each scan b puts the place x of the right map at ``used_b inv(right_b) x``. The differences between
     scans are taken along the mean of the normal as the scans turn it: errors of poses, not of the whole frame.
-    Elements without a plane have no normal; there the distance itself is a bound, which says that scans agree where it
-    is below `agree`, and nothing else.
-
-    Parameters
-    ----------
-    surfaces : Surfaces
-    right, used : (k, 4, 4) float64
-    agree : float
-        Metres.
+    Elements without a plane have no normal; there the distance itself is a bound, which shows that scans agree where it
+    is below `agree` metres, and nothing else.
     """
     moved = used @ np.linalg.inv(right)
     n_elements = len(surfaces.place)

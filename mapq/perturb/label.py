@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
-from prf.shell.errors import UsageError
 
 
 @dataclass(frozen=True)
@@ -30,18 +28,6 @@ class Rule:
     plausible_below: float = 0.1
     reach: float | None = None
     search: float = 3.0
-
-    def check(self) -> None:
-        """Raise :class:`UsageError` for lengths outside their domains."""
-        for name in ("suspicious_above", "plausible_below", "reach", "search"):
-            value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and 0.0 < value <= 100.0):
-                raise UsageError(f"{name} {value:g} is no length above 0 and up to 100 m.")
-        if self.plausible_below > self.suspicious_above:
-            raise UsageError(
-                f"plausible_below {self.plausible_below:g} is above suspicious_above {self.suspicious_above:g}: "
-                f"points between would be both."
-            )
 
 
 def label_points(metres: NDArray[np.float64], rule: Rule) -> NDArray[np.uint8]:

@@ -42,16 +42,11 @@ UPRIGHT = 0.5
 
 
 class Compared(NamedTuple):
-    """One scan compared with another.
+    """The elements (m,) of one scan compared with another.
 
-    Attributes
-    ----------
-    in_doubt : (m,) bool
-        Elements of walls that have a wall of the other scan within `DOUBT`, but lie in no piece that fits it.
-    along : (m,) float64
-        How far the other scan has each element displaced along its normal; nan where unknown.
-    partner : (m,) int64
-        The element of the other scan on which it then lies; any where unknown.
+    `in_doubt`: walls that have a wall of the other scan within `DOUBT`, but lie in no piece that fits it. `along`: how
+    far the other scan has each displaced along its normal, nan where unknown. `partner`: the element of the other scan
+    on which it then lies, any where unknown.
     """
 
     in_doubt: NDArray[np.bool_]
@@ -75,24 +70,12 @@ def measured_disagreement(
     proven: float = 0.3,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Disagreement:
-    """Return how far apart scans put what registration finds to be the same walls.
+    """Return how far apart scans, with the poses that are used, put what registration finds to be the same walls.
 
     Points that are of no wall are not known (nan). Nor are walls that have a wall of another scan within `DOUBT` which
-    could not be registered, unless a third scan proves an error. Walls that no other scan comes near are seen once.
-
-    Parameters
-    ----------
-    merged : Merged
-    poses : (k, 4, 4) float64
-        Those that are used.
-    search : float
-        Metres by which one scan may lie off another.
-    sided : bool
-        Whether each scan was taken from one place, its origin; sub-maps were not.
-    proven : float
-        Metres of disagreement above which it does not matter what else could not be compared.
-    progress : callable
-        Called with the number of scans compared.
+    could not be registered, unless a third scan proves an error: more than `proven` metres of disagreement. Walls that
+    no other scan is near are seen once. One scan may lie off another by `search` metres. `sided`: each scan was taken
+    from one place, its origin; sub-maps were not.
     """
     points = merged.placed(poses)
     starts = np.searchsorted(merged.scan, np.arange(len(poses) + 1))

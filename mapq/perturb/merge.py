@@ -21,17 +21,9 @@ AT_THE_SENSOR = 0.01
 
 
 class Merged(NamedTuple):
-    """The points of all scans.
+    """The points (n, 3) of all scans, each in the frame of its scan (n,), with the fields that every scan has.
 
-    Attributes
-    ----------
-    xyz : (n, 3) float64
-        In the frame of each point's scan.
-    scan : (n,) int32
-    fields : dict of str to (n, ...) array
-        Those that every scan has, in one type.
-    counts : (k,) int64
-        Points read of each scan.
+    `counts` (k,) are the points read of each scan.
     """
 
     xyz: Floats
@@ -55,18 +47,7 @@ def merge(
     reach: tuple[float, float] = (AT_THE_SENSOR, np.inf),
     progress: Callable[[int], None] = lambda done: None,
 ) -> Merged:
-    """Read all scans.
-
-    Parameters
-    ----------
-    scans : PosedScans
-    voxel : float, optional
-        Metres: of the points of a scan that lie in one cube of this side the first is kept.
-    reach : (float, float)
-        Ranges in metres of the returns that are kept.
-    progress : callable
-        Called with the number of scans read.
-    """
+    """Read all scans: returns between two ranges, of which the first in each cube of side `voxel` is kept (metres)."""
     parts: list[PointCloud] = []
     counts = []
     for scan in range(len(scans)):

@@ -31,16 +31,7 @@ NEARLY_AS_GOOD = 0.05
 
 
 class Sheet(NamedTuple):
-    """Elements of surface of one scan in the frame of the map.
-
-    Attributes
-    ----------
-    place, normal : (m, 3) float64
-    upright : (m,) bool
-        Whether the element is of a wall.
-    tree : cKDTree
-        Of the places.
-    """
+    """Elements of surface of one scan in the map: places and normals (m, 3), which (m,) are of walls, their tree."""
 
     place: Floats
     normal: Floats
@@ -61,15 +52,7 @@ class Piece(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """How a piece lies on a sheet.
-
-    Attributes
-    ----------
-    motion : (4, 4) float64
-        Takes the piece to where the sheet has it.
-    overlap : float
-        Share of its elements of walls that then lie on the sheet.
-    """
+    """The motion (4, 4) that takes a piece to a sheet, and the share of its elements of walls that then lie on it."""
 
     motion: Floats
     overlap: float

@@ -2,28 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from prf.shell.errors import InputError, UsageError
+from prf.shell.errors import InputError
 
 
 class Parts(NamedTuple):
-    """A map parted by a straight strip.
+    """A map parted by a straight strip across x (axis 0) or y (1), which begins and ends there, world metres.
 
-    Attributes
-    ----------
-    train, test : PointCloud
-    axis : int
-        0 or 1: the strip lies across x or y.
-    strip : (float, float)
-        Where it begins and ends on that axis, world coordinates in metres.
-    n_dropped : int
-        Points in it, and points without coordinates.
+    `n_dropped` counts the points in it, and points without coordinates.
     """
 
     train: PointCloud
@@ -40,7 +31,7 @@ def split_by_place(cloud: PointCloud, share: float, buffer: float, axis: int | N
     ----------
     cloud : PointCloud
     share : float
-        Of the points outside the strip that go to the test part, about; the far end of the axis.
+        Of the points outside the strip that go to the test part, about: between 0 and 1, the far end of the axis.
     buffer : float
         Metres: width of the strip.
     axis : {0, 1}, optional
@@ -48,12 +39,9 @@ def split_by_place(cloud: PointCloud, share: float, buffer: float, axis: int | N
 
     Raises
     ------
-    UsageError
-        If share or buffer are outside their domains.
     InputError
         If a part would be empty.
     """
-    check_split(share, buffer)
     finite = cloud.finite()
     if not finite.any():
         raise InputError(f"{cloud.source or 'the map'}: no point to part.")
@@ -72,14 +60,6 @@ def split_by_place(cloud: PointCloud, share: float, buffer: float, axis: int | N
     strip = (begin + shift, begin + buffer + shift)
     n_dropped = len(cloud) - int(np.count_nonzero(is_train)) - int(np.count_nonzero(is_test))
     return Parts(cloud.take(is_train), cloud.take(is_test), across, strip, n_dropped)
-
-
-def check_split(share: float, buffer: float) -> None:
-    """Raise :class:`UsageError` for a share or a buffer outside its domain."""
-    if not 0.0 < share < 1.0:
-        raise UsageError(f"--split {share:g} is no share between 0 and 1.")
-    if not (math.isfinite(buffer) and buffer >= 0.0):
-        raise UsageError(f"buffer {buffer:g} is no length of 0 or more.")
 
 
 def _strip(sorted_place: NDArray[np.float64], share: float, buffer: float) -> float:

@@ -36,18 +36,10 @@ class Style(Enum):
 
 @dataclass(frozen=True)
 class Windows:
-    """The grid of windows of one building.
+    """The grid of windows of one building; lengths in metres.
 
-    Attributes
-    ----------
-    pitch, width : float
-        From window to window along the facade, and of one window, in metres.
-    storey, sill, height : float
-        Of a storey, of the parapet below the window, and of the window.
-    recess : float
-        How far the pane lies behind the facade.
-    style : Style
-        Of the storeys above the ground.
+    From window to window along the facade, and of one window; heights of a storey, of the parapet below the window and
+    of the window; how far the pane lies behind the facade; and the style of the storeys above the ground.
     """
 
     pitch: float
@@ -225,15 +217,7 @@ def add_building(
 ) -> tuple[int | None, int | None]:
     """Add a building behind its front line, and return the surfaces of its two blank side walls, None for an open one.
 
-    Parameters
-    ----------
-    builder : SceneBuilder
-    front : Line
-    depth, height : float
-        In metres.
-    open_sides : pair of bool
-        Whether the side at the line's start, and at its end, faces a street and has windows.
-    rng : Generator
+    The sides at the line's start and at its end are open if they face a street: these have windows.
     """
     windows = draw_windows(rng)
     back = front.shifted(depth)

@@ -56,16 +56,7 @@ class Report(NamedTuple):
 
 
 class Simulation(NamedTuple):
-    """A simulated map.
-
-    Attributes
-    ----------
-    cloud : PointCloud
-        Points in the order of time with the fields `truth`, `surface`, `kind`, `time`, `pass_id`, `disagreement`
-        and `look_alike`.
-    report : Report
-        What is in it.
-    """
+    """A simulated map: its points in the order of time, with the fields of docs/simulation.md, and its numbers."""
 
     cloud: PointCloud
     report: Report

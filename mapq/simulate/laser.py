@@ -49,14 +49,7 @@ map is the ground and the walls within arm's reach.
 
 
 class Beams(NamedTuple):
-    """Beams as they left the laser.
-
-    Attributes
-    ----------
-    time : (n,) float64
-        Seconds.
-    origins, directions : (n, 3) float64
-    """
+    """Beams as they left the laser: times (n,) in seconds, origins and unit directions (n, 3)."""
 
     time: Floats
     origins: Floats
@@ -64,20 +57,9 @@ class Beams(NamedTuple):
 
 
 class Returns(NamedTuple):
-    """What came back.
+    """Beams that came back: times (n,), origins (n, 3), places (n, 3) where they met the world and as measured.
 
-    Attributes
-    ----------
-    time : (n,) float64
-    origins : (n, 3) float64
-    hits : (n, 3) float64
-        Where the beam met the world.
-    measured : (n, 3) float64
-        Where the laser, with its noise, says that it did.
-    items : (n,) int32
-        Item of the scene.
-    mixed : (n,) bool
-        Ranges between the two sides of an edge.
+    `items` (n,) are those of the scene; `mixed` (n,) are ranges between the two sides of an edge.
     """
 
     time: Floats

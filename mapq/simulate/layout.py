@@ -23,22 +23,11 @@ PATHWAY = 8.0
 
 
 class Plan(NamedTuple):
-    """The lines of one block's streets, in its own frame: the street comes along +x, the block lies to the left.
+    """The lines of one block's streets, in its own frame: the street is along +x, the block lies to the left.
 
-    Attributes
-    ----------
-    corners : (4, 2) float64
-        Of the block, counter-clockwise from where the street arrives.
-    start, bend : (2,) float64
-        Where the street begins, and where it bends.
-    width : float
-        Of the streets.
-    depth : float
-        Of the buildings.
-    gardens : (4,) float64
-        Side of the garden at each corner of the block, 0 for none.
-    exit_length : float
-        Of the pathway.
+    Corners (4, 2) of the block, counter-clockwise from where the street arrives; begin and bend (2,) of the street;
+    width of the streets, depth of the buildings; side of the garden at each corner (4,), 0 for none; and the length of
+    the pathway.
     """
 
     corners: Floats

@@ -20,17 +20,9 @@ SMOOTH = 12.0
 
 
 class Trajectory(NamedTuple):
-    """Where the robot is.
+    """Where the robot is: at driven distances (n,) in metres the place (n, 2) and the heading (n,), without jumps.
 
-    Attributes
-    ----------
-    distance : (n,) float64
-        Driven so far, in metres.
-    xy : (n, 2) float64
-    heading : (n,) float64
-        Radians, without jumps of a turn.
-    pass_starts : (k,) float64
-        Driven distance at which each pass but the first begins.
+    `pass_starts` (k,) are the driven distances at which each pass but the first begins.
     """
 
     distance: Floats

@@ -111,16 +111,7 @@ def crossing(a: Floats, da: Floats, b: Floats, db: Floats) -> Floats:
 
 
 class Frame(NamedTuple):
-    """Where a block of the world stands: ``origin + R (x, side * y)``.
-
-    Attributes
-    ----------
-    origin : (2,) float64
-    heading : float
-        Radians.
-    side : float
-        1, or -1 for a mirrored block.
-    """
+    """Place of a block in the world: ``origin + R(heading) (x, side * y)``; side is 1, or -1 for a mirrored block."""
 
     origin: Floats
     heading: float
@@ -138,19 +129,14 @@ class Frame(NamedTuple):
 
 
 class World(NamedTuple):
-    """A scene, and what each of its items is.
+    """A scene, and what each of its items is; the last entry of `surface`, `thing` and `kind` is the ground.
 
     Attributes
     ----------
     scene : Scene
-    surface : (n_items + 1,) int32
-        True planar surface of each item, `NO_SURFACE` for none; the last entry is the ground.
-    thing : (n_items + 1,) int32
-        Which thing without planes an item belongs to, such as one tree; -1 for items of surfaces.
-    kind : (n_items + 1,) uint8
-        :class:`Kind`.
+    surface, thing, kind : (n_items + 1,) array
+        True planar surface or `NO_SURFACE`; thing without planes, such as one tree, or -1; :class:`Kind`.
     normal : (n_surfaces, 3) float64
-        Unit normal of each surface.
     partner : (n_surfaces,) int32
         The surface near which one looks like an error of the map if both are seen (a fence: itself); else
         `NO_SURFACE`.

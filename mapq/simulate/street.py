@@ -45,18 +45,10 @@ METRES_PER_CAR = 45.0
 
 
 class Row(NamedTuple):
-    """One row of buildings.
+    """One row of buildings of a depth in metres, on or behind a line.
 
-    Attributes
-    ----------
-    line : Line
-        The building line; facades stand on it or behind it.
-    depth : float
-        Of the buildings, in metres.
-    open_ends : pair of bool
-        Whether the row's first and last side wall face a street.
-    is_street : bool
-        Whether there is a pavement in front, with room for cars; else it is a pathway.
+    The first and the last side wall may face a street. In front is a street, with a pavement and room for cars, or a
+    pathway.
     """
 
     line: Line
@@ -230,18 +222,7 @@ def add_lamp(builder: SceneBuilder, xy: Floats, rng: np.random.Generator) -> Non
 def add_archway(
     builder: SceneBuilder, line: Line, depth: float, height: float, opening: tuple[float, float, float]
 ) -> None:
-    """Add a building across a pathway with an archway through it.
-
-    Parameters
-    ----------
-    builder : SceneBuilder
-    line : Line
-        The front, across the pathway.
-    depth, height : float
-        Of the building, in metres.
-    opening : (3,) float
-        Where the archway begins and ends along the front, and its clear height.
-    """
+    """Add a building across a pathway, with an archway: where it begins and ends along the front, its clear height."""
     first, last, clear = opening
     splay = 0.5
     across = (first, last - first + 1.0, last - first, last)

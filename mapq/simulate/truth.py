@@ -27,19 +27,10 @@ class Truth(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """Points with all that the rule needs.
+    """Points with all that the rule needs: where beams met the world (n, 3), and at what times (n,).
 
-    Attributes
-    ----------
-    hits : (n, 3) float64
-        Where the beams met the world.
-    moved : (n, 2) float64
-        By how much drift displaced each point, horizontally.
-    time : (n,) float64
-    surface, thing : (n,) int32
-        True planar surface, or else the thing without planes; both -1 for what moves and for mixed ranges.
-    normal : (n, 3) float64
-        Of the surface; anything for points without one.
+    `moved` (n, 2) is the horizontal displacement by drift. Each point is of a true planar surface (n,), whose normal
+    (n, 3) counts, or of a thing (n,) without planes; both are -1 for what moves and for mixed ranges.
     """
 
     hits: Floats

@@ -16,7 +16,7 @@ CITY = ("simulate", "--size", "city", "--n-points", 147_000, "--seed", 5)
 
 @pytest.fixture(scope="module")
 def city(tmp_path_factory) -> Path:
-    from mapq.simulate.city_tiles import write_city
+    from mapq.simulate.city import write_city
 
     folder = tmp_path_factory.mktemp("map") / "city"
     write_city(folder, 147_000, 5)

@@ -5,7 +5,7 @@ import pytest
 
 from mapq.cloud import PointCloud
 from mapq.perturb import split_by_place
-from prf.shell.errors import InputError, UsageError
+from prf.shell.errors import InputError
 
 
 def street(shift=0.0):
@@ -43,12 +43,6 @@ def test_the_axis_may_be_chosen_and_points_without_coordinates_go():
     parts = split_by_place(cloud, 0.5, 2.0, axis=1)
     assert parts.axis == 1
     assert 7 not in {*parts.train.fields["number"], *parts.test.fields["number"]}
-
-
-@pytest.mark.parametrize(("share", "buffer", "name"), [(0.0, 5.0, "split"), (1.2, 5.0, "split"), (0.3, -1.0, "buffer")])
-def test_values_outside_their_domains_are_refused(share, buffer, name):
-    with pytest.raises(UsageError, match=name):
-        split_by_place(street(), share, buffer)
 
 
 def test_a_buffer_as_wide_as_the_map_is_refused():

@@ -17,7 +17,7 @@ import pytest
 
 from mapq.io import read_cloud
 from mapq.model import Model
-from mapq.simulate.city_tiles import write_city
+from mapq.simulate.city import write_city
 from mapq.tiled.run import TileSettings, classify_map
 
 N_POINTS = 147_000

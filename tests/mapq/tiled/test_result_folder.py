@@ -18,8 +18,7 @@ from mapq.io.describe import describe
 from mapq.io.result_folder import open_result_folder, steps_of, thinned_by_patch
 from mapq.render.source import read_picture
 from mapq.report import read_findings, write_report
-from mapq.simulate.city import PITCH, make_block
-from mapq.simulate.city_tiles import ORIGIN
+from mapq.simulate.city import ORIGIN, PITCH, make_block
 from mapq.tiled.run import TileSettings, classify_map
 from prf.shell.errors import InputError, UsageError
 

@@ -14,8 +14,7 @@ from mapq.io import read_cloud, write_cloud
 from mapq.io.options import AS_IT_IS
 from mapq.model import Model
 from mapq.segmentation import SegmentSettings, segment
-from mapq.simulate.city import PITCH, SIDES, make_block
-from mapq.simulate.city_tiles import ORIGIN, plan_city, write_city
+from mapq.simulate.city import ORIGIN, PITCH, SIDES, make_block, plan_city, write_city
 from mapq.tiled.run import Job, TileSettings, classify_map, segment_map
 from mapq.tiled.source import open_map
 from prf.shell.work import work_folder

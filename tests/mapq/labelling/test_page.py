@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mapq.labelling.order import most_uncertain_first
+from mapq.labelling.page import most_uncertain_first
 
 
 def test_the_most_uncertain_first_of_equals_the_largest_and_labelled_ones_last():
