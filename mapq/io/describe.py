@@ -148,7 +148,10 @@ def _describe_folder(folder: ResultFolder) -> Description:
     n_patches, n_suspicious = patch_counts(folder.json, head)
     parts, n_points = [], np.zeros(n_patches + 1, np.int64)
     for piece in folder.pieces(folder.fields):
-        n_points += np.bincount(piece.fields[PATCH].astype(np.int64) + 1, minlength=n_patches + 1)
+        patch = piece.fields[PATCH].astype(np.int64)
+        if len(patch) and not -1 <= int(patch.min()) <= int(patch.max()) < n_patches:
+            raise InputError(f"{folder.json}: not the JSON of {folder.path}, which has other patches.")
+        n_points += np.bincount(patch + 1, minlength=n_patches + 1)
         parts.append(_cloud(piece, NAN))
     labels = {"plausible": n_patches - n_suspicious, "suspicious": n_suspicious}
     tiles = f"{len(folder.tiles)} tile{'' if len(folder.tiles) == 1 else 's'}"

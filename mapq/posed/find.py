@@ -80,6 +80,9 @@ def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> P
         raise UsageError("--scans chooses among the files of a folder, but files are given. Leave it out.")
     else:
         files = sorted(inputs, key=natural_key)
+    for path in files:
+        if not Path(path).is_file():
+            raise InputError(f"{path}: no such file.")
     kinds = {suffix_of(path) for path in files}
     if E57_SUFFIX in kinds:
         if settings.calibration is not None:

@@ -158,7 +158,7 @@ def test_results_of_earlier_releases_are_in_the_unit_of_their_file(tmp_path):
     np.testing.assert_allclose(told.cloud.xyz, draw_patches(1).cloud.xyz / 0.3048, rtol=1e-5)
     for unit in ("[1, 2]", "[1, 2, 0]", '"ft"', "[1, 2, NaN]"):
         (tmp_path / "ft.json").write_text(text.replace("[0.3048, 0.3048, 0.3048]", unit))
-        with pytest.raises(InputError, match="cloud_unit is no unit"):
+        with pytest.raises(InputError, match="ft.json: damaged"):
             read_findings(str(path))
 
 
