@@ -171,6 +171,7 @@ def test_twins_agree_when_edges_may_come_near_the_way(with_laser: bool, cell: fl
     assert differences(now) == []
 
 
+@pytest.mark.slow
 def test_no_edge_ever_comes_near_a_way_that_is_hard() -> None:
     settings = dataclasses.replace(world_settings(1), way=WAY, driven_radius=RADIUS)
     chain, rng, nearest = make_chain(settings, Coloring.empty(ROOM)), np.random.default_rng(4), 0
@@ -237,7 +238,7 @@ def test_twins_agree_whatever_the_cells(cell: float | None) -> None:
 
 
 @pytest.mark.parametrize("with_laser", [False, True], ids=["sonar", "laser and sonar"])
-@pytest.mark.parametrize("at_truth", [False, True], ids=["from white", "from the truth"])
+@pytest.mark.parametrize("at_truth", [pytest.param(False, marks=SLOW), True], ids=["from white", "from the truth"])
 def test_twins_agree_on_sonar(at_truth: bool, with_laser: bool) -> None:
     chain, n_accepted = follow(sonar_chain(11, at_truth, with_laser, 0.5), np.random.default_rng(11), 1500)
     assert n_accepted > 100
@@ -283,7 +284,7 @@ def test_twins_agree_on_sonar_on_borders_of_cells_and_beside_the_border_of_the_w
 PLACES = {"lattice": lattice(12, 0.0, 10.0), "scattered": np.random.default_rng(15).uniform(0.0, 10.0, (150, 2))}
 
 
-@pytest.mark.parametrize(("law", "places"), [(Normal(), "lattice"), (Flips(), "scattered")])
+@pytest.mark.parametrize(("law", "places"), [(Normal(), "lattice"), pytest.param(Flips(), "scattered", marks=SLOW)])
 def test_twins_agree_on_points(law: Normal | Flips, places: str) -> None:
     """Points alone, from the one colour that they prefer; then with the laser of the same world."""
     rng = np.random.default_rng(16)
@@ -344,7 +345,7 @@ def test_twins_agree_for_sensors_on_the_border_of_the_window(tmp_path: Path) -> 
     assert differences(chain) == structural_faults(chain) == []
 
 
-@pytest.mark.parametrize("wanted", [20, pytest.param(10**6, marks=pytest.mark.slow)], ids=["short", "long"])
+@pytest.mark.parametrize("wanted", [10, pytest.param(10**6, marks=pytest.mark.slow)], ids=["short", "long"])
 @pytest.mark.parametrize("is_driven", [False, True], ids=["", "on the way, too"])
 @pytest.mark.parametrize(
     "moves",

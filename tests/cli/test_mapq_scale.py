@@ -49,6 +49,7 @@ def test_cities_that_cannot_be_are_refused(capsys, tmp_path, monkeypatch, option
     assert (code, words in err, err.count("\n")) == (2, True, 1)
 
 
+@pytest.mark.slow
 def test_a_folder_gives_a_folder(capsys, city):
     code, out, _ = call(capsys, "classify", city, "--fail-over", "1%", "--json")
     assert code == 1

@@ -79,6 +79,7 @@ def test_a_run_on_points_alone_finds_the_square_and_records_its_input(bits_run: 
     assert run.image.occupancy[2, 2] < 0.05
 
 
+@pytest.mark.slow
 def test_resuming_gives_what_an_uninterrupted_run_gives(bits_run: Path, files: dict[str, str], tmp_path: Path) -> None:
     folder = str(tmp_path / "bits")
     args = ("--point-data", files["bits"], *QUICK, "--seed", "5", "-o", folder, "--threads", "1")

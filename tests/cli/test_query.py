@@ -91,6 +91,7 @@ def test_path(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> No
     assert float(shown["p_free"]) == answer["p_free"]
 
 
+@pytest.mark.slow
 def test_few_effective_draws_are_warned_of(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     (tmp_path / "points.csv").write_text("1,2\n3,4\n")
     assert ask(folder, "--points", tmp_path / "points.csv") == 0

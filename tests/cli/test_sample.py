@@ -81,8 +81,12 @@ def test_resuming_gives_what_an_uninterrupted_run_gives(log: Path, office: Path,
 
 @pytest.mark.parametrize(
     "options",
-    [TEMPERATURES, (*TEMPERATURES, "--set", f"{LOWEST}=0", "--set", "sampler.start=prior")],
-    ids=["reach", "prior"],
+    [
+        pytest.param(TEMPERATURES, id="reach"),
+        pytest.param(
+            (*TEMPERATURES, "--set", f"{LOWEST}=0", "--set", "sampler.start=prior"), id="prior", marks=pytest.mark.slow
+        ),
+    ],
 )
 def test_resuming_tempered_chains_gives_what_an_uninterrupted_run_gives(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...]
@@ -262,7 +266,9 @@ def test_a_table_without_returns_leaves_free_space(tmp_path: Path) -> None:
     assert run("--laser", str(table), "-o", str(tmp_path / "none")) == 3
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), pytest.param(signal.SIGTERM, 143, marks=pytest.mark.slow)]
+)
 def test_a_signal_leaves_a_run_that_can_be_resumed(
     log: Path, tmp_path: Path, number: signal.Signals, code: int
 ) -> None:

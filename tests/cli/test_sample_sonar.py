@@ -73,6 +73,7 @@ def test_a_run_with_both_sensors_keeps_its_readings(both: Path, logs: tuple[str,
     assert run.functionals["log_likelihood"].std() > 0.0
 
 
+@pytest.mark.slow
 def test_resuming_with_sonar_gives_what_an_uninterrupted_run_gives(
     logs: tuple[str, str], both: Path, tmp_path: Path
 ) -> None:

@@ -60,6 +60,7 @@ def test_what_was_left_out_is_reported_and_recorded(
     assert run.manifest["n_beams_thinned"] == told["n_beams_thinned"]
 
 
+@pytest.mark.slow
 def test_resuming_repeats_a_thinned_run(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     whole, halved = tmp_path / "whole", tmp_path / "halved"
     for folder, steps in ((whole, 40_000), (halved, 20_000)):

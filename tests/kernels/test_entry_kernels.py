@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 TOOLS = ("prf", "mapq")
 PACKAGES = tuple(f"{tool}.kernels" for tool in TOOLS)
 

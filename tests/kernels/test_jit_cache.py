@@ -71,6 +71,7 @@ def test_an_edited_callee_never_runs_stale_code(kernels: Path) -> None:
     assert call(kernels)[:2] == (11.0, 1), "going back finds the older cache again"
 
 
+@pytest.mark.slow
 def test_bounds_checks_have_a_cache_of_their_own(kernels: Path) -> None:
     plain = call(kernels)[2]
     assert call(kernels, NUMBA_BOUNDSCHECK="1")[1:] != (1, plain)
@@ -89,6 +90,7 @@ def test_an_unwritable_cache_folder_falls_back_to_one_that_works(kernels: Path, 
     assert not list(kernels.rglob("*.nbi")), "the kernel folder itself never holds machine code"
 
 
+@pytest.mark.slow
 def test_a_temporary_folder_that_others_may_write_is_not_trusted(kernels: Path, tmp_path: Path) -> None:
     private = tmp_path / "tmp"
     open_to_all = private / f"prf-kernels-{os.getuid()}"

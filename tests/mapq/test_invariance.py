@@ -112,6 +112,7 @@ def test_a_cloud_in_the_axes_of_its_file_would_differ_when_turned(cloud, known, 
     assert not np.array_equal(other.patch, known.patches.patch)
 
 
+@pytest.mark.slow
 def test_a_map_with_passes_and_sensors_is_the_same_turned_and_shifted():
     """What lies over a patch is found by cells of space, and from which side it was seen."""
     cloud = simulate(Settings(**SIZES["small"]), 3)

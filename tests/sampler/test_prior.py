@@ -41,6 +41,7 @@ def test_the_spacing_grows_with_the_edges_to_be_expected() -> None:
     assert BURN_IN_DRAWS >= 20
 
 
+@pytest.mark.slow
 def test_the_white_start_is_forgotten() -> None:
     """The very first draw of many seeds: half of the centres are black, and edges are as many as the law says."""
     first = Draws.concatenate([mcmc_draws(1.0, UNIT, 1, seed=seed)[0] for seed in range(60)])

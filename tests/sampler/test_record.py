@@ -158,7 +158,7 @@ def rasterised(coloring: Coloring, centres: np.ndarray, half: float) -> tuple[np
     return black, black | shapely.intersects(squares, edges)
 
 
-@pytest.mark.parametrize("n_blocks", [1, 5, 9])
+@pytest.mark.parametrize("n_blocks", [1, 5, pytest.param(9, marks=pytest.mark.slow)])
 def test_the_image_is_the_average_over_every_step(world: World, monkeypatch: pytest.MonkeyPatch, n_blocks: int) -> None:
     shrink(monkeypatch, 40, 100)
     settings = Settings(ROOM, 0.2, world.data, 0.5)

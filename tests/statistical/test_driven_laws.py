@@ -70,7 +70,7 @@ def tiled_chains(n_draws: int, cost: float = np.inf) -> list[Draws]:
 
 
 def test_tiles_leave_the_way_free() -> None:
-    for draws in tiled_chains(60):
+    for draws in tiled_chains(30):
         assert (obstacles(driven.SETTINGS, draws) == 0).all()
 
 

@@ -84,7 +84,10 @@ def prior_scores(n_draws: int, batch: int, hook: Hook = look_away) -> LawScores:
     return law_scores(Draws.concatenate(chains), 1.0, UNIT, chain_ids=ids, batch=batch)
 
 
-@pytest.mark.parametrize(("n_draws", "batch"), [(1500, 30), pytest.param(15_000, 150, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("n_draws", "batch"),
+    [(500, 20), *(pytest.param(*size, marks=pytest.mark.slow) for size in [(1500, 30), (15_000, 150)])],
+)
 def test_the_prior_keeps_its_laws(n_draws: int, batch: int) -> None:
     scores = prior_scores(n_draws, batch)
     assert not scores.beyond(4.5), scores.worst()

@@ -101,6 +101,7 @@ def test_the_chain_has_the_means_of_weighted_exact_draws(name: str) -> None:
     assert np.abs(z).max() < LIMIT, z
 
 
+@pytest.mark.slow
 def test_points_counted_twice_are_caught() -> None:
     z = z_scores("some walls, gaussian", 2, 1_000_000)
     assert np.abs(z).max() > 2.0 * LIMIT, z

@@ -28,6 +28,7 @@ def half_shifted(world: ScannedWorld, by: tuple[float, float, float]) -> PointCl
     return labelled(world, used, "half shifted")
 
 
+@pytest.mark.slow
 def test_the_same_seed_makes_the_same_maps_and_another_one_does_not() -> None:
     one, again, other = (next(training_clouds(seed, "office")) for seed in (5, 5, 6))
     np.testing.assert_array_equal(one.xyz, again.xyz)
@@ -35,11 +36,8 @@ def test_the_same_seed_makes_the_same_maps_and_another_one_does_not() -> None:
     assert one.xyz.shape != other.xyz.shape
 
 
-QUICK = ("street",)
-KINDS = [kind if kind in QUICK else pytest.param(kind, marks=pytest.mark.slow) for kind in SITES]
-
-
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", SITES)
 def test_right_maps_have_nothing_suspicious(kind: str) -> None:
     right, wrong = training_clouds(11, kind)
     assert set(right.fields) == set(wrong.fields) == FIELDS

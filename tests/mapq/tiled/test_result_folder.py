@@ -41,6 +41,7 @@ def results(tmp_path_factory, model) -> tuple[str, str]:
     return targets
 
 
+@pytest.mark.slow
 def test_scores_are_those_of_one_cloud(results, monkeypatch):
     monkeypatch.setattr("mapq.io.las.PIECE", 10_000)
     mine, theirs = (read_labelled(path, None, None) for path in results)

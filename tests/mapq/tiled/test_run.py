@@ -95,7 +95,7 @@ def test_tiles_keep_their_names_points_and_fields(town, four):
     assert not list(town.parent.glob(".*.work"))
 
 
-@pytest.mark.parametrize("name", ["joined.laz", "joined.ply"])
+@pytest.mark.parametrize("name", [pytest.param("joined.laz", marks=pytest.mark.slow), "joined.ply"])
 def test_several_files_become_one_cloud(town, model, four, name):
     target = town.parent / name
     settings = TileSettings(N_POINTS // 4)
@@ -140,6 +140,7 @@ def test_sides_that_were_seen_once_are_plausible():
     assert not all(block.truth[block.surface >= 0].all() for block in blocks)
 
 
+@pytest.mark.slow
 def test_the_ground_spans_tiles_and_large_patches_are_thinned(town, model, monkeypatch):
     """With all tilts kept, in nine tiles, and no more than 20 000 points of a patch looked at."""
     found = []

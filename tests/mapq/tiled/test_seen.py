@@ -81,7 +81,16 @@ def assert_alike(found: Result, plain: Result) -> None:
     assert np.mean(found.labelling.label[mine] != plain.labelling.label[theirs]) < 0.01
 
 
-@pytest.mark.parametrize("missing", [(), ("scan",), ("scan", "time"), ("scan", "time", "pass_id")])
+@pytest.mark.parametrize(
+    "missing",
+    [
+        (),
+        *(
+            pytest.param(names, marks=pytest.mark.slow)
+            for names in (("scan",), ("scan", "time"), ("scan", "time", "pass_id"))
+        ),
+    ],
+)
 def test_tiles_have_the_features_of_the_map_in_memory(drive, model, missing):
     """Moments are scans, times, or passes, or not known."""
     path = without(drive, missing) if missing else drive
@@ -92,6 +101,7 @@ def test_tiles_have_the_features_of_the_map_in_memory(drive, model, missing):
         assert np.count_nonzero(np.isfinite(column) & (column > 0.0)) > 10, name
 
 
+@pytest.mark.slow
 def test_a_map_turned_by_a_quarter_has_the_same_features_in_tiles(drive, model):
     path = str(Path(drive).with_name("turned.ply"))
     write_cloud(path, turn_cloud(read_cloud(drive), 1))
@@ -108,7 +118,7 @@ def test_a_map_turned_by_a_quarter_has_the_same_features_in_tiles(drive, model):
         np.testing.assert_array_equal(np.sort(corners, axis=0), [one.low, one.high])
 
 
-@pytest.mark.parametrize("missing", [("scan", "time"), ("to_sensor_x",)])
+@pytest.mark.parametrize("missing", [("scan", "time"), pytest.param(("to_sensor_x",), marks=pytest.mark.slow)])
 def test_tiles_have_the_causes_of_the_map_in_memory(drive, model, missing):
     """Where one range of points is all of the map, and a patch is suspicious in both, they are nearly the same."""
     path = without(drive, missing)
