@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from benchmarks import commands
 from benchmarks.commands import made
 from prf.coloring import black_at_draws
-from prf.diagnostics import diagnose
+from prf.convergence import diagnose
 from prf.layout import image_grid, pixel_centres
 from prf.run import Run, read_run
 

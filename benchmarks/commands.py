@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from prf.diagnostics import diagnose
+from prf.convergence import diagnose
 from prf.run import names, read_run
 from prf.shell.jsonout import jsonable
 

@@ -32,7 +32,7 @@ from prf.kernels.chain import Chain
 from prf.layout import make_sites, read_coloring
 from prf.logs import Readings, read_readings, thin
 from prf.posterior import Settings, make_chain
-from prf.sampler.config import prepare
+from prf.sampler.prepare import prepare
 
 LOG = "freiburg-079"
 HELD_OUT = "50::100"

@@ -15,7 +15,7 @@ import numpy as np
 from prf.configuration import Configuration
 from prf.logs import read_readings
 from prf.sampler.chains import Sampler
-from prf.sampler.config import prepare
+from prf.sampler.prepare import prepare
 from prf.shell.seeds import spawn_generators
 
 THREADS = 2

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 import prf
-from prf.estimate import occupied_in_draws, path_free_in_draws
-from prf.uncertainty import by_chain, estimates, smallest_ess
+from prf.estimate import by_chain, estimates, occupied_in_draws, path_free_in_draws, smallest_ess
 from prf.window import Window
 
 RADIUS = 0.25

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from benchmarks import panels
 from prf.coloring import Draws, black_at_draws
-from prf.diagnostics import Diagnosis, converged
+from prf.convergence import Diagnosis, verdict
 from prf.layout import image_grid, pixel_centres
 from prf.logs import Readings
 from prf.posterior import LaserData, Settings
@@ -165,9 +165,9 @@ def sampled(temperatures: int, steps: int, seed: int, chains: int = CHAINS) -> R
 
 def agreement(diagnoses: dict[str, Diagnosis]) -> dict[str, Any]:
     """Return the verdict of `prf sample`, and the largest R-hat of what it watches."""
-    verdict = converged(diagnoses)
-    worst = max(found.rhat for found in diagnoses.values() if not np.isnan(found.rhat))
-    return {"converged": verdict.converged, "reason": verdict.reason, "rhat": worst}
+    found = verdict(diagnoses)
+    worst = max(each.rhat for each in diagnoses.values() if not np.isnan(each.rhat))
+    return {"converged": found.converged, "reason": found.reason, "rhat": worst}
 
 
 def shares(sample: Sample) -> dict[str, Any]:

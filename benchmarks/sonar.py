@@ -37,10 +37,9 @@ from prf.kernels.step import choose_move, propose
 from prf.logs import read_readings
 from prf.posterior import Settings
 from prf.run import read_run
-from prf.sampler.config import prepare
-from prf.sampler.driver import StopRule
-from prf.sampler.driver import run as drive
-from prf.sampler.session import read_prepared, start
+from prf.sampler.driver import StopRule, drive
+from prf.sampler.prepare import prepare, read_prepared
+from prf.sampler.session import Session
 from prf.sampler.starts import find_first_map
 
 READINGS = 29_120
@@ -127,11 +126,10 @@ def compared(chain: Chain, seed: int) -> tuple[list[float], float]:
 
 def sampled(log: Path, folder: Path, seconds: float, seed: int, threads: int) -> dict[str, Any]:
     """Sample until the stop rule is met, or for `seconds`; return how it ended."""
-    sampler, output = start(
-        [str(log)], read_prepared(None, Configuration.of(), str(log)), folder, seed, threads or os.cpu_count() or 1
-    )
-    with sampler:
-        run = drive(sampler, StopRule(limit=seconds), output, lambda progress: None, lambda: False)
+    prepared = read_prepared(None, Configuration.of(), str(log))
+    session = Session.start([str(log)], prepared, folder, seed, threads or os.cpu_count() or 1)
+    with session.sampler:
+        run = drive(session, StopRule(limit=seconds), lambda _: None, lambda: False)
     end = run.progress
     assert run.diagnostics is not None
     assert end is not None

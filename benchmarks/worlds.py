@@ -20,7 +20,7 @@ from prf.kernels.step import run
 from prf.layout import grow
 from prf.logs import read_readings, thin
 from prf.posterior import Settings, make_chain
-from prf.sampler.config import prepare
+from prf.sampler.prepare import prepare
 from prf.window import Window
 
 ROOT = Path(__file__).resolve().parents[1]

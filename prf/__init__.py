@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from prf.api.sampling import Snapshot, resume, sample
+    from prf.api.sampling import resume, sample
     from prf.api.science import Prior, read_readings
     from prf.logs import PointTable, Readings
     from prf.logs.arrays import laser, points, sonar
     from prf.run import Run, read_run
+    from prf.sampler.session import Session
     from prf.sensors.laser import LaserModel
     from prf.sensors.points import PointModel
     from prf.sensors.sonar import SonarModel
@@ -28,7 +29,7 @@ __all__ = [
     "Prior",
     "Readings",
     "Run",
-    "Snapshot",
+    "Session",
     "SonarModel",
     "laser",
     "points",
@@ -40,11 +41,12 @@ __all__ = [
 ]
 
 _HOMES = {
-    "prf.api.sampling": ("Snapshot", "resume", "sample"),
+    "prf.api.sampling": ("resume", "sample"),
     "prf.api.science": ("Prior", "read_readings"),
     "prf.logs": ("PointTable", "Readings"),
     "prf.logs.arrays": ("laser", "points", "sonar"),
     "prf.run": ("Run", "read_run"),
+    "prf.sampler.session": ("Session",),
     "prf.sensors.laser": ("LaserModel",),
     "prf.sensors.points": ("PointModel",),
     "prf.sensors.sonar": ("SonarModel",),

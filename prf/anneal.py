@@ -8,24 +8,24 @@ temperature T the chain samples exp(that / T) times these factors, at T = 1 the 
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from prf.coloring import Coloring
+from prf.configuration import Start
 from prf.kernels import constants as c
+from prf.kernels.chain import Chain
 from prf.layout import read_coloring
 from prf.posterior import Settings
 from prf.sampler.chain import ChainSampler
-from prf.sampler.driver import START_SHARE
-from prf.sampler.targets import aim, is_due
+from prf.sampler.chains import Sampler
+from prf.sampler.driver import StopRule, rounds
+from prf.sampler.record import Record
 from prf.shell.errors import ConfigError
 
-ROUND = 2000
-"""Steps between two looks at the map and at the temperature."""
 FROZEN = 1e12
 """Inverse temperature at which no step that loses anything is taken, whatever its proposal ratio."""
 
@@ -54,106 +54,80 @@ class Schedule:
 
 
 class Annealed(NamedTuple):
-    """The best map found."""
+    """The best map that any chain saw so far."""
 
     best: Coloring
-    score: float  # of the best map: |E| log p - 2 p length + log likelihood, in nats
-    by_chain: tuple[float, ...]  # the best of each chain: their spread shows how certain the best one is
+    by_chain: tuple[float, ...]  # the best score of each chain: their spread shows how certain the best one is
     steps: int  # of each chain
-    is_complete: bool  # whether the schedule was completed
-
-
-class Moment(NamedTuple):
-    """The chains on their way down, after a round."""
-
-    share: float  # of the work that is done
+    share: float  # of the schedule that is done
     temperature: float
-    step: int  # of each chain
-    seconds: float
-    best: Coloring  # the best map that any chain saw
-    by_chain: tuple[float, ...]  # the best score of each chain
+
+    @property
+    def score(self) -> float:
+        """|E| log p - 2 p length + log likelihood of the best map, in nats."""
+        return max(self.by_chain)
 
 
-class Goal(NamedTuple):
-    """When the schedule ends: after `steps` a chain, or after `seconds`."""
+class BestMap(Record):
+    """The map of highest score among the states of a chain at times to record; no draws are kept."""
 
-    steps: int | None = None
-    seconds: float | None = None
+    def __init__(self, scale: float) -> None:
+        super().__init__(np.zeros(0, np.int64))
+        self.scale = scale
+        self.score = -np.inf
 
-    def share(self, step: int, seconds: float) -> float:
-        """Return the share that is done."""
-        done = step / self.steps if self.steps is not None else seconds / max(self.seconds or 0.0, 1e-9)
-        return min(1.0, done)
+    def take(self, chain: Chain) -> None:
+        """Keep the present map if it is the best."""
+        graph, scale = chain.graph, self.scale
+        prior = graph.counts[c.EDGES] * np.log(scale) - 2.0 * scale * graph.sums[c.TOTAL_LENGTH]
+        score = float(prior + graph.sums[c.LOG_LIKELIHOOD])
+        if score > self.score:
+            self.map, self.score = read_coloring(graph), score
 
 
-class _Cooling:
-    """One chain on its way down, with the best map that it saw."""
+class CoolingChain(ChainSampler):
+    """A chain on its way down, whose temperature the driver's rounds set."""
 
-    def __init__(self, settings: Settings, rng: np.random.Generator) -> None:
-        self.sampler = ChainSampler(settings, rng, np.zeros(0, np.int64), refreshes=False)
-        self.best = self._map()
-        self.score = self._score()
+    REFRESHES = False
+    record: BestMap
+
+    def make_record(self, probes: NDArray[np.int64]) -> BestMap:
+        """Return a record of the best map alone."""
+        return BestMap(self.settings.scale)
 
     def find_start(self, stop_requested: Callable[[], bool]) -> None:
-        """Begin where a chain on a share of the readings leads."""
-        self.sampler.find_start(stop_requested)
-        self.best, self.score = self._map(), self._score()
-
-    def advance(self, beta: float) -> None:
-        """Run some rounds at one temperature."""
-        self.sampler.chain.density[c.INVERSE_TEMPERATURE] = beta
-        end = self.sampler.step + self.sampler.block
-        while self.sampler.step < end:
-            self.sampler.run_to(min(end, self.sampler.step + ROUND))
-            now = self._score()
-            if now > self.score:
-                self.best, self.score = self._map(), now
-        self.sampler.settle()
-
-    def _map(self) -> Coloring:
-        return read_coloring(self.sampler.chain.graph)
-
-    def _score(self) -> float:
-        graph, scale = self.sampler.chain.graph, self.sampler.settings.scale
-        prior = graph.counts[c.EDGES] * np.log(scale) - 2.0 * scale * graph.sums[c.TOTAL_LENGTH]
-        return float(prior + graph.sums[c.LOG_LIKELIHOOD])
+        """Before the first step: take the map that the chain starts from, the first to keep."""
+        super().find_start(stop_requested)
+        self.record.take(self.chain)
 
 
 def anneal(
     settings: Settings,
     generators: list[np.random.Generator],
-    goal: Goal,
+    rule: StopRule,
     schedule: Schedule | None = None,
     threads: int = 1,
-    on_progress: Callable[[Moment], None] | None = None,
-    stop_requested: Callable[[], bool] | None = None,
+    starts_from: Start = "empty",
+    on_progress: Callable[[Annealed], None] = lambda _: None,
+    stop_requested: Callable[[], bool] = lambda: False,
 ) -> Annealed:
-    """Cool one chain a generator and return the best map."""
+    """Cool one chain a generator for the steps or the time of `rule`, and return the best map."""
     schedule = schedule or Schedule()
-    plain = dataclasses.replace(settings, resolution=None)
-    chains = [_Cooling(plain, rng) for rng in generators]
-    start, share, rounds = time.monotonic(), 0.0, 0
-
-    def is_late() -> bool:
-        late = goal.steps is None and time.monotonic() - start > START_SHARE * (goal.seconds or 0.0)
-        return late or (stop_requested is not None and stop_requested())
-
-    with ThreadPoolExecutor(max(1, min(threads, len(chains)))) as pool:
-        for future in [pool.submit(chain.find_start, is_late) for chain in chains]:
-            future.result()
-        while share < 1.0 and not (stop_requested is not None and stop_requested()):
+    plain = dataclasses.replace(settings, resolution=None, seen=None, tiles=0)
+    with Sampler(plain, generators, threads, starts_from=starts_from, kind=CoolingChain) as sampler:
+        share, beta = 0.0, schedule.inverse_temperature(0.0)
+        for progress in rounds(sampler, rule, stop_requested):
+            share = progress.share
+            on_progress(_best_so_far(sampler, share, beta))
+            if stop_requested():
+                break
             beta = schedule.inverse_temperature(share)
-            for future in [pool.submit(chain.advance, beta) for chain in chains]:
-                future.result()
-            rounds += 1
-            if is_due(rounds - 1, rounds):
-                aim([chain.sampler.chain for chain in chains], [chain.sampler.doubts for chain in chains])
-            seconds = time.monotonic() - start
-            share = goal.share(chains[0].sampler.step, seconds)
-            if on_progress is not None:
-                best = max(chains, key=lambda chain: chain.score).best
-                scores = tuple(chain.score for chain in chains)
-                on_progress(Moment(share, 1.0 / beta, chains[0].sampler.step, seconds, best, scores))
-    winner = max(chains, key=lambda chain: chain.score)
-    by_chain = tuple(chain.score for chain in chains)
-    return Annealed(winner.best, winner.score, by_chain, chains[0].sampler.step, share >= 1.0)
+            for chain in sampler.chains:
+                chain.chain.density[c.INVERSE_TEMPERATURE] = beta
+    return _best_so_far(sampler, share, beta)
+
+
+def _best_so_far(sampler: Sampler, share: float, beta: float) -> Annealed:
+    records = [chain.record for chain in sampler.chains if isinstance(chain, CoolingChain)]
+    best = max(records, key=lambda record: record.score)
+    return Annealed(best.map, tuple(record.score for record in records), sampler.step, share, 1.0 / beta)

@@ -1,35 +1,64 @@
-"""Probabilities from draws: how probably a point or a square is occupied, and a path free.
+"""Probabilities from draws: how probably a point or a square is occupied, and a path free, and how far that is known.
 
-Every estimate is a share of draws, so it is exact for the draws and its error is that of the chain, which
-:mod:`prf.uncertainty` bounds. A path is judged on whole maps: the answer is the probability that all of it is free at
-once, which no image of cells can give.
+Every estimate is a share of draws, so it is exact for the draws, and its error is that of the chain; bounds for it are
+derived and their coverage is measured in docs/convergence.md. A path is judged on whole maps: the answer is the
+probability that all of it is free at once, which no image of cells can give.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import special
 
 from prf.coloring import Draws, black_at_draws
+from prf.convergence import FEWEST_DRAWS, effective_size, pieces, split_rhat
 from prf.kernels import query
 from prf.shell.errors import InputError, UsageError
-from prf.uncertainty import Estimates, by_chain, estimates
 
 MOST_COLOURS = 64_000_000
 """Points are answered in batches of at most this many colours (bytes), one a draw and point."""
+LEVEL = 0.95
+PIECES = 8
+"""Chains are cut into halves, fewer chains into so many pieces in all, whose means are compared."""
+DRAWS_PER_DEGREE = 20.0
+"""A long run has a degree of freedom for so many effective draws, if that is more than the pieces give."""
+FEWEST_OF_A_COLOUR = 3.0
+"""Effective draws of a colour below which that colour may as well have no probability at all."""
+MOST_VALUES = 1_000_000
+"""Values, draws times quantities, whose autocorrelation is computed at once (80 bytes each)."""
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 
-class PathEstimate(NamedTuple):
-    """Share of draws in which a path is free, and the number of draws."""
+class Estimates(NamedTuple):
+    """Probabilities, and how far they are known: their Monte Carlo error alone. One a quantity.
 
-    p_free: float
-    n_draws: int
+    Attributes
+    ----------
+    probability : (n,) float64
+        Share of draws.
+    low, high : (n,) float64
+        The probability that endless chains would give lies between them at 95 %.
+    ess : (n,) float64
+        Effective sample size in draws; of draws that are all equal, the smallest of the run. nan: not known.
+    rhat : (n,) float64
+        Split R-hat; 1 where all draws are equal, inf where each half chain is constant at its own value. nan: not
+        known.
+    """
+
+    probability: Floats
+    low: Floats
+    high: Floats
+    ess: Floats
+    rhat: Floats
 
 
-def occupied_probability(draws: Draws, xy: ArrayLike, square: float = 0.0) -> NDArray[np.float64]:
+def occupied_probability(draws: Draws, xy: ArrayLike, square: float = 0.0) -> Floats:
     """Return the share of draws in which each point, or the square round it, is occupied; `xy` (n_points, 2)."""
     points = _points(xy)
     probability = np.full(len(points), np.nan)
@@ -50,7 +79,7 @@ def occupied_estimates(
     return found
 
 
-def occupied_in_draws(draws: Draws, xy: ArrayLike, square: float = 0.0) -> NDArray[np.bool_]:
+def occupied_in_draws(draws: Draws, xy: ArrayLike, square: float = 0.0) -> Bools:
     """Return for each draw whether each point (square > 0: any part of the square round it) is black.
 
     `xy` (n_points, 2).
@@ -67,11 +96,10 @@ def occupied_in_draws(draws: Draws, xy: ArrayLike, square: float = 0.0) -> NDArr
     return black
 
 
-def path_free(draws: Draws, path_xy: ArrayLike, radius: float) -> PathEstimate:
-    """Return the share of draws in which a disc can follow the whole path; `path_xy` (n_points, 2)."""
+def path_free(draws: Draws, path_xy: ArrayLike, radius: float) -> float:
+    """Return the share of draws in which a disc can follow a whole path (n_points, 2); nan if it leaves the window."""
     path = _path_inside(draws, path_xy, radius)
-    free = np.nan if path is None else path_free_in_draws(draws, path, radius).mean()
-    return PathEstimate(float(free), len(draws))
+    return float("nan") if path is None else float(path_free_in_draws(draws, path, radius).mean())
 
 
 def path_estimates(
@@ -88,7 +116,7 @@ def path_estimates(
     return found
 
 
-def path_free_in_draws(draws: Draws, path_xy: ArrayLike, radius: float) -> NDArray[np.bool_]:
+def path_free_in_draws(draws: Draws, path_xy: ArrayLike, radius: float) -> Bools:
     """Return for each draw whether a disc can follow the path: its start is white and every edge beyond `radius`.
 
     Without an edge in reach the disc keeps the colour of its start, so these two conditions are enough. The window
@@ -97,16 +125,14 @@ def path_free_in_draws(draws: Draws, path_xy: ArrayLike, radius: float) -> NDArr
     `path_xy` (n_points, 2).
     """
     path = _points(path_xy)
-    pieces = np.vstack((path, path)) if len(path) == 1 else path
+    corners = np.vstack((path, path)) if len(path) == 1 else path
     clear = np.empty(len(draws), dtype=np.bool_)
     ragged = (draws.vertex_offsets, draws.xy, draws.edge_offsets, draws.edges)
-    query.draws_clear_path(np.ascontiguousarray(pieces), float(radius), *ragged, clear)
+    query.draws_clear_path(np.ascontiguousarray(corners), float(radius), *ragged, clear)
     return clear & ~black_at_draws(draws, path[:1])[:, 0]
 
 
-def _occupied_batches(
-    draws: Draws, points: NDArray[np.float64], square: float
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
+def _occupied_batches(draws: Draws, points: Floats, square: float) -> Iterator[tuple[NDArray[np.int64], Bools]]:
     """Yield the numbers of some points inside the window, and their (n_draws, n_chosen) colours."""
     _require_draws(draws)
     if not 0.0 <= square < np.inf:
@@ -118,7 +144,7 @@ def _occupied_batches(
         yield chosen, occupied_in_draws(draws, points[chosen], square)
 
 
-def _path_inside(draws: Draws, path_xy: ArrayLike, radius: float) -> NDArray[np.float64] | None:
+def _path_inside(draws: Draws, path_xy: ArrayLike, radius: float) -> Floats | None:
     """Return the corners of a path, or None if a part of it lies outside the window."""
     path = _points(path_xy)
     _require_draws(draws)
@@ -133,11 +159,84 @@ def _unknown(n: int) -> Estimates:
     return Estimates(*(np.full(n, np.nan) for _ in Estimates._fields))
 
 
-def _points(xy: ArrayLike) -> NDArray[np.float64]:
+def _points(xy: ArrayLike) -> Floats:
     """Return `xy` as (n, 2) float64; an empty list is no point."""
     return np.asarray(xy, dtype=np.float64).reshape(-1, 2)
 
 
 def _require_draws(draws: Draws) -> None:
     if len(draws) == 0:
-        raise InputError("no draws yet: nothing can be estimated. Go on with prf sample --resume.")
+        raise InputError("no draws yet: nothing can be estimated. Resume with prf sample --resume.")
+
+
+def by_chain(values: NDArray[Any], chain: NDArray[np.int32]) -> NDArray[Any]:
+    """Return the rows of `values` (n, ...) as (n_chains, n_draws, ...), each chain's in their order.
+
+    The oldest draws are left out of a chain that has more than another.
+    """
+    kept = [np.flatnonzero(chain == one) for one in np.unique(chain)]
+    n_draws = min((len(rows) for rows in kept), default=0)
+    rows = np.array([rows[len(rows) - n_draws :] for rows in kept], np.int64).reshape(len(kept), n_draws)
+    return values[rows]
+
+
+def estimates(black: NDArray[np.bool_], smallest_ess: float) -> Estimates:
+    """Return the probability of each quantity with bounds at 95 %; `black` (n_chains, n_draws, n)."""
+    n_chains, n_draws, n = black.shape
+    if n_draws < FEWEST_DRAWS:
+        unknown = np.full(n, np.nan)
+        return Estimates(black.mean(axis=(0, 1)), np.zeros(n), np.ones(n), unknown, unknown)
+    batch = max(1, MOST_VALUES // (n_chains * n_draws))
+    starts = range(0, max(n, 1), batch)
+    parts = [_batch(black[:, :, start : start + batch], smallest_ess) for start in starts]
+    return Estimates(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def smallest_ess(colours: NDArray[np.bool_], functionals: Floats) -> float:
+    """Return the effective sample size that draws which are all equal count for: the smallest of a run.
+
+    `colours` (n_chains, n_draws, n_probes), `functionals` (n_chains, n_draws, n_functionals).
+    """
+    n_chains, n_draws, _ = functionals.shape
+    if n_draws < FEWEST_DRAWS:
+        return float(n_chains)
+    for values in (colours, functionals):
+        sizes = effective_size(values)
+        if not np.isnan(sizes).all():
+            return max(float(np.nanmin(sizes)), float(n_chains))
+    return float(n_chains)
+
+
+def _batch(black: Bools, smallest_ess: float) -> Estimates:
+    n_chains, n_draws, _ = black.shape
+    share = black.mean(axis=(0, 1))
+    spread = share * (1.0 - share)
+    ess = effective_size(black)
+    parts = pieces(black, max(2, -(-PIECES // n_chains)))
+    variance = np.fmax(spread / ess, _variance_of_mean(parts))
+    if n_chains > 1:
+        variance = np.maximum(variance, _variance_of_mean(black))
+    with np.errstate(invalid="ignore"):
+        size = np.clip(np.where(spread > 0.0, spread / variance, 1.0), 1.0, n_chains * n_draws)
+    low, high = _wilson(share, size, np.maximum(len(parts) - 1.0, size / DRAWS_PER_DEGREE))
+    low = np.where(share * size < FEWEST_OF_A_COLOUR, 0.0, low)
+    high = np.where((1.0 - share) * size < FEWEST_OF_A_COLOUR, 1.0, high)
+    bound = -np.expm1(np.log(1.0 - LEVEL) / smallest_ess)  # rule of three: (1 - bound) ** ess = 0.05
+    low = np.where(share == 1.0, 1.0 - bound, low)
+    high = np.where(share == 0.0, bound, high)
+    return Estimates(share, low, high, np.where(spread > 0.0, ess, smallest_ess), split_rhat(black))
+
+
+def _wilson(share: Floats, size: Floats, degrees: Floats) -> tuple[Floats, Floats]:
+    """Return the probabilities whose `size` independent draws differ from `share` by the quantile of Student's t."""
+    quantile = special.stdtrit(degrees, 0.5 * (1.0 + LEVEL))
+    shrink = quantile**2 / size
+    centre = (share + 0.5 * shrink) / (1.0 + shrink)
+    half = np.sqrt(shrink * (share * (1.0 - share) + 0.25 * shrink)) / (1.0 + shrink)
+    return np.maximum(centre - half, 0.0), np.minimum(centre + half, 1.0)
+
+
+def _variance_of_mean(parts: NDArray[Any]) -> Floats:
+    """Return the variance of the mean over all parts (k, n_draws, n), taken as independent."""
+    variance: Floats = parts.mean(axis=1).var(axis=0, ddof=1) / len(parts)
+    return variance

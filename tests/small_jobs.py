@@ -47,12 +47,12 @@ def short_chain(n_steps: int) -> dict[str, Any]:
     """Return where a chain on such beams stands after a few hundred steps, to the last bit."""
     from prf.configuration import Configuration
     from prf.layout import read_coloring
-    from prf.sampler import session
     from prf.sampler.chain import ChainSampler
+    from prf.sampler.prepare import read_prepared
 
     log = str(ROOT / "data" / "demo-office.log.gz")
     config = Configuration.of(every_scan=40, every_beam=20, resolution=1.0, start="empty")
-    settings = session.read_prepared(log, config).settings
+    settings = read_prepared(log, config).settings
     chain = ChainSampler(settings, np.random.default_rng(3), np.zeros(1, np.int64))
     chain.run_to(n_steps)
     chain.settle()

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prf.anneal import Annealed, Goal, Schedule, anneal
+from prf.anneal import Annealed, Schedule, anneal
 from prf.coloring import Coloring, occupied_polygons, violations
 from prf.kernels import constants as c
 from prf.posterior import Settings, make_chain
+from prf.sampler.driver import StopRule
 from prf.shell.errors import ConfigError
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
@@ -43,7 +44,7 @@ def settings(world: World) -> Settings:
 
 @pytest.fixture(scope="module")
 def annealed(settings: Settings) -> Annealed:
-    return anneal(settings, spawn_generators(1, 3), Goal(STEPS), threads=2)
+    return anneal(settings, spawn_generators(1, 3), StopRule(STEPS), threads=2)
 
 
 class TestAnneal:
@@ -52,18 +53,18 @@ class TestAnneal:
         assert occupied_polygons(annealed.best).is_valid
         assert annealed.score == pytest.approx(score_of(settings, annealed.best), rel=1e-9)
         assert annealed.score == max(annealed.by_chain)
-        assert annealed.is_complete
+        assert annealed.share == 1.0
 
     def test_it_beats_the_truth(self, world: World, settings: Settings, annealed: Annealed) -> None:
         assert annealed.score > score_of(settings, world.coloring)
 
     def test_it_beats_what_sampling_meets(self, settings: Settings, annealed: Annealed) -> None:
         """The negative control: the same steps without cooling."""
-        warm = anneal(settings, spawn_generators(1, 3), Goal(STEPS), Schedule(warm=0.999, polish=0.0), threads=2)
+        warm = anneal(settings, spawn_generators(1, 3), StopRule(STEPS), Schedule(warm=0.999, polish=0.0), threads=2)
         assert warm.score < annealed.score
 
     def test_threads_change_nothing(self, settings: Settings) -> None:
-        one, two = (anneal(settings, spawn_generators(1, 2), Goal(SHORT), threads=threads) for threads in (1, 2))
+        one, two = (anneal(settings, spawn_generators(1, 2), StopRule(SHORT), threads=threads) for threads in (1, 2))
         assert one.by_chain == two.by_chain
         np.testing.assert_array_equal(one.best.xy, two.best.xy)
 
@@ -72,16 +73,16 @@ class TestAnneal:
         found = anneal(
             settings,
             spawn_generators(1, 1),
-            Goal(10 * STEPS),
-            on_progress=lambda moment: seen.append(max(moment.by_chain)),
+            StopRule(10 * STEPS),
+            on_progress=lambda moment: seen.append(moment.score),
             stop_requested=lambda: len(seen) >= 2,
         )
-        assert not found.is_complete
+        assert found.share < 1.0
         assert found.score == seen[-1]
 
     def test_few_vertices_on_the_demo_office(self, data_dir: Path) -> None:
         window, data = office(data_dir, 4, 4)
-        found = anneal(Settings(window, 0.1, data), spawn_generators(1, 1), Goal(200_000))
+        found = anneal(Settings(window, 0.1, data), spawn_generators(1, 1), StopRule(200_000))
         assert found.best.n_vertices < 300, "splinters: the mode over vertices, not over lines"
 
 

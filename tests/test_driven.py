@@ -13,8 +13,8 @@ from prf.kernels.guards import GUARD_WAY
 from prf.layout import make_guards
 from prf.logs import Readings
 from prf.posterior import LaserData, Settings, make_chain
-from prf.sampler.config import prepare
 from prf.sampler.ground import sensor_tracks
+from prf.sampler.prepare import prepare
 from prf.sampler.starts import contour_map, find_start_map, map_of_region
 from prf.sensors.laser import LaserModel
 from prf.window import Window

@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-import prf.anneal
 import prf.sampler.chain
 import prf.sampler.driver
 import prf.sampler.record
 from mapq.report import read_findings, write_report
-from prf.anneal import Goal, anneal
+from prf.anneal import anneal
 from prf.configuration import Configuration
 from prf.run import names
-from prf.sampler import session as sessions
-from prf.sampler.driver import StopRule, run
+from prf.sampler.driver import StopRule, drive
+from prf.sampler.prepare import read_prepared
+from prf.sampler.session import Session
 from prf.shell.seeds import spawn_generators
 from tests.conftest import ROOT
 from tests.mapq.report.results import save_result
@@ -46,7 +46,6 @@ def shorten(monkeypatch: pytest.MonkeyPatch, block: int, most_draws: int, second
         (prf.sampler.chain, "SHORTEST_BLOCK", block),
         (prf.sampler.chain, "LONGEST_BLOCK", block),
         (prf.sampler.driver, "CHECKPOINT_SECONDS", seconds),
-        (prf.anneal, "ROUND", block // 2),
     )
     for module, name, value in places:
         monkeypatch.setattr(module, name, value)
@@ -55,9 +54,9 @@ def shorten(monkeypatch: pytest.MonkeyPatch, block: int, most_draws: int, second
 def sample(n_rounds: int, block: int, folder: Path, look: Callable[[Any], None]) -> None:
     """Sample the demo office in so many rounds; call `look` with the chains after each."""
     config = Configuration.of(chains=CHAINS, every_scan=10, every_beam=10, resolution=0.5, start="empty")
-    sampler, output = sessions.start([LOG], sessions.read_prepared(LOG, config), folder, 1, 1)
-    with sampler:
-        run(sampler, StopRule(steps=n_rounds * block), output, lambda _: look(sampler), lambda: False)
+    session = Session.start([LOG], read_prepared(LOG, config), folder, 1, 1)
+    with session.sampler:
+        drive(session, StopRule(steps=n_rounds * block), lambda _: look(session.sampler), lambda: False)
 
 
 def test_draws_are_capped_by_doubling_their_spacing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -124,8 +123,8 @@ def test_memory_of_annealing_stays_flat_and_a_leak_is_seen(
 ) -> None:
     shorten(monkeypatch, 100, 8, math.inf)
     look = memory(leak)
-    settings = sessions.read_prepared(LOG, Configuration.of(every_scan=10, every_beam=10)).settings
-    anneal(settings, spawn_generators(1, CHAINS), Goal(steps=300_000), on_progress=look)
+    settings = read_prepared(LOG, Configuration.of(every_scan=10, every_beam=10)).settings
+    anneal(settings, spawn_generators(1, CHAINS), StopRule(steps=300_000), on_progress=look)
     assert (growth(look.notes) > FLAT) == bool(leak)
 
 

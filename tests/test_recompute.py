@@ -23,7 +23,7 @@ from prf.kernels.grid import make_grid
 from prf.kernels.step import run
 from prf.layout import grow, make_targets, read_coloring
 from prf.posterior import LaserData, Settings, SonarData, make_chain, one_colour_map, return_points
-from prf.sampler.session import read_prepared
+from prf.sampler.prepare import read_prepared
 from prf.sensors.laser import LaserModel
 from prf.window import Window
 from tests.reference.beams import Sensor

@@ -14,9 +14,7 @@ from typing import Literal, TypeVar
 from prf.api.science import (
     Given,
     Prior,
-    ReadingKind,
     Sensor,
-    Source,
     asked_of,
     by_kind,
     config_of,
@@ -24,15 +22,12 @@ from prf.api.science import (
     prepared_for,
     sources_in,
 )
-from prf.api.words import announce_thinning, describe_run, warn_of_dropped
 from prf.configuration import Configuration, Start
-from prf.diagnostics import converged
-from prf.run import Progress, Run
+from prf.convergence import verdict
+from prf.run import Run
 from prf.run.write import is_unfinished
-from prf.sampler import StopRule, driver
-from prf.sampler import session as sessions
-from prf.sampler.chains import Sampler
-from prf.sampler.output import Output
+from prf.sampler.driver import StopRule, drive
+from prf.sampler.session import Session, needs_compiling
 from prf.shell.errors import ArgumentError
 from prf.shell.files import refuse_standing
 from prf.shell.lock import exclusive
@@ -50,38 +45,7 @@ OnInterrupt = Literal["return", "raise"]
 Number = TypeVar("Number", int | None, int | str | None)
 
 
-class Snapshot:
-    """A run between two rounds, for whoever watches it.
-
-    Attributes
-    ----------
-    progress : Progress
-        Step, seconds, share of the goal, latest check of agreement.
-    """
-
-    def __init__(self, sampler: Sampler, output: Output, progress: Progress) -> None:
-        self._sampler, self._output, self.progress = sampler, output, progress
-
-    def run(self) -> Run:
-        """Return the run as it stands: its draws so far, its image."""
-        return self._output.make_run(self._sampler, self.progress)
-
-    def fields(self) -> dict[str, str]:
-        """Return what a progress bar shows beside the share."""
-        progress, sampler = self.progress, self._sampler
-        fields = {
-            "step": f"{progress.step:,}",
-            "steps/s": f"{progress.steps_per_second:,.0f}",
-            "log posterior": f"{sampler.log_posterior():,.0f}",
-        }
-        if sampler.n_temperatures > 1:
-            fields["temperatures"] = f"{sampler.n_temperatures}"
-        if progress.diagnoses:
-            fields["worst"] = converged(progress.diagnoses).reason
-        return fields
-
-
-Watch = Callable[[Snapshot], None]
+Watch = Callable[[Session], None]
 
 
 def sample(
@@ -146,7 +110,7 @@ def sample(
     progress : bool or callable
         Show a bar, in notebooks too. A callable is told the share that is done, and a mapping of words beside it.
     watch : callable, optional
-        Given a :class:`Snapshot` after every round, whose ``run()`` is the run so far: for pictures that move.
+        Given the :class:`Session` after every round, whose ``run()`` is the run so far: for pictures that move.
     on_interrupt : {"return", "raise"}
         What Ctrl-C, or a notebook's stop button, does after the round: return the run so far, with status
         "interrupted"; or raise :class:`prf.shell.errors.Interrupted`, after writing it if there is an `output` (then
@@ -183,8 +147,14 @@ def sample(
     science = config_of(asked.settings, prior, sensors, options)
     folder = None if output is None else Path(output)
     with _held(folder, force):
-        sampler, run = _fresh(sources, science, folder, seed, _threads(threads), sources_in(science, asked))
-        return _run(sampler, run, rule, progress, watch, on_interrupt)
+        used_seed = resolve_seed(seed)
+        prepared = prepared_for(sources, science)
+        prepared.announce()
+        if needs_compiling():
+            logger.info("compiling kernels (once; about half a minute) ...")
+        places = sources_in(science, asked)
+        session = Session.start(paths_of(sources), prepared, folder, used_seed, _threads(threads), places)
+        return _run(session, rule, progress, watch, on_interrupt)
 
 
 def resume(
@@ -220,58 +190,48 @@ def resume(
     """
     rule = _rule(steps, seconds)
     with exclusive(run):
-        sampler, output = sessions.resume(Path(run), dict(logs), asked, seed, _threads(threads))
-        logger.info(f"resuming at step {sampler.step}")
-        return _run(sampler, output, rule, progress, watch, on_interrupt)
-
-
-def _fresh(
-    sources: Mapping[ReadingKind, Source],
-    config: Configuration,
-    folder: Path | None,
-    seed: int | None,
-    threads: int,
-    places: Mapping[str, str],
-) -> tuple[Sampler, Output]:
-    used_seed = resolve_seed(seed)
-    prepared = prepared_for(sources, config)
-    warn_of_dropped(prepared)
-    announce_thinning(prepared)
-    if sessions.needs_compiling():
-        logger.info("compiling kernels (once; about half a minute) ...")
-    return sessions.start(paths_of(sources), prepared, folder, used_seed, threads, places)
+        session = Session.resume(Path(run), dict(logs), asked, seed, _threads(threads))
+        logger.info(f"resuming at step {session.sampler.step}")
+        return _run(session, rule, progress, watch, on_interrupt)
 
 
 def _run(
-    sampler: Sampler,
-    output: Output,
-    rule: StopRule,
-    progress: bool | ProgressCallback,
-    watch: Watch | None,
-    on_interrupt: OnInterrupt,
+    session: Session, rule: StopRule, progress: bool | ProgressCallback, watch: Watch | None, on_interrupt: OnInterrupt
 ) -> Run:
     """Sample with progress; Ctrl-C ends it in good order."""
-    logger.info(describe_run(sampler, output))
+    logger.info(session.describe())
     signals = (signal.SIGINT, signal.SIGTERM) if on_interrupt == "raise" else (signal.SIGINT,)
-    with sampler, graceful_stop(signals) as stop, reported(progress, 1.0, "sampling") as reporter:
+    with session.sampler, graceful_stop(signals) as stop, reported(progress, 1.0, "sampling") as reporter:
 
-        def report(state: Progress) -> None:
-            snapshot = Snapshot(sampler, output, state)
-            reporter.update(state.share, **snapshot.fields())
+        def report(session: Session) -> None:
+            reporter.update(session.progress.share, **_shown(session))
             if watch is not None:
-                watch(snapshot)
+                watch(session)
 
-        made = driver.run(sampler, rule, output, report, lambda: stop.requested)
-    end = made.progress
-    assert end is not None
-    if end.status == "interrupted":
-        words = f"interrupted after {end.step} steps"
-        if output.folder is not None:
-            words += f"; {output.folder} is valid. Continue with: prf sample --resume {output.folder}"
+        made = drive(session, rule, report, lambda: stop.requested)
+    if session.progress.status == "interrupted":
+        words = f"interrupted after {session.progress.step} steps"
+        if session.folder is not None:
+            words += f"; {session.folder} is valid. Continue with: prf sample --resume {session.folder}"
         if on_interrupt == "raise":
             stop.raise_if_requested(words)
         logger.warning(words)
     return made
+
+
+def _shown(session: Session) -> dict[str, str]:
+    """Return what a progress bar shows beside the share."""
+    progress, sampler = session.progress, session.sampler
+    fields = {
+        "step": f"{progress.step:,}",
+        "steps/s": f"{progress.steps_per_second:,.0f}",
+        "log posterior": f"{sampler.log_posterior():,.0f}",
+    }
+    if sampler.n_temperatures > 1:
+        fields["temperatures"] = f"{sampler.n_temperatures}"
+    if progress.diagnoses:
+        fields["worst"] = verdict(progress.diagnoses).reason
+    return fields
 
 
 @contextmanager

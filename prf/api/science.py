@@ -13,8 +13,7 @@ import numpy as np
 from prf.configuration import IN_MANIFEST, Configuration, flat_name, load_configuration
 from prf.logs import CONE, Kind, PointTable, Readings, read_point_data
 from prf.logs import read_readings as read_log
-from prf.sampler.config import Prepared
-from prf.sampler.session import prepare_whole, read_configured
+from prf.sampler.prepare import Prepared, prepare_whole, read_configured
 from prf.sensors.laser import LaserModel
 from prf.sensors.points import PointModel
 from prf.sensors.sonar import SonarModel
@@ -148,7 +147,7 @@ def prepared_for(sources: Mapping[ReadingKind, Source], config: Configuration) -
     Raises
     ------
     InputError, ConfigError
-        As :func:`prf.sampler.session.read_prepared`.
+        As :func:`prf.sampler.prepare.prepare`.
     """
     log = {kind: os.fspath(each) for kind, each in sources.items() if isinstance(each, str | os.PathLike)}
     laser, sonar = read_configured(config, log.get("laser"), log.get("sonar"))

@@ -100,10 +100,11 @@ def anneal(
     """
     options = locals()
 
-    from prf.anneal import Goal, Schedule
+    from prf.anneal import Schedule
     from prf.api.science import sources_in
     from prf.configuration import load_configuration
-    from prf.sampler.output import default_output
+    from prf.sampler.driver import StopRule
+    from prf.sampler.session import default_output
     from prf.shell.errors import UsageError
     from prf.shell.files import refuse_inputs
     from prf.shell.lock import claim_output
@@ -126,9 +127,9 @@ def anneal(
     refuse_other_format(target, (".geojson",), advice)
     refuse_inputs([target], [*logs, config])
     used_seed = resolve_seed(seed)
-    goal = Goal(None, time_budget) if time_budget is not None else Goal(steps or DEFAULT_STEPS)
+    rule = StopRule(None if time_budget is not None else steps or DEFAULT_STEPS, time_budget)
     inputs = (laser, sonar, point_data)
-    found, made, stop = _cool(inputs, science, goal, Schedule(coldest=science.anneal.coldest), used_seed, threads)
+    found, made, stop = _cool(inputs, science, rule, Schedule(coldest=science.anneal.coldest), used_seed, threads)
     text = _write(target, found, {**made, "sources": sources_in(science, asked)}, logs)
     _report(found, text, target, made, json)
     stop.raise_if_requested(f"interrupted after {found.steps} steps; {target} has the best map so far")
@@ -137,7 +138,7 @@ def anneal(
 def _cool(
     inputs: tuple[str | None, str | None, str | None],
     config: Any,
-    goal: Any,
+    rule: Any,
     schedule: Any,
     seed: int,
     threads: int,
@@ -146,32 +147,29 @@ def _cool(
     import os
 
     from prf.anneal import anneal as cool
-    from prf.api.words import announce_thinning, warn_of_dropped, words_for_beams
-    from prf.sampler.session import needs_compiling, read_prepared
+    from prf.sampler.prepare import describe_readings, read_prepared
+    from prf.sampler.session import needs_compiling
     from prf.shell.progress import progress
     from prf.shell.seeds import spawn_generators
     from prf.shell.signals import graceful_stop
 
     laser, sonar, point_data = inputs
     prepared = read_prepared(laser, config, sonar, point_data)
-    warn_of_dropped(prepared)
+    prepared.announce()
     n_beams = 0 if prepared.settings.laser is None else prepared.settings.laser.readings.n_beams
-    if prepared.n_beams_thinned:
-        logger.info(words_for_beams(n_beams, prepared.n_beams_thinned))
-        announce_thinning(prepared)
+    readings = describe_readings(prepared.settings, prepared.n_beams_thinned)
+    logger.info(f"{readings}, {config.sampler.chains} chains, seed {seed}")
     if needs_compiling():
         logger.info("compiling kernels (once; about half a minute) ...")
     with graceful_stop() as stop, progress(1.0, "annealing") as reporter:
         found = cool(
             prepared.settings,
             spawn_generators(seed, config.sampler.chains),
-            goal,
+            rule,
             schedule,
             threads or len(os.sched_getaffinity(0)),
-            lambda moment: reporter.update(
-                moment.share, T=f"{moment.temperature:.2g}", best=f"{max(moment.by_chain):,.1f}"
-            ),
-            lambda: stop.requested,
+            on_progress=lambda now: reporter.update(now.share, T=f"{now.temperature:.2g}", best=f"{now.score:,.1f}"),
+            stop_requested=lambda: stop.requested,
         )
     configuration = {name: value for name, value in prepared.config.flat().items() if name != "resolution"}
     made = {
@@ -214,7 +212,7 @@ def _report(found: Annealed, text: str, target: str, made: dict[str, Any], json:
         "geojson_bytes": len(encoded(text)),
         "packed_bytes": packed,
         "steps": found.steps,
-        "complete": found.is_complete,
+        "complete": found.share >= 1.0,
         "seed": made["seed"],
         "n_beams": made["n_beams"],
         "n_beams_thinned": made["n_beams_thinned"],

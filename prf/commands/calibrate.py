@@ -64,7 +64,7 @@ def calibrate(
 
     from prf.calibrate import calibrate_laser, calibrate_sonar, fitted_text, read_known_map
     from prf.configuration import load_configuration
-    from prf.sampler.session import read_configured
+    from prf.sampler.prepare import read_configured
     from prf.shell.errors import UsageError
     from prf.shell.files import open_output, refuse_inputs
     from prf.shell.lock import claim_output

@@ -71,8 +71,8 @@ def grid(
 
     from prf.configuration import load_configuration
     from prf.occupancy import build_grid, grid_config, grid_sources, write_grid
-    from prf.sampler.output import default_output
-    from prf.sampler.session import read_configured
+    from prf.sampler.prepare import read_configured
+    from prf.sampler.session import default_output
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM, refuse_inputs
     from prf.shell.lock import claim_output

@@ -10,9 +10,9 @@ import typer
 from prf.shell.options import Json
 
 if TYPE_CHECKING:
+    from prf.estimate import Estimates
     from prf.occupancy import OccupancyGrid
     from prf.run import PointEstimates, Run
-    from prf.uncertainty import Estimates
 
 logger = logging.getLogger(__name__)
 
@@ -126,7 +126,7 @@ def _answer_path(source: Run | OccupancyGrid, path: str, radius: float, json: bo
 
 def _warn(file: str, kind: str, found: Estimates | PointEstimates) -> None:
     """Warn where chains are too short, or disagree, for what was asked."""
-    from prf.diagnostics import FEWEST_DRAWS, MIN_ESS
+    from prf.convergence import FEWEST_DRAWS, MIN_ESS
 
     known = found.probability == found.probability
     weak = known & ~((found.ess >= MIN_ESS) & (found.rhat <= MAX_RHAT))

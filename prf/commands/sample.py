@@ -146,7 +146,7 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None) -> Pat
     from pathlib import Path
 
     from prf.run import is_run
-    from prf.sampler.output import default_output
+    from prf.sampler.session import default_output
     from prf.shell.errors import InputError, UsageError
     from prf.shell.files import STREAM
 

@@ -98,7 +98,7 @@ def score(
     options = locals()
 
     from prf.configuration import load_configuration
-    from prf.sampler.session import read_configured
+    from prf.sampler.prepare import read_configured
     from prf.score import (
         SCORE_DEFAULTS,
         hold_out,

@@ -19,7 +19,7 @@ from prf.logs import Kind, Readings, thin, warn_of_spoiling
 from prf.logs.describe import default_max_range
 from prf.occupancy.config import GridConfig
 from prf.occupancy.grid import OccupancyGrid
-from prf.sampler.config import chosen_window
+from prf.sampler.prepare import chosen_window
 from prf.sensors.laser import unit_vectors, window_exit
 from prf.shell.errors import ConfigError, InputError
 from prf.window import Window

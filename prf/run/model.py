@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.agreement import Agreement, agreement
-from prf.diagnostics import Diagnosis
+from prf.convergence import Diagnosis
 
 Status = Literal["running", "converged", "not converged", "finished", "interrupted"]
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from prf import diagnostics
-
 MANIFEST = "manifest.json"
 DRAWS = "draws.npz"
 POSTERIOR = "posterior.npz"
@@ -19,7 +17,7 @@ SCHEMAS = {
     POSTERIOR: "prf.posterior/2",
     READINGS: "prf.readings/1",
     MAP: "prf.map/1",
-    DIAGNOSTICS: diagnostics.SCHEMA,
+    DIAGNOSTICS: "prf.diagnostics/1",
 }
 OLD_POSTERIOR = "prf.posterior/1"
 """Without the cells that were seen; read, no longer written."""

@@ -25,7 +25,7 @@ from prf.shell.lock import exclusive
 from prf.shell.notebook import card
 
 if TYPE_CHECKING:
-    from prf.uncertainty import Estimates
+    from prf.estimate import Estimates
 
 Part = TypeVar("Part")
 
@@ -36,7 +36,7 @@ class PointEstimates(NamedTuple):
     Attributes
     ----------
     probability, low, high, ess, rhat : (n,) float64
-        As :class:`prf.uncertainty.Estimates` has them.
+        As :class:`prf.estimate.Estimates` has them.
     seen : (n,) bool
         Whether a reading crossed the cell of the image that holds the point, or ended in it.
     """
@@ -212,7 +212,7 @@ class Run:
 
         if interval:
             return path_estimates(self.draws, self.chain, as_paths(paths), radius, self._smallest_ess)
-        return np.array([path_free(self.draws, path, radius).p_free for path in as_paths(paths)], np.float64)
+        return np.array([path_free(self.draws, path, radius) for path in as_paths(paths)], np.float64)
 
     @property
     def best_map(self) -> shapely.MultiPolygon:
@@ -262,7 +262,7 @@ class Run:
     @cached_property
     def _smallest_ess(self) -> float:
         """Effective sample size that draws which are all equal count for."""
-        from prf.uncertainty import by_chain, smallest_ess  # noqa: PLC0415
+        from prf.estimate import by_chain, smallest_ess  # noqa: PLC0415
 
         functionals = np.column_stack([np.empty((len(self.chain), 0)), *self.functionals.values()])
         return smallest_ess(by_chain(self.probe_black, self.chain), by_chain(functionals, self.chain))

@@ -2,7 +2,7 @@
 
 from prf.sampler.chain import ChainSampler
 from prf.sampler.chains import Sampler
-from prf.sampler.driver import StopRule, rounds, run
+from prf.sampler.driver import StopRule, drive, rounds
 from prf.sampler.prior import mcmc_draws
 
-__all__ = ["ChainSampler", "Sampler", "StopRule", "mcmc_draws", "rounds", "run"]
+__all__ = ["ChainSampler", "Sampler", "StopRule", "drive", "mcmc_draws", "rounds"]

@@ -48,8 +48,11 @@ class ChainSampler:
 
     It starts from the map `start`, in which every sensor is in white, or from a map of one colour (as in the paper),
     which :meth:`find_start` may leave for a better one. `like` is another chain of the same settings at its start, to
-    be copied; `refreshes` draws ground that no reading concerns from the prior (:mod:`prf.sampler.prior_ground`).
+    be copied.
     """
+
+    REFRESHES = True
+    """Whether ground that no reading concerns is drawn from the prior (:mod:`prf.sampler.prior_ground`)."""
 
     def __init__(
         self,
@@ -59,20 +62,23 @@ class ChainSampler:
         start: Coloring | None = None,
         starts_from: Start = "empty",
         like: Chain | None = None,
-        refreshes: bool = True,
     ) -> None:
         self.settings, self.rng, self.starts_from = settings, rng, starts_from
-        fresh = start if start is not None else one_colour_map(settings)
+        fresh = one_colour_map(settings) if start is None else start
         self.chain: Chain = make_chain(settings, fresh) if like is None else copied(like)
-        self.record = Record(probes)
+        self.record = self.make_record(probes)
         self.times = ImageTimes(self.chain.image.black.size)
         self.block = block_length(len(self.chain.beams.ray) + len(self.chain.cones.pose))
         self.recorded_from = 0
-        self.ground = prior_ground(settings, self.chain) if refreshes else None
+        self.ground = prior_ground(settings, self.chain) if self.REFRESHES else None
         self.doubts = Doubts(self.chain)
         self.tempering: Tempering | None = None
         focus = focus_of(settings, self.chain)
         self._advance: Advance = run_chain if focus is None else focus.run_to
+
+    def make_record(self, probes: NDArray[np.int64]) -> Record:
+        """Return what keeps the draws of the chain; `probes` (n_probes,) are pixels whose colour is kept with them."""
+        return Record(probes)
 
     @property
     def step(self) -> int:

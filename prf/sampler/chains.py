@@ -14,20 +14,22 @@ from numpy.typing import NDArray
 
 from prf.coloring import Draws
 from prf.configuration import Start
-from prf.diagnostics import Diagnosis, diagnose
+from prf.convergence import Diagnosis, diagnose, disagree
 from prf.kernels import constants as c
-from prf.layout import image_grid, pixel_centres
+from prf.layout import image_grid, pixel_centres, run_chain
 from prf.posterior import Settings
+from prf.run import PosteriorImage
 from prf.sampler.chain import ChainSampler
-from prf.sampler.convergence import disagree, is_look
 from prf.sampler.record import EDGES_ANYWHERE, FUNCTIONALS, Draw, burn_in
+from prf.sampler.starts import needs_search
 from prf.sampler.targets import aim, is_due
 from prf.sampler.tempering import LadderPlan, SwapReport
 from prf.sampler.tiles import advance_in_tiles, tiled_chains
 
 logger = logging.getLogger(__name__)
 
-MOVE_NAMES = tuple(name for name, _ in c.MOVES)
+FIRST_LOOK = 640_000
+"""Steps before it is first looked whether chains disagree and are to be tempered; a multiple of every block length."""
 PROBE_BLOCKS = 4
 """Along each axis the window is divided into so many blocks, and the colour of a probe or two is followed in each."""
 
@@ -55,13 +57,14 @@ class Sampler:
         threads: int,
         plan: LadderPlan | None = None,
         starts_from: Start = "empty",
+        kind: type[ChainSampler] = ChainSampler,
     ) -> None:
         self.settings = settings
         self.probe_pixels = probe_pixels(settings)
         self.chains: list[ChainSampler] = []
         for rng in generators:
             like = self.chains[0].chain if self.chains else None
-            self.chains.append(ChainSampler(settings, rng, self.probe_pixels, starts_from=starts_from, like=like))
+            self.chains.append(kind(settings, rng, self.probe_pixels, starts_from=starts_from, like=like))
         self._awaited = plan if plan is not None and plan.temperatures > 1 else None
         if self._awaited is not None and not self._awaited.waits:
             self.temper()
@@ -104,13 +107,18 @@ class Sampler:
         return self._tiled[0].next_length if self._tiled and self._tiled[0].is_due else self.chains[0].block
 
     @property
+    def searches_starts(self) -> bool:
+        """Whether where chains start must be searched for: work before their first step."""
+        return needs_search(self.chains[0].starts_from, self.settings)
+
+    @property
     def probe_xy(self) -> NDArray[np.float64]:
         """Points (n_probes, 2) in metres whose colour is followed."""
         return _centres(self.settings)[self.probe_pixels]
 
     def compile(self) -> None:
         """Have the kernels compiled, or read from their cache, without making a step."""
-        self.chains[0].run_to(self.step)
+        run_chain(self.chains[0].chain, self.chains[0].rng, self.step)
         if self._tiled:
             self._tiled[0].compile()
 
@@ -141,7 +149,7 @@ class Sampler:
 
     def disagree(self) -> bool:
         """Return whether chains disagree and came no nearer since half of the steps."""
-        return disagree(self.diagnose_half().values(), self.diagnose().values())
+        return disagree(list(self.diagnose_half().values()), list(self.diagnose().values()))
 
     def diagnose_half(self) -> dict[str, Diagnosis]:
         """Return what :meth:`diagnose` was after half of the steps."""
@@ -219,6 +227,14 @@ class Sampler:
         black = np.array([black for black, _ in self._times()])
         return self._shares(np.ptp(black, axis=0), self.step - self.burn_in if len(black) > 1 else 0)
 
+    def image(self) -> PosteriorImage:
+        """Return the occupancy image of all chains."""
+        grid = self.chains[0].chain.image.grid
+        occupancy, squares = self.occupancy()
+        seen = seen_pixels(self.settings).reshape(grid.ny, grid.nx)
+        origin = np.array([grid.x0, grid.y0])
+        return PosteriorImage(occupancy, squares, origin, grid.cell, seen, self.disagreement())
+
     def _times(self) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
         """Return the black and mixed times of the pixels of each chain, in steps."""
         return [chain.times.total(chain.chain.image, self.step) for chain in self.chains]
@@ -254,6 +270,12 @@ class Sampler:
         return float(np.mean([s[c.LOG_PRIOR] + s[c.LOG_LIKELIHOOD] for s in sums]))
 
 
+def is_look(step: int) -> bool:
+    """Return whether chains that wait for tempering are looked at: at the first look, and at every doubling of it."""
+    doublings, rest = divmod(step, FIRST_LOOK)
+    return rest == 0 and doublings.bit_count() == 1
+
+
 def probe_pixels(settings: Settings) -> NDArray[np.int64]:
     """Return pixels: of each block of a 4 x 4 division of the window the seen and the unseen one next to its middle."""
     centres, seen = _centres(settings), seen_pixels(settings)
@@ -274,5 +296,6 @@ def seen_pixels(settings: Settings) -> NDArray[np.bool_]:
 
 
 def _centres(settings: Settings) -> NDArray[np.float64]:
-    assert settings.resolution is not None
+    if settings.resolution is None:
+        return np.zeros((0, 2))
     return pixel_centres(image_grid(settings.window, settings.resolution))

@@ -9,14 +9,13 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from prf.diagnostics import MAX_RHAT, MIN_ESS, Diagnosis, converged
+from prf.convergence import Diagnosis, verdict
 from prf.run import Progress, Status
 from prf.sampler.chains import Sampler
-from prf.sampler.starts import needs_search
 
 if TYPE_CHECKING:
     from prf.run import Run
-    from prf.sampler.output import Output
+    from prf.sampler.session import Session
 
 LONGEST = 1800.0
 """Seconds after which a run without a goal of its own gives up on agreement."""
@@ -27,8 +26,6 @@ START_SHARE = 0.3
 """Share of the time that the search for starts may take at most."""
 CHECKPOINT_SECONDS = 60.0
 """Sampling between two checkpoints: what a killed run loses at most."""
-PICTURE_SECONDS = 1.5
-"""What drawing the picture of a run takes."""
 
 logger = logging.getLogger(__name__)
 
@@ -57,35 +54,30 @@ class StopRule:
             return "finished" if step >= self.steps else "running"
         if self.seconds is not None:
             return "finished" if seconds >= self.seconds else "running"
-        if checked is not None and converged(checked, MAX_RHAT, MIN_ESS):
+        if checked is not None and verdict(checked).converged:
             return "converged"
         return "not converged" if seconds >= self.limit else "running"
 
 
-def run(
-    sampler: Sampler,
-    rule: StopRule,
-    output: Output,
-    on_progress: Callable[[Progress], None],
-    stop_requested: Callable[[], bool],
+def drive(
+    session: Session, rule: StopRule, on_progress: Callable[[Session], None], stop_requested: Callable[[], bool]
 ) -> Run:
     """Advance the chains until `rule` holds or `stop_requested`, writing checkpoints and at last the RUN."""
-    first_step = sampler.step
-    output.prepare_folder()
-    progress = Progress(first_step, 0.0, 0.0, 1.0, None, "finished")
-    if first_step == 0 and needs_search(sampler.chains[0].starts_from, sampler.settings):
+    sampler, first_step = session.sampler, session.sampler.step
+    session.prepare_folder()
+    session.progress = session.progress._replace(step=first_step)
+    if first_step == 0 and sampler.searches_starts:
         logger.info("finding maps to start from ...")
-    for progress in rounds(sampler, rule, stop_requested, output.seconds_to_finish):
-        on_progress(progress)
-        if stop_requested() and progress.status == "running":
-            progress = progress._replace(status="interrupted")
+    for progress in rounds(sampler, rule, stop_requested, session.seconds_to_finish):
+        session.progress = progress
+        on_progress(session)
+        if progress.status == "running" and stop_requested():
+            session.progress = progress._replace(status="interrupted")
             break
-        if progress.status == "running" and output.since_written() > CHECKPOINT_SECONDS:
-            output.write(sampler, progress, picture=False)
-    written = output.read_written(first_step) if sampler.step == first_step else None
-    if written is not None:
-        return dataclasses.replace(written, progress=progress)
-    return output.write(sampler, progress, picture=True)
+        if progress.status == "running" and session.seconds_since_written() > CHECKPOINT_SECONDS:
+            session.write(picture=False)
+    finished = session.read_finished() if sampler.step == first_step else None
+    return session.write(picture=True) if finished is None else finished
 
 
 def rounds(
@@ -122,7 +114,7 @@ def rounds(
 
 
 def is_check(sampler: Sampler) -> bool:
-    """Whether agreement is checked after the present round."""
+    """Return whether agreement is checked after the present round."""
     block, check = sampler.step // sampler.block, 1
     while check < block:
         check = max(check + 1, int(check * CHECK_GROWTH))

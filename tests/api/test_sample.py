@@ -133,7 +133,7 @@ def test_whoever_listens_is_told(tmp_path: Path) -> None:
         room(),
         PRIOR,
         steps=20_000,
-        watch=lambda snapshot: seen.append(snapshot.run()),
+        watch=lambda session: seen.append(session.run()),
         **(HOW | {"progress": lambda share, words: told.append((share, words))}),
     )
     assert told[-1][0] == 1.0
@@ -168,7 +168,7 @@ def test_an_interrupt_may_raise_after_the_run_is_written(tmp_path: Path) -> None
 
 
 def test_a_second_interrupt_acts_at_once() -> None:
-    def twice(_: prf.Snapshot) -> None:
+    def twice(_: prf.Session) -> None:
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGINT)
 

@@ -17,7 +17,7 @@ from prf.logs import Readings
 from prf.logs.table import write_table
 from prf.run import read_run
 from prf.run.mapfile import read_map_feature
-from prf.sampler.session import read_prepared
+from prf.sampler.prepare import read_prepared
 from prf.shell.run import run_app
 from prf.window import Window
 from tests.reference.beams import Sensor, draw_readings, impacts

@@ -14,7 +14,7 @@ from prf.kernels import constants as c
 from prf.logs import Readings
 from prf.logs.table import write_table
 from prf.run import read_run
-from prf.sampler.session import read_prepared
+from prf.sampler.prepare import read_prepared
 from prf.shell.run import run_app
 from prf.window import Window
 from tests.reference.beams import Sensor
@@ -143,7 +143,7 @@ def test_a_restored_chain_has_room_for_what_its_cones_see(both: Path) -> None:
     from prf.layout import grow
     from prf.sampler.chains import Sampler
     from prf.sampler.checkpoint import chain_arrays, restore
-    from prf.sampler.config import make_settings
+    from prf.sampler.prepare import make_settings
     from prf.sampler.session import stored_config
     from prf.shell.seeds import spawn_generators
 

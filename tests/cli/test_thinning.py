@@ -120,7 +120,7 @@ def test_densities_that_make_no_sense_are_refused(
 def test_dense_public_log_keeps_what_was_asked_for(shared_data: Path) -> None:
     from prf.configuration import Configuration
     from prf.logs import read_readings
-    from prf.sampler.config import prepare
+    from prf.sampler.prepare import prepare
 
     readings = read_readings(str(shared_data / "prf" / "carmen" / "intel-corrected.log.gz"))
     prepared = prepare(Configuration.of(max_range=40.0, beam_density=20.0), readings)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from prf.logs import NoReadings, read_logs, read_readings
-from prf.sampler.output import default_output
+from prf.sampler.session import default_output
 from prf.shell.errors import ConfigError, InputError
 from tests.logs.bags import START, Maker, Note, drive
 from tests.logs.samples import flaser, player_laser, position, save

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from prf.convergence import Diagnosis, Verdict
 from prf.posterior import Settings
 from prf.run import Progress
 from prf.sampler import Sampler, StopRule, driver
@@ -97,16 +98,16 @@ def test_speed_leaves_out_the_steps_of_an_earlier_run(sampler: Sampler, clock: C
 def test_without_a_goal_it_stops_on_agreement(sampler: Sampler, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
 
-    def agree_later(diagnoses: dict[str, object], rhat: float, ess: float) -> bool:
-        asked.append((sampler.step, rhat, ess))
-        return sampler.step >= 40_000
+    def agree_later(diagnoses: dict[str, Diagnosis]) -> Verdict:
+        asked.append(sampler.step)
+        return Verdict(sampler.step >= 40_000, "", "", False)
 
-    monkeypatch.setattr(driver, "converged", agree_later)
+    monkeypatch.setattr(driver, "verdict", agree_later)
     rounds = list(rounds_of(sampler, StopRule()))
     assert rounds[-1].status == "converged"
     assert rounds[-1].step == 40_000
     assert rounds[-1].diagnoses is not None
-    assert asked == [(10_000 * k, 1.05, 100.0) for k in range(1, 5)]
+    assert asked == [10_000, 20_000, 30_000, 40_000]
 
 
 def test_chains_that_agree_stop_by_themselves(sampler: Sampler) -> None:

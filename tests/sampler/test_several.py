@@ -14,7 +14,7 @@ from prf.kernels import constants as c
 from prf.layout import pixel_centres
 from prf.posterior import Settings
 from prf.sampler import Sampler
-from prf.sampler.chains import MOVE_NAMES, probe_pixels
+from prf.sampler.chains import probe_pixels
 from prf.sampler.record import FUNCTIONALS
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
@@ -213,7 +213,7 @@ def xy_of(settings: Settings) -> np.ndarray:
 
 def test_outcomes_add_up_over_chains(four: Sampler) -> None:
     outcomes = four.outcomes()
-    assert outcomes.shape == (len(MOVE_NAMES), c.N_OUTCOMES) == (c.N_MOVES, 3)
+    assert outcomes.shape == (len(c.MOVES), c.N_OUTCOMES) == (c.N_MOVES, 3)
     assert outcomes[:, c.PROPOSED].sum() == 4 * four.step
     assert (outcomes[:, c.ACCEPTED] <= outcomes[:, c.VALID]).all()
     assert (outcomes[:, c.VALID] <= outcomes[:, c.PROPOSED]).all()
@@ -226,14 +226,6 @@ def test_agreement_is_asked_of_functionals_and_probes(four: Sampler) -> None:
     assert four.log_posterior() == pytest.approx(
         np.mean([chain.chain.graph.sums[[c.LOG_PRIOR, c.LOG_LIKELIHOOD]].sum() for chain in four.chains])
     )
-
-
-def test_names_follow_the_numbers_of_moves() -> None:
-    assert MOVE_NAMES[c.TRIANGLE_BIRTH] == "triangle birth"
-    assert MOVE_NAMES[c.MERGE] == "merge edges"
-    assert MOVE_NAMES[c.PAST_CORNER] == "move vertex past corner"
-    assert MOVE_NAMES[c.LOCAL_RECOLOR] == "recolor local quadrilateral"
-    assert MOVE_NAMES[c.SLIDE] == "slide vertex"
 
 
 def test_an_error_in_a_chain_is_raised(world: World, monkeypatch: pytest.MonkeyPatch) -> None:

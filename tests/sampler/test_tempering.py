@@ -1,4 +1,4 @@
-"""Temperatures of a chain: swaps, powers, images that follow, and results that neither threads nor a stop change."""
+"""Temperatures of a chain: when they begin, swaps, powers, images that follow; neither threads nor a stop matter."""
 
 from __future__ import annotations
 
@@ -11,14 +11,20 @@ import pytest
 
 from prf.arak import exact_draws
 from prf.coloring import Coloring, black_at
+from prf.configuration import Configuration
+from prf.convergence import disagree, worst_rhat
 from prf.kernels import constants as c
 from prf.layout import pixel_centres
 from prf.posterior import Settings, make_chain
 from prf.sampler import Sampler
+from prf.sampler import chains as sampler_chains
 from prf.sampler import tempering as module
+from prf.sampler.chain import LONGEST_BLOCK
 from prf.sampler.chain_map import exchanged, occupied_cost, penalised_log_likelihood, repaint, with_map
+from prf.sampler.chains import FIRST_LOOK, is_look
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
-from prf.sampler.tempering import Ladder, LadderPlan, Tempering, even_powers, stretched_powers
+from prf.sampler.prepare import ladder_plan
+from prf.sampler.tempering import AUTO_TEMPERATURES, Ladder, LadderPlan, Tempering, even_powers, stretched_powers
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
 from tests.reference.beams import Sensor
@@ -50,10 +56,10 @@ def tempered(settings: Settings, plan: LadderPlan, threads: int = 1, blocks: int
 def digests(sampler: Sampler) -> list[dict[str, str]]:
     found = []
     for chain in sampler.chains:
-        assert chain.tempering is not None
         found.append(digest(chain.chain, chain.rng))
-        hot = zip(chain.tempering.hot, chain.tempering.generators, strict=True)
-        found += [digest(each, rng) for each, rng in hot]
+        if chain.tempering is not None:
+            hot = zip(chain.tempering.hot, chain.tempering.generators, strict=True)
+            found += [digest(each, rng) for each, rng in hot]
     return found
 
 
@@ -245,3 +251,92 @@ def test_energy_counts_occupied_sensors(settings: Settings) -> None:
     assert penalised_log_likelihood(chain, math.inf) == chain.graph.sums[c.LOG_LIKELIHOOD]
     chain.graph.counts[c.OCCUPIED] = 2
     assert penalised_log_likelihood(chain, 7.0) == pytest.approx(chain.graph.sums[c.LOG_LIKELIHOOD] - 14.0)
+
+
+WAITING = LadderPlan(3, waits=True)
+
+
+def look_at(monkeypatch: pytest.MonkeyPatch, step: int, verdict: bool) -> None:
+    monkeypatch.setattr(sampler_chains, "FIRST_LOOK", step)
+    monkeypatch.setattr(sampler_chains, "disagree", lambda before, now: verdict)
+
+
+def advanced(sampler: Sampler, step: int) -> Sampler:
+    with sampler:
+        while sampler.step < step:
+            sampler.advance()
+    return sampler
+
+
+def fresh(settings: Settings, plan: LadderPlan = WAITING, threads: int = 1) -> Sampler:
+    return Sampler(settings, spawn_generators(7, 2), threads, plan=plan)
+
+
+def test_looks_are_at_doublings_that_every_block_meets() -> None:
+    looks = [step for step in range(0, 6_000_000, 10_000) if is_look(step)]
+    assert looks == [640_000, 1_280_000, 2_560_000, 5_120_000]
+    assert FIRST_LOOK % LONGEST_BLOCK == 0
+
+
+@pytest.mark.parametrize(("shift", "expected"), [(0.0, False), (50.0, True)])
+def test_draws_of_both_times_are_compared(
+    settings: Settings, monkeypatch: pytest.MonkeyPatch, shift: float, expected: bool
+) -> None:
+    """Chains that are given other values, all the way, are apart; those with the same ones are not."""
+    sampler = advanced(fresh(settings), 120_000)
+    for number, chain in enumerate(sampler.chains):
+        for draw in chain.record.draws:
+            draw.functionals[:] = draw.step // 2000 % 3 + number * shift
+            draw.probe_black[:] = False
+    seen = []
+    monkeypatch.setattr(sampler_chains, "disagree", lambda before, now: seen.append((list(before), list(now))) or True)
+    assert sampler.disagree()
+    ((before, now),) = seen
+    assert disagree(before, now) is expected
+    assert sampler.burn_in == 32_000
+    assert (worst_rhat(before) > 1.05, worst_rhat(now) > 1.05) == (expected, expected)
+
+
+def test_tempering_begins_at_the_look_and_burn_in_anew(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+    look_at(monkeypatch, 20_000, True)
+    sampler = advanced(fresh(settings), 20_000)
+    assert sampler.swaps() == []
+    assert sampler.n_temperatures == 1
+    assert sampler.burn_in == 8_000, "a run that ends at a look keeps its draws"
+    advanced(again := fresh(settings), 30_000)
+    assert again.n_temperatures == 3
+    assert [report.first_step for report in again.swaps()] == [20_000, 20_000]
+    assert again.burn_in == 20_000
+    assert again.sample().step.min() > 20_000
+
+
+def test_chains_that_do_not_disagree_remain_plain(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+    look_at(monkeypatch, 10_000, False)
+    plain = advanced(fresh(settings, LadderPlan(1)), 40_000)
+    assert digests(advanced(fresh(settings), 40_000)) == digests(plain)
+
+
+@pytest.mark.parametrize("stop", [10_000, 20_000, 30_000], ids=["before", "at the look", "after"])
+def test_a_resumed_run_is_the_run_in_one(
+    settings: Settings, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, stop: int
+) -> None:
+    look_at(monkeypatch, 20_000, True)
+    whole = advanced(fresh(settings, threads=2), 60_000)
+    save_checkpoint(tmp_path, advanced(fresh(settings), stop), "same")
+    resumed = fresh(settings)
+    load_checkpoint(tmp_path, resumed, "same")
+    assert digests(advanced(resumed, 60_000)) == digests(whole)
+    assert resumed.swaps() == whole.swaps()
+    assert resumed.burn_in == whole.burn_in
+    assert np.array_equal(resumed.sample().draws.xy, whole.sample().draws.xy)
+    pairs = zip(resumed.occupancy(), whole.occupancy(), strict=True)
+    assert all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
+
+
+def test_a_configuration_says_whether_tempering_waits() -> None:
+    assert ladder_plan(Configuration.of(temperatures="auto")) == LadderPlan(AUTO_TEMPERATURES, None, waits=True)
+    assert ladder_plan(Configuration.of(temperatures="auto", lowest_inverse_temperature=0.5)) == LadderPlan(
+        AUTO_TEMPERATURES, 0.5, waits=True
+    )
+    assert ladder_plan(Configuration.of(temperatures=3)) == LadderPlan(3)
+    assert [Configuration.of(temperatures=n).sampler.is_tempered for n in (1, 2, "auto")] == [False, True, True]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from prf.coloring import Draws, black_at_draws
-from prf.diagnostics import diagnose
+from prf.convergence import diagnose
 from prf.posterior import Settings
 from prf.sampler import Sampler
 from prf.sampler.tempering import LadderPlan

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from prf.arak import exact_draws
 from prf.coloring import Coloring, Draws
-from prf.diagnostics import diagnose
+from prf.convergence import diagnose
 from prf.kernels.chain import Chain
 from prf.layout import read_coloring, run_chain
 from prf.posterior import Settings, make_chain

@@ -1,8 +1,9 @@
-"""What a configuration comes to for given logs."""
+"""From logs and a configuration to what chains are built with: readings thinned and cut to the window, all resolved."""
 
 from __future__ import annotations
 
 import dataclasses
+import logging
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.configuration import Configuration
-from prf.logs import PointTable, Readings
+from prf.logs import Kind, PointTable, Readings, read_logs, read_point_data, thin, warn_of_spoiling
 from prf.logs.describe import default_max_range
 from prf.logs.poses import fields_of_view
 from prf.posterior import LaserData, PointData, Settings, SonarData
@@ -34,28 +35,88 @@ PIXELS_ACROSS = 500
 MOST_PIXELS = 4_000_000
 """Each takes some 50 bytes a chain, in memory and in checkpoints."""
 
+logger = logging.getLogger(__name__)
+
 
 class Prepared(NamedTuple):
-    """Logs made ready for the sampler.
-
-    Attributes
-    ----------
-    settings : Settings
-    config : Configuration
-        Resolved: window, resolution and, with a laser, max_range are numbers; with points, what their kind needs.
-    n_outside : int
-        Readings dropped because their sensor does not stand inside the window.
-    n_points_outside : int
-        Point observations dropped because they do not lie inside the window.
-    n_beams_thinned : int
-        Beams inside the window that thinning left out.
-    """
+    """Readings made ready for the sampler."""
 
     settings: Settings
-    config: Configuration
-    n_outside: int
-    n_points_outside: int
-    n_beams_thinned: int = 0
+    config: Configuration  # resolved: window, resolution and, with a laser, max_range are numbers
+    n_outside: int  # readings dropped because their sensor does not stand inside the window
+    n_points_outside: int  # point observations dropped because they do not lie inside the window
+    n_beams_thinned: int = 0  # beams inside the window that thinning left out
+
+    def announce(self) -> None:
+        """Warn of readings and points outside the window, and log why not all beams of a dense log are used."""
+        if self.n_outside:
+            logger.warning(f"{self.n_outside} readings dropped: their sensors stand outside the window")
+        if self.n_points_outside:
+            logger.warning(f"{self.n_points_outside} points dropped: they lie outside the window or on its border")
+        if self.n_beams_thinned:
+            logger.info(
+                f"thinned to about {self.config.thinning.beam_density:g} beams a square metre of seen ground, since "
+                "more repeat these and slow every step; --set thinning.beam_density=0 keeps all (docs/large-jobs.md)"
+            )
+
+
+def describe_readings(settings: Settings, n_beams_thinned: int) -> str:
+    """Return how many readings of each sensor are used, and the size of the window."""
+    laser, sonar, points, window = settings.laser, settings.sonar, settings.points, settings.window
+    parts = []
+    if laser is not None:
+        n = laser.readings.n_beams
+        parts.append(f"{n:,} of {n + n_beams_thinned:,} beams (thinned)" if n_beams_thinned else f"{n} beams")
+    if sonar is not None:
+        parts.append(f"{sonar.readings.n_beams} sonar readings")
+    if points is not None:
+        parts.append(f"{len(points.table.value)} points")
+    return f"{' and '.join(parts)}, window {window.width:.1f} x {window.height:.1f} m"
+
+
+def read_prepared(
+    laser_log: str | None, config: Configuration, sonar_log: str | None = None, point_data: str | None = None
+) -> Prepared:
+    """Read the logs of a laser and a sonar, thin them, read point observations, and resolve `config` for all these."""
+    laser, sonar = read_configured(config, laser_log, sonar_log)
+    observed = None if point_data is None else read_point_data(point_data)
+    return prepare_whole(config, laser, sonar, observed)
+
+
+def read_configured(
+    config: Configuration, laser_log: str | None, sonar_log: str | None
+) -> tuple[Readings | None, Readings | None]:
+    """Read the logs of a laser and a sonar, of the topics and in the frame of a configuration; None without a log."""
+    return read_logs(
+        laser_log,
+        sonar_log,
+        topic=config.readings.topic,
+        frame=config.readings.frame,
+        sonar_topic=config.readings.sonar_topic,
+        cone=config.sonar.cone,
+    )
+
+
+def prepare_whole(
+    config: Configuration, laser: Readings | None, sonar: Readings | None, observed: PointTable | None
+) -> Prepared:
+    """Take the chosen scans and beams of whole logs, warn of what would spoil a map, and resolve `config` for them."""
+    kept_laser = _chosen(config, laser, "laser", config.laser.max_range)
+    kept_sonar = _chosen(config, sonar, "sonar", config.sonar.max_range)
+    if laser is not None and config.laser.max_range is None and math.isfinite(default_max_range(laser)):
+        # Of the whole log: what is left after thinning may hold no "no return" at all.
+        config = config.replace(max_range=default_max_range(laser))
+    driven = [log for log in (laser, sonar) if log is not None] if config.driven.poses == "all" else None
+    return prepare(config, kept_laser, kept_sonar, observed, driven)
+
+
+def _chosen(config: Configuration, readings: Readings | None, kind: Kind, max_range: float | None) -> Readings | None:
+    if readings is None:
+        return None
+    chosen = config.readings
+    kept = thin(readings, chosen.every_scan, chosen.every_beam, chosen.scans, chosen.skip_scans)
+    warn_of_spoiling(readings, kept, kind, max_range)
+    return kept
 
 
 def prepare(
@@ -65,7 +126,7 @@ def prepare(
     observed: PointTable | None = None,
     driven: Sequence[Readings] | None = None,
 ) -> Prepared:
-    """Resolve a configuration for the readings (thinned already) of a laser and a sonar, and for points; one at least.
+    """Resolve a configuration for the chosen readings of a laser and a sonar, and for points; one at least.
 
     The way driven is that of the poses of `driven`, or else of these readings.
 
@@ -87,10 +148,31 @@ def prepare(
         source = " and ".join(log.source for log in (laser, sonar) if log is not None)
         raise InputError(f"{source}: no sensor stands inside the window. Check --window.")
     points = None if observed is None else _points(config, observed, window)
+    resolved = _resolved(config, window, kept_beams, kept_cones, points)
+    if driven is None:
+        driven = [log for log in (laser, sonar) if log is not None]
+    settings = make_settings(resolved, kept_beams, kept_cones, points)
+    assert settings.resolution is not None
+    settings = dataclasses.replace(
+        settings,
+        way=driven_way(resolved.driven.radius, driven, sensors, window),
+        seen=seen_cells(window, settings.resolution, inside, kept_cones, points),
+    )
     n_points_outside = 0 if observed is None or points is None else len(observed.value) - len(points.value)
-    resolution = config.sampler.resolution or chosen_resolution(window)
-    n_readings = sum(len(part.range) for part in (kept_beams, kept_cones) if part is not None)
-    changes: dict[str, Any] = {"window": window, "resolution": resolution}
+    n_thinned = 0 if inside is None or kept_beams is None else len(inside.range) - len(kept_beams.range)
+    return Prepared(settings, resolved, n_outside, n_points_outside, n_thinned)
+
+
+def _resolved(
+    config: Configuration, window: Window, beams: Readings | None, cones: Readings | None, points: PointTable | None
+) -> Configuration:
+    """Return the configuration with all that is chosen by the readings."""
+    n_readings = sum(len(part.range) for part in (beams, cones) if part is not None)
+    changes: dict[str, Any] = {
+        "window": window,
+        "resolution": config.sampler.resolution or chosen_resolution(window),
+        "start": config.sampler.start or ("empty" if beams is None else "grid"),
+    }
     if config.sampler.tiles is None:
         changes["tiles"] = 0 if config.sampler.is_tempered else chosen_tiles(window, n_readings)
     if beams is not None:
@@ -98,19 +180,9 @@ def prepare(
     if points is not None:
         model = config.points.model().resolved(points.value)
         changes |= {"points_kind": model.kind, "points_sigma": model.sigma}
-    if config.sampler.start is None:
-        changes["start"] = "empty" if kept_beams is None else "grid"
-    resolved = config.replace(**changes)
-    ladder_plan(resolved)
-    if resolved.sampler.start == "grid" and kept_beams is None:
+    if changes["start"] == "grid" and beams is None:
         raise ConfigError("sampler.start grid: needs the readings of a laser. Choose another start.")
-    settings = make_settings(resolved, kept_beams, kept_cones, points)
-    if driven is None:
-        driven = [log for log in (laser, sonar) if log is not None]
-    way = driven_way(resolved.driven.radius, driven, sensors, window)
-    settings = dataclasses.replace(settings, way=way, seen=seen_cells(window, resolution, inside, kept_cones, points))
-    n_thinned = 0 if inside is None or kept_beams is None else len(inside.range) - len(kept_beams.range)
-    return Prepared(settings, resolved, n_outside, n_points_outside, n_thinned)
+    return config.replace(**changes)
 
 
 def _window(config: Configuration, sensors: Sequence[Readings], observed: PointTable | None) -> Window:
@@ -175,29 +247,20 @@ def ladder_plan(config: Configuration) -> LadderPlan:
 def make_settings(
     config: Configuration, beams: Readings | None, cones: Readings | None = None, points: PointTable | None = None
 ) -> Settings:
-    """Return the settings of a resolved configuration and its readings and points.
-
-    Raises
-    ------
-    ConfigError
-        If the resolution is no positive number or asks for too many pixels.
-    """
+    """Return the settings of a resolved configuration and its readings and points."""
     assert config.prior.window is not None
     assert config.sampler.resolution is not None
     window, resolution = Window.checked(*config.prior.window), config.sampler.resolution
     check_length("--resolution", resolution)
     if window.area / resolution**2 > MOST_PIXELS:
         raise ConfigError(f"--resolution {resolution}: more than {MOST_PIXELS} pixels. Give a larger one.")
-    laser = None if beams is None else LaserData(beams, config.laser.model())
-    sonar = None if cones is None else SonarData(cones, config.sonar.model())
-    observed = None if points is None else PointData(points, config.points.model())
     return Settings(
         window,
         config.prior.scale,
-        laser,
+        laser=None if beams is None else LaserData(beams, config.laser.model()),
+        sonar=None if cones is None else SonarData(cones, config.sonar.model()),
+        points=None if points is None else PointData(points, config.points.model()),
         resolution=resolution,
-        sonar=sonar,
-        points=observed,
         tiles=config.sampler.tiles or 0,
         driven_radius=config.driven.radius,
     )
