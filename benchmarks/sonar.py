@@ -40,7 +40,6 @@ from prf.run import read_run
 from prf.sampler.driver import StopRule, drive
 from prf.sampler.prepare import prepare, read_prepared
 from prf.sampler.session import Session
-from prf.sampler.starts import find_first_map
 
 READINGS = 29_120
 QUICK_READINGS = 4_800
@@ -91,7 +90,7 @@ def rates(log: Path, seed: int, burn_in: int) -> dict[str, Any]:
     """Return steps per second of the sampler's loop, and its ratio to deciding from scratch."""
     settings = settings_of(log)
     rng = np.random.default_rng(seed)
-    chain = worlds.start(settings, find_first_map(settings, rng, lambda: False))
+    chain = worlds.start(settings)
     chain = worlds.advance(chain, rng, burn_in)
     spent = []
     for _ in range(5):

@@ -168,6 +168,7 @@ def _cool(
             rule,
             schedule,
             threads or len(os.sched_getaffinity(0)),
+            starts_from=prepared.config.sampler.start or "empty",
             on_progress=lambda now: reporter.update(now.share, T=f"{now.temperature:.2g}", best=f"{now.score:,.1f}"),
             stop_requested=lambda: stop.requested,
         )

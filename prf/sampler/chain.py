@@ -17,7 +17,7 @@ from prf.posterior import Settings, make_chain, one_colour_map
 from prf.sampler.chain_map import copied, with_map
 from prf.sampler.prior_ground import prior_ground
 from prf.sampler.record import FIRST_THIN, ImageTimes, Record, burn_in
-from prf.sampler.starts import find_start_map, needs_search
+from prf.sampler.starts import find_start_map
 from prf.sampler.targets import Doubts, focus_of
 from prf.sampler.tempering import LadderPlan, Tempering
 
@@ -157,7 +157,7 @@ class ChainSampler:
 
     def find_start(self, stop_requested: Callable[[], bool]) -> None:
         """Before the first step: take the map that the chain shall start from."""
-        if needs_search(self.starts_from, self.settings):
+        if self.starts_from != "empty":
             start = find_start_map(self.starts_from, self.settings, self.rng, stop_requested)
             chain = with_map(self.chain, self.settings, start)
             if chain.graph.counts[c.OCCUPIED] > 0:

@@ -21,7 +21,6 @@ from prf.posterior import Settings
 from prf.run import PosteriorImage
 from prf.sampler.chain import ChainSampler
 from prf.sampler.record import EDGES_ANYWHERE, FUNCTIONALS, Draw, burn_in
-from prf.sampler.starts import needs_search
 from prf.sampler.targets import aim, is_due
 from prf.sampler.tempering import LadderPlan, SwapReport
 from prf.sampler.tiles import advance_in_tiles, tiled_chains
@@ -105,11 +104,6 @@ class Sampler:
     def next_steps(self) -> int:
         """Steps of the next round."""
         return self._tiled[0].next_length if self._tiled and self._tiled[0].is_due else self.chains[0].block
-
-    @property
-    def searches_starts(self) -> bool:
-        """Whether where chains start must be searched for: work before their first step."""
-        return needs_search(self.chains[0].starts_from, self.settings)
 
     @property
     def probe_xy(self) -> NDArray[np.float64]:

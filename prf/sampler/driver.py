@@ -66,7 +66,7 @@ def drive(
     sampler, first_step = session.sampler, session.sampler.step
     session.prepare_folder()
     session.progress = session.progress._replace(step=first_step)
-    if first_step == 0 and sampler.searches_starts:
+    if first_step == 0 and sampler.chains[0].starts_from != "empty":
         logger.info("finding maps to start from ...")
     for progress in rounds(sampler, rule, stop_requested, session.seconds_to_finish):
         session.progress = progress

@@ -1,16 +1,13 @@
 """Where chains start: the empty map, the contour of an occupancy grid, or where a draw of the prior leads.
 
 Chains that start alike may agree for want of time to part. Contours differ from chain to chain in the readings that
-they use, draws of the prior in everything. With many readings and neither of these, chains on growing shares of the
-readings look for the start: a step costs in proportion to the readings that it touches, and a quarter of them shows
-most walls. No step on the way to a start is a step of the chain.
+they use, draws of the prior in everything. No step on the way to a start is a step of the chain.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
-from typing import TypeVar
+from collections.abc import Callable
 
 import numpy as np
 import shapely
@@ -25,8 +22,8 @@ from prf.kernels import constants as c
 from prf.kernels.build import recompute_sums
 from prf.kernels.grid import make_grid, most_cells
 from prf.kernels.occupancy import Cells, update_beams
-from prf.layout import make_sites, read_coloring, run_chain
-from prf.posterior import LaserData, PointData, Settings, SonarData, make_chain, one_colour_map, white_places
+from prf.layout import read_coloring, run_chain
+from prf.posterior import LaserData, Settings, make_chain, one_colour_map, white_places
 from prf.sampler.chain_map import occupied_cost
 from prf.sensors.laser import unit_vectors, window_exit
 from prf.shell.errors import ConfigError, InputError
@@ -40,22 +37,6 @@ LOOK = 10_000
 """Steps between two looks."""
 MOST_DOUBLINGS = 20
 """How often, from look to look, the cost of an occupied sensor doubles if one still is."""
-
-
-FEWEST_READINGS = 4000
-"""Readings that a share must have at least."""
-STRIDE = 4
-"""A share has every fourth reading of the next larger one."""
-CLIMB_STEPS = 100_000
-"""Steps between two looks at the log posterior."""
-LEAST_GAIN = 0.004
-"""Nats a reading, from one look to the next: where the gain is less, the next share takes over."""
-MOST_CLIMBS = 40
-"""Looks at one share at most."""
-Data = TypeVar("Data", LaserData, SonarData, PointData)
-
-ORDER = 20050726
-"""Seed of the order in which readings are dealt out: the same for all chains."""
 CELL = 0.1
 """Side of the cells of the grid, metres; larger where the window would have too many."""
 MOST_CELLS = 10_000_000
@@ -75,20 +56,13 @@ TOLERANCES = (1.0, 0.5, 0.1)
 """Sides of a cell by which corners may be straightened; the next is tried where the one before makes no map."""
 
 
-def needs_search(start: Start, settings: Settings) -> bool:
-    """Return whether where chains start must be searched for: work before their first step."""
-    return start != "empty" or has_shares(settings)
-
-
 def find_start_map(
     start: Start, settings: Settings, rng: np.random.Generator, stop_requested: Callable[[], bool]
 ) -> Coloring:
     """Return a map to start from, every sensor in white."""
     if start == "grid":
         return contour_map(settings, rng)
-    if start == "prior":
-        return from_prior(settings, rng, stop_requested)
-    return find_first_map(settings, rng, stop_requested)
+    return from_prior(settings, rng, stop_requested) if start == "prior" else one_colour_map(settings)
 
 
 def from_prior(settings: Settings, rng: np.random.Generator, stop_requested: Callable[[], bool]) -> Coloring:
@@ -110,74 +84,6 @@ def from_prior(settings: Settings, rng: np.random.Generator, stop_requested: Cal
         recompute_sums(chain)
     coloring = read_coloring(chain.graph)
     return map_of_region(occupied_polygons(coloring), settings) if chain.graph.counts[c.OCCUPIED] else coloring
-
-
-def shares(settings: Settings) -> Iterator[Settings]:
-    """Yield settings with ever larger shares of readings and points, short of all; none where readings are few."""
-    n = sum(sensor.readings.n_beams for sensor in (settings.laser, settings.sonar) if sensor is not None)
-    stride = 1
-    while n // (stride * STRIDE) >= FEWEST_READINGS:
-        stride *= STRIDE
-    while stride > 1:
-        yield dataclasses.replace(
-            settings,
-            resolution=None,
-            laser=_dealt(settings.laser, stride),
-            sonar=_dealt(settings.sonar, stride),
-            points=_dealt(settings.points, stride),
-        )
-        stride //= STRIDE
-
-
-def has_shares(settings: Settings) -> bool:
-    """Return whether there are so many readings that a chain begins on a share of them."""
-    return next(shares(settings), None) is not None
-
-
-def find_first_map(settings: Settings, rng: np.random.Generator, stop_requested: Callable[[], bool]) -> Coloring:
-    """Return where a chain starts: the empty map, or what chains on growing shares of the readings arrive at."""
-    coloring = one_colour_map(settings)
-    for share in shares(settings):
-        if stop_requested():
-            break
-        coloring = _climb(share, settings, coloring, rng, stop_requested)
-    return coloring
-
-
-def _climb(
-    share: Settings,
-    settings: Settings,
-    coloring: Coloring,
-    rng: np.random.Generator,
-    stop_requested: Callable[[], bool],
-) -> Coloring:
-    """Run a chain on a share until its log posterior hardly rises; every sensor of the whole stays in white."""
-    chain = make_chain(share, coloring)
-    chain = chain._replace(sensors=make_sites(chain.edge_index.grid, white_places(settings)))
-    least = LEAST_GAIN * (len(chain.beams.ray) + len(chain.cones.pose))
-    best = -np.inf
-    for look in range(1, MOST_CLIMBS + 1):
-        chain = run_chain(chain, rng, look * CLIMB_STEPS)
-        recompute_sums(chain)
-        now = chain.graph.sums[c.LOG_PRIOR] + chain.graph.sums[c.LOG_LIKELIHOOD]
-        if now < best + least or stop_requested():
-            break
-        best = now
-    return read_coloring(chain.graph)
-
-
-def _dealt(data: Data | None, stride: int) -> Data | None:
-    """Return every `stride`-th row of data in an order of their own: thinned evenly, no ray of a ring preferred."""
-    if data is None:
-        return None
-    if isinstance(data, PointData):
-        chosen = _every(len(data.table.value), stride)
-        return dataclasses.replace(data, table=data.table.select(chosen))
-    return dataclasses.replace(data, readings=data.readings.select(_every(data.readings.n_beams, stride)))
-
-
-def _every(n: int, stride: int) -> NDArray[np.int64]:
-    return np.sort(np.random.default_rng(ORDER).permutation(n)[::stride])
 
 
 def contour_map(settings: Settings, rng: np.random.Generator) -> Coloring:

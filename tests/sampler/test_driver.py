@@ -122,7 +122,7 @@ def test_chains_that_agree_stop_by_themselves(sampler: Sampler) -> None:
 def test_without_agreement_it_stops_at_the_limit(
     sampler: Sampler, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(driver, "converged", lambda diagnoses, rhat, ess: False)
+    monkeypatch.setattr(driver, "verdict", lambda _: Verdict(False, "", "", False))
     rounds = list(rounds_of(sampler, StopRule(limit=8.0)))
     assert [found.status for found in rounds] == ["running"] * 3 + ["not converged"]
     assert [found.share for found in rounds] == pytest.approx([2.5 / 8, 4.5 / 8, 6.5 / 8, 1.0])
@@ -131,7 +131,7 @@ def test_without_agreement_it_stops_at_the_limit(
 def test_agreement_does_not_end_a_run_with_a_goal(
     sampler: Sampler, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(driver, "converged", lambda diagnoses, rhat, ess: True)
+    monkeypatch.setattr(driver, "verdict", lambda _: Verdict(True, "", "", True))
     assert list(rounds_of(sampler, StopRule(steps=30_000)))[-1].step == 30_000
     assert list(rounds_of(sampler, StopRule(seconds=2.0)))[-1].seconds == 2.0
 

@@ -162,9 +162,8 @@ def rasterised(coloring: Coloring, centres: np.ndarray, half: float) -> tuple[np
 def test_the_image_is_the_average_over_every_step(world: World, monkeypatch: pytest.MonkeyPatch, n_blocks: int) -> None:
     shrink(monkeypatch, 40, 100)
     settings = Settings(ROOM, 0.2, world.data, 0.5)
-    sampler, twin = (
-        ChainSampler(settings, np.random.default_rng(5), PROBES, world.coloring, refreshes=False) for _ in range(2)
-    )
+    monkeypatch.setattr(ChainSampler, "REFRESHES", False)
+    sampler, twin = (ChainSampler(settings, np.random.default_rng(5), PROBES, world.coloring) for _ in range(2))
     steps = 100 * n_blocks
     centres, half = pixel_centres(sampler.chain.image.grid), 0.25
     first = burn_in(steps)

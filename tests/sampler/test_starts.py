@@ -12,7 +12,7 @@ from prf.coloring import Coloring, black_at, occupied_polygons, violations
 from prf.kernels import constants as c
 from prf.posterior import Settings, make_chain
 from prf.sampler import Sampler, starts
-from prf.sampler.starts import contour_map, find_start_map, map_of_region, needs_search
+from prf.sampler.starts import contour_map, find_start_map, map_of_region
 from prf.shell.errors import ConfigError
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
@@ -106,10 +106,7 @@ def test_sonar_may_start_from_the_prior_and_not_from_a_grid() -> None:
         contour_map(settings, np.random.default_rng(1))
 
 
-def test_starts_that_are_not_found_are_the_empty_map(settings: Settings) -> None:
-    assert not needs_search("empty", settings)
-    assert needs_search("grid", settings)
-    assert needs_search("prior", settings)
+def test_the_empty_start_is_the_empty_map(settings: Settings) -> None:
     assert find_start_map("empty", settings, np.random.default_rng(1), never).n_edges == 0
 
 
