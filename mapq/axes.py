@@ -36,22 +36,12 @@ Number = TypeVar("Number", bound=np.number[Any])
 
 
 class GroundPlan(NamedTuple):
-    """What the axes are chosen by; that of a map is joined from those of its parts.
+    """What the axes are chosen by; that of a map is joined from those of its parts."""
 
-    Attributes
-    ----------
-    n_points : int
-        Finite ones.
-    sums : (int, int)
-        Of their x and y, in `QUANTUM`.
-    low, high : (3,) float64
-        Box of the points in metres; inf and -inf where there are none.
-    """
-
-    n_points: int = 0
-    sums: tuple[int, int] = (0, 0)
-    low: Floats = np.full(3, np.inf)
-    high: Floats = np.full(3, -np.inf)
+    n_points: int = 0  # finite ones
+    sums: tuple[int, int] = (0, 0)  # (int, int) of their x and y, in `QUANTUM`
+    low: Floats = np.full(3, np.inf)  # (3,) box of the points in metres; inf and -inf where there are none
+    high: Floats = np.full(3, -np.inf)  # (3,)
 
     @classmethod
     def of(cls, xyz: Floats) -> GroundPlan:

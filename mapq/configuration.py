@@ -158,17 +158,8 @@ class Configuration(Tree):
 def load_configuration(options: Mapping[str, Any], *tables: str) -> Loaded[Configuration]:
     """Return what the options of a verb ask for.
 
-    Parameters
-    ----------
-    options : mapping of str to Any
-        ``config``, ``preset``, ``assignments``, and keys of `tables`; the rest is passed over.
-    tables : str
-        Whose keys may be flags.
-
-    Raises
-    ------
-    InputError, ConfigError
-        As :func:`prf.shell.settings.load`.
+    `options`: ``config``, ``preset``, ``assignments``, and keys of `tables`; the rest is passed over. `tables`: whose
+    keys may be flags. Raises InputError, ConfigError as :func:`prf.shell.settings.load`.
     """
     flags = {
         f"{table}.{name}": options[name]

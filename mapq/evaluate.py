@@ -26,82 +26,45 @@ N_BINS = 10
 
 
 class Scores(NamedTuple):
-    """How well labels agree with the truth; suspicious is positive, nan where a ratio has nothing to divide by.
+    """How well labels agree with the truth; suspicious is positive, nan where a ratio has nothing to divide by."""
 
-    Attributes
-    ----------
-    n : int
-        Patches with a label and a truth.
-    n_without_truth : int
-        Patches left out because their truth is unknown.
-    confusion : ((int, int), (int, int))
-        Rows inferred, columns truth; plausible, then suspicious.
-    accuracy, precision, recall, specificity, f1, mcc, balanced_accuracy : float
-        Recall is the share of suspicious patches that are called so, specificity that of plausible ones.
-    base_rate : float
-        Share of suspicious patches in truth.
-    ece : float
-        Expected calibration error: mean difference of probability and share of suspicious over `N_BINS` bins.
-    auc : float
-        Probability that a suspicious patch has a higher p than a plausible one, ties half.
-    log_loss, brier : float
-        Mean negative log-probability of the truth in nats, p within 1e-6 of 0 and 1 cut; mean squared error of p.
-    """
-
-    n: int
-    n_without_truth: int
+    n: int  # patches with a label and a truth
+    n_without_truth: int  # patches left out because their truth is unknown
+    # (int, int), (int, int) rows inferred, columns truth; plausible, then suspicious
     confusion: tuple[tuple[int, int], tuple[int, int]]
-    accuracy: float
+    accuracy: float  # recall is the share of suspicious patches that are called so, specificity that of plausible ones
     precision: float
     recall: float
     specificity: float
     f1: float
     mcc: float
     balanced_accuracy: float
-    base_rate: float
-    ece: float
-    auc: float
+    base_rate: float  # share of suspicious patches in truth
+    ece: float  # expected calibration error: mean difference of probability and share of suspicious over `N_BINS` bins
+    auc: float  # probability that a suspicious patch has a higher p than a plausible one, ties half
+    # mean negative log-probability of the truth in nats, p within 1e-6 of 0 and 1 cut; mean squared error of p
     log_loss: float
     brier: float
 
 
 class Bin(NamedTuple):
-    """Patches of like probability.
+    """Patches of like probability."""
 
-    Attributes
-    ----------
-    low, high : float
-        Bounds of the probability.
-    n : int
-    p_suspicious, suspicious : float
-        Mean of the probability, and share that is suspicious in truth: alike where p can be trusted. nan without
-        patches.
-    """
-
-    low: float
+    low: float  # bounds of the probability
     high: float
     n: int
+    # mean of the probability, and share that is suspicious in truth: alike where p can be trusted. nan without patches.
     p_suspicious: float
     suspicious: float
 
 
 class Labelled(NamedTuple):
-    """Inferred and true labels of patches.
+    """Inferred and true labels of patches."""
 
-    Attributes
-    ----------
-    label, truth : (m,) uint8
-        `UNLABELLED` where not known.
-    probability : (m,) float
-        Of being suspicious.
-    truth_from : str
-        Source of the truth, for people.
-    """
-
-    label: NDArray[np.uint8]
-    truth: NDArray[np.uint8]
-    probability: NDArray[np.floating]
-    truth_from: str
+    label: NDArray[np.uint8]  # (m,) `UNLABELLED` where not known
+    truth: NDArray[np.uint8]  # (m,)
+    probability: NDArray[np.floating]  # (m,) of being suspicious
+    truth_from: str  # source of the truth, for people
 
 
 def score_labels(label: NDArray[np.uint8], truth: NDArray[np.uint8], probability: NDArray[np.floating]) -> Scores:
@@ -168,12 +131,7 @@ def read_labelled(path: str, model: Model | None, truth_field: str | None) -> La
     the one that ships with the package). The truth of a patch is that of most of its points in `truth_field`; without
     one it is the labels stored in PATCHES, else point field `TRUTH_FIELD`.
 
-    Raises
-    ------
-    InputError
-        If the file is neither, or there is no truth.
-    UsageError
-        If a model is given for a result.
+    Raises InputError if the file is neither, or there is no truth; UsageError if a model is given for a result.
     """
     if is_result_folder(path):
         _refuse_model(path, model)

@@ -11,25 +11,15 @@ from numpy.typing import NDArray
 
 
 class PatchGraph(NamedTuple):
-    """The neighbourhood of the random field.
-
-    Attributes
-    ----------
-    n_patches : int
-    pairs : (n_pairs, 2) int32
-        Each pair of neighbours once, the smaller number first, in ascending order.
-    separation : (n_pairs,) float64
-        Shortest distance between the points of the two patches, in metres (rho of equation 9).
-    middle : (n_pairs, 3) float64
-        Middle of the closest points of the two patches.
-    close : (n_pairs,) bool
-        Whether one is among the closest neighbours of the other, and not only among those watched for conflicts.
-    """
+    """The neighbourhood of the random field."""
 
     n_patches: int
-    pairs: NDArray[np.int32]
+    pairs: NDArray[np.int32]  # (n_pairs, 2) each pair of neighbours once, the smaller number first, in ascending order
+    # (n_pairs,) shortest distance between the points of the two patches, in metres (rho of equation 9)
     separation: NDArray[np.float64]
-    middle: NDArray[np.float64]
+    middle: NDArray[np.float64]  # (n_pairs, 3) middle of the closest points of the two patches
+    # (n_pairs,) whether one is among the closest neighbours of the other, and not only among those watched for
+    # conflicts
     close: NDArray[np.bool_]
 
 

@@ -17,24 +17,14 @@ SURE = 0.9
 
 
 class LabelCounts(NamedTuple):
-    """What labelling from a field did.
+    """What labelling from a field did."""
 
-    Attributes
-    ----------
-    n_patches, n_suspicious, n_plausible, n_unlabelled : int
-        After labelling.
-    n_ties : int
-        Patches with as many points of either kind, which became suspicious.
-    n_kept : int
-        Patches whose label was set by hand and stays.
-    """
-
-    n_patches: int
+    n_patches: int  # after labelling
     n_suspicious: int
     n_plausible: int
     n_unlabelled: int
-    n_ties: int
-    n_kept: int
+    n_ties: int  # patches with as many points of either kind, which became suspicious
+    n_kept: int  # patches whose label was set by hand and stays
 
 
 def majority_labels(
@@ -42,15 +32,10 @@ def majority_labels(
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
     """Return the label (m,) that most points of each patch have, and which patches tie.
 
-    Parameters
-    ----------
-    patch : (n,) int32
-        Patch of each point, `NO_PATCH` for none.
-    n_patches : int
-    values : (n,) array
-        1 suspicious, 0 plausible, 255 not known; other values do not count. A tie of the first two is suspicious:
-        only what is definitely plausible shall be called so. A patch of which more points are not known than have
-        the label that it would get, or without a point that counts, is `UNLABELLED`.
+    `patch` (n,): patch of each point, `NO_PATCH` for none. `values` (n,): 1 suspicious, 0 plausible, 255 not known;
+    other values do not count. A tie of the first two is suspicious: only what is definitely plausible shall be called
+    so. A patch of which more points are not known than have the label that it would get, or without a point that
+    counts, is `UNLABELLED`.
     """
     return majority_of(votes(patch, n_patches, values))
 
@@ -74,10 +59,8 @@ def majority_of(counts: NDArray[np.int64]) -> tuple[NDArray[np.uint8], NDArray[n
 def truth_values(cloud: PointCloud, name: str, patch: NDArray[np.integer], where: str) -> NDArray[Any]:
     """Return the 0/1 point field `name` (n,) of file `where`; 255 is a point without a label.
 
-    Raises
-    ------
-    InputError
-        If there is no such field, it is not one number a point, or a point of a patch has another value or nan.
+    Raises InputError if there is no such field, it is not one number a point, or a point of a patch has another value
+    or nan.
     """
     if name not in cloud.fields:
         known = ", ".join(cloud.fields) or "none"
@@ -119,10 +102,7 @@ def label_from_field(
 
     Labels set by hand stay unless `overwrite_hand`; labels of an earlier field are replaced, also by none.
 
-    Raises
-    ------
-    InputError
-        As :func:`truth_values`.
+    Raises InputError as :func:`truth_values`.
     """
     values = truth_values(patches.cloud, name, patches.patch, where)
     rule = conservative_labels if conservative else majority_labels

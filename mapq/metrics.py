@@ -25,25 +25,14 @@ BATCH = 2_000
 
 
 class MapMetrics(NamedTuple):
-    """Published whole-map numbers; lower is crisper, and maps of other density or scale cannot be compared.
+    """Published whole-map numbers; lower is crisper, and maps of other density or scale cannot be compared."""
 
-    Attributes
-    ----------
-    mean_map_entropy : float
-        Mean over points of ½ ln det(2 pi e Sigma), Sigma the covariance of the points within the radius; nats with
-        metres. nan where no neighbourhood is large enough.
-    mean_plane_variance : float
-        Mean of the smallest eigenvalue of Sigma, m²; nan likewise.
-    radius : float
-        Metres.
-    n_points, n_asked, n_used : int
-        Finite points, those that were sampled, and those of them with a neighbourhood that counts.
-    """
-
+    # mean over points of ½ ln det(2 pi e Sigma), Sigma the covariance of the points within the radius; nats with
+    # metres. nan where no neighbourhood is large enough.
     mean_map_entropy: float
-    mean_plane_variance: float
-    radius: float
-    n_points: int
+    mean_plane_variance: float  # mean of the smallest eigenvalue of Sigma, m²; nan likewise
+    radius: float  # metres
+    n_points: int  # finite points, those that were sampled, and those of them with a neighbourhood that counts
     n_asked: int
     n_used: int
 
@@ -56,16 +45,7 @@ def map_metrics(cloud: PointCloud, radius: float = RADIUS) -> MapMetrics:
     no-reference trajectory metric on registered point clouds". Neighbourhoods of fewer than `LEAST` points, and those
     in an exact plane, whose entropy is minus infinity, are left out of both means.
 
-    Parameters
-    ----------
-    cloud : PointCloud
-    radius : float
-        Metres.
-
-    Raises
-    ------
-    UsageError
-        If the radius is no length.
+    `radius`: metres. Raises UsageError if the radius is no length.
     """
     if not 0.0 < radius < 1e6:
         raise UsageError(f"a radius of {radius:g} m is none. Give one above 0.")

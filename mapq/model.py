@@ -38,20 +38,11 @@ CLIP = 5.0
 
 
 class Columns(NamedTuple):
-    """What trees see of patches.
-
-    Attributes
-    ----------
-    names : tuple of str
-    values : (m, c) float64
-        nan where unknown.
-    other : (m, c) int64
-        The patch of the pair that a value is of, or `NOBODY`.
-    """
+    """What trees see of patches."""
 
     names: tuple[str, ...]
-    values: NDArray[np.float64]
-    other: NDArray[np.int64]
+    values: NDArray[np.float64]  # (m, c) nan where unknown
+    other: NDArray[np.int64]  # (m, c) the patch of the pair that a value is of, or `NOBODY`
 
     def take(self, names: tuple[str, ...]) -> Columns:
         """Return some of the columns.
@@ -71,19 +62,11 @@ class Columns(NamedTuple):
 
 
 class Potential(NamedTuple):
-    """Trees and the columns they test.
-
-    Attributes
-    ----------
-    names : tuple of str
-    trees : Trees
-    base : float
-        Log-odds in nats to which the trees are added.
-    """
+    """Trees and the columns they test."""
 
     names: tuple[str, ...]
     trees: Trees
-    base: float
+    base: float  # log-odds in nats to which the trees are added
 
     def log_odds(self, columns: Columns) -> NDArray[np.float64]:
         """Return the log-odds (m,) of being suspicious, in nats."""
@@ -97,21 +80,12 @@ class Potential(NamedTuple):
 
 @dataclass(frozen=True)
 class Scaling:
-    """Robust standardisation of named columns: ``clip((value - median) / scale)``.
-
-    Attributes
-    ----------
-    names : tuple of str
-    median, scale : (k,) float64
-        In the unit of the column; scales are positive.
-    clip : float
-        Bound of standardised values.
-    """
+    """Robust standardisation of named columns: ``clip((value - median) / scale)``."""
 
     names: tuple[str, ...]
-    median: NDArray[np.float64]
-    scale: NDArray[np.float64]
-    clip: float = CLIP
+    median: NDArray[np.float64]  # (k,) in the unit of the column; scales are positive
+    scale: NDArray[np.float64]  # (k,)
+    clip: float = CLIP  # bound of standardised values
 
     def apply(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return standardised columns (n, k); what is not known (nan) lies in the middle."""
@@ -120,22 +94,14 @@ class Scaling:
 
 @dataclass(frozen=True)
 class Calibration:
-    """From differences of min-marginals to probabilities, fitted on regions kept out of training.
+    """From differences of min-marginals to probabilities, fitted on regions kept out of training."""
 
-    Attributes
-    ----------
-    kind : str
-        One of `CALIBRATIONS`.
-    slope, intercept : float
-        Log-odds = slope times difference + intercept; the slope is positive. A temperature has no intercept.
-    knots : (k, 2) float64
-        Of an isotonic one, which has no slope: difference and log-odds, both ascending; linear between, and beyond
-        them rising by `LEAST_SLOPE`.
-    """
-
-    kind: str = TEMPERATURE
+    kind: str = TEMPERATURE  # one of `CALIBRATIONS`
+    # log-odds = slope times difference + intercept; the slope is positive. A temperature has no intercept.
     slope: float = 1.0
     intercept: float = 0.0
+    # (k, 2) of an isotonic one, which has no slope: difference and log-odds, both ascending; linear between, and beyond
+    # them rising by `LEAST_SLOPE`
     knots: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 2)))
 
     def log_odds(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -39,25 +39,11 @@ def train_maps(
 ) -> tuple[Model, Trained, Scores | None]:
     """Return the model that labelled patches teach, how it was chosen, and its held-out scores.
 
-    Parameters
-    ----------
-    sources : sequence of Patches or path
-        Maps, or PATCHES files of them.
-    settings : TrainSettings
-    features : FeatureSettings
-        Stored in the model: it measures other maps in the same way.
-    max_patches : int, optional
-        Use about so many labelled patches only: whole regions, drawn with `seed`, the last one in part.
-    seed : int
-    progress : Reporter
-        Told the number of maps read and measured.
-    conservative : bool
-        Of a map that has labels, count patches without one as suspicious: they are not surely plausible.
-
-    Raises
-    ------
-    InputError
-        If a file is no PATCHES file, or there are not labels of both kinds.
+    `sources`: maps, or PATCHES files of them. `features`: stored in the model: it measures other maps in the same way.
+    `max_patches`: use about so many labelled patches only: whole regions, drawn with `seed`, the last one in part.
+    `progress`: told the number of maps read and measured. `conservative`: of a map that has labels, count patches
+    without one as suspicious: they are not surely plausible. Raises InputError if a file is no PATCHES file, or there
+    are not labels of both kinds.
     """
     settings, features = settings or TrainSettings(), features or FeatureSettings()
     maps = []

@@ -42,44 +42,23 @@ Ints = NDArray[np.int64]
 
 
 class Spread(NamedTuple):
-    """How points of a surface part, in metres.
+    """How points of a surface part, in metres."""
 
-    Attributes
-    ----------
-    visits, scans : float
-        Root mean square difference between visits, and between scans of one visit; nan where there is one only.
-    points : float
-        Standard deviation within scans; nan where no scan has two points in a cell.
-    n_visits, n_scans : int
-        The most visits of a cell; scans in all.
-    gap : (2,) int64 or None
-        Moments between which the surface was out of sight, the middle one of such gaps.
-    """
-
+    # root mean square difference between visits, and between scans of one visit; nan where there is one only
     visits: float
     scans: float
-    points: float
-    n_visits: int
+    points: float  # standard deviation within scans; nan where no scan has two points in a cell
+    n_visits: int  # the most visits of a cell; scans in all
     n_scans: int
-    gap: tuple[int, int] | None
+    gap: tuple[int, int] | None  # (2,) moments between which the surface was out of sight, the middle one of such gaps
 
 
 class Cause(NamedTuple):
-    """What made a patch suspicious, as far as it is known.
+    """What made a patch suspicious, as far as it is known."""
 
-    Attributes
-    ----------
-    kind : str
-        One of `CAUSES`.
-    text : str
-        For people.
-    measures : dict
-        What the text is made of.
-    """
-
-    kind: str
-    text: str
-    measures: dict[str, Any]
+    kind: str  # one of `CAUSES`
+    text: str  # for people
+    measures: dict[str, Any]  # what the text is made of
 
     def row(self, decimals: int) -> dict[str, Any]:
         """Return the cause as JSON."""
@@ -92,14 +71,8 @@ def find_causes(
 ) -> dict[int, Cause]:
     """Return the cause of each suspicious patch by its number.
 
-    Parameters
-    ----------
-    patches : Patches
-    features : PatchFeatures
-        Their pairs show which patches may be copies of one surface.
-    suspicious : (m,) bool
-    visits : Visits or None
-        None: when points were seen is not known, and so no cause.
+    `features`: their pairs show which patches may be copies of one surface. `suspicious` (m,). `visits`: None: when
+    points were seen is not known, and so no cause.
     """
     if visits is None:
         nothing = Cause(UNKNOWN, "the map does not tell by which scans or when it was seen", {})
@@ -131,13 +104,8 @@ def copies_of(features: PatchFeatures, n_patches: int) -> list[list[int]]:
 def cause_of(spread: Spread, visits: Visits, apart: Floats) -> Cause:
     """Return the cause that a spread shows, if it is clear.
 
-    Parameters
-    ----------
-    spread : Spread
-    visits : Visits
-    apart : (3,) float64
-        Lower bound, value and upper bound of what scans disagree by, metres; nan where that is not known, and the
-        spread alone counts.
+    `apart` (3,): lower bound, value and upper bound of what scans disagree by, metres; nan where that is not known, and
+    the spread alone counts.
     """
     measures: dict[str, Any] = {
         "between_visits_m": spread.visits,

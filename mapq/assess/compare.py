@@ -35,88 +35,44 @@ Floats = NDArray[np.float64]
 
 
 class Place(NamedTuple):
-    """Neighbouring cells that changed alike.
+    """Neighbouring cells that changed alike."""
 
-    Attributes
-    ----------
-    worse : bool
-        Whether the second map is worse there.
-    n_cells : int
-    area, change : float
-        m² of patches (mean of both maps), and by how much more of it is expected to be suspicious in the second map.
-    before, after : float
-        Expected suspicious share of the area in both maps.
-    low, high : (3,) float64
-        Corners of the box of the cells, world coordinates.
-    """
-
-    worse: bool
+    worse: bool  # whether the second map is worse there
     n_cells: int
+    # m² of patches (mean of both maps), and by how much more of it is expected to be suspicious in the second map
     area: float
     change: float
-    before: float
+    before: float  # expected suspicious share of the area in both maps
     after: float
-    low: Floats
-    high: Floats
+    low: Floats  # (3,) corners of the box of the cells, world coordinates
+    high: Floats  # (3,)
 
 
 class Comparison(NamedTuple):
-    """How two maps of one place differ, on their common ground.
+    """How two maps of one place differ, on their common ground."""
 
-    Attributes
-    ----------
-    cell : float
-        Side of the cells in metres.
-    n_cells : int
-        Cells in which both maps have patches.
-    area, suspicious, expected : (2,) float64
-        Of each map on common ground: m² of patches, the share of it called suspicious, and the share expected to be.
-    covered : (2,) float64
-        Share of each map's area that is common ground.
-    disagreement : (2,) float64
-        Mean metres by which scans of each map disagree, where that is known of both; nan where nothing is.
-    coverage : (2,) float64
-        Share of each map's points on planes that are in patches; nan unknown.
-    by : str
-        By what they are compared: ``disagreement`` where scans are known in both, else ``expected share``.
-    difference : (3,) float64
-        Of that, second less first, between its bounds at 95 %.
-    better : str
-        ``first``, ``second``, or ``same`` where the bounds hold no difference.
-    places : list of Place
-        Largest change first.
-    """
-
-    cell: float
-    n_cells: int
+    cell: float  # side of the cells in metres
+    n_cells: int  # cells in which both maps have patches
+    # (2,) of each map on common ground: m² of patches, the share of it called suspicious, and the share expected to be
     area: Floats
-    suspicious: Floats
-    expected: Floats
-    covered: Floats
+    suspicious: Floats  # (2,)
+    expected: Floats  # (2,)
+    covered: Floats  # (2,) share of each map's area that is common ground
+    # (2,) mean metres by which scans of each map disagree, where that is known of both; nan where nothing is
     disagreement: Floats
-    coverage: Floats
-    by: str
-    difference: Floats
-    better: str
-    places: list[Place]
+    coverage: Floats  # (2,) share of each map's points on planes that are in patches; nan unknown
+    by: str  # by what they are compared: ``disagreement`` where scans are known in both, else ``expected share``
+    difference: Floats  # (3,) of that, second less first, between its bounds at 95 %
+    better: str  # ``first``, ``second``, or ``same`` where the bounds hold no difference
+    places: list[Place]  # list of Place largest change first
 
 
 def compare(first: Judged, second: Judged, cell: float) -> Comparison:
     """Return how the second map differs from the first, cell by cell.
 
-    Parameters
-    ----------
-    first, second : Judged
-        In one frame: nothing is aligned.
-    cell : float
-        Side in metres of the cubes that are compared; larger than what walls moved by between the maps.
-
-    Raises
-    ------
-    UsageError
-        If the cell is no length.
-    InputError
-        If no cell has patches of both.
+    `first` and `second`: in one frame: nothing is aligned. `cell`: side in metres of the cubes that are compared;
+    larger than what walls moved by between the maps. Raises UsageError if the cell is no length; InputError if no cell
+    has patches of both.
     """
     check_cell(cell)
     keys, of_point = np.unique(

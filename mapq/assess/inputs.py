@@ -20,30 +20,17 @@ LARGEST_SETTING = 1e6
 
 
 class Origin(NamedTuple):
-    """Inputs of a result.
+    """Inputs of a result."""
 
-    Attributes
-    ----------
-    name : str
-        Of the map, for messages.
-    model : str
-        "default", the model's file, or "given".
-    files : tuple of str
-        Whose digests a written result has.
-    """
-
-    name: str = "the map"
-    model: str = "default"
-    files: tuple[str, ...] = ()
+    name: str = "the map"  # of the map, for messages
+    model: str = "default"  # "default", the model's file, or "given"
+    files: tuple[str, ...] = ()  # whose digests a written result has
 
 
 def feature_settings(model: Model) -> FeatureSettings:
     """Return the settings with which the model's features were measured.
 
-    Raises
-    ------
-    InputError
-        If one is missing, unknown, or outside its domain.
+    Raises InputError if one is missing, unknown, or outside its domain.
     """
     known = {field.name for field in fields(FeatureSettings)}
     for name in sorted(known ^ set(model.features)):
@@ -66,12 +53,8 @@ def feature_settings(model: Model) -> FeatureSettings:
 def read_input(path: str, options: ReadOptions = AS_IT_IS) -> Patches | PointCloud:
     """Read PATCHES or a cloud, whichever `path` is; ``-`` is standard input.
 
-    Raises
-    ------
-    InputError
-        As :func:`mapq.io.read_patches` and :func:`mapq.io.read_cloud`.
-    UsageError
-        If a unit is given for PATCHES.
+    Raises InputError as :func:`mapq.io.read_patches` and :func:`mapq.io.read_cloud`; UsageError if a unit is given for
+    PATCHES.
     """
     content = Content(path)
     if holds_patches(content):

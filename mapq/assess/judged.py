@@ -30,30 +30,16 @@ Floats = NDArray[np.float64]
 
 
 class Judged(NamedTuple):
-    """Points of the patches of a map, with what is inferred about them.
+    """Points of the patches of a map, with what is inferred about them."""
 
-    Attributes
-    ----------
-    xyz : (n, 3) float64
-        World coordinates, metres.
-    area : (n,) float64
-        Each point's part of its patch's area, m².
-    suspicious : (n,) bool
-    probability : (n,) float64
-    disagreement, error : (n,) float64
-        Metres by which scans disagree on each point's patch, and standard error; nan where that is not known.
-    coverage : float
-        Share of the points on planes of any tilt that are in patches; nan where that is not known.
-    source : str
-    """
-
-    xyz: Floats
-    area: Floats
-    suspicious: NDArray[np.bool_]
-    probability: Floats
+    xyz: Floats  # (n, 3) world coordinates, metres
+    area: Floats  # (n,) each point's part of its patch's area, m²
+    suspicious: NDArray[np.bool_]  # (n,)
+    probability: Floats  # (n,)
+    # (n,) metres by which scans disagree on each point's patch, and standard error; nan where that is not known
     disagreement: Floats
-    error: Floats
-    coverage: float
+    error: Floats  # (n,)
+    coverage: float  # share of the points on planes of any tilt that are in patches; nan where that is not known
     source: str
 
 
@@ -62,12 +48,8 @@ def read_judged(path: str, model: Model | None, options: ReadOptions = AS_IT_IS,
 
     Of a result in tiles all points of a patch in one cube of `cell` metres count as one.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or the JSON beside a RESULT is missing or of another one.
-    UsageError
-        If a model is given for a result, which has labels already.
+    Raises InputError if the file cannot be read, or the JSON beside a RESULT is missing or of another one; UsageError
+    if a model is given for a result, which has labels already.
     """
     if options.unit is not None and path != STREAM and is_patches(path):
         options = replace(options, unit=None)  # it is for the other map

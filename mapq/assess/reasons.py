@@ -44,24 +44,12 @@ PAIR_SHARES = ("overlap", "crossing")
 
 
 class Reason(NamedTuple):
-    """A reason for a patch's label.
+    """A reason for a patch's label."""
 
-    Attributes
-    ----------
-    text : str
-        For people: "parallel to patch 41 at 0.32 m, overlap 78 %".
-    log_odds : float
-        How much it adds to the log-odds of being suspicious, in nats.
-    other : int or None
-        The other patch, if the reason is a pair.
-    measures : dict of str to float
-        What the text is made of: metres, degrees and shares by name.
-    """
-
-    text: str
-    log_odds: float
-    other: int | None
-    measures: dict[str, float]
+    text: str  # for people: "parallel to patch 41 at 0.32 m, overlap 78 %"
+    log_odds: float  # how much it adds to the log-odds of being suspicious, in nats
+    other: int | None  # the other patch, if the reason is a pair
+    measures: dict[str, float]  # what the text is made of: metres, degrees and shares by name
 
     def row(self, decimals: int) -> dict[str, Any]:
         """Return the reason as JSON."""
@@ -87,12 +75,7 @@ class Reasons:
     def of(self, patch: int, sign: float, n_most: int) -> list[Reason]:
         """Return at most `n_most` reasons of a patch, largest first.
 
-        Parameters
-        ----------
-        patch : int
-        sign : {1.0, -1.0}
-            Reasons for suspicious, or for plausible. All features of one pair are one reason; the bias is none.
-        n_most : int
+        `sign`: reasons for suspicious, or for plausible. All features of one pair are one reason; the bias is none.
         """
         found = [reason for reason in self._all(patch) if sign * reason.log_odds > 0.0]
         found.sort(key=lambda reason: -abs(reason.log_odds))

@@ -17,34 +17,21 @@ CONFLICT = 0.05
 
 
 class Region(NamedTuple):
-    """Suspicious patches that are neighbours, directly or through others.
+    """Suspicious patches that are neighbours, directly or through others."""
 
-    Attributes
-    ----------
-    patches : (k,) int64
-        Ascending.
-    n_points : int
-    area, severity : float
-        In m²: area of the patches, and the area among it that is expected to be wrong, the sum of area times
-        p_suspicious. Without areas points are used instead.
-    low, high, centre : (3,) float64
-        Box of the points and their mean, in world coordinates, metres.
-    displacement : float
-        Metres between surfaces of the region that lie over one another: the median over the shared area; nan where
-        none do.
-    p_suspicious : float
-        Mean over the area.
-    """
-
-    patches: NDArray[np.int64]
+    patches: NDArray[np.int64]  # (k,) ascending
     n_points: int
+    # in m²: area of the patches, and the area among it that is expected to be wrong, the sum of area times
+    # p_suspicious. Without areas points are used instead.
     area: float
     severity: float
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    centre: NDArray[np.float64]
+    low: NDArray[np.float64]  # (3,) box of the points and their mean, in world coordinates, metres
+    high: NDArray[np.float64]  # (3,)
+    centre: NDArray[np.float64]  # (3,)
+    # metres between surfaces of the region that lie over one another: the median over the shared area; nan where none
+    # do
     displacement: float
-    p_suspicious: float
+    p_suspicious: float  # mean over the area
 
     def row(self, number: int, decimals: int) -> dict[str, Any]:
         """Return the region as JSON; its place among regions is its number."""
@@ -72,14 +59,8 @@ def find_regions(
 ) -> list[Region]:
     """Return the regions of a map, the most severe first, of equals the one with the smallest patch number.
 
-    Parameters
-    ----------
-    patches : Patches
-    features : PatchFeatures
-        Neighbours are those of the random field.
-    suspicious : (m,) bool
-    probability, area : (m,) float
-        Areas may be nan: then points are used instead.
+    `features`: neighbours are those of the random field. `suspicious` (m,). `probability` and `area` (m,): areas may be
+    nan: then points are used instead.
     """
     size = area if np.isfinite(area).all() else patches.counts.astype(np.float64)
     inside = np.flatnonzero(suspicious[features.pairs].all(axis=1))

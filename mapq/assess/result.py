@@ -291,10 +291,7 @@ class Result:
     def evaluate(self, truth: ArrayLike | str = "truth") -> Scores:
         """Return how well the labels agree with the truth.
 
-        Parameters
-        ----------
-        truth : (m,) array or str
-            1 suspicious, 0 plausible, 255 unknown; or the name of a point field whose majority counts.
+        `truth` (m,): 1 suspicious, 0 plausible, 255 unknown; or the name of a point field whose majority counts.
         """
         from mapq.evaluate import score_labels
 
@@ -378,10 +375,7 @@ def assess(
 ) -> Result:
     """Return the labels of patches by a model (None: the model that ships with the package).
 
-    Raises
-    ------
-    InputError
-        If the model asks for features that this release does not have, or there is no default model.
+    Raises InputError if the model asks for features that this release does not have, or there is no default model.
     """
     model = model or read_default_model()
     features = patch_features(patches, feature_settings(model), progress)

@@ -34,30 +34,16 @@ Ints = NDArray[np.int64]
 
 
 class Visits(NamedTuple):
-    """Moments of the points of a cloud, and how long one visit lasts.
+    """Moments of the points of a cloud, and how long one visit lasts."""
 
-    Attributes
-    ----------
-    moment : (n,) int64
-        Of each point, from 0 in the order of the drive: its scan, second or pass; -1 where it is not known.
-    leaves : (k,) int64
-        Of each moment the first later one from which on a surface not seen in between is on another visit; k: none.
-    way : (k,) float64 or None
-        Metres driven up to each moment; None where it is not known from where points were seen.
-    seconds : (k,) float64 or None
-        Time of each moment.
-    unit : str
-        What moments are: ``scan``, ``second`` or ``pass``.
-    to_sensor : (n, 3) float64 or None
-        From each point to its sensor, in metres; None where that is not known.
-    """
-
+    # (n,) of each point, from 0 in the order of the drive: its scan, second or pass; -1 where it is not known
     moment: Ints
+    # (k,) of each moment the first later one from which on a surface not seen in between is on another visit; k: none
     leaves: Ints
-    way: Floats | None
-    seconds: Floats | None
-    unit: str
-    to_sensor: Floats | None = None
+    way: Floats | None  # (k,) metres driven up to each moment; None where it is not known from where points were seen
+    seconds: Floats | None  # (k,) time of each moment
+    unit: str  # what moments are: ``scan``, ``second`` or ``pass``
+    to_sensor: Floats | None = None  # (n, 3) from each point to its sensor, in metres; None where that is not known
 
     def new_visit(self, earlier: Ints, later: Ints) -> NDArray[np.bool_]:
         """Return whether a surface seen at moments (m,) and not again until `later` (m,) is then on another visit."""
@@ -65,27 +51,13 @@ class Visits(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """Which fields record when and from where points were seen; decided once for a map.
+    """Which fields record when and from where points were seen; decided once for a map."""
 
-    Attributes
-    ----------
-    unit : str
-        What moments are, as of :class:`Visits`.
-    field : str
-        That holds them.
-    start : float
-        Its least value.
-    times : str or None
-        Field of seconds.
-    has_sensor : bool
-        Whether it is known where the sensor was.
-    """
-
-    unit: str
-    field: str
-    start: float
-    times: str | None
-    has_sensor: bool
+    unit: str  # what moments are, as of :class:`Visits`
+    field: str  # that holds them
+    start: float  # its least value
+    times: str | None  # field of seconds
+    has_sensor: bool  # whether it is known where the sensor was
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -100,33 +72,19 @@ class Clock(NamedTuple):
 
 
 class Stays(NamedTuple):
-    """Where the sensor was at the moments (k) of a drive.
+    """Where the sensor was at the moments (k) of a drive."""
 
-    Attributes
-    ----------
-    value : (k,) float64
-        Of the clock, ascending.
-    n_points : (k,) int64
-    place, sensor : (k, 3) float64
-        Of what was seen, and of the sensor; nan where it is not known.
-    seconds : (k,) float64
-        Time, nan where it is not known.
-    """
-
-    value: Floats
-    n_points: Ints
-    place: Floats
-    sensor: Floats
-    seconds: Floats
+    value: Floats  # (k,) of the clock, ascending
+    n_points: Ints  # (k,)
+    place: Floats  # (k, 3) of what was seen, and of the sensor; nan where it is not known
+    sensor: Floats  # (k, 3)
+    seconds: Floats  # (k,) time, nan where it is not known
 
 
 def clock_of(spans: Mapping[str, Span]) -> Clock | None:
     """Return by what the points of a map were seen: its scans, else its times, else its passes; None if unknown.
 
-    Parameters
-    ----------
-    spans : mapping of str to Span
-        What those of `FIELDS` hold that the map has.
+    `spans`: what those of `FIELDS` hold that the map has.
     """
     times = next((name for name in TIMES if _is_clock(spans.get(name, Span()))), None)
     passes = next((name for name in PASSES if _are_numbers(spans.get(name, Span()))), None)
@@ -206,12 +164,7 @@ def join_stays(parts: list[Stays]) -> Stays:
 def visits_from(clock: Clock, stays: Stays, moment: Ints, to_sensor: Floats | None) -> Visits:
     """Return how long visits last, and the moments (n,) of points, from where the sensor was.
 
-    Parameters
-    ----------
-    clock : Clock
-    stays : Stays
-    moment : (n,) int64
-    to_sensor : (n, 3) float64 or None
+    `moment` (n,). `to_sensor` (n, 3).
     """
     value, n_moments = stays.value, len(stays.value)
     seconds = None if clock.times is None else stays.seconds

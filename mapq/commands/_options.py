@@ -27,10 +27,7 @@ def parse_unit(text: str) -> float:
 def parse_share(text: str) -> float:
     """Return the share in ``0.05`` or ``5%``.
 
-    Raises
-    ------
-    ValueError
-        If it is neither, or not between 0 and 1; typer makes a usage error of it.
+    Raises ValueError if it is neither, or not between 0 and 1; typer makes a usage error of it.
     """
     number = text.strip().removesuffix("%").rstrip()
     try:
@@ -103,12 +100,7 @@ MaxFalseAlarms = Annotated[
 def load_model(path: str | None, max_false_alarms: float | None) -> Model | None:
     """Return the model of a file, at another operating point if one is given; None for that of the package.
 
-    Raises
-    ------
-    InputError
-        If the model cannot be read.
-    UsageError
-        If it has no operating points.
+    Raises InputError if the model cannot be read; UsageError if it has no operating points.
     """
     from mapq.crf.operating import with_false_alarms
     from mapq.io.models import read_default_model, read_model

@@ -72,12 +72,8 @@ def inspect(
 def _measure(file: str, options: ReadOptions, radius: float) -> MapMetrics:
     """Return the metrics of the points of a file.
 
-    Raises
-    ------
-    UsageError
-        If it is standard input, which was read already, or a result in tiles.
-    InputError
-        If it has no points.
+    Raises UsageError if it is standard input, which was read already, or a result in tiles; InputError if it has no
+    points.
     """
     from mapq.assess import read_input
     from mapq.io.result_folder import is_result_folder

@@ -26,34 +26,19 @@ Floats = NDArray[np.float64]
 
 
 class Chosen(NamedTuple):
-    """A calibration and how it was chosen.
+    """A calibration and how it was chosen."""
 
-    Attributes
-    ----------
-    calibration : Calibration
-        Fitted to all patches.
-    losses : dict of str to float
-        Kind to mean log-loss, in nats, on folds that the calibration had not seen.
-    probability : (n,) float64
-        Of each patch, by a calibration of the chosen kind that had not seen its fold.
-    """
-
-    calibration: Calibration
-    losses: dict[str, float]
-    probability: Floats
+    calibration: Calibration  # fitted to all patches
+    losses: dict[str, float]  # kind to mean log-loss, in nats, on folds that the calibration had not seen
+    probability: Floats  # (n,) of each patch, by a calibration of the chosen kind that had not seen its fold
 
 
 def choose_calibration(difference: Floats, y: Floats, label: NDArray[np.uint8], fold: NDArray[np.int64]) -> Chosen:
     """Return the kind of calibration of least cross-validated log-loss, of equals the simplest, fitted to all patches.
 
-    Parameters
-    ----------
-    difference, y : (n,) float64
-        Differences of min-marginals of patches that no model had seen, and their labels in {-1, +1}.
-    label : (n,) uint8
-        Their best labels: probabilities are kept on that side of one half, here as in use.
-    fold : (n,) int64
-        Of the cross-validation. With one fold alone there is nothing to choose by: the kind is a temperature.
+    `difference` and `y` (n,): differences of min-marginals of patches that no model had seen, and their labels in {-1,
+    +1}. `label` (n,): their best labels: probabilities are kept on that side of one half, here as in use. `fold` (n,):
+    of the cross-validation. With one fold alone there is nothing to choose by: the kind is a temperature.
     """
     numbers = np.unique(fold)
     losses, found = {}, {}

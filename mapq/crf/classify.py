@@ -16,32 +16,21 @@ from mapq.patches import PLAUSIBLE, SUSPICIOUS
 
 
 class Labelling(NamedTuple):
-    """The best labelling of a map, and how sure it is.
+    """The best labelling of a map, and how sure it is."""
 
-    Attributes
-    ----------
-    label : (m,) uint8
-        `SUSPICIOUS` or `PLAUSIBLE`; of several best labellings the one with most suspicious patches. With a threshold
-        other than 0: `SUSPICIOUS` where the difference reaches it.
-    probability : (m,) float32
-        Calibrated probability of being suspicious; above that of the threshold, one half unless the model has another,
-        exactly where the label is `SUSPICIOUS`.
-    difference : (m,) float64
-        Difference of min-marginals, in nats.
-    """
-
+    # (m,) `SUSPICIOUS` or `PLAUSIBLE`; of several best labellings the one with most suspicious patches. With a
+    # threshold other than 0: `SUSPICIOUS` where the difference reaches it.
     label: NDArray[np.uint8]
+    # (m,) calibrated probability of being suspicious; above that of the threshold, one half unless the model has
+    # another, exactly where the label is `SUSPICIOUS`
     probability: NDArray[np.float32]
-    difference: NDArray[np.float64]
+    difference: NDArray[np.float64]  # (m,) difference of min-marginals, in nats
 
 
 def classify(features: PatchFeatures, model: Model) -> Labelling:
     """Return the labelling of highest score (equation 5), exactly, by a graph cut.
 
-    Raises
-    ------
-    InputError
-        If the features lack one of the model's, or one is not finite.
+    Raises InputError if the features lack one of the model's, or one is not finite.
     """
     cut = solve(make_field(model_inputs(features, model), model.edge_model, model.weights))
     label = cut.label

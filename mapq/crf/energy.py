@@ -14,22 +14,12 @@ from prf.shell.errors import InputError
 
 
 class Inputs(NamedTuple):
-    """What the field of one map is linear in.
+    """What the field of one map is linear in."""
 
-    Attributes
-    ----------
-    node : (m, k) float64
-        Standardised node features f.
-    pairs : (e, 2) int64
-    position : (e,) float64
-        Where x_ij lies in the range of the model, 0 to 1.
-    share : (e,) float64
-        Of the coupling's weights that a pair has: 1, or one by the larger number of neighbours of its patches.
-    """
-
-    node: NDArray[np.float64]
-    pairs: NDArray[np.int64]
-    position: NDArray[np.float64]
+    node: NDArray[np.float64]  # (m, k) standardised node features f
+    pairs: NDArray[np.int64]  # (e, 2)
+    position: NDArray[np.float64]  # (e,) where x_ij lies in the range of the model, 0 to 1
+    # (e,) of the coupling's weights that a pair has: 1, or one by the larger number of neighbours of its patches
     share: NDArray[np.float64]
 
 
@@ -37,18 +27,11 @@ class Field(NamedTuple):
     """A binary field with labels y = +1 (suspicious) and -1 (plausible), whose score is to be made as large as can be.
 
     score(y) = sum_i theta_i y_i + sum_ij coupling_ij y_i y_j
-
-    Attributes
-    ----------
-    theta : (m,) float64
-    pairs : (e, 2) int64
-    coupling : (e,) float64
-        Not negative in a field that a graph cut can solve.
     """
 
-    theta: NDArray[np.float64]
-    pairs: NDArray[np.int64]
-    coupling: NDArray[np.float64]
+    theta: NDArray[np.float64]  # (m,)
+    pairs: NDArray[np.int64]  # (e, 2)
+    coupling: NDArray[np.float64]  # (e,) not negative in a field that a graph cut can solve
 
     def score(self, y: NDArray[np.float64]) -> float:
         """Return the score of labels (m,) in {-1, +1}."""
@@ -59,10 +42,7 @@ class Field(NamedTuple):
 def node_columns(features: PatchFeatures, names: tuple[str, ...]) -> NDArray[np.float64]:
     """Return named node features (m, k).
 
-    Raises
-    ------
-    InputError
-        If there is no feature of that name.
+    Raises InputError if there is no feature of that name.
     """
     missing = [name for name in names if name not in features.node_names]
     if missing:

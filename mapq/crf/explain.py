@@ -33,26 +33,14 @@ class Terms(NamedTuple):
 
     In nats; positive means suspicious. The terms of a patch sum to ``log P(suspicious) - log P(plausible)`` in the
     random field given its neighbours' labels, which is twice the sum of its scores.
-
-    Attributes
-    ----------
-    patch : (t,) int64
-        Ascending; the terms of a patch by size, largest first.
-    name : (t,) int64
-        Index into `names`.
-    value : (t,) float64
-        The feature in its own unit; for `BASE` 1, for `NEIGHBOUR_LABEL` the neighbour's label, 1 = suspicious.
-    contribution : (t,) float64
-    other : (t,) int64
-        The neighbour, or `NO_OTHER`.
-    names : tuple of str
     """
 
-    patch: NDArray[np.int64]
-    name: NDArray[np.int64]
+    patch: NDArray[np.int64]  # (t,) ascending; the terms of a patch by size, largest first
+    name: NDArray[np.int64]  # (t,) index into `names`
+    # (t,) the feature in its own unit; for `BASE` 1, for `NEIGHBOUR_LABEL` the neighbour's label, 1 = suspicious
     value: NDArray[np.float64]
-    contribution: NDArray[np.float64]
-    other: NDArray[np.int64]
+    contribution: NDArray[np.float64]  # (t,)
+    other: NDArray[np.int64]  # (t,) the neighbour, or `NO_OTHER`
     names: tuple[str, ...]
 
     def starts(self, n_patches: int) -> NDArray[np.int64]:

@@ -22,13 +22,7 @@ Floats = NDArray[np.float64]
 def grow(columns: Sequence[Columns], labels: Sequence[Floats], weights: Sequence[Floats]) -> Potential:
     """Return the trees that separate suspicious patches from plausible ones.
 
-    Parameters
-    ----------
-    columns : sequence of Columns
-        One a map, of the same names.
-    labels : sequence of (m,) float64
-        +1 suspicious, -1 plausible, 0 without.
-    weights : sequence of (m,) float64
+    `columns`: one a map, of the same names. `labels`: +1 suspicious, -1 plausible, 0 without.
     """
     # Heavy, and only training needs them.
     from sklearn.ensemble import HistGradientBoostingClassifier  # noqa: PLC0415

@@ -25,18 +25,13 @@ FINEST_BITS = 40
 
 
 class Cut(NamedTuple):
-    """The best labelling of a field.
+    """The best labelling of a field."""
 
-    Attributes
-    ----------
-    label : (m,) uint8
-        `SUSPICIOUS` or `PLAUSIBLE`. Of several best labellings the one with most suspicious patches, which is unique.
-    difference : (m,) float64
-        Best score with the patch suspicious minus best score with it plausible (in nats, the difference of
-        min-marginals); >= 0 exactly where the label is `SUSPICIOUS`. nan where it was not wanted.
-    """
-
+    # (m,) `SUSPICIOUS` or `PLAUSIBLE`. Of several best labellings the one with most suspicious patches, which is
+    # unique.
     label: NDArray[np.uint8]
+    # (m,) best score with the patch suspicious minus best score with it plausible (in nats, the difference of
+    # min-marginals); >= 0 exactly where the label is `SUSPICIOUS`. nan where it was not wanted.
     difference: NDArray[np.float64]
 
 
@@ -46,10 +41,8 @@ def solve(field: Field, wanted: NDArray[np.bool_] | None = None) -> Cut:
     A patch without coupling has its own sign and 2 theta; the others go through one cut, and one augmentation of it
     each (Kohli and Torr 2008, "Measuring uncertainty in graph cut solutions").
 
-    Raises
-    ------
-    InputError
-        If a coupling is negative or a number is not finite: the cut would then be wrong without a sign of it.
+    Raises InputError if a coupling is negative or a number is not finite: the cut would then be wrong without a sign of
+    it.
     """
     _require_solvable(field)
     n_patches = len(field.theta)

@@ -22,27 +22,14 @@ CONVERGED = 1e-14
 
 
 class Problem(NamedTuple):
-    """What the weights are fitted to.
+    """What the weights are fitted to."""
 
-    Attributes
-    ----------
-    design : (n, p) float64
-        Row i times the weights is s_i, half the log-odds of patch i given its neighbours' labels.
-    y : (n,) float64
-        Labels, +1 suspicious and -1 plausible.
-    importance : (n,) float64
-        Weight of each patch.
-    precision : (p,) float64
-        Of the Gaussian prior of each weight (L2 regularisation); 0 = none.
-    bounded : tuple of int
-        Weights that must not be negative.
-    """
-
+    # (n, p) row i times the weights is s_i, half the log-odds of patch i given its neighbours' labels
     design: NDArray[np.float64]
-    y: NDArray[np.float64]
-    importance: NDArray[np.float64]
-    precision: NDArray[np.float64]
-    bounded: tuple[int, ...]
+    y: NDArray[np.float64]  # (n,) labels, +1 suspicious and -1 plausible
+    importance: NDArray[np.float64]  # (n,) weight of each patch
+    precision: NDArray[np.float64]  # (p,) of the Gaussian prior of each weight (L2 regularisation); 0 = none
+    bounded: tuple[int, ...]  # weights that must not be negative
 
 
 def objective(problem: Problem, weights: NDArray[np.float64]) -> float:
@@ -73,10 +60,7 @@ def fit(problem: Problem) -> NDArray[np.float64]:
     inside that face. There are two bounds, hence four faces: each is solved by Newton's method, and of those whose
     solution keeps the bounds the best is taken.
 
-    Raises
-    ------
-    InputError
-        If only one label occurs: the bias would be infinite.
+    Raises InputError if only one label occurs: the bias would be infinite.
     """
     if len(np.unique(problem.y)) < 2:
         raise InputError("patches of one label only cannot be separated from others. Label patches of both kinds.")

@@ -32,28 +32,14 @@ Floats = NDArray[np.float64]
 
 
 class Part(NamedTuple):
-    """The labelled patches of a map.
+    """The labelled patches of a map."""
 
-    Attributes
-    ----------
-    unary : (n, p) float64
-        Times the first p weights: theta.
-    pairs : (e, 2) int64
-        Both of whose patches have a label.
-    position, share : (e,) float64
-        Where x_ij lies in its range; share of the coupling's weights.
-    y : (n,) float64
-        Labels, +1 suspicious and -1 plausible.
-    cost : (n,) float64
-        Of calling a patch by the wrong label.
-    """
-
-    unary: Floats
-    pairs: NDArray[np.int64]
-    position: Floats
-    share: Floats
-    y: Floats
-    cost: Floats
+    unary: Floats  # (n, p) times the first p weights: theta
+    pairs: NDArray[np.int64]  # (e, 2) both of whose patches have a label
+    position: Floats  # (e,) where x_ij lies in its range; share of the coupling's weights
+    share: Floats  # (e,)
+    y: Floats  # (n,) labels, +1 suspicious and -1 plausible
+    cost: Floats  # (n,) of calling a patch by the wrong label
 
     def joint(self, y: Floats, n_coupling: int) -> Floats:
         """Return the features (p + n_coupling,) whose product with the weights is the score of labels y (n,)."""
@@ -74,18 +60,10 @@ class Part(NamedTuple):
 
 
 class MarginFit(NamedTuple):
-    """Weights of maximum margin.
+    """Weights of maximum margin."""
 
-    Attributes
-    ----------
-    weights : (n_parameters,) float64
-    objective, bound : float
-        At the weights, and what no weights can go below.
-    n_rounds : int
-    """
-
-    weights: Floats
-    objective: float
+    weights: Floats  # (n_parameters,)
+    objective: float  # at the weights, and what no weights can go below
     bound: float
     n_rounds: int
 
@@ -117,14 +95,8 @@ def fit_margin(parts: Sequence[Part], edge_model: str, precision: Floats) -> Mar
     ``sum_k precision_k w_k² / 2 + sum of parts (max over y of cost(y) + score(y) - score(true y))``, the last two
     weights not negative if the edge model has a coupling.
 
-    Parameters
-    ----------
-    parts : sequence of Part
-        One at least; wrong labels cost something.
-    edge_model : str
-        One of `mapq.model.EDGE_MODELS`.
-    precision : (n_parameters,) float64
-        Of the Gaussian prior of each weight; that of the bias is `BIAS_PRECISION`.
+    `parts`: one at least; wrong labels cost something. `edge_model`: one of `mapq.model.EDGE_MODELS`. `precision`
+    (n_parameters,): of the Gaussian prior of each weight; that of the bias is `BIAS_PRECISION`.
     """
     n_coupling = 0 if edge_model == NONE else 2
     precision = np.concatenate([[BIAS_PRECISION], precision[1:]])

@@ -21,11 +21,9 @@ SHARES = (
 def operating_points(difference: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return false alarms, thresholds and recall (k, 3) for each of `SHARES`.
 
-    Parameters
-    ----------
-    difference, y : (n,) float64
-        Differences of min-marginals of patches that no model had seen, and their labels in {-1, +1}. The threshold is
-        the least at which no larger share of the plausible ones is called suspicious. None without both labels.
+    `difference` and `y` (n,): differences of min-marginals of patches that no model had seen, and their labels in {-1,
+    +1}. The threshold is the least at which no larger share of the plausible ones is called suspicious. None without
+    both labels.
     """
     plausible = np.sort(difference[y < 0.0])[::-1]
     suspicious = difference[y > 0.0]
@@ -42,19 +40,9 @@ def operating_points(difference: NDArray[np.float64], y: NDArray[np.float64]) ->
 def with_false_alarms(model: Model, share: float, where: str) -> Model:
     """Return the model with the most sensitive threshold that keeps false alarms at or below a share.
 
-    Parameters
-    ----------
-    model : Model
-    share : float
-        Of plausible patches that may be called suspicious, as counted on regions kept out of training. The next
-        smaller one of the model's points counts.
-    where : str
-        The model's name, for messages.
-
-    Raises
-    ------
-    UsageError
-        If the model has no operating points.
+    `share`: of plausible patches that may be called suspicious, as counted on regions kept out of training. The next
+    smaller one of the model's points counts. `where`: the model's name, for messages. Raises UsageError if the model
+    has no operating points.
     """
     if len(model.operating) == 0:
         raise UsageError(

@@ -9,12 +9,7 @@ from numpy.typing import NDArray
 def split_regions(centroid: NDArray[np.float64], max_patches: int) -> NDArray[np.int64]:
     """Return the region (m,) of each patch: the map halved at medians across its longer side.
 
-    Parameters
-    ----------
-    centroid : (m, 3) float64
-        Metres.
-    max_patches : int
-        Regions are halved until they have no more.
+    `centroid` (m, 3): metres. `max_patches`: regions are halved until they have no more.
     """
     region = np.zeros(len(centroid), np.int64)
     pending, n_regions = [np.arange(len(centroid))], 0
@@ -35,13 +30,8 @@ def assign_folds(region: NDArray[np.int64], suspicious: NDArray[np.bool_], n_fol
 
     Regions are dealt largest first, each to the fold that has least of what the region has, the smallest of equals.
 
-    Parameters
-    ----------
-    region : (n,) int64
-        Numbers from 0, each map's its own.
-    suspicious : (n,) bool
-    n_folds : int
-        At most; fewer if there are fewer regions.
+    `region` (n,): numbers from 0, each map's its own. `suspicious` (n,). `n_folds`: at most; fewer if there are fewer
+    regions.
     """
     n_regions = int(region.max()) + 1 if len(region) else 0
     counts = np.column_stack([np.bincount(region[kind], minlength=n_regions) for kind in (suspicious, ~suspicious)])

@@ -50,49 +50,26 @@ FALLBACK = Strength(1.0, 30.0)
 
 
 class HeldOut(NamedTuple):
-    """What models infer about patches on which they were not trained.
+    """What models infer about patches on which they were not trained."""
 
-    Attributes
-    ----------
-    truth, label : (n,) uint8
-    probability : (n,) float64
-        Of being suspicious, by a calibration that had not seen the patch's fold either.
-    calibrations : dict of str to float
-        Kind of calibration to log-loss on folds that it had not seen, in nats.
-    """
-
-    truth: NDArray[np.uint8]
-    label: NDArray[np.uint8]
+    truth: NDArray[np.uint8]  # (n,)
+    label: NDArray[np.uint8]  # (n,)
+    # (n,) of being suspicious, by a calibration that had not seen the patch's fold either
     probability: NDArray[np.float64]
-    calibrations: dict[str, float]
+    calibrations: dict[str, float]  # kind of calibration to log-loss on folds that it had not seen, in nats
 
 
 class Trained(NamedTuple):
-    """A model and how it was chosen.
+    """A model and how it was chosen."""
 
-    Attributes
-    ----------
-    model : Model
-        Without feature settings and training summary, which the caller knows.
-    strength : Strength
-    scores : dict of Strength to float
-        Strength to mean held-out log-loss, in nats; empty where there was no cross-validation.
-    held_out : HeldOut or None
-        Of the chosen strength; None where there was no cross-validation.
-    n_folds : int
-        0 where there was no cross-validation.
-    pseudo_log_likelihood : float
-        Mean log-probability of a training label given all others, in nats.
-    importance : dict of str to float
-        Column of the trees to how far it moves log-odds in the mean over the maps, in nats; empty without trees.
-    """
-
-    model: Model
+    model: Model  # without feature settings and training summary, which the caller knows
     strength: Strength
+    # strength to mean held-out log-loss, in nats; empty where there was no cross-validation
     scores: dict[Strength, float]
-    held_out: HeldOut | None
-    n_folds: int
-    pseudo_log_likelihood: float
+    held_out: HeldOut | None  # of the chosen strength; None where there was no cross-validation
+    n_folds: int  # 0 where there was no cross-validation
+    pseudo_log_likelihood: float  # mean log-probability of a training label given all others, in nats
+    # column of the trees to how far it moves log-odds in the mean over the maps, in nats; empty without trees
     importance: dict[str, float]
 
 
@@ -124,10 +101,7 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
     least, the one with the least coupling is taken. The calibration is fitted to what its models infer for their folds.
     The scaling is that of all patches: it sees no label.
 
-    Raises
-    ------
-    InputError
-        If no patch has a label, or all have the same.
+    Raises InputError if no patch has a label, or all have the same.
     """
     settings = settings or TrainSettings()
     require_labels(maps)

@@ -34,19 +34,11 @@ LARGEST_EVIDENCE = 12.0
 
 
 class TrainingMap(NamedTuple):
-    """A map with labels.
-
-    Attributes
-    ----------
-    features : PatchFeatures
-    label : (m,) uint8
-        `PLAUSIBLE`, `SUSPICIOUS` or `UNLABELLED`.
-    region : (m,) int64
-        Part of the map that a patch is in, numbered from 0: cross-validation keeps regions whole.
-    """
+    """A map with labels."""
 
     features: PatchFeatures
-    label: NDArray[np.uint8]
+    label: NDArray[np.uint8]  # (m,) `PLAUSIBLE`, `SUSPICIOUS` or `UNLABELLED`
+    # (m,) part of the map that a patch is in, numbered from 0: cross-validation keeps regions whole
     region: NDArray[np.int64]
 
 
@@ -83,9 +75,7 @@ class TrainSettings:
     def __post_init__(self) -> None:
         """Refuse values that nothing, or something else than was given, would be trained with.
 
-        Raises
-        ------
-        ConfigError
+        Raises ConfigError.
         """
         for name, value, known in (
             ("objective", self.objective, OBJECTIVES),
@@ -107,10 +97,6 @@ class Strength(NamedTuple):
 
     Pseudo-likelihood sees the true labels of neighbours, which inference does not, and so trusts the coupling too much:
     it has a strength of its own.
-
-    Attributes
-    ----------
-    weights, coupling : float
     """
 
     weights: float
@@ -118,31 +104,19 @@ class Strength(NamedTuple):
 
 
 class Prepared(NamedTuple):
-    """Maps in the form that the weights are linear in.
-
-    Attributes
-    ----------
-    node : Scaling
-    x_range : (float, float)
-    inputs : list of Inputs
-        One a map.
-    unary : list of (m, p) float64
-        As :func:`mapq.crf.energy.unary_design` has them; they depend on no label.
-    """
+    """Maps in the form that the weights are linear in."""
 
     node: Scaling
-    x_range: tuple[float, float]
-    inputs: list[Inputs]
+    x_range: tuple[float, float]  # (float, float)
+    inputs: list[Inputs]  # list of Inputs one a map
+    # list of (m, p) float64 as :func:`mapq.crf.energy.unary_design` has them; they depend on no label
     unary: list[NDArray[np.float64]]
 
 
 def prepare(maps: Sequence[TrainingMap], settings: TrainSettings) -> Prepared:
     """Return the standardisation of all patches of the maps, labelled or not, and the maps in it.
 
-    Raises
-    ------
-    InputError
-        If a feature is not finite, or a map lacks a feature that another has.
+    Raises InputError if a feature is not finite, or a map lacks a feature that another has.
     """
     for training_map in maps:
         require_finite(training_map.features)

@@ -34,15 +34,8 @@ def patch_features(
 ) -> PatchFeatures:
     """Return the neighbourhood graph of the patches with the features of its nodes and edges.
 
-    Parameters
-    ----------
-    patches : Patches
-    settings : FeatureSettings
-    progress : Reporter
-        Receives the steps done, of `N_STEPS`.
+    `progress`: receives the steps done, of `N_STEPS`.
 
-    Notes
-    -----
     Section 3.2 of the paper. The safe reading is finite for every patch with a point, and changes with neither the
     order of the points nor a shift of the map, nor a turn by quarters about z.
     """
@@ -65,21 +58,12 @@ def _in_own_axes(patches: Patches, settings: FeatureSettings, progress: Reporter
 
 
 class Columns(NamedTuple):
-    """What a reading measures of patches (m) and pairs (n).
+    """What a reading measures of patches (m) and pairs (n)."""
 
-    Attributes
-    ----------
-    graph : PatchGraph
-        Of the pairs that are joined.
-    node, edge : (m, p), (n, q) float64
-    plausibility : (n,) float64
-    node_names, edge_names : tuple of str
-    """
-
-    graph: PatchGraph
-    node: Floats
-    edge: Floats
-    plausibility: Floats
+    graph: PatchGraph  # of the pairs that are joined
+    node: Floats  # (m, p)
+    edge: Floats  # (n, q)
+    plausibility: Floats  # (n,)
     node_names: tuple[str, ...]
     edge_names: tuple[str, ...]
 
@@ -89,15 +73,8 @@ def measure_columns(
 ) -> tuple[PatchShapes, Columns]:
     """Return the shapes of patches, and their features with those of pairs.
 
-    Parameters
-    ----------
-    patches : Patches
-        In the map's own axes.
-    settings : FeatureSettings
-    beyond : Beyond, optional
-        What is known of the map, of which the patches are a part.
-    own : (m,) bool, optional
-        Patches whose pairs are measured; None: all.
+    `patches`: in the map's own axes. `beyond`: what is known of the map, of which the patches are a part. `own` (m,):
+    patches whose pairs are measured; None: all.
     """
     shapes = measure_shapes(patches, settings)
     return shapes, safe_features(patches, shapes, find_neighbours(shapes, settings, own), settings, beyond)

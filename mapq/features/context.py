@@ -50,18 +50,10 @@ class Context(NamedTuple):
 
 
 class Beyond(NamedTuple):
-    """What is known of a whole map, where the patches that are measured are a part of it.
+    """What is known of a whole map, where the patches that are measured are a part of it."""
 
-    Attributes
-    ----------
-    known : Known
-        Which of its fields count.
-    centres : (w, 3) float64 or None
-        Of the windows in which scans are compared; None where no moments are known.
-    """
-
-    known: Known
-    centres: Floats | None = None
+    known: Known  # which of its fields count
+    centres: Floats | None = None  # (w, 3) of the windows in which scans are compared; None where no moments are known
 
 
 def measure_context(
@@ -74,16 +66,7 @@ def measure_context(
 ) -> Context:
     """Return the columns of the groups that the settings name.
 
-    Parameters
-    ----------
-    patches : Patches
-    shapes : PatchShapes
-    graph : PatchGraph
-    edge : (e, 7) float64
-        Edge features, named by `EDGE_NAMES`.
-    settings : FeatureSettings
-    beyond : Beyond, optional
-        None: the patches are all of the map.
+    `edge` (e, 7): edge features, named by `EDGE_NAMES`. `beyond`: None: the patches are all of the map.
     """
     wanted = settings.context
     known, centres = beyond or Beyond(known_of(patches.cloud))

@@ -48,15 +48,8 @@ Ints = NDArray[np.int64]
 def copy_columns(nearby: Nearby, shapes: PatchShapes, settings: FeatureSettings) -> dict[str, Floats]:
     """Return what points alone show about copies of each patch, each (m,), by the names of `COLUMNS`; nan: nothing.
 
-    Parameters
-    ----------
-    nearby : Nearby
-        All finite points of the cloud.
-    shapes : PatchShapes
-    settings : FeatureSettings
+    `nearby`: all finite points of the cloud.
 
-    Notes
-    -----
     Of the layer that covers most of a patch, off it by two tolerances to 1.5 m: the share of the patch's cells in which
     it has points (cover), that over the one of as many points strewn at random (even), log of its points per point of
     the patch (density). `near`: their means over the patches about, weighted by the root of their area. `shift`: of the

@@ -54,23 +54,14 @@ Ints = NDArray[np.int64]
 
 
 class Disagreement(NamedTuple):
-    """How far scans disagree on each patch.
+    """How far scans disagree on each patch."""
 
-    Attributes
-    ----------
-    metres, low, high : (m,) float64
-        The disagreement with bounds that hold it in 95 of 100; nan where one scan alone saw the patch.
-    n_scans : (m,) float64
-        Scans that see it, in the median over its cells; nan likewise.
-    shared : (m,) float64
-        Share of its points in cells that several scans see; nan likewise.
-    """
-
+    # (m,) the disagreement with bounds that hold it in 95 of 100; nan where one scan alone saw the patch
     metres: Floats
-    low: Floats
-    high: Floats
-    n_scans: Floats
-    shared: Floats
+    low: Floats  # (m,)
+    high: Floats  # (m,)
+    n_scans: Floats  # (m,) scans that see it, in the median over its cells; nan likewise
+    shared: Floats  # (m,) share of its points in cells that several scans see; nan likewise
 
     @classmethod
     def unknown(cls, n_patches: int) -> Disagreement:
@@ -91,16 +82,9 @@ def measure_disagreement(
 ) -> Disagreement:
     """Return how far scans disagree on each patch (m).
 
-    Parameters
-    ----------
-    nearby : Nearby
-        All finite points of the cloud, by the scans that are compared (see :func:`joined`). Faces seen from opposite
-        sides are different surfaces.
-    shapes : PatchShapes
-    noise : float
-        Of the map, metres.
-    centres : (w, 3) float64, optional
-        Of windows: the closest one answers for a patch. None: as many as answer for all.
+    `nearby`: all finite points of the cloud, by the scans that are compared (see :func:`joined`). Faces seen from
+    opposite sides are different surfaces. `noise`: of the map, metres. `centres` (w, 3): of windows: the closest one
+    answers for a patch. None: as many as answer for all.
     """
     found = Disagreement.unknown(len(shapes))
     if not len(shapes.points):
@@ -140,11 +124,7 @@ def joined(patches: Patches, number: Ints, moments: Moments) -> Ints:
 def window_centres(middle: Floats, rank: Ints) -> Floats:
     """Return centres (w, 3) of windows that answer for patches (m), the closest one for each: middles of large patches.
 
-    Parameters
-    ----------
-    middle : (m, 3) float64
-    rank : (m,) int64
-        From the largest one on.
+    `middle` (m, 3). `rank` (m,): from the largest one on.
     """
     tree, is_owned = cKDTree(middle), np.zeros(len(middle), bool)
     centres: list[Floats] = []
@@ -173,25 +153,13 @@ def match(shapes: PatchShapes, layers: Floats, rows: Ints, centre: Floats) -> Wi
 
 
 class Fit(NamedTuple):
-    """Motions fitted to the sightings of a window.
-
-    Attributes
-    ----------
-    window : Window
-    covariance : (6s, 6s) float64
-        Of the motions.
-    rows : (r,) int64
-        Sightings that agree with them.
-    scan : (r,) int64
-        Their scans, among those of the window.
-    jacobian : (r, 6) float64
-    """
+    """Motions fitted to the sightings of a window."""
 
     window: Window
-    covariance: Floats
-    rows: Ints
-    scan: Ints
-    jacobian: Floats
+    covariance: Floats  # (6s, 6s) of the motions
+    rows: Ints  # (r,) sightings that agree with them
+    scan: Ints  # (r,) their scans, among those of the window
+    jacobian: Floats  # (r, 6)
 
 
 def fit(shapes: PatchShapes, sightings: Floats, rows: Ints, window: Window, motions: Motions) -> Fit:

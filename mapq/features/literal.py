@@ -21,23 +21,12 @@ Floats = NDArray[np.float64]
 
 
 class Hulls(NamedTuple):
-    """Convex hulls of each patch.
+    """Convex hulls of each patch."""
 
-    Attributes
-    ----------
-    volume : (m,) float64
-        Of the points, in m³.
-    level_area : (m,) float64
-        Of the points projected to the plane that is normal to up, in m²: "the XY plane".
-    area : (m,) float64
-        In the patch's own plane, in m².
-    corners : list of (k_i, 3) float64
-        Corners of the hull of the points, or all points where they have none.
-    """
-
-    volume: Floats
-    level_area: Floats
-    area: Floats
+    volume: Floats  # (m,) of the points, in m³
+    level_area: Floats  # (m,) of the points projected to the plane that is normal to up, in m²: "the XY plane"
+    area: Floats  # (m,) in the patch's own plane, in m²
+    # list of (k_i, 3) float64 corners of the hull of the points, or all points where they have none
     corners: list[Floats]
 
 

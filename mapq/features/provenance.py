@@ -22,19 +22,11 @@ MOST_MOMENTS = 1_000_000
 
 
 class Span(NamedTuple):
-    """What a field of a map holds, as far as it matters for what the field may be; of parts it can be added up.
+    """What a field of a map holds, as far as it matters for what the field may be; of parts it can be added up."""
 
-    Attributes
-    ----------
-    low, high : float
-        Of its finite values; inf and -inf where there are none.
-    is_known, is_whole : bool
-        Whether all values are finite, and whether those are whole numbers.
-    """
-
-    low: float = np.inf
+    low: float = np.inf  # of its finite values; inf and -inf where there are none
     high: float = -np.inf
-    is_known: bool = True
+    is_known: bool = True  # whether all values are finite, and whether those are whole numbers
     is_whole: bool = True
 
     def joined(self, other: Span) -> Span:
@@ -48,21 +40,11 @@ class Span(NamedTuple):
 
 
 class Known(NamedTuple):
-    """Which fields record where and when the points of a map were seen; decided once for a map.
+    """Which fields record where and when the points of a map were seen; decided once for a map."""
 
-    Attributes
-    ----------
-    moment : str or None
-        Field of the moments.
-    start : float
-        Least time, where moments are times.
-    has_rays : bool
-        Whether it is known where the sensor was.
-    """
-
-    moment: str | None
-    start: float
-    has_rays: bool
+    moment: str | None  # field of the moments
+    start: float  # least time, where moments are times
+    has_rays: bool  # whether it is known where the sensor was
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -71,18 +53,10 @@ class Known(NamedTuple):
 
 
 class Moments(NamedTuple):
-    """Which points were seen together.
+    """Which points were seen together."""
 
-    Attributes
-    ----------
-    moment : (k,) int64
-        Numbered from 0.
-    reach : int
-        Moments so far apart still count as one: neighbours, where time was cut into steps.
-    """
-
-    moment: NDArray[np.int64]
-    reach: int
+    moment: NDArray[np.int64]  # (k,) numbered from 0
+    reach: int  # moments so far apart still count as one: neighbours, where time was cut into steps
 
 
 def span_of(cloud: PointCloud, name: str, number: NDArray[np.int64]) -> Span | None:

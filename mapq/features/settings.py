@@ -68,9 +68,7 @@ class FeatureSettings:
     def __post_init__(self) -> None:
         """Refuse values that no map could be measured with.
 
-        Raises
-        ------
-        ConfigError
+        Raises ConfigError.
         """
         if self.reading not in ("safe", "literal"):
             raise ConfigError(f"features: reading '{self.reading}' is unknown. Give safe or literal.")
@@ -95,12 +93,7 @@ class FeatureSettings:
     def described(self, noise: float, up: list[float]) -> dict[str, object]:
         """Return what features were computed with: the settings, and in their places what was estimated.
 
-        Parameters
-        ----------
-        noise : float
-            Standard deviation of points from their surface, in metres.
-        up : list of float
-            Unit vector.
+        `noise`: standard deviation of points from their surface, in metres. `up`: unit vector.
         """
         return {
             "reading": self.reading,

@@ -35,44 +35,24 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PatchShapes:
-    """Patches measured one by one.
+    """Patches measured one by one."""
 
-    Attributes
-    ----------
-    points : (k, 3) float64
-        Finite points of all patches, patch after patch, in an order that does not depend on that of the file.
-    number : (k,) int64
-        Which point of the cloud each is.
-    start : (m + 1,) int64
-        Points of patch i are ``points[start[i]:start[i + 1]]``.
-    normal, centre : (m, 3) float64
-        Unit normal as segmented, mean of the points.
-    mse : (m,) float64
-        Mean squared distance from the plane of best fit, in m² (smallest eigenvalue of the biased covariance).
-    thickness : (m,) float64
-        95 % minus 5 % quantile of the signed distance from the plane, in metres.
-    across, along : (m, 3) float64
-        Unit vectors in the plane: horizontal and upwards; in level planes the longest direction and its normal.
-    width, height : (m,) float64
-        Extent across and along, in metres.
-    cell : (m,) float64
-        Side of the smallest cells that leave no holes between points, in metres.
-    up : (3,) float64
-    """
-
+    # (k, 3) finite points of all patches, patch after patch, in an order that does not depend on that of the file
     points: Floats
-    number: NDArray[np.int64]
-    start: NDArray[np.int64]
-    normal: Floats
-    centre: Floats
+    number: NDArray[np.int64]  # (k,) which point of the cloud each is
+    start: NDArray[np.int64]  # (m + 1,) points of patch i are ``points[start[i]:start[i + 1]]``
+    normal: Floats  # (m, 3) unit normal as segmented, mean of the points
+    centre: Floats  # (m, 3)
+    # (m,) mean squared distance from the plane of best fit, in m² (smallest eigenvalue of the biased covariance)
     mse: Floats
-    thickness: Floats
+    thickness: Floats  # (m,) 95 % minus 5 % quantile of the signed distance from the plane, in metres
+    # (m, 3) unit vectors in the plane: horizontal and upwards; in level planes the longest direction and its normal
     across: Floats
-    along: Floats
-    width: Floats
-    height: Floats
-    cell: Floats
-    up: Floats
+    along: Floats  # (m, 3)
+    width: Floats  # (m,) extent across and along, in metres
+    height: Floats  # (m,)
+    cell: Floats  # (m,) side of the smallest cells that leave no holes between points, in metres
+    up: Floats  # (3,)
 
     def __len__(self) -> int:
         """Return the number of patches."""
@@ -139,11 +119,7 @@ class PatchShapes:
 def measure_shapes(patches: Patches, settings: FeatureSettings | None = None) -> PatchShapes:
     """Measure each patch on its own.
 
-    Parameters
-    ----------
-    patches : Patches
-    settings : FeatureSettings
-        Only the up direction is read.
+    `settings`: only the up direction is read.
     """
     up = up_direction(patches, settings or FeatureSettings())
     number, patch, start = ordered_points(patches)
@@ -184,10 +160,7 @@ def lay_out(shapes: PatchShapes) -> Sheets:
 def up_direction(patches: Patches, settings: FeatureSettings) -> Floats:
     """Return the unit vector (3,) that points up: of the settings, else of the segmentation, else z.
 
-    Raises
-    ------
-    InputError
-        If the segmentation's is no direction.
+    Raises InputError if the segmentation's is no direction.
     """
     given: Any = settings.up if settings.up is not None else patches.parameters.get("up")
     try:

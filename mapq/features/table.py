@@ -52,19 +52,11 @@ SHARES = (0.05, 0.5, 0.95)
 
 
 class Table(NamedTuple):
-    """Rows of numbers.
-
-    Attributes
-    ----------
-    names : tuple of str
-    units : tuple of str
-    columns : list of (n,) arrays
-        Patch numbers and counts are integers, all else float64.
-    """
+    """Rows of numbers."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
-    columns: list[NDArray[Any]]
+    columns: list[NDArray[Any]]  # list of (n,) arrays patch numbers and counts are integers, all else float64
 
     def rows(self) -> Iterator[tuple[int | float, ...]]:
         """Yield the rows as Python numbers."""

@@ -25,14 +25,7 @@ def table_of(key: Ints) -> Ints:
 def nearby_points(patches: Patches, number: Ints, moment: Ints, to_sensor: Floats | None) -> Nearby:
     """Return points of a cloud in voxels as wide as anything over a patch may be off it, there by place and moment.
 
-    Parameters
-    ----------
-    patches : Patches
-    number : (n,) int64
-        Which points of the cloud: all finite ones.
-    moment : (n,) int64
-        From 0.
-    to_sensor : (n, 3) float64 or None
+    `number` (n,): which points of the cloud: all finite ones. `moment` (n,): from 0. `to_sensor` (n, 3).
     """
     points = np.asarray(patches.cloud.xyz[number], np.float64)
     key = voxel_keys(points, FARTHEST)

@@ -22,18 +22,10 @@ GOLDEN_RATIO = 0.6180339887498949
 
 
 class Scheme(NamedTuple):
-    """Colours of points and what they mean.
+    """Colours of points and what they mean."""
 
-    Attributes
-    ----------
-    rgb : (n, 3) float32
-    layer : (n,) uint8
-        Points of a higher layer are drawn over those of a lower one in plan view.
-    legend : tuple of (str, (float, float, float))
-    """
-
-    rgb: NDArray[np.float32]
-    layer: NDArray[np.uint8]
+    rgb: NDArray[np.float32]  # (n, 3)
+    layer: NDArray[np.uint8]  # (n,) points of a higher layer are drawn over those of a lower one in plan view
     legend: tuple[tuple[str, tuple[float, float, float]], ...]
 
 

@@ -53,19 +53,10 @@ class Bounds(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """Points and their colours, with the words over them.
+    """Points and their colours, with the words over them."""
 
-    Attributes
-    ----------
-    xyz : (n, 3) float64
-        World coordinates, metres, z up; points that are not finite are left out.
-    scheme : Scheme
-        Their colours.
-    title, subtitle : str
-    """
-
-    xyz: Floats
-    scheme: Scheme
+    xyz: Floats  # (n, 3) world coordinates, metres, z up; points that are not finite are left out
+    scheme: Scheme  # their colours
     title: str
     subtitle: str
 
@@ -74,17 +65,8 @@ class Picture(NamedTuple):
     ) -> Figure:
         """Return a matplotlib figure.
 
-        Parameters
-        ----------
-        views : tuple of str
-            ``plan``, ``3d``, or both, the first at the top.
-        azimuth, elevation : float
-            Degrees, of the 3D view: counter-clockwise from x, and above the horizon.
-
-        Raises
-        ------
-        InputError
-            If no point is finite.
+        `views`: ``plan``, ``3d``, or both, the first at the top. `azimuth` and `elevation`: degrees, of the 3D view:
+        counter-clockwise from x, and above the horizon. Raises InputError if no point is finite.
         """
         finite = np.flatnonzero(np.isfinite(self.xyz).all(axis=1))
         shown = finite[:: max(1, -(-len(finite) // MAX_POINTS))]

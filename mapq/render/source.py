@@ -50,20 +50,9 @@ def read_picture(
 ) -> Picture:
     """Read a result (one cloud, or a folder of tiles), a PATCHES file or a cloud, and colour its points.
 
-    Parameters
-    ----------
-    path : str
-    colour : Colour, optional
-        Default: labels where there are any, else patches.
-    field : str, optional
-        For colour ``field``: a 0/1 point field, 1 shown as suspicious.
-    options : ReadOptions
-        As for :func:`mapq.io.read_cloud`.
-
-    Raises
-    ------
-    InputError
-        If the file has not what the colour needs.
+    `colour`: default: labels where there are any, else patches. `field`: for colour ``field``: a 0/1 point field, 1
+    shown as suspicious. `options`: as for :func:`mapq.io.read_cloud`. Raises InputError if the file has not what the
+    colour needs.
     """
     return _picture(_read_points(path, options, field), colour, field)
 

@@ -36,65 +36,30 @@ Row = Mapping[str, Any]
 
 
 class Shown(NamedTuple):
-    """Patches as a page numbers them: those listed, and behind them, if there are more, two groups of all others.
+    """Patches as a page numbers them: those listed, and behind them, if there are more, two groups of all others."""
 
-    Attributes
-    ----------
-    patch : (n,) int32
-        Of each point.
-    label : (k,) or (k + 2,) uint8
-        The last two, if they are there, are the other plausible patches and the other suspicious ones.
-    probability : as label, float64
-        The mean over a group.
-    normal : (k or k + 2, 3) float64
-        nan of a group.
-    others : (2,) int64
-        Patches in each group.
-    """
-
-    patch: NDArray[np.int32]
+    patch: NDArray[np.int32]  # (n,) of each point
+    # (k,), (k + 2,) the last two, if they are there, are the other plausible patches and the other suspicious ones
     label: NDArray[np.uint8]
-    probability: Floats
-    normal: Floats
-    others: NDArray[np.int64]
+    probability: Floats  # the mean over a group
+    normal: Floats  # (k or k + 2, 3) nan of a group
+    others: NDArray[np.int64]  # (2,) patches in each group
 
 
 class Findings(NamedTuple):
-    """Contents of a result.
-
-    Attributes
-    ----------
-    path : str
-    cloud : PointCloud
-        All points; of a result in tiles a part of them, evenly spread over each patch.
-    n_points : int
-        Of the map.
-    patch : (n,) int32
-        Patch of each point, `NO_PATCH` for none.
-    head : mapping
-        The JSON of the result without its patches.
-    rows : sequence of k mappings
-        Patches listed one by one, without their terms: all of them up to `MAX_LISTED`.
-    number : (k,) int64
-        Their numbers, ascending.
-    label : (m,) uint8
-        Of all patches, as what follows.
-    probability, area : (m,) float64
-        m² of areas; nan where a number is unknown.
-    normal : (m, 3) float64
-    """
+    """Contents of a result."""
 
     path: str
-    cloud: PointCloud
-    n_points: int
-    patch: NDArray[np.int32]
-    head: Row
-    rows: Sequence[Row]
-    number: NDArray[np.int64]
-    label: NDArray[np.uint8]
-    probability: Floats
-    area: Floats
-    normal: Floats
+    cloud: PointCloud  # all points; of a result in tiles a part of them, evenly spread over each patch
+    n_points: int  # of the map
+    patch: NDArray[np.int32]  # (n,) patch of each point, `NO_PATCH` for none
+    head: Row  # the JSON of the result without its patches
+    rows: Sequence[Row]  # patches listed one by one, without their terms: all of them up to `MAX_LISTED`
+    number: NDArray[np.int64]  # (k,) their numbers, ascending
+    label: NDArray[np.uint8]  # (m,) of all patches, as what follows
+    probability: Floats  # (m,) m² of areas; nan where a number is unknown
+    area: Floats  # (m,)
+    normal: Floats  # (m, 3)
 
     def part(self, *names: str) -> Row:
         """Return an object inside the JSON, empty where it is none."""
@@ -154,12 +119,8 @@ class _Columns(NamedTuple):
 def read_findings(path: str) -> Findings:
     """Read a RESULT and the JSON beside it, or a result in tiles and the JSON among them.
 
-    Raises
-    ------
-    InputError
-        If either is missing or damaged, the file is no result, or the two do not belong together.
-    UsageError
-        If `path` is standard input, which has nothing beside it.
+    Raises InputError if either is missing or damaged, the file is no result, or the two do not belong together;
+    UsageError if `path` is standard input, which has nothing beside it.
     """
     if path == STREAM:
         raise UsageError("a report needs RESULT and the JSON beside it, which standard input does not have. Name it.")

@@ -33,40 +33,19 @@ DIGITS = 5
 
 
 class Written(NamedTuple):
-    """Size of a report.
-
-    Attributes
-    ----------
-    n_bytes : int
-    n_shown, n_points : int
-        Points that the views show, and those of the map.
-    n_outlines : int
-        Patches with an outline.
-    """
+    """Size of a report."""
 
     n_bytes: int
-    n_shown: int
+    n_shown: int  # points that the views show, and those of the map
     n_points: int
-    n_outlines: int
+    n_outlines: int  # patches with an outline
 
 
 def write_report(path: str, findings: Findings, title: str | None = None, max_points: int = MAX_POINTS) -> Written:
     """Write the report on a result, whole or not at all; ``-`` is standard output.
 
-    Parameters
-    ----------
-    path : str
-    findings : Findings
-        Of :func:`mapq.report.read_findings`.
-    title : str, optional
-        Instead of the name of the file.
-    max_points : int
-        Points shown, about.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written.
+    `findings`: of :func:`mapq.report.read_findings`. `title`: instead of the name of the file. `max_points`: points
+    shown, about. Raises OutputError if it cannot be written.
     """
     scripts = [*map(asset, VIEWS), asset("report.js")]
     shown = findings.shown()

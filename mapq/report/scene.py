@@ -36,31 +36,15 @@ Floats = NDArray[np.float64]
 
 
 class Scene(NamedTuple):
-    """Points and outlines of patches.
+    """Points and outlines of patches."""
 
-    Attributes
-    ----------
-    points : (k, 3) float64
-        Metres, in the frame of ``cloud.xyz``; patch after patch, those without a patch last.
-    start : (m + 2,) int64
-        Where the points of each patch begin, and of those without.
-    corners : (h, 3) float64
-        Of the outlines.
-    corner_start : (m + 1,) int64
-        Where those of each patch begin; one without outline has none.
-    low, high : (3,) float64
-        Box of all points in patches, and of the others without those far out.
-    n_points : int
-        So many points are finite.
-    """
-
-    points: Floats
-    start: NDArray[np.int64]
-    corners: Floats
-    corner_start: NDArray[np.int64]
-    low: Floats
-    high: Floats
-    n_points: int
+    points: Floats  # (k, 3) metres, in the frame of ``cloud.xyz``; patch after patch, those without a patch last
+    start: NDArray[np.int64]  # (m + 2,) where the points of each patch begin, and of those without
+    corners: Floats  # (h, 3) of the outlines
+    corner_start: NDArray[np.int64]  # (m + 1,) where those of each patch begin; one without outline has none
+    low: Floats  # (3,) box of all points in patches, and of the others without those far out
+    high: Floats  # (3,)
+    n_points: int  # so many points are finite
 
     def pack(self) -> tuple[dict[str, Any], bytes]:
         """Return how the numbers are to be read, and the numbers: little-endian int32, column after column."""
@@ -81,16 +65,8 @@ def build_scene(
 ) -> Scene:
     """Return the scene of a map.
 
-    Parameters
-    ----------
-    xyz : (n, 3) float64
-        Metres; points that are not finite are left out.
-    patch : (n,) int32
-        `NO_PATCH` for none.
-    normal : (m, 3) float64
-    label : (m,) uint8
-    n_most : int
-        Points shown, about; a fifth of them at most without a patch.
+    `xyz` (n, 3): metres; points that are not finite are left out. `patch` (n,): `NO_PATCH` for none. `normal` (m, 3).
+    `label` (m,). `n_most`: points shown, about; a fifth of them at most without a patch.
     """
     n_patches = len(normal)
     finite = np.flatnonzero(np.isfinite(xyz).all(axis=1))
@@ -118,14 +94,8 @@ def build_scene(
 def outlines(xyz: Floats, start: NDArray[np.int64], normal: Floats) -> tuple[Floats, NDArray[np.int64]]:
     """Return the corners (h, 3) of the outlines of m patches, and where (m + 1,) each one's begin.
 
-    Parameters
-    ----------
-    xyz : (n, 3) float64
-        Points, patch after patch.
-    start : (m + 1,) int64
-        Where each patch's points begin.
-    normal : (m, 3) float64
-        A patch whose normal is not finite, or whose points lie on a line, has no outline.
+    `xyz` (n, 3): points, patch after patch. `start` (m + 1,): where each patch's points begin. `normal` (m, 3): A patch
+    whose normal is not finite, or whose points lie on a line, has no outline.
     """
     n_patches = len(start) - 1
     counts = np.diff(start)
@@ -166,13 +136,8 @@ def _outermost(reach: Floats, start: NDArray[np.int64], owner: NDArray[np.int64]
 def evenly(xyz: Floats, group: NDArray[np.int32], n_most: int) -> NDArray[np.intp]:
     """Return the numbers of at most `n_most` points, ascending: the first of each group in each cell of a grid.
 
-    Parameters
-    ----------
-    xyz : (n, 3) float64
-        Finite.
-    group : (n,) int32
-        Patch of each point. Of small patches points remain as long as there are fewer patches than `n_most`.
-    n_most : int
+    `xyz` (n, 3): finite. `group` (n,): patch of each point. Of small patches points remain as long as there are fewer
+    patches than `n_most`.
     """
     if len(xyz) <= n_most:
         return np.arange(len(xyz))

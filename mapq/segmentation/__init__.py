@@ -37,26 +37,12 @@ def segment(
 
     The same patches with the same numbers result for any order of the points, and turned by quarters about z.
 
-    Parameters
-    ----------
-    cloud : PointCloud
-        Points without three finite coordinates belong to no patch.
-    settings : SegmentSettings, optional
-        What is None is estimated from the cloud; all values used are in the result's `parameters`.
-    progress : Reporter, optional
-        Receives the number of stages done and the name of the next (:data:`STAGES`).
+    `cloud`: points without three finite coordinates belong to no patch. `settings`: what is None is estimated from the
+    cloud; all values used are in the result's `parameters`. `progress`: receives the number of stages done and the name
+    of the next (:data:`STAGES`). Raises InputError if fewer than three distinct points are finite, or all lie on one
+    line; UsageError if a setting is outside its domain.
 
-    Returns
-    -------
-    Patches
-        Largest first, unlabelled. There may be none: then the report has a warning.
-
-    Raises
-    ------
-    InputError
-        If fewer than three distinct points are finite, or all lie on one line.
-    UsageError
-        If a setting is outside its domain.
+    Largest first, unlabelled. There may be none: then the report has a warning.
     """
     settings = settings or SegmentSettings()
     settings.check()

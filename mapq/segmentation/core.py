@@ -25,28 +25,14 @@ the best plane reaches a third by luck."""
 
 
 class Core(NamedTuple):
-    """Points with what region growing needs to know of them.
+    """Points with what region growing needs to know of them."""
 
-    Attributes
-    ----------
-    xyz : (c, 3) float64
-    place : (c,) int64
-        Their places among all points.
-    neighbours : (c, k) int32
-        Nearest first, none farther than the gap; -1 fills up.
-    normal : (c, 3) float32
-        nan where the neighbourhood shows no plane.
-    variance : (c,) float32
-        Across that plane, in square metres.
-    thick : (c,) bool
-        Whose neighbourhood holds more than one surface, so that the normal is that of the best one or of none.
-    """
-
-    xyz: NDArray[np.float64]
-    place: NDArray[np.int64]
-    neighbours: NDArray[np.int32]
-    normal: NDArray[np.float32]
-    variance: NDArray[np.float32]
+    xyz: NDArray[np.float64]  # (c, 3)
+    place: NDArray[np.int64]  # (c,) their places among all points
+    neighbours: NDArray[np.int32]  # (c, k) nearest first, none farther than the gap; -1 fills up
+    normal: NDArray[np.float32]  # (c, 3) nan where the neighbourhood shows no plane
+    variance: NDArray[np.float32]  # (c,) across that plane, in square metres
+    # (c,) whose neighbourhood holds more than one surface, so that the normal is that of the best one or of none
     thick: NDArray[np.bool_]
 
 

@@ -29,61 +29,33 @@ Ints = NDArray[np.int64]
 
 
 class Regions(NamedTuple):
-    """The regions (r) of a tile, by the points that belong to it.
+    """The regions (r) of a tile, by the points that belong to it."""
 
-    Attributes
-    ----------
-    origin, sums : (r, 3), (r, 10) float64
-        Moments of the distinct points about an origin.
-    n_points : (r,) int64
-        Repeated points included.
-    first : (r,) uint64
-        Smallest Morton code of the points.
-    area : (r,) float64
-        m².
-    """
-
-    origin: Floats
-    sums: Floats
-    n_points: Ints
-    first: NDArray[np.uint64]
-    area: Floats
+    origin: Floats  # (r, 3) moments of the distinct points about an origin
+    sums: Floats  # (r, 10)
+    n_points: Ints  # (r,) repeated points included
+    first: NDArray[np.uint64]  # (r,) smallest Morton code of the points
+    area: Floats  # (r,) m²
 
 
 class Joined(NamedTuple):
-    """The patches (m) of a map, largest first (ties: by their first point).
+    """The patches (m) of a map, largest first (ties: by their first point)."""
 
-    Attributes
-    ----------
-    number : list of (r + 1,) int32
-        By tile, the patch of each of its regions, -1 for none; the last one is that of points without a region.
-    normal, centroid : (m, 3) float64
-    mse : (m,) float64
-        Mean squared distance from the plane, m².
-    n_points : (m,) int64
-    report : dict
-        The report's part on patches and on what was dropped.
-    """
-
+    # list of (r + 1,) int32 by tile, the patch of each of its regions, -1 for none; the last one is that of points
+    # without a region
     number: list[NDArray[np.int32]]
-    normal: Floats
-    centroid: Floats
-    mse: Floats
-    n_points: Ints
-    report: dict[str, Any]
+    normal: Floats  # (m, 3)
+    centroid: Floats  # (m, 3)
+    mse: Floats  # (m,) mean squared distance from the plane, m²
+    n_points: Ints  # (m,)
+    report: dict[str, Any]  # the report's part on patches and on what was dropped
 
 
 def describe_regions(points: Points, region: NDArray[np.int32], copies: Ints, chosen: Parameters) -> Regions:
     """Return the moments, counts and areas of regions.
 
-    Parameters
-    ----------
-    points : Points
-    region : (u,) int32
-        Of each distinct point.
-    copies : (u,) int64
-        Points of the tile at each distinct place; places with none count for other tiles.
-    chosen : Parameters
+    `region` (u,): of each distinct point. `copies` (u,): points of the tile at each distinct place; places with none
+    count for other tiles.
     """
     n_regions = int(region.max(initial=-1)) + 1
     own = region if copies.all() else np.where(copies > 0, region, np.int32(-1))
@@ -101,12 +73,8 @@ def describe_regions(points: Points, region: NDArray[np.int32], copies: Ints, ch
 def join_regions(tiles: Sequence[Regions], pairs: Ints, chosen: Parameters) -> Joined:
     """Return the patches of all tiles.
 
-    Parameters
-    ----------
-    tiles : sequence of Regions
-    pairs : (k, 2) int64
-        Regions, numbered over all tiles, that share points across a border: they are united where one plane fits both.
-    chosen : Parameters
+    `pairs` (k, 2): regions, numbered over all tiles, that share points across a border: they are united where one plane
+    fits both.
     """
     origin, sums, n_points, first, area = (np.concatenate(values) for values in zip(*tiles, strict=True))
     parent = merge(fit_sums(origin, sums), np.ascontiguousarray(pairs, np.int32), MERGE_RMS * chosen.max_distance)

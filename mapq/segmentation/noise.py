@@ -20,12 +20,8 @@ MOST_ROUNDS = 200
 def pooled_noise(scale: NDArray[np.float64], residual: NDArray[np.float64]) -> float:
     """Return the noise of the smoother surfaces from all neighbourhoods together, 0 if there is none.
 
-    Parameters
-    ----------
-    scale : (s,) float64
-        Root mean square of the half of each neighbourhood that its plane fits best, nan where there is no plane.
-    residual : (s, k) float64
-        Distances of all its points, nan where there are fewer.
+    `scale` (s,): root mean square of the half of each neighbourhood that its plane fits best, nan where there is no
+    plane. `residual` (s, k): distances of all its points, nan where there are fewer.
     """
     known = np.isfinite(scale)
     if not known.any():

@@ -21,30 +21,14 @@ CROWDED = 0.2
 
 
 class Points(NamedTuple):
-    """Distinct points, sorted.
+    """Distinct points, sorted."""
 
-    Attributes
-    ----------
-    xyz : (u, 3) float64
-        Along the Morton curve, ties by x, then y, then z.
-    code : (u,) uint64
-        Number on the curve.
-    frame : (4,) float64
-        Corner and side of the root cell.
-    first_level : (u,) int8
-        See :func:`mapq.kernels.cells.first_levels`.
-    number : (n,) int32
-        For each point of the cloud its place in `xyz`, -1 if it was left out.
-    n_not_finite, n_far : int
-        Left out for a missing coordinate; for lying absurdly far from all others.
-    """
-
-    xyz: NDArray[np.float64]
-    code: NDArray[np.uint64]
-    frame: NDArray[np.float64]
-    first_level: NDArray[np.int8]
-    number: NDArray[np.int32]
-    n_not_finite: int
+    xyz: NDArray[np.float64]  # (u, 3) along the Morton curve, ties by x, then y, then z
+    code: NDArray[np.uint64]  # (u,) number on the curve
+    frame: NDArray[np.float64]  # (4,) corner and side of the root cell
+    first_level: NDArray[np.int8]  # (u,) see :func:`mapq.kernels.cells.first_levels`
+    number: NDArray[np.int32]  # (n,) for each point of the cloud its place in `xyz`, -1 if it was left out
+    n_not_finite: int  # left out for a missing coordinate; for lying absurdly far from all others
     n_far: int
 
     def multiplicity(self) -> NDArray[np.int64]:

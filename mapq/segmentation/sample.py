@@ -28,28 +28,14 @@ are standard deviations; a half disc, at the edge of a wall, has a width of 0.5 
 
 
 class Sample(NamedTuple):
-    """Neighbourhoods of some points.
+    """Neighbourhoods of some points."""
 
-    Attributes
-    ----------
-    spacing : (s,) float64
-        Metres between points, as if they lay on a square grid.
-    normal : (s, 3) float32
-        Of the plane through the point and its neighbours, whether it is one or not.
-    flat, narrow : (s,) bool
-        Whether the neighbourhood shows a plane; whether it is too narrow to show one.
-    scale : (s,) float64
-        Root mean square in metres of the half that a plane fits best.
-    residual : (s, k) float64
-        Distances to that plane, nan where there are fewer.
-    """
-
-    spacing: NDArray[np.float64]
-    normal: NDArray[np.float32]
-    flat: NDArray[np.bool_]
-    narrow: NDArray[np.bool_]
-    scale: NDArray[np.float64]
-    residual: NDArray[np.float64]
+    spacing: NDArray[np.float64]  # (s,) metres between points, as if they lay on a square grid
+    normal: NDArray[np.float32]  # (s, 3) of the plane through the point and its neighbours, whether it is one or not
+    flat: NDArray[np.bool_]  # (s,) whether the neighbourhood shows a plane; whether it is too narrow to show one
+    narrow: NDArray[np.bool_]  # (s,)
+    scale: NDArray[np.float64]  # (s,) root mean square in metres of the half that a plane fits best
+    residual: NDArray[np.float64]  # (s, k) distances to that plane, nan where there are fewer
 
 
 def look_at(

@@ -28,25 +28,13 @@ ENOUGH = 100
 
 
 class Scale(NamedTuple):
-    """What the estimates found.
+    """What the estimates found."""
 
-    Attributes
-    ----------
-    level : int
-        Of the octree: one point of each cell is looked at first. LEVELS + 1: every point.
-    spacing, wide_spacing : float
-        Metres between points, median and 90th percentile over the sample; as if they lay on a square grid.
-    noise : float
-        Standard deviation in metres across surfaces.
-    flat_share, narrow_share : float
-        Shares of the sample whose neighbourhoods show a plane; and that are too narrow to show one.
-    """
-
-    level: int
-    spacing: float
+    level: int  # of the octree: one point of each cell is looked at first. LEVELS + 1: every point.
+    spacing: float  # metres between points, median and 90th percentile over the sample; as if they lay on a square grid
     wide_spacing: float
-    noise: float
-    flat_share: float
+    noise: float  # standard deviation in metres across surfaces
+    flat_share: float  # shares of the sample whose neighbourhoods show a plane; and that are too narrow to show one
     narrow_share: float
 
 

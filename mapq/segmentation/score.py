@@ -15,57 +15,30 @@ OVERLAP = 0.5
 
 
 class SegmentationScore(NamedTuple):
-    """How patches agree with true planes.
+    """How patches agree with true planes."""
 
-    Attributes
-    ----------
-    n_planes, n_patches, n_matched : int
-        True planes, patches, and pairs of them whose IoU is above the threshold; above 1/2 no plane has two.
-    precision, recall : float
-        Shares of the patches, and of the planes, that are matched; nan without any.
-    mean_iou, mean_dice : float
-        Over true planes, of each with its best patch: 0 where no patch touches it.
-    over_segmented : int
-        Planes that most of two or more patches lie on.
-    under_segmented : int
-        Patches that most of two or more planes lie on.
-    missed : int
-        Planes no patch of which covers a share of :data:`OVERLAP`, nor several together.
-    noise : int
-        Patches that lie with less than that share on any one plane, and hold no such share of one.
-    plane : (n_planes,) int64
-        The numbers of the planes, ascending.
-    plane_points : (n_planes,) int64
-    iou : (n_planes,) float64
-        Of each plane with its best patch.
-    best_patch : (n_planes,) int64
-        That patch, -1 for none.
-    """
-
+    # true planes, patches, and pairs of them whose IoU is above the threshold; above 1/2 no plane has two
     n_planes: int
     n_patches: int
     n_matched: int
-    precision: float
+    precision: float  # shares of the patches, and of the planes, that are matched; nan without any
     recall: float
-    mean_iou: float
+    mean_iou: float  # over true planes, of each with its best patch: 0 where no patch touches it
     mean_dice: float
-    over_segmented: int
-    under_segmented: int
-    missed: int
-    noise: int
-    plane: NDArray[np.int64]
-    plane_points: NDArray[np.int64]
-    iou: NDArray[np.float64]
-    best_patch: NDArray[np.int64]
+    over_segmented: int  # planes that most of two or more patches lie on
+    under_segmented: int  # patches that most of two or more planes lie on
+    missed: int  # planes no patch of which covers a share of :data:`OVERLAP`, nor several together
+    noise: int  # patches that lie with less than that share on any one plane, and hold no such share of one
+    plane: NDArray[np.int64]  # (n_planes,) the numbers of the planes, ascending
+    plane_points: NDArray[np.int64]  # (n_planes,)
+    iou: NDArray[np.float64]  # (n_planes,) of each plane with its best patch
+    best_patch: NDArray[np.int64]  # (n_planes,) that patch, -1 for none
 
 
 def truth_of(cloud: PointCloud, name: str) -> NDArray[np.int64]:
     """Return the true plane (n,) of each point from a field of whole numbers, negative for none.
 
-    Raises
-    ------
-    InputError
-        If the cloud has no such field, or it holds anything but one whole number a point.
+    Raises InputError if the cloud has no such field, or it holds anything but one whole number a point.
     """
     if name not in cloud.fields:
         known = ", ".join(cloud.fields) or "none"
@@ -84,17 +57,9 @@ def score_segmentation(
 ) -> SegmentationScore:
     """Return how the patches of points (n,) agree with the planes (n,) they truly lie on.
 
-    Parameters
-    ----------
-    patch, truth : (n,) int
-        Numbers of patches and planes; negative for none.
-    min_iou : float
-        Above this intersection over union (points) a patch and a plane are a match; at least 0.5.
-
-    Raises
-    ------
-    InputError
-        If the lengths differ, or there is no true plane.
+    `patch` and `truth` (n,): numbers of patches and planes; negative for none. `min_iou`: above this intersection over
+    union (points) a patch and a plane are a match; at least 0.5. Raises InputError if the lengths differ, or there is
+    no true plane.
     """
     if patch.shape != truth.shape:
         raise InputError(f"{len(patch)} patch numbers and {len(truth)} true planes: one of each a point is needed.")

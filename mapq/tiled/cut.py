@@ -24,47 +24,24 @@ Ints = NDArray[np.int64]
 
 
 class CutTask(NamedTuple):
-    """A tile, where its points are, and how it is segmented.
-
-    Attributes
-    ----------
-    tile : int
-    store : Store
-    tiling : Tiling
-    halo : float
-        Metres.
-    chosen : Parameters
-    frame : (4,) float64
-        Corner and side of the octree of the whole map.
-    near : (2, 3) float64
-        Box of the map; points beyond it are left out.
-    """
+    """A tile, where its points are, and how it is segmented."""
 
     tile: int
     store: Store
     tiling: Tiling
-    halo: float
+    halo: float  # metres
     chosen: Parameters
-    frame: Floats
-    near: Floats
+    frame: Floats  # (4,) corner and side of the octree of the whole map
+    near: Floats  # (2, 3) box of the map; points beyond it are left out
 
 
 class Cut(NamedTuple):
-    """The regions (r) of a tile by its own points.
-
-    Attributes
-    ----------
-    regions : Regions
-    low, high : (r, 3) float64
-        Box of the points.
-    start : (r + 2,) int64
-        Where the points of each region begin in the tile's file of points, those of none, and where these end.
-    n_points, n_distinct, n_looked_at : int
-    """
+    """The regions (r) of a tile by its own points."""
 
     regions: Regions
-    low: Floats
-    high: Floats
+    low: Floats  # (r, 3) box of the points
+    high: Floats  # (r, 3)
+    # (r + 2,) where the points of each region begin in the tile's file of points, those of none, and where these end
     start: Ints
     n_points: int
     n_distinct: int
@@ -72,25 +49,14 @@ class Cut(NamedTuple):
 
 
 class Whole(NamedTuple):
-    """The patches (m) of a map in tiles, in the map's own axes, and where their points are.
-
-    Attributes
-    ----------
-    joined : Joined
-    low, high : (m, 3) float64
-        Box of the points.
-    first : (m + 1,) int64
-        Slices of patch i are ``slices[first[i]:first[i + 1]]``.
-    slices, rest : (s, 4), (q, 4) int64
-        Tile, begin, end and step in its file of points, of patches and of what is in none.
-    """
+    """The patches (m) of a map in tiles, in the map's own axes, and where their points are."""
 
     joined: Joined
-    low: Floats
-    high: Floats
-    first: Ints
-    slices: Ints
-    rest: Ints
+    low: Floats  # (m, 3) box of the points
+    high: Floats  # (m, 3)
+    first: Ints  # (m + 1,) slices of patch i are ``slices[first[i]:first[i + 1]]``
+    slices: Ints  # (s, 4) tile, begin, end and step in its file of points, of patches and of what is in none
+    rest: Ints  # (q, 4)
 
     def __len__(self) -> int:
         """Return the number of patches."""

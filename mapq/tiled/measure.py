@@ -50,29 +50,15 @@ Ints = NDArray[np.int64]
 
 
 class Part(NamedTuple):
-    """Some patches (c) of a map whose points are in the work folder.
-
-    Attributes
-    ----------
-    store : Store
-    number : (c,) int64
-        The patches, ascending.
-    normal, centroid : (c, 3) float64
-    slices : (s, 4) int64
-        Of their points, as :class:`mapq.tiled.cut.Whole` has them.
-    owner : (s,) int64
-        Of each slice, the place of its patch among these.
-    corner : (3,) float64
-        From which places are measured.
-    """
+    """Some patches (c) of a map whose points are in the work folder."""
 
     store: Store
-    number: Ints
-    normal: Floats
-    centroid: Floats
-    slices: Ints
-    owner: Ints
-    corner: Floats
+    number: Ints  # (c,) the patches, ascending
+    normal: Floats  # (c, 3)
+    centroid: Floats  # (c, 3)
+    slices: Ints  # (s, 4) of their points, as :class:`mapq.tiled.cut.Whole` has them
+    owner: Ints  # (s,) of each slice, the place of its patch among these
+    corner: Floats  # (3,) from which places are measured
 
     def load(self) -> Patches:
         """Return the patches as a map of their own."""
@@ -98,27 +84,14 @@ def part_of(whole: Whole, store: Store, number: Ints, step: Ints) -> Part:
 
 
 class MeasureTask(NamedTuple):
-    """Patches that are measured, those that their measures depend on, and how.
-
-    Attributes
-    ----------
-    part : Part
-    is_own : (c,) bool
-        Which of them are measured.
-    is_about : (c,) bool
-        Over which of them all points of no patch are wanted; over the others one of `step`.
-    step : int
-    rest : (q, 4) int64
-        Slices of the points of no patch that may lie near.
-    settings : FeatureSettings
-    beyond : Beyond
-    """
+    """Patches that are measured, those that their measures depend on, and how."""
 
     part: Part
-    is_own: NDArray[np.bool_]
+    is_own: NDArray[np.bool_]  # (c,) which of them are measured
+    # (c,) over which of them all points of no patch are wanted; over the others one of `step`
     is_about: NDArray[np.bool_]
     step: int
-    rest: Ints
+    rest: Ints  # (q, 4) slices of the points of no patch that may lie near
     settings: FeatureSettings
     beyond: Beyond
 

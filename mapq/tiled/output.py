@@ -39,12 +39,8 @@ class Output(NamedTuple):
 def plan_output(path: str, whole: Map, is_tiled: bool, force: bool) -> Output:
     """Return what is written under a name: a folder for a folder, unless the name is that of a cloud.
 
-    Raises
-    ------
-    OutputExists, OutputError
-        If it exists and `force` is not given, holds other tiles, or cannot be written.
-    UsageError
-        If it is standard output, in a format that is not written in tiles, or the folder of the input.
+    Raises OutputExists, OutputError if it exists and `force` is not given, holds other tiles, or cannot be written;
+    UsageError if it is standard output, in a format that is not written in tiles, or the folder of the input.
     """
     if path == STREAM:
         raise UsageError("a map in tiles cannot be written to standard output. Name a file or a folder with -o.")
@@ -81,20 +77,8 @@ def write_map(
 ) -> None:
     """Write all files in the work folder, and move them to their places together.
 
-    Parameters
-    ----------
-    work : str
-    output : Output
-    whole : Map
-    clouds : iterable of (int, PointCloud)
-        Pieces of the result in order, with the number of their file.
-    json : (mapping, iterable of mapping)
-        Head and patches.
-
-    Raises
-    ------
-    OutputError
-        If that cannot be done; then all files are as they were before.
+    `clouds` (int, PointCloud): pieces of the result in order, with the number of their file. `json` (mapping, iterable
+    of mapping): head and patches. Raises OutputError if that cannot be done; then all files are as they were before.
     """
     if output.path == os.devnull:
         return
@@ -156,10 +140,7 @@ class _Ply:
     def write(self, cloud: PointCloud) -> None:
         """Append points.
 
-        Raises
-        ------
-        OutputError
-            If their fields are not those of the first piece.
+        Raises OutputError if their fields are not those of the first piece.
         """
         rows = vertex_rows(replace(cloud, coordinate_type=np.float64))
         if not self._record.names:

@@ -57,23 +57,11 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class TileSettings:
-    """How a map is worked on in tiles, and by whom.
+    """How a map is worked on in tiles, and by whom."""
 
-    Attributes
-    ----------
-    tile_points : int
-        Points of a tile, about.
-    n_workers : int
-        Processes on this machine.
-    scheduler : str or None
-        Address of a Dask scheduler, whose workers are used instead.
-    segment : SegmentSettings
-    options : ReadOptions
-    """
-
-    tile_points: int = TILE_POINTS
-    n_workers: int = 1
-    scheduler: str | None = None
+    tile_points: int = TILE_POINTS  # points of a tile, about
+    n_workers: int = 1  # processes on this machine
+    scheduler: str | None = None  # address of a Dask scheduler, whose workers are used instead
     segment: SegmentSettings = field(default_factory=SegmentSettings)
     options: ReadOptions = AS_IT_IS
 
@@ -100,28 +88,11 @@ def classify_map(
 ) -> Result:
     """Classify a map tile by tile, and write the result.
 
-    Parameters
-    ----------
-    path : str
-        A file, or a folder of LAS or LAZ tiles.
-    target : str
-        A cloud, beside which the JSON is written; or for a folder a folder, with tiles named as in the input.
-    model : Model or None
-        None: the model that ships with the package.
-    settings : TileSettings
-    force : bool
-        Whether an existing result may be replaced.
-    origin : Origin
-        Inputs that the JSON names.
-    limits : (float or None, float)
-        Of the verdict: fail_over and min_coverage.
-    sources : mapping of str to str
-        Where each setting of the segmentation was given.
-
-    Raises
-    ------
-    InputError, UsageError, ConfigError, OutputError
-        As reading, segmenting, the workers and writing do.
+    `path`: A file, or a folder of LAS or LAZ tiles. `target`: A cloud, beside which the JSON is written; or for a
+    folder a folder, with tiles named as in the input. `model`: None: the model that ships with the package. `force`:
+    whether an existing result may be replaced. `origin`: inputs that the JSON names. `limits` (float or None, float):
+    of the verdict: fail_over and min_coverage. `sources`: where each setting of the segmentation was given. Raises
+    InputError, UsageError, ConfigError, OutputError as reading, segmenting, the workers and writing do.
     """
     settings.check()
     files = open_map(path, settings.options)
@@ -177,19 +148,10 @@ class _Estimate(NamedTuple):
 
 
 class Job:
-    """One map, the workers and the work folder: :meth:`cut`, then :meth:`assess`, then :meth:`pieces`.
+    """One map, the workers and the work folder: :meth:`cut`, then :meth:`assess`, then :meth:`pieces`."""
 
-    Attributes
-    ----------
-    patches : PatchesOnDisk
-        In the axes of the files.
-    patch : (n,) int32
-        Patch of each point, on the disk.
-    tiling : Tiling
-    """
-
-    patches: PatchesOnDisk
-    patch: NDArray[np.int32]
+    patches: PatchesOnDisk  # in the axes of the files
+    patch: NDArray[np.int32]  # (n,) patch of each point, on the disk
     tiling: Tiling
 
     def __init__(
@@ -325,10 +287,7 @@ class Job:
     ) -> Result:
         """Return what a model infers about the patches; `sources` of the settings are added to their report.
 
-        Raises
-        ------
-        InputError
-            If the model needs features that this release does not have.
+        Raises InputError if the model needs features that this release does not have.
         """
         settings = feature_settings(model)
         given = np.asarray(settings.up if settings.up is not None else self.patches.parameters["up"], np.float64)

@@ -21,26 +21,14 @@ LAS_MAGIC = b"LASF"
 
 
 class Source(NamedTuple):
-    """One file: LAS is read in pieces, other formats whole.
-
-    Attributes
-    ----------
-    path : str
-    is_las : bool
-    n_points : int
-    low, high : (3,) float64
-        Box in world coordinates.
-    unit : (3,) float64
-        Metres in a unit of the file.
-    fields : tuple of str
-    """
+    """One file: LAS is read in pieces, other formats whole."""
 
     path: str
     is_las: bool
     n_points: int
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    unit: NDArray[np.float64]
+    low: NDArray[np.float64]  # (3,) box in world coordinates
+    high: NDArray[np.float64]  # (3,)
+    unit: NDArray[np.float64]  # (3,) metres in a unit of the file
     fields: tuple[str, ...]
 
 
@@ -88,10 +76,7 @@ def is_tiled(path: str) -> bool:
 def open_map(path: str, options: ReadOptions) -> Map:
     """Return a map: the LAS and LAZ files of a folder by name, or one file of any format.
 
-    Raises
-    ------
-    InputError
-        If a file cannot be read, or they have different units.
+    Raises InputError if a file cannot be read, or they have different units.
     """
     paths = [path]
     if is_tiled(path):

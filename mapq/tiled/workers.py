@@ -29,18 +29,9 @@ RETRIES = 3
 def open_workers(n_workers: int, scheduler: str | None) -> Iterator[Workers]:
     """Give what maps a function over tasks.
 
-    Parameters
-    ----------
-    n_workers : int
-        Processes on this machine; one is this process.
-    scheduler : str or None
-        Address of a Dask scheduler, whose workers are used instead. They must see the files of the map and the work
-        folder under the same names.
-
-    Raises
-    ------
-    ConfigError, InputError
-        As :class:`prf.shell.scheduler.Cluster`; InputError also if workers are lost.
+    `n_workers`: processes on this machine; one is this process. `scheduler`: address of a Dask scheduler, whose workers
+    are used instead. They must see the files of the map and the work folder under the same names. Raises ConfigError,
+    InputError as :class:`prf.shell.scheduler.Cluster`; InputError also if workers are lost.
     """
     if scheduler is not None:
         cluster = Cluster(scheduler, "mapq", _version)
