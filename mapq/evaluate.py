@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import rankdata
 
-from mapq import assess
+from mapq.assess.result import assess
+from mapq.assess.stored import StoredResult, read_map
 from mapq.cloud import PointCloud
-from mapq.io.result_folder import is_result_folder, open_result_folder
 from mapq.io.results import RESULT_FIELDS
 from mapq.labels import majority_labels, majority_of, truth_values, votes
 from mapq.model import Model
@@ -127,111 +126,68 @@ def area_under_curve(p: NDArray[np.float64], true: NDArray[np.bool_]) -> float:
 def read_labelled(path: str, model: Model | None, truth_field: str | None) -> Labelled:
     """Return the inferred and true labels of the patches of a RESULT or PATCHES file.
 
-    A result carries its labels, and one in tiles is read a piece at a time; PATCHES are classified with `model` (None:
-    the one that ships with the package). The truth of a patch is that of most of its points in `truth_field`; without
-    one it is the labels stored in PATCHES, else point field `TRUTH_FIELD`.
-
-    Raises InputError if the file is neither, or there is no truth; UsageError if a model is given for a result.
+    A result carries its labels; PATCHES are classified with `model` (None: the one that ships with the package). The
+    truth of a patch is that of most of its points in `truth_field`; without one it is the labels stored in PATCHES,
+    else point field `TRUTH_FIELD`. Raises InputError if the file is neither, or there is no truth; UsageError if a
+    model is given for a result.
     """
-    if is_result_folder(path):
-        _refuse_model(path, model)
-        folder = open_result_folder(path)
-        wanted = truth_field or TRUTH_FIELD
-        if wanted not in folder.fields:
-            raise _no_truth(path, wanted if truth_field else None, folder.fields)
-        return _labelled_result(folder.pieces((*RESULT_FIELDS, wanted)), path, wanted)
-    found = assess.read_input(path)
+    found = read_map(path)
     if isinstance(found, Patches):
-        truth, truth_from = _patches_truth(found, path, truth_field)
-        result = assess.assess(found, model)
-        return Labelled(result.labelling.label, truth, result.labelling.probability, truth_from)
-    _refuse_model(path, model)
-    return _labelled_result([found], path, truth_field)
-
-
-def _refuse_model(path: str, model: Model | None) -> None:
+        return _classified(found, path, model, truth_field)
+    if isinstance(found, PointCloud):
+        missing = next(field for field in RESULT_FIELDS if field not in found.fields)
+        raise InputError(f"{path}: neither PATCHES nor a result: no point field {missing}. Run mapq classify on it.")
     if model is not None:
         raise UsageError(
             f"{path} is not a PATCHES file, so it has labels of a model already. Leave out --model "
             "and --max-false-alarms."
         )
+    return _stored(found, truth_field)
 
 
-def _labelled_result(pieces: Iterable[PointCloud], path: str, truth_field: str | None) -> Labelled:
-    """Return the labels of the patches that have points in a result, which is read in pieces; votes are added up."""
-    parts, name = [], truth_field
-    for cloud in pieces:
-        name = name or _default_truth(path, cloud)
-        parts.append(_counted(cloud, path, name))
-    numbers, first, place = np.unique(
-        np.concatenate([part.number for part in parts]), return_index=True, return_inverse=True
-    )
-    label, probability, counts = (
-        np.concatenate([getattr(part, column) for part in parts]) for column in ("label", "probability", "counts")
-    )
+def _classified(patches: Patches, path: str, model: Model | None, truth_field: str | None) -> Labelled:
+    """Return what a model infers about patches, and their truth."""
+    truth, truth_from = patches.label, "labels of the patches"
+    if truth_field is not None or not np.isin(truth, (PLAUSIBLE, SUSPICIOUS)).any():
+        name = _truth_field(path, truth_field, tuple(patches.cloud.fields))
+        values = truth_values(patches.cloud, name, patches.patch, path)
+        truth, truth_from = majority_labels(patches.patch, len(patches), values)[0], f"point field {name}"
+    result = assess(patches, model)
+    return Labelled(result.label, truth, result.probability, truth_from)
+
+
+def _stored(result: StoredResult, truth_field: str | None) -> Labelled:
+    """Return the labels of the patches that have points in a result; the votes of its pieces are added up."""
+    name = _truth_field(result.path, truth_field, result.fields)
+    parts = [_piece(cloud, result.path, name) for cloud in result.pieces(name)]
+    number, label, probability, counts = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    numbers, first, place = np.unique(number, return_index=True, return_inverse=True)
     sums = np.column_stack([np.bincount(place, column, len(numbers)) for column in counts.T])
     truth, _ = majority_of(sums.astype(np.int64))
     return Labelled(label[first].astype(np.uint8), truth, probability[first].astype(np.float64), f"point field {name}")
 
 
-class _Counted(NamedTuple):
-    """Numbers (k,) of the patches of a piece, their labels, and votes (k, 3) for the truth."""
-
-    number: NDArray[Any]
-    label: NDArray[Any]
-    probability: NDArray[Any]
-    counts: NDArray[np.int64]
-
-
-def _counted(cloud: PointCloud, path: str, name: str) -> _Counted:
-    """Return labels and votes of the patches of a piece of a result."""
-    missing = [field for field in RESULT_FIELDS if field not in cloud.fields]
-    if missing:
-        raise InputError(
-            f"{path}: neither PATCHES nor a result: no point field {', '.join(missing)}. Run mapq classify on it."
-        )
+def _piece(cloud: PointCloud, path: str, name: str) -> tuple[NDArray[Any], ...]:
+    """Return numbers (k,), labels and probabilities of the patches of a piece, and their votes (k, 3) for the truth."""
     number, label, probability = (np.asarray(cloud.fields[field]) for field in RESULT_FIELDS)
     inside = number != NO_PATCH
-    _check_result(path, number[inside], label[inside], probability[inside])
     numbers, first, of_point = np.unique(number[inside], return_index=True, return_inverse=True)
+    label, probability = label[inside][first], probability[inside][first]
+    if not (np.isin(label, (PLAUSIBLE, SUSPICIOUS)) & (probability >= 0.0) & (probability <= 1.0)).all():
+        raise InputError(f"{path}: its labels are not what mapq classify writes. Run it again.")
     patch = np.full(len(cloud), NO_PATCH, np.int32)
     patch[inside] = of_point
-    counts = votes(patch, len(numbers), truth_values(cloud, name, patch, path))
-    return _Counted(numbers, label[inside][first], probability[inside][first], counts)
+    return numbers, label, probability, votes(patch, len(numbers), truth_values(cloud, name, patch, path))
 
 
-def _check_result(path: str, number: NDArray[Any], label: NDArray[Any], probability: NDArray[Any]) -> None:
-    """Refuse fields of a result, at the points of patches, that mapq classify cannot have written."""
-    with np.errstate(invalid="ignore"):
-        kept = {
-            "patch": number.ndim == 1 and bool(np.all((number >= 0) & (number < 2**31) & (np.floor(number) == number))),
-            "suspicious": label.ndim == 1 and bool(np.isin(label, (PLAUSIBLE, SUSPICIOUS)).all()),
-            "p_suspicious": probability.ndim == 1 and bool(np.all((probability >= 0.0) & (probability <= 1.0))),
-        }
-    for name, is_kept in kept.items():
-        if not is_kept:
-            raise InputError(f"{path}: field {name} is not what mapq classify writes. Run it again.")
-
-
-def _patches_truth(patches: Patches, path: str, truth_field: str | None) -> tuple[NDArray[np.uint8], str]:
-    if truth_field is None and np.isin(patches.label, (PLAUSIBLE, SUSPICIOUS)).any():
-        return patches.label, "labels of the patches"
-    name = truth_field or _default_truth(path, patches.cloud)
-    values = truth_values(patches.cloud, name, patches.patch, path)
-    return majority_labels(patches.patch, len(patches), values)[0], f"point field {name}"
-
-
-def _default_truth(path: str, cloud: PointCloud) -> str:
-    if TRUTH_FIELD in cloud.fields:
-        return TRUTH_FIELD
-    raise _no_truth(path, None, tuple(cloud.fields))
-
-
-def _no_truth(path: str, name: str | None, fields: tuple[str, ...]) -> InputError:
+def _truth_field(path: str, name: str | None, fields: tuple[str, ...]) -> str:
+    """Return the point field that has the truth."""
+    if (name or TRUTH_FIELD) in fields:
+        return name or TRUTH_FIELD
     known = ", ".join(fields) or "none"
     if name is not None:
-        return InputError(f"{path}: no point field {name}; there are {known}.")
-    return InputError(f"{path}: no truth is known. Name a 0/1 point field with --truth-field (fields: {known}).")
+        raise InputError(f"{path}: no point field {name}; there are {known}.")
+    raise InputError(f"{path}: no truth is known. Name a 0/1 point field with --truth-field (fields: {known}).")
 
 
 def _ratio(part: float, whole: float) -> float:

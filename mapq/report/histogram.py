@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from mapq.patches import SUSPICIOUS
 
 N_BINS = 20
-WIDTH, HEIGHT, LEFT, BOTTOM, TOP = 460.0, 150.0, 46.0, 18.0, 8.0
-"""Pixels: of the drawing, and what axes and their words take of it."""
+WIDTH, HEIGHT, LEFT, RIGHT, BOTTOM, TOP = 460.0, 150.0, 46.0, 450.0, 132.0, 8.0
+"""Pixels: size of the drawing, and where its axes are."""
 
 Floats = NDArray[np.float64]
 
@@ -30,34 +30,37 @@ def histogram(probability: Floats, label: NDArray[np.uint8], area: Floats) -> tu
 
 def histogram_svg(sums: Floats, unit: str, threshold: float) -> str:
     """Return the drawing of a histogram (2, `N_BINS`); `threshold`: probability from which patches are suspicious."""
-    top = _round_up(float(sums.sum(axis=0).max(initial=0.0)))
-    inner, high = WIDTH - LEFT - 10.0, HEIGHT - BOTTOM - TOP
-    parts = [f'<line class="axis" x1="{LEFT}" x2="{WIDTH - 10}" y1="{TOP + high}" y2="{TOP + high}"/>']
+    top, high, step = _round_up(float(sums.sum(axis=0).max(initial=0.0))), BOTTOM - TOP, (RIGHT - LEFT) / N_BINS
+    parts = [_line("axis", LEFT, RIGHT, BOTTOM, BOTTOM)]
     for share in (0.0, 0.5, 1.0):
-        y = TOP + high * (1.0 - share)
-        parts.append(f'<line class="grid" x1="{LEFT}" x2="{WIDTH - 10}" y1="{y:.1f}" y2="{y:.1f}"/>')
-        parts.append(f'<text x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{share * top:,.4g}</text>')
-    for index, (good, bad) in enumerate(sums.T.tolist()):
-        x, wide = LEFT + inner * index / N_BINS, inner / N_BINS - 2.0
-        foot = TOP + high
-        for kind, value in (("plausible", good), ("suspicious", bad)):
+        y = BOTTOM - high * share
+        parts.append(_line("grid", LEFT, RIGHT, y, y) + _text(LEFT - 6, y + 4, "end", f"{share * top:,.4g}"))
+    for index, counts in enumerate(sums.T.tolist()):
+        foot = BOTTOM
+        for kind, value in zip(("plausible", "suspicious"), counts, strict=True):
             tall = high * value / top
             foot -= tall
             parts.append(
-                f'<rect class="{kind}" x="{x + 1:.1f}" y="{foot:.1f}" width="{wide:.1f}" height="{tall:.1f}">'
-                f"<title>p {index / N_BINS:.2f} to {(index + 1) / N_BINS:.2f}: {value:,.4g} {unit} {kind}</title>"
-                "</rect>"
+                f'<rect class="{kind}" x="{LEFT + step * index + 1:.1f}" y="{foot:.1f}" width="{step - 2:.1f}" '
+                f'height="{tall:.1f}"><title>p {index / N_BINS:.2f} to {(index + 1) / N_BINS:.2f}: {value:,.4g} {unit} '
+                f"{kind}</title></rect>"
             )
     for share in (0.0, 0.25, 0.5, 0.75, 1.0):
-        parts.append(
-            f'<text x="{LEFT + inner * share:.1f}" y="{TOP + high + 15}" text-anchor="middle">{share:g}</text>'
-        )
+        parts.append(_text(LEFT + (RIGHT - LEFT) * share, BOTTOM + 15, "middle", f"{share:g}"))
     if np.isfinite(threshold):
-        at = LEFT + inner * min(max(threshold, 0.0), 1.0)
-        parts.append(f'<line class="threshold" x1="{at:.1f}" x2="{at:.1f}" y1="{TOP}" y2="{TOP + high}"/>')
+        at = LEFT + (RIGHT - LEFT) * threshold
+        parts.append(_line("threshold", at, at, TOP, BOTTOM))
     good, bad = sums.sum(axis=1).tolist()
     spoken = f"Histogram of probabilities: {good:,.0f} {unit} plausible, {bad:,.0f} {unit} suspicious"
     return f'<svg role="img" aria-label="{spoken}" viewBox="0 0 {WIDTH:g} {HEIGHT:g}">{"".join(parts)}</svg>'
+
+
+def _line(kind: str, x1: float, x2: float, y1: float, y2: float) -> str:
+    return f'<line class="{kind}" x1="{x1:.1f}" x2="{x2:.1f}" y1="{y1:.1f}" y2="{y2:.1f}"/>'
+
+
+def _text(x: float, y: float, anchor: str, text: str) -> str:
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{text}</text>'
 
 
 def _round_up(value: float) -> float:

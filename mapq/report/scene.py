@@ -75,7 +75,7 @@ def build_scene(
     counts = np.bincount(patch[order], minlength=n_patches)
     corners, corner_start = _chosen_outlines(xyz[order], counts, normal, label)
     n_loose = min(len(loose), max(n_most // 5, n_most - len(order)))
-    shown = order[evenly(xyz[order], patch[order], max(n_most - n_loose, n_patches))]
+    shown = order[evenly(xyz[order], patch[order], n_most - n_loose)]
     without = loose[evenly(xyz[loose], patch[loose], n_loose)] if n_loose else loose[:0]
     start = np.concatenate([[0], np.cumsum(np.bincount(patch[shown], minlength=n_patches)), [0]]).astype(np.int64)
     start[-1] = len(shown) + len(without)

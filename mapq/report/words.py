@@ -16,16 +16,12 @@ DASH = "–"
 
 def number(value: Any, digits: int = 1, unit: str = "") -> str:
     """Return a number of a file as text, a dash where it is none."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        return DASH
-    return f"{value:,.{digits}f}{unit}"
+    return DASH if value is None or not math.isfinite(value) else f"{value:,.{digits}f}{unit}"
 
 
 def percent(value: Any) -> str:
     """Return a share as text, a dash where it is none."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return DASH
-    return number(100.0 * value, 1, " %")
+    return DASH if value is None else number(100.0 * value, 1, " %")
 
 
 def verdict_line(findings: Findings) -> str:
@@ -61,9 +57,8 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
     yield "area", f"{number(counts.get('area_suspicious_m2'))} of {number(counts.get('area_m2'))} m² suspicious"
     yield "patches", f"{number(counts.get('n_suspicious'), 0)} of {number(len(findings.label), 0)} suspicious{where}"
     # By the JSON, as all else here: of a result in tiles not all points are at hand.
-    n_points, n_inside = counts.get("n_points"), counts.get("n_points_in_patches")
-    are_counts = isinstance(n_inside, int) and isinstance(n_points, int) and 0 <= n_inside <= n_points
-    share = n_inside / n_points if are_counts and n_points else None
+    n_points = counts.get("n_points")
+    share = counts["n_points_in_patches"] / n_points if n_points else None
     yield "judged", f"{percent(counts.get('coverage'))} of the points that lie on planes of any tilt"
     yield "points", f"{number(n_points, 0)}, {percent(share)} of them in patches; the others are not judged"
     if len(findings.rows) < len(findings.label):
@@ -77,7 +72,7 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
     if verdict.get("cause") is not None and cloud.fields.get("cause") is not None:
         areas = findings.part("verdict", "area_by_cause_m2")
         yield "causes", escape(", ".join(f"{name} {number(value)} m²" for name, value in areas.items() if value))
-    if isinstance(verdict.get("scans_apart_m"), float):
+    if verdict.get("scans_apart_m") is not None:
         median, mean = (number(verdict.get(name), 3) for name in ("scans_apart_m", "disagreement_m"))
         yield "scans disagree", f"{median} m in the median over the area that several scans saw, {mean} m in the mean"
     if cloud.shift.any():
@@ -138,14 +133,12 @@ def _region_cells(findings: Findings, region: Row) -> list[str]:
 def origin_table(findings: Findings) -> str:
     """Return how the result was made: command, inputs, model, versions."""
     head = findings.head
-    inputs = head.get("inputs")
-    files = [row for row in inputs if isinstance(row, dict)] if isinstance(inputs, list) else []
     model = ", ".join(str(head.get(name, DASH)) for name in ("model", "edge_model", "calibration"))
     rows = [
         ("result", PurePath(findings.path).name),
         ("created", head.get("created", DASH)),
         ("command", " ".join(map(str, head.get("command") or ()))),
-        *(("input", f"{row.get('path')}, sha256 {row.get('sha256')}") for row in files),
+        *(("input", f"{row.get('path')}, sha256 {row.get('sha256')}") for row in head.get("inputs") or ()),
         ("model, edges, calibration", model),
         ("suspicious", f"from a probability of {findings.threshold:.3f}"),
         ("versions", ", ".join(f"{name} {value}" for name, value in findings.part("versions").items())),

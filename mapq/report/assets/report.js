@@ -6,10 +6,10 @@
   const data = JSON.parse(new TextDecoder().decode(text)),
     cut = data.threshold;
   const scene = new Views.Scene(data.scene, buffer);
-  // Columns are indexed by place, which is not the number of a patch where the map has more than the page lists; then
-  // the last two places are the groups of all other plausible and all other suspicious patches.
-  const listedCount = data.number.length,
-    places = new Map(data.number.map((number, place) => [number, place]));
+  // Labels and p are those of all patches; the other columns have the patches listed, which may be fewer.
+  const places = new Map(data.listed.map((number, place) => [number, place])),
+    of = (column, patch) => column[places.get(patch)],
+    measure = (name, patch) => of(data.measures[name], patch);
   const ROWS = 25,
     LABELS = ["plausible", "suspicious"],
     MARKS = ["●", "▲"];
@@ -39,47 +39,45 @@
   // ---- one patch in words; text of files is set by textContent alone
   const place = (values) => values.map((value) => (typeof value === "number" ? value.toFixed(2) : "–")).join(", ");
   function link(patch) {
-    const made = element("button", `patch ${data.number[patch]}`, { type: "button", class: "link" });
+    const made = element("button", `patch ${patch}`, { type: "button", class: "link" });
     made.addEventListener("click", () => select(patch));
     return made;
   }
   function reasonWords(words, other) {
     if (!places.has(other)) return [words];
     const parts = words.split(new RegExp(`(patch ${other}|neighbour ${other})(?![0-9])`));
-    const made = () => link(places.get(other));
-    return parts.map((piece) => (piece === `patch ${other}` || piece === `neighbour ${other}` ? made() : piece));
+    return parts.map((piece) => (piece === `patch ${other}` || piece === `neighbour ${other}` ? link(other) : piece));
   }
   function details(patch) {
-    const label = LABELS[data.label[patch]];
-    if (patch >= listedCount) {
-      const count = data.others[patch - listedCount].toLocaleString("en");
-      byId("details").replaceChildren(
-        element("h3", "One of the others"),
-        element("p", `${count} more ${label} patches are not listed one by one: the JSON of the result has them.`),
-      );
+    const label = LABELS[data.label[patch]],
+      title = element("h3", `Patch ${patch}`),
+      tag = element("p", [
+        element("span", `${MARKS[data.label[patch]]} ${label}`, { class: `tag ${label}` }),
+        ` probability ${figure(data.p[patch], 3)}`,
+      ]);
+    if (!places.has(patch)) {
+      byId("details").replaceChildren(title, tag, element("p", "Not listed: the JSON of the result has its reasons."));
       return;
     }
     const rows = [
-      ...measured((name) => data.measures[name][patch]),
-      ["normal", data.normal[patch].map((x) => figure(x, 3)).join(", ")],
-      ["centre", place(data.centre[patch]) + " m"],
+      ...measured((name) => measure(name, patch)),
+      ["normal", of(data.normal, patch).map((x) => figure(x, 3)).join(", ")],
+      ["centre", place(of(data.centre, patch)) + " m"],
     ];
-    const [apart, low, high] = data.apart[patch];
+    const [apart, low, high] = of(data.apart, patch);
     if (apart !== null)
       rows.push(["scans disagree", `${figure(apart, 2)} m (${figure(low, 2)} to ${figure(high, 2)})`]);
     if (data.shift)
-      rows.push(["centre, world", place(data.centre[patch].map((x, axis) => x + data.shift[axis])) + " m"]);
-    if (data.region[patch] !== null) rows.push(["region", data.region[patch]]);
-    const reasons = data.reasons[patch].map(([words, odds, other]) =>
+      rows.push(["centre, world", place(of(data.centre, patch).map((x, axis) => x + data.shift[axis])) + " m"]);
+    const region = of(data.region, patch);
+    if (region !== null) rows.push(["region", region]);
+    const reasons = of(data.reasons, patch).map(([words, odds, other]) =>
       element("li", [...reasonWords(words, other), element("small", ` ${odds > 0 ? "+" : ""}${odds}`)]),
     );
-    const cause = data.cause[patch];
+    const cause = of(data.cause, patch);
     byId("details").replaceChildren(
-      element("h3", `Patch ${data.number[patch]}`),
-      element("p", [
-        element("span", `${MARKS[data.label[patch]]} ${label}`, { class: `tag ${label}` }),
-        ` probability ${figure(data.p[patch], 3)}`,
-      ]),
+      title,
+      tag,
       element("h4", `Why it is called ${label}`),
       reasons.length
         ? element("ol", reasons, { id: "reasons" })
@@ -95,14 +93,11 @@
     look.selected = patch;
     document.body.classList.add("chosen");
     details(patch);
-    if (!fromTable && patch < listedCount) showRow(patch);
+    if (!fromTable && places.has(patch)) showRow(patch);
     for (const row of document.querySelectorAll("tr[data-patch]"))
       row.setAttribute("aria-selected", String(+row.dataset.patch === patch));
     for (const row of document.querySelectorAll("tr[data-region]"))
-      row.setAttribute(
-        "aria-selected",
-        String(data.region[patch] !== null && +row.dataset.region === data.region[patch]),
-      );
+      row.setAttribute("aria-selected", String(row.dataset.region === String(of(data.region, patch))));
     for (const view of views) view.draw();
   }
   const toViews = () => document.querySelector(".stage").scrollIntoView({ block: "nearest" });
@@ -111,20 +106,20 @@
   }
 
   // ---- the table of patches
-  const largestFirst = (name, values, digits) => [
+  const largestFirst = (name, value, digits) => [
     name,
-    (patch) => -(values[patch] ?? -1),
-    (patch) => figure(values[patch], digits),
+    (patch) => -(value(patch) ?? -1),
+    (patch) => figure(value(patch), digits),
   ];
   const columns = [
-    ["patch", (patch) => patch, (patch) => data.number[patch]],
+    ["patch", (patch) => patch, (patch) => patch],
     ["label", (patch) => -data.label[patch], null],
-    largestFirst("p", data.p, 3),
-    largestFirst("area m²", data.measures.area_m2, 1),
-    largestFirst("width m", data.measures.width_m, 1),
-    largestFirst("height m", data.measures.height_m, 1),
-    largestFirst("rms m", data.measures.rms_m, 3),
-    ["region", (patch) => data.region[patch] ?? 1e9, (patch) => data.region[patch] ?? "–"],
+    largestFirst("p", (patch) => data.p[patch], 3),
+    largestFirst("area m²", (patch) => measure("area_m2", patch), 1),
+    largestFirst("width m", (patch) => measure("width_m", patch), 1),
+    largestFirst("height m", (patch) => measure("height_m", patch), 1),
+    largestFirst("rms m", (patch) => measure("rms_m", patch), 3),
+    ["region", (patch) => of(data.region, patch) ?? 1e9, (patch) => of(data.region, patch) ?? "–"],
     ["main reason", null, null],
   ];
   let order = [],
@@ -134,15 +129,15 @@
   function worstFirst(a, b) {
     return (
       data.label[b] - data.label[a] ||
-      (data.measures.difference[b] ?? data.p[b] ?? 0) - (data.measures.difference[a] ?? data.p[a] ?? 0) ||
+      (measure("difference", b) ?? 0) - (measure("difference", a) ?? 0) ||
       a - b
     );
   }
   function arrange() {
     const wanted = byId("find").value.trim(),
       only = byId("only").checked;
-    order = [...Array(listedCount).keys()].filter(
-      (patch) => (!only || data.label[patch] === 1) && (!wanted || String(data.number[patch]).startsWith(wanted)),
+    order = data.listed.filter(
+      (patch) => (!only || data.label[patch] === 1) && (!wanted || String(patch).startsWith(wanted)),
     );
     const key = sorted < 0 ? null : columns[sorted][1];
     order.sort(key ? (a, b) => (upward ? 1 : -1) * (key(a) - key(b)) || a - b : worstFirst);
@@ -181,7 +176,7 @@
         class: "label",
       });
     }
-    if (name === "main reason") return element("td", data.reasons[patch][0]?.[0] ?? "–");
+    if (name === "main reason") return element("td", of(data.reasons, patch)[0]?.[0] ?? "–");
     return element("td", shown(patch), { class: "number" });
   }
   function showRow(patch) {
@@ -235,11 +230,10 @@
   for (const row of document.querySelectorAll("tr[data-region]")) {
     row.addEventListener("click", () => {
       const region = data.regions[+row.dataset.region],
-        patches = (region?.patches || []).filter((number) => places.has(number)).map((number) => places.get(number));
-      if (!patches.length) return;
-      goTo(scene.boxOf(patches));
+        patches = region.filter((patch) => places.has(patch));
+      goTo(scene.boxOf(region));
       toViews();
-      select(patches.reduce((a, b) => (worstFirst(a, b) <= 0 ? a : b)));
+      if (patches.length) select(patches.reduce((a, b) => (worstFirst(a, b) <= 0 ? a : b)));
     });
   }
 

@@ -9,7 +9,6 @@ from mapq.assess import assess
 from mapq.assess.compare import compare as compare_maps
 from mapq.assess.compare import comparison_content
 from mapq.assess.judged import judge, read_judged
-from mapq.io import ReadOptions, write_patches
 from mapq.io.results import write_result
 from prf.shell.errors import InputError, UsageError
 from prf.shell.jsonout import dump_object
@@ -79,9 +78,10 @@ def test_a_result_file_says_what_the_patches_said(tmp_path, maps):
     path = str(tmp_path / "r.ply")
     write_result(path, result.cloud(), result.head(), result.patch_rows())
     found, expected = read_judged(path, None), judge(result, path)
-    np.testing.assert_allclose(found.area, expected.area)
-    np.testing.assert_array_equal(found.suspicious, expected.suspicious)
-    np.testing.assert_allclose(found.xyz, expected.xyz)
+    assert len(found.xyz) < len(expected.xyz)
+    one, other = compare_maps(found, maps[1], 5.0), compare_maps(expected, maps[1], 5.0)
+    for name in ("area", "suspicious", "expected", "covered"):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-6)
     with pytest.raises(UsageError, match="Leave out --model"):
         read_judged(path, make_model())
     other = assess(sample_patches(STREET[:2], density=20.0), make_model())
@@ -89,15 +89,8 @@ def test_a_result_file_says_what_the_patches_said(tmp_path, maps):
     with pytest.raises(InputError, match="not the JSON of"):
         read_judged(path, None)
     (tmp_path / "r.json").write_text(dump_object("mapq.result/1", {"patches": [{"patch": 1}]}))
-    with pytest.raises(InputError, match="without area_m2"):
+    with pytest.raises(InputError, match="without area_m2, n_points"):
         read_judged(path, None)
-
-
-def test_a_unit_is_for_the_cloud_that_patches_are_compared_with(tmp_path):
-    path = str(tmp_path / "a.patches")
-    write_patches(path, sample_patches(STREET[:2], density=20.0))
-    plain, other = (read_judged(path, make_model(), ReadOptions(unit=unit)) for unit in (None, 0.01))
-    np.testing.assert_array_equal(plain.xyz, other.xyz)
 
 
 def test_the_content_is_that_of_the_json(maps):
@@ -146,5 +139,5 @@ def test_a_result_file_knows_disagreement_and_coverage(tmp_path, maps):
     found, expected = read_judged(path, None), judge(result, path)
     assert found.coverage == expected.coverage == 0.5
     assert np.isfinite(found.disagreement).any()
-    np.testing.assert_allclose(found.disagreement, expected.disagreement)
-    np.testing.assert_allclose(found.error, expected.error, atol=1e-6)
+    for name in ("disagreement", "error"):
+        np.testing.assert_allclose(np.unique(getattr(found, name)), np.unique(getattr(expected, name)), atol=1e-6)
