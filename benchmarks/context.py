@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 
 from benchmarks.table2 import MANY, PLAIN, TRAIN_SEEDS, Row, make_map, seen
 from mapq.assess import feature_settings
-from mapq.crf import Model, TrainingMap, TrainSettings, classify, train
+from mapq.crf import TrainingMap, TrainSettings, classify, train
 from mapq.features import FeatureSettings, patch_features
 from mapq.features.settings import CONTEXTS
 from mapq.io.models import read_default_model
+from mapq.model import Model
 from mapq.patches import SUSPICIOUS, Patches
 from mapq.simulate import Kind, Settings
 from mapq.training import N_REGIONS, draw_labels, region_size, regions_of

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mapq.crf.energy import Field
-from mapq.crf.infer import solve
+from mapq.crf.graph_cut import solve
 
 SIZES = (10_000, 100_000, 1_000_000)
 N_NEIGHBOURS = 4

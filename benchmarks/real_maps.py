@@ -28,7 +28,7 @@ from benchmarks.real_methods import (
     table,
     train_on,
 )
-from mapq.crf.operating import with_false_alarms
+from mapq.crf.calibration import with_false_alarms
 from mapq.evaluate import Scores
 from mapq.io.models import read_default_model
 from mapq.model import Model

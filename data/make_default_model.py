@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from data.training_worlds import training_patches
-from mapq.crf.operating import with_false_alarms
+from mapq.crf.calibration import with_false_alarms
 from mapq.crf.train import TrainSettings
 from mapq.io.models import write_model
 from mapq.labels import label_from_field

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from mapq import assess
 from mapq.cloud import PointCloud
 from mapq.crf import TrainSettings
-from mapq.crf.operating import with_false_alarms
+from mapq.crf.calibration import with_false_alarms
 from mapq.features import FeatureSettings
 from mapq.io import clouds as cloud_files
 from mapq.io.models import read_default_model, read_model

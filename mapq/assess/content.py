@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.crf.marginals import cut_probability
+from mapq.crf.calibration import cut_probability
 from mapq.io.results import CLOUD_UNIT
 
 if TYPE_CHECKING:

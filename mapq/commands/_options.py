@@ -102,7 +102,7 @@ def load_model(path: str | None, max_false_alarms: float | None) -> Model | None
 
     Raises InputError if the model cannot be read; UsageError if it has no operating points.
     """
-    from mapq.crf.operating import with_false_alarms
+    from mapq.crf.calibration import with_false_alarms
     from mapq.io.models import read_default_model, read_model
 
     model = None if path is None else read_model(path)

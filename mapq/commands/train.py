@@ -13,7 +13,7 @@ from mapq.commands._options import Config, MaxFalseAlarms, is_verbose
 from prf.shell.options import Assignments, Force, Json, Output, Presets
 
 if TYPE_CHECKING:
-    from mapq.crf import Model
+    from mapq.model import Model
 
 EXAMPLES = (
     "mapq train city.patches -o city.model.json",
@@ -66,7 +66,7 @@ def train(
     """
     from mapq.api import train as fit
     from mapq.configuration import load_configuration, sources_of
-    from mapq.crf.operating import with_false_alarms
+    from mapq.crf.calibration import with_false_alarms
     from mapq.io.models import SCHEMA, model_content, write_model
     from prf.shell import jsonout
     from prf.shell.files import refuse_inputs

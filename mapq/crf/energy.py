@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.crf.evidence import with_evidence
+from mapq.crf.trees import with_evidence
 from mapq.graph import PatchFeatures
 from mapq.model import NONE, PLAUSIBILITY, Model, Scaling
 from prf.shell.errors import InputError

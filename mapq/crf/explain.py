@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -10,11 +11,10 @@ from numpy.typing import NDArray
 from mapq.crf.energy import (
     Inputs,
     coupling,
-    make_field,
     model_inputs,
     node_columns,
 )
-from mapq.crf.evidence import columns_of
+from mapq.crf.trees import columns_of
 from mapq.graph import PatchFeatures
 from mapq.kernels.boosted_trees import contributions
 from mapq.model import NONE, Model
@@ -27,6 +27,9 @@ NEIGHBOUR_LABEL = "neighbour label"
 
 NO_OTHER = -1
 
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
 
 class Terms(NamedTuple):
     """Terms of the log-odds of patches being suspicious, given the labels of their neighbours.
@@ -35,12 +38,12 @@ class Terms(NamedTuple):
     random field given its neighbours' labels, which is twice the sum of its scores.
     """
 
-    patch: NDArray[np.int64]  # (t,) ascending; the terms of a patch by size, largest first
-    name: NDArray[np.int64]  # (t,) index into `names`
+    patch: Ints  # (t,) ascending; the terms of a patch by size, largest first
+    name: Ints  # (t,) index into `names`
     # (t,) the feature in its own unit; for `BASE` 1, for `NEIGHBOUR_LABEL` the neighbour's label, 1 = suspicious
     value: NDArray[np.float64]
-    contribution: NDArray[np.float64]  # (t,)
-    other: NDArray[np.int64]  # (t,) the neighbour, or `NO_OTHER`
+    contribution: Floats  # (t,)
+    other: Ints  # (t,) the neighbour, or `NO_OTHER`
     names: tuple[str, ...]
 
     def starts(self, n_patches: int) -> NDArray[np.int64]:
@@ -48,59 +51,38 @@ class Terms(NamedTuple):
         return np.searchsorted(self.patch, np.arange(n_patches + 1))
 
 
-class _Block(NamedTuple):
-    """Terms of one name."""
-
-    patch: NDArray[np.int64]
-    name: str
-    value: NDArray[np.float64]
-    contribution: NDArray[np.float64]
-    other: NDArray[np.int64]
-
-
 def explain(features: PatchFeatures, model: Model, label: NDArray[np.uint8]) -> Terms:
     """Return the terms that led to labels (m,) of the patches of a map."""
     inputs = model_inputs(features, model)
-    blocks = _node_blocks(features, inputs, model)
+    blocks = list(
+        _node_blocks(features, inputs, model) if model.potential is None else _tree_blocks(features, inputs, model)
+    )
     if model.edge_model != NONE:
         blocks.append(_coupling_block(inputs, model, label))
-    names = tuple(dict.fromkeys(block.name for block in blocks))
-    patch = np.concatenate([block.patch for block in blocks])
-    name = np.concatenate([np.full(len(block.patch), names.index(block.name)) for block in blocks])
-    contribution = np.concatenate([block.contribution for block in blocks])
-    other = np.concatenate([block.other for block in blocks])
+    block_names, *columns = zip(*blocks, strict=True)
+    names = tuple(dict.fromkeys(block_names))
+    name = np.repeat([names.index(each) for each in block_names], [len(patch) for patch in columns[0]])
+    patch, value, contribution, other = (np.concatenate(column) for column in columns)
     order = np.lexsort((other, name, -np.abs(contribution), patch))
-    value = np.concatenate([block.value for block in blocks])
     return Terms(patch[order], name[order], value[order], contribution[order], other[order], names)
 
 
-def local_log_odds(features: PatchFeatures, model: Model, label: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Return the log-odds (m,) of each patch being suspicious, given the labels (m,) of all others, in nats."""
-    field = make_field(model_inputs(features, model), model.edge_model, model.weights)
-    y = np.where(label == SUSPICIOUS, 1.0, -1.0)
-    first, second = field.pairs.T
-    pull = np.bincount(first, field.coupling * y[second], len(y)) + np.bincount(
-        second, field.coupling * y[first], len(y)
-    )
-    return np.asarray(2.0 * (field.theta + pull))
+_Block = tuple[str, Ints, Floats, Floats, Ints]
+"""Terms of one name: the name, and patch, value, contribution and other patch of each."""
 
 
-def _node_blocks(features: PatchFeatures, inputs: Inputs, model: Model) -> list[_Block]:
-    n_patches = len(inputs.node)
-    patch, nobody = np.arange(n_patches), np.full(n_patches, NO_OTHER)
-    base = np.full(n_patches, 2.0 * model.weights[0])
-    if model.potential is not None:
-        return _tree_blocks(features, inputs, model, base)
-    blocks = [_Block(patch, BASE, np.ones(n_patches), base, nobody)]
+def _node_blocks(features: PatchFeatures, inputs: Inputs, model: Model) -> Iterator[_Block]:
+    """Yield the bias, and what each standardised feature of a linear field adds."""
+    ones = np.ones(len(inputs.node))
+    patch, nobody = np.arange(len(ones)), np.full(len(ones), NO_OTHER)
+    yield BASE, patch, ones, 2.0 * model.weights[0] * ones, nobody
     raw = node_columns(features, model.node.names)
     for index, name in enumerate(model.node.names):
-        contribution = 2.0 * model.weights[1 + index] * inputs.node[:, index]
-        blocks.append(_Block(patch, name, raw[:, index], contribution, nobody))
-    return blocks
+        yield name, patch, raw[:, index], 2.0 * model.weights[1 + index] * inputs.node[:, index], nobody
 
 
-def _tree_blocks(features: PatchFeatures, inputs: Inputs, model: Model, base: NDArray[np.float64]) -> list[_Block]:
-    """Return what each column adds to the evidence of the trees; a column of a pair belongs to its other patch."""
+def _tree_blocks(features: PatchFeatures, inputs: Inputs, model: Model) -> Iterator[_Block]:
+    """Yield what each column adds to the evidence of the trees; a column of a pair belongs to its other patch."""
     assert model.potential is not None
     columns = columns_of(features).take(model.potential.names)
     added = contributions(model.potential.trees, columns.values)
@@ -108,28 +90,18 @@ def _tree_blocks(features: PatchFeatures, inputs: Inputs, model: Model, base: ND
     # Evidence beyond its bound is cut; its parts shrink with it.
     kept = np.divide(inputs.node[:, 0], whole, out=np.ones(len(whole)), where=whole != 0.0)
     weight = 2.0 * model.weights[1] * kept
-    patch, nobody = np.arange(len(whole)), np.full(len(whole), NO_OTHER)
-    start = base + weight * (model.potential.base + added[:, -1])
-    blocks = [_Block(patch, BASE, np.ones(len(whole)), start, nobody)]
+    ones = np.ones(len(whole))
+    start = 2.0 * model.weights[0] + weight * (model.potential.base + added[:, -1])
+    yield BASE, np.arange(len(whole)), ones, start, np.full(len(whole), NO_OTHER)
     for index, name in enumerate(columns.names):
         some = np.flatnonzero(added[:, index])
-        block = _Block(
-            some, name, columns.values[some, index], (weight * added[:, index])[some], columns.other[some, index]
-        )
-        blocks.append(block)
-    return blocks
+        yield name, some, columns.values[some, index], (weight * added[:, index])[some], columns.other[some, index]
 
 
 def _coupling_block(inputs: Inputs, model: Model, label: NDArray[np.uint8]) -> _Block:
+    """Return how each neighbour pulls towards its label."""
     pull = 2.0 * coupling(inputs, model.edge_model, model.weights)
-    is_suspicious = (label == SUSPICIOUS).astype(np.float64)
-    of_first, of_second = is_suspicious[inputs.pairs.T]
-    to_first, to_second = pull * (2.0 * of_second - 1.0), pull * (2.0 * of_first - 1.0)
-    first, second = inputs.pairs.T
-    return _Block(
-        np.concatenate([first, second]),
-        NEIGHBOUR_LABEL,
-        np.concatenate([of_second, of_first]),
-        np.concatenate([to_first, to_second]),
-        np.concatenate([second, first]),
-    )
+    patch = inputs.pairs.T.ravel()
+    other = inputs.pairs[:, ::-1].T.ravel()
+    value = (label == SUSPICIOUS).astype(np.float64)[other]
+    return NEIGHBOUR_LABEL, patch, value, np.tile(pull, 2) * (2.0 * value - 1.0), other

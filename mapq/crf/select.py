@@ -9,15 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.crf.calibrate import Chosen, choose_calibration, fit_temperature
+from mapq.crf.calibration import choose_calibration, fit_temperature, log_loss, operating_points
 from mapq.crf.energy import make_field
-from mapq.crf.evidence import add_evidence, columns_of, without_scans
-from mapq.crf.grow import grow
-from mapq.crf.infer import solve
-from mapq.crf.likelihood import objective
-from mapq.crf.marginals import log_loss
-from mapq.crf.operating import operating_points
-from mapq.crf.regions import assign_folds
+from mapq.crf.graph_cut import solve
+from mapq.crf.pseudo_likelihood import objective
 from mapq.crf.train import (
     MAX_MARGIN,
     TREES,
@@ -27,10 +22,12 @@ from mapq.crf.train import (
     TrainSettings,
     fit_weights,
     make_problem,
+    patch_weights,
     prepare,
     require_labels,
     signs,
 )
+from mapq.crf.trees import add_evidence, columns_of, grow, without_scans
 from mapq.model import NONE, Calibration, Columns, Model, Potential
 from mapq.patches import SUSPICIOUS, UNLABELLED
 
@@ -45,8 +42,6 @@ labels when it trains, and they are to be found when it is used.
 MARGIN_STRENGTHS = (1.0, 10.0, 100.0)
 """Strengths that are tried for maximum margin, of all weights alike: it trains on the labellings that cuts find, as
 they are used, and trusts the coupling no more than it should."""
-FALLBACK = Strength(1.0, 30.0)
-"""Where the labels do not suffice for a cross-validation; differences are taken for log-odds then."""
 
 
 class HeldOut(NamedTuple):
@@ -117,7 +112,12 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
     strengths = _strengths(settings, n_labelled) if folds else []
     trials = {strength: _try(prepared, labels, folds, settings, strength) for strength in strengths}
     scores = {strength: trial.score for strength, trial in trials.items()}
-    chosen = _choose(trials) if trials else _fallback(settings)
+    # Without a cross-validation differences are taken for log-odds.
+    chosen = (
+        _choose(trials)
+        if trials
+        else Strength(settings.regularisation or 1.0, settings.coupling_regularisation or 30.0)
+    )
     trial = trials.get(chosen)
     weights = fit_weights(prepared, labels, settings, chosen)
     model = Model(settings.edge_model, {}, prepared.node, prepared.x_range, weights, potential=potential)
@@ -126,7 +126,8 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
         calibrated = choose_calibration(trial.difference, trial.y, trial.label, trial.fold)
         points = operating_points(trial.difference, trial.y)
         model = replace(model, calibration=calibrated.calibration, operating=points)
-        held_out = _held_out(trial, calibrated)
+        truth = (trial.y > 0.0).astype(np.uint8)
+        held_out = HeldOut(truth, trial.label, calibrated.probability, calibrated.losses)
     plain = make_problem(prepared, labels, replace(settings, balanced=False), Strength(0.0, 0.0))
     likelihood = -objective(plain, weights) / len(plain.y)
     return Trained(model, chosen, scores, held_out, len(folds), likelihood, importance)
@@ -144,12 +145,16 @@ def with_trees(
     whose scans are known counts twice, the second time as if they were not: most maps are of that kind.
     """
     bare = [without_scans(each) for each in columns]
-    twice = [number for number in range(len(maps)) if not _same(columns[number], bare[number])]
+    twice = [
+        number
+        for number in range(len(maps))
+        if not np.array_equal(columns[number].values, bare[number].values, equal_nan=True)
+    ]
     sources = [*range(len(maps)), *twice]
     seen = [*columns, *(bare[number] for number in twice)]
     labels = [signs(maps[number].label) for number in sources]
     masks = [[fold[number] for number in sources] for fold in folds]
-    weights = _balance(labels, settings.balanced)
+    weights = patch_weights(labels, settings.balanced)
     potential = grow(seen, labels, weights)
     evidence = [potential.log_odds(each) for each in seen]
     for mask in masks:
@@ -163,20 +168,6 @@ def with_trees(
         for number, found in zip(sources, evidence, strict=True)
     ]
     return features, masks, potential
-
-
-def _same(one: Columns, other: Columns) -> bool:
-    return np.array_equal(one.values, other.values, equal_nan=True)
-
-
-def _balance(labels: Sequence[NDArray[np.float64]], balanced: bool) -> list[NDArray[np.float64]]:
-    """Return the weight (m,) of each patch of each map: both labels alike, or all patches."""
-    y = np.concatenate(labels)
-    share = {sign: float(np.mean(y[y != 0.0] == sign)) for sign in (-1.0, 1.0)}
-    return [
-        np.where(label > 0.0, 0.5 / share[1.0], 0.5 / share[-1.0]) if balanced else np.ones(len(label))
-        for label in labels
-    ]
 
 
 def _strengths(settings: TrainSettings, n_labelled: int) -> list[Strength]:
@@ -204,13 +195,6 @@ def _choose(trials: Mapping[Strength, _Trial]) -> Strength:
     good = [strength for strength, trial in trials.items() if trial.score <= limit]
     most = max(strength.coupling for strength in good)
     return min((s for s in good if s.coupling == most), key=lambda s: (trials[s].score, -s.weights))
-
-
-def _fallback(settings: TrainSettings) -> Strength:
-    weights, coupling = settings.regularisation, settings.coupling_regularisation
-    return Strength(
-        FALLBACK.weights if weights is None else weights, FALLBACK.coupling if coupling is None else coupling
-    )
 
 
 def _usable_folds(maps: Sequence[TrainingMap], n_folds: int) -> list[list[NDArray[np.bool_]]]:
@@ -261,6 +245,41 @@ def _try(
     return _Trial(truth, np.concatenate(found), difference, np.concatenate(numbers), temperature)
 
 
-def _held_out(trial: _Trial, calibrated: Chosen) -> HeldOut:
-    truth = (trial.y > 0.0).astype(np.uint8)
-    return HeldOut(truth, trial.label, calibrated.probability, calibrated.losses)
+def split_regions(centroid: NDArray[np.float64], max_patches: int) -> NDArray[np.int64]:
+    """Return the region (m,) of each patch: the map halved at medians across its longer side.
+
+    `centroid` (m, 3): metres. `max_patches`: regions are halved until they have no more.
+    """
+    region = np.zeros(len(centroid), np.int64)
+    pending, n_regions = [np.arange(len(centroid))], 0
+    while pending:
+        members = pending.pop()
+        if len(members) > max(max_patches, 1):
+            spread = np.ptp(centroid[members], axis=0)
+            order = members[np.argsort(centroid[members, int(spread.argmax())], kind="stable")]
+            pending += [order[len(order) // 2 :], order[: len(order) // 2]]
+            continue
+        region[members] = n_regions
+        n_regions += 1
+    return region
+
+
+def assign_folds(region: NDArray[np.int64], suspicious: NDArray[np.bool_], n_folds: int) -> NDArray[np.int64]:
+    """Return the fold (n,) of each patch: whole regions, dealt so that folds have alike many patches of either label.
+
+    Regions are dealt largest first, each to the fold that has least of what the region has, the smallest of equals.
+
+    `region` (n,): numbers from 0, each map's its own. `suspicious` (n,). `n_folds`: at most; fewer if there are fewer
+    regions.
+    """
+    n_regions = int(region.max()) + 1 if len(region) else 0
+    counts = np.column_stack([np.bincount(region[kind], minlength=n_regions) for kind in (suspicious, ~suspicious)])
+    shares = counts / np.maximum(counts.sum(axis=0), 1)
+    loads = np.zeros((max(1, min(n_folds, n_regions)), 2))
+    fold_of = np.zeros(n_regions, np.int64)
+    for index in np.lexsort((np.arange(n_regions), -shares.sum(axis=1))).tolist():
+        overlap = np.round(loads @ shares[index], 12)
+        fold = int(np.lexsort((np.arange(len(loads)), loads.sum(axis=1), overlap))[0])
+        fold_of[index] = fold
+        loads[fold] += shares[index]
+    return fold_of[region]

@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.crf.energy import Inputs, label_design, make_inputs, node_columns, require_finite, unary_design
-from mapq.crf.likelihood import Problem, fit
-from mapq.crf.margin import GAP, fit_margin, make_part
-from mapq.crf.scaling import fit_range, fit_scaling
+from mapq.crf.max_margin import GAP, fit_margin, make_part
+from mapq.crf.pseudo_likelihood import Problem, fit
 from mapq.graph import PatchFeatures
-from mapq.model import EDGE_MODELS, EVIDENCE, NONE, SYMMETRIC, Scaling, parameter_names
+from mapq.model import CLIP, EDGE_MODELS, EVIDENCE, NONE, SYMMETRIC, Scaling
 from mapq.patches import SUSPICIOUS, UNLABELLED
 from prf.shell.errors import ConfigError, InputError
 
@@ -31,6 +30,8 @@ POTENTIALS = (TREES, LINEAR)
 """Boosted trees on all that is measured on a patch and its pairs; a sum over node features, as in the paper."""
 LARGEST_EVIDENCE = 12.0
 """Nats: log-odds of the trees are cut here; no patch is so sure."""
+RELATIVE_FLOOR = 1e-9
+"""A column that varies by less than this share of its size is constant but for rounding."""
 
 
 class TrainingMap(NamedTuple):
@@ -107,10 +108,9 @@ class Prepared(NamedTuple):
     """Maps in the form that the weights are linear in."""
 
     node: Scaling
-    x_range: tuple[float, float]  # (float, float)
-    inputs: list[Inputs]  # list of Inputs one a map
-    # list of (m, p) float64 as :func:`mapq.crf.energy.unary_design` has them; they depend on no label
-    unary: list[NDArray[np.float64]]
+    x_range: tuple[float, float]
+    inputs: list[Inputs]
+    unary: list[NDArray[np.float64]]  # (m, p) :func:`mapq.crf.energy.unary_design`; they depend on no label
 
 
 def prepare(maps: Sequence[TrainingMap], settings: TrainSettings) -> Prepared:
@@ -137,6 +137,14 @@ def signs(label: NDArray[np.uint8]) -> NDArray[np.float64]:
     return np.where(label == UNLABELLED, 0.0, y)
 
 
+def patch_weights(signed: Sequence[NDArray[np.float64]], balanced: bool) -> list[NDArray[np.float64]]:
+    """Return how much the labelled patches (m,) of each map weigh: both labels alike, or every patch; 0 without."""
+    y = np.concatenate(signed)
+    shares = (float(np.mean(y[y != 0.0] == sign)) if balanced else 0.5 for sign in (1.0, -1.0))
+    suspicious, plausible = (max(share, 1e-300) for share in shares)
+    return [np.select([y > 0.0, y < 0.0], [0.5 / suspicious, 0.5 / plausible], 0.0) for y in signed]
+
+
 def make_problem(
     prepared: Prepared, labels: Sequence[NDArray[np.uint8]], settings: TrainSettings, strength: Strength
 ) -> Problem:
@@ -145,17 +153,16 @@ def make_problem(
     A patch without a label has no term of its own. As a neighbour it counts as label 0, half way between both: the
     coupling with it drops out. That keeps the objective convex, which summing over the labels it could have would not.
     """
-    rows, signs_of = [], []
-    for inputs, unary, label in zip(prepared.inputs, prepared.unary, labels, strict=True):
-        y = signs(label)
-        known = y != 0.0
-        rows.append(np.hstack([unary, label_design(inputs, settings.edge_model, y)])[known])
-        signs_of.append(y[known])
-    y = np.concatenate(signs_of)
-    n_weights = rows[0].shape[1]
-    bounded = () if settings.edge_model == NONE else (n_weights - 2, n_weights - 1)
-    precision = precisions(n_weights - len(bounded), settings.edge_model, strength)
-    return Problem(np.vstack(rows), y, _importance(y, settings.balanced), precision, bounded)
+    signed = [signs(label) for label in labels]
+    rows = [
+        np.hstack([unary, label_design(inputs, settings.edge_model, y)])
+        for inputs, unary, y in zip(prepared.inputs, prepared.unary, signed, strict=True)
+    ]
+    y, importance = np.concatenate(signed), np.concatenate(patch_weights(signed, settings.balanced))
+    n_unary, n_weights = prepared.unary[0].shape[1], rows[0].shape[1]
+    precision = precisions(n_unary, settings.edge_model, strength)
+    known = y != 0.0
+    return Problem(np.vstack(rows)[known], y[known], importance[known], precision, tuple(range(n_unary, n_weights)))
 
 
 def fit_weights(
@@ -163,11 +170,8 @@ def fit_weights(
 ) -> NDArray[np.float64]:
     """Return the weights of least objective, regularised, in the order of the model's parameter names."""
     if settings.objective == MAX_MARGIN:
-        weights = margin_weights(prepared, labels, settings, strength)
-    else:
-        weights = fit(make_problem(prepared, labels, settings, strength))
-    assert len(weights) == len(parameter_names(settings.edge_model, prepared.node.names))
-    return weights
+        return margin_weights(prepared, labels, settings, strength)
+    return fit(make_problem(prepared, labels, settings, strength))
 
 
 def margin_weights(
@@ -175,15 +179,8 @@ def margin_weights(
 ) -> NDArray[np.float64]:
     """Return the weights of maximum margin; a wrong label costs what the patch weighs in the pseudo-likelihood."""
     signed = [signs(label) for label in labels]
-    importance = _importance(np.concatenate([y[y != 0.0] for y in signed]), settings.balanced)
-    ends = np.cumsum([np.count_nonzero(y) for y in signed])[:-1]
-    parts = []
-    for inputs, unary, y, known in zip(
-        prepared.inputs, prepared.unary, signed, np.split(importance, ends), strict=True
-    ):
-        cost = np.zeros(len(y))
-        cost[y != 0.0] = known
-        parts.append(make_part(inputs, unary, y, cost))
+    costs = patch_weights(signed, settings.balanced)
+    parts = [make_part(*each) for each in zip(prepared.inputs, prepared.unary, signed, costs, strict=True)]
     precision = precisions(prepared.unary[0].shape[1], settings.edge_model, strength)
     found = fit_margin([part for part in parts if len(part.y)], settings.edge_model, precision)
     if found.bound < (1.0 - GAP) * found.objective:
@@ -210,8 +207,28 @@ def require_labels(maps: Sequence[TrainingMap]) -> None:
         raise InputError(f"all {len(labels)} labelled patches are {only}. Label patches of both kinds, or add a map.")
 
 
-def _importance(y: NDArray[np.float64], balanced: bool) -> NDArray[np.float64]:
-    if not balanced:
-        return np.ones(len(y))
-    share = np.where(y > 0.0, np.mean(y > 0.0), np.mean(y < 0.0))
-    return np.asarray(0.5 / share)
+def fit_scaling(values: NDArray[np.float64], names: tuple[str, ...]) -> Scaling:
+    """Return the standardisation of columns (n, k).
+
+    The scale is the interquartile range, but at least so large that the clip cuts no more than one value in a hundred
+    on either side: most pairs of a good map have the same x_ij, and the few others are the ones that matter. A
+    constant column gets scale 1.
+    """
+    if values.size == 0:
+        return Scaling(names, np.zeros(len(names)), np.ones(len(names)))
+    # Of a column that is not known at all anything will do: it is 0 once standardised.
+    values = np.where(np.isnan(values).all(axis=0), 0.0, values)
+    low, quarter, median, three_quarters, high = np.nanquantile(values, (0.01, 0.25, 0.5, 0.75, 0.99), axis=0)
+    reach = np.maximum(high - median, median - low) / CLIP
+    scale = np.maximum(three_quarters - quarter, reach)
+    constant = scale <= RELATIVE_FLOOR * np.maximum(np.abs(median), RELATIVE_FLOOR)
+    return Scaling(names, median, np.where(constant, 1.0, scale))
+
+
+def fit_range(x: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the range of x_ij (n,): what was seen, but not beyond the clip of its standardisation."""
+    if len(x) == 0:
+        return 0.0, 0.0
+    scaling = fit_scaling(x[:, None], ("x",))
+    median, reach = float(scaling.median[0]), CLIP * float(scaling.scale[0])
+    return max(float(x.min()), median - reach), min(float(x.max()), median + reach)

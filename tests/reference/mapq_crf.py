@@ -6,12 +6,14 @@ import itertools
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mapq.crf import TrainingMap
-from mapq.crf.energy import Field
-from mapq.crf.evidence import columns_of
+from mapq.crf.energy import Field, make_field, model_inputs
+from mapq.crf.trees import columns_of
 from mapq.graph import PatchFeatures
 from mapq.model import EVIDENCE, NONE, SYMMETRIC, Calibration, Model, Potential, Scaling, parameter_names
+from mapq.patches import SUSPICIOUS
 from tests.reference.mapq_trees import slow_log_odds
 
 NODE_NAMES = ("fit", "tilt", "thickness")
@@ -140,3 +142,14 @@ def tree_differences(field: Field) -> np.ndarray:
 def _message(score: np.ndarray, coupling: float) -> np.ndarray:
     """Return the best score (2,) over a pair by the label of its other end."""
     return np.maximum(score + coupling, score[::-1] - coupling)
+
+
+def local_log_odds(features: PatchFeatures, model: Model, label: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Return the log-odds (m,) of each patch being suspicious, given the labels (m,) of all others, in nats."""
+    field = make_field(model_inputs(features, model), model.edge_model, model.weights)
+    y = np.where(label == SUSPICIOUS, 1.0, -1.0)
+    found = 2.0 * field.theta
+    for (first, second), coupling in zip(field.pairs.tolist(), field.coupling.tolist(), strict=True):
+        found[first] += 2.0 * coupling * y[second]
+        found[second] += 2.0 * coupling * y[first]
+    return found

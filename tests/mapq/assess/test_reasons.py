@@ -5,9 +5,9 @@ import pytest
 
 from mapq.assess import assess
 from mapq.assess.reasons import pair_words
-from mapq.crf import local_log_odds
 from tests.mapq.assess.test_result import make_model
 from tests.mapq.factories import sample_patches, wall
+from tests.reference.mapq_crf import local_log_odds
 
 PAIR = {"angle_deg": 1.0, "overlap": 0.0, "crossing": 0.0, "offset": 0.32, "separation": 0.3, "weight": 0.5}
 

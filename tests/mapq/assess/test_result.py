@@ -9,8 +9,7 @@ import pytest
 from mapq.assess import assess, feature_settings, read_input
 from mapq.assess.content import term_rows
 from mapq.cloud import PointCloud
-from mapq.crf import local_log_odds
-from mapq.crf.evidence import OVER
+from mapq.crf.trees import OVER
 from mapq.features import FeatureSettings
 from mapq.io import read_cloud, write_patches, write_ply
 from mapq.io.results import result_cloud
@@ -20,6 +19,7 @@ from mapq.patches import Patches
 from prf.shell.errors import InputError
 from tests.mapq.factories import make_patches, sample_patches, shuffled, wall
 from tests.mapq.labelled import draw_patches
+from tests.reference.mapq_crf import local_log_odds
 
 
 def make_model(edge_model: str = "symmetric") -> Model:

@@ -9,8 +9,7 @@ import pytest
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from mapq.crf.calibrate import FITS, choose_calibration, fit_isotonic, fit_platt, fit_temperature
-from mapq.crf.marginals import keep_sides
+from mapq.crf.calibration import FITS, choose_calibration, fit_isotonic, fit_platt, fit_temperature, keep_sides
 from mapq.model import ISOTONIC, LEAST_SLOPE, PLATT, TEMPERATURE
 
 

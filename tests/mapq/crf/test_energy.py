@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mapq.crf import classify, explain, local_log_odds
+from mapq.crf import classify, explain
 from mapq.crf.energy import label_design, make_field, model_inputs, unary_design
-from mapq.crf.evidence import columns_of
 from mapq.crf.explain import BASE, NEIGHBOUR_LABEL
 from mapq.crf.train import LINEAR, POTENTIALS
+from mapq.crf.trees import columns_of
 from mapq.features.edge import EDGE_NAMES
 from mapq.model import EDGE_MODELS, NONE, SYMMETRIC
 from prf.shell.errors import InputError
-from tests.reference.mapq_crf import draw_features, draw_model, slow_score
+from tests.reference.mapq_crf import draw_features, draw_model, local_log_odds, slow_score
 from tests.reference.mapq_trees import draw_potential
 
 CASES = list(itertools.product(EDGE_MODELS, POTENTIALS, range(5)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.crf.evidence import LEFT_OUT, OF_SCANS, SHARES, columns_of, with_evidence, without_scans
+from mapq.crf.trees import LEFT_OUT, OF_SCANS, SHARES, columns_of, with_evidence, without_scans
 from mapq.features.context import EDGE_COLUMNS, NODE_COLUMNS
 from mapq.features.edge import EDGE_NAMES
 from mapq.features.node import NODE_NAMES

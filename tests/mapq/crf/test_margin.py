@@ -6,8 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from mapq.crf import TrainingMap, TrainSettings, classify, margin, train
-from mapq.crf.margin import BIAS_PRECISION, GAP, MarginFit, Part, fit_margin, make_part, solve_quadratic
+from mapq.crf import TrainingMap, TrainSettings, classify, max_margin, train
+from mapq.crf.max_margin import BIAS_PRECISION, GAP, MarginFit, Part, fit_margin, make_part, solve_quadratic
 from mapq.crf.select import MARGIN_STRENGTHS
 from mapq.crf.train import LINEAR, MAX_MARGIN, Strength, margin_weights, precisions, prepare, signs
 from mapq.evaluate import area_under_curve
@@ -130,7 +130,7 @@ def test_the_bias_alone_is_as_weak_as_documented():
 @pytest.mark.parametrize(("bounds", "rounds"), [([998.0, 998.9, 999.0, 999.9], 3), ([998.0], 300)])
 def test_the_search_ends_within_a_thousandth_of_the_optimum_or_after_300_rounds(monkeypatch, bounds, rounds):
     told = itertools.chain(bounds, itertools.repeat(bounds[-1]))
-    monkeypatch.setattr(margin, "_master", lambda *_: (np.zeros(1), next(told)))
+    monkeypatch.setattr(max_margin, "_master", lambda *_: (np.zeros(1), next(told)))
     found = fit_margin([lone_part([0.0], 1000.0)], NONE, np.zeros(1))
     assert (found.objective, found.n_rounds) == (1000.0, rounds)
 
@@ -143,7 +143,7 @@ def test_the_bound_holds_however_rough_the_program_is(monkeypatch, factor):
         z, multiplier = solve_quadratic(*program)
         return z, factor * multiplier
 
-    monkeypatch.setattr(margin, "solve_quadratic", rough)
+    monkeypatch.setattr(max_margin, "solve_quadratic", rough)
     found = fit_margin([lone_part([0.0, 1.0], 1.0)] * 2, NONE, np.array([0.0, 10.0]))
     assert found.weights == pytest.approx([0.0, 0.4], abs=1e-2)
     assert found.objective == pytest.approx(1.2, rel=1e-3)

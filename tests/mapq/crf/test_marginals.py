@@ -6,9 +6,19 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from mapq.crf.calibrate import choose_calibration, fit_isotonic, fit_platt, fit_temperature
-from mapq.crf.marginals import cut_probability, keep_sides, log_loss, probabilities
-from mapq.crf.operating import SHARES, operating_points, with_false_alarms
+from mapq.crf.calibration import (
+    SHARES,
+    choose_calibration,
+    cut_probability,
+    fit_isotonic,
+    fit_platt,
+    fit_temperature,
+    keep_sides,
+    log_loss,
+    operating_points,
+    probabilities,
+    with_false_alarms,
+)
 from mapq.model import ISOTONIC, PLATT, TEMPERATURE, Calibration
 from prf.shell.errors import UsageError
 from tests.mapq.assess.test_result import make_model

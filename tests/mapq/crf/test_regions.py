@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.crf.regions import assign_folds, split_regions
+from mapq.crf.select import assign_folds, split_regions
 
 
 def test_regions_are_small_enough_alike_and_whole_boxes():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.crf.scaling import fit_range, fit_scaling
+from mapq.crf.train import fit_range, fit_scaling
 from mapq.model import CLIP
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mapq.crf import TrainingMap, TrainSettings, classify, split_regions, train
-from mapq.crf.evidence import columns_of, without_scans
 from mapq.crf.select import with_trees
+from mapq.crf.trees import columns_of, without_scans
 from mapq.evaluate import area_under_curve
 from mapq.features.context import NODE_COLUMNS
 from mapq.features.edge import EDGE_NAMES
@@ -23,7 +23,7 @@ FOLDS = 3
 
 @pytest.fixture(autouse=True)
 def few_trees(monkeypatch):
-    monkeypatch.setattr("mapq.crf.grow.N_TREES", 12)
+    monkeypatch.setattr("mapq.crf.trees.N_TREES", 12)
 
 
 def draw_map(seed: int, signal: float = 0.0, n_patches: int = 150, scans: bool = True) -> TrainingMap:
@@ -55,7 +55,7 @@ def area(sources: list[TrainingMap], evidence: list[np.ndarray]) -> float:
 
 def test_evidence_of_chance_is_chance(monkeypatch):
     """Trees know the labels of their own training patches by heart: it would be all but sure in-sample."""
-    monkeypatch.setattr("mapq.crf.grow.N_TREES", 60)
+    monkeypatch.setattr("mapq.crf.trees.N_TREES", 60)
     maps = [draw_map(seed) for seed in range(4)]
     sources, _, potential = told(maps)
     assert area(sources, [each.features.node[:, -1] for each in sources]) == pytest.approx(0.5, abs=0.06)

@@ -7,10 +7,9 @@ import pytest
 from scipy.optimize import Bounds, check_grad, minimize
 
 from mapq.crf import Strength, TrainSettings, classify, train
-from mapq.crf.likelihood import Problem, fit, gradient, hessian, objective
-from mapq.crf.scaling import fit_range, fit_scaling
+from mapq.crf.pseudo_likelihood import Problem, fit, gradient, hessian, objective
 from mapq.crf.select import COUPLING_SHARES, STRENGTHS
-from mapq.crf.train import LINEAR, TrainingMap, fit_weights, make_problem, prepare, signs
+from mapq.crf.train import LINEAR, TrainingMap, fit_range, fit_scaling, fit_weights, make_problem, prepare, signs
 from mapq.model import EDGE_MODELS, NONE, SYMMETRIC, Model
 from mapq.patches import UNLABELLED
 from prf.shell.errors import ConfigError, InputError

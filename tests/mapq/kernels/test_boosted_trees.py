@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from sklearn.ensemble import HistGradientBoostingClassifier
 
-from mapq.crf.evidence import RISING, Columns
-from mapq.crf.grow import grow
+from mapq.crf.trees import RISING, Columns, grow
 from mapq.kernels.boosted_trees import contributions
 from tests.reference.mapq_trees import draw_potential, slow_contributions
 

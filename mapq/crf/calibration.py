@@ -1,8 +1,13 @@
-"""Calibrations of min-marginals, and the choice among them by cross-validation over the folds that were kept out."""
+"""Probabilities of labels from differences of min-marginals, and operating points, by folds that were kept out.
+
+Min-marginals always agree with the best labelling, and trained ones are well calibrated (Tarlow and Adams 2012,
+"Revisiting uncertainty in graph cut solutions"); marginals by belief propagation were wrong at strong coupling.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from itertools import pairwise
 from types import MappingProxyType
 from typing import NamedTuple
@@ -12,8 +17,9 @@ from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression, minimize, minimize_scalar
 from scipy.special import expit, logit
 
-from mapq.crf.marginals import keep_sides
-from mapq.model import ISOTONIC, LEAST_SLOPE, PLATT, TEMPERATURE, Calibration
+from mapq.model import ISOTONIC, LEAST_SLOPE, PLATT, TEMPERATURE, Calibration, Model
+from mapq.patches import SUSPICIOUS
+from prf.shell.errors import UsageError
 
 SLOPES = (1e-3, 1e3)
 """Bounds of slopes: held-out patches whose differences are all 0 leave them free."""
@@ -22,7 +28,44 @@ GROUPS = 100
 SMALLEST_GROUP = 10
 """Patches of a group; with fewer than twice as many there is no curve."""
 
+SHARES = (
+    *(0.0, 0.001, 0.002, 0.003, 0.005, 0.007),
+    *(0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.05, 0.06, 0.08),
+    *(0.1, 0.125, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5),
+)
+"""False alarms of the operating points that a model keeps."""
+
 Floats = NDArray[np.float64]
+
+
+def probabilities(difference: Floats, label: NDArray[np.uint8], model: Model) -> NDArray[np.float32]:
+    """Return the probability (m,) that a patch is suspicious, from the difference (m,) of its min-marginals.
+
+    In float32, and never exactly that of the model's threshold (:func:`cut_probability`): above it where the label (m,)
+    is suspicious, ties included, and below elsewhere.
+    """
+    return keep_sides(expit(model.calibration.log_odds(difference)), label, cut_probability(model))
+
+
+def cut_probability(model: Model) -> float:
+    """Return the probability above which patches are called suspicious: one half for the best labelling."""
+    if model.threshold == 0.0:
+        return 0.5
+    return float(expit(model.calibration.log_odds(np.array([model.threshold])))[0])
+
+
+def keep_sides(p: Floats, label: NDArray[np.uint8], cut: float = 0.5) -> NDArray[np.float32]:
+    """Return probabilities (m,) in float32, moved to that side of `cut` on which the label (m,) is."""
+    middle = np.float32(cut)
+    below, above = np.nextafter(middle, np.float32(0)), np.nextafter(middle, np.float32(1))
+    found = np.asarray(p, dtype=np.float32)
+    away = np.where(label == SUSPICIOUS, np.maximum(found, above), np.minimum(found, below))
+    return np.asarray(away, dtype=np.float32)
+
+
+def log_loss(difference: Floats, y: Floats, calibration: Calibration) -> float:
+    """Return the mean negative log-probability of labels y (n,) in {-1, +1}, in nats."""
+    return float(np.logaddexp(0.0, -y * calibration.log_odds(difference)).mean())
 
 
 class Chosen(NamedTuple):
@@ -147,3 +190,38 @@ def _targets(y: Floats) -> Floats:
 
 def _loss(log_odds: Floats, sure: Floats) -> float:
     return float(np.mean(sure * np.logaddexp(0.0, -log_odds) + (1.0 - sure) * np.logaddexp(0.0, log_odds)))
+
+
+def operating_points(difference: Floats, y: Floats) -> Floats:
+    """Return false alarms, thresholds and recall (k, 3) for each of `SHARES`.
+
+    `difference` and `y` (n,): differences of min-marginals of patches that no model had seen, and their labels in {-1,
+    +1}. The threshold is the least at which no larger share of the plausible ones is called suspicious. None without
+    both labels.
+    """
+    plausible = np.sort(difference[y < 0.0])[::-1]
+    suspicious = difference[y > 0.0]
+    if len(plausible) == 0 or len(suspicious) == 0:
+        return np.zeros((0, 3))
+    rows = []
+    for share in SHARES:
+        allowed = min(int(np.floor(share * len(plausible) + 1e-9)), len(plausible) - 1)
+        threshold = float(np.nextafter(plausible[allowed], np.inf))
+        rows.append((share, threshold, float(np.mean(suspicious >= threshold))))
+    return np.array(rows)
+
+
+def with_false_alarms(model: Model, share: float, where: str) -> Model:
+    """Return the model with the most sensitive threshold that keeps false alarms at or below a share.
+
+    `share`: of plausible patches that may be called suspicious, as counted on regions kept out of training. The next
+    smaller one of the model's points counts. `where`: the model's name, for messages. Raises UsageError if the model
+    has no operating points.
+    """
+    if len(model.operating) == 0:
+        raise UsageError(
+            f"{where} has no operating points: no region was kept out when it was trained. Train on more regions with "
+            "labels of both kinds, or leave out --max-false-alarms."
+        )
+    allowed = np.flatnonzero(model.operating[:, 0] <= share + 1e-12)
+    return replace(model, threshold=float(model.operating[allowed[-1], 1]))

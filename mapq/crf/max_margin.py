@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from mapq.crf.energy import Field, Inputs
-from mapq.crf.infer import solve
+from mapq.crf.graph_cut import solve
 from mapq.model import NONE
 from mapq.patches import SUSPICIOUS
 
