@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.drawn_labels import draw_labels
 from benchmarks.table2 import MANY, PLAIN, TRAIN_SEEDS, Row, make_map, seen
 from mapq.assess import feature_settings
 from mapq.crf import TrainingMap, TrainSettings, classify, train
@@ -27,7 +28,7 @@ from mapq.io.models import read_default_model
 from mapq.model import Model
 from mapq.patches import SUSPICIOUS, Patches
 from mapq.simulate import Kind, Settings
-from mapq.training import N_REGIONS, draw_labels, region_size, regions_of
+from mapq.training import N_REGIONS, region_size, regions_of
 
 TRAIN_CLEAN_SEEDS = (51, 52)
 """Of worlds that look like those below and have no drift either, beside the six usual ones: a model must have seen what

@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks import real_data
 from benchmarks.entropies import entropies
 from benchmarks.real_methods import say
-from mapq.assess.apart import median_by_area
+from mapq.assess.regions import weighted_median
 from mapq.cloud import PointCloud
 from mapq.features import FeatureSettings, patch_features
 from mapq.model import Model
@@ -93,7 +93,7 @@ def statistics(cloud: PointCloud, models: dict[str, Model]) -> dict[str, list[fl
     patches = segment(cloud)
     features = patch_features(patches, FeatureSettings(context=("moments",)))
     area = features.shape[:, features.shape_names.index("area_m2")]
-    metres = median_by_area(features.disagreement[:, 1], area)
+    metres = weighted_median(features.disagreement[:, 1], area)
     apart = [float(np.log(max(np.nan_to_num(metres), LEAST_METRES)))]
     found = {ENTROPIES: list(entropies(cloud)), APART: apart}
     for name, model in models.items():

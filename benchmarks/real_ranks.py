@@ -18,10 +18,10 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from benchmarks import real_data
+from benchmarks.map_metrics import map_metrics
 from benchmarks.real_methods import models_from_simulation, say
 from mapq.evaluate import score_labels
 from mapq.features import measure_shapes
-from mapq.metrics import map_metrics
 from mapq.model import Model
 from mapq.patches import SUSPICIOUS
 from mapq.perturb import PoseErrors, build

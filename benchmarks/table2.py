@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.drawn_labels import draw_labels
 from mapq.crf import TrainingMap, TrainSettings, classify, train
 from mapq.evaluate import Scores, score_labels
 from mapq.features import FeatureSettings, patch_features
@@ -25,7 +26,7 @@ from mapq.labels import label_from_field
 from mapq.patches import Patches
 from mapq.segmentation import segment
 from mapq.simulate import Settings, simulate
-from mapq.training import N_REGIONS, draw_labels, region_size, regions_of
+from mapq.training import N_REGIONS, region_size, regions_of
 
 TRAIN_SEEDS = (1, 2, 3, 4, 5, 6)
 TEST_SEEDS = (15, 16, 17, 18)

@@ -16,13 +16,13 @@ from sklearn.ensemble import RandomForestClassifier
 
 from benchmarks.commands import ROOT
 from benchmarks.entropies import LEAST, entropy_of, moments_of
+from benchmarks.map_metrics import map_metrics
 from benchmarks.real_data import disagreement_of
 from benchmarks.real_methods import without_scans
 from data import make_default_model as recipe
 from mapq.features import FeatureSettings, patch_features
 from mapq.graph import PatchFeatures
 from mapq.io import read_patches, write_patches
-from mapq.metrics import map_metrics
 from mapq.patches import SUSPICIOUS, UNLABELLED, Patches
 from mapq.perturb.cells import cell_keys
 

@@ -76,13 +76,13 @@ def main() -> None:
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         maps = [*pool.map(world, range(N_WORLDS)), *pool.map(city, CITIES)]
     maps = [each for each in maps if len(each)]
-    model, trained, _ = train_maps(maps, TrainSettings(balanced=False))
+    model = train_maps(maps, TrainSettings(balanced=False))
     model = with_false_alarms(model, MOST_FALSE_ALARMS, str(MODEL))
     # What is of this run alone goes out: the same seeds give the same bytes.
     rows = [{name: value for name, value in row.items() if name != "sha256"} for row in model.training["maps"]]
     training = {name: value for name, value in model.training.items() if name != "created"} | {"maps": rows}
     write_model(MODEL, replace(model, training=training))
-    moved = sorted(trained.importance.items(), key=lambda row: -row[1])
+    moved = sorted(model.training["importance"].items(), key=lambda row: -row[1])
     print("wrote", MODEL, "; log-odds move by", ", ".join(f"{name} {np.round(nats, 2)}" for name, nats in moved))
 
 

@@ -100,7 +100,7 @@ def segment(
     settings : SegmentSettings, optional
         What it leaves open is estimated from the cloud.
     sources : mapping of str to str, optional
-        Where each setting was given, such as "--noise"; kept in the report of the patches.
+        Where each setting was given, such as "--max-tilt"; kept in the report of the patches.
     progress : bool or callable
         Show a bar. A callable is given the share done in [0, 1], and a mapping of what a bar would show.
 
@@ -149,7 +149,7 @@ def classify(
     max_false_alarms : float, optional
         Share of the plausible patches that may be called suspicious, such as 0.02.
     segmentation : SegmentSettings, optional
-        For a cloud; settings of a file (by `sources`) are ignored for patches.
+        For a cloud; for patches those that `sources` has from a settings file are ignored, others refused.
     sources : mapping of str to str, optional
         As :func:`segment`.
     options : ReadOptions
@@ -187,8 +187,6 @@ def train(
     settings: TrainSettings | None = None,
     features: FeatureSettings | None = None,
     *,
-    max_patches: int | None = None,
-    seed: int = 0,
     conservative: bool = False,
     progress: bool | ProgressCallback = True,
 ) -> Model:
@@ -203,9 +201,6 @@ def train(
     settings : TrainSettings, optional
     features : FeatureSettings, optional
         Stored in the model, which measures other maps in the same way.
-    max_patches : int, optional
-        Use about so many labelled patches: whole regions, drawn with `seed`.
-    seed : int
     conservative : bool
         Patches without a label count as suspicious.
     progress : bool or callable
@@ -224,7 +219,7 @@ def train(
     if not given:
         raise ArgumentError("maps: there are none.")
     with reported(progress, len(given), "maps") as reporter:
-        return train_maps(given, settings, features, max_patches, seed, reporter, conservative)[0]
+        return train_maps(given, settings, features, reporter, conservative)
 
 
 def _model(model: Model | Path | None, max_false_alarms: float | None) -> tuple[Model, assess.Origin]:

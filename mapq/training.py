@@ -24,24 +24,19 @@ N_REGIONS = 20
 """Into so many regions the labelled patches of all maps are cut for cross-validation, about."""
 SMALLEST_REGION = 8
 """Patches: smaller regions would part neighbours wherever they are cut."""
-PIECES = 10
-"""A limited number of patches is drawn as so many regions or a few more: each a place with its neighbours."""
 
 
 def train_maps(
     sources: Sequence[Patches | str | os.PathLike[str]],
     settings: TrainSettings | None = None,
     features: FeatureSettings | None = None,
-    max_patches: int | None = None,
-    seed: int = 0,
     progress: Reporter | None = None,
     conservative: bool = False,
-) -> tuple[Model, Trained, Scores | None]:
-    """Return the model that labelled patches teach, how it was chosen, and its held-out scores.
+) -> Model:
+    """Return the model that labelled patches teach.
 
     `sources`: maps, or PATCHES files of them. `features`: stored in the model: it measures other maps in the same way.
-    `max_patches`: use about so many labelled patches only: whole regions, drawn with `seed`, the last one in part.
-    `progress`: told the number of maps read and measured. `conservative`: of a map that has labels, count patches
+    `progress`: receives the number of maps read and measured. `conservative`: of a map that has labels, count patches
     without one as suspicious: they are not surely plausible. Raises InputError if a file is no PATCHES file, or there
     are not labels of both kinds.
     """
@@ -52,8 +47,6 @@ def train_maps(
         if progress is not None:
             progress.update(number + 0.5)
     labels = [conservative_label(patches) if conservative else patches.label for patches in maps]
-    if max_patches is not None:
-        labels = draw_labels(maps, max_patches, seed, labels)
     training_maps = []
     regions = regions_of(maps, labels, region_size(labels, N_REGIONS))
     for number, (patches, label, region) in enumerate(zip(maps, labels, regions, strict=True)):
@@ -64,11 +57,9 @@ def train_maps(
     scores = None
     if trained.held_out is not None:
         scores = score_labels(trained.held_out.label, trained.held_out.truth, trained.held_out.probability)
-    drawn: dict[str, Any] = {"labels": "conservative" if conservative else "given"}
-    if max_patches is not None:
-        drawn |= {"max_patches": max_patches, "seed": seed}
-    summary = {**summarise(sources, maps, labels, trained, settings, scores), **drawn}
-    return replace(trained.model, features=asdict(features), training=summary), trained, scores
+    kind = "conservative" if conservative else "given"
+    summary = {**summarise(sources, maps, labels, trained, settings, scores), "labels": kind}
+    return replace(trained.model, features=asdict(features), training=summary)
 
 
 def region_size(labels: Sequence[NDArray[np.uint8]], n_regions: int) -> int:
@@ -94,24 +85,6 @@ def conservative_label(patches: Patches) -> NDArray[np.uint8]:
     """Return the labels (m,) of a map, patches without one suspicious; of a map without any label, as they are."""
     unknown = patches.label == UNLABELLED
     return patches.label if unknown.all() else np.where(unknown, np.uint8(SUSPICIOUS), patches.label)
-
-
-def draw_labels(
-    maps: Sequence[Patches], n_most: int, seed: int, given: Sequence[NDArray[np.uint8]] | None = None
-) -> list[NDArray[np.uint8]]:
-    """Return the labels of each map, or those given, with all but `n_most` hidden: those of regions drawn at random."""
-    labels = [label.copy() for label in given or [patches.label for patches in maps]]
-    regions = regions_of(maps, labels, max(SMALLEST_REGION, n_most // PIECES))
-    pieces = []
-    for number, (label, region) in enumerate(zip(labels, regions, strict=True)):
-        known = np.flatnonzero(label != UNLABELLED)
-        pieces += [(number, known[region[known] == index]) for index in np.unique(region[known])]
-    left = n_most
-    for place in np.random.default_rng(seed).permutation(len(pieces)).tolist():
-        number, members = pieces[place]
-        labels[number][members[left:]] = UNLABELLED
-        left = max(0, left - len(members))
-    return labels
 
 
 def summarise(

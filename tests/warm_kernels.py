@@ -46,7 +46,7 @@ REST = (
     "mapq simulate --size small --n-points 20000 --seed 1 -o simulated.ply",
     "mapq segment simulated.ply -o simulated.patches",
     "mapq features simulated.patches --json",
-    f"mapq segment {TOWN} --truth-field surface -o town.patches",
+    f"mapq segment {TOWN} -o town.patches",
     f"mapq segment {TOWN} --set segment.resolution=0.3 -o coarse.patches",
     "mapq classify town.patches -o town.ply",
     "prf query run --points points.csv --square 0.5",

@@ -71,14 +71,12 @@ def patch_rows(result: Result) -> Iterator[dict[str, Any]]:
             "cause": result.causes[patch].row(DECIMALS) if patch in result.causes else None,
             "reasons": [reason.row(DECIMALS) for reason in result.reasons(patch)],
             "log_odds": round(float(result.terms.contribution[span].sum()), DECIMALS),
-            "terms": term_rows(result, patch, int(starts[patch]), int(starts[patch + 1])),
+            "terms": term_rows(result, int(starts[patch]), int(starts[patch + 1])),
         }
 
 
-def term_rows(result: Result, patch: int, begin: int | None = None, end: int | None = None) -> list[dict[str, Any]]:
-    """Return the terms of a patch, largest first; `begin` and `end` where they stand, if known."""
-    if begin is None or end is None:
-        begin, end = (int(place) for place in np.searchsorted(result.terms.patch, (patch, patch + 1)))
+def term_rows(result: Result, begin: int, end: int) -> list[dict[str, Any]]:
+    """Return the terms of a patch, which lie from `begin` to `end`, largest first."""
     rows = []
     for place in range(begin, end):
         row: dict[str, Any] = {

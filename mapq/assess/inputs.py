@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields
-from typing import Any, NamedTuple
+import json
+from dataclasses import fields
+from typing import NamedTuple
+
+from pydantic import TypeAdapter, ValidationError
 
 from mapq.cloud import PointCloud
 from mapq.features import FeatureSettings
@@ -14,9 +17,6 @@ from mapq.io.patches import holds_patches, parse_patches
 from mapq.model import Model
 from mapq.patches import Patches
 from prf.shell.errors import ConfigError, InputError
-
-LARGEST_SETTING = 1e6
-"""Of a model's feature settings, in metres or patches: a map is smaller."""
 
 
 class Origin(NamedTuple):
@@ -36,18 +36,15 @@ def feature_settings(model: Model) -> FeatureSettings:
     for name in sorted(known ^ set(model.features)):
         state = "is missing" if name in known else "is not known to this release"
         raise InputError(f"the model's feature setting {name} {state}. Train the model anew.")
-    values: dict[str, Any] = dict(model.features)
-    for name, default in asdict(FeatureSettings()).items():
-        if not _is_of_kind(values[name], default):
-            raise InputError(
-                f"the model's feature setting {name} cannot be used ({values[name]!r}). Train the model anew."
-            )
     try:
-        values["context"] = tuple(values["context"])
-        values["up"] = None if values["up"] is None else tuple(values["up"])
-        return FeatureSettings(**values)
-    except (TypeError, ConfigError) as error:
-        raise InputError(f"the model's feature settings cannot be used ({error}). Train the model anew.") from error
+        # As JSON: arrays may become tuples there, and no word becomes a number.
+        return TypeAdapter(FeatureSettings).validate_json(json.dumps(dict(model.features)), strict=True)
+    except (ValidationError, ConfigError) as error:
+        what = error.errors()[0] if isinstance(error, ValidationError) else {"loc": (), "msg": str(error)}
+        where = "".join(f" {place}" for place in what["loc"][:1])
+        raise InputError(
+            f"the model's feature setting{where} cannot be used ({what['msg']}). Train the model anew."
+        ) from None
 
 
 def read_input(path: str, options: ReadOptions = AS_IT_IS) -> Patches | PointCloud:
@@ -61,15 +58,3 @@ def read_input(path: str, options: ReadOptions = AS_IT_IS) -> Patches | PointClo
         options.refuse_unit(path)
         return parse_patches(content.data(), path)
     return parse_cloud(content, options)[1]
-
-
-def _is_of_kind(value: Any, default: Any) -> bool:
-    """Return whether a setting of a model file has the type of its default; null, a length or direction or null."""
-    if default is None:
-        return value is None or isinstance(value, list | tuple) or _is_of_kind(value, 0.0)
-    if isinstance(default, tuple):
-        return isinstance(value, list | tuple) and all(isinstance(each, str) for each in value)
-    if isinstance(default, bool | str):
-        return isinstance(value, type(default))
-    whole = isinstance(value, int) and not isinstance(value, bool)
-    return (whole or (isinstance(default, float) and isinstance(value, float))) and abs(value) <= LARGEST_SETTING

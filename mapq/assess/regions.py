@@ -25,9 +25,9 @@ class Region(NamedTuple):
     # p_suspicious. Without areas points are used instead.
     area: float
     severity: float
-    low: NDArray[np.float64]  # (3,) box of the points and their mean, in world coordinates, metres
+    low: NDArray[np.float64]  # (3,) box of the points, in world coordinates and the cloud's unit
     high: NDArray[np.float64]  # (3,)
-    centre: NDArray[np.float64]  # (3,)
+    centre: NDArray[np.float64]  # (3,) mean of the points, likewise
     # metres between surfaces of the region that lie over one another: the median over the shared area; nan where none
     # do
     displacement: float
@@ -101,8 +101,14 @@ def _displacement(features: PatchFeatures, inside: NDArray[np.int64]) -> float:
     columns = [features.edge_names.index(name) for name in ("overlap", "offset", "overlap_area")]
     overlap, offset, shared = features.edge[inside[:, None], columns].T
     over = overlap > CONFLICT
-    if not over.any():
+    return weighted_median(offset[over], np.maximum(shared[over], 1e-9))
+
+
+def weighted_median(values: NDArray[np.float64], weight: NDArray[np.float64]) -> float:
+    """Return the median of values (n,) by weights (n,), of those where both are known; nan of none."""
+    known = np.isfinite(values) & np.isfinite(weight)
+    order = np.flatnonzero(known)[np.argsort(values[known], kind="stable")]
+    total = np.cumsum(weight[order])
+    if not len(order) or not total[-1]:
         return float("nan")
-    order = np.argsort(offset[over], kind="stable")
-    weight = np.cumsum(np.maximum(shared[over][order], 1e-9))
-    return float(offset[over][order][np.searchsorted(weight, 0.5 * weight[-1])])
+    return float(values[order[int(np.searchsorted(total, 0.5 * total[-1]))]])

@@ -13,12 +13,11 @@ import numpy as np
 from numpy.lib import recfunctions
 from numpy.typing import ArrayLike, NDArray
 
-from mapq.assess.apart import mean_by_area, median_by_area
 from mapq.assess.causes import CAUSES, Cause, find_causes
 from mapq.assess.content import cause_row, head_of, patch_rows, rounded
 from mapq.assess.inputs import Origin, feature_settings
 from mapq.assess.reasons import Reason, Reasons
-from mapq.assess.regions import Region, find_regions
+from mapq.assess.regions import Region, find_regions, weighted_median
 from mapq.assess.visits import Visits, visits_of
 from mapq.cloud import PointCloud
 from mapq.crf import Labelling, Terms, classify, explain
@@ -69,8 +68,6 @@ class Result:
     terms : Terms
         Why each patch has its label.
     origin : Origin
-    n_tiles : int or None
-        Tiles in which the map was worked on; None in memory.
     seen : Seen or None
         None: found from the points.
     """
@@ -81,7 +78,6 @@ class Result:
     labelling: Labelling
     terms: Terms
     origin: Origin = field(default_factory=Origin)
-    n_tiles: int | None = None
     seen: Seen | None = None
 
     @property
@@ -214,12 +210,14 @@ class Result:
     @property
     def disagreement(self) -> float:
         """Metres by which scans disagree: mean over the area of patches where it is known, nan of none."""
-        return mean_by_area(self.features.disagreement[:, 1], self.area)
+        metres = self.features.disagreement[:, 1]
+        weight = np.where(np.isfinite(metres) & np.isfinite(self.area), self.area, 0.0)
+        return _share(float(np.nan_to_num(metres) @ weight), float(weight.sum()))
 
     @property
     def scans_apart(self) -> float:
         """Metres by which scans disagree: median over the area of patches where it is known, nan of none."""
-        return median_by_area(self.features.disagreement[:, 1], self.area)
+        return weighted_median(self.features.disagreement[:, 1], self.area)
 
     def area_by_cause(self, some: NDArray[np.int64] | None = None) -> dict[str, float]:
         """Return the area in m² of suspicious patches (some: of those alone) by cause, the largest first."""

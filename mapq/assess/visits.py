@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.features.provenance import PASS, SCAN, TIME, TO_SENSOR, Span, span_of
+from mapq.features.provenance import PASS, SCAN, TIME, TO_SENSOR, Span, spans_of
 
 TIMES, PASSES = (TIME, "gps_time"), (PASS, "point_source_id")
 """Fields of seconds, and of numbers of passes: the names of this package, then those of LAS."""
@@ -107,9 +107,7 @@ def _are_numbers(span: Span) -> bool:
 
 def visits_of(cloud: PointCloud) -> Visits | None:
     """Return when the points of a cloud were seen; None if unknown."""
-    number = np.flatnonzero(cloud.finite())
-    spans = {name: span_of(cloud, name, number) for name in FIELDS if name in cloud.fields}
-    clock = clock_of({name: span for name, span in spans.items() if span is not None})
+    clock = clock_of(spans_of(cloud, FIELDS))
     if clock is None:
         return None
     stays, moment = stays_of(cloud, clock)

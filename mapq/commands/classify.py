@@ -108,12 +108,16 @@ def classify(
     chosen = load_configuration({**given, "max_false_alarms": max_false_alarms}, "segment", "crf")
     options = ReadOptions(bin_columns, unit, topic, frame)
     limits = fail_over, MIN_COVERAGE if min_coverage is None else min_coverage
-    if any(value is not None for value in (workers, scheduler, tile_points)) or _is_folder_of_tiles(file):
+    how = {"n_workers": workers, "scheduler": scheduler, "tile_points": tile_points}
+    how = {name: value for name, value in how.items() if value is not None}
+    if how or _is_folder_of_tiles(file):
         target = output or _tiled_target(file)
-        result = _classify_tiles(file, target, model, chosen, options, (workers, scheduler, tile_points), limits, force)
+        result = _classify_tiles(file, target, model, chosen, options, how, limits, force)
     else:
         target = output or beside(file if file != "-" else "map", ".classified.ply")
-        result = _classify(file, target, model, config, chosen, options, limits, force)
+        inputs = [file, model, config]
+        result = _classify(inputs, target, chosen, options, bool(preset), force)
+        result.save(target, fail_over=limits[0], min_coverage=limits[1], force=True)
     if json:
         jsonout.emit_pieces(result_lines({"output": target, **result.head(*limits)}, result.patch_rows()))
     else:
@@ -123,24 +127,28 @@ def classify(
 
 
 def _classify(
-    file: str,
+    inputs: list[str | None],
     target: str,
-    model: str | None,
-    config: str | None,
     chosen: Loaded[Configuration],
     options: ReadOptions,
-    limits: tuple[float | None, float],
+    has_preset: bool,
     force: bool,
 ) -> Result:
-    """Classify a map in memory, and write the result."""
+    """Classify a map in memory; `inputs` are the map, and the files of model and settings."""
     from mapq.api import classify as label
     from mapq.configuration import sources_of
+    from mapq.io import is_patches
     from mapq.io.results import claim_result, json_beside
-    from prf.shell.files import refuse_inputs
+    from prf.shell.errors import UsageError
+    from prf.shell.files import STREAM, refuse_inputs
 
+    file, model, _ = inputs
+    assert file is not None
+    if has_preset and file != STREAM and is_patches(file):
+        raise UsageError(f"{file} is segmented already: a --preset is for clouds.")
     claim_result(target, force)
-    refuse_inputs([target, json_beside(target)], [file, model, config])
-    result = label(
+    refuse_inputs([target, json_beside(target)], inputs)
+    return label(
         file,
         model,
         max_false_alarms=chosen.settings.crf.max_false_alarms,
@@ -148,8 +156,6 @@ def _classify(
         sources=sources_of(chosen, "segment"),
         options=options,
     )
-    result.save(target, fail_over=limits[0], min_coverage=limits[1], force=True)
-    return result
 
 
 def _classify_tiles(
@@ -158,11 +164,11 @@ def _classify_tiles(
     model: str | None,
     chosen: Loaded[Configuration],
     options: ReadOptions,
-    how: tuple[int | None, str | None, int | None],
+    how: dict[str, Any],
     limits: tuple[float | None, float],
     force: bool,
 ) -> Result:
-    """Classify a map tile by tile, and write the result; `how` is workers, scheduler and tile points."""
+    """Classify a map tile by tile, and write the result; `how`: workers, scheduler and points of a tile."""
     from mapq.assess import Origin
     from mapq.configuration import sources_of
     from mapq.io import is_patches
@@ -178,13 +184,10 @@ def _classify_tiles(
     inputs = [name for name in (file, model) if name and os.path.isfile(name)]
     is_folder = _is_folder_of_tiles(file) and not target.lower().endswith(CLOUD_SUFFIXES)
     refuse_inputs([os.path.join(target, RESULT_JSON)] if is_folder else [target, json_beside(target)], inputs)
-    named = dict(zip(("n_workers", "scheduler", "tile_points"), how, strict=True))
-    given: dict[str, Any] = {name: value for name, value in named.items() if value is not None}
-    settings = TileSettings(**given, segment=chosen.settings.segment.settings(), options=options)
+    settings = TileSettings(**how, segment=chosen.settings.segment.settings(), options=options)
     used = load_model(model, chosen.settings.crf.max_false_alarms)
     origin = Origin(file, model or "default", tuple(inputs))
-    sources = sources_of(chosen, "segment")
-    result = classify_map(file, target, used, settings, force, origin, limits, sources)
+    result = classify_map(file, target, used, settings, force, origin, limits, sources_of(chosen, "segment"))
     for warning in result.patches.report["warnings"]:
         logger.warning("%s: %s", file, warning)
     return result

@@ -11,15 +11,12 @@ from mapq.commands._options import BinColumns, Frame, Topic, Unit
 from prf.shell.options import Json
 
 if TYPE_CHECKING:
-    from mapq.io import ReadOptions
     from mapq.io.describe import CloudSummary, Description, FieldSummary, PatchSummary
-    from mapq.metrics import MapMetrics
 
 EXAMPLES = (
     "mapq inspect map.pcd",
     "mapq inspect survey.laz --json",
     "mapq inspect scan.bin --bin-columns 3",
-    "mapq inspect map.ply --metrics 0.5",
 )
 
 
@@ -36,71 +33,25 @@ def inspect(
     unit: Unit = None,
     topic: Topic = None,
     frame: Frame = None,
-    metrics: Annotated[
-        float | None,
-        typer.Option(
-            "--metrics",
-            metavar="METRES",
-            help="Also mean map entropy and mean plane variance of neighbourhoods of this radius, such as 0.5.",
-        ),
-    ] = None,
     json: Json = False,
 ) -> None:
     """Show the contents of a file: a cloud, PATCHES, a RESULT, or a model.
 
     The kind is recognised from the content. Of points it shows extent, fields and spacing (median distance to the
     nearest neighbour, on a sample); of patches the counts, labels and parameters; of a model its entries.
-    --metrics adds two published numbers for a whole map, on at most 20,000 of its points.
     """
     from mapq.io import ReadOptions
     from mapq.io.describe import describe
     from prf.shell import console, jsonout
 
-    options = ReadOptions(bin_columns, unit, topic, frame)
-    measured = None if metrics is None else _measure(file, options, metrics)
-    summary = describe(file, options)
+    summary = describe(file, ReadOptions(bin_columns, unit, topic, frame))
     if json:
-        content = jsonout.jsonable(summary)
-        jsonout.emit_object("mapq.inspect/1", content if measured is None else {**content, "metrics": measured})
+        jsonout.emit_object("mapq.inspect/1", jsonout.jsonable(summary))
     else:
-        rows = [*_rows(summary), *([] if measured is None else _metric_rows(measured))]
+        rows = list(_rows(summary))
         width = max(16, *(len(name) + 2 for name, _ in rows))
         for name, value in rows:
             console.emit(f"{name:<{width}}{value}".rstrip())
-
-
-def _measure(file: str, options: ReadOptions, radius: float) -> MapMetrics:
-    """Return the metrics of the points of a file.
-
-    Raises UsageError if it is standard input, which was read already, or a result in tiles; InputError if it has no
-    points.
-    """
-    from mapq.assess import read_input
-    from mapq.io.result_folder import is_result_folder
-    from mapq.metrics import map_metrics
-    from mapq.patches import Patches
-    from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM
-
-    if is_result_folder(file):
-        raise UsageError(f"--metrics needs all points in memory. Name one tile of {file}.")
-    if file == STREAM:
-        raise UsageError("--metrics reads the file a second time. Name a file instead of -.")
-    found = read_input(file, options)
-    return map_metrics(found.cloud if isinstance(found, Patches) else found, radius)
-
-
-def _metric_rows(found: MapMetrics) -> Iterator[tuple[str, str]]:
-    of = f"of {found.n_used:,} neighbourhoods of {found.radius:g} m; lower is crisper"
-    yield (
-        "map entropy",
-        "unknown" if _is_nan(found.mean_map_entropy) else f"{found.mean_map_entropy:.4f} nats, mean {of}",
-    )
-    variance = found.mean_plane_variance
-    yield (
-        "plane variance",
-        "unknown" if _is_nan(variance) else f"{variance:.3g} m2, mean; its root is {variance**0.5:.3g} m",
-    )
 
 
 def _rows(summary: Description) -> Iterator[tuple[str, str]]:

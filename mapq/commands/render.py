@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 from enum import StrEnum
 from pathlib import PurePath
 from typing import Annotated
@@ -18,7 +17,7 @@ logger = logging.getLogger(__name__)
 EXAMPLES = (
     "mapq render city.classified.ply -o city.png",
     "mapq render city.classified.ply --colour probability --view plan -o city.pdf",
-    "mapq render city.patches --colour patch --azimuth 30 --elevation 50 -o patches.png",
+    "mapq render city.patches --colour patch --view 3d -o patches.png",
 )
 
 
@@ -55,13 +54,6 @@ def render(
         ),
     ] = None,
     view: Annotated[View, typer.Option("--view", help="Plan view, 3D view, or one above the other.")] = View.both,
-    azimuth: Annotated[
-        float, typer.Option("--azimuth", metavar="DEG", help="3D view: direction of the viewer, from x to y.")
-    ] = -60.0,
-    elevation: Annotated[
-        float, typer.Option("--elevation", metavar="DEG", min=-90.0, max=90.0, help="3D view: above the horizon.")
-    ] = 35.0,
-    title: Annotated[str | None, typer.Option("--title", metavar="TEXT", help="Instead of the default title.")] = None,
     unit: Unit = None,
     output: Output = None,
     force: Force = False,
@@ -79,15 +71,12 @@ def render(
 
     if (colour is Colour.field) != (field is not None):
         raise UsageError("--colour field and --field NAME go together.")
-    if not math.isfinite(azimuth) or not math.isfinite(elevation):
-        raise UsageError("--azimuth and --elevation are angles in degrees, not nan or inf.")
     options = ReadOptions(unit=unit)
     target = output or f"{PurePath(file).stem if file != STREAM else 'map'}.png"
     picture_format(target)
     claim_output(target, force)
     refuse_inputs([target], [file])
     picture = read_picture(file, colour.value if colour is not None else None, field, options)
-    picture = picture._replace(title=title or picture.title)
-    save(picture.draw(("plan", "3d") if view is View.both else (view.value,), azimuth, elevation), target)
+    save(picture.draw(("plan", "3d") if view is View.both else (view.value,)), target)
     if target != STREAM:
         logger.info("wrote %s", target)

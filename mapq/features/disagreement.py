@@ -16,7 +16,6 @@ from scipy.spatial import cKDTree
 from scipy.special import ndtri
 from threadpoolctl import threadpool_limits
 
-from mapq.features.provenance import Moments
 from mapq.features.shape import PatchShapes
 from mapq.features.voxels import FARTHEST
 from mapq.kernels.scan_layers import CELL_SPACINGS, LARGEST_CELL, SMALLEST_CELL, Motions, find_layers, find_sightings
@@ -110,15 +109,15 @@ def measure_disagreement(
     return found
 
 
-def joined(patches: Patches, number: Ints, moments: Moments) -> Ints:
+def joined(patches: Patches, number: Ints, moments: Ints) -> Ints:
     """Return the moments (n,) of points, neighbouring ones as one where a patch is seen at too many."""
     of_patch = np.flatnonzero(patches.patch[number] >= 0)
     if not len(of_patch):
-        return moments.moment
-    width = moments.moment.max() + 1
-    key = patches.patch[number[of_patch]].astype(np.int64) * width + moments.moment[of_patch]
+        return moments
+    width = moments.max() + 1
+    key = patches.patch[number[of_patch]].astype(np.int64) * width + moments[of_patch]
     seen = np.bincount(np.unique(key) // width)
-    return moments.moment // np.int64(max(1, -(-int(np.median(seen[seen > 0])) // MOST_SCANS)))
+    return moments // np.int64(max(1, -(-int(np.median(seen[seen > 0])) // MOST_SCANS)))
 
 
 def window_centres(middle: Floats, rank: Ints) -> Floats:

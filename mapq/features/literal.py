@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,16 @@ class Hulls(NamedTuple):
     area: Floats  # (m,) in the patch's own plane, in m²
     # list of (k_i, 3) float64 corners of the hull of the points, or all points where they have none
     corners: list[Floats]
+
+
+def measure(shapes: PatchShapes, graph: PatchGraph, settings: FeatureSettings) -> dict[str, Any]:
+    """Return the fields of :class:`PatchFeatures` that are read literally."""
+    hulls = measure_hulls(shapes)
+    node, n_node = cut(literal_nodes(shapes, hulls))
+    edge, n_edge = cut(literal_edges(shapes, graph, hulls, settings))
+    plausibility = 1.0 - edge[:, 1] * (edge[:, 2] + edge[:, 3])
+    found = {"node": node, "edge": edge, "plausibility": plausibility, "n_clipped": n_node + n_edge}
+    return {**found, "node_names": NODE_NAMES}
 
 
 def literal_nodes(shapes: PatchShapes, hulls: Hulls) -> Floats:
@@ -64,14 +74,10 @@ def edge_ratio(shapes: PatchShapes, hulls: Hulls, i: int, j: int) -> float:
         own, other = shapes.normal[a], shapes.normal[b]
         across = (other - (own @ other) * own) / sine
         level = (shapes.centre[a] - shapes.centre[b]) @ other / sine
-        places = np.abs(_edges((hulls.corners[a] - shapes.centre[a]) @ across + level))
+        along = (hulls.corners[a] - shapes.centre[a]) @ across + level
+        places = np.abs([along.min(), along.max()])
         ratios.append(float(places.min() / places.max()) if places.max() > 0.0 else 0.0)
     return min(ratios)
-
-
-def _edges(places: Floats) -> Floats:
-    """Return the two ends of the places along an axis."""
-    return np.array([places.min(), places.max()])
 
 
 def measure_hulls(shapes: PatchShapes) -> Hulls:

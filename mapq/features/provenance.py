@@ -52,18 +52,19 @@ class Known(NamedTuple):
         return (*((self.moment,) if self.moment is not None else ()), *(TO_SENSOR if self.has_rays else ()))
 
 
-class Moments(NamedTuple):
-    """Which points were seen together."""
-
-    moment: NDArray[np.int64]  # (k,) numbered from 0
-    reach: int  # moments so far apart still count as one: neighbours, where time was cut into steps
+def spans_of(cloud: PointCloud, names: tuple[str, ...]) -> dict[str, Span]:
+    """Return what those fields hold that are a number a point."""
+    number = np.flatnonzero(cloud.finite())
+    spans = {name: span_of(cloud, name, number) for name in names}
+    return {name: span for name, span in spans.items() if span is not None}
 
 
 def span_of(cloud: PointCloud, name: str, number: NDArray[np.int64]) -> Span | None:
     """Return what a field holds at some points (k,) of a cloud; None if it is no number a point."""
-    values = _numbers(cloud, name, number)
-    if values is None:
+    values = cloud.fields.get(name)
+    if values is None or values.ndim != 1 or values.dtype.kind not in "fiub":
         return None
+    values = np.asarray(values[number], np.float64)
     known = np.isfinite(values)
     finite = values[known]
     if len(finite) == 0:
@@ -91,9 +92,7 @@ def decide(spans: Mapping[str, Span]) -> Known:
 
 def known_of(cloud: PointCloud) -> Known:
     """Return which fields of a cloud count."""
-    number = np.flatnonzero(cloud.finite())
-    spans = {name: span_of(cloud, name, number) for name in FIELDS if name in cloud.fields}
-    return decide({name: span for name, span in spans.items() if span is not None})
+    return decide(spans_of(cloud, FIELDS))
 
 
 def _are_numbers(span: Span, least: int) -> bool:
@@ -101,14 +100,14 @@ def _are_numbers(span: Span, least: int) -> bool:
     return span.is_known and span.is_whole and (span.low <= span.high if least == 1 else span.low < span.high)
 
 
-def moments_of(cloud: PointCloud, number: NDArray[np.int64], known: Known) -> Moments | None:
-    """Return the moments of some points (k,) of a cloud; None if they are not known."""
+def moments_of(cloud: PointCloud, number: NDArray[np.int64], known: Known) -> NDArray[np.int64] | None:
+    """Return the moments (k,) of some points of a cloud, numbered from 0; None if they are not known."""
     if known.moment is None or len(number) == 0:
         return None
     values = np.asarray(cloud.fields[known.moment][number], np.float64)
     if known.moment == TIME:
-        return Moments(((values - known.start) / MOMENT).astype(np.int64), 1)
-    return Moments(np.unique(values, return_inverse=True)[1].astype(np.int64), 0)
+        return ((values - known.start) / MOMENT).astype(np.int64)
+    return np.unique(values, return_inverse=True)[1].astype(np.int64)
 
 
 def ways_of(cloud: PointCloud, number: NDArray[np.int64], known: Known) -> NDArray[np.float64] | None:
@@ -116,10 +115,3 @@ def ways_of(cloud: PointCloud, number: NDArray[np.int64], known: Known) -> NDArr
     if not known.has_rays:
         return None
     return np.column_stack([np.asarray(cloud.fields[name][number], np.float64) for name in TO_SENSOR])
-
-
-def _numbers(cloud: PointCloud, name: str, number: NDArray[np.int64]) -> NDArray[np.float64] | None:
-    values = cloud.fields.get(name)
-    if values is None or values.ndim != 1 or values.dtype.kind not in "fiub":
-        return None
-    return np.asarray(values[number], np.float64)

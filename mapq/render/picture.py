@@ -60,20 +60,14 @@ class Picture(NamedTuple):
     title: str
     subtitle: str
 
-    def draw(
-        self, views: tuple[str, ...] = ("plan", "3d"), azimuth: float = AZIMUTH, elevation: float = ELEVATION
-    ) -> Figure:
-        """Return a matplotlib figure.
-
-        `views`: ``plan``, ``3d``, or both, the first at the top. `azimuth` and `elevation`: degrees, of the 3D view:
-        counter-clockwise from x, and above the horizon. Raises InputError if no point is finite.
-        """
+    def draw(self, views: tuple[str, ...] = ("plan", "3d")) -> Figure:
+        """Return a matplotlib figure of the views "plan" and "3d", or one of them, the first at the top."""
         finite = np.flatnonzero(np.isfinite(self.xyz).all(axis=1))
         shown = finite[:: max(1, -(-len(finite) // MAX_POINTS))]
         if len(shown) == 0:
             raise InputError("no point to draw: no coordinate is finite.")
         xyz, rgb, layer = self.xyz[shown], self.scheme.rgb[shown], self.scheme.layer[shown]
-        flat = {"plan": (xyz[:, :2], xyz[:, 2]), "3d": axonometric(xyz, azimuth, elevation)}
+        flat = {"plan": (xyz[:, :2], xyz[:, 2]), "3d": axonometric(xyz)}
         page, places = _page([Bounds.around(flat[view][0]) for view in views])
         for view, axes in zip(views, places, strict=True):
             xy, height = flat[view]

@@ -67,7 +67,8 @@ class Findings(NamedTuple):
         """Return a place (3) of the JSON in metres without the global shift; nan if there is none."""
         if place is None:
             return [math.nan] * 3
-        return ((np.array(place, np.float64) - self.cloud.shift) * self.cloud.unit).tolist()
+        moved: Floats = (np.array(place, np.float64) - self.cloud.shift) * self.cloud.unit
+        return list(map(float, moved))
 
 
 def read_findings(path: str) -> Findings:

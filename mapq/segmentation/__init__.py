@@ -16,9 +16,6 @@ from mapq.segmentation.join import describe_regions, join_regions, warnings_of
 from mapq.segmentation.parameters import Parameters, choose_parameters
 from mapq.segmentation.points import Points, sort_points
 from mapq.segmentation.regions import find_regions, spread_out
-from mapq.segmentation.score import SegmentationScore as SegmentationScore
-from mapq.segmentation.score import score_segmentation as score_segmentation
-from mapq.segmentation.score import truth_of as truth_of
 from mapq.segmentation.settings import SegmentSettings as SegmentSettings
 from prf.shell.errors import InputError
 from prf.shell.progress import Reporter

@@ -19,12 +19,12 @@ from mapq.assess.causes import Cause, Spread, cause_of, copies_of, measure_sprea
 from mapq.assess.visits import Clock, Stays, Visits, to_sensor_of
 from mapq.axes import from_corner
 from mapq.cloud import PointCloud
-from mapq.features.compute import measure_columns
+from mapq.features.compute import measure
 from mapq.features.context import Beyond
 from mapq.features.copies import ABOUT
 from mapq.features.disagreement import OWNED, WINDOW, window_centres
 from mapq.features.edge import EDGE_NAMES
-from mapq.features.node import SHAPE_NAMES, shape_table
+from mapq.features.node import SHAPE_NAMES
 from mapq.features.provenance import Known
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import curve_places
@@ -113,12 +113,12 @@ def measure_part(task: MeasureTask) -> Measured:
     """Measure some patches, and the pairs that they are in."""
     number = task.part.number
     patches = _with_loose(task.part.load(), task)
-    shapes, found = measure_columns(patches, task.settings, task.beyond, task.is_own)
+    found = measure(patches, task.settings, task.beyond, task.is_own)
     return Measured(
         patches=number[task.is_own],
         node=found.node[task.is_own],
-        shape=shape_table(shapes)[task.is_own],
-        pairs=number[found.graph.pairs],
+        shape=found.shape[task.is_own],
+        pairs=number[found.pairs],
         edge=found.edge,
         plausibility=found.plausibility,
         node_names=found.node_names,

@@ -18,7 +18,6 @@ from mapq.axes import GroundPlan, turn, turn_cloud
 from mapq.cloud import PointCloud
 from mapq.crf import classify, explain
 from mapq.features.provenance import FIELDS, Span, decide, span_of
-from mapq.io.clouds import read_cloud
 from mapq.io.models import read_default_model
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.results import result_cloud
@@ -108,26 +107,6 @@ def classify_map(
         head = {**result.head(*limits), "tiles": len(job.tiling.boxes)}
         write_map(folder, output, files, job.pieces(result), (head, result.patch_rows()))
     return result
-
-
-def segment_map(path: str, beside: str, settings: TileSettings) -> Patches:
-    """Cut the map of a file into patches tile by tile, and return it whole, in memory.
-
-    The work folder is made beside a file. Errors as :func:`classify_map`.
-    """
-    settings.check()
-    files = open_map(path, settings.options)
-    with (
-        work_folder(beside) as folder,
-        open_workers(settings.n_workers, settings.scheduler) as workers,
-        progress(3, "segmenting") as reporter,
-    ):
-        job = Job(files, settings, workers, folder, reporter)
-        job.cut()
-        patch = np.array(job.patch)
-    cloud = read_cloud(path, settings.options)
-    centroid = job.patches.centroid + (files.shift - cloud.shift) * cloud.unit
-    return Patches.unlabelled(cloud, patch, job.patches.normal, centroid, job.patches.parameters, job.patches.report)
 
 
 class _Counted(NamedTuple):
@@ -312,8 +291,7 @@ class Job:
             seen = Seen(visited, measuring.causes(features, bad, self._clock, stays, visited))
         terms = explain(features, model, labelling.label)
         patches = replace(self.patches, report={**self.patches.report, "sources": dict(sources)})
-        n_tiles = len(self.tiling.boxes)
-        return Result(patches, features, model, labelling, terms, origin or Origin(), n_tiles, seen)
+        return Result(patches, features, model, labelling, terms, origin or Origin(), seen)
 
     def pieces(self, result: Result) -> Iterator[tuple[int, PointCloud]]:
         """Yield the points of the map in order, with the fields of a result, and the number of their file."""

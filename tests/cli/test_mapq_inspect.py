@@ -10,7 +10,7 @@ from mapq.cloud import PointCloud
 from mapq.io import ReadOptions, write_patches, write_ply
 from mapq.io.describe import describe, median_spacing
 from prf.shell.run import run_app
-from tests.cli.mapq_samples import call, call_json, save_cloud, save_model, save_patches
+from tests.cli.mapq_samples import call
 from tests.mapq.io.samples import patches, save
 
 
@@ -162,23 +162,3 @@ def median_spacing_of_all(xyz: np.ndarray) -> float:
     from scipy.spatial import cKDTree
 
     return float(np.median(cKDTree(xyz).query(xyz, k=2)[0][:, 1]))
-
-
-def test_metrics_are_two_numbers_more(capsys, tmp_path):
-    path = save_cloud(tmp_path)
-    plain = call_json(capsys, "inspect", path)
-    found = call_json(capsys, "inspect", path, "--metrics", 1)
-    metrics = found.pop("metrics")
-    assert found == plain
-    assert metrics["radius"] == 1.0
-    assert metrics["mean_plane_variance"] > 0.0
-    code, out, _ = call(capsys, "inspect", save_patches(tmp_path), "--metrics", 0.5)
-    assert code == 0
-    assert "map entropy" in out
-    assert "plane variance" in out
-
-
-def test_metrics_need_a_file_of_points(capsys, tmp_path):
-    for path, code in (("-", 2), (save_model(tmp_path), 3)):
-        found, _, err = call(capsys, "inspect", path, "--metrics", 0.5)
-        assert (found, err.count("\n")) == (code, 1)

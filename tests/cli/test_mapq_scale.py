@@ -91,13 +91,6 @@ def test_clouds_of_other_formats_in_tiles(capsys, tmp_path):
     np.testing.assert_array_equal(plain.world(), tiled.world())
 
 
-def test_segment_in_tiles_writes_patches(capsys, city, tmp_path):
-    args = ["segment", city / "tile_000_000.laz", "--max-tilt", 90, "-o", tmp_path / "a.patches"]
-    found = call_json(capsys, *args, "--workers", 1, "--truth-field", "surface")
-    assert sum(found["n_points"]) == found["report"]["points_in_patches"]
-    assert found["score"]["n_matched"] > 5
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -115,8 +108,6 @@ def test_what_cannot_be_is_refused(capsys, city, options, words):
 def test_patches_are_no_map_for_tiles(capsys, tmp_path):
     code, _, err = call(capsys, "classify", save_patches(tmp_path), "--workers", 2, "-o", tmp_path / "r.ply")
     assert (code, "segmented already" in err) == (2, True)
-    code, _, err = call(capsys, "segment", tmp_path, "--workers", 2)
-    assert (code, "is for mapq classify" in err) == (2, True)
 
 
 def test_a_damaged_tile_is_named(capsys, city, tmp_path):

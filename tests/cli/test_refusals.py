@@ -75,7 +75,7 @@ CASES = (
     ("mapq segment cloud.ply --set segment.max_angle=0 -o out.patches", 2, "segment.max_angle must be above 0"),
     ("mapq segment cloud.ply --set segment.neighbours=2 -o out.patches", 2, "segment.neighbours must be from 3 to 64"),
     ("mapq segment cloud.ply --max-tilt 95 -o out.patches", 2, "--max-tilt must be from 0 to 90"),
-    ("mapq segment cloud.ply --truth-field walls -o out.patches", 3, "no field 'walls'"),
+    ("mapq classify walls.patches --preset velodyne-vlp16 -o out.ply", 2, "a --preset is for clouds"),
     ("mapq simulate", 2, "-o"),
     ("mapq simulate -o out.ply --drift -1", 2, "drift -1"),
     ("mapq simulate -o no/such/folder/out.ply", 4, "no/such/folder"),

@@ -11,7 +11,7 @@ from mapq.features import FeatureSettings
 from mapq.io import write_patches
 from mapq.io.models import read_model, write_model
 from mapq.patches import UNLABELLED
-from mapq.training import draw_labels, train_maps
+from mapq.training import train_maps
 from prf.shell.errors import InputError
 from tests.mapq.labelled import draw_patches
 
@@ -28,53 +28,34 @@ def files(tmp_path_factory):
 
 
 def test_double_walls_are_learnt_and_found_on_another_map(files, tmp_path):
-    model, trained, scores = train_maps(files)
-    assert scores.accuracy > 0.9
+    model = train_maps(files)
+    assert model.training["held_out"]["accuracy"] > 0.9
     write_model(tmp_path / "m.json", model)
     other = draw_patches(3)
     label = assess(other, read_model(tmp_path / "m.json")).labelling.label
     assert (label == other.label).mean() > 0.95
-    assert trained.n_folds == 5
+    assert model.training["held_out"]["n_folds"] == 5
 
 
 def test_the_summary_says_what_was_trained_on(files):
     features = FeatureSettings(radius=2.5)
-    model, trained, scores = train_maps(files, TrainSettings("linear", regularisation=1.0), features)
+    model = train_maps(files, TrainSettings("linear", regularisation=1.0), features)
     summary = model.training
     assert summary["n_patches"] == 64
     assert summary["n_suspicious"] == 32
     assert [row["name"] for row in summary["maps"]] == ["1.patches", "2.patches"]
     assert all(len(row["sha256"]) == 64 for row in summary["maps"])
-    assert summary["regularisation"] == trained.strength.weights == 1.0
-    assert summary["held_out"]["accuracy"] == scores.accuracy
+    assert summary["regularisation"] == 1.0
     assert summary["class_weight"] == "balanced"
     assert summary["pseudo_log_likelihood"] < 0.0
     assert feature_settings(model) == features
 
 
 def test_training_repeats(files):
-    first, again = (train_maps(files)[0] for _ in range(2))
+    first, again = (train_maps(files) for _ in range(2))
     np.testing.assert_array_equal(first.weights, again.weights)
     assert first.calibration.slope == again.calibration.slope
     np.testing.assert_array_equal(first.operating, again.operating)
-
-
-def test_a_limited_number_of_patches_is_drawn_in_places():
-    maps = [draw_patches(1), draw_patches(2)]
-    labels = draw_labels(maps, 20, seed=3)
-    assert sum(int((label != UNLABELLED).sum()) for label in labels) == 20
-    for patches, label in zip(maps, labels, strict=True):
-        known = label != UNLABELLED
-        np.testing.assert_array_equal(label[known], patches.label[known])
-    assert any(len(a) and (a != b).any() for a, b in zip(labels, draw_labels(maps, 20, seed=4), strict=True))
-    np.testing.assert_array_equal(labels[0], draw_labels(maps, 20, seed=3)[0])
-    everything = draw_labels(maps, 1000, seed=1)
-    np.testing.assert_array_equal(everything[1], maps[1].label)
-
-
-def test_max_patches_stands_in_the_model(files):
-    summary = train_maps(files, max_patches=40, seed=5)[0].training
-    assert (summary["max_patches"], summary["seed"], summary["n_patches"]) == (40, 5, 40)
 
 
 def test_maps_without_labels_are_refused(tmp_path):
@@ -85,7 +66,7 @@ def test_maps_without_labels_are_refused(tmp_path):
 
 
 def test_settings_of_features_that_are_strange_are_refused(files):
-    model = train_maps(files, TrainSettings("linear", regularisation=1.0))[0]
+    model = train_maps(files, TrainSettings("linear", regularisation=1.0))
     for change, message in (
         ({"colour": 1}, "colour is not known"),
         ({"radius": "wide"}, "cannot be used"),
@@ -106,7 +87,7 @@ def test_conservative_training_counts_what_has_no_label_as_suspicious(tmp_path):
     paths = [str(tmp_path / "a.patches"), str(tmp_path / "bare.patches")]
     write_patches(paths[0], replace(patches, label=label))
     write_patches(paths[1], draw_patches(2, labelled=False))
-    plain, careful = (train_maps(paths, conservative=each)[0].training for each in (False, True))
+    plain, careful = (train_maps(paths, conservative=each).training for each in (False, True))
     assert careful["n_suspicious"] == plain["n_suspicious"] + 6 == 16
     assert careful["n_patches"] == 32
     assert (plain["labels"], careful["labels"]) == ("given", "conservative")

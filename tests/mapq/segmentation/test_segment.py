@@ -3,10 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.plane_scores import score_segmentation
 from mapq.cloud import PointCloud
 from mapq.features import measure_shapes
 from mapq.patches import Patches
-from mapq.segmentation import STAGES, SegmentSettings, score_segmentation, segment
+from mapq.segmentation import STAGES, SegmentSettings, segment
 from prf.shell.errors import InputError, UsageError
 from tests.reference.mapq_segment import cloud_of, ground, plane_of, scan_lines, wall
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mapq.segmentation import SegmentSettings, score_segmentation, segment
+from benchmarks.plane_scores import score_segmentation
+from mapq.segmentation import SegmentSettings, segment
 from tests.reference.mapq_segment import cloud_of, ground, wall
 
 

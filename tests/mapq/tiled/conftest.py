@@ -20,4 +20,4 @@ def model() -> Model:
     cloud = drive.with_fields(scan=(drive.fields["time"] // 5.0).astype(np.int32))
     patches, _ = label_from_field(segment(cloud), "truth", "drive")
     settings = TrainSettings(LINEAR, regularisation=1.0, coupling_regularisation=1.0)
-    return train_maps([patches], settings)[0]
+    return train_maps([patches], settings)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.map_metrics import map_metrics
 from mapq.cloud import PointCloud
-from mapq.metrics import map_metrics
 from prf.shell.errors import UsageError
 
 

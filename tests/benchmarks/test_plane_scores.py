@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.plane_scores import score_segmentation, truth_of
 from mapq.cloud import PointCloud
-from mapq.segmentation import score_segmentation, truth_of
 from prf.shell.errors import InputError
 
 
