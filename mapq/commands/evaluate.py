@@ -11,7 +11,7 @@ from mapq.commands._options import MaxFalseAlarms, ModelFile, TruthField, is_ver
 from prf.shell.options import Json
 
 if TYPE_CHECKING:
-    from mapq.evaluate import Bin, Scores
+    from mapq.evaluate import Scores
 
 EXAMPLES = (
     "mapq evaluate city.classified.ply --truth-field truth",
@@ -34,8 +34,8 @@ def evaluate(
     """Compare inferred labels with the truth: confusion matrix, scores, calibration.
 
     The truth of a patch is that of most of its points (a tie is suspicious). Suspicious is the positive label: recall
-    is the share of suspicious patches found, specificity the share of plausible ones called plausible. -v adds
-    the reliability: of patches with p near 0.7 seven in ten should be suspicious.
+    is the share of suspicious patches found, specificity the share of plausible ones called plausible. --json
+    has the reliability too: of patches with p near 0.7 seven in ten should be suspicious.
     """
     from mapq.evaluate import read_labelled, reliability, score_labels
     from prf.shell import console, jsonout
@@ -47,17 +47,8 @@ def evaluate(
         content = {"file": file, "truth": labelled.truth_from, **scores._asdict(), "reliability": bins}
         jsonout.emit_object("mapq.evaluate/1", content)
         return
-    for line in (*(_reliability_lines(bins) if is_verbose() else ()), *_lines(scores, labelled.truth_from)):
+    for line in _lines(scores, labelled.truth_from):
         console.emit(line)
-
-
-def _reliability_lines(bins: list[Bin]) -> Iterator[str]:
-    """Return the reliability for a person."""
-    yield f"{'reliability':<20}{'mean p':>11}{'suspicious':>12}{'patches':>9}"
-    for each in bins:
-        if each.n:
-            span = f"  {each.low:.1f} to {each.high:.1f}"
-            yield f"{span:<20}{each.p_suspicious:>11.3f}{each.suspicious:>12.3f}{each.n:>9}"
 
 
 def _lines(scores: Scores, truth_from: str) -> Iterator[str]:

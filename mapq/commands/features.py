@@ -22,8 +22,6 @@ EXAMPLES = (
     "mapq features map.patches --csv > features.csv",
     "mapq features map.patches --json --set features.radius=2 --set features.tau=0.5",
 )
-N_LEAST = 15
-"""Pairs that -v lists."""
 SHOWN = ("area_m2", "thickness_m", "tilt_deg", "separation", "overlap", "crossing", "plausibility")
 """Columns that are summed up without -v."""
 
@@ -42,10 +40,12 @@ def features(
 
     Nodes: how well a patch's points make a plane (equations 6-8), and its size. Edges: how a patch lies to the closest
     ones (equations 9-12), and the plausibility x_ij of that (equation 13), low where walls are doubled or cross. -v
-    sums up all columns and lists the least plausible pairs.
+    sums up all columns.
     """
     from mapq.configuration import load_configuration
+    from mapq.features.table import csv_lines, edge_table, node_table, records
     from mapq.io import read_patches
+    from prf.shell import console, jsonout
     from prf.shell.errors import UsageError
 
     if csv and json:
@@ -55,19 +55,7 @@ def features(
     found = read_patches(patches).features(settings, progress=True)
     if found.n_clipped:
         logger.warning("%s: %d values were infinite, undefined or beyond 1e6 and were cut.", patches, found.n_clipped)
-    _show(found, _tables(found), csv, json)
-
-
-def _tables(found: PatchFeatures) -> dict[str, Table]:
-    from mapq.features.table import edge_table, node_table
-
-    return {"nodes": node_table(found), "edges": edge_table(found)}
-
-
-def _show(found: PatchFeatures, tables: dict[str, Table], csv: bool, json: bool) -> None:
-    from mapq.features.table import csv_lines, records
-    from prf.shell import console, jsonout
-
+    tables = {"nodes": node_table(found), "edges": edge_table(found)}
     if json:
         units = {name: dict(zip(table.names, table.units, strict=True)) for name, table in tables.items()}
         content = {name: records(table) for name, table in tables.items()}
@@ -93,20 +81,6 @@ def _lines(found: PatchFeatures, tables: dict[str, Table]) -> Iterator[str]:
     for name, table in tables.items():
         yield f"\n{name:<18}{'5 %':>12}{'median':>12}{'95 %':>12}  unit"
         for column, unit, values in summed_up(table):
-            if not is_verbose() and column not in SHOWN:
-                continue
-            numbers = "".join(f"{value:>12.4g}" for value in values)
-            yield f"{column:<18}{numbers}  {'' if unit == '1' else unit}".rstrip()
-    if is_verbose() and "edges" in tables and len(found.pairs):
-        yield from _least_lines(found, tables["edges"])
-
-
-def _least_lines(found: PatchFeatures, table: Table) -> Iterator[str]:
-    from mapq.features.table import least_plausible
-
-    yield "\nleast plausible pairs"
-    widths = [max(13, len(name) + 2) for name in table.names]
-    yield "".join(f"{name:>{width}}" for name, width in zip(table.names, widths, strict=True))
-    for row in least_plausible(found, N_LEAST):
-        cells = zip(row, widths, strict=True)
-        yield "".join(f"{value:>{w}.4g}" if isinstance(value, float) else f"{value:>{w}}" for value, w in cells)
+            if is_verbose() or column in SHOWN:
+                numbers = "".join(f"{value:>12.4g}" for value in values)
+                yield f"{column:<18}{numbers}  {'' if unit == '1' else unit}".rstrip()

@@ -25,8 +25,6 @@ N_IMPORTANT = 4
 """Columns of the trees that are listed without -v."""
 SCORES = ("accuracy", "precision", "recall", "mcc", "auc", "ece")
 MORE_SCORES = ("balanced_accuracy", "f1", "log_loss")
-SHOWN = (0.001, 0.01, 0.02, 0.05, 0.1, 0.2)
-"""False alarms of the operating points that the table shows."""
 
 
 class Objective(StrEnum):
@@ -62,7 +60,7 @@ def train(
 
     Without crf.regularisation in the settings the strength is chosen by cross-validation over regions of the maps,
     which also calibrates the probabilities and counts false alarms. Nothing is random. Default output: model.json. -v
-    prints all weights, columns and operating points.
+    prints all columns and scores.
     """
     from mapq.api import train as fit
     from mapq.configuration import load_configuration, sources_of
@@ -72,7 +70,7 @@ def train(
     from prf.shell.files import refuse_inputs
     from prf.shell.lock import claim_output
     from prf.shell.output_names import refuse_other_format
-    from prf.shell.streams import refuse_json_beside
+    from prf.shell.streams import refuse_json_beside, say_beside
 
     target = output or "model.json"
     refuse_json_beside(target, json)
@@ -94,78 +92,39 @@ def train(
     if json:
         jsonout.emit_object(SCHEMA, {**model_content(model), "output": target})
         return
-    _show(model, target)
-
-
-def _show(model: Model, target: str) -> None:
-    from prf.shell.streams import say_beside
-
     say = say_beside(target)
-    for line in (*_trees(model), *_weights(model), *_held_out(model)):
-        say(line)
+    for name, value in (*_fitted(model), *_held_out(model)):
+        say(f"{name:<24}{value}")
 
 
-def _trees(model: Model) -> Iterator[str]:
-    """Yield the columns of the trees, by how far they move log-odds on the training maps."""
-    rows = model.training.get("importance", {})
-    if rows:
-        yield f"{'measured':<24}{'moves log-odds by (mean, nats)':>31}"
-    ordered = sorted(rows.items(), key=lambda row: -row[1])
-    for name, moved in ordered if is_verbose() else ordered[:N_IMPORTANT]:
-        yield f"  {name:<22}{moved:>31.3f}"
-
-
-def _weights(model: Model) -> Iterator[str]:
-    """Return the table of weights for a person."""
-    if not is_verbose():
-        weights = zip(model.parameter_names, model.weights.tolist(), strict=True)
-        yield f"{'weights':<24}" + ", ".join(f"{name} {weight:+.4g}" for name, weight in weights)
-        return
-    scales = {f"node.{name}": row for name, *row in _scaling_rows(model.node)}
-    yield f"{'weight':<24}{'standardised':>12}{'median':>12}{'scale':>12}"
-    for name, weight in zip(model.parameter_names, model.weights.tolist(), strict=True):
-        row = "".join(f"{number:>12.4g}" for number in scales.get(name, ()))
-        yield f"{name:<24}{weight:>+12.4f}{row}"
-    yield f"{'x_ij':<24}from {model.x_range[0]:.4g} to {model.x_range[1]:.4g}; the coupling is linear between"
-
-
-def _scaling_rows(scaling: object) -> Iterator[tuple[str, float, float]]:
-    names, median, scale = (getattr(scaling, name) for name in ("names", "median", "scale"))
-    yield from zip(names, median.tolist(), scale.tolist(), strict=True)
-
-
-def _held_out(model: Model) -> Iterator[str]:
-    """Return how well the model did on regions that it had not seen."""
+def _fitted(model: Model) -> Iterator[tuple[str, str]]:
+    """Yield by how much the columns of the trees move log-odds on the training maps, and the weights of the field."""
+    moved = sorted(model.training.get("importance", {}).items(), key=lambda row: -row[1])
+    if moved:
+        yield "measured", "moves log-odds by (mean, nats)"
+    for name, nats in moved if is_verbose() else moved[:N_IMPORTANT]:
+        yield f"  {name}", f"{nats:.3f}"
+    yield (
+        "weights",
+        ", ".join(
+            f"{name} {weight:+.4g}" for name, weight in zip(model.parameter_names, model.weights.tolist(), strict=True)
+        ),
+    )
     made = model.training
-    held_out = made["held_out"]
-    yield f"{'regularisation':<24}{made['regularisation']:g}, of the coupling {made['coupling_regularisation']:g}"
-    yield f"{'calibration':<24}{_calibration(model)}"
+    yield "regularisation", f"{made['regularisation']:g}, of the coupling {made['coupling_regularisation']:g}"
+
+
+def _held_out(model: Model) -> Iterator[tuple[str, str]]:
+    """Yield how well the model did on regions that it had not seen."""
+    held_out = model.training["held_out"]
+    losses = ", ".join(f"{kind} {loss:.4f}" for kind, loss in held_out["calibrations"].items())
+    yield "calibration", model.calibration.kind + (f"; held-out log-loss: {losses}" if losses else "")
     if "n" not in held_out:
-        yield "held out                none: too few regions with labels of both kinds; p is not calibrated"
+        yield "held out", "none: too few regions with labels of both kinds; p is not calibrated"
         return
     of = f"{held_out['n']} patches in {held_out['n_folds']} folds"
-    yield f"{'held out':<24}{of}, {held_out['base_rate']:.1%} suspicious"
+    yield "held out", f"{of}, {held_out['base_rate']:.1%} suspicious"
     for name in (*SCORES, *(MORE_SCORES if is_verbose() else ())):
-        yield f"  {name.replace('_', ' '):<22}{held_out[name]:.3f}"
-    if is_verbose() or model.threshold:
-        yield from _operating(model)
-
-
-def _calibration(model: Model) -> str:
-    """Return how p follows from differences of min-marginals, and what the kinds were chosen by."""
-    found = model.calibration
-    numbers = f"{len(found.knots)} knots" if len(found.knots) else f"slope {found.slope:.4g}"
-    shift = f", intercept {found.intercept:+.4g}" if found.kind == "platt" else ""
-    tried = model.training["held_out"]["calibrations"]
-    losses = ", ".join(f"{kind} {loss:.4f}" for kind, loss in tried.items())
-    return f"{found.kind}, {numbers}{shift}" + (f"; held-out log-loss: {losses}" if losses else "")
-
-
-def _operating(model: Model) -> Iterator[str]:
-    """Return a few operating points: what a threshold costs, and what it finds."""
-    yield f"{'--max-false-alarms':<24}{'found':>8}{'difference from':>18}"
-    for share, threshold, recall in model.operating.tolist():
-        if share in SHOWN:
-            yield f"  {share:<22.1%}{recall:>8.1%}{threshold:>18.3f}"
+        yield f"  {name.replace('_', ' ')}", f"{held_out[name]:.3f}"
     if model.threshold:
-        yield f"{'threshold':<24}{model.threshold:.4g} nats, by --max-false-alarms"
+        yield "threshold", f"{model.threshold:.4g} nats, by --max-false-alarms"

@@ -109,10 +109,3 @@ def summed_up(table: Table) -> list[tuple[str, str, list[float]]]:
         if unit != "number" and len(column):
             found.append((name, unit, [float(value) for value in np.quantile(column, SHARES)]))
     return found
-
-
-def least_plausible(features: PatchFeatures, n: int) -> list[tuple[int | float, ...]]:
-    """Return the n rows of the edge table with the lowest plausibility, lowest first, ties by number."""
-    order = np.argsort(features.plausibility, kind="stable")[:n]
-    table = edge_table(features)
-    return list(table._replace(columns=[column[order] for column in table.columns]).rows())

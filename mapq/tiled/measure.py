@@ -23,8 +23,6 @@ from mapq.features.compute import measure
 from mapq.features.context import Beyond
 from mapq.features.copies import ABOUT
 from mapq.features.disagreement import OWNED, WINDOW, window_centres
-from mapq.features.edge import EDGE_NAMES
-from mapq.features.node import SHAPE_NAMES
 from mapq.features.provenance import Known
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import curve_places
@@ -96,34 +94,11 @@ class MeasureTask(NamedTuple):
     beyond: Beyond
 
 
-class Measured(NamedTuple):
-    """Node features (c, p) and shapes (c, s) of patches (c,), and the pairs (e, 2) that they have to others."""
-
-    patches: Ints
-    node: Floats
-    shape: Floats
-    pairs: Ints
-    edge: Floats
-    plausibility: Floats
-    node_names: tuple[str, ...]
-    edge_names: tuple[str, ...]
-
-
-def measure_part(task: MeasureTask) -> Measured:
-    """Measure some patches, and the pairs that they are in."""
+def measure_part(task: MeasureTask) -> PatchFeatures:
+    """Measure the own patches of a task (o,), and the pairs that they are in, numbered as in the map."""
     number = task.part.number
-    patches = _with_loose(task.part.load(), task)
-    found = measure(patches, task.settings, task.beyond, task.is_own)
-    return Measured(
-        patches=number[task.is_own],
-        node=found.node[task.is_own],
-        shape=found.shape[task.is_own],
-        pairs=number[found.pairs],
-        edge=found.edge,
-        plausibility=found.plausibility,
-        node_names=found.node_names,
-        edge_names=found.edge_names,
-    )
+    found = measure(_with_loose(task.part.load(), task), task.settings, task.beyond, task.is_own)
+    return found._replace(node=found.node[task.is_own], shape=found.shape[task.is_own], pairs=number.astype(np.int32)[found.pairs])
 
 
 def _with_loose(patches: Patches, task: MeasureTask) -> Patches:
@@ -190,7 +165,7 @@ class Measuring:
         group = (np.cumsum((n_points // self._step)[order]) - 1) // self._most
         self.groups = [np.sort(each) for each in np.split(order, np.flatnonzero(np.diff(group)) + 1)]
 
-    def features(self, known: Known) -> Iterator[Measured]:
+    def features(self, known: Known) -> Iterator[PatchFeatures]:
         """Yield what is measured of each group of patches."""
         middle, n_points = self._whole.joined.centroid, self._whole.joined.n_points
         centres = window_centres(middle, np.argsort(np.lexsort((*middle.T[::-1], -n_points))))
@@ -228,29 +203,22 @@ class Measuring:
             return own
         return np.flatnonzero(np.isfinite(cKDTree(middle[own]).query(middle, distance_upper_bound=ABOUT + SLACK)[0]))
 
-    def join(self, parts: list[Measured], up: list[float]) -> PatchFeatures:
+    def join(self, parts: list[PatchFeatures], up: list[float]) -> PatchFeatures:
         """Return the features of all patches and pairs; pairs that two groups measured are taken once."""
-        first, n_patches = parts[0], len(self._whole)
-        node, shape = np.zeros((n_patches, first.node.shape[1])), np.zeros((n_patches, first.shape.shape[1]))
-        for part in parts:
-            node[part.patches], shape[part.patches] = part.node, part.shape
-        shape[:, 0] = self._whole.joined.n_points
-        pairs, edge, plausibility = (
-            np.concatenate([getattr(part, name) for part in parts]) for name in ("pairs", "edge", "plausibility")
+        order = np.argsort(np.concatenate(self.groups))
+        node, shape, pairs, edge, plausibility = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("node", "shape", "pairs", "edge", "plausibility")
         )
-        rows = np.unique(pairs[:, 0] * max(n_patches, 1) + pairs[:, 1], return_index=True)[1]
-        return PatchFeatures(
-            reading="safe",
-            node=node,
+        shape = shape[order]
+        shape[:, 0] = self._whole.joined.n_points
+        rows = np.unique(pairs[:, 0].astype(np.int64) * max(len(order), 1) + pairs[:, 1], return_index=True)[1]
+        return parts[0]._replace(
+            node=node[order],
             pairs=pairs[rows].astype(np.int32),
             edge=edge[rows],
             plausibility=plausibility[rows],
-            node_names=first.node_names,
-            edge_names=first.edge_names,
-            n_clipped=0,
             shape=shape,
-            shape_names=SHAPE_NAMES,
-            context_names=first.edge_names[len(EDGE_NAMES) :],
             parameters=self._settings.described(max(self._settings.noise or 0.0, self._settings.eps), up),
         )
 

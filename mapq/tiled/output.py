@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
+from itertools import groupby
 from pathlib import Path
-from typing import IO, Any, NamedTuple, Protocol
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from mapq.cloud import PointCloud
 from mapq.io.las_write import open_las_pieces
-from mapq.io.ply import header_of, vertex_rows
 from mapq.io.result_folder import RESULT_JSON
 from mapq.io.results import claim_result, json_beside, result_lines
 from mapq.io.write import LAS_SUFFIXES, write_cloud
 from mapq.tiled.source import Map, Source
-from prf.shell.errors import OutputError, OutputExists, UsageError
-from prf.shell.files import STREAM, atomic_write, open_output
+from prf.shell.errors import OutputExists, UsageError
+from prf.shell.files import STREAM, atomic_write
 from prf.shell.lock import claim, claim_output
 from prf.shell.together import together
 
@@ -44,6 +40,8 @@ def plan_output(path: str, whole: Map, is_tiled: bool, force: bool) -> Output:
     """
     if path == STREAM:
         raise UsageError("a map in tiles cannot be written to standard output. Name a file or a folder with -o.")
+    if path.lower().endswith(".ply") and whole.sources[0].is_las:
+        raise UsageError(f"{path}: tiles of LAS are written as LAS. Name a .laz or a folder.")
     if not is_tiled or path.lower().endswith(CLOUD_SUFFIXES) or path == os.devnull:
         claim_result(path, force)
         return Output(path, False, (path,) * len(whole.sources), json_beside(path))
@@ -83,15 +81,13 @@ def write_map(
     if output.path == os.devnull:
         return
     made = {name: os.path.join(work, f"made_{Path(name).name}") for name in output.files}
-    with ExitStack() as stack:
-        sinks: dict[str, Sink] = {}
-        for number, cloud in clouds:
-            name = output.files[number]
-            if name not in sinks:
-                stack.close()  # the file before is complete
-                sources = [each for each, file in zip(whole.sources, output.files, strict=True) if file == name]
-                sinks[name] = stack.enter_context(_open_sink(made[name], sources))
-            sinks[name].write(cloud)
+    for name, pieces in groupby(clouds, lambda piece: output.files[piece[0]]):
+        if not whole.sources[0].is_las:
+            write_cloud(made[name], next(pieces)[1])
+            continue
+        with open_las_pieces(made[name]) as sink:
+            for _, cloud in pieces:
+                sink.write(cloud)
     if output.is_folder:
         Path(output.path).mkdir(exist_ok=True)
     with together() as group:
@@ -99,53 +95,3 @@ def write_map(
             group.add(path, Path(os.path.realpath(name)))
         with atomic_write(output.json) as stream:
             stream.writelines(result_lines(*json))
-
-
-class Sink(Protocol):
-    """A cloud that is written in pieces."""
-
-    def write(self, cloud: PointCloud) -> None:
-        """Append points."""
-
-
-@contextmanager
-def _open_sink(path: str, sources: list[Source]) -> Iterator[Sink]:
-    if not sources[0].is_las:
-        yield _AtOnce(path)
-    elif path.lower().endswith(LAS_SUFFIXES):
-        with open_las_pieces(path) as pieces:
-            yield pieces
-    else:
-        with open_output(path, binary=True) as stream:
-            yield _Ply(path, stream, sum(source.n_points for source in sources))
-
-
-class _AtOnce:
-    """A cloud of one piece."""
-
-    def __init__(self, path: str) -> None:
-        self._path = path
-
-    def write(self, cloud: PointCloud) -> None:
-        """Write all points."""
-        write_cloud(self._path, cloud)
-
-
-class _Ply:
-    """A binary PLY that is written in pieces, of which the first has the properties of all."""
-
-    def __init__(self, path: str, stream: IO[Any], n_points: int) -> None:
-        self._path, self._stream, self._n_points, self._record = path, stream, n_points, np.dtype([])
-
-    def write(self, cloud: PointCloud) -> None:
-        """Append points.
-
-        Raises OutputError if their fields are not those of the first piece.
-        """
-        rows = vertex_rows(replace(cloud, coordinate_type=np.float64))
-        if not self._record.names:
-            self._record = rows.dtype
-            self._stream.write(header_of(rows.dtype, self._n_points))
-        if rows.dtype != self._record:
-            raise OutputError(f"{self._path}: {cloud.source} has other fields than the files before. Name a folder.")
-        self._stream.write(rows.tobytes())

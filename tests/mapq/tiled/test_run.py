@@ -95,9 +95,8 @@ def test_tiles_keep_their_names_points_and_fields(town, four):
     assert not list(town.parent.glob(".*.work"))
 
 
-@pytest.mark.parametrize("name", [pytest.param("joined.laz", marks=pytest.mark.slow), "joined.ply"])
-def test_several_files_become_one_cloud(town, model, four, name):
-    target = town.parent / name
+def test_several_files_become_one_cloud(town, model, four):
+    target = town.parent / "joined.laz"
     settings = TileSettings(N_POINTS // 4)
     classify_map(str(town), str(target), model, settings, True)
     joined = read_cloud(str(target))
