@@ -98,7 +98,9 @@ def measure_part(task: MeasureTask) -> PatchFeatures:
     """Measure the own patches of a task (o,), and the pairs that they are in, numbered as in the map."""
     number = task.part.number
     found = measure(_with_loose(task.part.load(), task), task.settings, task.beyond, task.is_own)
-    return found._replace(node=found.node[task.is_own], shape=found.shape[task.is_own], pairs=number.astype(np.int32)[found.pairs])
+    return found._replace(
+        node=found.node[task.is_own], shape=found.shape[task.is_own], pairs=number.astype(np.int32)[found.pairs]
+    )
 
 
 def _with_loose(patches: Patches, task: MeasureTask) -> Patches:
