@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from mapq.crf.explain import BASE, NEIGHBOUR_LABEL
 from mapq.crf.train import LINEAR, POTENTIALS
 from mapq.crf.trees import columns_of
 from mapq.features.edge import EDGE_NAMES
-from mapq.model import EDGE_MODELS, NONE, SYMMETRIC
+from mapq.model import EDGE_MODELS, SYMMETRIC
 from prf.shell.errors import InputError
 from tests.reference.mapq_crf import draw_features, draw_model, local_log_odds, slow_score
 from tests.reference.mapq_trees import draw_potential
@@ -64,18 +63,6 @@ def test_a_neighbour_without_a_label_says_nothing():
     np.testing.assert_array_equal(
         np.flatnonzero(label_design(inputs, SYMMETRIC, y).any(axis=1)), np.setdiff1d(touched, 2)
     )
-
-
-def test_without_edges_there_are_no_inputs_of_pairs():
-    features, model = draw(NONE, 2)
-    inputs = model_inputs(features, model)
-    assert (inputs.pairs.shape, inputs.position.shape) == ((0, 2), (0,))
-
-
-def test_a_range_of_one_value_puts_every_pair_at_its_lower_end():
-    features, model = draw(SYMMETRIC, 5)
-    inputs = model_inputs(features, replace(model, x_range=(0.3, 0.3)))
-    np.testing.assert_array_equal(inputs.position, np.zeros(len(features.pairs)))
 
 
 @pytest.mark.parametrize(("edge_model", "potential", "seed"), CASES)

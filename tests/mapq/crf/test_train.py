@@ -1,3 +1,5 @@
+"""The standardisation of features by hand."""
+
 from __future__ import annotations
 
 from functools import partial
@@ -10,7 +12,7 @@ from mapq.crf import Strength, TrainSettings, classify, train
 from mapq.crf.pseudo_likelihood import Problem, fit, gradient, hessian, objective
 from mapq.crf.select import COUPLING_SHARES, STRENGTHS
 from mapq.crf.train import LINEAR, TrainingMap, fit_range, fit_scaling, fit_weights, make_problem, prepare, signs
-from mapq.model import EDGE_MODELS, NONE, SYMMETRIC, Model
+from mapq.model import CLIP, EDGE_MODELS, NONE, SYMMETRIC, Model
 from mapq.patches import UNLABELLED
 from prf.shell.errors import ConfigError, InputError
 from tests.mapq.crf.worlds import draw_map
@@ -86,11 +88,6 @@ def test_the_optimum_is_that_of_a_generic_solver(seed):
     assert (slope[~free] >= -1e-9).all(), "a weight at its bound would like to leave the box"
 
 
-def test_those_problems_meet_every_face_of_the_box():
-    faces = {tuple(fit(draw_problem(seed))[3:] > 0.0) for seed in range(12)}
-    assert len(faces) == 4
-
-
 def test_separable_labels_give_finite_weights():
     x = np.linspace(-1.0, 1.0, 40)
     problem = Problem(
@@ -129,16 +126,6 @@ def test_an_unlabelled_patch_counts_as_label_zero_for_its_neighbours():
     kept = np.arange(12) != 4
     np.testing.assert_allclose(problem.design, 0.5 * (half[0].design + half[1].design)[kept])
     assert signs(label)[4] == 0.0
-
-
-@pytest.mark.parametrize("edge_model", EDGE_MODELS)
-def test_a_linear_field_does_not_find_regions_that_only_pairs_betray(edge_model):
-    """Without a node signal pairs can only say "same": it is no better than calling all plausible."""
-    settings = linear(edge_model, balanced=False)
-    trained = train([draw_map(seed, node_signal=0.0) for seed in (1, 2)], settings)
-    test_map = draw_map(3, 600, node_signal=0.0)
-    label = classify(test_map.features, trained.model).label
-    assert label[test_map.label == 1].mean() < 0.1
 
 
 def test_edges_beat_nodes_alone_and_regularisation_is_chosen():
@@ -202,11 +189,6 @@ def test_settings_that_would_train_something_else_are_refused(settings):
     with pytest.raises(ConfigError, match="crf: "):
         TrainSettings(**settings)
     assert TrainSettings(n_folds=2).n_folds == 2
-
-
-@pytest.mark.parametrize(("settings", "n_folds"), [({}, 5), ({"n_folds": 3}, 3)])
-def test_there_are_five_folds_unless_asked_otherwise(settings, n_folds):
-    assert train([draw_map(1)], linear(NONE, regularisation=1.0, **settings)).n_folds == n_folds
 
 
 def test_the_coupling_is_tried_in_proportion_to_the_labels():
@@ -279,33 +261,6 @@ def test_maps_without_pairs_and_empty_maps_train_along(edge_model):
     assert classify(some, trained.model).label.shape == (30,)
 
 
-def test_constant_features_weigh_nothing():
-    one = draw_map(1)
-    node = np.column_stack([one.features.node, np.full(300, 0.1)])
-    features = one.features._replace(node=node, node_names=("fit", "tilt", "same"))
-    model = train([one._replace(features=features)], linear(SYMMETRIC)).model
-    assert model.node.scale[2] == 1.0
-    assert model.weights[model.parameter_names.index("node.same")] == pytest.approx(0.0, abs=1e-12)
-
-
-def test_scaling_is_robust_and_keeps_rare_values_apart():
-    column = np.concatenate([np.ones(95), np.linspace(-1.0, 0.0, 5)])[:, None]
-    scaling = fit_scaling(column, ("x",))
-    assert scaling.median[0] == 1.0
-    scaled = scaling.apply(column)[:, 0]
-    assert scaled.min() >= -5.0
-    assert len(np.unique(scaled[95:])) >= 4
-    assert np.abs(fit_scaling(np.r_[np.arange(99.0), 1e12][:, None], ("x",)).median[0] - 49.5) < 1
-    low, high = fit_range(np.r_[np.linspace(-1, 1, 999), -1e9])
-    assert -10.0 < low < -0.9
-    assert high == 1.0
-
-
-def test_the_weights_of_a_linear_field_are_named():
-    names = train([draw_map(1)], linear(SYMMETRIC)).model.parameter_names
-    assert names == ("node.bias", "node.fit", "node.tilt", "coupling.at_x_min", "coupling.at_x_max")
-
-
 def test_pseudo_likelihood_is_highest_at_the_weights_found():
     maps = [draw_map(4, 60)]
     settings = linear(SYMMETRIC, balanced=False)
@@ -317,3 +272,42 @@ def test_pseudo_likelihood_is_highest_at_the_weights_found():
         weights[-2:] = np.maximum(weights[-2:], 0.0)
         other = Model(SYMMETRIC, {}, model.node, model.x_range, weights)
         assert slow_log_pseudo_likelihood(maps, other) < best
+
+
+def test_the_scale_is_the_interquartile_range():
+    found = fit_scaling(np.arange(9.0)[:, None] * [1.0, 10.0], ("a", "b"))
+    np.testing.assert_allclose(found.median, [4.0, 40.0])
+    np.testing.assert_allclose(found.scale, [4.0, 40.0])
+    assert (found.names, found.clip) == (("a", "b"), CLIP)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_clip_spares_all_but_one_value_in_a_hundred_on_either_side(sign):
+    values = np.zeros(201)
+    values[-40:] = np.linspace(1.0, 40.0, 40)
+    found = fit_scaling(sign * values[:, None], ("x",))
+    assert found.median == 0.0
+    np.testing.assert_allclose(found.scale, 38.0 / CLIP)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-12])
+@pytest.mark.parametrize("value", [3.0, -3.0])
+def test_a_column_that_is_constant_but_for_rounding_has_scale_one(value, noise):
+    found = fit_scaling(value + noise * np.arange(5.0)[:, None], ("x",))
+    assert found.scale == 1.0
+
+
+def test_without_rows_nothing_is_changed_and_one_row_is_its_own_median():
+    empty = fit_scaling(np.zeros((0, 2)), ("a", "b"))
+    np.testing.assert_array_equal(empty.apply(np.array([[3.0, -2.0]])), [[3.0, -2.0]])
+    one = fit_scaling(np.array([[7.0]]), ("a",))
+    assert (one.median, one.scale) == (7.0, 1.0)
+
+
+def test_the_range_ends_where_values_do_or_at_the_clip():
+    assert fit_range(np.zeros(0)) == (0.0, 0.0)
+    assert fit_range(np.arange(9.0)) == (0.0, 8.0)
+    wild = np.concatenate([np.linspace(-2.0, 2.0, 999), [1e6, -1e6]])
+    low, high = fit_range(wild)
+    assert high == -low == pytest.approx(CLIP * 2.0, rel=0.01)
+    np.testing.assert_allclose(fit_range(wild + 7.0), (low + 7.0, high + 7.0), rtol=1e-12)

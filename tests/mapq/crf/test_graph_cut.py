@@ -137,22 +137,6 @@ def test_energies_are_rounded_to_a_fine_unit_or_to_what_the_flow_has_room_for(th
     np.testing.assert_array_equal(cut.difference[2:], [0.0, -2.0 * unit])
 
 
-def test_a_coupling_of_one_unit_couples():
-    unit = 2.0**-40
-    cut = solve(Field(np.array([2.0, -1.0]) * unit, np.array([[0, 1]]), np.array([unit])))
-    np.testing.assert_array_equal(cut.label, [1, 1])
-    np.testing.assert_array_equal(cut.difference, [2.0 * unit, 0.0])
-    even = solve(Field(np.ones(2), np.array([[0, 1]]), np.ones(1)))
-    np.testing.assert_array_equal(even.difference, [4.0, 4.0])
-
-
-@pytest.mark.parametrize("n_patches", [0, 1])
-def test_almost_nothing(n_patches):
-    cut = solve(Field(np.ones(n_patches), NO_PAIRS, np.empty(0)))
-    assert cut.label.tolist() == [1] * n_patches
-    assert cut.difference.tolist() == [2.0] * n_patches
-
-
 def test_huge_energies_do_not_overflow():
     field = Field(np.array([1e300, -1e300, 1.0]), np.array([[0, 1], [1, 2]]), np.array([1e299, 1e300]))
     cut = solve(field)

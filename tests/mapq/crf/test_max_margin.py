@@ -244,11 +244,3 @@ def area(maps, model):
     found = [classify(each.features, model) for each in maps]
     true = np.concatenate([each.label for each in maps]) == 1
     return area_under_curve(np.concatenate([each.difference for each in found]), true)
-
-
-def test_labels_that_weigh_nothing_to_tell_still_train():
-    one = draw_map(1)
-    label = np.full(len(one.label), UNLABELLED, np.uint8)
-    label[[np.flatnonzero(one.label == 1)[0], np.flatnonzero(one.label == 0)[0]]] = 1, 0
-    model = train([one._replace(label=label)], TrainSettings(LINEAR, SYMMETRIC, objective=MAX_MARGIN)).model
-    assert np.isfinite(model.weights).all()
