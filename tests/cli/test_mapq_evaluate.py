@@ -64,12 +64,3 @@ def test_a_part_of_a_result_is_compared_by_the_patches_in_it(capsys, result):
     assert call_json(capsys, "evaluate", result)["n"] == 32
     write_ply(result, cloud.take(np.flatnonzero(patch == 31)[:5]))
     assert call_json(capsys, "evaluate", result)["n"] == 1
-
-
-def test_the_reliability_counts_every_patch_once(capsys, tmp_path):
-    scores = call_json(capsys, "evaluate", save_patches(tmp_path), "--model", save_model(tmp_path))
-    bins = scores["reliability"]
-    assert len(bins) == 10
-    assert sum(each["n"] for each in bins) == scores["n"]
-    gaps = sum(each["n"] * abs(each["p_suspicious"] - each["suspicious"]) for each in bins if each["n"])
-    assert gaps / scores["n"] == pytest.approx(scores["ece"])

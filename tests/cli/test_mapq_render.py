@@ -26,11 +26,3 @@ def test_a_part_of_a_result_counts_the_patches_in_it(result):
     cloud = read_cloud(str(result))
     write_ply(result, cloud.take(np.flatnonzero(cloud.fields["patch"] == 31)))
     assert "1 patches" in read_picture(str(result)).subtitle
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf, -7.0, 1e30])
-def test_fields_that_are_no_patches_or_labels_are_none(result, value):
-    cloud = read_cloud(str(result))
-    strange = np.full(len(cloud), value)
-    write_ply(result, cloud.with_fields(patch=strange, suspicious=strange))
-    assert "0 patches" in read_picture(str(result)).subtitle

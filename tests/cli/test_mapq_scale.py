@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mapq.io import read_cloud
-from tests.cli.mapq_samples import call, call_json, save_cloud, save_model, save_patches
+from tests.cli.mapq_samples import call, call_json, save_patches
 
 CITY = ("simulate", "--size", "city", "--n-points", 147_000, "--seed", 5)
 
@@ -78,17 +78,6 @@ def test_two_workers_change_nothing(capsys, city, tmp_path):
     np.testing.assert_array_equal(one.fields["p_suspicious"], two.fields["p_suspicious"])
     rows = [json.loads((tmp_path / name).read_text())["patches"] for name in ("one.json", "two.json")]
     assert rows[0] == rows[1]
-
-
-def test_clouds_of_other_formats_in_tiles(capsys, tmp_path):
-    path, model = save_cloud(tmp_path), save_model(tmp_path)
-    for name, options in (("plain.ply", []), ("tiles.ply", ["--tile-points", 100_000])):
-        args = ["classify", path, "--model", model, "-o", tmp_path / name]
-        assert call(capsys, *args, *options)[0] == 0
-    plain, tiled = (read_cloud(str(tmp_path / name)) for name in ("plain.ply", "tiles.ply"))
-    for name, values in plain.fields.items():
-        np.testing.assert_array_equal(values, tiled.fields[name])
-    np.testing.assert_array_equal(plain.world(), tiled.world())
 
 
 @pytest.mark.parametrize(

@@ -84,17 +84,6 @@ def test_no_patches_is_a_result_with_a_warning(capsys, tmp_path):
     assert len(read_patches(str(path.with_suffix(".patches")))) == 0
 
 
-def test_the_name_of_a_zipped_cloud_loses_both_ends(capsys, tmp_path):
-    path = tmp_path / "scan.xyz"
-    np.savetxt(path, wall(np.random.default_rng(1), 4, 3))
-    import gzip
-
-    zipped = tmp_path / "scan.xyz.gz"
-    zipped.write_bytes(gzip.compress(path.read_bytes()))
-    assert run(capsys, str(zipped))[0] == 0
-    assert (tmp_path / "scan.patches").is_file()
-
-
 @pytest.mark.parametrize(
     ("name", "columns", "fewest"),
     [

@@ -102,11 +102,6 @@ def test_a_cloud_turns_with_its_frame_and_the_ways_to_its_sensors():
     assert turn_cloud(cloud, 4) is cloud
 
 
-def test_fields_that_are_no_ways_stay_as_they_are():
-    fields = {name: np.array(["a", "b"]) for name in TO_SENSOR}
-    assert turn_cloud(PointCloud(np.eye(3)[:2], np.zeros(3), fields), 1).fields == fields
-
-
 def test_patches_turn_with_their_planes():
     patches = sample_patches([wall((0, 0), (9, 0)), wall((0, 5), (3, 9))])
     other = turn_patches(patches, 3)

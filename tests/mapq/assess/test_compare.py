@@ -50,12 +50,6 @@ def test_swapping_the_maps_swaps_the_answer(maps):
     assert forth.suspicious[1] == 0.0 < forth.suspicious[0]
 
 
-def test_a_map_is_as_good_as_itself(maps):
-    found = compare_maps(maps[0], maps[0], 5.0)
-    assert (found.better, found.places) == ("same", [])
-    np.testing.assert_array_equal(found.covered, [1.0, 1.0])
-
-
 def test_only_common_ground_counts(maps):
     longer = judged([*STREET, wall((100, 2), (110, 2)), wall((100, 2.4), (110, 2.4))])
     found = compare_maps(judged(STREET), longer, 5.0)

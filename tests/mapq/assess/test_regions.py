@@ -8,7 +8,7 @@ import pytest
 from mapq.assess import assess
 from mapq.assess.regions import find_regions
 from tests.mapq.assess.test_result import make_model
-from tests.mapq.factories import make_patches, sample_patches, shuffled, wall
+from tests.mapq.factories import make_patches, sample_patches, wall
 from tests.mapq.town import town
 
 SMALL = [wall((0, 0), (5, 0)), wall((0, 0.3), (5, 0.3))]
@@ -40,29 +40,6 @@ def test_a_region_has_extent_area_and_displacement(result):
     p = result.labelling.probability
     assert large.severity == pytest.approx((result.area * p)[large.patches].sum())
     assert large.p_suspicious == pytest.approx(large.severity / large.area)
-
-
-def test_every_suspicious_patch_is_in_one_region(result):
-    numbers = np.concatenate([region.patches for region in result.regions])
-    np.testing.assert_array_equal(np.sort(numbers), np.flatnonzero(result.is_suspicious))
-    rows = list(result.patch_rows())
-    assert [row["region"] for row in rows] == [1, 1, 0, 0, 0, 0, None]
-    assert [row["n_patches"] for row in result.head()["regions"]] == [4, 2]
-
-
-def test_the_order_of_points_changes_no_region(result):
-    again = assess(shuffled(result.patches), result.model)
-    for one, other in zip(result.regions, again.regions, strict=True):
-        np.testing.assert_array_equal(one.patches, other.patches)
-        np.testing.assert_array_equal(one.low, other.low)
-        assert one.displacement == other.displacement
-
-
-def test_a_lone_suspicious_patch_has_no_displacement(result):
-    only = np.arange(7) == 6
-    (region,) = find_regions(result.patches, result.features, only, np.ones(7), np.full(7, np.nan))
-    assert np.isnan(region.displacement)
-    assert region.area == result.patches.counts[6]
 
 
 def test_no_suspicious_patch_is_no_region():

@@ -6,17 +6,14 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from mapq.assess import assess, feature_settings, read_input
+from mapq.assess import assess
 from mapq.cloud import PointCloud
 from mapq.crf.trees import OVER
 from mapq.features import FeatureSettings
-from mapq.io import read_cloud, write_patches, write_ply
 from mapq.io.results import result_cloud
 from mapq.kernels.boosted_trees import LEAF, Trees
 from mapq.model import EDGE_MODELS, EVIDENCE, Calibration, Model, Potential, Scaling, parameter_names
-from mapq.patches import Patches
-from prf.shell.errors import InputError
-from tests.mapq.factories import make_patches, sample_patches, shuffled, wall
+from tests.mapq.factories import make_patches, shuffled
 from tests.mapq.labelled import draw_patches
 from tests.reference.mapq_crf import local_log_odds
 
@@ -90,15 +87,6 @@ def test_the_order_of_points_changes_nothing(result):
 
 
 @pytest.mark.parametrize("edge_model", EDGE_MODELS)
-@pytest.mark.parametrize("n_walls", [1, 2])
-def test_few_patches(edge_model, n_walls):
-    walls = [wall((0, 50.0 * number), (10, 50.0 * number)) for number in range(n_walls)]
-    found = assess(sample_patches(walls), make_model(edge_model))
-    assert len(list(found.patch_rows())) == n_walls
-    assert len(found.features.pairs) == 0
-
-
-@pytest.mark.parametrize("edge_model", EDGE_MODELS)
 def test_no_patches(edge_model):
     found = assess(make_patches([], np.empty((0, 3)), loose=4), make_model(edge_model))
     counts = found.counts
@@ -125,17 +113,6 @@ def test_colours_of_the_cloud_are_kept_once():
     assert twice.fields["suspicious"].tolist() == [1, 255, 1]
 
 
-def test_input_is_told_by_its_content(tmp_path):
-    patches = draw_patches(1, 6)
-    write_patches(tmp_path / "a", patches)
-    write_ply(tmp_path / "b.ply", patches.cloud)
-    found = read_input(str(tmp_path / "a"))
-    assert isinstance(found, Patches)
-    np.testing.assert_array_equal(found.patch, patches.patch)
-    assert isinstance(read_input(str(tmp_path / "b.ply")), PointCloud)
-    assert len(read_cloud(str(tmp_path / "b.ply"))) == len(patches.cloud)
-
-
 def test_patches_far_from_the_origin_have_world_coordinates():
     patches = draw_patches(1, 6)
     shift = np.array([431000.0, 5411000.0, 0.0])
@@ -153,12 +130,3 @@ def test_fields_named_as_a_result_s_are_kept_under_other_names():
     np.testing.assert_array_equal(fields["original_original_red"], own["red"])
     np.testing.assert_array_equal(fields["original_red"], own["original_red"])
     assert (fields["patch"].dtype, fields["red"].dtype) == (np.int32, np.uint8)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"), [("n_neighbours", 2.5), ("tau", True), ("n_watched", 10**30), ("radius", 1e300), ("up", 5)]
-)
-def test_settings_of_another_type_or_size_are_refused(name, value):
-    model = make_model()
-    with pytest.raises(InputError, match="cannot be used"):
-        feature_settings(replace(model, features={**model.features, name: value}))

@@ -42,19 +42,6 @@ def test_neighbouring_scans_are_one_visit_however_far_apart():
     assert visits.leaves.tolist() == [2, 3, 4, 5, 6, 7, 7]
 
 
-def test_a_sensor_that_turns_on_the_spot_makes_one_visit():
-    visits = visits_of(driven(np.zeros((50, 2))))
-    assert visits is not None
-    assert (visits.leaves == 50).all()
-
-
-def test_the_way_is_that_of_the_sensor():
-    visits = visits_of(driven(ROUND))
-    assert visits is not None
-    assert visits.way is not None
-    np.testing.assert_allclose(visits.way, [0, 30, 60, 90, 120, 150, 179])
-
-
 def test_seconds_make_moments_where_scans_are_not_known():
     seconds = np.repeat([0.0, 0.4, 1.6, 2.3, 3.1, 4.8, 160.0], 3)
     for name in ("time", "gps_time"):
@@ -123,12 +110,6 @@ def test_a_point_that_does_not_say_from_where_it_was_seen_hides_no_sensor():
     unknown = visits_of(cloud.with_fields(to_sensor_x=x))
     assert unknown is not None
     assert unknown.way is None
-
-
-def test_points_without_a_time_have_no_moment():
-    visits = visits_of(make_cloud(time=np.array([0.0, np.nan, 5.0, 90.0])))
-    assert visits is not None
-    assert visits.moment.tolist() == [0, -1, 1, 2]
 
 
 def test_scans_are_neighbours_by_their_numbers():

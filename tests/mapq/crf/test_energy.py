@@ -124,16 +124,6 @@ def test_coupling_stays_non_negative_far_outside_the_range_seen():
     assert (field.coupling >= 0.0).all()
 
 
-@pytest.mark.parametrize("n_patches", [0, 1, 2])
-@pytest.mark.parametrize("edge_model", EDGE_MODELS)
-def test_few_patches_and_no_pairs(n_patches, edge_model):
-    features, model = draw(edge_model, 1, n_patches, 0)
-    labelling = classify(features, model)
-    terms = explain(features, model, labelling.label)
-    assert len(labelling.label) == len(labelling.probability) == n_patches
-    np.testing.assert_allclose(np.bincount(terms.patch, terms.contribution, n_patches), labelling.difference, atol=1e-9)
-
-
 def test_features_that_lack_a_name_or_a_number_are_refused():
     features, model = draw(SYMMETRIC, 2)
     with pytest.raises(InputError, match="no node feature fit; these features have a, b, c"):

@@ -15,8 +15,7 @@ from mapq.features.node import NODE_NAMES
 from mapq.features.provenance import known_of, moments_of
 from mapq.features.settings import CONTEXTS
 from mapq.patches import Patches
-from prf.shell.errors import ConfigError
-from tests.mapq.factories import always_known, make_patches, sample_patches, shuffled, wall
+from tests.mapq.factories import always_known, make_patches, sample_patches, wall
 
 DENSITY, NOISE = 60.0, 0.01
 
@@ -98,14 +97,6 @@ class TestGroups:
         assert (found.edge_names, found.context_names) == (EDGE_NAMES, ())
         assert found.parameters["context"] == []
 
-    def test_what_a_map_does_not_tell_is_nought(self):
-        found = patch_features(sample_patches(DOUBLE, 1, 20.0, NOISE))
-        assert not found.edge[:, found.edge_names.index("facing_away")].any()
-
-    def test_a_group_that_there_is_not(self):
-        with pytest.raises(ConfigError, match="no context colour"):
-            FeatureSettings(context=("colour",))
-
     @pytest.mark.parametrize("walls", [[], DOUBLE[:1]])
     def test_maps_without_pairs(self, walls):
         patches = sample_patches(walls, 1, 20.0, NOISE) if walls else make_patches([], np.empty((0, 3)), loose=3)
@@ -115,9 +106,3 @@ class TestGroups:
         found = patch_features(patches)
         assert found.edge.shape == (0, len(found.edge_names))
         assert np.isfinite(always_known(found)).all()
-
-    def test_the_order_of_points_changes_nothing(self):
-        patches = seen(sample_patches(DOUBLE + FENCE, 1, 20.0, NOISE), [(5, -5, 1)] * 4, [0, 1, 0, 1], [0, 99, 0, 99])
-        one, other = patch_features(patches), patch_features(shuffled(patches))
-        np.testing.assert_array_equal(one.edge, other.edge)
-        np.testing.assert_array_equal(one.node, other.node)

@@ -51,11 +51,6 @@ class TestSecondLayer:
         found = columns(sample_patches([wall((0, 2), (10, 2)), wall((5, -1), (5, 5))], 1, DENSITY, NOISE))
         assert (found["copy_cover"] < 0.1).all()
 
-    def test_a_rough_wall_has_none(self):
-        found = columns(sample_patches([wall((0, 2), (10, 2))], 1, 400.0, 0.06))
-        assert found["copy_cover"].tolist() == [0.0]
-        assert np.isnan(found["copy_even"]).all()
-
     def test_clutter_before_a_wall_covers_little_and_unevenly(self):
         rng = np.random.default_rng(1)
         bush = rng.uniform((2, 0.8, 0), (5, 1.3, 1.5), (3000, 3))
@@ -78,12 +73,6 @@ class TestShift:
         for found in (columns(patches), columns(loosened(patches, 4))):
             assert found["shift_length"] == pytest.approx(0.5, abs=0.1)
             assert (found["shift_support"] > 0.5).all()
-
-    def test_walls_along_the_motion_are_not_parted_by_it(self):
-        found = columns(sample_patches(doubled((0.5, 0.0)), 1, DENSITY, NOISE))
-        assert found["shift_here"][[0, 2, 4, 6]] == pytest.approx([0.0] * 4)
-        assert found["shift_along"][[1, 3, 5, 7]] == pytest.approx([0.5 / 0.05] * 4, abs=2.01)
-        assert (found["shift_here"][[1, 3, 5, 7]] > 0.4).all()
 
     def test_level_patches_say_nothing_of_horizontal_motions(self):
         floor = np.random.default_rng(1).uniform((0, 0, 0), (8, 6, 0.01), (3000, 3))

@@ -40,13 +40,6 @@ def test_upright_walls_break_equation_7_and_11():
     assert features.plausibility[0] < -10
 
 
-def test_parallel_planes_have_no_line():
-    features = patch_features(
-        sample_patches([wall((-5, 0), (5, 0)), wall((-5, 1), (5, 1))]), FeatureSettings("literal")
-    )
-    assert features.edge[0, 3] == 0.0
-
-
 def test_flat_patches_are_cut_and_counted():
     square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]])
     features = patch_features(make_patches([square], [[0.0, 1.0, 0.0]]), FeatureSettings(reading="literal"))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,7 +10,7 @@ from hypothesis import strategies as st
 from mapq.features import FeatureSettings, measure_shapes, patch_features
 from mapq.features.neighbours import find_neighbours
 from mapq.patches import Patches
-from tests.mapq.factories import make_patches, sample_patches, shuffled, wall
+from tests.mapq.factories import make_patches, sample_patches, wall
 from tests.reference.mapq_features import neighbours
 
 
@@ -80,15 +78,6 @@ class TestConflicts:
         assert list(map(tuple, patch_features(street, settings).pairs.tolist())) == sorted(neighbours(points, 1, 3.0))
 
 
-def test_large_patches_go_through_many_boxes():
-    rng = np.random.default_rng(3)
-    points = [rng.uniform(-4, 4, (900, 3)) * [1, 0.02, 1] + [0, 1.1 * k, 0] for k in range(6)]
-    expected = neighbours(points, 2, 1.5)
-    graph = graph_of(points, FeatureSettings(n_neighbours=2, radius=1.5, n_watched=0))
-    assert list(map(tuple, graph.pairs.tolist())) == sorted(expected)
-    assert graph.separation == pytest.approx([expected[pair] for pair in sorted(expected)], rel=1e-12)
-
-
 def test_pairs_looked_at_bit_by_bit_are_the_same(monkeypatch):
     points = draw_clusters(11, 30, False)
     settings = FeatureSettings(n_neighbours=3, n_watched=5)
@@ -96,11 +85,6 @@ def test_pairs_looked_at_bit_by_bit_are_the_same(monkeypatch):
     monkeypatch.setattr("mapq.features.neighbours.MOST_PAIRS", 5)
     for one, other in zip(whole, graph_of(points, settings), strict=True):
         np.testing.assert_array_equal(one, other)
-
-
-def test_middle_lies_between_the_closest_points():
-    graph = graph_of([np.array([[0.0, 0, 0], [-5, 0, 0]]), np.array([[1.0, 0, 0], [7, 0, 0]])], FeatureSettings())
-    assert graph.middle.tolist() == [[0.5, 0.0, 0.0]]
 
 
 def test_equally_close_ones_follow_from_their_size_and_place_and_not_from_their_numbers():
@@ -113,20 +97,3 @@ def test_equally_close_ones_follow_from_their_size_and_place_and_not_from_their_
         named = {tuple(sorted((order[i], order[j]))) for i, j in graph.pairs.tolist()}
         assert {(0, 5), (0, 2)} <= named, "the largest, then the one with the smallest x"
         assert (0, 4) in named, "one that has no other"
-
-
-def test_the_order_of_points_changes_nothing():
-    patches = make_patches(draw_clusters(5, 8, False), [[0.0, 1.0, 0.0]] * 8, loose=20)
-    one = find_neighbours(measure_shapes(patches), FeatureSettings())
-    two = find_neighbours(measure_shapes(shuffled(patches)), FeatureSettings())
-    for a, b in zip(one, two, strict=True):
-        np.testing.assert_array_equal(a, b)
-
-
-def test_points_without_coordinates_are_passed_over():
-    patches = make_patches([np.zeros((3, 3)), np.ones((3, 3))], [[0.0, 1.0, 0.0]] * 2)
-    xyz = patches.cloud.xyz.copy()
-    xyz[4, 1] = np.nan
-    broken = replace(patches, cloud=replace(patches.cloud, xyz=xyz))
-    graph = find_neighbours(measure_shapes(broken), FeatureSettings())
-    assert graph.separation == pytest.approx([3**0.5])

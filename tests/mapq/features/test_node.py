@@ -36,13 +36,6 @@ def test_measures_in_metres():
     assert shape["tilt_deg"] == pytest.approx([0.0, np.degrees(np.arcsin(abs(TILTED.axes[2, 2])))], abs=1e-9)
 
 
-def test_worse_patches_have_lower_features():
-    rough = [sample_patches([wall((0, 0), (8, 3))], noise=noise) for noise in (0.0, 0.01, 0.05, 0.2)]
-    nodes = np.array([patch_features(patches, FeatureSettings(noise=0.01)).node[0] for patches in rough])
-    assert (np.diff(nodes[:, 0]) < 0).all()
-    assert (np.diff(nodes[:, 2]) < 0).all()
-
-
 def test_up_of_the_segmentation_and_of_the_settings():
     patches = make_patches([wall((0, 0), (5, 0)).sample(np.random.default_rng(0))], [[0.0, 1.0, 0.0]])
     assert patch_features(patches).node[0, 1] == 1.0

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from mapq.cloud import PointCloud
 from mapq.features import FeatureSettings, patch_features
@@ -107,23 +105,6 @@ class TestDegenerate:
         assert (len(features.pairs), len(features.plausibility), features.n_clipped) == (0, 0, 0)
         assert features.shape.shape == (0, len(SHAPE_NAMES))
 
-    def test_one_patch_has_no_neighbours(self):
-        features = patch_features(make_patches([POINTS["a line"]], [Y]))
-        assert features.node.shape == (1, len(features.node_names))
-        assert len(features.pairs) == 0
-
-    @given(st.integers(0, 10**6), st.integers(1, 6), st.sampled_from([1e-3, 1.0, 300.0]), st.booleans())
-    def test_any_points_are_finite(self, seed, n_patches, scale, whole):
-        rng = np.random.default_rng(seed)
-        points = [scale * rng.normal(size=(rng.integers(1, 30), 3)) for _ in range(n_patches)]
-        normals = rng.normal(size=(n_patches, 3))
-        normals /= np.linalg.norm(normals, axis=1)[:, None]
-        patches = make_patches([np.round(p) if whole else p for p in points], normals)
-        features = patch_features(patches)
-        for values in (always_known(features), features.edge, features.plausibility, features.shape):
-            assert np.isfinite(values).all()
-        assert (np.abs(features.plausibility) <= 1).all()
-
 
 class TestSettings:
     @pytest.mark.parametrize(
@@ -164,13 +145,3 @@ class TestSettings:
     def test_the_tolerance_is_never_below_what_noise_hides(self, street, noise, given, used):
         found = patch_features(street, FeatureSettings(noise=noise, tolerance=given)).parameters["tolerance"]
         assert found == pytest.approx(used)
-
-    def test_progress_is_told(self, street):
-        told = []
-
-        class Listener:
-            def update(self, completed, **fields):
-                told.append(completed)
-
-        patch_features(street, progress=Listener())
-        assert told == [1, 2, 3]

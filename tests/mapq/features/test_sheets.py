@@ -42,13 +42,6 @@ def test_gaps_are_those_of_brute_force(seed, n, power, twice):
         assert (gap > 0).all()
 
 
-@pytest.mark.parametrize("gap", [0.1, 0.25])
-def test_the_gap_of_scan_lines_is_that_between_them(gap):
-    shapes = shapes_of(scan_lines(gap)[::2])
-    assert np.median(shapes.sheets.gap) == pytest.approx(gap, rel=0.05)
-    np.testing.assert_allclose(shapes.sheets.gap[::37], point_gaps(places_of(shapes, 0), shapes.cell[0])[::37])
-
-
 def test_points_are_sorted_patch_after_patch_and_none_is_lost():
     rng = np.random.default_rng(4)
     shapes = shapes_of(rng.random((50, 2)), np.full((1, 2), np.nan), rng.random((70, 2)) * 9)
@@ -69,8 +62,3 @@ def test_few_points_make_few_cells_however_far_apart(shape, side):
     shapes = shapes_of(np.array(shape) * side, np.array(shape) * [1e-9, side])
     assert len(shapes.sheets.first) < 100
     assert np.isfinite(shapes.sheets.gap).all()
-
-
-def test_a_long_thin_patch_makes_few_cells():
-    places = np.random.default_rng(2).random((2000, 2)) * [5000.0, 0.02]
-    assert len(shapes_of(places, places[:, ::-1]).sheets.first) < 20 * 4000

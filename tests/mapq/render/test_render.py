@@ -17,7 +17,7 @@ from mapq.render.colours import (
     patch_colours,
     probability_colours,
 )
-from mapq.render.picture import Bounds, Picture, axonometric
+from mapq.render.picture import Picture, axonometric
 from prf.shell import pictures
 from prf.shell.errors import InputError
 
@@ -59,10 +59,6 @@ class TestColours:
         assert list(scheme.layer) == [1, 2, 0]
         assert [name for name, _ in scheme.legend] == ["plausible", "suspicious", "no patch"]
 
-    def test_unlabelled_patches_are_named(self) -> None:
-        scheme = label_colours(np.array([UNLABELLED], np.uint8), np.array([0], np.int32))
-        assert "unlabelled" in [name for name, _ in scheme.legend]
-
     def test_probabilities_end_in_the_colours_of_the_labels(self) -> None:
         scheme = probability_colours(np.array([0.0, 1.0, np.nan]), np.array([0, 1, NO_PATCH], np.int32))
         np.testing.assert_allclose(scheme.rgb, [PLAUSIBLE_RGB, SUSPICIOUS_RGB, BACKGROUND_RGB], rtol=1e-6)
@@ -98,12 +94,3 @@ class TestPicture:
         assert picture._replace(xyz=xyz * np.nan).png() is None
         with pytest.raises(InputError, match="no point"):
             picture._replace(xyz=xyz * np.nan).draw()
-
-    def test_a_single_point_has_a_page(self) -> None:
-        scheme = label_colours(np.array([PLAUSIBLE], np.uint8), np.array([0], np.int32))
-        assert Picture(np.zeros((1, 3)), scheme, "t", "s").png() is not None
-
-    def test_bounds_hold_all_points(self) -> None:
-        xy = np.random.default_rng(3).normal(size=(100, 2))
-        bounds = Bounds.around(xy)
-        assert np.all((xy > [bounds.x_min, bounds.y_min]) & (xy < [bounds.x_max, bounds.y_max]))

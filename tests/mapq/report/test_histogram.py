@@ -26,7 +26,3 @@ def test_bars_are_as_tall_as_their_area_and_say_it():
     assert 'height="124.0"' in drawing
     assert 'height="62.0"' in drawing
     assert "10 m² plausible, 5 m² suspicious" in drawing
-
-
-def test_nothing_to_draw():
-    assert "nan" not in histogram_svg(np.zeros((2, N_BINS)), "m²", float("nan"))

@@ -14,7 +14,7 @@ from mapq.cloud import PointCloud
 from mapq.io import write_ply
 from mapq.render.source import read_picture
 from mapq.report import read_findings, write_report
-from mapq.report.markup import fill, script_sources, script_tags
+from mapq.report.markup import script_sources, script_tags
 from mapq.report.page import page_data
 from prf.shell.errors import InputError, UsageError
 from tests.mapq.factories import make_patches
@@ -107,10 +107,6 @@ def test_scripts_run_by_their_digest_and_cannot_end_early():
     assert "<!--" not in tag
     content = tag.removeprefix("<script>").removesuffix("</script>")
     assert script_sources([script]) == script_sources([content])
-
-
-def test_what_is_put_into_a_template_is_not_looked_at_again():
-    assert fill("{{a}} {{b}}", {"a": "{{b}}", "b": "x"}) == "{{b}} x"
 
 
 def test_survey_coordinates_lose_their_shift_and_the_page_says_so(tmp_path):

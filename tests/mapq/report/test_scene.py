@@ -42,13 +42,6 @@ def test_a_line_of_points_a_pair_and_a_lost_normal_have_no_outline():
     assert area_of(corners) == pytest.approx(1.0)
 
 
-def test_a_patch_without_points_takes_nothing_from_its_neighbours():
-    square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
-    corners, begin = outlines(square, np.array([0, 0, 4, 4]), np.tile([0.0, 0, 1], (3, 1)))
-    assert begin.tolist() == [0, 0, 4, 4]
-    assert area_of(corners) == pytest.approx(1.0)
-
-
 def test_points_stand_patch_by_patch_those_without_last_and_come_back_to_the_millimetre():
     patches = sample_patches([wall((0, 0), (8, 0)), wall((0, 5), (8, 5))], seed=2)
     patches = make_patches(
@@ -94,11 +87,6 @@ def test_the_box_holds_every_patch_and_leaves_out_what_lies_far_off():
     assert (np.abs(np.concatenate([scene.low, scene.high])) <= 30.0).all()
 
 
-def test_few_points_all_stay():
-    xyz = np.random.default_rng(0).uniform(size=(50, 3))
-    np.testing.assert_array_equal(evenly(xyz, np.zeros(50, np.int32), 50), np.arange(50))
-
-
 @pytest.mark.parametrize("n_most", [100, 1_000, 5_000])
 def test_of_many_nearly_as_many_stay_as_may(n_most):
     rng = np.random.default_rng(1)
@@ -121,7 +109,3 @@ def test_every_group_stays():
     group = np.repeat(np.arange(300, dtype=np.int32), 40)
     chosen = evenly(rng.uniform(0, 0.1, (12_000, 3)), group, 400)
     assert len(np.unique(group[chosen])) == 300
-
-
-def test_points_in_one_place():
-    assert 1 <= len(evenly(np.zeros((1_000, 3)), np.zeros(1_000, np.int32), 100)) <= 100

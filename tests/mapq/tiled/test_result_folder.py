@@ -139,20 +139,6 @@ class TestBroken:
     def copied(self, results, tmp_path) -> Path:
         return Path(shutil.copytree(results[0], tmp_path / "copy"))
 
-    def test_without_tiles(self, results, tmp_path):
-        folder = self.copied(results, tmp_path)
-        for tile in folder.glob("*.laz"):
-            tile.unlink()
-        for reader in (read_findings, describe, read_picture):
-            with pytest.raises(InputError, match="no LAS or LAZ tile"):
-                reader(str(folder))
-
-    def test_a_tile_that_is_none_of_a_result(self, results, tmp_path):
-        folder = self.copied(results, tmp_path)
-        write_cloud(folder / "c.laz", PointCloud.from_world(ORIGIN + np.eye(3)))
-        with pytest.raises(InputError, match=r"c\.laz: this is no tile of a result"):
-            read_findings(str(folder))
-
     def test_the_json_of_another(self, results, tmp_path):
         folder = self.copied(results, tmp_path)
         lines = (folder / "result.json").read_text().splitlines()

@@ -164,8 +164,3 @@ class TestWhichFieldsCount:
     def test_a_field_with_a_value_that_is_none_does_not(self):
         for span in (Span(0.0, 3.0, is_known=False), Span(0.0, 3.0, is_whole=False)):
             assert decide({"scan": Span(0.0, 1.0).joined(span)}).moment is None
-
-    def test_ways_to_the_sensor_count_without_passes_too(self):
-        ways = dict.fromkeys(("to_sensor_x", "to_sensor_y", "to_sensor_z"), Span(0.0, 1.0))
-        assert decide(ways).fields == tuple(ways)
-        assert decide({**ways, "pass_id": Span(0.0, 1.0)}).fields == ("pass_id", *ways)

@@ -15,7 +15,7 @@ from mapq.segmentation.parameters import choose_parameters
 from mapq.segmentation.points import sort_points
 from mapq.tiled import tiling as module
 from mapq.tiled.cut import shared_pairs
-from mapq.tiled.tiling import Counts, Tiling, cells_of, keys_of, make_tiling
+from mapq.tiled.tiling import Counts, keys_of, make_tiling
 
 
 @pytest.fixture(scope="module")
@@ -46,12 +46,6 @@ def test_neighbours_are_those_whose_halos_meet(xyz):
         assert near == set(tiling.neighbours(tile, 3.0).tolist())
 
 
-def test_a_map_of_one_cell_is_one_tile():
-    tiling = make_tiling(Counts(1.0, np.array([[4, -7]]), np.array([1000])), 10)
-    assert tiling.of_points(np.array([[1e6, -1e6, 0.0]])).tolist() == [0]
-    assert tiling.boxes.tolist() == Tiling(np.array([[-np.inf, -np.inf, np.inf, np.inf]])).boxes.tolist()
-
-
 def test_points_far_off_stretch_no_tile(xyz):
     far = np.concatenate([xyz, [[-5e6, 4e6, 0.0], [-5e6, 4e6, 1.0]]])
     sizes = np.bincount(make_tiling(Counts().plus(far), len(far) // 8 + 1).of_points(far), minlength=8)
@@ -73,13 +67,6 @@ def test_counts_are_those_of_coarser_cells_where_there_are_too_many(xyz, monkeyp
     for quarter in (1, 2, 3):
         turned = Counts(found.side).plus(turn(xyz, quarter))
         assert set(keys_of(found.turned(quarter).cells)) == set(keys_of(turned.cells))
-
-
-def test_a_sample_has_about_as_many_points_as_it_should(xyz):
-    found = Counts(2.0).plus(xyz)
-    drawn = np.isin(keys_of(cells_of(xyz, 2.0)), found.drawn(6000))
-    assert 6000 <= drawn.sum() < 6000 + found.counts.max()
-    assert len(found.drawn(10**6)) == len(found.cells)
 
 
 def wall(x: float, offset: float = 0.0, n: int = 300) -> np.ndarray:
