@@ -72,7 +72,9 @@ def _in_pool(pool: ProcessPoolExecutor, function: Callable[[Any], Any], tasks: S
     try:
         yield from found
     except BrokenProcessPool as error:
-        raise InputError("a worker was lost. It may need more memory: use fewer --workers.") from error
+        raise InputError(
+            "a worker was lost. It may need more memory: make --tile-points smaller, or use fewer --workers."
+        ) from error
 
 
 @contextmanager
