@@ -21,7 +21,9 @@ from numpy.typing import NDArray
 from benchmarks.drawn_labels import draw_labels
 from benchmarks.table2 import MANY, PLAIN, TRAIN_SEEDS, Row, make_map, seen
 from mapq.assess import feature_settings
-from mapq.crf import TrainingMap, TrainSettings, classify, train
+from mapq.crf import TrainSettings, classify
+from mapq.crf.cross_validation import train
+from mapq.crf.train import TrainingMap
 from mapq.features import FeatureSettings, patch_features
 from mapq.features.settings import CONTEXTS
 from mapq.io.models import read_default_model

@@ -17,7 +17,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.drawn_labels import draw_labels
-from mapq.crf import TrainingMap, TrainSettings, classify, train
+from mapq.crf import TrainSettings, classify
+from mapq.crf.cross_validation import train
+from mapq.crf.train import TrainingMap
 from mapq.evaluate import Scores, score_labels
 from mapq.features import FeatureSettings, patch_features
 from mapq.features.provenance import PASS, SCAN, TIME, TO_SENSOR

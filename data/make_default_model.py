@@ -19,7 +19,7 @@ import numpy as np
 
 from data.training_worlds import training_patches
 from mapq.crf.calibration import with_false_alarms
-from mapq.crf.train import TrainSettings
+from mapq.crf.settings import TrainSettings
 from mapq.io.models import write_model
 from mapq.labels import label_from_field
 from mapq.patches import Patches

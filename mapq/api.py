@@ -23,7 +23,6 @@ from mapq.model import Model
 from mapq.patches import Patches
 from mapq.segmentation import STAGES, SegmentSettings
 from mapq.segmentation import segment as cut
-from mapq.training import train_maps
 from prf.shell.errors import ArgumentError, UsageError
 from prf.shell.notebook import ProgressCallback, reported
 
@@ -215,6 +214,8 @@ def train(
     ConfigError
         If the settings ask for an edge feature that there is not.
     """
+    from mapq.training import train_maps  # noqa: PLC0415 - the other functions do not need it
+
     given = [maps] if isinstance(maps, Patches | str | os.PathLike) else list(maps)
     if not given:
         raise ArgumentError("maps: there are none.")

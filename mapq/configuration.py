@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
-from mapq.crf.train import TrainSettings
+from mapq.crf.settings import TrainSettings
 from mapq.features.settings import CONTEXTS, FeatureSettings
 from mapq.segmentation.settings import SegmentSettings
 from prf.shell.errors import UsageError

@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.crf import Trained, TrainingMap, TrainSettings, split_regions, train
+from mapq.crf import TrainSettings
+from mapq.crf.cross_validation import Trained, split_regions, train
+from mapq.crf.train import TrainingMap
 from mapq.evaluate import Scores, score_labels
 from mapq.features import FeatureSettings, patch_features
 from mapq.io import read_patches

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mapq.configuration import Configuration, load_configuration, sources_of
-from mapq.crf.train import TrainSettings
+from mapq.crf.settings import TrainSettings
 from mapq.features.settings import FeatureSettings
 from mapq.segmentation.settings import SegmentSettings
 from prf.shell.errors import ConfigError

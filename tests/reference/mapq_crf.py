@@ -8,8 +8,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.crf import TrainingMap
 from mapq.crf.energy import Field, make_field, model_inputs
+from mapq.crf.train import TrainingMap
 from mapq.crf.trees import columns_of
 from mapq.graph import PatchFeatures
 from mapq.model import EVIDENCE, NONE, SYMMETRIC, Calibration, Model, Potential, Scaling, parameter_names

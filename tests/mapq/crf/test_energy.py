@@ -8,7 +8,7 @@ import pytest
 from mapq.crf import classify, explain
 from mapq.crf.energy import label_design, make_field, model_inputs, unary_design
 from mapq.crf.explain import BASE, NEIGHBOUR_LABEL
-from mapq.crf.train import LINEAR, POTENTIALS
+from mapq.crf.settings import LINEAR, POTENTIALS
 from mapq.crf.trees import columns_of
 from mapq.features.edge import EDGE_NAMES
 from mapq.model import EDGE_MODELS, SYMMETRIC

@@ -6,10 +6,11 @@ import sys
 import numpy as np
 import pytest
 
-from mapq.crf import TrainingMap, TrainSettings, classify, max_margin, train
+from mapq.crf import TrainSettings, classify, max_margin
+from mapq.crf.cross_validation import MARGIN_STRENGTHS, train
 from mapq.crf.max_margin import BIAS_PRECISION, GAP, MarginFit, Part, fit_margin, make_part, solve_quadratic
-from mapq.crf.select import MARGIN_STRENGTHS
-from mapq.crf.train import LINEAR, MAX_MARGIN, Strength, margin_weights, precisions, prepare, signs
+from mapq.crf.settings import LINEAR, MAX_MARGIN
+from mapq.crf.train import Strength, TrainingMap, margin_weights, precisions, prepare, signs
 from mapq.evaluate import area_under_curve
 from mapq.model import EDGE_MODELS, NONE, SYMMETRIC, Model, parameter_names
 from mapq.patches import UNLABELLED

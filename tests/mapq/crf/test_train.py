@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy.optimize import Bounds, check_grad, minimize
 
-from mapq.crf import Strength, TrainSettings, classify, train
+from mapq.crf import TrainSettings, classify
+from mapq.crf.cross_validation import COUPLING_SHARES, STRENGTHS, train
 from mapq.crf.pseudo_likelihood import Problem, fit, gradient, hessian, objective
-from mapq.crf.select import COUPLING_SHARES, STRENGTHS
-from mapq.crf.train import LINEAR, TrainingMap, fit_range, fit_scaling, fit_weights, make_problem, prepare, signs
+from mapq.crf.settings import LINEAR
+from mapq.crf.train import Strength, TrainingMap, fit_range, fit_scaling, fit_weights, make_problem, prepare, signs
 from mapq.model import CLIP, EDGE_MODELS, NONE, SYMMETRIC, Model
 from mapq.patches import UNLABELLED
 from prf.shell.errors import ConfigError, InputError

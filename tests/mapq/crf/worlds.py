@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mapq.crf import TrainingMap, split_regions
+from mapq.crf.cross_validation import split_regions
+from mapq.crf.train import TrainingMap
 from mapq.graph import PatchFeatures
 from mapq.patches import UNLABELLED
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.crf.train import LINEAR, TrainSettings
+from mapq.crf.settings import LINEAR, TrainSettings
 from mapq.labels import label_from_field
 from mapq.model import Model
 from mapq.segmentation import segment

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.crf import TrainingMap, TrainSettings, classify, split_regions, train
-from mapq.crf.select import assign_folds, with_trees
+from mapq.crf import TrainSettings, classify
+from mapq.crf.cross_validation import assign_folds, split_regions, train, with_trees
+from mapq.crf.train import TrainingMap
 from mapq.crf.trees import columns_of, without_scans
 from mapq.evaluate import area_under_curve
 from mapq.features.context import NODE_COLUMNS

@@ -13,13 +13,11 @@ from mapq.crf.calibration import choose_calibration, fit_temperature, log_loss, 
 from mapq.crf.energy import make_field
 from mapq.crf.graph_cut import solve
 from mapq.crf.pseudo_likelihood import objective
+from mapq.crf.settings import MAX_MARGIN, TREES, TrainSettings
 from mapq.crf.train import (
-    MAX_MARGIN,
-    TREES,
     Prepared,
     Strength,
     TrainingMap,
-    TrainSettings,
     fit_weights,
     make_problem,
     patch_weights,
