@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -175,33 +174,30 @@ def _place(
     )
 
 
-def comparison_content(comparison: Comparison) -> Mapping[str, Any]:
+def comparison_content(found: Comparison) -> dict[str, Any]:
     """Return a comparison as the JSON object of ``mapq compare``, without the schema."""
-    found = comparison
-    columns = found.area, found.suspicious, found.expected, found.covered, found.disagreement, found.coverage
-    maps = zip(*columns, strict=True)
     names = ("area_m2", "share_of_area", "expected_share_of_area", "share_in_common", "disagreement_m", "coverage")
-    first, second = (dict(zip(names, map(float, row), strict=True)) for row in maps)
+    columns = found.area, found.suspicious, found.expected, found.covered, found.disagreement, found.coverage
+    first, second = (dict(zip(names, map(float, row), strict=True)) for row in zip(*columns, strict=True))
     return {
-        "cell_m": comparison.cell,
-        "n_cells": comparison.n_cells,
+        "cell_m": found.cell,
+        "n_cells": found.n_cells,
         "first": first,
         "second": second,
-        "better": comparison.better,
-        "by": comparison.by,
-        "difference": dict(zip(("low", "value", "high"), comparison.difference.tolist(), strict=True)),
-        "places": [_place_row(place) for place in comparison.places],
-    }
-
-
-def _place_row(place: Place) -> dict[str, Any]:
-    return {
-        "change": "worse" if place.worse else "better",
-        "n_cells": place.n_cells,
-        "area_m2": place.area,
-        "change_m2": place.change,
-        "expected_share_before": place.before,
-        "expected_share_after": place.after,
-        "low": place.low,
-        "high": place.high,
+        "better": found.better,
+        "by": found.by,
+        "difference": dict(zip(("low", "value", "high"), found.difference.tolist(), strict=True)),
+        "places": [
+            {
+                "change": "worse" if place.worse else "better",
+                "n_cells": place.n_cells,
+                "area_m2": place.area,
+                "change_m2": place.change,
+                "expected_share_before": place.before,
+                "expected_share_after": place.after,
+                "low": place.low,
+                "high": place.high,
+            }
+            for place in found.places
+        ],
     }

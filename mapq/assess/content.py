@@ -14,6 +14,7 @@ from mapq.io.results import CLOUD_UNIT
 
 if TYPE_CHECKING:
     from mapq.assess.result import Result
+    from mapq.crf import Terms
 
 LABELS = ("plausible", "suspicious")
 DECIMALS = 9
@@ -55,7 +56,7 @@ def patch_rows(result: Result) -> Iterator[dict[str, Any]]:
     centroids = result.patches.cloud.world_of(result.patches.centroid)
     disagreement = result.features.disagreement
     for patch in range(len(result.patches)):
-        span = slice(int(starts[patch]), int(starts[patch + 1]))
+        begin, end = starts[patch : patch + 2].tolist()
         shape = zip(result.features.shape_names, result.features.shape[patch].tolist(), strict=True)
         yield {
             "patch": patch,
@@ -66,37 +67,31 @@ def patch_rows(result: Result) -> Iterator[dict[str, Any]]:
             "centroid": rounded(centroids[patch]),
             "normal": rounded(result.patches.normal[patch]),
             **{name: round(value, DECIMALS) for name, value in shape if name != "n_points"},
-            **_disagreement_row(*disagreement[patch].tolist()),
+            **_disagreement(*disagreement[patch].tolist()),
             "region": region_of.get(patch),
             "cause": result.causes[patch].row(DECIMALS) if patch in result.causes else None,
             "reasons": [reason.row(DECIMALS) for reason in result.reasons(patch)],
-            "log_odds": round(float(result.terms.contribution[span].sum()), DECIMALS),
-            "terms": term_rows(result, int(starts[patch]), int(starts[patch + 1])),
+            "log_odds": round(float(result.terms.contribution[begin:end].sum()), DECIMALS),
+            "terms": _terms(result.terms, begin, end),
         }
 
 
-def term_rows(result: Result, begin: int, end: int) -> list[dict[str, Any]]:
+def _terms(terms: Terms, begin: int, end: int) -> list[dict[str, Any]]:
     """Return the terms of a patch, which lie from `begin` to `end`, largest first."""
-    rows = []
-    for place in range(begin, end):
-        row: dict[str, Any] = {
-            "name": result.terms.names[int(result.terms.name[place])],
-            "value": round(float(result.terms.value[place]), DECIMALS),
-            "contribution": round(float(result.terms.contribution[place]), DECIMALS),
-        }
-        if result.terms.other[place] >= 0:
-            row["other"] = int(result.terms.other[place])
-        rows.append(row)
-    return rows
+    columns = (column[begin:end].tolist() for column in (terms.name, terms.value, terms.contribution, terms.other))
+    return [
+        {"name": terms.names[name], "value": round(value, DECIMALS), "contribution": round(added, DECIMALS)}
+        | ({"other": other} if other >= 0 else {})
+        for name, value, added, other in zip(*columns, strict=True)
+    ]
 
 
-def _disagreement_row(low: float, metres: float, high: float) -> dict[str, float | None]:
+def _disagreement(low: float, metres: float, high: float) -> dict[str, float | None]:
     """Return by how much scans disagree on a patch, with bounds; null where that is unknown."""
-    if not math.isfinite(metres):
-        return {"disagreement_m": None, "low": None, "high": None}
-    return {name: round(x, DECIMALS) for name, x in (("disagreement_m", metres), ("low", low), ("high", high))}
+    named = {"disagreement_m": metres, "low": low, "high": high}
+    return {name: round(x, DECIMALS) if math.isfinite(metres) else None for name, x in named.items()}
 
 
 def rounded(values: NDArray[np.float64]) -> list[float]:
-    """Return places in metres as numbers of JSON."""
+    """Return places as numbers of JSON."""
     return [round(value, 6) for value in values.tolist()]

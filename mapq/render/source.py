@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.assess.stored import read_map
 from mapq.cloud import PointCloud
-from mapq.io.clouds import parse_cloud
-from mapq.io.content import Content
 from mapq.io.options import AS_IT_IS, ReadOptions
-from mapq.io.patches import holds_patches, parse_patches
-from mapq.io.result_folder import is_result_folder, open_result_folder, thinned
-from mapq.io.results import RESULT_FIELDS, patch_counts, read_result_json
+from mapq.io.result_folder import thinned
+from mapq.io.results import RESULT_FIELDS, patch_counts
 from mapq.patches import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from mapq.render.colours import Scheme, label_colours, patch_colours, probability_colours
 from mapq.render.picture import Picture
@@ -86,17 +84,18 @@ def _words(points: _Points, colour: Colour) -> str:
 
 
 def _read_points(path: str, options: ReadOptions, field: str | None) -> _Points:
-    if is_result_folder(path):
-        folder = open_result_folder(path, options)
-        wanted = (*RESULT_FIELDS, *((field,) if field is not None and field in folder.fields else ()))
-        points = _of_cloud(thinned(folder, wanted, MOST_DRAWN), path)
-        counts = patch_counts(folder.json, read_result_json(folder.json)[0])
-        return points._replace(counts=(folder.n_points, *counts))
-    content = Content(path)
-    if holds_patches(content):
-        options.refuse_unit(path)
-        return _of_patches(parse_patches(content.data(), path), path)
-    return _of_cloud(parse_cloud(content, options)[1], path)
+    found = read_map(path, options)
+    if isinstance(found, Patches):
+        return _of_patches(found, path)
+    if isinstance(found, PointCloud):
+        nothing = np.full(len(found), NO_PATCH, np.int32)
+        return _Points(path, found, nothing, np.full(len(found), UNLABELLED, np.uint8))
+    if isinstance(found.points, PointCloud):
+        return _of_result(found.points, path)
+    folder = found.points
+    wanted = (*RESULT_FIELDS, *((field,) if field is not None and field in folder.fields else ()))
+    points = _of_result(thinned(folder, wanted, MOST_DRAWN), path)
+    return points._replace(counts=(folder.n_points, *patch_counts(folder.json, found.content()[0])))
 
 
 def _of_patches(patches: Patches, name: str) -> _Points:
@@ -104,20 +103,9 @@ def _of_patches(patches: Patches, name: str) -> _Points:
     return _Points(name, patches.cloud, patches.patch, label)
 
 
-def _of_cloud(cloud: PointCloud, name: str) -> _Points:
-    none = np.full(len(cloud), NO_PATCH, np.int32)
-    number = _whole(cloud.fields.get("patch", none), NO_PATCH, np.iinfo(np.int32).max)
-    marked = _whole(cloud.fields.get("suspicious", none), UNLABELLED, SUSPICIOUS)
-    return _Points(name, cloud, number.astype(np.int32), marked.astype(np.uint8), cloud.fields.get("p_suspicious"))
-
-
-def _whole(values: NDArray[Any], otherwise: int, most: int) -> NDArray[np.int64]:
-    """Return numbers (n,) as integers; those outside [0, `most`], or several a point, are `otherwise`."""
-    if values.ndim != 1:
-        return np.full(len(values), otherwise, np.int64)
-    with np.errstate(invalid="ignore"):
-        known = (values >= 0) & (values <= most)
-    return np.where(known, values, otherwise).astype(np.int64)
+def _of_result(cloud: PointCloud, name: str) -> _Points:
+    number, label, probability = (cloud.fields[field] for field in RESULT_FIELDS)
+    return _Points(name, cloud, number.astype(np.int32), label.astype(np.uint8), probability)
 
 
 def _scheme(points: _Points, colour: Colour, field: str | None) -> Scheme:
