@@ -39,7 +39,7 @@ class GroundPlan(NamedTuple):
     """What the axes are chosen by; that of a map is joined from those of its parts."""
 
     n_points: int = 0  # finite ones
-    sums: tuple[int, int] = (0, 0)  # (int, int) of their x and y, in `QUANTUM`
+    sums: tuple[int, int] = (0, 0)  # of their x and y, in `QUANTUM`
     low: Floats = np.full(3, np.inf)  # (3,) box of the points in metres; inf and -inf where there are none
     high: Floats = np.full(3, -np.inf)  # (3,)
 

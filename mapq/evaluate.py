@@ -29,7 +29,7 @@ class Scores(NamedTuple):
 
     n: int  # patches with a label and a truth
     n_without_truth: int  # patches left out because their truth is unknown
-    # (int, int), (int, int) rows inferred, columns truth; plausible, then suspicious
+    # rows inferred, columns truth; plausible, then suspicious
     confusion: tuple[tuple[int, int], tuple[int, int]]
     accuracy: float  # recall is the share of suspicious patches that are called so, specificity that of plausible ones
     precision: float

@@ -44,13 +44,12 @@ Ints = NDArray[np.int64]
 class Spread(NamedTuple):
     """How points of a surface part, in metres."""
 
-    # root mean square difference between visits, and between scans of one visit; nan where there is one only
-    visits: float
-    scans: float
+    visits: float  # root mean square difference between visits; nan where there is one only
+    scans: float  # between scans of one visit, likewise
     points: float  # standard deviation within scans; nan where no scan has two points in a cell
-    n_visits: int  # the most visits of a cell; scans in all
+    n_visits: int  # the most visits of a cell
     n_scans: int
-    gap: tuple[int, int] | None  # (2,) moments between which the surface was out of sight, the middle one of such gaps
+    gap: tuple[int, int] | None  # moments between which the surface was out of sight, the middle one of such gaps
 
 
 class Cause(NamedTuple):

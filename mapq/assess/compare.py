@@ -63,7 +63,7 @@ class Comparison(NamedTuple):
     by: str  # by what they are compared: ``disagreement`` where scans are known in both, else ``expected share``
     difference: Floats  # (3,) of that, second less first, between its bounds at 95 %
     better: str  # ``first``, ``second``, or ``same`` where the bounds hold no difference
-    places: list[Place]  # list of Place largest change first
+    places: list[Place]  # largest change first
 
 
 def compare(first: Judged, second: Judged, cell: float) -> Comparison:

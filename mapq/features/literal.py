@@ -26,7 +26,7 @@ class Hulls(NamedTuple):
     volume: Floats  # (m,) of the points, in m³
     level_area: Floats  # (m,) of the points projected to the plane that is normal to up, in m²: "the XY plane"
     area: Floats  # (m,) in the patch's own plane, in m²
-    # list of (k_i, 3) float64 corners of the hull of the points, or all points where they have none
+    # (k_i, 3) corners of the hull of the points, or all points where they have none
     corners: list[Floats]
 
 

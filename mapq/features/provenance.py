@@ -26,8 +26,8 @@ class Span(NamedTuple):
 
     low: float = np.inf  # of its finite values; inf and -inf where there are none
     high: float = -np.inf
-    is_known: bool = True  # whether all values are finite, and whether those are whole numbers
-    is_whole: bool = True
+    is_known: bool = True  # whether all values are finite
+    is_whole: bool = True  # whether those are whole numbers
 
     def joined(self, other: Span) -> Span:
         """Return the span of both."""

@@ -41,8 +41,8 @@ class PatchShapes:
     points: Floats
     number: NDArray[np.int64]  # (k,) which point of the cloud each is
     start: NDArray[np.int64]  # (m + 1,) points of patch i are ``points[start[i]:start[i + 1]]``
-    normal: Floats  # (m, 3) unit normal as segmented, mean of the points
-    centre: Floats  # (m, 3)
+    normal: Floats  # (m, 3) unit normal as segmented
+    centre: Floats  # (m, 3) mean of the points
     # (m,) mean squared distance from the plane of best fit, in m² (smallest eigenvalue of the biased covariance)
     mse: Floats
     thickness: Floats  # (m,) 95 % minus 5 % quantile of the signed distance from the plane, in metres

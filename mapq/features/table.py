@@ -56,7 +56,7 @@ class Table(NamedTuple):
 
     names: tuple[str, ...]
     units: tuple[str, ...]
-    columns: list[NDArray[Any]]  # list of (n,) arrays patch numbers and counts are integers, all else float64
+    columns: list[NDArray[Any]]  # (n,) patch numbers and counts are integers, all else float64
 
     def rows(self) -> Iterator[tuple[int | float, ...]]:
         """Yield the rows as Python numbers."""

@@ -41,7 +41,7 @@ class Regions(NamedTuple):
 class Joined(NamedTuple):
     """The patches (m) of a map, largest first (ties: by their first point)."""
 
-    # list of (r + 1,) int32 by tile, the patch of each of its regions, -1 for none; the last one is that of points
+    # (r + 1,) by tile, the patch of each of its regions, -1 for none; the last one is that of points
     # without a region
     number: list[NDArray[np.int32]]
     normal: Floats  # (m, 3)

@@ -32,8 +32,8 @@ class Sample(NamedTuple):
 
     spacing: NDArray[np.float64]  # (s,) metres between points, as if they lay on a square grid
     normal: NDArray[np.float32]  # (s, 3) of the plane through the point and its neighbours, whether it is one or not
-    flat: NDArray[np.bool_]  # (s,) whether the neighbourhood shows a plane; whether it is too narrow to show one
-    narrow: NDArray[np.bool_]  # (s,)
+    flat: NDArray[np.bool_]  # (s,) whether the neighbourhood shows a plane
+    narrow: NDArray[np.bool_]  # (s,) whether it is too narrow to show one
     scale: NDArray[np.float64]  # (s,) root mean square in metres of the half that a plane fits best
     residual: NDArray[np.float64]  # (s, k) distances to that plane, nan where there are fewer
 

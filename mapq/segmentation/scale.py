@@ -31,11 +31,11 @@ class Scale(NamedTuple):
     """What the estimates found."""
 
     level: int  # of the octree: one point of each cell is looked at first. LEVELS + 1: every point.
-    spacing: float  # metres between points, median and 90th percentile over the sample; as if they lay on a square grid
-    wide_spacing: float
+    spacing: float  # metres between points as if on a square grid, median over the sample
+    wide_spacing: float  # its 90th percentile
     noise: float  # standard deviation in metres across surfaces
-    flat_share: float  # shares of the sample whose neighbourhoods show a plane; and that are too narrow to show one
-    narrow_share: float
+    flat_share: float  # share of the sample whose neighbourhoods show a plane
+    narrow_share: float  # and that are too narrow to show one
 
 
 def find_scale(points: Points, settings: SegmentSettings) -> Scale:
