@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.kernels.cells import LEVELS, pick_one_a_cell
-from mapq.segmentation.noise import usual_noise
 from mapq.segmentation.points import Points
-from mapq.segmentation.sample import LARGE_SAMPLE, SAMPLE, Sample, look_at
+from mapq.segmentation.sample import LARGE_SAMPLE, SAMPLE, Sample, look_at, usual_noise
 from mapq.segmentation.settings import SegmentSettings
 
 ENOUGH_FLAT, FEW_LINES, NEARLY_BEST = 0.5, 0.05, 0.9

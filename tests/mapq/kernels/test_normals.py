@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mapq.kernels.normals import estimate_normals, robust_normals, trimmed_residuals
-from mapq.segmentation.noise import pooled_noise, usual_noise
+from mapq.segmentation.sample import pooled_noise, usual_noise
 from tests.reference.mapq_segment import nearest, plane_of, wall
 
 RNG = np.random.default_rng(6)
