@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import rankdata
 
+from mapq.assess.inputs import StoredResult, read_map
 from mapq.assess.result import assess
-from mapq.assess.stored import StoredResult, read_map
 from mapq.cloud import PointCloud
 from mapq.io.results import RESULT_FIELDS
 from mapq.labels import majority_labels, majority_of, truth_values, votes

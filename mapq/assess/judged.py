@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.assess.inputs import StoredResult, read_map
 from mapq.assess.result import AREA, Result, assess
-from mapq.assess.stored import StoredResult, read_map
 from mapq.model import Model
 from mapq.patches import NO_PATCH, Patches
 from mapq.segmentation import segment

@@ -99,13 +99,13 @@ def _with_pairs(
     conflict = edge[:, EDGE_NAMES.index("overlap")] + edge[:, EDGE_NAMES.index("crossing")] > CONFLICT
     joined = graph.close | conflict
     graph, edge = take_pairs(graph, joined), edge[joined]
-    context = measure_context(patches, shapes, graph, edge, settings, beyond)
+    of_patches, of_pairs = measure_context(patches, shapes, graph, edge, settings, beyond)
     return found._replace(
-        node=np.hstack([found.node, context.node]),
+        node=np.column_stack([found.node, *of_patches.values()]),
         pairs=graph.pairs,
-        edge=np.hstack([edge, context.edge]),
+        edge=np.column_stack([edge, *of_pairs.values()]),
         plausibility=plausibility[joined],
-        node_names=(*NODE_NAMES, *context.node_names),
-        edge_names=(*EDGE_NAMES, *context.edge_names),
-        context_names=context.edge_names,
+        node_names=(*NODE_NAMES, *of_patches),
+        edge_names=(*EDGE_NAMES, *of_pairs),
+        context_names=tuple(of_pairs),
     )

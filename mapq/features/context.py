@@ -38,15 +38,7 @@ GRAZING = 0.1
 """Cosine of the angle to a patch's normal below which a ray does not show a side: it runs along the patch."""
 
 Floats = NDArray[np.float64]
-
-
-class Context(NamedTuple):
-    """Columns of patches (m, p) and of pairs (e, q), by name."""
-
-    node: Floats
-    node_names: tuple[str, ...]
-    edge: Floats
-    edge_names: tuple[str, ...]
+Ints = NDArray[np.int64]
 
 
 class Beyond(NamedTuple):
@@ -63,23 +55,24 @@ def measure_context(
     edge: Floats,
     settings: FeatureSettings,
     beyond: Beyond | None = None,
-) -> Context:
-    """Return the columns of the groups that the settings name.
+) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    """Return the columns of patches and of pairs, by name, of the groups that the settings name.
 
     `edge` (e, 7): edge features, named by `EDGE_NAMES`. `beyond`: None: the patches are all of the map.
     """
     wanted = settings.context
     known, centres = beyond or Beyond(known_of(patches.cloud))
-    pairs = _Pairs(shapes, graph, edge)
+    over = edge[:, EDGE_NAMES.index("weight")] * edge[:, EDGE_NAMES.index("overlap")]
     node: dict[str, Floats] = {}
     columns: dict[str, Floats] = {}
     if "outlines" in wanted:
-        columns |= outlines(pairs)
+        columns |= outlines(shapes, graph, over, edge[:, EDGE_NAMES.index("overlap_area")])
     if "moments" in wanted or "copies" in wanted:
         node |= _from_points(patches, shapes, settings, known, centres)
     if "rays" in wanted:
-        columns["facing_away"] = facing_away(pairs, seen_side(shapes, ways_of(patches.cloud, shapes.number, known)))
-    return Context(_stack(node, len(shapes)), tuple(node), _stack(columns, len(graph.pairs)), tuple(columns))
+        side = seen_side(shapes, ways_of(patches.cloud, shapes.number, known))
+        columns["facing_away"] = facing_away(shapes, smaller_first(shapes, graph), over, side)
+    return node, columns
 
 
 def _from_points(
@@ -101,43 +94,33 @@ def _from_points(
     return node
 
 
-class _Pairs:
-    """Pairs with their conflicts W A."""
-
-    def __init__(self, shapes: PatchShapes, graph: PatchGraph, edge: Floats) -> None:
-        self.shapes, self.graph = shapes, graph
-        self.over = edge[:, EDGE_NAMES.index("weight")] * edge[:, EDGE_NAMES.index("overlap")]
-        self.shared = edge[:, EDGE_NAMES.index("overlap_area")]
-        self.ordered = smaller_first(shapes, graph)
-
-
-def outlines(pairs: _Pairs) -> dict[str, Floats]:
+def outlines(shapes: PatchShapes, graph: PatchGraph, over: Floats, shared: Floats) -> dict[str, Floats]:
     """Return W A (1 - covered share of the larger patch), and W A (1 - ratio of their heights).
 
-    A fence or a kerb covers all of itself and little of the facade behind; copies of a wall have one outline.
+    A fence or a kerb covers all of itself and little of the facade behind; copies of a wall have one outline. `over`
+    (n,) is W A, `shared` (n,) the area that is covered.
     """
-    one, other = pairs.graph.pairs.T
-    larger = np.maximum(pairs.shapes.area[one], pairs.shapes.area[other])
-    covered = np.clip(pairs.shared / np.maximum(larger, 1e-12), 0.0, 1.0)
-    heights = np.sort(pairs.shapes.height[pairs.graph.pairs], axis=1)
+    larger = shapes.area[graph.pairs].max(axis=1, initial=0.0)
+    covered = np.clip(shared / np.maximum(larger, 1e-12), 0.0, 1.0)
+    heights = np.sort(shapes.height[graph.pairs], axis=1)
     ratio = heights[:, 0] / np.maximum(heights[:, 1], 1e-12)
-    return {"partly_covered": pairs.over * (1.0 - covered), "unlike_height": pairs.over * (1.0 - ratio)}
+    return {"partly_covered": over * (1.0 - covered), "unlike_height": over * (1.0 - ratio)}
 
 
-def facing_away(pairs: _Pairs, side: Floats) -> Floats:
+def facing_away(shapes: PatchShapes, ordered: Ints, over: Floats, side: Floats) -> Floats:
     """Return W A (2 f - 1), f how surely both patches were seen from outside, with the space between behind them.
 
     f is the share of pairs of points, one of each, of which this holds; 0 where it is not known from where either was
     seen. Both faces of a wall face away from each other; copies of a wall were seen from one side. Which side (m,) the
-    sensors were on is given as +1 to -1, towards the normal and behind it, nan where that is not known. How
-    they lie to one another is taken at the middle of the smaller one, which the larger one is over.
+    sensors were on is given as +1 to -1, towards the normal and behind it, nan where that is not known. How they lie to
+    one another is taken at the middle of the smaller one, the first of its pair (n, 2), which the larger one is over.
     """
-    shapes, (small, large) = pairs.shapes, pairs.ordered.T
+    small, large = ordered.T
     beyond = np.sign(np.einsum("ij,ij->i", shapes.normal[large], shapes.centre[small] - shapes.centre[large]))
     turned = np.sign(np.einsum("ij,ij->i", shapes.normal[large], shapes.normal[small]))
     outwards = np.stack([side[small] * turned * beyond, -side[large] * beyond])
     both = np.prod(0.5 * (1.0 + outwards), axis=0)
-    return np.asarray(np.nan_to_num(pairs.over * (2.0 * both - 1.0)))
+    return np.asarray(np.nan_to_num(over * (2.0 * both - 1.0)))
 
 
 def seen_side(shapes: PatchShapes, to_sensor: Floats | None) -> Floats:
@@ -154,7 +137,3 @@ def seen_side(shapes: PatchShapes, to_sensor: Floats | None) -> Floats:
         np.bincount(patch[steep], each, len(shapes)) for each in (np.sign(height[steep]), np.ones(steep.sum()))
     )
     return np.asarray(np.where(counts > 0.0, sums / np.maximum(counts, 1.0), np.nan))
-
-
-def _stack(columns: dict[str, Floats], n_rows: int) -> Floats:
-    return np.column_stack(list(columns.values())) if columns else np.zeros((n_rows, 0))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.assess.stored import read_map
+from mapq.assess.inputs import read_map
 from mapq.cloud import PointCloud
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.result_folder import thinned

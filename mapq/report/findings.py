@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.assess.stored import Row, StoredResult, read_map
+from mapq.assess.inputs import Row, StoredResult, read_map
 from mapq.cloud import PointCloud
 from mapq.io.result_folder import thinned_by_patch
 from mapq.io.results import LABEL, RESULT_FIELDS

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import PurePath
 from typing import Any
 
-from mapq.assess.stored import Row
+from mapq.assess.inputs import Row
 from mapq.report.findings import MAX_REGIONS, Findings
 from mapq.report.markup import escape, table
 
