@@ -95,6 +95,7 @@ def test_tiles_keep_their_names_points_and_fields(town, four):
     assert not list(town.parent.glob(".*.work"))
 
 
+@pytest.mark.slow
 def test_several_files_become_one_cloud(town, model, four):
     target = town.parent / "joined.laz"
     settings = TileSettings(N_POINTS // 4)
