@@ -25,10 +25,10 @@ from prf.kernels.sonar_features import CORNER, DEPTH, KIND, PROJECTION, SUBTENDE
 from prf.logs import Readings, thin
 from prf.logs.describe import default_max_range
 from prf.logs.poses import fields_of_view
-from prf.score import OccupiedArea, ScoreConfig, hold_out_sonar, read_occupied_area
+from prf.score import HeldOutSonar, OccupiedArea, read_occupied_area
 from prf.score.scene import enclosing_window, features_seen, first_edges, outline, scene_of_region
 from prf.sensors.laser import LaserModel, unit_vectors, window_exit
-from prf.sensors.sonar import SonarModel
+from prf.sensors.sonar import SonarModel, make_poses
 from prf.shell.errors import InputError
 from prf.shell.settings import settings_text
 from prf.simulate.sources import YAML_SUFFIXES, area_of_map, read_cell_map
@@ -113,7 +113,8 @@ def calibrate_sonar(readings: Readings, area: OccupiedArea, config: Configuratio
     """Return the sonar's parameters that explain the readings of a whole log in a known map best."""
     model = SonarModel(config.sonar.max_range)
     used, counts = _usable(readings, area, config)
-    cones = hold_out_sonar(used, ScoreConfig(sonar=model, sonar_cone=config.sonar.cone))
+    view = fields_of_view(used, config.sonar.cone)
+    cones = HeldOutSonar(make_poses(model, used.origin, used.angle, view, used.range), model)
     scene = scene_of_region(area.region, area.window, cones.origin, model.max_range)
     start, feature = features_seen(scene, cones.pose, model.max_range)
     count = np.diff(start)
@@ -124,8 +125,9 @@ def calibrate_sonar(readings: Readings, area: OccupiedArea, config: Configuratio
     family = Family(default, ("uniform_probability", "short_probability"))
     density = sonar_density(cones.range, rows, there, model.max_range)
     blind = sonar_density(cones.range, rows, np.zeros_like(there), model.max_range)
-    view = float(np.median(fields_of_view(used, config.sonar.cone)))
-    return _fitted("sonar", family, (density, blind), used, count > 0, (model.max_range, view), counts)
+    return _fitted(
+        "sonar", family, (density, blind), used, count > 0, (model.max_range, float(np.median(view))), counts
+    )
 
 
 def calibrate_laser(readings: Readings, area: OccupiedArea, config: Configuration) -> Calibrated:
@@ -199,8 +201,7 @@ def _hit(reading: Floats, depth: Floats, value: dict[str, float], power: float, 
 
 def _usable(readings: Readings, area: OccupiedArea, config: Configuration) -> tuple[Readings, tuple[int, int]]:
     """Return the readings whose sensor is in free space; how many are outside the map, and in a wall."""
-    chosen = config.readings
-    kept = thin(readings, chosen.every_scan, chosen.every_beam, chosen.scans, chosen.skip_scans)
+    kept = thin(readings, **config.readings.selection())
     inside = np.ones(kept.n_beams, np.bool_)
     if area.window is not None:
         inside = area.window.contains(kept.origin, strictly=True)

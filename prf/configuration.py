@@ -132,6 +132,10 @@ class Readings(Table):
     scans: str | None = key(None, "", "START:STOP:STEP, only these scans")
     skip_scans: str | None = key(None, "", "START:STOP:STEP, all but these scans")
 
+    def selection(self) -> dict[str, Any]:
+        """Return which scans and beams to take, as arguments of :func:`prf.logs.thin`."""
+        return self.model_dump(exclude={"topic", "sonar_topic", "frame"})
+
 
 class Driven(Table):
     """What the way driven says (docs/driven-way.md)."""

@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from prf.arak import exact_draws
 from prf.coloring import Draws
+from prf.configuration import Configuration, load_configuration
 from prf.estimate import occupied_probability
 from prf.logs import Readings
 from prf.run import PosteriorImage, Run
+from prf.score import SCORE_DEFAULTS
+from prf.sensors.sonar import SonarModel
 from prf.window import Window
 
 WINDOW = Window(-10.0, -5.0, 30.0, 20.0)
+
+
+def score_settings(sonar: SonarModel | None = None, **options: object) -> Configuration:
+    """Return the configuration of a score with these values, by the names that manifests have."""
+    model = {} if sonar is None else {f"sonar_{name}": value for name, value in dataclasses.asdict(sonar).items()}
+    return load_configuration({**model, **options}, SCORE_DEFAULTS).settings
+
+
+def grid_settings(**options: object) -> Configuration:
+    """Return the configuration of a grid with these values, by the names that its file has."""
+    return load_configuration(options, tables=("prior", "laser", "sonar", "readings", "grid")).settings
 
 
 def random_draws(seed: int, n_draws: int, window: Window = WINDOW, scale: float = 0.2) -> Draws:

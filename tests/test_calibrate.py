@@ -27,11 +27,12 @@ from prf.coloring import black_at
 from prf.configuration import Configuration
 from prf.export.cells import Cells
 from prf.export.ros_map import ros_map
-from prf.score import OccupiedArea, PolygonMap, ScoreConfig, hold_out_sonar, read_occupied_area, score
+from prf.score import OccupiedArea, PolygonMap, hold_out_sonar, read_occupied_area, score
 from prf.score.scene import features_seen, scene_of_coloring
 from prf.sensors.sonar import SonarModel, make_poses
 from prf.shell.errors import ConfigError, InputError
 from prf.window import Window
+from tests.factories import score_settings
 from tests.logs.sonar_sets import ARENA_POSITIONS, ARENA_WALLS, arena_readings
 from tests.reference import slow_sonar
 from tests.reference.beams import Sensor
@@ -74,7 +75,7 @@ def z_scores(found: Calibrated, truth: np.ndarray) -> np.ndarray:
 
 def scored_loss(known: Known, model: SonarModel) -> float:
     """-log likelihood of all readings in the true map, as scores compute it."""
-    cones = hold_out_sonar(known.readings, ScoreConfig(sonar=model))
+    cones = hold_out_sonar(known.readings, score_settings(sonar=model))
     found: dict[str, float] = score(PolygonMap(known.area), None, sonar=cones)
     return found["sonar_nll"] * known.readings.n_beams
 
@@ -224,7 +225,7 @@ def test_what_some_places_show_helps_at_another(shared_data: Path, tmp_path: Pat
     assert 0.03 < value["noise_relative"] < 0.06
     held_out = []
     for model in (SonarModel(ARENA_MAX_RANGE), SonarModel(ARENA_MAX_RANGE, **value)):
-        cones = hold_out_sonar(readings, ScoreConfig(sonar=model, scans="4:5"))
+        cones = hold_out_sonar(readings, score_settings(sonar=model, scans="4:5"))
         held_out.append(score(PolygonMap(area), None, sonar=cones)["sonar_nll"])
     assert held_out[1] < held_out[0] - 0.4
 

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 from prf.configuration import Configuration, flat_name, load_configuration
-from prf.occupancy import GridConfig, grid_config
-from prf.score import SCORE_DEFAULTS, ScoreConfig, score_config
 from prf.sensors.laser import LaserModel
 from prf.sensors.points import PointModel
 from prf.sensors.sonar import SonarModel
@@ -69,8 +67,3 @@ def test_options_of_a_verb_are_found_by_name() -> None:
     assert (found.settings.laser.noise, found.settings.sampler.resolution, found.settings.grid.clamp) == (0.1, 0.5, 2.0)
     assert found.sources["sampler.resolution"] == "--resolution"
     assert load_configuration(options, tables=("grid",)).settings.grid.resolution == 0.5
-
-
-def test_grids_and_scores_share_the_defaults() -> None:
-    assert grid_config(Configuration()) == GridConfig()
-    assert score_config(load_configuration({}, SCORE_DEFAULTS).settings) == ScoreConfig()

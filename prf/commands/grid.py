@@ -70,7 +70,7 @@ def grid(
     options = locals()
 
     from prf.configuration import load_configuration
-    from prf.occupancy import build_grid, grid_config, grid_sources, write_grid
+    from prf.occupancy import build_grid, grid_sources, write_grid
     from prf.sampler.prepare import read_configured
     from prf.sampler.session import default_output
     from prf.shell.errors import UsageError
@@ -91,9 +91,8 @@ def grid(
     refuse_other_format(target, (".npz",), advice)
     refuse_inputs([target], [*logs, config])
     asked = load_configuration(options, tables=("prior", "laser", "sonar", "readings", "grid"))
-    settings = grid_config(asked.settings)
     readings = read_configured(asked.settings, laser, sonar)
-    built = build_grid(*readings, settings, {**describe_process(logs), "sources": grid_sources(asked)})
+    built = build_grid(*readings, asked.settings, {**describe_process(logs), "sources": grid_sources(asked)})
     write_grid(target, built.grid)
     if built.n_outside:
         logger.warning(f"{built.n_outside} readings dropped: their sensors stand outside the window")

@@ -105,7 +105,6 @@ def score(
         hold_out_sonar,
         open_map,
         read_occupied_area,
-        score_config,
         true_cells,
     )
     from prf.score import score as score_map
@@ -116,13 +115,12 @@ def score(
         raise UsageError("Nothing to score by: give --laser HELDOUT, --sonar HELDOUT or --truth PLAN.geojson.")
     refuse_shared_stream({"MAP": scored, "--laser": laser, "--sonar": sonar, "--truth": truth, "--config": config})
     configuration = load_configuration(options, SCORE_DEFAULTS).settings
-    settings = score_config(configuration, square)
     found = open_map(scored)
     readings = read_configured(configuration, laser, sonar)
-    beams = None if readings[0] is None else hold_out(readings[0], settings)
-    cones = None if readings[1] is None else hold_out_sonar(readings[1], settings)
+    beams = None if readings[0] is None else hold_out(readings[0], configuration)
+    cones = None if readings[1] is None else hold_out_sonar(readings[1], configuration)
     cells = None if truth is None else true_cells(read_occupied_area(truth), beams, cones)
-    result = score_map(found, beams, None if laser is None else resolve_seed(seed), cones, cells, settings.square)
+    result = score_map(found, beams, None if laser is None else resolve_seed(seed), cones, cells, square)
     _warn(scored, result)
     _report(result, json)
 

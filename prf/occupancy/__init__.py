@@ -1,16 +1,13 @@
 """Occupancy grids, the baseline: cells that know nothing of one another (paper, section 1.2)."""
 
-from prf.occupancy.build import BuiltGrid, build_grid
-from prf.occupancy.config import GridConfig, grid_config, grid_sources
+from prf.occupancy.build import BuiltGrid, build_grid, grid_sources
 from prf.occupancy.grid import SCHEMA, OccupancyGrid, is_grid, occupied_probability, path_free, read_grid, write_grid
 
 __all__ = [
     "SCHEMA",
     "BuiltGrid",
-    "GridConfig",
     "OccupancyGrid",
     "build_grid",
-    "grid_config",
     "grid_sources",
     "is_grid",
     "occupied_probability",

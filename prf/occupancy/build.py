@@ -6,26 +6,34 @@ thickness of the range are hit, nearer ones in the cone are missed (Thrun, Burga
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from prf.configuration import Configuration, flat_name
 from prf.kernels.grid import Grid, most_cells
 from prf.kernels.occupancy import Cells, update_beams, update_cones
 from prf.logs import Kind, Readings, thin, warn_of_spoiling
 from prf.logs.describe import default_max_range
-from prf.occupancy.config import GridConfig
 from prf.occupancy.grid import OccupancyGrid
 from prf.sampler.prepare import chosen_window
 from prf.sensors.laser import unit_vectors, window_exit
 from prf.shell.errors import ConfigError, InputError
+from prf.shell.settings import Loaded
 from prf.window import Window
 
 Floats = NDArray[np.float64]
 
+USED = ("prior.window", "laser.max_range", "sonar.max_range", "sonar.cone", "readings.", "grid.")
+"""What a grid takes of a configuration: its inverse models share no other parameter with the sensors' densities."""
+SETTINGS = (
+    *("method", "resolution", "window", "max_range", "no_return", "hit_probability", "miss_probability", "clamp"),
+    *("sonar_max_range", "sonar_cone", "sonar_thickness", "topic", "sonar_topic", "frame"),
+    *("every_scan", "every_beam", "scans", "skip_scans"),
+)
+"""Names of the settings in a GRID file."""
 MAX_CELLS = 100_000_000
 """Each takes 20 bytes while the grid is built."""
 
@@ -52,15 +60,15 @@ class _Rays(NamedTuple):
 
 
 def build_grid(
-    laser: Readings | None, sonar: Readings | None, config: GridConfig, process: dict[str, Any] | None = None
+    laser: Readings | None, sonar: Readings | None, config: Configuration, process: dict[str, Any] | None = None
 ) -> BuiltGrid:
     """Build the grid of whole logs; laser readings are entered first, each log in its own order.
 
     `laser`, `sonar`: not thinned yet; at least one of them. `process`: what to keep with the grid beside its settings:
     versions, digests.
     """
-    beams = _rays(laser, "laser", config, config.max_range)
-    cones = _rays(sonar, "sonar", config, config.sonar_max_range)
+    beams = _rays(laser, "laser", config, config.laser.max_range)
+    cones = _rays(sonar, "sonar", config, config.sonar.max_range)
     window = _window(config, beams, cones)
     n_all = len(beams.range) + len(cones.range)
     beams = beams.select(window.contains(beams.origin, strictly=True))
@@ -69,15 +77,26 @@ def build_grid(
     if n_used == 0:
         raise InputError("no sensor stands inside the window. Check --window.")
     cells = _empty_cells(window, config)
-    if config.no_return == "ignore":
+    if config.grid.no_return == "ignore":
         beams = beams.select(np.isfinite(beams.range))
     _enter_beams(cells, beams)
     update_cones(cells, _cone_rows(cones, config))
-    settings = {**dataclasses.asdict(config), "window": [*window], "max_range": beams.max_range}
-    return BuiltGrid(_finished(cells, config, settings, process or {}), n_used, n_all - n_used)
+    settings = {**grid_settings(config), "window": [*window], "max_range": beams.max_range}
+    return BuiltGrid(_finished(cells, settings, process or {}), n_used, n_all - n_used)
 
 
-def _rays(readings: Readings | None, kind: Kind, config: GridConfig, max_range: float | None) -> _Rays:
+def grid_settings(config: Configuration) -> dict[str, Any]:
+    """Return the settings that a GRID is built by, as its file has them."""
+    flat = {**config.flat(), **config.grid.model_dump()}
+    return {name: flat[name] for name in SETTINGS}
+
+
+def grid_sources(loaded: Loaded[Configuration]) -> dict[str, str]:
+    """Return what has set which value of a grid's settings."""
+    return {flat_name(place): source for place, source in loaded.sources.items() if place.startswith(USED)}
+
+
+def _rays(readings: Readings | None, kind: Kind, config: Configuration, max_range: float | None) -> _Rays:
     if readings is None:
         none = np.empty(0)
         return _Rays(np.empty((0, 2)), none, none, none, math.nan)
@@ -85,32 +104,39 @@ def _rays(readings: Readings | None, kind: Kind, config: GridConfig, max_range: 
     limit = default_max_range(readings) if max_range is None else max_range
     if not math.isfinite(limit):
         raise InputError(f"{readings.source}: no reading has a finite range. Give --max-range.")
-    kept = thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
+    kept = thin(readings, **config.readings.selection())
     warn_of_spoiling(readings, kept, kind, max_range)
     distance = np.where(kept.range < limit, kept.range, np.inf)
     return _Rays(kept.origin, kept.angle, distance, kept.cone, limit)
 
 
-def _window(config: GridConfig, *parts: _Rays) -> Window:
+def _window(config: Configuration, *parts: _Rays) -> Window:
     """Return the window given, or the one that `prf sample` takes, for the readings of all sensors."""
     origin, angle, distance = (np.concatenate([part[field] for part in parts]) for field in range(3))
-    return chosen_window(config.window, origin, angle, distance)
+    return chosen_window(config.prior.window, origin, angle, distance)
 
 
-def _empty_cells(window: Window, config: GridConfig) -> Cells:
+def _empty_cells(window: Window, config: Configuration) -> Cells:
+    chosen = config.grid
     # A hair less, so that 3 m hold 30 cells of 0.1 m and not 31.
-    nx, ny = (max(1, math.ceil(side / config.resolution - 1e-9)) for side in (window.width, window.height))
+    nx, ny = (max(1, math.ceil(side / chosen.resolution - 1e-9)) for side in (window.width, window.height))
     if nx * ny > MAX_CELLS:
-        raise ConfigError(f"--resolution {config.resolution}: more than {MAX_CELLS} cells. Give a larger one.")
-    grid = Grid(window.x_min, window.y_min, config.resolution, nx, ny)
+        raise ConfigError(f"--resolution {chosen.resolution}: more than {MAX_CELLS} cells. Give a larger one.")
+    grid = Grid(window.x_min, window.y_min, chosen.resolution, nx, ny)
     return Cells(
         grid=grid,
         hits=np.zeros(nx * ny, np.int32),
         misses=np.zeros(nx * ny, np.int32),
         log_odds=np.zeros(nx * ny),
-        steps=config.steps(),
+        steps=np.array(
+            [_log_odds(chosen.hit_probability), _log_odds(chosen.miss_probability), -chosen.clamp, chosen.clamp]
+        ),
         path=np.empty(most_cells(grid), np.int32),
     )
+
+
+def _log_odds(probability: float) -> float:
+    return math.log(probability / (1.0 - probability))
 
 
 def _enter_beams(cells: Cells, beams: _Rays) -> None:
@@ -124,19 +150,19 @@ def _enter_beams(cells: Cells, beams: _Rays) -> None:
     update_beams(cells, segments, np.ascontiguousarray(beams.range <= length))
 
 
-def _cone_rows(cones: _Rays, config: GridConfig) -> Floats:
+def _cone_rows(cones: _Rays, config: Configuration) -> Floats:
     """Return what the kernel wants to know of each cone, (n, 7)."""
-    opening = np.where(cones.cone > 0.0, cones.cone, config.sonar_cone)
+    opening = np.where(cones.cone > 0.0, cones.cone, config.sonar.cone)
     returned = np.isfinite(cones.range)
-    near = np.minimum(cones.range, cones.max_range) - 0.5 * config.sonar_thickness
-    far = np.where(returned, near + config.sonar_thickness, 0.0)
+    near = np.minimum(cones.range, cones.max_range) - 0.5 * config.grid.sonar_thickness
+    far = np.where(returned, near + config.grid.sonar_thickness, 0.0)
     columns = [np.cos(cones.angle), np.sin(cones.angle), np.cos(0.5 * opening), near, far]
     return np.ascontiguousarray(np.column_stack([cones.origin, *columns]))
 
 
-def _finished(cells: Cells, config: GridConfig, settings: dict[str, Any], process: dict[str, Any]) -> OccupancyGrid:
+def _finished(cells: Cells, settings: dict[str, Any], process: dict[str, Any]) -> OccupancyGrid:
     shape = cells.grid.ny, cells.grid.nx
-    if config.method == "count":
+    if settings["method"] == "count":
         probability = (cells.hits + 0.5) / (cells.hits + cells.misses + 1.0)
     else:
         probability = 1.0 / (1.0 + np.exp(-cells.log_odds))

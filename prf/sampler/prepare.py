@@ -113,8 +113,7 @@ def prepare_whole(
 def _chosen(config: Configuration, readings: Readings | None, kind: Kind, max_range: float | None) -> Readings | None:
     if readings is None:
         return None
-    chosen = config.readings
-    kept = thin(readings, chosen.every_scan, chosen.every_beam, chosen.scans, chosen.skip_scans)
+    kept = thin(readings, **config.readings.selection())
     warn_of_spoiling(readings, kept, kind, max_range)
     return kept
 

@@ -1,7 +1,6 @@
 """How well a map predicts readings that it was not made from (docs/scores.md)."""
 
-from prf.score.config import SCORE_DEFAULTS, ScoreConfig, score_config
-from prf.score.heldout import HeldOut, HeldOutSonar, hold_out, hold_out_sonar
+from prf.score.heldout import SCORE_DEFAULTS, HeldOut, HeldOutSonar, hold_out, hold_out_sonar
 from prf.score.maps import DrawsMap, GridMap, PolygonMap, ScoredMap, open_map
 from prf.score.polygons import OccupiedArea, read_occupied_area
 from prf.score.score import LabelledPoints, classification_scores, draw_points, ranking_area, score
@@ -16,7 +15,6 @@ __all__ = [
     "LabelledPoints",
     "OccupiedArea",
     "PolygonMap",
-    "ScoreConfig",
     "ScoredMap",
     "TrueCells",
     "classification_scores",
@@ -27,6 +25,5 @@ __all__ = [
     "ranking_area",
     "read_occupied_area",
     "score",
-    "score_config",
     "true_cells",
 ]

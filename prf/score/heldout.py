@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from prf.configuration import Configuration
 from prf.kernels.cones import READING
 from prf.kernels.sonar_features import POSE_X, POSE_Y
 from prf.logs import Readings, thin
 from prf.logs.describe import default_max_range
 from prf.logs.poses import fields_of_view
-from prf.score.config import ScoreConfig
 from prf.sensors.laser import LaserModel, unit_vectors, window_exit
 from prf.sensors.sonar import SonarModel, make_poses
 from prf.shell.errors import InputError
@@ -21,6 +23,12 @@ from prf.window import Window
 
 Floats = NDArray[np.float64]
 
+SCORE_DEFAULTS: Mapping[str, float] = MappingProxyType(
+    {"laser.noise": 0.05, "laser.noise_relative": 0.0, "laser.miss_probability": 0.0}
+)
+"""Of a configuration by which maps are scored, where they differ from those of a sampler."""
+SQUARE = 0.2
+"""Side in metres of the squares that every kind of map is asked for: a point on a wall has no colour."""
 CLIP = 1e-3
 """Probabilities are kept so far from 0 and 1 before their logarithm is taken."""
 OUTSIDE = 0.5
@@ -58,15 +66,13 @@ class HeldOut(NamedTuple):
         return np.where(self.range < reach, self.range, -reach)
 
 
-def hold_out(readings: Readings, config: ScoreConfig) -> HeldOut:
+def hold_out(readings: Readings, config: Configuration) -> HeldOut:
     """Return the beams of a whole log to score."""
-    max_range = default_max_range(readings) if config.max_range is None else config.max_range
-    if config.max_range is None and not math.isfinite(max_range):
+    max_range = default_max_range(readings) if config.laser.max_range is None else config.laser.max_range
+    if not math.isfinite(max_range):
         raise InputError(f"{readings.source}: no reading has a finite range. There is nothing to score.")
-    model = LaserModel(
-        max_range, config.noise, config.noise_relative, config.outlier_probability, config.miss_probability
-    )
-    kept = thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
+    model = config.laser.model(max_range)
+    kept = thin(readings, **config.readings.selection())
     returned = kept.range < max_range
     if not returned.any():
         raise InputError(f"{readings.source}: no beam has a return below {max_range:g} m. There is nothing to score.")
@@ -98,8 +104,8 @@ class HeldOutSonar(NamedTuple):
         return HeldOutSonar(np.ascontiguousarray(self.pose[mask]), self.model)
 
 
-def hold_out_sonar(readings: Readings, config: ScoreConfig) -> HeldOutSonar:
+def hold_out_sonar(readings: Readings, config: Configuration) -> HeldOutSonar:
     """Return the readings of a whole log to score."""
-    kept = thin(readings, config.every_scan, config.every_beam, config.scans, config.skip_scans)
-    view = fields_of_view(kept, config.sonar_cone)
-    return HeldOutSonar(make_poses(config.sonar, kept.origin, kept.angle, view, kept.range), config.sonar)
+    kept, model = thin(readings, **config.readings.selection()), config.sonar.model()
+    view = fields_of_view(kept, config.sonar.cone)
+    return HeldOutSonar(make_poses(model, kept.origin, kept.angle, view, kept.range), model)

@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.score.config import SQUARE
-from prf.score.heldout import CLIP, OUTSIDE, HeldOut, HeldOutSonar
+from prf.score.heldout import CLIP, OUTSIDE, SQUARE, HeldOut, HeldOutSonar
 from prf.score.maps import Prediction, ScoredMap, SonarPrediction
 from prf.score.truth import TrueCells, truth_scores
-from prf.shell.errors import InputError
+from prf.shell.errors import ConfigError, InputError
 from prf.shell.seeds import spawn_generators
+from prf.window import LARGEST_RANGE
 
 Floats = NDArray[np.float64]
 
@@ -39,6 +39,8 @@ def score(
     held-out point; 0: the point, of a GRID its cell. Returns: names and definitions: docs/scores.md; nan where a score
     is not defined.
     """
+    if not 0.0 <= square <= LARGEST_RANGE:
+        raise ConfigError(f"square {square}: must be a number of metres from 0 to {LARGEST_RANGE:g}")
     found: dict[str, Any] = {"kind": scored.kind, "n_draws": scored.n_draws}
     if held_out is not None:
         assert seed is not None

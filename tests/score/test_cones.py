@@ -21,7 +21,6 @@ from prf.score import (
     HeldOutSonar,
     OccupiedArea,
     PolygonMap,
-    ScoreConfig,
     hold_out_sonar,
     score,
 )
@@ -29,6 +28,7 @@ from prf.score.maps import contours_of
 from prf.score.scene import features_seen, outline, scene_of_coloring, scene_of_region
 from prf.shell.errors import ConfigError, InputError
 from prf.window import Window
+from tests.factories import score_settings
 from tests.occupancy.test_build import random_grid
 from tests.reference import slow_sonar
 from tests.reference.slow_score import cone_density
@@ -45,7 +45,7 @@ NOTHING = 0.2 / 3.5
 def held(cones: list[Cone], readings: object, ring: Ring | None = None) -> HeldOutSonar:
     rows = np.array(cones)
     log = Readings.from_arrays(rows[:, :2], rows[:, 2], readings, cone=rows[:, 3])
-    return hold_out_sonar(log, ScoreConfig(sonar=model_of(ring or Ring())))
+    return hold_out_sonar(log, score_settings(sonar=model_of(ring or Ring())))
 
 
 def draws_of(colorings: list[Coloring]) -> DrawsMap:
@@ -243,18 +243,18 @@ class TestHoldOut:
         return Readings.from_arrays(np.ones((3, 2)), np.zeros(3), [1.0, 3.5, 2.0], **options)
 
     def test_readings_without_return_are_kept(self) -> None:
-        cones = hold_out_sonar(self.log(), ScoreConfig())
+        cones = hold_out_sonar(self.log(), score_settings())
         assert cones.range.tolist() == [1.0, math.inf, 2.0]
 
     def test_the_cone_of_the_log_takes_precedence(self) -> None:
         for cone, expected in ((0.0, 0.5), (1.0, 1.0)):
-            cones = hold_out_sonar(self.log(cone=cone), ScoreConfig(sonar_cone=0.5))
+            cones = hold_out_sonar(self.log(cone=cone), score_settings(sonar_cone=0.5))
             assert cones.pose[:, 4] == pytest.approx(math.tan(0.5 * expected))
 
     def test_what_cannot_be_scored(self) -> None:
         with pytest.raises(ConfigError, match="--sonar-cone"):
-            hold_out_sonar(self.log(), ScoreConfig(sonar_cone=4.0))
+            hold_out_sonar(self.log(), score_settings(sonar_cone=4.0))
         with pytest.raises(InputError, match="narrower than pi"):
-            hold_out_sonar(self.log(cone=3.5), ScoreConfig())
+            hold_out_sonar(self.log(cone=3.5), score_settings())
         with pytest.raises(InputError):
-            hold_out_sonar(self.log(), ScoreConfig(scans="7:"))
+            hold_out_sonar(self.log(), score_settings(scans="7:"))

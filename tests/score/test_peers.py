@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from prf.logs import Readings, read_readings
-from prf.occupancy import GridConfig, build_grid, occupied_probability
-from prf.score import GridMap, HeldOut, ScoreConfig, classification_scores, hold_out, score
+from prf.occupancy import build_grid, occupied_probability
+from prf.score import GridMap, HeldOut, classification_scores, hold_out, score
+from tests.factories import grid_settings, score_settings
 
 pytestmark = pytest.mark.slow
 
@@ -49,8 +50,8 @@ def points_of_the_figures(beams: HeldOut) -> tuple[np.ndarray, np.ndarray]:
 def test_figures_of_the_intel_lab(
     intel: Readings, options: dict[str, Any], beam_nll: float, auc: float, nll: float, brier: float
 ) -> None:
-    grid = build_grid(intel, None, GridConfig(max_range=40.0, **options)).grid
-    beams = hold_out(intel, ScoreConfig(max_range=40.0, scans="5::10"))
+    grid = build_grid(intel, None, grid_settings(max_range=40.0, **options)).grid
+    beams = hold_out(intel, score_settings(max_range=40.0, scans="5::10"))
     xy, occupied = points_of_the_figures(beams)
     found = classification_scores(occupied_probability(grid, xy), occupied)
     assert score(GridMap(grid), beams, 1)["beam_nll"] == pytest.approx(beam_nll, abs=0.12)

@@ -22,7 +22,6 @@ from prf.score import (
     LabelledPoints,
     OccupiedArea,
     PolygonMap,
-    ScoreConfig,
     classification_scores,
     draw_points,
     hold_out,
@@ -34,7 +33,7 @@ from prf.score.score import point_scores
 from prf.sensors.laser import LaserModel
 from prf.shell.errors import ConfigError, InputError
 from prf.window import Window
-from tests.factories import WINDOW, random_draws
+from tests.factories import WINDOW, random_draws, score_settings
 from tests.occupancy.test_build import random_grid
 from tests.reference.beams import impacts
 from tests.reference.slow_score import grid_density, pair_count_area
@@ -44,7 +43,7 @@ WALL = shapely.box(7.0, 2.0, 7.5, 8.0)
 
 
 def held(origin: object, angle: object, ranges: object, **options: float) -> HeldOut:
-    return hold_out(Readings.from_arrays(origin, angle, ranges), ScoreConfig(**{"max_range": 8.0, **options}))
+    return hold_out(Readings.from_arrays(origin, angle, ranges), score_settings(**{"max_range": 8.0, **options}))
 
 
 def random_beams(seed: int, window: Window, n: int = 300, max_range: float = 12.0) -> HeldOut:
@@ -328,7 +327,7 @@ class TestHoldOut:
         with pytest.raises(InputError, match="no beam has a return"):
             held([1.0, 1.0], [0.0], [9.0])
         with pytest.raises(InputError, match="finite range"):
-            hold_out(Readings.from_arrays([1.0, 1.0], [0.0], [np.inf]), ScoreConfig())
+            hold_out(Readings.from_arrays([1.0, 1.0], [0.0], [np.inf]), score_settings())
         with pytest.raises(ConfigError, match="outlier-probability"):
             held([1.0, 1.0], [0.0], [1.0], outlier_probability=0.0)
         with pytest.raises(InputError, match="no draws"):

@@ -18,7 +18,6 @@ from prf.score import (
     HeldOutSonar,
     OccupiedArea,
     PolygonMap,
-    ScoreConfig,
     hold_out,
     hold_out_sonar,
     score,
@@ -26,7 +25,7 @@ from prf.score import (
 )
 from prf.shell.errors import InputError
 from prf.window import Window
-from tests.factories import WINDOW, random_draws
+from tests.factories import WINDOW, random_draws, score_settings
 
 ROOM = Window(0.0, 0.0, 10.0, 8.0)
 WALL = shapely.box(6.0, 0.0, 7.0, 8.0)
@@ -36,12 +35,13 @@ PLAN = OccupiedArea(WALL, ROOM)
 def beams_from(x: float, y: float, angles: object, max_range: float = 8.0) -> HeldOut:
     n = np.size(angles)
     return hold_out(
-        Readings.from_arrays(np.tile([x, y], (n, 1)), np.ravel(angles), np.full(n, 1.0)), ScoreConfig(max_range)
+        Readings.from_arrays(np.tile([x, y], (n, 1)), np.ravel(angles), np.full(n, 1.0)),
+        score_settings(max_range=max_range),
     )
 
 
 def cone_from(x: float, y: float, angle: float, view: float) -> HeldOutSonar:
-    return hold_out_sonar(Readings.from_arrays([[x, y]], [angle], [1.0], cone=view), ScoreConfig())
+    return hold_out_sonar(Readings.from_arrays([[x, y]], [angle], [1.0], cone=view), score_settings())
 
 
 class TestCells:
