@@ -177,7 +177,7 @@ class Grid(Table):
     """Occupancy grids (docs/scores.md)."""
 
     method: Literal["count", "log-odds"] = key("count", "", "count hits and misses, or add clamped log odds")
-    resolution: float = key(0.1, "m", "side of a cell")
+    resolution: float = key(0.1, "m", "side of a cell", gt=0.0)
     no_return: Literal["free", "ignore"] = key("ignore", "", "what laser beams without return say of their cells")
     hit_probability: float = key(0.7, "", "log-odds: occupied, given one hit", gt=0.5, lt=1.0)
     miss_probability: float = key(0.4, "", "log-odds: occupied, given one miss", gt=0.0, lt=0.5)

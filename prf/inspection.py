@@ -162,23 +162,35 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
         return Inspection("run", read_manifest(place), inspect_files(place))
     if not place.exists():
         raise InputError(f"{path}: no such file or directory.")
-    if is_grid(place):
-        return _inspect_grid(place)
-    content = _read_json(place)
-    if content is None or _is_draw(content):
-        return _inspect_draws(place)
-    return _inspect_map(place) if content.get("schema") == names.SCHEMAS[names.MAP] else _inspect_polygons(place)
+    kind, manifest, summary = _look_into(place)
+    return Inspection(kind, manifest, [FileState(place.name, "ok", place.stat().st_size, manifest["schema"], summary)])
 
 
-def _read_json(file: Path) -> dict[str, Any] | None:
-    """Return the one JSON object that a file is, or None if it is several, one a line."""
+def _look_into(file: Path) -> tuple[Kind, dict[str, Any], str]:
+    """Return kind, manifest and summary of a file."""
+    if is_grid(file):
+        grid = read_grid(file)
+        n_rows, n_columns = grid.occupancy.shape
+        summary = f"{n_columns} x {n_rows} cells of {grid.resolution:g} m, {grid.share_seen:.1%} seen"
+        return "grid", {"schema": GRID_SCHEMA, **grid.process, "configuration": grid.settings}, summary
     with open_input(file) as stream:
         data = stream.read()
-    for text in (data, data.lstrip().partition(b"\n")[0]):
-        content = _object(text)
-        if content is not None:
-            return content if text is data else None
-    raise InputError(f"{file}: neither a RUN, a GRID, a MAP nor DRAWS. prf info shows what is in a log.")
+    content, line = _object(data), _object(data.lstrip().partition(b"\n")[0])
+    if content is None and line is None:
+        raise InputError(f"{file}: neither a RUN, a GRID, a MAP nor DRAWS. prf info shows what is in a log.")
+    geometry = (content or {}).get("geometry")
+    if content is None or (isinstance(geometry, dict) and geometry.get("type") == "MultiLineString"):
+        draws = read_geojsonl(file)
+        mean = f"on average {draws.n_edges.mean():.1f} edges, {draws.total_length().mean():.1f} m"
+        return "draws", {"schema": None, "window": list(draws.window)}, f"{len(draws)} draws, {mean}"
+    schema = names.SCHEMAS[names.MAP]
+    if content.get("schema") == schema:
+        coloring, properties = read_map_feature(file)
+        return "map", {"schema": schema, **properties}, f"{coloring.n_edges} edges, {coloring.n_vertices} vertices"
+    area = read_occupied_area(file)  # of another program, which does not record how it was made
+    n_polygons = sum(part.geom_type == "Polygon" for part in shapely.get_parts(area.region))
+    summary = f"polygons of another program: {n_polygons}, together {area.region.area:.1f} m2"
+    return "map", {"schema": None, "window": None if area.window is None else list(area.window)}, summary
 
 
 def _object(text: bytes) -> dict[str, Any] | None:
@@ -187,43 +199,3 @@ def _object(text: bytes) -> dict[str, Any] | None:
     except (ValueError, RecursionError):
         return None
     return content if isinstance(content, dict) else None
-
-
-def _is_draw(content: dict[str, Any]) -> bool:
-    """Return whether an object is a single line of DRAWS."""
-    geometry = content.get("geometry")
-    return isinstance(geometry, dict) and geometry.get("type") == "MultiLineString"
-
-
-def _inspect_grid(file: Path) -> Inspection:
-    grid = read_grid(file)
-    n_rows, n_columns = grid.occupancy.shape
-    summary = f"{n_columns} x {n_rows} cells of {grid.resolution:g} m, {grid.share_seen:.1%} seen"
-    manifest = {"schema": GRID_SCHEMA, **grid.process, "configuration": grid.settings}
-    return Inspection("grid", manifest, [_sound(file, GRID_SCHEMA, summary)])
-
-
-def _inspect_map(file: Path) -> Inspection:
-    coloring, properties = read_map_feature(file)
-    schema = names.SCHEMAS[names.MAP]
-    summary = f"{coloring.n_edges} edges, {coloring.n_vertices} vertices"
-    return Inspection("map", {"schema": schema, **properties}, [_sound(file, schema, summary)])
-
-
-def _inspect_polygons(file: Path) -> Inspection:
-    """Take polygons of another program, which do not record how they were made."""
-    area = read_occupied_area(file)
-    n_polygons = sum(part.geom_type == "Polygon" for part in shapely.get_parts(area.region))
-    manifest = {"schema": None, "window": None if area.window is None else list(area.window)}
-    summary = f"polygons of another program: {n_polygons}, together {area.region.area:.1f} m2"
-    return Inspection("map", manifest, [_sound(file, None, summary)])
-
-
-def _inspect_draws(file: Path) -> Inspection:
-    draws = read_geojsonl(file)
-    summary = f"{len(draws)} draws, on average {draws.n_edges.mean():.1f} edges, {draws.total_length().mean():.1f} m"
-    return Inspection("draws", {"schema": None, "window": list(draws.window)}, [_sound(file, None, summary)])
-
-
-def _sound(file: Path, schema: str | None, summary: str) -> FileState:
-    return FileState(file.name, "ok", file.stat().st_size, schema, summary)

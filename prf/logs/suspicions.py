@@ -27,15 +27,12 @@ FAR_STEP = 5.0
 """Times the median step: the corrected logs at hand reach 3.4, with scans a metre apart."""
 FAR_TURN = 1.5
 """Radians between scans whose time distance is unknown."""
-STILL = 20
-"""Scans in a row at one and the same pose that are worth a remark."""
 MAX_RANGE = 1000.0
 """Metres. Some drivers write the largest float for "no return", which makes a default maximum range of no use."""
 USUAL_STEP, USUAL_RANGE, USUAL_ECHO = 100.0, 100.0, 20.0
 """Metres. Half of the steps, returns or echoes beyond them are a log in millimetres or centimetres."""
 MAX_ANGLE = 4 * np.pi
 """Radians. Beyond it headings are counted over turns at best, in degrees at worst."""
-DAY = 86400.0
 
 
 class Suspicion(NamedTuple):
@@ -57,15 +54,7 @@ class _Steps(NamedTuple):
 
 def find_suspicions(readings: Readings) -> tuple[Suspicion, ...]:
     """Return what looks suspicious in a whole log."""
-    scans = readings.notes.scans
-    return (
-        *find_spoiling(readings),
-        *_standing(scans),
-        *_clock(scans),
-        *_beam_counts(scans),
-        *_dropped(readings),
-        *_odd_lines(readings),
-    )
+    return (*find_spoiling(readings), *_clock(readings.notes.scans), *_dropped(readings), *_odd_lines(readings))
 
 
 def find_spoiling(readings: Readings) -> tuple[Suspicion, ...]:
@@ -130,20 +119,6 @@ def _largest(steps: _Steps, size: FloatArray, chosen: NDArray[np.bool_], form: s
     return f"by {size[worst]:{form}} {unit} at scan {steps.number[worst]}"
 
 
-def _standing(scans: ScanTable) -> Iterator[Suspicion]:
-    for device in np.unique(scans.device):
-        steps = _steps(scans, int(device))
-        moved = ~((steps.distance == 0) & ~(steps.turn > 0))
-        ends = np.flatnonzero(np.r_[True, moved, True])
-        lengths = np.diff(ends)
-        long = np.flatnonzero(lengths >= STILL)
-        if len(long):
-            rows = scans.number[scans.device == device]
-            first = tuple(int(rows[ends[i]]) for i in long)
-            text = f"the pose is the same to the last digit for up to {lengths.max()} scans"
-            yield Suspicion("same-pose", f"{text}, from {_list(first, 'scan')}", first)
-
-
 def _clock(scans: ScanTable) -> Iterator[Suspicion]:
     time = scans.time
     if np.isnan(time).all():
@@ -155,21 +130,6 @@ def _clock(scans: ScanTable) -> Iterator[Suspicion]:
         yield Suspicion("time-backward", f"the clock runs backward before {_list(back, 'scan')}", back)
     if tied:
         yield Suspicion("time-tied", f"{tied} of {len(change)} scans have the time stamp of the scan before")
-    if np.nanmax(time) - np.nanmin(time) > DAY:
-        days = (np.nanmax(time) - np.nanmin(time)) / DAY
-        yield Suspicion("time-span", f"the time stamps span {days:,.1f} days")
-
-
-def _beam_counts(scans: ScanTable) -> Iterator[Suspicion]:
-    for device in np.unique(scans.device):
-        rows = scans.device == device
-        counts, first, times = np.unique(scans.n_beams[rows], return_index=True, return_counts=True)
-        if len(counts) > 1:
-            rare = np.argsort(times, kind="stable")[:-1]
-            numbers = tuple(sorted(int(scans.number[rows][first[i]]) for i in rare))
-            usual = counts[int(np.argmax(times))]
-            text = f"{len(counts)} different beam counts, mostly {usual}; others first at {_list(numbers, 'scan')}"
-            yield Suspicion("beam-count", text, numbers)
 
 
 def _ranges(readings: Readings) -> Iterator[Suspicion]:
