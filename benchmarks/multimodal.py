@@ -92,7 +92,7 @@ def corridor(left_shut: bool, right_shut: bool) -> World:
 
 def both_passes() -> LaserData:
     """Return the readings of the pass on the left and their mirror images; a range of 0 where the glass is met."""
-    distance = cast(corridor(False, True).walls, PLACES, SCANNER).distance
+    distance = cast(corridor(False, True).walls, PLACES, SCANNER)
     reading = measure(distance, SCANNER, np.random.default_rng(NOISE_SEED)).ravel()
     angle = (PLACES[:, 2:] + SCANNER.bearings).ravel()
     origin = np.repeat(PLACES[:, :2], SCANNER.beams, axis=0)

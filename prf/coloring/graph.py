@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -140,38 +140,11 @@ class Draws:
         """Return the number of the draw that owns each edge, (sum of n_edges,)."""
         return np.repeat(np.arange(len(self)), np.diff(self.edge_offsets))
 
-    def draw_of_vertex(self) -> NDArray[np.int64]:
-        """Return the number of the draw that owns each vertex, (sum of n_vertices,)."""
-        return np.repeat(np.arange(len(self)), np.diff(self.vertex_offsets))
-
     def global_edges(self) -> NDArray[np.int64]:
         """Return the edges as rows of indices into ``xy``, (sum of n_edges, 2)."""
         shifts = np.repeat(self.vertex_offsets[:-1], np.diff(self.edge_offsets))
         moved: NDArray[np.int64] = self.edges + shifts[:, None]
         return moved
-
-    def take(self, indices: ArrayLike) -> Draws:
-        """Return the draws at `indices` (integers or a boolean mask), in that order."""
-        rows = np.asarray(indices)
-        chosen = np.arange(len(self))[rows if rows.size else rows.astype(np.intp)]
-        return Draws.from_colorings([self[int(i)] for i in chosen], self.window)
-
-    @classmethod
-    def concatenate(cls, many: Iterable[Draws]) -> Draws:
-        """Return all draws of several stores one after the other; the windows must agree (ValueError)."""
-        stores = list(many)
-        windows = {store.window for store in stores}
-        if len(windows) != 1:
-            raise ValueError(f"draws must share one window, got {len(windows)}")
-        return cls(
-            windows.pop(),
-            _offsets(np.concatenate([np.diff(store.vertex_offsets) for store in stores])),
-            np.concatenate([store.xy for store in stores]),
-            np.concatenate([store.side for store in stores]),
-            _offsets(np.concatenate([np.diff(store.edge_offsets) for store in stores])),
-            np.concatenate([store.edges for store in stores]),
-            np.concatenate([store.anchor_black for store in stores]),
-        )
 
 
 def _offsets(counts: ArrayLike) -> NDArray[np.int64]:

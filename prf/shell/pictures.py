@@ -21,32 +21,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class Extent(Protocol):
-    """What a picture needs to know of a window: its bounds and its size, in metres."""
+class _Extent(Protocol):
+    """A window: its bounds and its size, in metres."""
 
     @property
-    def x_min(self) -> float:
-        """Left bound."""
-
+    def x_min(self) -> float: ...
     @property
-    def x_max(self) -> float:
-        """Right bound."""
-
+    def x_max(self) -> float: ...
     @property
-    def y_min(self) -> float:
-        """Lower bound."""
-
+    def y_min(self) -> float: ...
     @property
-    def y_max(self) -> float:
-        """Upper bound."""
-
+    def y_max(self) -> float: ...
     @property
-    def width(self) -> float:
-        """Of the window in x."""
-
+    def width(self) -> float: ...
     @property
-    def height(self) -> float:
-        """Of the window in y."""
+    def height(self) -> float: ...
 
 
 Target = str | os.PathLike[str] | IO[bytes]
@@ -93,13 +82,13 @@ class Margins:
     top: float = 0.75
 
 
-def margins_of(window: Extent, right: float = 0.3) -> Margins:
+def margins_of(window: _Extent, right: float = 0.3) -> Margins:
     """Return the margins of a page with one window: coordinates of many digits need more space at the left."""
     digits = len(f"{max(abs(window.y_min), abs(window.y_max)):.0f}")
     return Margins(left=0.7 + 0.07 * max(0, digits - 2), right=right)
 
 
-def drawn_size(window: Extent, width: float = LARGEST_WIDTH, height: float = LARGEST_HEIGHT) -> tuple[float, float]:
+def drawn_size(window: _Extent, width: float = LARGEST_WIDTH, height: float = LARGEST_HEIGHT) -> tuple[float, float]:
     """Return width and height in inches of the largest picture of `window` within the given ones, aspect kept.
 
     A corridor of extreme aspect still gets half an inch across.
@@ -121,7 +110,7 @@ def add_axes(page: Figure, left: float, bottom: float, width: float, height: flo
     return page.add_axes((left / page_width, bottom / page_height, width / page_width, height / page_height))
 
 
-def map_page(window: Extent, margins: Margins, title: str, subtitle: str) -> tuple[Figure, Axes]:
+def map_page(window: _Extent, margins: Margins, title: str, subtitle: str) -> tuple[Figure, Axes]:
     """Return a page with one window on metre axes, titled, with a scale bar below."""
     width, height = drawn_size(window)
     wide = max(width + margins.right, 4.8)  # room for a title above a narrow window
@@ -134,7 +123,7 @@ def map_page(window: Extent, margins: Margins, title: str, subtitle: str) -> tup
     return page, axes
 
 
-def show_window(axes: Axes, window: Extent) -> None:
+def show_window(axes: Axes, window: _Extent) -> None:
     """Set the limits to the window, and frame it thinly."""
     axes.set_xlim(window.x_min, window.x_max)
     axes.set_ylim(window.y_min, window.y_max)
@@ -168,7 +157,7 @@ def round_length(limit: float) -> float:
     return max(digit * power for digit in (1, 2, 5) if digit * power <= limit * (1 + 1e-9))
 
 
-def scale_bar(axes: Axes, window: Extent, width: float, below: float) -> None:
+def scale_bar(axes: Axes, window: _Extent, width: float, below: float) -> None:
     """Draw a bar of round length under the right end of axes `width` inches wide, `below` inches down.
 
     There it hides nothing. It takes a fifth of the width, more where that would be too short to see.
@@ -191,7 +180,7 @@ def add_title(axes: Axes, title: str, subtitle: str) -> None:
     axes.annotate(subtitle, (0.0, 1.0), (0.0, 8.0), fontsize=8.5, color=MUTED, parse_math=False, **over)
 
 
-def window_words(window: Extent) -> str:
+def window_words(window: _Extent) -> str:
     """Return the size of a window in words."""
     return f"{window.width:.4g} × {window.height:.4g} m"
 

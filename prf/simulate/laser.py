@@ -9,10 +9,8 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from prf.logs.poses import QUARTER_DEGREES, half_circle
 from prf.sensors.domain import check_factor, check_length
@@ -79,13 +77,6 @@ class LaserPhysics:
         return np.asarray(-0.5 * self.field_of_view + self.step * np.arange(self.beams), dtype=np.float64)
 
 
-class Impacts(NamedTuple):
-    """What beams meet first."""
-
-    distance: Floats  # (m, n) metres; inf where there is no wall
-    wall: NDArray[np.int64]  # (m, n) index of the wall; -1 for none
-
-
 def simulate_laser(
     walls: Floats,
     poses: Floats,
@@ -98,20 +89,19 @@ def simulate_laser(
     `walls` (n_walls, 4): as :attr:`World.walls`. `poses` (m, 3): of the sensor, in free space: x, y in metres, heading
     in radians. `report`: called with the share of scans done. Returns (m, beams): metres above 0; inf: no return.
     """
-    return measure(cast(walls, poses, physics, report).distance, physics, rng)
+    return measure(cast(walls, poses, physics, report), physics, rng)
 
 
 def cast(
     walls: Floats, poses: Floats, physics: LaserPhysics, report: Callable[[float], None] = lambda done: None
-) -> Impacts:
-    """Return the first wall on every beam, however far; see :func:`simulate_laser` for the parameters."""
+) -> Floats:
+    """Return the distance (m, n) of the first wall on every beam, inf for none; see :func:`simulate_laser`."""
     distance = np.full((len(poses), physics.beams), np.inf)
-    wall = np.full(distance.shape, -1)
     for i, pose in enumerate(poses):
-        _sweep(walls, pose, physics, distance[i], wall[i])
+        _sweep(walls, pose, physics, distance[i])
         if i % BLOCK == 0:
             report(i / len(poses))
-    return Impacts(distance, wall)
+    return distance
 
 
 def measure(distance: Floats, physics: LaserPhysics, rng: np.random.Generator) -> Floats:
@@ -135,8 +125,8 @@ def measure(distance: Floats, physics: LaserPhysics, rng: np.random.Generator) -
     return np.where((kind < physics.outlier_probability) & (stray < physics.max_range), stray, reading)
 
 
-def _sweep(walls: Floats, pose: Floats, physics: LaserPhysics, distance: Floats, wall: NDArray[np.int64]) -> None:
-    """Enter the nearest walls of one scan into `distance` and `wall`, both (beams,)."""
+def _sweep(walls: Floats, pose: Floats, physics: LaserPhysics, distance: Floats) -> None:
+    """Enter the distances of the nearest walls of one scan into `distance` (beams,)."""
     first, second = walls[:, :2] - pose[:2], walls[:, 2:] - pose[:2]
     # Twice the area between sensor and wall; positive if the sensor is on the wall's left, the free side.
     area = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
@@ -164,4 +154,3 @@ def _sweep(walls: Floats, pose: Floats, physics: LaserPhysics, distance: Floats,
     away = np.clip(np.where(slope > 0.0, away, np.inf), None, np.maximum(*ends))
     nearest_last = np.argsort(-away, kind="stable")
     distance[beam[nearest_last]] = away[nearest_last]
-    wall[beam[nearest_last]] = faces[at[nearest_last]]

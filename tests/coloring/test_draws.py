@@ -36,25 +36,6 @@ def test_indices_count_from_both_ends(draws: Draws) -> None:
         draws[30]
 
 
-def test_take_by_number_and_by_mask(draws: Draws) -> None:
-    chosen = draws.take([3, 3, 28])
-    assert len(chosen) == 3
-    np.testing.assert_array_equal(chosen[1].segments(), draws[3].segments())
-    mask = np.arange(30) % 7 == 0
-    assert_same(draws.take(mask), draws.take(np.flatnonzero(mask)))
-    assert len(draws.take(np.zeros(30, bool))) == 0
-    assert len(draws.take([])) == 0
-
-
-def test_concatenate(draws: Draws) -> None:
-    assert_same(Draws.concatenate([draws.take(np.arange(10)), draws.take(np.arange(10, 30))]), draws)
-    other = Draws.from_colorings([Coloring.empty(Window(0.0, 0.0, 2.0, 1.0))])
-    with pytest.raises(ValueError, match="one window"):
-        Draws.concatenate([draws, other])
-    with pytest.raises(ValueError, match="one window"):
-        Draws.concatenate([])
-
-
 def test_no_draws_need_a_window() -> None:
     assert len(Draws.from_colorings([], UNIT)) == 0
     assert Draws.from_colorings([], UNIT).total_length().tolist() == []

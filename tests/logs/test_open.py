@@ -92,9 +92,7 @@ def test_topic_and_frame_where_there_are_none(tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"", "the file is empty"),
         (b" \n\n", "the file is empty"),
-        (b"#ROSBAG V1.0\n\x45\0", "of an old version"),
         (b"#ROSRECORD V1.2\n", "a version before 1.3"),
         (b"Odometry -2.4 4.8 2.59 \nLaser 2 0.6 0.6\n", "unlocalized"),
         (bytes(range(256)), "binary data"),
@@ -117,12 +115,7 @@ def test_what_cannot_be_read_is_named(tmp_path, content, words, zipped):
     ("content", "words"),
     [
         (b"#ROSBAG V2.0\n\x45\0", "the bag is damaged"),
-        (b"\x89MCAP0\r\n\0", "the bag is damaged"),
-        (b"SQLite format 3\0", "the bag is damaged"),
-        (
-            b"## Player version 2.1.2 \n## File version 0.3.0 \n",
-            "Player log without laser readings",
-        ),
+        (b"## Player version 2.1.2 \n## File version 0.3.0 \n", "Player log without laser readings"),
         (b"1106955333.287 rossum 6665 laser 00 1106955333.276 16 +00.115\n", "ends too early"),
     ],
 )

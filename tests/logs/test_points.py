@@ -40,17 +40,10 @@ def test_gzip_and_standard_input(file: Path, monkeypatch: pytest.MonkeyPatch) ->
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "points.csv: the file is empty."),
         ("# nothing\n", "points.csv: the file is empty."),
-        ("x,y,value\n", "points.csv: table without a row"),
-        ("x,y\n1,2\n", "points.csv:1: the header has no column value. Name the columns x,y,value."),
         ("1,2,3\n4,5,6\n", "points.csv:1: the header has no column x, y, value."),
-        ("x,y,value\n1,2,3\n1,2\n", "points.csv:3: row of 2 fields under a header of 3."),
         ("x,y,value\n1,2,black\n", "points.csv:2: could not convert string 'black' to float64."),
-        ("x,y,value\n1,2,\n", "points.csv:2: could not convert string '' to float64."),
         ("x,y,value\n1,2,3\n\n1,2,nan\n", "points.csv:4: value is nan, but must be a finite number."),
-        ("x,y,value\n1,2,1e200\n", "points.csv:2: value is 1e+200"),
-        ("x,y,value\n1,inf,3\n", "points.csv:2: y is inf, but must be metres, finite."),
     ],
 )
 def test_what_cannot_be_read_is_named_with_its_line(file: Path, text: str, words: str) -> None:
@@ -58,7 +51,6 @@ def test_what_cannot_be_read_is_named_with_its_line(file: Path, text: str, words
     with pytest.raises(InputError) as caught:
         read_point_data(file)
     assert words in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 def test_files_that_are_no_text(file: Path, tmp_path: Path) -> None:

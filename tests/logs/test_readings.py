@@ -20,18 +20,8 @@ def test_scalars_stand_for_every_beam():
 def test_arrays_have_the_promised_types_and_own_their_memory():
     origin = np.zeros((2, 2))
     readings = Readings.from_arrays(origin, [0, 0], [1, 2])
-    types = {
-        name: getattr(readings, name).dtype.str for name in ("origin", "angle", "range", "scan", "beam", "time", "cone")
-    }
-    assert types == {
-        "origin": "<f8",
-        "angle": "<f8",
-        "range": "<f8",
-        "scan": "<i8",
-        "beam": "<i4",
-        "time": "<f8",
-        "cone": "<f8",
-    }
+    names = ("origin", "angle", "range", "time", "cone", "scan", "beam")
+    assert [getattr(readings, name).dtype.str for name in names] == ["<f8"] * 5 + ["<i8", "<i4"]
     origin[:] = 5
     assert readings.origin.max() == 0
 

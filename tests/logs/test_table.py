@@ -62,22 +62,14 @@ class TestRefusals:
     @pytest.mark.parametrize(
         ("text", "words"),
         [
-            ("x,y,range\n1,2,3\n", "a.csv:1: the header has no column theta."),
             ("x,y,value\n1,2,3\n", "no column theta, range. Point observations (x,y,value) are given as --point-data."),
             ("x,y,theta,range\n", "without a row"),
             ("x,y,theta,range\n1,2,3,4\n1,2,3\n", "a.csv:3: row of 3 fields under a header of 4."),
-            ("x,y,theta,range\n1,2,3,4,5\n", "a.csv:2: row of 5 fields"),
             ("x,y,theta,range\n\n1,2,3,four\n", "a.csv:3: could not convert string 'four' to float64."),
             ("x,y,theta,range\n1,,3,4\n", "could not convert string ''"),
-            ("x,y,theta,range\n1,2,3,nan\n", "range is nan"),
             ("x,y,theta,range\n1,2,3,-0.5\n", "range is -0.5"),
-            ("x,y,theta,range\n1,2,inf,4\n", "theta is inf"),
-            ("x,y,theta,range\nnan,2,3,4\n", "x is nan"),
-            ("x,y,theta,range,cone\n1,2,3,4,-1\n", "cone is -1"),
             ("x,y,theta,range,cone\n1,2,3,4,7\n", "cone is 7"),
             ("x,y,theta,range,scan\n1,2,3,4,1.5\n", "scan is 1.5"),
-            ("x,y,theta,range,scan\n1,2,3,4,-1\n", "scan is -1"),
-            ("x,y,theta,range,t\n1,2,3,4,inf\n", "t is inf"),
             ("x,y,theta,range\n1,2,3,0\n", "every range is 0"),
         ],
     )

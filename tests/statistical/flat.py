@@ -31,7 +31,7 @@ class Flat:
         self.draws, self.scale, self.window = draws, scale, window
         self.edges = draws.global_edges()
         self.edge_draw = draws.draw_of_edge()
-        self.vertex_draw = draws.draw_of_vertex()
+        self.vertex_draw = np.repeat(np.arange(len(draws)), np.diff(draws.vertex_offsets))
         self.interior = np.flatnonzero(draws.side == INTERIOR)
         self.boundary = np.flatnonzero(draws.side != INTERIOR)
 

@@ -81,7 +81,9 @@ def prior_scores(n_draws: int, batch: int, hook: Hook = look_away) -> LawScores:
     with ThreadPoolExecutor(2) as pool:
         chains = list(pool.map(lambda k: focused_draws(settings, n_draws, SEED + k, hook), range(2)))
     ids = np.repeat(np.arange(2), n_draws)
-    return law_scores(Draws.concatenate(chains), 1.0, UNIT, chain_ids=ids, batch=batch)
+    return law_scores(
+        Draws.from_colorings([draw for chain in chains for draw in chain]), 1.0, UNIT, chain_ids=ids, batch=batch
+    )
 
 
 @pytest.mark.parametrize(
@@ -124,7 +126,7 @@ def weighted_means(n: int) -> Mean:
     """Of draws of the prior in which the sensor is free, weighted by their likelihood."""
     draws = exact_draws(1.0, UNIT, n, np.random.default_rng(SEED))
     free = np.flatnonzero([not black_at(draw, SETTINGS.laser.readings.origin[:1])[0] for draw in draws])  # type: ignore[union-attr]
-    found = compared(draws.take(free))
+    found = compared(Draws.from_colorings([draws[int(k)] for k in free]))
     return weighted_mean(np.exp(found[:, 3] - found[:, 3].max()), found)
 
 

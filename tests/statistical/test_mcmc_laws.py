@@ -49,7 +49,7 @@ def scores_of_chains(scale: float, window: Window, n_draws: int, batch: int) -> 
     """Chains of different seeds in two threads; the scores do not depend on the threads."""
     with ThreadPoolExecutor(2) as pool:
         chains = list(pool.map(lambda k: mcmc_draws(scale, window, n_draws, seed=SEED + k)[0], range(N_CHAINS)))
-    draws = Draws.concatenate(chains)
+    draws = Draws.from_colorings([draw for chain in chains for draw in chain])
     ids = np.repeat(np.arange(N_CHAINS), n_draws)
     return law_scores(draws, scale, window, chain_ids=ids, batch=batch), draws
 

@@ -49,7 +49,7 @@ def compared(draws: Draws) -> np.ndarray:
 def weighted_means(n: int) -> Mean:
     """Of draws of the prior in which sensor and way are free, weighted by their likelihood."""
     draws = exact_draws(SETTINGS.scale, ROOM, n, np.random.default_rng(SEED))
-    found = compared(draws.take(np.array([k for k, draw in enumerate(draws) if is_free(SETTINGS, draw)])))
+    found = compared(Draws.from_colorings([draw for draw in draws if is_free(SETTINGS, draw)]))
     return weighted_mean(np.exp(found[:, -1] - found[:, -1].max()), found)
 
 
@@ -119,7 +119,8 @@ def test_far_from_every_reading_the_first_map_is_a_draw_of_the_prior() -> None:
     with ThreadPoolExecutor(2) as pool:
         draws = Draws.from_colorings(list(pool.map(first_draw, range(60))), WIDE.window)
     inside = FAR.contains(draws.xy) & (draws.side == INTERIOR)
-    corners = np.bincount(draws.draw_of_vertex(), inside, len(draws)) / FAR.area
+    owner = np.repeat(np.arange(len(draws)), np.diff(draws.vertex_offsets))
+    corners = np.bincount(owner, inside, len(draws)) / FAR.area
     black = black_at_draws(draws, PLACES).mean(axis=1)
     for found, expected in ((corners, edge_density(WIDE.scale)), (black, 0.5)):
         error = found.std(ddof=1) / np.sqrt(len(found))
