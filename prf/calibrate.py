@@ -39,14 +39,10 @@ Density = Callable[[dict[str, float], float], Floats]
 
 logger = logging.getLogger(__name__)
 
-GAIN = 0.01
-"""Nats a reading by which a map must explain readings better than no map, else the two do not fit."""
-PLAIN = frozenset({"corner_bias", "surface_bias"})
-"""Parameters that are fitted as they are."""
-LIMIT = 5.0
-"""Widths of its prior by which a parameter may leave its default."""
-STEP = 1e-3
-"""Of the differences that give the Hessian, on the scale of the fit."""
+GAIN = 0.01  # nats a reading by which a map must explain readings better than no map, else the two do not fit
+PLAIN = frozenset({"corner_bias", "surface_bias"})  # parameters that are fitted as they are
+LIMIT = 5.0  # widths of its prior by which a parameter may leave its default
+STEP = 1e-3  # of the differences that give the Hessian, on the scale of the fit
 INFORMED = 0.5
 """A parameter is the prior's rather than the data's if its error is more than this share of the prior's width."""
 SMOOTH, SHARP = 16.0, math.inf

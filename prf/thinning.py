@@ -25,30 +25,20 @@ from prf.window import Window
 
 Floats = NDArray[np.float64]
 
-BEAM_DENSITY = 16.0
-"""Beams a square metre of seen ground, by default."""
-WORTH_IT = 0.75
-"""A log is used whole, and exactly, where thinning would keep more than this share of it."""
+BEAM_DENSITY = 16.0  # beams a square metre of seen ground, by default
+WORTH_IT = 0.75  # a log is used whole, and exactly, where thinning would keep more than this share of it
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-PLACE = 0.5
-"""Side of a square in metres: wide beside the blur of a wall, so that all across it is thinned alike."""
-DIRECTIONS = 8
-"""Sectors of the direction of a beam."""
-EVENNESS = 0.75
-"""Exponent of the number of beams; measured in docs/large-jobs.md."""
-RARE = 2.0
-"""Beams with a return that each square keeps at least, if it has as many, and beams without one likewise."""
-HALVINGS = 60
-"""Of the interval that holds the factor common to all quotas."""
-CELL = 0.25
-"""Side of a cell in metres."""
+PLACE = 0.5  # side of a square in metres: wide beside the blur of a wall, so that all across it is thinned alike
+DIRECTIONS = 8  # sectors of the direction of a beam
+EVENNESS = 0.75  # exponent of the number of beams; measured in docs/large-jobs.md
+RARE = 2.0  # beams with a return that each square keeps at least, if it has as many, and beams without one likewise
+HALVINGS = 60  # of the interval that holds the factor common to all quotas
+CELL = 0.25  # side of a cell in metres
 SQUARE = 4
 """Cells along a side of the squares that seen ground is measured by: 1 m, so that few beams see it as well as many."""
-MAX_CELLS = 4_000_000
-"""Cells are larger in a window that would need more."""
-PASSING = 2
-"""Beams that stay in each cell at least, if as many pass it or end in it."""
+MAX_CELLS = 4_000_000  # cells are larger in a window that would need more
+PASSING = 2  # beams that stay in each cell at least, if as many pass it or end in it
 GAINS = (16, 4, 1)
 """Cells lacking a beam that a beam must pass to be taken: first those that pass many, so that few are taken."""
 
@@ -96,10 +86,7 @@ class Strata(NamedTuple):
 
 
 def strata_of(window: Window, origin: Floats, end: Floats, returned: Bools) -> Strata:
-    """Return the strata of beams.
-
-    `origin`, `end` (n, 2): metres, inside the window. `returned` (n,).
-    """
+    """Return the strata of beams. `origin`, `end` (n, 2): metres, inside the window. `returned` (n,)."""
     column, row = (np.maximum(end - np.array(window[:2]), 0.0) // PLACE).astype(np.int64).T
     across = int(window.width // PLACE) + 2
     # Every other row runs backward, so that rounding at the end of one is compensated at its neighbour's.

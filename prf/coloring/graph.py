@@ -93,10 +93,7 @@ class Draws:
 
     @classmethod
     def from_colorings(cls, colorings: Sequence[Coloring], window: Window | None = None) -> Draws:
-        """Return the colorings one after the other.
-
-        `window`: needed for an empty sequence only.
-        """
+        """Return the colorings one after the other. `window`: needed for an empty sequence only."""
         windows = {*(coloring.window for coloring in colorings), *([] if window is None else [window])}
         if len(windows) != 1:
             raise ValueError(f"draws must share one window, got {len(windows)}")
@@ -163,10 +160,7 @@ def black_at(coloring: Coloring, xy: ArrayLike) -> NDArray[np.bool_]:
 
 
 def black_at_draws(draws: Draws, xy: ArrayLike) -> NDArray[np.bool_]:
-    """Return the colour of points in every draw, as :func:`black_at`.
-
-    `xy` (n, 2). Returns (n_draws, n).
-    """
+    """Return the colour of points in every draw, as :func:`black_at`. `xy` (n, 2). Returns (n_draws, n)."""
     points = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
     centre = np.array([draws.window.centre])
     odd = _odd(draws, np.concatenate([centre, points]))

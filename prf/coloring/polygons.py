@@ -14,8 +14,7 @@ from prf.coloring.validity import check
 from prf.shell.errors import InputError
 from prf.window import BOTTOM, INTERIOR, LARGEST_COORDINATE, LEFT, RIGHT, SIDES, TOP, Window
 
-SNAP = 1e-9
-"""Share of the window's extent within which a vertex that clipping computed is put on the side: GEOS rounds."""
+SNAP = 1e-9  # share of the window's extent within which a vertex that clipping computed is put on the side: GEOS rounds
 
 
 def occupied_polygons(coloring: Coloring) -> MultiPolygon:

@@ -20,13 +20,10 @@ from prf.run import PosteriorImage, names
 from prf.shell.errors import InputError, UsageError
 from prf.window import Window
 
-RESOLUTION = 0.05
-"""Metres a cell of one map: what maps for navigation mostly have."""
+RESOLUTION = 0.05  # metres a cell of one map: what maps for navigation mostly have
 MAX_CELLS = 25_000_000
-WALL = 0.5
-"""Metres beyond seen cells up to which polygons of occupied ground are kept: walls are seen from one side."""
-SEAM = 1e-6
-"""Metres by which known ground is enlarged: parts of it that touch at a corner grow together."""
+WALL = 0.5  # metres beyond seen cells up to which polygons of occupied ground are kept: walls are seen from one side
+SEAM = 1e-6  # metres by which known ground is enlarged: parts of it that touch at a corner grow together
 
 
 class Cells(NamedTuple):

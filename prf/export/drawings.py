@@ -14,17 +14,12 @@ from shapely import MultiPolygon, Polygon
 from prf.shell.extras import require
 from prf.window import Window
 
-MAX_SIDE = 0.4
-"""Metres of paper: the longer side of an A3 page with margins."""
-DECIMALS = 4
-"""A tenth of a millimetre in the world."""
-STRIP = 0.06
-"""Height of the strip with the scale bar below the map, as a share of the window's longer side."""
-VERSION = "R2010"
-"""The first whose text is UTF-8 and that every CAD program in use reads."""
+MAX_SIDE = 0.4  # metres of paper: the longer side of an A3 page with margins
+DECIMALS = 4  # a tenth of a millimetre in the world
+STRIP = 0.06  # height of the strip with the scale bar below the map, as a share of the window's longer side
+VERSION = "R2010"  # the first whose text is UTF-8 and that every CAD program in use reads
 OCCUPIED, OUTLINE = "OCCUPIED", "OUTLINE"
-BLACK_OR_WHITE, GREY = 7, 8
-"""Numbers of the AutoCAD colour index."""
+BLACK_OR_WHITE, GREY = 7, 8  # numbers of the AutoCAD colour index
 
 
 def svg_text(area: MultiPolygon, window: Window, title: str) -> str:

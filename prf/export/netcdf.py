@@ -115,21 +115,15 @@ def _attributes(run: Run, chains: Chains) -> dict[str, Any]:
 
 def _version(run: Run) -> object:
     """Return the version of prf that made the run, or this one's if the manifest does not say."""
-    versions = run.manifest.get("versions")
-    return versions.get("prf", __version__) if isinstance(versions, dict) else __version__
+    return (run.manifest.get("versions") or {}).get("prf", __version__)
 
 
 def _attribute(value: object) -> object:
-    if isinstance(value, int) and not isinstance(value, bool) and abs(value) > MAX_INTEGER:
-        return str(value)
+    """Return text and numbers as they are, everything else as JSON."""
     if isinstance(value, str):
         return _text(value)
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return value if is_number else _json(value)
-
-
-def _json(value: object) -> str:
-    return json.dumps(jsonable(value), allow_nan=False)
+    is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MAX_INTEGER
+    return value if is_number else json.dumps(jsonable(value), allow_nan=False)
 
 
 def _text(value: object) -> str:
@@ -140,4 +134,4 @@ def _text(value: object) -> str:
 def _acceptance(run: Run) -> dict[str, str]:
     """Return the counts of proposed and accepted moves over all chains: they have no draw to belong to."""
     counts = (run.diagnostics or {}).get("acceptance")
-    return {} if counts is None else {"acceptance": _json(counts)}
+    return {} if counts is None else {"acceptance": json.dumps(jsonable(counts), allow_nan=False)}

@@ -20,8 +20,7 @@ PARTS = (names.POSTERIOR, names.MAP, names.DIAGNOSTICS)
 KEPT = ("log_posterior", "draw", "chain", "step")
 """Properties of a map in a file that an export of it has too; the rest follows from the map."""
 STEM_SUFFIXES = (".run", ".npz", ".grid", ".geojson", ".json")
-MARGIN = 1.0
-"""Metres of free space round the polygons of another program, which have no window."""
+MARGIN = 1.0  # metres of free space round the polygons of another program, which have no window
 
 
 class Map(NamedTuple):

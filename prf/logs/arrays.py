@@ -17,12 +17,9 @@ from prf.shell.errors import ArgumentError
 
 Floats = NDArray[np.float64]
 
-FARTHEST = 1e7
-"""Metres: coordinates of a survey grid lie within."""
-LONGEST = 1e4
-"""Metres: a longer range is in another unit, or the number of a driver for "no return", which is inf here."""
-WIDEST = 4.0 * np.pi
-"""Radians: a beam's angle on its sensor beyond it is in degrees."""
+FARTHEST = 1e7  # metres: coordinates of a survey grid lie within
+LONGEST = 1e4  # metres: a longer range is in another unit, or the number of a driver for "no return", which is inf here
+WIDEST = 4.0 * np.pi  # radians: a beam's angle on its sensor beyond it is in degrees
 
 
 def laser(pose: ArrayLike, angle: ArrayLike, ranges: ArrayLike, *, source: str = "laser arrays") -> Readings:

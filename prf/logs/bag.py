@@ -13,10 +13,11 @@ writes 0.006 or 0.019) and dropped; at or above range_max, and inf, is no return
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from prf.logs.poses import spread
 from prf.logs.readings import Kind, LogNotes, NoReadings, Readings, Scan, assemble
 from prf.logs.text import FloatArray
 from prf.shell.bag import Bag, Message, open_bag, seconds
@@ -28,14 +29,11 @@ FIXED = "map"
 TYPES: dict[Kind, str] = {"laser": "sensor_msgs/msg/LaserScan", "sonar": "sensor_msgs/msg/Range"}
 TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 ODOMETRY = "nav_msgs/msg/Odometry"
-TRUTH = "truth"
-"""In the name of a topic of odometry that is a simulator's true pose."""
+TRUTH = "truth"  # in the name of a topic of odometry that is a simulator's true pose
 
-TILT = np.sin(np.radians(5.0))
-"""Sine of the tilt from which on a remark is due."""
+TILT = np.sin(np.radians(5.0))  # sine of the tilt from which on a remark is due
 
-INFRARED = 1
-"""Radiation type of a Range message that is no sound."""
+INFRARED = 1  # radiation type of a Range message that is no sound
 
 
 class _Raw(NamedTuple):
@@ -110,41 +108,27 @@ def _named_topics(bag: Bag, found: dict[Kind, list[str]], kind: Kind | None, top
     raise ConfigError(f"--topic {topic}: {bag.source} {has}.")
 
 
-class _Beams(NamedTuple):
-    """The beams of a message, unchanged."""
-
-    ranges: FloatArray
-    start: float
-    step: float
-    low: float
-    top: float
-    cone: float
-
-
-def _beams(kind: Kind, body: Any, cone: float) -> _Beams:
+def _raw(kind: Kind, message: Message, source: str, cone: float) -> _Raw:
+    """Return a message's ranges by REP 117: nan for error codes, inf for no return."""
+    body, header = message.body, message.body.header
+    time = seconds(header.stamp, message.received)
     if kind == "laser":
+        start, step, low, top, opening = body.angle_min, body.angle_increment, body.range_min, body.range_max, 0.0
         with np.errstate(invalid="ignore"):  # of signalling nan
             ranges = np.asarray(body.ranges, dtype=np.float64)
-        return _Beams(ranges, body.angle_min, body.angle_increment, body.range_min, body.range_max, 0.0)
-    opening = body.field_of_view if 0 < body.field_of_view <= 2 * np.pi else cone
-    return _Beams(np.array([body.range], dtype=np.float64), 0.0, 1.0, body.min_range, body.max_range, opening)
-
-
-def _raw(kind: Kind, message: Message, source: str, cone: float) -> _Raw:
-    header = message.body.header
-    time = seconds(header.stamp, message.received)
-    ranges, start, step, low, top, opening = _beams(kind, message.body, cone)
-    n = len(ranges)
-    if not (np.isfinite([start, step]).all() and (step or n == 1) and abs(step) * (n - 1) <= 2 * np.pi + abs(step)):
-        what = f"{n} beams from {start:g} in steps of {step:g} rad are no scan"
-        raise InputError(f"{source}: {message.topic} at {time:.3f} s: {what}. Leave this topic out.")
+    else:
+        start, step, low, top, ranges = 0.0, 1.0, body.min_range, body.max_range, np.array([body.range], np.float64)
+        opening = body.field_of_view if 0 < body.field_of_view <= 2 * np.pi else cone
+    try:
+        bearing = spread(start, step, len(ranges))
+    except ValueError as error:
+        raise InputError(f"{source}: {message.topic} at {time:.3f} s: {error}. Leave this topic out.") from error
     if not (np.isfinite(top) and top > max(low, 0.0)):
         top = np.inf
     too_far, bad = ranges >= top, ~(ranges >= max(low, 0.0))
-    says_so = bool((too_far & np.isfinite(ranges)).any())
+    has_number = bool((too_far & np.isfinite(ranges)).any())
     ranges = np.where(bad, np.nan, np.where(too_far, np.inf, ranges))
-    bearing: FloatArray = start + step * np.arange(n, dtype=np.float64)
-    return _Raw(message.topic, frame_name(header.frame_id), time, bearing, ranges, opening, top, says_so)
+    return _Raw(message.topic, frame_name(header.frame_id), time, bearing, ranges, opening, top, has_number)
 
 
 def _add_odometry(tree: Tree, bag: Bag, topic: str, sensor: str) -> None:

@@ -58,10 +58,8 @@ KNOWN_KINDS = frozenset(
 )
 """First fields of CARMEN's log format; NEFF is an addition of GMapping's."""
 OFFSETS = re.compile(rb"\s*PARAM\s+\w*sonar_offsets\s+((?:[-+\d.eE]+\s+)+)")
-MOST_ODD = 20
-"""Unknown kinds of line that are listed; a damaged file may have thousands."""
-SAME_MOUNT = 1e-3
-"""Metres and radians within which a laser sits on the robot alike in all its lines."""
+MOST_ODD = 20  # unknown kinds of line that are listed; a damaged file may have thousands
+SAME_MOUNT = 1e-3  # metres and radians within which a laser sits on the robot alike in all its lines
 
 Lines = dict[str, list[tuple[int, bytes]]]
 """Numbers and text of the lines of each kind."""

@@ -17,8 +17,7 @@ from prf.window import LARGEST_RANGE
 MAX_RANGE_SHARE = 0.97
 """Default maximum range over largest range: the numbers that mean "no return" in a log spread by less (51.05-51.16)."""
 
-FAR = 8.0
-"""Metres. What indoor mapping usually cuts ranges at; the share beyond shows how much such a cut would cost."""
+FAR = 8.0  # metres. What indoor mapping usually cuts ranges at; the share beyond shows how much such a cut would cost
 
 
 class Extent(NamedTuple):

@@ -40,8 +40,7 @@ from prf.shell.errors import ConfigError, InputError
 POSITIONS = ("position", "position2d")
 DATA, DATA_WITH_POSE, GEOMETRY = (1, 1), (1, 2), (4, 1)
 """Types and subtypes of messages; DATA_WITH_POSE of a sonar is its geometry."""
-PRINTED = 0.0005
-"""Metres. Ranges are printed to the millimetre, the maximum range to a tenth of it."""
+PRINTED = 0.0005  # metres. Ranges are printed to the millimetre, the maximum range to a tenth of it
 NO_MOUNT = np.zeros(3)
 
 

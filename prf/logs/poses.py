@@ -14,12 +14,9 @@ from prf.logs.text import FloatArray, IntArray, check_domains
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.tf import HOLD
 
-MAX_TIES = 0.1
-"""Share of equal time stamps up to which a clock is fine enough to interpolate by it."""
-CONE = 0.349
-"""Radians. Full opening angle of a sonar whose log has none: 20 degrees."""
-QUARTER_DEGREES = (400, 401)
-"""Beams of a scan over 100 degrees in steps of a quarter of a degree."""
+MAX_TIES = 0.1  # share of equal time stamps up to which a clock is fine enough to interpolate by it
+CONE = 0.349  # radians. Full opening angle of a sonar whose log has none: 20 degrees
+QUARTER_DEGREES = (400, 401)  # beams of a scan over 100 degrees in steps of a quarter of a degree
 
 _LEFT_FRONT = ((0.115, 0.130, 1.5708), (0.155, 0.115, 0.8727), (0.190, 0.080, 0.5236), (0.210, 0.025, 0.1745))
 _FRONT = (*_LEFT_FRONT, *((x, -y, -turn) for x, y, turn in reversed(_LEFT_FRONT)))

@@ -17,8 +17,7 @@ from prf.window import LARGEST_RANGE
 
 Kind = Literal["laser", "sonar"]
 
-ARC_POINTS = 9
-"""Points by which the arc of a sonar reading is drawn."""
+ARC_POINTS = 9  # points by which the arc of a sonar reading is drawn
 
 
 class NoReadings(InputError):  # noqa: N818 - reads as what happened

@@ -17,22 +17,16 @@ from prf.logs.text import FloatArray
 
 logger = logging.getLogger(__name__)
 
-STEP = 1.0
-"""Metres; a shorter step is never called a jump."""
-TURN = 1.0
-"""Radians; likewise. Corrected logs turn up to 1.4 rad between scans that are seconds apart."""
-SPEED = 3.0
-"""Metres a second, and radians a second: beyond what indoor robots do."""
-FAR_STEP = 5.0
-"""Times the median step: the corrected logs at hand reach 3.4, with scans a metre apart."""
-FAR_TURN = 1.5
-"""Radians between scans whose time distance is unknown."""
+STEP = 1.0  # metres; a shorter step is never called a jump
+TURN = 1.0  # radians; likewise. Corrected logs turn up to 1.4 rad between scans that are seconds apart
+SPEED = 3.0  # metres a second, and radians a second: beyond what indoor robots do
+FAR_STEP = 5.0  # times the median step: the corrected logs at hand reach 3.4, with scans a metre apart
+FAR_TURN = 1.5  # radians between scans whose time distance is unknown
 MAX_RANGE = 1000.0
 """Metres. Some drivers write the largest float for "no return", which makes a default maximum range of no use."""
 USUAL_STEP, USUAL_RANGE, USUAL_ECHO = 100.0, 100.0, 20.0
 """Metres. Half of the steps, returns or echoes beyond them are a log in millimetres or centimetres."""
-MAX_ANGLE = 4 * np.pi
-"""Radians. Beyond it headings are counted over turns at best, in degrees at worst."""
+MAX_ANGLE = 4 * np.pi  # radians. Beyond it headings are counted over turns at best, in degrees at worst
 
 
 class Suspicion(NamedTuple):

@@ -18,10 +18,8 @@ IntArray = NDArray[np.int64]
 Parsed = TypeVar("Parsed")
 
 GZIP_MAGIC = b"\x1f\x8b"
-BYTE_ORDER_MARK = b"\xef\xbb\xbf"
-"""UTF-8's, which spreadsheets put before a CSV header."""
-MAX_TIME = 1e20
-"""Seconds. Beyond any clock, nanoseconds taken for seconds included, and safe to subtract."""
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # UTF-8's, which spreadsheets put before a CSV header
+MAX_TIME = 1e20  # seconds. Beyond any clock, nanoseconds taken for seconds included, and safe to subtract
 MEND = "Remove or mend this line and run again."
 DOMAINS = {
     "x": (-LARGEST_COORDINATE, LARGEST_COORDINATE, "metres, finite"),
@@ -45,7 +43,9 @@ def check_domains(source: str, line: IntArray, columns: Mapping[str, FloatArray]
     """Raise InputError for the first value outside `DOMAINS`; the columns `nan` may hold nan."""
     for name, values in columns.items():
         low, high, words = DOMAINS[name]
-        bad = ~((values >= low) & (values <= high)) & ~(np.isnan(values) & (name in nan))
+        bad = ~((values >= low) & (values <= high))
+        if name in nan:
+            bad &= ~np.isnan(values)
         if bad.any():
             first = int(bad.argmax())
             raise InputError(f"{source}:{line[first]}: {name} is {values[first]:g}, but must be {words}. {MEND}")

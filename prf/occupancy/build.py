@@ -34,8 +34,7 @@ SETTINGS = (
     *("every_scan", "every_beam", "scans", "skip_scans"),
 )
 """Names of the settings in a GRID file."""
-MAX_CELLS = 100_000_000
-"""Each takes 20 bytes while the grid is built."""
+MAX_CELLS = 100_000_000  # each takes 20 bytes while the grid is built
 
 
 class BuiltGrid(NamedTuple):

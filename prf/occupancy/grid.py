@@ -24,8 +24,7 @@ from prf.shell.storage import damaged, load_arrays, save_arrays, take_array
 from prf.window import Window
 
 Floats = NDArray[np.float64]
-ON_BORDER = 1e-9
-"""Share of a cell within which a centre lies on the border of a square, which belongs to it."""
+ON_BORDER = 1e-9  # share of a cell within which a centre lies on the border of a square, which belongs to it
 SCHEMA = "prf.grid/1"
 ARCHIVE_MAGIC = b"PK"
 

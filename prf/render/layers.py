@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from prf.logs import PointTable, Readings
     from prf.run import PosteriorImage
 
-MOST_BEAMS = 4000
-"""More beams than this make a solid patch: they are thinned evenly before drawing."""
+MOST_BEAMS = 4000  # more beams than this make a solid patch: they are thinned evenly before drawing
 
 
 def fill_map(axes: Axes, coloring: Coloring, colour: str = INK) -> None:

@@ -18,11 +18,9 @@ if TYPE_CHECKING:
 
     from prf.window import Window
 
-PANEL = 3.4
-"""Inches of one of several maps, in the larger direction."""
+PANEL = 3.4  # inches of one of several maps, in the larger direction
 PAGE_WIDTH = 12.0
-LEAST_CELL = 1.9
-"""Inches for a map and its caption: a narrow map still has room for the words below it."""
+LEAST_CELL = 1.9  # inches for a map and its caption: a narrow map still has room for the words below it
 GAP, CAPTION, EDGE, TITLE = 0.25, 0.45, 0.25, 0.7
 """Inches between maps, below each, at the edges of the page, and for a title."""
 

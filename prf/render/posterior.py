@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
 
-LEAST_BAR, MOST_BAR = 1.5, 3.6
-"""Inches of the colour bar: room for its label, and no taller than reads well."""
+LEAST_BAR, MOST_BAR = 1.5, 3.6  # inches of the colour bar: room for its label, and no taller than reads well
 
 
 def render_posterior(

@@ -30,10 +30,8 @@ from prf.window import Window
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-BIN = 0.1
-"""Metres of range that take the probability of one cell, or of one arc of cells."""
-OCCUPIED = 0.5
-"""Cells above are walls of a GRID's contours."""
+BIN = 0.1  # metres of range that take the probability of one cell, or of one arc of cells
+OCCUPIED = 0.5  # cells above are walls of a GRID's contours
 
 
 class Prediction(NamedTuple):

@@ -17,10 +17,8 @@ from prf.window import LARGEST_RANGE
 
 Floats = NDArray[np.float64]
 
-NEAR = 0.2
-"""Metres within which a distance counts as right."""
-FREE_UP_TO = 0.95
-"""Share of a beam on which free points lie."""
+NEAR = 0.2  # metres within which a distance counts as right
+FREE_UP_TO = 0.95  # share of a beam on which free points lie
 METRES_PER_FREE_POINT = 2.0
 
 

@@ -22,15 +22,12 @@ from prf.window import Window
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-CELL = 0.1
-"""Side of the cells in metres."""
+CELL = 0.1  # side of the cells in metres
 WALL_DEPTH = 0.2
 """Metres from a free cell in view up to which occupied cells count: no reading shows what lies deeper in a wall."""
-SPACING = 0.05
-"""Metres between places along a ray, and between rays of a cone at its maximum range: half a cell."""
+SPACING = 0.05  # metres between places along a ray, and between rays of a cone at its maximum range: half a cell
 MAX_CELLS = 25_000_000
-MAX_PLACES = 4_000_000
-"""Rays are followed in batches of about so many places."""
+MAX_PLACES = 4_000_000  # rays are followed in batches of about so many places
 
 
 class TrueCells(NamedTuple):

@@ -5,10 +5,8 @@ from __future__ import annotations
 from prf.shell.errors import ConfigError
 from prf.window import LARGEST_RANGE
 
-MIN_LENGTH = 1e-9
-"""Metres, far below what any sensor resolves."""
-MAX_FACTOR = 1e6
-"""Of log odds, of their slopes and of noise as a share of the distance."""
+MIN_LENGTH = 1e-9  # metres, far below what any sensor resolves
+MAX_FACTOR = 1e6  # of log odds, of their slopes and of noise as a share of the distance
 MIN_PROBABILITY = 1e-100
 
 

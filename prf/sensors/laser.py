@@ -18,23 +18,16 @@ from prf.window import Window
 
 Floats = NDArray[np.float64]
 
-MAX_SLOTS = 2**31
-"""Slots are numbered by 32-bit integers."""
+MAX_SLOTS = 2**31  # slots are numbered by 32-bit integers
 
-BELOW_ONE_BIT = 2.0**-54
-"""What is added to a number and is smaller than this share of it leaves no trace."""
+BELOW_ONE_BIT = 2.0**-54  # what is added to a number and is smaller than this share of it leaves no trace
 
-FIRST_LEVEL = 5_000
-"""Beams at least that are tested at first, where there are further levels."""
-LEVEL_GROWTH = 4
-"""How many times as many beams there are with a further level as without it."""
-ORDER = 19530921
-"""Seed of the order in which beams are dealt to levels."""
+FIRST_LEVEL = 5_000  # beams at least that are tested at first, where there are further levels
+LEVEL_GROWTH = 4  # how many times as many beams there are with a further level as without it
+ORDER = 19530921  # seed of the order in which beams are dealt to levels
 
-HAIR = 1e-6
-"""Share by which an influence is enlarged: rounding must not let an obstacle slip through."""
-MARGIN = 1e-3
-"""Metres by which the ends of an aim are moved outwards: more than slots are rounded by."""
+HAIR = 1e-6  # share by which an influence is enlarged: rounding must not let an obstacle slip through
+MARGIN = 1e-3  # metres by which the ends of an aim are moved outwards: more than slots are rounded by
 
 
 @dataclasses.dataclass(frozen=True)

@@ -16,15 +16,13 @@ Floats = NDArray[np.float64]
 
 KINDS = ("gaussian", "binary")
 
-POINTS_A_ROW = 4
-"""If so many points share each y in the mean, they are taken row by row."""
+POINTS_A_ROW = 4  # if so many points share each y in the mean, they are taken row by row
 MIN_SIGMA = 1e-3
 """An estimated sigma is never below this share of the distance of the means: values without noise have none."""
 ROUNDS = 1000
 """Of the estimation of sigma at most; it ends before once a round changes sigma by less than `ENOUGH` of itself."""
 ENOUGH = 1e-9
-MAX_VALUES = 100_000
-"""Sigma is estimated from every k-th value so that no more than twice as many are used."""
+MAX_VALUES = 100_000  # sigma is estimated from every k-th value so that no more than twice as many are used
 
 
 @dataclasses.dataclass(frozen=True)

@@ -24,11 +24,9 @@ MAGICS = ((b"#ROSBAG V2.0", ".bag"), (b"\x89MCAP", ".mcap"), (b"SQLite format 3\
 
 SUFFIXES = tuple(suffix for _, suffix in MAGICS)
 
-HEAD = 64
-"""Bytes that show a bag."""
+HEAD = 64  # bytes that show a bag
 
-METADATA = "metadata.yaml"
-"""What makes a folder a ROS 2 bag."""
+METADATA = "metadata.yaml"  # what makes a folder a ROS 2 bag
 
 
 class Message(NamedTuple):
@@ -47,10 +45,7 @@ class Topic(NamedTuple):
 
 
 class Bag:
-    """An open bag.
-
-    `reader`: open. `source`: name of the bag, for messages.
-    """
+    """An open bag. `reader`: open. `source`: name of the bag, for messages."""
 
     def __init__(self, reader: AnyReader, source: str) -> None:
         self._reader = reader

@@ -68,8 +68,7 @@ NO_LETTERS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
 DPI = 160
 FORMATS = ("png", "svg", "pdf")
 LARGEST_WIDTH = 9.0
-LARGEST_HEIGHT = 7.2
-"""Inches of the drawn window; a page is a little larger."""
+LARGEST_HEIGHT = 7.2  # inches of the drawn window; a page is a little larger
 
 
 @dataclass(frozen=True)

@@ -15,17 +15,13 @@ from prf.shell.bag import Message, seconds
 
 FloatArray = NDArray[np.float64]
 
-STATIC = "tf_static"
-"""End of the name of the topic whose transforms hold for ever."""
+STATIC = "tf_static"  # end of the name of the topic whose transforms hold for ever
 
-HOLD = 0.5
-"""Seconds before the first and after the last pose for which a robot is taken to stand where it was seen."""
+HOLD = 0.5  # seconds before the first and after the last pose for which a robot is taken to stand where it was seen
 
-UNIT = 0.01
-"""How far the length of a quaternion may be from 1; tf itself passes over those that are farther."""
+UNIT = 0.01  # how far the length of a quaternion may be from 1; tf itself passes over those that are farther
 
-FARTHEST = 1e12
-"""Metres along an axis between two frames: more is damage, of which sums and squares would overflow."""
+FARTHEST = 1e12  # metres along an axis between two frames: more is damage, of which sums and squares would overflow
 
 
 class Rigid(NamedTuple):

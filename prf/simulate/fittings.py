@@ -10,16 +10,11 @@ import shapely
 from shapely import affinity
 from shapely.geometry.base import BaseGeometry
 
-OVERLAP = 0.02
-"""Metres by which what touches overlaps, so that a union never hangs on rounding."""
-LEAF = 0.05
-"""Thickness of a door's leaf, metres."""
-JAMB = 0.1
-"""Metres of wall that a door leaves at the end of its room, at least."""
-BEFORE_A_DOOR = 1.3
-"""Metres on both sides of a door that are kept clear."""
-PASSAGE = 0.8
-"""Metres left between things, so that a robot fits through."""
+OVERLAP = 0.02  # metres by which what touches overlaps, so that a union never hangs on rounding
+LEAF = 0.05  # thickness of a door's leaf, metres
+JAMB = 0.1  # metres of wall that a door leaves at the end of its room, at least
+BEFORE_A_DOOR = 1.3  # metres on both sides of a door that are kept clear
+PASSAGE = 0.8  # metres left between things, so that a robot fits through
 PILLARS_APART = 5.0
 
 

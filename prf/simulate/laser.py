@@ -19,10 +19,8 @@ from prf.simulate.world import Floats
 
 HAIR = 1e-9
 """Share of the step between beams by which intervals are widened, so that no beam slips between neighbouring walls."""
-MAX_BEAMS = 100_000
-"""Of a scan; no scanner in a plane has a tenth of that."""
-BLOCK = 64
-"""Scans between two reports of progress."""
+MAX_BEAMS = 100_000  # of a scan; no scanner in a plane has a tenth of that
+BLOCK = 64  # scans between two reports of progress
 
 
 @dataclasses.dataclass(frozen=True)

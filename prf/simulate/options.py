@@ -11,8 +11,7 @@ from prf.simulate.simulation import ARAK, OFFICE, SimulateConfig
 from prf.simulate.sonar import SonarPhysics
 
 FILE = "FILE"
-WORLDS_OF = {"size": (OFFICE, ARAK), "scale": (ARAK,)}
-"""Options for some worlds only."""
+WORLDS_OF = {"size": (OFFICE, ARAK), "scale": (ARAK,)}  # options for some worlds only
 
 
 def config_of(options: Mapping[str, Any], laser: bool, sonar: bool) -> SimulateConfig:

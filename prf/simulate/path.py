@@ -15,15 +15,11 @@ from prf.shell.files import open_input
 from prf.simulate.roadmap import CELL, Roadmap, tour_places, viewpoints
 from prf.simulate.world import Floats, World
 
-SPEED = 0.5
-"""Metres a second, while driving."""
-TURNING = 1.0
-"""Radians a second, while turning in place."""
+SPEED = 0.5  # metres a second, while driving
+TURNING = 1.0  # radians a second, while turning in place
 MAX_SCANS = 10**8
-MIN_STOPS = 4
-"""Viewpoints of a drive, so that a room is seen from more than one side."""
-DIGITS = 6
-"""Decimals of a pose, metres and radians: what a log writes is what was simulated."""
+MIN_STOPS = 4  # viewpoints of a drive, so that a room is seen from more than one side
+DIGITS = 6  # decimals of a pose, metres and radians: what a log writes is what was simulated
 COLUMNS = ("x", "y", "theta", "t")
 
 

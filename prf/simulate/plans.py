@@ -12,21 +12,15 @@ from prf.simulate.fittings import Box, Draft, Fitter, Wall, box_of
 from prf.simulate.world import World
 from prf.window import Window
 
-ROOM = 4.0
-"""Usual width of a room, metres; rooms vary by about 0.6 to 1.5 times this."""
-DOOR, CORRIDOR = 0.9, 2.0
-"""Clear widths, metres."""
+ROOM = 4.0  # usual width of a room, metres; rooms vary by about 0.6 to 1.5 times this
+DOOR, CORRIDOR = 0.9, 2.0  # clear widths, metres
 OUTER_WALL = 0.3
 CORRIDOR_WALL = 0.2
-PARTITIONS = (0.1, 0.2)
-"""Metres; the walls between rooms vary."""
-MARGIN = 0.5
-"""Metres of free space round the building: less than a robot needs, so that no path leads outside."""
-DEPTH_OF_ROOM = 1.25
-"""Depth of a room from its corridor, over its usual width."""
+PARTITIONS = (0.1, 0.2)  # metres; the walls between rooms vary
+MARGIN = 0.5  # metres of free space round the building: less than a robot needs, so that no path leads outside
+DEPTH_OF_ROOM = 1.25  # depth of a room from its corridor, over its usual width
 MIN_DEPTH = 2.0
-CROSSING = 30.0
-"""Metres of building for each corridor that crosses the others."""
+CROSSING = 30.0  # metres of building for each corridor that crosses the others
 HALL_SHARE = 0.25
 
 

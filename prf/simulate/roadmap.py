@@ -15,14 +15,12 @@ from shapely.geometry.base import BaseGeometry
 from prf.shell.errors import InputError
 from prf.simulate.world import Floats, World
 
-CELL = 0.1
-"""Metres. Half a robot's play in a doorway: a coarser grid would lose doors."""
+CELL = 0.1  # metres. Half a robot's play in a doorway: a coarser grid would lose doors
 PLAY = 0.02
 """Metres between robot and walls: a step between two cells cuts a corner by 0.01 m, and the arcs of a buffer run inside
 the true ones."""
 MAX_CELLS = 2_500_000
-NEIGHBOURS = ((0, 1), (1, -1), (1, 0), (1, 1))
-"""Half of the eight steps to a neighbour; the other half is the way back."""
+NEIGHBOURS = ((0, 1), (1, -1), (1, 0), (1, 1))  # half of the eight steps to a neighbour; the other half is the way back
 Ints = NDArray[np.int64]
 
 

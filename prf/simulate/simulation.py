@@ -25,8 +25,7 @@ SIZE = (60.0, 40.0)
 MIN_ROOM = 0.2
 """Share of the window in which the centre of the robot must be able to be, for a draw from the prior to be used."""
 MAX_READINGS = 10**9
-REACH = 3.5
-"""Metres of way within which a planned drive passes every place."""
+REACH = 3.5  # metres of way within which a planned drive passes every place
 RING_RADIUS = float(np.hypot(*PIONEER[:, :2].T).max())
 
 

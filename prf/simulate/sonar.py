@@ -19,12 +19,9 @@ from prf.sensors.domain import check_factor, check_length
 from prf.shell.errors import ConfigError
 from prf.simulate.world import Floats
 
-RIGHT_ANGLE = math.radians(10.0)
-"""Corners within this of a right angle send sound back to where it came from."""
-SOUND_SPEED = 343.0
-"""Metres a second."""
-SHORT_OF = 1.0 - 1e-9
-"""Share of the way to an echo on which a wall hides it: the wall that echoes does not."""
+RIGHT_ANGLE = math.radians(10.0)  # corners within this of a right angle send sound back to where it came from
+SOUND_SPEED = 343.0  # metres a second
+SHORT_OF = 1.0 - 1e-9  # share of the way to an echo on which a wall hides it: the wall that echoes does not
 
 
 @dataclasses.dataclass(frozen=True)

@@ -20,16 +20,12 @@ from prf.shell.files import open_input
 from prf.simulate.world import World
 from prf.window import Window
 
-MARGIN = 1.0
-"""Metres of free space round polygons without a window."""
+MARGIN = 1.0  # metres of free space round polygons without a window
 MAX_DRAWS = 1000
 YAML_SUFFIXES = (".yaml", ".yml")
-FREE_THRESHOLD, OCCUPIED_THRESHOLD = 0.196, 0.65
-"""Of a yaml file that has none."""
-PADDING = 2
-"""Occupied cells round the map, so that no wall touches the window at a point."""
-TOLERANCE = 1.0
-"""Cells by which contours may be off: staircases of slanted walls become straight."""
+FREE_THRESHOLD, OCCUPIED_THRESHOLD = 0.196, 0.65  # of a yaml file that has none
+PADDING = 2  # occupied cells round the map, so that no wall touches the window at a point
+TOLERANCE = 1.0  # cells by which contours may be off: staircases of slanted walls become straight
 ENTRY = re.compile(r"^(\w+)\s*:\s*([^#\n]*?)\s*(?:#.*)?$", re.MULTILINE)
 
 

@@ -17,8 +17,7 @@ from prf.window import SIDES, Window
 
 Floats = NDArray[np.float64]
 
-STRAIGHT = 1e-9
-"""Metres that a vertex may stick out of the line of its neighbours before it counts as a corner."""
+STRAIGHT = 1e-9  # metres that a vertex may stick out of the line of its neighbours before it counts as a corner
 
 
 @dataclass(frozen=True, eq=False)

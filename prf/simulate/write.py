@@ -40,10 +40,8 @@ TRUTH, PLAN, LASER, SONAR, PATH, MANIFEST = (
 )
 FILES = (MANIFEST, TRUTH, PLAN, LASER, SONAR, PATH)
 SCHEMA = "prf.simulation/2"
-LEVEL = 6
-"""Of compression: 9 takes thrice the time for a hundredth less."""
-MIN_RANGE = 0.001
-"""Metres, the resolution of a log: a range of 0 is an error code."""
+LEVEL = 6  # of compression: 9 takes thrice the time for a hundredth less
+MIN_RANGE = 0.001  # metres, the resolution of a log: a range of 0 is an error code
 HOST = "simulated"
 
 

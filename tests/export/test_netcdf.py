@@ -97,7 +97,7 @@ def test_attributes_that_the_format_does_not_take_are_text(tmp_path: Path, value
     write_run(tmp_path / "run", dataclasses.replace(run, diagnostics={**run.diagnostics, **acceptance}))
     path = tmp_path / "run" / "manifest.json"
     manifest = json.loads(path.read_text())
-    path.write_text(json.dumps({**manifest, "status": value, "versions": {"prf": value}, "created": value}))
+    path.write_text(json.dumps({**manifest, "status": value, "created": value}))
     export_source(tmp_path / "run", str(tmp_path / "a.nc"), Options())
     with xarray.open_dataset(tmp_path / "a.nc", engine="h5netcdf") as opened:
         assert opened.attrs["status"] == written
