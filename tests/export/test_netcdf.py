@@ -122,12 +122,6 @@ def test_chains_are_ordered_by_step_and_cut_to_the_shortest() -> None:
     assert chains.n_left_out == 1
 
 
-def test_even_chains_lose_nothing(tmp_path: Path) -> None:
-    write_run(tmp_path / "even", make_full_run(12))
-    done = export_source(tmp_path / "even", str(tmp_path / "even.nc"), Options())
-    assert (done.facts["n_draws_left_out"], done.notes) == (0, ())
-
-
 def test_without_draws_there_is_nothing_to_export(tmp_path: Path) -> None:
     write_run(tmp_path / "early", make_run(n_draws=0))
     with pytest.raises(InputError, match="no draws yet"):

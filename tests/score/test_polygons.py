@@ -81,22 +81,3 @@ def test_what_is_no_map(tmp_path: Path, content: Any, words: str) -> None:
         read(tmp_path, content)
     assert "map.geojson" in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_binary_input_is_reported_without_codecs(tmp_path: Path) -> None:
-    path = tmp_path / "map.pgm"
-    path.write_bytes(b"P5 1 1 255 \xfe")
-    with pytest.raises(InputError, match=r"map\.pgm: neither a RUN, a GRID nor GeoJSON \(no text\)"):
-        read_occupied_area(path)
-
-
-@pytest.mark.filterwarnings("error")
-def test_polygons_that_cannot_be_united_are_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(_: Any) -> None:
-        raise shapely.errors.GEOSException("TopologyException: side location conflict\nat 1 2")
-
-    monkeypatch.setattr(shapely, "union_all", fail)
-    with pytest.raises(InputError, match=r"map\.geojson: not a GeoJSON map .*side location conflict at 1 2"):
-        read(tmp_path, SQUARE)
-    with pytest.raises(InputError, match=r"cannot be united .*side location conflict at 1 2"):
-        from_polygons(shapely.box(0.0, 0.0, 1.0, 1.0), Window(0.0, 0.0, 2.0, 2.0))

@@ -13,17 +13,13 @@ from prf.kernels import constants as c
 from prf.kernels.beams import Beams
 from prf.kernels.grid import Grid
 from prf.kernels.laser_change import FADED
-from prf.sensors import laser
 from prf.sensors.laser import (
     MARGIN,
-    MAX_SLOTS,
     LaserModel,
     deal_levels,
-    empty_lists,
     make_beams,
     make_rays,
     number_of_levels,
-    unit_vectors,
 )
 from prf.shell.errors import ConfigError
 from prf.window import Window
@@ -83,18 +79,6 @@ def test_hits_fade_at_their_deviation(sensor: Sensor, share: float) -> None:
     assert there == pytest.approx(share * sensor.outlier / sensor.max)
 
 
-def test_hits_that_are_nowhere_much_have_faded_from_the_start() -> None:
-    assert LaserModel(6.0, noise=2.0, outlier_probability=0.9).deviation_where_hits_are(1.0) == 0.0
-
-
-@pytest.mark.parametrize(
-    ("noise", "relative", "is_wide"),
-    [(0.51, 0.0, True), (0.49, 0.0, False), (0.01, 0.051, True), (0.01, 0.049, False)],
-)
-def test_noise_is_wide_from_a_twentieth_of_the_range(noise: float, relative: float, is_wide: bool) -> None:
-    assert LaserModel(10.0, noise, relative).is_wide is is_wide
-
-
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_the_best_of_a_reading_is_just_above_what_any_distance_gives(sensor: Sensor) -> None:
     """But for the doubling near 0, where not the whole of it may be there, and what the noise's growth gives."""
@@ -129,11 +113,6 @@ def test_an_aim_ends_where_hits_fade(sensor: Sensor) -> None:
 def test_wide_noise_is_aimed_everywhere() -> None:
     near, far = LaserModel(6.0, noise=2.0).aim(np.array([1.0, 5.0]))
     assert (near.tolist(), far.tolist()) == ([-math.inf] * 2, [math.inf] * 2)
-
-
-def test_directions_of_angles() -> None:
-    found = unit_vectors(np.array([0.0, 0.5 * np.pi, np.pi / 3.0]))
-    assert found == pytest.approx(np.array([[1.0, 0.0], [0.0, 1.0], [0.5, math.sqrt(0.75)]]), abs=1e-12)
 
 
 @pytest.mark.parametrize(("n", "n_levels"), [(0, 1), (19_999, 1), (20_000, 2), (79_999, 2), (80_000, 3)])
@@ -179,16 +158,6 @@ def test_each_level_has_lists_of_its_own(n_levels: int) -> None:
     assert found.cell_count.shape == found.cell_shortfall.shape == (n_lists,)
 
 
-def test_nothing_is_listed_yet() -> None:
-    for found in (beams(), empty_lists(beams(2), 12)):
-        assert not any(
-            part.any() for part in (found.cell_count, found.cell_shortfall, found.edge_shortfall, found.last_slot)
-        )
-        assert (found.first_beam == c.NONE).all()
-    assert found.first_beam.shape == found.edge_shortfall.shape == (12, 2)
-    assert (found.n_touched.tolist(), found.entries.shape, found.aim.shape) == ([0], (10, 2), (4, 2))
-
-
 def test_an_aim_reaches_into_the_cells_within_its_margin() -> None:
     """Readings half a margin farther from a border of cells than the aim reaches, and 1.5 margins."""
     z = LaserModel(8.0).deviation_where_hits_are(FADED)
@@ -199,12 +168,3 @@ def test_an_aim_reaches_into_the_cells_within_its_margin() -> None:
     assert beams(readings=np.array([1.5 + reach + 3.0 * hair, 1.0, 1.0, 1.0])).aim[0].tolist() == [2, 3]
     assert beams(readings=np.array([1.5 - reach - hair, 1.0, 1.0, 1.0])).aim[0].tolist() == [1, 3]
     assert beams(readings=np.array([1.5 - reach - 3.0 * hair, 1.0, 1.0, 1.0])).aim[0].tolist() == [1, 2]
-
-
-def test_slots_are_as_many_as_their_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert np.iinfo(beams().entries.dtype).max == MAX_SLOTS - 1
-    monkeypatch.setattr(laser, "MAX_SLOTS", 11)
-    beams()
-    monkeypatch.setattr(laser, "MAX_SLOTS", 10)
-    with pytest.raises(ConfigError, match=r"4 beams pass 10 cells.*--every-scan"):
-        beams()

@@ -28,10 +28,6 @@ def test_the_kind_follows_from_the_values_unless_it_is_given() -> None:
         PointModel("binary").resolved(np.array([0.0, 1.0, 0.5, 2.0]))
 
 
-def test_one_value_in_ten_is_flipped_unless_told_otherwise() -> None:
-    assert np.exp(PointModel().log_density(np.array([1.0, 0.0]))) == pytest.approx(np.array([[0.1, 0.9], [0.9, 0.1]]))
-
-
 @pytest.mark.parametrize("law", [Normal(), Normal(-3.0, 40.0, 11.0), Flips(), Flips(0.01)], ids=str)
 def test_densities_are_those_written(law: Normal | Flips) -> None:
     rng = np.random.default_rng(40)
@@ -75,20 +71,6 @@ def test_values_of_one_colour_have_their_deviation_from_its_mean(off: list[float
     expected = math.sqrt(np.mean(np.square(off)))
     assert estimated_sigma(1.0 + np.array(off), 1.0, 0.0) == pytest.approx(expected, rel=1e-6)
     assert estimated_sigma(-np.array(off), 1.0, 0.0) == pytest.approx(expected, rel=1e-6)
-
-
-@pytest.mark.parametrize(("n", "sigma"), [(199_998, math.sqrt(0.5 * (0.01 + 0.04))), (200_000, 0.1)])
-def test_of_many_values_every_second_will_do(n: int, sigma: float) -> None:
-    off = np.resize([0.1, 0.2, -0.1, -0.2], n)
-    values = np.resize([0.0, 0.0, 0.0, 0.0, 5.0, 5.0, 5.0, 5.0], n) + off
-    assert estimated_sigma(values, 5.0, 0.0) == pytest.approx(sigma, rel=1e-6)
-
-
-def test_values_without_noise_leave_a_thousandth_of_the_distance_of_the_means() -> None:
-    with np.errstate(divide="raise", invalid="raise"):
-        assert estimated_sigma(np.array([0.0, 2.0, 2.0]), 2.0, 0.0) == pytest.approx(2e-3)
-        assert estimated_sigma(np.array([3.0, 5.0]), 3.0, 5.0) == pytest.approx(2e-3)
-        assert estimated_sigma(np.array([1.0]), 1.0, 0.0) == pytest.approx(1e-3)
 
 
 def test_a_bitmap_fills_the_window_round_it() -> None:

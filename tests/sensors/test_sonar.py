@@ -249,13 +249,6 @@ def test_every_wall_and_corner_finds_room() -> None:
     assert sight.counts[v.N_FEATURES] == 3 * len(walls)
 
 
-def test_a_new_chain_has_room_for_edges_that_come_and_has_asked_no_cone_for_a_proposal() -> None:
-    data = data_of(Ring(), [Cone(0.0, 0.0, 0.0, 1.0)], np.ones(1))
-    chain = make_chain(Settings(ROOM, 0.3, sonar=data), Coloring.empty(ROOM))
-    assert len(chain.cones.sight.line) >= len(chain.graph.edge_xy) + c.MOST_CHANGES
-    assert (chain.cones.mark <= chain.cones.proposals[0]).all()
-
-
 def test_without_sonar_no_cone_is_touched() -> None:
     """What is accepted is applied to the cones that were touched, also where there are none to ask."""
     cones = make_chain(Settings(ROOM, 0.3), Coloring.empty(ROOM)).cones

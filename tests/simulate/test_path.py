@@ -108,11 +108,6 @@ def test_headings_turn_the_shorter_way() -> None:
     assert np.abs(np.diff(heading)).max() <= 0.1 + 1e-6
 
 
-def test_a_drive_without_length_stands_still() -> None:
-    scans = scans_along(np.array([(1.0, 2.0)]), Spacing(), 3)
-    assert scans.pose.tolist() == [[1.0, 2.0, 0.0]] * 3
-
-
 WORLD = World.from_polygons(box(4.0, 1.0, 5.0, 7.0), Window(0.0, 0.0, 10.0, 8.0))
 
 
@@ -165,7 +160,3 @@ def test_what_is_no_path_is_refused(text: str, message: str, tmp_path: Path) -> 
 def test_ways_into_walls_are_refused(text: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=message):
         written(tmp_path, text).check(WORLD)
-
-
-def test_poses_may_lie_on_both_sides_of_a_wall(tmp_path: Path) -> None:
-    written(tmp_path, "x,y,theta\n1,2,0\n8,2,0\n").check(WORLD)

@@ -149,8 +149,3 @@ def test_an_empty_world_and_a_small_one(tmp_path: Path) -> None:
 def test_what_cannot_be_simulated_is_refused(changes: dict[str, object], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         dataclasses.replace(SMALL, **changes)  # type: ignore[arg-type]
-
-
-def test_a_drive_of_too_many_scans_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"the drive would have .* scans\. Give a larger --spacing"):
-        simulate(SimulateConfig(size=(4.0, 4.0), spacing=1e-8), 1)

@@ -17,7 +17,7 @@ from prf.export.ros_map import ros_map
 from prf.laws import expected_edges
 from prf.run.mapfile import map_text
 from prf.score.polygons import outline_of_cells
-from prf.shell.errors import ConfigError, InputError
+from prf.shell.errors import InputError
 from prf.simulate import World, draw_world, office, read_world, roadmap
 from prf.simulate.sources import CellMap, _joined, read_cell_map, world_of_cells
 from prf.window import Window
@@ -47,12 +47,6 @@ def test_polygons_of_another_program_get_a_window(tmp_path: Path) -> None:
     world = read_world(tmp_path / "map.json")
     assert world.window == pytest.approx((-1.0, -1.0, 5.0, 2.2))
     assert len(world.walls) == 8
-
-
-def test_the_window_of_a_spike_reaches_no_farther(tmp_path: Path) -> None:
-    spike = Polygon([(0.0, 0.0), (10.0, 1.0), (0.0, 2.0)])
-    (tmp_path / "spike.geojson").write_text(json.dumps(shapely.geometry.mapping(spike)))
-    assert read_world(tmp_path / "spike.geojson").window == (-1.0, -1.0, 11.0, 3.0)
 
 
 def test_maps_without_inside_and_outside_are_refused(tmp_path: Path) -> None:
@@ -97,12 +91,6 @@ def test_the_first_draw_that_can_be_used_is_taken() -> None:
         assert np.array_equal(stream[-1].walls, drawn.world.walls)
         n_redrawn.append(drawn.n_redrawn)
     assert max(n_redrawn) > 0
-
-
-def test_what_cannot_be_drawn_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("prf.simulate.sources.MAX_DRAWS", 3)
-    with pytest.raises(ConfigError, match="none of 3 draws"):
-        draw_world(0.2, WINDOW, np.random.default_rng(1), lambda world: False)
 
 
 def random_cells(rng: np.random.Generator) -> np.ndarray:

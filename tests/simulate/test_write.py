@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -93,9 +92,3 @@ def test_paths_can_be_driven_again(tmp_path: object) -> None:
     file = tmp_path / "path.csv"  # type: ignore[operator]
     file.write_bytes(as_bytes(path_lines(SCANS)))
     np.testing.assert_array_equal(read_path(file).scans().pose, SCANS.pose)
-
-
-def test_ranges_are_in_millimetres_without_zeros() -> None:
-    physics = dataclasses.replace(LaserPhysics(), beams=4)
-    line = list(carmen_lines(SCANS, np.tile([1.0, 2.5004, 10.0, np.inf], (20, 1)), physics))[3]
-    assert line.split()[2:6] == ["1", "2.5", "10", "30.93"]
