@@ -139,21 +139,24 @@ def calibrate_laser(readings: Readings, area: OccupiedArea, config: Configuratio
     window = area.window or enclosing_window(used.origin, max_range, area.region)
     rays = np.ascontiguousarray(np.column_stack([used.origin, direction, reach]))
     distance = first_edges(rays, outline(area.region, area.window)[0], window)
-    reading = np.where(used.range < max_range, used.range, np.inf)
     family = Family(default, ("outlier_probability", "miss_probability"))
-    both = tuple(laser_density(reading, at, max_range) for at in (distance, np.full_like(distance, np.inf)))
+    both = tuple(laser_density(used.range, at, reach, max_range) for at in (distance, np.full_like(distance, np.inf)))
     return _fitted("laser", family, (both[0], both[1]), used, np.isfinite(distance), (max_range, math.nan), counts)
 
 
-def laser_density(reading: Floats, distance: Floats, max_range: float) -> Density:
-    """Return the density of readings (inf: no return) of beams whose first obstacle lies at a distance (inf: none)."""
-    met, returned = distance < max_range, np.isfinite(reading)
-    depth = np.where(met, distance, max_range)
+def laser_density(reading: Floats, distance: Floats, reach: Floats, max_range: float) -> Density:
+    """Return the density of readings of beams whose first obstacle lies at a distance (inf: none), all (n,).
+
+    A reading of `reach` or more, which is the maximum range or where the beam leaves the map, is censored there.
+    """
+    met, returned = distance < reach, reading < reach
+    depth, beyond = np.where(met, distance, reach), 1.0 - reach / max_range
 
     def density(value: dict[str, float], power: float) -> Floats:
         outlier, miss = value["outlier_probability"], value["miss_probability"]
-        hit = np.where(met, _hit(reading, depth, value, power, max_range), ~returned)
-        total: Floats = (1.0 - outlier - miss) * hit + np.where(returned, outlier / max_range, miss)
+        hit = np.where(met, _hit(reading, depth, value, power, reach), ~returned)
+        rest = np.where(returned, outlier / max_range, miss + outlier * beyond)
+        total: Floats = (1.0 - outlier - miss) * hit + rest
         return total
 
     return density
@@ -183,13 +186,13 @@ def sonar_density(reading: Floats, feature: Floats, there: NDArray[np.bool_], ma
     return density
 
 
-def _hit(reading: Floats, depth: Floats, value: dict[str, float], power: float, max_range: float) -> Floats:
-    """Return N(r; d, s^2) / Phi(d / s), and where there was no return its mass beyond the maximum range."""
+def _hit(reading: Floats, depth: Floats, value: dict[str, float], power: float, reach: Floats | float) -> Floats:
+    """Return N(r; d, s^2) / Phi(d / s), and where there was no return up to `reach` its mass beyond."""
     larger = np.maximum(value["noise"], value["noise_relative"] * depth)
     smaller = np.minimum(value["noise"], value["noise_relative"] * depth)
     s = larger * (1.0 + (smaller / larger) ** power) ** (1.0 / power)
-    returned = np.isfinite(reading)
-    z = (np.where(returned, reading, max_range) - depth) / s
+    returned = reading < reach
+    z = (np.where(returned, reading, reach) - depth) / s
     bell = np.exp(-0.5 * z * z) / (math.sqrt(2.0 * math.pi) * s)
     found: Floats = np.where(returned, bell, special.ndtr(-z)) / special.ndtr(depth / s)
     return found

@@ -121,7 +121,7 @@ def test_laser_losses_are_those_of_the_slow_twin() -> None:
     near = np.where(np.isfinite(distance), distance, 4.0) + 0.05 * rng.normal(size=400)
     reading = np.where(rng.random(400) < 0.5, np.abs(near), rng.uniform(0.0, 8.0, 400))
     reading = np.where((rng.random(400) < 0.15) | (reading >= 8.0), math.inf, reading)
-    density = laser_density(reading, distance, 8.0)
+    density = laser_density(reading, distance, np.full(400, 8.0), 8.0)
     for theta in some_points(LASER, 2):
         model = Sensor(8.0, *LASER.natural(theta).values())
         pairs = zip(reading.tolist(), distance.tolist(), strict=True)
@@ -157,7 +157,8 @@ def test_the_fit_is_a_minimum() -> None:
     rng = np.random.default_rng(6)
     distance = np.where(rng.random(500) < 0.2, np.inf, rng.uniform(0.5, 7.0, 500))
     reading = np.where(np.isfinite(distance), np.abs(distance + 0.05 * rng.normal(size=500)), np.inf)
-    density = laser_density(np.where(rng.random(500) < 0.1, 8.0 * rng.random(500), reading), distance, 8.0)
+    reading = np.where(rng.random(500) < 0.1, 8.0 * rng.random(500), reading)
+    density = laser_density(reading, distance, np.full(500, 8.0), 8.0)
     best, converged = fit(LASER, density)
     assert converged
     least = penalised(LASER, density, best)
@@ -228,6 +229,14 @@ def test_what_some_places_show_helps_at_another(shared_data: Path, tmp_path: Pat
         cones = hold_out_sonar(readings, score_settings(sonar=model, scans="4:5"))
         held_out.append(score(PolygonMap(area), None, sonar=cones)["sonar_nll"])
     assert held_out[1] < held_out[0] - 0.4
+
+
+def test_returns_from_beyond_the_window_are_no_outliers() -> None:
+    """Half of a hall is known: walls of the other half return many beams."""
+    known, window = laser_log(2, 40), Window(0.0, 0.0, 7.0, 10.0)
+    area = OccupiedArea(known.area.region.intersection(shapely.box(*window)), window)
+    found = calibrate_laser(known.readings, area, Configuration.of(max_range=8.0))
+    assert np.abs(z_scores(found, LASER_TRUTH)).max() < 4.0
 
 
 def test_sensors_beside_the_map_are_dropped_counted_or_refused(caplog: pytest.LogCaptureFixture) -> None:

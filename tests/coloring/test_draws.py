@@ -47,7 +47,6 @@ def test_owners_and_global_edges(draws: Draws) -> None:
     ends = draws.xy[draws.global_edges()].reshape(-1, 4)
     np.testing.assert_array_equal(ends, np.concatenate([draw.segments() for draw in draws]))
     assert np.bincount(draws.draw_of_edge(), minlength=30).tolist() == draws.n_edges.tolist()
-    assert np.bincount(draws.draw_of_vertex(), minlength=30).tolist() == np.diff(draws.vertex_offsets).tolist()
 
 
 def test_empty_draws_keep_their_place() -> None:
