@@ -1,11 +1,10 @@
 """Simulated worlds and what a robot's laser and sonar read in them: readings whose truth is known."""
 
 from prf.simulate.laser import LaserPhysics, simulate_laser
-from prf.simulate.options import config_of
 from prf.simulate.path import Scans, Spacing, plan_drive, scans_along
 from prf.simulate.plans import office
 from prf.simulate.roadmap import Roadmap, roadmap
-from prf.simulate.simulation import SimulateConfig, Simulation, simulate
+from prf.simulate.simulation import SimulateConfig, Simulation, config_of, simulate
 from prf.simulate.sources import draw_world, read_world
 from prf.simulate.world import World
 from prf.simulate.write import summary, write_simulation

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
 from prf.logs.poses import PIONEER, mounted
 from prf.sensors.domain import check_length
-from prf.shell.errors import ConfigError, InputError
+from prf.shell.errors import ConfigError, InputError, UsageError
 from prf.shell.seeds import spawn_generators
 from prf.simulate.laser import LaserPhysics, simulate_laser
 from prf.simulate.path import PathFile, Scans, Spacing, plan_drive, read_path, scans_along
@@ -62,6 +63,34 @@ class SimulateConfig:
     def readings_per_scan(self) -> int:
         """Of the sensor that `readings` counts."""
         return len(PIONEER) if self.sonar is not None else self.laser.beams if self.laser is not None else 0
+
+
+def config_of(options: Mapping[str, Any], laser: bool, sonar: bool) -> SimulateConfig:
+    """Return the configuration that options ask for; UsageError for one that has no effect beside the others.
+
+    `options`: name to value, None for the default: fields of :class:`SimulateConfig`, and with ``laser_`` or ``sonar_``
+    before them of :class:`LaserPhysics` and :class:`SonarPhysics`. `laser`, `sonar`: whether the robot has them.
+    """
+    given = {name: value for name, value in options.items() if value is not None}
+    idle = {
+        "laser_": "is for a laser, and there is --no-laser" if not laser else "",
+        "sonar_": "is for a sonar, and there is no --sonar" if not sonar else "",
+        "size": "is for --world office or arak" if given.get("world", OFFICE) not in (OFFICE, ARAK) else "",
+        "scale": "is for --world arak" if given.get("world", OFFICE) != ARAK else "",
+    }
+    parts: dict[str, dict[str, Any]] = {"": {}, "laser_": {}, "sonar_": {}}
+    for name, value in given.items():
+        for start, why in idle.items():
+            if why and name.startswith(start):
+                flag = name.removeprefix("laser_").replace("_", "-")
+                raise UsageError(f"--{flag} {why}. Leave it out, or change that.")
+        prefix = next((prefix for prefix in ("laser_", "sonar_") if name.startswith(prefix)), "")
+        parts[prefix][name.removeprefix(prefix)] = value
+    return SimulateConfig(
+        **parts[""],
+        laser=LaserPhysics(**parts["laser_"]) if laser else None,
+        sonar=SonarPhysics(**parts["sonar_"]) if sonar else None,
+    )
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
