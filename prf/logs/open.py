@@ -58,34 +58,14 @@ def read_readings(
 ) -> Readings:
     """Read the readings of one kind of sensor from a log; the format is recognised from the content.
 
-    Parameters
-    ----------
-    path : str
-        A CARMEN or Player log or a table, gzipped or not, or a ROS bag, whatever its name; ``-`` is standard input. A
-        ROS 2 bag may be its folder or one file.
-    kind : {"laser", "sonar"} or None
-        Which readings to take; None: laser if there are any, else sonar. Rows of a table are laser's if their cone is
-        0, sonar's if not; a table with rows of one sort only is taken as it is.
-    topic : str, optional
-        Whose readings: a topic of a bag, a device of a Player log (``laser:1``), a kind of line of a CARMEN log
-        (``RLASER``). Needed for a bag with several laser topics.
-    frame : str, optional
-        In what frame: one of a bag's frames or an odometry topic (default ``map``), the position device of a Player log
-        (``position2d:1``), the kind of line that gives the robot's pose at CARMEN sonar readings (``ODOM``).
-    cone : float, optional
-        Full opening angle in radians of sonar readings whose log has none.
-
-    Returns
-    -------
-    Readings
-        All beams, in the order of the file.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, damaged, of another format, or has no readings of this kind.
-    ConfigError
-        If `topic` or `frame` is needed and missing, or is not in the log.
+    `path`: a CARMEN or Player log or a table, gzipped or not, or a ROS bag, whatever its name; ``-`` is standard input.
+    A ROS 2 bag may be its folder or one file. `kind`: which readings to take; None: laser if there are any, else sonar.
+    Rows of a table are laser's if their cone is 0, sonar's if not; a table with rows of one sort only is taken as it
+    is. `topic`: whose readings: a topic of a bag, a device of a Player log (``laser:1``), a kind of line of a CARMEN
+    log (``RLASER``). Needed for a bag with several laser topics. `frame`: in what frame: one of a bag's frames or an
+    odometry topic (default ``map``), the position device of a Player log (``position2d:1``), the kind of line that
+    gives the robot's pose at CARMEN sonar readings (``ODOM``). `cone`: full opening angle in radians of sonar readings
+    whose log has none. Returns: all beams, in the order of the file.
     """
     source = "standard input" if path == STREAM else path
     place = Path(path)
