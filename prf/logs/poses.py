@@ -111,10 +111,10 @@ def fields_of_view(readings: Readings, cone: float) -> FloatArray:
 
 def spread(start: float, step: float, n: int) -> FloatArray:
     """Return n directions from `start` on, radians (ValueError if they are no scan)."""
-    is_scan = n == 1 or 0.0 < abs(step) * (n - 1) <= 2.0 * np.pi + min(abs(step), 1.0)
+    is_scan = n < 2 or 0.0 < abs(step) * (n - 1) <= 2.0 * np.pi + min(abs(step), 1.0)
     if not (is_scan and abs(start) <= 2.0 * np.pi):
         raise ValueError(f"{n} beams from {start:g} in steps of {step:g} rad are no scan")
-    return np.asarray(start + step * np.arange(n, dtype=np.float64) if n > 1 else [start], dtype=np.float64)
+    return np.array([start]) if n == 1 else start + step * np.arange(n, dtype=np.float64)
 
 
 @lru_cache(maxsize=8)
