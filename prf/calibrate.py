@@ -208,12 +208,12 @@ def _usable(readings: Readings, area: OccupiedArea, config: Configuration) -> tu
     n_outside, n_occupied = int(np.count_nonzero(~inside)), int(np.count_nonzero(occupied))
     if n_outside + n_occupied == kept.n_beams:
         raise InputError(
-            f"{readings.source}: none of {kept.n_beams} readings can be used: {n_outside} sensors stand outside the "
+            f"{readings.source}: none of {kept.n_beams} readings can be used: {n_outside} sensors are outside the "
             f"map and {n_occupied} in its walls. Are log and map in one frame, metres and radians?"
         )
     for n, where in ((n_outside, "outside the map"), (n_occupied, "in a wall of the map")):
         if n:
-            logger.warning(f"{n} of {kept.n_beams} readings dropped: their sensors stand {where}")
+            logger.warning(f"{n} of {kept.n_beams} readings dropped: their sensors are {where}")
     return kept.select(inside & ~occupied), (n_outside, n_occupied)
 
 

@@ -1,8 +1,7 @@
-"""Fewer laser beams that say nearly the same: a step's cost no longer grows with the log (docs/large-jobs.md).
+"""Fewer laser beams of nearly the same information: a step costs the same for a longer log (docs/large-jobs.md).
 
 Beams are drawn evenly from strata: those of one stratum end in one square, are from one of eight directions, and all
-have a return or all have none. They say nearly the same, so their number counts for less than in proportion: of n beams
-some n^EVENNESS are kept. With the exponent 1 that is plain subsampling; with 0 every place has the same number, and
+have a return or all have none. Their information is nearly the same, so of n beams some n^EVENNESS are kept. With the exponent 1 that is plain subsampling; with 0 every place has the same number, and
 what is rare (people who walked by, the fringe of a wall blurred by errors of the poses) weighs as much as the wall.
 
 Free space is known by the beams that cross it, and some of it by a few alone: those that look through a door, or along
@@ -102,7 +101,7 @@ def strata_of(window: Window, origin: Floats, end: Floats, returned: Bools) -> S
 
 
 def weights(strata: Strata, budget: float) -> Floats:
-    """Return the share (k,) of each stratum to keep: `budget` beams in all, more only if the rare ask for it."""
+    """Return the share (k,) of each stratum to keep: `budget` beams in all, more only if the rare need it."""
     least = np.minimum(1.0, RARE / strata.alike)
     falling = strata.size.astype(np.float64) ** (EVENNESS - 1.0)
 

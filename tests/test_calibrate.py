@@ -173,7 +173,7 @@ def test_readings_of_the_defaults_leave_the_defaults() -> None:
 
 
 def test_few_readings_keep_what_they_do_not_show_at_its_default() -> None:
-    """Three scans see hardly a corner: no parameter runs away, and the report says which are the prior's."""
+    """Three scans see hardly a corner: no parameter runs away, and the report marks which are the prior's."""
     found = sonar_fit(sonar_log(5, 3))
     assert np.isfinite(found.error).all()
     assert not found.informed.all()
@@ -246,7 +246,7 @@ def test_sensors_beside_the_map_are_dropped_counted_or_refused(caplog: pytest.Lo
     part = calibrate_laser(known.readings, OccupiedArea(region, window), Configuration.of(max_range=8.0))
     assert part.n_outside == np.count_nonzero(known.readings.origin[:, 0] >= 7.0)
     assert part.n_readings + part.n_outside == known.readings.n_beams
-    assert "dropped: their sensors stand outside the map" in caplog.text
+    assert "dropped: their sensors are outside the map" in caplog.text
     with pytest.raises(InputError, match="none of 600 readings can be used"):
         calibrate_laser(
             known.readings, OccupiedArea(shapely.box(-1, -1, 20, 20), None), Configuration.of(max_range=8.0)

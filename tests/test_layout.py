@@ -76,7 +76,7 @@ def test_growing_changes_no_state(world: World) -> None:
 
 
 def run_grown(chain: Chain, rng: np.random.Generator, until: int, every: int) -> tuple[Chain, int]:
-    """Run, growing where the kernel asks and looking at the twins in between; return how often it grew."""
+    """Run, growing where the kernel needs it and looking at the twins in between; return how often it grew."""
     n_grown = 0
     for step in range(every, until + 1, every):
         while not run(chain, rng, step):

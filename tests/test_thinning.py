@@ -86,7 +86,7 @@ def test_chosen_beams_are_a_subset_in_their_order_and_every_time_the_same(dense:
     np.testing.assert_array_equal(kept, dense.kept())
 
 
-def test_number_is_what_was_asked_for_however_often_the_log_is_repeated(dense: Log) -> None:
+def test_number_is_the_budget_however_often_the_log_is_repeated(dense: Log) -> None:
     """Of ground that many beams see, what coverage adds is a small part."""
     often = Log(*(np.concatenate([array] * 10) for array in dense))
     for log in (dense, often):
@@ -115,7 +115,7 @@ def test_a_lone_beam_without_return_stays(dense: Log) -> None:
 
 
 def test_a_look_through_a_door_stays(dense: Log) -> None:
-    """One beam alone says that the ground behind the wall is free; its end has company on the wall."""
+    """One beam alone shows that the ground behind the wall is free; its end has company on the wall."""
     hidden = Log(*(array[dense.ends()[:, 0] < 15.0] for array in dense))
     log = hidden.with_beam(12.0, 5.0, 0.05, 7.45)
     assert len(log.range) - 1 in log.kept()
@@ -197,7 +197,7 @@ def test_quotas_fill_the_budget_and_grow_as_the_power_of_the_size() -> None:
     np.testing.assert_allclose(quota[1:] / quota[:-1], 4.0**EVENNESS)
 
 
-def test_rare_beams_come_first() -> None:
+def test_rare_beams_are_first() -> None:
     share = weights(made([1, 2, 100_000]), 50.0)
     assert share[0] == share[1] == 1.0
     np.testing.assert_allclose(weights(made([300, 100], [400, 400]), 1.0), RARE / 400)

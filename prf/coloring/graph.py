@@ -70,7 +70,7 @@ class Coloring(NamedTuple):
 class Draws:
     """Many colorings of one window in flat arrays; draw i owns the rows between offsets i and i + 1.
 
-    ``len(draws)``, ``draws[i]`` and iteration speak of colorings; a NamedTuple would speak of its fields.
+    ``len(draws)``, ``draws[i]`` and iteration are over colorings; those of a NamedTuple are over its fields.
 
     Attributes
     ----------

@@ -38,7 +38,7 @@ def _points_inside(polygons: NDArray[np.object_]) -> NDArray[np.float64]:
 
 
 def oriented_polygons(coloring: Coloring) -> MultiPolygon:
-    """Return the black region, outer rings counter-clockwise and holes clockwise, as RFC 7946 asks (section 3.1.6)."""
+    """Return the black region, outer rings counter-clockwise and holes clockwise (RFC 7946, section 3.1.6)."""
     return MultiPolygon([orient(polygon, 1.0) for polygon in occupied_polygons(coloring).geoms])
 
 

@@ -103,8 +103,8 @@ def dxf_text(area: MultiPolygon, window: Window, title: str) -> str:
     """Return the text of a DXF file.
 
     `area`: the occupied area in metres. Each ring, holes too, is a closed polyline on the layer ``OCCUPIED``; outer
-    rings run counter-clockwise and holes clockwise. `window`: a closed polyline on the layer ``OUTLINE``. `title`:
-    stands in the drawing's properties.
+    rings run counter-clockwise and holes clockwise. `window`: a closed polyline on the layer ``OUTLINE``. `title`: for
+    the drawing's properties.
     """
     ezdxf = require("ezdxf", "dxf", "--format dxf")
     document = ezdxf.new(VERSION, units=ezdxf.units.M)

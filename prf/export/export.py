@@ -45,7 +45,7 @@ class Options:
     draw: int | None = None
     # of a ROS map: cells of a probability from the first to the second are unknown
     unknown: tuple[float, float] | None = None
-    # of a ROS map: ask whether a cell is not completely white instead of the colour of its centre
+    # of a ROS map: whether a cell is not completely white instead of the colour of its centre
     squares: bool = False
     resolution: float | None = None  # of a ROS map made from one map: side of a cell in metres
     # metres beyond the cells that readings saw up to which a RUN or a GRID is exported as it has it; None: 0
@@ -88,7 +88,7 @@ def export_source(path: str | os.PathLike[str], output: str | None, options: Opt
         refuse_inputs(files, [os.fspath(path)])
         source = read_source(path)
         content = _content(name, source, options, files)
-        with together():  # the yaml file of a ROS map, which names the image, comes last
+        with together():  # the yaml file of a ROS map, which names the image, is written last
             for target, part in reversed(list(zip(files, content.parts, strict=True))):
                 with open_output(target, binary=isinstance(part, bytes)) as stream:
                     stream.write(part)
@@ -104,8 +104,8 @@ def resolve_format(wanted: str | None, output: str | None) -> str:
     for name, suffixes in SUFFIXES.items():
         if suffix in suffixes:
             return name
-    asked = "no format asked for" if output is None else f"{output}: its suffix names no format"
-    raise UsageError(f"{asked}. Give --format {'|'.join(FORMATS)}.")
+    problem = "no format is given" if output is None else f"{output}: its suffix names no format"
+    raise UsageError(f"{problem}. Give --format {'|'.join(FORMATS)}.")
 
 
 def check_options(name: str, options: Options) -> None:

@@ -114,7 +114,7 @@ def _attributes(run: Run, chains: Chains) -> dict[str, Any]:
 
 
 def _version(run: Run) -> object:
-    """Return the version of prf that made the run, or this one's if the manifest does not say."""
+    """Return the version of prf that made the run, or this one's if the manifest has none."""
     return (run.manifest.get("versions") or {}).get("prf", __version__)
 
 

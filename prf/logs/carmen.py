@@ -249,8 +249,8 @@ def _ring(sonar: SonarLine, given: FloatArray | None, source: str) -> FloatArray
     ring = ring_of(n) if given is None else given[:n]
     if ring is None or len(ring) < n:
         raise InputError(
-            f"{source}:{sonar.line}: nothing says where its {n} transducers sit. Add PARAM robot_sonar_offsets x y "
-            "theta ..., one a transducer."
+            f"{source}:{sonar.line}: the log does not give the places of its {n} transducers. Add PARAM "
+            "robot_sonar_offsets x y theta ..., one a transducer."
         )
     return ring
 

@@ -18,7 +18,7 @@ Lines of 1.x have the time of the data, always with a decimal point, in place of
     sonar              n (x y heading)*n n r1..rn
     position           x y heading vx vy turn_rate stall
 
-So 1.x does not say where the laser sits (taken for the robot's centre) nor its maximum range. In 2.x a range at or
+So 1.x has no pose of the laser on the robot (taken for the robot's centre) nor its maximum range. In 2.x a range at or
 above the stated maximum is no return. The pose of the robot at a reading is that of the position lines
 (:class:`prf.logs.poses.Track`), except for (1, 2), which carries it.
 """
@@ -63,7 +63,7 @@ class Line(NamedTuple):
 
     @property
     def is_geometry(self) -> bool:
-        """Whether it says where a sensor sits on the robot."""
+        """Whether it holds the pose of a sensor on the robot."""
         kinds = (GEOMETRY,) if self.interface == "laser" else (GEOMETRY, DATA_WITH_POSE)
         return self.interface in ("laser", "sonar") and self.kind in kinds
 
@@ -99,7 +99,7 @@ def read_player(
     """Read the readings of a Player log, decompressed; parameters as of :func:`prf.logs.read_readings`.
 
     `device` is one such as ``laser:1`` (default all of the kind), `frame` the position device that gives the robot's
-    pose, say ``position2d:1`` (default the first in the file).
+    pose, such as ``position2d:1`` (default the first in the file).
     """
     lines = parse_lines(_parse_line, content_lines(data), source)
     present = {line.interface for line in lines if line.is_reading}
@@ -194,7 +194,7 @@ def _poses(
         return np.array(own), "in the laser lines", []
     devices = list(dict.fromkeys(line.device for line in lines if line.is_pose))
     if not devices:
-        raise InputError(f"{source}: no position line says where the robot was. Use a log with position2d lines.")
+        raise InputError(f"{source}: no position line gives the pose of the robot. Use a log with position2d lines.")
     name = devices[0] if frame is None else frame
     if name not in devices:
         raise ConfigError(f"--frame {name}: {source} has poses of {', '.join(devices)}.")
@@ -204,7 +204,7 @@ def _poses(
     poses, lost = track.poses_at([shot.line.number for shot in shots], [shot.line.time for shot in shots], source)
     remarks = [f"the poses of {name} are corrected ones: as odometry alone they would drift"]
     if others := [other for other in devices if other != name]:
-        remarks.append(f"the robot is where {name} says; --frame can choose {', '.join(others)}")
+        remarks.append(f"poses are those of {name}; --frame can choose {', '.join(others)}")
     return poses, track.how, remarks + lost
 
 
@@ -212,7 +212,7 @@ def _lasers(shots: list[Shot], poses: FloatArray, geometry: list[Line], source: 
     placed = _parse_rest(lambda line, fields: (line.device, floats(fields[:3])), geometry, source)
     mounts = dict(placed)
     if bare := sorted({shot.line.device for shot in shots} - mounts.keys()):
-        missing = f"the log does not say where {', '.join(bare)} sits: the robot's centre is assumed"
+        missing = f"no pose of {', '.join(bare)} on the robot in the log: the robot's centre is assumed"
         notes = replace(notes, remarks=(*notes.remarks, missing))
     reached = [shot.max_range for shot in shots if shot.max_range < np.inf and np.isinf(shot.returns).any()]
     scans = []
@@ -236,7 +236,7 @@ def _sonars(
             ring = ring_of(n)
             assumed[device] = f"no geometry of {device} in the log: a Pioneer's ring of {n} is assumed"
         if ring is None or len(ring) != n:
-            why = f"nothing says where the {n} transducers of {device} sit"
+            why = f"the log does not give the places of the {n} transducers of {device}"
             raise InputError(f"{source}:{shot.line.number}: {why}. Add a geometry line (sonar 004 001) before it.")
         rings.append(ring)
     scans = []

@@ -49,7 +49,7 @@ def _no_scans() -> ScanTable:
 
 @dataclass(frozen=True)
 class LogNotes:
-    """What a reader noticed; it always speaks of the whole log, also after thinning."""
+    """What a reader noticed; always of the whole log, also after thinning."""
 
     format: str = ""  # name of the format, for a person
     scans: ScanTable = field(default_factory=_no_scans)  # the scans of the log
@@ -96,7 +96,7 @@ class Readings:
     notes : LogNotes
         What the reader noticed.
     max_range : float
-        Metres; a reading at or above it is no return. inf: the log alone does not say (:meth:`within`).
+        Metres; a reading at or above it is no return. inf: not known from the log alone (:meth:`within`).
     """
 
     origin: FloatArray

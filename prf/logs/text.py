@@ -103,7 +103,7 @@ def read_rows(
     """Return the known columns of a CSV table with a header, within their `DOMAINS`.
 
     `required`, `optional`: names of columns, read without case; others are counted. `empty`: what an empty field of a
-    column stands for; in every other column it is an error. `advice`: what to do about a header that lacks a column.
+    column means; in every other column it is an error. `advice`: what to do about a header that lacks a column.
     """
     lines = content_lines(data)
     first, header = next(lines, (1, b""))

@@ -19,10 +19,10 @@ def thin(
 ) -> Readings:
     """Return the readings that pass every one of the given conditions.
 
-    Scans and beams are selected by their numbers in the log, so two selections of one log, say ``skip_scans="9::10"``
-    and ``scans="9::10"``, share no beam however they are combined with the other conditions.
+    Scans and beams are selected by their numbers in the log, so selections such as ``skip_scans="9::10"`` and
+    ``scans="9::10"`` share no beam however they are combined with the other conditions.
 
-    `readings`: the whole log. `every_scan`: k keeps scans 0, K, 2 K ... `every_beam`: k keeps beams 0, K, 2 K ... of
+    `readings`: the whole log. `every_scan`: K keeps scans 0, K, 2 K ... `every_beam`: K keeps beams 0, K, 2 K ... of
     each scan. `scans`: ``START:STOP:STEP`` keeps scans START, START + STEP ... below STOP. As in Python, each part may
     be empty, and a negative START or STOP counts from the end of the log. `skip_scans`: the same for scans to leave
     out.

@@ -74,7 +74,7 @@ def build_grid(
     cones = cones.select(window.contains(cones.origin, strictly=True))
     n_used = len(beams.range) + len(cones.range)
     if n_used == 0:
-        raise InputError("no sensor stands inside the window. Check --window.")
+        raise InputError("no sensor is inside the window. Check --window.")
     cells = _empty_cells(window, config)
     if config.grid.no_return == "ignore":
         beams = beams.select(np.isfinite(beams.range))

@@ -1,4 +1,4 @@
-"""An occupancy grid: its cells, what they say of points, squares and paths, and its file (docs/scores.md).
+"""An occupancy grid: its cells, the probability of points, squares and paths, and its file (docs/scores.md).
 
 Cells are taken as independent, which is what a grid assumes.
 """

@@ -27,7 +27,7 @@ SCORE_DEFAULTS: Mapping[str, float] = MappingProxyType(
     {"laser.noise": 0.05, "laser.noise_relative": 0.0, "laser.miss_probability": 0.0}
 )
 """Of a configuration by which maps are scored, where they differ from those of a sampler."""
-SQUARE = 0.2  # side in metres of the squares that every kind of map is asked for: a point on a wall has no colour
+SQUARE = 0.2  # side in metres of the squares that every kind of map is evaluated on: a point on a wall has no colour
 CLIP = 1e-3  # probabilities are kept so far from 0 and 1 before their logarithm is taken
 OUTSIDE = 0.5  # probability of a point that a map does not know
 

@@ -73,7 +73,7 @@ class ScoredMap(ABC):
     def occupied(self, xy: Floats, square: float) -> Floats:
         """Return the probability that the square of this side round each point (n, 2) is not completely white.
 
-        0 asks for the very point, of a GRID for its cell; nan for a point outside the window.
+        0: the very point, of a GRID its cell; nan for a point outside the window.
         """
 
     def seen(self, xy: Floats) -> Bools | None:
@@ -164,7 +164,7 @@ class DrawsMap(PolygonalMaps):
 
 
 class PolygonMap(PolygonalMaps):
-    """One map as polygons of occupied area, which do not say what was seen."""
+    """One map as polygons of occupied area, which have no record of what was seen."""
 
     kind = "map"
 

@@ -120,7 +120,7 @@ def _known(scored: ScoredMap, origin: Floats) -> NDArray[np.bool_]:
         return np.ones(len(origin), np.bool_)
     inside = scored.window.contains(origin, strictly=True)
     if not inside.any():
-        raise InputError("no held-out sensor stands inside the window of the map. Are both in one frame?")
+        raise InputError("no held-out sensor is inside the window of the map. Are both in one frame?")
     return inside
 
 

@@ -107,8 +107,8 @@ def _rays(beams: HeldOut | None, cones: HeldOutSonar | None) -> Floats:
 
 def _in_view(truth: OccupiedArea, window: Window, inside: Bools, occupied: Bools, rays: Floats) -> Bools:
     """Return which cells `inside` count, (ny nx,): free ones that a ray passes, occupied ones close to these."""
-    stands = window.contains(rays[:, :2], strictly=True) & ~shapely.contains_xy(truth.region, rays[:, :2])
-    rays = rays[stands]
+    is_free = window.contains(rays[:, :2], strictly=True) & ~shapely.contains_xy(truth.region, rays[:, :2])
+    rays = rays[is_free]
     rays[:, 4] = np.minimum(rays[:, 4], window_exit(window, rays[:, :2], rays[:, 2:4]))
     segments = outline(truth.region, window)[0]
     seen = np.zeros(inside.shape, np.bool_)

@@ -170,7 +170,7 @@ def make_rays(window: Window, model: LaserModel, origin: Floats, angle: Floats, 
 
     `origin` (n, 2): sensor positions inside the window, metres. `angle` (n,): directions in the world frame, radians.
     `readings` (n,): metres; inf or at least the maximum range: no return. One that ends beyond the window is censored
-    at its border: all that the map can say is that nothing stopped the beam before (docs/sensor-models.md).
+    at its border: the map only determines that nothing stopped the beam before (docs/sensor-models.md).
     """
     ray = np.zeros((len(angle), c.N_RAY))
     ray[:, c.ORIGIN_X : c.ORIGIN_Y + 1] = origin

@@ -38,7 +38,7 @@ class Message(NamedTuple):
 
 
 class Topic(NamedTuple):
-    """What is published under one name: message type, say ``sensor_msgs/msg/LaserScan``, and number of messages."""
+    """What is published under one name: message type, such as ``sensor_msgs/msg/LaserScan``, and number of messages."""
 
     type: str
     n_messages: int

@@ -39,7 +39,7 @@ class _Extent(Protocol):
 
 
 Target = str | os.PathLike[str] | IO[bytes]
-"""Where a picture goes: a path (atomic; ``-`` is standard output) or an open binary file (as PNG)."""
+"""Target of a picture: a path (atomic; ``-`` is standard output) or an open binary file (as PNG)."""
 
 INK = "#1f2328"
 """Text and occupied area: near black, which prints softer than pure black."""
@@ -52,7 +52,7 @@ BEAM = "#4dabf7"
 IMPACT = "#c92a2a"
 DIFFERS = "#9c36b5"
 UNSEEN = "#f6e7d8"
-"""Cells about which a file says nothing."""
+"""Cells that are unknown in a file."""
 HATCH = "#b58a5f"
 """Of cells that no reading saw."""
 

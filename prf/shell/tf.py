@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 
 STATIC = "tf_static"  # end of the name of the topic whose transforms hold for ever
 
-HOLD = 0.5  # seconds before the first and after the last pose for which a robot is taken to stand where it was seen
+HOLD = 0.5  # seconds before the first and after the last pose for which a robot is taken to be where it was seen
 
 UNIT = 0.01  # how far the length of a quaternion may be from 1; tf itself passes over those that are farther
 

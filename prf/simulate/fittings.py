@@ -202,7 +202,7 @@ class Fitter:
         inwards = -1.0 if to_left > to_right else 1.0
         hinge = x + self.door_width if inwards < 0.0 else x
         behind = self.door_width * max(0.0, -math.cos(math.radians(degrees)))
-        if behind > min(to_left, to_right) - JAMB:  # it would stand in the side wall
+        if behind > min(to_left, to_right) - JAMB:  # it would be in the side wall
             degrees = 90.0
         turn = math.radians(degrees)
         face = wall.y1 if wall.room_side > 0 else wall.y0

@@ -66,7 +66,7 @@ class SimulateConfig:
 
 
 def config_of(options: Mapping[str, Any], laser: bool, sonar: bool) -> SimulateConfig:
-    """Return the configuration that options ask for; UsageError for one that has no effect beside the others.
+    """Return the configuration of these options; UsageError for one that has no effect beside the others.
 
     `options`: name to value, None for the default: fields of :class:`SimulateConfig`, and with ``laser_`` or ``sonar_``
     before them of :class:`LaserPhysics` and :class:`SonarPhysics`. `laser`, `sonar`: whether the robot has them.
@@ -95,7 +95,7 @@ def config_of(options: Mapping[str, Any], laser: bool, sonar: bool) -> SimulateC
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Simulation:
-    """What came of it."""
+    """The result of a simulation."""
 
     config: SimulateConfig
     seed: int
@@ -111,7 +111,7 @@ def simulate(config: SimulateConfig, seed: int, report: Callable[[float], None] 
 
     World, laser and sonar have random numbers of their own: a change of one sensor leaves all else as it was.
 
-    `report`: told the share of laser scans done.
+    `report`: called with the share of laser scans done.
     """
     for_world, _, for_laser, for_sonar = spawn_generators(seed, 4)
     given = None if config.path is None else read_path(config.path)
@@ -168,7 +168,7 @@ def _with_space(config: SimulateConfig, world: World, scans: Scans) -> Scans:
     if not free.all():
         x, y = scans.pose[int(np.argmin(free)), :2]
         raise InputError(
-            f"{config.path}: at ({x:g}, {y:g}) the sonar ring stands in a wall or outside the world. Keep "
+            f"{config.path}: at ({x:g}, {y:g}) the sonar ring is in a wall or outside the world. Keep "
             f"{RING_RADIUS:.3g} m away."
         )
     return scans

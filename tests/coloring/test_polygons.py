@@ -148,7 +148,7 @@ def test_a_curve_of_many_vertices_is_not_cut_to_its_chord() -> None:
     assert Polygon(kept).area == pytest.approx(0.25 * np.pi, abs=1e-5)
 
 
-def test_only_vertices_of_straight_runs_go() -> None:
+def test_only_vertices_of_straight_runs_are_removed() -> None:
     side = np.arange(1000.0)[:, None]
     zero, end = np.zeros_like(side), np.full_like(side, 1000.0)
     sides = [(side, zero), (end, side), (end - side, end), (zero, end - side)]

@@ -1,4 +1,4 @@
-"""Polygons end where nobody knows what stands there."""
+"""Polygons end where nothing is known."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def image_of(seen: np.ndarray) -> PosteriorImage:
     return PosteriorImage(zeros, zeros, np.zeros(2), 0.5, seen)
 
 
-def test_walls_keep_half_a_metre_and_what_stands_in_unseen_ground_goes() -> None:
+def test_walls_keep_half_a_metre_and_what_is_in_unseen_ground_is_removed() -> None:
     seen = np.zeros((20, 20), np.bool_)
     seen[:, :8] = True  # x < 4
     wall, island = shapely.box(3.6, 2.0, 9.0, 3.1), shapely.box(7.0, 6.0, 8.0, 7.0)

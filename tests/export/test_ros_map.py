@@ -1,4 +1,4 @@
-"""ROS maps: what map_server makes of them is what the posterior says."""
+"""ROS maps: what map_server makes of them is the posterior."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_a_run_from_its_directory_to_the_server(folder: Path, tmp_path: Path, sq
     assert [file.bytes for file in done.files] == [Path(file.path).stat().st_size for file in done.files]
 
 
-def test_one_map_has_its_colours_where_the_server_says(folder: Path, tmp_path: Path) -> None:
+def test_one_map_has_its_colours_at_the_places_of_the_server(folder: Path, tmp_path: Path) -> None:
     run = read_run(folder)
     export_source(folder / "map.geojson", str(tmp_path / "best.pgm"), Options(format="ros-map", resolution=0.17))
     served = map_server.load(tmp_path / "best.yaml")
@@ -125,7 +125,7 @@ def test_a_draw_takes_the_cells_of_the_run(folder: Path, tmp_path: Path) -> None
     assert (served.data.ravel()[~inside] == -1).all()
 
 
-def test_what_no_reading_saw_is_unknown_but_near_it_if_asked(folder: Path, tmp_path: Path) -> None:
+def test_what_no_reading_saw_is_unknown_but_near_it_with_extrapolate(folder: Path, tmp_path: Path) -> None:
     image = read_run(folder).image
     centres = pixel_centres(image_grid(read_run(folder).draws.window, image.resolution))
     seen = centres[image.seen.ravel()]

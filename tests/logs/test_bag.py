@@ -141,7 +141,7 @@ class TestFrames:
     @pytest.mark.parametrize(
         ("topic", "choice"), [("/ground_truth", "--frame /ground_truth"), ("/wheels", "--frame odom")]
     )
-    def test_without_map_the_line_says_what_there_is(self, make, tmp_path, topic, choice):
+    def test_without_map_the_message_lists_the_choices(self, make, tmp_path, topic, choice):
         odometry = [Note(topic, START + t, make.odometry(START + t, (t, 5, 0))) for t in (0, 1, 2)]
         notes = [
             note
@@ -213,7 +213,7 @@ class TestSonar:
         with pytest.raises(NoReadings):
             read_readings(path)
 
-    def test_without_a_view_the_cone_is_the_one_asked_for(self, make1, tmp_path):
+    def test_without_a_view_the_cone_is_the_option(self, make1, tmp_path):
         path = save(make1, tmp_path, self.ring(make1, view=0.0))
         assert set(read_readings(path, "sonar").cone) == {0.349}
         assert set(read_readings(path, "sonar", cone=0.5).cone) == {0.5}

@@ -170,7 +170,7 @@ class TestDamage:
         assert words in message
         assert message.endswith("run again.")
 
-    def test_a_log_without_laser_poses_says_what_it_has(self):
+    def test_a_log_without_laser_poses_names_what_it_has(self):
         message = refusal("PARAM a b nohost 0\n" + "RAWLASER1 0 0 0 0 0 0 0 1 1 0 3 host 3\n" * 2)
         assert "2 RAWLASER1, 1 PARAM" in message
 

@@ -90,7 +90,7 @@ def test_ranges_of_zero_are_dropped():
 
 
 class TestPoses:
-    def test_laser_lines_come_first_so_that_both_kinds_stand_in_one_frame(self):
+    def test_laser_lines_come_first_so_that_both_kinds_are_in_one_frame(self):
         text = odom(9, 9, 0, 1) + odom(9, 9, 0, 1, "GLOBALPOS") + flaser([1], (1, 0, 0), time=1)
         readings = read(text + sonar([1, 1]) + flaser([1], (3, 0, 0), time=3))
         np.testing.assert_allclose(readings.origin, expected(2, 0, 0))
@@ -152,7 +152,7 @@ class TestRefusals:
 
     def test_no_geometry(self):
         message = refusal(old_sonar([1, 1, 1]))
-        assert message.startswith("a.log:1: nothing says where its 3 transducers sit")
+        assert message.startswith("a.log:1: the log does not give the places of its 3 transducers")
         assert "3 transducers" in refusal(OFFSETS + old_sonar([1, 1, 1]))
 
     def test_no_poses(self):

@@ -1,4 +1,4 @@
-"""Whatever stands in a file, reading it ends in readings that hold what they promise, or in an `InputError`."""
+"""Whatever a file holds, reading it ends in readings that hold what they promise, or in an `InputError`."""
 
 from __future__ import annotations
 

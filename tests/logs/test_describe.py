@@ -93,7 +93,7 @@ class TestSuspicions:
         )
         assert found(text) == {}
 
-    def test_a_clock_that_stands_or_runs_backward(self):
+    def test_a_clock_that_stops_or_runs_backward(self):
         times = [0, 1, 1, 2, 1.5, 3]
         text = "".join(flaser([1.0], (0.5 * i, 0, 0), time=t) for i, t in enumerate(times))
         assert found(text) == {"time-backward": (4,), "time-tied": ()}

@@ -58,7 +58,7 @@ def test_two_gzip_members_are_one_log(tmp_path):
     assert read_readings(save(tmp_path, gzip.compress(CARMEN.encode()) * 2)).n_scans == 2
 
 
-def test_sonar_comes_from_a_table(tmp_path):
+def test_a_table_of_sonar(tmp_path):
     assert read_readings(save(tmp_path, TABLE), "sonar", cone=0.2).cone.tolist() == [0.2]
     with pytest.raises(NoReadings, match="without SONAR lines"):
         read_readings(save(tmp_path, CARMEN), "sonar")
@@ -151,7 +151,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(make.write(tmp_path_factory.mktemp("bag") / "two.bag", notes))
 
 
-def test_topics_and_frame_go_to_their_logs(bag: str) -> None:
+def test_topics_and_frame_are_for_their_logs(bag: str) -> None:
     laser, sonar = read_logs(bag, bag, topic="/rear", sonar_topic="/left", frame="odom")
     assert laser is not None
     assert sonar is not None

@@ -79,7 +79,7 @@ class TestLaser:
             (1.5708, "0.0174", 91, np.degrees(0.0174)),  # neither: as it is
         ],
     )
-    def test_a_step_rounded_to_four_digits_is_told_from_the_ends(self, high, step, n, degrees):
+    def test_a_step_rounded_to_four_digits_is_found_from_the_ends(self, high, step, n, degrees):
         laser = (-1.5708, high, step, n, *(f for _ in range(n) for f in (1, 0)))
         angle = read(player1("position", (0, 0, 0, 0, 0, 0, 0), 2) + player1("laser", laser, 2.1)).angle
         np.testing.assert_allclose(np.degrees(angle), -90 + degrees * np.arange(n), atol=0.002)
@@ -155,7 +155,7 @@ class TestSonar:
 
     def test_another_size_without_geometry_is_refused(self):
         message = refusal(POSES + player("sonar", (5, *[1.0] * 5), 2), "sonar")
-        assert message.startswith("a.log:3: nothing says where the 5 transducers of sonar:0 sit")
+        assert message.startswith("a.log:3: the log does not give the places of the 5 transducers of sonar:0")
 
     def test_kinds(self):
         both = POSES + player_laser([1], 2) + player("sonar", (8, *[1.0] * 8), 2)
@@ -182,7 +182,7 @@ class TestRefusals:
             ("0000000000.200 16777343 6665 laser 00 x 001\n", "invalid literal"),
             (player("sonar", (3, 1, 2), 2), "announces 3 readings, which makes 4 fields, but has 3"),
             (player("sonar", (2, 1, 2, 3), kind="004 001"), "cannot reshape"),
-            (player1("sonar", (*RING_FIELDS, 3, 1, 1, 1), 2), "nothing says where the 3 transducers"),
+            (player1("sonar", (*RING_FIELDS, 3, 1, 1, 1), 2), "the log does not give the places of the 3 transducers"),
         ],
     )
     def test_a_damaged_line_is_named(self, line, words):

@@ -9,7 +9,7 @@ from prf.logs import Readings
 from prf.logs.readings import beam_numbers
 
 
-def test_scalars_stand_for_every_beam():
+def test_scalars_hold_for_every_beam():
     readings = Readings.from_arrays((1, 2), [0.1, 0.2, 0.3], [3, 4, np.inf], scan=7, cone=0.3)
     assert readings.origin.shape == (3, 2)
     np.testing.assert_array_equal(readings.scan, [7, 7, 7])

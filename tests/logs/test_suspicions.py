@@ -45,7 +45,7 @@ class TestJumps:
 
 
 class TestUnits:
-    def test_ranges_in_millimetres_are_said_once(self):
+    def test_ranges_in_millimetres_are_reported_once(self):
         assert codes(table([(0, 0, 0.1 * i, 1400.0 + i) for i in range(20)])) == ["range-unit"]
 
     def test_echoes_in_centimetres(self):
@@ -87,16 +87,16 @@ class TestWarnings:
 
     def test_a_sonar_is_no_laser(self, caplog):
         readings = table([(0, 0, 0.1, 1.5, 0.349)], "x,y,theta,range,cone")
-        (said,) = warnings_of(caplog, readings)
-        assert said.startswith("a.csv: ")
-        assert "--sonar" in said
+        (warning,) = warnings_of(caplog, readings)
+        assert warning.startswith("a.csv: ")
+        assert "--sonar" in warning
         caplog.clear()
         assert warnings_of(caplog, readings, kind="sonar") == []
 
     def test_a_jump_counts_where_it_is_used(self, caplog):
         readings = table([(0.1 * i + 9 * (i >= 10), 0, 0.1, 1.5, i) for i in range(20)], "x,y,theta,range,scan")
-        (said,) = warnings_of(caplog, readings)
-        assert "jumps before scan 10" in said
+        (warning,) = warnings_of(caplog, readings)
+        assert "jumps before scan 10" in warning
         caplog.clear()
         assert warnings_of(caplog, readings, thin(readings, scans="0:10")) == []
         assert warnings_of(caplog, readings, thin(readings, scans="10:20")) == []
@@ -105,8 +105,8 @@ class TestWarnings:
     def test_a_largest_range_counts_where_it_is_taken(self, caplog):
         readings = table([(0, 0, 0.1 * i, 65535.0 if i == 7 else 1.5) for i in range(20)])
         assert warnings_of(caplog, readings, max_range=8.0) == []
-        (said,) = warnings_of(caplog, readings)
-        assert "maximum range" in said
+        (warning,) = warnings_of(caplog, readings)
+        assert "maximum range" in warning
 
     def test_arrays_without_scans_or_beams(self, caplog):
         readings = Readings.from_arrays((0.0, 0.0), [0.1, 0.2], [1.0, 2.0])

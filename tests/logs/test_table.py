@@ -84,7 +84,7 @@ class TestKinds:
     MIXED = "x,y,theta,range,cone\n1,2,0,3,0\n1,2,0,4,0.3\n"
 
     @pytest.mark.parametrize(("kind", "ranges"), [("laser", [3]), ("sonar", [4]), (None, [3, 4])])
-    def test_the_cone_tells_them_apart(self, kind, ranges):
+    def test_the_cone_separates_them(self, kind, ranges):
         assert read_table(self.MIXED.encode(), "a.csv", kind).range.tolist() == ranges
 
     @pytest.mark.parametrize("cone", [0, 0.3])
@@ -93,7 +93,7 @@ class TestKinds:
         for kind in ("laser", "sonar"):
             assert read_table(text, "a.csv", kind).cone.tolist() == [cone]
 
-    def test_a_sonar_table_without_the_column_gets_the_cone_asked_for(self):
+    def test_a_sonar_table_without_the_column_gets_the_cone_of_the_option(self):
         text = b"x,y,theta,range\n1,2,0,3\n"
         assert read_table(text, "a.csv", "sonar").cone.tolist() == [0.349]
         assert read_table(text, "a.csv", "sonar", 0.5).cone.tolist() == [0.5]

@@ -22,7 +22,7 @@ def scans_of(readings: Readings) -> list[int]:
     return np.unique(readings.scan).tolist()
 
 
-def test_nothing_asked_nothing_lost(readings):
+def test_without_conditions_nothing_is_lost(readings):
     assert thin(readings).n_beams == N_SCANS * N_BEAMS
 
 

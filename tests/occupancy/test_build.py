@@ -60,7 +60,7 @@ def test_one_beam_misses_the_cells_on_its_way_and_hits_the_last() -> None:
 
 @pytest.mark.parametrize("reading", [5.2, 8.0, 9.99])
 def test_a_beam_that_leaves_the_grid_is_free_up_to_the_border_whatever_it_reads(reading: float) -> None:
-    """The window, 4.9 m wide, is rounded up to ten cells: what stands beyond these is in no cell."""
+    """The window, 4.9 m wide, is rounded up to ten cells: what is beyond these is in no cell."""
     beam = Readings.from_arrays([0.25, 0.25], [0.0], [reading])
     grid = build(beam, resolution=0.5, window=(0.0, 0.0, 4.9, 4.0))
     np.testing.assert_array_equal(grid.misses[0], np.ones(10))
@@ -95,9 +95,9 @@ def test_beams_agree_with_plain_python(method: str) -> None:
         for cell in cells:
             outcomes.setdefault(cell, []).append(hit and cell == cells[-1])
     for row, column in itertools.product(*map(range, grid.occupancy.shape)):
-        told = outcomes.get((row, column), [])
-        assert (grid.hits[row, column], grid.misses[row, column]) == (sum(told), len(told) - sum(told))
-        p = (sum(told) + 0.5) / (len(told) + 1.0) if method == "count" else clamped_log_odds(told, 0.7, 0.4, 3.5)
+        found = outcomes.get((row, column), [])
+        assert (grid.hits[row, column], grid.misses[row, column]) == (sum(found), len(found) - sum(found))
+        p = (sum(found) + 0.5) / (len(found) + 1.0) if method == "count" else clamped_log_odds(found, 0.7, 0.4, 3.5)
         assert grid.occupancy[row, column] == pytest.approx(p, rel=1e-6)
 
 
@@ -235,7 +235,7 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "room.grid.npz"
 
 
-def test_a_grid_comes_back_as_it_was(file: Path) -> None:
+def test_a_grid_is_read_back_as_it_was(file: Path) -> None:
     grid, found = build(BEAM), read_grid(file)
     for name in ("occupancy", "hits", "misses", "origin"):
         np.testing.assert_array_equal(getattr(found, name), getattr(grid, name))
@@ -246,7 +246,7 @@ def test_a_grid_comes_back_as_it_was(file: Path) -> None:
     assert found.settings["scans"] is None
 
 
-def test_grids_are_told_from_other_files(file: Path, tmp_path: Path) -> None:
+def test_grids_are_distinguished_from_other_files(file: Path, tmp_path: Path) -> None:
     (tmp_path / "text").write_text("PX")
     assert is_grid(file)
     assert not is_grid(tmp_path / "text")

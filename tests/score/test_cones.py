@@ -125,7 +125,7 @@ def test_draws_agree_with_the_slow_twin(view: float) -> None:
 
 
 def test_a_draw_scores_as_its_map() -> None:
-    """Windows and their borders are treated alike whichever way a map comes."""
+    """Windows and their borders are treated alike in every kind of map."""
     rng = np.random.default_rng(2)
     for coloring in [*exact_draws(0.5, ROOM, 5, rng), random_office(ROOM, 8, 6, rng)]:
         cones = ring_all_round(rng.uniform(ROOM[:2], ROOM[2:], (20, 2)), 4, 0.6, rng)
@@ -135,7 +135,7 @@ def test_a_draw_scores_as_its_map() -> None:
         assert one.share_occupied == many.share_occupied
 
 
-def test_features_of_many_cones_come_in_order() -> None:
+def test_features_of_many_cones_are_in_order() -> None:
     rng = np.random.default_rng(3)
     coloring = random_office(ROOM, 8, 6, rng)
     places = rng.uniform(ROOM[:2], ROOM[2:], (10, 2))
@@ -204,7 +204,7 @@ class TestGrid:
         assert dense.mean() * ring.max + silent == pytest.approx(1.0, abs=1e-6)
 
     def test_one_wall(self) -> None:
-        """A wall of certain cells across the view, all else free: both ways say nearly what the wall itself says."""
+        """A wall of certain cells across the view, all else free: both ways give nearly what the wall itself gives."""
         occupancy = np.full((80, 100), 0.001)
         occupancy[:, 30:35] = 0.999
         prediction = GridMap(grid_of(occupancy)).predict_sonar(held([AHEAD] * 2, [2.02, math.inf]))

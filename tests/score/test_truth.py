@@ -53,7 +53,7 @@ class TestCells:
         assert (cells.occupied == ((cells.xy[:, 0] > 6.0) & (cells.xy[:, 0] < 7.0))).all()
 
     def test_a_beam_counts_its_free_cells_and_the_wall_that_it_meets(self) -> None:
-        """Its reading, 1 m, does not matter: the plan says how far it goes."""
+        """Its reading, 1 m, does not matter: the plan determines how far it reaches."""
         cells = true_cells(PLAN, beams_from(2.0, 4.05, [0.0]), None)
         free, occupied = cells.xy[~cells.occupied], cells.xy[cells.occupied]
         np.testing.assert_allclose(free, np.column_stack([np.arange(2.05, 6.0, 0.1), np.full(40, 4.05)]))

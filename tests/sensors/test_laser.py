@@ -59,7 +59,7 @@ def test_weights_that_leave_nothing_for_hits_are_refused() -> None:
 
 
 @pytest.mark.parametrize(("window", "scale"), CASES)
-def test_rays_leave_the_window_where_shapely_says(window: Window, scale: float) -> None:
+def test_rays_leave_the_window_where_shapely_finds_it(window: Window, scale: float) -> None:
     rng = np.random.default_rng(4)
     origin = rng.uniform(window[:2], window[2:], (200, 2))
     angle = np.concatenate([rng.uniform(-np.pi, np.pi, 160), np.arange(-20, 20) * np.pi / 2])
@@ -91,7 +91,7 @@ def test_a_reading_beyond_the_window_is_censored_at_its_border() -> None:
 
 @pytest.mark.parametrize("distance", [0.02, 0.5, 1.99, 2.0, 2.005, 2.05, 4.0, 9.0, math.inf])
 @pytest.mark.parametrize("bound", [0.05, 2.0, 7.999, 8.0])
-def test_densities_below_the_border_and_the_mass_beyond_come_to_one(bound: float, distance: float) -> None:
+def test_densities_below_the_border_and_the_mass_beyond_sum_to_one(bound: float, distance: float) -> None:
     """Against the formula, and by quadrature with cuts round the peak."""
     model, sensor = LaserModel(8.0), Sensor(8.0)
 
@@ -109,7 +109,7 @@ def test_densities_below_the_border_and_the_mass_beyond_come_to_one(bound: float
         assert sum(pieces) + mass == pytest.approx(1.0, abs=1e-7)
 
 
-def test_beams_that_end_beyond_the_window_say_nothing_of_what_is_inside() -> None:
+def test_beams_that_end_beyond_the_window_do_not_depend_on_what_is_inside() -> None:
     """They left a share of black at two metres; now they weigh as beams without return do."""
     window, n = Window(0.0, 0.0, 4.0, 4.0), 13
     origin, angle = np.full((n, 2), 0.7), np.linspace(0.5, 1.1, n)
@@ -218,7 +218,7 @@ def test_no_light_leaks_through_vertices(window: Window, scale: float) -> None:
         distance = np.empty((len(angle), coloring.n_edges))
         hit_table(np.hstack([origin, direction]), coloring.segments(), distance)
         end = origin + (reach * (1.0 - 1e-9))[:, None] * direction
-        # An edge that ends beyond `end` by rounding alone would say nothing: leave out what comes within a hair of it.
+        # An edge that ends beyond `end` by rounding alone would show nothing: leave out what is within a hair of it.
         clear = (np.abs(distance - reach[:, None]) > 1e-7 * reach[:, None]).all(axis=1) & window.contains(end)
         odd = (distance < reach[:, None]).sum(axis=1) % 2 == 1
         assert np.array_equal(odd[clear], (black_at(coloring, origin) != black_at(coloring, end))[clear])
@@ -283,7 +283,7 @@ def test_no_distance_gives_a_reading_more_than_its_best(model: LaserModel) -> No
         log_likelihoods(model.to_array(), np.full(len(close), reading), close, values)
         assert values.max() <= best[i]
         highest = max(highest, values.max() - best[i])
-        # Cut: the new obstacle at d stands before the old one, or none stood there.
+        # Cut: the new obstacle at d is before the old one, or there was none.
         order = np.argsort(-close)
         before = np.minimum.accumulate(values[order])
         off = ~((near[i] <= close[order]) & (close[order] <= far[i]))

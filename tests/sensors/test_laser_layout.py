@@ -41,7 +41,7 @@ def model_of(sensor: Sensor) -> LaserModel:
     return LaserModel(sensor.max, sensor.noise, sensor.relative, sensor.outlier, sensor.miss)
 
 
-def test_what_is_not_said_is_the_contract() -> None:
+def test_defaults_are_those_of_the_contract() -> None:
     assert LaserModel(8.0) == model_of(Sensor(8.0))
 
 
@@ -120,7 +120,7 @@ def test_beams_enough_for_further_levels(n: int, n_levels: int) -> None:
     assert number_of_levels(n) == n_levels
 
 
-def test_a_fourth_of_the_beams_is_asked_before_the_rest() -> None:
+def test_a_fourth_of_the_beams_is_tested_before_the_rest() -> None:
     level = deal_levels(1001, 3)
     assert np.bincount(level).tolist() == [63, 251 - 63, 1001 - 251]
     assert np.bincount(level[:500], minlength=3).min() > 10, "at random among all"

@@ -67,7 +67,7 @@ def test_sigma_is_the_most_likely_one_in_any_unit(black: float, white: float, un
 
 @pytest.mark.parametrize("off", [[-0.05, 0.05], [-0.145, 0.145], [-0.2, 0.2], [0.95, 1.05]])
 def test_values_of_one_colour_have_their_deviation_from_its_mean(off: list[float]) -> None:
-    """Also where all lie beyond the mean, or where the share of the other colour comes to nothing within a round."""
+    """Also where all lie beyond the mean, or where the share of the other colour vanishes within a round."""
     expected = math.sqrt(np.mean(np.square(off)))
     assert estimated_sigma(1.0 + np.array(off), 1.0, 0.0) == pytest.approx(expected, rel=1e-6)
     assert estimated_sigma(-np.array(off), 1.0, 0.0) == pytest.approx(expected, rel=1e-6)

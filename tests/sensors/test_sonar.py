@@ -1,4 +1,4 @@
-"""The sonar's parameters, what they say of walls and corners, and its cones laid out."""
+"""The sonar's parameters, the density of walls and corners, and its cones laid out."""
 
 from __future__ import annotations
 
@@ -115,8 +115,8 @@ def test_somebody_or_nobody_returns_the_pulse() -> None:
     assert most >= 5
 
 
-def test_densities_and_the_mass_of_no_return_come_to_one() -> None:
-    """By quadrature of what the kernel says, on random maps; a piece between the centres of any two peaks."""
+def test_densities_and_the_mass_of_no_return_sum_to_one() -> None:
+    """By quadrature of the kernel, on random maps; a piece between the centres of any two peaks."""
     model = SonarModel()
 
     def density(scene: Scene, pose: np.ndarray, r: float) -> float:
@@ -135,7 +135,7 @@ def test_densities_and_the_mass_of_no_return_come_to_one() -> None:
         assert sum(pieces) + density(scene, pose, math.inf) == pytest.approx(1.0, abs=1e-9)
 
 
-def test_cones_leave_the_window_where_shapely_says() -> None:
+def test_cones_leave_the_window_where_shapely_finds_it() -> None:
     window, rng = Window(-1.0, 2.0, 5.0, 6.0), np.random.default_rng(8)
     origin = rng.uniform(window[:2], window[2:], (300, 2))
     angle, view = rng.uniform(-np.pi, np.pi, 300), rng.uniform(0.05, 3.0, 300)
@@ -159,7 +159,7 @@ def test_a_sonar_reaches_up_to_where_its_cone_leaves_the_window() -> None:
     assert pose[:, k.MAX_DISTANCE].tolist() == [3.5] * n
 
 
-def test_what_stands_beyond_the_reach_changes_no_likelihood() -> None:
+def test_what_is_beyond_the_reach_changes_no_likelihood() -> None:
     """A cone that leaves the window on its left, 1.7 m away, and a wall in it at 2.5 m: neither is more likely."""
     window, n = Window(0.0, 0.0, 4.0, 4.0), 20
     data = SonarData.from_arrays(
@@ -250,7 +250,7 @@ def test_every_wall_and_corner_finds_room() -> None:
 
 
 def test_without_sonar_no_cone_is_touched() -> None:
-    """What is accepted is applied to the cones that were touched, also where there are none to ask."""
+    """What is accepted is applied to the cones that were touched, also where there are none."""
     cones = make_chain(Settings(ROOM, 0.3), Coloring.empty(ROOM)).cones
     assert (len(cones.pose), cones.n_touched[0]) == (0, 0)
 

@@ -1,4 +1,4 @@
-"""The robot's drive: it keeps clear of walls, comes everywhere, and measures at the spacing that was asked for."""
+"""The robot's drive: it keeps clear of walls, reaches every place, and measures at the given spacing."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_the_robot_keeps_clear_of_walls_and_of_the_border(floor: World) -> None:
     assert floor.free_at(scans_along(corners, Spacing(0.1, 0.1)).pose[:, :2]).all()
 
 
-def test_the_robot_comes_everywhere(floor: World) -> None:
+def test_the_robot_reaches_every_place(floor: World) -> None:
     road = roadmap(floor, RADIUS)
     corners = plan_drive(road, REACH)
     way = shapely.LineString(corners)
@@ -94,7 +94,7 @@ def test_scans_are_spaced_in_metres_and_radians() -> None:
     assert (np.diff(scans.time) > 0.0).all()
 
 
-def test_so_many_scans_as_asked_for() -> None:
+def test_the_given_number_of_scans() -> None:
     spread = scans_along(L_SHAPE, Spacing(0.5, 0.5), 1000)
     assert len(spread.time) == 1000
     assert 0.0 < np.hypot(*(spread.pose[-1, :2] - L_SHAPE[-1])) < 0.02
@@ -125,7 +125,7 @@ def test_columns_by_name(tmp_path: Path) -> None:
     assert not written(tmp_path, "x,y,t\n1,2,5\n").has_headings
 
 
-def test_poses_are_scans_as_they_stand(tmp_path: Path) -> None:
+def test_poses_are_scans_as_they_are(tmp_path: Path) -> None:
     scans = written(tmp_path, "x,y,theta\n1,1,0\n2,1,3\n2,2,-3\n").scans()
     assert scans.pose.tolist() == [[1.0, 1.0, 0.0], [2.0, 1.0, 3.0], [2.0, 2.0, -3.0]]
     # 2 s a metre, 1 s a radian

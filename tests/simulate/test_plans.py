@@ -1,4 +1,4 @@
-"""Office floors: as asked for, whole, every room within reach of a robot."""
+"""Office floors: of the given size, whole, every room within reach of a robot."""
 
 from __future__ import annotations
 

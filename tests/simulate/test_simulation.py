@@ -22,7 +22,7 @@ SMALL = SimulateConfig(size=(9.0, 8.0), laser=LaserPhysics(beams=36), readings=7
 
 
 @pytest.mark.parametrize("world", ["office", "arak"])
-def test_sensors_stand_in_free_space(world: str) -> None:
+def test_sensors_are_in_free_space(world: str) -> None:
     for seed in range(3):
         made = simulate(dataclasses.replace(SMALL, world=world, scale=0.15), seed)
         assert made.world.free_at(made.scans.pose[:, :2]).all()
@@ -66,7 +66,7 @@ def test_waypoints_are_driven_at_the_spacing(tmp_path: Path) -> None:
         simulate(config, 1)
 
 
-def test_written_simulations_come_back_and_follow_the_seed(tmp_path: Path) -> None:
+def test_written_simulations_are_read_back_and_follow_the_seed(tmp_path: Path) -> None:
     made = simulate(SMALL, 5)
     manifest = write_simulation(tmp_path / "a", made)
     write_simulation(tmp_path / "b", simulate(SMALL, 5))
@@ -86,7 +86,7 @@ def test_written_simulations_come_back_and_follow_the_seed(tmp_path: Path) -> No
     assert summary(made).items() <= manifest.items()
 
 
-def test_logs_of_an_earlier_simulation_go_and_other_files_stay(tmp_path: Path) -> None:
+def test_logs_of_an_earlier_simulation_are_removed_and_other_files_kept(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     folder.mkdir()
     (folder / "sonar.csv.gz").write_bytes(b"old")
@@ -118,7 +118,7 @@ def test_a_path_too_close_for_the_ring_is_refused(tmp_path: Path) -> None:
     (tmp_path / "path.csv").write_text("x,y,theta\n1,1,0\n2,0.3,0\n")
     files = {"world": str(tmp_path / "map.geojson"), "path": str(tmp_path / "path.csv")}
     assert len(simulate(SimulateConfig(**files), 1).scans.time) == 2  # type: ignore[arg-type]
-    with pytest.raises(InputError, match=r"path\.csv: at \(2, 0\.3\) the sonar ring stands in a wall"):
+    with pytest.raises(InputError, match=r"path\.csv: at \(2, 0\.3\) the sonar ring is in a wall"):
         simulate(SimulateConfig(**files, sonar=SonarPhysics()), 1)  # type: ignore[arg-type]
 
 

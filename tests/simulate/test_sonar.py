@@ -49,7 +49,7 @@ def test_edges_that_stick_out_echo_weakly() -> None:
     assert heard(diamond, 0.0) == math.inf
 
 
-def test_what_stands_behind_a_wall_is_not_heard() -> None:
+def test_nothing_behind_a_wall_is_heard() -> None:
     assert heard(np.concatenate([ROOM, BLOCK]), 0.0) == pytest.approx(0.8)
     assert heard(np.concatenate([ROOM, BLOCK + np.tile([0.0, 0.5], 2)]), 0.0) == 4.0
     assert heard(np.concatenate([ROOM, BLOCK - np.tile([2.0, 0.0], 2)]), 0.0) == 4.0

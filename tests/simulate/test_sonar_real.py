@@ -27,7 +27,7 @@ ARENA_SONAR = SonarPhysics(max_range=2.55, frequency=40e3, aperture=0.006, wall_
 
 CORRIDOR_SONAR = SonarPhysics(max_range=5.11)
 DOOR, RECESS = 0.95, 0.1
-"""Metres. Doors in the corridors, as far as their echoes tell: width, and depth behind the wall."""
+"""Metres. Doors in the corridors, as far as their echoes show: width, and depth behind the wall."""
 
 
 def ring_of(bearings: Floats) -> Floats:
@@ -51,7 +51,7 @@ def corridors() -> shapely.Polygon:
 
 
 def along_axis(free: shapely.Polygon, poses: Floats, bearings: Floats) -> tuple[Floats, Floats]:
-    """Return the distance (m, n) to what stands on each axis, and the angle of incidence there, degrees."""
+    """Return the distance (m, n) to the first obstacle on each axis, and the angle of incidence there, degrees."""
     walls = rooms(free)
     angle = poses[:, 2, None] + bearings
     u = np.stack([np.cos(angle), np.sin(angle)], axis=-1)[:, :, None]
@@ -67,7 +67,7 @@ def along_axis(free: shapely.Polygon, poses: Floats, bearings: Floats) -> tuple[
 
 
 def shares(reading: Floats, axis: Floats) -> Floats:
-    """Return the shares of readings that are near what stands on the axis, shorter, longer, and no return."""
+    """Return the shares of readings that are near the first obstacle, shorter, longer, and no return."""
     off = reading - axis
     near, short = np.abs(off) < 0.08, off <= -0.08
     return np.array([near.mean(), short.mean(), (~near & ~short & np.isfinite(off)).mean(), np.isinf(off).mean()])

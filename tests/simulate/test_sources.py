@@ -27,7 +27,7 @@ from tests.reference.slow_coloring import edge_set
 WINDOW = Window(-4.0, 2.0, 6.0, 10.0)
 
 
-def test_maps_of_prf_come_back_exactly(tmp_path: Path) -> None:
+def test_maps_of_prf_are_read_exactly(tmp_path: Path) -> None:
     for coloring in exact_draws(0.3, WINDOW, 5, np.random.default_rng(1)):
         (tmp_path / "map.geojson").write_text(map_text(coloring, {}))
         world = read_world(tmp_path / "map.geojson")
@@ -107,7 +107,7 @@ def test_contours_are_exact() -> None:
         assert area.symmetric_difference(shapely.union_all(cells)).area == 0.0
 
 
-def test_cells_that_touch_at_a_corner_are_joined_and_none_goes() -> None:
+def test_cells_that_touch_at_a_corner_are_joined_and_none_is_lost() -> None:
     rng = np.random.default_rng(2)
     for _ in range(100):
         taken = random_cells(rng)
@@ -140,7 +140,7 @@ def test_any_cells_make_a_valid_world() -> None:
         assert world.window == (0.0, -3.0, 9.5, 5.0)
 
 
-def test_a_floor_comes_back_from_its_raster(tmp_path: Path) -> None:
+def test_a_floor_is_recovered_from_its_raster(tmp_path: Path) -> None:
     """Walls within a cell of where they were; of the few dozen of a slanted room one wall each."""
     truth = office(14.0, 9.0, np.random.default_rng(5), furniture=False)
     cells = rasterise(truth.coloring(), 0.02, squares=False)

@@ -69,7 +69,7 @@ def test_points_on_walls_and_outside_are_not_free() -> None:
     assert world.free_at(points).tolist() == [True, False, False, False, True, False, True, False]
 
 
-def test_vertices_in_the_middle_of_walls_go() -> None:
+def test_vertices_in_the_middle_of_walls_are_removed() -> None:
     rng = np.random.default_rng(2)
     for turn in rng.uniform(0.0, 360.0, 20):
         region = shapely.affinity.rotate(RING, turn)
@@ -86,7 +86,7 @@ def test_a_ring_that_is_closed_twice_keeps_its_corner() -> None:
     assert (len(world.walls), world.occupied.area) == (4, 12.0)
 
 
-def test_what_has_no_area_goes() -> None:
+def test_what_has_no_area_is_removed() -> None:
     needle = Polygon([(0.0, 0.0), (3.0, 0.0), (1.0, 0.0)])
     assert without_straight(MultiPolygon([needle, box(4.0, 4.0, 5.0, 5.0)])).area == 1.0
 

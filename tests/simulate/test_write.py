@@ -39,7 +39,7 @@ def some_ranges(n_beams: int, max_range: float) -> np.ndarray:
         LaserPhysics(beams=50, field_of_view=4.19),
     ],
 )
-def test_carmen_logs_come_back(physics: LaserPhysics) -> None:
+def test_carmen_logs_are_read_back(physics: LaserPhysics) -> None:
     ranges = some_ranges(physics.beams, physics.max_range)
     readings = read_carmen(as_bytes(carmen_lines(SCANS, ranges, physics)), "log")
     assert readings.notes.odd_lines == {}
@@ -68,7 +68,7 @@ def test_the_number_for_no_return_lies_above_all_ranges(max_range: float) -> Non
     assert float(f"{number:.3f}") == number
 
 
-def test_sonar_tables_come_back() -> None:
+def test_sonar_tables_are_read_back() -> None:
     ranges = some_ranges(len(PIONEER), 8.0)
     readings = read_table(as_bytes(sonar_lines(SCANS, ranges)), "table", "sonar")
     assert (readings.cone == CONE).all()
