@@ -1,8 +1,9 @@
 """Fewer laser beams of nearly the same information: a step costs the same for a longer log (docs/large-jobs.md).
 
 Beams are drawn evenly from strata: those of one stratum end in one square, are from one of eight directions, and all
-have a return or all have none. Their information is nearly the same, so of n beams some n^EVENNESS are kept. With the exponent 1 that is plain subsampling; with 0 every place has the same number, and
-what is rare (people who walked by, the fringe of a wall blurred by errors of the poses) weighs as much as the wall.
+have a return or all have none. Their information is nearly the same, so of n beams some n^EVENNESS are kept. With the
+exponent 1 that is plain subsampling; with 0 every place has the same number, and what is rare (people who walked by,
+the fringe of a wall blurred by errors of the poses) weighs as much as the wall.
 
 Free space is known by the beams that cross it, and some of it by a few alone: those that look through a door, or along
 a wall. A cell that is passed must stay passed by some beams, or what was seen would become unseen.

@@ -1,8 +1,8 @@
 """From a bag to `Readings`: ``LaserScan`` and ``Range`` messages, placed in the world by tf.
 
 The pose of a sensor is that of its frame in the fixed frame, ``map`` unless another is named, at the time stamp of the
-message: transforms are interpolated in time and multiplied along the tree (such as map, odom, base_link, laser), in three
-dimensions, so that a scanner mounted upside down is right. Odometry alone is not enough. The fixed frame may also
+message: transforms are interpolated in time and multiplied along the tree (such as map, odom, base_link, laser), in
+three dimensions, so that a scanner mounted upside down is right. Odometry alone is not enough. The fixed frame may also
 be the topic of odometry messages, such as a simulator's true pose. Where a transform is missing, before the localizer
 has begun for instance, the scan is dropped and counted.
 
