@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.errors import ShapelyError
 from shapely.geometry.base import BaseGeometry
 
 from prf.coloring.polygons import refuse_far
@@ -21,6 +22,11 @@ from prf.window import Window
 MAP_SCHEMA = names.SCHEMAS[names.MAP]
 STAIRCASE = 0.75
 """Cells by which outlines of cells may be straightened: a staircase at 45 degrees leaves its line by 0.71."""
+
+
+DAMAGE = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError, ShapelyError)
+"""What damaged GeoJSON raises."""
+COLLECTIONS = {"FeatureCollection": "features", "GeometryCollection": "geometries"}
 
 
 class OccupiedArea(NamedTuple):
@@ -46,15 +52,7 @@ def read_occupied_area(path: str | os.PathLike[str]) -> OccupiedArea:
             region = shapely.intersection(region, shapely.box(*window))
     except (InputError, ConfigError) as error:
         raise InputError(f"{path}: {error}") from error
-    except (
-        LookupError,
-        TypeError,
-        ValueError,
-        AttributeError,
-        OverflowError,
-        RecursionError,
-        shapely.errors.ShapelyError,
-    ) as error:
+    except DAMAGE as error:
         reason = " ".join(str(error).split())
         raise InputError(
             f"{path}: not a GeoJSON map ({type(error).__name__}: {reason}). Give polygons of the occupied area."
@@ -81,12 +79,9 @@ def _load(path: str | os.PathLike[str]) -> Mapping[str, Any]:
 def _geometries(content: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     """Yield the geometries of a GeoJSON object."""
     kind = content["type"]
-    if kind == "FeatureCollection":
-        for feature in content["features"]:
-            yield from _geometries(feature)
-    elif kind == "GeometryCollection":
-        for geometry in content["geometries"]:
-            yield from _geometries(geometry)
+    if kind in COLLECTIONS:
+        for member in content[COLLECTIONS[kind]]:
+            yield from _geometries(member)
     elif kind == "Feature":
         if content["geometry"] is not None:
             yield from _geometries(content["geometry"])

@@ -63,12 +63,11 @@ def without_straight(region: BaseGeometry) -> MultiPolygon:
 
     `region`: whatever has no area is left out.
     """
-    polygons = [part for part in shapely.get_parts(region) if isinstance(part, Polygon) and not part.is_empty]
-    cleaned = [
-        Polygon(_bent(polygon.exterior), [_bent(ring) for ring in polygon.interiors if len(_bent(ring)) > 2])
-        for polygon in polygons
-        if len(_bent(polygon.exterior)) > 2
-    ]
+    cleaned = []
+    for part in shapely.get_parts(region):
+        rings = [_bent(ring) for ring in shapely.get_rings(part)] if isinstance(part, Polygon) else []
+        if rings and len(rings[0]) > 2:
+            cleaned.append(Polygon(rings[0], [ring for ring in rings[1:] if len(ring) > 2]))
     return MultiPolygon(cleaned)
 
 

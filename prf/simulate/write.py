@@ -30,14 +30,8 @@ from prf.simulate.path import DIGITS, Scans
 from prf.simulate.simulation import ARAK, OFFICE, Simulation
 from prf.simulate.world import Floats
 
-TRUTH, PLAN, LASER, SONAR, PATH, MANIFEST = (
-    "truth.geojson",
-    "plan.png",
-    "laser.log.gz",
-    "sonar.csv.gz",
-    "path.csv",
-    "manifest.json",
-)
+TRUTH, PLAN, MANIFEST = "truth.geojson", "plan.png", "manifest.json"
+LASER, SONAR, PATH = "laser.log.gz", "sonar.csv.gz", "path.csv"
 FILES = (MANIFEST, TRUTH, PLAN, LASER, SONAR, PATH)
 SCHEMA = "prf.simulation/2"
 LEVEL = 6  # of compression: 9 takes thrice the time for a hundredth less
@@ -54,7 +48,9 @@ def write_simulation(folder: str | os.PathLike[str], simulation: Simulation) -> 
     Returns: the manifest.
     """
     place = Path(folder)
-    inputs = [describe_input(path) for path in _inputs(simulation)]  # one may be a file that is replaced now
+    config = simulation.config
+    sources = [path for path in (config.world, config.path) if path not in (OFFICE, ARAK, None)]
+    inputs = [describe_input(path) for path in sources if path is not None]  # one may be a file that is replaced now
     for name in FILES:
         remove_leftovers(place / name)
     with made_folder(place), together() as group:
@@ -105,15 +101,6 @@ def summary(simulation: Simulation) -> dict[str, Any]:
         "n_sonar": 0 if sonar is None else sonar.size,
         "n_sonar_returned": 0 if sonar is None else int(np.count_nonzero(np.isfinite(sonar))),
     }
-
-
-def _inputs(simulation: Simulation) -> list[str]:
-    """Return the files that a simulation was made from."""
-    config = simulation.config
-    return [
-        *([] if config.world in (OFFICE, ARAK) else [config.world]),
-        *([] if config.path is None else [config.path]),
-    ]
 
 
 def _manifest(place: Path, simulation: Simulation, inputs: list[dict[str, Any]], group: Group) -> dict[str, Any]:
