@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from prf.kernels.grid import make_grid, most_cells
 from prf.kernels.passed_cells import choose_lacking, count_passes
 from prf.seen import beam_ends
-from prf.shell.errors import ConfigError
 from prf.window import Window
 
 Floats = NDArray[np.float64]
@@ -41,13 +40,6 @@ MAX_CELLS = 4_000_000  # cells are larger in a window that would need more
 PASSING = 2  # beams that stay in each cell at least, if as many pass it or end in it
 GAINS = (16, 4, 1)
 """Cells lacking a beam that a beam must pass to be taken: first those that pass many, so that few are taken."""
-
-
-def checked_density(density: float) -> float:
-    """Return a density of beams, 1/m^2."""
-    if not (math.isfinite(density) and density >= 0.0):
-        raise ConfigError(f"beam-density {density}: must be a number of beams a square metre, or 0 to keep all")
-    return density
 
 
 def thin_beams(

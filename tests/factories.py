@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 
 from prf.arak import exact_draws
-from prf.coloring import Draws
+from prf.coloring import Draws, feature_lines
 from prf.configuration import Configuration, load_configuration
 from prf.estimate import occupied_probability
 from prf.logs import Readings
@@ -28,6 +29,11 @@ def score_settings(sonar: SonarModel | None = None, **options: object) -> Config
 def grid_settings(**options: object) -> Configuration:
     """Return the configuration of a grid with these values, by the names that its file has."""
     return load_configuration(options, tables=("prior", "laser", "sonar", "readings", "grid")).settings
+
+
+def write_draws(path: Path | str, draws: Draws) -> None:
+    """Write DRAWS as `prf prior` does."""
+    Path(path).write_text("".join(f"{line}\n" for line in feature_lines(draws)))
 
 
 def random_draws(seed: int, n_draws: int, window: Window = WINDOW, scale: float = 0.2) -> Draws:

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from prf.shell.errors import ConfigError
 from prf.thinning import (
     EVENNESS,
     PASSING,
@@ -18,7 +17,6 @@ from prf.thinning import (
     RARE,
     Passages,
     Strata,
-    checked_density,
     draw_evenly,
     strata_of,
     thin_beams,
@@ -154,12 +152,6 @@ def test_readings_of_any_kind_give_a_subset_in_order(seed: int, n: int, density:
     assert len(kept) >= 1
     assert (np.diff(kept) > 0).all()
     np.testing.assert_array_equal(kept, log.kept(density))
-
-
-@pytest.mark.parametrize("density", [-1.0, np.nan, np.inf])
-def test_densities_that_make_no_sense_are_refused(density: float) -> None:
-    with pytest.raises(ConfigError, match="beam-density"):
-        checked_density(density)
 
 
 WINDOW = Window(0.0, 0.0, 8.0, 8.0)

@@ -1,6 +1,6 @@
 """Polygonal colorings: the discontinuity graph as arrays, its validity, its colours, its polygons, its files."""
 
-from prf.coloring.geojson import feature_lines, from_feature, read_geojsonl, to_feature, write_geojsonl
+from prf.coloring.geojson import feature_lines, from_feature, read_geojsonl, to_feature
 from prf.coloring.graph import Coloring, Draws, black_areas, black_at, black_at_draws
 from prf.coloring.polygons import from_polygons, occupied_polygons, oriented_polygons
 from prf.coloring.validity import check, violations
@@ -20,5 +20,4 @@ __all__ = [
     "read_geojsonl",
     "to_feature",
     "violations",
-    "write_geojsonl",
 ]

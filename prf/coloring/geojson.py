@@ -12,7 +12,7 @@ import numpy as np
 from prf.coloring.graph import Coloring, Draws
 from prf.coloring.polygons import from_segments
 from prf.shell.errors import ConfigError, InputError
-from prf.shell.files import atomic_write, open_input
+from prf.shell.files import open_input
 from prf.window import Window
 
 
@@ -53,12 +53,6 @@ def feature_lines(draws: Draws) -> Iterator[str]:
     """Yield one line of JSON for each draw, without its line end."""
     for coloring in draws:
         yield json.dumps(to_feature(coloring), separators=(",", ":"), allow_nan=False)
-
-
-def write_geojsonl(path: str | os.PathLike[str], draws: Draws) -> None:
-    """Write one Feature a line, atomically, over whatever is there (OutputError if it cannot be written)."""
-    with atomic_write(path) as stream:
-        stream.writelines(line + "\n" for line in feature_lines(draws))
 
 
 def read_geojsonl(path: str | os.PathLike[str]) -> Draws:

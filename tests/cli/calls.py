@@ -16,12 +16,11 @@ import numpy as np
 from mapq.cloud import PointCloud
 from mapq.io import write_patches, write_ply
 from mapq.io.models import write_model
-from prf.coloring import write_geojsonl
 from prf.occupancy import write_grid
 from prf.run import write_run
 from prf.shell.run import run_app
 from prf.window import Window
-from tests.factories import make_run, random_draws
+from tests.factories import make_run, random_draws, write_draws
 from tests.logs.samples import flaser
 from tests.mapq.assess.test_result import make_model
 from tests.mapq.factories import wall
@@ -166,7 +165,7 @@ def make_samples(folder: Path) -> None:
         (folder / name).write_text(text)
     write_run(folder / "run", make_run(n_draws=4, window=Window(-2.0, -2.0, 4.0, 2.0)))
     write_grid(folder / "grid.npz", build(BEAM))
-    write_geojsonl(folder / "draws.geojsonl", random_draws(1, 2, scale=0.1))
+    write_draws(folder / "draws.geojsonl", random_draws(1, 2, scale=0.1))
     labelled = draw_patches(1)
     write_ply(str(folder / "cloud.ply"), labelled.cloud)
     write_patches(folder / "walls.patches", labelled)

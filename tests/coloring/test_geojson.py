@@ -18,9 +18,8 @@ from prf.coloring import (
     read_geojsonl,
     to_feature,
     violations,
-    write_geojsonl,
 )
-from prf.shell.errors import InputError, OutputError
+from prf.shell.errors import InputError
 from prf.window import Window
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
@@ -30,7 +29,7 @@ ODD = Window(-0.1, 1.0 / 3.0, 2.7, 1.9)
 @pytest.mark.parametrize("window", [UNIT, ODD])
 def test_round_trip_keeps_every_bit(window: Window, tmp_path: Path) -> None:
     draws = exact_draws(1.0, window, 200, np.random.default_rng(1))
-    write_geojsonl(tmp_path / "draws.geojsonl", draws)
+    write_draws(tmp_path / "draws.geojsonl", draws)
     back = read_geojsonl(tmp_path / "draws.geojsonl")
     assert back.window == window
     np.testing.assert_array_equal(back.anchor_black, draws.anchor_black)
@@ -97,5 +96,3 @@ def test_missing_and_empty_files(tmp_path: Path) -> None:
     (tmp_path / "empty.geojsonl").write_text("\n")
     with pytest.raises(InputError, match="holds no draw"):
         read_geojsonl(tmp_path / "empty.geojsonl")
-    with pytest.raises(OutputError):
-        write_geojsonl(tmp_path / "no" / "folder.geojsonl", Draws.from_colorings([Coloring.empty(UNIT)]))

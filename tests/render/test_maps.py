@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from prf.cli import app
-from prf.coloring import Coloring, Draws, black_at, write_geojsonl
+from prf.coloring import Coloring, Draws, black_at
 from prf.render import render_beams, render_best, render_draws, render_maps, render_posterior
 from prf.render.maps import columns_for, spread
 from prf.run import Run, write_run
@@ -19,7 +19,7 @@ from prf.shell.errors import InputError, UsageError
 from prf.shell.pictures import DPI, drawn_size, margins_of, round_length
 from prf.shell.run import run_app
 from prf.window import Window
-from tests.factories import WINDOW, make_run, random_draws
+from tests.factories import WINDOW, make_run, random_draws, write_draws
 
 WINDOWS = [WINDOW, Window(0.0, 0.0, 1.0, 1.0), Window(0.0, 0.0, 90.0, 6.0), Window(4.5e5, 5.1e6, 4.5e5 + 8, 5.1e6 + 90)]
 
@@ -158,7 +158,7 @@ def inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     write_run("run", make_run(n_draws=6))
     for name, scale in (("p1", 1.0), ("p10", 10.0)):
-        write_geojsonl(f"{name}.geojsonl", random_draws(1, 5, Window(0.0, 0.0, 1.0, 1.0), scale))
+        write_draws(f"{name}.geojsonl", random_draws(1, 5, Window(0.0, 0.0, 1.0, 1.0), scale))
     return tmp_path
 
 
