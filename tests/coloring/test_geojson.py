@@ -21,6 +21,7 @@ from prf.coloring import (
 )
 from prf.shell.errors import InputError
 from prf.window import Window
+from tests.factories import write_draws
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
 ODD = Window(-0.1, 1.0 / 3.0, 2.7, 1.9)
