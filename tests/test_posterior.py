@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prf.arak import exact_draws, log_density
+from prf.arak import exact_draws
 from prf.coloring import Coloring
 from prf.kernels import constants as c
 from prf.kernels.build import recompute_sums
@@ -20,6 +20,7 @@ from prf.kernels.step import run
 from prf.layout import grow, read_coloring
 from prf.posterior import MOVE_WEIGHTS, LaserData, PointData, Settings, SonarData, make_chain, one_colour_map
 from prf.window import Window
+from tests.reference.arak_laws import log_density
 from tests.reference.beams import Sensor, log_likelihoods_in
 from tests.reference.chain_state import digest, structural_faults
 from tests.reference.recompute import differences

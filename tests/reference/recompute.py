@@ -9,7 +9,6 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from prf.arak import log_density
 from prf.coloring import Coloring, black_at
 from prf.kernels import cones as cone_columns
 from prf.kernels import constants as c
@@ -24,6 +23,7 @@ from prf.kernels.geometry import ray_hit
 from prf.kernels.graph import Graph
 from prf.kernels.laser import beam_log_likelihood
 from prf.layout import make_graph, make_image, make_index, pixel_centres, read_coloring
+from tests.reference.arak_laws import log_density
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.integer]

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from prf import laws
 from prf.coloring import Draws, black_areas, black_at_draws
 from prf.window import INTERIOR, LEFT, SIDE_NAMES, SIDES, Window
+from tests.reference import arak_laws
 from tests.statistical.flat import Flat, Floats
 
 Residuals = dict[str, Floats]
@@ -133,13 +134,13 @@ def total_length(flat: Flat) -> Residuals:
 def interior_vertices(flat: Flat) -> Residuals:
     """Mean number of interior vertices 4 pi p^2 A."""
     count = flat.per_draw(flat.vertex_draw[flat.interior])
-    return {"interior vertices: mean": count - laws.expected_interior_vertices(flat.scale, flat.window)}
+    return {"interior vertices: mean": count - arak_laws.expected_interior_vertices(flat.scale, flat.window)}
 
 
 def extremes(flat: Flat) -> Residuals:
     """Local minima in x, maxima in x and minima in a slanted direction: each Poisson(pi p^2 A)."""
     first, second = flat.interior_directions
-    mean = laws.expected_extremes(flat.scale, flat.window)
+    mean = arak_laws.expected_extremes(flat.scale, flat.window)
     found: Residuals = {}
     for name, angle in (("minima in x", 0.0), ("maxima in x", math.pi), ("minima at 0.7 rad", 0.7)):
         direction = np.array([math.cos(angle), math.sin(angle)])
@@ -153,7 +154,7 @@ def side_vertices(flat: Flat) -> Residuals:
     found: Residuals = {}
     for side in SIDES:
         count = flat.per_draw(flat.vertex_draw[flat.draws.side == side])
-        mean = laws.expected_crossings(flat.scale, flat.window.side_length(side))
+        mean = arak_laws.expected_crossings(flat.scale, flat.window.side_length(side))
         found |= _poisson(f"{SIDE_NAMES[side]} vertices", count, mean)
     return found
 
@@ -162,7 +163,7 @@ def border_vertices(flat: Flat) -> Residuals:
     """Whole border: mean 2 p P and always even; vertices where x enters, and where it leaves, each Poisson(p P)."""
     owner = flat.vertex_draw[flat.boundary]
     count = flat.per_draw(owner)
-    mean = laws.expected_boundary_vertices(flat.scale, flat.window)
+    mean = arak_laws.expected_boundary_vertices(flat.scale, flat.window)
     enters = flat.boundary_directions[:, 0] > 0
     return {
         "border vertices: mean": count - mean,
@@ -179,7 +180,7 @@ def segment_crossings(flat: Flat) -> Residuals:
     centred = []
     for name, start, stop in (("first segment", 0.0, 0.35), ("second segment", 0.45, 1.0)):
         count = flat.crossings(a + start * (b - a), a + stop * (b - a))
-        mean = laws.expected_crossings(flat.scale, (stop - start) * float(np.hypot(*(b - a))))
+        mean = arak_laws.expected_crossings(flat.scale, (stop - start) * float(np.hypot(*(b - a))))
         found |= _poisson(f"crossings of {name}", count, mean)
         centred.append(count - mean)
     return {**found, "crossings of both segments: covariance": centred[0] * centred[1]}
@@ -193,10 +194,10 @@ def colours(flat: Flat) -> Residuals:
     points = _at(window, (0.15, 0.2)) + places[:, None] * np.array([math.cos(0.5), math.sin(0.5)])
     sign = np.where(black_at_draws(flat.draws, points), 1.0, -1.0)
     found = {"colour: mean": sign[:, 0], "four colours on a line": np.prod(sign, axis=1)}
-    found["four colours on a line"] -= laws.four_point_correlation(scale, 0.5 * d, 0.7 * d)
+    found["four colours on a line"] -= arak_laws.four_point_correlation(scale, 0.5 * d, 0.7 * d)
     for name, k in (("near", 1), ("far", 3)):
         same = sign[:, 0] == sign[:, k]
-        found[f"same colour, {name}"] = same - laws.same_colour_probability(scale, float(places[k]))
+        found[f"same colour, {name}"] = same - arak_laws.same_colour_probability(scale, float(places[k]))
     return found
 
 
@@ -209,9 +210,9 @@ def monochrome(flat: Flat) -> Residuals:
     for name, corners in (("square", square), ("triangle", triangle)):
         sides = np.roll(corners, -1, axis=0) - corners
         doubled = corners[:, 0] @ np.roll(corners[:, 1], -1) - corners[:, 1] @ np.roll(corners[:, 0], -1)
-        free = laws.no_edge_probability(flat.scale, float(np.hypot(*sides.T).sum()), 0.5 * float(doubled))
+        free = arak_laws.no_edge_probability(flat.scale, float(np.hypot(*sides.T).sum()), 0.5 * float(doubled))
         found |= _if_expected(f"{name} without edge", ~flat.meets_convex(corners), free)
-    free = laws.no_edge_probability(flat.scale, flat.window.perimeter, flat.window.area)
+    free = arak_laws.no_edge_probability(flat.scale, flat.window.perimeter, flat.window.area)
     return {**found, **_if_expected("window without edge", flat.draws.n_edges == 0, free)}
 
 
@@ -221,7 +222,7 @@ def edge_lengths(flat: Flat) -> Residuals:
     From its left end an edge could run for b, up to the border. Those that do number sum exp(-4 p b) in the mean over
     all edges; for the others U = (1 - exp(-4 p l)) / (1 - exp(-4 p b)) is uniform.
     """
-    rate, owner = laws.edge_length_rate(flat.scale), flat.edge_draw
+    rate, owner = arak_laws.edge_length_rate(flat.scale), flat.edge_draw
     start, end, end_side = flat.rightward
     length = np.hypot(*(end - start).T)
     cut = end_side != INTERIOR
@@ -260,7 +261,7 @@ def left_angles(flat: Flat) -> Residuals:
 def black_fraction(flat: Flat) -> Residuals:
     """Black share of the window: mean 1/2, variance E exp(-4 p |X - Y|) / 4 for X, Y uniform in the window."""
     centred = black_areas(flat.draws) / flat.window.area - 0.5
-    variance = laws.black_fraction_variance(flat.scale, flat.window)
+    variance = arak_laws.black_fraction_variance(flat.scale, flat.window)
     return {"black share: mean": centred, "black share: variance": centred**2 - variance}
 
 

@@ -96,7 +96,7 @@ def test_batches_undo_repeated_draws() -> None:
 def test_a_sub_window_of_a_field_is_a_field() -> None:
     """Consistency: colours in a part of a large window follow the same laws (the same line of points, far inside)."""
     from prf.coloring import black_at_draws
-    from prf.laws import same_colour_probability
+    from tests.reference.arak_laws import same_colour_probability
 
     draws = exact_draws(0.5, ROOM, 2000, np.random.default_rng(SEED))
     colours = black_at_draws(draws, [(1.0, 1.0), (1.3, 1.4)])
