@@ -93,7 +93,7 @@ class ChainSampler:
     @property
     def n_temperatures(self) -> int:
         """Chains of the temperature ladder, this one among them; 1 without parallel tempering."""
-        return 1 if self.tempering is None else self.tempering.ladder.n_temperatures
+        return 1 if self.tempering is None else len(self.tempering.ladder.powers)
 
     def temper(self, plan: LadderPlan) -> None:
         """Put a temperature ladder on this chain; rounds are then the shortest, since every hot chain makes one.
@@ -125,26 +125,21 @@ class ChainSampler:
         steps = end - self.step
         while self.step < end:
             spacing = self.record.thin
-            self._record_at(min(end, self.times.next_start, self.step - self.step % spacing + spacing))
-        self.refresh(steps)
-        self.settle()
+            self.record_at(min(end, self.times.next_start, self.step - self.step % spacing + spacing))
+        self.finish_block(steps)
 
-    def finish_block(self, end: int, steps: int) -> None:
-        """Run up to the step `end` of a block of `steps` without a record on the way, and record there."""
-        self._record_at(end)
-        self.refresh(steps)
-        self.settle()
-
-    def _record_at(self, step: int) -> None:
+    def record_at(self, step: int) -> None:
+        """Run up to `step`, and record there."""
         self.run_to(step)
         if self.step == self.times.next_start:
             self.times.rotate(self.chain.image, self.step)
         self.record.take(self.chain)
 
-    def refresh(self, steps: int) -> None:
-        """Redraw ground that no reading concerns, in proportion to `steps`; settle the chain after it."""
+    def finish_block(self, steps: int) -> None:
+        """Redraw ground that no reading concerns, in proportion to the `steps` of a block, and settle."""
         if self.ground is not None:
             self.chain = self.ground.refresh(self.chain, self.rng, int(self.ground.rate * steps))
+        self.settle()
 
     def settle(self) -> None:
         """Recompute sums and lists, as at the end of every block."""

@@ -25,16 +25,17 @@ from prf.shell.storage import damaged, load_arrays, save_arrays
 
 SCHEMA = names.CHECKPOINT_SCHEMA
 LADDER = ("powers", "tried", "rate_sum", "came_from_hottest")
+TIMES = ("black_time", "mixed_time")
+DRAW_ARRAYS = ("vertex_offsets", "xy", "side", "edge_offsets", "edges", "anchor_black")
 
 Arrays = dict[str, NDArray[Any]]
-DRAW_ARRAYS = ("vertex_offsets", "xy", "side", "edge_offsets", "edges", "anchor_black")
 
 
 def save_checkpoint(folder: Path, sampler: Sampler, identity: str) -> None:
     """Write the state of all chains into the RUN directory `folder`; `identity` is that of the run."""
     arrays: Arrays = {"run": np.array(identity)}
     for i, chain in enumerate(sampler.chains):
-        arrays |= {f"chain{i}.{name}": array for name, array in chain_arrays(chain).items()}
+        arrays |= prefixed(f"chain{i}.", chain_arrays(chain))
     save_arrays(folder / names.CHECKPOINT, SCHEMA, arrays)
 
 
@@ -51,11 +52,19 @@ def load_checkpoint(folder: Path, sampler: Sampler, identity: str) -> None:
         if "chain0.ladder.powers" in arrays:
             sampler.temper()
         for i, chain in enumerate(sampler.chains):
-            prefix = f"chain{i}."
-            own = {name[len(prefix) :]: array for name, array in arrays.items() if name.startswith(prefix)}
-            restore(chain, own)
+            restore(chain, under(f"chain{i}.", arrays))
     except (KeyError, ValueError, IndexError, TypeError, OverflowError) as error:
         raise damaged(path, f"does not fit this run: {error}") from error
+
+
+def prefixed(prefix: str, arrays: Arrays) -> Arrays:
+    """Return arrays with a prefix before their names."""
+    return {prefix + name: array for name, array in arrays.items()}
+
+
+def under(prefix: str, arrays: Arrays) -> Arrays:
+    """Return the arrays whose names have a prefix, without it."""
+    return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
 
 
 def chain_arrays(sampler: ChainSampler) -> Arrays:
@@ -64,17 +73,15 @@ def chain_arrays(sampler: ChainSampler) -> Arrays:
     Of draws in the burn-in, which grows but never shrinks, only functionals and colours are read again: their maps are
     left out.
     """
-    chain, times = sampler.chain, sampler.times
+    chain, times, record = sampler.chain, sampler.times, sampler.record
     settle_all(chain.image, sampler.step)
-    arrays = state_arrays(chain, sampler.rng)
-    arrays |= {
+    arrays = state_arrays(chain, sampler.rng) | {
         "image.black": chain.image.black,
-        "image.black_time": chain.image.black_time,
-        "image.mixed_time": chain.image.mixed_time,
+        **{f"image.{name}": getattr(chain.image, name) for name in TIMES},
         "times.starts": np.array([times.start, times.previous_start]),
         "times.previous_black": times.previous_black,
         "times.previous_mixed": times.previous_mixed,
-        "record.thin": np.array(sampler.record.thin),
+        "record.thin": np.array(record.thin),
         "record.from": np.array(sampler.recorded_from),
         "targets.cumulative": chain.targets.cumulative,
         "doubts.count": sampler.doubts.count,
@@ -84,34 +91,10 @@ def chain_arrays(sampler: ChainSampler) -> Arrays:
         arrays |= tempering_arrays(sampler.tempering)
     without = Coloring.empty(sampler.settings.window, False)
     draws = [
-        draw if draw.step > sampler.burn_in else dataclasses.replace(draw, coloring=without)
-        for draw in sampler.record.draws
+        draw if draw.step > sampler.burn_in else dataclasses.replace(draw, coloring=without) for draw in record.draws
     ]
-    arrays |= draw_arrays("draws", draws, sampler)
-    best = [sampler.record.best] if sampler.record.best is not None else []
-    return arrays | draw_arrays("best", best, sampler)
-
-
-def draw_arrays(prefix: str, draws: list[Draw], sampler: ChainSampler) -> Arrays:
-    """Return draws as ragged arrays."""
-    stored = Draws.from_colorings([draw.coloring for draw in draws], sampler.settings.window)
-    n_functionals = 0 if not draws else len(draws[0].functionals)
-    own = {f"{prefix}.{part}": getattr(stored, part) for part in DRAW_ARRAYS}
-    black = np.array([draw.probe_black for draw in draws], np.bool_)
-    return own | {
-        f"{prefix}.step": np.array([draw.step for draw in draws], np.int64),
-        f"{prefix}.functionals": np.array([draw.functionals for draw in draws]).reshape(len(draws), n_functionals),
-        f"{prefix}.probe_black": black.reshape(len(draws), -1) if draws else np.zeros((0, 0), np.bool_),
-    }
-
-
-def restore_draws(prefix: str, arrays: Arrays, sampler: ChainSampler) -> list[Draw]:
-    """Return the draws that :func:`draw_arrays` stored."""
-    stored = Draws(sampler.settings.window, *(arrays[f"{prefix}.{part}"] for part in DRAW_ARRAYS))
-    steps = arrays[f"{prefix}.step"].tolist()
-    functionals, probe_black = arrays[f"{prefix}.functionals"], arrays[f"{prefix}.probe_black"]
-    colorings = [Coloring(*coloring) for coloring in stored]
-    return [Draw(steps[i], colorings[i], functionals[i], probe_black[i]) for i in range(len(steps))]
+    best = [] if record.best is None else [record.best]
+    return arrays | prefixed("draws.", draw_arrays(draws, sampler)) | prefixed("best.", draw_arrays(best, sampler))
 
 
 def restore(sampler: ChainSampler, arrays: Arrays) -> None:
@@ -125,14 +108,32 @@ def restore(sampler: ChainSampler, arrays: Arrays) -> None:
     sampler.doubts.looks = float(arrays["doubts.looks"])
     sampler.recorded_from = int(arrays["record.from"])
     sampler.record.thin = int(arrays["record.thin"])
-    sampler.record.draws = restore_draws("draws", arrays, sampler)
-    sampler.record.best = next(iter(restore_draws("best", arrays, sampler)), None)
+    sampler.record.draws = restored_draws(under("draws.", arrays), sampler)
+    sampler.record.best = next(iter(restored_draws(under("best.", arrays), sampler)), None)
+
+
+def draw_arrays(draws: list[Draw], sampler: ChainSampler) -> Arrays:
+    """Return draws as ragged arrays."""
+    stored = Draws.from_colorings([draw.coloring for draw in draws], sampler.settings.window)
+    n_functionals, n_probes = (len(draws[0].functionals), len(draws[0].probe_black)) if draws else (0, 0)
+    return {name: getattr(stored, name) for name in DRAW_ARRAYS} | {
+        "step": np.array([draw.step for draw in draws], np.int64),
+        "functionals": np.array([draw.functionals for draw in draws]).reshape(len(draws), n_functionals),
+        "probe_black": np.array([draw.probe_black for draw in draws], np.bool_).reshape(len(draws), n_probes),
+    }
+
+
+def restored_draws(arrays: Arrays, sampler: ChainSampler) -> list[Draw]:
+    """Return the draws that :func:`draw_arrays` stored."""
+    stored = Draws(sampler.settings.window, *(arrays[name] for name in DRAW_ARRAYS))
+    rows = zip(arrays["step"].tolist(), stored, arrays["functionals"], arrays["probe_black"], strict=True)
+    return [Draw(step, Coloring(*coloring), values, black) for step, coloring, values, black in rows]
 
 
 def state_arrays(chain: Chain, rng: np.random.Generator) -> Arrays:
     """Return the map of a chain, the outcomes of its moves, and its generator."""
-    arrays: Arrays = {f"graph.{name}": getattr(chain.graph, name) for name in chain.graph._fields}
-    return arrays | {"outcomes": chain.outcomes, "generator": generator_array(rng)}
+    graph = prefixed("graph.", chain.graph._asdict())
+    return graph | {"outcomes": chain.outcomes, "generator": generator_array(rng)}
 
 
 def restored_state(chain: Chain, rng: np.random.Generator, settings: Settings, arrays: Arrays) -> Chain:
@@ -152,14 +153,13 @@ def generator_array(rng: np.random.Generator) -> NDArray[Any]:
 def tempering_arrays(tempering: Tempering) -> Arrays:
     """Return what decides the future of the hot chains and of the swaps."""
     ladder = tempering.ladder
-    arrays: Arrays = {f"ladder.{name}": getattr(ladder, name) for name in LADDER}
-    arrays |= {
+    arrays = {f"ladder.{name}": getattr(ladder, name) for name in LADDER} | {
         "ladder.round_trips": np.array(ladder.round_trips),
         "ladder.first_step": np.array(tempering.first_step),
         "ladder.generator": generator_array(tempering.swap_rng),
     }
     for k, (chain, rng) in enumerate(zip(tempering.hot, tempering.generators, strict=True), 1):
-        arrays |= {f"hot{k}.{name}": array for name, array in state_arrays(chain, rng).items()}
+        arrays |= prefixed(f"hot{k}.", state_arrays(chain, rng))
     return arrays
 
 
@@ -171,10 +171,10 @@ def restore_tempering(tempering: Tempering, arrays: Arrays) -> None:
     ladder.round_trips = int(arrays["ladder.round_trips"])
     tempering.first_step = int(arrays["ladder.first_step"])
     tempering.swap_rng.bit_generator.state = json.loads(str(arrays["ladder.generator"]))
-    for k, (chain, rng) in enumerate(zip(tempering.hot, tempering.generators, strict=True), 1):
-        prefix = f"hot{k}."
-        own = {name[len(prefix) :]: array for name, array in arrays.items() if name.startswith(prefix)}
-        tempering.hot[k - 1] = restored_state(chain, rng, tempering.settings, own)
+    tempering.hot = [
+        restored_state(chain, rng, tempering.settings, under(f"hot{k}.", arrays))
+        for k, (chain, rng) in enumerate(zip(tempering.hot, tempering.generators, strict=True), 1)
+    ]
     tempering.apply_powers()
 
 
@@ -185,8 +185,8 @@ def restore_image(sampler: ChainSampler, arrays: Arrays) -> None:
     image.black_since[:] = sampler.step
     image.mixed_since[:] = sampler.step
     count_all_edges(sampler.chain.graph, image)
-    image.black_time[:] = arrays["image.black_time"]
-    image.mixed_time[:] = arrays["image.mixed_time"]
+    for name in TIMES:
+        getattr(image, name)[:] = arrays[f"image.{name}"]
     times.start, times.previous_start = (int(start) for start in arrays["times.starts"])
     times.previous_black = arrays["times.previous_black"]
     times.previous_mixed = arrays["times.previous_mixed"]

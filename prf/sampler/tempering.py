@@ -105,16 +105,6 @@ class Ladder:
         self.came_from_hottest[-1] = True
         self.round_trips = 0
 
-    @property
-    def n_temperatures(self) -> int:
-        """Number of chains, the cold one among them."""
-        return len(self.powers)
-
-    def count(self, pair: int, probability: float) -> None:
-        """Count a swap that was tried between the chains `pair` and `pair` + 1."""
-        self.tried[pair] += 1
-        self.rate_sum[pair] += probability
-
     def follow(self, pair: int) -> None:
         """Follow the maps of the chains `pair` and `pair` + 1 through their swap."""
         seen = self.came_from_hottest
@@ -124,25 +114,14 @@ class Ladder:
             seen[0] = False
             self.round_trips += 1
 
-    def refusals(self) -> Floats:
-        """Return the share of swaps refused, (n - 1,); a half where none was tried."""
-        return 1.0 - np.where(self.tried > 0, self.rate_sum / np.maximum(self.tried, 1), 0.5)
-
     def even_out(self) -> None:
         """Move the powers to where all pairs are expected to refuse alike, and restart the counts."""
-        refusals = self.refusals()
+        refusals = 1.0 - np.where(self.tried > 0, self.rate_sum / np.maximum(self.tried, 1), 0.5)
         self.powers = even_powers(self.powers, refusals)
         if self.finds_reach:
             self.powers = stretched_powers(self.powers, float(refusals.mean()))
         self.tried[:] = 0
         self.rate_sum[:] = 0.0
-
-    def report(self, first_step: int) -> SwapReport:
-        """Return powers, swap rates and round trips since `first_step`."""
-        rates = [
-            float(total / n) if n > 0 else None for total, n in zip(self.rate_sum, self.tried.tolist(), strict=True)
-        ]
-        return SwapReport(self.powers.tolist(), rates, self.round_trips, first_step)
 
 
 def stretched_powers(powers: Floats, refusal: float) -> Floats:
@@ -181,7 +160,7 @@ class Tempering:
         self.ladder = Ladder(plan.first_powers(), finds_reach=plan.lowest is None)
         self.cost = plan.cost if plan.cost is not None else occupied_cost(settings, len(cold.sensors.xy))
         self.first_step = int(cold.graph.counts[c.STEP])
-        self.swap_rng, *self.generators = rng.spawn(self.ladder.n_temperatures)
+        self.swap_rng, *self.generators = rng.spawn(len(self.ladder.powers))
         self.hot = [without_image(cold) for _ in self.generators]
         self.apply_powers()
 
@@ -196,8 +175,11 @@ class Tempering:
         self.hot = [with_map(chain, self.settings, coloring) for chain in self.hot]
 
     def report(self) -> SwapReport:
-        """Return powers and swaps."""
-        return self.ladder.report(self.first_step)
+        """Return powers, swap rates and round trips."""
+        ladder = self.ladder
+        tried = zip(ladder.rate_sum.tolist(), ladder.tried.tolist(), strict=True)
+        rates = [total / n if n > 0 else None for total, n in tried]
+        return SwapReport(ladder.powers.tolist(), rates, ladder.round_trips, self.first_step)
 
     def adapt(self, step: int) -> bool:
         """Move the powers if it is time; return whether it was."""
@@ -235,7 +217,8 @@ class Tempering:
             if self.ladder.powers[pair + 1] == 0.0:
                 chains[pair + 1] = self.drawn_from_prior()
             log_ratio = self.log_swap_ratio(pair, chains[pair], chains[pair + 1])
-            self.ladder.count(pair, math.exp(min(0.0, log_ratio)))
+            self.ladder.tried[pair] += 1
+            self.ladder.rate_sum[pair] += math.exp(min(0.0, log_ratio))
             if math.log(1.0 - self.swap_rng.random()) < log_ratio:
                 if pair == 0:
                     settle_image(cold)

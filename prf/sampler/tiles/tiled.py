@@ -191,7 +191,8 @@ class TiledChain:
             if sampler.record.is_due(step):
                 sampler.record.add(draw_at(begun, results, look, step, at_first))
         sampler.chain = finish_round(self.data, sampler.chain, begun, results)
-        sampler.finish_block(end, length)
+        sampler.record_at(end)
+        sampler.finish_block(length)
 
     def advance(self) -> None:
         """Do one round, the tiles one after the other."""
