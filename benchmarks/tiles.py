@@ -30,8 +30,9 @@ from prf.layout import grow
 from prf.posterior import Settings, make_chain, one_colour_map
 from prf.run import read_run
 from prf.sampler.prepare import read_prepared
-from prf.sampler.tiles import finish_round, make_round, make_tile_data, work_tile
 from prf.sampler.tiles.partition import PLAIN_SHARE, narrowest, round_length
+from prf.sampler.tiles.rounds import make_round, make_tile_data
+from prf.sampler.tiles.tiled import finish_round, work_tile
 
 NAME = "infinite-corridor"
 SECONDS = 600.0

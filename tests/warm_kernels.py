@@ -25,7 +25,8 @@ from prf.coloring import Coloring, Draws, black_areas, black_at
 from prf.kernels.cones import N_POSE
 from prf.posterior import Settings, make_chain
 from prf.run import write_run
-from prf.sampler.tiles import finish_round, make_round, make_tile_data, work_tile
+from prf.sampler.tiles.rounds import make_round, make_tile_data
+from prf.sampler.tiles.tiled import finish_round, work_tile
 from prf.score.scene import features_seen, scene_of_coloring
 from prf.shell.run import run_app
 from prf.window import Window

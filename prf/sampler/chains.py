@@ -23,7 +23,7 @@ from prf.sampler.chain import ChainSampler
 from prf.sampler.record import EDGES_ANYWHERE, FUNCTIONALS, Draw, burn_in
 from prf.sampler.targets import aim, is_due
 from prf.sampler.tempering import LadderPlan, SwapReport
-from prf.sampler.tiles import advance_in_tiles, tiled_chains
+from prf.sampler.tiles.tiled import advance_in_tiles, tiled_chains
 
 logger = logging.getLogger(__name__)
 

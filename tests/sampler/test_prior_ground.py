@@ -209,7 +209,6 @@ def test_the_image_is_the_average_over_every_step_and_over_nothing_else() -> Non
             sampler.run_to(sampler.step + 1)
         before = sampler.chain.image.black.copy()
         sampler.finish_block(3000)
-        sampler.settle()
         turned += int((sampler.chain.image.black != before).sum())
     assert turned > 40
     settle_image(sampler.chain)

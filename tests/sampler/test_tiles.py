@@ -17,17 +17,10 @@ from prf.layout import image_grid, read_coloring, run_chain
 from prf.posterior import Settings, make_chain
 from prf.sampler import Sampler
 from prf.sampler.record import functionals
-from prf.sampler.tiles import (
-    Round,
-    TileData,
-    finish_round,
-    make_round,
-    make_tile_data,
-    random_tiles,
-    work_tile,
-)
 from prf.sampler.tiles.part import cut_targets, make_part
-from prf.sampler.tiles.tiled import draw_at
+from prf.sampler.tiles.partition import random_tiles
+from prf.sampler.tiles.rounds import Round, TileData, make_round, make_tile_data
+from prf.sampler.tiles.tiled import draw_at, finish_round, work_tile
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
 from tests.reference.beams import Sensor

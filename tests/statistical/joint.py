@@ -18,7 +18,8 @@ from prf.kernels import constants as c
 from prf.kernels.chain import Chain
 from prf.layout import read_coloring
 from prf.posterior import LaserData, Settings, make_chain
-from prf.sampler.tiles import Round, TileData, finish_round, make_round, make_tile_data, work_tile
+from prf.sampler.tiles.rounds import Round, TileData, make_round, make_tile_data
+from prf.sampler.tiles.tiled import finish_round, work_tile
 from prf.window import INTERIOR, Window
 from tests.reference.beams import Sensor, draw_readings
 from tests.reference.slow_points import Flips, observe

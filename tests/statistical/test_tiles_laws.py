@@ -16,7 +16,7 @@ from prf.kernels.chain import Chain
 from prf.kernels.grid import Grid
 from prf.layout import read_coloring
 from prf.posterior import Settings
-from prf.sampler.tiles import Round, TileData
+from prf.sampler.tiles.rounds import Round, TileData
 from prf.window import Window
 from tests.statistical import joint, mutants, tiled
 from tests.statistical.laws import law_scores

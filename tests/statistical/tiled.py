@@ -17,7 +17,8 @@ from prf.kernels.build import recompute_sums
 from prf.kernels.step import run
 from prf.layout import grow, read_coloring
 from prf.posterior import Settings, make_chain
-from prf.sampler.tiles import finish_round, make_round, make_tile_data, work_tile
+from prf.sampler.tiles.rounds import make_round, make_tile_data
+from prf.sampler.tiles.tiled import finish_round, work_tile
 from prf.window import Window
 from tests.statistical.laws import law_scores
 

@@ -24,7 +24,8 @@ from prf.kernels.chain import Chain
 from prf.layout import read_coloring, run_chain
 from prf.posterior import Settings, make_chain
 from prf.sampler.tempering import LadderPlan, Tempering
-from prf.sampler.tiles import finish_round, make_round, make_tile_data, work_tile
+from prf.sampler.tiles.rounds import make_round, make_tile_data
+from prf.sampler.tiles.tiled import finish_round, work_tile
 from prf.shell.progress import progress
 from tests.verify.check import Check
 from tests.verify.problems import from_map, names

@@ -5,31 +5,3 @@ all that crosses a border stays; then the parts are put together again. The spat
 makes what lies inside a tile independent of what lies outside given what stays. Readings are dealt out so that each is
 decided by one tile, whatever the others do.
 """
-
-from prf.sampler.tiles.partition import chosen_tiles, random_tiles
-from prf.sampler.tiles.rounds import Round, TileData, make_round, make_tile_data
-from prf.sampler.tiles.tiled import (
-    TiledChain,
-    TileResult,
-    advance_in_tiles,
-    finish_round,
-    merged,
-    tiled_chains,
-    work_tile,
-)
-
-__all__ = [
-    "Round",
-    "TileData",
-    "TileResult",
-    "TiledChain",
-    "advance_in_tiles",
-    "chosen_tiles",
-    "finish_round",
-    "make_round",
-    "make_tile_data",
-    "merged",
-    "random_tiles",
-    "tiled_chains",
-    "work_tile",
-]
