@@ -138,7 +138,7 @@ def cut_to_known(found: Map, image: PosteriorImage | None, extrapolate: float) -
             coloring = from_polygons(shapely.MultiPolygon(polygons), found.coloring.window)
         except InputError:  # the cut made parts touch at a point
             continue
-        if coloring.n_edges > 0:
+        if coloring.n_edges > 0 or coloring.anchor_black:
             return found._replace(coloring=coloring)
     return found._replace(coloring=type(found.coloring).empty(found.coloring.window))
 

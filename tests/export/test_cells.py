@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from prf.coloring import from_polygons, occupied_polygons
+from prf.coloring import Coloring, from_polygons, occupied_polygons
 from prf.export.cells import WALL, cut_to_known
 from prf.export.source import Map
 from prf.run import PosteriorImage
@@ -46,3 +46,10 @@ def test_a_map_of_which_nothing_is_known_is_empty() -> None:
     seen[0, 0] = True
     found = Map(from_polygons(shapely.MultiPolygon([shapely.box(5.0, 5.0, 6.0, 6.0)]), WINDOW), {}, "title")
     assert cut_to_known(found, image_of(seen), 0.0).coloring.n_edges == 0
+
+
+def test_a_window_that_is_all_occupied_stays_so() -> None:
+    seen = np.ones((20, 20), np.bool_)
+    seen[0, 0] = False
+    found = Map(Coloring.empty(WINDOW, black=True), {}, "title")
+    assert cut_to_known(found, image_of(seen), 0.0).coloring.anchor_black
