@@ -61,15 +61,15 @@ def box_of(x0: float, y0: float, x1: float, y1: float) -> Box:
 
 
 class Draft:
-    """What has been drawn so far.
+    """A building, solid at first, into which rooms, doors and furniture are drawn; `rng` draws all that varies."""
 
-    `building`: solid at first. `kept_clear`: what is kept clear: before and behind doors, and round furniture.
-    """
-
-    def __init__(self, building: Box) -> None:
+    def __init__(self, building: Box, door_width: float, furniture: bool, rng: np.random.Generator) -> None:
         self.building = building
+        self.door_width = door_width  # metres
+        self.furniture = furniture  # pillars are there anyway
+        self.rng = rng
         self.rooms: list[Box] = []
-        self.kept_clear: list[BaseGeometry] = []
+        self._kept_clear: list[BaseGeometry] = []  # before and behind doors, and round furniture
         self._free: list[BaseGeometry] = []
         self._solid: list[BaseGeometry] = []
 
@@ -83,36 +83,11 @@ class Draft:
         self.carve(box)
         return box
 
-    def add_solid(self, shape: BaseGeometry) -> None:
-        """Put a thing into free space; it may reach into walls."""
-        self._solid.append(shape)
-
-    def keep_clear(self, shape: BaseGeometry) -> None:
-        """Keep `shape` clear from now on."""
-        self.kept_clear.append(shape)
-
-    def has_space(self, shape: BaseGeometry) -> bool:
-        """Return whether there is space for a thing."""
-        return not any(shape.intersects(other) for other in self.kept_clear)
-
     def occupied(self) -> BaseGeometry:
-        """Return the walls of the building and all things in it."""
+        """Return the walls of the building and all things in it, which may reach into walls."""
         walls = shapely.difference(self.building.polygon(), shapely.union_all(self._free))
         inside = shapely.intersection(shapely.union_all(self._solid), self.building.polygon())
         return shapely.union_all([walls, inside])
-
-
-class Fitter:
-    """Draws doors and furniture into a draft.
-
-    `door_width`: metres. `furniture`: whether there is any; pillars are there anyway.
-    """
-
-    def __init__(self, draft: Draft, door_width: float, furniture: bool, rng: np.random.Generator) -> None:
-        self.draft = draft
-        self.door_width = door_width
-        self.furniture = furniture
-        self.rng = rng
 
     def door(self, room: Box, wall: Wall) -> None:
         """Join a room to its corridor by a door that is open, and a wide one sometimes by a second that may be shut."""
@@ -143,7 +118,7 @@ class Fitter:
         for x0, x1 in ((corridor.x0 - outer_wall, corridor.x0), (corridor.x1, corridor.x1 + outer_wall)):
             niche = outer_wall - 2.0 * LEAF
             low = x1 - niche if x1 == corridor.x0 else x0 - OVERLAP
-            self.draft.carve(box_of(low, middle - half, low + niche + OVERLAP, middle + half))
+            self.carve(box_of(low, middle - half, low + niche + OVERLAP, middle + half))
 
     def connect(self, left: Box, right: Box) -> None:
         """Join neighbouring rooms by a door of their own, now and then."""
@@ -151,14 +126,14 @@ class Fitter:
         if spare < 0.0 or self.rng.random() > 0.15:
             return
         y = left.y0 + JAMB + spare * float(self.rng.uniform(0.1, 0.9))
-        self.draft.carve(box_of(left.x1 - OVERLAP, y, right.x0 + OVERLAP, y + self.door_width))
+        self.carve(box_of(left.x1 - OVERLAP, y, right.x0 + OVERLAP, y + self.door_width))
         middle = 0.5 * (left.x1 + right.x0)
-        self.draft.keep_clear(
+        self._kept_clear.append(
             shapely.box(middle - BEFORE_A_DOOR, y - LEAF, middle + BEFORE_A_DOOR, y + self.door_width + LEAF)
         )
         if self.rng.random() < 0.5:
             leaf = box_of(middle - 0.5 * LEAF, y - OVERLAP, middle + 0.5 * LEAF, y + self.door_width + OVERLAP)
-            self.draft.add_solid(leaf.polygon())
+            self._solid.append(leaf.polygon())
 
     def furnish(self, room: Box) -> None:
         """Put cupboards along the walls and a table into a room, where there is space."""
@@ -187,14 +162,14 @@ class Fitter:
         """Open a wall from `x` on, and keep both sides clear."""
         end = x + (self.door_width if width is None else width)
         gap = box_of(x, wall.y0 - OVERLAP, end, wall.y1 + OVERLAP)
-        self.draft.carve(gap)
-        self.draft.keep_clear(shapely.box(gap.x0 - 0.2, gap.y0 - BEFORE_A_DOOR, gap.x1 + 0.2, gap.y1 + BEFORE_A_DOOR))
+        self.carve(gap)
+        self._kept_clear.append(shapely.box(gap.x0 - 0.2, gap.y0 - BEFORE_A_DOOR, gap.x1 + 0.2, gap.y1 + BEFORE_A_DOOR))
 
     def _shut(self, x: float, wall: Wall) -> None:
         """Put a leaf into its frame, in the middle of the wall."""
         middle = 0.5 * (wall.y0 + wall.y1)
         leaf = box_of(x - OVERLAP, middle - 0.5 * LEAF, x + self.door_width + OVERLAP, middle + 0.5 * LEAF)
-        self.draft.add_solid(leaf.polygon())
+        self._solid.append(leaf.polygon())
 
     def _leaf(self, x: float, room: Box, wall: Wall, degrees: float) -> None:
         """Hang a leaf at the nearer side wall and open it into the room by an angle."""
@@ -210,7 +185,7 @@ class Fitter:
         start = (hinge - inwards * 1.5 * OVERLAP, face - wall.room_side * 1.5 * OVERLAP)
         along = (inwards * math.cos(turn), wall.room_side * math.sin(turn))
         end = (start[0] + self.door_width * along[0], start[1] + self.door_width * along[1])
-        self.draft.add_solid(shapely.LineString([start, end]).buffer(0.5 * LEAF, cap_style="flat"))
+        self._solid.append(shapely.LineString([start, end]).buffer(0.5 * LEAF, cap_style="flat"))
 
     def _cupboard(self, room: Box) -> BaseGeometry:
         """Return a cupboard against one of the walls."""
@@ -235,9 +210,10 @@ class Fitter:
 
     def _place(self, thing: BaseGeometry, within: Box | None = None) -> None:
         """Put a thing down if there is space for it, and let others keep their distance."""
-        if self.draft.has_space(thing) and (within is None or within.polygon().contains(thing)):
-            self.draft.add_solid(thing)
-            self.draft.keep_clear(thing.buffer(PASSAGE, quad_segs=2))
+        is_clear = not any(thing.intersects(other) for other in self._kept_clear)
+        if is_clear and (within is None or within.polygon().contains(thing)):
+            self._solid.append(thing)
+            self._kept_clear.append(thing.buffer(PASSAGE, quad_segs=2))
 
 
 def octagon(x: float, y: float, radius: float) -> BaseGeometry:

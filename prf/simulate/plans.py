@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from prf.shell.errors import ConfigError
-from prf.simulate.fittings import Box, Draft, Fitter, Wall, box_of
+from prf.simulate.fittings import Box, Draft, Wall, box_of
 from prf.simulate.world import World
 from prf.window import Window
 
@@ -45,23 +45,22 @@ def office(width: float, height: float, rng: np.random.Generator, furniture: boo
 
 def draft_office(width: float, height: float, rng: np.random.Generator, furniture: bool = True) -> Draft:
     """Return the draft of a floor, which knows rooms and doors besides what is occupied."""
-    draft = Draft(Box(0.0, 0.0, width, height))
-    fitter = Fitter(draft, DOOR, furniture, rng)
+    draft = Draft(Box(0.0, 0.0, width, height), DOOR, furniture, rng)
     inside = Box(OUTER_WALL, OUTER_WALL, width - OUTER_WALL, height - OUTER_WALL)
     corridors = _corridors(inside, rng)
     if not corridors:
-        fitter.furnish_hall(draft.add_room(inside))
+        draft.furnish_hall(draft.add_room(inside))
         return draft
     for corridor in corridors:
         draft.carve(corridor)
-        fitter.exits(corridor, OUTER_WALL)
+        draft.exits(corridor, OUTER_WALL)
     crossings = _crossings(width, corridors, rng)
     for crossing in crossings:
         draft.carve(crossing)
     for row in _outer_rows(inside, corridors):
-        _fill_row(row, fitter, rng)
+        _fill_row(row, draft, rng)
     for lower, upper in itertools.pairwise(corridors):
-        _fill_band(lower, upper, crossings, fitter, rng)
+        _fill_band(lower, upper, crossings, draft, rng)
     return draft
 
 
@@ -114,7 +113,7 @@ def _outer_rows(inside: Box, corridors: list[Box]) -> list[Row]:
     return rows
 
 
-def _fill_band(lower: Box, upper: Box, crossings: list[Box], fitter: Fitter, rng: np.random.Generator) -> None:
+def _fill_band(lower: Box, upper: Box, crossings: list[Box], draft: Draft, rng: np.random.Generator) -> None:
     """Fill what lies between two corridors: blocks of two rows back to back, or halls."""
     wall = CORRIDOR_WALL
     y0, y1 = lower.y1 + wall, upper.y0 - wall
@@ -127,14 +126,14 @@ def _fill_band(lower: Box, upper: Box, crossings: list[Box], fitter: Fitter, rng
         north = Wall(x0, y1, x1, upper.y0, room_side=-1)
         if number == certain or rng.random() < HALL_SHARE:
             cut = _hall_end(x0, x1, rng)
-            hall = fitter.draft.add_room(box_of(x0, y0, cut, y1))
-            fitter.wide_door(hall, south)
-            fitter.wide_door(hall, north)
-            fitter.furnish_hall(hall)
+            hall = draft.add_room(box_of(x0, y0, cut, y1))
+            draft.wide_door(hall, south)
+            draft.wide_door(hall, north)
+            draft.furnish_hall(hall)
             x0 = cut + wall
         if x1 - x0 > 1.5 * DOOR:
-            _fill_row(Row(box_of(x0, y0, x1, middle - 0.5 * wall), south), fitter, rng)
-            _fill_row(Row(box_of(x0, middle + 0.5 * wall, x1, y1), north), fitter, rng)
+            _fill_row(Row(box_of(x0, y0, x1, middle - 0.5 * wall), south), draft, rng)
+            _fill_row(Row(box_of(x0, middle + 0.5 * wall, x1, y1), north), draft, rng)
 
 
 def _hall_end(x0: float, x1: float, rng: np.random.Generator) -> float:
@@ -143,7 +142,7 @@ def _hall_end(x0: float, x1: float, rng: np.random.Generator) -> float:
     return x1 if x1 - end < ROOM else end
 
 
-def _fill_row(row: Row, fitter: Fitter, rng: np.random.Generator) -> None:
+def _fill_row(row: Row, draft: Draft, rng: np.random.Generator) -> None:
     """Divide a row into rooms, each with a door to the corridor."""
     place = row.place
     n = max(1, round(place.width / ROOM))
@@ -153,12 +152,12 @@ def _fill_row(row: Row, fitter: Fitter, rng: np.random.Generator) -> None:
     x, last = place.x0, None
     for number, width in enumerate(widths.tolist()):
         end = place.x1 if number == n - 1 else x + width
-        room = fitter.draft.add_room(box_of(x, place.y0, end, place.y1))
-        fitter.door(room, row.corridor_wall)
+        room = draft.add_room(box_of(x, place.y0, end, place.y1))
+        draft.door(room, row.corridor_wall)
         if last is not None:
-            fitter.connect(last, room)
+            draft.connect(last, room)
         if number < n - 1:
             x = end + float(partitions[number])
         last = room
-    for room in fitter.draft.rooms[-n:]:
-        fitter.furnish(room)
+    for room in draft.rooms[-n:]:
+        draft.furnish(room)
