@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.configuration import Configuration, flat_name
-from prf.kernels.grid import Grid, most_cells
+from prf.kernels.grid import most_cells
 from prf.kernels.occupancy import Cells, update_beams, update_cones
+from prf.layout import image_grid
 from prf.logs import Kind, Readings, thin, warn_of_spoiling
 from prf.logs.describe import default_max_range
 from prf.occupancy.grid import OccupancyGrid
@@ -45,19 +46,6 @@ class BuiltGrid(NamedTuple):
     n_outside: int  # readings dropped because their sensor is not inside the window
 
 
-class _Rays(NamedTuple):
-    """Readings of one kind of sensor: inf where there was no return below `max_range`."""
-
-    origin: Floats
-    angle: Floats
-    range: Floats
-    cone: Floats
-    max_range: float
-
-    def select(self, mask: NDArray[np.bool_]) -> _Rays:
-        return _Rays(self.origin[mask], self.angle[mask], self.range[mask], self.cone[mask], self.max_range)
-
-
 def build_grid(
     laser: Readings | None, sonar: Readings | None, config: Configuration, process: dict[str, Any] | None = None
 ) -> BuiltGrid:
@@ -68,11 +56,12 @@ def build_grid(
     """
     beams = _rays(laser, "laser", config, config.laser.max_range)
     cones = _rays(sonar, "sonar", config, config.sonar.max_range)
-    window = _window(config, beams, cones)
-    n_all = len(beams.range) + len(cones.range)
+    both = ((beams.origin, cones.origin), (beams.angle, cones.angle), (beams.range, cones.range))
+    window = chosen_window(config.prior.window, *map(np.concatenate, both))
+    n_all = beams.n_beams + cones.n_beams
     beams = beams.select(window.contains(beams.origin, strictly=True))
     cones = cones.select(window.contains(cones.origin, strictly=True))
-    n_used = len(beams.range) + len(cones.range)
+    n_used = beams.n_beams + cones.n_beams
     if n_used == 0:
         raise InputError("no sensor is inside the window. Check --window.")
     cells = _empty_cells(window, config)
@@ -95,38 +84,30 @@ def grid_sources(loaded: Loaded[Configuration]) -> dict[str, str]:
     return {flat_name(place): source for place, source in loaded.sources.items() if place.startswith(USED)}
 
 
-def _rays(readings: Readings | None, kind: Kind, config: Configuration, max_range: float | None) -> _Rays:
+def _rays(readings: Readings | None, kind: Kind, config: Configuration, max_range: float | None) -> Readings:
+    """Return the chosen readings, inf where there was no return below the maximum range."""
     if readings is None:
-        none = np.empty(0)
-        return _Rays(np.empty((0, 2)), none, none, none, math.nan)
+        return Readings.from_arrays(np.empty((0, 2)), (), ()).within(math.nan)
     # Of the whole log: what is left after thinning may hold no "no return" at all.
     limit = default_max_range(readings) if max_range is None else max_range
     if not math.isfinite(limit):
         raise InputError(f"{readings.source}: no reading has a finite range. Give --max-range.")
     kept = thin(readings, **config.readings.selection())
     warn_of_spoiling(readings, kept, kind, max_range)
-    distance = np.where(kept.range < limit, kept.range, np.inf)
-    return _Rays(kept.origin, kept.angle, distance, kept.cone, limit)
-
-
-def _window(config: Configuration, *parts: _Rays) -> Window:
-    """Return the window given, or the one that `prf sample` takes, for the readings of all sensors."""
-    origin, angle, distance = (np.concatenate([part[field] for part in parts]) for field in range(3))
-    return chosen_window(config.prior.window, origin, angle, distance)
+    return kept.within(limit)
 
 
 def _empty_cells(window: Window, config: Configuration) -> Cells:
     chosen = config.grid
-    # A hair less, so that 3 m hold 30 cells of 0.1 m and not 31.
-    nx, ny = (max(1, math.ceil(side / chosen.resolution - 1e-9)) for side in (window.width, window.height))
-    if nx * ny > MAX_CELLS:
+    grid = image_grid(window, chosen.resolution)
+    n = grid.nx * grid.ny
+    if n > MAX_CELLS:
         raise ConfigError(f"--resolution {chosen.resolution}: more than {MAX_CELLS} cells. Give a larger one.")
-    grid = Grid(window.x_min, window.y_min, chosen.resolution, nx, ny)
     return Cells(
         grid=grid,
-        hits=np.zeros(nx * ny, np.int32),
-        misses=np.zeros(nx * ny, np.int32),
-        log_odds=np.zeros(nx * ny),
+        hits=np.zeros(n, np.int32),
+        misses=np.zeros(n, np.int32),
+        log_odds=np.zeros(n),
         steps=np.array(
             [_log_odds(chosen.hit_probability), _log_odds(chosen.miss_probability), -chosen.clamp, chosen.clamp]
         ),
@@ -138,7 +119,7 @@ def _log_odds(probability: float) -> float:
     return math.log(probability / (1.0 - probability))
 
 
-def _enter_beams(cells: Cells, beams: _Rays) -> None:
+def _enter_beams(cells: Cells, beams: Readings) -> None:
     """Enter laser beams, each up to its end, its maximum range or the border of the grid."""
     grid = cells.grid
     border = Window(grid.x0, grid.y0, grid.x0 + grid.nx * grid.cell, grid.y0 + grid.ny * grid.cell)
@@ -149,7 +130,7 @@ def _enter_beams(cells: Cells, beams: _Rays) -> None:
     update_beams(cells, segments, np.ascontiguousarray(beams.range <= length))
 
 
-def _cone_rows(cones: _Rays, config: Configuration) -> Floats:
+def _cone_rows(cones: Readings, config: Configuration) -> Floats:
     """Return what the kernel wants to know of each cone, (n, 7)."""
     opening = np.where(cones.cone > 0.0, cones.cone, config.sonar.cone)
     returned = np.isfinite(cones.range)
