@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from prf.kernels.sonar_features import BORDER, POSE_COS, POSE_SIN
+from prf.layout import image_grid, pixel_centres
 from prf.score.heldout import CLIP, OUTSIDE, HeldOut, HeldOutSonar
 from prf.score.maps import ScoredMap
 from prf.score.polygons import OccupiedArea
@@ -46,11 +47,11 @@ def true_cells(truth: OccupiedArea, beams: HeldOut | None, cones: HeldOutSonar |
     lies beyond the window never do.
     """
     window = truth.window or _box_round(truth)
-    nx, ny = (max(1, math.ceil(side / CELL - 1e-9)) for side in (window.width, window.height))
+    grid = image_grid(window, CELL)
+    nx, ny = grid.nx, grid.ny
     if nx * ny > MAX_CELLS:
         raise InputError(f"the true plan fills {nx} x {ny} cells of {CELL} m, more than {MAX_CELLS}. Is it in metres?")
-    column, row = np.meshgrid(np.arange(nx), np.arange(ny))
-    xy = np.array(window[:2]) + CELL * (np.stack([column, row], axis=-1).reshape(-1, 2) + 0.5)
+    xy = pixel_centres(grid)
     shapely.prepare(truth.region)
     occupied = np.asarray(shapely.contains_xy(truth.region, xy), dtype=np.bool_)
     counts = window.contains(xy, strictly=True)
