@@ -1,61 +1,88 @@
-"""The same seed gives the same bytes for any number of threads, compiled and as plain Python."""
+"""The same seed gives the same bytes for any number of threads; the same map the same labels as plain Python."""
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.small_jobs import ROOT, call, classified, in_child, sampled, short_chain
+from mapq.io import read_cloud, write_ply
+from tests.cli.calls import call
+from tests.conftest import ROOT
+from tests.mapq.labelled import draw_patches
 
+OFFICE = f"--laser {ROOT / 'data' / 'demo-office.log.gz'} --every-scan 40 --every-beam 20"
 WAYS = {
     "plain": "--chains 3 --steps 20000",
     "tiles": "--chains 2 --steps 40000 --set sampler.tiles=4",
     "tempered": "--chains 2 --steps 10000 --set sampler.temperatures=3",
     "prior": "--chains 2 --steps 10000 --set sampler.start=prior",
 }
+SAMPLED = ("draws.npz", "posterior.npz", "map.geojson")
+"""Files of a RUN that depend on the seed and the input alone."""
+
+
+def done(line: str, folder: Path) -> None:
+    found = call(f"{line} -q", folder)
+    assert found.code == 0, found.err
+
+
+def sampled(folder: Path, options: str) -> dict[str, bytes]:
+    """Return what ``prf sample`` gives for a few beams of the demo office."""
+    done(f"prf sample {OFFICE} --resolution 1 {options} -o run -f", folder)
+    return {name: (folder / "run" / name).read_bytes() for name in SAMPLED}
+
+
+def classified(folder: Path) -> dict[str, Any]:
+    """Return what ``mapq`` says of a small cloud: patches, labels, probabilities."""
+    write_ply(str(folder / "walls.ply"), draw_patches(1, n_walls=12).cloud)
+    done("mapq classify walls.ply --max-tilt 90 -o result.ply -f", folder)
+    rows = json.loads((folder / "result.json").read_text())["patches"]
+    return {
+        "patch": hashlib.sha256(read_cloud(str(folder / "result.ply")).fields["patch"].tobytes()).hexdigest(),
+        "label": [row["label"] for row in rows],
+        "p": [row["p_suspicious"] for row in rows],
+        "measures": [[row["area_m2"], row["rms_m"], row["difference"]] for row in rows],
+    }
 
 
 @pytest.mark.parametrize("way", [pytest.param(w, marks=[] if w == "plain" else pytest.mark.slow) for w in WAYS])
-def test_a_run_is_the_same_for_any_number_of_threads(way, tmp_path):
-    one = sampled(tmp_path / "one", f"{WAYS[way]} --threads 1")
-    assert sampled(tmp_path / "three", f"{WAYS[way]} --threads 3") == one
+def test_a_run_is_the_same_for_any_number_of_threads(way: str, tmp_path: Path) -> None:
+    one, three = (sampled(tmp_path, f"{WAYS[way]} --seed 3 --threads {threads}") for threads in (1, 3))
+    assert one == three
 
 
-def test_another_seed_gives_other_bytes(tmp_path):
-    one = sampled(tmp_path / "one", "--chains 2 --steps 10000")
-    other = sampled(tmp_path / "other", "--chains 2 --steps 10000 --seed 4")
+def test_another_seed_gives_other_bytes(tmp_path: Path) -> None:
+    one, other = (sampled(tmp_path, f"--chains 2 --steps 10000 --seed {seed}") for seed in (3, 4))
     assert all(one[name] != other[name] for name in one)
 
 
-def test_an_annealed_map_has_the_same_shape_for_any_number_of_threads(tmp_path):
-    office = f"--laser {ROOT / 'data' / 'demo-office.log.gz'} --every-scan 40 --every-beam 20"
+def test_an_annealed_map_has_the_same_shape_for_any_number_of_threads(tmp_path: Path) -> None:
     found = []
     for threads in (1, 3):
-        path = tmp_path / f"{threads}.geojson"
-        call("prf", f"anneal {office} --steps 20000 --seed 3 --threads {threads} -o {path}")
-        content = json.loads(path.read_text())
+        done(f"prf anneal {OFFICE} --steps 20000 --seed 3 --threads {threads} -o best.geojson -f", tmp_path)
+        content = json.loads((tmp_path / "best.geojson").read_text())
         found.append((content["geometry"], content["properties"]["score"]))
     assert found[0] == found[1]
 
 
-def test_a_chain_is_the_same_to_the_last_bit():
-    assert in_child("short_chain(600)", NUMBA_DISABLE_JIT="1") == short_chain(600)
-
-
-def test_steps_that_differ_are_seen():
-    assert short_chain(600)["accepted"] > 30
-    assert short_chain(600) != short_chain(601)
-
-
 @pytest.mark.slow
-def test_a_small_map_has_the_same_patches_and_labels(tmp_path):
-    plain = in_child(f"classified(Path({str(tmp_path)!r}))", NUMBA_DISABLE_JIT="1")
-    (tmp_path / "result.ply").unlink()
-    (tmp_path / "result.json").unlink()
-    compiled = classified(tmp_path)
-    assert plain["n_patches"] >= 10
+def test_a_small_map_has_the_same_patches_and_labels(tmp_path: Path) -> None:
+    run = "print(json.dumps(classified(pathlib.Path(sys.argv[1]))))"
+    code = f"import json, pathlib, sys; from tests.test_reproducible import classified; {run}"
+    there = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_DISABLE_JIT": "1"}
+    child = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)], env=there, capture_output=True, text=True, check=True
+    )
+    plain, compiled = json.loads(child.stdout.splitlines()[-1]), classified(tmp_path)
+    assert len(plain["label"]) >= 10
     assert {"plausible", "suspicious"} <= set(plain["label"])
     for name in ("patch", "label"):
         assert plain[name] == compiled[name]

@@ -17,18 +17,15 @@ from numpy.typing import NDArray
 from prf.arak import exact_draws
 from prf.coloring import Coloring, Draws, black_areas, black_at, black_at_draws
 from prf.posterior import PointData, Settings
-from prf.sampler import Sampler
-from prf.shell.seeds import spawn_generators
 from prf.window import Window
 from tests.reference.slow_points import Flips, Normal, lattice, observe
-from tests.statistical.test_calibration import Answer, calibrate, worst_rhat
+from tests.statistical.test_calibration import Answer, calibrate, sampled
 
 SEED = 20261122
 SCALE = 0.25
 ROOM = Window(0.0, 0.0, 5.0, 4.0)
 N_WORLDS, N_POINTS, N_PROBES = 60, 30, 100
-STEPS = (400_000, 800_000)
-"""Steps at which four chains are asked whether they agree."""
+STAGES = ((400_000, 1.1), (800_000, 1.1))
 N_DRAWS = 49
 """Draws among which the truth is placed: some 16,000 steps or more apart, about twice the autocorrelation time."""
 LIMIT = 3.5
@@ -69,19 +66,6 @@ def rank_of(truth: Coloring, draws: Draws, data: PointData, rng: np.random.Gener
     return found
 
 
-def sampled(data: PointData, number: int) -> tuple[Draws, float]:
-    """Draws of four chains, as far apart as can be, and how well the chains agree."""
-    settings = Settings(ROOM, SCALE, points=data, resolution=0.25)
-    with Sampler(settings, spawn_generators(SEED + number, 4), 1) as sampler:
-        for steps in STEPS:
-            while sampler.step < steps:
-                sampler.advance()
-            rhat = worst_rhat(sampler)
-            if rhat < 1.1:
-                break
-        return sampler.sample().draws, rhat
-
-
 def one_world(number: int, case: Case, sharper: float) -> World:
     """Sample the posterior of one world; `sharper` is how much surer of the values than they are the model is."""
     rng = np.random.default_rng([SEED, number])
@@ -93,7 +77,8 @@ def one_world(number: int, case: Case, sharper: float) -> World:
         sigma=None if data.model.sigma is None else data.model.sigma / sharper,
         flip_probability=data.model.flip_probability / sharper,
     )
-    draws, rhat = sampled(dataclasses.replace(data, model=model), number)
+    settings = Settings(ROOM, SCALE, points=dataclasses.replace(data, model=model), resolution=0.25)
+    draws, rhat = sampled(settings, SEED + number, STAGES)
     probes = rng.uniform(ROOM[:2], ROOM[2:], (N_PROBES, 2))
     answer = Answer(black_at_draws(draws, probes).mean(axis=0), black_at(truth, probes), rhat)
     kept = np.linspace(0, len(draws) - 1, N_DRAWS).astype(int)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from prf.sampler.tiles.rounds import Round, TileData
 from prf.window import Window
 from tests.statistical import joint, mutants, tiled
 from tests.statistical.laws import law_scores
-from tests.statistical.test_calibration import STAGES, report, run_worlds
+from tests.statistical.test_calibration import STAGES, laser_problem, run_worlds
 
 SEED = 20050726
 N_DRAWS, BATCH = 2000, 20
@@ -122,7 +123,5 @@ def test_counts_of_the_whole_window_are_caught(mutant: mutants.Mutant, is_right:
 @pytest.mark.slow
 def test_probabilities_are_the_shares_observed_with_tiles(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(schedule, "ROUND_LENGTHS", (64_000, 64_000))
-    found, answers = run_worlds(30, STAGES[:3], tiles=5)
-    summary = report(found, answers)
-    print(summary)
+    found, _, summary = run_worlds(30, STAGES[:3], partial(laser_problem, tiles=5))
     assert np.abs(found.z).max() < 3.5, summary
