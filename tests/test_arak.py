@@ -91,7 +91,7 @@ def test_wrong_arguments_are_config_errors() -> None:
 
 
 @pytest.mark.parametrize(("scale", "n_draws"), [(1e5, 1), (1.0, 10**20), (1.0, 10**400)])
-def test_draws_without_end_are_refused(scale: float, n_draws: int) -> None:
+def test_too_many_draws_are_refused(scale: float, n_draws: int) -> None:
     for draw in (
         lambda: exact_draws(scale, UNIT, n_draws, np.random.default_rng(1)),
         lambda: mcmc_draws(scale, UNIT, n_draws),

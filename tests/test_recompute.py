@@ -172,7 +172,7 @@ def test_twins_agree_when_edges_may_come_near_the_way(with_laser: bool, cell: fl
 
 
 @pytest.mark.slow
-def test_no_edge_ever_comes_near_a_way_that_is_hard() -> None:
+def test_no_edge_is_near_a_way_that_must_be_free() -> None:
     settings = dataclasses.replace(world_settings(1), way=WAY, driven_radius=RADIUS)
     chain, rng, nearest = make_chain(settings, Coloring.empty(ROOM)), np.random.default_rng(4), 0
     for now in states(chain, rng, 3000):

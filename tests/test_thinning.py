@@ -73,7 +73,7 @@ def test_what_saves_less_than_a_quarter_is_left_alone() -> None:
     assert len(log.kept(0.6 * per_area)) < 0.75 * len(log.range)
 
 
-def test_density_nought_keeps_all(dense: Log) -> None:
+def test_zero_density_keeps_all(dense: Log) -> None:
     assert len(dense.kept(0.0)) == len(dense.range)
 
 

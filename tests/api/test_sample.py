@@ -60,7 +60,7 @@ def test_a_run_in_memory_is_that_of_a_folder_and_that_of_the_verb(run: prf.Run, 
     assert_same_draws(run, read_run(tmp_path / "v"))
 
 
-def test_a_run_says_what_it_is(run: prf.Run) -> None:
+def test_the_repr_of_a_run_describes_it(run: prf.Run) -> None:
     assert run.manifest["status"] == "finished"
     assert run.manifest["configuration"]["noise"] == prf.LaserModel.noise
     assert run.progress is not None
@@ -126,7 +126,7 @@ def test_resuming_gives_what_an_uninterrupted_run_gives(run: prf.Run, tmp_path: 
         prf.sample(room(), PRIOR, steps=2_000, output=folder, **HOW)
 
 
-def test_whoever_listens_is_told(tmp_path: Path) -> None:
+def test_callbacks_receive_progress(tmp_path: Path) -> None:
     told: list[tuple[float, Mapping[str, object]]] = []
     seen: list[prf.Run] = []
     prf.sample(
@@ -185,7 +185,7 @@ def test_a_settings_file_is_read_and_arguments_win(tmp_path: Path) -> None:
         prf.sample(room(), prf.Prior(scale=-1.0), steps=100, **HOW)
 
 
-def test_the_way_driven_is_free_as_wide_as_asked(run: prf.Run) -> None:
+def test_the_driven_way_is_free_by_its_radius(run: prf.Run) -> None:
     """Two poses 4.5 m apart are two places."""
     assert run.manifest["configuration"]["driven_radius"] == 0.1
     assert run.way.tolist() == [[1.0, 1.0, 1.0, 1.0], [5.0, 3.0, 5.0, 3.0]]

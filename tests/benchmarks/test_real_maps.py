@@ -28,7 +28,7 @@ def test_sub_maps_alone_are_plausible():
     assert patches.label.tolist() == [PLAUSIBLE]
 
 
-def test_errors_of_a_pair_have_the_size_that_was_asked_for():
+def test_errors_of_a_pair_have_the_given_size():
     pose = pose_at(3.0, 4.0, 20.0)
     moved = real_pairs.wrong_pose(pose, 0.03, 0.3, np.random.default_rng(1))
     assert np.linalg.norm(moved[:3, 3] - pose[:3, 3]) == pytest.approx(0.3)
@@ -50,7 +50,7 @@ def test_maps_are_judged_by_what_other_sets_teach():
     assert real_pairs._auc(said[source == "b"], wrong[source == "b"]) == 1.0
 
 
-def test_accuracies_are_told_by_level_and_set():
+def test_accuracies_are_listed_by_level_and_set():
     maps = [
         real_pairs.Pair(name, level, wrong, {"clear": [float(wrong) + 0.01 * at], "blind": [1.0]})
         for name in ("one", "two")

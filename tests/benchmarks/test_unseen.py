@@ -17,7 +17,7 @@ POSES = np.tile(np.eye(4), (7, 1, 1))
 
 
 @pytest.mark.parametrize(("error", "n_moved"), [("halves", 3), ("drift", 6), ("scans", 2)])
-def test_wrong_poses_are_off_by_the_size_that_was_asked_for(error: str, n_moved: int):
+def test_wrong_poses_are_off_by_the_given_size(error: str, n_moved: int):
     off = np.linalg.norm(unseen_sets.wrong_poses(POSES, error, 0.6, 1)[:, :3, 3], axis=1)
     assert np.count_nonzero(off) == n_moved
     assert off.max() == pytest.approx(0.6)

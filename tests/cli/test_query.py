@@ -101,7 +101,7 @@ def test_few_effective_draws_are_warned_of(folder: Path, tmp_path: Path, capsys:
     assert capsys.readouterr().err == ""
 
 
-def test_few_draws_say_nothing_of_their_error(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_few_draws_have_no_error_estimate(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     write_run(tmp_path / "run", make_run(n_draws=12))
     (tmp_path / "points.csv").write_text("1,2\n")
     assert ask(tmp_path / "run", "--points", tmp_path / "points.csv") == 0

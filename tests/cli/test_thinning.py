@@ -74,7 +74,7 @@ def test_resuming_repeats_a_thinned_run(log: Path, tmp_path: Path, capsys: pytes
     assert "the run to resume has 4.0" in capsys.readouterr().err
 
 
-def test_a_settings_file_can_say_it_and_options_win(
+def test_a_settings_file_can_set_it_and_options_win(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "site.toml").write_text("[thinning]\nbeam_density = 4\n")
@@ -117,7 +117,7 @@ def test_densities_that_make_no_sense_are_refused(
     assert words in error[0]
 
 
-def test_dense_public_log_keeps_what_was_asked_for(shared_data: Path) -> None:
+def test_a_dense_public_log_keeps_the_density(shared_data: Path) -> None:
     from prf.configuration import Configuration
     from prf.logs import read_readings
     from prf.sampler.prepare import prepare

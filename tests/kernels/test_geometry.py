@@ -160,7 +160,7 @@ def test_sites_are_distinct_and_sorted_by_cell(sites: Sites) -> None:
         assert (cells[sites.cell_start[cell] : sites.cell_start[cell + 1]] == cell).all()
 
 
-def test_a_loop_encloses_a_site_if_asking_every_site_says_so(sites: Sites) -> None:
+def test_a_loop_encloses_the_sites_of_the_exhaustive_test(sites: Sites) -> None:
     rng = np.random.default_rng(21)
     answers = []
     for _ in range(500):

@@ -302,7 +302,7 @@ def test_walls_in_line_with_the_sonar_leave_no_gap() -> None:
         assert all(f.is_corner or f.subtended > 1e-7 for f in found), found
 
 
-def test_what_no_pulse_and_no_stray_reading_explains_is_impossible() -> None:
+def test_what_neither_pulse_nor_outlier_explains_is_impossible() -> None:
     """An empty room, and no share of stray readings, which settings do not allow."""
     model = model_of(Ring()).to_array()
     model[[OUTLIER_UNIFORM, OUTLIER_SHORT]] = 0.0

@@ -37,7 +37,7 @@ def test_double_walls_are_learnt_and_found_on_another_map(files, tmp_path):
     assert model.training["held_out"]["n_folds"] == 5
 
 
-def test_the_summary_says_what_was_trained_on(files):
+def test_the_summary_lists_the_training_maps(files):
     features = FeatureSettings(radius=2.5)
     model = train_maps(files, TrainSettings("linear", regularisation=1.0), features)
     summary = model.training

@@ -183,7 +183,7 @@ def test_command_draws_figure_1_of_the_paper(inputs: Path) -> None:
     pixels(inputs / "p10.png")
 
 
-def test_command_never_overwrites_unasked(inputs: Path, capsys: pytest.CaptureFixture) -> None:
+def test_the_command_overwrites_only_with_force(inputs: Path, capsys: pytest.CaptureFixture) -> None:
     Path("old.png").write_bytes(b"mine")
     assert render("run", "-o", "old.png") == 4
     assert Path("old.png").read_bytes() == b"mine"

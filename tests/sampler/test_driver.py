@@ -151,7 +151,7 @@ def test_checks_come_at_growing_distances(sampler: Sampler, monkeypatch: pytest.
     assert (gaps[late] > 0.1 * np.array(checked[:-1])[late] - 1.0).all()
 
 
-def test_whoever_leaves_early_leaves_the_chains_between_rounds(sampler: Sampler) -> None:
+def test_an_early_exit_leaves_the_chains_between_rounds(sampler: Sampler) -> None:
     for found in rounds_of(sampler, StopRule(steps=100_000)):
         if found.step == 20_000:
             break

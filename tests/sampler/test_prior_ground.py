@@ -178,7 +178,7 @@ def test_a_search_that_is_stopped_starts_all_the_same() -> None:
 
 @pytest.mark.parametrize("kind", ["laser", "both on a way"])
 @pytest.mark.parametrize("tiles", [0, 3])
-def test_a_resumed_run_goes_on_to_the_last_bit(kind: str, tiles: int, tmp_path: Path) -> None:
+def test_a_resumed_run_is_the_same_to_the_last_bit(kind: str, tiles: int, tmp_path: Path) -> None:
     settings = dataclasses.replace(settings_of(kind), tiles=tiles)
     with Sampler(settings, spawn_generators(7, 1), 1) as whole:
         assert whole.chains[0].ground is not None
@@ -216,7 +216,7 @@ def test_the_image_is_the_average_over_every_step_and_over_nothing_else() -> Non
     assert sampler.step == 80
 
 
-def test_there_is_none_where_values_at_points_say_something_or_hardly_any_ground_is_left() -> None:
+def test_there_is_none_with_point_values_or_hardly_any_unseen_ground() -> None:
     settings, found = settings_of("laser"), world()
     start = Coloring.empty(ROOM)
     assert prior_ground(settings, make_chain(settings, start)) is not None

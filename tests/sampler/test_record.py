@@ -212,7 +212,7 @@ def test_blocks_grow_with_the_beams() -> None:
     assert lengths == [10_000, 10_000, 20_000, 40_000, 40_000]
 
 
-def test_a_sampler_starts_where_it_is_told(world: World) -> None:
+def test_a_sampler_starts_at_the_given_map(world: World) -> None:
     settings = Settings(ROOM, 0.2, world.data, 0.5)
     at_truth = ChainSampler(settings, np.random.default_rng(5), PROBES, world.coloring)
     assert at_truth.chain.graph.counts[c.EDGES] == world.coloring.n_edges

@@ -93,7 +93,7 @@ def test_the_sample_holds_what_the_chains_recorded_after_burn_in(four: Sampler) 
         assert sample.probe_black[i].tolist() == black_at(sample.draws[i], four.probe_xy).tolist()
 
 
-def test_no_sensor_ever_stands_in_black(world: World, four: Sampler) -> None:
+def test_no_sensor_is_in_black(world: World, four: Sampler) -> None:
     for coloring in four.sample().draws:
         assert not black_at(coloring, world.data.readings.origin).any()
 
@@ -219,7 +219,7 @@ def test_outcomes_add_up_over_chains(four: Sampler) -> None:
     assert (outcomes[:, c.VALID] <= outcomes[:, c.PROPOSED]).all()
 
 
-def test_agreement_is_asked_of_functionals_and_probes(four: Sampler) -> None:
+def test_agreement_is_of_functionals_and_probes(four: Sampler) -> None:
     diagnoses = four.diagnose()
     assert set(FUNCTIONALS) <= set(diagnoses)
     assert sum(name.startswith("colour at (") for name in diagnoses) == len(four.probe_xy)

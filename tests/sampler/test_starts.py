@@ -110,7 +110,7 @@ def test_the_empty_start_is_the_empty_map(settings: Settings) -> None:
     assert find_start_map("empty", settings, np.random.default_rng(1), never).n_edges == 0
 
 
-def test_chains_start_where_they_are_told(settings: Settings) -> None:
+def test_chains_start_at_the_given_maps(settings: Settings) -> None:
     with_image = Settings(settings.window, 0.1, settings.laser, resolution=1.0)
     with Sampler(with_image, spawn_generators(1, 2), 1, starts_from="grid") as sampler:
         sampler.find_starts(never)

@@ -103,7 +103,7 @@ def test_threads_change_no_result(settings: Settings, lowest: float | None) -> N
 
 
 @pytest.mark.parametrize("lowest", [0.0, 0.3, None])
-def test_a_stored_state_goes_on_as_if_never_stored(settings: Settings, lowest: float | None, tmp_path: Path) -> None:
+def test_a_stored_state_resumes_to_the_same_bits(settings: Settings, lowest: float | None, tmp_path: Path) -> None:
     """Stored right before the powers are moved, so that their measured rates count."""
     plan = LadderPlan(3, lowest)
     whole = tempered(settings, plan, blocks=4)
@@ -190,7 +190,7 @@ def test_a_repainted_image_has_the_colours_of_the_map(window: Window, resolution
         assert differences(placed) == []
 
 
-def test_powers_reach_from_one_to_what_is_asked() -> None:
+def test_powers_range_from_one_to_the_hottest() -> None:
     assert LadderPlan(5, 0.1).first_powers()[[0, -1]] == pytest.approx([1.0, 0.1])
     full = LadderPlan(5, 0.0).first_powers()
     assert full[0] == 1.0

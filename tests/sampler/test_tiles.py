@@ -133,7 +133,7 @@ def ends_of(coloring: object) -> list[list[tuple[float, float]]]:
     return [[(x, y), (u, v)] for x, y, u, v in coloring.segments().tolist()]  # type: ignore[attr-defined]
 
 
-def test_time_goes_on_by_the_steps_of_all_tiles(settings: Settings, world: World) -> None:
+def test_steps_of_all_tiles_are_counted(settings: Settings, world: World) -> None:
     trial = Trial(settings, world, 5)
     before = trial.chain.image.black.copy()
     chain = trial.finish()

@@ -68,7 +68,7 @@ class TestLog:
         assert out == ""
         assert [line.split()[-1] for line in err.splitlines()] == shown
 
-    def test_warnings_say_so(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_warnings_are_marked(self, capsys: pytest.CaptureFixture[str]) -> None:
         logging.getLogger("prf.somewhere").warning("poses jump")
         assert capsys.readouterr().err == "warning: poses jump\n"
 

@@ -9,7 +9,7 @@ def test_a_message_is_one_line_that_a_terminal_only_shows():
     assert str(error).isprintable()
 
 
-def test_a_message_without_end_keeps_its_beginning_and_its_remedy():
+def test_a_long_message_keeps_its_beginning_and_its_remedy():
     message = str(InputError("a.ply: " + "x" * 100_000 + ". Mend it."))
     assert len(message) < LONGEST_MESSAGE + 10
     assert message.startswith("a.ply: xx")

@@ -33,6 +33,6 @@ def test_a_bomb_is_refused_before_it_is_unpacked(monkeypatch):
     ],
     ids=["cut", "overwritten", "with a tail"],  # the bytes hold the time of day, and names must not
 )
-def test_damage_is_told(data, words):
+def test_damage_is_reported(data, words):
     with pytest.raises(InputError, match=f"a.gz: the gzip file is {words}"):
         gunzip(data, "a.gz")

@@ -20,7 +20,7 @@ def _nothing_else() -> Iterator[None]:
     litter._marked.update(before)
 
 
-def test_what_is_marked_goes_and_everything_else_stays(tmp_path: Path) -> None:
+def test_only_marked_files_are_removed(tmp_path: Path) -> None:
     made, work, half, whole = (tmp_path / name for name in ("made", ".run.1.work", "made/half.tmp", "made/whole"))
     made.mkdir()
     work.mkdir()

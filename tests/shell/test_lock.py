@@ -23,7 +23,7 @@ def run(tmp_path: Path) -> Path:
     return tmp_path / "run"
 
 
-def test_second_process_is_refused_and_told_who_holds_it(run: Path, project_root: Path) -> None:
+def test_a_second_process_is_refused_with_the_holder_named(run: Path, project_root: Path) -> None:
     with subprocess.Popen(
         [sys.executable, "-c", HOLD, str(run)],
         stdin=subprocess.PIPE,

@@ -12,7 +12,7 @@ from prf.shell import console
 from prf.shell.notebook import card, reported
 
 
-def test_a_callable_is_told_shares_and_words() -> None:
+def test_a_callable_receives_shares_and_words() -> None:
     told: list[tuple[float, Mapping[str, object]]] = []
     with reported(lambda share, words: told.append((share, words)), 4.0, "working") as reporter:
         reporter.update(1, stage="first")
@@ -20,7 +20,7 @@ def test_a_callable_is_told_shares_and_words() -> None:
     assert told == [(0.25, {"stage": "first"}), (1.0, {})]
 
 
-def test_nobody_is_told_unless_asked(capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_progress_by_default(capsys: pytest.CaptureFixture[str]) -> None:
     with reported(False, 4.0, "working") as reporter:
         reporter.update(1, stage="first")
     assert capsys.readouterr() == ("", "")

@@ -55,7 +55,7 @@ def test_without_a_total_there_is_no_time_left() -> None:
 
 
 @pytest.mark.parametrize(("verbosity", "wanted"), [(-1, True), (0, False)])
-def test_silent_when_asked(clock: Clock, capsys: pytest.CaptureFixture[str], verbosity: int, wanted: bool) -> None:
+def test_quiet_prints_nothing(clock: Clock, capsys: pytest.CaptureFixture[str], verbosity: int, wanted: bool) -> None:
     console.settings.verbosity, console.settings.progress = verbosity, wanted
     run(clock, n_updates=50, seconds_each=1.0)
     assert capsys.readouterr() == ("", "")

@@ -106,7 +106,7 @@ def test_a_bug_is_one_line_and_a_hint(tool: Path) -> None:
 
 
 @pytest.mark.parametrize("args", [("-vv", "finish", "bug"), ("finish", "-vv", "bug"), ("-v", "finish", "-v", "bug")])
-def test_the_traceback_comes_with_vv_wherever_it_stands(tool: Path, args: tuple[str, ...]) -> None:
+def test_the_traceback_is_shown_with_vv_anywhere(tool: Path, args: tuple[str, ...]) -> None:
     done = call(tool, *args)
     assert done.returncode == 70
     assert "Traceback (most recent call last)" in done.stderr

@@ -56,7 +56,7 @@ def refusal(read, *args) -> str:
     ],
     ids=["terabytes", "overflow", "unsigned", "negative", "pickled", "types", "nesting", "other", "empty", "cut"],
 )
-def test_damaged_arrays_are_told(tmp_path, member, recwarn):
+def test_damaged_arrays_are_reported(tmp_path, member, recwarn):
     path = archive(tmp_path / "a.npz", schema=stored(np.str_(SCHEMA)), values=member)
     assert str(path) in refusal(load_arrays, path, SCHEMA)
     assert len(recwarn) == 0
@@ -88,6 +88,6 @@ def test_an_archive_larger_than_memory_is_refused(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, '{"a": ' + "9" * 5000 + "}"])
-def test_json_without_end_is_told(tmp_path, text):
+def test_truncated_json_is_reported(tmp_path, text):
     (tmp_path / "a.json").write_text(text)
     assert "damaged" in refusal(load_object, tmp_path / "a.json", SCHEMA)

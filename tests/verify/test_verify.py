@@ -70,7 +70,7 @@ def test_worlds_have_their_sensors_in_white(kind: str) -> None:
         assert is_free(problem.settings, problem.truth)
 
 
-def test_slow_oracles_and_kernels_say_the_same_of_a_map() -> None:
+def test_slow_oracles_and_kernels_agree_on_a_map() -> None:
     station, rng = small_station(), np.random.default_rng(SEED)
     settings = station.read(station.draw_map(rng), rng)
     for _ in range(10):

@@ -29,7 +29,7 @@ def maps():
     return first, judged([*STREET, wall((43, 2.4), (51, 2.4))], "second")
 
 
-def test_it_says_where_each_map_is_better(maps):
+def test_it_reports_where_each_map_is_better(maps):
     found = compare_maps(*maps, 5.0)
     assert found.better == "same"
     by_kind = {place.worse: place for place in found.places}
@@ -65,7 +65,7 @@ def test_maps_of_different_places_are_refused(maps):
         compare_maps(*maps, 0.0)
 
 
-def test_a_result_file_says_what_the_patches_said(tmp_path, maps):
+def test_a_result_file_repeats_the_patches(tmp_path, maps):
     patches = sample_patches([*STREET, wall((1, 2.4), (9, 2.4))], density=20.0)
     patches = replace(patches, cloud=replace(patches.cloud, coordinate_type=np.float64))
     result = assess(patches, make_model())

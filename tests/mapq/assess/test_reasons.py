@@ -34,7 +34,7 @@ PAIR = {"angle_deg": 1.0, "overlap": 0.0, "crossing": 0.0, "offset": 0.32, "sepa
         ({"angle_deg": 88.0}, "0.30 m from patch 41, at 88 degrees, neither over it nor across"),
     ],
 )
-def test_a_pair_is_told_in_words_and_metres(changes, expected):
+def test_a_pair_is_described_in_words_and_metres(changes, expected):
     assert pair_words(PAIR | changes, 41) == expected
 
 
@@ -62,7 +62,7 @@ def test_reasons_of_a_plausible_patch_speak_for_plausible(doubled):
     assert any("thick" in reason.text for reason in reasons)
 
 
-def test_reasons_for_and_against_sum_to_the_log_odds_but_for_the_biases(doubled):
+def test_reasons_sum_to_the_log_odds_but_for_the_biases(doubled):
     odds = local_log_odds(doubled.features, doubled.model, doubled.labelling.label)
     for patch, row in enumerate(doubled.patch_rows()):
         biases = sum(term["contribution"] for term in row["terms"] if term["name"] == "base")

@@ -71,7 +71,7 @@ def test_every_pass_is_a_visit_where_nothing_else_is_known():
         {"pass_id": np.zeros((4, 2))},
     ],
 )
-def test_fields_that_are_no_clock_say_nothing(fields):
+def test_fields_that_are_no_clock_are_ignored(fields):
     assert visits_of(make_cloud(**fields)) is None
 
 
@@ -94,7 +94,7 @@ def test_what_is_no_clock_does_not_hide_one(turn):
     assert by_pass.leaves.tolist() == [1, 2, 3]
 
 
-def test_a_point_that_does_not_say_from_where_it_was_seen_hides_no_sensor():
+def test_a_point_without_sensor_position_hides_no_sensor():
     cloud = driven(ROUND)
     x = cloud.fields["to_sensor_x"].copy()
     x[4] = np.nan

@@ -53,7 +53,7 @@ def test_the_columns_of_the_labels_give_each_patch_its_score_given_the_others(ed
         assert 2.0 * half == pytest.approx(expected, abs=1e-9)
 
 
-def test_a_neighbour_without_a_label_says_nothing():
+def test_a_neighbour_without_a_label_has_no_effect():
     features, model = draw(SYMMETRIC, 6)
     inputs = model_inputs(features, model)
     y = np.zeros(7)

@@ -158,7 +158,7 @@ def test_balance_finds_more_of_the_rare_label():
     assert balanced.held_out.label.mean() > plain.held_out.label.mean() + 0.1
 
 
-def test_both_labels_weigh_alike_unless_asked_otherwise():
+def test_both_labels_weigh_alike_by_default():
     maps = [draw_map(1)]
     prepared, labels = prepare(maps, linear(SYMMETRIC)), [m.label for m in maps]
     problem = make_problem(prepared, labels, linear(SYMMETRIC), Strength(1.0, 1.0))

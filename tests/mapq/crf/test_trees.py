@@ -70,7 +70,7 @@ def test_columns_are_those_of_the_pair_in_the_worst_conflict(seed):
             assert columns.other[patch, place] == other, name
 
 
-def test_a_pair_of_which_nobody_knows_from_where_it_was_seen_says_so():
+def test_a_pair_without_sensor_positions_is_described_so():
     """In the features it is 0 what a map does not tell; trees tell it from as much for as against."""
     features = draw(1)
     features.edge[:, features.edge_names.index("facing_away")] = 0.0

@@ -73,7 +73,7 @@ class TestMoments:
             {"scan": np.zeros((10, 2))},
         ],
     )
-    def test_fields_that_say_nothing_are_passed_over(self, fields):
+    def test_fields_without_information_are_ignored(self, fields):
         cloud = PointCloud(np.zeros((10, 3)), np.zeros(3), fields)
         assert moments_of(cloud, np.arange(10), known_of(cloud)) is None
 

@@ -74,7 +74,7 @@ class TestShift:
             assert found["shift_length"] == pytest.approx(0.5, abs=0.1)
             assert (found["shift_support"] > 0.5).all()
 
-    def test_level_patches_say_nothing_of_horizontal_motions(self):
+    def test_level_patches_do_not_constrain_horizontal_motions(self):
         floor = np.random.default_rng(1).uniform((0, 0, 0), (8, 6, 0.01), (3000, 3))
         found = columns(make_patches([floor], [(0, 0, 1)]))
         assert all(np.isnan(found[name]).all() for name in COLUMNS if name.startswith("shift"))

@@ -117,7 +117,7 @@ def test_scans_turned_by_a_little_are_found_cell_by_cell(degrees):
     assert_bounds(found, truth)
 
 
-def test_one_scan_alone_and_unknown_scans_say_nothing():
+def test_one_scan_alone_and_unknown_scans_are_no_evidence():
     alone = measured(scanned(n_scans=1))
     unknown = measured(with_moments(scanned((0.1, 0.3))))
     assert all(np.isnan(column).all() for column in (*alone, *unknown))

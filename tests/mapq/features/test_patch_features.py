@@ -135,7 +135,7 @@ class TestSettings:
         with pytest.raises(InputError, match="no direction"):
             patch_features(patches)
 
-    def test_what_was_used_comes_back(self, street):
+    def test_used_features_are_returned(self, street):
         used = patch_features(street, FeatureSettings(radius=2.0)).parameters
         assert (used["radius"], used["tau"], used["n_neighbours"], used["n_watched"]) == (2.0, 2.0, 4, 16)
         assert used["noise"] == pytest.approx(0.02, rel=0.1)

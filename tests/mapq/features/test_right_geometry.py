@@ -104,7 +104,7 @@ BEFORE, BEHIND, FAR = (1.0, -5.0, 1.5), (2.0, 5.0, 1.5), (1.0, -9.0, 1.5)
 class TestFaces:
     @every_map
     @pytest.mark.parametrize("apart", [0.15, 0.3, 0.6])
-    def test_faces_of_one_wall_are_told_from_copies(self, apart, density, noise):
+    def test_faces_of_one_wall_are_distinguished_from_copies(self, apart, density, noise):
         pair = sampled(plain(FRONT, wall((-8, apart), (8, apart), 5.0)), density, noise)
         flipped = replace(pair, normal=pair.normal * [[1.0], [-1.0]])
         for patches in (pair, flipped):
@@ -112,7 +112,7 @@ class TestFaces:
             assert facing(seen_from(patches, [BEFORE, FAR])) == pytest.approx(-1.0)
             assert facing(seen_from(patches, [BEHIND, BEFORE])) == pytest.approx(-1.0), "nobody stood between them"
 
-    def test_what_is_seen_from_both_sides_says_nothing_for_it(self):
+    def test_what_is_seen_from_both_sides_is_no_evidence(self):
         pair = sampled(plain(FRONT, wall((-8, 0.3), (8, 0.3), 5.0)), 1.0, 0.005)
         way = np.where(np.arange(len(pair.patch))[:, None] % 2, BEFORE, BEHIND) - pair.cloud.xyz
         fields = {f"to_sensor_{axis}": way[:, k] for k, axis in enumerate("xyz")}

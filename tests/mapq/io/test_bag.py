@@ -139,7 +139,7 @@ def test_a_map_that_is_published_again_counts_once(tmp_path):
     np.testing.assert_allclose(read_cloud(path, ReadOptions(frame="map")).xyz[:, 0], rows()["x"] + 1.0, rtol=1e-6)
 
 
-def test_several_topics_are_asked_for(tmp_path):
+def test_several_topics_require_a_choice(tmp_path):
     path = write(
         tmp_path,
         "ros1",

@@ -80,7 +80,7 @@ def test_spherical_coordinates():
     assert "neither cartesian nor spherical" in refusal(take_points, columns, "")
 
 
-def test_damage_is_told(tmp_path):
+def test_damage_is_reported(tmp_path):
     whole = write(tmp_path / "a.e57", scan(2000))
     data = Path(whole).read_bytes()
     for cut in range(48, len(data), len(data) // 7):

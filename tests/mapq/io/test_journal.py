@@ -48,7 +48,7 @@ def test_taking_back_gives_what_was_before(saved):
     np.testing.assert_array_equal(found.label, patches.label)
 
 
-def test_a_journal_merged_twice_says_the_same(saved):
+def test_a_journal_merged_twice_changes_nothing(saved):
     """A program that is killed between writing PATCHES and removing the journal leaves both."""
     events = [Event(3, SUSPICIOUS), Event(4, PLAUSIBLE), Event(4, None), Event(5, PLAUSIBLE), Event(3, PLAUSIBLE)]
     once = replay(draw_patches(1), events)
@@ -70,7 +70,7 @@ def test_a_last_line_that_is_cut_off_was_never_said(saved, n_bytes):
     assert read_patches(saved).label[[3, 5, 6]].tolist() == [SUSPICIOUS, UNLABELLED, PLAUSIBLE]
 
 
-def test_a_journal_that_was_only_begun_says_nothing(saved):
+def test_an_empty_journal_changes_nothing(saved):
     journal_beside(saved).write_text('{"schema": "mapq.la')
     assert (read_patches(saved).label == UNLABELLED).all()
     add(saved, Event(6, PLAUSIBLE))

@@ -19,7 +19,7 @@ def scan(n: int, n_columns: int, seed: int = 0) -> np.ndarray:
 @pytest.mark.parametrize("zipped", [False, True])
 @pytest.mark.parametrize("n_columns", [3, 4])
 @pytest.mark.parametrize("n", [1, 12, 1200, 1201])
-def test_as_many_columns_as_asked_for(tmp_path, n, n_columns, zipped):
+def test_the_number_of_columns_is_an_option(tmp_path, n, n_columns, zipped):
     points = scan(n, n_columns)
     cloud = read_cloud(save(tmp_path, "0.bin", points.tobytes(), zipped), ReadOptions(n_columns))
     assert cloud.coordinate_type is np.float32

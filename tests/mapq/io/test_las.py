@@ -145,7 +145,7 @@ def test_the_scale_grows_with_the_cloud(tmp_path):
     np.testing.assert_allclose(read_cloud(str(tmp_path / "b.las")).world(), wide.world(), rtol=0, atol=0.006)
 
 
-def test_long_names_are_told_apart(tmp_path):
+def test_long_names_stay_distinct(tmp_path):
     names = ["a" * 40 + "1", "a" * 40 + "2"]
     cloud = PointCloud.from_world(np.eye(3), {name: np.arange(3) + i for i, name in enumerate(names)})
     write_cloud(tmp_path / "b.las", cloud)
@@ -180,7 +180,7 @@ def test_units_of_the_reference_system(tmp_path, records, unit):
     np.testing.assert_allclose(cloud.world(), plain.world(), rtol=1e-15)
 
 
-def test_a_unit_that_is_not_known_is_told(tmp_path, caplog):
+def test_an_unknown_unit_is_reported(tmp_path, caplog):
     path = save(tmp_path, "a.las", las_bytes(records=(geo_keys(k1024=1, k3076=9084),)))
     assert read_cloud(path).unit.tolist() == [1, 1, 1]
     assert "code 9084 is not known" in caplog.text
@@ -189,7 +189,7 @@ def test_a_unit_that_is_not_known_is_told(tmp_path, caplog):
     assert "is not known" not in caplog.text
 
 
-def test_points_marked_withheld_are_told_of(tmp_path, caplog):
+def test_withheld_points_are_reported(tmp_path, caplog):
     las = las_data()
     for n_withheld, told in ((0, False), (7, True)):
         las["withheld"] = np.arange(60) < n_withheld
@@ -243,7 +243,7 @@ def test_without_laspy_the_extra_is_named(tmp_path, monkeypatch):
         write_cloud(tmp_path / "b.laz", patches().cloud)
 
 
-def test_a_header_that_is_none_is_told(tmp_path):
+def test_an_invalid_header_is_reported(tmp_path):
     cloud = replace(patches().cloud.take(slice(0, 3)), las_header=b"LASF and no more")
     assert "damaged" in refusal(write_cloud, tmp_path / "b.las", cloud)
 

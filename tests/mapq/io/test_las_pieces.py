@@ -39,7 +39,7 @@ def test_pieces_are_the_points_read_at_once(path):
             np.testing.assert_array_equal(np.concatenate([each.fields[name] for each in pieces]), values[start:stop])
 
 
-def test_only_the_fields_that_are_asked_for_are_read(path):
+def test_only_chosen_fields_are_read(path):
     cloud = read_cloud(path)
     for names in ((), ("gps_time", "no_such_field")):
         pieces = list(read_las_pieces(path, AS_IT_IS, 0, 5000, cloud.shift, names))

@@ -53,7 +53,7 @@ def test_what_is_no_unit_is_refused(tmp_path, unit):
     assert "r.json: damaged" in refusal(stated_unit, path)
 
 
-def test_json_that_says_no_unit_or_cannot_be_read_is_passed_over(tmp_path):
+def test_json_without_unit_or_unreadable_is_ignored(tmp_path):
     path = tmp_path / "r.json"
     path.write_text("".join(result_lines(HEAD, ROWS)))
     assert stated_unit(path) is None

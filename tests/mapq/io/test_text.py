@@ -87,7 +87,7 @@ def test_columns_of_words_are_dropped_with_a_warning(tmp_path, caplog):
 
 
 @pytest.mark.parametrize(("n", "told"), [(2, "fields column_4, column_5 are"), (50, "column_23 and 30 more are")])
-def test_many_columns_of_words_are_told_of_in_one_line(tmp_path, caplog, n, told):
+def test_many_columns_of_words_are_reported_in_one_line(tmp_path, caplog, n, told):
     read_cloud(save(tmp_path, "a.txt", ("1 2 3" + " word" * n + "\n") * 2))
     assert [record.message.endswith(f"{told} dropped: not numbers") for record in caplog.records] == [True]
 

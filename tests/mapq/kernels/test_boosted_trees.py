@@ -50,7 +50,7 @@ def test_no_rows_and_no_trees():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_columns_sum_to_what_scikit_learn_says_of_rows_it_has_not_seen(seed, monkeypatch):
+def test_contributions_sum_to_predictions_of_scikit_learn(seed, monkeypatch):
     kept = []
 
     class Keeping(HistGradientBoostingClassifier):

@@ -48,7 +48,7 @@ def test_a_large_cloud_agrees_with_a_tree() -> None:
     np.testing.assert_allclose(distance, cKDTree(xyz).query(xyz, 17)[0][:, 1:], rtol=1e-12)
 
 
-def test_only_the_points_asked_for_get_a_row() -> None:
+def test_only_chosen_points_get_a_row() -> None:
     points = sort_points(PointCloud(CLOUDS["volume"], np.zeros(3)))
     wanted = RNG.uniform(size=len(points.xyz)) < 0.1
     found = neighbours_of(points.xyz, points.code, points.frame, wanted, 16)

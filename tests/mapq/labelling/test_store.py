@@ -48,7 +48,7 @@ def test_without_a_label_the_file_is_not_touched(saved):
     assert saved.stat().st_mtime_ns == before
 
 
-def test_a_session_that_was_not_merged_goes_on_and_can_be_taken_back(saved):
+def test_an_unmerged_session_is_resumed_and_can_be_undone(saved):
     with open_store(str(saved)) as store:
         store.set(3, SUSPICIOUS)
         store.set(4, PLAUSIBLE)

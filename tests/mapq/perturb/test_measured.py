@@ -84,7 +84,7 @@ def test_what_is_too_small_to_be_registered_is_not_known():
     assert (label[np.concatenate(points)[:, 2] > 0.4] == UNLABELLED).all()
 
 
-def test_an_empty_scan_and_a_scan_without_walls_say_nothing():
+def test_an_empty_scan_and_a_scan_without_walls_are_unknown():
     points = [look(COURT, POSES[0], 0, 20.0), look(COURT[4:], POSES[1], 1, 20.0)]
     built = build(make_scans(points, POSES), settings=MergeSettings(max_range=30.0))
     assert built.report["n_suspicious"] == 0

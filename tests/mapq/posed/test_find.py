@@ -113,7 +113,7 @@ def test_names_in_graph_txt_go_by_their_numbers(tmp_path):
         (["a1.ply", "a2.ply", "a3.ply"], poses_text(2), "2 poses for 3 scans"),
     ],
 )
-def test_what_cannot_be_told_is_asked_for(names, poses, message, tmp_path):
+def test_what_cannot_be_inferred_is_required(names, poses, message, tmp_path):
     make_folder(tmp_path, names, poses)
     with pytest.raises(InputError, match=message):
         find_scans([str(tmp_path)])
@@ -170,7 +170,7 @@ def test_kitti_with_its_calibration_beside(tmp_path):
     assert scans.read(1).fields["intensity"].tolist() == [0.5] * 4
 
 
-def test_kitti_without_it_is_refused_unless_told_that_there_is_none(tmp_path):
+def test_kitti_without_calibration_is_refused_unless_there_is_none(tmp_path):
     laser = kitti_folder(tmp_path, calibrated=False)
     with pytest.raises(InputError, match="--calibration"):
         find_scans([str(tmp_path)])
@@ -178,7 +178,7 @@ def test_kitti_without_it_is_refused_unless_told_that_there_is_none(tmp_path):
     np.testing.assert_allclose(as_they_are, CAMERA @ laser @ np.linalg.inv(CAMERA), atol=1e-12)
 
 
-def test_poses_of_a_camera_for_scans_of_another_format_are_told(tmp_path, caplog):
+def test_poses_of_a_camera_for_scans_of_another_format_are_reported(tmp_path, caplog):
     kitti_folder(tmp_path, calibrated=False)
     files = [str(tmp_path / f"{number}.xyz") for number in range(3)]
     for name in files:

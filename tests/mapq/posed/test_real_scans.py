@@ -47,7 +47,7 @@ def test_poses_lay_neighbouring_scans_onto_each_other(name, settings, count, gai
         ("dxmcu_map", "--poses"),
     ],
 )
-def test_what_these_sets_do_not_say_is_asked_for(name, message, shared_data):
+def test_what_these_sets_lack_is_required(name, message, shared_data):
     with pytest.raises(InputError, match=message):
         find_scans([str(shared_data / "mapq" / name)])
 

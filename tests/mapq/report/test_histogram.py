@@ -18,7 +18,7 @@ def test_patches_are_counted_where_areas_are_not_known():
     assert (unit, sums.sum()) == ("patches", 2.0)
 
 
-def test_bars_are_as_tall_as_their_area_and_say_it():
+def test_bars_show_their_area():
     sums = np.zeros((2, N_BINS))
     sums[0, 0], sums[1, 19] = 10.0, 5.0
     drawing = histogram_svg(sums, "m²", 0.5)

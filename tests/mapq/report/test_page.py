@@ -32,7 +32,7 @@ def data_of(page: str) -> dict:
     return json.loads(gzip.decompress(base64.b64decode(text)))
 
 
-def test_a_page_says_what_the_result_says(tmp_path):
+def test_a_page_shows_the_result(tmp_path):
     told = read_findings(str(save_result(tmp_path / "r.ply")))
     page = report(tmp_path / "r.html", told)
     data = data_of(page)
@@ -46,7 +46,7 @@ def test_a_page_says_what_the_result_says(tmp_path):
     assert '<html lang="en">' in page
 
 
-def test_a_page_says_how_much_was_judged_and_how_far_scans_disagree(tmp_path):
+def test_a_page_shows_coverage_and_disagreement_of_scans(tmp_path):
     told = read_findings(str(save_result(tmp_path / "r.ply")))
     told.head["counts"]["coverage"] = 0.125
     told.rows[3].update(disagreement_m=0.12345, low=0.05, high=0.25)
@@ -109,7 +109,7 @@ def test_scripts_run_by_their_digest_and_cannot_end_early():
     assert script_sources([script]) == script_sources([content])
 
 
-def test_survey_coordinates_lose_their_shift_and_the_page_says_so(tmp_path):
+def test_survey_coordinates_are_shifted_and_the_page_shows_by_what(tmp_path):
     patches = draw_patches(1)
     far = PointCloud.from_world(patches.cloud.xyz + np.array([413_000.0, 5_317_000.0, 0.0]))
     moved = patches.cloud.xyz[0] - far.xyz[0]

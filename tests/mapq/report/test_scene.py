@@ -42,7 +42,7 @@ def test_a_line_of_points_a_pair_and_a_lost_normal_have_no_outline():
     assert area_of(corners) == pytest.approx(1.0)
 
 
-def test_points_stand_patch_by_patch_those_without_last_and_come_back_to_the_millimetre():
+def test_points_are_ordered_by_patch_and_stored_to_the_millimetre():
     patches = sample_patches([wall((0, 0), (8, 0)), wall((0, 5), (8, 5))], seed=2)
     patches = make_patches(
         [patches.cloud.xyz[patches.patch == 1], patches.cloud.xyz[patches.patch == 0]], patches.normal, 7

@@ -13,7 +13,7 @@ def rng(seed: int) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-def test_crossing_copies_a_corner_the_ground_and_strays() -> None:
+def test_crossing_copies_a_corner_the_ground_and_outliers() -> None:
     copies = wall(rng(1), 4.0, 2.5, 0.2), wall(rng(2), 4.0, 2.5, 0.2, degrees=8.0)
     corner = wall(rng(3), 3.0, 2.5, 0.2, degrees=90.0, start=3.5)
     strays = rng(4).uniform(-3.0, 3.0, (40, 3))

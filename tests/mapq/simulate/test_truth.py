@@ -108,7 +108,7 @@ class TestSeenOnce:
         truth = judge(joined(FACADE, beside(PANE, (1.8, 0.0, 0.0), 0)), SETTINGS)
         assert truth.suspicious.tolist() == [True] * 10 + [False] * 4
 
-    def test_the_same_visit_goes_on_in_the_cell_beside(self) -> None:
+    def test_a_visit_continues_in_the_adjacent_cell(self) -> None:
         """However long it lasts, and however far apart its mean times are."""
         long = seen([(t, (0.0, 0.005 * t), 2) for t in range(0, 100, 10)])
         brief = beside(seen([(95.0, (0.0, 0.5), 4)]), (1.0, 0.0, 0.0), 0)

@@ -143,7 +143,7 @@ def test_points_of_a_result_in_tiles_have_causes(drive, model, tmp_path):
     np.testing.assert_array_equal(fields["cause"], np.append(codes, np.uint8(255))[fields["patch"]])
 
 
-def test_a_map_that_says_nothing_has_unknown_causes_that_say_so(drive, model):
+def test_a_map_without_fields_has_unknown_causes(drive, model):
     path = without(drive, ("scan", "time", "pass_id"))
     found = in_tiles(path, TILES, model)
     assert found.visits is None

@@ -70,7 +70,7 @@ def say_and_sleep(path: str) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
-def test_workers_end_with_their_leader_and_say_nothing(tmp_path, project_root, number):
+def test_workers_end_silently_with_their_leader(tmp_path, project_root, number):
     """In the middle of their tasks; SIGINT goes to all of them, as Ctrl-C does."""
     (tmp_path / "leader.py").write_text(LEADER)
     with subprocess.Popen(
