@@ -28,12 +28,13 @@ from benchmarks.real_methods import (
     table,
     train_on,
 )
+from benchmarks.split import split_by_place
 from mapq.crf.calibration import with_false_alarms
 from mapq.evaluate import Scores
 from mapq.io.models import read_default_model
 from mapq.model import Model
 from mapq.patches import Patches
-from mapq.perturb import MergeSettings, build, split_by_place
+from mapq.perturb import MergeSettings, build
 from mapq.posed import PosedScans
 
 TEST_SHARE, BUFFER = 0.45, 40.0

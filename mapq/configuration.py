@@ -133,7 +133,6 @@ class Perturb(Table):
     plausible_below: float = key(0.1, "m", "where scans disagree by less they are plausible", gt=0, le=100)
     reach: float | None = key(None, "m", "distance along a surface within which scans see the same", gt=0, le=100)
     search: float = key(3.0, "m", "without right poses: how far off each other scans may lie", gt=0, le=100)
-    buffer: float = key(20.0, "m", "width of the strip between the parts of --split, which is left out", ge=0)
 
     def check(self) -> None:
         """Refuse bounds in the wrong order."""

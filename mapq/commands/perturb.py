@@ -16,7 +16,7 @@ logger = logging.getLogger(__name__)
 EXAMPLES = (
     "mapq perturb sequences/00 --drift 0.5 1 --seed 1 -o drifted.ply",
     "mapq perturb scans --poses odometry.txt --reference slam.txt -o odometry.ply",
-    "mapq perturb 0.pcd 1.pcd --poses poses.txt --submaps --split 0.3 -o map.ply",
+    "mapq perturb 0.pcd 1.pcd --poses poses.txt --submaps -o map.ply",
 )
 
 
@@ -58,16 +58,6 @@ def perturb(
         tuple[float, float],
         typer.Option("--missed-loop", metavar="METRES DEG", help="Displace all scans from the first revisit on."),
     ] = (0.0, 0.0),
-    split: Annotated[
-        float | None,
-        typer.Option(
-            "--split",
-            metavar="SHARE",
-            min=0.01,
-            max=0.99,
-            help="Write MAP.train and MAP.test, apart in place; the share of the test.",
-        ),
-    ] = None,
     config: Config = None,
     assignments: Assignments = None,
     seed: Seed = None,
@@ -96,8 +86,8 @@ def perturb(
     chosen = load_configuration({"config": config, "assignments": assignments}).settings.perturb
     find = FindSettings(poses, calibration, pattern, chosen.quaternion, bin_columns)
     posed = find_scans(scans, find)
-    targets = target_files(output, split is not None, force)
-    refuse_inputs([*targets.maps, targets.report], [*posed.names, poses, reference, calibration])
+    targets = target_files(output, force)
+    refuse_inputs(targets, [*posed.names, poses, reference, calibration])
     errors = PoseErrors(offset, yaw, drift, missed_loop)
     rule = Rule(chosen.suspicious_above, chosen.plausible_below, chosen.reach, chosen.search)
     settings = MergeSettings(chosen.voxel, chosen.min_range, chosen.max_range, submaps)
@@ -110,11 +100,11 @@ def perturb(
     with progress(1.0, "merging and comparing scans") as bar:
         built = build(posed.every(every), errors, rule, settings, right, used_seed or 0, bar.update)
     head = {"seed": used_seed, "errors": asdict(errors), "rule": asdict(rule), "merging": asdict(settings)}
-    report = write_map(targets, built, head, split, chosen.buffer)
+    report = write_map(targets, built, head)
     if json:
         jsonout.emit_object(SCHEMA, report)
         return
-    for line in _lines(report, targets.report):
+    for line in _lines(report, targets[1]):
         console.summarize(line)
 
 
@@ -135,10 +125,6 @@ def _lines(report: Mapping[str, Any], beside: str) -> Iterator[str]:
         count = report[f"n_{name}"]
         yield f"{name.replace('_', ' '):<16}{count:,} points ({count / n_points:.1%}): {words}"
     yield f"{'disagreement':<16}{report['largest_disagreement']:.2f} m at most"
-    if "split" in report:
-        split = report["split"]
-        low, high = split["strip"]
-        yield f"{'left out':<16}{split['n_dropped']:,} points, {split['axis']} from {low:.1f} to {high:.1f} m"
     for row in report["files"]:
         yield f"{'map':<16}{row['path']}: {row['n_points']:,} points, {row['n_suspicious']:,} suspicious"
     yield f"{'report':<16}{beside}"

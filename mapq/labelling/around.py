@@ -14,11 +14,11 @@ from mapq.report.markup import packed
 from mapq.report.scene import build_scene
 
 MOST_NEIGHBOURS = 10
-"""Of a patch: those that move its odds most, then the closest."""
+"""Of a patch: those that change its log-odds most, then the closest."""
 MOST_POINTS = 24_000
 """Points of a view."""
 N_REASONS = 3
-"""Shown of what speaks for either label."""
+"""Reasons shown for either label."""
 MARGIN = 3.0
 """Metres around the patch that a view shows, at least; a third of its size if that is more."""
 MOST_CONTEXT = 3_000_000
@@ -34,7 +34,7 @@ class Surroundings:
     ----------
     patches : Patches
     result : Result, optional
-        What a model says of them; without it neighbours are the patches whose middles are closest.
+        Of a model; without it neighbours are the patches whose middles are closest.
     """
 
     def __init__(self, patches: Patches, result: Result | None) -> None:
@@ -80,7 +80,7 @@ class Surroundings:
         return {int(features.pairs[row].sum()) - patch: features.edge[row] for row in rows}
 
     def _largest_reasons(self, patch: int) -> list[Reason]:
-        """Return what speaks for suspicious, then what speaks for plausible."""
+        """Return the reasons for suspicious, then those for plausible."""
         if self._reasons is None:
             return []
         return [reason for sign in (1.0, -1.0) for reason in self._reasons.of(patch, sign, N_REASONS)]
@@ -109,7 +109,7 @@ class Surroundings:
         return {name: shape[name] for name in SHAPES if name in shape}
 
     def _model_row(self, patch: int) -> dict[str, Any]:
-        """Return what the model says of a patch."""
+        """Return the model's probability, label and reasons of a patch."""
         if self._result is None:
             return {"p": None, "model_label": None, "reasons": []}
         return {

@@ -1,4 +1,4 @@
-"""`Page`: what the labelling page is told, and what it does."""
+"""`Page`: the content of the labelling page, and its actions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Page:
     ----------
     store : Store
     result : Result, optional
-        What a model says; without it the largest patch comes first.
+        Of a model; without it the largest patch is first.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Page:
         return self._document
 
     def state(self) -> dict[str, Any]:
-        """Return the order in which patches are asked for, what is said of each, and the progress."""
+        """Return the order of the patches, the label of each so far, and the progress."""
         return {
             "order": self._order,
             "said": self._store.by_hand(),
@@ -99,16 +99,16 @@ class Page:
 def most_uncertain_first(
     counts: NDArray[np.int64], probability: NDArray[np.floating] | None, has_label: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
-    """Return the patches (m,) in the order in which a person is asked for their labels.
+    """Return the patches (m,) in the order in which to label them.
 
     Parameters
     ----------
     counts : (m,) int64
-        Points of each patch: of equally uncertain ones the larger comes first.
+        Points of each patch: of equally uncertain ones the larger is first.
     probability : (m,) float, optional
-        That each is suspicious. A half is most uncertain; without probabilities the largest patch comes first.
+        That each is suspicious. A half is most uncertain; without probabilities the largest patch is first.
     has_label : (m,) bool
-        Patches with a label come after all others.
+        Patches with a label are last.
     """
     doubt = np.zeros(len(counts)) if probability is None else np.abs(np.nan_to_num(probability, nan=0.5) - 0.5)
     return np.lexsort((-counts, doubt, has_label)).astype(np.int64)

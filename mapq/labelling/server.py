@@ -57,7 +57,7 @@ class LabelServer(ThreadingHTTPServer):
     Attributes
     ----------
     done : threading.Event
-        Set when the person says that labelling is over.
+        Set when the person ends labelling.
     """
 
     daemon_threads = True
@@ -80,7 +80,7 @@ class LabelServer(ThreadingHTTPServer):
         return f"http://{HOST}:{self.server_port}/?token={self.token}"
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of browsers that hang up, but in the details."""
+        """Log browsers that hang up, in the details alone."""
         logger.debug("a connection broke off", exc_info=True)
 
 
@@ -204,5 +204,5 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(body)
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Tell requests in the details alone, and never a token."""
+        """Log requests in the details alone, and never a token."""
         logger.debug("%s %s", self.command, urlsplit(self.path).path if hasattr(self, "path") else "")

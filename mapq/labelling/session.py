@@ -33,7 +33,7 @@ LOOK = 0.2
 
 
 class HandCounts(NamedTuple):
-    """How far labelling by hand has come.
+    """Progress of labelling by hand.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class HandCounts(NamedTuple):
         Patches that a person has seen and judged; the sum of the next three.
     n_plausible, n_suspicious, n_unsure : int
     n_from_field : int
-        Patches whose label comes from a point field.
+        Patches whose label is from a point field.
     """
 
     n_patches: int
@@ -54,13 +54,13 @@ class HandCounts(NamedTuple):
 
 
 def label_by_hand(path: str, model: Model | None = None, port: int = 0, browser: bool = True) -> HandCounts:
-    """Serve the labelling page of a PATCHES file until it is finished or a signal comes, and store the labels in it.
+    """Serve the labelling page of a PATCHES file until it is finished or a signal arrives, and store the labels in it.
 
     Parameters
     ----------
     path : str
     model : Model, optional
-        That says which patches are uncertain; the one of the package if absent.
+        By which patches are uncertain; that of the package if absent.
     port : int
         0 takes a free one.
     browser : bool
@@ -81,7 +81,7 @@ def label_by_hand(path: str, model: Model | None = None, port: int = 0, browser:
         if not len(store.patches):
             raise InputError(f"{path}: there are no patches to label.")
         if store.n_recovered:
-            logger.info("%s: labelling goes on after %d labels of an earlier session", path, store.n_recovered)
+            logger.info("%s: labelling resumes after %d labels of an earlier session", path, store.n_recovered)
         server = LabelServer(Page(store, _assessed(store.patches, model, path)), port)
         with graceful_stop() as flag:
             with _running(server, browser):
@@ -94,14 +94,14 @@ def label_by_hand(path: str, model: Model | None = None, port: int = 0, browser:
 
 
 def _assessed(patches: Patches, model: Model | None, path: str) -> Result | None:
-    """Return what a model says of patches; None where that of the package cannot say anything."""
+    """Return the result of a model; None where that of the package cannot judge these patches."""
     with progress(N_STEPS, "measuring") as reporter:
         try:
             result = assess(patches, model, reporter)
         except (InputError, ConfigError) as error:
             if model is not None:
                 raise
-            logger.warning("%s: no probabilities (%s) The largest patches come first.", path, error)
+            logger.warning("%s: no probabilities (%s) The largest patches are first.", path, error)
             return None
     return result if np.isfinite(result.labelling.probability).any() else None
 
@@ -111,7 +111,7 @@ def _running(server: LabelServer, browser: bool) -> Iterator[None]:
     """Answer requests as long as the block lasts."""
     thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": LOOK}, daemon=True)
     thread.start()
-    # The address is the result of starting, so that even -q says it.
+    # The address is the result of starting, so that even -q shows it.
     print(f"labelling page: {server.url}\nCtrl-C ends; every label is kept as it is set", file=sys.stderr, flush=True)
     try:
         with _shown(server.url, browser):

@@ -23,7 +23,7 @@ from prf.shell.lock import exclusive
 T = TypeVar("T")
 
 NOTHING_YET = np.uint8(254)
-"""What the page is told of a patch that nobody has looked at; ``NOTHING`` of label.js is the same number."""
+"""The page's code of a patch that nobody has looked at; ``NOTHING`` of label.js is the same number."""
 
 
 class Store:
@@ -50,12 +50,12 @@ class Store:
 
     @property
     def label(self) -> NDArray[np.uint8]:
-        """Labels (m,) as they stand now."""
+        """Present labels (m,)."""
         return self._now.label
 
     @property
     def source(self) -> NDArray[np.uint8]:
-        """Where each label (m,) comes from."""
+        """Source of each label (m,)."""
         return self._now.source
 
     @property
@@ -75,7 +75,7 @@ class Store:
         self._add(Event(patch, label))
 
     def undo(self) -> int | None:
-        """Take back the last label that stands, and return its patch; None if there is none."""
+        """Take back the last label, and return its patch; None if there is none."""
         with self._lock:
             patch = self._now.undoable[-1][0] if self._now.undoable else None
         if patch is not None:
@@ -90,7 +90,7 @@ class Store:
             self._now.apply(event)
 
     def by_hand(self) -> NDArray[np.uint8]:
-        """Return of each patch (m,) what a person says: a label, `UNLABELLED` for unsure, or `NOTHING_YET`."""
+        """Return a person's judgement of each patch (m,): a label, `UNLABELLED` for unsure, or `NOTHING_YET`."""
         return np.where(self.source == FROM_HAND, self.label, NOTHING_YET)
 
     def counts(self) -> dict[str, int]:

@@ -6,5 +6,3 @@ from mapq.perturb.build import build as build
 from mapq.perturb.errors import PoseErrors as PoseErrors
 from mapq.perturb.errors import displaced as displaced
 from mapq.perturb.label import Rule as Rule
-from mapq.perturb.split import Parts as Parts
-from mapq.perturb.split import split_by_place as split_by_place

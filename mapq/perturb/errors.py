@@ -35,7 +35,7 @@ class PoseErrors:
         turns all that follows, as odometry does.
     missed_loop : (float, float)
         Metres and degrees by which all scans from the first revisit on are displaced together: a loop closure that
-        was missed. Where the drive comes back to no place, the second half of the scans.
+        was missed. Where the drive never returns to a place, the second half of the scans.
     """
 
     offset: float = 0.0

@@ -19,7 +19,7 @@ from mapq.perturb.merge import Merged
 
 Floats = NDArray[np.float64]
 
-GRAIN, WIDEST_GRAIN = 0.4, 0.3
+CELL, LARGEST_CELL = 0.4, 0.3
 """Side of the cells, by the reach; and at most, in metres, lest one cell hold more than one surface."""
 PARALLEL = np.cos(np.radians(30.0))
 """Cosine between normals of what may be the same surface."""
@@ -74,7 +74,7 @@ def find_surfaces(merged: Merged, poses: Floats, reach: float | None = None, sid
     """
     reach = reach or estimate_reach(merged)
     points = merged.placed(poses)
-    _, voxel = np.unique(cell_keys(points, min(GRAIN * reach, WIDEST_GRAIN)), return_inverse=True)
+    _, voxel = np.unique(cell_keys(points, min(CELL * reach, LARGEST_CELL)), return_inverse=True)
     means = mean_of(voxel, int(voxel.max()) + 1, points)
     planes = planes_round(means)
     towards = np.einsum("ij,ij->i", poses[merged.scan, :3, 3] - points, planes.normal[voxel])

@@ -21,7 +21,7 @@ from mapq.perturb.register import Piece, Sheet, lies_on, register
 
 Floats = NDArray[np.float64]
 
-GRAIN = 0.25
+CELL = 0.25
 """Metres: side of the cells whose means are registered."""
 WINDOW, STRIDE = 20.0, 10.0
 """Metres: side of the pieces, and from one to the next."""
@@ -106,7 +106,7 @@ def _parted(points: Floats, origin: Floats | None) -> Parted:
         return Parted(
             Sheet(nothing, nothing, np.zeros(0, bool), cKDTree(nothing)), np.zeros(0, np.int64), np.zeros(0, bool)
         )
-    _, element = np.unique(cell_keys(points, GRAIN), return_inverse=True)
+    _, element = np.unique(cell_keys(points, CELL), return_inverse=True)
     place = mean_of(element, int(element.max()) + 1, points)
     planes = planes_round(place)
     normal = planes.normal

@@ -136,7 +136,7 @@ def _sensor_poses(
         if ahead and given is None:
             logger.warning(
                 "%s: the sensor moves along its z axis, as a camera does; points of a laser would lie on their side. "
-                "--calibration none says that the scans have these axes",
+                "--calibration none: the scans have these axes",
                 path,
             )
         return poses

@@ -13,7 +13,7 @@ from mapq.cloud import PointCloud
 from prf.shell.errors import InputError
 
 NEAR_AGAIN = 10.0
-"""Metres: a drive that comes so close to where it was is at that place again ..."""
+"""Metres: a drive that is so close to where it was is at that place again ..."""
 WAY_BETWEEN = 40.0
 """... if it has driven so far since."""
 
@@ -74,9 +74,9 @@ class PosedScans:
 
 
 def drive_passes(poses: NDArray[np.float64]) -> NDArray[np.int16]:
-    """Return the pass (k,) in which each scan was taken, from 0: a new one begins where the drive comes back.
+    """Return the pass (k,) in which each scan was taken, from 0: a new one begins where the drive returns.
 
-    Coming back is to be within `NEAR_AGAIN` of a place of the same pass after `WAY_BETWEEN` of driving. Sensors that
+    To return is to be within `NEAR_AGAIN` of a place of the same pass after `WAY_BETWEEN` of driving. Sensors that
     stand, or turn on the spot, make one pass.
 
     Parameters

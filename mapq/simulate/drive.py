@@ -157,7 +157,7 @@ def _render(world: World, returns: Returns, way: Trajectory, believed: Trajector
 
 
 def _seen(world: World, returns: Returns, moved: Floats) -> Seen:
-    """Return what the rule of truth asks for."""
+    """Return what the rule of truth needs."""
     never = returns.mixed | np.isin(world.kind[returns.items], MOVING)
     surface = np.where(returns.mixed, NO_SURFACE, world.surface[returns.items])
     thing = np.where(never, -1, world.thing[returns.items])

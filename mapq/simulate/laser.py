@@ -1,4 +1,4 @@
-"""The nodding laser: which beams are kept, where they start and point, and what comes back."""
+"""The nodding laser: which beams are kept, where they start and point, and what returns."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def _directions(heading: Floats, pitch: Floats, angle: Floats) -> Floats:
 
 
 def observe(world: World, beams: Beams, settings: Settings, rng: np.random.Generator) -> Returns:
-    """Cast the beams and return those that come back and are kept, with noise, mixed ranges and losses."""
+    """Cast the beams and return those that return and are kept, with noise, mixed ranges and losses."""
     n = len(beams.time)
     draws, noise, chance, luck = rng.random(n), rng.standard_normal(n), rng.random((n, 3)), rng.random(n)
     ranges, items = _cast(world, beams, draws, settings.max_range)

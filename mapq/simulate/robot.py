@@ -16,7 +16,7 @@ STEP = 0.05
 """Metres between two poses of a trajectory; between them the robot moves evenly."""
 
 SMOOTH = 12.0
-"""Metres over which the scale error keeps its value: slip comes with the ground, not with the instant."""
+"""Metres over which the scale error keeps its value: slip depends on the ground, not on the instant."""
 
 
 class Trajectory(NamedTuple):

@@ -1,4 +1,4 @@
-"""What stands in a simulated world: walls, sheets, posts, foliage and movers, and the lines of a plan."""
+"""Parts of a simulated world: walls, sheets, posts, foliage and movers, and the lines of a plan."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ class _Items:
 
 
 class SceneBuilder:
-    """Collects what stands in the world, in the frame of the block that is being built."""
+    """Collects the parts of the world, in the frame of the block that is being built."""
 
     def __init__(self) -> None:
         self.frame = Frame(np.zeros(2), 0.0, 1.0)
@@ -192,7 +192,7 @@ class SceneBuilder:
         return len(self._normals) - 1
 
     def look_alike(self, one: int, other: int) -> None:
-        """Note two surfaces that are near each other and both true; a fence before a facade stands for itself."""
+        """Note two surfaces that are near each other and both true; a fence before a facade is its own partner."""
         self._partner[one], self._partner[other] = other, one
 
     def wall(
@@ -257,7 +257,7 @@ class SceneBuilder:
         self._movers.add(row, NO_SURFACE, self.thing(), kind)
 
     def finish(self, reach: float) -> World:
-        """Return the world, with a grid that goes `reach` metres beyond everything that stands still."""
+        """Return the world, with a grid that goes `reach` metres beyond everything that does not move."""
         groups = (self._walls, self._sheets, self._posts, self._blobs, self._movers)
         tags = np.array([tag for group in groups for tag in group.tags] + [(0, -1, Kind.GROUND)], np.int32)
         arrays = [group.array() for group in groups]
@@ -304,7 +304,7 @@ def _index(
     """Return the start of each cell, the items of cells, the grid's corner and side, and its shape."""
     low = np.floor(boxes[:, :2].min(axis=0) - reach)
     shape = np.ceil((boxes[:, 2:].max(axis=0) + reach - low) / GRID_CELL).astype(np.int64)
-    # A hair wider, so that what lies on a border is in both cells.
+    # A little wider, so that what lies on a border is in both cells.
     first = np.floor((boxes[:, :2] - 1e-6 - low) / GRID_CELL).astype(np.int64)
     last = np.floor((boxes[:, 2:] + 1e-6 - low) / GRID_CELL).astype(np.int64)
     cells, items = [], []

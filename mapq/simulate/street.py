@@ -1,4 +1,4 @@
-"""One side of a street: buildings, what stands in front of them, and people and cars that move meanwhile."""
+"""One side of a street: buildings, what is in front of them, and people and cars that move meanwhile."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def _add_furniture(builder: SceneBuilder, row: Row, settings: Settings, rng: np.
 
 
 def add_pavement(builder: SceneBuilder, line: Line) -> None:
-    """Add a pavement in front of a row of facades, with its kerb; it goes on behind their setbacks."""
+    """Add a pavement in front of a row of facades, with its kerb; it continues behind their setbacks."""
     edge = line.shifted(-PAVEMENT)
     builder.wall(edge.start, edge.end, (0.0, KERB), Kind.KERB)
     along, across = np.array([*(edge.end - edge.start), 0.0]), np.array([*((PAVEMENT + 3.0) * line.inward), 0.0])

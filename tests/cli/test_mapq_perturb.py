@@ -90,21 +90,6 @@ def test_json_and_a_seed_that_was_drawn(folder: Path, capsys: pytest.CaptureFixt
     assert json.loads(capsys.readouterr().out) == first
 
 
-def test_parts_by_place(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = folder.parent / "map.ply"
-    assert (
-        run(str(folder), "--every", "2", "--split", "0.4", "--set", "perturb.buffer=3", "-o", str(out), "--yaw", "2")
-        == 0
-    )
-    assert not out.exists()
-    train, test = (read_cloud(str(folder.parent / f"map.{part}.ply")) for part in ("train", "test"))
-    assert test.xyz[:, 0].min() - train.xyz[:, 0].max() > 2.9
-    report = json.loads(out.with_suffix(".json").read_text())
-    assert [row["n_points"] for row in report["files"]] == [len(train), len(test)]
-    assert report["split"]["axis"] == "x"
-    assert "map.test.ply: " in capsys.readouterr().out
-
-
 def test_sub_maps_without_right_poses_are_registered(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = folder.parent / "map.ply"
     odometry = str(folder.parent / "odometry.txt")
@@ -131,8 +116,7 @@ def test_sub_maps_without_right_poses_are_registered(folder: Path, capsys: pytes
         (["scans", "-o", "map.ply", "--set", "perturb.min_range=3", "--set", "perturb.max_range=2"], 2, "min_range"),
         (["scans", "-o", "map.ply", "--set", "perturb.plausible_below=1"], 2, "plausible_below"),
         (["scans", "-o", "map.ply", "--set", "perturb.quaternion=abcd"], 2, "quaternion"),
-        (["scans", "-o", "map.ply", "--split", "2", "--yaw", "1"], 2, "--split"),
-        (["scans", "-o", "map.ply", "--split", "0.5", "--yaw", "1", "--set", "perturb.buffer=99"], 3, "buffer"),
+        (["scans/0.ply", "scans/1.ply", "-o", "map.ply", "--scans", "*.ply"], 2, "--scans"),
         (["scans", "-o", "map.ply", "--yaw", "1", "--set", "perturb.max_range=0.5"], 3, "no point is left"),
         (["scans", "-o", "map.ply", "--poses", "no.txt"], 3, "no.txt"),
         (["scans", "-o", "map.ply", "--reference", "no.txt"], 3, "no.txt"),

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.split import split_by_place
 from mapq.cloud import PointCloud
-from mapq.perturb import split_by_place
 from prf.shell.errors import InputError
 
 

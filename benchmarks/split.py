@@ -54,7 +54,7 @@ def split_by_place(cloud: PointCloud, share: float, buffer: float, axis: int | N
     if not (is_train.any() and is_test.any()):
         raise InputError(
             f"{cloud.source or 'the map'}: {high[across] - low[across]:.3g} m long, a buffer of {buffer:g} m leaves no "
-            f"two parts. Lower perturb.buffer."
+            f"two parts. Lower the buffer."
         )
     shift = float(cloud.shift[across] * cloud.unit[across])
     strip = (begin + shift, begin + buffer + shift)
