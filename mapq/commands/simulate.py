@@ -82,7 +82,7 @@ def simulate(
         simulation = simulate_with_report(settings, used_seed, bar.update)
     write_cloud(output, simulation.cloud)
     if json:
-        content = {"output": output, "seed": used_seed, "settings": settings.as_dict()}
+        content = {"output": output, "seed": used_seed, "settings": settings.model_dump()}
         jsonout.emit_object("mapq.simulate/1", {**content, **simulation.report._asdict()})
         return
     say = say_beside(output)

@@ -132,11 +132,10 @@ def test_variety_adds_what_streets_have_beside_offices() -> None:
 
 
 @pytest.mark.parametrize("variety", [0.0, 3.0])
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("blocks", [1, 2])
-def test_the_way_is_free(seed: int, blocks: int, variety: float) -> None:
-    """Nothing stands within half a metre of the robot, at the height of its wheels or of its laser."""
-    world, way = world_of(seed, blocks=blocks, look_alikes=2.0, clutter=2.0, variety=variety)
+@pytest.mark.parametrize("seed", range(2))
+def test_the_way_is_free(seed: int, variety: float) -> None:
+    """Nothing is within half a metre of the robot, at the height of its wheels or of its laser."""
+    world, way = world_of(seed, blocks=2, look_alikes=2.0, clutter=2.0, variety=variety)
     angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
     around = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(24)])
     for height in (0.5, 1.3):
