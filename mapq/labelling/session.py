@@ -33,17 +33,7 @@ LOOK = 0.2
 
 
 class HandCounts(NamedTuple):
-    """Progress of labelling by hand.
-
-    Attributes
-    ----------
-    n_patches : int
-    n_by_hand : int
-        Patches that a person has seen and judged; the sum of the next three.
-    n_plausible, n_suspicious, n_unsure : int
-    n_from_field : int
-        Patches whose label is from a point field.
-    """
+    """Progress of labelling by hand: all patches, those judged by a person, as what, and those labelled by a field."""
 
     n_patches: int
     n_by_hand: int

@@ -55,6 +55,8 @@ def test_a_field_that_is_no_label_changes_nothing(capsys, tmp_path, field, messa
     ("options", "words"),
     [
         (["--conservative"], "--from-field"),
+        (["--from-field", "truth", "--model", "m.json"], "--model, --port and --no-browser are for the page"),
+        (["--from-field", "truth", "--no-browser"], "--model, --port and --no-browser are for the page"),
         (["--force"], "--from-field"),
     ],
 )

@@ -65,7 +65,7 @@ def write(folder, kind: str, notes, name: str = "map") -> str:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("order", ["<", ">"])
-def test_a_map_comes_back_to_the_last_bit(tmp_path, kind, order):
+def test_a_map_is_read_to_the_last_bit(tmp_path, kind, order):
     points = rows().astype(rows().dtype.newbyteorder(order))
     path = write(tmp_path, kind, lambda make: [Note("/map", START, message(make, START, points, "map", 3, 8))])
     cloud = read_cloud(path)

@@ -12,11 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapq.cloud import PointCloud
-from mapq.io import read_cloud, read_patches, write_patches, write_ply
-from mapq.io.describe import describe
+from mapq.io import read_cloud, write_ply
 from prf.shell.errors import InputError
 from tests.mapq.io.las_files import FOOT_WKT, geo_keys, las_bytes, wkt
-from tests.mapq.io.samples import patches, pcd, ply, table, text_rows
+from tests.mapq.io.samples import pcd, ply, table, text_rows
 from tests.mapq.io.test_ptx import TURNED, ptx
 
 
@@ -102,22 +101,6 @@ def damaged(draw):
     return name, data[: draw(st.integers(0, len(data)))] if draw(st.booleans()) else data
 
 
-NAN = np.array(0x7F800001, "<u4").view("<f4")
-"""A signalling one: numpy calls it invalid where a float64 is made of it."""
-BEYOND_REASON = {
-    "0.bin": np.array([[1, 2, 3, 0], [NAN, NAN, NAN, 0]], "<f4").tobytes(),
-    "a.3d": b"1 2 3\n1e308 inf 3\n",
-    "a.ptx": ptx(["1 2 3 0.5", "1e308 1e308 inf 0.5"], matrix=TURNED).encode(),
-}
-
-
-@pytest.mark.filterwarnings("error::RuntimeWarning")
-@pytest.mark.parametrize("name", BEYOND_REASON)
-def test_no_warnings_of_coordinates_beyond_reason(folder, name):
-    (folder / name).write_bytes(BEYOND_REASON[name])
-    check(str(folder / name))
-
-
 def test_the_whole_files_are_read(folder):
     for name, data in FILES.items():
         (folder / name).write_bytes(data)
@@ -138,20 +121,3 @@ def test_every_cut(folder, name):
     for end in range(0, len(data), max(1, len(data) // 20)):
         (folder / name).write_bytes(data[:end])
         check(str(folder / name))
-
-
-@settings(max_examples=50)
-@given(cut=st.booleans(), place=st.floats(0, 1), piece=st.binary(min_size=1, max_size=8))
-def test_damaged_patches(folder, cut, place, piece):
-    whole = folder / "whole.patches"
-    if not whole.exists():
-        write_patches(whole, patches())
-    data = whole.read_bytes()
-    at = int(place * (len(data) - 1))
-    path = folder / "damaged.patches"
-    path.write_bytes(data[:at] if cut else data[:at] + piece + data[at + len(piece) :])
-    for read in (read_patches, lambda name: describe(str(name))):
-        try:
-            read(path)
-        except InputError as error:
-            assert "\n" not in str(error)  # noqa: PT017 - nothing need be raised

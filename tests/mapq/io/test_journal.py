@@ -60,7 +60,7 @@ def test_a_journal_merged_twice_changes_nothing(saved):
 
 
 @pytest.mark.parametrize("n_bytes", [1, 20, 60])
-def test_a_last_line_that_is_cut_off_was_never_said(saved, n_bytes):
+def test_a_last_line_that_is_cut_off_does_not_count(saved, n_bytes):
     journal = add(saved, Event(3, SUSPICIOUS), Event(5, PLAUSIBLE))
     content = journal.file.read_bytes()
     journal.file.write_bytes(content[:-n_bytes])
@@ -77,7 +77,7 @@ def test_an_empty_journal_changes_nothing(saved):
     assert read_patches(saved).label[6] == PLAUSIBLE
 
 
-def test_labels_of_other_patches_are_left_alone_and_said(saved, caplog):
+def test_labels_of_other_patches_are_left_alone_with_a_warning(saved, caplog):
     add(saved, Event(3, SUSPICIOUS))
     write_patches(saved, draw_patches(2, n_walls=12, labelled=False))
     assert (read_patches(saved).label == UNLABELLED).all()
@@ -107,7 +107,7 @@ def test_another_version_is_refused(saved):
         read_patches(saved)
 
 
-def test_what_cannot_be_written_is_not_said(saved, monkeypatch):
+def test_what_cannot_be_written_does_not_count(saved, monkeypatch):
     journal = add(saved, Event(3, SUSPICIOUS))
     before = journal.file.read_bytes()
 

@@ -38,7 +38,7 @@ def test_a_size_that_does_not_divide(tmp_path):
 
 
 @pytest.mark.parametrize("n_columns", [3, 4])
-def test_content_that_speaks_for_the_other_number(tmp_path, n_columns):
+def test_content_that_shows_the_other_number(tmp_path, n_columns):
     path = save(tmp_path, "0.bin", scan(1200, n_columns).tobytes())
     assert f"Use --bin-columns {n_columns}" in refusal(read_cloud, path, ReadOptions(7 - n_columns))
 
@@ -51,7 +51,7 @@ def test_five_columns_as_nuscenes_has_them_are_not_taken_for_fewer(tmp_path, n_c
     assert "the file has 5. Save it as PLY or .npy" in line
 
 
-def test_content_that_does_not_speak_is_believed(tmp_path):
+def test_content_that_shows_nothing_is_read_as_given(tmp_path):
     points = np.random.default_rng(0).normal(size=(1200, 4)).astype("<f4")  # four columns of one size
     for n_columns in (3, 4):
         assert len(read_cloud(save(tmp_path, "0.bin", points.tobytes()), ReadOptions(n_columns))) == 4800 // n_columns

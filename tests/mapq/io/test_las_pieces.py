@@ -47,7 +47,7 @@ def test_only_chosen_fields_are_read(path):
         np.testing.assert_array_equal(np.concatenate([each.xyz for each in pieces]), cloud.xyz)
 
 
-def test_the_head_tells_points_box_and_unit(path):
+def test_the_head_has_points_box_and_unit(path):
     cloud, head = read_cloud(path), read_las_head(path, ReadOptions(unit=0.5))
     assert head.n_points == len(cloud)
     np.testing.assert_allclose(head.low, cloud.world().min(axis=0), atol=1e-9)

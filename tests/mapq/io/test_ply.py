@@ -55,7 +55,7 @@ def test_headers_of_the_wild(tmp_path):
 
 
 @pytest.mark.parametrize("order", ["<", ">", ""])
-def test_a_comment_that_speaks_of_the_end_of_the_header_is_none(tmp_path, order):
+def test_a_comment_may_name_the_end_of_the_header(tmp_path, order):
     rows = table()
     data = ply(rows, order).replace(b"end_header", b"comment all before end_header is text\nend_header")
     check_same(read_cloud(save(tmp_path, "a.ply", data)), rows)
@@ -111,7 +111,7 @@ def test_round_trip_is_exact(tmp_path, coordinates):
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
-def test_survey_coordinates_come_back(tmp_path, kind):
+def test_survey_coordinates_survive_a_round_trip(tmp_path, kind):
     world = (np.random.default_rng(0).uniform(0, 80, (40, 3)) + np.array([437_000, -5_428_000, 30])).astype(kind)
     cloud = PointCloud.from_world(world)
     assert cloud.shift.any()

@@ -116,7 +116,7 @@ def test_survey_coordinates_and_upper_case_names(clouds, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["1.2-with-color.las", "1.2-with-color.copc.laz", "autzen_trim.laz", "lone-star.laz"])
-def test_las_comes_back_to_the_last_bit(clouds, tmp_path, name):
+def test_las_is_written_to_the_last_bit(clouds, tmp_path, name):
     laspy = pytest.importorskip("laspy")
     path, copy = clouds / "pdal_formats" / name, tmp_path / "copy.laz"
     write_cloud(copy, read_cloud(str(path)))
