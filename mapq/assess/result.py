@@ -1,4 +1,4 @@
-"""`Result`: what a model says of a map, patch by patch, region by region, and as a whole."""
+"""`Result`: what a model infers about a map, patch by patch, region by region, and as a whole."""
 
 from __future__ import annotations
 
@@ -197,7 +197,7 @@ class Result:
 
     @cached_property
     def visits(self) -> Visits | None:
-        """Return when the points were seen; None where the cloud does not say."""
+        """Return when the points were seen; None where the cloud does not record it."""
         return self.seen.visits if self.seen is not None else visits_of(self.patches.cloud)
 
     @cached_property

@@ -29,7 +29,7 @@ from mapq.commands._options import (
 from prf.shell.options import Assignments, Force, Json, Output, Presets
 
 if TYPE_CHECKING:
-    from mapq.assess import Result
+    from mapq.assess import Region, Result
     from mapq.configuration import Configuration
     from mapq.io import ReadOptions
     from prf.shell.settings import Loaded
@@ -236,16 +236,24 @@ def _lines(result: Result, target: str) -> Iterator[str]:
     """Yield the table for a person, the verdict last; -v lists more regions, patches and reasons."""
     n_regions, n_worst, n_reasons = (5, 10, 3) if is_verbose() else (3, 1, 2)
     counts = result.counts
-    yield f"judged          {_judged(counts['coverage'])}"
-    yield (
-        f"points          {counts['n_points_suspicious']:,} of {counts['n_points_in_patches']:,} in patches suspicious"
-        f"{_percent(counts, 'points')}; {counts['n_points']:,} in all"
-    )
+    judged = "an unknown share of the surface: other planes were not counted"
+    if counts["coverage"] == counts["coverage"]:
+        judged = f"{counts['coverage']:.1%} of the surface: of the points on planes of any tilt"
+    yield f"judged          {judged}"
+    inside = f"{counts['n_points_suspicious']:,} of {counts['n_points_in_patches']:,} in patches suspicious"
+    yield f"points          {inside}{_percent(counts, 'points')}; {counts['n_points']:,} in all"
     if result.scans_apart == result.scans_apart:
         apart = f"{result.scans_apart:.3f} m in the median, {result.disagreement:.3f} m in the mean"
         yield f"scans disagree  {apart}, over the area that several saw"
-    yield from _cause_line(result)
-    yield from _region_lines(result, n_regions)
+    areas = result.area_by_cause()
+    if result.visits is not None and any(areas.values()):
+        named = ", ".join(f"{name} {area / sum(areas.values()):.0%}" for name, area in areas.items() if area)
+        yield f"causes          {named} of the suspicious area"
+    if result.regions:
+        shown = "" if len(result.regions) <= n_regions else f", the worst {n_regions}"
+        yield f"regions         {len(result.regions)} of connected suspicious patches{shown}:"
+    for number, region in enumerate(result.regions[:n_regions]):
+        yield f"  region {number:<5} {_region(result, region)}"
     worst = result.worst(n_worst)
     if worst:
         yield "most certainly suspicious, with reasons (log-odds):"
@@ -257,6 +265,19 @@ def _lines(result: Result, target: str) -> Iterator[str]:
     yield f"result          {target} and .json"
 
 
+def _region(result: Result, region: Region) -> str:
+    """Return size, place and cause of a region."""
+    x, y, z = region.centre.tolist()
+    size = " x ".join(f"{length:.1f}" for length in ((region.high - region.low) * result.patches.cloud.unit).tolist())
+    words = [f"{len(region.patches)} patch{'' if len(region.patches) == 1 else 'es'}"]
+    words.append(f"{region.area:.1f} m2 in {size} m at {x:.1f} {y:.1f} {z:.1f}")
+    if region.displacement == region.displacement:
+        words.append(f"surfaces {region.displacement:.2f} m apart")
+    if result.visits is not None:
+        words.append(next(iter(result.area_by_cause(region.patches))).replace("unknown", "cause unknown"))
+    return ", ".join(words)
+
+
 def _patch_lines(result: Result, patch: int, n_reasons: int) -> Iterator[str]:
     x, y, z = result.world_centroid(patch)
     p = result.probability[patch]
@@ -265,37 +286,6 @@ def _patch_lines(result: Result, patch: int, n_reasons: int) -> Iterator[str]:
         yield f"      {reason.log_odds:+.2f}  {reason.text}"
     if result.visits is not None:
         yield f"      cause  {result.causes[patch].kind}: {result.causes[patch].text}"
-
-
-def _judged(coverage: float) -> str:
-    if coverage != coverage:
-        return "an unknown share of the surface: other planes were not counted"
-    return f"{coverage:.1%} of the surface: of the points on planes of any tilt"
-
-
-def _cause_line(result: Result) -> Iterator[str]:
-    """Yield how much of the suspicious area has which cause, where it is known when the map was seen."""
-    area = result.area_by_cause()
-    whole = sum(area.values())
-    if result.visits is not None and whole:
-        named = ", ".join(f"{name} {value / whole:.0%}" for name, value in area.items() if value)
-        yield f"causes          {named} of the suspicious area"
-
-
-def _region_lines(result: Result, n_most: int) -> Iterator[str]:
-    regions = result.regions
-    unit = result.patches.cloud.unit
-    if regions:
-        shown = "" if len(regions) <= n_most else f", the worst {n_most}"
-        yield f"regions         {len(regions)} of connected suspicious patches{shown}:"
-    for number, region in enumerate(regions[:n_most]):
-        x, y, z = region.centre.tolist()
-        size = " x ".join(f"{length:.1f}" for length in ((region.high - region.low) * unit).tolist())
-        apart = "" if region.displacement != region.displacement else f", surfaces {region.displacement:.2f} m apart"
-        n_patches = f"{len(region.patches)} patch{'' if len(region.patches) == 1 else 'es'}"
-        cause = "" if result.visits is None else f", {next(iter(result.area_by_cause(region.patches)))}"
-        where = f"{region.area:.1f} m2 in {size} m at {x:.1f} {y:.1f} {z:.1f}"
-        yield f"  region {number:<5} {n_patches}, {where}{apart}{cause.replace('unknown', 'cause unknown')}"
 
 
 def _percent(counts: dict[str, Any], of: str) -> str:

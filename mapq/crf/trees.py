@@ -31,7 +31,7 @@ RISING = {
     "over_facing_away": -1,
     **copies.COLUMNS,
 }
-"""Columns that can only speak for an error where they rise, 1, or against it, -1; the others may do either."""
+"""Columns of which a larger value makes an error only more likely, 1, or less, -1; the others may do either."""
 
 OF_SCANS = (*NODE_COLUMNS["moments"], "over_facing_away")
 """Columns that are not known where it is not known when and from where a map was seen."""
