@@ -1,27 +1,10 @@
 "use strict";
 // Shared by the report and the labelling page: colours, points and outlines of patches, and pieces of pages.
 const Views = (() => {
+  // Pale and deep colour of each label.
   const PALETTES = {
-    "blue-red": {
-      plausible: [
-        [176, 203, 235],
-        [22, 82, 164],
-      ],
-      suspicious: [
-        [247, 178, 164],
-        [205, 20, 24],
-      ],
-    },
-    "colour-blind": {
-      plausible: [
-        [158, 196, 226],
-        [0, 74, 136],
-      ],
-      suspicious: [
-        [253, 217, 142],
-        [214, 120, 0],
-      ],
-    },
+    "blue-red": { plausible: [[176, 203, 235], [22, 82, 164]], suspicious: [[247, 178, 164], [205, 20, 24]] },
+    "colour-blind": { plausible: [[158, 196, 226], [0, 74, 136]], suspicious: [[253, 217, 142], [214, 120, 0]] },
   };
   const LOOSE = [198, 203, 207],
     INK = "#1b2126",

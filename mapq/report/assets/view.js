@@ -30,11 +30,7 @@ Views.View = (() => {
     axes() {
       const [turn, rise] = this.eye || [-Math.PI / 2, Math.PI / 2];
       const [ct, st, cr, sr] = [Math.cos(turn), Math.sin(turn), Math.cos(rise), Math.sin(rise)];
-      return [
-        [-st, ct, 0],
-        [-sr * ct, -sr * st, cr],
-        [cr * ct, cr * st, sr],
-      ];
+      return [[-st, ct, 0], [-sr * ct, -sr * st, cr], [cr * ct, cr * st, sr]];
     }
     show(box) {
       this.fitted = { box };
@@ -127,11 +123,7 @@ Views.View = (() => {
       pen.fillStyle = css(mark.points);
       this.eachPoint(this.look.selected, (px, py) => pen.fillRect(px - half, py - half, 2 * half, 2 * half));
       this.path(pen, this.look.selected);
-      for (const [width, style] of [
-        [7, "#fff"],
-        [4.5, css(mark.line)],
-        [1.5, css(mark.points)],
-      ]) {
+      for (const [width, style] of [[7, "#fff"], [4.5, css(mark.line)], [1.5, css(mark.points)]]) {
         pen.lineWidth = width * this.density;
         pen.strokeStyle = style;
         pen.stroke();
