@@ -8,9 +8,10 @@ from typing import Any, ClassVar, Literal
 
 from mapq.crf.settings import TrainSettings
 from mapq.features.settings import CONTEXTS, FeatureSettings
+from mapq.io.options import ReadOptions
 from mapq.segmentation.settings import SegmentSettings
 from prf.shell.errors import UsageError
-from prf.shell.settings import Loaded, Table, Tree, key, load
+from prf.shell.settings import Loaded, Table, Tree, key, load_options
 
 Direction = tuple[float, float, float]
 
@@ -37,6 +38,23 @@ class Segment(Table):
     def settings(self) -> SegmentSettings:
         """Return what the segmentation takes."""
         return SegmentSettings(**self.model_dump())
+
+
+class Cloud(Table):
+    """How a cloud is read (docs/clouds.md), by segment, classify, inspect and perturb."""
+
+    bin_columns: Literal[3, 4] = key(4, "", "columns of a KITTI .bin: 4 with intensity, or 3")
+    unit: float | None = key(None, "m", "unit of the coordinates; that of a LAS file, else metres")
+    topic: str | None = key(None, "", "topic of the clouds in a ROS bag; the only one")
+    frame: str | None = key(None, "", "frame of the map in a ROS bag, to which tf leads; map")
+
+    def check(self) -> None:
+        """Refuse values outside their domains."""
+        self.options()
+
+    def options(self) -> ReadOptions:
+        """Return what readers take."""
+        return ReadOptions(**self.model_dump())
 
 
 class Features(Table):
@@ -147,6 +165,7 @@ class Configuration(Tree):
 
     PACKAGE: ClassVar[str] = "mapq"
 
+    cloud: Cloud = Cloud()
     segment: Segment = Segment()
     features: Features = Features()
     crf: Crf = Crf()
@@ -155,19 +174,8 @@ class Configuration(Tree):
 
 
 def load_configuration(options: Mapping[str, Any], *tables: str) -> Loaded[Configuration]:
-    """Return what the options of a verb ask for.
-
-    `options`: ``config``, ``preset``, ``assignments``, and keys of `tables`; the rest is passed over. `tables`: whose
-    keys may be flags. Raises InputError, ConfigError as :func:`prf.shell.settings.load`.
-    """
-    flags = {
-        f"{table}.{name}": options[name]
-        for table in tables
-        for name in Configuration.tables()[table].model_fields
-        if name in options
-    }
-    path, presets, assignments = (options.get(name) for name in ("config", "preset", "assignments"))
-    return load(Configuration, path, presets or (), assignments or (), flags)
+    """Return what the options of a verb that reads `tables` ask for, see :func:`prf.shell.settings.load_options`."""
+    return load_options(Configuration, options, tables)
 
 
 def sources_of(loaded: Loaded[Configuration], table: str) -> dict[str, str]:

@@ -174,7 +174,7 @@ class Patches:
             If the file exists and may not be replaced (`force`), or cannot be written.
         """
         from mapq.io.patches import write_patches
-        from prf.shell.files import refuse_existing
+        from prf.shell.outputs import refuse_existing
 
         refuse_existing(path, force)
         write_patches(path, self)

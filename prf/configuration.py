@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Literal, Self
 
 from prf.arak import checked_scale
@@ -13,7 +12,7 @@ from prf.sensors.laser import LaserModel
 from prf.sensors.points import PointModel
 from prf.sensors.sonar import SonarModel
 from prf.shell.errors import ConfigError
-from prf.shell.settings import Loaded, Table, Tree, build, key, load
+from prf.shell.settings import NOTHING, Loaded, Table, Tree, build, key, load_options
 from prf.thinning import BEAM_DENSITY
 from prf.window import LARGEST_RANGE, Window
 
@@ -138,7 +137,7 @@ class Readings(Table):
 
 
 class Driven(Table):
-    """What the way driven says (docs/driven-way.md)."""
+    """What follows from the way driven (docs/driven-way.md)."""
 
     radius: float = key(0.1, "m", "of the disc that was free all along the way; 0: unknown", ge=0.0, le=LARGEST_RANGE)
     poses: DrivenPoses = key("used", "", "used: the way of the scans in use; all: of the whole log")
@@ -178,7 +177,7 @@ class Grid(Table):
 
     method: Literal["count", "log-odds"] = key("count", "", "count hits and misses, or add clamped log odds")
     resolution: float = key(0.1, "m", "side of a cell", gt=0.0)
-    no_return: Literal["free", "ignore"] = key("ignore", "", "what laser beams without return say of their cells")
+    no_return: Literal["free", "ignore"] = key("ignore", "", "what laser beams without return mean for their cells")
     hit_probability: float = key(0.7, "", "log-odds: occupied, given one hit", gt=0.5, lt=1.0)
     miss_probability: float = key(0.4, "", "log-odds: occupied, given one miss", gt=0.0, lt=0.5)
     clamp: float = key(3.5, "", "log-odds: stay within plus and minus this", gt=0.0)
@@ -189,6 +188,21 @@ class Anneal(Table):
     """The search for the best map (docs/scores.md)."""
 
     coldest: float = key(0.003, "", "temperature before the last steps, which accept no loss")
+
+
+class Simulate(Table):
+    """Robot, laser and sonar of a simulation (docs/simulation.md), by simulate."""
+
+    robot_radius: float = key(0.25, "m", "distance kept from walls")
+    spacing: float | None = key(None, "m", "driven from scan to scan; 0.5, or for --readings in one drive")
+    beams: int = key(180, "", "of a scan of the laser")
+    field_of_view: float = key(math.pi, "rad", "of the laser, symmetric to ahead")
+    max_range: float = key(30.0, "m", "of the laser")
+    noise: float = key(0.03, "m", "standard deviation of a range of the laser")
+    noise_relative: float = key(0.01, "", "the same as a share of the distance")
+    outlier_probability: float = key(0.003, "", "share of outliers of the laser")
+    miss_probability: float = key(0.02, "", "share of the laser's beams without return from a wall")
+    sonar_max_range: float = key(8.0, "m", "of the sonar")
 
 
 PREFIXES: Mapping[str, str] = {"sonar": "sonar_", "points": "points_", "driven": "driven_"}
@@ -211,6 +225,7 @@ class Configuration(Tree):
     sampler: Sampler = Sampler()
     grid: Grid = Grid()
     anneal: Anneal = Anneal()
+    simulate: Simulate = Simulate()
 
     @classmethod
     def flag(cls, place: str) -> str:
@@ -223,13 +238,7 @@ class Configuration(Tree):
 
     @classmethod
     def of(cls, **values: Any) -> Self:
-        """Return the configuration with these values, by the names that manifests have.
-
-        Raises
-        ------
-        ConfigError
-            If a name is unknown, or a value cannot be used.
-        """
+        """Return the configuration with these values, by the names that manifests have."""
         return cls().replace(**values)
 
     def replace(self, **changes: Any) -> Self:
@@ -256,30 +265,8 @@ def _in_manifest() -> list[str]:
 
 def load_configuration(
     options: Mapping[str, Any],
-    defaults: Mapping[str, Any] = MappingProxyType({}),
+    defaults: Mapping[str, Any] = NOTHING,
     tables: Sequence[str] = IN_MANIFEST,
 ) -> Loaded[Configuration]:
-    """Return what the options of a verb ask for.
-
-    Parameters
-    ----------
-    options : mapping of str to Any
-        ``config``, ``preset``, ``assignments``, and flags by the names that manifests have; the rest is passed over.
-    defaults : mapping of str to Any
-        ``TABLE.KEY`` to a default of this verb.
-    tables : sequence of str
-        Whose keys may be flags.
-
-    Raises
-    ------
-    InputError, ConfigError
-        As :func:`prf.shell.settings.load`.
-    """
-    keys = {flat_name(f"{table}.{name}"): f"{table}.{name}" for table in tables for name in _fields(table)}
-    flags = {place: options[name] for name, place in keys.items() if name in options}
-    path, presets, assignments = (options.get(name) for name in ("config", "preset", "assignments"))
-    return load(Configuration, path, presets or (), assignments or (), flags, defaults)
-
-
-def _fields(table: str) -> Iterable[str]:
-    return Configuration.tables()[table].model_fields
+    """Return what the options of a verb that reads `tables` ask for, see :func:`prf.shell.settings.load_options`."""
+    return load_options(Configuration, options, tables, defaults)

@@ -11,7 +11,9 @@ from prf.configuration import Configuration, flat_name, load_configuration
 from prf.sensors.laser import LaserModel
 from prf.sensors.points import PointModel
 from prf.sensors.sonar import SonarModel
-from prf.shell.errors import ConfigError
+from prf.shell.errors import ConfigError, UsageError
+from prf.simulate import SimulateConfig, config_of
+from prf.simulate.sonar import SonarPhysics
 
 
 def test_every_parameter_of_the_models_is_a_key() -> None:
@@ -62,8 +64,15 @@ def test_what_cannot_be_is_refused(values: dict[str, object], words: str) -> Non
 
 
 def test_options_of_a_verb_are_found_by_name() -> None:
-    options = {"noise": 0.1, "scale": None, "resolution": 0.5, "assignments": ["grid.clamp=2"], "json": True}
+    options = {"noise": 0.1, "scale": None, "resolution": 0.5, "assignments": ["points.sigma=2"], "json": True}
     found = load_configuration(options)
-    assert (found.settings.laser.noise, found.settings.sampler.resolution, found.settings.grid.clamp) == (0.1, 0.5, 2.0)
+    assert (found.settings.laser.noise, found.settings.sampler.resolution, found.settings.points.sigma) == (0.1, 0.5, 2)
     assert found.sources["sampler.resolution"] == "--resolution"
-    assert load_configuration(options, tables=("grid",)).settings.grid.resolution == 0.5
+    with pytest.raises(UsageError, match=r"^--set points\.sigma: \[points\] is not read here\. Set a key of grid\."):
+        load_configuration(options, tables=("grid",))
+    assert load_configuration({"resolution": 0.5}, tables=("grid",)).settings.grid.resolution == 0.5
+
+
+def test_the_defaults_of_a_simulation_are_those_of_its_sensors() -> None:
+    found = config_of(Configuration().simulate, "office", laser=True, sonar=True, size=None)
+    assert found == SimulateConfig(sonar=SonarPhysics())

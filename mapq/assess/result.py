@@ -28,8 +28,8 @@ from mapq.io.results import json_beside, result_cloud, write_result
 from mapq.model import Model
 from mapq.patches import SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.errors import ArgumentError
-from prf.shell.files import refuse_existing
 from prf.shell.manifest import describe_process
+from prf.shell.outputs import refuse_existing
 from prf.shell.progress import Reporter
 
 if TYPE_CHECKING:

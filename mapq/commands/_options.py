@@ -39,10 +39,6 @@ def parse_share(text: str) -> float:
     return share
 
 
-BinColumns = Annotated[
-    int,
-    typer.Option("--bin-columns", metavar="N", min=3, max=4, help="Columns of a KITTI .bin: 4 with intensity, or 3."),
-]
 Unit = Annotated[
     float | None,
     typer.Option(
@@ -54,9 +50,6 @@ Unit = Annotated[
 ]
 Topic = Annotated[
     str | None, typer.Option("--topic", metavar="NAME", help="Topic of the clouds in a ROS bag.  [the only one]")
-]
-Frame = Annotated[
-    str | None, typer.Option("--frame", metavar="NAME", help="Frame of the map in a ROS bag, to which tf leads.  [map]")
 ]
 Workers = Annotated[
     int | None,

@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mapq.commands._options import (
-    BinColumns,
     Config,
-    Frame,
     MaxFalseAlarms,
     MaxTilt,
     ModelFile,
@@ -56,10 +54,8 @@ def classify(
     config: Config = None,
     preset: Presets = None,
     assignments: Assignments = None,
-    bin_columns: BinColumns = 4,
     unit: Unit = None,
     topic: Topic = None,
-    frame: Frame = None,
     max_tilt: MaxTilt = None,
     fail_over: Annotated[
         float | None,
@@ -100,13 +96,13 @@ def classify(
     """
     from mapq.assess import MIN_COVERAGE
     from mapq.configuration import load_configuration
-    from mapq.io import ReadOptions
     from mapq.io.results import result_lines
     from prf.shell import console, jsonout
 
-    given = {"config": config, "preset": preset, "assignments": assignments, "max_tilt": max_tilt}
-    chosen = load_configuration({**given, "max_false_alarms": max_false_alarms}, "segment", "crf")
-    options = ReadOptions(bin_columns, unit, topic, frame)
+    given: dict[str, object] = {"config": config, "preset": preset, "assignments": assignments, "max_tilt": max_tilt}
+    given |= {"unit": unit, "topic": topic, "max_false_alarms": max_false_alarms}
+    chosen = load_configuration(given, "cloud", "segment", "crf")
+    options = chosen.settings.cloud.options()
     limits = fail_over, MIN_COVERAGE if min_coverage is None else min_coverage
     how = {"n_workers": workers, "scheduler": scheduler, "tile_points": tile_points}
     how = {name: value for name, value in how.items() if value is not None}
@@ -140,7 +136,8 @@ def _classify(
     from mapq.io import is_patches
     from mapq.io.results import claim_result, json_beside
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM, refuse_inputs
+    from prf.shell.files import STREAM
+    from prf.shell.outputs import refuse_inputs
 
     file, model, _ = inputs
     assert file is not None
@@ -177,7 +174,7 @@ def _classify_tiles(
     from mapq.tiled.output import CLOUD_SUFFIXES
     from mapq.tiled.run import TileSettings, classify_map
     from prf.shell.errors import UsageError
-    from prf.shell.files import refuse_inputs
+    from prf.shell.outputs import refuse_inputs
 
     if is_patches(file):
         raise UsageError(f"{file} is segmented already: tiles are for clouds. Leave --workers and the like out.")

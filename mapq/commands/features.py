@@ -51,7 +51,7 @@ def features(
     if csv and json:
         raise UsageError("--csv and --json do not go together.")
     given = {"config": config, "preset": preset, "assignments": assignments}
-    settings = load_configuration(given).settings.features.settings()
+    settings = load_configuration(given, "features").settings.features.settings()
     found = read_patches(patches).features(settings, progress=True)
     if found.n_clipped:
         logger.warning("%s: %d values were infinite, undefined or beyond 1e6 and were cut.", patches, found.n_clipped)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapq.commands._options import BinColumns, Frame, Topic, Unit
-from prf.shell.options import Json
+from mapq.commands._options import Topic, Unit
+from prf.shell.options import Assignments, Json
 
 if TYPE_CHECKING:
     from mapq.io.describe import CloudSummary, Description, FieldSummary, PatchSummary
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "mapq inspect map.pcd",
     "mapq inspect survey.laz --json",
-    "mapq inspect scan.bin --bin-columns 3",
+    "mapq inspect scan.bin --set cloud.bin_columns=3",
 )
 
 
@@ -29,10 +29,9 @@ def inspect(
             "also gzipped), PATCHES, a RESULT (also a folder of tiles) or a model; - is standard input.",
         ),
     ],
-    bin_columns: BinColumns = 4,
     unit: Unit = None,
     topic: Topic = None,
-    frame: Frame = None,
+    assignments: Assignments = None,
     json: Json = False,
 ) -> None:
     """Show the contents of a file: a cloud, PATCHES, a RESULT, or a model.
@@ -40,11 +39,12 @@ def inspect(
     The kind is recognised from the content. Of points it shows extent, fields and spacing (median distance to the
     nearest neighbour, on a sample); of patches the counts, labels and parameters; of a model its entries.
     """
-    from mapq.io import ReadOptions
+    from mapq.configuration import load_configuration
     from mapq.io.describe import describe
     from prf.shell import console, jsonout
 
-    summary = describe(file, ReadOptions(bin_columns, unit, topic, frame))
+    given = {"assignments": assignments, "unit": unit, "topic": topic}
+    summary = describe(file, load_configuration(given, "cloud").settings.cloud.options())
     if json:
         jsonout.emit_object("mapq.inspect/1", jsonout.jsonable(summary))
     else:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from mapq.commands._options import BinColumns, Config
+from mapq.commands._options import Config
 from prf.shell.options import Assignments, Force, Json, Output, Seed
 
 logger = logging.getLogger(__name__)
@@ -39,7 +39,6 @@ def perturb(
             "--calibration", metavar="FILE", help="KITTI's calib.txt; none: poses are the laser's.  [beside the poses]"
         ),
     ] = None,
-    bin_columns: BinColumns = 4,
     every: Annotated[int, typer.Option("--every", metavar="K", min=1, help="Take scans 0, K, 2K and so on.")] = 1,
     submaps: Annotated[
         bool, typer.Option("--submaps", help="Scans are sub-maps of a drive, without a single sensor.")
@@ -79,12 +78,13 @@ def perturb(
     from mapq.perturb.files import SCHEMA, target_files, write_map
     from mapq.posed import FindSettings, find_scans, replace_poses
     from prf.shell import console, jsonout
-    from prf.shell.files import refuse_inputs
+    from prf.shell.outputs import refuse_inputs
     from prf.shell.progress import progress
     from prf.shell.seeds import resolve_seed
 
-    chosen = load_configuration({"config": config, "assignments": assignments}).settings.perturb
-    find = FindSettings(poses, calibration, pattern, chosen.quaternion, bin_columns)
+    loaded = load_configuration({"config": config, "assignments": assignments}, "perturb", "cloud").settings
+    chosen = loaded.perturb
+    find = FindSettings(poses, calibration, pattern, chosen.quaternion, loaded.cloud.bin_columns)
     posed = find_scans(scans, find)
     targets = target_files(output, force)
     refuse_inputs(targets, [*posed.names, poses, reference, calibration])

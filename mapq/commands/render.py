@@ -65,8 +65,8 @@ def render(
     from mapq.io import ReadOptions
     from mapq.render import read_picture
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM, refuse_inputs
-    from prf.shell.lock import claim_output
+    from prf.shell.files import STREAM
+    from prf.shell.outputs import claim_output
     from prf.shell.pictures import picture_format, save
 
     if (colour is Colour.field) != (field is not None):
@@ -74,8 +74,7 @@ def render(
     options = ReadOptions(unit=unit)
     target = output or f"{PurePath(file).stem if file != STREAM else 'map'}.png"
     picture_format(target)
-    claim_output(target, force)
-    refuse_inputs([target], [file])
+    claim_output(target, force, inputs=[file])
     picture = read_picture(file, colour.value if colour is not None else None, field, options)
     save(picture.draw(("plan", "3d") if view is View.both else (view.value,)), target)
     if target != STREAM:

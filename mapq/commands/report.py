@@ -41,15 +41,12 @@ def report(
     words. Of a result in tiles a part of the points is read. Without -o it is report.html in the current folder.
     """
     from mapq.report import read_findings, write_report
-    from prf.shell.files import STREAM, refuse_inputs
-    from prf.shell.lock import claim_output
-    from prf.shell.output_names import refuse_other_format
+    from prf.shell.files import STREAM
+    from prf.shell.outputs import claim_output
 
     target = output or "report.html"
-    claim_output(target, force)
-    advice = "a report is a page of HTML. Name a .html; mapq render draws pictures."
-    refuse_other_format(target, (".html", ".htm"), advice)
-    refuse_inputs([target], [result, os.path.splitext(result)[0] + ".json"])
+    inputs = [result, os.path.splitext(result)[0] + ".json"]
+    claim_output(target, force, inputs=inputs, suffixes=(".html", ".htm"))
     findings = read_findings(result)
     written = write_report(target, findings, title, max_points)
     if not len(findings.label):

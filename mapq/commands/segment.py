@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import BinColumns, Config, Frame, MaxTilt, Topic, Unit, beside, is_verbose
+from mapq.commands._options import Config, MaxTilt, Topic, Unit, beside, is_verbose
 from prf.shell.options import Assignments, Force, Json, Output, Presets
 
 if TYPE_CHECKING:
@@ -32,10 +32,8 @@ def segment(
     preset: Presets = None,
     assignments: Assignments = None,
     max_tilt: MaxTilt = None,
-    bin_columns: BinColumns = 4,
     unit: Unit = None,
     topic: Topic = None,
-    frame: Frame = None,
     json: Json = False,
     force: Force = False,
 ) -> None:
@@ -49,22 +47,17 @@ def segment(
     from mapq.api import segment as cut
     from mapq.configuration import load_configuration, sources_of
     from mapq.features import measure_shapes
-    from mapq.io import ReadOptions
     from mapq.io.patches import write_patches
     from prf.shell import jsonout
-    from prf.shell.files import refuse_inputs
-    from prf.shell.lock import claim_output
-    from prf.shell.output_names import refuse_other_format
-    from prf.shell.streams import refuse_json_beside, say_beside
+    from prf.shell.console import say_beside
+    from prf.shell.outputs import claim_output
 
     target = output or _default_target(cloud)
-    refuse_json_beside(target, json)
-    claim_output(target, force)
-    refuse_other_format(target, (".npz",), "patches are written as a .patches file. Name one; mapq render draws it.")
-    refuse_inputs([target], [cloud, config])
-    given = {"config": config, "preset": preset, "assignments": assignments, "max_tilt": max_tilt}
-    chosen = load_configuration(given, "segment")
-    patches = cut(read_cloud(cloud, ReadOptions(bin_columns, unit, topic, frame)), chosen.settings.segment.settings())
+    claim_output(target, force, inputs=[cloud, config], suffixes=(".patches", ".npz"), json=json)
+    given: dict[str, object] = {"config": config, "preset": preset, "assignments": assignments, "max_tilt": max_tilt}
+    given |= {"unit": unit, "topic": topic}
+    chosen = load_configuration(given, "cloud", "segment")
+    patches = cut(read_cloud(cloud, chosen.settings.cloud.options()), chosen.settings.segment.settings())
     report = {**patches.report, "area": float(measure_shapes(patches).area.sum())}
     patches = dataclasses.replace(patches, report={**report, "sources": sources_of(chosen, "segment")})
     write_patches(target, patches)

@@ -61,22 +61,21 @@ def simulate(
     from mapq.io.write import check_name
     from mapq.simulate import Settings, simulate_with_report
     from prf.shell import jsonout
+    from prf.shell.console import say_beside
     from prf.shell.errors import UsageError
-    from prf.shell.lock import claim_output
+    from prf.shell.outputs import claim_output
     from prf.shell.progress import progress
     from prf.shell.seeds import resolve_seed
-    from prf.shell.streams import refuse_json_beside, say_beside
 
     if output is None:
         raise UsageError("the map has no name. Give one with -o MAP.ply.")
-    refuse_json_beside(output, json)
-    chosen = load_configuration({"config": config, "assignments": assignments}).settings.simulate
+    chosen = load_configuration({"config": config, "assignments": assignments}, "simulate").settings.simulate
     changes = {**chosen.model_dump(), "n_points": n_points, "drift": drift}
     if size == CITY:
         _make_city(output, changes, resolve_seed(seed), force, json)
         return
     check_name(output)
-    claim_output(output, force)
+    claim_output(output, force, json=json)
     settings, used_seed = Settings.of_size(size, changes), resolve_seed(seed)
     with progress(1.0, "casting beams") as bar:
         simulation = simulate_with_report(settings, used_seed, bar.update)
@@ -96,7 +95,7 @@ def _make_city(folder: str, changes: dict[str, Any], seed: int, force: bool, jso
     from prf.shell import console, jsonout
     from prf.shell.errors import OutputExists, UsageError
     from prf.shell.files import STREAM
-    from prf.shell.lock import claim, claim_output
+    from prf.shell.outputs import claim, claim_output
     from prf.shell.progress import progress
 
     others = [name for name, value in changes.items() if value is not None and name != "n_points"]

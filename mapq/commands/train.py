@@ -67,22 +67,18 @@ def train(
     from mapq.crf.calibration import with_false_alarms
     from mapq.io.models import SCHEMA, model_content, write_model
     from prf.shell import jsonout
-    from prf.shell.files import refuse_inputs
-    from prf.shell.lock import claim_output
-    from prf.shell.output_names import refuse_other_format
-    from prf.shell.streams import refuse_json_beside, say_beside
+    from prf.shell.console import say_beside
+    from prf.shell.outputs import claim_output
 
     target = output or "model.json"
-    refuse_json_beside(target, json)
-    given = {"objective": objective, "max_false_alarms": max_false_alarms}
-    chosen = load_configuration({"config": config, "preset": preset, "assignments": assignments, **given}, "crf")
+    given: dict[str, object] = {"config": config, "preset": preset, "assignments": assignments}
+    given |= {"objective": objective, "max_false_alarms": max_false_alarms}
+    chosen = load_configuration(given, "features", "crf")
     sources = {table: sources_of(chosen, table) for table in ("features", "crf")}
     reading, settings = chosen.settings.features.settings(), chosen.settings.crf.settings()
     if reading.reading == "literal" and "potential" not in sources["crf"]:
         settings = dataclasses.replace(settings, potential="linear")
-    claim_output(target, force)
-    refuse_other_format(target, (), "a model is written as JSON. Name a .json.")
-    refuse_inputs([target], [*patches, config])
+    claim_output(target, force, inputs=[*patches, config], suffixes=(".json",), json=json)
     model = fit(patches, settings, reading, conservative=conservative)
     model = dataclasses.replace(model, training={**model.training, "sources": sources})
     share = chosen.settings.crf.max_false_alarms

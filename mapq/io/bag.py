@@ -146,7 +146,7 @@ def _poses(bag: Bag, scans: list[_Scan], named: str | None) -> Rigid | None:
             tops = ", ".join([*tree.roots_above(frame), frame])
             raise InputError(
                 f"{bag.source}: {m} clouds in frame {frame}, and tf does not lead there from {fixed}. Choose the frame "
-                f"of the map with --frame, one of: {tops}; {frame} takes the clouds as they are."
+                f"of the map by --set cloud.frame=NAME, one of: {tops}; {frame} takes the clouds as they are."
             )
         found.shift[rows], found.turn[rows], found.known[rows] = poses
     return found

@@ -33,7 +33,7 @@ def read_kitti(content: Content, options: ReadOptions) -> PointCloud:
     data, source, width = content.data(), content.source, options.bin_columns
     other = 7 - width
     if len(data) % (4 * width):
-        hint = f" It divides by {4 * other}: --bin-columns {other}?" if len(data) % (4 * other) == 0 else ""
+        hint = f" It divides by {4 * other}: --set cloud.bin_columns={other}?" if len(data) % (4 * other) == 0 else ""
         raise InputError(f"{source}: {len(data)} bytes are no whole number of points of {width} float32 columns.{hint}")
     values = np.frombuffer(data, "<f4")
     size = np.abs(values)
@@ -41,7 +41,7 @@ def read_kitti(content: Content, options: ReadOptions) -> PointCloud:
         raise InputError(f"{source}: the content is no float32 coordinates, so this is no .bin of KITTI.")
     likely = _likely_columns(size, width)
     if likely != width:
-        advice = f"Use --bin-columns {likely}" if likely <= len(NAMES) else "Save it as PLY or .npy"
+        advice = f"Use --set cloud.bin_columns={likely}" if likely <= len(NAMES) else "Save it as PLY or .npy"
         raise InputError(
             f"{source}: read with {width} columns, all of them mix x, y and z; the file has {likely}. {advice}."
         )

@@ -35,9 +35,9 @@ class ReadOptions:
     def __post_init__(self) -> None:
         """Check the values."""
         if self.bin_columns not in (3, 4):
-            raise UsageError(f"--bin-columns {self.bin_columns} is neither 3 nor 4.")
+            raise UsageError(f"bin_columns {self.bin_columns} is neither 3 nor 4.")
         if self.unit is not None and not 1e-9 <= self.unit <= 1e6:
-            raise UsageError(f"--unit {self.unit:g} is not a length from 1e-09 to 1e+06 m.")
+            raise UsageError(f"unit {self.unit:g} is not a length from 1e-09 to 1e+06 m.")
 
     def refuse_unit(self, path: str) -> None:
         """Raise UsageError if a unit is given for the PATCHES file `path`, which holds its own."""

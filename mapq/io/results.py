@@ -22,11 +22,10 @@ from mapq.io.fields import original_names
 from mapq.io.write import check_name, write_cloud
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from prf.shell.errors import InputError, UsageError
-from prf.shell.files import STREAM, atomic_write, open_input
+from prf.shell.files import STREAM, atomic_write, open_input, together
 from prf.shell.jsonout import dump_object, jsonable
-from prf.shell.lock import claim_output
+from prf.shell.outputs import claim_output
 from prf.shell.storage import check_schema, load_object
-from prf.shell.together import together
 
 Row = dict[str, Any]
 
@@ -58,7 +57,7 @@ def json_beside(path: str) -> str:
 
 
 def claim_result(path: str, force: bool) -> None:
-    """Refuse or hold both files of the result, as :func:`prf.shell.lock.claim_output`."""
+    """Refuse or hold both files of the result, as :func:`prf.shell.outputs.claim_output`."""
     check_name(path)
     for name in (path, json_beside(path)):
         claim_output(name, force)

@@ -9,7 +9,7 @@ from mapq.cloud import PointCloud
 from mapq.io.las_write import write_las
 from mapq.io.ply import write_ply
 from prf.shell.errors import UsageError
-from prf.shell.output_names import refuse_other_format
+from prf.shell.outputs import refuse_other_format
 
 LAS_SUFFIXES = (".las", ".laz")
 
@@ -34,6 +34,6 @@ def check_name(path: str | os.PathLike[str]) -> None:
     if os.fspath(path).lower().endswith(".copc.laz"):
         raise UsageError(f"{path}: COPC is not written, only plain LAZ. Name a .laz without .copc.")
     written = (".ply", *LAS_SUFFIXES)
-    refuse_other_format(path, written, "clouds are written as PLY, LAS or LAZ. Name a .ply, .las or .laz.")
+    refuse_other_format(path, written)
     if os.fspath(path).lower().endswith(LAS_SUFFIXES) and find_spec("laspy") is None:
         raise UsageError(f"{path}: LAS is written with laspy. Install prf-mapq[las] and try again, or name a .ply.")

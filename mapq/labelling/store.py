@@ -17,8 +17,8 @@ from mapq.io.journal import Event, Journal, fingerprint, journal_beside, read_jo
 from mapq.io.patches import parse_stored, read_patches, write_patches
 from mapq.patches import FROM_FIELD, FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.errors import OutputError
-from prf.shell.files import open_input, refuse_existing
-from prf.shell.lock import exclusive
+from prf.shell.files import open_input
+from prf.shell.outputs import exclusive, refuse_existing
 
 T = TypeVar("T")
 

@@ -15,9 +15,8 @@ from mapq.io.results import claim_result, json_beside, result_lines
 from mapq.io.write import LAS_SUFFIXES, write_cloud
 from mapq.tiled.source import Map, Source
 from prf.shell.errors import OutputExists, UsageError
-from prf.shell.files import STREAM, atomic_write
-from prf.shell.lock import claim, claim_output
-from prf.shell.together import together
+from prf.shell.files import STREAM, atomic_write, together
+from prf.shell.outputs import claim, claim_output
 
 CLOUD_SUFFIXES = (*LAS_SUFFIXES, ".ply")
 COPC = ".copc.laz"

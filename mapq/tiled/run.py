@@ -36,8 +36,8 @@ from mapq.tiled.store import Store
 from mapq.tiled.tiling import HALO_IN_GAPS, HALO_IN_SPACING, Counts, Tiling, cells_of, keys_of, make_tiling
 from mapq.tiled.workers import Workers, open_workers
 from prf.shell.errors import InputError, UsageError
+from prf.shell.files import work_folder
 from prf.shell.progress import Reporter, progress
-from prf.shell.work import work_folder
 
 TILE_POINTS = 2_500_000
 """Points of a tile, about: a worker needs half a gigabyte for them, and at most as much again."""

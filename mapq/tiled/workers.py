@@ -16,7 +16,8 @@ from typing import Any
 
 from mapq import __version__
 from prf.shell.errors import InputError, PrfError
-from prf.shell.scheduler import Cluster
+from prf.shell.extras import require
+from prf.shell.scheduler import open_client
 
 Workers = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 """Yields what a function returns for each task, in their order."""
@@ -30,15 +31,12 @@ def open_workers(n_workers: int, scheduler: str | None) -> Iterator[Workers]:
     """Give what maps a function over tasks.
 
     `n_workers`: processes on this machine; one is this process. `scheduler`: address of a Dask scheduler, whose workers
-    are used instead. They must see the files of the map and the work folder under the same names. Raises ConfigError,
-    InputError as :class:`prf.shell.scheduler.Cluster`; InputError also if workers are lost.
+    are used instead. They must see the files of the map and the work folder under the same names. Errors as
+    :func:`prf.shell.scheduler.open_client`; InputError also if workers are lost.
     """
     if scheduler is not None:
-        cluster = Cluster(scheduler, "mapq", _version)
-        try:
-            yield lambda function, tasks: _on_cluster(cluster, scheduler, function, tasks)
-        finally:
-            cluster.close()
+        with open_client(scheduler, "mapq", _version) as client:
+            yield lambda function, tasks: _on_cluster(client, scheduler, function, tasks)
     elif n_workers <= 1:
         yield map
     else:
@@ -46,14 +44,15 @@ def open_workers(n_workers: int, scheduler: str | None) -> Iterator[Workers]:
             yield lambda function, tasks: _in_pool(pool, function, tasks)
 
 
-def _on_cluster(cluster: Cluster, address: str, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[Any]:
-    futures = [cluster.client.submit(function, task, pure=False, retries=RETRIES) for task in tasks]
+def _on_cluster(client: Any, address: str, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[Any]:
+    dask = require("distributed", "distributed", "--scheduler")
+    futures = [client.submit(function, task, pure=False, retries=RETRIES) for task in tasks]
     try:
         for future in futures:
             yield future.result()
     except PrfError:
         raise
-    except (cluster.dask.CancelledError, cluster.dask.KilledWorker, OSError, TimeoutError) as error:
+    except (dask.CancelledError, dask.KilledWorker, OSError, TimeoutError) as error:
         raise InputError(
             f"--scheduler {address}: scheduler or workers are lost ({type(error).__name__}). Start them again."
         ) from error

@@ -29,9 +29,8 @@ from prf.run.write import is_unfinished
 from prf.sampler.driver import StopRule, drive
 from prf.sampler.session import Session, needs_compiling
 from prf.shell.errors import ArgumentError
-from prf.shell.files import refuse_standing
-from prf.shell.lock import exclusive
 from prf.shell.notebook import ProgressCallback, reported
+from prf.shell.outputs import exclusive, refuse_existing
 from prf.shell.seeds import resolve_seed
 from prf.shell.settings import Loaded
 from prf.shell.signals import graceful_stop
@@ -241,7 +240,7 @@ def _held(folder: Path | None, force: bool) -> Iterator[None]:
         yield
         return
     if not is_unfinished(folder):
-        refuse_standing(folder, force)
+        refuse_existing(folder, force, is_folder=True)
     with exclusive(folder):
         yield
 

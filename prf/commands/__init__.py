@@ -23,5 +23,5 @@ ones), and the module's ``EXAMPLES``, a tuple of command lines that run, ends it
 
 The top of the module imports only the standard library, typer and `prf.shell`: numpy, numba, scipy and matplotlib
 are imported inside the function, so that ``--help`` answers at once. `-v`, `-q`, `--color` and `--no-progress` are
-added to every verb (:mod:`prf.shell.flags`). The verb then stands in the table of :mod:`prf.cli`.
+added to every verb (:mod:`prf.shell.app`). The verb is then entered in the table of :mod:`prf.cli`.
 '''

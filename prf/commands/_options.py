@@ -1,6 +1,6 @@
 """Options that choose readings and the model of their sensors, the same in every verb that takes a log.
 
-None stands for the default that the help text gives in brackets.
+None means the default that the help text gives in brackets.
 """
 
 from __future__ import annotations
@@ -71,16 +71,17 @@ EveryBeam = Annotated[int | None, typer.Option("--every-beam", metavar="K", min=
 Scans = Annotated[str | None, typer.Option("--scans", metavar="START:STOP:STEP", help="Only these scans.")]
 SkipScans = Annotated[str | None, typer.Option("--skip-scans", metavar="START:STOP:STEP", help="All but these scans.")]
 Noise = Annotated[
-    float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range.  [0.03]")
+    float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range.  [0.03; score: 0.05]")
 ]
 NoiseRelative = Annotated[
-    float | None, typer.Option("--noise-relative", metavar="SHARE", help="The same as a share of the distance.  [0.01]")
+    float | None,
+    typer.Option("--noise-relative", metavar="SHARE", help="The same as a share of the distance.  [0.01; score: 0]"),
 ]
 OutlierProbability = Annotated[
     float | None, typer.Option("--outlier-probability", metavar="SHARE", help="Share of outliers.  [0.05]")
 ]
 MissProbability = Annotated[
-    float | None, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.  [0.02]")
+    float | None, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.  [0.02; score: 0]")
 ]
 
 

@@ -7,30 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from prf.commands._options import (
-    Config,
-    DrivenPoses,
-    DrivenRadius,
-    EveryBeam,
-    EveryScan,
-    Frame,
-    Laser,
-    MaxRange,
-    MissProbability,
-    Noise,
-    NoiseRelative,
-    OutlierProbability,
-    PointData,
-    Scale,
-    Scans,
-    SkipScans,
-    Sonar,
-    SonarCone,
-    SonarMaxRange,
-    Topic,
-    WindowOption,
-    refuse_shared_stream,
-)
+from prf.commands import _options as o
 from prf.shell.options import Assignments, Force, Json, Output, Presets, Seed, Threads, parse_duration
 
 if TYPE_CHECKING:
@@ -48,30 +25,24 @@ DEFAULT_STEPS = 3_000_000
 
 
 def anneal(
-    laser: Laser = None,
-    sonar: Sonar = None,
-    point_data: PointData = None,
-    topic: Topic = None,
-    frame: Frame = None,
+    laser: o.Laser = None,
+    sonar: o.Sonar = None,
+    point_data: o.PointData = None,
+    topic: o.Topic = None,
+    frame: o.Frame = None,
     output: Output = None,
-    config: Config = None,
+    config: o.Config = None,
     preset: Presets = None,
     assignments: Assignments = None,
-    scale: Scale = None,
-    window: WindowOption = None,
-    max_range: MaxRange = None,
-    every_scan: EveryScan = None,
-    every_beam: EveryBeam = None,
-    scans: Scans = None,
-    skip_scans: SkipScans = None,
-    noise: Noise = None,
-    noise_relative: NoiseRelative = None,
-    outlier_probability: OutlierProbability = None,
-    miss_probability: MissProbability = None,
-    sonar_max_range: SonarMaxRange = None,
-    sonar_cone: SonarCone = None,
-    driven_radius: DrivenRadius = None,
-    driven_poses: DrivenPoses = None,
+    scale: o.Scale = None,
+    window: o.WindowOption = None,
+    max_range: o.MaxRange = None,
+    every_scan: o.EveryScan = None,
+    every_beam: o.EveryBeam = None,
+    scans: o.Scans = None,
+    skip_scans: o.SkipScans = None,
+    driven_radius: o.DrivenRadius = None,
+    driven_poses: o.DrivenPoses = None,
     chains: Annotated[
         int | None, typer.Option("--chains", metavar="N", min=1, help="Chains; the best of all counts.  [4]")
     ] = None,
@@ -102,35 +73,28 @@ def anneal(
 
     from prf.anneal import Schedule
     from prf.api.science import sources_in
-    from prf.configuration import load_configuration
+    from prf.configuration import IN_MANIFEST, load_configuration
     from prf.sampler.driver import StopRule
     from prf.sampler.session import default_output
     from prf.shell.errors import UsageError
-    from prf.shell.files import refuse_inputs
-    from prf.shell.lock import claim_output
-    from prf.shell.output_names import refuse_other_format
+    from prf.shell.outputs import claim_output
     from prf.shell.seeds import resolve_seed
-    from prf.shell.streams import refuse_json_beside
 
     logs = [log for log in (laser, sonar, point_data) if log is not None]
     if not logs:
         raise UsageError("Nothing to map: give --laser LOG, --sonar LOG or --point-data FILE.csv.")
     if steps is not None and time_budget is not None:
         raise UsageError("--steps and --time-budget: give one of them.")
-    refuse_json_beside(output, json)
-    refuse_shared_stream({"--laser": laser, "--sonar": sonar, "--point-data": point_data, "--config": config})
-    asked = load_configuration(options)
-    science = asked.settings
+    o.refuse_shared_stream({"--laser": laser, "--sonar": sonar, "--point-data": point_data, "--config": config})
+    loaded = load_configuration(options, tables=(*IN_MANIFEST, "anneal"))
+    science = loaded.settings
     target = output or str(default_output(logs[0]).with_suffix(".geojson"))
-    claim_output(target, force)
-    advice = "the map is written as GeoJSON. Name a .geojson; prf export converts it."
-    refuse_other_format(target, (".geojson",), advice)
-    refuse_inputs([target], [*logs, config])
+    claim_output(target, force, inputs=[*logs, config], suffixes=(".geojson",), json=json)
     used_seed = resolve_seed(seed)
     rule = StopRule(None if time_budget is not None else steps or DEFAULT_STEPS, time_budget)
     inputs = (laser, sonar, point_data)
     found, made, stop = _cool(inputs, science, rule, Schedule(coldest=science.anneal.coldest), used_seed, threads)
-    text = _write(target, found, {**made, "sources": sources_in(science, asked)}, logs)
+    text = _write(target, found, {**made, "sources": sources_in(science, loaded)}, logs)
     _report(found, text, target, made, json)
     stop.raise_if_requested(f"interrupted after {found.steps} steps; {target} has the best map so far")
 
@@ -143,7 +107,7 @@ def _cool(
     seed: int,
     threads: int,
 ) -> tuple[Annealed, dict[str, Any], Any]:
-    """Return what annealing found, how it was made, and whether it was asked to stop."""
+    """Return what annealing found, how it was made, and whether it was interrupted."""
     import os
 
     from prf.anneal import anneal as cool
@@ -199,8 +163,8 @@ def _write(target: str, found: Annealed, made: dict[str, Any], logs: list[str]) 
 def _report(found: Annealed, text: str, target: str, made: dict[str, Any], json: bool) -> None:
     """Print what came of it."""
     from prf.shell import jsonout
+    from prf.shell.console import say_beside
     from prf.shell.files import encoded
-    from prf.shell.streams import say_beside
 
     # Two coordinates of 16 bits a vertex: a window of 65 m to the millimetre.
     packed = 4 * found.best.n_vertices

@@ -6,21 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from prf.commands._options import (
-    Config,
-    EveryBeam,
-    EveryScan,
-    Frame,
-    Laser,
-    MaxRange,
-    Scans,
-    SkipScans,
-    Sonar,
-    SonarCone,
-    SonarMaxRange,
-    Topic,
-    refuse_shared_stream,
-)
+from prf.commands import _options as o
 from prf.shell.options import Assignments, Force, Json, Output
 
 if TYPE_CHECKING:
@@ -37,19 +23,13 @@ def calibrate(
     known: Annotated[
         str, typer.Option("--map", metavar="MAP", help="True map: GeoJSON polygons, or the .yaml of a map for ROS.")
     ],
-    sonar: Sonar = None,
-    laser: Laser = None,
-    topic: Topic = None,
-    frame: Frame = None,
+    sonar: o.Sonar = None,
+    laser: o.Laser = None,
     output: Output = None,
-    sonar_max_range: SonarMaxRange = None,
-    sonar_cone: SonarCone = None,
-    max_range: MaxRange = None,
-    every_scan: EveryScan = None,
-    every_beam: EveryBeam = None,
-    scans: Scans = None,
-    skip_scans: SkipScans = None,
-    config: Config = None,
+    every_scan: o.EveryScan = None,
+    scans: o.Scans = None,
+    skip_scans: o.SkipScans = None,
+    config: o.Config = None,
     assignments: Assignments = None,
     force: Force = False,
     json: Json = False,
@@ -66,20 +46,15 @@ def calibrate(
     from prf.configuration import load_configuration
     from prf.sampler.prepare import read_configured
     from prf.shell.errors import UsageError
-    from prf.shell.files import open_output, refuse_inputs
-    from prf.shell.lock import claim_output
-    from prf.shell.output_names import refuse_other_format
-    from prf.shell.streams import refuse_json_beside
+    from prf.shell.files import open_output
+    from prf.shell.outputs import claim_output
 
     if sonar is None and laser is None:
         raise UsageError("Nothing to calibrate by: give --sonar LOG, --laser LOG, or both.")
-    refuse_shared_stream({"--map": known, "--sonar": sonar, "--laser": laser, "--config": config})
-    refuse_json_beside(output, json)
+    o.refuse_shared_stream({"--map": known, "--sonar": sonar, "--laser": laser, "--config": config})
     if output is not None:
-        claim_output(output, force)
-        refuse_other_format(output, (".toml",), "parameters are written as a settings file. Name a .toml.")
-        refuse_inputs([output], [known, sonar, laser])
-    settings = load_configuration(options).settings
+        claim_output(output, force, inputs=[known, sonar, laser], suffixes=(".toml",), json=json)
+    settings = load_configuration(options, tables=("laser", "sonar", "readings")).settings
     area = read_known_map(known)
     beams, cones = read_configured(settings, laser, sonar)
     found = []
@@ -97,7 +72,7 @@ def _report(found: list[Calibrated], output: str | None, json: bool) -> None:
     """Print what came of it."""
     from prf.calibrate import lines_of, report_of
     from prf.shell import jsonout
-    from prf.shell.streams import say_beside
+    from prf.shell.console import say_beside
 
     if json:
         parts = {part.kind: report_of(part) for part in found}

@@ -39,7 +39,7 @@ def export(
         str, typer.Argument(metavar="RUN|GRID|MAP", help="From prf sample or prf grid, or polygons in GeoJSON.")
     ],
     format: Annotated[
-        Format | None, typer.Option("--format", help="What to write; else the suffix of the output says.")
+        Format | None, typer.Option("--format", help="What to write; else by the suffix of the output.")
     ] = None,
     draw: Annotated[
         int | None,
@@ -81,9 +81,10 @@ def export(
     """
     from prf.export import Options, export_source
     from prf.shell import jsonout
-    from prf.shell.streams import refuse_json_beside, say_beside
+    from prf.shell.console import say_beside
+    from prf.shell.outputs import refuse_json_on_stream
 
-    refuse_json_beside(output, json)
+    refuse_json_on_stream(output, json)
     options = Options(format, draw, unknown, squares, resolution, extrapolate)
     done = export_source(source, output, options, force)
     for note in done.notes:

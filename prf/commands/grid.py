@@ -7,23 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from prf.commands._options import (
-    Config,
-    EveryBeam,
-    EveryScan,
-    Frame,
-    Laser,
-    MaxRange,
-    Scans,
-    SkipScans,
-    Sonar,
-    SonarCone,
-    SonarMaxRange,
-    Topic,
-    WindowOption,
-    refuse_shared_stream,
-)
-from prf.shell.options import Assignments, Force, Json, Output, Presets
+from prf.commands import _options as o
+from prf.shell.options import Assignments, Force, Json, Output
 
 if TYPE_CHECKING:
     from prf.occupancy.build import BuiltGrid
@@ -39,25 +24,22 @@ EXAMPLES = (
 
 
 def grid(
-    laser: Laser = None,
-    sonar: Sonar = None,
-    topic: Topic = None,
-    frame: Frame = None,
+    laser: o.Laser = None,
+    sonar: o.Sonar = None,
+    topic: o.Topic = None,
+    frame: o.Frame = None,
     output: Output = None,
-    config: Config = None,
-    preset: Presets = None,
+    config: o.Config = None,
     assignments: Assignments = None,
     resolution: Annotated[
         float | None, typer.Option("--resolution", metavar="METRES", help="Side of a cell.  [0.1]")
     ] = None,
-    window: WindowOption = None,
-    max_range: MaxRange = None,
-    sonar_max_range: SonarMaxRange = None,
-    sonar_cone: SonarCone = None,
-    every_scan: EveryScan = None,
-    every_beam: EveryBeam = None,
-    scans: Scans = None,
-    skip_scans: SkipScans = None,
+    window: o.WindowOption = None,
+    max_range: o.MaxRange = None,
+    every_scan: o.EveryScan = None,
+    every_beam: o.EveryBeam = None,
+    scans: o.Scans = None,
+    skip_scans: o.SkipScans = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -74,28 +56,24 @@ def grid(
     from prf.sampler.prepare import read_configured
     from prf.sampler.session import default_output
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM, refuse_inputs
-    from prf.shell.lock import claim_output
+    from prf.shell.files import STREAM
     from prf.shell.manifest import describe_process
-    from prf.shell.output_names import refuse_other_format
+    from prf.shell.outputs import claim_output
 
     logs = [log for log in (laser, sonar) if log is not None]
     if not logs:
         raise UsageError("Nothing to map: give --laser LOG, --sonar LOG, or both.")
-    refuse_shared_stream({"--laser": laser, "--sonar": sonar, "--config": config})
+    o.refuse_shared_stream({"--laser": laser, "--sonar": sonar, "--config": config})
     if output == STREAM:
         raise UsageError("-o -: a grid is a .npz archive. Name one.")
     target = output or str(default_output(logs[0]).with_suffix(".grid.npz"))
-    claim_output(target, force)
-    advice = "a grid is written as a .npz archive. Name one; prf render draws it and prf export converts it."
-    refuse_other_format(target, (".npz",), advice)
-    refuse_inputs([target], [*logs, config])
-    asked = load_configuration(options, tables=("prior", "laser", "sonar", "readings", "grid"))
-    readings = read_configured(asked.settings, laser, sonar)
-    built = build_grid(*readings, asked.settings, {**describe_process(logs), "sources": grid_sources(asked)})
+    claim_output(target, force, inputs=[*logs, config], suffixes=(".npz",))
+    loaded = load_configuration(options, tables=("prior", "laser", "sonar", "readings", "grid"))
+    readings = read_configured(loaded.settings, laser, sonar)
+    built = build_grid(*readings, loaded.settings, {**describe_process(logs), "sources": grid_sources(loaded)})
     write_grid(target, built.grid)
     if built.n_outside:
-        logger.warning(f"{built.n_outside} readings dropped: their sensors stand outside the window")
+        logger.warning(f"{built.n_outside} readings dropped: their sensors are outside the window")
     _report(built, target, json)
 
 

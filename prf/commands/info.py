@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from prf.commands import _options as o
 from prf.shell.options import Json
 
 if TYPE_CHECKING:
@@ -27,20 +28,6 @@ Log = Annotated[
     ),
 ]
 Sonar = Annotated[bool, typer.Option("--sonar", help="The sonar readings.  [laser if there are any, else sonar]")]
-Topic = Annotated[
-    str | None,
-    typer.Option(
-        "--topic",
-        metavar="NAME",
-        help="Topic of a bag, device of a Player log, kind of CARMEN lines.  [all, in a bag the only one]",
-    ),
-]
-Frame = Annotated[
-    str | None,
-    typer.Option("--frame", metavar="NAME", help="Frame or odometry topic that poses are taken in.  [map]"),
-]
-
-
 PointData = Annotated[bool, typer.Option("--point-data", help="LOG has values at points, CSV x,y,value.")]
 
 
@@ -48,8 +35,8 @@ def info(
     log: Log,
     sonar: Sonar = False,
     point_data: PointData = False,
-    topic: Topic = None,
-    frame: Frame = None,
+    topic: o.Topic = None,
+    frame: o.Frame = None,
     json: Json = False,
 ) -> None:
     """Say what is in a log: scans, beams, extent, ranges, and what looks suspicious.

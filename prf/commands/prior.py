@@ -56,21 +56,17 @@ def prior(
     from prf.coloring import feature_lines
     from prf.laws import compare
     from prf.shell import jsonout
+    from prf.shell.console import say_beside
     from prf.shell.errors import UsageError
     from prf.shell.files import open_output
-    from prf.shell.lock import claim_output
-    from prf.shell.output_names import refuse_other_format
+    from prf.shell.outputs import claim_output
     from prf.shell.seeds import resolve_seed
-    from prf.shell.streams import refuse_json_beside, say_beside
     from prf.window import Window
 
     if thin is not None and method is Method.exact:
         raise UsageError("--thin is for --method mcmc: exact draws are independent.")
-    refuse_json_beside(output, json)
     if output is not None:
-        claim_output(output, force)
-        advice = "draws are written as GeoJSON, one a line. Name a .geojsonl; prf render draws it."
-        refuse_other_format(output, (".geojsonl", ".geojson", ".txt"), advice)
+        claim_output(output, force, suffixes=(".geojsonl", ".geojson", ".txt"), json=json)
     used_seed = resolve_seed(seed)
     drawn, used_thin = _draw(method, scale, Window.checked(*window), draws, thin, used_seed)
     if output is not None:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 MAX_RHAT = 1.1
-"""Above it a warning says that the chains disagree on what was asked."""
+"""Above it a warning says that the chains disagree on the answer."""
 
 EXAMPLES = (
     "prf query office --points points.csv > answers.csv",
@@ -125,7 +125,7 @@ def _answer_path(source: Run | OccupancyGrid, path: str, radius: float, json: bo
 
 
 def _warn(file: str, kind: str, found: Estimates | PointEstimates) -> None:
-    """Warn where chains are too short, or disagree, for what was asked."""
+    """Warn where chains are too short, or disagree, for the answer."""
     from prf.convergence import FEWEST_DRAWS, MIN_ESS
 
     known = found.probability == found.probability

@@ -56,11 +56,6 @@ def render(
     path: Annotated[
         bool | None, typer.Option("--path/--no-path", help="Path of the sensor (default: over posterior and readings).")
     ] = None,
-    beams: Annotated[bool, typer.Option("--beams", help="Beams over the posterior.")] = False,
-    disagreement: Annotated[
-        bool,
-        typer.Option("--disagreement/--no-disagreement", help="Violet over the posterior where chains differ."),
-    ] = True,
     title: Annotated[str | None, typer.Option("--title", metavar="TEXT", help="Instead of the default title.")] = None,
     caption: Annotated[
         list[str] | None, typer.Option("--caption", metavar="TEXT", help="Caption of a map of DRAWS; once for each.")
@@ -73,22 +68,21 @@ def render(
     The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG in the current folder.
     White is free, black occupied, mid-grey unknown.
     """
-    from prf.shell.files import STREAM, refuse_inputs
-    from prf.shell.lock import claim_output
+    from prf.shell.files import STREAM
+    from prf.shell.outputs import claim_output
     from prf.shell.pictures import picture_format
 
     is_run, is_grid = Path(inputs[0]).is_dir(), _is_grid(inputs[0])
     if (is_run or is_grid) and len(inputs) > 1:
         raise UsageError("one RUN or GRID gives one picture; only DRAWS go side by side.")
-    if is_grid and (what is not What.posterior or draws or outline or path or beams):
-        raise UsageError("a GRID has cells only: leave --what, --draws, --outline, --path and --beams out.")
+    if is_grid and (what is not What.posterior or draws or outline or path):
+        raise UsageError("a GRID has cells only: leave --what, --draws, --outline and --path out.")
     name = Path(inputs[0]).resolve().name + f"-{what}" if is_run else Path(inputs[0]).stem
     target = output or f"{'draws' if inputs[0] == STREAM else name}.png"
     picture_format(target)
-    claim_output(target, force)
-    refuse_inputs([target], inputs)
+    claim_output(target, force, inputs=inputs)
     if is_run:
-        _render_run(inputs[0], target, what, draws or 4, outline, path, beams, disagreement, title)
+        _render_run(inputs[0], target, what, draws or 4, outline, path, title)
     elif is_grid:
         _render_grid(inputs[0], target, title)
     else:
@@ -104,8 +98,6 @@ def _render_run(
     n_draws: int,
     outline: bool | None,
     path: bool | None,
-    beams: bool,
-    disagreement: bool,
     title: str | None,
 ) -> None:
     from prf import render
@@ -125,8 +117,6 @@ def _render_run(
             squares=what is What.squares,
             outline=outline is not False,
             path=path is not False,
-            beams=beams,
-            disagreement=disagreement,
             title=title,
         )
 

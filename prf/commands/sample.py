@@ -6,30 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from prf.commands._options import (
-    Config,
-    DrivenPoses,
-    DrivenRadius,
-    EveryBeam,
-    EveryScan,
-    Frame,
-    Laser,
-    MaxRange,
-    MissProbability,
-    Noise,
-    NoiseRelative,
-    OutlierProbability,
-    PointData,
-    Scale,
-    Scans,
-    SkipScans,
-    Sonar,
-    SonarCone,
-    SonarMaxRange,
-    Topic,
-    WindowOption,
-    refuse_shared_stream,
-)
+from prf.commands import _options as o
 from prf.shell.options import Assignments, Force, Json, Output, Presets, Seed, Threads, parse_duration
 
 if TYPE_CHECKING:
@@ -68,7 +45,7 @@ TimeBudget = Annotated[
         help="Of this call, writing the run included; seconds, or 90s, 5m, 1.5h.",
     ),
 ]
-Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Go on with this run from its checkpoint.")]
+Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Continue this run from its checkpoint.")]
 
 TIME_UNITS = ((86400.0, "day"), (3600.0, "hour"), (60.0, "minute"), (1.0, "second"))
 
@@ -77,30 +54,30 @@ SOURCES: dict[ReadingKind, str] = {"laser": "--laser", "sonar": "--sonar", "poin
 
 
 def sample(
-    laser: Laser = None,
-    sonar: Sonar = None,
-    point_data: PointData = None,
-    topic: Topic = None,
-    frame: Frame = None,
+    laser: o.Laser = None,
+    sonar: o.Sonar = None,
+    point_data: o.PointData = None,
+    topic: o.Topic = None,
+    frame: o.Frame = None,
     output: Output = None,
-    config: Config = None,
+    config: o.Config = None,
     preset: Presets = None,
     assignments: Assignments = None,
-    scale: Scale = None,
-    window: WindowOption = None,
-    max_range: MaxRange = None,
-    every_scan: EveryScan = None,
-    every_beam: EveryBeam = None,
-    scans: Scans = None,
-    skip_scans: SkipScans = None,
-    noise: Noise = None,
-    noise_relative: NoiseRelative = None,
-    outlier_probability: OutlierProbability = None,
-    miss_probability: MissProbability = None,
-    sonar_max_range: SonarMaxRange = None,
-    sonar_cone: SonarCone = None,
-    driven_radius: DrivenRadius = None,
-    driven_poses: DrivenPoses = None,
+    scale: o.Scale = None,
+    window: o.WindowOption = None,
+    max_range: o.MaxRange = None,
+    every_scan: o.EveryScan = None,
+    every_beam: o.EveryBeam = None,
+    scans: o.Scans = None,
+    skip_scans: o.SkipScans = None,
+    noise: o.Noise = None,
+    noise_relative: o.NoiseRelative = None,
+    outlier_probability: o.OutlierProbability = None,
+    miss_probability: o.MissProbability = None,
+    sonar_max_range: o.SonarMaxRange = None,
+    sonar_cone: o.SonarCone = None,
+    driven_radius: o.DrivenRadius = None,
+    driven_poses: o.DrivenPoses = None,
     chains: Chains = None,
     resolution: Resolution = None,
     steps: Steps = None,
@@ -115,11 +92,11 @@ def sample(
 
     Without --steps and --time-budget it stops when the chains agree (R-hat < 1.05 and ESS > 100 for every functional of
     what was seen, R-hat < 1.2 for the rest), or after 30 minutes, saying that they do not. Ctrl-C keeps what was
-    sampled; --resume goes on from there, and gives the same draws as a run that was never stopped.
+    sampled; --resume continues from there, and gives the same draws as a run that was never stopped.
     """
     options = locals()
 
-    from prf.api.sampling import resume as go_on
+    from prf.api.sampling import resume as continue_run
     from prf.api.sampling import sample as draw
     from prf.configuration import load_configuration
     from prf.shell.errors import UsageError
@@ -128,16 +105,16 @@ def sample(
         raise UsageError("--steps and --time-budget: give one of them.")
     given = (("--laser", laser), ("--sonar", sonar), ("--point-data", point_data))
     logs = {flag: log for flag, log in given if log is not None}
-    refuse_shared_stream({**logs, "--config": config})
-    asked = load_configuration(options)
+    o.refuse_shared_stream({**logs, "--config": config})
+    loaded = load_configuration(options)
     folder = _folder(logs, output, resume)
     how: dict[str, Any] = {"steps": steps, "seconds": time_budget, "threads": threads}
     how |= {"seed": seed, "on_interrupt": "raise"}
     if resume is not None:
-        run = go_on(folder, asked=asked, logs=logs, **how)
+        run = continue_run(folder, asked=loaded, logs=logs, **how)
     else:
         sources: dict[ReadingKind, Source] = {name: logs[flag] for name, flag in SOURCES.items() if flag in logs}
-        run = draw(sources, config=asked, output=folder, force=force, **how)
+        run = draw(sources, config=loaded, output=folder, force=force, **how)
     _report(run, folder, json, steps if resume is None else None)
 
 
@@ -152,7 +129,7 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None) -> Pat
 
     if resume is not None:
         if output is not None:
-            raise UsageError("--resume goes on in the run's own directory: leave -o out.")
+            raise UsageError("--resume continues in the run's own directory: leave -o out.")
         if not is_run(resume):
             raise InputError(f"{resume}: no run to resume is there.")
         return Path(resume)
@@ -229,7 +206,7 @@ def _verdict(diagnostics: dict[str, Any], n_chains: int) -> str:
 
 
 def _advice(run: Run, folder: Path) -> str:
-    """Return in words what to do about chains that do not agree; empty if there is nothing to say."""
+    """Return in words what to do about chains that do not agree; empty if there is none."""
     import shlex
 
     assert run.diagnostics is not None
@@ -250,7 +227,7 @@ def _advice(run: Run, folder: Path) -> str:
 
 
 def _time_words(seconds: float) -> str:
-    """Return a time as people say it."""
+    """Return a time in words."""
     unit, name = next(((unit, name) for unit, name in TIME_UNITS if seconds >= unit), TIME_UNITS[-1])
     return f"{round(seconds / unit)} {name}{'s' if seconds > unit else ''}"
 

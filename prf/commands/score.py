@@ -7,20 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from prf.commands._options import (
-    Config,
-    EveryBeam,
-    EveryScan,
-    Frame,
-    MaxRange,
-    Scans,
-    SkipScans,
-    SonarCone,
-    SonarMaxRange,
-    Topic,
-    refuse_shared_stream,
-)
-from prf.shell.options import Assignments, Json, Presets, Seed
+from prf.commands import _options as o
+from prf.shell.options import Assignments, Json, Seed
 
 logger = logging.getLogger(__name__)
 
@@ -50,22 +38,13 @@ def score(
         str | None,
         typer.Option("--truth", metavar="PLAN.geojson", help="True plan: cells in view of the readings are compared."),
     ] = None,
-    topic: Topic = None,
-    frame: Frame = None,
-    max_range: MaxRange = None,
-    noise: Annotated[
-        float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range.  [0.05]")
-    ] = None,
-    noise_relative: Annotated[
-        float | None,
-        typer.Option("--noise-relative", metavar="SHARE", help="The same as a share of the distance.  [0]"),
-    ] = None,
-    outlier_probability: Annotated[
-        float | None, typer.Option("--outlier-probability", metavar="SHARE", help="Share of outliers.  [0.05]")
-    ] = None,
-    miss_probability: Annotated[
-        float | None, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.  [0]")
-    ] = None,
+    topic: o.Topic = None,
+    frame: o.Frame = None,
+    max_range: o.MaxRange = None,
+    noise: o.Noise = None,
+    noise_relative: o.NoiseRelative = None,
+    outlier_probability: o.OutlierProbability = None,
+    miss_probability: o.MissProbability = None,
     square: Annotated[
         float,
         typer.Option(
@@ -75,15 +54,12 @@ def score(
             "cell.",
         ),
     ] = 0.2,
-    sonar_max_range: SonarMaxRange = None,
-    sonar_cone: SonarCone = None,
-    config: Config = None,
-    preset: Presets = None,
+    config: o.Config = None,
     assignments: Assignments = None,
-    every_scan: EveryScan = None,
-    every_beam: EveryBeam = None,
-    scans: Scans = None,
-    skip_scans: SkipScans = None,
+    every_scan: o.EveryScan = None,
+    every_beam: o.EveryBeam = None,
+    scans: o.Scans = None,
+    skip_scans: o.SkipScans = None,
     seed: Seed = None,
     json: Json = False,
 ) -> None:
@@ -113,8 +89,8 @@ def score(
 
     if laser is None and sonar is None and truth is None:
         raise UsageError("Nothing to score by: give --laser HELDOUT, --sonar HELDOUT or --truth PLAN.geojson.")
-    refuse_shared_stream({"MAP": scored, "--laser": laser, "--sonar": sonar, "--truth": truth, "--config": config})
-    configuration = load_configuration(options, SCORE_DEFAULTS).settings
+    o.refuse_shared_stream({"MAP": scored, "--laser": laser, "--sonar": sonar, "--truth": truth, "--config": config})
+    configuration = load_configuration(options, SCORE_DEFAULTS, ("laser", "sonar", "readings")).settings
     found = open_map(scored)
     readings = read_configured(configuration, laser, sonar)
     beams = None if readings[0] is None else hold_out(readings[0], configuration)
@@ -126,10 +102,10 @@ def score(
 
 
 def _warn(scored: str, result: dict[str, Any]) -> None:
-    """Tell what could not be scored."""
+    """Warn of what could not be scored."""
     for key, what in (("n_outside", "beams"), ("n_readings_outside", "sonar readings")):
         if result.get(key):
-            logger.warning(f"{result[key]} {what} dropped: their sensors stand outside the window of the map")
+            logger.warning(f"{result[key]} {what} dropped: their sensors are outside the window of the map")
     if result.get("within_0.2m", 0.0) != result.get("within_0.2m", 0.0):
         logger.warning(f"{scored}: the run has no best map yet, so within_0.2m and rmse are unknown")
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from prf.shell.options import Force, Json, Output, Seed
+from prf.shell.options import Assignments, Force, Json, Output, Seed
 
 EXAMPLES = (
     "prf simulate --seed 1 -o wing",
@@ -34,38 +34,12 @@ PathFile = Annotated[
     str | None,
     typer.Option("--path", metavar="FILE", help="CSV of waypoints x,y, or of poses x,y,theta to measure at."),
 ]
-RobotRadius = Annotated[
-    float | None, typer.Option("--robot-radius", metavar="METRES", help="Distance kept from walls.  [0.25]")
-]
-Spacing = Annotated[
-    float | None,
-    typer.Option("--spacing", metavar="METRES", help="Driven from scan to scan.  [0.5]"),
-]
 Readings = Annotated[
     int | None,
     typer.Option("--readings", metavar="N", help="So many readings instead, about: of the sonar, or else laser beams."),
 ]
 Laser = Annotated[bool, typer.Option("--laser/--no-laser", help="Write laser.log.gz.")]
-LaserBeams = Annotated[int | None, typer.Option("--beams", metavar="N", help="Beams of a scan.  [180]")]
-FieldOfView = Annotated[
-    float | None, typer.Option("--field-of-view", metavar="RAD", help="Of the laser, symmetric to ahead.  [pi]")
-]
-MaxRange = Annotated[float | None, typer.Option("--max-range", metavar="METRES", help="Of the laser.  [30]")]
-Noise = Annotated[
-    float | None, typer.Option("--noise", metavar="METRES", help="Standard deviation of a range.  [0.03]")
-]
-NoiseRelative = Annotated[
-    float | None,
-    typer.Option("--noise-relative", metavar="SHARE", help="The same as a share of the distance.  [0.01]"),
-]
-OutlierProbability = Annotated[
-    float | None, typer.Option("--outlier-probability", metavar="SHARE", help="Stray readings.  [0.003]")
-]
-MissProbability = Annotated[
-    float | None, typer.Option("--miss-probability", metavar="SHARE", help="No return from a wall.  [0.02]")
-]
 Sonar = Annotated[bool, typer.Option("--sonar", help="Write sonar.csv.gz, of a ring of 16 transducers.")]
-SonarMaxRange = Annotated[float | None, typer.Option("--sonar-max-range", metavar="METRES", help="Of the sonar.  [8]")]
 
 
 def simulate(
@@ -73,19 +47,10 @@ def simulate(
     size: Size = None,
     scale: Scale = None,
     path: PathFile = None,
-    robot_radius: RobotRadius = None,
-    spacing: Spacing = None,
     readings: Readings = None,
     laser: Laser = True,
-    laser_beams: LaserBeams = None,
-    laser_field_of_view: FieldOfView = None,
-    laser_max_range: MaxRange = None,
-    laser_noise: Noise = None,
-    laser_noise_relative: NoiseRelative = None,
-    laser_outlier_probability: OutlierProbability = None,
-    laser_miss_probability: MissProbability = None,
     sonar: Sonar = False,
-    sonar_max_range: SonarMaxRange = None,
+    assignments: Assignments = None,
     seed: Seed = None,
     output: Output = None,
     force: Force = False,
@@ -94,14 +59,14 @@ def simulate(
     """Simulate a robot in a world that is known: logs of laser and sonar, with their truth.
 
     The robot drives through all space that it can reach. DIR gets truth.geojson, plan.png, laser.log.gz, sonar.csv.gz,
-    path.csv and manifest.json: sample, grid and score take the logs, score and export the truth.
+    path.csv and manifest.json: sample, grid and score take the logs, score and export the truth. Robot and sensors are
+    the table [simulate] of the settings.
     """
-    options = {name: value for name, value in locals().items() if name not in NOT_SETTINGS}
-
+    from prf.configuration import load_configuration
     from prf.shell import jsonout
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM, refuse_standing
-    from prf.shell.lock import claim
+    from prf.shell.files import STREAM
+    from prf.shell.outputs import claim, refuse_existing
     from prf.shell.progress import progress
     from prf.shell.seeds import resolve_seed
     from prf.simulate import config_of, summary, write_simulation
@@ -109,9 +74,10 @@ def simulate(
 
     if output is None or output == STREAM:
         raise UsageError("the result is a directory. Name one with -o DIR.")
-    refuse_standing(output, force)
+    refuse_existing(output, force, is_folder=True)
     claim(output)
-    config = config_of(options, laser, sonar)
+    settings = load_configuration({"assignments": assignments}, tables=("simulate",)).settings.simulate
+    config = config_of(settings, world, laser, sonar, size=size, scale=scale, path=path, readings=readings)
     with progress(1.0, "casting beams") as bar:
         simulation = make(config, resolve_seed(seed), bar.update)
     write_simulation(output, simulation)
@@ -120,9 +86,6 @@ def simulate(
         jsonout.emit_object("prf.simulate/1", result)
     else:
         _report(result)
-
-
-NOT_SETTINGS = ("laser", "sonar", "seed", "output", "force", "json")
 
 
 def _report(result: dict[str, Any]) -> None:

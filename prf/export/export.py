@@ -19,9 +19,8 @@ from prf.export.ros_map import ros_map
 from prf.export.source import Source, read_source, require_existing, stem_of
 from prf.run import map_text
 from prf.shell.errors import UsageError
-from prf.shell.files import STREAM, encoded, open_output, refuse_inputs
-from prf.shell.lock import held_outputs
-from prf.shell.together import together
+from prf.shell.files import STREAM, encoded, open_output, together
+from prf.shell.outputs import exclusive, refuse_existing, refuse_inputs
 
 GEOJSON, ROS_MAP, SVG, DXF, NETCDF = FORMATS = ("geojson", "ros-map", "svg", "dxf", "netcdf")
 SUFFIXES = {
@@ -84,8 +83,10 @@ def export_source(path: str | os.PathLike[str], output: str | None, options: Opt
     name = resolve_format(options.format, output)
     check_options(name, options)
     files = targets(name, output, stem_of(path))
-    with held_outputs(files, force):
-        refuse_inputs(files, [os.fspath(path)])
+    for file in files:
+        refuse_existing(file, force)
+    refuse_inputs(files, [os.fspath(path)])
+    with exclusive(*files):
         source = read_source(path)
         content = _content(name, source, options, files)
         with together():  # the yaml file of a ROS map, which names the image, is written last

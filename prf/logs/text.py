@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.shell.errors import InputError
-from prf.shell.gzipped import gunzip
+from prf.shell.files import gunzip
 from prf.window import LARGEST_COORDINATE
 
 FloatArray = NDArray[np.float64]

@@ -20,9 +20,8 @@ from prf.logs.arrays import as_paths, checked
 from prf.run import names
 from prf.run.model import PosteriorImage, Progress
 from prf.shell.errors import InputError
-from prf.shell.files import refuse_standing
-from prf.shell.lock import exclusive
 from prf.shell.notebook import card
+from prf.shell.outputs import exclusive, refuse_existing
 
 if TYPE_CHECKING:
     from prf.estimate import Estimates
@@ -246,7 +245,7 @@ class Run:
         from prf.run.write import remove_stale_outputs, write_run  # noqa: PLC0415 - they import this module
 
         target = Path(folder)
-        refuse_standing(target, force)
+        refuse_existing(target, force, is_folder=True)
         with exclusive(target):
             remove_stale_outputs(target)
             write_run(target, self)

@@ -16,8 +16,9 @@ from prf.run.mapfile import map_text
 from prf.run.model import PosteriorImage
 from prf.run.run import Run
 from prf.shell.errors import OutputError, cannot_write, system_reason
-from prf.shell.files import atomic_write, is_leftover, remove_leftovers
+from prf.shell.files import atomic_write
 from prf.shell.jsonout import dump_object
+from prf.shell.outputs import is_leftover, remove_leftovers
 from prf.shell.storage import save_arrays
 
 FILES = (names.MANIFEST, names.CHECKPOINT, names.PICTURE, *names.SCHEMAS)
@@ -66,7 +67,7 @@ def remove_stale_outputs(folder: Path) -> None:
 
 
 def remove_half_written(folder: Path) -> None:
-    """Remove what a killed process left half written; the caller holds the run (:mod:`prf.shell.lock`)."""
+    """Remove what a killed process left half written; the caller holds the run (:mod:`prf.shell.outputs`)."""
     for name in FILES:
         remove_leftovers(folder / name)
 

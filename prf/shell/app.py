@@ -9,8 +9,9 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from prf.shell import console
+from prf.shell.console import ColorChoice
 from prf.shell.errors import EXIT_OK
-from prf.shell.flags import common_flags
 
 EXIT_CODES = """Exit codes:
   0    done
@@ -25,21 +26,11 @@ _CONTEXT: dict[str, Any] = {"help_option_names": ["-h", "--help"], "max_content_
 
 
 class LazyGroup(TyperGroup):
-    """Lists its verbs from a table and imports only the one that is called.
+    """Lists its verbs from a table and imports only the one that is called."""
 
-    Attributes
-    ----------
-    package : str
-        Verb ``ros-map`` is function ``ros_map`` of module ``<package>.ros_map``.
-    verbs : mapping
-        Verb to the one-line summary that ``--help`` lists.
-    version : str
-        What ``--version`` prints.
-    """
-
-    package: str
-    verbs: Mapping[str, str]
-    version: str
+    package: str  # verb ``ros-map`` is function ``ros_map`` of module ``<package>.ros_map``
+    verbs: Mapping[str, str]  # verb to the one-line summary that ``--help`` lists
+    version: str  # what ``--version`` prints
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the verbs in the order of the table."""
@@ -79,15 +70,7 @@ def make_app(name: str, version: str, help_text: str, package: str, verbs: Mappi
 
 
 def make_command(function: Callable[..., None], examples: Sequence[str]) -> Any:
-    """Return the command of one verb: its own options, the flags of every verb, examples and exit codes.
-
-    Parameters
-    ----------
-    function : callable
-        Its name is the verb, its docstring the help text.
-    examples : sequence of str
-        Command lines that run.
-    """
+    """Return the command of one verb: the options of `function`, the flags of every verb, examples and exit codes."""
     lines = _verbatim("\n".join(["Examples:", *(f"  {line}" for line in examples)]))
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
     app.command(epilog=f"{lines}\n\n{_verbatim(EXIT_CODES)}", context_settings=_CONTEXT)(function)
@@ -109,6 +92,73 @@ def _name_variables(command: Any, prefix: str) -> None:
         flag = next((flag for flag in param.opts if flag.startswith("--")), None)
         if flag is not None:
             param.envvar = f"{prefix}_{flag.removeprefix('--')}".replace("-", "_").upper()
+
+
+def _set_verbose(count: int) -> None:
+    console.settings.verbosity += count
+    console.configure()
+
+
+def _set_quiet(quiet: bool) -> None:
+    console.settings.verbosity -= int(quiet)
+    console.configure()
+
+
+def _set_color(choice: ColorChoice | None) -> None:
+    console.settings.color = choice or console.settings.color
+
+
+def _set_no_progress(no_progress: bool) -> None:
+    console.settings.progress = console.settings.progress and not no_progress
+
+
+_Verbose = Annotated[
+    int,
+    typer.Option(
+        *("--verbose", "-v"),
+        count=True,
+        callback=_set_verbose,
+        expose_value=False,
+        show_default=False,
+        help="Say more on standard error; -vv also shows tracebacks.",
+    ),
+]
+_Quiet = Annotated[
+    bool,
+    typer.Option(
+        "--quiet",
+        "-q",
+        callback=_set_quiet,
+        expose_value=False,
+        help="Say nothing but errors: no summary of a result that is written to a file.",
+    ),
+]
+_Color = Annotated[
+    ColorChoice | None,
+    typer.Option(
+        "--color",
+        callback=_set_color,
+        expose_value=False,
+        metavar="auto|always|never",
+        help="Colour on standard error; NO_COLOR and FORCE_COLOR count too.",
+    ),
+]
+_NoProgress = Annotated[
+    bool, typer.Option("--no-progress", callback=_set_no_progress, expose_value=False, help="Show no progress.")
+]
+
+
+def _signature(
+    verbose: _Verbose = 0, quiet: _Quiet = False, color: _Color = None, no_progress: _NoProgress = False
+) -> None:
+    """Carry the flags of every verb, whose callbacks fill `console.settings`; never called."""
+
+
+def common_flags() -> list[Any]:
+    """Return the parameters ``-v``, ``-q``, ``--color`` and ``--no-progress`` for a command to append to its own."""
+    carrier = typer.Typer(add_completion=False, rich_markup_mode=None)
+    carrier.command()(_signature)
+    return list(typer.main.get_command(carrier).params)
 
 
 def _environment_rule(name: str) -> str:

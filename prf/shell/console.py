@@ -10,7 +10,7 @@ import logging
 import os
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
@@ -33,24 +33,15 @@ class ColorChoice(StrEnum):
 
 @dataclass
 class Settings:
-    """How much to say and how, as the flags of this command have it.
+    """How much to say and how, as the flags of this command have it."""
 
-    Attributes
-    ----------
-    verbosity : int
-        -1 errors only (``-q``), 0 notes and warnings, 1 details (``-v``), 2 also tracebacks (``-vv``).
-    color : ColorChoice
-    progress : bool
-        False under ``--no-progress``.
-    """
-
-    verbosity: int = 0
+    verbosity: int = 0  # -1 errors only (-q), 0 notes and warnings, 1 details (-v), 2 also tracebacks (-vv)
     color: ColorChoice = ColorChoice.auto
     progress: bool = True
 
 
 settings = Settings()
-"""Of this process; set by :mod:`prf.shell.flags`."""
+"""Of this process; set by :mod:`prf.shell.app`."""
 
 
 class _Handler(logging.Handler):
@@ -103,6 +94,16 @@ def summarize(text: str) -> None:
     """Print a line for a person on standard output, about a result that is written to a file; not under ``-q``."""
     if settings.verbosity >= 0:
         print(text)
+
+
+def say_beside(output: str | None) -> Callable[[str], None]:
+    """Return what prints lines for a person: the result itself if there is no output, else a summary of it.
+
+    A summary goes to standard output, or to the log where the output itself goes there.
+    """
+    if output is None:
+        return emit
+    return logger.info if output == "-" else summarize
 
 
 def is_terminal(stream: IO[str]) -> bool:

@@ -1,6 +1,6 @@
 """What Ctrl-C and SIGTERM do while a tool starts: they end it at once, without a word and with the right exit code.
 
-Nothing is imported here that takes time. Python itself needs some hundredths of a second before it comes here.
+Nothing is imported here that takes time. Python itself starts in some hundredths of a second before.
 """
 
 from __future__ import annotations

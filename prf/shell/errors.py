@@ -14,7 +14,6 @@ EXIT_INTERNAL = 70
 EXIT_BROKEN_PIPE = 141
 """What the shell reports for a program that SIGPIPE ended, as in ``prf query ... | head``."""
 
-
 LONGEST_MESSAGE = 4000
 """Characters. A message that quotes a damaged file may be longer; its middle is left out."""
 
@@ -22,10 +21,7 @@ LONGEST_MESSAGE = 4000
 class PrfError(Exception):
     """Root of every error that is reported in one line, without a traceback.
 
-    Parameters
-    ----------
-    message : str
-        Line ends become blanks, and what else a terminal would act on is escaped: a file, or its name, may hold it.
+    Line ends become blanks, and what else a terminal would act on is escaped: a file, or its name, may hold it.
     """
 
     exit_code = EXIT_INTERNAL
@@ -69,19 +65,11 @@ class OutputError(PrfError):
 
 
 class OutputExists(OutputError):  # noqa: N818 - reads as what happened
-    """An output that stands already, without ``--force``."""
+    """An output that exists already, without ``--force``."""
 
 
 class Interrupted(PrfError):  # noqa: N818 - reads as what happened
-    """A run that a signal ended in good order.
-
-    Parameters
-    ----------
-    message : str
-        What was kept, and how to go on.
-    signal_number : int
-        The signal; 2 (SIGINT) gives exit code 130, 15 (SIGTERM) gives 143.
-    """
+    """A run that a signal ended in good order: 2 (SIGINT) gives exit code 130, 15 (SIGTERM) gives 143."""
 
     def __init__(self, message: str, signal_number: int = 2) -> None:
         super().__init__(message)

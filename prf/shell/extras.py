@@ -9,20 +9,9 @@ from prf.shell.errors import UsageError
 
 
 def require(module: str, extra: str, what: str) -> Any:
-    """Return the module, imported by name: it may be absent, and then has no types either.
+    """Return the module, imported by name, or raise UsageError if it is not installed.
 
-    Parameters
-    ----------
-    module : str
-    extra : str
-        Extra of this distribution that brings it.
-    what : str
-        What needs it, for the message, say ``--format dxf`` or ``map.bag: reading a ROS bag``.
-
-    Raises
-    ------
-    UsageError
-        If it is not installed.
+    `extra`: of this distribution, which brings it. `what`: needs it, say ``--format dxf`` or ``map.bag: a ROS bag``.
     """
     try:
         return importlib.import_module(module)

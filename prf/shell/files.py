@@ -1,153 +1,56 @@
-"""Files that are whole or absent: written beside their place, then moved into it; ``-`` stands for the streams."""
+"""Files that are whole or absent: written beside their place, then moved into it; ``-`` is standard input or output."""
 
 from __future__ import annotations
 
-import io
+import errno
+import gzip
 import os
-import re
 import shutil
-import stat
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 from typing import IO, Any, BinaryIO
 
-from prf.shell import litter
 from prf.shell.console import is_terminal
-from prf.shell.errors import InputError, OutputError, OutputExists, UsageError, cannot_write, system_reason
-from prf.shell.input_stream import buffered
-from prf.shell.together import take_place
+from prf.shell.errors import InputError, OutputError, cannot_write, system_reason
 
 STREAM = "-"
-
 ESCAPED = "backslashreplace"
 """How text is encoded: names of files may hold bytes that are no UTF-8, which JSON gives back from their escapes."""
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system answers when there is no room for a result."""
 
-
-def refuse_existing(path: str | os.PathLike[str], force: bool) -> None:
-    """Refuse an output file before the work for it begins: one that stands, or one that could not be written.
-
-    Raises
-    ------
-    OutputExists
-        If `path` stands and `force` is not given; streams and devices never "exist".
-    OutputError
-        If its folder does not exist or is not writable, or it is a folder itself.
-    """
-    refuse_standing(path, force)
-    target = Path(os.path.realpath(path))
-    if target.is_dir() and os.fspath(path) != STREAM:
-        raise OutputError(f"{path}: a folder is in the way. Name a file.")
-    if os.fspath(path) == STREAM or is_device(target):
-        return
-    if not target.parent.is_dir():
-        raise OutputError(f"{path}: cannot be written (there is no folder {target.parent}). Make it first.")
-    if not os.access(target.parent, os.W_OK | os.X_OK):
-        raise OutputError(f"{path}: cannot be written (the folder {target.parent} is not writable).")
-
-
-def is_device(target: Path) -> bool:
-    """Return whether a device or a pipe stands there, which is written directly."""
-    return target.exists() and not target.is_file() and not target.is_dir()
-
-
-def remove_leftovers(path: str | os.PathLike[str]) -> None:
-    """Remove what killed processes left beside the output `path`: files half written, and work folders.
-
-    The caller holds the output (:mod:`prf.shell.lock`), so that nobody is still writing them.
-    """
-    target = Path(path)
-    if not target.parent.is_dir():
-        return
-    for entry in target.parent.iterdir():
-        if not is_leftover(entry.name, target.name):
-            continue
-        if entry.is_dir():
-            shutil.rmtree(entry, ignore_errors=True)
-        else:
-            entry.unlink(missing_ok=True)
-
-
-def is_leftover(name: str, output: str) -> bool:
-    """Return whether a file called `name` is what a killed process left of one called `output`."""
-    return re.fullmatch(rf"\.{re.escape(output)}\.[a-z0-9_]{{8}}\.(tmp|work)", name) is not None
-
-
-def refuse_standing(path: str | os.PathLike[str], force: bool) -> None:
-    """Raise :class:`OutputExists` if `path` stands and `force` is not given; streams and devices never "exist".
-
-    A name that no file can have, or a folder that may not be looked into, raises :class:`OutputError`.
-    """
-    target = Path(path)
-    with _reported(path):
-        is_dangling = target.is_symlink() and not target.exists()
-        stands = target.is_file() or target.is_dir() or is_dangling
-    if os.fspath(path) != STREAM and stands and not force:
-        raise OutputExists(f"{path} already exists. Use --force to overwrite.")
-
-
-def refuse_inputs(outputs: Iterable[str], inputs: Iterable[str | None]) -> None:
-    """Refuse an output file that is an input, even under --force: a slip would cost a log, or labels set by hand.
-
-    Parameters
-    ----------
-    outputs : iterable of str
-    inputs : iterable of str
-        Those that are None, streams, folders or not there at all are passed over.
-
-    Raises
-    ------
-    UsageError
-    """
-    files = [path for path in inputs if path is not None and os.path.isfile(path)]
-    for output in outputs:
-        if os.path.isfile(output) and any(os.path.samefile(output, path) for path in files):
-            raise UsageError(f"{output} is an input and would be overwritten. Name another output with -o.")
+_temporary: set[str] = set()
+"""Files and folders that must not outlive this process."""
+os.register_at_fork(after_in_child=_temporary.clear)
 
 
 @contextmanager
 def open_input(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
-    """Open `path` for reading bytes; ``-`` is standard input.
-
-    Raises
-    ------
-    InputError
-        If there is no such file, it is a folder or a device without end, or it may not be read; and later, if the
-        system fails to read on.
-    """
+    """Open `path` for reading bytes; ``-`` is standard input. InputError if it cannot be opened, or the disk fails."""
     if os.fspath(path) == STREAM:
-        with buffered(sys.stdin.buffer, "standard input") as told:
-            yield told
+        yield sys.stdin.buffer
         return
     try:
-        stream = open(path, "rb", buffering=0)  # noqa: SIM115 - closed below; errors of the block are not of opening
+        stream = open(path, "rb")  # noqa: SIM115 - closed below; errors of the block are not of opening
     except OSError as error:
         raise InputError(f"{path}: {system_reason(error)}.") from error
-    with stream:
-        if _is_endless(stream):
-            raise InputError(f"{path}: a device, not a file.")
-        with buffered(stream, path) as told:
-            yield told
-
-
-def _is_endless(stream: io.FileIO) -> bool:
-    """Return whether a device is read that may never end: all but terminals and the null device."""
-    state = os.fstat(stream.fileno())
-    is_null = os.path.exists(os.devnull) and state.st_rdev == os.stat(os.devnull).st_rdev
-    return stat.S_ISCHR(state.st_mode) and not is_null and not stream.isatty()
+    try:
+        with stream:
+            yield stream
+    except OSError as error:
+        if error.errno != errno.EIO:
+            raise
+        raise InputError(f"{path}: cannot be read ({system_reason(error)}).") from error
 
 
 @contextmanager
 def open_output(path: str | os.PathLike[str], binary: bool = False) -> Iterator[IO[Any]]:
-    """Open `path` for an atomic write; ``-`` is standard output.
-
-    Raises
-    ------
-    OutputError
-        If a binary result would go to a terminal, or the file cannot be written.
-    """
+    """Open `path` for an atomic write; ``-`` is standard output, which must be no terminal for a binary result."""
     if os.fspath(path) != STREAM:
         with atomic_write(path, binary=binary) as stream:
             yield stream
@@ -161,47 +64,152 @@ def open_output(path: str | os.PathLike[str], binary: bool = False) -> Iterator[
 def atomic_write(path: str | os.PathLike[str], binary: bool = False, sync: bool = True) -> Iterator[IO[Any]]:
     """Write `path` whole or not at all; an exception inside leaves the old file as it was.
 
-    Within :func:`prf.shell.together.together` it takes its place with the others, at the end of that block.
-
-    Parameters
-    ----------
-    path : path
-        A symbolic link is followed; a device or a pipe (``/dev/stdout``) is written directly.
-    binary : bool
-        Bytes instead of UTF-8 text with Unix line ends.
-    sync : bool
-        Whether the disk must have taken it before it takes its place; False where the caller has seen to that.
-
-    Yields
-    ------
-    file object
-
-    Raises
-    ------
-    OutputError
-        If the folder does not exist, or is not writable, or the disk is full.
+    A symbolic link is followed; a device or a pipe (``/dev/stdout``) is written directly. `binary`: bytes instead of
+    UTF-8 text with Unix line ends. `sync`: the disk must have taken the content before the file is moved to its place.
+    OutputError if the system refuses.
     """
     target = Path(os.path.realpath(path))
     mode = "wb" if binary else "w"
     text = {} if binary else {"encoding": "utf-8", "errors": ESCAPED, "newline": "\n"}
     if is_device(target):
-        with _reported(path), open(target, mode, **text) as device:  # type: ignore[call-overload]
+        with write_errors(path), open(target, mode, **text) as device:  # type: ignore[call-overload]
             yield device
         return
-    with _reported(path):
-        descriptor, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent)
-    litter.mark(name)
+    with write_errors(path):
+        descriptor, made = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent)
+    _temporary.add(made)
     try:
-        with _reported(path), open(descriptor, mode, **text) as stream:  # type: ignore[call-overload]
+        with write_errors(path), open(descriptor, mode, **text) as stream:  # type: ignore[call-overload]
             yield stream
             if sync:
                 flush_to_disk(stream)
-            os.chmod(name, _permissions(target, 0o666))
-            take_place(name, target)
+            os.chmod(made, _permissions(target))
+            _take_place(made, target)
     except BaseException:
-        Path(name).unlink(missing_ok=True)
-        litter.unmark(name)
+        remove_temporary(made)
         raise
+
+
+class Group:
+    """Whole files under temporary names, which take their places together; made by :func:`together`.
+
+    The last one makes the others a result: its predecessor is removed first, and it is placed last.
+    """
+
+    def __init__(self) -> None:
+        self._made: dict[Path, str] = {}
+        self._dropped: list[Path] = []
+
+    def add(self, made: str, target: Path) -> None:
+        """Have the file `made`, on the same disk, become `target` in the end."""
+        self._made[target] = made
+
+    def drop(self, target: Path) -> None:
+        """Have a file of an older output removed in the end, if there is one."""
+        self._dropped.append(target)
+
+    def where(self, target: Path) -> Path | None:
+        """Return where the file that will be `target` is until then, None if there will be none."""
+        made = self._made.get(Path(os.path.realpath(target)))
+        return None if made is None else Path(made)
+
+    def take_places(self) -> None:
+        """Move all files to their places."""
+        for target in (*list(self._made)[-1:], *self._dropped):
+            with write_errors(target):
+                target.unlink(missing_ok=True)
+        for target, made in self._made.items():
+            with write_errors(target):
+                os.replace(made, target)
+
+    def remove(self) -> None:
+        """Remove what has not taken its place."""
+        for made in self._made.values():
+            remove_temporary(made)
+
+
+_group: ContextVar[Group | None] = ContextVar("_group", default=None)
+
+
+@contextmanager
+def together() -> Iterator[Group]:
+    """Move files that :func:`atomic_write` writes in the block to their places at its end; none after an error."""
+    group = Group()
+    before = _group.set(group)
+    try:
+        yield group
+        group.take_places()
+    finally:
+        _group.reset(before)
+        group.remove()
+
+
+def _take_place(made: str, target: Path) -> None:
+    """Rename the whole file `made` to `target`: at once, or with the others of the group."""
+    group = _group.get()
+    if group is None:
+        os.replace(made, target)
+        _temporary.discard(made)
+    else:
+        group.add(made, target)
+
+
+@contextmanager
+def work_folder(beside: str | os.PathLike[str]) -> Iterator[str]:
+    """Give a folder beside the output `beside`, removed with its content; of the null device, in the temporary one."""
+    target = Path(tempfile.gettempdir(), "work") if os.fspath(beside) == os.devnull else Path(beside).resolve()
+    with write_errors(beside):
+        folder = tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".work", dir=target.parent)
+    _temporary.add(folder)
+    try:
+        yield folder
+    finally:
+        remove_temporary(folder)
+
+
+@contextmanager
+def made_folder(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Make the folder of an output if there is none; it is removed again if the block leaves it empty."""
+    place = Path(path)
+    is_new = not place.is_dir()
+    with write_errors(path):
+        place.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    finally:
+        if is_new:
+            with suppress(OSError):
+                place.rmdir()
+
+
+def mark_temporary(path: str) -> None:
+    """Have a file removed with the others by :func:`remove_all_temporary`."""
+    _temporary.add(path)
+
+
+def remove_temporary(path: str) -> None:
+    """Remove a temporary file or folder, if it is still there."""
+    if os.path.isdir(path):
+        shutil.rmtree(path, ignore_errors=True)
+    with suppress(OSError):
+        os.unlink(path)
+    _temporary.discard(path)
+
+
+def remove_all_temporary() -> None:
+    """Remove all temporary files of a process that ends where no exception passes, in a compiler for instance."""
+    for path in tuple(_temporary):
+        remove_temporary(path)
+
+
+def gunzip(data: bytes, source: str) -> bytes:
+    """Return what a gzipped file holds; InputError, which names `source`, if it is damaged or cut off."""
+    try:
+        return gzip.decompress(data)
+    except EOFError:
+        raise InputError(f"{source}: the gzip file is cut off at its end. Copy or download it again.") from None
+    except (OSError, zlib.error):
+        raise InputError(f"{source}: the gzip file is damaged. Copy or download it again.") from None
 
 
 def encoded(text: str) -> bytes:
@@ -215,17 +223,22 @@ def flush_to_disk(stream: IO[Any]) -> None:
     os.fsync(stream.fileno())
 
 
-def _permissions(target: Path, default: int) -> int:
-    """Return the mode that `target` has or, new, would get from `default` and the umask (mkstemp gives 0600)."""
+def is_device(target: Path) -> bool:
+    """Return whether `target` is a device or a pipe, which is written directly."""
+    return target.exists() and not target.is_file() and not target.is_dir()
+
+
+def _permissions(target: Path) -> int:
+    """Return the mode that `target` has or, new, would get from the umask (mkstemp gives 0600)."""
     if target.exists():
         return target.stat().st_mode & 0o777
     umask = os.umask(0)
     os.umask(umask)
-    return default & ~umask
+    return 0o666 & ~umask
 
 
 @contextmanager
-def _reported(path: str | os.PathLike[str]) -> Iterator[None]:
+def write_errors(path: str | os.PathLike[str]) -> Iterator[None]:
     """Turn the system's refusal to write `path` into an :class:`OutputError`; a closed pipe stays what it is."""
     try:
         yield

@@ -14,11 +14,6 @@ def jsonable(value: Any) -> Any:
     """Return `value` as plain JSON types: nan and infinities become null, arrays lists, paths text.
 
     Arrays and scalars of numpy are recognised by their ``tolist``, so that numpy need not be imported.
-
-    Raises
-    ------
-    TypeError
-        If `value` holds something that JSON has no form for.
     """
     if value is None or isinstance(value, bool | int | str):
         return value

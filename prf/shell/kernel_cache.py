@@ -12,6 +12,7 @@ import atexit
 import hashlib
 import os
 import platform
+import re
 import shutil
 import stat
 import sys
@@ -30,25 +31,13 @@ KEPT_DIGESTS = 8
 """Caches of this many source states survive: enough to go back and forth between branches without compiling."""
 
 PRUNE_AGE = 3600.0
-"""Seconds without use before a surplus cache goes: a running process may still be writing a younger one."""
+"""Seconds without use before a surplus cache is removed: a running process may still be writing a younger one."""
 
 
 class KernelCache:
-    """The cache folder of one package of kernels.
+    """The cache folder of one package of kernels, for its `sources` and the `flags` of the compiler.
 
-    Parameters
-    ----------
-    tool : str
-        Names the folder, and the variable that overrides it: ``prf`` gives ``PRF_CACHE_DIR``.
-    sources : Path
-        Folder of the kernels' sources.
-    flags : mapping
-        Flags of the compiler; another set is another cache.
-
-    Attributes
-    ----------
-    folder : Path
-        Where the machine code goes.
+    `tool` names the folder, and the variable that overrides it: ``prf`` gives ``PRF_CACHE_DIR``.
     """
 
     def __init__(self, tool: str, sources: Path, flags: Mapping[str, Any]) -> None:
@@ -93,7 +82,10 @@ def cache_folder(tool: str, digest: str) -> Path:
     """
     for root in _candidate_roots(tool):
         folder = root / digest
-        if _is_writable(folder):
+        with suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder).close()
+            os.utime(folder)
             _prune(root, folder)
             return folder
     fresh = Path(tempfile.mkdtemp(prefix=f"{tool}-kernels-"))
@@ -122,26 +114,11 @@ def _is_private(folder: Path) -> bool:
     return False
 
 
-def _is_writable(folder: Path) -> bool:
-    """Make `folder`, mark it as used now, and return whether files can be written to it."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=folder).close()
-        os.utime(folder)
-    except OSError:
-        return False
-    return True
-
-
 def _prune(root: Path, current: Path) -> None:
     """Remove the caches of old source states, least recently used first; what cannot be removed stays."""
     with suppress(OSError):
-        used = {path: path.stat().st_mtime for path in root.iterdir() if _is_digest(path.name) and path != current}
+        others = [path for path in root.iterdir() if re.fullmatch("[0-9a-f]{16}", path.name) and path != current]
+        used = {path: path.stat().st_mtime for path in others}
         for path in sorted(used, key=used.__getitem__, reverse=True)[KEPT_DIGESTS - 1 :]:
             if time.time() - used[path] > PRUNE_AGE:
                 shutil.rmtree(path, ignore_errors=True)
-
-
-def _is_digest(name: str) -> bool:
-    """Return whether `name` is one that :func:`source_digest` gives: nothing else under the root is ours to remove."""
-    return len(name) == 16 and all(character in "0123456789abcdef" for character in name)

@@ -18,13 +18,7 @@ _PACKAGES = {"numpy": "numpy", "numba": "numba", "scipy": "scipy"}
 
 
 def describe_input(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return ``{"path", "sha256", "bytes"}`` of an input file; ``-`` and pipes have no digest (null).
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
-    """
+    """Return ``{"path", "sha256", "bytes"}`` of an input file; ``-`` and pipes have no digest (null)."""
     if os.fspath(path) == "-" or (os.path.exists(path) and not os.path.isfile(path)):
         # A stream has been read by now and cannot be read again.
         return {"path": os.fspath(path), "sha256": None, "bytes": None}

@@ -10,36 +10,29 @@ from contextlib import contextmanager
 from prf.shell.progress import Reporter, Silent, progress
 
 ProgressCallback = Callable[[float, Mapping[str, object]], None]
-"""What a caller may give instead of True: it is told the share that is done, and what a bar shows beside it."""
+"""What a caller may give instead of True: it gets the share that is done, and what a bar shows beside it."""
 
 
-class _Teller:
-    """Tells a callable the share that is done."""
+class _Caller:
+    """Reports to a callable."""
 
     def __init__(self, callback: ProgressCallback, total: float) -> None:
         self._callback, self._total = callback, total
 
     def update(self, completed: float, **fields: object) -> None:
-        """Tell it."""
+        """Call it with the share that is done."""
         self._callback(completed / self._total, fields)
 
 
 @contextmanager
 def reported(wanted: bool | ProgressCallback, total: float, description: str) -> Iterator[Reporter]:
-    """Yield what long work reports to.
+    """Yield what long work reports to; `total` and `description` as in :func:`prf.shell.progress.progress`.
 
-    Parameters
-    ----------
-    wanted : bool or callable
-        True: a bar on a terminal or in a notebook, elsewhere a line every ten seconds. False: nothing. A callable is
-        told the share in [0, 1] and a mapping of what the bar would show beside it.
-    total : float
-        What is counted up to.
-    description : str
-        What is being done.
+    `wanted`: True: a bar on a terminal or in a notebook, elsewhere a line every ten seconds. False: nothing. A callable
+    gets the share in [0, 1] and a mapping of what the bar would show beside it.
     """
     if callable(wanted):
-        yield _Teller(wanted, total)
+        yield _Caller(wanted, total)
     elif not wanted:
         yield Silent()
     else:

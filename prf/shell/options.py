@@ -14,7 +14,7 @@ Presets    ``--preset``             presets of sensors, beneath the settings fil
 Assignments ``--set``                any key of the settings, above the file
 ========== ======================== =====================================================
 
-``-v/--verbose``, ``-q/--quiet``, ``--color`` and ``--no-progress`` are added to every verb (:mod:`prf.shell.flags`), so
+``-v/--verbose``, ``-q/--quiet``, ``--color`` and ``--no-progress`` are added to every verb (:mod:`prf.shell.app`), so
 that no verb can forget one; a verb must not declare them.
 """
 

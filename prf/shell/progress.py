@@ -64,19 +64,10 @@ class _Bar:
 
 @contextmanager
 def progress(total: float | None, description: str) -> Iterator[Reporter]:
-    """Show the progress of the block.
+    """Show the progress of the block, in which ``update(completed, **fields)`` is cheap enough for every poll.
 
-    Parameters
-    ----------
-    total : float or None
-        What ``update(completed, ...)`` counts up to (steps, seconds); None when the end is not known.
-    description : str
-        What is being done, e.g. ``sampling``.
-
-    Yields
-    ------
-    Reporter
-        ``update(completed, **fields)``, cheap enough for every poll.
+    `total`: what `completed` counts up to (steps, seconds); None when the end is not known. `description`: what is
+    being done, e.g. ``sampling``.
     """
     if not console.show_progress():
         yield Silent()
@@ -114,18 +105,7 @@ def _make_bar() -> Progress:
 def plain_line(
     description: str, completed: float, total: float | None, elapsed: float, fields: dict[str, object]
 ) -> str:
-    """Return one line of progress without control characters.
-
-    Parameters
-    ----------
-    description : str
-    completed, total : float
-        In any unit; without a `total` there is no share and no time left.
-    elapsed : float
-        Seconds since the start.
-    fields : dict
-        Shown as ``name value``.
-    """
+    """Return one line of progress without control characters; without a `total` there is no share and no time left."""
     parts = [description]
     if total:
         parts.append(f"{100 * completed / total:.0f} %")

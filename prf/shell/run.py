@@ -11,25 +11,18 @@ from typing import Any
 
 import typer
 
-from prf.shell import console, lock, signals
+from prf.shell import console, outputs, signals
 from prf.shell.errors import EXIT_BROKEN_PIPE, EXIT_INTERNAL, EXIT_OK, InputError, OutputError, PrfError, system_reason
-from prf.shell.work import FULL
+from prf.shell.files import FULL
 
 _NOT_GIVEN = (errno.EACCES, errno.EPERM, errno.ENAMETOOLONG, errno.ELOOP, errno.EIO, errno.ENXIO)
 """What the system answers already when it is asked whether there is a file."""
 
 
 def run_app(command: Any, name: str, args: Sequence[str] | None = None) -> int:
-    """Run a tool and return its exit code.
+    """Run a tool, a `command` of :func:`prf.shell.app.make_app`, and return its exit code.
 
-    Parameters
-    ----------
-    command : command
-        From :func:`prf.shell.app.make_app`.
-    name : str
-        The tool, as help texts and errors call it.
-    args : sequence of str, optional
-        Instead of ``sys.argv[1:]``.
+    `name`: as help texts and errors call it. `args`: instead of ``sys.argv[1:]``.
     """
     console.reset()
     with signals.ending_the_tool(), console.warnings_as_details():
@@ -57,7 +50,7 @@ def _run(command: Any, name: str, args: Sequence[str] | None) -> int:
     except Exception as error:
         return _report_internal(error)
     finally:
-        lock.release_claims()
+        outputs.release_claims()
     return code if isinstance(code, int) else EXIT_OK
 
 

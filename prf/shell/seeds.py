@@ -14,12 +14,7 @@ if TYPE_CHECKING:
 def resolve_seed(seed: int | None) -> int:
     """Return `seed`, or draw one from the system's entropy; the caller prints and stores it.
 
-    Drawn seeds have 32 bits: short enough to be read aloud, exact in JSON.
-
-    Raises
-    ------
-    UsageError
-        If `seed` is negative.
+    Drawn seeds have 32 bits: short enough to be read aloud, exact in JSON. UsageError if `seed` is negative.
     """
     if seed is None:
         return secrets.randbits(32)

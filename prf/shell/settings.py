@@ -8,7 +8,7 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar
 
@@ -47,16 +47,10 @@ class Table(BaseModel):
 
 
 class Tree(BaseModel):
-    """All settings of a tool, a field a table.
-
-    Attributes
-    ----------
-    PACKAGE : str
-        Its files ``presets/NAME.toml`` are the presets.
-    """
+    """All settings of a tool, a field a table."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    PACKAGE: ClassVar[str]
+    PACKAGE: ClassVar[str]  # its files ``presets/NAME.toml`` are the presets
 
     @classmethod
     def flag(cls, place: str) -> str:
@@ -103,41 +97,55 @@ def load(
     assignments: Sequence[str] = (),
     flags: Mapping[str, Any] = NOTHING,
     defaults: Mapping[str, Any] = NOTHING,
+    tables: Collection[str] | None = None,
 ) -> Loaded[T]:
     """Return settings: flags over assignments over a file over presets over defaults.
 
-    Parameters
-    ----------
-    tree : type of Tree
-    path : path or None
-        A UTF-8 file of TOML 1.0; ``-`` is standard input.
-    presets : sequence of str
-        Names that replace those in the file.
-    assignments : sequence of str
-        ``TABLE.KEY=VALUE``; VALUE as in TOML, where a word needs no quotes.
-    flags : mapping of str to Any
-        ``TABLE.KEY`` to value; None: not given.
-    defaults : mapping of str to Any
-        ``TABLE.KEY`` to a value that replaces the tree's default.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or may not be read.
-    ConfigError
-        If it is no TOML, a name of a preset, table or key is unknown, or a value cannot be used.
+    `path`: a file of TOML; ``-`` is standard input. `presets`: names that replace those in the file. `assignments`:
+    ``TABLE.KEY=VALUE``; VALUE as in TOML, where a word needs no quotes. `flags`: ``TABLE.KEY`` to value; None: not
+    given. `defaults`: ``TABLE.KEY`` to a value that replaces the tree's default. `tables`: those that are read; an
+    assignment to another is refused (UsageError), while a file may hold all. ConfigError names what cannot be used.
     """
     own = {} if path is None else _read_toml(path)
     name = "standard input" if path is not None and os.fspath(path) == STREAM else path
-    named, where = (tuple(presets), "--preset") if presets else (_names(own.pop(PRESET, ()), name), f"{name}: preset")
-    own.pop(PRESET, None)
-    layers = [(f"preset {each}: [{{table}}] {{key}}", read_preset(tree, each, where)) for each in named]
-    _refuse_overlap(layers, named, where)
+    given, where = own.pop(PRESET, ()), f"{name}: preset"
+    if presets:
+        given, where = presets, "--preset"
+    layers = _preset_layers(tree, [given] if isinstance(given, str) else given, where)
     layers.append((f"{name}: [{{table}}] {{key}}", own))
-    layers += [("--set {table}.{key}", _assigned(text)) for text in assignments]
-    given = {place: value for place, value in flags.items() if value is not None}
-    layers += [(tree.flag(place), _nested(place, value)) for place, value in given.items()]
+    layers += [("--set {table}.{key}", _assigned(text, tables)) for text in assignments]
+    layers += [(tree.flag(place), _nested(place, value)) for place, value in flags.items() if value is not None]
     return _merged(tree, [(DEFAULT, _nested(*each)) for each in defaults.items()] + layers)
+
+
+def load_options(
+    tree: type[T], options: Mapping[str, Any], tables: Collection[str], defaults: Mapping[str, Any] = NOTHING
+) -> Loaded[T]:
+    """Return what the options of a verb that reads `tables` ask for; others of their keys are refused by --set.
+
+    `options`: ``config``, ``preset``, ``assignments``, and values by the names of their flags; the rest is passed over.
+    """
+    places = [f"{table}.{name}" for table in tables for name in tree.tables()[table].model_fields]
+    names = {place: tree.flag(place).removeprefix("--").replace("-", "_") for place in places}
+    flags = {place: options[name] for place, name in names.items() if name in options}
+    path, presets, assignments = (options.get(name) for name in ("config", "preset", "assignments"))
+    return load(tree, path, presets or (), assignments or (), flags, defaults, tables)
+
+
+def _preset_layers(tree: type[T], names: Any, where: str) -> list[Layer]:
+    """Return the values of presets, of which no two may set the same table."""
+    if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
+        raise ConfigError(f"{where} = {names!r}: must be the name of a preset, or an array of names.")
+    layers: list[Layer] = []
+    owner: dict[str, str] = {}
+    for name in names:
+        values = read_preset(tree, name, where)
+        for table in values:
+            if table in owner:
+                raise ConfigError(f"{where}: presets {owner[table]} and {name} both set [{table}]. Choose one of them.")
+            owner[table] = name
+        layers.append((f"preset {name}: [{{table}}] {{key}}", values))
+    return layers
 
 
 def read_preset(tree: type[Tree], name: str, where: str = "--preset") -> Values:
@@ -168,26 +176,13 @@ def _read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise ConfigError(f"{os.fspath(path)}: not valid TOML ({error}).") from None
 
 
-def _names(names: Any, path: object) -> tuple[str, ...]:
-    given = [names] if isinstance(names, str) else names
-    if not isinstance(given, list | tuple) or not all(isinstance(name, str) for name in given):
-        raise ConfigError(f"{path}: preset = {names!r}: must be the name of a preset, or an array of names.")
-    return tuple(given)
-
-
-def _refuse_overlap(layers: list[Layer], names: tuple[str, ...], where: str) -> None:
-    seen: dict[str, str] = {}
-    for name, (_, tables) in zip(names, layers, strict=True):
-        for table in tables:
-            if table in seen:
-                raise ConfigError(f"{where}: presets {seen[table]} and {name} both set [{table}]. Choose one of them.")
-            seen[table] = name
-
-
-def _assigned(text: str) -> Values:
+def _assigned(text: str, tables: Collection[str] | None) -> Values:
     place, equals, value = (part.strip() for part in text.partition("="))
     if not equals or not re.fullmatch(r"\w+\.\w+", place):
         raise UsageError(f"--set {text}: give TABLE.KEY=VALUE, as in --set prior.scale=0.2.")
+    table = place.partition(".")[0]
+    if tables is not None and table not in tables:
+        raise UsageError(f"--set {place}: [{table}] is not read here. Set a key of {', '.join(tables)}.")
     try:
         return _nested(place, tomllib.loads(f"value = {value}")["value"])
     except tomllib.TOMLDecodeError:
@@ -273,12 +268,7 @@ def _instead(name: str, known: Iterable[str]) -> str:
 def settings_text(values: Mapping[str, Mapping[str, Any]], comments: Mapping[str, str]) -> str:
     """Return the text of a settings file; its numbers are read back to the last bit.
 
-    Parameters
-    ----------
-    values : mapping of str to mapping
-        Table to key to value.
-    comments : mapping of str to str
-        For ``""`` (the head of the file), ``"TABLE"`` or ``"TABLE.KEY"``. The first two may have several lines.
+    `comments`: for ``""`` (the head of the file), ``"TABLE"`` or ``"TABLE.KEY"``; the first two may have several lines.
     """
     parts = [_comment(comments.get("", ""))]
     for table, content in values.items():

@@ -6,32 +6,26 @@ import logging
 import os
 import signal
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
-from prf.shell import litter
 from prf.shell.errors import Interrupted
+from prf.shell.files import remove_all_temporary
 
 logger = logging.getLogger(__name__)
 
 _STOPPING = (signal.SIGINT, signal.SIGTERM)
 _DEAF = ("numba", "llvmlite")
-"""Packages that are called back from compiled code, which prints an exception and goes on."""
+"""Packages that are called back from compiled code, which prints an exception and continues."""
 
 
 class StopFlag:
-    """Set by the first SIGINT or SIGTERM; a driver polls it between steps.
-
-    Attributes
-    ----------
-    signal_number : int
-        The signal that came, 0 while none has.
-    """
+    """Set by the first SIGINT or SIGTERM; a driver polls it between steps."""
 
     def __init__(self) -> None:
-        self.signal_number = 0
+        self.signal_number = 0  # 0 while none has come
 
     @property
     def requested(self) -> bool:
@@ -41,40 +35,42 @@ class StopFlag:
     def raise_if_requested(self, message: str) -> None:
         """Raise :class:`Interrupted` (exit code 130 or 143) if the run has been asked to stop.
 
-        Parameters
-        ----------
-        message : str
-            What was kept and how to go on, e.g. ``interrupted; continue with --resume demo/office``.
+        `message`: what was kept and how to continue, e.g. ``interrupted; continue with --resume demo/office``.
         """
         if self.requested:
             raise Interrupted(message, self.signal_number)
 
 
 @contextmanager
-def graceful_stop(signals: Sequence[signal.Signals] = _STOPPING) -> Iterator[StopFlag]:
-    """Turn the first SIGINT or SIGTERM (or other `signals`) into a :class:`StopFlag`; the second acts at once.
-
-    Outside the main thread, where Python cannot install handlers, the flag stays unset.
-    """
-    flag = StopFlag()
+def _handled(signals: Sequence[signal.Signals], handler: Callable[[int, FrameType | None], Any]) -> Iterator[None]:
+    """Handle signals in the block, but those that are ignored; nothing outside the main thread, where none can be."""
     if threading.current_thread() is not threading.main_thread():
-        yield flag
+        yield
         return
     before = {number: signal.getsignal(number) for number in signals}
+    taken = {number: old for number, old in before.items() if old not in (None, signal.SIG_IGN)}
+    for number in taken:
+        signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        for number, old in taken.items():
+            signal.signal(number, old)
 
-    def request(number: int, _frame: FrameType | None) -> None:
+
+@contextmanager
+def graceful_stop(signals: Sequence[signal.Signals] = _STOPPING) -> Iterator[StopFlag]:
+    """Turn the first SIGINT or SIGTERM (or other `signals`) into a :class:`StopFlag`; the second ends the tool."""
+    flag = StopFlag()
+
+    def request(number: int, frame: FrameType | None) -> None:
+        if flag.requested:
+            _end(number, frame)
         flag.signal_number = number
-        for each, handler in before.items():
-            signal.signal(each, handler)
         logger.info("stopping in good order; once more to stop at once")
 
-    for number in signals:
-        signal.signal(number, request)
-    try:
+    with _handled(signals, request):
         yield flag
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _is_deaf(frame: FrameType | None) -> bool:
@@ -90,7 +86,7 @@ def _is_deaf(frame: FrameType | None) -> bool:
 def _end(number: int, frame: FrameType | None) -> NoReturn:
     """End the tool through its ``finally`` clauses; where no exception passes, in imports and compilers, at once."""
     if _is_deaf(frame):
-        litter.sweep()
+        remove_all_temporary()
         os._exit(128 + number)
     if number == signal.SIGINT:
         raise KeyboardInterrupt
@@ -100,15 +96,5 @@ def _end(number: int, frame: FrameType | None) -> NoReturn:
 @contextmanager
 def ending_the_tool() -> Iterator[None]:
     """Let SIGINT and SIGTERM end the tool (exit codes 130 and 143) and leave nothing half written, while it runs."""
-    if threading.current_thread() is not threading.main_thread():
+    with _handled(_STOPPING, _end):
         yield
-        return
-    before = {number: signal.getsignal(number) for number in _STOPPING}
-    taken = {number: handler for number, handler in before.items() if handler not in (None, signal.SIG_IGN)}
-    for number in taken:
-        signal.signal(number, _end)
-    try:
-        yield
-    finally:
-        for number, handler in taken.items():
-            signal.signal(number, handler)

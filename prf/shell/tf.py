@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
 
 from prf.shell.bag import Message, seconds
 
@@ -19,9 +20,7 @@ STATIC = "tf_static"  # end of the name of the topic whose transforms hold for e
 
 HOLD = 0.5  # seconds before the first and after the last pose for which a robot is taken to be where it was seen
 
-UNIT = 0.01  # how far the length of a quaternion may be from 1; tf itself passes over those that are farther
-
-FARTHEST = 1e12  # metres along an axis between two frames: more is damage, of which sums and squares would overflow
+UNIT_TOL = 0.01  # how far the length of a quaternion may be from 1; tf itself passes over those that are farther
 
 
 class Rigid(NamedTuple):
@@ -51,7 +50,7 @@ class Tree:
         """Take up one transform (translation, rotation), unless it has a value that is not sound."""
         shift, turn = transform
         pose = (shift.x, shift.y, shift.z, turn.x, turn.y, turn.z, turn.w)
-        if all(abs(axis) <= FARTHEST for axis in pose[:3]) and abs(math.hypot(*pose[3:]) - 1.0) <= UNIT:
+        if all(map(math.isfinite, pose)) and abs(math.hypot(*pose[3:]) - 1.0) <= UNIT_TOL:
             edge = self._edges.setdefault((parent, child), _Edge(is_static))
             edge.time.append(time)
             edge.pose.append(pose)
@@ -120,42 +119,28 @@ def frame_name(name: str) -> str:
 
 def turned(turn: FloatArray, vector: FloatArray) -> FloatArray:
     """Return vectors (3,) or (m, 3) turned by (m, 4) unit quaternions."""
-    axis, w = turn[:, :3], turn[:, 3:]
-    cross = 2.0 * np.cross(axis, vector)
-    result: FloatArray = vector + w * cross + np.cross(axis, cross)
-    return result
+    return np.asarray(Rotation.from_quat(turn).apply(vector))
 
 
 def _at(edge: _Edge, time: FloatArray) -> Rigid:
-    """Return the motion of one edge at m times: positions linearly, turns along the chord (steps are small)."""
-    stamps, pose = np.array(edge.time), np.array(edge.pose)
-    pose[:, 3:] /= np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
-    m = len(time)
-    if edge.is_static or (pose == pose[0]).all():
-        last = np.tile(pose[-1], (m, 1))
-        return Rigid(last[:, :3], last[:, 3:], np.ones(m, dtype=bool))
-    order = np.argsort(stamps, kind="stable")
-    stamps, pose = stamps[order], pose[order]
-    # Of equal time stamps the last one recorded counts.
-    last_of = np.r_[np.diff(stamps) > 0, True]
-    stamps, pose = stamps[last_of], pose[last_of]
-    # A quaternion and its negative are one turn: successive ones must not change sign.
-    flips = np.r_[1.0, np.where(np.sum(pose[1:, 3:] * pose[:-1, 3:], axis=1) < 0, -1.0, 1.0)]
-    pose[:, 3:] *= np.cumprod(flips)[:, None]
-    found = np.column_stack([np.interp(time, stamps, column) for column in pose.T])
-    found[:, 3:] /= np.linalg.norm(found[:, 3:], axis=1, keepdims=True)
-    known = (time >= stamps[0] - HOLD) & (time <= stamps[-1] + HOLD)
-    return Rigid(found[:, :3], found[:, 3:], known)
+    """Return the motion of one edge at m times, interpolated; of equal time stamps the last one recorded counts."""
+    last = dict(zip(edge.time, edge.pose, strict=True))
+    stamps = np.array(sorted(last))
+    pose = np.array([last[stamp] for stamp in stamps.tolist()])
+    if edge.is_static or len(stamps) == 1:
+        found = np.tile(edge.pose[-1], (len(time), 1))
+        return Rigid(found[:, :3], found[:, 3:], np.ones(len(time), dtype=bool))
+    shift = np.column_stack([np.interp(time, stamps, column) for column in pose[:, :3].T])
+    turn = Slerp(stamps, Rotation.from_quat(pose[:, 3:]))(np.clip(time, stamps[0], stamps[-1]))
+    return Rigid(shift, turn.as_quat(), (time >= stamps[0] - HOLD) & (time <= stamps[-1] + HOLD))
 
 
 def _joined(outer: Rigid, inner: Rigid) -> Rigid:
-    a, b = outer.turn, inner.turn
-    xyz = a[:, 3:] * b[:, :3] + b[:, 3:] * a[:, :3] + np.cross(a[:, :3], b[:, :3])
-    w = a[:, 3] * b[:, 3] - np.sum(a[:, :3] * b[:, :3], axis=1)
+    turn = Rotation.from_quat(outer.turn) * Rotation.from_quat(inner.turn)
     shift = outer.shift + turned(outer.turn, inner.shift)
-    return Rigid(shift, np.column_stack((xyz, w)), outer.known & inner.known)
+    return Rigid(shift, turn.as_quat(), outer.known & inner.known)
 
 
 def _inverse(motion: Rigid) -> Rigid:
-    back = motion.turn * np.array([-1.0, -1.0, -1.0, 1.0])
-    return Rigid(-turned(back, motion.shift), back, motion.known)
+    back = Rotation.from_quat(motion.turn).inv()
+    return Rigid(-back.apply(motion.shift), back.as_quat(), motion.known)

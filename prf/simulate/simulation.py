@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from prf.configuration import Simulate
 from prf.logs.poses import PIONEER, mounted
 from prf.sensors.domain import check_length
 from prf.shell.errors import ConfigError, InputError, UsageError
@@ -22,6 +23,9 @@ from prf.simulate.world import Floats, World
 from prf.window import Window
 
 OFFICE, ARAK = "office", "arak"
+WORLDS_OF = {"size": (OFFICE, ARAK), "scale": (ARAK,)}
+"""Options that matter in some worlds only."""
+LASER = tuple(field.name for field in dataclasses.fields(LaserPhysics))
 SIZE = (60.0, 40.0)
 MIN_ROOM = 0.2
 """Share of the window in which the centre of the robot must be able to be, for a draw from the prior to be used."""
@@ -65,31 +69,22 @@ class SimulateConfig:
         return len(PIONEER) if self.sonar is not None else self.laser.beams if self.laser is not None else 0
 
 
-def config_of(options: Mapping[str, Any], laser: bool, sonar: bool) -> SimulateConfig:
-    """Return the configuration of these options; UsageError for one that has no effect beside the others.
+def config_of(settings: Simulate, world: str, laser: bool, sonar: bool, **options: Any) -> SimulateConfig:
+    """Return what settings and options ask for; UsageError for an option that has no effect in this world.
 
-    `options`: name to value, None for the default: fields of :class:`SimulateConfig`, and with ``laser_`` or ``sonar_``
-    before them of :class:`LaserPhysics` and :class:`SonarPhysics`. `laser`, `sonar`: whether the robot has them.
+    `laser`, `sonar`: whether the robot has them. `options`: size, scale, path, readings; None: the default.
     """
     given = {name: value for name, value in options.items() if value is not None}
-    idle = {
-        "laser_": "is for a laser, and there is --no-laser" if not laser else "",
-        "sonar_": "is for a sonar, and there is no --sonar" if not sonar else "",
-        "size": "is for --world office or arak" if given.get("world", OFFICE) not in (OFFICE, ARAK) else "",
-        "scale": "is for --world arak" if given.get("world", OFFICE) != ARAK else "",
-    }
-    parts: dict[str, dict[str, Any]] = {"": {}, "laser_": {}, "sonar_": {}}
-    for name, value in given.items():
-        for start, why in idle.items():
-            if why and name.startswith(start):
-                flag = name.removeprefix("laser_").replace("_", "-")
-                raise UsageError(f"--{flag} {why}. Leave it out, or change that.")
-        prefix = next((prefix for prefix in ("laser_", "sonar_") if name.startswith(prefix)), "")
-        parts[prefix][name.removeprefix(prefix)] = value
+    for name, worlds in WORLDS_OF.items():
+        if name in given and world not in worlds:
+            raise UsageError(f"--{name} is for --world {' or '.join(worlds)}. Leave it out, or change that.")
     return SimulateConfig(
-        **parts[""],
-        laser=LaserPhysics(**parts["laser_"]) if laser else None,
-        sonar=SonarPhysics(**parts["sonar_"]) if sonar else None,
+        world=world,
+        robot_radius=settings.robot_radius,
+        spacing=settings.spacing,
+        laser=LaserPhysics(**{name: getattr(settings, name) for name in LASER}) if laser else None,
+        sonar=SonarPhysics(max_range=settings.sonar_max_range) if sonar else None,
+        **given,
     )
 
 

@@ -19,12 +19,11 @@ from prf.logs.table import OPTIONAL, REQUIRED
 from prf.render.layers import fill_map
 from prf.run.mapfile import map_text
 from prf.shell import pictures as style
-from prf.shell.files import atomic_write, remove_leftovers
+from prf.shell.files import Group, atomic_write, made_folder, together
 from prf.shell.jsonout import dump_object
 from prf.shell.manifest import describe_input, versions
+from prf.shell.outputs import remove_leftovers
 from prf.shell.pictures import Target
-from prf.shell.together import Group, together
-from prf.shell.work import made_folder
 from prf.simulate.laser import LaserPhysics
 from prf.simulate.path import DIGITS, Scans
 from prf.simulate.simulation import ARAK, OFFICE, Simulation

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,29 +9,15 @@ import pytest
 
 from tests.cli.calls import VERBS, Verb, call, content
 
-NUMBER = re.compile(rb"-?\d+\.\d+|-?\d+")
-
-
-def _with_nan(data: bytes) -> bytes:
-    """Replace the number in the middle of a text by nan."""
-    numbers = list(NUMBER.finditer(data))
-    middle = numbers[len(numbers) // 2]
-    return data[: middle.start()] + b"nan" + data[middle.end() :]
-
-
 FAULTS: dict[str, Callable[[bytes], bytes]] = {
-    "empty": lambda data: b"",
     "truncated": lambda data: data[: len(data) // 2],
     "another kind": lambda data: b"\x89PNG\r\n\x1a\n" + bytes(64),
-    "nan": _with_nan,
 }
-TEXT = (".log", ".csv", ".geojson", ".geojsonl", ".toml", ".json", ".txt")
 CASES = {
     f"{verb.title}: {name}: {fault}": (verb, name, fault)
     for verb in VERBS
     for name in verb.reads
     for fault in ("missing", *FAULTS)
-    if fault != "nan" or name.endswith(TEXT)
 }
 
 

@@ -38,7 +38,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_sonar_and_a_laser(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    args = ["calibrate", "--sonar", folder / "ring.csv", "--laser", folder / "laser.csv", "--max-range", 8]
+    args = [
+        "calibrate",
+        "--sonar",
+        folder / "ring.csv",
+        "--laser",
+        folder / "laser.csv",
+        "--set",
+        "laser.max_range=8.0",
+    ]
     args += ["--map", folder / "floor.geojson", "-o", tmp_path / "robot.toml"]
     assert run(*args, "--json") == 0
     found = json.loads(capsys.readouterr().out)
@@ -76,5 +84,16 @@ def test_wrong_poses_are_noticed(folder: Path, tmp_path: Path, capsys: pytest.Ca
     mixed = known.readings.select(np.arange(known.readings.n_beams))  # a copy
     mixed.range[:] = np.random.default_rng(1).permutation(mixed.range)
     write_table(tmp_path / "mixed.csv", mixed)
-    assert run("calibrate", "--laser", tmp_path / "mixed.csv", "--max-range", 8, "--map", folder / "floor.geojson") == 0
+    assert (
+        run(
+            "calibrate",
+            "--laser",
+            tmp_path / "mixed.csv",
+            "--set",
+            "laser.max_range=8.0",
+            "--map",
+            folder / "floor.geojson",
+        )
+        == 0
+    )
     assert "no better than no map" in capsys.readouterr().err

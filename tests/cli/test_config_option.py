@@ -83,7 +83,8 @@ def test_options_override_the_file_and_presets_and_the_manifest_records_it(
 
 def test_grid_and_anneal_take_presets_too(ring: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert prf("grid", "--laser", ring, "--preset", "hokuyo-urg-04lx", "-o", "g.npz", "-q") == 0
+    Path("site.toml").write_text('preset = "hokuyo-urg-04lx"\n')
+    assert prf("grid", "--laser", ring, "--config", "site.toml", "-o", "g.npz", "-q") == 0
     grid = read_grid("g.npz")
     assert grid.settings["max_range"] == 4.0
     assert grid.process["sources"] == {"max_range": "preset hokuyo-urg-04lx: [laser] max_range"}
@@ -105,7 +106,7 @@ def test_a_parameter_of_the_file_changes_the_likelihood(ring: Path, site: Path, 
 
 def test_a_grid_takes_what_it_knows(ring: Path, site: Path, tmp_path: Path) -> None:
     grid = tmp_path / "ring.grid.npz"
-    assert prf("grid", "--sonar", ring, "--config", site, "--sonar-max-range", 3, "-o", grid, "-q") == 0
+    assert prf("grid", "--sonar", ring, "--config", site, "--set", "sonar.max_range=3.0", "-o", grid, "-q") == 0
     settings = read_grid(grid).settings
     assert (settings["sonar_cone"], settings["sonar_max_range"], settings["window"]) == (0.5, 3.0, [0, 0, 10, 10])
     assert settings["miss_probability"] == 0.4, "of a cell; that of the file is the laser's"
@@ -114,7 +115,7 @@ def test_a_grid_takes_what_it_knows(ring: Path, site: Path, tmp_path: Path) -> N
 def test_the_cone_of_the_option_reaches_the_readings_of_a_grid(ring: Path, tmp_path: Path) -> None:
     seen = []
     for cone in (0.1, 1.0):
-        assert prf("grid", "--sonar", ring, "--sonar-cone", cone, "-o", tmp_path / f"{cone}.npz", "-q") == 0
+        assert prf("grid", "--sonar", ring, "--set", f"sonar.cone={cone}", "-o", tmp_path / f"{cone}.npz", "-q") == 0
         seen.append(read_grid(tmp_path / f"{cone}.npz").share_seen)
     assert seen[0] < seen[1]
 

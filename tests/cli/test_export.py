@@ -1,4 +1,4 @@
-"""`prf export`: names and formats, streams, what stands already, every way to ask wrongly."""
+"""`prf export`: names and formats, streams, outputs that exist, wrong options."""
 
 from __future__ import annotations
 

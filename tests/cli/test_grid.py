@@ -42,20 +42,20 @@ def test_a_grid_of_a_log(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert run("grid", "--laser", log, *THIN, "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["schema"] == "prf.grid.built/1"
-    assert told["grid"] == "demo-office.grid.npz"
-    grid = read_grid(told["grid"])
-    assert list(grid.occupancy.shape) == told["shape"]
-    assert told["window"] == list(grid.window)
-    assert (told["n_outside"], told["method"], grid.settings["every_scan"]) == (0, "count", 4)
-    assert grid.hits.sum() <= told["n_beams"]
+    found = json.loads(capsys.readouterr().out)
+    assert found["schema"] == "prf.grid.built/1"
+    assert found["grid"] == "demo-office.grid.npz"
+    grid = read_grid(found["grid"])
+    assert list(grid.occupancy.shape) == found["shape"]
+    assert found["window"] == list(grid.window)
+    assert (found["n_outside"], found["method"], grid.settings["every_scan"]) == (0, "count", 4)
+    assert grid.hits.sum() <= found["n_beams"]
     assert len(grid.process["inputs"][0]["sha256"]) == 64
     assert run("grid", "--laser", log, *THIN) == 4
     assert "--force" in capsys.readouterr().err
     assert run("grid", "--laser", log, *THIN, "-f", "--set", "grid.method=log-odds", "--resolution", 0.5) == 0
     assert "0.5 m" in capsys.readouterr().out
-    assert read_grid(told["grid"]).occupancy.max() <= 1.0 / (1.0 + np.exp(-3.5)) + 1e-6
+    assert read_grid(found["grid"]).occupancy.max() <= 1.0 / (1.0 + np.exp(-3.5)) + 1e-6
 
 
 def test_sonar_alone_and_with_a_laser(log: Path, tmp_path: Path) -> None:

@@ -44,15 +44,10 @@ def kill_before(name: str, nth: int, folder: Path, monkeypatch: pytest.MonkeyPat
             seen += 1
         os.rename(source, target)
 
-    def unlink(path: Path, missing_ok: bool = False) -> None:
-        """Leave temporary files, as a killed process does."""
-        if path.suffix != ".tmp" and (path.exists() or not missing_ok):
-            os.remove(path)
-
     with monkeypatch.context() as patched:
         patched.setattr(driver, "CHECKPOINT_SECONDS", 0.0)
         patched.setattr(files.os, "replace", replace)
-        patched.setattr(files.Path, "unlink", unlink)
+        patched.setattr(files, "remove_temporary", lambda path: None)  # as a killed process leaves them
         with pytest.raises(Killed):
             call(f"prf sample {RUN} {STEPS} -o a.run", folder)
 

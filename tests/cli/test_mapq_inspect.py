@@ -142,8 +142,8 @@ def test_a_model(capsys, tmp_path):
 
 def test_columns_of_kitti(capsys, tmp_path):
     path = save(tmp_path, "0.bin", np.ones((4, 3), "<f4").tobytes())
-    assert "points          4" in run(capsys, path, "--bin-columns", "3")[1]
-    assert run(capsys, path, "--bin-columns", "5")[0] == 2
+    assert "points          4" in run(capsys, path, "--set", "cloud.bin_columns=3")[1]
+    assert run(capsys, path, "--set", "cloud.bin_columns=5")[0] == 2
     assert describe(path, ReadOptions(4)).cloud.n_points == 3
 
 

@@ -13,7 +13,7 @@ from mapq.features import patch_features
 from mapq.features.node import SHAPE_NAMES
 from mapq.io import read_patches, write_ply
 from mapq.labelling.store import open_store
-from prf.shell.lock import release_claims
+from prf.shell.outputs import release_claims
 from prf.shell.run import run_app
 from tests.reference.mapq_segment import cloud_of, ground, wall
 
@@ -96,7 +96,7 @@ def test_no_patches_is_a_result_with_a_warning(capsys, tmp_path):
 )
 def test_real_clouds(capsys, shared_data, tmp_path, name, columns, fewest):
     path = shared_data / "mapq" / name
-    code, out, _ = run(capsys, str(path), "-o", str(tmp_path / "p"), "--bin-columns", columns, "--json")
+    code, out, _ = run(capsys, str(path), "-o", str(tmp_path / "p"), "--set", f"cloud.bin_columns={columns}", "--json")
     report = json.loads(out)["report"]
     assert code == 0
     assert report["patches"] >= fewest

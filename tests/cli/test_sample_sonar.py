@@ -115,7 +115,7 @@ def test_sonar_alone(logs: tuple[str, str], tmp_path: Path, capsys: pytest.Captu
     assert prf("inspect", str(folder)) == 0
     assert "sonar readings, " in capsys.readouterr().out
     for what in ("posterior", "beams", "best"):
-        assert prf("render", str(folder), "--what", what, "--beams", "-o", str(tmp_path / f"{what}.png"), "-q") == 0
+        assert prf("render", str(folder), "--what", what, "-o", str(tmp_path / f"{what}.png"), "-q") == 0
 
 
 def test_the_cone_of_the_log_overrides_the_option(tmp_path: Path) -> None:

@@ -51,24 +51,24 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize(("name", "kind", "n_draws"), [("run", "run", 8), ("map.geojson", "map", 1)])
-def test_scores_of_polygonal_maps(
+def test_resultof_polygonal_maps(
     folder: Path, table: Path, capsys: pytest.CaptureFixture, name: str, kind: str, n_draws: int
 ) -> None:
     args = ("score", folder / name, "--laser", table, "--max-range", 20, "--seed", 4)
     assert run(*args, "--json") == 0
     shown = capsys.readouterr()
-    told = json.loads(shown.out)
-    assert (told["schema"], told["kind"], told["n_draws"]) == ("prf.score/1", kind, n_draws)
-    assert all(told[key] is not None for key in KEYS)
-    assert (told["n_beams"], told["n_outside"], told["seed"]) == (50, 25, 4)
+    result = json.loads(shown.out)
+    assert (result["schema"], result["kind"], result["n_draws"]) == ("prf.score/1", kind, n_draws)
+    assert all(result[key] is not None for key in KEYS)
+    assert (result["n_beams"], result["n_outside"], result["seed"]) == (50, 25, 4)
     assert "25 beams dropped" in shown.err
     assert run(*args) == 0
-    assert f"n_beams          {told['n_beams']}" in capsys.readouterr().out
-    assert told["square"] == 0.2
+    assert f"n_beams          {result['n_beams']}" in capsys.readouterr().out
+    assert result["square"] == 0.2
     assert run(*args, "--square", 3, "--json", "-q") == 0
     wide = json.loads(capsys.readouterr().out)
-    assert (wide["square"], wide["beam_nll"]) == (3.0, told["beam_nll"])
-    assert wide["brier"] != told["brier"]
+    assert (wide["square"], wide["beam_nll"]) == (3.0, result["beam_nll"])
+    assert wide["brier"] != result["brier"]
 
 
 def test_held_out_scans_of_the_log_that_a_grid_was_made_from(
@@ -76,22 +76,22 @@ def test_held_out_scans_of_the_log_that_a_grid_was_made_from(
 ) -> None:
     assert run("grid", "--laser", log, "--skip-scans", "2::5", "-o", tmp_path / "grid.npz", "-q") == 0
     assert run("score", tmp_path / "grid.npz", "--laser", log, "--scans", "2::5", "--json", "--seed", 1) == 0
-    told = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert told["kind"] == "grid"
-    assert told["auc"] > 0.9
-    assert told["within_0.2m"] > 0.4
-    assert told["beam_nll"] < 3.0
+    result = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert result["kind"] == "grid"
+    assert result["auc"] > 0.9
+    assert result["within_0.2m"] > 0.4
+    assert result["beam_nll"] < 3.0
 
 
 @pytest.mark.parametrize(("name", "kind"), [("run", "run"), ("map.geojson", "map")])
 def test_sonar_alone(folder: Path, ring: Path, capsys: pytest.CaptureFixture, name: str, kind: str) -> None:
     assert run("score", folder / name, "--sonar", ring, "--json") == 0
     shown = capsys.readouterr()
-    told = json.loads(shown.out)
-    assert (told["kind"], told["n_readings"], told["n_readings_outside"]) == (kind, 24, 12)
-    assert told["n_readings_no_return"] == 6
-    assert 0.0 < told["sonar_nll"] < 9.0
-    assert not {"n_beams", "beam_nll", "auc", "seed", "sonar_nll_contours"} & {*told}
+    result = json.loads(shown.out)
+    assert (result["kind"], result["n_readings"], result["n_readings_outside"]) == (kind, 24, 12)
+    assert result["n_readings_no_return"] == 6
+    assert 0.0 < result["sonar_nll"] < 9.0
+    assert not {"n_beams", "beam_nll", "auc", "seed", "sonar_nll_contours"} & {*result}
     assert "12 sonar readings dropped" in shown.err
 
 
@@ -100,10 +100,10 @@ def test_sonar_and_laser_and_a_grid(
 ) -> None:
     assert run("grid", "--laser", log, "-o", tmp_path / "grid.npz", "-q") == 0
     assert run("score", tmp_path / "grid.npz", "--sonar", ring, "--laser", table, "--seed", 2, "--json") == 0
-    told = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert told["sonar_nll"] == min(told["sonar_nll_contours"], told["sonar_nll_first_hit"])
-    assert told["n_beams"] > 0
-    assert (told["seed"], told["kind"]) == (2, "grid")
+    result = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert result["sonar_nll"] == min(result["sonar_nll_contours"], result["sonar_nll_first_hit"])
+    assert result["n_beams"] > 0
+    assert (result["seed"], result["kind"]) == (2, "grid")
 
 
 def test_a_true_plan_with_and_without_readings(folder: Path, ring: Path, capsys: pytest.CaptureFixture) -> None:
@@ -129,13 +129,13 @@ def test_options_take_precedence_over_a_settings_file(
 
     def scores(*args: object) -> tuple[float, float]:
         assert run("score", folder / "run", "--sonar", ring, "--json", "-q", *args) == 0
-        told = json.loads(capsys.readouterr().out)
-        return told["sonar_max_range"], told["sonar_nll"]
+        result = json.loads(capsys.readouterr().out)
+        return result["sonar_max_range"], result["sonar_nll"]
 
-    plain, with_file = scores("--sonar-max-range", 3.2), scores("--config", tmp_path / "ring.toml")
+    plain, with_file = scores("--set", "sonar.max_range=3.2"), scores("--config", tmp_path / "ring.toml")
     assert plain[0] == with_file[0] == 3.2
     assert plain[1] != with_file[1]
-    assert scores("--config", tmp_path / "ring.toml", "--sonar-max-range", 3.5)[0] == 3.5
+    assert scores("--config", tmp_path / "ring.toml", "--set", "sonar.max_range=3.5")[0] == 3.5
 
 
 def test_without_a_seed_one_is_drawn_and_reported(folder: Path, table: Path, capsys: pytest.CaptureFixture) -> None:

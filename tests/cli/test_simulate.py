@@ -10,7 +10,7 @@ import pytest
 from prf.cli import app
 from prf.shell.run import run_app
 
-ARGS = ("simulate", "--size", "9", "8", "--beams", "36", "--readings", "720")
+ARGS = ("simulate", "--size", "9", "8", "--set", "simulate.beams=36", "--readings", "720")
 
 
 def run(*args: str) -> int:
@@ -29,7 +29,7 @@ def test_the_directory_and_the_table(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 def test_the_truth_scores_well_and_the_logs_are_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "floor"
-    assert run("--seed", "3", "-o", str(folder), "--outlier-probability", "0", "-q") == 0
+    assert run("--seed", "3", "-o", str(folder), "--set", "simulate.outlier_probability=0", "-q") == 0
     capsys.readouterr()
     log = str(folder / "laser.log.gz")
     assert run_app(app, "prf", ["score", str(folder / "truth.geojson"), "--laser", log, "--seed", "1", "--json"]) == 0
@@ -54,7 +54,7 @@ def test_an_exported_truth_can_be_simulated_in_again(tmp_path: Path) -> None:
     assert run_app(app, "prf", ["export", truth, "--format", "ros-map", "-o", ros, "-q"]) == 0
     for name, world in (("again", truth), ("raster", ros)):
         again = tmp_path / name
-        args = ["simulate", "--world", world, "--path", path, "--beams", "36"]
+        args = ["simulate", "--world", world, "--path", path, "--set", "simulate.beams=36"]
         assert run_app(app, "prf", [*args, "--seed", "4", "-o", str(again)]) == 0
         assert (again / "path.csv").read_text() == (folder / "path.csv").read_text()
     assert (tmp_path / "again" / "laser.log.gz").read_bytes() == (folder / "laser.log.gz").read_bytes()

@@ -1,4 +1,4 @@
-"""Thinning as `prf sample` and `prf anneal` do it: told, recorded, repeated by --resume, switched off."""
+"""Thinning as `prf sample` and `prf anneal` do it: reported, recorded, repeated by --resume, switched off."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def test_a_log_as_sparse_as_the_office_is_used_whole(
 ) -> None:
     for name, flags in (("default", ()), ("exact", EXACT)):
         assert prf("sample", "--laser", log, *QUICK, *flags, "--steps", 10, "-o", tmp_path / name, "--json") == 0
-        told = json.loads(capsys.readouterr().out)
-        assert (told["n_beams"], told["n_beams_thinned"]) == (ALL, 0)
+        found = json.loads(capsys.readouterr().out)
+        assert (found["n_beams"], found["n_beams_thinned"]) == (ALL, 0)
     default, exact = (read_run(tmp_path / name) for name in ("default", "exact"))
     assert default.manifest["configuration"]["beam_density"] > 0.0
     assert exact.manifest["configuration"]["beam_density"] == 0.0
@@ -48,16 +48,16 @@ def test_what_was_left_out_is_reported_and_recorded(
     folder = tmp_path / "run"
     assert prf("sample", "--laser", log, *QUICK, *DENSITY, "--steps", 10, "-o", folder, "--json") == 0
     captured = capsys.readouterr()
-    told = json.loads(captured.out)
-    assert told["n_beams"] + told["n_beams_thinned"] == ALL
-    assert 1000 < told["n_beams"] < 2500
-    assert f"{told['n_beams']:,} of 5,580 beams (thinned)" in captured.err
+    found = json.loads(captured.out)
+    assert found["n_beams"] + found["n_beams_thinned"] == ALL
+    assert 1000 < found["n_beams"] < 2500
+    assert f"{found['n_beams']:,} of 5,580 beams (thinned)" in captured.err
     (reason,) = (line for line in captured.err.splitlines() if line.startswith("thinned to about "))
     assert "--set thinning.beam_density=0 keeps all" in reason
     run = read_run(folder)
     assert run.laser is not None
-    assert len(run.laser.range) == run.manifest["n_beams"] == told["n_beams"]
-    assert run.manifest["n_beams_thinned"] == told["n_beams_thinned"]
+    assert len(run.laser.range) == run.manifest["n_beams"] == found["n_beams"]
+    assert run.manifest["n_beams_thinned"] == found["n_beams_thinned"]
 
 
 @pytest.mark.slow
@@ -90,9 +90,9 @@ def test_annealing_thins_too(log: Path, tmp_path: Path, capsys: pytest.CaptureFi
     common = ("anneal", "--laser", log, "--chains", 1, "--seed", 1, "--steps", 10, "-o", target, "--json")
     assert prf(*common, *DENSITY) == 0
     captured = capsys.readouterr()
-    told, made = json.loads(captured.out), json.loads(target.read_text())["properties"]
-    assert told["n_beams"] + told["n_beams_thinned"] == ALL
-    assert (made["n_beams"], made["n_beams_thinned"]) == (told["n_beams"], told["n_beams_thinned"])
+    found, made = json.loads(captured.out), json.loads(target.read_text())["properties"]
+    assert found["n_beams"] + found["n_beams_thinned"] == ALL
+    assert (made["n_beams"], made["n_beams_thinned"]) == (found["n_beams"], found["n_beams_thinned"])
     assert "of 5,580 beams (thinned)" in captured.err
     (reason,) = (line for line in captured.err.splitlines() if line.startswith("thinned to about "))
     assert "--set thinning.beam_density=0 keeps all" in reason

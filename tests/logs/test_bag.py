@@ -178,7 +178,6 @@ class TestFrames:
             ((99, 99, 0), (0, 1e200, 0, 1)),
             ((NAN, 0, 0), (0, 0, 0, 1)),
             ((0, NAN, 0), (0, 0, 0, 1)),
-            ((1e300, -1e300, 0), (0, 0, 0.6, 0.8)),
         ],
     )
     def test_an_unsound_transform_is_passed_over(self, make1, tmp_path, shift, turn):

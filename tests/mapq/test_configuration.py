@@ -20,7 +20,7 @@ def test_the_defaults_are_those_of_the_steps() -> None:
 
 def test_the_values_reach_the_steps() -> None:
     texts = ["segment.neighbours=20", "features.watched=3", "features.context=['rays']", "crf.class_weight=none"]
-    loaded = load_configuration({"assignments": texts, "max_tilt": 15.0}, "segment")
+    loaded = load_configuration({"assignments": texts, "max_tilt": 15.0}, "segment", "features", "crf")
     assert loaded.settings.segment.settings() == SegmentSettings(neighbours=20, max_tilt=15.0)
     assert loaded.settings.features.settings() == FeatureSettings(n_watched=3, context=("rays",))
     assert loaded.settings.crf.settings() == TrainSettings(balanced=False)
@@ -41,4 +41,4 @@ def test_the_values_reach_the_steps() -> None:
 )
 def test_values_outside_their_domain_are_named(text: str, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
-        load_configuration({"assignments": [text]})
+        load_configuration({"assignments": [text]}, "segment", "features", "crf")

@@ -171,7 +171,7 @@ def test_unknown_versions_are_refused(folder: Path) -> None:
         ({"window": np.array([0.0, 0.0, -1.0, 1.0])}, "window"),
         ({"window": np.array([0.0, 0.0, 1e308, 1.0])}, "window"),
         ({"xy": None}, "array xy is missing"),
-        ({"side": np.array([{}], dtype=object)}, "pickled"),
+        ({"side": np.array([{}], dtype=object)}, "Object arrays"),
     ],
 )
 def test_arrays_that_contradict_each_other_are_refused(folder: Path, changes: dict, message: str) -> None:

@@ -76,3 +76,20 @@ class TestLog:
 def test_an_error_is_one_line_whatever_it_holds(capsys: pytest.CaptureFixture[str]) -> None:
     console.report_error("first\nsecond   third\n")
     assert capsys.readouterr().err == "error: first second third\n"
+
+
+def test_a_table_leaves_standard_output_to_the_output_there(
+    capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(console.settings, "verbosity", 0)
+    with caplog.at_level(logging.INFO):
+        console.say_beside("-")("a line")
+    assert (capsys.readouterr().out, caplog.messages) == ("", ["a line"])
+    for output in ("maps.npz", None):
+        console.say_beside(output)("a line")
+        assert capsys.readouterr().out == "a line\n"
+    monkeypatch.setattr(console.settings, "verbosity", -1)
+    console.say_beside("maps.npz")("a line")
+    assert capsys.readouterr().out == ""
+    console.say_beside(None)("a line")
+    assert capsys.readouterr().out == "a line\n"

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import gzip
 import io
 import os
 import stat
@@ -10,11 +11,6 @@ import pytest
 
 from prf.shell import files
 from prf.shell.errors import InputError, OutputError
-
-
-def write_and_fail(path: Path) -> None:
-    path.write_text("new")
-    raise ZeroDivisionError
 
 
 def print_and_fail(stream: IO[str]) -> None:
@@ -104,22 +100,56 @@ class TestStreams:
         with pytest.raises(InputError, match=r": (no such file or directory|is a directory)\."):
             files.open_input(tmp_path / name).__enter__()
 
-    def test_dash_never_exists(self) -> None:
-        assert files.refuse_existing("-", force=False) is None
+
+def test_files_of_a_group_take_their_places_together(tmp_path: Path) -> None:
+    for name in ("old", "last", "dropped"):
+        (tmp_path / name).write_text("old")
+    with files.together() as group:
+        for name in ("first", "old", "last"):
+            with files.atomic_write(tmp_path / name) as stream:
+                stream.write("new")
+        group.drop(tmp_path / "dropped")
+        made = group.where(tmp_path / "last")
+        assert made is not None
+        assert (made.read_text(), (tmp_path / "last").read_text()) == ("new", "old")
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == dict.fromkeys(
+        ("first", "old", "last"), "new"
+    )
 
 
-class TestRefuseExisting:
-    def test_a_folder_that_is_missing_or_no_folder_is_named(self, tmp_path: Path) -> None:
-        (tmp_path / "file").write_text("")
-        for place in ("no/such.txt", "file/such.txt"):
-            with pytest.raises(OutputError, match="there is no folder"):
-                files.refuse_existing(tmp_path / place, force=True)
-            files.refuse_standing(tmp_path / place, force=False)
-        with pytest.raises(OutputError, match="a folder is in the way"):
-            files.refuse_existing(tmp_path, force=True)
-        files.refuse_standing(tmp_path, force=True)
+def test_an_error_leaves_a_group_as_it_was(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("old")
+    with pytest.raises(ZeroDivisionError), files.together(), files.atomic_write(tmp_path / "a") as stream:
+        print_and_fail(stream)
+    assert (names(tmp_path), (tmp_path / "a").read_text()) == (["a"], "old")
 
-    def test_streams_devices_and_new_files_pass(self, tmp_path: Path) -> None:
-        (tmp_path / "link").symlink_to("/dev/null")
-        for place in ("-", "/dev/null", tmp_path / "link", tmp_path / "new"):
-            files.refuse_existing(place, force=False)
+
+def test_folders_are_removed_where_they_are_not_needed(tmp_path: Path) -> None:
+    with files.work_folder(tmp_path / "a") as work:
+        Path(work, "tile").touch()
+    with pytest.raises(ZeroDivisionError), files.made_folder(tmp_path / "new"):
+        raise ZeroDivisionError
+    with files.made_folder(tmp_path / "kept"):
+        (tmp_path / "kept" / "a").touch()
+    assert names(tmp_path) == ["kept"]
+
+
+def test_what_ends_at_once_removes_its_temporary_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(files, "_temporary", {str(tmp_path / name) for name in ("work", "half.tmp", "gone")})
+    (tmp_path / "work").mkdir()
+    for name in ("work/tile", "half.tmp", "whole"):
+        (tmp_path / name).touch()
+    files.remove_all_temporary()
+    assert names(tmp_path) == ["whole"]
+
+
+def test_gzip_is_unpacked_and_its_damage_named() -> None:
+    packed = gzip.compress(b"some text\n" * 1000)
+    assert files.gunzip(packed + gzip.compress(b"more"), "a.gz").endswith(b"text\nmore")
+    for data, words in (
+        (packed[:-9], "cut off"),
+        (packed[:20] + b"\xff" * 9, "damaged"),
+        (packed + b"tail", "damaged"),
+    ):
+        with pytest.raises(InputError, match=f"a.gz: the gzip file is {words}"):
+            files.gunzip(data, "a.gz")

@@ -13,11 +13,11 @@ from prf.shell.notebook import card, reported
 
 
 def test_a_callable_receives_shares_and_words() -> None:
-    told: list[tuple[float, Mapping[str, object]]] = []
-    with reported(lambda share, words: told.append((share, words)), 4.0, "working") as reporter:
+    calls: list[tuple[float, Mapping[str, object]]] = []
+    with reported(lambda share, words: calls.append((share, words)), 4.0, "working") as reporter:
         reporter.update(1, stage="first")
         reporter.update(4)
-    assert told == [(0.25, {"stage": "first"}), (1.0, {})]
+    assert calls == [(0.25, {"stage": "first"}), (1.0, {})]
 
 
 def test_no_progress_by_default(capsys: pytest.CaptureFixture[str]) -> None:

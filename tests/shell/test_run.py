@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 VERB = '''
-"""A verb that ends as it is told."""
+"""A verb that ends in the way given."""
 from typing import Annotated
 import typer
 from prf.shell import errors
@@ -21,7 +21,7 @@ from prf.shell.options import Seed
 EXAMPLES = ("tool finish well",)
 
 def finish(how: Annotated[str, typer.Argument(metavar="HOW", help="How.")], seed: Seed = None) -> None:
-    """End as told."""
+    """End."""
     if how in vars(errors):
         raise vars(errors)[how]("scan.log:118: range -4.2 < 0.\\nRemove it.")
     if how == "bug":
@@ -46,7 +46,7 @@ TOOL = """
 import sys
 from prf.shell.app import make_app
 from prf.shell.run import run_app
-app = make_app("tool", "1.2", "A tool.", "verbs", {"finish": "End as told.", "ros-map": "Other."})
+app = make_app("tool", "1.2", "A tool.", "verbs", {"finish": "End.", "ros-map": "Other."})
 sys.exit(run_app(app, "tool"))
 """
 

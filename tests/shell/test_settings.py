@@ -70,7 +70,7 @@ def test_an_unusual_combination_is_judged_as_a_whole(file: Path) -> None:
         ("[laser]\nnoise-relative = 1\n", "Did you mean noise_relative?"),
         ("[laser]\nzzz = 1\n", "Known are max_range, noise, noise_relative"),
         ("\n[sonor]\ncone = 1\n", ": there is no table [sonor]. Did you mean sonar?"),
-        ("noise = 1\n", ": noise is outside the tables. Move it to [laser] or [sonar]."),
+        ("noise = 1\n", ": noise is outside the tables. Move it to [laser] or [sonar] or [simulate]."),
         ("laser = 1\n", ": laser is outside the tables. Write [laser] once"),
         ("presett = 'x'\n", "Did you mean preset?"),
         ("[laser]\nnoise = 'low'\n", ': [laser] noise = "low": must be a valid number.'),

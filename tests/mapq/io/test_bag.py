@@ -169,7 +169,7 @@ def test_what_is_refused(tmp_path):
     )
     line = refusal(read_cloud, path)
     assert "2 clouds in frame velodyne, and tf does not lead there from map" in line
-    assert "--frame" in line
+    assert "cloud.frame" in line
     assert "folder without metadata.yaml and with 2 bag files" in refusal(read_cloud, str(tmp_path))
 
 

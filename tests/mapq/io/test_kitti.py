@@ -31,16 +31,16 @@ def test_the_number_of_columns_is_an_option(tmp_path, n, n_columns, zipped):
 
 def test_a_size_that_does_not_divide(tmp_path):
     path = save(tmp_path, "0.bin", scan(5, 3).tobytes())
-    assert "It divides by 12: --bin-columns 3?" in refusal(read_cloud, path)
+    assert "It divides by 12: --set cloud.bin_columns=3?" in refusal(read_cloud, path)
     path = save(tmp_path, "0.bin", scan(5, 4).tobytes())
-    assert "It divides by 16: --bin-columns 4?" in refusal(read_cloud, path, ReadOptions(3))
+    assert "It divides by 16: --set cloud.bin_columns=4?" in refusal(read_cloud, path, ReadOptions(3))
     assert "no whole number of points" in refusal(read_cloud, save(tmp_path, "0.bin", bytes(17)))
 
 
 @pytest.mark.parametrize("n_columns", [3, 4])
 def test_content_that_shows_the_other_number(tmp_path, n_columns):
     path = save(tmp_path, "0.bin", scan(1200, n_columns).tobytes())
-    assert f"Use --bin-columns {n_columns}" in refusal(read_cloud, path, ReadOptions(7 - n_columns))
+    assert f"Use --set cloud.bin_columns={n_columns}" in refusal(read_cloud, path, ReadOptions(7 - n_columns))
 
 
 @pytest.mark.parametrize("n_columns", [3, 4])
@@ -66,5 +66,5 @@ def test_bytes_that_are_no_coordinates(tmp_path):
 def test_the_option_is_checked_and_the_name_needed(tmp_path):
     path = save(tmp_path, "0.dat", scan(100, 4).tobytes())
     assert "binary data of an unknown kind" in refusal(read_cloud, path)
-    with pytest.raises(UsageError, match="--bin-columns 5"):
+    with pytest.raises(UsageError, match="bin_columns 5"):
         read_cloud(path, ReadOptions(5))

@@ -250,7 +250,7 @@ def test_copc_is_not_written(tmp_path):
 
 @pytest.mark.parametrize("name", ["a.pcd", "a.PCD", "a.ply.gz", "a.xyz"])
 def test_a_name_of_what_is_not_written_is_refused(tmp_path, name):
-    with pytest.raises(UsageError, match="clouds are written as PLY, LAS or LAZ"):
+    with pytest.raises(UsageError, match=r"Name a \.ply"):
         write_cloud(tmp_path / name, patches().cloud)
     assert list(tmp_path.iterdir()) == []
 

@@ -17,7 +17,7 @@ from mapq.segmentation import SegmentSettings, segment
 from mapq.simulate.city import ORIGIN, PITCH, SIDES, make_block, plan_city, write_city
 from mapq.tiled.run import Job, TileSettings, classify_map
 from mapq.tiled.source import open_map
-from prf.shell.work import work_folder
+from prf.shell.files import work_folder
 
 N_POINTS = 145_000
 

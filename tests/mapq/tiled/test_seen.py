@@ -19,7 +19,7 @@ from mapq.segmentation import segment
 from mapq.simulate import SIZES, Settings, simulate
 from mapq.tiled.run import Job, TileSettings, classify_map
 from mapq.tiled.source import open_map
-from prf.shell.work import work_folder
+from prf.shell.files import work_folder
 
 SEED = 2
 """Of a drive whose patches are the same in tiles, so that their features can be compared."""
