@@ -80,23 +80,17 @@ def read_las_head(path: str, options: ReadOptions) -> LasHead:
 
 
 def read_las_pieces(
-    path: str,
-    options: ReadOptions,
-    start: int,
-    stop: int,
-    shift: NDArray[np.float64],
-    names: tuple[str, ...] | None = None,
+    path: str, options: ReadOptions, shift: NDArray[np.float64], names: tuple[str, ...] | None = None
 ) -> Iterator[PointCloud]:
-    """Yield the points from `start` to `stop` in pieces of at most `PIECE`, with this shift (3,).
+    """Yield the points of a file in pieces of at most `PIECE`, with this shift (3,).
 
     `names` are the fields to read, as far as they exist; by default all.
     """
     with damage_in_one_line(path), _opened(Content(path)) as (reader, stream):
         head = _head(reader.header, stream, path, options)
         wanted = [name for name in head.fields if names is None or name in names]
-        reader.seek(start)
-        for first in range(start, stop, PIECE):
-            points = _next(reader, min(PIECE, stop - first), path)
+        for first in range(0, head.n_points, PIECE):
+            points = _next(reader, min(PIECE, head.n_points - first), path)
             world = _world(points, reader.header)
             check_coordinates(world, path)
             fields = {name: np.array(points[name]) for name in wanted}

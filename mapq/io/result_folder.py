@@ -45,8 +45,8 @@ class ResultFolder(NamedTuple):
 
     def pieces(self, names: tuple[str, ...]) -> Iterator[PointCloud]:
         """Yield the points of all tiles, tile after tile in pieces, with some of the fields."""
-        for path, head in zip(self.tiles, self.heads, strict=True):
-            yield from read_las_pieces(path, self.options, 0, head.n_points, self.shift, names)
+        for path in self.tiles:
+            yield from read_las_pieces(path, self.options, self.shift, names)
 
 
 def is_result_folder(path: str) -> bool:

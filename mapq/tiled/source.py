@@ -55,7 +55,7 @@ class Map(NamedTuple):
         """Yield the points in order, with the number of their file; with some of the fields (None: all)."""
         for number, source in enumerate(self.sources):
             if source.is_las:
-                for piece in read_las_pieces(source.path, self.options, 0, source.n_points, self.shift, names):
+                for piece in read_las_pieces(source.path, self.options, self.shift, names):
                     yield number, piece
                 continue
             cloud = read_cloud(source.path, self.options)

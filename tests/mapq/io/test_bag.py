@@ -171,20 +171,3 @@ def test_what_is_refused(tmp_path):
     assert "2 clouds in frame velodyne, and tf does not lead there from map" in line
     assert "cloud.frame" in line
     assert "folder without metadata.yaml and with 2 bag files" in refusal(read_cloud, str(tmp_path))
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "line"),
-    [
-        ("width", 2**31, "buffer is smaller than requested"),
-        ("point_step", 8, "cannot override to smaller itemsize"),
-        ("fields", [], "no fields x, y, z"),
-    ],
-)
-def test_messages_that_contradict_themselves(tmp_path, name, value, line):
-    def broken(make):
-        body = message(make, START, rows(), "map")
-        setattr(body, name, value)
-        return [Note("/p", START, body)]
-
-    assert line in refusal(read_cloud, write(tmp_path, "ros1", broken))

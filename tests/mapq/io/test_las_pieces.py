@@ -11,7 +11,7 @@ from mapq.io import read_cloud, write_cloud
 from mapq.io.las import read_las_head, read_las_pieces
 from mapq.io.las_write import open_las_pieces
 from mapq.io.options import AS_IT_IS, ReadOptions
-from prf.shell.errors import InputError, OutputError
+from prf.shell.errors import OutputError
 from tests.mapq.io.las_files import las_data
 
 
@@ -31,18 +31,17 @@ def small_pieces(monkeypatch) -> None:
 def test_pieces_are_the_points_read_at_once(path):
     cloud = read_cloud(path)
     shift = choose_shift(cloud.world())
-    for start, stop in ((0, 5000), (1234, 4321)):
-        pieces = list(read_las_pieces(path, AS_IT_IS, start, stop, shift))
-        assert max(map(len, pieces)) == 700
-        np.testing.assert_array_equal(np.concatenate([each.xyz for each in pieces]), cloud.xyz[start:stop])
-        for name, values in cloud.fields.items():
-            np.testing.assert_array_equal(np.concatenate([each.fields[name] for each in pieces]), values[start:stop])
+    pieces = list(read_las_pieces(path, AS_IT_IS, shift))
+    assert max(map(len, pieces)) == 700
+    np.testing.assert_array_equal(np.concatenate([each.xyz for each in pieces]), cloud.xyz)
+    for name, values in cloud.fields.items():
+        np.testing.assert_array_equal(np.concatenate([each.fields[name] for each in pieces]), values)
 
 
 def test_only_chosen_fields_are_read(path):
     cloud = read_cloud(path)
     for names in ((), ("gps_time", "no_such_field")):
-        pieces = list(read_las_pieces(path, AS_IT_IS, 0, 5000, cloud.shift, names))
+        pieces = list(read_las_pieces(path, AS_IT_IS, cloud.shift, names))
         assert all(set(each.fields) == set(names) & set(cloud.fields) for each in pieces)
         np.testing.assert_array_equal(np.concatenate([each.xyz for each in pieces]), cloud.xyz)
 
@@ -59,7 +58,7 @@ def test_written_in_pieces_it_is_the_file_written_at_once(path, tmp_path):
     cloud = read_cloud(path)
     write_cloud(tmp_path / "once.laz", cloud)
     with open_las_pieces(tmp_path / "pieces.laz") as pieces:
-        for piece in read_las_pieces(path, AS_IT_IS, 0, 5000, cloud.shift):
+        for piece in read_las_pieces(path, AS_IT_IS, cloud.shift):
             pieces.write(piece)
     once, others = (laspy.read(tmp_path / name) for name in ("once.laz", "pieces.laz"))
     assert list(once.point_format.dimension_names) == list(others.point_format.dimension_names)
@@ -68,7 +67,7 @@ def test_written_in_pieces_it_is_the_file_written_at_once(path, tmp_path):
 
 
 def test_pieces_with_other_fields_are_refused(path, tmp_path):
-    first = next(read_las_pieces(path, AS_IT_IS, 0, 700, np.zeros(3)))
+    first = next(read_las_pieces(path, AS_IT_IS, np.zeros(3)))
     other = first.with_fields(more=np.zeros(len(first), np.float32))
     with open_las_pieces(tmp_path / "r.laz") as pieces:
         pieces.write(first)
@@ -83,7 +82,7 @@ def las_with_height(path, params, value):
     las.x = las.y = las.z = np.arange(3.0)
     las["height"] = np.full(3, value)
     las.write(str(path))
-    return next(read_las_pieces(str(path), AS_IT_IS, 0, 3, np.zeros(3)))
+    return next(read_las_pieces(str(path), AS_IT_IS, np.zeros(3)))
 
 
 def test_a_wider_type_is_refused(tmp_path):
@@ -100,8 +99,3 @@ def test_numbers_of_another_scale_are_written_under_the_first_one(tmp_path):
             params = laspy.ExtraBytesParams("height", "i4", scales=np.array([scale]), offsets=np.zeros(1))
             writer.write(las_with_height(tmp_path / "0.las", params, 7.5))
     np.testing.assert_allclose(read_cloud(str(tmp_path / "r.las")).fields["height"], 7.5)
-
-
-def test_a_file_that_ends_early_is_refused(path):
-    with pytest.raises(InputError):
-        list(read_las_pieces(path, AS_IT_IS, 0, 6000, np.zeros(3)))
