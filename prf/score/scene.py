@@ -103,9 +103,9 @@ def enclosing_window(origin: Floats, reach: float, region: BaseGeometry) -> Wind
 def features_seen(scene: Scene, pose: Floats, reach: float) -> tuple[NDArray[np.int64], Floats]:
     """Return the features in each cone, nearest first.
 
-    `pose` (n, N_POSE): from :func:`prf.sensors.sonar.make_poses`. `reach`: maximum range, metres. Returns (n + 1,):
-    rows `start[i]` to before `start[i + 1]` belong to cone i. Returns (n_features, N_FEATURE): columns as in
-    ``prf.kernels.sonar_features``.
+    `pose` (n, N_POSE): from :func:`prf.sensors.sonar.make_poses`. `reach`: maximum range, metres. Returns `start`
+    (n + 1,), of which rows `start[i]` to before `start[i + 1]` belong to cone i, and features (n_features, N_FEATURE),
+    columns as in ``prf.kernels.sonar_features``.
     """
     start = np.zeros(len(pose) + 1, np.int64)
     feature = np.empty((0, N_FEATURE))

@@ -15,8 +15,7 @@ import numpy as np
 from scipy.special import j1
 
 from prf.logs.poses import PIONEER, mounted
-from prf.sensors.domain import check_factor, check_length
-from prf.shell.errors import ConfigError
+from prf.sensors.domain import check_length
 from prf.simulate.world import Floats
 
 RIGHT_ANGLE = math.radians(10.0)  # corners within this of a right angle send sound back to where it came from
@@ -50,18 +49,8 @@ class SonarPhysics:
     miss_probability: float = 0.005
 
     def __post_init__(self) -> None:
-        """Refuse parameters that no sonar has."""
+        """Refuse a maximum range that no sonar has."""
         check_length("sonar-max-range", self.max_range)
-        check_length("sonar-aperture", self.aperture)
-        for name in ("frequency", "flutter_db", "noise", "noise_relative"):
-            check_factor(f"sonar-{name.replace('_', '-')}", getattr(self, name), 0.0)
-        for name in ("wall_db", "edge_db"):
-            check_factor(f"sonar-{name.replace('_', '-')}", getattr(self, name))
-        if (
-            min(self.outlier_probability, self.miss_probability, 1 - self.outlier_probability - self.miss_probability)
-            < 0
-        ):
-            raise ConfigError("sonar: shares of outliers and misses must be positive, and their sum at most 1")
 
 
 class Reflectors(NamedTuple):
