@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+import numpy as np
+from numpy.typing import NDArray
 
 from prf.shell.kernel_cache import KernelCache
 
@@ -15,6 +17,14 @@ FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "cache": True}
 
 ``fastmath`` stays off: it would drop the nan and inf that the predicates rely on, and change results with the CPU.
 """
+
+Floats = NDArray[np.float64]
+Floats32 = NDArray[np.float32]
+Ints = NDArray[np.int64]
+Ints32 = NDArray[np.int32]
+Codes = NDArray[np.uint64]
+Bytes = NDArray[np.uint8]
+Bools = NDArray[np.bool_]
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 

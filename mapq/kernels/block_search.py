@@ -1,17 +1,14 @@
 """Blocks of 27 cells of an octree around a cell, and the nearest of the points in them."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
-from mapq.kernels._jit import part
+from mapq.kernels._jit import Codes, Floats, Ints, part
 from mapq.kernels.cells import LEVELS
 from mapq.kernels.order_statistics import select
 
 
 @part
-def split(code: NDArray[np.uint64], low: int, high: int, level: int, start: NDArray[np.int64]) -> None:
+def split(code: Codes, low: int, high: int, level: int, start: Ints) -> None:
     """Write where the eight cells of `level` begin among the points low to high - 1 of their parent."""
     shift = np.uint64(3 * (LEVELS - level))
     begin = low
@@ -29,9 +26,7 @@ def split(code: NDArray[np.uint64], low: int, high: int, level: int, start: NDAr
 
 
 @part
-def divide(
-    code: NDArray[np.uint64], blocks: NDArray[np.int64], depth: int, px: int, py: int, pz: int, start: NDArray[np.int64]
-) -> None:
+def divide(code: Codes, blocks: Ints, depth: int, px: int, py: int, pz: int, start: Ints) -> None:
     """Write the 4 x 4 x 4 cells round a cell's eight children from the 3 x 3 x 3 cells round the cell itself."""
     for x in range(3):
         for y in range(3):
@@ -46,7 +41,7 @@ def divide(
 
 
 @part
-def count_block(blocks: NDArray[np.int64], depth: int, px: int, py: int, pz: int) -> int:
+def count_block(blocks: Ints, depth: int, px: int, py: int, pz: int) -> int:
     """Return how many points lie in the 27 cells round a cell."""
     total = 0
     for x in range(px - 1, px + 2):
@@ -57,7 +52,7 @@ def count_block(blocks: NDArray[np.int64], depth: int, px: int, py: int, pz: int
 
 
 @part
-def order_block(blocks: NDArray[np.int64], depth: int, px: int, py: int, pz: int, runs: NDArray[np.int64]) -> int:
+def order_block(blocks: Ints, depth: int, px: int, py: int, pz: int, runs: Ints) -> int:
     """List the runs of points in the 27 cells round a cell by number; return how many."""
     n_runs = 0
     for x in range(px - 1, px + 2):
@@ -75,14 +70,7 @@ def order_block(blocks: NDArray[np.int64], depth: int, px: int, py: int, pz: int
 
 
 @part
-def gather_block(
-    xyz: NDArray[np.float64],
-    runs: NDArray[np.int64],
-    n_runs: int,
-    low: int,
-    near: NDArray[np.float64],
-    number: NDArray[np.int64],
-) -> tuple[int, int]:
+def gather_block(xyz: Floats, runs: Ints, n_runs: int, low: int, near: Floats, number: Ints) -> tuple[int, int]:
     """Copy the points of runs side by side; return how many there are, and at which place point `low` is."""
     total, place = 0, 0
     for run in range(n_runs):
@@ -102,7 +90,7 @@ FEW = 64
 
 
 @part
-def insert(best: NDArray[np.float64], index: NDArray[np.int64], n_best: int, d2: float, j: int) -> int:
+def insert(best: Floats, index: Ints, n_best: int, d2: float, j: int) -> int:
     """Put point `j` into a list sorted by distance and then number; return its length, at most the list's size."""
     size = len(best)
     if n_best == size:
@@ -124,7 +112,7 @@ def insert(best: NDArray[np.float64], index: NDArray[np.int64], n_best: int, d2:
 
 
 @part
-def list_within(squared: NDArray[np.float64], total: int, bound: float, listed: NDArray[np.int64]) -> int:
+def list_within(squared: Floats, total: int, bound: float, listed: Ints) -> int:
     """List the places of squared distances up to a bound, without a branch; return how many."""
     n_near = 0
     for c in range(total):
@@ -134,7 +122,7 @@ def list_within(squared: NDArray[np.float64], total: int, bound: float, listed: 
 
 
 @part
-def rank(close: NDArray[np.float64], n: int, ranks: NDArray[np.int64]) -> None:
+def rank(close: Floats, n: int, ranks: Ints) -> None:
     """Write the rank of each of the first n numbers, of equal ones in their order.
 
     Every number is compared with every other: for a few dozen that is faster than sorting, as it is done by vector
@@ -156,20 +144,20 @@ def rank(close: NDArray[np.float64], n: int, ranks: NDArray[np.int64]) -> None:
 
 @part
 def scan(
-    xyz: NDArray[np.float64],
+    xyz: Floats,
     i: int,
     guess: float,
     bound: float,
-    near: NDArray[np.float64],
-    number: NDArray[np.int64],
+    near: Floats,
+    number: Ints,
     total: int,
     place: int,
-    squared: NDArray[np.float64],
-    close: NDArray[np.float64],
-    listed: NDArray[np.int64],
-    ranks: NDArray[np.int64],
-    ordered: NDArray[np.float64],
-    who: NDArray[np.int64],
+    squared: Floats,
+    close: Floats,
+    listed: Ints,
+    ranks: Ints,
+    ordered: Floats,
+    who: Ints,
     k: int,
 ) -> int:
     """Rank the k nearest of the candidates to point i, none beyond the squared distance `bound`; return how many.

@@ -1,16 +1,10 @@
 """Sums of regression trees, and what each column adds to them."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mapq.kernels._jit import jit
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from mapq.kernels._jit import Bools, Floats, Ints, jit
 
 LEAF = -1
 
@@ -37,7 +31,7 @@ class Trees(NamedTuple):
     threshold: Floats
     left: Ints
     right: Ints
-    nan_left: NDArray[np.bool_]
+    nan_left: Bools
     value: Floats
 
 

@@ -1,16 +1,10 @@
 """Trees of boxes over the points of patches, and the distances between patches by their closest points."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mapq.kernels._jit import jit, part
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from mapq.kernels._jit import Floats, Ints, jit, part
 
 LEAF = 16
 """Points of a leaf: below this the boxes cost more than the distances that they save."""

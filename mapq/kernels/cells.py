@@ -4,12 +4,10 @@ The curve visits each cell of each level in one go, so points sorted by their nu
 every size of cell at once. The root is a cube; level 0 is the root, and each level halves the side.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.kernels._jit import jit, part
+from mapq.kernels._jit import Codes, Floats, Ints, jit, part
 
 LEVELS = 21
 """Of the finest cells: three times 21 bits fit into one number."""
@@ -38,7 +36,7 @@ def gather_bits(code: np.uint64) -> int:
 
 
 @jit
-def find_bounds(xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+def find_bounds(xyz: Floats) -> Floats:
     """Return the lowest and the highest coordinates (2, 3); ten times as fast as numpy along the long axis."""
     bounds = np.empty((2, 3))
     bounds[0], bounds[1] = np.inf, -np.inf
@@ -50,7 +48,7 @@ def find_bounds(xyz: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @jit
-def number_cells(xyz: NDArray[np.float64], low: NDArray[np.float64], side: float) -> NDArray[np.uint64]:
+def number_cells(xyz: Floats, low: Floats, side: float) -> Codes:
     """Return the Morton number (n,) of the finest cell of each point of the cube with corner `low`."""
     n_cells = 1 << LEVELS
     code = np.empty(len(xyz), np.uint64)
@@ -64,7 +62,7 @@ def number_cells(xyz: NDArray[np.float64], low: NDArray[np.float64], side: float
 
 
 @jit
-def first_levels(code: NDArray[np.uint64]) -> NDArray[np.int8]:
+def first_levels(code: Codes) -> NDArray[np.int8]:
     """Return for each point (n,) of a sorted curve the coarsest level at which it begins a cell.
 
     22 where the finest cell of the point before it continues. The points that begin a cell of level l are those with a
@@ -82,7 +80,7 @@ def first_levels(code: NDArray[np.uint64]) -> NDArray[np.int8]:
 
 
 @jit
-def pick_one_a_cell(code: NDArray[np.uint64], first_level: NDArray[np.int8], level: int) -> NDArray[np.int64]:
+def pick_one_a_cell(code: Codes, first_level: NDArray[np.int8], level: int) -> Ints:
     """Return one point of each cell of a level, in order.
 
     Which one is drawn by a hash of the cell's number (the finaliser of SplitMix64, Steele 2014): the first one would

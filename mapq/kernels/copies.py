@@ -1,17 +1,11 @@
 """Second layers over patches, and the one small motion that explains those of a neighbourhood."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
-from mapq.kernels._jit import jit, part
+from mapq.kernels._jit import Floats, Ints, jit, part
 from mapq.kernels.planes import Planes, dot_from
 from mapq.kernels.sheets import Sheets
 from mapq.kernels.voxels import EMPTY, Nearby, cell_over, voxels_about
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 DOUBT = 0.3
 """Share of the weight about a patch that counts as moved and not covered, whatever a motion moves."""

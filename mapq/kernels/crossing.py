@@ -1,17 +1,11 @@
 """Whether two patches cross one another, and how far from their edges."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
-from mapq.kernels._jit import jit, part
+from mapq.kernels._jit import Floats, Ints, jit, part
 from mapq.kernels.box_trees import Trees
 from mapq.kernels.order_statistics import quantile
 from mapq.kernels.planes import Planes, cross, dot, dot_from, normalise
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 LOW, HIGH = 0.02, 0.98
 """Quantiles taken for the edges of a patch: growing regions leave a few points beyond them."""

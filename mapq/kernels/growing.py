@@ -1,11 +1,8 @@
 """Regions of points that grow over neighbours in one plane, and the union of regions that are pieces of one plane."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
-from mapq.kernels._jit import jit, part
+from mapq.kernels._jit import Floats, Floats32, Ints, Ints32, jit, part
 from mapq.kernels.planes import MOMENTS, add_moments, fit_plane
 
 FREE = -1
@@ -16,18 +13,18 @@ young plane lean, and each point still costs less for refits than for its neighb
 
 @part
 def grow_one(
-    xyz: NDArray[np.float64],
-    neighbours: NDArray[np.int32],
-    normal: NDArray[np.float32],
+    xyz: Floats,
+    neighbours: Ints32,
+    normal: Floats32,
     seed: int,
     number: int,
     cos_angle: float,
     max_distance: float,
-    region: NDArray[np.int32],
-    queue: NDArray[np.int32],
-    sums: NDArray[np.float64],
-    plane: NDArray[np.float64],
-    spread: NDArray[np.float64],
+    region: Ints32,
+    queue: Ints32,
+    sums: Floats,
+    plane: Floats,
+    spread: Floats,
 ) -> int:
     """Grow one region from `seed`; return its size, the length of `queue` that lists it."""
     plane[0], plane[1], plane[2], plane[3] = normal[seed, 0], normal[seed, 1], normal[seed, 2], 0.0
@@ -63,14 +60,14 @@ def grow_one(
 
 @jit
 def grow_regions(
-    xyz: NDArray[np.float64],
-    neighbours: NDArray[np.int32],
-    normal: NDArray[np.float32],
-    seeds: NDArray[np.int64],
+    xyz: Floats,
+    neighbours: Ints32,
+    normal: Floats32,
+    seeds: Ints,
     cos_angle: float,
     max_distance: float,
     min_size: int,
-    region: NDArray[np.int32],
+    region: Ints32,
 ) -> int:
     """Number the points of each region, seed after seed; return how many regions there are.
 
@@ -107,9 +104,7 @@ def grow_regions(
 
 
 @part
-def translate(
-    sums: NDArray[np.float64], origin: NDArray[np.float64], to: NDArray[np.float64], out: NDArray[np.float64]
-) -> None:
+def translate(sums: Floats, origin: Floats, to: Floats, out: Floats) -> None:
     """Write the moments of a set about another origin."""
     n, x, y, z = sums[0], origin[0] - to[0], origin[1] - to[1], origin[2] - to[2]
     out[0] = n
@@ -123,7 +118,7 @@ def translate(
 
 
 @part
-def mean_square(sums: NDArray[np.float64], plane: NDArray[np.float64]) -> float:
+def mean_square(sums: Floats, plane: Floats) -> float:
     """Return the mean squared distance of a set to a plane."""
     nx, ny, nz, d = plane[0], plane[1], plane[2], plane[3]
     quadratic = nx * nx * sums[4] + ny * ny * sums[7] + nz * nz * sums[9]
@@ -133,15 +128,7 @@ def mean_square(sums: NDArray[np.float64], plane: NDArray[np.float64]) -> float:
 
 
 @part
-def joint_rms(
-    a: int,
-    b: int,
-    origin: NDArray[np.float64],
-    sums: NDArray[np.float64],
-    work: NDArray[np.float64],
-    plane: NDArray[np.float64],
-    spread: NDArray[np.float64],
-) -> float:
+def joint_rms(a: int, b: int, origin: Floats, sums: Floats, work: Floats, plane: Floats, spread: Floats) -> float:
     """Return how well one plane would do for two regions: the worse one's distance to it, root mean square."""
     translate(sums[b], origin[b], origin[a], work[0])
     for c in range(MOMENTS):
@@ -151,7 +138,7 @@ def joint_rms(
 
 
 @part
-def root_of(parent: NDArray[np.int32], r: int) -> int:
+def root_of(parent: Ints32, r: int) -> int:
     """Return the region into which r was merged."""
     while parent[r] != r:
         parent[r] = parent[parent[r]]
@@ -160,9 +147,7 @@ def root_of(parent: NDArray[np.int32], r: int) -> int:
 
 
 @jit
-def pair_rms(
-    pairs: NDArray[np.int32], parent: NDArray[np.int32], origin: NDArray[np.float64], sums: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def pair_rms(pairs: Ints32, parent: Ints32, origin: Floats, sums: Floats) -> Floats:
     """Return :func:`joint_rms` of each pair of regions as they are now; inf for pairs that are one already."""
     out = np.empty(len(pairs))
     out[:] = np.inf
@@ -175,13 +160,7 @@ def pair_rms(
 
 
 @jit
-def unite(
-    pairs: NDArray[np.int32],
-    parent: NDArray[np.int32],
-    origin: NDArray[np.float64],
-    sums: NDArray[np.float64],
-    max_rms: float,
-) -> int:
+def unite(pairs: Ints32, parent: Ints32, origin: Floats, sums: Floats, max_rms: float) -> int:
     """Unite pairs in the order given as long as one plane still does for both; return how many were united.
 
     The region of the smaller number takes the other in: `parent` and `sums` are updated.
@@ -202,7 +181,7 @@ def unite(
 
 
 @jit
-def resolve(parent: NDArray[np.int32]) -> None:
+def resolve(parent: Ints32) -> None:
     """Point every region straight to the one into which it was merged."""
     for r in range(len(parent)):
         parent[r] = root_of(parent, r)

@@ -5,12 +5,9 @@ lies in the 27 cells round the leaf is a candidate for each of them. Who finds f
 border of that block continues alone in the block of the leaf's parent, and in the end down the whole tree.
 """
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
-from mapq.kernels._jit import jit, part
+from mapq.kernels._jit import Codes, Floats, Ints, Ints32, jit, part
 from mapq.kernels.block_search import count_block, divide, gather_block, insert, order_block, scan, split
 from mapq.kernels.cells import LEVELS, gather_bits
 
@@ -29,7 +26,7 @@ BRIM = 1.0 - 1e-9
 
 
 @part
-def cell_corner(code: np.uint64, level: int, frame: NDArray[np.float64], corner: NDArray[np.float64]) -> float:
+def cell_corner(code: np.uint64, level: int, frame: Floats, corner: Floats) -> float:
     """Write the lowest corner (3,) of the cell of `level` that holds a number; return its width."""
     width = frame[3] / (1 << level)
     for axis in range(3):
@@ -39,7 +36,7 @@ def cell_corner(code: np.uint64, level: int, frame: NDArray[np.float64], corner:
 
 
 @part
-def margin(xyz: NDArray[np.float64], i: int, corner: NDArray[np.float64], width: float) -> float:
+def margin(xyz: Floats, i: int, corner: Floats, width: float) -> float:
     """Return the distance from point i to the border of the 27 cells round its cell."""
     nearest = np.inf
     for axis in range(3):
@@ -49,9 +46,7 @@ def margin(xyz: NDArray[np.float64], i: int, corner: NDArray[np.float64], width:
 
 
 @part
-def distance_to_cell(
-    xyz: NDArray[np.float64], i: int, code: np.uint64, level: int, frame: NDArray[np.float64]
-) -> float:
+def distance_to_cell(xyz: Floats, i: int, code: np.uint64, level: int, frame: Floats) -> float:
     """Return a lower bound of the squared distance from point i to the cell of `level` that holds `code`."""
     width = frame[3] / (1 << level)
     total = 0.0
@@ -65,15 +60,7 @@ def distance_to_cell(
 
 @part
 def walk_tree(
-    xyz: NDArray[np.float64],
-    code: NDArray[np.uint64],
-    frame: NDArray[np.float64],
-    i: int,
-    max_d2: float,
-    stack: NDArray[np.int64],
-    start: NDArray[np.int64],
-    best: NDArray[np.float64],
-    index: NDArray[np.int64],
+    xyz: Floats, code: Codes, frame: Floats, i: int, max_d2: float, stack: Ints, start: Ints, best: Floats, index: Ints
 ) -> int:
     """List the nearest to point i among all within a squared distance, nearest cells first; return how many."""
     size = len(best)
@@ -107,14 +94,7 @@ def walk_tree(
 
 
 @part
-def write_row(
-    r: int,
-    n_best: int,
-    best: NDArray[np.float64],
-    index: NDArray[np.int64],
-    max_d2: float,
-    neighbours: NDArray[np.int32],
-) -> None:
+def write_row(r: int, n_best: int, best: Floats, index: Ints, max_d2: float, neighbours: Ints32) -> None:
     """Write one point's list up to the squared distance `max_d2`."""
     k = neighbours.shape[1]
     n_kept = 0
@@ -126,7 +106,7 @@ def write_row(
 
 
 @part
-def distance(xyz: NDArray[np.float64], i: int, j: int) -> float:
+def distance(xyz: Floats, i: int, j: int) -> float:
     """Return the distance of two points."""
     dx, dy, dz = xyz[i, 0] - xyz[j, 0], xyz[i, 1] - xyz[j, 1], xyz[i, 2] - xyz[j, 2]
     return np.sqrt(dx * dx + dy * dy + dz * dz)
@@ -134,26 +114,26 @@ def distance(xyz: NDArray[np.float64], i: int, j: int) -> float:
 
 @part
 def search_leaf(
-    xyz: NDArray[np.float64],
-    code: NDArray[np.uint64],
-    frame: NDArray[np.float64],
-    before: NDArray[np.int32],
-    blocks: NDArray[np.int64],
-    octants: NDArray[np.int64],
+    xyz: Floats,
+    code: Codes,
+    frame: Floats,
+    before: Ints32,
+    blocks: Ints,
+    octants: Ints,
     depth: int,
-    runs: NDArray[np.int64],
-    near: NDArray[np.float64],
-    number: NDArray[np.int64],
-    squared: NDArray[np.float64],
-    close: NDArray[np.float64],
-    listed: NDArray[np.int64],
-    ranks: NDArray[np.int64],
-    ordered: NDArray[np.float64],
-    who: NDArray[np.int64],
-    corner: NDArray[np.float64],
-    last: NDArray[np.float64],
+    runs: Ints,
+    near: Floats,
+    number: Ints,
+    squared: Floats,
+    close: Floats,
+    listed: Ints,
+    ranks: Ints,
+    ordered: Floats,
+    who: Ints,
+    corner: Floats,
+    last: Floats,
     max_gap: float,
-    neighbours: NDArray[np.int32],
+    neighbours: Ints32,
 ) -> int:
     """Search for the points of the leaf that `octants` leads to; return how many need the whole tree.
 
@@ -211,12 +191,7 @@ def search_leaf(
 
 @jit
 def find_neighbours(
-    xyz: NDArray[np.float64],
-    code: NDArray[np.uint64],
-    frame: NDArray[np.float64],
-    before: NDArray[np.int32],
-    max_gap: float,
-    neighbours: NDArray[np.int32],
+    xyz: Floats, code: Codes, frame: Floats, before: Ints32, max_gap: float, neighbours: Ints32
 ) -> None:
     """Write the k nearest other points of each point that is wanted, nearest first, none beyond `max_gap`.
 

@@ -5,23 +5,14 @@ point and two of its neighbours, taken by a fixed pattern; the best is fitted ag
 random numbers, so that a point's plane depends on nothing but its neighbours.
 """
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
-from mapq.kernels._jit import jit, part
+from mapq.kernels._jit import Bools, Floats, Floats32, Ints, Ints32, jit, part
 from mapq.kernels.planes import MOMENTS, add_moments, fit_plane
 
 
 @jit
-def estimate_normals(
-    xyz: NDArray[np.float64],
-    points: NDArray[np.int64],
-    neighbours: NDArray[np.int32],
-    normal: NDArray[np.float32],
-    spread: NDArray[np.float32],
-) -> None:
+def estimate_normals(xyz: Floats, points: Ints, neighbours: Ints32, normal: Floats32, spread: Floats32) -> None:
     """Write the normal (s, 3) of the plane through each of some points and its neighbours, and their variances (s, 3).
 
     Variances are biased and ascend: across the plane, and along its short and its long side. Neighbours end at the
@@ -55,7 +46,7 @@ NARROW = 0.25
 
 
 @part
-def local_points(xyz: NDArray[np.float64], i: int, neighbours: NDArray[np.int32], local: NDArray[np.float64]) -> int:
+def local_points(xyz: Floats, i: int, neighbours: Ints32, local: Floats) -> int:
     """Copy a point and its neighbours relative to the point; return how many."""
     local[:, 0] = 0.0
     n_local = 1
@@ -69,21 +60,14 @@ def local_points(xyz: NDArray[np.float64], i: int, neighbours: NDArray[np.int32]
 
 
 @part
-def keep(plane: NDArray[np.float64], best: NDArray[np.float64]) -> None:
+def keep(plane: Floats, best: Floats) -> None:
     """Copy a plane; number by number, as numba compiles that in a tenth of the time of a slice."""
     for c in range(4):
         best[c] = plane[c]
 
 
 @part
-def widen(
-    i: int,
-    neighbours: NDArray[np.int32],
-    size: int,
-    stamp: NDArray[np.int32],
-    wide: NDArray[np.int32],
-    n_inner: int,
-) -> int:
+def widen(i: int, neighbours: Ints32, size: int, stamp: Ints32, wide: Ints32, n_inner: int) -> int:
     """List the neighbours of point i and then theirs, each once, the farthest neighbours' first; return how many.
 
     ``stamp[j]`` is i for what is listed: no search whether a point is.
@@ -114,7 +98,7 @@ def widen(
 
 
 @part
-def list_pairs(size: int, turns: int) -> NDArray[np.int64]:
+def list_pairs(size: int, turns: int) -> Ints:
     """Which two of n neighbours, for n up to `size`, make each candidate: pairs (size + 1, 2, turns)."""
     pairs = np.zeros((size + 1, 2, turns), np.int64)
     for n in range(1, size + 1):
@@ -125,9 +109,7 @@ def list_pairs(size: int, turns: int) -> NDArray[np.int64]:
 
 
 @part
-def list_candidates(
-    local: NDArray[np.float64], pairs: NDArray[np.int64], turns: int, planes: NDArray[np.float64]
-) -> None:
+def list_candidates(local: Floats, pairs: Ints, turns: int, planes: Floats) -> None:
     """Write the planes (4, turns) through the point and two neighbours: normals of their own length, and that squared.
 
     0 for the square where the three lie nearly on a line.
@@ -144,7 +126,7 @@ def list_candidates(
 
 
 @part
-def take(planes: NDArray[np.float64], turn: int, plane: NDArray[np.float64]) -> None:
+def take(planes: Floats, turn: int, plane: Floats) -> None:
     """Copy a candidate that is one, its normal made a unit vector."""
     length = np.sqrt(planes[3, turn])
     plane[0], plane[1], plane[2] = planes[0, turn] / length, planes[1, turn] / length, planes[2, turn] / length
@@ -152,7 +134,7 @@ def take(planes: NDArray[np.float64], turn: int, plane: NDArray[np.float64]) -> 
 
 
 @part
-def residuals(local: NDArray[np.float64], n_local: int, plane: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+def residuals(local: Floats, n_local: int, plane: Floats, out: Floats) -> None:
     """Write the distances of the local points to a plane."""
     nx, ny, nz, d = plane[0], plane[1], plane[2], plane[3]
     for c in range(n_local):
@@ -160,7 +142,7 @@ def residuals(local: NDArray[np.float64], n_local: int, plane: NDArray[np.float6
 
 
 @part
-def count_near(local: NDArray[np.float64], n_local: int, nx: float, ny: float, nz: float, near: float) -> int:
+def count_near(local: Floats, n_local: int, nx: float, ny: float, nz: float, near: float) -> int:
     """Return how many points lie near a plane through the point, those within half that distance counted twice.
 
     `near` is the square of the distance, times that of the normal's length.
@@ -177,13 +159,7 @@ def count_near(local: NDArray[np.float64], n_local: int, nx: float, ny: float, n
 
 @part
 def fit_within(
-    local: NDArray[np.float64],
-    residual: NDArray[np.float64],
-    n_local: int,
-    limit: float,
-    sums: NDArray[np.float64],
-    plane: NDArray[np.float64],
-    spread: NDArray[np.float64],
+    local: Floats, residual: Floats, n_local: int, limit: float, sums: Floats, plane: Floats, spread: Floats
 ) -> int:
     """Fit the plane to the points within `limit` of the last one; return how many they are."""
     sums[:] = 0.0
@@ -196,7 +172,7 @@ def fit_within(
 
 
 @part
-def count_below(values: NDArray[np.float64], n: int, limit: float) -> int:
+def count_below(values: Floats, n: int, limit: float) -> int:
     """Return how many of the first n values are below a limit: finds most bad planes without sorting."""
     count = 0
     for c in range(n):
@@ -205,7 +181,7 @@ def count_below(values: NDArray[np.float64], n: int, limit: float) -> int:
 
 
 @part
-def smallest(values: NDArray[np.float64], n: int, kept: int, sorted_: NDArray[np.float64]) -> float:
+def smallest(values: Floats, n: int, kept: int, sorted_: Floats) -> float:
     """Return the number `kept` in the order of size of the first n values."""
     n_sorted = 0
     for c in range(n):
@@ -222,13 +198,7 @@ def smallest(values: NDArray[np.float64], n: int, kept: int, sorted_: NDArray[np
 
 @jit
 def trimmed_residuals(
-    xyz: NDArray[np.float64],
-    points: NDArray[np.int64],
-    neighbours: NDArray[np.int32],
-    turns: int,
-    scale: NDArray[np.float64],
-    thickness: NDArray[np.float64],
-    residual: NDArray[np.float64],
+    xyz: Floats, points: Ints, neighbours: Ints32, turns: int, scale: Floats, thickness: Floats, residual: Floats
 ) -> None:
     """Write each point's distances (s, k + 1) to the plane that holds half of its neighbourhood best, and their scale.
 
@@ -277,14 +247,14 @@ def trimmed_residuals(
 
 @part
 def try_clean(
-    local: NDArray[np.float64],
+    local: Floats,
     n_local: int,
-    around: NDArray[np.int32],
-    thick: NDArray[np.bool_],
-    normal: NDArray[np.float32],
+    around: Ints32,
+    thick: Bools,
+    normal: Floats32,
     band: float,
-    plane: NDArray[np.float64],
-    best: NDArray[np.float64],
+    plane: Floats,
+    best: Floats,
 ) -> int:
     """Write the best of the planes through the point that face as neighbours with one surface do; return its score."""
     highest = 0
@@ -304,13 +274,7 @@ def try_clean(
 
 @part
 def try_turns(
-    local: NDArray[np.float64],
-    n_local: int,
-    pairs: NDArray[np.int64],
-    planes: NDArray[np.float64],
-    fewest: float,
-    band: float,
-    best: NDArray[np.float64],
+    local: Floats, n_local: int, pairs: Ints, planes: Floats, fewest: float, band: float, best: Floats
 ) -> int:
     """Write the best of the planes through the point and two others; return its score, 0 if half of them show none."""
     highest, turns = 0, planes.shape[1]
@@ -331,15 +295,15 @@ def try_turns(
 
 @jit
 def robust_normals(
-    xyz: NDArray[np.float64],
-    thick: NDArray[np.bool_],
-    neighbours: NDArray[np.int32],
+    xyz: Floats,
+    thick: Bools,
+    neighbours: Ints32,
     size: int,
     turns: int,
     band: float,
     min_share: float,
-    normal: NDArray[np.float32],
-    variance: NDArray[np.float32],
+    normal: Floats32,
+    variance: Floats32,
 ) -> None:
     """Write the normals (n, 3) of thick neighbourhoods anew, from those points that lie near one plane with the point.
 

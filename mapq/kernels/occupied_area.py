@@ -1,15 +1,8 @@
 """Occupied cells of a patch in its plane: at which size they have no holes between points, and how many there are."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
-from mapq.kernels._jit import jit, part
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bytes = NDArray[np.uint8]
+from mapq.kernels._jit import Bytes, Floats, Ints, jit, part
 
 STEP = 2.0**0.5
 """Ratio between the cell sizes that are tried."""

@@ -1,14 +1,8 @@
 """Order statistics: what percentiles need, without sorting."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
-from mapq.kernels._jit import jit, part
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from mapq.kernels._jit import Floats, Ints, jit, part
 
 
 @part

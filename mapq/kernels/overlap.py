@@ -1,17 +1,11 @@
 """How much of two patches lies on top of one another, point by point, and at which offset."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
-from mapq.kernels._jit import jit, part
+from mapq.kernels._jit import Floats, Ints, jit, part
 from mapq.kernels.order_statistics import quantile
 from mapq.kernels.planes import Planes, dot, dot_from
 from mapq.kernels.sheets import Sheets, side_of
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 REACH = 2.0
 """A point is covered if within so many gaps of the other patch there are points of it on all four sides."""

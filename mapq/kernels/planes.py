@@ -1,13 +1,10 @@
 """Planes of sets of points by their moments, and planes of patches with the vectors that kernels need."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mapq.kernels._jit import part
+from mapq.kernels._jit import Floats, part
 
 MOMENTS = 10
 """Moments that give the plane of a set: how many, sums of x y z, sums of xx xy xz yy yz zz."""
@@ -17,7 +14,7 @@ NO_WIDTH = 1e-28
 
 
 @part
-def add_moments(sums: NDArray[np.float64], x: float, y: float, z: float) -> None:
+def add_moments(sums: Floats, x: float, y: float, z: float) -> None:
     """Add one point, given relative to the set's own origin so that the squares stay small."""
     sums[0] += 1.0
     sums[1] += x
@@ -32,7 +29,7 @@ def add_moments(sums: NDArray[np.float64], x: float, y: float, z: float) -> None
 
 
 @part
-def fit_plane(sums: NDArray[np.float64], plane: NDArray[np.float64], spread: NDArray[np.float64]) -> None:
+def fit_plane(sums: Floats, plane: Floats, spread: Floats) -> None:
     """Write the plane (nx, ny, nz, d with n . p = d) of a set, and its variances in ascending order (biased).
 
     Eigenvalues by the trigonometric formula (Smith 1961), the eigenvector as the longest cross product of two rows of
@@ -62,7 +59,7 @@ def fit_plane(sums: NDArray[np.float64], plane: NDArray[np.float64], spread: NDA
 
 
 @part
-def normal_of(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, plane: NDArray[np.float64]) -> None:
+def normal_of(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, plane: Floats) -> None:
     """Write the unit vector that a symmetric matrix of rank two (or less) takes to zero; its largest entry positive."""
     best = 0.0
     scale = max(max(abs(xx), abs(yy)), abs(zz))
@@ -90,7 +87,7 @@ def normal_of(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, 
 
 
 @part
-def across_line(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, plane: NDArray[np.float64]) -> None:
+def across_line(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, plane: Floats) -> None:
     """Write a unit vector across the line whose points have these second moments."""
     ux, uy, uz = xx, xy, xz
     if yy > xx and yy >= zz:
@@ -107,9 +104,6 @@ def across_line(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float
     length = np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
     if length > 0.0:
         plane[0], plane[1], plane[2] = plane[0] / length, plane[1] / length, plane[2] / length
-
-
-Floats = NDArray[np.float64]
 
 
 class Planes(NamedTuple):

@@ -3,22 +3,17 @@
 Every solid is vertical or flat or thin, so a uniform grid over x and y finds the few that a beam can meet.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mapq.kernels._jit import jit, part
+from mapq.kernels._jit import Floats, Ints32, jit, part
 
 NOTHING = -1
 """Item number of a beam without a return."""
 
 GOLDEN = 0.6180339887498949
 """Step of the additive sequence that gives each volume of foliage its own draw from a beam's one."""
-
-Array = NDArray[np.float64]
 
 
 class Scene(NamedTuple):
@@ -47,15 +42,15 @@ class Scene(NamedTuple):
         nx, ny.
     """
 
-    walls: Array
-    sheets: Array
-    posts: Array
-    blobs: Array
-    movers: Array
-    cell_start: NDArray[np.int32]
-    cell_items: NDArray[np.int32]
-    grid: Array
-    grid_shape: NDArray[np.int32]
+    walls: Floats
+    sheets: Floats
+    posts: Floats
+    blobs: Floats
+    movers: Floats
+    cell_start: Ints32
+    cell_items: Ints32
+    grid: Floats
+    grid_shape: Ints32
 
 
 @part

@@ -1,11 +1,8 @@
 """What is done to regions once they have grown: their planes, points that change sides, and who touches whom."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
-from mapq.kernels._jit import jit, part
+from mapq.kernels._jit import Floats, Floats32, Ints, Ints32, jit, part
 from mapq.kernels.planes import add_moments, fit_plane
 
 FREE = -1
@@ -16,9 +13,7 @@ MIN_TOUCHING = 3
 
 
 @jit
-def sum_regions(
-    xyz: NDArray[np.float64], region: NDArray[np.int32], origin: NDArray[np.float64], sums: NDArray[np.float64]
-) -> None:
+def sum_regions(xyz: Floats, region: Ints32, origin: Floats, sums: Floats) -> None:
     """Write the moments (m, 10) of each region about the first of its points, which is written to `origin` (m, 3)."""
     sums[:] = 0.0
     for i in range(len(xyz)):
@@ -32,9 +27,7 @@ def sum_regions(
 
 
 @jit
-def fit_regions(
-    origin: NDArray[np.float64], sums: NDArray[np.float64], planes: NDArray[np.float64], spread: NDArray[np.float64]
-) -> None:
+def fit_regions(origin: Floats, sums: Floats, planes: Floats, spread: Floats) -> None:
     """Write the planes (m, 6) of regions, normal and centroid, and their variances (m, 3), ascending.
 
     A region of fewer than three points gets a normal of nan, which nothing fits.
@@ -53,42 +46,35 @@ def fit_regions(
 
 
 @part
-def off_plane(xyz: NDArray[np.float64], i: int, plane: NDArray[np.float64]) -> float:
+def off_plane(xyz: Floats, i: int, plane: Floats) -> float:
     """Return the distance of point i to a plane; nan if there is none."""
     dx, dy, dz = xyz[i, 0] - plane[3], xyz[i, 1] - plane[4], xyz[i, 2] - plane[5]
     return abs(dx * plane[0] + dy * plane[1] + dz * plane[2])
 
 
 @part
-def faces(normal: NDArray[np.float32], i: int, plane: NDArray[np.float64], cos_angle: float) -> bool:
+def faces(normal: Floats32, i: int, plane: Floats, cos_angle: float) -> bool:
     """Return whether point i faces as a plane does; a point without a normal does."""
     cosine = abs(normal[i, 0] * plane[0] + normal[i, 1] * plane[1] + normal[i, 2] * plane[2])
     return not cosine < cos_angle
 
 
 @part
-def fits(
-    xyz: NDArray[np.float64],
-    normal: NDArray[np.float32],
-    i: int,
-    plane: NDArray[np.float64],
-    cos_angle: float,
-    max_distance: float,
-) -> bool:
+def fits(xyz: Floats, normal: Floats32, i: int, plane: Floats, cos_angle: float, max_distance: float) -> bool:
     """Return whether point i lies on a plane and faces as it does."""
     return off_plane(xyz, i, plane) <= max_distance and faces(normal, i, plane, cos_angle)
 
 
 @jit
 def change_sides(
-    xyz: NDArray[np.float64],
-    neighbours: NDArray[np.int32],
-    normal: NDArray[np.float32],
-    planes: NDArray[np.float64],
+    xyz: Floats,
+    neighbours: Ints32,
+    normal: Floats32,
+    planes: Floats,
     cos_angle: float,
     max_distance: float,
-    region: NDArray[np.int32],
-    out: NDArray[np.int32],
+    region: Ints32,
+    out: Ints32,
 ) -> int:
     """Give each point the nearest plane among the regions round it, its own included; return how many changed.
 
@@ -122,7 +108,7 @@ def change_sides(
 
 
 @part
-def touching(neighbours: NDArray[np.int32], region: NDArray[np.int32], r: int) -> bool:
+def touching(neighbours: Ints32, region: Ints32, r: int) -> bool:
     """Return whether enough of the neighbours belong to region r."""
     count = 0
     for j in neighbours:
@@ -133,9 +119,7 @@ def touching(neighbours: NDArray[np.int32], region: NDArray[np.int32], r: int) -
 
 
 @jit
-def count_support(
-    neighbours: NDArray[np.int32], region: NDArray[np.int32], own: NDArray[np.int64], free: NDArray[np.int64]
-) -> None:
+def count_support(neighbours: Ints32, region: Ints32, own: Ints, free: Ints) -> None:
     """Count the neighbours of each region's points that are in the region too, and those in none.
 
     Points all through a volume leave most of the neighbours of any slice of it in no region.
@@ -156,7 +140,7 @@ def count_support(
 
 
 @jit
-def list_members(region: NDArray[np.int32], start: NDArray[np.int64], members: NDArray[np.int32]) -> None:
+def list_members(region: Ints32, start: Ints, members: Ints32) -> None:
     """List the points of each region in order: those of region r are from ``start[r]`` to ``start[r + 1]``."""
     start[:] = 0
     for r in region:
@@ -174,17 +158,17 @@ def list_members(region: NDArray[np.int32], start: NDArray[np.int64], members: N
 
 @jit
 def walk_regions(
-    xyz: NDArray[np.float64],
-    neighbours: NDArray[np.int32],
-    normal: NDArray[np.float32],
-    planes: NDArray[np.float64],
+    xyz: Floats,
+    neighbours: Ints32,
+    normal: Floats32,
+    planes: Floats,
     cos_angle: float,
     max_distance: float,
-    region: NDArray[np.int32],
-    members: NDArray[np.int32],
-    start: NDArray[np.int64],
-    piece: NDArray[np.int32],
-    pairs: NDArray[np.int32],
+    region: Ints32,
+    members: Ints32,
+    start: Ints,
+    piece: Ints32,
+    pairs: Ints32,
 ) -> tuple[int, int]:
     """Walk over each region, and on over points of others that lie on its plane and face as it does.
 
@@ -236,13 +220,7 @@ def walk_regions(
 
 @jit
 def join_rest(
-    xyz: NDArray[np.float64],
-    cell: NDArray[np.int32],
-    neighbours: NDArray[np.int32],
-    planes: NDArray[np.float64],
-    max_distance: float,
-    region: NDArray[np.int32],
-    out: NDArray[np.int32],
+    xyz: Floats, cell: Ints32, neighbours: Ints32, planes: Floats, max_distance: float, region: Ints32, out: Ints32
 ) -> None:
     """Give each point (u,) the nearest plane among the regions of its cell's representative and its neighbours.
 
@@ -265,13 +243,7 @@ def join_rest(
 
 
 @jit
-def number_plane_cells(
-    xyz: NDArray[np.float64],
-    region: NDArray[np.int32],
-    planes: NDArray[np.float64],
-    cell: float,
-    key: NDArray[np.int64],
-) -> None:
+def number_plane_cells(xyz: Floats, region: Ints32, planes: Floats, cell: float, key: Ints) -> None:
     """Write for each point the number of its cell in its region's plane, -1 where there is no plane.
 
     The cells' axes are the plane's horizontal and what is across that; for a plane across z, x and y.

@@ -4,21 +4,15 @@ A cell is a square of the patch's plane, wide enough for points of several scans
 known of their displacement, so that a scan that lies off by a metre is looked for where it has the surface.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mapq.kernels._jit import jit, part
+from mapq.kernels._jit import Floats, Ints, jit, part
 from mapq.kernels.order_statistics import quantile
 from mapq.kernels.planes import Planes, dot, dot_from
 from mapq.kernels.sheets import Sheets, first_corner
 from mapq.kernels.voxels import EMPTY, Nearby, cell_over, voxels_about
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 FEWEST = 3
 """Points of a scan in a cell that make a layer."""

@@ -4,15 +4,9 @@ Layers are heights over planes, so all is point to plane: a motion (shift 3, tur
 with its row of the Jacobian. What the cells themselves have as relief is common to all scans and drops out.
 """
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
-from mapq.kernels._jit import jit, part
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from mapq.kernels._jit import Floats, Ints, jit, part
 
 BIN = 0.05
 """Metres: bins of heights in which layers of scans meet."""
@@ -131,14 +125,7 @@ def search(
 
 @jit
 def match_scans(
-    cell: Ints,
-    first: Ints,
-    jacobian: Floats,
-    height: Floats,
-    weight: Floats,
-    n_cells: int,
-    axes: Floats,
-    reach: float,
+    cell: Ints, first: Ints, jacobian: Floats, height: Floats, weight: Floats, n_cells: int, axes: Floats, reach: float
 ) -> Floats:
     """Motions (s, 6) of scans, each matched to those before: the scan with most layers first, then what shares most.
 
@@ -290,13 +277,7 @@ def spread_of(motion: Floats, jacobian: Floats, rows: Ints, scan: Ints, held: Fl
 
 @jit
 def ranges_of_cells(
-    cell: Ints,
-    scan: Ints,
-    place: Floats,
-    jacobian: Floats,
-    motion: Floats,
-    covariance: Floats,
-    reach: float,
+    cell: Ints, scan: Ints, place: Floats, jacobian: Floats, motion: Floats, covariance: Floats, reach: float
 ) -> Floats:
     """For each cell of a patch: largest displacement between scans that see it, its variance, and how many do (c, 3).
 

@@ -1,16 +1,10 @@
 """The points of each patch in its own plane, sorted into square cells, and the gap that parts each from the next."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mapq.kernels._jit import jit, part
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from mapq.kernels._jit import Floats, Ints, jit, part
 
 LINE = 0.02
 """Ratio of second moments below which neighbours lie on a line: their spread across is a seventh of that along."""

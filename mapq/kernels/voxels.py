@@ -1,17 +1,11 @@
 """Voxels by number: keys, a hash table of their places, and the points of a cloud in them."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mapq.kernels._jit import jit, part
+from mapq.kernels._jit import Floats, Ints, jit, part
 from mapq.kernels.sheets import Sheets
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 EMPTY = -1
 MIX = 0x9E3779B97F4A7C15 - (1 << 64)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+import numpy as np
 
 from prf.shell.kernel_cache import KernelCache
 
@@ -24,6 +25,9 @@ KeyError ("Unrecognized options") at the first call; without the flag all works,
 One that changes its meaning crashes or leaks in a kernel that allocates: `python -m tests.warm_kernels prf` and
 tests/kernels/test_jit_cache.py show both.
 """
+
+Array = np.ndarray
+Rng = np.random.Generator
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 

@@ -10,10 +10,8 @@ A proposal is accepted with probability min(1, R), log R being the sum of
 
 import math
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core, spine
+from prf.kernels._jit import Array, Rng, core, spine
 from prf.kernels.chain import Chain
 from prf.kernels.guards import blocked_change, is_barred
 from prf.kernels.laser_change import touch_beams
@@ -25,7 +23,7 @@ from prf.kernels.sonar_change import sonar_change, touch_cones
 
 
 @core
-def log_proposal_ratio(move_probabilities: np.ndarray, move: int, log_forward: float, log_reverse: float) -> float:
+def log_proposal_ratio(move_probabilities: Array, move: int, log_forward: float, log_reverse: float) -> float:
     """Log of the density of the way back over that of the proposal; -inf where no move leads back."""
     reverse = c.REVERSE[move]
     ratio = log_reverse - log_forward
@@ -62,7 +60,7 @@ def needed_gain(chain: Chain, margin: float) -> float:
 
 @spine
 def accept(
-    chain: Chain, move: int, log_forward: float, log_reverse: float, log_u: float, rng: np.random.Generator
+    chain: Chain, move: int, log_forward: float, log_reverse: float, log_u: float, rng: Rng
 ) -> tuple[bool, float, float]:
     """Decide on a valid proposal; return the decision and the changes of log prior and log likelihood.
 
@@ -106,7 +104,7 @@ def accept(
 
 
 @spine
-def pass_levels(chain: Chain, rng: np.random.Generator) -> tuple[bool, float]:
+def pass_levels(chain: Chain, rng: Rng) -> tuple[bool, float]:
     """Decide by each further level of beams in turn, with a threshold of its own; return the change over them.
 
     The probability of acceptance is the product of min(1, r) over the factors r of the ratio: each factor is the

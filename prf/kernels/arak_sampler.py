@@ -16,9 +16,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.random import Generator
 
-from prf.kernels._jit import jit
+from prf.kernels._jit import Array, Rng, jit
 from prf.kernels.constants import BOTTOM, INTERIOR, LEFT, RIGHT, TOP
 
 # Columns of an active particle.
@@ -52,14 +51,14 @@ class Size(NamedTuple):
 class Process(NamedTuple):
     """The particles of the present draw, and what all draws so far have left."""
 
-    active: np.ndarray  # (room, N_COLUMNS) f8 in order of y
-    vertices: np.ndarray  # (room, 3) f8 x, y, side
-    edges: np.ndarray  # (room, 2) i4
-    counts: np.ndarray  # (4,) i8
+    active: Array  # (room, N_COLUMNS) f8 in order of y
+    vertices: Array  # (room, 3) f8 x, y, side
+    edges: Array  # (room, 2) i4
+    counts: Array  # (4,) i8
 
 
 @jit
-def grown(array: np.ndarray) -> np.ndarray:
+def grown(array: Array) -> Array:
     """Return a copy with twice the rows."""
     longer = np.empty((2 * array.shape[0], array.shape[1]), array.dtype)
     longer[: array.shape[0]] = array
@@ -73,7 +72,7 @@ def wrapped(angle: float) -> float:
 
 
 @jit
-def turn_angle(rng: Generator) -> float:
+def turn_angle(rng: Rng) -> float:
     """Draw an angle in (0, pi) with density sin(d)/2."""
     return math.acos(1.0 - 2.0 * rng.random())
 
@@ -99,7 +98,7 @@ def add_edge(start: int, end: int, process: Process) -> None:
 
 
 @jit
-def plan_end(particle: np.ndarray, size: Size, rng: Generator) -> None:
+def plan_end(particle: Array, size: Size, rng: Rng) -> None:
     """Draw where the particle turns (length Exp(2p)); the border ends it if that is nearer."""
     x, y, c, s = particle[START_X], particle[START_Y], particle[COS], particle[SIN]
     length = rng.standard_exponential() / (2.0 * size.p)
@@ -155,7 +154,7 @@ def place(x: float, y: float, process: Process) -> int:
 
 
 @jit
-def launch(particle: np.ndarray, direction: float, vertex: int, at: np.ndarray, size: Size, rng: Generator) -> None:
+def launch(particle: Array, direction: float, vertex: int, at: Array, size: Size, rng: Rng) -> None:
     """Fill a row with a particle that leaves the vertex ``at`` = (x, y, side)."""
     particle[START_X] = at[0]
     particle[START_Y] = at[1]
@@ -186,7 +185,7 @@ def close_rows(i: int, n_removed: int, process: Process) -> None:
 
 
 @jit
-def give_birth(at: np.ndarray, low: float, high: float, process: Process, size: Size, rng: Generator) -> None:
+def give_birth(at: Array, low: float, high: float, process: Process, size: Size, rng: Rng) -> None:
     """Start a particle at the vertex ``at`` in direction `low`, and a second one in direction `high` if inside."""
     n_new = 2 if at[2] == INTERIOR else 1
     vertex = add_vertex(at[0], at[1], int(at[2]), process)
@@ -200,7 +199,7 @@ def give_birth(at: np.ndarray, low: float, high: float, process: Process, size: 
 
 
 @jit
-def birth_after_start(x: float, process: Process, size: Size, rng: Generator) -> None:
+def birth_after_start(x: float, process: Process, size: Size, rng: Rng) -> None:
     """Give birth at time `x`: inside, on the bottom or on the top, with probabilities as pi p^2 height : p : p."""
     inside = math.pi * size.p * size.height
     chosen = rng.random() * (inside + 2.0)
@@ -225,7 +224,7 @@ def birth_after_start(x: float, process: Process, size: Size, rng: Generator) ->
 
 
 @jit
-def end_particle(i: int, process: Process, size: Size, rng: Generator) -> None:
+def end_particle(i: int, process: Process, size: Size, rng: Rng) -> None:
     """End particle `i` where it was planned: it turns there, or stops on the border."""
     a = process.active[i]
     at = np.empty(3)
@@ -277,7 +276,7 @@ def with_room(process: Process) -> Process:
 
 
 @jit
-def draw_one(process: Process, size: Size, rng: Generator) -> Process:
+def draw_one(process: Process, size: Size, rng: Rng) -> Process:
     """Append one draw; return the process, whose arrays may have been replaced by longer copies."""
     at = np.zeros(3)
     at[2] = LEFT
@@ -303,7 +302,7 @@ def draw_one(process: Process, size: Size, rng: Generator) -> Process:
 
 
 @jit
-def draw_many(n_draws: int, size: Size, rng: Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def draw_many(n_draws: int, size: Size, rng: Rng) -> tuple[Array, Array, Array, Array]:
     """Return vertices ``x, y, side``, edges, offsets (n_draws + 1, 2) of vertices and edges, and the coins."""
     counts = np.zeros(4, np.int64)
     process = Process(np.empty((16, N_COLUMNS)), np.empty((256, 3)), np.empty((256, 2), np.int32), counts)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from prf.kernels import constants as c
-from prf.kernels._jit import core, core_entry
+from prf.kernels._jit import Array, core, core_entry
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.geometry import ray_hit
 from prf.kernels.graph import Graph
@@ -22,32 +22,32 @@ from prf.kernels.slots import list_slot
 class Beams(NamedTuple):
     """Readings, their present impacts, and the index; slots are numbered over all beams."""
 
-    model: np.ndarray  # (N_LASER_MODEL,) f8
-    ray: np.ndarray  # (n, N_RAY) f8 one cache line a beam: columns ORIGIN_X ... BEAM_LOG_LIKELIHOOD
-    beyond: np.ndarray  # (n,) f8 distance of what is beyond the maximum distance, which nothing moves; inf for nothing
-    impact_edge: np.ndarray  # (n,) i4 edge that the beam meets, or NONE
-    last_slot: np.ndarray  # (n,) i4 slot in which the impact lies: the last that is listed
-    next_beam: np.ndarray  # (n,) i4 beams that meet the same edge, linked
-    previous_beam: np.ndarray  # (n,) i4
-    first_beam: np.ndarray  # (edge capacity, n_levels) i4 heads of those lists, one a level
-    level: np.ndarray  # (n,) u1 stage of the decision at which a beam counts
-    slot_start: np.ndarray  # (n + 1,) i8
-    slot_cell: np.ndarray  # (slots,) i4 list of the slot: cell + level * cells of the grid
-    slot_exit: np.ndarray  # (slots,) f4 distance at which the beam leaves the slot, rounded down
-    slot_place: np.ndarray  # (slots,) i4 place in the cell's list, NONE while not listed
-    cell_start: np.ndarray  # (n_levels * n_cells + 1,) i8
-    cell_count: np.ndarray  # (n_levels * n_cells,) i4
-    entries: np.ndarray  # (slots, 2) i4 beam and slot, listed by cell
-    best: np.ndarray  # (n,) f8 log likelihood that no distance exceeds
-    aim: np.ndarray  # (n, 2) i4 slots in which the reading lies: the first, and the one after the last
-    edge_shortfall: np.ndarray  # (edge capacity, n_levels) f8 of the beams that meet an edge, summed (laser_change)
-    cell_shortfall: np.ndarray  # (n_levels * n_cells,) f8 the same for the beams whose readings lie in a cell
-    mark: np.ndarray  # (n,) i4 place among the touched beams in the proposal of that mark
-    touched: np.ndarray  # (n,) i4 beams that the proposal touches
-    touched_edge: np.ndarray  # (n,) i4 their new impact: edge slot, or -2 - k for the new edge k, or NONE
-    touched_distance: np.ndarray  # (n,) f8
-    touched_log_likelihood: np.ndarray  # (n,) f8
-    n_touched: np.ndarray  # (1,) i8
+    model: Array  # (N_LASER_MODEL,) f8
+    ray: Array  # (n, N_RAY) f8 one cache line a beam: columns ORIGIN_X ... BEAM_LOG_LIKELIHOOD
+    beyond: Array  # (n,) f8 distance of what is beyond the maximum distance, which nothing moves; inf for nothing
+    impact_edge: Array  # (n,) i4 edge that the beam meets, or NONE
+    last_slot: Array  # (n,) i4 slot in which the impact lies: the last that is listed
+    next_beam: Array  # (n,) i4 beams that meet the same edge, linked
+    previous_beam: Array  # (n,) i4
+    first_beam: Array  # (edge capacity, n_levels) i4 heads of those lists, one a level
+    level: Array  # (n,) u1 stage of the decision at which a beam counts
+    slot_start: Array  # (n + 1,) i8
+    slot_cell: Array  # (slots,) i4 list of the slot: cell + level * cells of the grid
+    slot_exit: Array  # (slots,) f4 distance at which the beam leaves the slot, rounded down
+    slot_place: Array  # (slots,) i4 place in the cell's list, NONE while not listed
+    cell_start: Array  # (n_levels * n_cells + 1,) i8
+    cell_count: Array  # (n_levels * n_cells,) i4
+    entries: Array  # (slots, 2) i4 beam and slot, listed by cell
+    best: Array  # (n,) f8 log likelihood that no distance exceeds
+    aim: Array  # (n, 2) i4 slots in which the reading lies: the first, and the one after the last
+    edge_shortfall: Array  # (edge capacity, n_levels) f8 of the beams that meet an edge, summed (laser_change)
+    cell_shortfall: Array  # (n_levels * n_cells,) f8 the same for the beams whose readings lie in a cell
+    mark: Array  # (n,) i4 place among the touched beams in the proposal of that mark
+    touched: Array  # (n,) i4 beams that the proposal touches
+    touched_edge: Array  # (n,) i4 their new impact: edge slot, or -2 - k for the new edge k, or NONE
+    touched_distance: Array  # (n,) f8
+    touched_log_likelihood: Array  # (n,) f8
+    n_touched: Array  # (1,) i8
 
 
 @core
@@ -99,14 +99,7 @@ def unlink_beam(beams: Beams, beam: int) -> None:
 
 @core
 def first_hit(
-    graph: Graph,
-    index: EdgeIndex,
-    beams: Beams,
-    beam: int,
-    slot: int,
-    limit: float,
-    removed: np.ndarray,
-    n_removed: int,
+    graph: Graph, index: EdgeIndex, beams: Beams, beam: int, slot: int, limit: float, removed: Array, n_removed: int
 ) -> tuple[int, float]:
     """First edge that remains on a beam from `slot` on, before `limit`; (NONE, `limit`) if there is none."""
     ray = beams.ray[beam]
@@ -172,7 +165,7 @@ def relist_beams(beams: Beams) -> float:
 
 
 @core_entry
-def count_slots(grid: Grid, ray: np.ndarray, path: np.ndarray, slot_start: np.ndarray) -> None:
+def count_slots(grid: Grid, ray: Array, path: Array, slot_start: Array) -> None:
     """Fill `slot_start` (n + 1,) with the number of cells of each beam up to its reach, summed."""
     slot_start[0] = 0
     for beam in range(ray.shape[0]):
@@ -185,13 +178,13 @@ def count_slots(grid: Grid, ray: np.ndarray, path: np.ndarray, slot_start: np.nd
 @core_entry
 def fill_slots(
     grid: Grid,
-    ray: np.ndarray,
-    path: np.ndarray,
-    level: np.ndarray,
-    slot_start: np.ndarray,
-    slot_cell: np.ndarray,
-    slot_exit: np.ndarray,
-    cell_start: np.ndarray,
+    ray: Array,
+    path: Array,
+    level: Array,
+    slot_start: Array,
+    slot_cell: Array,
+    slot_exit: Array,
+    cell_start: Array,
 ) -> None:
     """Fill the lists and exits of all slots, and `cell_start` (n_levels * n_cells + 1,) with the room of each list.
 

@@ -1,9 +1,7 @@
 """Filling and summing of a chain's arrays from nothing: at the start, when room grows, and at fixed steps."""
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core_entry
+from prf.kernels._jit import Array, core_entry
 from prf.kernels.beams import relist_beams, trace_beam
 from prf.kernels.chain import Chain
 from prf.kernels.cones import relist_cones, sense_now
@@ -17,7 +15,7 @@ from prf.kernels.sites import count_occupied
 
 
 @core_entry
-def fill_graph(graph: Graph, n_vertices: int, edges: np.ndarray) -> None:
+def fill_graph(graph: Graph, n_vertices: int, edges: Array) -> None:
     """Insert the vertices of the first `n_vertices` slots, whose coordinates are set, and the given edges (n, 2)."""
     for v in range(n_vertices):
         insert_vertex(graph, v)
@@ -73,7 +71,7 @@ def recompute_sums(chain: Chain) -> None:
 
 
 @core_entry
-def cells_of(grid: Grid, xy: np.ndarray, cells: np.ndarray) -> None:
+def cells_of(grid: Grid, xy: Array, cells: Array) -> None:
     """Write the cell of each point of `xy` (n, 2)."""
     for k in range(xy.shape[0]):
         cells[k] = cell_at(grid, xy[k, 0], xy[k, 1])

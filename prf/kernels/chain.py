@@ -3,36 +3,18 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import spine
+from prf.kernels._jit import Array, spine
 from prf.kernels.beams import Beams
 from prf.kernels.cones import Cones
 from prf.kernels.edge_index import EdgeIndex, index_edge, unindex_edge
 from prf.kernels.geometry import inside_loop
-from prf.kernels.graph import (
-    Graph,
-    classify_vertex,
-    delete_edge,
-    delete_vertex,
-    insert_edge,
-    insert_vertex,
-    other_end,
-)
+from prf.kernels.graph import Graph, classify_vertex, delete_edge, delete_vertex, insert_edge, insert_vertex, other_end
 from prf.kernels.guards import Guards, blocked_change
 from prf.kernels.image import Image, count_edge, recolor_inside
 from prf.kernels.laser_change import apply_touched, release_touched
 from prf.kernels.points import Points, gain_inside
-from prf.kernels.proposal import (
-    N_AFFECTED,
-    N_LOOP,
-    N_NEW_EDGES,
-    N_NEW_VERTICES,
-    N_OLD_EDGES,
-    N_OLD_VERTICES,
-    Proposal,
-)
+from prf.kernels.proposal import N_AFFECTED, N_LOOP, N_NEW_EDGES, N_NEW_VERTICES, N_OLD_EDGES, N_OLD_VERTICES, Proposal
 from prf.kernels.sites import Sites, occupied_change
 from prf.kernels.sonar_change import apply_cones
 from prf.kernels.targets import Targets
@@ -51,10 +33,10 @@ class Chain(NamedTuple):
     image: Image
     guards: Guards
     proposal: Proposal
-    density: np.ndarray  # (N_DENSITY,) f8 what is sampled: scale of the prior, powers, cost of occupied sensors
-    tuning: np.ndarray  # (N_TUNING,) f8 scales of the proposals
-    move_probabilities: np.ndarray  # (N_MOVES,) f8
-    outcomes: np.ndarray  # (N_MOVES, N_OUTCOMES) i8
+    density: Array  # (N_DENSITY,) f8 what is sampled: scale of the prior, powers, cost of occupied sensors
+    tuning: Array  # (N_TUNING,) f8 scales of the proposals
+    move_probabilities: Array  # (N_MOVES,) f8
+    outcomes: Array  # (N_MOVES, N_OUTCOMES) i8
 
 
 @spine

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from prf.kernels._jit import jit
+from prf.kernels._jit import Array, jit
 from prf.kernels.constants import BOTTOM, LEFT, TOP
 
 
@@ -21,7 +21,7 @@ def is_above(px: float, py: float, ax: float, ay: float, bx: float, by: float) -
 
 
 @jit
-def switch_above_edge(points: np.ndarray, a: np.ndarray, b: np.ndarray, odd: np.ndarray) -> None:
+def switch_above_edge(points: Array, a: Array, b: Array, odd: Array) -> None:
     """Switch ``odd`` for each point (rows sorted by x) that lies above the edge a-b within its span."""
     if a[0] > b[0]:
         a, b = b, a
@@ -33,7 +33,7 @@ def switch_above_edge(points: np.ndarray, a: np.ndarray, b: np.ndarray, odd: np.
 
 
 @jit
-def switch_by_graph(points: np.ndarray, xy: np.ndarray, side: np.ndarray, edges: np.ndarray, odd: np.ndarray) -> None:
+def switch_by_graph(points: Array, xy: Array, side: Array, edges: Array, odd: Array) -> None:
     """Switch ``odd`` of each point (rows sorted by x) that meets the graph an odd number of times."""
     for e in range(edges.shape[0]):
         switch_above_edge(points, xy[edges[e, 0]], xy[edges[e, 1]], odd)
@@ -45,13 +45,7 @@ def switch_by_graph(points: np.ndarray, xy: np.ndarray, side: np.ndarray, edges:
 
 @jit
 def draws_odd(
-    points: np.ndarray,
-    vertex_offsets: np.ndarray,
-    xy: np.ndarray,
-    side: np.ndarray,
-    edge_offsets: np.ndarray,
-    edges: np.ndarray,
-    odd: np.ndarray,
+    points: Array, vertex_offsets: Array, xy: Array, side: Array, edge_offsets: Array, edges: Array, odd: Array
 ) -> None:
     """Set ``odd`` (n_draws, n_points): parity of meetings, for points sorted by x, in each draw of a ragged store."""
     for i in range(odd.shape[0]):
@@ -60,7 +54,7 @@ def draws_odd(
 
 
 @jit
-def edges_below(k: int, xy: np.ndarray, side: np.ndarray, edges: np.ndarray) -> int:
+def edges_below(k: int, xy: Array, side: Array, edges: Array) -> int:
     """Return how often the ray down and left from the middle of edge `k` meets the graph, edge `k` itself left out."""
     p = 0.5 * (xy[edges[k, 0]] + xy[edges[k, 1]])
     count = 0
@@ -77,7 +71,7 @@ def edges_below(k: int, xy: np.ndarray, side: np.ndarray, edges: np.ndarray) -> 
 
 
 @jit
-def black_top(xy: np.ndarray, side: np.ndarray, window: np.ndarray, left_black: bool) -> float:
+def black_top(xy: Array, side: Array, window: Array, left_black: bool) -> float:
     """Return the length of the top side that is black, given the colour of its left corner."""
     black = left_black
     length = -float(window[0]) if left_black else 0.0
@@ -95,7 +89,7 @@ def black_top(xy: np.ndarray, side: np.ndarray, window: np.ndarray, left_black: 
 
 
 @jit
-def black_area(xy: np.ndarray, side: np.ndarray, edges: np.ndarray, window: np.ndarray, corner_black: bool) -> float:
+def black_area(xy: Array, side: Array, edges: Array, window: Array, corner_black: bool) -> float:
     """Return the black area of one draw, given the colour of the bottom left corner; O(n_edges^2).
 
     Each column adds the height of every edge, positive where black lies below it, and the top's where that is black.
@@ -116,14 +110,14 @@ def black_area(xy: np.ndarray, side: np.ndarray, edges: np.ndarray, window: np.n
 
 @jit
 def draws_black_area(
-    window: np.ndarray,
-    vertex_offsets: np.ndarray,
-    xy: np.ndarray,
-    side: np.ndarray,
-    edge_offsets: np.ndarray,
-    edges: np.ndarray,
-    corner_black: np.ndarray,
-    area: np.ndarray,
+    window: Array,
+    vertex_offsets: Array,
+    xy: Array,
+    side: Array,
+    edge_offsets: Array,
+    edges: Array,
+    corner_black: Array,
+    area: Array,
 ) -> None:
     """Set ``area`` (n_draws,): the black area of each draw of a ragged store."""
     for i in range(area.shape[0]):

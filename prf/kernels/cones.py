@@ -8,10 +8,8 @@ its reach (section 2.3). A change of the map beyond it concerns no cone.
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core, core_entry
+from prf.kernels._jit import Array, core, core_entry
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, ends_of
 from prf.kernels.grid import ABS_TOL, REL_TOL, Grid, cells_of_box
@@ -34,22 +32,22 @@ SLACK = 1.0 + REL_TOL
 class Cones(NamedTuple):
     """Sonar readings and their index; slots are numbered over all cones."""
 
-    model: np.ndarray  # (N_SONAR_MODEL,) f8
-    pose: np.ndarray  # (n, N_POSE) f8
-    last_slot: np.ndarray  # (n,) i4 last slot that is listed
-    slot_start: np.ndarray  # (n + 1,) i8
-    slot_cell: np.ndarray  # (slots,) i4
-    slot_near: np.ndarray  # (slots,) f4 distance at which the cone enters the slot, rounded down; ascending in a cone
-    slot_place: np.ndarray  # (slots,) i4 place in the cell's list, NONE while not listed
-    cell_start: np.ndarray  # (n_cells + 1,) i8
-    cell_count: np.ndarray  # (n_cells,) i4
-    entries: np.ndarray  # (slots, 2) i4 cone and slot, listed by cell
-    mark: np.ndarray  # (n,) i8 the last proposal that touched the cone
-    proposals: np.ndarray  # (1,) i8 number of the proposal in work
-    touched: np.ndarray  # (n,) i4 cones whose likelihood the proposal may change
-    touched_extent: np.ndarray  # (n,) f8
-    touched_log_likelihood: np.ndarray  # (n,) f8
-    n_touched: np.ndarray  # (1,) i8
+    model: Array  # (N_SONAR_MODEL,) f8
+    pose: Array  # (n, N_POSE) f8
+    last_slot: Array  # (n,) i4 last slot that is listed
+    slot_start: Array  # (n + 1,) i8
+    slot_cell: Array  # (slots,) i4
+    slot_near: Array  # (slots,) f4 distance at which the cone enters the slot, rounded down; ascending in a cone
+    slot_place: Array  # (slots,) i4 place in the cell's list, NONE while not listed
+    cell_start: Array  # (n_cells + 1,) i8
+    cell_count: Array  # (n_cells,) i4
+    entries: Array  # (slots, 2) i4 cone and slot, listed by cell
+    mark: Array  # (n,) i8 the last proposal that touched the cone
+    proposals: Array  # (1,) i8 number of the proposal in work
+    touched: Array  # (n,) i4 cones whose likelihood the proposal may change
+    touched_extent: Array  # (n,) f8
+    touched_log_likelihood: Array  # (n,) f8
+    n_touched: Array  # (1,) i8
     sight: Sight
 
 
@@ -158,7 +156,7 @@ def relist_cones(cones: Cones) -> float:
 
 
 @core
-def enters_cell(grid: Grid, pose: np.ndarray, reach: float, ix: int, iy: int) -> float:
+def enters_cell(grid: Grid, pose: Array, reach: float, ix: int, iy: int) -> float:
     """Distance at which a cone enters a cell, rounded down; inf if it surely does not."""
     x = grid.x0 + ix * grid.cell - pose[POSE_X]
     y = grid.y0 + iy * grid.cell - pose[POSE_Y]
@@ -180,7 +178,7 @@ def enters_cell(grid: Grid, pose: np.ndarray, reach: float, ix: int, iy: int) ->
 
 
 @core
-def cells_of_cone(grid: Grid, pose: np.ndarray, reach: float, cells: np.ndarray, near: np.ndarray) -> int:
+def cells_of_cone(grid: Grid, pose: Array, reach: float, cells: Array, near: Array) -> int:
     """Write the cells of a cone, nearest first, and where it enters them; return their number."""
     x, y = pose[POSE_X], pose[POSE_Y]
     i0, i1, k0, k1 = cells_of_box(grid, x - reach, y - reach, x + reach, y + reach)
@@ -202,7 +200,7 @@ def cells_of_cone(grid: Grid, pose: np.ndarray, reach: float, cells: np.ndarray,
 
 
 @core_entry
-def count_cone_slots(grid: Grid, pose: np.ndarray, cells: np.ndarray, near: np.ndarray, slot_start: np.ndarray) -> None:
+def count_cone_slots(grid: Grid, pose: Array, cells: Array, near: Array, slot_start: Array) -> None:
     """Fill `slot_start` (n + 1,) with the number of cells of each cone, summed."""
     slot_start[0] = 0
     for cone in range(pose.shape[0]):
@@ -212,13 +210,13 @@ def count_cone_slots(grid: Grid, pose: np.ndarray, cells: np.ndarray, near: np.n
 @core_entry
 def fill_cone_slots(
     grid: Grid,
-    pose: np.ndarray,
-    cells: np.ndarray,
-    near: np.ndarray,
-    slot_start: np.ndarray,
-    slot_cell: np.ndarray,
-    slot_near: np.ndarray,
-    cell_start: np.ndarray,
+    pose: Array,
+    cells: Array,
+    near: Array,
+    slot_start: Array,
+    slot_cell: Array,
+    slot_near: Array,
+    cell_start: Array,
 ) -> None:
     """Fill the cells and entries of all slots, and `cell_start` (n_cells + 1,) with the room of each cell."""
     cell_start[:] = 0

@@ -2,10 +2,8 @@
 
 from typing import NamedTuple
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, core
 from prf.kernels.grid import Grid, walk
 
 
@@ -13,16 +11,16 @@ class EdgeIndex(NamedTuple):
     """Cells and the edges in each."""
 
     grid: Grid
-    cell_count: np.ndarray  # (n_cells,) i4
-    cell_edges: np.ndarray  # (n_cells, room) i4
-    path: np.ndarray  # (most_cells,) i4 scratch for one walk
-    neighbors: np.ndarray  # (edge capacity,) i4 scratch for the edges that share a cell with one
-    marks: np.ndarray  # (edge capacity,) i8 the list that an edge was last entered into
-    mark: np.ndarray  # (1,) i8 the list in work
+    cell_count: Array  # (n_cells,) i4
+    cell_edges: Array  # (n_cells, room) i4
+    path: Array  # (most_cells,) i4 scratch for one walk
+    neighbors: Array  # (edge capacity,) i4 scratch for the edges that share a cell with one
+    marks: Array  # (edge capacity,) i8 the list that an edge was last entered into
+    mark: Array  # (1,) i8 the list in work
 
 
 @core
-def index_edge(index: EdgeIndex, edge: int, xy: np.ndarray) -> bool:
+def index_edge(index: EdgeIndex, edge: int, xy: Array) -> bool:
     """Enter an edge with ends `xy` (4,) into the cells that it passes; return whether some cell is short of room."""
     n = walk(index.grid, xy[0], xy[1], xy[2], xy[3], index.path)
     fullest = 0
@@ -37,7 +35,7 @@ def index_edge(index: EdgeIndex, edge: int, xy: np.ndarray) -> bool:
 
 
 @core
-def unindex_edge(index: EdgeIndex, edge: int, xy: np.ndarray) -> None:
+def unindex_edge(index: EdgeIndex, edge: int, xy: Array) -> None:
     """Remove an edge with ends `xy` (4,) from the cells that it passes."""
     n = walk(index.grid, xy[0], xy[1], xy[2], xy[3], index.path)
     for k in range(n):

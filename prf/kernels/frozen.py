@@ -6,10 +6,8 @@ the prior, and moves need no readings: what a reading may ever concern is closed
 of them is live. In a region live are the edges that pass it and the interior vertices in it.
 """
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core, core_entry
+from prf.kernels._jit import Array, core, core_entry
 from prf.kernels.beams import Beams, trace_beam
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.geometry import segment_meets_box
@@ -27,7 +25,7 @@ def classify_all(graph: Graph) -> None:
 
 
 @core_entry
-def freeze(graph: Graph, index: EdgeIndex, guards: Guards, frozen: np.ndarray) -> int:
+def freeze(graph: Graph, index: EdgeIndex, guards: Guards, frozen: Array) -> int:
     """Take all edges but live ones, and their vertices, out of the sets; write these edges, return their number."""
     n = 0
     for i in range(graph.counts[c.EDGES]):
@@ -49,7 +47,7 @@ def freeze(graph: Graph, index: EdgeIndex, guards: Guards, frozen: np.ndarray) -
 
 
 @core_entry
-def thaw(graph: Graph, frozen: np.ndarray, n: int) -> None:
+def thaw(graph: Graph, frozen: Array, n: int) -> None:
     """Put the first `n` of the `frozen` edges, and their vertices, back into the sets."""
     for i in range(n):
         edge = frozen[i]
@@ -63,7 +61,7 @@ def thaw(graph: Graph, frozen: np.ndarray, n: int) -> None:
 
 
 @core_entry
-def retrace(graph: Graph, index: EdgeIndex, beams: Beams, influence: np.ndarray) -> None:
+def retrace(graph: Graph, index: EdgeIndex, beams: Beams, influence: Array) -> None:
     """Find anew where beams end that nothing stopped within their `influence` (n,); lists are not touched.
 
     Their likelihoods, and those of all others, stay what they were.
@@ -74,7 +72,7 @@ def retrace(graph: Graph, index: EdgeIndex, beams: Beams, influence: np.ndarray)
 
 
 @core
-def lies_in(graph: Graph, tuning: np.ndarray, v: int) -> bool:
+def lies_in(graph: Graph, tuning: Array, v: int) -> bool:
     """Whether a vertex lies in the region."""
     x = graph.vertex_xy[v, 0]
     y = graph.vertex_xy[v, 1]
@@ -82,7 +80,7 @@ def lies_in(graph: Graph, tuning: np.ndarray, v: int) -> bool:
 
 
 @core
-def passes_region(tuning: np.ndarray, xy: np.ndarray) -> bool:
+def passes_region(tuning: Array, xy: Array) -> bool:
     """Whether an edge `xy` (4,) passes the region."""
     x_min = tuning[c.REGION]
     y_min = tuning[c.REGION + 1]
@@ -90,7 +88,7 @@ def passes_region(tuning: np.ndarray, xy: np.ndarray) -> bool:
 
 
 @core
-def leaves_region(graph: Graph, proposal: Proposal, tuning: np.ndarray) -> bool:
+def leaves_region(graph: Graph, proposal: Proposal, tuning: Array) -> bool:
     """Whether a proposal removes what is frozen, or adds what would be."""
     for k in range(proposal.counts[N_OLD_EDGES]):
         if not is_drawn(graph, proposal.old_edges[k]):
@@ -108,7 +106,7 @@ def leaves_region(graph: Graph, proposal: Proposal, tuning: np.ndarray) -> bool:
 
 
 @core_entry
-def confine(graph: Graph, tuning: np.ndarray, frozen: np.ndarray) -> int:
+def confine(graph: Graph, tuning: Array, frozen: Array) -> int:
     """Freeze all but what is live in the region; write the frozen edges, return their number."""
     n = 0
     for i in range(graph.counts[c.EDGES]):
@@ -129,7 +127,7 @@ def confine(graph: Graph, tuning: np.ndarray, frozen: np.ndarray) -> int:
 
 
 @core_entry
-def release(graph: Graph, frozen: np.ndarray, n: int) -> None:
+def release(graph: Graph, frozen: Array, n: int) -> None:
     """Put the first `n` of the `frozen` edges, and all interior vertices, back into the sets."""
     thaw(graph, frozen, n)
     for i in range(graph.counts[c.EDGES]):

@@ -2,9 +2,7 @@
 
 import math
 
-import numpy as np
-
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, core
 
 
 @core
@@ -64,7 +62,7 @@ def segment_distance2(ax: float, ay: float, bx: float, by: float, cx: float, cy:
 
 
 @core
-def ray_hit(ray: np.ndarray, xy: np.ndarray) -> float:
+def ray_hit(ray: Array, xy: Array) -> float:
     """Distance along a ray (its origin and unit direction come first in `ray`) to the segment with ends `xy` (4,).
 
     It is inf if the ray misses the segment.
@@ -87,7 +85,7 @@ def ray_hit(ray: np.ndarray, xy: np.ndarray) -> float:
 
 
 @core
-def inside_loop(x: float, y: float, loop: np.ndarray, n: int) -> bool:
+def inside_loop(x: float, y: float, loop: Array, n: int) -> bool:
     """Whether the closed polygon of the first `n` rows of `loop` (n, 2) winds round (x, y) an odd number of times."""
     odd = False
     k = n - 1
@@ -101,7 +99,7 @@ def inside_loop(x: float, y: float, loop: np.ndarray, n: int) -> bool:
 
 
 @core
-def loop_box(loop: np.ndarray, n: int) -> tuple[float, float, float, float]:
+def loop_box(loop: Array, n: int) -> tuple[float, float, float, float]:
     """Bounding box of the first n rows of `loop`."""
     x_min = x_max = loop[0, 0]
     y_min = y_max = loop[0, 1]

@@ -3,30 +3,28 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, Rng, core
 from prf.kernels.geometry import sine_of_angle
 
 
 class Graph(NamedTuple):
     """Arrays of one map; a slot is a row that a vertex or an edge keeps as long as it exists."""
 
-    window: np.ndarray  # (4,) x_min, y_min, x_max, y_max
-    vertex_xy: np.ndarray  # (capacity, 2) f8
-    vertex_side: np.ndarray  # (capacity,) i4 side of a boundary vertex, or INTERIOR
-    vertex_edges: np.ndarray  # (capacity, 2) i4 edges that end there, NONE where there is none
-    vertex_sine: np.ndarray  # (capacity,) f8 sin(phi_v) of equation 1
-    edge_vertices: np.ndarray  # (capacity, 2) i4
-    edge_xy: np.ndarray  # (capacity, 4) f8 both ends, for tests that should touch one cache line
-    edge_length: np.ndarray  # (capacity,) f8
-    members: np.ndarray  # (N_SETS, capacity) i4
-    positions: np.ndarray  # (N_SETS, capacity) i4 place of a slot in `members`, NONE outside
-    free_vertices: np.ndarray  # (capacity,) i4 stack
-    free_edges: np.ndarray  # (capacity,) i4 stack
-    counts: np.ndarray  # (N_COUNTS,) i8 sizes of the sets, of the stacks, anchor colour, step
-    sums: np.ndarray  # (N_SUMS,) f8 length, log prior, log likelihood
+    window: Array  # (4,) x_min, y_min, x_max, y_max
+    vertex_xy: Array  # (capacity, 2) f8
+    vertex_side: Array  # (capacity,) i4 side of a boundary vertex, or INTERIOR
+    vertex_edges: Array  # (capacity, 2) i4 edges that end there, NONE where there is none
+    vertex_sine: Array  # (capacity,) f8 sin(phi_v) of equation 1
+    edge_vertices: Array  # (capacity, 2) i4
+    edge_xy: Array  # (capacity, 4) f8 both ends, for tests that should touch one cache line
+    edge_length: Array  # (capacity,) f8
+    members: Array  # (N_SETS, capacity) i4
+    positions: Array  # (N_SETS, capacity) i4 place of a slot in `members`, NONE outside
+    free_vertices: Array  # (capacity,) i4 stack
+    free_edges: Array  # (capacity,) i4 stack
+    counts: Array  # (N_COUNTS,) i8 sizes of the sets, of the stacks, anchor colour, step
+    sums: Array  # (N_SUMS,) f8 length, log prior, log likelihood
 
 
 @core
@@ -53,13 +51,13 @@ def set_remove(graph: Graph, kind: int, slot: int) -> None:
 
 
 @core
-def pick(graph: Graph, kind: int, rng: np.random.Generator) -> int:
+def pick(graph: Graph, kind: int, rng: Rng) -> int:
     """Uniform member of a set that is not empty."""
     return graph.members[kind, int(rng.random() * graph.counts[kind])]
 
 
 @core
-def pick_two(graph: Graph, kind: int, rng: np.random.Generator) -> tuple[int, int]:
+def pick_two(graph: Graph, kind: int, rng: Rng) -> tuple[int, int]:
     """Two distinct uniform members of a set that has two."""
     n = graph.counts[kind]
     i = int(rng.random() * n)

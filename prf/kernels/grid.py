@@ -3,9 +3,7 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, core
 
 CORNER_TOLERANCE = 1e-9
 """Two border crossings closer than this share of the segment pass a cell corner: both side cells are visited.
@@ -75,7 +73,7 @@ def axis_walk(start: float, end: float, i0: int, i1: int) -> tuple[int, float, f
 
 
 @core
-def walk(grid: Grid, ax: float, ay: float, bx: float, by: float, cells: np.ndarray) -> int:
+def walk(grid: Grid, ax: float, ay: float, bx: float, by: float, cells: Array) -> int:
     """Write the cells that the segment ab passes into `cells`, in order, and return their number."""
     u = (ax - grid.x0) / grid.cell
     v = (ay - grid.y0) / grid.cell

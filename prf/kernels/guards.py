@@ -8,10 +8,8 @@ of occupied sensors each edge that does costs as much for each piece of the way.
 
 from typing import NamedTuple
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core, core_entry
+from prf.kernels._jit import Array, core, core_entry
 from prf.kernels.edge_index import EdgeIndex, index_edge
 from prf.kernels.geometry import (
     orientation,
@@ -40,8 +38,8 @@ class Guards(NamedTuple):
     Two arrays and no more: each array of a chain costs one or two per cent of the steps, with guards or without.
     """
 
-    shape: np.ndarray  # (n, N_SHAPE) f8
-    lists: np.ndarray  # i4: number of frozen edges, these; without guards no more. Else starts of cells, their guards
+    shape: Array  # (n, N_SHAPE) f8
+    lists: Array  # i4: number of frozen edges, these; without guards no more. Else starts of cells, their guards
 
 
 @core_entry
@@ -56,7 +54,7 @@ def index_frozen(graph: Graph, index: EdgeIndex, guards: Guards) -> bool:
 
 
 @core
-def meets_triangle(xy: np.ndarray, corner: np.ndarray) -> bool:
+def meets_triangle(xy: Array, corner: Array) -> bool:
     """Whether the segment `xy` (4,) has a point in common with the triangle of the corners (6,)."""
     left = 0
     right = 0
@@ -73,7 +71,7 @@ def meets_triangle(xy: np.ndarray, corner: np.ndarray) -> bool:
 
 
 @core
-def meets_guard(shape: np.ndarray, xy: np.ndarray) -> bool:
+def meets_guard(shape: Array, xy: Array) -> bool:
     """Whether an edge `xy` (4,) would block a guarded reading; rays as the beams themselves see it."""
     if shape[KIND] == GUARD_TRIANGLE:
         return meets_triangle(xy, shape[1:])
@@ -86,7 +84,7 @@ def meets_guard(shape: np.ndarray, xy: np.ndarray) -> bool:
 
 
 @core
-def meets_any(guards: Guards, xy: np.ndarray, cells: np.ndarray, n: int, way_is_hard: bool) -> bool:
+def meets_any(guards: Guards, xy: Array, cells: Array, n: int, way_is_hard: bool) -> bool:
     """Whether an edge `xy` (4,), which passes the first `n` of `cells`, meets a guard."""
     first = 1 + guards.lists[0]
     for i in range(n):
@@ -112,7 +110,7 @@ def is_barred(graph: Graph, guards: Guards, proposal: Proposal, way_is_hard: boo
 
 
 @core
-def is_listed_before(guards: Guards, guard: int, cells: np.ndarray, n: int) -> bool:
+def is_listed_before(guards: Guards, guard: int, cells: Array, n: int) -> bool:
     """Whether a guard is listed in one of the first `n` of `cells`."""
     first = 1 + guards.lists[0]
     for i in range(n):
@@ -123,7 +121,7 @@ def is_listed_before(guards: Guards, guard: int, cells: np.ndarray, n: int) -> b
 
 
 @core
-def pieces_met(guards: Guards, xy: np.ndarray, cells: np.ndarray, n: int) -> int:
+def pieces_met(guards: Guards, xy: Array, cells: Array, n: int) -> int:
     """Number of pieces of the way that an edge `xy` (4,), which passes the first `n` of `cells`, is too near to."""
     first = 1 + guards.lists[0]
     met = 0
@@ -163,7 +161,7 @@ def count_blocked(graph: Graph, index: EdgeIndex, guards: Guards) -> int:
 
 
 @core
-def cells_of_way(grid: Grid, shape: np.ndarray, path: np.ndarray) -> int:
+def cells_of_way(grid: Grid, shape: Array, path: Array) -> int:
     """Write the cells near a piece of the way; return their number."""
     radius = shape[5]
     x_min, x_max = min(shape[1], shape[3]) - radius, max(shape[1], shape[3]) + radius
@@ -182,7 +180,7 @@ def cells_of_way(grid: Grid, shape: np.ndarray, path: np.ndarray) -> int:
 
 
 @core
-def cells_of_guard(grid: Grid, shape: np.ndarray, path: np.ndarray) -> int:
+def cells_of_guard(grid: Grid, shape: Array, path: Array) -> int:
     """Write the cells in which a guard may be met; return their number."""
     if shape[KIND] == GUARD_RAY:
         ox, oy, ux, uy = shape[1], shape[2], shape[3], shape[4]
@@ -202,7 +200,7 @@ def cells_of_guard(grid: Grid, shape: np.ndarray, path: np.ndarray) -> int:
 
 
 @core_entry
-def count_guards(grid: Grid, shape: np.ndarray, path: np.ndarray, start: np.ndarray) -> None:
+def count_guards(grid: Grid, shape: Array, path: Array, start: Array) -> None:
     """Fill `start` (n_cells + 1,) with the numbers of guards in the cells, summed, the first 0."""
     start[:] = 0
     for guard in range(shape.shape[0]):
@@ -213,7 +211,7 @@ def count_guards(grid: Grid, shape: np.ndarray, path: np.ndarray, start: np.ndar
 
 
 @core_entry
-def list_guards(grid: Grid, shape: np.ndarray, path: np.ndarray, place: np.ndarray, entries: np.ndarray) -> None:
+def list_guards(grid: Grid, shape: Array, path: Array, place: Array, entries: Array) -> None:
     """Write the guards of each cell from its `place` (n_cells,) in `entries` on; places move to the ends."""
     for guard in range(shape.shape[0]):
         for k in range(cells_of_guard(grid, shape[guard], path)):

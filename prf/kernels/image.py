@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from prf.kernels import constants as c
-from prf.kernels._jit import core, core_entry
+from prf.kernels._jit import Array, core, core_entry
 from prf.kernels.geometry import loop_box
 from prf.kernels.graph import Graph
 from prf.kernels.grid import Grid, axis_index, walk
@@ -19,14 +19,14 @@ class Image(NamedTuple):
     """Pixels over the window; `grid` has its corner in the window's lower left corner."""
 
     grid: Grid
-    black: np.ndarray  # (n_pixels,) u1 colour of the centre
-    n_edges: np.ndarray  # (n_pixels,) i4 edges that pass through the square
-    black_since: np.ndarray  # (n_pixels,) i8 step up to which black time is added up
-    black_time: np.ndarray  # (n_pixels,) i8 steps with a black centre
-    mixed_since: np.ndarray  # (n_pixels,) i8
-    mixed_time: np.ndarray  # (n_pixels,) i8 steps in which the square is not completely white
-    path: np.ndarray  # scratch for one walk
-    crossings: np.ndarray  # (2 MOST_CHANGES,) f8 scratch for one row of pixels
+    black: Array  # (n_pixels,) u1 colour of the centre
+    n_edges: Array  # (n_pixels,) i4 edges that pass through the square
+    black_since: Array  # (n_pixels,) i8 step up to which black time is added up
+    black_time: Array  # (n_pixels,) i8 steps with a black centre
+    mixed_since: Array  # (n_pixels,) i8
+    mixed_time: Array  # (n_pixels,) i8 steps in which the square is not completely white
+    path: Array  # scratch for one walk
+    crossings: Array  # (2 MOST_CHANGES,) f8 scratch for one row of pixels
 
 
 @core
@@ -48,7 +48,7 @@ def settle_all(image: Image, step: int) -> None:
 
 
 @core
-def count_edge(image: Image, xy: np.ndarray, change: int, step: int) -> None:
+def count_edge(image: Image, xy: Array, change: int, step: int) -> None:
     """Add `change` to the number of edges in the pixels that the edge with ends `xy` (4,) passes."""
     n = walk(image.grid, xy[0], xy[1], xy[2], xy[3], image.path)
     for k in range(n):
@@ -58,7 +58,7 @@ def count_edge(image: Image, xy: np.ndarray, change: int, step: int) -> None:
 
 
 @core
-def row_crossings(crossings: np.ndarray, loop: np.ndarray, n: int, y: float) -> int:
+def row_crossings(crossings: Array, loop: Array, n: int, y: float) -> int:
     """Write where the loop crosses the row `y`, sorted; return how often."""
     found = 0
     k = n - 1
@@ -84,7 +84,7 @@ def first_centre(grid: Grid, x: float) -> int:
 
 
 @core
-def recolor_inside(image: Image, loop: np.ndarray, n: int, step: int) -> None:
+def recolor_inside(image: Image, loop: Array, n: int, step: int) -> None:
     """Turn the colour of every pixel whose centre lies inside the loop of `n` corners."""
     grid = image.grid
     _, y_min, _, y_max = loop_box(loop, n)
@@ -138,7 +138,7 @@ def turns_on_left(graph: Graph, y: float) -> int:
 
 
 @core
-def mark_turns(image: Image, xy: np.ndarray) -> None:
+def mark_turns(image: Image, xy: Array) -> None:
     """Mark, in every row of pixels that the edge `xy` (4,) crosses, the first one right of it; two marks cancel."""
     grid = image.grid
     high = max(xy[1], xy[3])

@@ -2,10 +2,8 @@
 
 import math
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, core
 
 ROOT_TWO_PI = math.sqrt(2.0 * math.pi)
 ROOT_HALF = math.sqrt(0.5)
@@ -22,7 +20,7 @@ def normal_cdf(x: float) -> float:
 
 
 @core
-def censored_log_likelihood(model: np.ndarray, bound: float, distance: float) -> float:
+def censored_log_likelihood(model: Array, bound: float, distance: float) -> float:
     """Log probability that a beam reads `bound` (metres, at most the maximum range) or more, an obstacle at `distance`.
 
     The point mass w_miss + w_outlier (1 - m/max) + w_hit ([d >= m] + [d < m] Phi((d - m)/s) / Phi(d/s)) for a bound m.
@@ -38,7 +36,7 @@ def censored_log_likelihood(model: np.ndarray, bound: float, distance: float) ->
 
 
 @core
-def beam_log_likelihood(model: np.ndarray, reading: float, distance: float) -> float:
+def beam_log_likelihood(model: Array, reading: float, distance: float) -> float:
     """Log density of a reading if the first obstacle lies at `distance` (inf: none), metres.
 
     w_hit N(r; d, s^2) / Phi(d/s) + w_outlier / max for a return r, with s = max(noise, noise_relative d). inf is no

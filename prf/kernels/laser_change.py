@@ -15,10 +15,8 @@ reading of a beam lies.
 Beams come in levels, so that a proposal which few beams reject is never computed for the many (delayed acceptance).
 """
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core, core_entry, spine
+from prf.kernels._jit import Array, core, core_entry, spine
 from prf.kernels.beams import Beams, first_hit, link_beam, slot_at, unlink_beam
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.geometry import ray_hit
@@ -69,9 +67,7 @@ def shift_cells(beams: Beams, beam: int, change: float) -> None:
 
 
 @core_entry
-def find_aims(
-    near: np.ndarray, far: np.ndarray, slot_start: np.ndarray, slot_exit: np.ndarray, aim: np.ndarray
-) -> None:
+def find_aims(near: Array, far: Array, slot_start: Array, slot_exit: Array, aim: Array) -> None:
     """Set `aim` (n, 2) to the slots, from the first to before the second, between the distances `near` and `far`."""
     for beam in range(near.shape[0]):
         first = slot_start[beam]
@@ -86,7 +82,7 @@ def find_aims(
 
 
 @spine
-def nearest_new_edge(ray: np.ndarray, proposal: Proposal) -> tuple[int, float]:
+def nearest_new_edge(ray: Array, proposal: Proposal) -> tuple[int, float]:
     """The new edge that a beam meets first within its reach, as NEW_EDGE - k, or NONE and its reach."""
     best = ray[c.MAX_DISTANCE]
     best_edge = c.NONE

@@ -2,10 +2,8 @@
 
 import math
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core, core_entry, jit
+from prf.kernels._jit import Array, core, core_entry, jit
 from prf.kernels.geometry import ray_hit
 from prf.kernels.grid import Grid, axis_index, exit_distance, walk
 from prf.kernels.laser import CDF_SATURATION, ROOT_TWO_PI, beam_log_likelihood, normal_cdf
@@ -16,9 +14,7 @@ LEAST_BIN = 1e-9
 
 
 @core
-def first_edge(
-    grid: Grid, ray: np.ndarray, segments: np.ndarray, path: np.ndarray, start: np.ndarray, listed: np.ndarray
-) -> float:
+def first_edge(grid: Grid, ray: Array, segments: Array, path: Array, start: Array, listed: Array) -> float:
     """Distance to the first edge on a ray before its reach, inf if there is none."""
     ox, oy, ux, uy = ray[0], ray[1], ray[2], ray[3]
     best = math.inf
@@ -33,7 +29,7 @@ def first_edge(
 
 
 @jit
-def trace_rays(grid: Grid, rays: np.ndarray, segments: np.ndarray, path: np.ndarray, distance: np.ndarray) -> None:
+def trace_rays(grid: Grid, rays: Array, segments: Array, path: Array, distance: Array) -> None:
     """Set ``distance`` (n,) to the first of the segments (n_edges, 4) on each ray, inf for none.
 
     Rays (n, 5) have the columns ORIGIN_X ... MAX_DISTANCE of ``Beams.ray``.
@@ -44,7 +40,7 @@ def trace_rays(grid: Grid, rays: np.ndarray, segments: np.ndarray, path: np.ndar
 
 
 @core
-def outliers(model: np.ndarray, reading: float) -> float:
+def outliers(model: Array, reading: float) -> float:
     """Density of an outlier, or its probability of ending beyond m where the reading is -m, censored at m."""
     if reading < 0.0:
         return model[c.OUTLIER_DENSITY] * (model[c.MAX_RANGE] + reading)
@@ -52,9 +48,7 @@ def outliers(model: np.ndarray, reading: float) -> float:
 
 
 @core_entry
-def add_densities(
-    model: np.ndarray, readings: np.ndarray, distance: np.ndarray, occupied: np.ndarray, total: np.ndarray
-) -> None:
+def add_densities(model: Array, readings: Array, distance: Array, occupied: Array, total: Array) -> None:
     """Add the density of each reading given its distance to ``total`` (n,); an occupied sensor leaves the outliers.
 
     A reading -m is censored at m: its probability takes the place of a density.
@@ -67,7 +61,7 @@ def add_densities(
 
 
 @core
-def cell_probability(grid: Grid, occupancy: np.ndarray, x: float, y: float) -> float:
+def cell_probability(grid: Grid, occupancy: Array, x: float, y: float) -> float:
     """Probability that the cell of (x, y), a place in the grid, is occupied."""
     row = axis_index((y - grid.y0) / grid.cell, grid.ny)
     return occupancy[row, axis_index((x - grid.x0) / grid.cell, grid.nx)]
@@ -97,7 +91,7 @@ def blurred_tail(bound: float, near: float, far: float, s: float) -> float:
 
 @core
 def grid_beam(
-    grid: Grid, occupancy: np.ndarray, model: np.ndarray, width: float, ray: np.ndarray, reading: float
+    grid: Grid, occupancy: Array, model: Array, width: float, ray: Array, reading: float
 ) -> tuple[float, float]:
     """Density of a return, and distance of the first bin more likely occupied than not (inf: none).
 
@@ -129,14 +123,7 @@ def grid_beam(
 
 @core_entry
 def grid_beams(
-    grid: Grid,
-    occupancy: np.ndarray,
-    model: np.ndarray,
-    width: float,
-    rays: np.ndarray,
-    readings: np.ndarray,
-    density: np.ndarray,
-    first: np.ndarray,
+    grid: Grid, occupancy: Array, model: Array, width: float, rays: Array, readings: Array, density: Array, first: Array
 ) -> None:
     """Set ``density`` and ``first`` (n,) of every beam: see :func:`grid_beam`."""
     for beam in range(readings.size):

@@ -3,9 +3,7 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-
-from prf.kernels._jit import core, core_entry
+from prf.kernels._jit import Array, core, core_entry
 from prf.kernels.grid import Grid, cells_of_box, walk
 
 HIT_STEP = 0
@@ -18,11 +16,11 @@ class Cells(NamedTuple):
     """What is known of each cell of a grid; cells are numbered as in `Grid`."""
 
     grid: Grid
-    hits: np.ndarray  # (n_cells,) i4 readings that ended in the cell
-    misses: np.ndarray  # (n_cells,) i4 readings that passed it
-    log_odds: np.ndarray  # (n_cells,) f8
-    steps: np.ndarray  # (4,) f8 change of log odds by a hit and by a miss, least and most log odds
-    path: np.ndarray  # (most_cells,) i4 scratch for one walk
+    hits: Array  # (n_cells,) i4 readings that ended in the cell
+    misses: Array  # (n_cells,) i4 readings that passed it
+    log_odds: Array  # (n_cells,) f8
+    steps: Array  # (4,) f8 change of log odds by a hit and by a miss, least and most log odds
+    path: Array  # (most_cells,) i4 scratch for one walk
 
 
 @core
@@ -40,7 +38,7 @@ def count_miss(cells: Cells, cell: int) -> None:
 
 
 @core_entry
-def update_beams(cells: Cells, segments: np.ndarray, returned: np.ndarray) -> None:
+def update_beams(cells: Cells, segments: Array, returned: Array) -> None:
     """Enter beams: rows of `segments` (n, 4) run from the sensor to the end; without a return the end is free too."""
     for beam in range(segments.shape[0]):
         ends = segments[beam]
@@ -75,7 +73,7 @@ def update_cone(
 
 
 @core_entry
-def update_cones(cells: Cells, cones: np.ndarray) -> None:
+def update_cones(cells: Cells, cones: Array) -> None:
     """Enter cones, rows x, y, direction (2), cosine of half the opening, `near` and `far` (see `update_cone`)."""
     for row in range(cones.shape[0]):
         cone = cones[row]

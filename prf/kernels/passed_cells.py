@@ -1,14 +1,12 @@
 """Cells that readings pass or end in: marked, counted, and kept passed when beams are left out (docs/thinning.md)."""
 
-import numpy as np
-
-from prf.kernels._jit import core_entry
+from prf.kernels._jit import Array, core_entry
 from prf.kernels.cones import cells_of_cone
 from prf.kernels.grid import Grid, walk
 
 
 @core_entry
-def mark_beams(grid: Grid, start: np.ndarray, end: np.ndarray, path: np.ndarray, seen: np.ndarray) -> None:
+def mark_beams(grid: Grid, start: Array, end: Array, path: Array, seen: Array) -> None:
     """Set `seen` (n_cells,) in every cell that a beam from `start` to `end` (n, 2) passes or ends in."""
     for beam in range(start.shape[0]):
         for k in range(walk(grid, start[beam, 0], start[beam, 1], end[beam, 0], end[beam, 1], path)):
@@ -16,9 +14,7 @@ def mark_beams(grid: Grid, start: np.ndarray, end: np.ndarray, path: np.ndarray,
 
 
 @core_entry
-def mark_cones(
-    grid: Grid, pose: np.ndarray, reach: np.ndarray, cells: np.ndarray, near: np.ndarray, seen: np.ndarray
-) -> None:
+def mark_cones(grid: Grid, pose: Array, reach: Array, cells: Array, near: Array, seen: Array) -> None:
     """Set `seen` (n_cells,) in every cell that a cone (rows of `pose`) enters within its `reach` (n,)."""
     for cone in range(pose.shape[0]):
         for k in range(cells_of_cone(grid, pose[cone], reach[cone], cells, near)):
@@ -26,9 +22,7 @@ def mark_cones(
 
 
 @core_entry
-def count_passes(
-    grid: Grid, start: np.ndarray, end: np.ndarray, chosen: np.ndarray, path: np.ndarray, passes: np.ndarray
-) -> None:
+def count_passes(grid: Grid, start: Array, end: Array, chosen: Array, path: Array, passes: Array) -> None:
     """Add to `passes` (n_cells,) how many of the `chosen` beams (n,) pass each cell or end in it.
 
     `start` and `end` (n, 2) lie in the window; `path` has room for one walk.
@@ -41,15 +35,7 @@ def count_passes(
 
 
 @core_entry
-def choose_lacking(
-    grid: Grid,
-    start: np.ndarray,
-    end: np.ndarray,
-    least: int,
-    path: np.ndarray,
-    wanted: np.ndarray,
-    chosen: np.ndarray,
-) -> None:
+def choose_lacking(grid: Grid, start: Array, end: Array, least: int, path: Array, wanted: Array, chosen: Array) -> None:
     """Choose, in their order, beams that pass at least `least` cells in which some are still `wanted` (n_cells,)."""
     for beam in range(start.shape[0]):
         if chosen[beam]:

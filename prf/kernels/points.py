@@ -8,9 +8,7 @@ loop, and turning is a change of sign.
 
 from typing import NamedTuple
 
-import numpy as np
-
-from prf.kernels._jit import core, core_entry
+from prf.kernels._jit import Array, core, core_entry
 from prf.kernels.geometry import inside_loop, loop_box
 from prf.kernels.image import row_crossings
 
@@ -36,12 +34,12 @@ class Points(NamedTuple):
     Two arrays and no more: each array of a chain costs one or two per cent of the steps, with points or without.
     """
 
-    column: np.ndarray  # (N_COLUMNS, n) f8
-    band: np.ndarray  # (N_BAND, n_bands + 1) f8
+    column: Array  # (N_COLUMNS, n) f8
+    band: Array  # (N_BAND, n_bands + 1) f8
 
 
 @core
-def first_not_below(values: np.ndarray, start: int, end: int, limit: float) -> int:
+def first_not_below(values: Array, start: int, end: int, limit: float) -> int:
     """First of the ascending values[start:end] that is not below `limit`, else `end`."""
     while start < end:
         middle = (start + end) // 2
@@ -60,7 +58,7 @@ def turn(points: Points, k: int) -> None:
 
 
 @core
-def row_gain(points: Points, band: int, loop: np.ndarray, n: int, crossings: np.ndarray, turns: bool) -> float:
+def row_gain(points: Points, band: int, loop: Array, n: int, crossings: Array, turns: bool) -> float:
     """Gain of the points of one row inside the loop, which turn if `turns`."""
     change = 0.0
     start = int(points.band[FIRST, band])
@@ -77,9 +75,7 @@ def row_gain(points: Points, band: int, loop: np.ndarray, n: int, crossings: np.
 
 
 @core
-def scattered_gain(
-    points: Points, band: int, loop: np.ndarray, n: int, x_min: float, x_max: float, turns: bool
-) -> float:
+def scattered_gain(points: Points, band: int, loop: Array, n: int, x_min: float, x_max: float, turns: bool) -> float:
     """Gain of the points of one band inside the loop, whose box spans x_min to x_max; they turn if `turns`."""
     change = 0.0
     end = int(points.band[FIRST, band + 1])
@@ -94,7 +90,7 @@ def scattered_gain(
 
 
 @core
-def gain_inside(points: Points, loop: np.ndarray, n: int, crossings: np.ndarray, turns: bool) -> float:
+def gain_inside(points: Points, loop: Array, n: int, crossings: Array, turns: bool) -> float:
     """Change of log likelihood if all points inside the loop of `n` corners turned; they do if `turns`.
 
     `crossings` (2 MOST_CHANGES,) is scratch for one row.
@@ -113,7 +109,7 @@ def gain_inside(points: Points, loop: np.ndarray, n: int, crossings: np.ndarray,
 
 
 @core_entry
-def paint(points: Points, black: np.ndarray) -> None:
+def paint(points: Points, black: Array) -> None:
     """Set the colour of every point (n,) and what turning it would gain."""
     for k in range(points.column.shape[1]):
         points.column[BLACK, k] = 1.0 if black[k] else 0.0

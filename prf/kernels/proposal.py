@@ -8,10 +8,8 @@ stack only if the proposal is accepted. To move a vertex is to remove it and to 
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, core
 from prf.kernels.graph import Graph
 from prf.kernels.grid import Grid, walk
 
@@ -28,23 +26,24 @@ N_PROPOSAL_COUNTS = 6
 class Proposal(NamedTuple):
     """Scratch arrays of one chain, overwritten by each proposal."""
 
-    counts: np.ndarray  # (N_PROPOSAL_COUNTS,) i8
-    old_edges: np.ndarray  # (MOST_CHANGES,) i4 slots
-    new_edges: np.ndarray  # (MOST_CHANGES, 2) i4 vertices
-    new_xy: np.ndarray  # (MOST_CHANGES, 4) f8 ends of the new edges
-    new_length: np.ndarray  # (MOST_CHANGES,) f8
-    new_slot: np.ndarray  # (MOST_CHANGES,) i4 edge slots, known after application
-    old_vertices: np.ndarray  # (MOST_CHANGES,) i4
-    new_vertices: np.ndarray  # (MOST_CHANGES,) i4
-    loop: np.ndarray  # (2 MOST_CHANGES, 2) f8
-    affected: np.ndarray  # (4 MOST_CHANGES,) i4 vertices of the new map whose angle is new
-    affected_sine: np.ndarray  # (4 MOST_CHANGES,) f8
-    cells: np.ndarray  # (MOST_CHANGES, room) i4 cells of the new edges
-    n_cells: np.ndarray  # (MOST_CHANGES,) i8 their numbers; 0: not written yet
+    counts: Array  # (N_PROPOSAL_COUNTS,) i8
+    old_edges: Array  # (MOST_CHANGES,) i4 slots
+    new_edges: Array  # (MOST_CHANGES, 2) i4 vertices
+    new_xy: Array  # (MOST_CHANGES, 4) f8 ends of the new edges
+    new_length: Array  # (MOST_CHANGES,) f8
+    new_slot: Array  # (MOST_CHANGES,) i4 edge slots, known after application
+    old_vertices: Array  # (MOST_CHANGES,) i4
+    new_vertices: Array  # (MOST_CHANGES,) i4
+    loop: Array  # (2 MOST_CHANGES, 2) f8
+    affected: Array  # (4 MOST_CHANGES,) i4 vertices of the new map whose angle is new
+    affected_sine: Array  # (4 MOST_CHANGES,) f8
+    cells: Array  # (MOST_CHANGES, room) i4 cells of the new edges
+    n_cells: Array  # (MOST_CHANGES,) i8 their numbers; 0: not written yet
 
 
-ILLEGAL = (False, 0.0, 0.0)
-"""What a move returns that has nothing to propose; else True, log_forward and log_reverse."""
+Densities = tuple[bool, float, float]
+"""What a move returns: whether it is legal, log_forward and log_reverse (see ``moves``)."""
+ILLEGAL: Densities = (False, 0.0, 0.0)
 
 
 @core

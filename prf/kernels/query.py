@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from prf.kernels._jit import jit
+from prf.kernels._jit import Array, jit
 from prf.kernels.geometry import segment_distance2, segment_meets_box
 from prf.kernels.grid import Grid
 
 
 @jit
-def mark_squares(points: np.ndarray, half: float, a: np.ndarray, b: np.ndarray, marked: np.ndarray) -> None:
+def mark_squares(points: Array, half: float, a: Array, b: Array, marked: Array) -> None:
     """Set `marked` for every point (rows sorted by x) whose closed square of half side `half` meets the edge a-b."""
     last = max(a[0], b[0]) + half
     for i in range(np.searchsorted(points[:, 0], min(a[0], b[0]) - half), points.shape[0]):
@@ -27,13 +27,7 @@ def mark_squares(points: np.ndarray, half: float, a: np.ndarray, b: np.ndarray, 
 
 @jit
 def draws_mark_squares(
-    points: np.ndarray,
-    half: float,
-    vertex_offsets: np.ndarray,
-    xy: np.ndarray,
-    edge_offsets: np.ndarray,
-    edges: np.ndarray,
-    marked: np.ndarray,
+    points: Array, half: float, vertex_offsets: Array, xy: Array, edge_offsets: Array, edges: Array, marked: Array
 ) -> None:
     """Set ``marked`` (n_draws, n_points), for points sorted by x, where an edge of the draw meets the square."""
     for draw in range(marked.shape[0]):
@@ -43,7 +37,7 @@ def draws_mark_squares(
 
 
 @jit
-def edge_near_path(a: np.ndarray, b: np.ndarray, path: np.ndarray, radius: float) -> bool:
+def edge_near_path(a: Array, b: Array, path: Array, radius: float) -> bool:
     """Whether the edge a-b lies within `radius` of the polyline `path`; boxes are compared before distances."""
     for piece in range(path.shape[0] - 1):
         c, d = path[piece], path[piece + 1]
@@ -58,13 +52,7 @@ def edge_near_path(a: np.ndarray, b: np.ndarray, path: np.ndarray, radius: float
 
 @jit
 def draws_clear_path(
-    path: np.ndarray,
-    radius: float,
-    vertex_offsets: np.ndarray,
-    xy: np.ndarray,
-    edge_offsets: np.ndarray,
-    edges: np.ndarray,
-    clear: np.ndarray,
+    path: Array, radius: float, vertex_offsets: Array, xy: Array, edge_offsets: Array, edges: Array, clear: Array
 ) -> None:
     """Set ``clear`` (n_draws,): no edge of the draw within `radius` of the polyline `path` (two points at least)."""
     for draw in range(clear.shape[0]):
@@ -79,13 +67,13 @@ def draws_clear_path(
 @jit
 def count_black(
     grid: Grid,
-    first_black: np.ndarray,
-    vertex_offsets: np.ndarray,
-    xy: np.ndarray,
-    edge_offsets: np.ndarray,
-    edges: np.ndarray,
-    turns: np.ndarray,
-    count: np.ndarray,
+    first_black: Array,
+    vertex_offsets: Array,
+    xy: Array,
+    edge_offsets: Array,
+    edges: Array,
+    turns: Array,
+    count: Array,
 ) -> None:
     """Add to ``count`` (n_cells,) the draws in which the centre of each cell is black, row by row (scan conversion).
 
@@ -104,7 +92,7 @@ def count_black(
 
 
 @jit
-def mark_crossings(grid: Grid, a: np.ndarray, b: np.ndarray, turns: np.ndarray) -> None:
+def mark_crossings(grid: Grid, a: Array, b: Array, turns: Array) -> None:
     """Switch ``turns`` of the first cell right of the edge a-b, in every row whose centres' line the edge crosses."""
     low, high = min(a[1], b[1]), max(a[1], b[1])
     for k in range(max(0, int((low - grid.y0) / grid.cell - 0.5)), grid.ny):

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from prf.kernels._jit import core, jit
+from prf.kernels._jit import Array, core, jit
 from prf.kernels.grid import Grid, walk
 
 
 @core
-def count_passing(grid: Grid, segments: np.ndarray, path: np.ndarray, start: np.ndarray) -> None:
+def count_passing(grid: Grid, segments: Array, path: Array, start: Array) -> None:
     """Set `start` (n_cells + 1,), zeros so far, to where the list of each cell begins."""
     for k in range(segments.shape[0]):
         for i in range(walk(grid, segments[k, 0], segments[k, 1], segments[k, 2], segments[k, 3], path)):
@@ -17,7 +17,7 @@ def count_passing(grid: Grid, segments: np.ndarray, path: np.ndarray, start: np.
 
 
 @core
-def list_passing(grid: Grid, segments: np.ndarray, path: np.ndarray, place: np.ndarray, entries: np.ndarray) -> None:
+def list_passing(grid: Grid, segments: Array, path: Array, place: Array, entries: Array) -> None:
     """Write the segments of each cell from its `place` (n_cells,) in `entries` on; places move to the ends."""
     for k in range(segments.shape[0]):
         for i in range(walk(grid, segments[k, 0], segments[k, 1], segments[k, 2], segments[k, 3], path)):
@@ -26,7 +26,7 @@ def list_passing(grid: Grid, segments: np.ndarray, path: np.ndarray, place: np.n
 
 
 @jit
-def segments_by_cell(grid: Grid, segments: np.ndarray, path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def segments_by_cell(grid: Grid, segments: Array, path: Array) -> tuple[Array, Array]:
     """Segments (n, 4) by cell: where the list of each begins, (n_cells + 1,) i8, and all lists in a row, i4.
 
     `path` has room for one walk. The segments of cell i are ``entries[start[i] : start[i + 1]]``, in ascending order.

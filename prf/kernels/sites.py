@@ -5,9 +5,7 @@ A grid finds those that a loop may enclose.
 
 from typing import NamedTuple
 
-import numpy as np
-
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, core
 from prf.kernels.geometry import inside_loop, loop_box
 from prf.kernels.grid import Grid, cells_of_box
 
@@ -16,20 +14,20 @@ class Sites(NamedTuple):
     """Distinct sensor positions, sorted by cell."""
 
     grid: Grid
-    xy: np.ndarray  # (n, 2) f8
-    cell_start: np.ndarray  # (n_cells + 1,) i8
-    black: np.ndarray  # (n,) u1 whether a site is occupied now
+    xy: Array  # (n, 2) f8
+    cell_start: Array  # (n_cells + 1,) i8
+    black: Array  # (n,) u1 whether a site is occupied now
 
 
 @core
-def cells_round(grid: Grid, loop: np.ndarray, n: int) -> tuple[int, int, int, int]:
+def cells_round(grid: Grid, loop: Array, n: int) -> tuple[int, int, int, int]:
     """First and last column, first and last row of the cells that the first n rows of `loop` span."""
     x_min, y_min, x_max, y_max = loop_box(loop, n)
     return cells_of_box(grid, x_min, y_min, x_max, y_max)
 
 
 @core
-def any_inside(sites: Sites, loop: np.ndarray, n: int) -> bool:
+def any_inside(sites: Sites, loop: Array, n: int) -> bool:
     """Whether a site would be recoloured by the loop of `n` corners."""
     nx = sites.grid.nx
     i0, i1, k0, k1 = cells_round(sites.grid, loop, n)
@@ -42,7 +40,7 @@ def any_inside(sites: Sites, loop: np.ndarray, n: int) -> bool:
 
 
 @core
-def occupied_change(sites: Sites, loop: np.ndarray, n: int, turns: bool) -> int:
+def occupied_change(sites: Sites, loop: Array, n: int, turns: bool) -> int:
     """Change of the number of occupied sites if all inside the loop of `n` corners turned; they do if `turns`."""
     nx = sites.grid.nx
     i0, i1, k0, k1 = cells_round(sites.grid, loop, n)

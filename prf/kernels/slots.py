@@ -5,33 +5,31 @@ A slot is one cell of one reading; a cell can never list more slots than there a
 
 from typing import Protocol
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, core
 
 
 class Slots(Protocol):
     """The arrays that beams and cones have in common."""
 
     @property
-    def slot_cell(self) -> np.ndarray:
+    def slot_cell(self) -> Array:
         """(slots,) i4."""
 
     @property
-    def slot_place(self) -> np.ndarray:
+    def slot_place(self) -> Array:
         """(slots,) i4 place in the cell's list, NONE while not listed."""
 
     @property
-    def cell_start(self) -> np.ndarray:
+    def cell_start(self) -> Array:
         """(n_cells + 1,) i8."""
 
     @property
-    def cell_count(self) -> np.ndarray:
+    def cell_count(self) -> Array:
         """(n_cells,) i4."""
 
     @property
-    def entries(self) -> np.ndarray:
+    def entries(self) -> Array:
         """(slots, 2) i4 owner and slot, listed by cell."""
 
 

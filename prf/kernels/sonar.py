@@ -2,9 +2,7 @@
 
 import math
 
-import numpy as np
-
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, core
 from prf.kernels.laser import ROOT_TWO_PI, normal_cdf
 from prf.kernels.sonar_features import BEARING, CORNER, DEPTH, KIND, N_FEATURES, PROJECTION, SUBTENDED, Sight
 
@@ -25,7 +23,7 @@ N_SONAR_MODEL = 12
 
 
 @core
-def return_probability(model: np.ndarray, feature: np.ndarray) -> float:
+def return_probability(model: Array, feature: Array) -> float:
     """q_f: probability that a feature alone would return the pulse (logistic)."""
     if feature[KIND] == CORNER:
         log_odds = model[CORNER_BIAS] - model[CORNER_DISTANCE] * feature[DEPTH]
@@ -49,7 +47,7 @@ def sort_features(sight: Sight) -> None:
 
 
 @core
-def feature_before(one: np.ndarray, other: np.ndarray) -> bool:
+def feature_before(one: Array, other: Array) -> bool:
     """Total order of features."""
     if one[DEPTH] != other[DEPTH]:
         return one[DEPTH] < other[DEPTH]
@@ -59,7 +57,7 @@ def feature_before(one: np.ndarray, other: np.ndarray) -> bool:
 
 
 @core
-def hit_density(model: np.ndarray, reading: float, reach: float, depth: float) -> float:
+def hit_density(model: Array, reading: float, reach: float, depth: float) -> float:
     """Density at a reading of a pulse that came back from `depth`; from `reach` on the probability to read so much.
 
     A Gaussian cut at 0 and renormalised.
@@ -73,7 +71,7 @@ def hit_density(model: np.ndarray, reading: float, reach: float, depth: float) -
 
 
 @core
-def stray_density(model: np.ndarray, reading: float, reach: float) -> float:
+def stray_density(model: Array, reading: float, reach: float) -> float:
     """Density at a reading of a pulse that no feature returned; from `reach` on the probability to read so much."""
     if reading >= reach:
         beyond = 1.0 - model[OUTLIER_SHORT] - model[OUTLIER_UNIFORM] * reach / model[SONAR_MAX]
@@ -83,7 +81,7 @@ def stray_density(model: np.ndarray, reading: float, reach: float) -> float:
 
 
 @core
-def sonar_log_likelihood(model: np.ndarray, sight: Sight, reading: float, reach: float) -> float:
+def sonar_log_likelihood(model: Array, sight: Sight, reading: float, reach: float) -> float:
     """Log density of a reading (metres; from `reach` on, no return) given the features of `sight`, all within `reach`.
 
     Feature f returns the pulse with probability r_f = q_f prod over closer g of (1 - q_g); with what is left none does.

@@ -1,15 +1,7 @@
 """Change of the sonar's log likelihood by a proposal: the cones that it touches, and their new features."""
 
-import numpy as np
-
-from prf.kernels._jit import core
-from prf.kernels.cones import (
-    CONE_LOG_LIKELIHOOD,
-    EXTENT,
-    Cones,
-    last_within,
-    sense,
-)
+from prf.kernels._jit import Array, core
+from prf.kernels.cones import CONE_LOG_LIKELIHOOD, EXTENT, Cones, last_within, sense
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph
 from prf.kernels.grid import walk
@@ -19,7 +11,7 @@ from prf.kernels.sonar_features import clip_edge
 
 
 @core
-def touch_in_cell(cones: Cones, cell: int, xy: np.ndarray) -> None:
+def touch_in_cell(cones: Cones, cell: int, xy: Array) -> None:
     """List the cones of a cell that the edge `xy` (4,) enters within their extent."""
     start = cones.cell_start[cell]
     for place in range(start, start + cones.cell_count[cell]):

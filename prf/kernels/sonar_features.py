@@ -8,10 +8,8 @@ named by its slope, the tangent of its angle: in order like the angle, as cones 
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, core
 
 # The first columns of ``prf.kernels.cones.Cones.pose`` place the sonar.
 POSE_X = 0
@@ -47,14 +45,14 @@ lies on it, lines seen end on and gaps that rounding leaves are passed over. The
 class Sight(NamedTuple):
     """Scratch of one chain: edges clipped to a cone, and the features found."""
 
-    line: np.ndarray  # (room, 4) f8 ends a, b of the clipped edges, b counter-clockwise of a
-    slope: np.ndarray  # (room, 2) f8 of the rays to both ends
-    corner: np.ndarray  # (room, 2) i4 interior vertex at either end; NONE where the edge is cut or meets the border
-    event: np.ndarray  # (2 room,) i4 ends in order of slope: 2 line for its beginning, 2 line + 1 for its end
-    active: np.ndarray  # (room,) i4 lines that meet the present ray, nearest first
-    feature: np.ndarray  # (4 room, N_FEATURE) f8
-    rank: np.ndarray  # (4 room,) i4 features, nearest first
-    counts: np.ndarray  # (N_SIGHT_COUNTS,) i8
+    line: Array  # (room, 4) f8 ends a, b of the clipped edges, b counter-clockwise of a
+    slope: Array  # (room, 2) f8 of the rays to both ends
+    corner: Array  # (room, 2) i4 interior vertex at either end; NONE where the edge is cut or meets the border
+    event: Array  # (2 room,) i4 ends in order of slope: 2 line for its beginning, 2 line + 1 for its end
+    active: Array  # (room,) i4 lines that meet the present ray, nearest first
+    feature: Array  # (4 room, N_FEATURE) f8
+    rank: Array  # (4 room,) i4 features, nearest first
+    counts: Array  # (N_SIGHT_COUNTS,) i8
 
 
 @core
@@ -80,7 +78,7 @@ def clip_disc(ax: float, ay: float, dx: float, dy: float, reach: float, low: flo
 
 
 @core
-def clip_edge(pose: np.ndarray, reach: float, xy: np.ndarray, line: np.ndarray) -> tuple[float, float]:
+def clip_edge(pose: Array, reach: float, xy: Array, line: Array) -> tuple[float, float]:
     """Part of an edge with ends `xy` (4,) that lies in the cone of `pose` and its reach, as bounds in [0, 1].
 
     It is empty if the second bound is below the first. `line` (4,) takes the whole edge in the frame of the sonar.
@@ -102,7 +100,7 @@ def clip_edge(pose: np.ndarray, reach: float, xy: np.ndarray, line: np.ndarray) 
 
 
 @core
-def see_edge(sight: Sight, pose: np.ndarray, reach: float, xy: np.ndarray, first: int, second: int) -> None:
+def see_edge(sight: Sight, pose: Array, reach: float, xy: Array, first: int, second: int) -> None:
     """Enter the part of an edge with ends `xy` (4,) that lies in the cone of `pose`, if any.
 
     `first` and `second` are the vertices at its ends, NONE on the border: there the window ends, not the wall.

@@ -3,9 +3,7 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-
-from prf.kernels._jit import core, core_entry
+from prf.kernels._jit import Array, core, core_entry
 from prf.kernels.cones import READING, cells_of_cone
 from prf.kernels.grid import Grid
 from prf.kernels.laser import CDF_SATURATION
@@ -40,19 +38,19 @@ class Scene(NamedTuple):
     """One finished map as many cones look at it: its edges, listed by cell, and scratch for one cone."""
 
     grid: Grid
-    segments: np.ndarray  # (n, 4) f8 ends of the edges
-    corners: np.ndarray  # (n, 2) i4 vertices at the ends, NONE where the wall meets the border of the window
-    start: np.ndarray  # (n_cells + 1,) i8 where each cell's list of edges begins
-    listed: np.ndarray  # (start[-1],) i4
-    marks: np.ndarray  # (n,) i8 the last cone that met an edge
-    mark: np.ndarray  # (1,) i8 the cone in work
-    cells: np.ndarray  # i4 scratch: the cells of one cone
-    near: np.ndarray  # f8 scratch: where it enters them
+    segments: Array  # (n, 4) f8 ends of the edges
+    corners: Array  # (n, 2) i4 vertices at the ends, NONE where the wall meets the border of the window
+    start: Array  # (n_cells + 1,) i8 where each cell's list of edges begins
+    listed: Array  # (start[-1],) i4
+    marks: Array  # (n,) i8 the last cone that met an edge
+    mark: Array  # (1,) i8 the cone in work
+    cells: Array  # i4 scratch: the cells of one cone
+    near: Array  # f8 scratch: where it enters them
     sight: Sight
 
 
 @core
-def look(scene: Scene, pose: np.ndarray, reach: float) -> None:
+def look(scene: Scene, pose: Array, reach: float) -> None:
     """Find the features in one cone; they are left in the scratch, not sorted."""
     scene.mark[0] += 1
     scene.sight.counts[N_LINES] = 0
@@ -68,9 +66,7 @@ def look(scene: Scene, pose: np.ndarray, reach: float) -> None:
 
 
 @core_entry
-def add_sonar_densities(
-    scene: Scene, model: np.ndarray, pose: np.ndarray, occupied: np.ndarray, total: np.ndarray
-) -> None:
+def add_sonar_densities(scene: Scene, model: Array, pose: Array, occupied: Array, total: Array) -> None:
     """Add the density (no return: the probability) of each reading to ``total`` (n,).
 
     An occupied sensor leaves the density of outliers with nothing in view.
@@ -85,7 +81,7 @@ def add_sonar_densities(
 
 
 @core_entry
-def list_features(scene: Scene, reach: float, pose: np.ndarray, start: np.ndarray, feature: np.ndarray) -> int:
+def list_features(scene: Scene, reach: float, pose: Array, start: Array, feature: Array) -> int:
     """Write the features of all cones, nearest first, into the rows of ``feature`` while there is room.
 
     ``start`` (n + 1,) takes where those of each cone begin. Returns how many rows all of them need.
@@ -105,7 +101,7 @@ def list_features(scene: Scene, reach: float, pose: np.ndarray, start: np.ndarra
 
 
 @core
-def arc_probability(grid: Grid, occupancy: np.ndarray, pose: np.ndarray, radius: float) -> float:
+def arc_probability(grid: Grid, occupancy: Array, pose: Array, radius: float) -> float:
     """Probability that some cell on the arc of a cone is occupied: 1 - prod (1 - p) over the cells that it passes.
 
     The arc is followed in steps of at most half a cell; outside the grid lie cells of which nothing is known.
@@ -131,9 +127,7 @@ def arc_probability(grid: Grid, occupancy: np.ndarray, pose: np.ndarray, radius:
 
 
 @core
-def grid_cone(
-    grid: Grid, occupancy: np.ndarray, model: np.ndarray, stray: float, width: float, pose: np.ndarray
-) -> float:
+def grid_cone(grid: Grid, occupancy: Array, model: Array, stray: float, width: float, pose: Array) -> float:
     """Density of a reading (no return: its probability), given by the first hit among the cells of a cone.
 
     Bins of `width` take the probability of the arc at their middle; the weight of bin k is p_k prod_{j < k} (1 - p_j),
@@ -160,13 +154,7 @@ def grid_cone(
 
 @core_entry
 def grid_cones(
-    grid: Grid,
-    occupancy: np.ndarray,
-    model: np.ndarray,
-    stray: float,
-    width: float,
-    pose: np.ndarray,
-    density: np.ndarray,
+    grid: Grid, occupancy: Array, model: Array, stray: float, width: float, pose: Array, density: Array
 ) -> None:
     """Set ``density`` (n,) of every reading: see :func:`grid_cone`."""
     for cone in range(pose.shape[0]):

@@ -2,10 +2,8 @@
 
 import math
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core, jit, spine
+from prf.kernels._jit import Array, Rng, core, jit, spine
 from prf.kernels.accept import accept
 from prf.kernels.chain import Chain, apply
 from prf.kernels.crossing import is_valid
@@ -22,11 +20,11 @@ from prf.kernels.moves import (
     recolor,
     split_edge,
 )
-from prf.kernels.proposal import clear
+from prf.kernels.proposal import Densities, clear
 
 
 @core
-def choose_move(move_probabilities: np.ndarray, rng: np.random.Generator) -> int:
+def choose_move(move_probabilities: Array, rng: Rng) -> int:
     """Move drawn with these probabilities."""
     u = rng.random()
     for move in range(c.N_MOVES - 1):
@@ -37,7 +35,7 @@ def choose_move(move_probabilities: np.ndarray, rng: np.random.Generator) -> int
 
 
 @spine
-def propose(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, float, float]:
+def propose(chain: Chain, move: int, rng: Rng) -> Densities:
     """Fill the proposal; return whether it is legal, log_forward and log_reverse (see ``moves``)."""
     graph, index, targets, proposal, tuning = (
         chain.graph,
@@ -91,7 +89,7 @@ def propose(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, fl
 
 
 @spine
-def step(chain: Chain, rng: np.random.Generator) -> bool:
+def step(chain: Chain, rng: Rng) -> bool:
     """One step: pick a move, propose, accept or reject, apply. An illegal proposal counts as a rejected step."""
     graph, proposal, outcomes = chain.graph, chain.proposal, chain.outcomes
     graph.counts[c.STEP] += 1
@@ -114,7 +112,7 @@ def step(chain: Chain, rng: np.random.Generator) -> bool:
 
 
 @core
-def run_steps(chain: Chain, rng: np.random.Generator, until: int) -> bool:
+def run_steps(chain: Chain, rng: Rng, until: int) -> bool:
     """The loop of :func:`run`, without reference counts."""
     counts = chain.graph.counts
     while counts[c.STEP] < until:
@@ -125,6 +123,6 @@ def run_steps(chain: Chain, rng: np.random.Generator, until: int) -> bool:
 
 
 @jit
-def run(chain: Chain, rng: np.random.Generator, until: int) -> bool:
+def run(chain: Chain, rng: Rng, until: int) -> bool:
     """Step until the step counter reaches `until`; False if the chain needs room first (:func:`prf.layout.grow`)."""
     return run_steps(chain, rng, until)

@@ -6,10 +6,8 @@ their densities are known whatever the map.
 
 from typing import NamedTuple
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, Rng, core
 from prf.kernels.graph import Graph
 from prf.kernels.grid import Grid, cell_at
 
@@ -21,11 +19,11 @@ class Targets(NamedTuple):
     """Squares of a fine grid that hold a return, and for each the squares near it."""
 
     grid: Grid
-    cell: np.ndarray  # (n,) i4 cells of the grid that are targets
-    cumulative: np.ndarray  # (n,) f8 probability of being picked, summed; the last is 1
-    number: np.ndarray  # (n_cells,) i4 number of the target of a cell, NONE where there is none
-    near_start: np.ndarray  # (n + 1,) i8
-    near: np.ndarray  # (pairs,) i4 targets near each, itself among them
+    cell: Array  # (n,) i4 cells of the grid that are targets
+    cumulative: Array  # (n,) f8 probability of being picked, summed; the last is 1
+    number: Array  # (n_cells,) i4 number of the target of a cell, NONE where there is none
+    near_start: Array  # (n + 1,) i8
+    near: Array  # (pairs,) i4 targets near each, itself among them
 
 
 @core
@@ -35,7 +33,7 @@ def target_of(targets: Targets, graph: Graph, vertex: int) -> int:
 
 
 @core
-def point_in(targets: Targets, number: int, rng: np.random.Generator) -> tuple[float, float]:
+def point_in(targets: Targets, number: int, rng: Rng) -> tuple[float, float]:
     """Uniform point of a target."""
     cell = targets.cell[number]
     grid = targets.grid
@@ -45,7 +43,7 @@ def point_in(targets: Targets, number: int, rng: np.random.Generator) -> tuple[f
 
 
 @core
-def pick_target(targets: Targets, tuning: np.ndarray, rng: np.random.Generator) -> int:
+def pick_target(targets: Targets, tuning: Array, rng: Rng) -> int:
     """Target with its probability; in a region a uniform one near the middle."""
     if tuning[c.REGION_TARGET] != c.NONE:
         return pick_near(targets, int(tuning[c.REGION_TARGET]), rng)
@@ -62,7 +60,7 @@ def pick_target(targets: Targets, tuning: np.ndarray, rng: np.random.Generator) 
 
 
 @core
-def pick_near(targets: Targets, number: int, rng: np.random.Generator) -> int:
+def pick_near(targets: Targets, number: int, rng: Rng) -> int:
     """Uniform target among those near one."""
     start = targets.near_start[number]
     n = targets.near_start[number + 1] - start
@@ -70,7 +68,7 @@ def pick_near(targets: Targets, number: int, rng: np.random.Generator) -> int:
 
 
 @core
-def first_density(targets: Targets, tuning: np.ndarray, number: int) -> float:
+def first_density(targets: Targets, tuning: Array, number: int) -> float:
     """Density in the plane of a point in a target that was picked; 0 where there is none."""
     if number == c.NONE:
         return 0.0

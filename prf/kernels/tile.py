@@ -2,10 +2,8 @@
 
 import math
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core, core_entry
+from prf.kernels._jit import Array, core, core_entry
 from prf.kernels.geometry import ray_hit
 from prf.kernels.graph import (
     Graph,
@@ -23,7 +21,7 @@ from prf.kernels.image import Image, count_edge
 
 
 @core
-def tile_at(tiles: np.ndarray, x: float, y: float) -> int:
+def tile_at(tiles: Array, x: float, y: float) -> int:
     """Number of the tile (rows of `tiles` (n, 4)) that holds a point, NONE if no one does."""
     for k in range(tiles.shape[0]):
         if tiles[k, 0] <= x < tiles[k, 2] and tiles[k, 1] <= y < tiles[k, 3]:
@@ -32,7 +30,7 @@ def tile_at(tiles: np.ndarray, x: float, y: float) -> int:
 
 
 @core_entry
-def tiles_at(tiles: np.ndarray, xy: np.ndarray, number: np.ndarray) -> None:
+def tiles_at(tiles: Array, xy: Array, number: Array) -> None:
     """Write the number of the tile that holds each of the points (n, 2)."""
     for k in range(xy.shape[0]):
         number[k] = tile_at(tiles, xy[k, 0], xy[k, 1])
@@ -49,7 +47,7 @@ def clip_axis(origin: float, direction: float, low: float, high: float) -> tuple
 
 
 @core_entry
-def clip_beams(ray: np.ndarray, influence: np.ndarray, tile: np.ndarray, span: np.ndarray) -> None:
+def clip_beams(ray: Array, influence: Array, tile: Array, span: Array) -> None:
     """Write between which distances each beam passes the tile (4,) within its influence; (inf, -inf) if it does not."""
     for beam in range(ray.shape[0]):
         x0, x1 = clip_axis(ray[beam, c.ORIGIN_X], ray[beam, c.DIRECTION_X], tile[0], tile[2])
@@ -63,16 +61,16 @@ def clip_beams(ray: np.ndarray, influence: np.ndarray, tile: np.ndarray, span: n
 @core_entry
 def first_outside(
     grid: Grid,
-    start: np.ndarray,
-    entries: np.ndarray,
-    path: np.ndarray,
-    edge_xy: np.ndarray,
-    edge_tile: np.ndarray,
-    ray: np.ndarray,
-    owner: np.ndarray,
-    limit: np.ndarray,
-    found: np.ndarray,
-    distance: np.ndarray,
+    start: Array,
+    entries: Array,
+    path: Array,
+    edge_xy: Array,
+    edge_tile: Array,
+    ray: Array,
+    owner: Array,
+    limit: Array,
+    found: Array,
+    distance: Array,
 ) -> None:
     """First edge on each beam before its limit that does not lie inside the tile `owner` of the beam.
 
@@ -100,7 +98,7 @@ def first_outside(
 
 
 @core_entry
-def mark_met(triangles: np.ndarray, segments: np.ndarray, is_met: np.ndarray) -> None:
+def mark_met(triangles: Array, segments: Array, is_met: Array) -> None:
     """Mark the segments (n, 4) that meet one of the triangles (m, 6)."""
     for k in range(segments.shape[0]):
         for i in range(triangles.shape[0]):
@@ -119,7 +117,7 @@ def is_movable(graph: Graph, v: int) -> bool:
 
 
 @core_entry
-def fill_part(graph: Graph, n_vertices: int, edges: np.ndarray, is_live: np.ndarray) -> None:
+def fill_part(graph: Graph, n_vertices: int, edges: Array, is_live: Array) -> None:
     """Bring the first `n_vertices` slots and the edges (n, 2) to life, of which only live ones can be drawn.
 
     A vertex can be drawn if all its edges can; a vertex beyond the part may lack an edge.

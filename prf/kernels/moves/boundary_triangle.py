@@ -2,10 +2,8 @@
 
 import math
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, Rng, core
 from prf.kernels.graph import Graph, distance, other_end, pick
 from prf.kernels.moves.interior_triangle import uniform_vertex, vertex_near
 from prf.kernels.moves.placing import (
@@ -21,11 +19,20 @@ from prf.kernels.moves.placing import (
     side_length,
     side_point,
 )
-from prf.kernels.proposal import ILLEGAL, Proposal, add_edge, add_vertex, remove_edge, remove_vertex, turn_at_vertex
+from prf.kernels.proposal import (
+    ILLEGAL,
+    Densities,
+    Proposal,
+    add_edge,
+    add_vertex,
+    remove_edge,
+    remove_vertex,
+    turn_at_vertex,
+)
 
 
 @core
-def birth_density(graph: Graph, tuning: np.ndarray, u: int, v: int, apex: int) -> float:
+def birth_density(graph: Graph, tuning: Array, u: int, v: int, apex: int) -> float:
     """Density with which a birth proposes the triangle of the unordered boundary vertices u, v and the apex.
 
     Uniform: side in proportion to its length, two uniform points on it (either order), a uniform apex. Local:
@@ -43,9 +50,7 @@ def birth_density(graph: Graph, tuning: np.ndarray, u: int, v: int, apex: int) -
 
 
 @core
-def propose_birth(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float, float]:
+def propose_birth(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
     """Propose two points on one side and an apex inside the window."""
     window = graph.window
     is_local = rng.random() < tuning[c.LOCAL_SHARE]
@@ -77,9 +82,7 @@ def propose_birth(
 
 
 @core
-def propose_death(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float, float]:
+def propose_death(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
     """Propose to remove a uniform triangle on a side."""
     triangles = graph.counts[c.BOUNDARY_APEXES]
     if triangles == 0:

@@ -2,10 +2,8 @@
 
 import math
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, Rng, core
 from prf.kernels.graph import Graph, ends_of, pick
 from prf.kernels.moves.placing import (
     area,
@@ -21,6 +19,7 @@ from prf.kernels.moves.placing import (
 )
 from prf.kernels.proposal import (
     ILLEGAL,
+    Densities,
     Proposal,
     add_edge,
     add_vertex,
@@ -32,7 +31,7 @@ from prf.kernels.proposal import (
 
 
 @core
-def birth_density(graph: Graph, tuning: np.ndarray, u: int, v: int) -> float:
+def birth_density(graph: Graph, tuning: Array, u: int, v: int) -> float:
     """Density with which a birth proposes the edge between u and v on adjacent sides.
 
     A corner in four, then a point on each of its sides: uniform, or at a random reach from the corner.
@@ -49,9 +48,7 @@ def birth_density(graph: Graph, tuning: np.ndarray, u: int, v: int) -> float:
 
 
 @core
-def place_on_side(
-    graph: Graph, proposal: Proposal, side: int, other: int, local_median: float, rng: np.random.Generator
-) -> int:
+def place_on_side(graph: Graph, proposal: Proposal, side: int, other: int, local_median: float, rng: Rng) -> int:
     """New vertex on `side`: near its corner with `other` if `local_median` is positive, else uniform."""
     if local_median > 0.0:
         position = position_from_corner(graph.window, side, other, random_reach(rng, local_median))
@@ -71,9 +68,7 @@ def turn_round_corner(graph: Graph, proposal: Proposal, u: int, v: int) -> None:
 
 
 @core
-def propose_birth(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float, float]:
+def propose_birth(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
     """Propose an edge across a uniform corner."""
     median = tuning[c.BIRTH_REACH] if rng.random() < tuning[c.LOCAL_SHARE] else 0.0
     side = int(4.0 * rng.random())
@@ -91,9 +86,7 @@ def propose_birth(
 
 
 @core
-def propose_death(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float, float]:
+def propose_death(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
     """Propose to remove a uniform edge that joins adjacent sides."""
     cuts = graph.counts[c.CORNER_CUTS]
     if cuts == 0:

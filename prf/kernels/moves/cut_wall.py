@@ -8,10 +8,8 @@ reward.
 
 import math
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, Rng, core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, beyond, can_join, ends_of, pick
 from prf.kernels.grid import Grid
@@ -38,6 +36,7 @@ from prf.kernels.proposal import (
     ILLEGAL,
     N_NEW_EDGES,
     N_OLD_EDGES,
+    Densities,
     Proposal,
     add_edge,
     find_cells,
@@ -57,9 +56,7 @@ SECOND_FACE = 1
 
 
 @core
-def gap_density(
-    graph: Graph, tuning: np.ndarray, a: int, b: int, p: int, q: int, s: int, t: int, r: int, u: int
-) -> float:
+def gap_density(graph: Graph, tuning: Array, a: int, b: int, p: int, q: int, s: int, t: int, r: int, u: int) -> float:
     """Density of the corners p, q on the face ab (in this order) and s, t on the face ru, if ab was chosen first.
 
     The foot of q lies a reach further than that of p; those of s and t lie near the feet of p and q on the line ru; all
@@ -113,7 +110,7 @@ def length_after(graph: Graph, proposal: Proposal) -> float:
 
 
 @core
-def pick_by_length(graph: Graph, rng: np.random.Generator) -> int:
+def pick_by_length(graph: Graph, rng: Rng) -> int:
     """Edge with probability in proportion to its length, by rejection from the longest that fits the window."""
     window = graph.window
     width = window[2] - window[0]
@@ -126,7 +123,7 @@ def pick_by_length(graph: Graph, rng: np.random.Generator) -> int:
 
 
 @core
-def place_first_corners(graph: Graph, proposal: Proposal, tuning: np.ndarray, e: int, rng: np.random.Generator) -> bool:
+def place_first_corners(graph: Graph, proposal: Proposal, tuning: Array, e: int, rng: Rng) -> bool:
     """Place the corners p, q on e as new vertices 0 and 1; False if one is off its edge."""
     a, b = ends_of(graph, e)
     foot_p = rng.random() * graph.edge_length[e]
@@ -135,9 +132,7 @@ def place_first_corners(graph: Graph, proposal: Proposal, tuning: np.ndarray, e:
 
 
 @core
-def place_second_corners(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, f: int, rng: np.random.Generator
-) -> bool:
+def place_second_corners(graph: Graph, proposal: Proposal, tuning: Array, f: int, rng: Rng) -> bool:
     """Place the corners s, t on f, opposite to p and q, as new vertices 2 and 3; False if one is off its edge."""
     near = tuning[c.CUT_REACH]
     r, u = ends_of(graph, f)
@@ -149,13 +144,7 @@ def place_second_corners(
 
 
 @core
-def propose_cut(
-    graph: Graph,
-    index: EdgeIndex,
-    proposal: Proposal,
-    tuning: np.ndarray,
-    rng: np.random.Generator,
-) -> tuple[bool, float, float]:
+def propose_cut(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
     """Propose to cut through a face e and a face f opposite to the cut."""
     if graph.counts[c.EDGES] < 2:
         return ILLEGAL
@@ -203,13 +192,7 @@ def log_reverse_of_cut(graph: Graph, index: EdgeIndex, proposal: Proposal) -> fl
 
 
 @core
-def propose_mend(
-    graph: Graph,
-    index: EdgeIndex,
-    proposal: Proposal,
-    tuning: np.ndarray,
-    rng: np.random.Generator,
-) -> tuple[bool, float, float]:
+def propose_mend(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
     """Propose to close the gap between the jambs j, uniform, and k, uniform in M(j).
 
     Corners p, s of j and q, t of k are removed; the faces ab and ru of the mended wall join their other neighbours.
@@ -275,7 +258,7 @@ def opposite_after(
 
 
 @core
-def log_reverse_of_mend(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: np.ndarray) -> float:
+def log_reverse_of_mend(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Array) -> float:
     """Log density with which a cut would undo the proposed mend; -inf if it could not."""
     find_cells(index.grid, proposal)
     a = proposal.new_edges[FIRST_FACE, 0]

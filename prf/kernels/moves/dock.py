@@ -6,13 +6,20 @@ reaches out of the window is so added and removed in one step.
 
 import math
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, Rng, core
 from prf.kernels.graph import Graph, can_join, ends_of, other_end, pick, pick_two
 from prf.kernels.moves.placing import is_on_side, position_on_side, side_point, signed_density, signed_reach
-from prf.kernels.proposal import ILLEGAL, Proposal, add_edge, add_vertex, remove_edge, remove_vertex, turn_at_vertex
+from prf.kernels.proposal import (
+    ILLEGAL,
+    Densities,
+    Proposal,
+    add_edge,
+    add_vertex,
+    remove_edge,
+    remove_vertex,
+    turn_at_vertex,
+)
 
 
 @core
@@ -36,7 +43,7 @@ def side_near(graph: Graph, u: int, v: int, limit: float) -> int:
 
 
 @core
-def landing_density(graph: Graph, tuning: np.ndarray, u: int, v: int, p: int, q: int) -> float:
+def landing_density(graph: Graph, tuning: Array, u: int, v: int, p: int, q: int) -> float:
     """Density of p and q on their side when u is led to p and v to q."""
     side = graph.vertex_side[p]
     first = signed_density(position_of(graph, side, p) - position_of(graph, side, u), tuning[c.JOIN_REACH])
@@ -44,7 +51,7 @@ def landing_density(graph: Graph, tuning: np.ndarray, u: int, v: int, p: int, q:
 
 
 @core
-def land(graph: Graph, proposal: Proposal, side: int, u: int, reach: float, rng: np.random.Generator) -> int:
+def land(graph: Graph, proposal: Proposal, side: int, u: int, reach: float, rng: Rng) -> int:
     """New vertex on a side near the foot of u, or NONE beyond its ends."""
     position = position_of(graph, side, u) + signed_reach(rng, reach)
     if not is_on_side(graph.window, side, position):
@@ -63,9 +70,7 @@ def turn_round(graph: Graph, proposal: Proposal, u: int, p: int, q: int, v: int)
 
 
 @core
-def propose_dock(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float, float]:
+def propose_dock(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
     """Propose to join a uniform edge to the side that is near its middle."""
     edges = graph.counts[c.EDGES]
     if edges == 0:
@@ -91,9 +96,7 @@ def propose_dock(
 
 
 @core
-def propose_undock(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float, float]:
+def propose_undock(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
     """Propose to remove two distinct uniform boundary vertices, and to join their neighbours."""
     boundary = graph.counts[c.BOUNDARY_VERTICES]
     if boundary < 2:

@@ -2,10 +2,8 @@
 
 import math
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, Rng, core
 from prf.kernels.graph import Graph, distance, other_end, pick
 from prf.kernels.moves.placing import (
     area,
@@ -16,7 +14,16 @@ from prf.kernels.moves.placing import (
     near_density,
     random_reach,
 )
-from prf.kernels.proposal import ILLEGAL, Proposal, add_edge, add_vertex, remove_edge, remove_vertex, turn_at_vertex
+from prf.kernels.proposal import (
+    ILLEGAL,
+    Densities,
+    Proposal,
+    add_edge,
+    add_vertex,
+    remove_edge,
+    remove_vertex,
+    turn_at_vertex,
+)
 from prf.kernels.targets import Targets, first_density, pick_near, pick_target, point_in, second_density, target_of
 
 N_SIZES = 3
@@ -25,7 +32,7 @@ SHRINKING = 0.3
 
 
 @core
-def reach_of(tuning: np.ndarray, size: int) -> float:
+def reach_of(tuning: Array, size: int) -> float:
     """Median distance of the vertices of an aimed birth of a size, m."""
     median = tuning[c.AIM_REACH]
     for _ in range(size):
@@ -34,7 +41,7 @@ def reach_of(tuning: np.ndarray, size: int) -> float:
 
 
 @core
-def free_density(graph: Graph, tuning: np.ndarray, u: int, v: int, w: int) -> float:
+def free_density(graph: Graph, tuning: Array, u: int, v: int, w: int) -> float:
     """Density of the unordered triangle u, v, w among births that know nothing of the readings.
 
     Uniform births: 3! orders of three uniform points. Local births: any of the three may have been the first
@@ -51,7 +58,7 @@ def free_density(graph: Graph, tuning: np.ndarray, u: int, v: int, w: int) -> fl
 
 
 @core
-def post_density(graph: Graph, targets: Targets, tuning: np.ndarray, median: float, u: int, v: int, w: int) -> float:
+def post_density(graph: Graph, targets: Targets, tuning: Array, median: float, u: int, v: int, w: int) -> float:
     """Density of the unordered triangle u, v, w among aimed births of a post: two vertices round one in a target."""
     near_uv = near_density(distance(graph, u, v), median)
     near_vw = near_density(distance(graph, v, w), median)
@@ -63,9 +70,7 @@ def post_density(graph: Graph, targets: Targets, tuning: np.ndarray, median: flo
 
 
 @core
-def panel_density(
-    graph: Graph, targets: Targets, tuning: np.ndarray, median: float, u: int, v: int, apex: int
-) -> float:
+def panel_density(graph: Graph, targets: Targets, tuning: Array, median: float, u: int, v: int, apex: int) -> float:
     """Density of a panel: one end in a target, the other in one near it, the apex beside the line of both."""
     one = target_of(targets, graph, u)
     other = target_of(targets, graph, v)
@@ -79,7 +84,7 @@ def panel_density(
 
 
 @core
-def aimed_density(graph: Graph, targets: Targets, tuning: np.ndarray, median: float, u: int, v: int, w: int) -> float:
+def aimed_density(graph: Graph, targets: Targets, tuning: Array, median: float, u: int, v: int, w: int) -> float:
     """Density of the unordered triangle u, v, w among aimed births of one size."""
     density = post_density(graph, targets, tuning, median, u, v, w)
     density += panel_density(graph, targets, tuning, median, u, v, w)
@@ -88,7 +93,7 @@ def aimed_density(graph: Graph, targets: Targets, tuning: np.ndarray, median: fl
 
 
 @core
-def birth_density(graph: Graph, targets: Targets, tuning: np.ndarray, u: int, v: int, w: int) -> float:
+def birth_density(graph: Graph, targets: Targets, tuning: Array, u: int, v: int, w: int) -> float:
     """Density with which a birth proposes the unordered triangle u, v, w."""
     aimed = tuning[c.AIMED_SHARE]
     density = (1.0 - aimed) * free_density(graph, tuning, u, v, w)
@@ -99,7 +104,7 @@ def birth_density(graph: Graph, targets: Targets, tuning: np.ndarray, u: int, v:
 
 
 @core
-def uniform_vertex(graph: Graph, proposal: Proposal, rng: np.random.Generator) -> int:
+def uniform_vertex(graph: Graph, proposal: Proposal, rng: Rng) -> int:
     """New vertex, uniform in the window."""
     window = graph.window
     x = window[0] + rng.random() * (window[2] - window[0])
@@ -108,7 +113,7 @@ def uniform_vertex(graph: Graph, proposal: Proposal, rng: np.random.Generator) -
 
 
 @core
-def vertex_near(graph: Graph, proposal: Proposal, u: int, median: float, rng: np.random.Generator) -> int:
+def vertex_near(graph: Graph, proposal: Proposal, u: int, median: float, rng: Rng) -> int:
     """New vertex near u, perhaps outside the window."""
     r = random_reach(rng, median)
     direction = 2.0 * math.pi * rng.random()
@@ -118,7 +123,7 @@ def vertex_near(graph: Graph, proposal: Proposal, u: int, median: float, rng: np
 
 
 @core
-def draw_free(graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator) -> tuple[int, int, int]:
+def draw_free(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> tuple[int, int, int]:
     """Three uniform vertices, or two round a uniform first."""
     is_local = rng.random() < tuning[c.LOCAL_SHARE]
     u = uniform_vertex(graph, proposal, rng)
@@ -130,9 +135,7 @@ def draw_free(graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.rand
 
 
 @core
-def draw_aimed(
-    graph: Graph, targets: Targets, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
-) -> tuple[int, int, int]:
+def draw_aimed(graph: Graph, targets: Targets, proposal: Proposal, tuning: Array, rng: Rng) -> tuple[int, int, int]:
     """A post at a return, or a panel along two returns, of one of the sizes."""
     median = reach_of(tuning, int(rng.random() * N_SIZES))
     is_post = rng.random() < 0.5
@@ -149,13 +152,7 @@ def draw_aimed(
 
 
 @core
-def propose_birth(
-    graph: Graph,
-    targets: Targets,
-    proposal: Proposal,
-    tuning: np.ndarray,
-    rng: np.random.Generator,
-) -> tuple[bool, float, float]:
+def propose_birth(graph: Graph, targets: Targets, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
     """Propose a triangle: anywhere, or aimed at returns."""
     if tuning[c.AIMED_SHARE] > 0.0 and rng.random() < tuning[c.AIMED_SHARE]:
         u, v, w = draw_aimed(graph, targets, proposal, tuning, rng)
@@ -176,13 +173,7 @@ def propose_birth(
 
 
 @core
-def propose_death(
-    graph: Graph,
-    targets: Targets,
-    proposal: Proposal,
-    tuning: np.ndarray,
-    rng: np.random.Generator,
-) -> tuple[bool, float, float]:
+def propose_death(graph: Graph, targets: Targets, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
     """Propose to remove a uniform triangle."""
     if graph.counts[c.TRIANGLE_VERTICES] == 0:
         return ILLEGAL

@@ -7,16 +7,15 @@ q may as well have been corners on uv to which a and b were joined: densities co
 
 import math
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, Rng, core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, beyond, can_join, ends_of, is_removable, other_end
 from prf.kernels.moves.nearby_edges import links_after, links_now, pick_pair
 from prf.kernels.moves.placing import foot_and_offset, log_or_minus_infinity, place_two, signed_density, signed_reach
 from prf.kernels.proposal import (
     ILLEGAL,
+    Densities,
     Proposal,
     add_edge,
     find_cells,
@@ -35,7 +34,7 @@ FACE = 1
 
 
 @core
-def link_density(graph: Graph, tuning: np.ndarray, u: int, v: int, a: int, b: int, p: int, q: int) -> float:
+def link_density(graph: Graph, tuning: Array, u: int, v: int, a: int, b: int, p: int, q: int) -> float:
     """Density of the corners p and q on ab to which u and v are led; 0 where they are not drawn so."""
     foot_p, off_p, length = foot_and_offset(graph, a, b, p)
     foot_q, off_q, _ = foot_and_offset(graph, a, b, q)
@@ -50,13 +49,7 @@ def link_density(graph: Graph, tuning: np.ndarray, u: int, v: int, a: int, b: in
 
 
 @core
-def propose_join(
-    graph: Graph,
-    index: EdgeIndex,
-    proposal: Proposal,
-    tuning: np.ndarray,
-    rng: np.random.Generator,
-) -> tuple[bool, float, float]:
+def propose_join(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
     """Propose to join a uniform edge e to a uniform f in M(e)."""
     edges = graph.counts[c.EDGES]
     e, f, n = pick_pair(graph, index, 2, rng)
@@ -99,15 +92,13 @@ def log_reverse_of_join(graph: Graph, index: EdgeIndex, proposal: Proposal) -> f
 
 
 @core
-def random_end(graph: Graph, edge: int, rng: np.random.Generator) -> int:
+def random_end(graph: Graph, edge: int, rng: Rng) -> int:
     """One of the two ends of an edge, 1/2 each."""
     return graph.edge_vertices[edge, 0 if rng.random() < 0.5 else 1]
 
 
 @core
-def propose_part(
-    graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float, float]:
+def propose_part(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
     """Propose to remove the links j = up, uniform, and k = vq, uniform in M(j), with p and q."""
     edges = graph.counts[c.EDGES]
     j, k, n_j = pick_pair(graph, index, 4, rng)
@@ -139,7 +130,7 @@ def propose_part(
 
 
 @core
-def log_reverse_of_parting(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: np.ndarray) -> float:
+def log_reverse_of_parting(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Array) -> float:
     """Log density with which a join would undo the proposed parting; -inf if it could not."""
     find_cells(index.grid, proposal)
     u = proposal.new_edges[FREE_EDGE, 0]

@@ -2,10 +2,8 @@
 
 import math
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, Rng, core
 from prf.kernels.graph import Graph, other_end, pick
 from prf.kernels.moves.placing import (
     corner_between,
@@ -22,6 +20,7 @@ from prf.kernels.moves.placing import (
 )
 from prf.kernels.proposal import (
     ILLEGAL,
+    Densities,
     Proposal,
     add_edge,
     add_vertex,
@@ -52,9 +51,7 @@ def move_interior_to(graph: Graph, proposal: Proposal, v: int, x: float, y: floa
 
 
 @core
-def propose_interior(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float, float]:
+def propose_interior(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
     """(e): a uniform interior vertex, displaced by a random reach in a uniform direction (symmetric)."""
     if graph.counts[c.INTERIOR_VERTICES] == 0:
         return ILLEGAL
@@ -70,7 +67,7 @@ def propose_interior(
 
 
 @core
-def propose_slide(graph: Graph, proposal: Proposal, rng: np.random.Generator) -> tuple[bool, float, float]:
+def propose_slide(graph: Graph, proposal: Proposal, rng: Rng) -> Densities:
     """(j): a uniform interior vertex v slides along one of its edges, uv, to a distance from u in [r/2, 2 r].
 
     The proposal is uniform in the distance r', so that the ratio of proposals is r / r'; the line measure along
@@ -109,9 +106,7 @@ def move_boundary_to(graph: Graph, proposal: Proposal, v: int, side: int, positi
 
 
 @core
-def propose_boundary(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float, float]:
+def propose_boundary(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
     """(f): a uniform boundary vertex moves on its side, anywhere or by a random reach (both symmetric)."""
     if graph.counts[c.BOUNDARY_VERTICES] == 0:
         return ILLEGAL
@@ -130,16 +125,14 @@ def propose_boundary(
 
 
 @core
-def landing_density(graph: Graph, tuning: np.ndarray, side: int, other: int, distance: float) -> float:
+def landing_density(graph: Graph, tuning: Array, side: int, other: int, distance: float) -> float:
     """Density on `side` of a vertex that moves past the corner with `other` and lands at a distance from it."""
     local = tuning[c.LOCAL_SHARE] * reach_density(distance, tuning[c.BIRTH_REACH])
     return local + (1.0 - tuning[c.LOCAL_SHARE]) / side_length(graph.window, side)
 
 
 @core
-def propose_past_corner(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float, float]:
+def propose_past_corner(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
     """(g): a uniform boundary vertex moves past one of its two corners, anywhere on that side or near the corner."""
     if graph.counts[c.BOUNDARY_VERTICES] == 0:
         return ILLEGAL
@@ -165,9 +158,7 @@ def propose_past_corner(
 
 
 @core
-def propose_vertex_move(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, move: int, rng: np.random.Generator
-) -> tuple[bool, float, float]:
+def propose_vertex_move(graph: Graph, proposal: Proposal, tuning: Array, move: int, rng: Rng) -> Densities:
     """Fill the proposal of one of the moves above."""
     if move == c.MOVE_INTERIOR:
         return propose_interior(graph, proposal, tuning, rng)

@@ -4,10 +4,8 @@ What a move picks from such a list its reverse must find in the list of the prop
 the index, without the edges that the proposal removes and with those that it adds.
 """
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, Rng, core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, pick
 from prf.kernels.grid import Grid, axis_index, walk
@@ -83,7 +81,7 @@ def block_at(grid: Grid, x: float, y: float, radius: int) -> tuple[int, int, int
 
 
 @core
-def block_round(grid: Grid, xy: np.ndarray) -> tuple[int, int, int, int]:
+def block_round(grid: Grid, xy: Array) -> tuple[int, int, int, int]:
     """Block of cells round the middle of the jamb with ends `xy` (4,)."""
     return block_at(grid, 0.5 * (xy[0] + xy[2]), 0.5 * (xy[1] + xy[3]), MEND_RADIUS)
 
@@ -149,7 +147,7 @@ def partners_after(graph: Graph, index: EdgeIndex, proposal: Proposal, k: int) -
 
 
 @core
-def pick_pair(graph: Graph, index: EdgeIndex, fewest: int, rng: np.random.Generator) -> tuple[int, int, int]:
+def pick_pair(graph: Graph, index: EdgeIndex, fewest: int, rng: Rng) -> tuple[int, int, int]:
     """A uniform edge, a uniform one of its M, and the size of M; (NONE, NONE, 0) with fewer edges or an empty M."""
     if graph.counts[c.EDGES] < fewest:
         return c.NONE, c.NONE, 0

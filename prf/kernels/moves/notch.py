@@ -7,10 +7,8 @@ niche has two.
 
 import math
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, Rng, core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, beyond, can_join, ends_of, is_removable, other_end, outer_edge, pick
 from prf.kernels.moves.nearby_edges import block_at, list_block, passes_block
@@ -29,6 +27,7 @@ from prf.kernels.proposal import (
     ILLEGAL,
     N_OLD_EDGES,
     N_OLD_VERTICES,
+    Densities,
     Proposal,
     add_edge,
     add_vertex,
@@ -55,12 +54,7 @@ def walls_now(graph: Graph, index: EdgeIndex, v: int) -> int:
 
 @core
 def aim_at_wall(
-    graph: Graph,
-    index: EdgeIndex,
-    targets: Targets,
-    proposal: Proposal,
-    tuning: np.ndarray,
-    rng: np.random.Generator,
+    graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: Array, rng: Rng
 ) -> tuple[int, int, int]:
     """Place a new vertex v in a target that is picked; return it, a uniform edge of E(v), and the size of E(v).
 
@@ -96,7 +90,7 @@ def share_after(graph: Graph, index: EdgeIndex, proposal: Proposal, v: int) -> f
 
 
 @core
-def tooth_density(graph: Graph, targets: Targets, tuning: np.ndarray, a: int, b: int, p: int, t: int, q: int) -> float:
+def tooth_density(graph: Graph, targets: Targets, tuning: Array, a: int, b: int, p: int, t: int, q: int) -> float:
     """Density of the tip t and of the corners p and q on ab (in this order), if ab was chosen."""
     foot_p, off_p, length = foot_and_offset(graph, a, b, p)
     foot_t, _, _ = foot_and_offset(graph, a, b, t)
@@ -112,7 +106,7 @@ def tooth_density(graph: Graph, targets: Targets, tuning: np.ndarray, a: int, b:
 
 @core
 def niche_density(
-    graph: Graph, targets: Targets, tuning: np.ndarray, a: int, b: int, p: int, s: int, t: int, q: int
+    graph: Graph, targets: Targets, tuning: Array, a: int, b: int, p: int, s: int, t: int, q: int
 ) -> float:
     """Density of the inner corners s and t, s aimed, and of p and q on ab (in this order), if ab was chosen."""
     foot_p, off_p, length = foot_and_offset(graph, a, b, p)
@@ -129,9 +123,7 @@ def niche_density(
 
 
 @core
-def place_tooth(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, a: int, b: int, t: int, rng: np.random.Generator
-) -> bool:
+def place_tooth(graph: Graph, proposal: Proposal, tuning: Array, a: int, b: int, t: int, rng: Rng) -> bool:
     """Place the corners on ab of a tooth with its tip at t as new vertices 1 and 2; False if one is off ab."""
     foot, _, length = foot_and_offset(graph, a, b, t)
     foot_p = foot - random_reach(rng, tuning[c.JOIN_REACH])
@@ -144,9 +136,7 @@ def place_tooth(
 
 
 @core
-def place_niche(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, a: int, b: int, s: int, rng: np.random.Generator
-) -> bool:
+def place_niche(graph: Graph, proposal: Proposal, tuning: Array, a: int, b: int, s: int, rng: Rng) -> bool:
     """Place the other inner corner of a niche with one at s, and those beside s and it on ab, as new vertices 1 to 3.
 
     False if one of them is off ab or the window.
@@ -166,13 +156,8 @@ def place_niche(
 
 @core
 def propose_notch(
-    graph: Graph,
-    index: EdgeIndex,
-    targets: Targets,
-    proposal: Proposal,
-    tuning: np.ndarray,
-    rng: np.random.Generator,
-) -> tuple[bool, float, float]:
+    graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: Array, rng: Rng
+) -> Densities:
     """Propose a tooth or a niche (1/2 each) in a uniform edge of E(v), v being uniform in a uniform target."""
     is_tooth = rng.random() < 0.5
     v, e, n = aim_at_wall(graph, index, targets, proposal, tuning, rng)
@@ -196,7 +181,7 @@ def propose_notch(
 
 
 @core
-def join_tooth(graph: Graph, targets: Targets, proposal: Proposal, tuning: np.ndarray, a: int, b: int) -> float:
+def join_tooth(graph: Graph, targets: Targets, proposal: Proposal, tuning: Array, a: int, b: int) -> float:
     """Add the edges of a tooth in ab; return the density of its corners."""
     t = proposal.new_vertices[0]
     p = proposal.new_vertices[1]
@@ -210,9 +195,7 @@ def join_tooth(graph: Graph, targets: Targets, proposal: Proposal, tuning: np.nd
 
 
 @core
-def join_niche(
-    graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: np.ndarray, e: int
-) -> float:
+def join_niche(graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: Array, e: int) -> float:
     """Add the edges of a niche in the edge e; return its density, whichever of its inner corners was aimed."""
     a, b = ends_of(graph, e)
     s = proposal.new_vertices[0]
@@ -240,13 +223,8 @@ def join_feet(graph: Graph, proposal: Proposal, a: int, p: int, q: int, b: int) 
 
 @core
 def propose_fill(
-    graph: Graph,
-    index: EdgeIndex,
-    targets: Targets,
-    proposal: Proposal,
-    tuning: np.ndarray,
-    rng: np.random.Generator,
-) -> tuple[bool, float, float]:
+    graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: Array, rng: Rng
+) -> Densities:
     """Propose to fill a tooth at a uniform vertex or a niche at a uniform edge (1/2 each)."""
     if graph.counts[c.INTERIOR_VERTICES] < TOOTH_CORNERS:
         return ILLEGAL
@@ -294,9 +272,7 @@ def fill(graph: Graph, proposal: Proposal, s: int, t: int, first: int, last: int
 
 
 @core
-def log_reverse_of_fill(
-    graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: np.ndarray
-) -> float:
+def log_reverse_of_fill(graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: Array) -> float:
     """Log density with which a notch would undo the proposed filling; -inf if none would."""
     find_cells(index.grid, proposal)
     if tuning[c.AIMED_SHARE] == 0.0:

@@ -2,16 +2,14 @@
 
 import math
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, Rng, core
 from prf.kernels.graph import Graph
 from prf.kernels.proposal import Proposal, add_vertex
 
 
 @core
-def random_reach(rng: np.random.Generator, median: float) -> float:
+def random_reach(rng: Rng, median: float) -> float:
     """Distance with density median / (median + r)^2: flat near zero, and no scale is out of reach."""
     u = rng.random()
     return median * u / (1.0 - u)
@@ -36,7 +34,7 @@ def near_density(distance: float, median: float) -> float:
 
 
 @core
-def beside(u: np.ndarray, w: np.ndarray, median: float, rng: np.random.Generator) -> tuple[float, float]:
+def beside(u: Array, w: Array, median: float, rng: Rng) -> tuple[float, float]:
     """Point whose foot is uniform on the segment from u to w (2,), at a :func:`random_reach` to either side."""
     ex = w[0] - u[0]
     ey = w[1] - u[1]
@@ -48,7 +46,7 @@ def beside(u: np.ndarray, w: np.ndarray, median: float, rng: np.random.Generator
 
 
 @core
-def beside_density(u: np.ndarray, w: np.ndarray, x: float, y: float, median: float) -> float:
+def beside_density(u: Array, w: Array, x: float, y: float, median: float) -> float:
     """Density in the plane with which :func:`beside` gives (x, y); 0 where the foot is off the segment."""
     ex = w[0] - u[0]
     ey = w[1] - u[1]
@@ -62,7 +60,7 @@ def beside_density(u: np.ndarray, w: np.ndarray, x: float, y: float, median: flo
 
 
 @core
-def side_length(window: np.ndarray, side: int) -> float:
+def side_length(window: Array, side: int) -> float:
     """Length of a side of the window (4,)."""
     if side == c.BOTTOM or side == c.TOP:
         return window[2] - window[0]
@@ -70,19 +68,19 @@ def side_length(window: np.ndarray, side: int) -> float:
 
 
 @core
-def perimeter(window: np.ndarray) -> float:
+def perimeter(window: Array) -> float:
     """Length of the window's border."""
     return 2.0 * (window[2] - window[0] + window[3] - window[1])
 
 
 @core
-def area(window: np.ndarray) -> float:
+def area(window: Array) -> float:
     """Area of the window."""
     return (window[2] - window[0]) * (window[3] - window[1])
 
 
 @core
-def side_point(window: np.ndarray, side: int, position: float) -> tuple[float, float]:
+def side_point(window: Array, side: int, position: float) -> tuple[float, float]:
     """Point of a side at `position`, its coordinate along the side; the other coordinate is exactly the side's."""
     if side == c.BOTTOM:
         return position, window[1]
@@ -94,7 +92,7 @@ def side_point(window: np.ndarray, side: int, position: float) -> tuple[float, f
 
 
 @core
-def side_start(window: np.ndarray, side: int) -> float:
+def side_start(window: Array, side: int) -> float:
     """Smallest coordinate along a side."""
     if side == c.BOTTOM or side == c.TOP:
         return window[0]
@@ -110,20 +108,20 @@ def position_on_side(side: int, x: float, y: float) -> float:
 
 
 @core
-def is_on_side(window: np.ndarray, side: int, position: float) -> bool:
+def is_on_side(window: Array, side: int, position: float) -> bool:
     """Whether a coordinate along the side lies strictly inside it."""
     start = side_start(window, side)
     return start < position < start + side_length(window, side)
 
 
 @core
-def is_inside(window: np.ndarray, x: float, y: float) -> bool:
+def is_inside(window: Array, x: float, y: float) -> bool:
     """Whether the point lies strictly inside the window."""
     return window[0] < x < window[2] and window[1] < y < window[3]
 
 
 @core
-def random_side(window: np.ndarray, rng: np.random.Generator) -> int:
+def random_side(window: Array, rng: Rng) -> int:
     """Side with probability in proportion to its length."""
     u = rng.random() * perimeter(window)
     for side in range(3):
@@ -134,13 +132,13 @@ def random_side(window: np.ndarray, rng: np.random.Generator) -> int:
 
 
 @core
-def random_position(window: np.ndarray, side: int, rng: np.random.Generator) -> float:
+def random_position(window: Array, side: int, rng: Rng) -> float:
     """Uniform coordinate along a side."""
     return side_start(window, side) + rng.random() * side_length(window, side)
 
 
 @core
-def corner_between(window: np.ndarray, side: int, other: int) -> tuple[float, float]:
+def corner_between(window: Array, side: int, other: int) -> tuple[float, float]:
     """Corner of the window in which two adjacent sides meet."""
     x = window[2] if side == c.RIGHT or other == c.RIGHT else window[0]
     y = window[3] if side == c.TOP or other == c.TOP else window[1]
@@ -148,14 +146,14 @@ def corner_between(window: np.ndarray, side: int, other: int) -> tuple[float, fl
 
 
 @core
-def distance_to_corner(window: np.ndarray, side: int, other: int, position: float) -> float:
+def distance_to_corner(window: Array, side: int, other: int, position: float) -> float:
     """Distance of a point of `side` from the corner in which it meets the adjacent side `other`."""
     x, y = corner_between(window, side, other)
     return abs(position - position_on_side(side, x, y))
 
 
 @core
-def position_from_corner(window: np.ndarray, side: int, other: int, distance: float) -> float:
+def position_from_corner(window: Array, side: int, other: int, distance: float) -> float:
     """Coordinate along `side` at a distance from the corner in which it meets `other`."""
     x, y = corner_between(window, side, other)
     corner = position_on_side(side, x, y)
@@ -184,7 +182,7 @@ def signed_density(x: float, median: float) -> float:
 
 
 @core
-def signed_reach(rng: np.random.Generator, median: float) -> float:
+def signed_reach(rng: Rng, median: float) -> float:
     """Random reach to either side."""
     reach = random_reach(rng, median)
     return reach if rng.random() < 0.5 else -reach
@@ -204,9 +202,7 @@ def place_at_offset(graph: Graph, proposal: Proposal, a: int, b: int, foot: floa
 
 
 @core
-def place_off_line(
-    graph: Graph, proposal: Proposal, a: int, b: int, foot: float, near: float, rng: np.random.Generator
-) -> int:
+def place_off_line(graph: Graph, proposal: Proposal, a: int, b: int, foot: float, near: float, rng: Rng) -> int:
     """New vertex at a foot along ab, a little off the line."""
     return place_at_offset(graph, proposal, a, b, foot, signed_reach(rng, near))
 
@@ -219,15 +215,7 @@ def is_in_window(graph: Graph, v: int) -> bool:
 
 @core
 def place_two(
-    graph: Graph,
-    proposal: Proposal,
-    a: int,
-    b: int,
-    foot_s: float,
-    foot_t: float,
-    length: float,
-    near: float,
-    rng: np.random.Generator,
+    graph: Graph, proposal: Proposal, a: int, b: int, foot_s: float, foot_t: float, length: float, near: float, rng: Rng
 ) -> bool:
     """Place two new vertices beside two feet on the edge ab; False if one is off the edge or the window."""
     if not (0.0 < foot_s < length and 0.0 < foot_t < length):

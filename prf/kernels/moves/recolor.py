@@ -2,18 +2,16 @@
 
 import math
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Rng, core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, are_adjacent, ends_of, on_one_side, pick, pick_two
 from prf.kernels.moves.nearby_edges import neighbors_after, neighbors_now
-from prf.kernels.proposal import ILLEGAL, Proposal, add_edge, find_cells, remove_edge, turn_at_vertex
+from prf.kernels.proposal import ILLEGAL, Densities, Proposal, add_edge, find_cells, remove_edge, turn_at_vertex
 
 
 @core
-def exchange(graph: Graph, proposal: Proposal, e: int, f: int, rng: np.random.Generator) -> bool:
+def exchange(graph: Graph, proposal: Proposal, e: int, f: int, rng: Rng) -> bool:
     """Propose one of the two ways to rejoin the ends of e and f; return whether it is legal."""
     a, b = ends_of(graph, e)
     p, q = ends_of(graph, f)
@@ -35,7 +33,7 @@ def exchange(graph: Graph, proposal: Proposal, e: int, f: int, rng: np.random.Ge
 
 
 @core
-def propose_global(graph: Graph, proposal: Proposal, rng: np.random.Generator) -> tuple[bool, float, float]:
+def propose_global(graph: Graph, proposal: Proposal, rng: Rng) -> Densities:
     """(h): two distinct uniform edges (symmetric: the number of edges does not change)."""
     if graph.counts[c.EDGES] < 2:
         return ILLEGAL
@@ -54,9 +52,7 @@ def new_edges_share_cell(proposal: Proposal) -> bool:
 
 
 @core
-def propose_local(
-    graph: Graph, index: EdgeIndex, proposal: Proposal, rng: np.random.Generator
-) -> tuple[bool, float, float]:
+def propose_local(graph: Graph, index: EdgeIndex, proposal: Proposal, rng: Rng) -> Densities:
     """(i): a uniform edge e and a uniform f in N(e).
 
     A pair is proposed from either of its edges: q is 1/#N(e) + 1/#N(f), but for 1 / 2 N_E, which stays.

@@ -6,16 +6,15 @@ A corner past the end of an edge, such as one return reveals, needs a vertex who
 
 import math
 
-import numpy as np
-
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, Rng, core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, can_join, ends_of, other_end, pick
 from prf.kernels.moves.notch import aim_at_wall, share_after
 from prf.kernels.moves.placing import beside, beside_density, is_inside, log_or_minus_infinity
 from prf.kernels.proposal import (
     ILLEGAL,
+    Densities,
     Proposal,
     add_edge,
     add_vertex,
@@ -28,7 +27,7 @@ from prf.kernels.targets import Targets, first_density, target_of
 
 
 @core
-def split_density(graph: Graph, tuning: np.ndarray, u: int, w: int, x: float, y: float) -> float:
+def split_density(graph: Graph, tuning: Array, u: int, w: int, x: float, y: float) -> float:
     """Density g of the new vertex at (x, y) when the edge uw is split."""
     return beside_density(graph.vertex_xy[u], graph.vertex_xy[w], x, y, tuning[c.SPLIT_REACH])
 
@@ -58,9 +57,7 @@ def take_out(graph: Graph, proposal: Proposal, u: int, v: int, w: int) -> None:
 
 
 @core
-def propose_split(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float, float]:
+def propose_split(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
     """Propose to split a uniform edge."""
     edges = graph.counts[c.EDGES]
     if edges == 0:
@@ -76,9 +73,7 @@ def propose_split(
 
 
 @core
-def propose_merge(
-    graph: Graph, proposal: Proposal, tuning: np.ndarray, rng: np.random.Generator
-) -> tuple[bool, float, float]:
+def propose_merge(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
     """Propose to replace the two edges of a uniform interior vertex by one.
 
     Illegal where that would double an edge (the neighbours are adjacent) or lay one along a side.
@@ -101,13 +96,8 @@ def propose_merge(
 
 @core
 def propose_bend(
-    graph: Graph,
-    index: EdgeIndex,
-    targets: Targets,
-    proposal: Proposal,
-    tuning: np.ndarray,
-    rng: np.random.Generator,
-) -> tuple[bool, float, float]:
+    graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: Array, rng: Rng
+) -> Densities:
     """Propose a new vertex v, uniform in a target, in a uniform edge of E(v)."""
     v, edge, n = aim_at_wall(graph, index, targets, proposal, tuning, rng)
     if edge == c.NONE:
@@ -121,13 +111,8 @@ def propose_bend(
 
 @core
 def propose_unbend(
-    graph: Graph,
-    index: EdgeIndex,
-    targets: Targets,
-    proposal: Proposal,
-    tuning: np.ndarray,
-    rng: np.random.Generator,
-) -> tuple[bool, float, float]:
+    graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: Array, rng: Rng
+) -> Densities:
     """Propose to join the neighbours of a uniform interior vertex, which is removed."""
     interior = graph.counts[c.INTERIOR_VERTICES]
     if interior == 0:
@@ -142,9 +127,7 @@ def propose_unbend(
 
 
 @core
-def log_reverse_of_unbend(
-    graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: np.ndarray
-) -> float:
+def log_reverse_of_unbend(graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: Array) -> float:
     """Log density with which a bend would undo the proposed unbending; -inf if none would."""
     find_cells(index.grid, proposal)
     if tuning[c.AIMED_SHARE] == 0.0:
