@@ -90,8 +90,7 @@ def occupied_in_draws(draws: Draws, xy: ArrayLike, square: float = 0.0) -> Bools
         return black
     order = np.argsort(points[:, 0], kind="stable")
     marked = np.ascontiguousarray(black[:, order])
-    ragged = (draws.vertex_offsets, draws.xy, draws.edge_offsets, draws.edges)
-    query.draws_mark_squares(np.ascontiguousarray(points[order]), 0.5 * square, *ragged, marked)
+    query.draws_mark_squares(np.ascontiguousarray(points[order]), 0.5 * square, draws.graphs, marked)
     black[:, order] = marked
     return black
 
@@ -126,10 +125,8 @@ def path_free_in_draws(draws: Draws, path_xy: ArrayLike, radius: float) -> Bools
     """
     path = _points(path_xy)
     corners = np.vstack((path, path)) if len(path) == 1 else path
-    clear = np.empty(len(draws), dtype=np.bool_)
-    ragged = (draws.vertex_offsets, draws.xy, draws.edge_offsets, draws.edges)
-    query.draws_clear_path(np.ascontiguousarray(corners), float(radius), *ragged, clear)
-    return clear & ~black_at_draws(draws, path[:1])[:, 0]
+    clear = query.draws_clear_path(np.ascontiguousarray(corners), float(radius), draws.graphs)
+    return np.asarray(clear & ~black_at_draws(draws, path[:1])[:, 0])
 
 
 def _occupied_batches(draws: Draws, points: Floats, square: float) -> Iterator[tuple[NDArray[np.int64], Bools]]:

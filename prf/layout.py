@@ -7,15 +7,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.coloring import Coloring, black_at
+from prf.coloring import Coloring, Draws, black_at, count_black
 from prf.kernels import constants as c
-from prf.kernels.build import cells_of, fill_graph, fill_index
+from prf.kernels.build import fill_graph, fill_index
+from prf.kernels.cell_lists import owners_by_cell, room_of_cells
 from prf.kernels.chain import Chain
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph
-from prf.kernels.grid import Grid, make_grid, most_cells
-from prf.kernels.guards import N_SHAPE, Guards, count_guards, list_guards
-from prf.kernels.image import Image, count_all_edges
+from prf.kernels.grid import Grid, cells_of, make_grid, most_cells
+from prf.kernels.guards import N_SHAPE, Guards, find_guard_cells
+from prf.kernels.image import Image, count_edges
 from prf.kernels.proposal import N_PROPOSAL_COUNTS, Proposal
 from prf.kernels.sites import Sites
 from prf.kernels.step import run
@@ -29,7 +30,7 @@ Floats = NDArray[np.float64]
 def make_graph(coloring: Coloring, capacity: int) -> Graph:
     """Return the graph of a coloring with room for `capacity` vertices and edges."""
     graph = bare_graph(coloring, capacity)
-    fill_graph(graph, len(coloring.xy), coloring.edges)
+    fill_graph(graph, len(coloring.xy), coloring.edges, np.ones(len(coloring.edges), np.bool_))
     return graph
 
 
@@ -60,8 +61,8 @@ def bare_graph(coloring: Coloring, capacity: int) -> Graph:
     return graph
 
 
-def make_index(graph: Graph, grid: Grid, room: int) -> EdgeIndex:
-    """Return the index of the graph's edges, with at least `room` places a cell."""
+def make_index(graph: Graph, grid: Grid, room: int, frozen: NDArray[np.int32] | None = None) -> EdgeIndex:
+    """Return the index of the graph's edges, and of `frozen` ones, with at least `room` places a cell."""
     capacity = len(graph.edge_length)
     while True:
         index = EdgeIndex(
@@ -73,7 +74,7 @@ def make_index(graph: Graph, grid: Grid, room: int) -> EdgeIndex:
             marks=np.zeros(capacity, np.int64),
             mark=np.zeros(1, np.int64),
         )
-        if fill_index(graph, index):
+        if fill_index(graph, index, np.zeros(0, np.int32) if frozen is None else frozen):
             return index
         room *= 2
 
@@ -101,11 +102,9 @@ def make_proposal(grid: Grid) -> Proposal:
 def make_sites(grid: Grid, origin: Floats, coloring: Coloring | None = None) -> Sites:
     """Return the distinct positions (n, 2), sorted by cell, in the colours of a map, or all in white."""
     xy = np.unique(origin.reshape(-1, 2), axis=0)
-    cells = np.zeros(len(xy), np.int64)
-    cells_of(grid, xy, cells)
-    order = np.argsort(cells, kind="stable")
-    starts = np.searchsorted(cells[order], np.arange(grid.nx * grid.ny + 1))
-    sites = Sites(grid, np.ascontiguousarray(xy[order]), starts.astype(np.int64), np.zeros(len(xy), np.uint8))
+    cells = cells_of(grid, xy)
+    starts = room_of_cells(cells, grid.nx * grid.ny)
+    sites = Sites(grid, xy[np.argsort(cells, kind="stable")], starts, np.zeros(len(xy), np.uint8))
     return sites if coloring is None else painted_sites(sites, coloring)
 
 
@@ -117,10 +116,7 @@ def painted_sites(sites: Sites, coloring: Coloring) -> Sites:
 def make_targets(window: Window, side: float, xy: Floats) -> Targets:
     """Return the squares of side `side` (metres) that hold one of the points (n, 2) inside the window, all alike."""
     grid = make_grid(*window, side)
-    inside = window.contains(xy, strictly=True)
-    cells = np.zeros(int(inside.sum()), np.int64)
-    cells_of(grid, np.ascontiguousarray(xy[inside]), cells)
-    targets = np.unique(cells)
+    targets = np.unique(cells_of(grid, xy[window.contains(xy, strictly=True)]))
     cumulative = np.arange(1, len(targets) + 1) / max(len(targets), 1)
     number = np.full(grid.nx * grid.ny, c.NONE, np.int32)
     number[targets] = np.arange(len(targets), dtype=np.int32)
@@ -150,16 +146,12 @@ def make_guards(grid: Grid, frozen: NDArray[np.int64], shape: Floats) -> Guards:
     """Lay out frozen edges (slots) and guards (n, N_SHAPE) by the cells of a grid; without any there are no lists."""
     if len(frozen) + len(shape) == 0:
         return Guards(np.zeros((0, N_SHAPE)), np.zeros(1, np.int32))
-    start = np.zeros(grid.nx * grid.ny + 1, np.int64)
-    path = np.zeros(max(most_cells(grid), grid.nx * grid.ny), np.int32)
-    count_guards(grid, shape, path, start)
-    first = 1 + len(frozen) + len(start)
-    lists = np.zeros(first + int(start[-1]), np.int32)
-    lists[0] = len(frozen)
-    lists[1 : 1 + len(frozen)] = frozen
-    lists[1 + len(frozen) : first] = first + start
-    list_guards(grid, shape, path, first + start[:-1], lists)
-    return Guards(shape, lists)
+    path, start = np.zeros(max(most_cells(grid), grid.nx * grid.ny), np.int32), np.zeros(len(shape) + 1, np.int64)
+    cells = np.empty(find_guard_cells(grid, shape, path, start, np.empty(0, np.int32)), np.int32)
+    find_guard_cells(grid, shape, path, start, cells)
+    room = room_of_cells(cells, grid.nx * grid.ny)
+    lists = ([len(frozen)], frozen, 1 + len(frozen) + len(room) + room, owners_by_cell(start, cells))
+    return Guards(shape, np.concatenate(lists).astype(np.int32))
 
 
 def image_grid(window: Window, resolution: float) -> Grid:
@@ -180,10 +172,9 @@ def make_image(coloring: Coloring, graph: Graph, resolution: float | None) -> Im
     """Return the occupancy image of a chain at its start, or an empty one."""
     grid = Grid(0.0, 0.0, 1.0, 0, 0) if resolution is None else image_grid(coloring.window, resolution)
     n = grid.nx * grid.ny
-    black = np.zeros(0, np.uint8) if n == 0 else black_at(coloring, pixel_centres(grid)).astype(np.uint8)
     image = Image(
         grid=grid,
-        black=black,
+        black=np.zeros(n, np.uint8),
         n_edges=np.zeros(n, np.int32),
         black_since=np.zeros(n, np.int64),
         black_time=np.zeros(n, np.int64),
@@ -193,8 +184,14 @@ def make_image(coloring: Coloring, graph: Graph, resolution: float | None) -> Im
         crossings=np.zeros(2 * c.MOST_CHANGES),
     )
     if n > 0:
-        count_all_edges(graph, image)
+        paint_image(image, coloring, int(graph.counts[c.STEP]))
     return image
+
+
+def paint_image(image: Image, coloring: Coloring, step: int) -> None:
+    """Set colour and edges of every pixel from a map; times must be settled up to `step`."""
+    image.black[:] = count_black(Draws.from_colorings([coloring]), image.grid)
+    count_edges(image, coloring.segments(), step)
 
 
 def read_coloring(graph: Graph) -> Coloring:

@@ -13,11 +13,11 @@ from prf.kernels import constants as c
 from prf.kernels.build import recompute_sums, trace_all
 from prf.kernels.chain import Chain
 from prf.kernels.grid import make_grid
-from prf.kernels.points import Points, Y, paint
+from prf.kernels.points import Points, Y
 from prf.layout import make_graph, make_guards, make_image, make_index, make_proposal, make_sites, make_targets
 from prf.logs import PointTable, Readings
 from prf.sensors.laser import LaserModel, make_beams, make_rays
-from prf.sensors.points import PointModel, make_points
+from prf.sensors.points import PointModel, make_points, paint
 from prf.sensors.sonar import SonarModel, make_cones, make_poses
 from prf.window import Window
 

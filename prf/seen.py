@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from prf.kernels.cones import MAX_DISTANCE
 from prf.kernels.grid import Grid, most_cells
-from prf.kernels.passed_cells import mark_beams, mark_cones
+from prf.kernels.passed_cells import count_passes, mark_cones
 from prf.sensors.laser import unit_vectors, window_exit
 from prf.sensors.sonar import SonarModel, make_poses
 from prf.window import Window
@@ -31,10 +31,11 @@ def beam_ends(window: Window, origin: Floats, angle: Floats, ranges: Floats, max
 
 def seen_by_beams(grid: Grid, window: Window, origin: Floats, angle: Floats, ranges: Floats, max_range: float) -> Bools:
     """Return which cells (ny, nx) of a grid beams crossed or ended in; parameters as of :func:`beam_ends`."""
-    seen: Bools = np.zeros((grid.ny, grid.nx), np.bool_)
+    passes = np.zeros((grid.ny, grid.nx), np.int64)
     end, _ = beam_ends(window, origin, angle, ranges, max_range)
     path = np.empty(most_cells(grid), np.int32)
-    mark_beams(grid, np.ascontiguousarray(origin), np.ascontiguousarray(end), path, seen.reshape(-1))
+    count_passes(grid, np.ascontiguousarray(origin), np.ascontiguousarray(end), path, passes.reshape(-1))
+    seen: Bools = passes > 0
     return seen
 
 

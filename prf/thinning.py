@@ -147,5 +147,5 @@ class Passages:
 
     def _count(self, chosen: Bools) -> Ints:
         passes = np.zeros(self._grid.nx * self._grid.ny, np.int64)
-        count_passes(self._grid, self._start, self._end, chosen, self._path, passes)
+        count_passes(self._grid, self._start[chosen], self._end[chosen], self._path, passes)
         return passes

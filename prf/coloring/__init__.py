@@ -1,7 +1,7 @@
 """Polygonal colorings: the discontinuity graph as arrays, its validity, its colours, its polygons, its files."""
 
 from prf.coloring.geojson import feature_lines, from_feature, read_geojsonl, to_feature
-from prf.coloring.graph import Coloring, Draws, black_areas, black_at, black_at_draws
+from prf.coloring.graph import Coloring, Draws, black_areas, black_at, black_at_draws, count_black
 from prf.coloring.polygons import from_polygons, occupied_polygons, oriented_polygons
 from prf.coloring.validity import check, violations
 
@@ -12,6 +12,7 @@ __all__ = [
     "black_at",
     "black_at_draws",
     "check",
+    "count_black",
     "feature_lines",
     "from_feature",
     "from_polygons",

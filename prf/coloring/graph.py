@@ -9,7 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from prf.kernels.colours import draws_black_area, draws_odd
+from prf.kernels.colours import Graphs, draws_black_area, draws_odd
+from prf.kernels.grid import Grid
+from prf.kernels.query import draws_count_black
 from prf.window import Window
 
 
@@ -107,6 +109,11 @@ class Draws:
             np.array([coloring.anchor_black for coloring in colorings], dtype=np.bool_),
         )
 
+    @property
+    def graphs(self) -> Graphs:
+        """The discontinuity graphs as the kernels take them."""
+        return Graphs(self.vertex_offsets, self.xy, self.side, self.edge_offsets, self.edges)
+
     def __len__(self) -> int:
         """Return the number of draws."""
         return len(self.anchor_black)
@@ -169,19 +176,22 @@ def black_at_draws(draws: Draws, xy: ArrayLike) -> NDArray[np.bool_]:
 
 def black_areas(draws: Draws) -> NDArray[np.float64]:
     """Return the area of the black region of each draw, (n_draws,), in square metres."""
-    area = np.empty(len(draws))
     corner_black = draws.anchor_black ^ _odd(draws, np.array([draws.window.centre]))[:, 0]
-    arrays = (draws.vertex_offsets, draws.xy, draws.side, draws.edge_offsets, draws.edges)
-    draws_black_area(draws.window.to_array(), *arrays, corner_black, area)
-    return area
+    return np.asarray(draws_black_area(draws.window.to_array(), draws.graphs, corner_black))
+
+
+def count_black(draws: Draws, grid: Grid) -> NDArray[np.int32]:
+    """Return in how many draws the centre of each cell (n_cells,) of a grid over the window is black."""
+    y = grid.y0 + (np.arange(grid.ny) + 0.5) * grid.cell
+    first_column = np.stack([np.full(grid.ny, grid.x0 + 0.5 * grid.cell), y], axis=1)
+    return np.asarray(draws_count_black(grid, black_at_draws(draws, first_column), draws.graphs))
 
 
 def _odd(draws: Draws, points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return whether each point's colour differs from that of the bottom left corner, (n_draws, n)."""
     order = np.argsort(points[:, 0], kind="stable")
     inside = np.ascontiguousarray(_off_right_side(points[order], draws.window))
-    odd = np.zeros((len(draws), len(points)), dtype=np.bool_)
-    draws_odd(inside, draws.vertex_offsets, draws.xy, draws.side, draws.edge_offsets, draws.edges, odd)
+    odd = draws_odd(inside, draws.graphs)
     unsorted = np.empty_like(odd)
     unsorted[:, order] = odd
     return unsorted

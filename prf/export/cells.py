@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
-from prf.coloring import Coloring, Draws, black_at_draws, from_polygons, occupied_polygons
+from prf.coloring import Coloring, Draws, count_black, from_polygons, occupied_polygons
 from prf.estimate import occupied_probability
 from prf.export.source import Map, Source
 from prf.kernels.grid import Grid
-from prf.kernels.query import count_black
 from prf.layout import image_grid, pixel_centres
 from prf.run import PosteriorImage, names
 from prf.shell.errors import InputError, UsageError
@@ -77,10 +76,7 @@ def share_of_draws(draws: Draws, resolution: float) -> Cells:
     if len(draws) == 0:
         raise InputError("no draws yet: nothing can be exported. Go on with prf sample --resume.")
     grid = _checked_grid(draws.window, resolution)
-    first_column = pixel_centres(grid)[:: grid.nx]
-    count = np.zeros(grid.nx * grid.ny, np.int32)
-    ragged = (draws.vertex_offsets, draws.xy, draws.edge_offsets, draws.edges)
-    count_black(grid, black_at_draws(draws, first_column), *ragged, np.zeros(len(count), np.bool_), count)
+    count = count_black(draws, grid)
     share = np.where(draws.window.contains(pixel_centres(grid)), count / len(draws), np.nan)
     return Cells(share.reshape(grid.ny, grid.nx), np.array([grid.x0, grid.y0]), resolution)
 

@@ -14,7 +14,7 @@ from prf.kernels._jit import Array, core, core_entry
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.geometry import ray_hit
 from prf.kernels.graph import Graph
-from prf.kernels.grid import ABS_TOL, REL_TOL, Grid, exit_distance, walk
+from prf.kernels.grid import ABS_TOL, REL_TOL, Grid, exit_distance
 from prf.kernels.laser import beam_log_likelihood
 from prf.kernels.slots import list_slot
 
@@ -165,46 +165,28 @@ def relist_beams(beams: Beams) -> float:
 
 
 @core_entry
-def count_slots(grid: Grid, ray: Array, path: Array, slot_start: Array) -> None:
-    """Fill `slot_start` (n + 1,) with the number of cells of each beam up to its reach, summed."""
-    slot_start[0] = 0
+def find_exits(grid: Grid, ray: Array, slot_start: Array, slot_cell: Array, slot_exit: Array) -> None:
+    """Write where each beam leaves its slots, rounded down: one may be searched in vain, but never missed."""
     for beam in range(ray.shape[0]):
-        end_x = ray[beam, c.ORIGIN_X] + ray[beam, c.MAX_DISTANCE] * ray[beam, c.DIRECTION_X]
-        end_y = ray[beam, c.ORIGIN_Y] + ray[beam, c.MAX_DISTANCE] * ray[beam, c.DIRECTION_Y]
-        n = walk(grid, ray[beam, c.ORIGIN_X], ray[beam, c.ORIGIN_Y], end_x, end_y, path)
-        slot_start[beam + 1] = slot_start[beam] + n
+        ox, oy, ux, uy = ray[beam, 0], ray[beam, 1], ray[beam, 2], ray[beam, 3]
+        last = slot_start[beam + 1] - 1
+        latest = 0.0
+        for slot in range(slot_start[beam], last):
+            latest = max(latest, exit_distance(grid, slot_cell[slot], ox, oy, ux, uy) * (1.0 - REL_TOL) - ABS_TOL)
+            slot_exit[slot] = latest
+        slot_exit[last] = ray[beam, c.MAX_DISTANCE]
 
 
 @core_entry
-def fill_slots(
-    grid: Grid,
-    ray: Array,
-    path: Array,
-    level: Array,
-    slot_start: Array,
-    slot_cell: Array,
-    slot_exit: Array,
-    cell_start: Array,
-) -> None:
-    """Fill the lists and exits of all slots, and `cell_start` (n_levels * n_cells + 1,) with the room of each list.
-
-    Exits are rounded down: a slot may then be listed, or searched, one cell too far, never one too short.
-    """
-    cell_start[:] = 0
-    for beam in range(ray.shape[0]):
-        ox = ray[beam, c.ORIGIN_X]
-        oy = ray[beam, c.ORIGIN_Y]
-        ux = ray[beam, c.DIRECTION_X]
-        uy = ray[beam, c.DIRECTION_Y]
-        reach = ray[beam, c.MAX_DISTANCE]
-        n = walk(grid, ox, oy, ox + reach * ux, oy + reach * uy, path)
-        before = np.int64(level[beam]) * grid.nx * grid.ny
-        latest = 0.0
-        for k in range(n):
-            slot = slot_start[beam] + k
-            slot_cell[slot] = before + path[k]
-            latest = max(latest, exit_distance(grid, path[k], ox, oy, ux, uy) * (1.0 - REL_TOL) - ABS_TOL)
-            slot_exit[slot] = latest if k < n - 1 else reach
-            cell_start[before + path[k] + 1] += 1
-    for cell in range(cell_start.size - 1):
-        cell_start[cell + 1] += cell_start[cell]
+def find_aims(near: Array, far: Array, slot_start: Array, slot_exit: Array, aim: Array) -> None:
+    """Set `aim` (n, 2) to the slots, from the first to before the second, between the distances `near` and `far`."""
+    for beam in range(near.shape[0]):
+        first = slot_start[beam]
+        last = slot_start[beam + 1]
+        while first < last and slot_exit[first] < near[beam]:
+            first += 1
+        end = first
+        while end < last and (end == first or slot_exit[end - 1] <= far[beam]):
+            end += 1
+        aim[beam, 0] = first
+        aim[beam, 1] = end

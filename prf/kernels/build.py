@@ -1,39 +1,71 @@
 """Filling and summing of a chain's arrays from nothing: at the start, when room grows, and at fixed steps."""
 
 from prf.kernels import constants as c
-from prf.kernels._jit import Array, core_entry
+from prf.kernels._jit import Array, core, core_entry
 from prf.kernels.beams import relist_beams, trace_beam
 from prf.kernels.chain import Chain
 from prf.kernels.cones import relist_cones, sense_now
 from prf.kernels.edge_index import EdgeIndex, index_edge
-from prf.kernels.graph import Graph, classify_vertex, distance, insert_edge, insert_vertex, vertex_sine_now
-from prf.kernels.grid import Grid, cell_at
-from prf.kernels.guards import count_blocked, index_frozen
+from prf.kernels.graph import (
+    Graph,
+    classify_vertex,
+    distance,
+    insert_edge,
+    insert_vertex,
+    is_drawn,
+    set_remove,
+    vertex_sine_now,
+)
+from prf.kernels.guards import count_blocked
 from prf.kernels.points import sum_points
 from prf.kernels.prior import log_prior
 from prf.kernels.sites import count_occupied
 
 
+@core
+def is_movable(graph: Graph, v: int) -> bool:
+    """Whether no edge of v is frozen, or missing here."""
+    first = graph.vertex_edges[v, 0]
+    if first == c.NONE or not is_drawn(graph, first):
+        return False
+    last = graph.vertex_edges[v, 1]
+    return graph.vertex_side[v] != c.INTERIOR or (last != c.NONE and is_drawn(graph, last))
+
+
 @core_entry
-def fill_graph(graph: Graph, n_vertices: int, edges: Array) -> None:
-    """Insert the vertices of the first `n_vertices` slots, whose coordinates are set, and the given edges (n, 2)."""
+def fill_graph(graph: Graph, n_vertices: int, edges: Array, is_live: Array) -> None:
+    """Insert the vertices of the first `n_vertices` slots and the edges (n, 2), of which only live ones can be drawn.
+
+    A vertex can be drawn if all its edges can; a vertex beyond a part of a map may lack one.
+    """
     for v in range(n_vertices):
         insert_vertex(graph, v)
     for k in range(edges.shape[0]):
         a = edges[k, 0]
         b = edges[k, 1]
-        insert_edge(graph, a, b, distance(graph, a, b))
+        edge = insert_edge(graph, a, b, distance(graph, a, b))
+        if is_live[k] == 0:
+            set_remove(graph, c.EDGES, edge)
+            set_remove(graph, c.CORNER_CUTS, edge)
     for v in range(n_vertices):
-        graph.vertex_sine[v] = vertex_sine_now(graph, v)
-        classify_vertex(graph, v)
+        if graph.vertex_side[v] != c.INTERIOR or graph.vertex_edges[v, 1] != c.NONE:
+            graph.vertex_sine[v] = vertex_sine_now(graph, v)
+        if not is_movable(graph, v):
+            set_remove(graph, c.INTERIOR_VERTICES, v)
+            set_remove(graph, c.BOUNDARY_VERTICES, v)
+    for i in range(graph.counts[c.INTERIOR_VERTICES]):
+        classify_vertex(graph, graph.members[c.INTERIOR_VERTICES, i])
 
 
 @core_entry
-def fill_index(graph: Graph, index: EdgeIndex) -> bool:
-    """Enter all edges into an empty index; return False if a cell is, or would be, short of room."""
+def fill_index(graph: Graph, index: EdgeIndex, frozen: Array) -> bool:
+    """Enter all edges, with the `frozen`, into an empty index; return False if a cell is or would be short of room."""
     has_room = True
     for i in range(graph.counts[c.EDGES]):
         edge = graph.members[c.EDGES, i]
+        if index_edge(index, edge, graph.edge_xy[edge]):
+            has_room = False
+    for edge in frozen:
         if index_edge(index, edge, graph.edge_xy[edge]):
             has_room = False
     return has_room
@@ -57,8 +89,8 @@ def recompute_sums(chain: Chain) -> None:
     """
     graph = chain.graph
     chain.edge_index.cell_count[:] = 0
-    has_room = fill_index(graph, chain.edge_index)
-    if not index_frozen(graph, chain.edge_index, chain.guards) or not has_room:
+    lists = chain.guards.lists
+    if not fill_index(graph, chain.edge_index, lists[1 : 1 + lists[0]]):
         graph.counts[c.NEEDS_ROOM] = 1
     length = 0.0
     for i in range(graph.counts[c.EDGES]):
@@ -68,10 +100,3 @@ def recompute_sums(chain: Chain) -> None:
     readings = relist_beams(chain.beams) + relist_cones(chain.cones)
     graph.sums[c.LOG_LIKELIHOOD] = readings + sum_points(chain.points)
     graph.counts[c.OCCUPIED] = count_occupied(chain.sensors) + count_blocked(graph, chain.edge_index, chain.guards)
-
-
-@core_entry
-def cells_of(grid: Grid, xy: Array, cells: Array) -> None:
-    """Write the cell of each point of `xy` (n, 2)."""
-    for k in range(xy.shape[0]):
-        cells[k] = cell_at(grid, xy[k, 0], xy[k, 1])

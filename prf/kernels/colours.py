@@ -6,12 +6,22 @@ along the bottom side to its left corner, past every bottom vertex with abscissa
 colour of that corner, switched once for each meeting.
 """
 
-from __future__ import annotations
+from typing import NamedTuple
 
 import numpy as np
 
 from prf.kernels._jit import Array, jit
 from prf.kernels.constants import BOTTOM, LEFT, TOP
+
+
+class Graphs(NamedTuple):
+    """Discontinuity graphs of many draws, as ``prf.coloring.Draws`` keeps them."""
+
+    vertex_offsets: Array  # (n_draws + 1,) i8
+    xy: Array  # (n, 2) f8
+    side: Array  # (n,) i1
+    edge_offsets: Array  # (n_draws + 1,) i8
+    edges: Array  # (m, 2) i4 vertices, numbered within the draw
 
 
 @jit
@@ -44,13 +54,15 @@ def switch_by_graph(points: Array, xy: Array, side: Array, edges: Array, odd: Ar
 
 
 @jit
-def draws_odd(
-    points: Array, vertex_offsets: Array, xy: Array, side: Array, edge_offsets: Array, edges: Array, odd: Array
-) -> None:
-    """Set ``odd`` (n_draws, n_points): parity of meetings, for points sorted by x, in each draw of a ragged store."""
-    for i in range(odd.shape[0]):
-        v0, v1, e0, e1 = vertex_offsets[i], vertex_offsets[i + 1], edge_offsets[i], edge_offsets[i + 1]
-        switch_by_graph(points, xy[v0:v1], side[v0:v1], edges[e0:e1], odd[i])
+def draws_odd(points: Array, graphs: Graphs) -> Array:
+    """Parity of meetings (n_draws, n_points) of each of the points, sorted by x, with each graph."""
+    n_draws = graphs.vertex_offsets.shape[0] - 1
+    odd = np.zeros((n_draws, points.shape[0]), np.bool_)
+    for i in range(n_draws):
+        v0, v1 = graphs.vertex_offsets[i], graphs.vertex_offsets[i + 1]
+        e0, e1 = graphs.edge_offsets[i], graphs.edge_offsets[i + 1]
+        switch_by_graph(points, graphs.xy[v0:v1], graphs.side[v0:v1], graphs.edges[e0:e1], odd[i])
+    return odd
 
 
 @jit
@@ -109,17 +121,11 @@ def black_area(xy: Array, side: Array, edges: Array, window: Array, corner_black
 
 
 @jit
-def draws_black_area(
-    window: Array,
-    vertex_offsets: Array,
-    xy: Array,
-    side: Array,
-    edge_offsets: Array,
-    edges: Array,
-    corner_black: Array,
-    area: Array,
-) -> None:
-    """Set ``area`` (n_draws,): the black area of each draw of a ragged store."""
+def draws_black_area(window: Array, graphs: Graphs, corner_black: Array) -> Array:
+    """Black area (n_draws,) of each graph, given the colours (n_draws,) of the bottom left corner."""
+    area = np.empty(corner_black.shape[0])
     for i in range(area.shape[0]):
-        v0, v1, e0, e1 = vertex_offsets[i], vertex_offsets[i + 1], edge_offsets[i], edge_offsets[i + 1]
-        area[i] = black_area(xy[v0:v1], side[v0:v1], edges[e0:e1], window, corner_black[i])
+        v0, v1 = graphs.vertex_offsets[i], graphs.vertex_offsets[i + 1]
+        e0, e1 = graphs.edge_offsets[i], graphs.edge_offsets[i + 1]
+        area[i] = black_area(graphs.xy[v0:v1], graphs.side[v0:v1], graphs.edges[e0:e1], window, corner_black[i])
+    return area

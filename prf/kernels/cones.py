@@ -200,31 +200,20 @@ def cells_of_cone(grid: Grid, pose: Array, reach: float, cells: Array, near: Arr
 
 
 @core_entry
-def count_cone_slots(grid: Grid, pose: Array, cells: Array, near: Array, slot_start: Array) -> None:
-    """Fill `slot_start` (n + 1,) with the number of cells of each cone, summed."""
-    slot_start[0] = 0
-    for cone in range(pose.shape[0]):
-        slot_start[cone + 1] = slot_start[cone] + cells_of_cone(grid, pose[cone], pose[cone, MAX_DISTANCE], cells, near)
+def find_slots(
+    grid: Grid, pose: Array, cells: Array, near: Array, slot_start: Array, slot_cell: Array, slot_near: Array
+) -> int:
+    """Write the cells of each cone and where it enters them, while there is room; return how many slots all need.
 
-
-@core_entry
-def fill_cone_slots(
-    grid: Grid,
-    pose: Array,
-    cells: Array,
-    near: Array,
-    slot_start: Array,
-    slot_cell: Array,
-    slot_near: Array,
-    cell_start: Array,
-) -> None:
-    """Fill the cells and entries of all slots, and `cell_start` (n_cells + 1,) with the room of each cell."""
-    cell_start[:] = 0
+    `slot_start` (n + 1,) takes the first slot of each cone; `cells` and `near` have room for one cone.
+    """
+    n = 0
     for cone in range(pose.shape[0]):
-        n = cells_of_cone(grid, pose[cone], pose[cone, MAX_DISTANCE], cells, near)
-        for k in range(n):
-            slot_cell[slot_start[cone] + k] = cells[k]
-            slot_near[slot_start[cone] + k] = near[k] * (1.0 - REL_TOL)
-            cell_start[cells[k] + 1] += 1
-    for cell in range(cell_start.size - 1):
-        cell_start[cell + 1] += cell_start[cell]
+        slot_start[cone] = n
+        for k in range(cells_of_cone(grid, pose[cone], pose[cone, MAX_DISTANCE], cells, near)):
+            if n < slot_cell.shape[0]:
+                slot_cell[n] = cells[k]
+                slot_near[n] = near[k] * (1.0 - REL_TOL)
+            n += 1
+    slot_start[pose.shape[0]] = n
+    return n

@@ -3,6 +3,8 @@
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from prf.kernels._jit import Array, core
 
 CORNER_TOLERANCE = 1e-9
@@ -38,6 +40,13 @@ def make_grid(x_min: float, y_min: float, x_max: float, y_max: float, cell: floa
     nx = math.ceil((x_max - x_min + shift) / cell) + 1
     ny = math.ceil((y_max - y_min + shift) / cell) + 1
     return Grid(float(x_min - shift), float(y_min - shift), float(cell), nx, ny)
+
+
+def cells_of(grid: Grid, xy: Array) -> Array:
+    """Return the cell (n,) of each point (n, 2)."""
+    offset = ((xy - (grid.x0, grid.y0)) / grid.cell).astype(np.int64)
+    ix, iy = np.clip(offset, 0, (grid.nx - 1, grid.ny - 1)).T
+    return np.asarray(ix + grid.nx * iy)
 
 
 @core

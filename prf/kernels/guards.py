@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from prf.kernels import constants as c
 from prf.kernels._jit import Array, core, core_entry
-from prf.kernels.edge_index import EdgeIndex, index_edge
+from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.geometry import (
     orientation,
     point_segment_distance2,
@@ -42,17 +42,6 @@ class Guards(NamedTuple):
     lists: Array  # i4: number of frozen edges, these; without guards no more. Else starts of cells, their guards
 
 
-@core_entry
-def index_frozen(graph: Graph, index: EdgeIndex, guards: Guards) -> bool:
-    """Enter the frozen edges into the index; return False if a cell is short of room."""
-    has_room = True
-    for k in range(1, 1 + guards.lists[0]):
-        edge = guards.lists[k]
-        if index_edge(index, edge, graph.edge_xy[edge]):
-            has_room = False
-    return has_room
-
-
 @core
 def meets_triangle(xy: Array, corner: Array) -> bool:
     """Whether the segment `xy` (4,) has a point in common with the triangle of the corners (6,)."""
@@ -68,6 +57,15 @@ def meets_triangle(xy: Array, corner: Array) -> bool:
         else:
             right += 1
     return left == 3 or right == 3
+
+
+@core_entry
+def mark_met(triangles: Array, segments: Array, is_met: Array) -> None:
+    """Mark the segments (n, 4) that meet one of the triangles (m, 6)."""
+    for k in range(segments.shape[0]):
+        for i in range(triangles.shape[0]):
+            if is_met[k] == 0 and meets_triangle(segments[k], triangles[i]):
+                is_met[k] = 1
 
 
 @core
@@ -200,20 +198,14 @@ def cells_of_guard(grid: Grid, shape: Array, path: Array) -> int:
 
 
 @core_entry
-def count_guards(grid: Grid, shape: Array, path: Array, start: Array) -> None:
-    """Fill `start` (n_cells + 1,) with the numbers of guards in the cells, summed, the first 0."""
-    start[:] = 0
+def find_guard_cells(grid: Grid, shape: Array, path: Array, start: Array, cells: Array) -> int:
+    """Write the cells of each guard while there is room, where each begins to `start` (n + 1,); how many all need."""
+    n = 0
     for guard in range(shape.shape[0]):
+        start[guard] = n
         for k in range(cells_of_guard(grid, shape[guard], path)):
-            start[path[k] + 1] += 1
-    for cell in range(start.size - 1):
-        start[cell + 1] += start[cell]
-
-
-@core_entry
-def list_guards(grid: Grid, shape: Array, path: Array, place: Array, entries: Array) -> None:
-    """Write the guards of each cell from its `place` (n_cells,) in `entries` on; places move to the ends."""
-    for guard in range(shape.shape[0]):
-        for k in range(cells_of_guard(grid, shape[guard], path)):
-            entries[place[path[k]]] = guard
-            place[path[k]] += 1
+            if n < cells.shape[0]:
+                cells[n] = path[k]
+            n += 1
+    start[shape.shape[0]] = n
+    return n

@@ -8,10 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.kernels import constants as c
 from prf.kernels._jit import Array, core, core_entry
 from prf.kernels.geometry import loop_box
-from prf.kernels.graph import Graph
 from prf.kernels.grid import Grid, axis_index, walk
 
 
@@ -102,69 +100,8 @@ def recolor_inside(image: Image, loop: Array, n: int, step: int) -> None:
 
 
 @core_entry
-def count_all_edges(graph: Graph, image: Image) -> None:
-    """Count the edges in every pixel from nothing; times must be settled up to the graph's step."""
+def count_edges(image: Image, segments: Array, step: int) -> None:
+    """Count the edges (n, 4) in every pixel from nothing; times must be settled up to `step`."""
     image.n_edges[:] = 0
-    for i in range(graph.counts[c.EDGES]):
-        count_edge(image, graph.edge_xy[graph.members[c.EDGES, i]], 1, graph.counts[c.STEP])
-
-
-@core
-def colour_at_left(graph: Graph) -> int:
-    """Colour, 1 black, of the window's left border at half its height: that of the anchor, seen across the edges."""
-    window = graph.window
-    anchor_x = 0.5 * (window[0] + window[2])
-    anchor_y = 0.5 * (window[1] + window[3])
-    colour = graph.counts[c.ANCHOR_BLACK]
-    for i in range(graph.counts[c.EDGES]):
-        xy = graph.edge_xy[graph.members[c.EDGES, i]]
-        crosses = (xy[1] > anchor_y) != (xy[3] > anchor_y)
-        if crosses and xy[0] + (anchor_y - xy[1]) / (xy[3] - xy[1]) * (xy[2] - xy[0]) < anchor_x:
-            colour = 1 - colour
-    return colour
-
-
-@core
-def turns_on_left(graph: Graph, y: float) -> int:
-    """How often, modulo 2, the colour turns along the left border between half its height and `y`."""
-    middle = 0.5 * (graph.window[1] + graph.window[3])
-    turns = 0
-    for i in range(graph.counts[c.BOUNDARY_VERTICES]):
-        v = graph.members[c.BOUNDARY_VERTICES, i]
-        height = graph.vertex_xy[v, 1]
-        if graph.vertex_side[v] == c.LEFT and (height > y) != (height > middle):
-            turns = 1 - turns
-    return turns
-
-
-@core
-def mark_turns(image: Image, xy: Array) -> None:
-    """Mark, in every row of pixels that the edge `xy` (4,) crosses, the first one right of it; two marks cancel."""
-    grid = image.grid
-    high = max(xy[1], xy[3])
-    for k in range(axis_index((min(xy[1], xy[3]) - grid.y0) / grid.cell, grid.ny), grid.ny):
-        y = grid.y0 + (k + 0.5) * grid.cell
-        if y >= high:
-            break
-        if (xy[1] > y) != (xy[3] > y):
-            start = first_centre(grid, xy[0] + (y - xy[1]) / (xy[3] - xy[1]) * (xy[2] - xy[0]))
-            if start < grid.nx:
-                pixel = start + grid.nx * k
-                image.black[pixel] = 1 - image.black[pixel]
-
-
-@core_entry
-def paint_all(graph: Graph, image: Image) -> None:
-    """Set the colour of every pixel, and count the edges in each, from the map; times must be settled up to now."""
-    grid = image.grid
-    image.black[:] = 0
-    for i in range(graph.counts[c.EDGES]):
-        mark_turns(image, graph.edge_xy[graph.members[c.EDGES, i]])
-    base = colour_at_left(graph)
-    for k in range(grid.ny):
-        colour = base ^ turns_on_left(graph, grid.y0 + (k + 0.5) * grid.cell)
-        for pixel in range(grid.nx * k, grid.nx * (k + 1)):
-            if image.black[pixel] != 0:
-                colour = 1 - colour
-            image.black[pixel] = colour
-    count_all_edges(graph, image)
+    for k in range(segments.shape[0]):
+        count_edge(image, segments[k], 1, step)

@@ -16,7 +16,7 @@ Beams come in levels, so that a proposal which few beams reject is never compute
 """
 
 from prf.kernels import constants as c
-from prf.kernels._jit import Array, core, core_entry, spine
+from prf.kernels._jit import Array, core, spine
 from prf.kernels.beams import Beams, first_hit, link_beam, slot_at, unlink_beam
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.geometry import ray_hit
@@ -64,21 +64,6 @@ def shift_cells(beams: Beams, beam: int, change: float) -> None:
     """Add the change of a beam's gap to the cells in which its reading lies."""
     for slot in range(beams.aim[beam, 0], beams.aim[beam, 1]):
         beams.cell_shortfall[beams.slot_cell[slot]] += change
-
-
-@core_entry
-def find_aims(near: Array, far: Array, slot_start: Array, slot_exit: Array, aim: Array) -> None:
-    """Set `aim` (n, 2) to the slots, from the first to before the second, between the distances `near` and `far`."""
-    for beam in range(near.shape[0]):
-        first = slot_start[beam]
-        last = slot_start[beam + 1]
-        while first < last and slot_exit[first] < near[beam]:
-            first += 1
-        end = first
-        while end < last and (end == first or slot_exit[end - 1] <= far[beam]):
-            end += 1
-        aim[beam, 0] = first
-        aim[beam, 1] = end
 
 
 @spine

@@ -3,40 +3,12 @@
 import math
 
 from prf.kernels import constants as c
-from prf.kernels._jit import Array, core, core_entry, jit
-from prf.kernels.geometry import ray_hit
-from prf.kernels.grid import Grid, axis_index, exit_distance, walk
+from prf.kernels._jit import Array, core, core_entry
+from prf.kernels.grid import Grid, axis_index
 from prf.kernels.laser import CDF_SATURATION, ROOT_TWO_PI, beam_log_likelihood, normal_cdf
-from prf.kernels.segment_lists import segments_by_cell
 
 LEAST_BIN = 1e-9
 """Share of a bin below which rounding, not the reach of a ray, made one more."""
-
-
-@core
-def first_edge(grid: Grid, ray: Array, segments: Array, path: Array, start: Array, listed: Array) -> float:
-    """Distance to the first edge on a ray before its reach, inf if there is none."""
-    ox, oy, ux, uy = ray[0], ray[1], ray[2], ray[3]
-    best = math.inf
-    n = walk(grid, ox, oy, ox + ray[c.MAX_DISTANCE] * ux, oy + ray[c.MAX_DISTANCE] * uy, path)
-    for k in range(n):
-        cell = path[k]
-        for i in range(start[cell], start[cell + 1]):
-            best = min(best, ray_hit(ray, segments[listed[i]]))
-        if best < exit_distance(grid, cell, ox, oy, ux, uy):
-            break
-    return best if best < ray[c.MAX_DISTANCE] else math.inf
-
-
-@jit
-def trace_rays(grid: Grid, rays: Array, segments: Array, path: Array, distance: Array) -> None:
-    """Set ``distance`` (n,) to the first of the segments (n_edges, 4) on each ray, inf for none.
-
-    Rays (n, 5) have the columns ORIGIN_X ... MAX_DISTANCE of ``Beams.ray``.
-    """
-    start, listed = segments_by_cell(grid, segments, path)
-    for beam in range(rays.shape[0]):
-        distance[beam] = first_edge(grid, rays[beam], segments, path, start, listed)
 
 
 @core

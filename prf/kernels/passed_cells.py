@@ -1,16 +1,8 @@
-"""Cells that readings pass or end in: marked, counted, and kept passed when beams are left out (docs/thinning.md)."""
+"""Cells that readings pass or end in: marked, counted, and kept passed when beams are left out."""
 
 from prf.kernels._jit import Array, core_entry
 from prf.kernels.cones import cells_of_cone
 from prf.kernels.grid import Grid, walk
-
-
-@core_entry
-def mark_beams(grid: Grid, start: Array, end: Array, path: Array, seen: Array) -> None:
-    """Set `seen` (n_cells,) in every cell that a beam from `start` to `end` (n, 2) passes or ends in."""
-    for beam in range(start.shape[0]):
-        for k in range(walk(grid, start[beam, 0], start[beam, 1], end[beam, 0], end[beam, 1], path)):
-            seen[path[k]] = True
 
 
 @core_entry
@@ -22,16 +14,14 @@ def mark_cones(grid: Grid, pose: Array, reach: Array, cells: Array, near: Array,
 
 
 @core_entry
-def count_passes(grid: Grid, start: Array, end: Array, chosen: Array, path: Array, passes: Array) -> None:
-    """Add to `passes` (n_cells,) how many of the `chosen` beams (n,) pass each cell or end in it.
+def count_passes(grid: Grid, start: Array, end: Array, path: Array, passes: Array) -> None:
+    """Add to `passes` (n_cells,) how many beams pass each cell or end in it.
 
     `start` and `end` (n, 2) lie in the window; `path` has room for one walk.
     """
     for beam in range(start.shape[0]):
-        if chosen[beam]:
-            n = walk(grid, start[beam, 0], start[beam, 1], end[beam, 0], end[beam, 1], path)
-            for k in range(n):
-                passes[path[k]] += 1
+        for k in range(walk(grid, start[beam, 0], start[beam, 1], end[beam, 0], end[beam, 1], path)):
+            passes[path[k]] += 1
 
 
 @core_entry

@@ -8,7 +8,7 @@ loop, and turning is a change of sign.
 
 from typing import NamedTuple
 
-from prf.kernels._jit import Array, core, core_entry
+from prf.kernels._jit import Array, core
 from prf.kernels.geometry import inside_loop, loop_box
 from prf.kernels.image import row_crossings
 
@@ -106,15 +106,6 @@ def gain_inside(points: Points, loop: Array, n: int, crossings: Array, turns: bo
             change += scattered_gain(points, band, loop, n, x_min, x_max, turns)
         band += 1
     return change
-
-
-@core_entry
-def paint(points: Points, black: Array) -> None:
-    """Set the colour of every point (n,) and what turning it would gain."""
-    for k in range(points.column.shape[1]):
-        points.column[BLACK, k] = 1.0 if black[k] else 0.0
-        gain = points.column[LOG_BLACK, k] - points.column[LOG_WHITE, k]
-        points.column[GAIN, k] = -gain if black[k] else gain
 
 
 @core

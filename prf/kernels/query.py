@@ -4,11 +4,10 @@ Points are sorted by x: an edge then meets only the points of its own band of x,
 (2,000 points in 2,000 draws of 2,300 edges: 2.5 CPU seconds).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from prf.kernels._jit import Array, jit
+from prf.kernels.colours import Graphs
 from prf.kernels.geometry import segment_distance2, segment_meets_box
 from prf.kernels.grid import Grid
 
@@ -26,14 +25,13 @@ def mark_squares(points: Array, half: float, a: Array, b: Array, marked: Array) 
 
 
 @jit
-def draws_mark_squares(
-    points: Array, half: float, vertex_offsets: Array, xy: Array, edge_offsets: Array, edges: Array, marked: Array
-) -> None:
+def draws_mark_squares(points: Array, half: float, graphs: Graphs, marked: Array) -> None:
     """Set ``marked`` (n_draws, n_points), for points sorted by x, where an edge of the draw meets the square."""
     for draw in range(marked.shape[0]):
-        first = vertex_offsets[draw]
-        for e in range(edge_offsets[draw], edge_offsets[draw + 1]):
-            mark_squares(points, half, xy[first + edges[e, 0]], xy[first + edges[e, 1]], marked[draw])
+        first = graphs.vertex_offsets[draw]
+        for e in range(graphs.edge_offsets[draw], graphs.edge_offsets[draw + 1]):
+            a, b = graphs.xy[first + graphs.edges[e, 0]], graphs.xy[first + graphs.edges[e, 1]]
+            mark_squares(points, half, a, b, marked[draw])
 
 
 @jit
@@ -51,44 +49,37 @@ def edge_near_path(a: Array, b: Array, path: Array, radius: float) -> bool:
 
 
 @jit
-def draws_clear_path(
-    path: Array, radius: float, vertex_offsets: Array, xy: Array, edge_offsets: Array, edges: Array, clear: Array
-) -> None:
-    """Set ``clear`` (n_draws,): no edge of the draw within `radius` of the polyline `path` (two points at least)."""
+def draws_clear_path(path: Array, radius: float, graphs: Graphs) -> Array:
+    """Whether no edge of each draw (n_draws,) is within `radius` of the polyline `path` (two points at least)."""
+    clear = np.ones(graphs.vertex_offsets.shape[0] - 1, np.bool_)
     for draw in range(clear.shape[0]):
-        first = vertex_offsets[draw]
-        clear[draw] = True
-        for e in range(edge_offsets[draw], edge_offsets[draw + 1]):
-            if edge_near_path(xy[first + edges[e, 0]], xy[first + edges[e, 1]], path, radius):
+        first = graphs.vertex_offsets[draw]
+        for e in range(graphs.edge_offsets[draw], graphs.edge_offsets[draw + 1]):
+            a, b = graphs.xy[first + graphs.edges[e, 0]], graphs.xy[first + graphs.edges[e, 1]]
+            if edge_near_path(a, b, path, radius):
                 clear[draw] = False
                 break
+    return clear
 
 
 @jit
-def count_black(
-    grid: Grid,
-    first_black: Array,
-    vertex_offsets: Array,
-    xy: Array,
-    edge_offsets: Array,
-    edges: Array,
-    turns: Array,
-    count: Array,
-) -> None:
-    """Add to ``count`` (n_cells,) the draws in which the centre of each cell is black, row by row (scan conversion).
+def draws_count_black(grid: Grid, first_black: Array, graphs: Graphs) -> Array:
+    """Number of draws (n_cells,) in which the centre of each cell is black, row by row (scan conversion).
 
-    ``first_black`` (n_draws, ny): colours at the centres of the first column; ``turns`` (n_cells,): scratch.
+    ``first_black`` (n_draws, ny): colours at the centres of the first column.
     """
+    turns, count = np.empty(grid.nx * grid.ny, np.bool_), np.zeros(grid.nx * grid.ny, np.int32)
     for draw in range(first_black.shape[0]):
         turns[:] = False
-        for e in range(edge_offsets[draw], edge_offsets[draw + 1]):
-            first = vertex_offsets[draw]
-            mark_crossings(grid, xy[first + edges[e, 0]], xy[first + edges[e, 1]], turns)
+        first = graphs.vertex_offsets[draw]
+        for e in range(graphs.edge_offsets[draw], graphs.edge_offsets[draw + 1]):
+            mark_crossings(grid, graphs.xy[first + graphs.edges[e, 0]], graphs.xy[first + graphs.edges[e, 1]], turns)
         for k in range(grid.ny):
             black = first_black[draw, k]
             for cell in range(grid.nx * k, grid.nx * (k + 1)):
                 black = black != turns[cell]
                 count[cell] += black
+    return count
 
 
 @jit

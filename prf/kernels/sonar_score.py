@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from prf.kernels._jit import Array, core, core_entry
+from prf.kernels.cell_lists import SegmentLists
 from prf.kernels.cones import READING, cells_of_cone
 from prf.kernels.grid import Grid
 from prf.kernels.laser import CDF_SATURATION
@@ -35,13 +36,10 @@ UNKNOWN = 0.5
 
 
 class Scene(NamedTuple):
-    """One finished map as many cones look at it: its edges, listed by cell, and scratch for one cone."""
+    """One finished map as many cones look at it: its edges and scratch for one cone."""
 
-    grid: Grid
-    segments: Array  # (n, 4) f8 ends of the edges
+    edges: SegmentLists
     corners: Array  # (n, 2) i4 vertices at the ends, NONE where the wall meets the border of the window
-    start: Array  # (n_cells + 1,) i8 where each cell's list of edges begins
-    listed: Array  # (start[-1],) i4
     marks: Array  # (n,) i8 the last cone that met an edge
     mark: Array  # (1,) i8 the cone in work
     cells: Array  # i4 scratch: the cells of one cone
@@ -54,14 +52,15 @@ def look(scene: Scene, pose: Array, reach: float) -> None:
     """Find the features in one cone; they are left in the scratch, not sorted."""
     scene.mark[0] += 1
     scene.sight.counts[N_LINES] = 0
-    n = cells_of_cone(scene.grid, pose, reach, scene.cells, scene.near)
+    n = cells_of_cone(scene.edges.grid, pose, reach, scene.cells, scene.near)
     for k in range(n):
         cell = scene.cells[k]
-        for place in range(scene.start[cell], scene.start[cell + 1]):
-            edge = scene.listed[place]
+        for place in range(scene.edges.start[cell], scene.edges.start[cell + 1]):
+            edge = scene.edges.listed[place]
             if scene.marks[edge] != scene.mark[0]:
                 scene.marks[edge] = scene.mark[0]
-                see_edge(scene.sight, pose, reach, scene.segments[edge], scene.corners[edge, 0], scene.corners[edge, 1])
+                a, b = scene.corners[edge, 0], scene.corners[edge, 1]
+                see_edge(scene.sight, pose, reach, scene.edges.segments[edge], a, b)
     sweep(scene.sight, pose[BORDER], reach)
 
 

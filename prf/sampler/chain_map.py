@@ -12,8 +12,8 @@ from prf.kernels import constants as c
 from prf.kernels.build import recompute_sums, trace_all
 from prf.kernels.chain import Chain
 from prf.kernels.graph import Graph
-from prf.kernels.image import paint_all, settle_all
-from prf.layout import make_graph, make_image, make_index, painted_sites, read_coloring
+from prf.kernels.image import settle_all
+from prf.layout import make_graph, make_image, make_index, paint_image, painted_sites, read_coloring
 from prf.posterior import FIRST_CAPACITY, Settings, painted_points
 from prf.sensors.laser import empty_lists
 from prf.sensors.sonar import make_sight
@@ -97,7 +97,7 @@ def with_map(chain: Chain, settings: Settings, coloring: Coloring) -> Chain:
 def repaint(chain: Chain) -> None:
     """Let the image follow the map that the chain was given; the times of the old one must be settled."""
     if chain.image.black.size > 0:
-        paint_all(chain.graph, chain.image)
+        paint_image(chain.image, read_coloring(chain.graph), int(chain.graph.counts[c.STEP]))
 
 
 def settle_image(chain: Chain) -> None:

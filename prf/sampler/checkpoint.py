@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from prf.coloring import Coloring, Draws
 from prf.kernels.chain import Chain
-from prf.kernels.image import count_all_edges, settle_all
+from prf.kernels.image import count_edges, settle_all
+from prf.layout import read_coloring
 from prf.posterior import Settings
 from prf.run import names
 from prf.sampler.chain import ChainSampler
@@ -184,7 +185,7 @@ def restore_image(sampler: ChainSampler, arrays: Arrays) -> None:
     image.black[:] = arrays["image.black"]
     image.black_since[:] = sampler.step
     image.mixed_since[:] = sampler.step
-    count_all_edges(sampler.chain.graph, image)
+    count_edges(image, read_coloring(sampler.chain.graph).segments(), sampler.step)
     for name in TIMES:
         getattr(image, name)[:] = arrays[f"image.{name}"]
     times.start, times.previous_start = (int(start) for start in arrays["times.starts"])

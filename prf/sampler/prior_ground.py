@@ -24,7 +24,7 @@ from prf.kernels.cones import MAX_DISTANCE
 from prf.kernels.frozen import freeze, retrace, thaw
 from prf.kernels.grid import Grid, most_cells
 from prf.kernels.guards import GUARD_BOX, N_SHAPE
-from prf.kernels.passed_cells import mark_beams, mark_cones
+from prf.kernels.passed_cells import count_passes, mark_cones
 from prf.kernels.step import run
 from prf.layout import grow, make_guards, make_index
 from prf.posterior import Settings, make_chain
@@ -105,7 +105,7 @@ class PriorGround:
         """Return the chain with edges indexed, and impacts beyond the readings found again; sums are left."""
         index = chain.edge_index
         index.cell_count[:] = 0
-        if not fill_index(chain.graph, index):
+        if not fill_index(chain.graph, index, np.zeros(0, np.int32)):
             index = make_index(chain.graph, index.grid, 2 * index.cell_edges.shape[1])
         retrace(chain.graph, index, chain.beams, self.influence)
         return chain._replace(edge_index=index)
@@ -138,10 +138,11 @@ def influence_of(settings: Settings, chain: Chain) -> Floats:
 def closed_cells(settings: Settings, chain: Chain) -> Bools:
     """Return the cells (ny, nx) of the edge index in which an obstacle may concern a reading."""
     grid, ray, pose = chain.edge_index.grid, chain.beams.ray, chain.cones.pose
-    is_closed: Bools = np.zeros((grid.ny, grid.nx), np.bool_)
+    passes = np.zeros((grid.ny, grid.nx), np.int64)
     end = ray[:, :2] + influence_of(settings, chain)[:, None] * ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
     path = np.empty(most_cells(grid), np.int32)
-    mark_beams(grid, np.ascontiguousarray(ray[:, :2]), end, path, is_closed.reshape(-1))
+    count_passes(grid, np.ascontiguousarray(ray[:, :2]), end, path, passes.reshape(-1))
+    is_closed: Bools = passes > 0
     if settings.sonar is not None:
         room = grid.nx * grid.ny
         mark_cones(

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.kernels import constants as c
-from prf.kernels.build import cells_of
 from prf.kernels.chain import Chain
 from prf.kernels.frozen import confine, release
+from prf.kernels.grid import cells_of
 from prf.kernels.step import run
 from prf.kernels.targets import NEAR
 from prf.layout import grow, run_chain
@@ -83,9 +83,7 @@ def target_of_beams(chain: Chain) -> NDArray[np.int32]:
     """Return the target (n_beams,) in which the return of each beam lies, NONE where there is none."""
     targets, ray = chain.targets, chain.beams.ray
     ends = ray[:, :2] + np.where(has_return(chain), ray[:, c.RANGE], 0.0)[:, None] * ray[:, 2:4]
-    cells = np.zeros(len(ray), np.int64)
-    cells_of(targets.grid, np.ascontiguousarray(ends), cells)
-    return np.where(has_return(chain), targets.number[cells], c.NONE)
+    return np.where(has_return(chain), targets.number[cells_of(targets.grid, ends)], c.NONE)
 
 
 def has_return(chain: Chain) -> NDArray[np.bool_]:

@@ -12,9 +12,8 @@ from shapely.geometry.base import BaseGeometry
 from prf.coloring import Coloring
 from prf.coloring.polygons import turning_corners
 from prf.kernels import constants as c
+from prf.kernels.cell_lists import first_segments, list_segments
 from prf.kernels.grid import Grid, make_grid, most_cells
-from prf.kernels.laser_score import trace_rays
-from prf.kernels.segment_lists import segments_by_cell
 from prf.kernels.sonar_features import N_FEATURE
 from prf.kernels.sonar_score import Scene, list_features
 from prf.sensors.sonar import make_sight
@@ -49,16 +48,11 @@ def scene_of_region(region: BaseGeometry, window: Window | None, origin: Floats,
 def make_scene(segments: Floats, corners: NDArray[np.integer], window: Window, reach: float) -> Scene:
     """Return edges (n, 4), and the vertices (n, 2) at their ends (NONE: no corner), indexed by cell."""
     grid = index_grid(window, len(segments))
-    segments = np.ascontiguousarray(segments, dtype=np.float64).reshape(-1, 4)
-    start, listed = segments_by_cell(grid, segments, np.empty(most_cells(grid), np.int32))
     across = 2 * math.ceil(reach / grid.cell) + 3
     room = min(across, grid.nx) * min(across, grid.ny)
     return Scene(
-        grid=grid,
-        segments=segments,
+        edges=list_segments(grid, np.asarray(segments, np.float64).reshape(-1, 4)),
         corners=np.ascontiguousarray(corners, dtype=np.int32).reshape(-1, 2),
-        start=start,
-        listed=listed,
         marks=np.zeros(len(segments), np.int64),
         mark=np.zeros(1, np.int64),
         cells=np.empty(room, np.int32),
@@ -121,9 +115,11 @@ def first_edges(rays: Floats, segments: Floats, window: Window) -> Floats:
     `rays` (n, 5): origin, unit direction and reach; all of them inside the window. `segments` (n_edges, 4).
     """
     grid = index_grid(window, len(segments))
-    distance = np.empty(len(rays))
-    trace_rays(grid, rays, np.ascontiguousarray(segments), np.empty(most_cells(grid), np.int32), distance)
-    return distance
+    distance, found = np.empty(len(rays)), np.empty(len(rays), np.int32)
+    no_tile, path = np.full(max(len(rays), len(segments)), c.NONE, np.int32), np.empty(most_cells(grid), np.int32)
+    limit = np.ascontiguousarray(rays[:, c.MAX_DISTANCE])
+    first_segments(list_segments(grid, segments), no_tile, rays, no_tile, limit, path, found, distance)
+    return np.where(found == c.NONE, np.inf, distance)
 
 
 def index_grid(window: Window, n_edges: int) -> Grid:

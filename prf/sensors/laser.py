@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.kernels import constants as c
-from prf.kernels.beams import Beams, count_slots, fill_slots
+from prf.kernels.beams import Beams, find_aims, find_exits
+from prf.kernels.cell_lists import cells_of_segments, room_of_cells
 from prf.kernels.grid import Grid, most_cells
-from prf.kernels.laser_change import FADED, find_aims
+from prf.kernels.laser_change import FADED
 from prf.sensors.domain import MIN_PROBABILITY, check_factor, check_length
 from prf.shell.errors import ConfigError
 from prf.window import Window
@@ -257,16 +258,16 @@ def _make_slots(
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float32], NDArray[np.int64]]:
     """Return the cells that each beam passes, where it leaves them, and where the beams of each cell begin."""
     n = len(ray)
-    path = np.empty(most_cells(grid), np.int32)
-    slot_start = np.zeros(n + 1, np.int64)
-    count_slots(grid, ray, path, slot_start)
-    n_slots = int(slot_start[-1])
+    path, slot_start = np.empty(most_cells(grid), np.int32), np.zeros(n + 1, np.int64)
+    end = ray[:, :2] + ray[:, [c.MAX_DISTANCE]] * ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
+    segments = np.column_stack([ray[:, :2], end])
+    n_slots = cells_of_segments(grid, segments, path, slot_start, np.empty(0, np.int32))
     if n_slots >= MAX_SLOTS:
         raise ConfigError(
             f"{n} beams pass {n_slots} cells, too many for one index. Thin them: --every-scan, --every-beam."
         )
-    slot_cell = np.empty(n_slots, np.int32)
-    slot_exit = np.empty(n_slots, np.float32)
-    cell_start = np.zeros(n_levels * grid.nx * grid.ny + 1, np.int64)
-    fill_slots(grid, ray, path, level, slot_start, slot_cell, slot_exit, cell_start)
-    return slot_start, slot_cell, slot_exit, cell_start
+    slot_cell, slot_exit = np.empty(n_slots, np.int32), np.empty(n_slots, np.float32)
+    cells_of_segments(grid, segments, path, slot_start, slot_cell)
+    find_exits(grid, ray, slot_start, slot_cell, slot_exit)
+    slot_cell += np.repeat(level.astype(np.int32) * (grid.nx * grid.ny), np.diff(slot_start))
+    return slot_start, slot_cell, slot_exit, room_of_cells(slot_cell, n_levels * grid.nx * grid.ny)

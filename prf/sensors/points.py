@@ -114,7 +114,7 @@ def estimated_sigma(values: Floats, mean_black: float, mean_white: float) -> flo
 
 
 def make_points(xy: Floats, log_density: Floats) -> k.Points:
-    """Lay out points for a chain, with no colour yet (:func:`prf.kernels.points.paint`).
+    """Lay out points for a chain, with no colour yet (:func:`paint`).
 
     `xy` (n, 2): inside the window, metres. `log_density` (n, 2): of each value in white and in black.
     """
@@ -130,6 +130,13 @@ def make_points(xy: Floats, log_density: Floats) -> k.Points:
     for row, extreme in ((k.LOWEST, np.minimum), (k.HIGHEST, np.maximum)):
         bands[row, :-1] = extreme.reduceat(column[k.Y], first) if n else 0.0
     return k.Points(column, bands)
+
+
+def paint(points: k.Points, black: NDArray[np.bool_]) -> None:
+    """Set the colour of every point (n,) and what turning it would gain."""
+    gain = points.column[k.LOG_BLACK] - points.column[k.LOG_WHITE]
+    points.column[k.BLACK] = black
+    points.column[k.GAIN] = np.where(black, -gain, gain)
 
 
 def _bands(y: Floats) -> NDArray[np.int64]:

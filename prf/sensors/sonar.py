@@ -13,6 +13,7 @@ from prf.kernels import cones as k
 from prf.kernels import constants as c
 from prf.kernels import sonar as m
 from prf.kernels import sonar_features as v
+from prf.kernels.cell_lists import room_of_cells
 from prf.kernels.grid import Grid
 from prf.sensors.domain import MIN_PROBABILITY, check_factor, check_length
 from prf.sensors.laser import MAX_SLOTS, unit_vectors, window_exit
@@ -172,15 +173,13 @@ def make_cones(grid: Grid, model: SonarModel, pose: Floats, edge_capacity: int) 
     side = min(2 * math.ceil(model.max_range / grid.cell) + 3, max(grid.nx, grid.ny))
     cells, near = np.empty(side * side, np.int32), np.empty(side * side)
     slot_start = np.zeros(n + 1, np.int64)
-    k.count_cone_slots(grid, pose, cells, near, slot_start)
-    n_slots = int(slot_start[-1])
+    n_slots = k.find_slots(grid, pose, cells, near, slot_start, np.empty(0, np.int32), np.empty(0, np.float32))
     if n_slots >= MAX_SLOTS:
         raise ConfigError(
             f"{n} sonar readings pass {n_slots} cells, too many for one index. Thin them: --every-scan, --every-beam."
         )
     slot_cell, slot_near = np.empty(n_slots, np.int32), np.empty(n_slots, np.float32)
-    cell_start = np.zeros(n_cells + 1, np.int64)
-    k.fill_cone_slots(grid, pose, cells, near, slot_start, slot_cell, slot_near, cell_start)
+    k.find_slots(grid, pose, cells, near, slot_start, slot_cell, slot_near)
     return k.Cones(
         model=model.to_array(),
         pose=pose.copy(),
@@ -189,7 +188,7 @@ def make_cones(grid: Grid, model: SonarModel, pose: Floats, edge_capacity: int) 
         slot_cell=slot_cell,
         slot_near=slot_near,
         slot_place=np.full(n_slots, c.NONE, np.int32),
-        cell_start=cell_start,
+        cell_start=room_of_cells(slot_cell, n_cells),
         cell_count=np.zeros(n_cells, np.int32),
         entries=np.zeros((n_slots, 2), np.int32),
         mark=np.zeros(n, np.int64),

@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prf.kernels.build import cells_of
-from prf.kernels.grid import Grid, make_grid, most_cells
+from prf.kernels.grid import Grid, cells_of, make_grid, most_cells
 from prf.layout import image_grid
 from prf.window import Window
 from tests.kernels.entries import cells_at, exits, walk_segments
@@ -131,7 +130,7 @@ def test_the_walk_starts_and_ends_where_its_ends_lie(grid: Grid, kind: str) -> N
     segments = KINDS[kind](grid, np.random.default_rng(12), 400)
     ends = np.zeros((2, len(segments)), np.int64)
     cells_at(grid, np.ascontiguousarray(segments[:, :2]), ends[0])
-    cells_of(grid, np.ascontiguousarray(segments[:, 2:]), ends[1])
+    ends[1] = cells_of(grid, segments[:, 2:])
     for cells, first, last in zip(walks(grid, segments), *ends.tolist(), strict=True):
         assert (cells[0], cells[-1]) == (first, last)
 

@@ -179,7 +179,7 @@ class TestOutline:
         found = PolygonMap(OccupiedArea(WALL, None)).predict_sonar(held(far, [1.0])).density[""]
         assert found == pytest.approx(slow_sonar.density(Ring(), [], np.array([1.0])))
         scene = scene_of_region(shapely.MultiPolygon(), None, np.array([[0.0, 0.0]]), 3.5)
-        assert len(scene.segments) == 0
+        assert len(scene.edges.segments) == 0
 
 
 def grid_of(occupancy: np.ndarray, side: float = 0.1) -> OccupancyGrid:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from prf.coloring import Coloring, Draws, from_polygons, occupied_polygons
+from prf.kernels.cell_lists import SegmentLists
 from prf.logs import Readings
 from prf.occupancy import OccupancyGrid
 from prf.run import PosteriorImage
@@ -132,18 +133,20 @@ def test_compiled_and_plain_python_agree(monkeypatch: pytest.MonkeyPatch) -> Non
 
     coloring, beams = random_draws(4, 1)[0], random_beams(4, WINDOW, 30)
     compiled = first_edges(beams.rays(WINDOW), coloring.segments(), WINDOW)
-    monkeypatch.setattr(scene, "trace_rays", every_edge)
+    monkeypatch.setattr(scene, "first_segments", every_edge)
     np.testing.assert_array_equal(first_edges(beams.rays(WINDOW), coloring.segments(), WINDOW), compiled)
 
 
-def every_edge(_: object, rays: np.ndarray, segments: np.ndarray, __: object, distance: np.ndarray) -> None:
+def every_edge(lists: SegmentLists, _: object, rays: np.ndarray, *rest: np.ndarray) -> None:
     """Distances by asking every edge, in the arithmetic of the kernels."""
     from tests.kernels.entries import hit_table
 
+    segments, (_, limit, _, found, distance) = lists.segments, rest
     table = np.empty((len(rays), len(segments)))
     hit_table(rays[:, :4].copy(), segments, table)
     nearest = table.min(axis=1)
-    distance[:] = np.where(nearest < rays[:, 4], nearest, np.inf)
+    found[:] = np.where(nearest < limit, table.argmin(axis=1), -1)
+    distance[:] = nearest
 
 
 @pytest.mark.parametrize("seed", range(8))

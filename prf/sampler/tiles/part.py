@@ -18,21 +18,19 @@ from numpy.typing import NDArray
 from prf.coloring import Coloring
 from prf.driven import ways_near
 from prf.kernels import constants as c
-from prf.kernels.beams import Beams
-from prf.kernels.build import recompute_sums, trace_all
+from prf.kernels.beams import Beams, find_aims
+from prf.kernels.build import fill_graph, recompute_sums, trace_all
+from prf.kernels.cell_lists import first_segments
 from prf.kernels.chain import Chain
-from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph
 from prf.kernels.grid import ABS_TOL, REL_TOL, Grid, make_grid, most_cells
-from prf.kernels.guards import GUARD_RAY, GUARD_TRIANGLE, N_SHAPE, Guards, index_frozen
-from prf.kernels.image import Image
-from prf.kernels.laser_change import find_aims
+from prf.kernels.guards import GUARD_RAY, GUARD_TRIANGLE, N_SHAPE, Guards, mark_met
+from prf.kernels.image import Image, count_edges
 from prf.kernels.points import Points
 from prf.kernels.targets import Targets
-from prf.kernels.tile import clip_beams, count_part_edges, fill_part, first_outside, mark_met, tiles_at
 from prf.layout import bare_graph, make_guards, make_index, make_proposal, make_sites
 from prf.posterior import FIRST_CAPACITY, FIRST_CELL_ROOM, PointData, painted_points
-from prf.sampler.tiles.rounds import Round, TileData
+from prf.sampler.tiles.rounds import Round, TileData, tiles_at
 from prf.sensors.laser import MARGIN, make_beams
 from prf.sensors.sonar import make_cones
 from prf.window import Window
@@ -78,12 +76,12 @@ def make_part(data: TileData, begun: Round, number: int) -> Part:
     coloring, vertices, edges = cut_out(begun.coloring, _passes(segments, tile), tile)
     drawn = is_drawn[edges]
     graph = bare_graph(coloring, max(FIRST_CAPACITY, 2 * (len(vertices) + c.MOST_CHANGES)))
-    fill_part(graph, len(vertices), coloring.edges, drawn.astype(np.uint8))
+    fill_graph(graph, len(vertices), coloring.edges, drawn)
     frozen = np.flatnonzero(_passes(segments[edges], tile) & ~drawn)
     ways = data.ways[ways_near(data.ways, tile)]
     guards = make_guards(grid, frozen, np.concatenate([beams.guards, _triangle_guards(triangles), ways]))
     image, pixels = cut_image(data, begun, tile)
-    chain = _assemble(data, begun, tile, graph, guards, image, beams, own_cones)
+    chain = _assemble(data, begun, tile, graph, frozen, guards, image, beams, own_cones)
     return Part(
         chain,
         beams.own,
@@ -96,19 +94,15 @@ def make_part(data: TileData, begun: Round, number: int) -> Part:
 
 def share_beams(data: TileData, begun: Round, number: int) -> Shared:
     """Find which beams the tile answers for, which it guards, and what stops both."""
-    span = np.zeros((len(data.ray), 2))
-    clip_beams(data.ray, data.influence, begun.tiles[number], span)
+    span = clip_beams(data.ray, data.influence, begun.tiles[number])
     passing = np.flatnonzero(span[:, 0] < np.inf)
-    owner = np.zeros(len(passing), np.int32)
-    tiles_at(begun.tiles, data.end[passing], owner)
+    owner = tiles_at(begun.tiles, data.end[passing])
     is_own = owner == number
     limit = np.where(is_own, data.influence[passing], span[passing, 1])
     ray = data.ray[passing]
     stop, distance = np.zeros(len(passing), np.int32), np.zeros(len(passing))
-    path = np.zeros(most_cells(begun.grid), np.int32)
-    edge_xy = begun.coloring.segments()
-    index = (begun.grid, begun.start, begun.entries, path)
-    first_outside(*index, edge_xy, begun.edge_tile, ray, owner, limit, stop, distance)
+    path = np.zeros(most_cells(begun.edges.grid), np.int32)
+    first_segments(begun.edges, begun.edge_tile, ray, owner, limit, path, stop, distance)
     counts = distance > span[passing, 0]
     own, foreign = is_own & counts, ~is_own & counts
     guards = np.zeros((int(foreign.sum()), N_SHAPE))
@@ -124,6 +118,18 @@ def share_beams(data: TileData, begun: Round, number: int) -> Shared:
         guards,
         stops,
     )
+
+
+def clip_beams(ray: Floats, influence: Floats, tile: Floats) -> Floats:
+    """Return between which distances (n, 2) each beam passes the tile within its influence; (inf, -inf) for never."""
+    origin, direction = ray[:, : c.ORIGIN_Y + 1], ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low, high = (tile[:2] - origin) / direction, (tile[2:] - origin) / direction
+    always = (tile[:2] < origin) & (origin < tile[2:])
+    enters = np.where(direction == 0.0, np.where(always, -np.inf, np.inf), np.minimum(low, high))
+    leaves = np.where(direction == 0.0, np.where(always, np.inf, -np.inf), np.maximum(low, high))
+    first, last = enters.max(axis=1, initial=0.0), np.minimum(leaves.min(axis=1), influence)
+    return np.where((first < last)[:, None], np.stack([first, last], axis=1), [np.inf, -np.inf])
 
 
 def share_cones(data: TileData, tile: Floats) -> tuple[Ints, Floats]:
@@ -205,6 +211,7 @@ def _assemble(
     begun: Round,
     tile: Floats,
     graph: Graph,
+    frozen: Ints,
     guards: Guards,
     image: Image,
     beams: Shared,
@@ -221,7 +228,7 @@ def _assemble(
     sensors = data.sensors[window.contains(data.sensors)]
     chain = Chain(
         graph=graph,
-        edge_index=_make_index(graph, grid, guards),
+        edge_index=make_index(graph, grid, FIRST_CELL_ROOM, frozen.astype(np.int32)),
         beams=part_beams(data, grid, beams, capacity),
         cones=make_cones(grid, data.sonar, data.pose[own_cones], capacity),
         points=part_points(settings.points, begun.coloring, window),
@@ -236,7 +243,8 @@ def _assemble(
         outcomes=np.zeros((c.N_MOVES, c.N_OUTCOMES), np.int64),
     )
     if image.black.size > 0:
-        count_part_edges(graph, guards, image)
+        edges = np.append(graph.members[c.EDGES, : graph.counts[c.EDGES]], frozen)
+        count_edges(image, graph.edge_xy[edges], int(graph.counts[c.STEP]))
     trace_all(chain)
     recompute_sums(chain)
     return chain
@@ -264,16 +272,6 @@ def cut_targets(whole: Targets, window: Window) -> Targets:
     if len(kept) > 0:
         cumulative /= cumulative[-1]
     return Targets(part, cell, cumulative, number, start.astype(np.int64), near[near != c.NONE])
-
-
-def _make_index(graph: Graph, grid: Grid, guards: Guards) -> EdgeIndex:
-    """Return the index of drawn and frozen edges."""
-    room = FIRST_CELL_ROOM
-    while True:
-        index = make_index(graph, grid, room)
-        if index_frozen(graph, index, guards):
-            return index
-        room = 2 * index.cell_edges.shape[1]
 
 
 def part_beams(data: TileData, grid: Grid, shared: Shared, capacity: int) -> Beams:

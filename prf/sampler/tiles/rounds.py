@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from prf.coloring import Coloring
 from prf.driven import way_guards
 from prf.kernels import constants as c
+from prf.kernels.cell_lists import SegmentLists, list_segments
 from prf.kernels.chain import Chain
 from prf.kernels.cones import MAX_DISTANCE
-from prf.kernels.grid import Grid, make_grid, most_cells
-from prf.kernels.segment_lists import segments_by_cell
+from prf.kernels.grid import Grid, make_grid
 from prf.kernels.sonar_features import BORDER, POSE_COS, POSE_SIN, POSE_X, POSE_Y
 from prf.kernels.targets import Targets
-from prf.kernels.tile import tiles_at
 from prf.layout import make_targets, read_coloring
 from prf.posterior import (
     BORDER_MOVES,
@@ -109,9 +108,7 @@ class Round(NamedTuple):
     black: NDArray[np.uint8]  # (n_pixels,): their colours
     tiles: Floats  # (k, 4)
     edge_tile: NDArray[np.int32]  # (n_edges,): tile inside which an edge lies, or ``NONE``
-    grid: Grid  # edges by cells: those of cell i are ``entries[start[i]:start[i + 1]]``
-    start: NDArray[np.int64]  # edges by cells: those of cell i are ``entries[start[i]:start[i + 1]]``
-    entries: NDArray[np.int32]  # edges by cells: those of cell i are ``entries[start[i]:start[i + 1]]``
+    edges: SegmentLists  # by cells
     seeds: NDArray[np.int64]  # (k,)
     looks: NDArray[np.int64]  # (n,): steps of a tile at which what is there is kept; the last is the end
     probes: NDArray[np.int64]  # (n_probes,): pixels whose colour is kept with it
@@ -139,8 +136,7 @@ def make_round(
     """Begin a round: draw its tiles and find what lies inside each; `probes` (n_probes,)."""
     coloring = read_coloring(chain.graph)
     tiles = random_tiles(data.settings.window, n_tiles, data.returns, least, chain.image.grid, rng)
-    vertex_tile = np.zeros(len(coloring.xy), np.int32)
-    tiles_at(tiles, coloring.xy, vertex_tile)
+    vertex_tile = tiles_at(tiles, coloring.xy)
     vertex_tile[coloring.side != INTERIOR] = c.NONE
     first, last = vertex_tile[coloring.edges].T
     move_probabilities = chain.move_probabilities.copy()
@@ -151,7 +147,7 @@ def make_round(
         chain.image.black.copy(),
         tiles,
         np.where(first == last, first, c.NONE).astype(np.int32),
-        *_crossed(data, coloring),
+        list_segments(make_grid(*data.settings.window, COARSE * data.settings.cell_size()), coloring.segments()),
         seeds=rng.integers(0, 2**63, len(tiles)),
         looks=np.arange(1, n_looks + 1) * (steps // len(tiles)) // n_looks,
         probes=probes,
@@ -162,8 +158,9 @@ def make_round(
     )
 
 
-def _crossed(data: TileData, coloring: Coloring) -> tuple[Grid, NDArray[np.int64], NDArray[np.int32]]:
-    """Return the edges by cells."""
-    grid = make_grid(*data.settings.window, COARSE * data.settings.cell_size())
-    path = np.zeros(most_cells(grid), np.int32)
-    return grid, *segments_by_cell(grid, coloring.segments(), path)
+def tiles_at(tiles: Floats, xy: Floats) -> NDArray[np.int32]:
+    """Return the number (n,) of the tile that holds each point, NONE if no one does; `tiles` (k, 4), `xy` (n, 2)."""
+    number = np.full(len(xy), c.NONE, np.int32)
+    for k, tile in enumerate(tiles):
+        number[((tile[:2] <= xy) & (xy < tile[2:])).all(axis=1)] = k
+    return number

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from prf.coloring import Coloring, black_at
 from prf.kernels import constants as c
 from prf.kernels.chain import Chain
-from prf.kernels.image import count_all_edges, settle_all
+from prf.kernels.image import count_edges, settle_all
 from prf.layout import run_chain
 from prf.sampler.chain import ChainSampler
 from prf.sampler.chain_map import with_map
@@ -135,11 +135,12 @@ def finish_round(data: TileData, chain: Chain, done: Round, results: list[TileRe
         chain.image.black[result.pixels] = result.black
         chain.image.black_time[result.pixels] += len(done.tiles) * result.black_time
         chain.image.mixed_time[result.pixels] += len(done.tiles) * result.mixed_time
-    found = with_map(chain, data.settings, merged(done, results))
+    merged_map = merged(done, results)
+    found = with_map(chain, data.settings, merged_map)
     if found.image.black.size > 0:
         found.image.black_since[:] = found.graph.counts[c.STEP]
         found.image.mixed_since[:] = found.graph.counts[c.STEP]
-        count_all_edges(found.graph, found.image)
+        count_edges(found.image, merged_map.segments(), int(found.graph.counts[c.STEP]))
     return found
 
 
