@@ -12,7 +12,7 @@ import numpy as np
 
 from prf.kernels import constants as c
 from prf.kernels.accept import accept, log_proposal_ratio
-from prf.kernels.beams import Beams, first_hit, link_beam, slot_at
+from prf.kernels.beams import Beams, first_hit, link_beam, shift_cells, slot_at
 from prf.kernels.chain import Chain, apply_edges, refresh_vertices
 from prf.kernels.crossing import is_valid
 from prf.kernels.geometry import inside_loop
@@ -23,7 +23,6 @@ from prf.kernels.laser_change import (
     most_freed,
     nearest_new_edge,
     release_touched,
-    shift_cells,
     touch_beams,
     touch_freed_beams,
 )

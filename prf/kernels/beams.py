@@ -16,7 +16,7 @@ from prf.kernels.geometry import ray_hit
 from prf.kernels.graph import Graph
 from prf.kernels.grid import ABS_TOL, REL_TOL, Grid, exit_distance
 from prf.kernels.laser import beam_log_likelihood
-from prf.kernels.slots import list_slot
+from prf.kernels.slots import list_from_start
 
 
 class Beams(NamedTuple):
@@ -64,6 +64,19 @@ def slot_at(beams: Beams, beam: int, distance: float, near: int) -> int:
 
 
 @core
+def shortfall(beams: Beams, beam: int) -> float:
+    """What the log likelihood of a beam lacks to its highest, nats."""
+    return beams.best[beam] - beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
+
+
+@core
+def shift_cells(beams: Beams, beam: int, change: float) -> None:
+    """Add the change of a beam's shortfall to the cells in which its reading lies."""
+    for slot in range(beams.aim[beam, 0], beams.aim[beam, 1]):
+        beams.cell_shortfall[beams.slot_cell[slot]] += change
+
+
+@core
 def link_beam(beams: Beams, beam: int, edge: int) -> None:
     """Enter a beam, its log likelihood as it will be, into the list of those that meet `edge` (NONE: no list)."""
     beams.impact_edge[beam] = edge
@@ -76,7 +89,7 @@ def link_beam(beams: Beams, beam: int, edge: int) -> None:
         if head != c.NONE:
             beams.previous_beam[head] = beam
         beams.first_beam[edge, level] = beam
-        beams.edge_shortfall[edge, level] += beams.best[beam] - beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
+        beams.edge_shortfall[edge, level] += shortfall(beams, beam)
 
 
 @core
@@ -86,7 +99,7 @@ def unlink_beam(beams: Beams, beam: int) -> None:
     if edge == c.NONE:
         return
     level = beams.level[beam]
-    beams.edge_shortfall[edge, level] -= beams.best[beam] - beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
+    beams.edge_shortfall[edge, level] -= shortfall(beams, beam)
     before = beams.previous_beam[beam]
     after = beams.next_beam[beam]
     if before == c.NONE:
@@ -150,17 +163,11 @@ def relist_beams(beams: Beams) -> float:
     beams.cell_shortfall[:] = 0.0
     total = 0.0
     for beam in range(beams.ray.shape[0]):
-        first = beams.slot_start[beam]
-        beams.last_slot[beam] = slot_at(beams, beam, beams.ray[beam, c.DISTANCE], first)
-        for slot in range(first, beams.slot_start[beam + 1]):
-            beams.slot_place[slot] = c.NONE
-            if slot <= beams.last_slot[beam]:
-                list_slot(beams, beam, slot)
+        last = slot_at(beams, beam, beams.ray[beam, c.DISTANCE], beams.slot_start[beam])
+        list_from_start(beams, beam, last)
         link_beam(beams, beam, beams.impact_edge[beam])
-        log_likelihood = beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
-        for slot in range(beams.aim[beam, 0], beams.aim[beam, 1]):
-            beams.cell_shortfall[beams.slot_cell[slot]] += beams.best[beam] - log_likelihood
-        total += log_likelihood
+        shift_cells(beams, beam, shortfall(beams, beam))
+        total += beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
     return total
 
 

@@ -19,7 +19,6 @@ from prf.kernels.graph import (
 from prf.kernels.guards import count_blocked
 from prf.kernels.points import sum_points
 from prf.kernels.prior import log_prior
-from prf.kernels.sites import count_occupied
 
 
 @core
@@ -99,4 +98,4 @@ def recompute_sums(chain: Chain) -> None:
     graph.sums[c.LOG_PRIOR] = log_prior(graph, chain.density[c.SCALE])
     readings = relist_beams(chain.beams) + relist_cones(chain.cones)
     graph.sums[c.LOG_LIKELIHOOD] = readings + sum_points(chain.points)
-    graph.counts[c.OCCUPIED] = count_occupied(chain.sensors) + count_blocked(graph, chain.edge_index, chain.guards)
+    graph.counts[c.OCCUPIED] = chain.sensors.black.sum() + count_blocked(graph, chain.edge_index, chain.guards)

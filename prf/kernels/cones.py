@@ -14,7 +14,7 @@ from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, ends_of
 from prf.kernels.grid import ABS_TOL, REL_TOL, Grid, cells_of_box
 from prf.kernels.proposal import N_NEW_EDGES, Proposal, is_edge_removed
-from prf.kernels.slots import list_slot
+from prf.kernels.slots import list_from_start
 from prf.kernels.sonar import sonar_log_likelihood
 from prf.kernels.sonar_features import BORDER, N_LINES, POSE_COS, POSE_SIN, POSE_X, POSE_Y, Sight, see_edge, sweep
 
@@ -145,12 +145,7 @@ def relist_cones(cones: Cones) -> float:
     cones.cell_count[:] = 0
     total = 0.0
     for cone in range(cones.pose.shape[0]):
-        first = cones.slot_start[cone]
-        cones.last_slot[cone] = last_within(cones, cone, cones.pose[cone, EXTENT], first)
-        for slot in range(first, cones.slot_start[cone + 1]):
-            cones.slot_place[slot] = c.NONE
-            if slot <= cones.last_slot[cone]:
-                list_slot(cones, cone, slot)
+        list_from_start(cones, cone, last_within(cones, cone, cones.pose[cone, EXTENT], cones.slot_start[cone]))
         total += cones.pose[cone, CONE_LOG_LIKELIHOOD]
     return total
 

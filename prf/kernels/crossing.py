@@ -4,8 +4,7 @@ from prf.kernels._jit import core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.geometry import segments_meet
 from prf.kernels.graph import Graph
-from prf.kernels.grid import walk
-from prf.kernels.proposal import N_NEW_EDGES, Proposal, is_edge_removed
+from prf.kernels.proposal import N_NEW_EDGES, Proposal, find_cells_of, is_edge_removed
 
 
 @core
@@ -47,12 +46,7 @@ def is_valid(graph: Graph, index: EdgeIndex, proposal: Proposal) -> bool:
     if new_edges_meet(proposal):
         return False
     for k in range(proposal.counts[N_NEW_EDGES]):
-        n = proposal.n_cells[k]
-        if n == 0:
-            xy = proposal.new_xy[k]
-            n = walk(index.grid, xy[0], xy[1], xy[2], xy[3], proposal.cells[k])
-            proposal.n_cells[k] = n
-        for i in range(n):
+        for i in range(find_cells_of(index.grid, proposal, k)):
             if crosses_in_cell(graph, index, proposal, k, proposal.cells[k, i]):
                 return False
     return True

@@ -1,7 +1,7 @@
 """Parts of a map in which alone it is changed: ground that no reading concerns, or a region for some steps.
 
 Edges outside are frozen: out of the sets that moves sample from. What is live is a function of the map and of the part,
-so that the ratios of all moves stay the same. In ground that no reading concerns (docs/prior-ground.md) the map follows
+so that the ratios of all moves stay the same. In ground that no reading concerns the map follows
 the prior, and moves need no readings: what a reading may ever concern is closed by guards, and an edge that meets none
 of them is live. In a region live are the edges that pass it and the interior vertices in it.
 """
@@ -11,7 +11,7 @@ from prf.kernels._jit import Array, core, core_entry
 from prf.kernels.beams import Beams, trace_beam
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.geometry import segment_meets_box
-from prf.kernels.graph import Graph, classify_vertex, is_drawn, joins_adjacent_sides, set_add, set_remove
+from prf.kernels.graph import Graph, classify_vertex, ends_of, is_drawn, joins_adjacent_sides, set_add, set_remove
 from prf.kernels.grid import walk
 from prf.kernels.guards import Guards, meets_any
 from prf.kernels.proposal import N_NEW_EDGES, N_NEW_VERTICES, N_OLD_EDGES, N_OLD_VERTICES, Proposal
@@ -24,6 +24,14 @@ def classify_all(graph: Graph) -> None:
         classify_vertex(graph, graph.members[c.INTERIOR_VERTICES, i])
 
 
+@core
+def remove_from_sets(graph: Graph, edges: Array, n: int) -> None:
+    """Take the first `n` of some edges out of the sets that moves sample from."""
+    for i in range(n):
+        set_remove(graph, c.EDGES, edges[i])
+        set_remove(graph, c.CORNER_CUTS, edges[i])
+
+
 @core_entry
 def freeze(graph: Graph, index: EdgeIndex, guards: Guards, frozen: Array) -> int:
     """Take all edges but live ones, and their vertices, out of the sets; write these edges, return their number."""
@@ -34,12 +42,9 @@ def freeze(graph: Graph, index: EdgeIndex, guards: Guards, frozen: Array) -> int
         if meets_any(guards, xy, index.path, walk(index.grid, xy[0], xy[1], xy[2], xy[3], index.path), True):
             frozen[n] = edge
             n += 1
+    remove_from_sets(graph, frozen, n)
     for i in range(n):
-        set_remove(graph, c.EDGES, frozen[i])
-        set_remove(graph, c.CORNER_CUTS, frozen[i])
-    for i in range(n):
-        for end in range(2):
-            v = graph.edge_vertices[frozen[i], end]
+        for v in ends_of(graph, frozen[i]):
             for kind in (c.INTERIOR_VERTICES, c.BOUNDARY_VERTICES, c.TRIANGLE_VERTICES, c.BOUNDARY_APEXES):
                 set_remove(graph, kind, v)
     classify_all(graph)
@@ -52,10 +57,10 @@ def thaw(graph: Graph, frozen: Array, n: int) -> None:
     for i in range(n):
         edge = frozen[i]
         set_add(graph, c.EDGES, edge)
-        if joins_adjacent_sides(graph, graph.edge_vertices[edge, 0], graph.edge_vertices[edge, 1]):
+        a, b = ends_of(graph, edge)
+        if joins_adjacent_sides(graph, a, b):
             set_add(graph, c.CORNER_CUTS, edge)
-        for end in range(2):
-            v = graph.edge_vertices[edge, end]
+        for v in (a, b):
             set_add(graph, c.INTERIOR_VERTICES if graph.vertex_side[v] == c.INTERIOR else c.BOUNDARY_VERTICES, v)
     classify_all(graph)
 
@@ -114,9 +119,7 @@ def confine(graph: Graph, tuning: Array, frozen: Array) -> int:
         if not passes_region(tuning, graph.edge_xy[edge]):
             frozen[n] = edge
             n += 1
-    for i in range(n):
-        set_remove(graph, c.EDGES, frozen[i])
-        set_remove(graph, c.CORNER_CUTS, frozen[i])
+    remove_from_sets(graph, frozen, n)
     for kind in (c.INTERIOR_VERTICES, c.TRIANGLE_VERTICES, c.BOUNDARY_APEXES):
         for i in range(graph.counts[kind] - 1, -1, -1):
             v = graph.members[kind, i]
@@ -132,8 +135,7 @@ def release(graph: Graph, frozen: Array, n: int) -> None:
     thaw(graph, frozen, n)
     for i in range(graph.counts[c.EDGES]):
         edge = graph.members[c.EDGES, i]
-        for end in range(2):
-            v = graph.edge_vertices[edge, end]
+        for v in ends_of(graph, edge):
             if graph.vertex_side[v] == c.INTERIOR:
                 set_add(graph, c.INTERIOR_VERTICES, v)
     classify_all(graph)

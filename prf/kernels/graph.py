@@ -90,6 +90,18 @@ def other_end(graph: Graph, edge: int, vertex: int) -> int:
 
 
 @core
+def edges_at(graph: Graph, v: int) -> tuple[int, int]:
+    """Both edges of an interior vertex."""
+    return graph.vertex_edges[v, 0], graph.vertex_edges[v, 1]
+
+
+@core
+def neighbors_of(graph: Graph, v: int) -> tuple[int, int]:
+    """The far ends of both edges of an interior vertex."""
+    return other_end(graph, graph.vertex_edges[v, 0], v), other_end(graph, graph.vertex_edges[v, 1], v)
+
+
+@core
 def edge_between(graph: Graph, a: int, b: int) -> int:
     """The edge that joins the vertices a and b, or NONE."""
     for k in range(2):
@@ -247,10 +259,8 @@ def classify_vertex(graph: Graph, v: int) -> None:
     in_triangle = False
     is_apex = False
     if graph.vertex_side[v] == c.INTERIOR:
-        first = graph.vertex_edges[v, 0]
-        last = graph.vertex_edges[v, 1]
-        a = other_end(graph, first, v)
-        b = other_end(graph, last, v)
+        first, last = edges_at(graph, v)
+        a, b = neighbors_of(graph, v)
         if is_drawn(graph, first) and is_drawn(graph, last):
             middle = edge_between(graph, a, b)
             in_triangle = middle != c.NONE and is_drawn(graph, middle)

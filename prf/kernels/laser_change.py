@@ -17,13 +17,13 @@ Beams come in levels, so that a proposal which few beams reject is never compute
 
 from prf.kernels import constants as c
 from prf.kernels._jit import Array, core, spine
-from prf.kernels.beams import Beams, first_hit, link_beam, slot_at, unlink_beam
+from prf.kernels.beams import Beams, first_hit, link_beam, shift_cells, shortfall, slot_at, unlink_beam
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.geometry import ray_hit
 from prf.kernels.graph import Graph
 from prf.kernels.laser import beam_log_likelihood
 from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal
-from prf.kernels.slots import list_slot, unlist_slot
+from prf.kernels.slots import list_up_to
 
 NEW_EDGE = -2
 """Impact on the new edge k is written NEW_EDGE - k until the edge has a slot."""
@@ -31,12 +31,6 @@ FADED = 1e-6
 """Nats: the most that a beam gains where it is cut off its reading."""
 ROUNDING = 1e-6
 """Nats: more than the rounding of all sums here between two times that they are made anew."""
-
-
-@core
-def shortfall(beams: Beams, beam: int) -> float:
-    """What the log likelihood of a beam lacks to its highest, nats."""
-    return beams.best[beam] - beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
 
 
 @core
@@ -57,13 +51,6 @@ def most_cut(beams: Beams, proposal: Proposal, before: int) -> float:
             cell = before + proposal.cells[k, i]
             most += beams.cell_shortfall[cell] + FADED * beams.cell_count[cell]
     return most
-
-
-@core
-def shift_cells(beams: Beams, beam: int, change: float) -> None:
-    """Add the change of a beam's gap to the cells in which its reading lies."""
-    for slot in range(beams.aim[beam, 0], beams.aim[beam, 1]):
-        beams.cell_shortfall[beams.slot_cell[slot]] += change
 
 
 @spine
@@ -209,10 +196,4 @@ def apply_touched(beams: Beams, proposal: Proposal) -> None:
         ray[c.DISTANCE] = beams.touched_distance[i]
         ray[c.BEAM_LOG_LIKELIHOOD] = beams.touched_log_likelihood[i]
         link_beam(beams, beam, edge)
-        old = beams.last_slot[beam]
-        new = slot_at(beams, beam, beams.touched_distance[i], old)
-        for slot in range(old + 1, new + 1):
-            list_slot(beams, beam, slot)
-        for slot in range(new + 1, old + 1):
-            unlist_slot(beams, slot)
-        beams.last_slot[beam] = new
+        list_up_to(beams, beam, slot_at(beams, beam, beams.touched_distance[i], beams.last_slot[beam]))

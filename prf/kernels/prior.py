@@ -14,6 +14,7 @@ from prf.kernels.proposal import (
     Proposal,
     is_edge_removed,
     is_vertex_removed,
+    new_ends,
 )
 
 
@@ -68,8 +69,7 @@ def new_neighbors(graph: Graph, proposal: Proposal, v: int) -> tuple[int, int]:
             second = first
             first = other_end(graph, edge, v)
     for k in range(proposal.counts[N_NEW_EDGES]):
-        a = proposal.new_edges[k, 0]
-        b = proposal.new_edges[k, 1]
+        a, b = new_ends(proposal, k)
         if a == v:
             second = first
             first = b

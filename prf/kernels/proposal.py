@@ -69,6 +69,20 @@ def remove_vertex(proposal: Proposal, vertex: int) -> None:
 
 
 @core
+def remove_edges(proposal: Proposal, edges: tuple[int, ...]) -> None:
+    """Remove edges."""
+    for edge in edges:
+        remove_edge(proposal, edge)
+
+
+@core
+def remove_vertices(proposal: Proposal, vertices: tuple[int, ...]) -> None:
+    """Remove vertices."""
+    for vertex in vertices:
+        remove_vertex(proposal, vertex)
+
+
+@core
 def add_vertex(graph: Graph, proposal: Proposal, x: float, y: float, side: int) -> int:
     """Add a vertex, in the next free slot, and return the slot."""
     n = proposal.counts[N_NEW_VERTICES]
@@ -103,12 +117,25 @@ def add_edge(graph: Graph, proposal: Proposal, a: int, b: int) -> None:
 
 
 @core
+def new_ends(proposal: Proposal, k: int) -> tuple[int, int]:
+    """Both vertices of the new edge k."""
+    return proposal.new_edges[k, 0], proposal.new_edges[k, 1]
+
+
+@core
+def find_cells_of(grid: Grid, proposal: Proposal, k: int) -> int:
+    """Write the cells that the new edge k passes, where they are not known; return their number."""
+    if proposal.n_cells[k] == 0:
+        xy = proposal.new_xy[k]
+        proposal.n_cells[k] = walk(grid, xy[0], xy[1], xy[2], xy[3], proposal.cells[k])
+    return proposal.n_cells[k]
+
+
+@core
 def find_cells(grid: Grid, proposal: Proposal) -> None:
-    """Write the cells that each new edge passes, where they are not known."""
+    """Write the cells that each new edge passes."""
     for k in range(proposal.counts[N_NEW_EDGES]):
-        if proposal.n_cells[k] == 0:
-            xy = proposal.new_xy[k]
-            proposal.n_cells[k] = walk(grid, xy[0], xy[1], xy[2], xy[3], proposal.cells[k])
+        find_cells_of(grid, proposal, k)
 
 
 @core
@@ -124,6 +151,13 @@ def turn_at(proposal: Proposal, x: float, y: float) -> None:
 def turn_at_vertex(graph: Graph, proposal: Proposal, vertex: int) -> None:
     """Add a vertex to the loop."""
     turn_at(proposal, graph.vertex_xy[vertex, 0], graph.vertex_xy[vertex, 1])
+
+
+@core
+def turn_round(graph: Graph, proposal: Proposal, vertices: tuple[int, ...]) -> None:
+    """Add vertices to the loop."""
+    for vertex in vertices:
+        turn_at_vertex(graph, proposal, vertex)
 
 
 @core

@@ -52,12 +52,3 @@ def occupied_change(sites: Sites, loop: Array, n: int, turns: bool) -> int:
                 if turns:
                     sites.black[site] = 1 - sites.black[site]
     return change
-
-
-@core
-def count_occupied(sites: Sites) -> int:
-    """Number of occupied sites."""
-    n = 0
-    for site in range(sites.black.shape[0]):
-        n += sites.black[site]
-    return n

@@ -1,40 +1,17 @@
 """Lists of slots by cell: which beams, or which cones, a change of the map in a cell may concern.
 
 A slot is one cell of one reading; a cell can never list more slots than there are in it, so all room is laid out once.
+What the functions take, and call ``slots``, is :class:`~prf.kernels.beams.Beams` or :class:`~prf.kernels.cones.Cones`.
 """
 
-from typing import Protocol
+from typing import Any
 
 from prf.kernels import constants as c
-from prf.kernels._jit import Array, core
-
-
-class Slots(Protocol):
-    """The arrays that beams and cones have in common."""
-
-    @property
-    def slot_cell(self) -> Array:
-        """(slots,) i4."""
-
-    @property
-    def slot_place(self) -> Array:
-        """(slots,) i4 place in the cell's list, NONE while not listed."""
-
-    @property
-    def cell_start(self) -> Array:
-        """(n_cells + 1,) i8."""
-
-    @property
-    def cell_count(self) -> Array:
-        """(n_cells,) i4."""
-
-    @property
-    def entries(self) -> Array:
-        """(slots, 2) i4 owner and slot, listed by cell."""
+from prf.kernels._jit import core, spine
 
 
 @core
-def list_slot(slots: Slots, owner: int, slot: int) -> None:
+def list_slot(slots: Any, owner: int, slot: int) -> None:
     """List a slot in its cell."""
     cell = slots.slot_cell[slot]
     place = slots.cell_count[cell]
@@ -46,7 +23,7 @@ def list_slot(slots: Slots, owner: int, slot: int) -> None:
 
 
 @core
-def unlist_slot(slots: Slots, slot: int) -> None:
+def unlist_slot(slots: Any, slot: int) -> None:
     """Remove a slot from its cell's list by moving the last entry into its place."""
     cell = slots.slot_cell[slot]
     place = slots.slot_place[slot]
@@ -58,3 +35,24 @@ def unlist_slot(slots: Slots, slot: int) -> None:
     slots.slot_place[moved] = place
     slots.slot_place[slot] = c.NONE
     slots.cell_count[cell] = last
+
+
+@spine
+def list_from_start(slots: Any, owner: int, last: int) -> None:
+    """List the slots of an owner up to `last`, none of which is listed."""
+    slots.last_slot[owner] = last
+    for slot in range(slots.slot_start[owner], slots.slot_start[owner + 1]):
+        slots.slot_place[slot] = c.NONE
+        if slot <= last:
+            list_slot(slots, owner, slot)
+
+
+@spine
+def list_up_to(slots: Any, owner: int, last: int) -> None:
+    """List the slots of an owner up to `last`, and no more."""
+    old = slots.last_slot[owner]
+    for slot in range(old + 1, last + 1):
+        list_slot(slots, owner, slot)
+    for slot in range(last + 1, old + 1):
+        unlist_slot(slots, slot)
+    slots.last_slot[owner] = last

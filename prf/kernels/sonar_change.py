@@ -6,7 +6,7 @@ from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph
 from prf.kernels.grid import walk
 from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal
-from prf.kernels.slots import list_slot, unlist_slot
+from prf.kernels.slots import list_up_to
 from prf.kernels.sonar_features import clip_edge
 
 
@@ -61,10 +61,4 @@ def apply_cones(cones: Cones) -> None:
         cone = cones.touched[i]
         cones.pose[cone, EXTENT] = cones.touched_extent[i]
         cones.pose[cone, CONE_LOG_LIKELIHOOD] = cones.touched_log_likelihood[i]
-        old = cones.last_slot[cone]
-        new = last_within(cones, cone, cones.touched_extent[i], old)
-        for slot in range(old + 1, new + 1):
-            list_slot(cones, cone, slot)
-        for slot in range(new + 1, old + 1):
-            unlist_slot(cones, slot)
-        cones.last_slot[cone] = new
+        list_up_to(cones, cone, last_within(cones, cone, cones.touched_extent[i], cones.last_slot[cone]))

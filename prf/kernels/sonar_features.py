@@ -1,8 +1,8 @@
-"""Features of a sonar: visible parts of edges and visible corners in its cone, by a radial sweep (Lee 1978, paper 2.3).
+"""Features of a sonar: visible parts of edges and visible corners in its cone (paper, section 2.3).
 
 Everything is in the frame of the sonar: it is at the origin and looks along x. Edges are clipped to the cone and to
-its reach; as edges do not cross, the order of two of them along a ray is the same on all rays that meet both. A ray is
-named by its slope, the tangent of its angle: in order like the angle, as cones are narrower than pi, and found faster.
+its reach; as they do not cross, the nearest changes only at slopes of ends. A ray is named by its slope, the tangent of
+its angle: in order like the angle, as cones are narrower than pi, and found faster.
 """
 
 import math
@@ -48,8 +48,7 @@ class Sight(NamedTuple):
     line: Array  # (room, 4) f8 ends a, b of the clipped edges, b counter-clockwise of a
     slope: Array  # (room, 2) f8 of the rays to both ends
     corner: Array  # (room, 2) i4 interior vertex at either end; NONE where the edge is cut or meets the border
-    event: Array  # (2 room,) i4 ends in order of slope: 2 line for its beginning, 2 line + 1 for its end
-    active: Array  # (room,) i4 lines that meet the present ray, nearest first
+    bound: Array  # (2 room,) f8 slopes of all ends, ascending
     feature: Array  # (4 room, N_FEATURE) f8
     rank: Array  # (4 room,) i4 features, nearest first
     counts: Array  # (N_SIGHT_COUNTS,) i8
@@ -163,78 +162,34 @@ def depth_at(sight: Sight, line: int, slope: float) -> float:
 
 
 @core
-def is_nearer(sight: Sight, one: int, other: int) -> bool:
-    """Whether line `one` is before line `other`, tested in the middle of the slopes that both span."""
-    low = max(sight.slope[one, 0], sight.slope[other, 0])
-    high = min(sight.slope[one, 1], sight.slope[other, 1])
-    middle = 0.5 * (low + high)
-    return ahead(sight, one, middle) < ahead(sight, other, middle)
-
-
-@core
-def event_before(sight: Sight, one: int, other: int) -> bool:
-    """Order of events: by slope, beginnings before ends, then by number so that the order is total."""
-    slope = sight.slope[one // 2, one % 2]
-    other_slope = sight.slope[other // 2, other % 2]
-    if slope != other_slope:
-        return slope < other_slope
-    if one % 2 != other % 2:
-        return one % 2 < other % 2
-    return one < other
-
-
-@core
-def sink(sight: Sight, root: int, n: int) -> None:
-    """Restore the heap order of the first `n` events below `root`."""
-    event = sight.event
-    while 2 * root + 1 < n:
-        child = 2 * root + 1
-        if child + 1 < n and event_before(sight, event[child], event[child + 1]):
-            child += 1
-        if not event_before(sight, event[root], event[child]):
-            return
-        event[root], event[child] = event[child], event[root]
-        root = child
-
-
-@core
-def sort_events(sight: Sight) -> int:
-    """Sort the ends of all lines by slope (heapsort: no room needed); return their number."""
-    n = 2 * sight.counts[N_LINES]
-    for i in range(n):
-        sight.event[i] = i
-    for root in range(n // 2 - 1, -1, -1):
-        sink(sight, root, n)
-    for last in range(n - 1, 0, -1):
-        sight.event[0], sight.event[last] = sight.event[last], sight.event[0]
-        sink(sight, 0, last)
+def sort_bounds(sight: Sight) -> int:
+    """Sort the slopes of all ends (insertion sort: they are few); return their number."""
+    n = 0
+    for line in range(sight.counts[N_LINES]):
+        for end in range(2):
+            slope = sight.slope[line, end]
+            place = n
+            while place > 0 and sight.bound[place - 1] > slope:
+                sight.bound[place] = sight.bound[place - 1]
+                place -= 1
+            sight.bound[place] = slope
+            n += 1
     return n
 
 
 @core
-def insert_active(sight: Sight, n_active: int, line: int) -> None:
-    """Enter a line among the `n_active` ones in order of distance (binary search)."""
-    low = 0
-    high = n_active
-    while low < high:
-        middle = (low + high) // 2
-        if is_nearer(sight, line, sight.active[middle]):
-            high = middle
-        else:
-            low = middle + 1
-    for place in range(n_active, low, -1):
-        sight.active[place] = sight.active[place - 1]
-    sight.active[low] = line
-
-
-@core
-def remove_active(sight: Sight, n_active: int, line: int) -> None:
-    """Remove a line from the `n_active` ones."""
-    place = 0
-    while sight.active[place] != line:
-        place += 1
-    for later in range(place, n_active - 1):
-        sight.active[later] = sight.active[later + 1]
+def nearest_line(sight: Sight, low: float, high: float) -> int:
+    """The nearest, in their middle, of the lines that span two slopes; NONE if there is none."""
+    middle = 0.5 * (low + high)
+    front = c.NONE
+    nearest = math.inf
+    for line in range(sight.counts[N_LINES]):
+        if sight.slope[line, 0] <= low and sight.slope[line, 1] >= high:
+            x = ahead(sight, line, middle)
+            if x < nearest:
+                nearest = x
+                front = line
+    return front
 
 
 @core
@@ -289,33 +244,33 @@ def add_corner(sight: Sight, line: int, end: int, front: int) -> None:
 
 
 @core
+def add_corners(sight: Sight, slope: float) -> None:
+    """Store the visible corners on the ray of this slope."""
+    front = nearest_line(sight, slope, slope)
+    for line in range(sight.counts[N_LINES]):
+        for end in range(2):
+            if sight.slope[line, end] == slope:
+                add_corner(sight, line, end, front)
+
+
+@core
 def sweep(sight: Sight, border: float, reach: float) -> float:
     """Find the features of the lines entered; return up to where the map matters to this sonar.
 
-    That is the farthest visible point where the whole field of view is covered, else `reach`.
+    That is the farthest visible point where the whole field of view is covered, else `reach`. Between two neighbouring
+    slopes of ends one line is nearest, or none.
     """
     sight.counts[N_FEATURES] = 0
-    n = sort_events(sight)
+    n = sort_bounds(sight)
     extent = 0.0
-    n_active = 0
     front = c.NONE
     since = -border
-    i = 0
-    while i < n:
-        slope = sight.slope[sight.event[i] // 2, sight.event[i] % 2]
-        first = i
-        while i < n and sight.slope[sight.event[i] // 2, sight.event[i] % 2] == slope:
-            if sight.event[i] % 2 == 0:
-                insert_active(sight, n_active, sight.event[i] // 2)
-                n_active += 1
-            i += 1
-        for k in range(first, i):
-            add_corner(sight, sight.event[k] // 2, sight.event[k] % 2, sight.active[0])
-        for k in range(first, i):
-            if sight.event[k] % 2 == 1:
-                remove_active(sight, n_active, sight.event[k] // 2)
-                n_active -= 1
-        now = sight.active[0] if n_active > 0 else c.NONE
+    for i in range(n):
+        slope = sight.bound[i]
+        if i + 1 < n and sight.bound[i + 1] == slope:
+            continue
+        add_corners(sight, slope)
+        now = nearest_line(sight, slope, sight.bound[i + 1]) if i + 1 < n else c.NONE
         if now != front:
             if slope - since > ANGLE_TOL:
                 extent = max(extent, add_surface(sight, front, since, slope) if front != c.NONE else reach)

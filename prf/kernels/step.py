@@ -37,13 +37,8 @@ def choose_move(move_probabilities: Array, rng: Rng) -> int:
 @spine
 def propose(chain: Chain, move: int, rng: Rng) -> Densities:
     """Fill the proposal; return whether it is legal, log_forward and log_reverse (see ``moves``)."""
-    graph, index, targets, proposal, tuning = (
-        chain.graph,
-        chain.edge_index,
-        chain.targets,
-        chain.proposal,
-        chain.tuning,
-    )
+    graph, index, targets = chain.graph, chain.edge_index, chain.targets
+    proposal, tuning = chain.proposal, chain.tuning
     clear(proposal)
     if move == c.TRIANGLE_BIRTH:
         return interior_triangle.propose_birth(graph, targets, proposal, tuning, rng)

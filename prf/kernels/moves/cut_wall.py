@@ -9,10 +9,12 @@ reward.
 import math
 
 from prf.kernels import constants as c
+from prf.kernels import proposal as edit
 from prf.kernels._jit import Array, Rng, core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, beyond, can_join, ends_of, pick
 from prf.kernels.grid import Grid
+from prf.kernels.moves import placing
 from prf.kernels.moves.nearby_edges import (
     begin_list_after,
     block_at,
@@ -23,27 +25,7 @@ from prf.kernels.moves.nearby_edges import (
     passes_block,
     pick_pair,
 )
-from prf.kernels.moves.placing import (
-    foot_and_offset,
-    log_or_minus_infinity,
-    place_two,
-    random_reach,
-    reach_density,
-    signed_density,
-    signed_reach,
-)
-from prf.kernels.proposal import (
-    ILLEGAL,
-    N_NEW_EDGES,
-    N_OLD_EDGES,
-    Densities,
-    Proposal,
-    add_edge,
-    find_cells,
-    remove_edge,
-    remove_vertex,
-    turn_at_vertex,
-)
+from prf.kernels.proposal import ILLEGAL, N_NEW_EDGES, N_OLD_EDGES, Densities, Proposal
 
 CUT_RADIUS = 1
 """The other face of a wall is searched in a square of cells that reaches so many beyond the middle of the cut."""
@@ -64,34 +46,25 @@ def gap_density(graph: Graph, tuning: Array, a: int, b: int, p: int, q: int, s: 
     which is left out: faces are chosen in proportion to their lengths, so that it is uniform on all edges together.
     """
     near = tuning[c.CUT_REACH]
-    foot_p, off_p, length = foot_and_offset(graph, a, b, p)
-    foot_q, off_q, _ = foot_and_offset(graph, a, b, q)
-    foot_s, off_s, other_length = foot_and_offset(graph, r, u, s)
-    foot_t, off_t, _ = foot_and_offset(graph, r, u, t)
+    foot_p, off_p, length = placing.foot_and_offset(graph, a, b, p)
+    foot_q, off_q, _ = placing.foot_and_offset(graph, a, b, q)
+    foot_s, off_s, other_length = placing.foot_and_offset(graph, r, u, s)
+    foot_t, off_t, _ = placing.foot_and_offset(graph, r, u, t)
     if not (0.0 < foot_p < foot_q < length and 0.0 < foot_s < foot_t < other_length):
         return 0.0
-    shadow_p, _, _ = foot_and_offset(graph, r, u, p)
-    shadow_q, _, _ = foot_and_offset(graph, r, u, q)
-    density = reach_density(foot_q - foot_p, tuning[c.BIRTH_REACH])
-    density *= signed_density(off_p, near) * signed_density(off_q, near)
-    density *= signed_density(foot_s - shadow_p, near) * signed_density(foot_t - shadow_q, near)
-    return density * signed_density(off_s, near) * signed_density(off_t, near)
-
-
-@core
-def turn_round_gap(
-    graph: Graph, proposal: Proposal, a: int, b: int, p: int, q: int, s: int, t: int, r: int, u: int
-) -> None:
-    """Run the loop round the gap p, q, t, s in the wall of the faces ab and ru."""
-    for vertex in (a, p, s, r, u, t, q, b):
-        turn_at_vertex(graph, proposal, vertex)
+    shadow_p, _, _ = placing.foot_and_offset(graph, r, u, p)
+    shadow_q, _, _ = placing.foot_and_offset(graph, r, u, q)
+    density = placing.reach_density(foot_q - foot_p, tuning[c.BIRTH_REACH])
+    density *= placing.signed_density(off_p, near) * placing.signed_density(off_q, near)
+    density *= placing.signed_density(foot_s - shadow_p, near) * placing.signed_density(foot_t - shadow_q, near)
+    return density * placing.signed_density(off_s, near) * placing.signed_density(off_t, near)
 
 
 @core
 def block_round_cut(graph: Graph, grid: Grid, a: int, b: int, p: int, q: int) -> tuple[int, int, int, int]:
     """Block of cells round the middle of the cut from p to q in the face ab."""
-    foot_p, _, length = foot_and_offset(graph, a, b, p)
-    foot_q, _, _ = foot_and_offset(graph, a, b, q)
+    foot_p, _, length = placing.foot_and_offset(graph, a, b, p)
+    foot_q, _, _ = placing.foot_and_offset(graph, a, b, q)
     share = 0.5 * (foot_p + foot_q) / length
     x = graph.vertex_xy[a, 0] + share * (graph.vertex_xy[b, 0] - graph.vertex_xy[a, 0])
     y = graph.vertex_xy[a, 1] + share * (graph.vertex_xy[b, 1] - graph.vertex_xy[a, 1])
@@ -127,8 +100,8 @@ def place_first_corners(graph: Graph, proposal: Proposal, tuning: Array, e: int,
     """Place the corners p, q on e as new vertices 0 and 1; False if one is off its edge."""
     a, b = ends_of(graph, e)
     foot_p = rng.random() * graph.edge_length[e]
-    foot_q = foot_p + random_reach(rng, tuning[c.BIRTH_REACH])
-    return place_two(graph, proposal, a, b, foot_p, foot_q, graph.edge_length[e], tuning[c.CUT_REACH], rng)
+    foot_q = foot_p + placing.random_reach(rng, tuning[c.BIRTH_REACH])
+    return placing.place_two(graph, proposal, a, b, foot_p, foot_q, graph.edge_length[e], tuning[c.CUT_REACH], rng)
 
 
 @core
@@ -136,11 +109,11 @@ def place_second_corners(graph: Graph, proposal: Proposal, tuning: Array, f: int
     """Place the corners s, t on f, opposite to p and q, as new vertices 2 and 3; False if one is off its edge."""
     near = tuning[c.CUT_REACH]
     r, u = ends_of(graph, f)
-    shadow_p, _, length = foot_and_offset(graph, r, u, proposal.new_vertices[0])
-    shadow_q, _, _ = foot_and_offset(graph, r, u, proposal.new_vertices[1])
-    foot_s = shadow_p + signed_reach(rng, near)
-    foot_t = shadow_q + signed_reach(rng, near)
-    return place_two(graph, proposal, r, u, foot_s, foot_t, length, near, rng)
+    shadow_p, _, length = placing.foot_and_offset(graph, r, u, proposal.new_vertices[0])
+    shadow_q, _, _ = placing.foot_and_offset(graph, r, u, proposal.new_vertices[1])
+    foot_s = shadow_p + placing.signed_reach(rng, near)
+    foot_t = shadow_q + placing.signed_reach(rng, near)
+    return placing.place_two(graph, proposal, r, u, foot_s, foot_t, length, near, rng)
 
 
 @core
@@ -152,8 +125,7 @@ def propose_cut(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Arra
     if not place_first_corners(graph, proposal, tuning, e, rng):
         return ILLEGAL
     a, b = ends_of(graph, e)
-    p = proposal.new_vertices[0]
-    q = proposal.new_vertices[1]
+    p, q = proposal.new_vertices[0], proposal.new_vertices[1]
     n_e = opposite_now(graph, index, e, block_round_cut(graph, index.grid, a, b, p, q))
     if n_e == 0:
         return ILLEGAL
@@ -161,17 +133,14 @@ def propose_cut(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Arra
     if not place_second_corners(graph, proposal, tuning, f, rng):
         return ILLEGAL
     r, u = ends_of(graph, f)
-    s = proposal.new_vertices[2]
-    t = proposal.new_vertices[3]
-    if foot_and_offset(graph, r, u, s)[0] > foot_and_offset(graph, r, u, t)[0]:
+    s, t = proposal.new_vertices[2], proposal.new_vertices[3]
+    if placing.foot_and_offset(graph, r, u, s)[0] > placing.foot_and_offset(graph, r, u, t)[0]:
         r, u = u, r
-    remove_edge(proposal, e)
-    remove_edge(proposal, f)
-    for jamb in ((p, s), (q, t)):
-        add_edge(graph, proposal, jamb[0], jamb[1])
-    for piece in ((a, p), (q, b), (r, s), (t, u)):
-        add_edge(graph, proposal, piece[0], piece[1])
-    turn_round_gap(graph, proposal, a, b, p, q, s, t, r, u)
+    edit.remove_edge(proposal, e)
+    edit.remove_edge(proposal, f)
+    for jamb_or_piece in ((p, s), (q, t), (a, p), (q, b), (r, s), (t, u)):
+        edit.add_edge(graph, proposal, jamb_or_piece[0], jamb_or_piece[1])
+    edit.turn_round(graph, proposal, (a, p, s, r, u, t, q, b))
     forward = gap_density(graph, tuning, a, b, p, q, s, t, r, u) / n_e
     n_f = opposite_now(graph, index, f, block_round_cut(graph, index.grid, r, u, s, t))
     if index.marks[e] == index.mark[0]:
@@ -184,11 +153,11 @@ def propose_cut(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Arra
 @core
 def log_reverse_of_cut(graph: Graph, index: EdgeIndex, proposal: Proposal) -> float:
     """Log density with which a mend would undo the proposed cut; -inf if it could not."""
-    find_cells(index.grid, proposal)
+    edit.find_cells(index.grid, proposal)
     density = links_after(graph, index, proposal, FIRST_JAMB, SECOND_JAMB)
     density += links_after(graph, index, proposal, SECOND_JAMB, FIRST_JAMB)
     edges_after = graph.counts[c.EDGES] + 4
-    return log_or_minus_infinity(0.5 * density / edges_after)
+    return placing.log_or_minus_infinity(0.5 * density / edges_after)
 
 
 @core
@@ -213,15 +182,12 @@ def propose_mend(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Arr
     from_t, u = beyond(graph, t, k)
     if not are_faces(graph, a, b, r, u, p, s, q, t):
         return ILLEGAL
-    for vertex in (p, q, s, t):
-        remove_vertex(proposal, vertex)
-    remove_edge(proposal, j)
-    remove_edge(proposal, k)
-    for edge in (from_p, from_q, from_s, from_t):
-        remove_edge(proposal, edge)
-    add_edge(graph, proposal, a, b)
-    add_edge(graph, proposal, r, u)
-    turn_round_gap(graph, proposal, a, b, p, q, s, t, r, u)
+    edit.remove_vertices(proposal, (p, q, s, t))
+    edit.remove_edges(proposal, (j, k))
+    edit.remove_edges(proposal, (from_p, from_q, from_s, from_t))
+    edit.add_edge(graph, proposal, a, b)
+    edit.add_edge(graph, proposal, r, u)
+    edit.turn_round(graph, proposal, (a, p, s, r, u, t, q, b))
     forward = 1.0 / n_j + links_now(graph, index, k, j)
     return True, math.log(0.5 * forward / edges), log_reverse_of_mend(graph, index, proposal, tuning)
 
@@ -260,15 +226,10 @@ def opposite_after(
 @core
 def log_reverse_of_mend(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Array) -> float:
     """Log density with which a cut would undo the proposed mend; -inf if it could not."""
-    find_cells(index.grid, proposal)
-    a = proposal.new_edges[FIRST_FACE, 0]
-    b = proposal.new_edges[FIRST_FACE, 1]
-    r = proposal.new_edges[SECOND_FACE, 0]
-    u = proposal.new_edges[SECOND_FACE, 1]
-    p = proposal.old_vertices[0]
-    q = proposal.old_vertices[1]
-    s = proposal.old_vertices[2]
-    t = proposal.old_vertices[3]
+    edit.find_cells(index.grid, proposal)
+    (a, b), (r, u) = edit.new_ends(proposal, FIRST_FACE), edit.new_ends(proposal, SECOND_FACE)
+    removed = proposal.old_vertices
+    p, q, s, t = removed[0], removed[1], removed[2], removed[3]
     density = 0.0
     n = opposite_after(graph, index, proposal, FIRST_FACE, block_round_cut(graph, index.grid, a, b, p, q))
     if n > 0:
@@ -276,4 +237,4 @@ def log_reverse_of_mend(graph: Graph, index: EdgeIndex, proposal: Proposal, tuni
     n = opposite_after(graph, index, proposal, SECOND_FACE, block_round_cut(graph, index.grid, r, u, s, t))
     if n > 0:
         density += gap_density(graph, tuning, r, u, s, t, p, q, a, b) / n
-    return log_or_minus_infinity(density / length_after(graph, proposal))
+    return placing.log_or_minus_infinity(density / length_after(graph, proposal))

@@ -7,25 +7,11 @@ reaches out of the window is so added and removed in one step.
 import math
 
 from prf.kernels import constants as c
+from prf.kernels import proposal as edit
 from prf.kernels._jit import Array, Rng, core
 from prf.kernels.graph import Graph, can_join, ends_of, other_end, pick, pick_two
-from prf.kernels.moves.placing import is_on_side, position_on_side, side_point, signed_density, signed_reach
-from prf.kernels.proposal import (
-    ILLEGAL,
-    Densities,
-    Proposal,
-    add_edge,
-    add_vertex,
-    remove_edge,
-    remove_vertex,
-    turn_at_vertex,
-)
-
-
-@core
-def position_of(graph: Graph, side: int, v: int) -> float:
-    """Coordinate along a side of the foot of a vertex on it."""
-    return position_on_side(side, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1])
+from prf.kernels.moves.placing import is_on_side, position_of, side_point, signed_density, signed_reach
+from prf.kernels.proposal import ILLEGAL, Densities, Proposal
 
 
 @core
@@ -51,22 +37,14 @@ def landing_density(graph: Graph, tuning: Array, u: int, v: int, p: int, q: int)
 
 
 @core
-def land(graph: Graph, proposal: Proposal, side: int, u: int, reach: float, rng: Rng) -> int:
-    """New vertex on a side near the foot of u, or NONE beyond its ends."""
+def land(graph: Graph, proposal: Proposal, side: int, u: int, reach: float, rng: Rng) -> bool:
+    """Add a vertex on a side near the foot of u; False beyond its ends."""
     position = position_of(graph, side, u) + signed_reach(rng, reach)
     if not is_on_side(graph.window, side, position):
-        return c.NONE
+        return False
     x, y = side_point(graph.window, side, position)
-    return add_vertex(graph, proposal, x, y, side)
-
-
-@core
-def turn_round(graph: Graph, proposal: Proposal, u: int, p: int, q: int, v: int) -> None:
-    """Run the loop from u to the side at p, along it to q and back to v."""
-    turn_at_vertex(graph, proposal, u)
-    turn_at_vertex(graph, proposal, p)
-    turn_at_vertex(graph, proposal, q)
-    turn_at_vertex(graph, proposal, v)
+    edit.add_vertex(graph, proposal, x, y, side)
+    return True
 
 
 @core
@@ -80,16 +58,14 @@ def propose_dock(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> D
     side = side_near(graph, u, v, tuning[c.DOCK_REACH])
     if side == c.NONE or graph.vertex_side[u] == side or graph.vertex_side[v] == side:
         return ILLEGAL
-    p = land(graph, proposal, side, u, tuning[c.JOIN_REACH], rng)
-    if p == c.NONE:
-        return ILLEGAL
-    q = land(graph, proposal, side, v, tuning[c.JOIN_REACH], rng)
-    if q == c.NONE:
-        return ILLEGAL
-    remove_edge(proposal, e)
-    add_edge(graph, proposal, u, p)
-    add_edge(graph, proposal, v, q)
-    turn_round(graph, proposal, u, p, q, v)
+    for end in (u, v):
+        if not land(graph, proposal, side, end, tuning[c.JOIN_REACH], rng):
+            return ILLEGAL
+    p, q = proposal.new_vertices[0], proposal.new_vertices[1]
+    edit.remove_edge(proposal, e)
+    edit.add_edge(graph, proposal, u, p)
+    edit.add_edge(graph, proposal, v, q)
+    edit.turn_round(graph, proposal, (u, p, q, v))
     boundary = graph.counts[c.BOUNDARY_VERTICES] + 2.0
     log_forward = math.log(landing_density(graph, tuning, u, v, p, q) / edges)
     return True, log_forward, math.log(2.0 / (boundary * (boundary - 1.0)))
@@ -104,18 +80,15 @@ def propose_undock(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) ->
     p, q = pick_two(graph, c.BOUNDARY_VERTICES, rng)
     if graph.vertex_side[p] != graph.vertex_side[q]:
         return ILLEGAL
-    first = graph.vertex_edges[p, 0]
-    last = graph.vertex_edges[q, 0]
+    first, last = graph.vertex_edges[p, 0], graph.vertex_edges[q, 0]
     u = other_end(graph, first, p)
     v = other_end(graph, last, q)
     if not can_join(graph, u, v) or side_near(graph, u, v, tuning[c.DOCK_REACH]) != graph.vertex_side[p]:
         return ILLEGAL
-    remove_edge(proposal, first)
-    remove_edge(proposal, last)
-    remove_vertex(proposal, p)
-    remove_vertex(proposal, q)
-    add_edge(graph, proposal, u, v)
-    turn_round(graph, proposal, u, p, q, v)
+    edit.remove_edges(proposal, (first, last))
+    edit.remove_vertices(proposal, (p, q))
+    edit.add_edge(graph, proposal, u, v)
+    edit.turn_round(graph, proposal, (u, p, q, v))
     edges_after = graph.counts[c.EDGES] - 1
     log_reverse = math.log(landing_density(graph, tuning, u, v, p, q) / edges_after)
     return True, math.log(2.0 / (boundary * (boundary - 1.0))), log_reverse

@@ -3,27 +3,11 @@
 import math
 
 from prf.kernels import constants as c
+from prf.kernels import proposal as edit
 from prf.kernels._jit import Array, Rng, core
-from prf.kernels.graph import Graph, distance, other_end, pick
-from prf.kernels.moves.placing import (
-    area,
-    beside,
-    beside_density,
-    is_inside,
-    log_or_minus_infinity,
-    near_density,
-    random_reach,
-)
-from prf.kernels.proposal import (
-    ILLEGAL,
-    Densities,
-    Proposal,
-    add_edge,
-    add_vertex,
-    remove_edge,
-    remove_vertex,
-    turn_at_vertex,
-)
+from prf.kernels.graph import Graph, distance, edges_at, neighbors_of, outer_edge, pick
+from prf.kernels.moves import placing
+from prf.kernels.proposal import ILLEGAL, Densities, Proposal
 from prf.kernels.targets import Targets, first_density, pick_near, pick_target, point_in, second_density, target_of
 
 N_SIZES = 3
@@ -41,18 +25,25 @@ def reach_of(tuning: Array, size: int) -> float:
 
 
 @core
+def cluster_density(
+    graph: Graph, median: float, u: int, v: int, w: int, first_u: float, first_v: float, first_w: float
+) -> float:
+    """Density of the unordered triangle u, v, w if any was the first, with these densities, and two lie round it."""
+    near_uv = placing.near_density(distance(graph, u, v), median)
+    near_vw = placing.near_density(distance(graph, v, w), median)
+    near_wu = placing.near_density(distance(graph, w, u), median)
+    return 2.0 * (first_u * near_uv * near_wu + first_v * near_uv * near_vw + first_w * near_vw * near_wu)
+
+
+@core
 def free_density(graph: Graph, tuning: Array, u: int, v: int, w: int) -> float:
     """Density of the unordered triangle u, v, w among births that know nothing of the readings.
 
     Uniform births: 3! orders of three uniform points. Local births: any of the three may have been the first
     (uniform), and the other two are drawn in either order round it.
     """
-    surface = area(graph.window)
-    median = tuning[c.BIRTH_REACH]
-    near_uv = near_density(distance(graph, u, v), median)
-    near_vw = near_density(distance(graph, v, w), median)
-    near_wu = near_density(distance(graph, w, u), median)
-    local = 2.0 * (near_uv * near_wu + near_uv * near_vw + near_vw * near_wu) / surface
+    surface = placing.area(graph.window)
+    local = cluster_density(graph, tuning[c.BIRTH_REACH], u, v, w, 1.0, 1.0, 1.0) / surface
     uniform = 6.0 / (surface * surface * surface)
     return tuning[c.LOCAL_SHARE] * local + (1.0 - tuning[c.LOCAL_SHARE]) * uniform
 
@@ -60,13 +51,10 @@ def free_density(graph: Graph, tuning: Array, u: int, v: int, w: int) -> float:
 @core
 def post_density(graph: Graph, targets: Targets, tuning: Array, median: float, u: int, v: int, w: int) -> float:
     """Density of the unordered triangle u, v, w among aimed births of a post: two vertices round one in a target."""
-    near_uv = near_density(distance(graph, u, v), median)
-    near_vw = near_density(distance(graph, v, w), median)
-    near_wu = near_density(distance(graph, w, u), median)
     first_u = first_density(targets, tuning, target_of(targets, graph, u))
     first_v = first_density(targets, tuning, target_of(targets, graph, v))
     first_w = first_density(targets, tuning, target_of(targets, graph, w))
-    return 2.0 * (first_u * near_uv * near_wu + first_v * near_uv * near_vw + first_w * near_vw * near_wu)
+    return cluster_density(graph, median, u, v, w, first_u, first_v, first_w)
 
 
 @core
@@ -80,7 +68,7 @@ def panel_density(graph: Graph, targets: Targets, tuning: Array, median: float, 
         return 0.0
     x = graph.vertex_xy[apex, 0]
     y = graph.vertex_xy[apex, 1]
-    return ends * beside_density(graph.vertex_xy[u], graph.vertex_xy[v], x, y, median)
+    return ends * placing.beside_density(graph.vertex_xy[u], graph.vertex_xy[v], x, y, median)
 
 
 @core
@@ -109,17 +97,17 @@ def uniform_vertex(graph: Graph, proposal: Proposal, rng: Rng) -> int:
     window = graph.window
     x = window[0] + rng.random() * (window[2] - window[0])
     y = window[1] + rng.random() * (window[3] - window[1])
-    return add_vertex(graph, proposal, x, y, c.INTERIOR)
+    return edit.add_vertex(graph, proposal, x, y, c.INTERIOR)
 
 
 @core
 def vertex_near(graph: Graph, proposal: Proposal, u: int, median: float, rng: Rng) -> int:
     """New vertex near u, perhaps outside the window."""
-    r = random_reach(rng, median)
+    r = placing.random_reach(rng, median)
     direction = 2.0 * math.pi * rng.random()
     x = graph.vertex_xy[u, 0] + r * math.cos(direction)
     y = graph.vertex_xy[u, 1] + r * math.sin(direction)
-    return add_vertex(graph, proposal, x, y, c.INTERIOR)
+    return edit.add_vertex(graph, proposal, x, y, c.INTERIOR)
 
 
 @core
@@ -141,14 +129,14 @@ def draw_aimed(graph: Graph, targets: Targets, proposal: Proposal, tuning: Array
     is_post = rng.random() < 0.5
     target = pick_target(targets, tuning, rng)
     x, y = point_in(targets, target, rng)
-    u = add_vertex(graph, proposal, x, y, c.INTERIOR)
+    u = edit.add_vertex(graph, proposal, x, y, c.INTERIOR)
     if is_post:
         v = vertex_near(graph, proposal, u, median, rng)
         return u, v, vertex_near(graph, proposal, u, median, rng)
     x, y = point_in(targets, pick_near(targets, target, rng), rng)
-    v = add_vertex(graph, proposal, x, y, c.INTERIOR)
-    x, y = beside(graph.vertex_xy[u], graph.vertex_xy[v], median, rng)
-    return u, v, add_vertex(graph, proposal, x, y, c.INTERIOR)
+    v = edit.add_vertex(graph, proposal, x, y, c.INTERIOR)
+    x, y = placing.beside(graph.vertex_xy[u], graph.vertex_xy[v], median, rng)
+    return u, v, edit.add_vertex(graph, proposal, x, y, c.INTERIOR)
 
 
 @core
@@ -158,14 +146,13 @@ def propose_birth(graph: Graph, targets: Targets, proposal: Proposal, tuning: Ar
         u, v, w = draw_aimed(graph, targets, proposal, tuning, rng)
     else:
         u, v, w = draw_free(graph, proposal, tuning, rng)
-    for k in range(3):
-        vertex = proposal.new_vertices[k]
-        if not is_inside(graph.window, graph.vertex_xy[vertex, 0], graph.vertex_xy[vertex, 1]):
+    for vertex in (u, v, w):
+        if not placing.is_in_window(graph, vertex):
             return ILLEGAL
-        turn_at_vertex(graph, proposal, vertex)
-    add_edge(graph, proposal, u, v)
-    add_edge(graph, proposal, v, w)
-    add_edge(graph, proposal, w, u)
+        edit.turn_at_vertex(graph, proposal, vertex)
+    edit.add_edge(graph, proposal, u, v)
+    edit.add_edge(graph, proposal, v, w)
+    edit.add_edge(graph, proposal, w, u)
     density = birth_density(graph, targets, tuning, u, v, w)
     if density == 0.0:
         return ILLEGAL  # rounding put the apex of a panel on the line of its ends
@@ -178,18 +165,10 @@ def propose_death(graph: Graph, targets: Targets, proposal: Proposal, tuning: Ar
     if graph.counts[c.TRIANGLE_VERTICES] == 0:
         return ILLEGAL
     u = pick(graph, c.TRIANGLE_VERTICES, rng)
-    first = graph.vertex_edges[u, 0]
-    last = graph.vertex_edges[u, 1]
-    v = other_end(graph, first, u)
-    w = other_end(graph, last, u)
-    middle = graph.vertex_edges[v, 0]
-    if middle == first:
-        middle = graph.vertex_edges[v, 1]
-    remove_edge(proposal, first)
-    remove_edge(proposal, middle)
-    remove_edge(proposal, last)
-    for vertex in (u, v, w):
-        remove_vertex(proposal, vertex)
-        turn_at_vertex(graph, proposal, vertex)
+    first, last = edges_at(graph, u)
+    v, w = neighbors_of(graph, u)
+    edit.remove_edges(proposal, (first, outer_edge(graph, v, first), last))
+    edit.remove_vertices(proposal, (u, v, w))
+    edit.turn_round(graph, proposal, (u, v, w))
     log_forward = -math.log(graph.counts[c.TRIANGLE_VERTICES] // 3)
-    return True, log_forward, log_or_minus_infinity(birth_density(graph, targets, tuning, u, v, w))
+    return True, log_forward, placing.log_or_minus_infinity(birth_density(graph, targets, tuning, u, v, w))

@@ -8,21 +8,13 @@ q may as well have been corners on uv to which a and b were joined: densities co
 import math
 
 from prf.kernels import constants as c
+from prf.kernels import proposal as edit
 from prf.kernels._jit import Array, Rng, core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, beyond, can_join, ends_of, is_removable, other_end
 from prf.kernels.moves.nearby_edges import links_after, links_now, pick_pair
 from prf.kernels.moves.placing import foot_and_offset, log_or_minus_infinity, place_two, signed_density, signed_reach
-from prf.kernels.proposal import (
-    ILLEGAL,
-    Densities,
-    Proposal,
-    add_edge,
-    find_cells,
-    remove_edge,
-    remove_vertex,
-    turn_at_vertex,
-)
+from prf.kernels.proposal import ILLEGAL, Densities, Proposal
 
 # Places of the new edges in a join's proposal, those of u and v and those of a and b, and in a parting's.
 FIRST_LINK = 0
@@ -62,16 +54,14 @@ def propose_join(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Arr
     foot_q += signed_reach(rng, tuning[c.JOIN_REACH])
     if not place_two(graph, proposal, a, b, foot_p, foot_q, length, tuning[c.CUT_REACH], rng):
         return ILLEGAL
-    p = proposal.new_vertices[0]
-    q = proposal.new_vertices[1]
+    p, q = proposal.new_vertices[0], proposal.new_vertices[1]
     if foot_p > foot_q:
         a, b = b, a
-    remove_edge(proposal, e)
-    remove_edge(proposal, f)
+    edit.remove_edge(proposal, e)
+    edit.remove_edge(proposal, f)
     for new in ((u, p), (v, q), (a, p), (q, b)):
-        add_edge(graph, proposal, new[0], new[1])
-    for vertex in (u, p, a, b, q, v):
-        turn_at_vertex(graph, proposal, vertex)
+        edit.add_edge(graph, proposal, new[0], new[1])
+    edit.turn_round(graph, proposal, (u, p, a, b, q, v))
     density = link_density(graph, tuning, u, v, a, b, p, q) / n
     density += link_density(graph, tuning, a, b, u, v, p, q) * links_now(graph, index, f, e)
     if density == 0.0:
@@ -82,7 +72,7 @@ def propose_join(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Arr
 @core
 def log_reverse_of_join(graph: Graph, index: EdgeIndex, proposal: Proposal) -> float:
     """Log density with which a parting would undo the proposed join; -inf if it could not."""
-    find_cells(index.grid, proposal)
+    edit.find_cells(index.grid, proposal)
     density = links_after(graph, index, proposal, FIRST_LINK, SECOND_LINK)
     density += links_after(graph, index, proposal, SECOND_LINK, FIRST_LINK)
     density += links_after(graph, index, proposal, FIRST_PIECE, SECOND_PIECE)
@@ -114,16 +104,12 @@ def propose_part(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Arr
     last, b = beyond(graph, q, k)
     if a == q or a == v or b == u or not can_join(graph, a, b) or not can_join(graph, u, v):
         return ILLEGAL
-    remove_vertex(proposal, p)
-    remove_vertex(proposal, q)
-    remove_edge(proposal, j)
-    remove_edge(proposal, k)
-    remove_edge(proposal, first)
-    remove_edge(proposal, last)
-    add_edge(graph, proposal, u, v)
-    add_edge(graph, proposal, a, b)
-    for vertex in (u, p, a, b, q, v):
-        turn_at_vertex(graph, proposal, vertex)
+    edit.remove_vertices(proposal, (p, q))
+    edit.remove_edges(proposal, (j, k))
+    edit.remove_edges(proposal, (first, last))
+    edit.add_edge(graph, proposal, u, v)
+    edit.add_edge(graph, proposal, a, b)
+    edit.turn_round(graph, proposal, (u, p, a, b, q, v))
     forward = 1.0 / n_j + links_now(graph, index, k, j)
     forward += links_now(graph, index, first, last) + links_now(graph, index, last, first)
     return True, math.log(0.25 * forward / edges), log_reverse_of_parting(graph, index, proposal, tuning)
@@ -132,13 +118,9 @@ def propose_part(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Arr
 @core
 def log_reverse_of_parting(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Array) -> float:
     """Log density with which a join would undo the proposed parting; -inf if it could not."""
-    find_cells(index.grid, proposal)
-    u = proposal.new_edges[FREE_EDGE, 0]
-    v = proposal.new_edges[FREE_EDGE, 1]
-    a = proposal.new_edges[FACE, 0]
-    b = proposal.new_edges[FACE, 1]
-    p = proposal.old_vertices[0]
-    q = proposal.old_vertices[1]
+    edit.find_cells(index.grid, proposal)
+    (u, v), (a, b) = edit.new_ends(proposal, FREE_EDGE), edit.new_ends(proposal, FACE)
+    p, q = proposal.old_vertices[0], proposal.old_vertices[1]
     density = link_density(graph, tuning, u, v, a, b, p, q)
     if density > 0.0:
         density *= links_after(graph, index, proposal, FREE_EDGE, FACE)

@@ -3,51 +3,23 @@
 import math
 
 from prf.kernels import constants as c
+from prf.kernels import proposal as edit
 from prf.kernels._jit import Array, Rng, core
-from prf.kernels.graph import Graph, other_end, pick
-from prf.kernels.moves.placing import (
-    corner_between,
-    distance_to_corner,
-    is_inside,
-    is_on_side,
-    position_from_corner,
-    position_on_side,
-    random_position,
-    random_reach,
-    reach_density,
-    side_length,
-    side_point,
-)
-from prf.kernels.proposal import (
-    ILLEGAL,
-    Densities,
-    Proposal,
-    add_edge,
-    add_vertex,
-    remove_edge,
-    remove_vertex,
-    turn_at,
-    turn_at_vertex,
-)
+from prf.kernels.graph import Graph, edges_at, neighbors_of, other_end, pick
+from prf.kernels.moves import placing
+from prf.kernels.proposal import ILLEGAL, Densities, Proposal
 
 
 @core
 def move_interior_to(graph: Graph, proposal: Proposal, v: int, x: float, y: float) -> None:
     """Move the interior vertex v to (x, y)."""
-    first = graph.vertex_edges[v, 0]
-    last = graph.vertex_edges[v, 1]
-    u = other_end(graph, first, v)
-    w = other_end(graph, last, v)
-    moved = add_vertex(graph, proposal, x, y, c.INTERIOR)
-    remove_edge(proposal, first)
-    remove_edge(proposal, last)
-    remove_vertex(proposal, v)
-    add_edge(graph, proposal, u, moved)
-    add_edge(graph, proposal, moved, w)
-    turn_at_vertex(graph, proposal, u)
-    turn_at_vertex(graph, proposal, v)
-    turn_at_vertex(graph, proposal, w)
-    turn_at_vertex(graph, proposal, moved)
+    u, w = neighbors_of(graph, v)
+    moved = edit.add_vertex(graph, proposal, x, y, c.INTERIOR)
+    edit.remove_edges(proposal, edges_at(graph, v))
+    edit.remove_vertex(proposal, v)
+    edit.add_edge(graph, proposal, u, moved)
+    edit.add_edge(graph, proposal, moved, w)
+    edit.turn_round(graph, proposal, (u, v, w, moved))
 
 
 @core
@@ -56,11 +28,11 @@ def propose_interior(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) 
     if graph.counts[c.INTERIOR_VERTICES] == 0:
         return ILLEGAL
     v = pick(graph, c.INTERIOR_VERTICES, rng)
-    r = random_reach(rng, tuning[c.MOVE_REACH])
+    r = placing.random_reach(rng, tuning[c.MOVE_REACH])
     direction = 2.0 * math.pi * rng.random()
     x = graph.vertex_xy[v, 0] + r * math.cos(direction)
     y = graph.vertex_xy[v, 1] + r * math.sin(direction)
-    if not is_inside(graph.window, x, y):
+    if not placing.is_inside(graph.window, x, y):
         return ILLEGAL
     move_interior_to(graph, proposal, v, x, y)
     return True, 0.0, 0.0
@@ -81,7 +53,7 @@ def propose_slide(graph: Graph, proposal: Proposal, rng: Rng) -> Densities:
     stretch = 0.5 + 1.5 * rng.random()
     x = graph.vertex_xy[u, 0] + stretch * (graph.vertex_xy[v, 0] - graph.vertex_xy[u, 0])
     y = graph.vertex_xy[u, 1] + stretch * (graph.vertex_xy[v, 1] - graph.vertex_xy[u, 1])
-    if not is_inside(graph.window, x, y):
+    if not placing.is_inside(graph.window, x, y):
         return ILLEGAL
     move_interior_to(graph, proposal, v, x, y)
     return True, 0.0, 0.0
@@ -92,17 +64,16 @@ def move_boundary_to(graph: Graph, proposal: Proposal, v: int, side: int, positi
     """Move the boundary vertex v to a position on `side`, its own or an adjacent one."""
     edge = graph.vertex_edges[v, 0]
     u = other_end(graph, edge, v)
-    x, y = side_point(graph.window, side, position)
-    moved = add_vertex(graph, proposal, x, y, side)
-    remove_edge(proposal, edge)
-    remove_vertex(proposal, v)
-    add_edge(graph, proposal, u, moved)
-    turn_at_vertex(graph, proposal, u)
-    turn_at_vertex(graph, proposal, v)
+    x, y = placing.side_point(graph.window, side, position)
+    moved = edit.add_vertex(graph, proposal, x, y, side)
+    edit.remove_edge(proposal, edge)
+    edit.remove_vertex(proposal, v)
+    edit.add_edge(graph, proposal, u, moved)
+    edit.turn_round(graph, proposal, (u, v))
     if side != graph.vertex_side[v]:
-        x, y = corner_between(graph.window, graph.vertex_side[v], side)
-        turn_at(proposal, x, y)
-    turn_at_vertex(graph, proposal, moved)
+        x, y = placing.corner_between(graph.window, graph.vertex_side[v], side)
+        edit.turn_at(proposal, x, y)
+    edit.turn_at_vertex(graph, proposal, moved)
 
 
 @core
@@ -113,13 +84,11 @@ def propose_boundary(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) 
     v = pick(graph, c.BOUNDARY_VERTICES, rng)
     side = graph.vertex_side[v]
     if rng.random() < tuning[c.LOCAL_SHARE]:
-        reach = random_reach(rng, tuning[c.MOVE_REACH])
-        position = position_on_side(side, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1])
-        position += reach if rng.random() < 0.5 else -reach
-        if not is_on_side(graph.window, side, position):
+        position = placing.position_of(graph, side, v) + placing.signed_reach(rng, tuning[c.MOVE_REACH])
+        if not placing.is_on_side(graph.window, side, position):
             return ILLEGAL
     else:
-        position = random_position(graph.window, side, rng)
+        position = placing.random_position(graph.window, side, rng)
     move_boundary_to(graph, proposal, v, side, position)
     return True, 0.0, 0.0
 
@@ -127,8 +96,8 @@ def propose_boundary(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) 
 @core
 def landing_density(graph: Graph, tuning: Array, side: int, other: int, distance: float) -> float:
     """Density on `side` of a vertex that moves past the corner with `other` and lands at a distance from it."""
-    local = tuning[c.LOCAL_SHARE] * reach_density(distance, tuning[c.BIRTH_REACH])
-    return local + (1.0 - tuning[c.LOCAL_SHARE]) / side_length(graph.window, side)
+    local = tuning[c.LOCAL_SHARE] * placing.reach_density(distance, tuning[c.BIRTH_REACH])
+    return local + (1.0 - tuning[c.LOCAL_SHARE]) / placing.side_length(graph.window, side)
 
 
 @core
@@ -141,19 +110,19 @@ def propose_past_corner(graph: Graph, proposal: Proposal, tuning: Array, rng: Rn
     side = graph.vertex_side[v]
     other = (side + (1 if rng.random() < 0.5 else 3)) % 4
     if rng.random() < tuning[c.LOCAL_SHARE]:
-        reach = random_reach(rng, tuning[c.BIRTH_REACH])
-        position = position_from_corner(window, other, side, reach)
-        if not is_on_side(window, other, position):
+        reach = placing.random_reach(rng, tuning[c.BIRTH_REACH])
+        position = placing.position_from_corner(window, other, side, reach)
+        if not placing.is_on_side(window, other, position):
             return ILLEGAL
     else:
-        position = random_position(window, other, rng)
+        position = placing.random_position(window, other, rng)
     u = other_end(graph, graph.vertex_edges[v, 0], v)
     if graph.vertex_side[u] == other:
         return ILLEGAL
     move_boundary_to(graph, proposal, v, other, position)
-    before = position_on_side(side, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1])
-    forward = landing_density(graph, tuning, other, side, distance_to_corner(window, other, side, position))
-    backward = landing_density(graph, tuning, side, other, distance_to_corner(window, side, other, before))
+    before = placing.position_of(graph, side, v)
+    forward = landing_density(graph, tuning, other, side, placing.distance_to_corner(window, other, side, position))
+    backward = landing_density(graph, tuning, side, other, placing.distance_to_corner(window, side, other, before))
     return True, math.log(forward), math.log(backward)
 
 

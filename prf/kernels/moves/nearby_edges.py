@@ -9,7 +9,7 @@ from prf.kernels._jit import Array, Rng, core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, pick
 from prf.kernels.grid import Grid, axis_index, walk
-from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal
+from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal, new_ends
 
 MEND_RADIUS = 3
 """The partner of an edge is searched in a square of cells that reaches this many cells to each side of its middle."""
@@ -23,6 +23,16 @@ def note_neighbor(index: EdgeIndex, n: int, edge: int) -> int:
     index.marks[edge] = index.mark[0]
     index.neighbors[n] = edge
     return n + 1
+
+
+@core
+def list_cells(index: EdgeIndex, cells: Array, n_cells: int) -> int:
+    """List the edges of the first `n_cells` cells without this mark in ``index.neighbors``; return their number."""
+    n = 0
+    for i in range(n_cells):
+        for place in range(index.cell_count[cells[i]]):
+            n = note_neighbor(index, n, index.cell_edges[cells[i], place])
+    return n
 
 
 @core
@@ -42,12 +52,7 @@ def neighbors_now(graph: Graph, index: EdgeIndex, edge: int) -> int:
     index.mark[0] += 1
     mark_edges_at(graph, index, graph.edge_vertices[edge, 0])
     mark_edges_at(graph, index, graph.edge_vertices[edge, 1])
-    n = 0
-    for k in range(n_cells):
-        cell = index.path[k]
-        for place in range(index.cell_count[cell]):
-            n = note_neighbor(index, n, index.cell_edges[cell, place])
-    return n
+    return list_cells(index, index.path, n_cells)
 
 
 @core
@@ -64,12 +69,7 @@ def begin_list_after(graph: Graph, index: EdgeIndex, proposal: Proposal, k: int)
 def neighbors_after(graph: Graph, index: EdgeIndex, proposal: Proposal, k: int) -> int:
     """Number of edges that stay and share a cell, but no vertex, with the new edge k."""
     begin_list_after(graph, index, proposal, k)
-    n = 0
-    for i in range(proposal.n_cells[k]):
-        cell = proposal.cells[k, i]
-        for place in range(index.cell_count[cell]):
-            n = note_neighbor(index, n, index.cell_edges[cell, place])
-    return n
+    return list_cells(index, proposal.cells[k], proposal.n_cells[k])
 
 
 @core
@@ -121,10 +121,7 @@ def passes_block(grid: Grid, proposal: Proposal, k: int, block: tuple[int, int, 
 @core
 def share_vertex(proposal: Proposal, k: int, other: int) -> bool:
     """Whether two new edges have a vertex in common (an edge has with itself)."""
-    a = proposal.new_edges[k, 0]
-    b = proposal.new_edges[k, 1]
-    r = proposal.new_edges[other, 0]
-    u = proposal.new_edges[other, 1]
+    (a, b), (r, u) = new_ends(proposal, k), new_ends(proposal, other)
     return a == r or a == u or b == r or b == u
 
 

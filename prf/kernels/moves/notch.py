@@ -8,34 +8,13 @@ niche has two.
 import math
 
 from prf.kernels import constants as c
+from prf.kernels import proposal as edit
 from prf.kernels._jit import Array, Rng, core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, beyond, can_join, ends_of, is_removable, other_end, outer_edge, pick
+from prf.kernels.moves import placing
 from prf.kernels.moves.nearby_edges import block_at, list_block, passes_block
-from prf.kernels.moves.placing import (
-    foot_and_offset,
-    is_in_window,
-    log_or_minus_infinity,
-    place_at_offset,
-    place_off_line,
-    random_reach,
-    reach_density,
-    signed_density,
-    signed_reach,
-)
-from prf.kernels.proposal import (
-    ILLEGAL,
-    N_OLD_EDGES,
-    N_OLD_VERTICES,
-    Densities,
-    Proposal,
-    add_edge,
-    add_vertex,
-    find_cells,
-    remove_edge,
-    remove_vertex,
-    turn_at_vertex,
-)
+from prf.kernels.proposal import ILLEGAL, N_OLD_EDGES, N_OLD_VERTICES, Densities, Proposal
 from prf.kernels.targets import Targets, first_density, pick_target, point_in, target_of
 
 NOTCH_RADIUS = 2
@@ -63,9 +42,9 @@ def aim_at_wall(
     if graph.counts[c.EDGES] == 0 or tuning[c.AIMED_SHARE] == 0.0:
         return c.NONE, c.NONE, 0
     x, y = point_in(targets, pick_target(targets, tuning, rng), rng)
-    v = add_vertex(graph, proposal, x, y, c.INTERIOR)
+    v = edit.add_vertex(graph, proposal, x, y, c.INTERIOR)
     n = walls_now(graph, index, v)
-    if n == 0 or not is_in_window(graph, v):
+    if n == 0 or not placing.is_in_window(graph, v):
         return v, c.NONE, 0
     return v, index.neighbors[int(rng.random() * n)], n
 
@@ -92,16 +71,16 @@ def share_after(graph: Graph, index: EdgeIndex, proposal: Proposal, v: int) -> f
 @core
 def tooth_density(graph: Graph, targets: Targets, tuning: Array, a: int, b: int, p: int, t: int, q: int) -> float:
     """Density of the tip t and of the corners p and q on ab (in this order), if ab was chosen."""
-    foot_p, off_p, length = foot_and_offset(graph, a, b, p)
-    foot_t, _, _ = foot_and_offset(graph, a, b, t)
-    foot_q, off_q, _ = foot_and_offset(graph, a, b, q)
+    foot_p, off_p, length = placing.foot_and_offset(graph, a, b, p)
+    foot_t, _, _ = placing.foot_and_offset(graph, a, b, t)
+    foot_q, off_q, _ = placing.foot_and_offset(graph, a, b, q)
     if not 0.0 < foot_p < foot_t < foot_q < length:
         return 0.0
     near = tuning[c.CUT_REACH]
     reach = tuning[c.JOIN_REACH]
     density = first_density(targets, tuning, target_of(targets, graph, t))
-    density *= reach_density(foot_t - foot_p, reach) * reach_density(foot_q - foot_t, reach)
-    return density * signed_density(off_p, near) * signed_density(off_q, near)
+    density *= placing.reach_density(foot_t - foot_p, reach) * placing.reach_density(foot_q - foot_t, reach)
+    return density * placing.signed_density(off_p, near) * placing.signed_density(off_q, near)
 
 
 @core
@@ -109,30 +88,27 @@ def niche_density(
     graph: Graph, targets: Targets, tuning: Array, a: int, b: int, p: int, s: int, t: int, q: int
 ) -> float:
     """Density of the inner corners s and t, s aimed, and of p and q on ab (in this order), if ab was chosen."""
-    foot_p, off_p, length = foot_and_offset(graph, a, b, p)
-    foot_q, off_q, _ = foot_and_offset(graph, a, b, q)
-    foot_s, depth_s, _ = foot_and_offset(graph, a, b, s)
-    foot_t, depth_t, _ = foot_and_offset(graph, a, b, t)
+    foot_p, off_p, length = placing.foot_and_offset(graph, a, b, p)
+    foot_q, off_q, _ = placing.foot_and_offset(graph, a, b, q)
+    foot_s, depth_s, _ = placing.foot_and_offset(graph, a, b, s)
+    foot_t, depth_t, _ = placing.foot_and_offset(graph, a, b, t)
     if not 0.0 < foot_p < foot_q < length or foot_s > foot_t:
         return 0.0
     near = tuning[c.CUT_REACH]
     density = first_density(targets, tuning, target_of(targets, graph, s))
-    density *= signed_density(foot_t - foot_s, tuning[c.JOIN_REACH]) * signed_density(depth_t - depth_s, near)
-    density *= signed_density(foot_p - foot_s, near) * signed_density(foot_q - foot_t, near)
-    return density * signed_density(off_p, near) * signed_density(off_q, near)
+    beyond_s = placing.signed_density(foot_t - foot_s, tuning[c.JOIN_REACH])
+    density *= beyond_s * placing.signed_density(depth_t - depth_s, near)
+    density *= placing.signed_density(foot_p - foot_s, near) * placing.signed_density(foot_q - foot_t, near)
+    return density * placing.signed_density(off_p, near) * placing.signed_density(off_q, near)
 
 
 @core
 def place_tooth(graph: Graph, proposal: Proposal, tuning: Array, a: int, b: int, t: int, rng: Rng) -> bool:
     """Place the corners on ab of a tooth with its tip at t as new vertices 1 and 2; False if one is off ab."""
-    foot, _, length = foot_and_offset(graph, a, b, t)
-    foot_p = foot - random_reach(rng, tuning[c.JOIN_REACH])
-    foot_q = foot + random_reach(rng, tuning[c.JOIN_REACH])
-    if not (foot_p > 0.0 and foot_q < length):
-        return False
-    p = place_off_line(graph, proposal, a, b, foot_p, tuning[c.CUT_REACH], rng)
-    q = place_off_line(graph, proposal, a, b, foot_q, tuning[c.CUT_REACH], rng)
-    return is_in_window(graph, p) and is_in_window(graph, q)
+    foot, _, length = placing.foot_and_offset(graph, a, b, t)
+    foot_p = foot - placing.random_reach(rng, tuning[c.JOIN_REACH])
+    foot_q = foot + placing.random_reach(rng, tuning[c.JOIN_REACH])
+    return placing.place_two(graph, proposal, a, b, foot_p, foot_q, length, tuning[c.CUT_REACH], rng)
 
 
 @core
@@ -142,16 +118,13 @@ def place_niche(graph: Graph, proposal: Proposal, tuning: Array, a: int, b: int,
     False if one of them is off ab or the window.
     """
     near = tuning[c.CUT_REACH]
-    foot_s, depth, length = foot_and_offset(graph, a, b, s)
-    foot_t = foot_s + signed_reach(rng, tuning[c.JOIN_REACH])
-    t = place_at_offset(graph, proposal, a, b, foot_t, depth + signed_reach(rng, near))
-    foot_p = foot_s + signed_reach(rng, near)
-    foot_q = foot_t + signed_reach(rng, near)
-    if not (0.0 < foot_p < length and 0.0 < foot_q < length):
-        return False
-    p = place_off_line(graph, proposal, a, b, foot_p, near, rng)
-    q = place_off_line(graph, proposal, a, b, foot_q, near, rng)
-    return is_in_window(graph, t) and is_in_window(graph, p) and is_in_window(graph, q)
+    foot_s, depth, length = placing.foot_and_offset(graph, a, b, s)
+    foot_t = foot_s + placing.signed_reach(rng, tuning[c.JOIN_REACH])
+    t = placing.place_at_offset(graph, proposal, a, b, foot_t, depth + placing.signed_reach(rng, near))
+    foot_p = foot_s + placing.signed_reach(rng, near)
+    foot_q = foot_t + placing.signed_reach(rng, near)
+    on_wall = placing.place_two(graph, proposal, a, b, foot_p, foot_q, length, near, rng)
+    return on_wall and placing.is_in_window(graph, t)
 
 
 @core
@@ -164,7 +137,7 @@ def propose_notch(
     if e == c.NONE:
         return ILLEGAL
     a, b = ends_of(graph, e)
-    remove_edge(proposal, e)
+    edit.remove_edge(proposal, e)
     if is_tooth:
         if not place_tooth(graph, proposal, tuning, a, b, v, rng):
             return ILLEGAL
@@ -183,14 +156,10 @@ def propose_notch(
 @core
 def join_tooth(graph: Graph, targets: Targets, proposal: Proposal, tuning: Array, a: int, b: int) -> float:
     """Add the edges of a tooth in ab; return the density of its corners."""
-    t = proposal.new_vertices[0]
-    p = proposal.new_vertices[1]
-    q = proposal.new_vertices[2]
-    add_edge(graph, proposal, p, t)
-    add_edge(graph, proposal, t, q)
-    join_feet(graph, proposal, a, p, q, b)
-    for vertex in (a, p, t, q, b):
-        turn_at_vertex(graph, proposal, vertex)
+    t, p, q = proposal.new_vertices[0], proposal.new_vertices[1], proposal.new_vertices[2]
+    for new in ((p, t), (t, q), (a, p), (q, b)):
+        edit.add_edge(graph, proposal, new[0], new[1])
+    edit.turn_round(graph, proposal, (a, p, t, q, b))
     return tooth_density(graph, targets, tuning, a, b, p, t, q)
 
 
@@ -198,27 +167,15 @@ def join_tooth(graph: Graph, targets: Targets, proposal: Proposal, tuning: Array
 def join_niche(graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: Array, e: int) -> float:
     """Add the edges of a niche in the edge e; return its density, whichever of its inner corners was aimed."""
     a, b = ends_of(graph, e)
-    s = proposal.new_vertices[0]
-    t = proposal.new_vertices[1]
-    p = proposal.new_vertices[2]
-    q = proposal.new_vertices[3]
-    if foot_and_offset(graph, a, b, s)[0] > foot_and_offset(graph, a, b, t)[0]:
+    added = proposal.new_vertices
+    s, t, p, q = added[0], added[1], added[2], added[3]
+    if placing.foot_and_offset(graph, a, b, s)[0] > placing.foot_and_offset(graph, a, b, t)[0]:
         a, b = b, a
-    add_edge(graph, proposal, p, s)
-    add_edge(graph, proposal, s, t)
-    add_edge(graph, proposal, t, q)
-    join_feet(graph, proposal, a, p, q, b)
-    for vertex in (a, p, s, t, q, b):
-        turn_at_vertex(graph, proposal, vertex)
+    for new in ((p, s), (s, t), (t, q), (a, p), (q, b)):
+        edit.add_edge(graph, proposal, new[0], new[1])
+    edit.turn_round(graph, proposal, (a, p, s, t, q, b))
     density = niche_density(graph, targets, tuning, a, b, p, s, t, q) * share_now(graph, index, e, s)
     return density + niche_density(graph, targets, tuning, b, a, q, t, s, p) * share_now(graph, index, e, t)
-
-
-@core
-def join_feet(graph: Graph, proposal: Proposal, a: int, p: int, q: int, b: int) -> None:
-    """Add the pieces of the wall to either side of a notch."""
-    add_edge(graph, proposal, a, p)
-    add_edge(graph, proposal, q, b)
 
 
 @core
@@ -237,7 +194,7 @@ def propose_fill(
         s, t = ends_of(graph, e)
         if not (is_removable(graph, s) and is_removable(graph, t)):
             return ILLEGAL
-        remove_edge(proposal, e)
+        edit.remove_edge(proposal, e)
         places = graph.counts[c.EDGES]
         legal = fill(graph, proposal, s, t, outer_edge(graph, s, e), outer_edge(graph, t, e))
     if not legal:
@@ -256,36 +213,29 @@ def fill(graph: Graph, proposal: Proposal, s: int, t: int, first: int, last: int
     outer_q, b = beyond(graph, q, last)
     if a == q or not can_join(graph, a, b):
         return False
-    for edge in (first, last, outer_p, outer_q):
-        remove_edge(proposal, edge)
-    for vertex in (p, q, s):
-        remove_vertex(proposal, vertex)
-    for vertex in (a, p, s):
-        turn_at_vertex(graph, proposal, vertex)
+    edit.remove_edges(proposal, (first, last, outer_p, outer_q))
+    edit.remove_vertices(proposal, (p, q, s))
+    edit.turn_round(graph, proposal, (a, p, s))
     if s != t:
-        remove_vertex(proposal, t)
-        turn_at_vertex(graph, proposal, t)
-    turn_at_vertex(graph, proposal, q)
-    turn_at_vertex(graph, proposal, b)
-    add_edge(graph, proposal, a, b)
+        edit.remove_vertex(proposal, t)
+        edit.turn_at_vertex(graph, proposal, t)
+    edit.turn_round(graph, proposal, (q, b))
+    edit.add_edge(graph, proposal, a, b)
     return True
 
 
 @core
 def log_reverse_of_fill(graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: Array) -> float:
     """Log density with which a notch would undo the proposed filling; -inf if none would."""
-    find_cells(index.grid, proposal)
+    edit.find_cells(index.grid, proposal)
     if tuning[c.AIMED_SHARE] == 0.0:
         return -math.inf
-    a = proposal.new_edges[0, 0]
-    b = proposal.new_edges[0, 1]
-    p = proposal.old_vertices[0]
-    q = proposal.old_vertices[1]
-    s = proposal.old_vertices[2]
+    a, b = edit.new_ends(proposal, 0)
+    p, q, s = proposal.old_vertices[0], proposal.old_vertices[1], proposal.old_vertices[2]
     if proposal.counts[N_OLD_VERTICES] == TOOTH_CORNERS:
         density = tooth_density(graph, targets, tuning, a, b, p, s, q) * share_after(graph, index, proposal, s)
     else:
         t = proposal.old_vertices[3]
         density = niche_density(graph, targets, tuning, a, b, p, s, t, q) * share_after(graph, index, proposal, s)
         density += niche_density(graph, targets, tuning, b, a, q, t, s, p) * share_after(graph, index, proposal, t)
-    return log_or_minus_infinity(0.5 * density)
+    return placing.log_or_minus_infinity(0.5 * density)

@@ -35,13 +35,11 @@ def near_density(distance: float, median: float) -> float:
 
 @core
 def beside(u: Array, w: Array, median: float, rng: Rng) -> tuple[float, float]:
-    """Point whose foot is uniform on the segment from u to w (2,), at a :func:`random_reach` to either side."""
+    """Point whose foot is uniform on the segment from u to w (2,), at a :func:`signed_reach` from it."""
     ex = w[0] - u[0]
     ey = w[1] - u[1]
     foot = rng.random()
-    offset = random_reach(rng, median) / math.sqrt(ex * ex + ey * ey)
-    if rng.random() < 0.5:
-        offset = -offset
+    offset = signed_reach(rng, median) / math.sqrt(ex * ex + ey * ey)
     return u[0] + foot * ex - offset * ey, u[1] + foot * ey + offset * ex
 
 
@@ -60,11 +58,15 @@ def beside_density(u: Array, w: Array, x: float, y: float, median: float) -> flo
 
 
 @core
+def is_level(side: int) -> bool:
+    """Whether a side of the window runs along x."""
+    return side == c.BOTTOM or side == c.TOP
+
+
+@core
 def side_length(window: Array, side: int) -> float:
     """Length of a side of the window (4,)."""
-    if side == c.BOTTOM or side == c.TOP:
-        return window[2] - window[0]
-    return window[3] - window[1]
+    return window[2] - window[0] if is_level(side) else window[3] - window[1]
 
 
 @core
@@ -94,17 +96,13 @@ def side_point(window: Array, side: int, position: float) -> tuple[float, float]
 @core
 def side_start(window: Array, side: int) -> float:
     """Smallest coordinate along a side."""
-    if side == c.BOTTOM or side == c.TOP:
-        return window[0]
-    return window[1]
+    return window[0] if is_level(side) else window[1]
 
 
 @core
-def position_on_side(side: int, x: float, y: float) -> float:
-    """Coordinate along the side of a point of it."""
-    if side == c.BOTTOM or side == c.TOP:
-        return x
-    return y
+def position_of(graph: Graph, side: int, v: int) -> float:
+    """Coordinate along a side of the foot of a vertex on it."""
+    return graph.vertex_xy[v, 0] if is_level(side) else graph.vertex_xy[v, 1]
 
 
 @core
@@ -149,17 +147,15 @@ def corner_between(window: Array, side: int, other: int) -> tuple[float, float]:
 def distance_to_corner(window: Array, side: int, other: int, position: float) -> float:
     """Distance of a point of `side` from the corner in which it meets the adjacent side `other`."""
     x, y = corner_between(window, side, other)
-    return abs(position - position_on_side(side, x, y))
+    return abs(position - (x if is_level(side) else y))
 
 
 @core
 def position_from_corner(window: Array, side: int, other: int, distance: float) -> float:
     """Coordinate along `side` at a distance from the corner in which it meets `other`."""
     x, y = corner_between(window, side, other)
-    corner = position_on_side(side, x, y)
-    if corner > side_start(window, side):
-        return corner - distance
-    return corner + distance
+    corner = x if is_level(side) else y
+    return corner - distance if corner > side_start(window, side) else corner + distance
 
 
 @core
@@ -202,12 +198,6 @@ def place_at_offset(graph: Graph, proposal: Proposal, a: int, b: int, foot: floa
 
 
 @core
-def place_off_line(graph: Graph, proposal: Proposal, a: int, b: int, foot: float, near: float, rng: Rng) -> int:
-    """New vertex at a foot along ab, a little off the line."""
-    return place_at_offset(graph, proposal, a, b, foot, signed_reach(rng, near))
-
-
-@core
 def is_in_window(graph: Graph, v: int) -> bool:
     """Whether a vertex lies strictly inside the window."""
     return is_inside(graph.window, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1])
@@ -217,9 +207,9 @@ def is_in_window(graph: Graph, v: int) -> bool:
 def place_two(
     graph: Graph, proposal: Proposal, a: int, b: int, foot_s: float, foot_t: float, length: float, near: float, rng: Rng
 ) -> bool:
-    """Place two new vertices beside two feet on the edge ab; False if one is off the edge or the window."""
+    """Place two new vertices a little off two feet on the edge ab; False if one is off the edge or the window."""
     if not (0.0 < foot_s < length and 0.0 < foot_t < length):
         return False
-    s = place_off_line(graph, proposal, a, b, foot_s, near, rng)
-    t = place_off_line(graph, proposal, a, b, foot_t, near, rng)
+    s = place_at_offset(graph, proposal, a, b, foot_s, signed_reach(rng, near))
+    t = place_at_offset(graph, proposal, a, b, foot_t, signed_reach(rng, near))
     return is_in_window(graph, s) and is_in_window(graph, t)

@@ -3,11 +3,12 @@
 import math
 
 from prf.kernels import constants as c
+from prf.kernels import proposal as edit
 from prf.kernels._jit import Rng, core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, are_adjacent, ends_of, on_one_side, pick, pick_two
 from prf.kernels.moves.nearby_edges import neighbors_after, neighbors_now
-from prf.kernels.proposal import ILLEGAL, Densities, Proposal, add_edge, find_cells, remove_edge, turn_at_vertex
+from prf.kernels.proposal import ILLEGAL, Densities, Proposal
 
 
 @core
@@ -23,12 +24,10 @@ def exchange(graph: Graph, proposal: Proposal, e: int, f: int, rng: Rng) -> bool
         return False
     if on_one_side(graph, a, p) or on_one_side(graph, b, q):
         return False
-    remove_edge(proposal, e)
-    remove_edge(proposal, f)
-    add_edge(graph, proposal, a, p)
-    add_edge(graph, proposal, b, q)
-    for vertex in (a, b, q, p):
-        turn_at_vertex(graph, proposal, vertex)
+    edit.remove_edges(proposal, (e, f))
+    edit.add_edge(graph, proposal, a, p)
+    edit.add_edge(graph, proposal, b, q)
+    edit.turn_round(graph, proposal, (a, b, q, p))
     return True
 
 
@@ -66,7 +65,7 @@ def propose_local(graph: Graph, index: EdgeIndex, proposal: Proposal, rng: Rng) 
     f = index.neighbors[int(rng.random() * n)]
     if not exchange(graph, proposal, e, f, rng):
         return ILLEGAL
-    find_cells(index.grid, proposal)
+    edit.find_cells(index.grid, proposal)
     log_forward = math.log(1.0 / neighbors_now(graph, index, e) + 1.0 / neighbors_now(graph, index, f))
     return True, log_forward, log_reverse_of_recoloring(graph, index, proposal)
 

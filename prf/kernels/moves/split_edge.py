@@ -7,22 +7,13 @@ A corner past the end of an edge, such as one return reveals, needs a vertex who
 import math
 
 from prf.kernels import constants as c
+from prf.kernels import proposal as edit
 from prf.kernels._jit import Array, Rng, core
 from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, can_join, ends_of, other_end, pick
+from prf.kernels.graph import Graph, can_join, edges_at, ends_of, neighbors_of, pick
 from prf.kernels.moves.notch import aim_at_wall, share_after
 from prf.kernels.moves.placing import beside, beside_density, is_inside, log_or_minus_infinity
-from prf.kernels.proposal import (
-    ILLEGAL,
-    Densities,
-    Proposal,
-    add_edge,
-    add_vertex,
-    find_cells,
-    remove_edge,
-    remove_vertex,
-    turn_at_vertex,
-)
+from prf.kernels.proposal import ILLEGAL, Densities, Proposal
 from prf.kernels.targets import Targets, first_density, target_of
 
 
@@ -33,27 +24,37 @@ def split_density(graph: Graph, tuning: Array, u: int, w: int, x: float, y: floa
 
 
 @core
-def lead_through(graph: Graph, proposal: Proposal, edge: int, v: int) -> None:
-    """Replace an edge by two between its ends and the new vertex v."""
+def lead_through(graph: Graph, proposal: Proposal, edge: int) -> None:
+    """Replace an edge by two between its ends and the new vertex."""
     u, w = ends_of(graph, edge)
-    remove_edge(proposal, edge)
-    add_edge(graph, proposal, u, v)
-    add_edge(graph, proposal, v, w)
-    turn_at_vertex(graph, proposal, u)
-    turn_at_vertex(graph, proposal, v)
-    turn_at_vertex(graph, proposal, w)
+    v = proposal.new_vertices[0]
+    edit.remove_edge(proposal, edge)
+    edit.add_edge(graph, proposal, u, v)
+    edit.add_edge(graph, proposal, v, w)
+    edit.turn_round(graph, proposal, (u, v, w))
+
+
+@core
+def pick_to_remove(graph: Graph, rng: Rng) -> tuple[int, int, int]:
+    """A uniform interior vertex and its neighbours; NONE where there is none, or no edge may join these.
+
+    They may be adjacent already, or lie on one side.
+    """
+    if graph.counts[c.INTERIOR_VERTICES] > 0:
+        v = pick(graph, c.INTERIOR_VERTICES, rng)
+        u, w = neighbors_of(graph, v)
+        if can_join(graph, u, w):
+            return v, u, w
+    return c.NONE, c.NONE, c.NONE
 
 
 @core
 def take_out(graph: Graph, proposal: Proposal, u: int, v: int, w: int) -> None:
     """Replace the interior vertex v and its edges to u and w by the edge uw."""
-    remove_edge(proposal, graph.vertex_edges[v, 0])
-    remove_edge(proposal, graph.vertex_edges[v, 1])
-    remove_vertex(proposal, v)
-    add_edge(graph, proposal, u, w)
-    turn_at_vertex(graph, proposal, u)
-    turn_at_vertex(graph, proposal, v)
-    turn_at_vertex(graph, proposal, w)
+    edit.remove_edges(proposal, edges_at(graph, v))
+    edit.remove_vertex(proposal, v)
+    edit.add_edge(graph, proposal, u, w)
+    edit.turn_round(graph, proposal, (u, v, w))
 
 
 @core
@@ -68,30 +69,23 @@ def propose_split(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> 
     density = split_density(graph, tuning, u, w, x, y)
     if density == 0.0 or not is_inside(graph.window, x, y):
         return ILLEGAL
-    lead_through(graph, proposal, edge, add_vertex(graph, proposal, x, y, c.INTERIOR))
+    edit.add_vertex(graph, proposal, x, y, c.INTERIOR)
+    lead_through(graph, proposal, edge)
     return True, math.log(density / edges), -math.log(graph.counts[c.INTERIOR_VERTICES] + 1)
 
 
 @core
 def propose_merge(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
-    """Propose to replace the two edges of a uniform interior vertex by one.
-
-    Illegal where that would double an edge (the neighbours are adjacent) or lay one along a side.
-    """
-    interior = graph.counts[c.INTERIOR_VERTICES]
-    if interior == 0:
-        return ILLEGAL
-    v = pick(graph, c.INTERIOR_VERTICES, rng)
-    u = other_end(graph, graph.vertex_edges[v, 0], v)
-    w = other_end(graph, graph.vertex_edges[v, 1], v)
-    if not can_join(graph, u, w):
+    """Propose to replace the two edges of a uniform interior vertex by one."""
+    v, u, w = pick_to_remove(graph, rng)
+    if v == c.NONE:
         return ILLEGAL
     density = split_density(graph, tuning, u, w, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1])
     if density == 0.0:
         return ILLEGAL
     take_out(graph, proposal, u, v, w)
     edges_after = graph.counts[c.EDGES] - 1
-    return True, -math.log(interior), math.log(density / edges_after)
+    return True, -math.log(graph.counts[c.INTERIOR_VERTICES]), math.log(density / edges_after)
 
 
 @core
@@ -102,7 +96,7 @@ def propose_bend(
     v, edge, n = aim_at_wall(graph, index, targets, proposal, tuning, rng)
     if edge == c.NONE:
         return ILLEGAL
-    lead_through(graph, proposal, edge, v)
+    lead_through(graph, proposal, edge)
     density = first_density(targets, tuning, target_of(targets, graph, v)) / n
     if density == 0.0:
         return ILLEGAL  # on the border of a target, but for rounding
@@ -114,22 +108,18 @@ def propose_unbend(
     graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: Array, rng: Rng
 ) -> Densities:
     """Propose to join the neighbours of a uniform interior vertex, which is removed."""
-    interior = graph.counts[c.INTERIOR_VERTICES]
-    if interior == 0:
-        return ILLEGAL
-    v = pick(graph, c.INTERIOR_VERTICES, rng)
-    u = other_end(graph, graph.vertex_edges[v, 0], v)
-    w = other_end(graph, graph.vertex_edges[v, 1], v)
-    if not can_join(graph, u, w):
+    v, u, w = pick_to_remove(graph, rng)
+    if v == c.NONE:
         return ILLEGAL
     take_out(graph, proposal, u, v, w)
-    return True, -math.log(interior), log_reverse_of_unbend(graph, index, targets, proposal, tuning)
+    log_reverse = log_reverse_of_unbend(graph, index, targets, proposal, tuning)
+    return True, -math.log(graph.counts[c.INTERIOR_VERTICES]), log_reverse
 
 
 @core
 def log_reverse_of_unbend(graph: Graph, index: EdgeIndex, targets: Targets, proposal: Proposal, tuning: Array) -> float:
     """Log density with which a bend would undo the proposed unbending; -inf if none would."""
-    find_cells(index.grid, proposal)
+    edit.find_cells(index.grid, proposal)
     if tuning[c.AIMED_SHARE] == 0.0:
         return -math.inf
     v = proposal.old_vertices[0]
