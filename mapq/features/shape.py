@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mapq.features.settings import FeatureSettings
 from mapq.kernels.box_trees import Trees, make_boxes
 from mapq.kernels.occupied_area import occupied_areas, occupied_cells
-from mapq.kernels.order_statistics import medians, spans
+from mapq.kernels.order_statistics import quantiles
 from mapq.kernels.planes import Planes
 from mapq.kernels.sheets import Sheets, count_sheet_cells, fill_sheets
 from mapq.patches import Patches
@@ -74,7 +74,9 @@ class PatchShapes:
 
         Of a patch whose points are dense in one part and few in another, `cell` fills what lies between the few.
         """
-        side = np.minimum(self.cell, CELL_IN_GAPS * np.maximum(medians(self.sheets.gap, self.start), SMALLEST_CELL))
+        side = np.minimum(
+            self.cell, CELL_IN_GAPS * np.maximum(quantiles(self.sheets.gap, self.start, 0.5), SMALLEST_CELL)
+        )
         found = occupied_areas(self.sheets.u, self.sheets.v, self.start, side)
         return np.asarray(np.minimum(found, np.maximum(self.width, side) * np.maximum(self.height, side)))
 
@@ -128,7 +130,8 @@ def measure_shapes(patches: Patches, settings: FeatureSettings | None = None) ->
     centre = group_means(points, patch, len(normal))
     relative = points - centre[patch]
     values, vectors = np.linalg.eigh(covariances(relative, patch, len(normal)))
-    thickness = spans(np.einsum("ij,ij->i", relative, normal[patch]), start, 0.05, 0.95)
+    off_plane = np.einsum("ij,ij->i", relative, normal[patch])
+    thickness = quantiles(off_plane, start, 0.95) - quantiles(off_plane, start, 0.05)
     across = horizontal_directions(normal, vectors[:, :, 2], up)
     along = np.cross(normal, across)
     u = np.einsum("ij,ij->i", relative, across[patch])

@@ -10,29 +10,15 @@ LEAF = -1
 
 
 class Trees(NamedTuple):
-    """Trees, node after node; numbers of nodes count over all trees.
+    """Trees, node after node; numbers of nodes count over all trees."""
 
-    Attributes
-    ----------
-    root : (t,) int64
-    column : (k,) int64
-        That a node tests; `LEAF` for leaves.
-    threshold : (k,) float64
-        Values up to it go left.
-    left, right : (k,) int64
-    nan_left : (k,) bool
-        Whether unknown values go left.
-    value : (k,) float64
-        Of leaves what they add, in nats of log-odds; of other nodes the mean of their leaves by training rows.
-    """
-
-    root: Ints
-    column: Ints
-    threshold: Floats
-    left: Ints
-    right: Ints
-    nan_left: Bools
-    value: Floats
+    root: Ints  # (t,)
+    column: Ints  # (k,) that a node tests; `LEAF` for leaves
+    threshold: Floats  # (k,) values up to it go left
+    left: Ints  # (k,)
+    right: Ints  # (k,)
+    nan_left: Bools  # (k,) whether unknown values go left
+    value: Floats  # (k,) of leaves what they add, nats of log-odds; else the mean of their leaves by training rows
 
 
 @jit

@@ -89,26 +89,14 @@ def self_shifts(
 ) -> Floats:
     """Return how well one horizontal motion explains the layers about each patch (m, 3).
 
-    Parameters
-    ----------
-    profile : (m, n) float64
-        How much of a patch is covered at each distance from its plane, a `step` apart from 0, whichever side.
-    motion : (k, 2) float64
-        Motions that are tried, the shortest first, in the frame of the patch in question: along its normal, across.
-    flat : (m, 2) float64
-        Horizontal normals; of patches that are not upright, any direction.
-    weight : (m,) float64
-        Of patches as witnesses; 0 for those that are not upright.
-    begin, other : (m + 1,), (p,) int64
-        Neighbours of patch i, itself among them, are ``other[begin[i]:begin[i + 1]]``.
-    least : float
-        Metres along the normal from which a motion parts a surface from its copy.
-
-    Notes
-    -----
     Columns: support of the best motion, its length, and how far it moves along the patch's normal, in metres; nan where
     no patch about is upright. Of the weight of what it moves along its normal, support is the covered share, with
     `DOUBT` of all as what is moved and not covered: few patches that it moves are little evidence.
+
+    `profile` (m, n): how much of a patch is covered at each distance from its plane, a `step` apart from 0. `motion`
+    (k, 2): along the normal of the patch in question, and across; the shortest first. `flat` (m, 2): horizontal
+    normals. `weight` (m,): of patches as witnesses, 0 for those that are not upright. Neighbours of patch i, itself
+    among them, are ``other[begin[i]:begin[i + 1]]``. `least`: metres from which a motion parts a surface from its copy.
     """
     out = np.full((len(weight), 3), np.nan)
     explained, moved = np.zeros(len(motion)), np.zeros(len(motion))

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from mapq.kernels._jit import Floats, Floats32, Ints, Ints32, jit, part
-from mapq.kernels.planes import MOMENTS, add_moments, fit_plane
+from mapq.kernels._jit import Floats, Ints, Ints32, jit, part
+from mapq.kernels.planes import MOMENTS, Fit, Surface, Tolerance, add_moments, fit_plane
 
 FREE = -1
 REFIT_GROWTH = 1.1
@@ -13,20 +13,10 @@ young plane lean, and each point still costs less for refits than for its neighb
 
 @part
 def grow_one(
-    xyz: Floats,
-    neighbours: Ints32,
-    normal: Floats32,
-    seed: int,
-    number: int,
-    cos_angle: float,
-    max_distance: float,
-    region: Ints32,
-    queue: Ints32,
-    sums: Floats,
-    plane: Floats,
-    spread: Floats,
+    surface: Surface, seed: int, number: int, tolerance: Tolerance, region: Ints32, queue: Ints32, fit: Fit
 ) -> int:
     """Grow one region from `seed`; return its size, the length of `queue` that lists it."""
+    (xyz, neighbours, normal), (sums, plane, spread) = surface, fit
     plane[0], plane[1], plane[2], plane[3] = normal[seed, 0], normal[seed, 1], normal[seed, 2], 0.0
     sums[:] = 0.0
     x0, y0, z0 = xyz[seed, 0], xyz[seed, 1], xyz[seed, 2]
@@ -43,10 +33,11 @@ def grow_one(
             if region[j] != FREE:
                 continue
             # Normals first: most of those that are turned away are known by them, from half as much memory.
-            if not abs(plane[0] * normal[j, 0] + plane[1] * normal[j, 1] + plane[2] * normal[j, 2]) >= cos_angle:
+            cosine = abs(plane[0] * normal[j, 0] + plane[1] * normal[j, 1] + plane[2] * normal[j, 2])
+            if not cosine >= tolerance.cos_angle:
                 continue
             x, y, z = xyz[j, 0] - x0, xyz[j, 1] - y0, xyz[j, 2] - z0
-            if abs(plane[0] * x + plane[1] * y + plane[2] * z - plane[3]) > max_distance:
+            if abs(plane[0] * x + plane[1] * y + plane[2] * z - plane[3]) > tolerance.max_distance:
                 continue
             region[j] = number
             queue[n_members] = j
@@ -59,42 +50,18 @@ def grow_one(
 
 
 @jit
-def grow_regions(
-    xyz: Floats,
-    neighbours: Ints32,
-    normal: Floats32,
-    seeds: Ints,
-    cos_angle: float,
-    max_distance: float,
-    min_size: int,
-    region: Ints32,
-) -> int:
+def grow_regions(surface: Surface, seeds: Ints, tolerance: Tolerance, min_size: int, region: Ints32) -> int:
     """Number the points of each region, seed after seed; return how many regions there are.
 
-    A point joins if it is a neighbour of a member, its distance to the region's plane is at most `max_distance` and
-    its normal is within the angle of the plane's. Points with a normal of nan neither join nor lead on, and are no
-    seeds. What stays below `min_size` is free again.
+    A point joins if it is a neighbour of a member, and lies near enough to the region's plane and faces as it does.
+    Points with a normal of nan neither join nor lead on, and are no seeds. What stays below `min_size` is free again.
     """
-    queue = np.empty(len(xyz), np.int32)
-    sums, plane, spread = np.empty(MOMENTS), np.empty(4), np.empty(3)
+    queue, fit = np.empty(len(surface.xyz), np.int32), Fit(np.empty(MOMENTS), np.empty(4), np.empty(3))
     n_regions = 0
     for seed in seeds:
         if region[seed] != FREE:
             continue
-        n_members = grow_one(
-            xyz,
-            neighbours,
-            normal,
-            seed,
-            n_regions,
-            cos_angle,
-            max_distance,
-            region,
-            queue,
-            sums,
-            plane,
-            spread,
-        )
+        n_members = grow_one(surface, seed, n_regions, tolerance, region, queue, fit)
         if n_members >= min_size:
             n_regions += 1
         else:
@@ -128,13 +95,16 @@ def mean_square(sums: Floats, plane: Floats) -> float:
 
 
 @part
-def joint_rms(a: int, b: int, origin: Floats, sums: Floats, work: Floats, plane: Floats, spread: Floats) -> float:
-    """Return how well one plane would do for two regions: the worse one's distance to it, root mean square."""
-    translate(sums[b], origin[b], origin[a], work[0])
+def joint_rms(a: int, b: int, origin: Floats, sums: Floats, moved: Floats, fit: Fit) -> float:
+    """Return how well one plane would do for two regions: the worse one's distance to it, root mean square.
+
+    `fit` becomes that of both about the origin of a, `moved` the moments of b about it.
+    """
+    translate(sums[b], origin[b], origin[a], moved)
     for c in range(MOMENTS):
-        work[1, c] = sums[a, c] + work[0, c]
-    fit_plane(work[1], plane, spread)
-    return np.sqrt(max(mean_square(sums[a], plane), mean_square(work[0], plane)))
+        fit.sums[c] = sums[a, c] + moved[c]
+    fit_plane(fit.sums, fit.plane, fit.spread)
+    return np.sqrt(max(mean_square(sums[a], fit.plane), mean_square(moved, fit.plane)))
 
 
 @part
@@ -151,11 +121,11 @@ def pair_rms(pairs: Ints32, parent: Ints32, origin: Floats, sums: Floats) -> Flo
     """Return :func:`joint_rms` of each pair of regions as they are now; inf for pairs that are one already."""
     out = np.empty(len(pairs))
     out[:] = np.inf
-    work, plane, spread = np.empty((2, MOMENTS)), np.empty(4), np.empty(3)
+    moved, fit = np.empty(MOMENTS), Fit(np.empty(MOMENTS), np.empty(4), np.empty(3))
     for p in range(len(pairs)):
         a, b = root_of(parent, pairs[p, 0]), root_of(parent, pairs[p, 1])
         if a != b and sums[a, 0] >= 3.0 and sums[b, 0] >= 3.0:
-            out[p] = joint_rms(min(a, b), max(a, b), origin, sums, work, plane, spread)
+            out[p] = joint_rms(min(a, b), max(a, b), origin, sums, moved, fit)
     return out
 
 
@@ -166,16 +136,16 @@ def unite(pairs: Ints32, parent: Ints32, origin: Floats, sums: Floats, max_rms: 
     The region of the smaller number takes the other in: `parent` and `sums` are updated.
     """
     n_united = 0
-    work, plane, spread = np.empty((2, MOMENTS)), np.empty(4), np.empty(3)
+    moved, fit = np.empty(MOMENTS), Fit(np.empty(MOMENTS), np.empty(4), np.empty(3))
     for p in range(len(pairs)):
         a, b = root_of(parent, pairs[p, 0]), root_of(parent, pairs[p, 1])
         if a == b:
             continue
         a, b = min(a, b), max(a, b)
-        if joint_rms(a, b, origin, sums, work, plane, spread) <= max_rms:
+        if joint_rms(a, b, origin, sums, moved, fit) <= max_rms:
             parent[b] = a
             for c in range(MOMENTS):
-                sums[a, c] = work[1, c]
+                sums[a, c] = fit.sums[c]
             n_united += 1
     return n_united
 

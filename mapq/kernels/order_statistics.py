@@ -45,23 +45,10 @@ def quantile(values: Floats, n: int, share: float) -> float:
 
 
 @jit
-def spans(values: Floats, start: Ints, low: float, high: float) -> Floats:
-    """Distance (m,) between two quantiles of each group ``values[start[i]:start[i + 1]]``; 0 for an empty one."""
-    n_groups = len(start) - 1
-    out = np.zeros(n_groups)
-    for i in range(n_groups):
-        n = start[i + 1] - start[i]
-        if n > 0:
-            group = values[start[i] : start[i + 1]].copy()
-            out[i] = quantile(group, n, high) - quantile(group, n, low)
-    return out
-
-
-@jit
-def medians(values: Floats, start: Ints) -> Floats:
-    """Median (m,) of each group ``values[start[i]:start[i + 1]]``; 0 for an empty one."""
+def quantiles(values: Floats, start: Ints, share: float) -> Floats:
+    """Quantile (m,) of each group ``values[start[i]:start[i + 1]]``; 0 for an empty one."""
     out = np.zeros(len(start) - 1)
     for i in range(len(out)):
         group = values[start[i] : start[i + 1]].copy()
-        out[i] = quantile(group, len(group), 0.5) if len(group) > 0 else 0.0
+        out[i] = quantile(group, len(group), share) if len(group) > 0 else 0.0
     return out

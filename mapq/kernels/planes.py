@@ -4,13 +4,36 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapq.kernels._jit import Floats, part
+from mapq.kernels._jit import Floats, Floats32, Ints32, part
 
 MOMENTS = 10
 """Moments that give the plane of a set: how many, sums of x y z, sums of xx xy xz yy yz zz."""
 
 NO_WIDTH = 1e-28
 """Squared cross product, by the fourth power of the entries, that rounding alone makes of parallel rows."""
+
+
+class Surface(NamedTuple):
+    """Points with what tells which plane they may lie on."""
+
+    xyz: Floats  # (n, 3)
+    neighbours: Ints32  # (n, k) nearest first; -1 fills up
+    normal: Floats32  # (n, 3) nan where there is none
+
+
+class Fit(NamedTuple):
+    """A plane in work: moments of the set about its own origin, the plane (nx, ny, nz, d), variances ascending."""
+
+    sums: Floats  # (MOMENTS,)
+    plane: Floats  # (4,)
+    spread: Floats  # (3,)
+
+
+class Tolerance(NamedTuple):
+    """How far points of a plane may turn and lie away from it."""
+
+    cos_angle: float
+    max_distance: float  # metres
 
 
 @part

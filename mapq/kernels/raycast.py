@@ -17,40 +17,23 @@ GOLDEN = 0.6180339887498949
 
 
 class Scene(NamedTuple):
-    """What beams can hit; items are numbered walls, sheets, posts, blobs, movers, and last the ground z = 0.
+    """What beams can hit; items are numbered walls, sheets, posts, blobs, movers, and last the ground z = 0."""
 
-    Attributes
-    ----------
-    walls : (n, 15) float64
-        Vertical rectangles: x, y of one end, unit direction (2), length, z0, z1, and a grid of holes: first u, period
-        in u, width, end of the grid in u, and the same four in z. Width 0 is a wall without holes.
-    sheets : (n, 12) float64
-        Parallelograms: corner (3), normal (3), and two vectors (3 + 3) whose products with a point's offset from the
-        corner are its coordinates, both in [0, 1] inside.
-    posts : (n, 5) float64
-        Vertical cylinders without lids: x, y, radius, z0, z1.
-    blobs : (n, 6) float64
-        Spheroids of foliage: centre (3), horizontal and vertical radius, returns per metre of path (1/m).
-    movers : (n, 13) float64
-        Vertical cylinders and boxes that move evenly: is a box (0 or 1), x, y at t0, velocity (2), t0, t1 (absent
-        before and after), half length or radius, half width, z0, z1, cosine and sine of the heading.
-    cell_start, cell_items : (nx * ny + 1,), (k,) int32
-        Items of the still ones in each cell, row by row.
-    grid : (3,) float64
-        x and y of the grid's corner, and the side of a cell.
-    grid_shape : (2,) int32
-        nx, ny.
-    """
-
+    # (n, 15) vertical rectangles: x, y of one end, unit direction (2), length, z0, z1, and a grid of holes: first u,
+    # period in u, width, end of the grid in u, and the same four in z; width 0 is a wall without holes
     walls: Floats
+    # (n, 12) parallelograms: corner (3), normal (3), and two vectors (3 + 3) whose products with a point's offset from
+    # the corner are its coordinates, both in [0, 1] inside
     sheets: Floats
-    posts: Floats
-    blobs: Floats
+    posts: Floats  # (n, 5) vertical cylinders without lids: x, y, radius, z0, z1
+    blobs: Floats  # (n, 6) spheroids of foliage: centre (3), horizontal and vertical radius, returns per metre of path
+    # (n, 13) vertical cylinders and boxes that move evenly: is a box (0 or 1), x, y at t0, velocity (2), t0, t1 (absent
+    # before and after), half length or radius, half width, z0, z1, cosine and sine of the heading
     movers: Floats
-    cell_start: Ints32
+    cell_start: Ints32  # (nx * ny + 1,) items of the still ones in each cell, row by row
     cell_items: Ints32
-    grid: Floats
-    grid_shape: Ints32
+    grid: Floats  # (3,) x and y of the grid's corner, and the side of a cell
+    grid_shape: Ints32  # (2,) nx, ny
 
 
 @part

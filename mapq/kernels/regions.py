@@ -3,7 +3,7 @@
 import numpy as np
 
 from mapq.kernels._jit import Floats, Floats32, Ints, Ints32, jit, part
-from mapq.kernels.planes import add_moments, fit_plane
+from mapq.kernels.planes import Surface, Tolerance, add_moments, fit_plane
 
 FREE = -1
 PLANE_BITS = 40
@@ -59,28 +59,14 @@ def faces(normal: Floats32, i: int, plane: Floats, cos_angle: float) -> bool:
     return not cosine < cos_angle
 
 
-@part
-def fits(xyz: Floats, normal: Floats32, i: int, plane: Floats, cos_angle: float, max_distance: float) -> bool:
-    """Return whether point i lies on a plane and faces as it does."""
-    return off_plane(xyz, i, plane) <= max_distance and faces(normal, i, plane, cos_angle)
-
-
 @jit
-def change_sides(
-    xyz: Floats,
-    neighbours: Ints32,
-    normal: Floats32,
-    planes: Floats,
-    cos_angle: float,
-    max_distance: float,
-    region: Ints32,
-    out: Ints32,
-) -> int:
+def change_sides(surface: Surface, planes: Floats, tolerance: Tolerance, region: Ints32, out: Ints32) -> int:
     """Give each point the nearest plane among the regions round it, its own included; return how many changed.
 
-    Nearest among the planes within `max_distance` that it faces; none if there is no such plane. All look at the
-    regions of before, so that the order of the points does not matter.
+    Nearest among the planes near enough that it faces; none if there is no such plane. All look at the regions of
+    before, so that the order of the points does not matter.
     """
+    (xyz, neighbours, normal), (cos_angle, max_distance) = surface, tolerance
     n_changed = 0
     for i in range(len(xyz)):
         own = region[i]
@@ -158,25 +144,23 @@ def list_members(region: Ints32, start: Ints, members: Ints32) -> None:
 
 @jit
 def walk_regions(
-    xyz: Floats,
-    neighbours: Ints32,
-    normal: Floats32,
+    surface: Surface,
     planes: Floats,
-    cos_angle: float,
-    max_distance: float,
+    tolerance: Tolerance,
     region: Ints32,
     members: Ints32,
     start: Ints,
     piece: Ints32,
     pairs: Ints32,
-) -> tuple[int, int]:
+) -> int:
     """Walk over each region, and on over points of others that lie on its plane and face as it does.
 
     Two copies of a wall that cross share the points along the crossing; whoever does not own them is cut in two there,
     but walks across. Writes the `piece` that each point belongs to (connected under such walks, pieces numbered region
-    by region) and each pair (region, other region walked on). Returns how many pieces and how many pairs there are;
-    more pairs than fit are counted but not written.
+    by region) and each pair (region, other region walked on). Returns how many pairs there are; more than fit are
+    counted but not written.
     """
+    (xyz, neighbours, normal), (cos_angle, max_distance) = surface, tolerance
     n_regions = len(start) - 1
     queue = np.empty(len(xyz), np.int32)
     stamp, met = np.empty(len(xyz), np.int32), np.empty(n_regions, np.int32)
@@ -203,7 +187,7 @@ def walk_regions(
                         piece[j] = n_pieces
                     elif other == FREE or stamp[j] == n_pieces:
                         continue
-                    elif fits(xyz, normal, j, planes[r], cos_angle, max_distance):
+                    elif off_plane(xyz, j, planes[r]) <= max_distance and faces(normal, j, planes[r], cos_angle):
                         stamp[j] = n_pieces
                         if met[other] != r:
                             met[other] = r
@@ -215,7 +199,7 @@ def walk_regions(
                     queue[tail] = j
                     tail += 1
             n_pieces += 1
-    return n_pieces, n_pairs
+    return n_pairs
 
 
 @jit

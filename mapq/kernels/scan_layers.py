@@ -28,31 +28,20 @@ FARTHEST_SEEN = 0.5
 """Metres off the plane up to which points of scans that were moved are looked at."""
 NEAR_WIDTHS, AROUND_WIDTHS = 2.0, 6.0
 """A scan sees the surface by its points within so many widths of it, if they are half of those within as many more."""
+STILL = -2
+"""Entry of a scan that is looked at where it lies."""
 SCANS = 1_000_000
 """Above every number of a moment: cells and moments share a key."""
 
 
 class Motions(NamedTuple):
-    """How scans lie displaced, window by window.
+    """How scans lie displaced, window by window."""
 
-    Attributes
-    ----------
-    owner : (m,) int64
-        Window of each patch.
-    centre : (w, 3) float64
-    first : (w + 1,) int64
-        Number of each window's first scan.
-    moment : (e,) int64
-        Scans, window by window, ascending.
-    motion : (e, 6) float64
-        Displacement in metres and turn in radians about the centre of the window.
-    """
-
-    owner: Ints
-    centre: Floats
-    first: Ints
-    moment: Ints
-    motion: Floats
+    owner: Ints  # (m,) window of each patch
+    centre: Floats  # (w, 3)
+    first: Ints  # (w + 1,) number of each window's first scan
+    moment: Ints  # (e,) scans, window by window, ascending
+    motion: Floats  # (e, 6) displacement in metres and turn in radians about the centre of the window
 
 
 @part
@@ -65,20 +54,41 @@ def displacement(motions: Motions, entry: int, window: int, point: Floats, out: 
     out[2] = motion[2] + motion[3] * y - motion[4] * x
 
 
+class Over(NamedTuple):
+    """Scratch for the points over one patch, with room for all points of the cloud."""
+
+    entry: Ints  # (moments,) entry of each scan in the motions, `STILL` or `EMPTY`
+    marks: Ints  # (v,) last patch about which a voxel was
+    places: Ints  # (v,) voxels about the patch
+    rows: Ints  # (n,) the points
+    spot: Floats  # (n, 3) their places (u, v, height), moved
+    key: Ints  # (n,) their cells, times `SCANS`, plus their moments
+
+
+@part
+def scratch_over(nearby: Nearby, entry: int) -> Over:
+    """Return scratch in which every scan has this entry."""
+    n, n_voxels = len(nearby.points), len(nearby.key)
+    entries, marks = np.full(nearby.moment.max() + 1, entry, np.int64), np.full(n_voxels, EMPTY, np.int64)
+    places, rows, key = np.zeros(n_voxels, np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64)
+    return Over(entries, marks, places, rows, np.zeros((n, 3)), key)
+
+
 @part
 def own_frame(
-    nearby: Nearby, planes: Planes, motions: Motions, entry: Ints, i: int, places: Ints, n_places: int, mean: Floats
+    nearby: Nearby, planes: Planes, motions: Motions, over: Over, i: int, n_places: int, mean: Floats
 ) -> float:
     """Side from which most own points of patch i were seen; `mean` becomes their mean displacement."""
     side, n, moved = 0.0, 0, np.zeros(3)
     mean[:] = 0.0
-    for p in range(n_places):
-        for k in range(nearby.first[places[p]], nearby.first[places[p] + 1]):
+    for place in over.places[:n_places]:
+        for k in range(nearby.first[place], nearby.first[place + 1]):
             if nearby.patch[k] != i:
                 continue
             side += np.sign(dot(planes.normal[i], nearby.to_sensor[k]))
-            if entry[nearby.moment[k]] >= 0:
-                displacement(motions, entry[nearby.moment[k]], motions.owner[i], nearby.points[k], moved)
+            which = over.entry[nearby.moment[k]]
+            if which >= 0:
+                displacement(motions, which, motions.owner[i], nearby.points[k], moved)
                 mean += moved
                 n += 1
     if n > 0:
@@ -88,25 +98,15 @@ def own_frame(
 
 @part
 def points_over(
-    nearby: Nearby,
-    sheets: Sheets,
-    planes: Planes,
-    motions: Motions,
-    entry: Ints,
-    i: int,
-    reach: float,
-    places: Ints,
-    n_places: int,
-    rows: Ints,
-    spot: Floats,
+    nearby: Nearby, sheets: Sheets, planes: Planes, motions: Motions, over: Over, i: int, reach: float, n_places: int
 ) -> int:
     """Write the points over patch i, not seen from behind, and their places (u, v, height), moved; how many."""
     mean, moved, at = np.zeros(3), np.zeros(3), np.zeros(3)
-    side = own_frame(nearby, planes, motions, entry, i, places, n_places, mean)
+    side = own_frame(nearby, planes, motions, over, i, n_places, mean)
     n = 0
-    for p in range(n_places):
-        for k in range(nearby.first[places[p]], nearby.first[places[p] + 1]):
-            which = entry[nearby.moment[k]]
+    for place in over.places[:n_places]:
+        for k in range(nearby.first[place], nearby.first[place + 1]):
+            which = over.entry[nearby.moment[k]]
             if which == EMPTY or dot(planes.normal[i], nearby.to_sensor[k]) * side < 0.0:
                 continue
             at[:] = nearby.points[k]
@@ -117,15 +117,15 @@ def points_over(
             u = dot_from(planes.across[i], at, planes.centre[i])
             v = dot_from(planes.along[i], at, planes.centre[i])
             if abs(height) <= reach and (nearby.patch[k] == i or cell_over(sheets, i, u, v) != EMPTY):
-                rows[n], spot[n, 0], spot[n, 1], spot[n, 2] = k, u, v, height
+                over.rows[n], over.spot[n, 0], over.spot[n, 1], over.spot[n, 2] = k, u, v, height
                 n += 1
     return n
 
 
 @part
-def sort_by_cell(nearby: Nearby, rows: Ints, spot: Floats, n: int, spacing: float, key: Ints) -> Ints:
-    """Order of the points by cell and moment; `key` becomes their cell times `SCANS` plus the moment."""
-    side = min(max(CELL_SPACINGS * spacing, SMALLEST_CELL), LARGEST_CELL)
+def sort_by_cell(nearby: Nearby, over: Over, n: int, spacing: float) -> Ints:
+    """Order of the n points by cell and moment; their keys are written."""
+    side, spot = min(max(CELL_SPACINGS * spacing, SMALLEST_CELL), LARGEST_CELL), over.spot
     low_u, high_u, low_v, high_v = np.inf, -np.inf, np.inf, -np.inf
     for k in range(n):
         low_u, high_u = min(low_u, spot[k, 0]), max(high_u, spot[k, 0])
@@ -134,8 +134,8 @@ def sort_by_cell(nearby: Nearby, rows: Ints, spot: Floats, n: int, spacing: floa
     n_rows = int((high_v - low_v) / side) + 1
     for k in range(n):
         cell = int((spot[k, 0] - low_u) / side) * n_rows + int((spot[k, 1] - low_v) / side)
-        key[k] = cell * SCANS + nearby.moment[rows[k]]
-    return np.argsort(key[:n], kind="mergesort")
+        over.key[k] = cell * SCANS + nearby.moment[over.rows[k]]
+    return np.argsort(over.key[:n], kind="mergesort")
 
 
 @part
@@ -181,29 +181,25 @@ def find_layers(
     Heights of up to `reach` metres off the plane, on either side of it; sorted by patch, cell and moment.
     """
     nothing = Motions(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.int64), start, np.zeros((0, 6)))
-    # -2: a scan that is looked at where it lies.
-    entry = np.full(nearby.moment.max() + 1, -2, np.int64)
-    marks, places = np.full(len(nearby.key), EMPTY, np.int64), np.zeros(len(nearby.key), np.int64)
-    rows, spot = np.zeros(len(nearby.points), np.int64), np.zeros((len(nearby.points), 3))
-    key = np.zeros(len(nearby.points), np.int64)
+    over = scratch_over(nearby, STILL)
     histogram, heights = np.zeros(int(2.0 * reach / BIN) + 3), np.zeros(len(nearby.points))
     out, n_out, row = np.empty((1024, 8)), 0, np.zeros(6)
     for i in range(len(start) - 1):
-        n_places = voxels_about(nearby, points, start[i], start[i + 1], i, marks, places)
-        n = points_over(nearby, sheets, planes, nothing, entry, i, reach, places, n_places, rows, spot)
-        order = sort_by_cell(nearby, rows, spot, n, spacing[i], key)
+        n_places = voxels_about(nearby, points, start[i], start[i + 1], i, over.marks, over.places)
+        n = points_over(nearby, sheets, planes, nothing, over, i, reach, n_places)
+        order = sort_by_cell(nearby, over, n, spacing[i])
         begin = 0
         while begin < n:
-            end = begin
+            end, key = begin, over.key[order[begin]]
             row[:] = 0.0
-            while end < n and key[order[end]] == key[order[begin]]:
+            while end < n and over.key[order[end]] == key:
                 k = order[end]
-                heights[end - begin] = spot[k, 2]
+                heights[end - begin] = over.spot[k, 2]
                 for axis in range(3):
-                    row[3 + axis] += nearby.points[rows[k], axis] - spot[k, 2] * planes.normal[i, axis]
+                    row[3 + axis] += nearby.points[over.rows[k], axis] - over.spot[k, 2] * planes.normal[i, axis]
                 end += 1
             if end - begin >= FEWEST:
-                row[0], row[1], row[2] = i, key[order[begin]] // SCANS, key[order[begin]] % SCANS
+                row[0], row[1], row[2] = i, key // SCANS, key % SCANS
                 row[3:] /= end - begin
                 out = grown(out, n_out + MOST_LAYERS)
                 n_out = write_layers(heights, end - begin, histogram, reach, row, out, n_out)
@@ -253,69 +249,56 @@ def find_sightings(
     Patch, cell, moment, place in the map as it is (3), height over the plane once moved, number of points, sum of
     squares about their mean, and the number of own points of the patch in the cell. `width`: of a layer, metres.
     """
-    entry = np.full(nearby.moment.max() + 1, EMPTY, np.int64)
-    marks, places = np.full(len(nearby.key), EMPTY, np.int64), np.zeros(len(nearby.key), np.int64)
-    rows, spot = np.zeros(len(nearby.points), np.int64), np.zeros((len(nearby.points), 3))
-    key, held = np.zeros(len(nearby.points), np.int64), np.zeros(len(nearby.points) + 2)
+    over, held = scratch_over(nearby, EMPTY), np.zeros(len(nearby.points) + 2)
     out, n_out = np.empty((1024, 10)), 0
     for i in range(len(start) - 1):
         window = motions.owner[i]
-        for at in range(motions.first[window], motions.first[window + 1]):
-            entry[motions.moment[at]] = at
-        n_places = voxels_about(nearby, points, start[i], start[i + 1], i, marks, places)
-        n = points_over(nearby, sheets, planes, motions, entry, i, FARTHEST_SEEN, places, n_places, rows, spot)
-        order = sort_by_cell(nearby, rows, spot, n, spacing[i], key)
+        scans = motions.moment[motions.first[window] : motions.first[window + 1]]
+        for at in range(len(scans)):
+            over.entry[scans[at]] = motions.first[window] + at
+        n_places = voxels_about(nearby, points, start[i], start[i + 1], i, over.marks, over.places)
+        n = points_over(nearby, sheets, planes, motions, over, i, FARTHEST_SEEN, n_places)
+        order = sort_by_cell(nearby, over, n, spacing[i])
         begin = 0
         while begin < n:
-            end, n_own = begin, 0
-            while end < n and key[order[end]] // SCANS == key[order[begin]] // SCANS:
-                if nearby.patch[rows[order[end]]] == i:
-                    held[n_own] = spot[order[end], 2]
+            end, n_own, cell = begin, 0, over.key[order[begin]] // SCANS
+            while end < n and over.key[order[end]] // SCANS == cell:
+                if nearby.patch[over.rows[order[end]]] == i:
+                    held[n_own] = over.spot[order[end], 2]
                     n_own += 1
                 end += 1
             if n_own >= FEWEST:
                 base = quantile(held, n_own, 0.5)
                 out = grown(out, n_out + end - begin)
-                n_out = write_sightings(
-                    nearby, rows, spot, key, order, begin, end, base, width, held, i, n_own, out, n_out
-                )
+                first = n_out
+                n_out = write_sightings(nearby, over, order[begin:end], base, width, held, out, n_out)
+                out[first:n_out, 0], out[first:n_out, 9] = i, n_own
             begin = end
-        for at in range(motions.first[window], motions.first[window + 1]):
-            entry[motions.moment[at]] = EMPTY
+        for scan in scans:
+            over.entry[scan] = EMPTY
     return out[:n_out].copy()
 
 
 @part
 def write_sightings(
-    nearby: Nearby,
-    rows: Ints,
-    spot: Floats,
-    key: Ints,
-    order: Ints,
-    begin: int,
-    end: int,
-    base: float,
-    width: float,
-    held: Floats,
-    i: int,
-    n_own: int,
-    out: Floats,
-    at: int,
+    nearby: Nearby, over: Over, order: Ints, base: float, width: float, held: Floats, out: Floats, at: int
 ) -> int:
-    """Write the sightings of one cell, a row for each scan that sees the surface; the number of the next row."""
-    first = begin
-    while first < end:
-        last = first
-        while last < end and key[order[last]] == key[order[first]]:
+    """Write the sightings of one cell, a row for each scan that sees the surface; the number of the next row.
+
+    Patch and number of own points are left out.
+    """
+    first = 0
+    while first < len(order):
+        last, key = first, over.key[order[first]]
+        while last < len(order) and over.key[order[last]] == key:
             last += 1
-        n = see_layer(spot, order, first, last, base, width, held)
+        n = see_layer(over.spot, order, first, last, base, width, held)
         if n >= FEWEST:
-            out[at, 0], out[at, 1] = i, key[order[first]] // SCANS
-            out[at, 2], out[at, 9] = key[order[first]] % SCANS, n_own
+            out[at, 1], out[at, 2] = key // SCANS, key % SCANS
             out[at, 6], out[at, 7], out[at, 8] = held[0], n, held[1]
             out[at, 3:6] = 0.0
             for k in range(first, last):
-                out[at, 3:6] += nearby.points[rows[order[k]]]
+                out[at, 3:6] += nearby.points[over.rows[order[k]]]
             out[at, 3:6] /= last - first
             at += 1
         first = last

@@ -129,21 +129,9 @@ def match_scans(
 ) -> Floats:
     """Motions (s, 6) of scans, each matched to those before: the scan with most layers first, then what shares most.
 
-    Parameters
-    ----------
-    cell : (r,) int64
-        Of each layer, scan after scan.
-    first : (s + 1,) int64
-        Number of each scan's first layer.
-    jacobian : (r, 6) float64
-        How a motion displaces each layer.
-    height, weight : (r,) float64
-        Metres off the plane; share of the scan's points.
-    n_cells : int
-    axes : (3, 3) float64
-        Two level directions and up.
-    reach : float
-        Longest shift that is tried, metres.
+    Of layers (r), scan after scan: their `cell`, rows of the `jacobian` (r, 6), `height` off the plane in metres, and
+    `weight`, the share of the scan's points; ``first`` (s + 1,) is where each scan begins. `axes` (3, 3): two level
+    directions and up. `reach`: longest shift that is tried, metres.
     """
     n_scans = len(first) - 1
     motion = np.zeros((n_scans, 6))
@@ -221,20 +209,9 @@ def fit_motions(
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Motions (s, 6) of least robust residuals, their normal matrix (6s, 6s), residuals (r,) and robust weights (r,).
 
-    Geman and McClure's weights, whose scale shrinks from `WIDEST` to `finest` (graduated non-convexity: Yang and others
-    2020). Rows are sorted by cell, ``first`` (c + 1,) is where each begins.
-
-    Parameters
-    ----------
-    first, scan : int64
-    jacobian : (r, 6) float64
-    height, weight : (r,) float64
-        Metres, and their inverse variance.
-    n_scans : int
-    precision : (6,) float64
-        Of the prior of each motion.
-    finest : float
-        Metres.
+    Geman and McClure's weights, whose scale shrinks from `WIDEST` to `finest` metres (graduated non-convexity: Yang and
+    others 2020). Rows are sorted by cell, ``first`` (c + 1,) is where each begins; `height` in metres, `weight` its
+    inverse variance; `precision` (6,) of the prior of each motion.
     """
     size = 6 * n_scans
     left, right = np.zeros((size, size)), np.zeros(size)
@@ -281,19 +258,8 @@ def ranges_of_cells(
 ) -> Floats:
     """For each cell of a patch: largest displacement between scans that see it, its variance, and how many do (c, 3).
 
-    Parameters
-    ----------
-    cell : (r,) int64
-        Of each sighting of the patch, from 0.
-    scan : (r,) int64
-    place : (r, 3) float64
-        Of sightings, moved.
-    jacobian : (r, 6) float64
-    motion : (s, 6) float64
-    covariance : (6s, 6s) float64
-        Of the motions.
-    reach : float
-        Metres: a scan that sees the surface so near by sees that of the cell.
+    Of the sightings (r) of the patch: `cell`, from 0, `scan`, `place` (r, 3), moved, and `jacobian` (r, 6);
+    `covariance` (6s, 6s) of the motions. A scan that sees the surface within `reach` metres sees that of the cell.
     """
     n_cells = cell.max() + 1
     out, held, counts = np.zeros((n_cells, 3)), np.zeros(len(motion)), np.zeros(len(motion), np.int64)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.kernels.normals import estimate_normals, robust_normals
+from mapq.kernels.planes import Surface
 from mapq.segmentation.parameters import Parameters
 from mapq.segmentation.points import Points
 from mapq.segmentation.sample import TURNS, neighbours_of
@@ -34,6 +35,11 @@ class Core(NamedTuple):
     variance: NDArray[np.float32]  # (c,) across that plane, in square metres
     # (c,) whose neighbourhood holds more than one surface, so that the normal is that of the best one or of none
     thick: NDArray[np.bool_]
+
+    @property
+    def surface(self) -> Surface:
+        """The points as the kernels take them."""
+        return Surface(self.xyz, self.neighbours, self.normal)
 
 
 def make_core(points: Points, chosen: Parameters) -> Core:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.kernels.growing import grow_regions, pair_rms, resolve, unite
-from mapq.kernels.planes import MOMENTS
+from mapq.kernels.planes import MOMENTS, Tolerance
 from mapq.kernels.regions import (
     change_sides,
     count_support,
@@ -63,8 +63,7 @@ def grow(core: Core, chosen: Parameters) -> NDArray[np.int32]:
     region = np.full(len(core.xyz), -1, np.int32)
     seeds = np.flatnonzero(np.isfinite(core.normal[:, 0]))
     seeds = seeds[_flattest_first(core.variance[seeds])]
-    cosine = float(np.cos(np.radians(chosen.max_angle)))
-    grow_regions(core.xyz, core.neighbours, core.normal, seeds, cosine, chosen.max_distance, MIN_FRAGMENT, region)
+    grow_regions(core.surface, seeds, _tolerance(chosen, 1.0), MIN_FRAGMENT, region)
     return region
 
 
@@ -97,8 +96,7 @@ def settle(core: Core, chosen: Parameters, region: NDArray[np.int32], sweeps: in
     """Return the regions after points have moved to the nearest plane around them, a few times over."""
     for _ in range(sweeps):
         out, planes = np.empty_like(region), fit(core.xyz, region).planes
-        cosine, distance = _loose_cosine(chosen), chosen.max_distance
-        if not change_sides(core.xyz, core.neighbours, core.normal, planes, cosine, distance, region, out):
+        if not change_sides(core.surface, planes, _tolerance(chosen, LOOSE), region, out):
             return out
         region = out
     return region
@@ -138,19 +136,7 @@ def walk(
     while True:
         piece = np.full(len(region), -1, np.int32)
         pairs = np.empty((capacity, 2), np.int32)
-        _, n_pairs = walk_regions(
-            core.xyz,
-            core.neighbours,
-            core.normal,
-            planes,
-            _loose_cosine(chosen),
-            chosen.max_distance,
-            region,
-            members,
-            start,
-            piece,
-            pairs,
-        )
+        n_pairs = walk_regions(core.surface, planes, _tolerance(chosen, LOOSE), region, members, start, piece, pairs)
         if n_pairs <= capacity:
             return piece, np.unique(np.sort(pairs[:n_pairs], axis=1), axis=0)
         capacity = n_pairs
@@ -167,5 +153,6 @@ def spread_out(points: Points, core: Core, chosen: Parameters, region: NDArray[n
     return out
 
 
-def _loose_cosine(chosen: Parameters) -> float:
-    return float(np.cos(np.radians(min(LOOSE * chosen.max_angle, 90.0))))
+def _tolerance(chosen: Parameters, factor: float) -> Tolerance:
+    """Return what fits a plane, with so many times the angle."""
+    return Tolerance(float(np.cos(np.radians(min(factor * chosen.max_angle, 90.0)))), chosen.max_distance)

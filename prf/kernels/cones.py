@@ -81,12 +81,7 @@ def see_indexed(
                 continue
             a, b = ends_of(graph, edge)
             see_edge(
-                cones.sight,
-                pose,
-                pose[MAX_DISTANCE],
-                graph.edge_xy[edge],
-                corner_at(graph, a),
-                corner_at(graph, b),
+                cones.sight, pose, pose[MAX_DISTANCE], graph.edge_xy[edge], corner_at(graph, a), corner_at(graph, b)
             )
 
 
