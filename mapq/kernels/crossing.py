@@ -1,5 +1,7 @@
 """Whether two patches cross one another, and how far from their edges."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from mapq.kernels._jit import Floats, Ints, jit, part
@@ -21,20 +23,31 @@ DENSE = 0.15
 """Share of the points that a patch has elsewhere from which it has points beside the line."""
 
 
-@part
-def line_places(trees: Trees, planes: Planes, i: int, j: int, line: Floats, sine: float, t: Floats, s: Floats) -> int:
-    """Place of each point of patch i in its plane: t across the line where plane j cuts it, s along; how many.
+class Cut(NamedTuple):
+    """The line where the planes of two patches cut, and scratch for the places of points about it."""
 
-    Across, it is the point's height over plane j once put on plane i, over the sine of their angle.
+    pair: Ints  # (2,) the patches
+    line: Floats  # (3,) unit vector
+    sine: float  # of the angle between the planes
+    t: Floats  # places across the line, see `line_places`
+    s: Floats  # places along it
+
+
+@part
+def line_places(trees: Trees, planes: Planes, cut: Cut, side: int) -> int:
+    """Place of each point of one patch of a pair in its plane: t across the line of the cut, s along; how many.
+
+    Across, it is the point's height over the other plane once put on its own, over the sine of their angle.
     """
+    i, j = cut.pair[side], cut.pair[1 - side]
     n = trees.start[i + 1] - trees.start[i]
     ni, nj = planes.normal[i], planes.normal[j]
     cosine = dot(ni, nj)
     for k in range(n):
         point = trees.points[trees.start[i] + k]
         height = dot_from(nj, point, planes.centre[j]) - cosine * dot_from(ni, point, planes.centre[i])
-        t[k] = height / sine
-        s[k] = dot_from(line, point, planes.centre[i])
+        cut.t[k] = height / cut.sine
+        cut.s[k] = dot_from(cut.line, point, planes.centre[i])
     return n
 
 
@@ -79,79 +92,55 @@ def count_beside(
 
 @part
 def crossed_share(
-    trees: Trees,
-    planes: Planes,
-    pair: Ints,
-    line: Floats,
-    sine: float,
-    stretch: Floats,
-    slack: float,
-    step: float,
-    reach: Floats,
-    t: Floats,
-    s: Floats,
+    trees: Trees, planes: Planes, cut: Cut, low: float, high: float, slack: float, step: float, reach: Floats
 ) -> float:
     """Share of the stretch of the line (low, high) in whose steps both patches have points beside it, on both sides.
 
     A few points are none: `DENSE` of what the patch's density would make there. `reach` (2, 2) is how far beside the
     line, less the slack, each patch is looked for on either side.
     """
-    low, high = stretch[0], stretch[1]
     n_steps = max(int((high - low) / step + 0.5), 1)
     counts, crossed = np.zeros((n_steps, 2), np.int64), np.ones(n_steps, np.bool_)
     for side in range(2):
-        i = pair[side]
-        move = dot_from(line, planes.centre[pair[0]], planes.centre[pair[1]]) if side == 1 else 0.0
-        n = line_places(trees, planes, i, pair[1 - side], line, sine, t, s)
-        count_beside(t, s, n, low + move, high + move, slack, reach[side], counts)
+        move = dot_from(cut.line, planes.centre[cut.pair[0]], planes.centre[cut.pair[1]]) if side == 1 else 0.0
+        n = line_places(trees, planes, cut, side)
+        count_beside(cut.t, cut.s, n, low + move, high + move, slack, reach[side], counts)
         for k in range(n_steps):
             for beside in range(2):
-                expected = n / planes.area[i] * (high - low) / n_steps * reach[side, beside]
+                expected = n / planes.area[cut.pair[side]] * (high - low) / n_steps * reach[side, beside]
                 crossed[k] &= counts[k, beside] >= max(DENSE * expected, 1.0)
     return crossed.sum() / n_steps
 
 
 @part
-def crossing(
-    trees: Trees,
-    planes: Planes,
-    pair: Ints,
-    line: Floats,
-    sine: float,
-    spacing: float,
-    cell: float,
-    beyond: float,
-    t: Floats,
-    s: Floats,
-) -> float:
+def crossing(trees: Trees, planes: Planes, cut: Cut, spacing: float, cell: float, beyond: float) -> float:
     """R of one pair: the smaller edge ratio of both, over the stretch of the line along which both lie.
 
     First each patch as a whole, which settles most pairs, then the part of it along the common stretch; the patch with
     fewer points first. Last, along which share of it they pass through one another, not through an opening.
     """
-    slack = spacing + beyond / sine
-    shift = dot_from(line, planes.centre[pair[0]], planes.centre[pair[1]])
+    slack = spacing + beyond / cut.sine
+    shift = dot_from(cut.line, planes.centre[cut.pair[0]], planes.centre[cut.pair[1]])
     low, high, smallest = -np.inf, np.inf, 1.0
     reach = np.zeros((2, 2))
     for step in range(4):
         side = step % 2
         move = shift if side == 1 else 0.0
-        n = line_places(trees, planes, pair[side], pair[1 - side], line, sine, t, s)
+        n = line_places(trees, planes, cut, side)
         if step >= 2:
-            n = keep_between(t, s, n, low + move, high + move)
-        ratio = edge_ratio(t, n, slack, reach[side])
+            n = keep_between(cut.t, cut.s, n, low + move, high + move)
+        ratio = edge_ratio(cut.t, n, slack, reach[side])
         if ratio == 0.0:
             return 0.0
         if step < 2:
-            low, high = max(low, quantile(s, n, LOW) - move), min(high, quantile(s, n, HIGH) - move)
+            low, high = max(low, quantile(cut.s, n, LOW) - move), min(high, quantile(cut.s, n, HIGH) - move)
         else:
             smallest = min(smallest, ratio)
         if high - low <= spacing:
             return 0.0
     reach = np.minimum(reach, slack + BESIDE * spacing)
-    stretch, length = np.array([low, high]), max(STEP * spacing, 2.0 * cell)
-    share = crossed_share(trees, planes, pair, line, sine, stretch, slack, length, reach, t, s)
-    return smallest * (1.0 - min(sine / STEEP, 1.0) * (1.0 - share))
+    share = crossed_share(trees, planes, cut, low, high, slack, max(STEP * spacing, 2.0 * cell), reach)
+    return smallest * (1.0 - min(cut.sine / STEEP, 1.0) * (1.0 - share))
 
 
 @jit
@@ -175,5 +164,6 @@ def crossings(trees: Trees, planes: Planes, pairs: Ints, spacing: Floats, cell: 
         if sine > PARALLEL:
             normalise(line)
             widest = max(cell[pairs[k, 0]], cell[pairs[k, 1]])
-            out[k] = crossing(trees, planes, pairs[k], line, sine, spacing[k], widest, beyond, t, s)
+            cut = Cut(pairs[k], line, sine, t, s)
+            out[k] = crossing(trees, planes, cut, spacing[k], widest, beyond)
     return out

@@ -8,7 +8,7 @@ random numbers, so that a point's plane depends on nothing but its neighbours.
 import numpy as np
 
 from mapq.kernels._jit import Bools, Floats, Floats32, Ints, Ints32, jit, part
-from mapq.kernels.planes import MOMENTS, add_moments, fit_plane
+from mapq.kernels.planes import MOMENTS, Fit, add_moments, fit_plane
 
 
 @jit
@@ -57,13 +57,6 @@ def local_points(xyz: Floats, i: int, neighbours: Ints32, local: Floats) -> int:
             local[axis, n_local] = xyz[j, axis] - xyz[i, axis]
         n_local += 1
     return n_local
-
-
-@part
-def keep(plane: Floats, best: Floats) -> None:
-    """Copy a plane; number by number, as numba compiles that in a tenth of the time of a slice."""
-    for c in range(4):
-        best[c] = plane[c]
 
 
 @part
@@ -145,9 +138,8 @@ def residuals(local: Floats, n_local: int, plane: Floats, out: Floats) -> None:
 def count_near(local: Floats, n_local: int, nx: float, ny: float, nz: float, near: float) -> int:
     """Return how many points lie near a plane through the point, those within half that distance counted twice.
 
-    `near` is the square of the distance, times that of the normal's length.
-
-    Whole numbers, because their sums need no order: the loop becomes vector instructions.
+    `near` is the square of the distance, times that of the normal's length. Whole numbers, because their sums need no
+    order: the loop becomes vector instructions.
     """
     half = 0.25 * near
     score = 0
@@ -158,26 +150,15 @@ def count_near(local: Floats, n_local: int, nx: float, ny: float, nz: float, nea
 
 
 @part
-def fit_within(
-    local: Floats, residual: Floats, n_local: int, limit: float, sums: Floats, plane: Floats, spread: Floats
-) -> int:
+def fit_within(local: Floats, residual: Floats, n_local: int, limit: float, fit: Fit) -> int:
     """Fit the plane to the points within `limit` of the last one; return how many they are."""
-    sums[:] = 0.0
+    fit.sums[:] = 0.0
     for c in range(n_local):
         if residual[c] <= limit:
-            add_moments(sums, local[0, c], local[1, c], local[2, c])
-    if sums[0] >= 3.0:
-        fit_plane(sums, plane, spread)
-    return int(sums[0])
-
-
-@part
-def count_below(values: Floats, n: int, limit: float) -> int:
-    """Return how many of the first n values are below a limit: finds most bad planes without sorting."""
-    count = 0
-    for c in range(n):
-        count += int(values[c] < limit)
-    return count
+            add_moments(fit.sums, local[0, c], local[1, c], local[2, c])
+    if fit.sums[0] >= 3.0:
+        fit_plane(fit.sums, fit.plane, fit.spread)
+    return int(fit.sums[0])
 
 
 @part
@@ -210,51 +191,44 @@ def trimmed_residuals(
     k = neighbours.shape[1]
     pairs = list_pairs(k, turns)
     local, values, order = np.empty((3, k + 1)), np.empty(k + 1), np.empty(k + 1)
-    plane, best, sums, spread = np.empty(4), np.empty(4), np.empty(MOMENTS), np.empty(3)
-    planes = np.empty((4, turns))
+    planes, fit = np.empty((4, turns)), Fit(np.empty(MOMENTS), np.empty(4), np.empty(3))
     for s in range(len(points)):
         n_local = local_points(xyz, points[s], neighbours[s], local)
         scale[s] = np.nan
         thickness[s] = np.nan
         for c in range(k + 1):
             residual[s, c] = np.nan
-        kept, lowest = n_local // 2, np.inf
+        kept, lowest, best = n_local // 2, np.inf, 0
         if kept < 4:
             continue
         list_candidates(local, pairs[n_local - 1], turns, planes)
         for turn in range(turns):
             if planes[3, turn] > 0.0:
-                take(planes, turn, plane)
-                residuals(local, n_local, plane, values)
-                if count_below(values, n_local, lowest) >= kept:
-                    lowest = smallest(values, n_local, kept, order)
-                    keep(plane, best)
+                take(planes, turn, fit.plane)
+                residuals(local, n_local, fit.plane, values)
+                # Finds most bad planes without sorting.
+                if np.sum(values[:n_local] < lowest) >= kept:
+                    lowest, best = smallest(values, n_local, kept, order), turn
         if lowest == np.inf:
             continue
+        take(planes, best, fit.plane)
         for _ in range(REFITS):
-            residuals(local, n_local, best, values)
-            fit_within(local, values, n_local, smallest(values, n_local, kept, order), sums, best, spread)
-        residuals(local, n_local, best, values)
+            residuals(local, n_local, fit.plane, values)
+            fit_within(local, values, n_local, smallest(values, n_local, kept, order), fit)
+        residuals(local, n_local, fit.plane, values)
         smallest(values, n_local, kept, order)
         total = 0.0
         for c in range(kept):
             total += order[c] * order[c]
         scale[s] = np.sqrt(total / kept)
-        thickness[s] = spread[0] / spread[1]
+        thickness[s] = fit.spread[0] / fit.spread[1]
         for c in range(n_local):
             residual[s, c] = values[c]
 
 
 @part
 def try_clean(
-    local: Floats,
-    n_local: int,
-    around: Ints32,
-    thick: Bools,
-    normal: Floats32,
-    band: float,
-    plane: Floats,
-    best: Floats,
+    local: Floats, n_local: int, around: Ints32, thick: Bools, normal: Floats32, band: float, best: Floats
 ) -> int:
     """Write the best of the planes through the point that face as neighbours with one surface do; return its score."""
     highest = 0
@@ -262,11 +236,11 @@ def try_clean(
         if j < 0:
             break
         if not thick[j]:
-            plane[0], plane[1], plane[2], plane[3] = normal[j, 0], normal[j, 1], normal[j, 2], 0.0
-            score = count_near(local, n_local, plane[0], plane[1], plane[2], band * band)
+            nx, ny, nz = np.float64(normal[j, 0]), np.float64(normal[j, 1]), np.float64(normal[j, 2])
+            score = count_near(local, n_local, nx, ny, nz, band * band)
             if score > highest:
                 highest = score
-                keep(plane, best)
+                best[0], best[1], best[2], best[3] = nx, ny, nz, 0.0
                 if score >= n_local:
                     break
     return highest
@@ -314,24 +288,24 @@ def robust_normals(
     """
     local, values, wide = np.empty((3, size + 1)), np.empty(size + 1), np.empty(size, np.int32)
     stamp, pairs, planes = np.full(len(xyz), -1, np.int32), list_pairs(size, turns), np.empty((4, turns))
-    plane, best, sums, spread = np.empty(4), np.empty(4), np.empty(MOMENTS), np.empty(3)
+    fit = Fit(np.empty(MOMENTS), np.empty(4), np.empty(3))
     for i in range(len(xyz)):
         if not thick[i]:
             continue
         n_local = local_points(xyz, i, neighbours[i], local)
         fewest = max(min_share * n_local, 4.0)
-        score = try_clean(local, n_local, neighbours[i], thick, normal, band, plane, best)
+        score = try_clean(local, n_local, neighbours[i], thick, normal, band, fit.plane)
         if score < CLEAN_SHARE * n_local:
             widen(i, neighbours, size, stamp, wide, neighbours.shape[1] // 2)
             n_local = local_points(xyz, i, wide, local)
             fewest = max(min_share * n_local, 4.0)
-            score = try_turns(local, n_local, pairs, planes, fewest, band, best)
+            score = try_turns(local, n_local, pairs, planes, fewest, band, fit.plane)
         n_near = 0
         for _ in range(REFITS if score >= fewest else 0):
-            residuals(local, n_local, best, values)
-            n_near = fit_within(local, values, n_local, band, sums, best, spread)
-        if n_near < fewest or abs(best[3]) > band:
-            best[0] = best[1] = best[2] = spread[0] = np.nan
-        variance[i] = spread[0]
+            residuals(local, n_local, fit.plane, values)
+            n_near = fit_within(local, values, n_local, band, fit)
+        if n_near < fewest or abs(fit.plane[3]) > band:
+            fit.plane[:3] = fit.spread[0] = np.nan
+        variance[i] = fit.spread[0]
         for axis in range(3):
-            normal[i, axis] = best[axis]
+            normal[i, axis] = fit.plane[axis]

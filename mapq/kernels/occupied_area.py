@@ -115,18 +115,20 @@ def choose_cell(u: Floats, v: Floats, box: Floats, smallest: float, marks: Bytes
 
 
 @part
-def middle_and_length(values: Floats, box: Floats, first: int) -> None:
-    """Write where values lie to ``box[first]``, and how far they reach to the next."""
-    low, high = np.inf, -np.inf
-    for k in range(len(values)):
-        low, high = min(low, values[k]), max(high, values[k])
-    box[first], box[first + 1] = 0.5 * (low + high), high - low
+def find_box(u: Floats, v: Floats, box: Floats) -> None:
+    """Write where points lie and how far they reach: middle and length in u, then in v."""
+    for axis in range(2):
+        low, high = np.inf, -np.inf
+        for value in u if axis == 0 else v:
+            low, high = min(low, value), max(high, value)
+        box[2 * axis], box[2 * axis + 1] = 0.5 * (low + high), high - low
 
 
 @part
-def cells_needed(box: Floats, cell: float) -> int:
-    """How many cells of a size cover a box."""
-    return (2 * half_count(box[1], cell) + 1) * (2 * half_count(box[3], cell) + 1)
+def with_room(marks: Bytes, box: Floats, cell: float) -> Bytes:
+    """Return marks for all cells of a size that cover a box."""
+    needed = (2 * half_count(box[1], cell) + 1) * (2 * half_count(box[3], cell) + 1)
+    return marks if needed <= len(marks) else np.zeros(2 * needed, np.uint8)
 
 
 @jit
@@ -134,20 +136,15 @@ def occupied_cells(u: Floats, v: Floats, start: Ints, smallest: float, n_sizes: 
     """Cell size (m,) and extents (m, 2) of each patch, points given in its plane, in metres."""
     n_patches = len(start) - 1
     cells, lengths = np.zeros(n_patches), np.zeros((n_patches, 2))
-    marks = np.zeros(1024, np.uint8)
-    box, inner = np.zeros(4), np.zeros(n_sizes)
+    marks, box, inner = np.zeros(1024, np.uint8), np.zeros(4), np.zeros(n_sizes)
     for i in range(n_patches):
         cells[i] = smallest
-        if start[i + 1] == start[i]:
-            continue
-        a, b = u[start[i] : start[i + 1]], v[start[i] : start[i + 1]]
-        middle_and_length(a, box, 0)
-        middle_and_length(b, box, 2)
-        needed = cells_needed(box, first_cell(box, len(a), smallest))
-        if needed > len(marks):
-            marks = np.zeros(2 * needed, np.uint8)
-        cells[i] = choose_cell(a, b, box, smallest, marks, inner)
-        lengths[i, 0], lengths[i, 1] = box[1], box[3]
+        if start[i + 1] > start[i]:
+            a, b = u[start[i] : start[i + 1]], v[start[i] : start[i + 1]]
+            find_box(a, b, box)
+            marks = with_room(marks, box, first_cell(box, len(a), smallest))
+            cells[i] = choose_cell(a, b, box, smallest, marks, inner)
+            lengths[i, 0], lengths[i, 1] = box[1], box[3]
     return cells, lengths
 
 
@@ -156,15 +153,11 @@ def occupied_areas(u: Floats, v: Floats, start: Ints, side: Floats) -> Floats:
     """Area (m,) in square metres that cells of the given sides (m,) hold of each patch, points given in its plane."""
     areas, box, marks = np.zeros(len(start) - 1), np.zeros(4), np.zeros(1024, np.uint8)
     for i in range(len(areas)):
-        if start[i + 1] == start[i]:
-            continue
-        a, b = u[start[i] : start[i + 1]], v[start[i] : start[i + 1]]
-        middle_and_length(a, box, 0)
-        middle_and_length(b, box, 2)
-        needed = cells_needed(box, side[i])
-        if needed > len(marks):
-            marks = np.zeros(2 * needed, np.uint8)
-        n_rows, n_columns = mark_cells(a, b, box, side[i], marks)
-        n_set = count_blocks(marks, n_rows, n_columns, 2, 1)
-        areas[i] = side[i] ** 2 * (n_set if n_set > 0 else count_blocks(marks, n_rows, n_columns, 2, 0))
+        if start[i + 1] > start[i]:
+            a, b = u[start[i] : start[i + 1]], v[start[i] : start[i + 1]]
+            find_box(a, b, box)
+            marks = with_room(marks, box, side[i])
+            n_rows, n_columns = mark_cells(a, b, box, side[i], marks)
+            n_set = count_blocks(marks, n_rows, n_columns, 2, 1)
+            areas[i] = side[i] ** 2 * (n_set if n_set > 0 else count_blocks(marks, n_rows, n_columns, 2, 0))
     return areas

@@ -4,6 +4,8 @@ Layers are heights over planes, so all is point to plane: a motion (shift 3, tur
 with its row of the Jacobian. What the cells themselves have as relief is common to all scans and drops out.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from mapq.kernels._jit import Floats, Ints, jit, part
@@ -36,9 +38,20 @@ WIDEST = 0.2
 """Metres of residual that still count a quarter in the first round; halved from round to round."""
 
 
+class Layers(NamedTuple):
+    """Layers of all scans, and the heights at which those of the scans entered so far lie."""
+
+    bins: Floats  # (cells, heights) worth of a layer that lies there
+    cell: Ints  # (r,)
+    along: Floats  # (r, 3) how shifts along the level axes and a turn about the third displace each
+    height: Floats  # (r,) metres
+    weight: Floats  # (r,)
+
+
 @part
-def meeting(bins: Floats, cell: Ints, along: Floats, height: Floats, weight: Floats, rows: Ints, x: Floats) -> float:
+def meeting(layers: Layers, rows: Ints, x: Floats) -> float:
     """Weight of the layers that meet those of other scans once the motion x (3) is taken away."""
+    bins, cell, along, height, weight = layers
     total = 0.0
     for p in rows:
         moved = height[p] - along[p, 0] * x[0] - along[p, 1] * x[1] - along[p, 2] * x[2]
@@ -49,8 +62,9 @@ def meeting(bins: Floats, cell: Ints, along: Floats, height: Floats, weight: Flo
 
 
 @part
-def enter(bins: Floats, cell: Ints, along: Floats, height: Floats, begin: int, end: int, x: Floats) -> None:
+def enter(layers: Layers, begin: int, end: int, x: Floats) -> None:
     """Enter the layers of a scan, its motion x (3) taken away."""
+    bins, cell, along, height, _ = layers
     for p in range(begin, end):
         moved = height[p] - along[p, 0] * x[0] - along[p, 1] * x[1] - along[p, 2] * x[2]
         at = int(np.floor((moved + TALLEST) / BIN))
@@ -61,23 +75,21 @@ def enter(bins: Floats, cell: Ints, along: Floats, height: Floats, begin: int, e
 
 
 @part
-def best_motion(
-    bins: Floats, cell: Ints, along: Floats, height: Floats, weight: Floats, rows: Ints, reach: float, start: Floats
-) -> Floats:
+def best_motion(layers: Layers, rows: Ints, reach: float, start: Floats) -> Floats:
     """Shifts along two level axes of up to `reach` metres, and the turn, that bring most layers together (3).
 
     The search begins where the scan lies, or at the motion `start` of another if that brings more together; all motions
     are tried where neither does well.
     """
     found = np.zeros(3)
-    top = meeting(bins, cell, along, height, weight, rows, found)
-    other = meeting(bins, cell, along, height, weight, rows, start)
+    top = meeting(layers, rows, found)
+    other = meeting(layers, rows, start)
     if other > top:
         top = other
         found[:] = start
-    if top < GOOD * weight[rows].sum():
-        search(bins, cell, along, height, weight, rows, reach, found)
-        top = meeting(bins, cell, along, height, weight, rows, found)
+    if top < GOOD * layers.weight[rows].sum():
+        search(layers, rows, reach, found)
+        top = meeting(layers, rows, found)
     step = 0.5 * STEP
     while step > FINEST:
         climbed = False
@@ -85,7 +97,7 @@ def best_motion(
             for sign in (-1.0, 1.0):
                 tried = found.copy()
                 tried[axis] += sign * step * (0.1 if axis == 2 else 1.0)
-                value = meeting(bins, cell, along, height, weight, rows, tried)
+                value = meeting(layers, rows, tried)
                 if value > top + 1e-9:
                     top, climbed = value, True
                     found[:] = tried
@@ -95,13 +107,11 @@ def best_motion(
 
 
 @part
-def search(
-    bins: Floats, cell: Ints, along: Floats, height: Floats, weight: Floats, rows: Ints, reach: float, found: Floats
-) -> None:
+def search(layers: Layers, rows: Ints, reach: float, found: Floats) -> None:
     """Try all shifts of up to `reach` metres, turned near the best; `found` (3) becomes that if it is clear."""
     rows = rows[:: 1 + len(rows) // MOST_SEARCHED]
-    before = meeting(bins, cell, along, height, weight, rows, found)
-    possible, n_steps = weight[rows].sum(), reach / STEP
+    before = meeting(layers, rows, found)
+    possible, n_steps = layers.weight[rows].sum(), reach / STEP
     top, x, best = before, np.zeros(3), np.zeros(3)
     for turn in (0, 1, -1, 2, -2):
         about, width = best.copy() / STEP, int(n_steps) if turn == 0 else NEAR_STEPS
@@ -115,7 +125,7 @@ def search(
                     continue
                 x[0], x[1], x[2] = STEP * one, STEP * other, TURN * turn
                 price = PRICE * possible * (STEP * far + 0.1 * abs(turn))
-                value = meeting(bins, cell, along, height, weight, rows, x) - price
+                value = meeting(layers, rows, x) - price
                 if value > top:
                     top = value
                     best[:] = x
@@ -134,39 +144,32 @@ def match_scans(
     directions and up. `reach`: longest shift that is tried, metres.
     """
     n_scans = len(first) - 1
-    motion = np.zeros((n_scans, 6))
-    bins, seen = np.zeros((n_cells, int(2.0 * TALLEST / BIN))), np.zeros(n_cells, np.bool_)
-    waiting, shared = np.ones(n_scans, np.bool_), np.zeros(n_scans)
-    for s in range(n_scans):
-        shared[s] = 1e-6 * (first[s + 1] - first[s])
-    # How shifts along the level axes and a turn about the third displace each layer.
-    along, last = np.empty((len(cell), 3)), np.zeros(3)
+    motion, last = np.zeros((n_scans, 6)), np.zeros(3)
+    layers = Layers(np.zeros((n_cells, int(2.0 * TALLEST / BIN))), cell, np.empty((len(cell), 3)), height, weight)
     for p in range(len(cell)):
         for axis in range(3):
             part_of = jacobian[p, :3] if axis < 2 else jacobian[p, 3:]
-            along[p, axis] = (part_of * axes[axis]).sum()
+            layers.along[p, axis] = (part_of * axes[axis]).sum()
+    seen, waiting = np.zeros(n_cells, np.bool_), np.ones(n_scans, np.bool_)
+    shared = 1e-6 * (first[1:] - first[:-1])
     for _ in range(n_scans):
-        chosen, x = -1, np.zeros(3)
-        for s in range(n_scans):
-            if waiting[s] and (chosen < 0 or shared[s] > shared[chosen]):
-                chosen = s
+        chosen, x = np.argmax(np.where(waiting, shared, -1.0)), np.zeros(3)
         rows = np.arange(first[chosen], first[chosen + 1])
         common = rows[seen[cell[rows]]]
         if len(common) >= FEWEST:
-            last = best_motion(bins, cell, along, height, weight, common, reach, last)
+            last = best_motion(layers, common, reach, last)
             x[:] = last
             motion[chosen, :3] = last[0] * axes[0] + last[1] * axes[1]
             motion[chosen, 3:] = last[2] * axes[2]
         waiting[chosen] = False
-        enter(bins, cell, along, height, first[chosen], first[chosen + 1], x)
+        enter(layers, first[chosen], first[chosen + 1], x)
         is_new = np.zeros(n_cells, np.bool_)
-        for p in rows:
-            is_new[cell[p]] |= not seen[cell[p]]
-        for s in range(n_scans):
-            if waiting[s]:
-                for p in range(first[s], first[s + 1]):
-                    if is_new[cell[p]]:
-                        shared[s] += weight[p]
+        is_new[cell[rows]] = True
+        is_new &= ~seen
+        for s in np.flatnonzero(waiting):
+            for p in range(first[s], first[s + 1]):
+                if is_new[cell[p]]:
+                    shared[s] += weight[p]
         seen |= is_new
     return motion
 
@@ -273,12 +276,9 @@ def ranges_of_cells(
         out[c, 2] = spread_of(motion, jacobian, rows, scan, held, counts)
         if out[c, 2] < 2:
             continue
-        low, high = -1, -1
-        for s in range(len(motion)):
-            if counts[s] > 0:
-                held[s] /= counts[s]
-                low = s if low < 0 or held[s] < held[low] else low
-                high = s if high < 0 or held[s] > held[high] else high
+        seeing = np.flatnonzero(counts)
+        held[seeing] /= counts[seeing]
+        low, high = seeing[np.argmin(held[seeing])], seeing[np.argmax(held[seeing])]
         out[c, 0] = held[high] - held[low]
         # The difference's row: mean Jacobians of both scans, with opposite signs.
         row = np.zeros(12)
