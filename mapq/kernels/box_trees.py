@@ -63,10 +63,7 @@ def make_boxes(points: Floats, start: Ints) -> tuple[Floats, Floats, Ints]:
     root = np.zeros(n_patches + 1, np.int64)
     for i in range(n_patches):
         root[i + 1] = root[i] + 2 * leaf_count(start[i + 1] - start[i]) - 1
-    low, high = np.empty((root[n_patches], 3)), np.empty((root[n_patches], 3))
-    for node in range(root[n_patches]):
-        for axis in range(3):
-            low[node, axis], high[node, axis] = np.inf, -np.inf
+    low, high = np.full((root[n_patches], 3), np.inf), np.full((root[n_patches], 3), -np.inf)
     for i in range(n_patches):
         fill_boxes(points, start[i], start[i + 1], root[i], low, high)
     return low, high, root[:n_patches]

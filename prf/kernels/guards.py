@@ -159,22 +159,11 @@ def count_blocked(graph: Graph, index: EdgeIndex, guards: Guards) -> int:
 
 
 @core
-def cells_of_way(grid: Grid, shape: Array, path: Array) -> int:
-    """Write the cells near a piece of the way; return their number."""
-    radius = shape[5]
-    x_min, x_max = min(shape[1], shape[3]) - radius, max(shape[1], shape[3]) + radius
-    y_min, y_max = min(shape[2], shape[4]) - radius, max(shape[2], shape[4]) + radius
-    i0, i1, k0, k1 = cells_of_box(grid, x_min, y_min, x_max, y_max)
-    reach = radius + 0.75 * grid.cell  # half a diagonal, and a little for what rounding puts into a cell's neighbour
-    n = 0
-    for iy in range(k0, k1 + 1):
-        y = grid.y0 + (iy + 0.5) * grid.cell
-        for ix in range(i0, i1 + 1):
-            x = grid.x0 + (ix + 0.5) * grid.cell
-            if point_segment_distance2(x, y, shape[1], shape[2], shape[3], shape[4]) <= reach * reach:
-                path[n] = ix + grid.nx * iy
-                n += 1
-    return n
+def is_near_way(grid: Grid, ix: int, iy: int, shape: Array) -> bool:
+    """Whether a piece of the way may come near to an edge in a cell."""
+    reach = shape[5] + 0.75 * grid.cell  # half a diagonal, and a little for what rounding puts into a cell's neighbour
+    x, y = grid.x0 + (ix + 0.5) * grid.cell, grid.y0 + (iy + 0.5) * grid.cell
+    return point_segment_distance2(x, y, shape[1], shape[2], shape[3], shape[4]) <= reach * reach
 
 
 @core
@@ -183,17 +172,17 @@ def cells_of_guard(grid: Grid, shape: Array, path: Array) -> int:
     if shape[KIND] == GUARD_RAY:
         ox, oy, ux, uy = shape[1], shape[2], shape[3], shape[4]
         return walk(grid, ox + shape[6] * ux, oy + shape[6] * uy, ox + shape[5] * ux, oy + shape[5] * uy, path)
-    if shape[KIND] == GUARD_WAY:
-        return cells_of_way(grid, shape, path)
-    last = 3 if shape[KIND] == GUARD_BOX else 5  # of the corners that span it
-    x_min, x_max = min(shape[1], shape[3], shape[last]), max(shape[1], shape[3], shape[last])
-    y_min, y_max = min(shape[2], shape[4], shape[last + 1]), max(shape[2], shape[4], shape[last + 1])
+    pad = shape[5] if shape[KIND] == GUARD_WAY else 0.0
+    last = 5 if shape[KIND] == GUARD_TRIANGLE else 3  # of the corners that span it
+    x_min, x_max = min(shape[1], shape[3], shape[last]) - pad, max(shape[1], shape[3], shape[last]) + pad
+    y_min, y_max = min(shape[2], shape[4], shape[last + 1]) - pad, max(shape[2], shape[4], shape[last + 1]) + pad
     i0, i1, k0, k1 = cells_of_box(grid, x_min, y_min, x_max, y_max)
     n = 0
     for iy in range(k0, k1 + 1):
         for ix in range(i0, i1 + 1):
-            path[n] = ix + grid.nx * iy
-            n += 1
+            if shape[KIND] != GUARD_WAY or is_near_way(grid, ix, iy, shape):
+                path[n] = ix + grid.nx * iy
+                n += 1
     return n
 
 

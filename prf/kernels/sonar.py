@@ -4,7 +4,7 @@ import math
 
 from prf.kernels._jit import Array, core
 from prf.kernels.laser import ROOT_TWO_PI, normal_cdf
-from prf.kernels.sonar_features import BEARING, CORNER, DEPTH, KIND, N_FEATURES, PROJECTION, SUBTENDED, Sight
+from prf.kernels.sonar_features import CORNER, DEPTH, KIND, N_FEATURES, PROJECTION, SUBTENDED, Sight
 
 # Entries of the sonar model's array.
 SONAR_MAX = 0  # maximum range, m
@@ -32,28 +32,6 @@ def return_probability(model: Array, feature: Array) -> float:
         log_odds = model[SURFACE_BIAS] - model[SURFACE_DISTANCE] * feature[DEPTH]
         log_odds += model[SURFACE_SUBTENDED] * feature[SUBTENDED] - model[SURFACE_OBLIQUE] * oblique
     return 1.0 / (1.0 + math.exp(-log_odds))
-
-
-@core
-def sort_features(sight: Sight) -> None:
-    """Rank the features by depth, ties by bearing and kind (insertion sort: they are few)."""
-    for i in range(1, sight.counts[N_FEATURES]):
-        moved = sight.rank[i]
-        place = i
-        while place > 0 and feature_before(sight.feature[moved], sight.feature[sight.rank[place - 1]]):
-            sight.rank[place] = sight.rank[place - 1]
-            place -= 1
-        sight.rank[place] = moved
-
-
-@core
-def feature_before(one: Array, other: Array) -> bool:
-    """Total order of features."""
-    if one[DEPTH] != other[DEPTH]:
-        return one[DEPTH] < other[DEPTH]
-    if one[BEARING] != other[BEARING]:
-        return one[BEARING] < other[BEARING]
-    return one[KIND] < other[KIND]
 
 
 @core
@@ -86,7 +64,6 @@ def sonar_log_likelihood(model: Array, sight: Sight, reading: float, reach: floa
 
     Feature f returns the pulse with probability r_f = q_f prod over closer g of (1 - q_g); with what is left none does.
     """
-    sort_features(sight)
     left = 1.0
     density = 0.0
     for i in range(sight.counts[N_FEATURES]):

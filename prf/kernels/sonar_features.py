@@ -193,16 +193,30 @@ def nearest_line(sight: Sight, low: float, high: float) -> int:
 
 
 @core
+def is_before(one: Array, other: Array) -> bool:
+    """Total order of features."""
+    if one[DEPTH] != other[DEPTH]:
+        return one[DEPTH] < other[DEPTH]
+    if one[BEARING] != other[BEARING]:
+        return one[BEARING] < other[BEARING]
+    return one[KIND] < other[KIND]
+
+
+@core
 def add_feature(sight: Sight, depth: float, projection: float, subtended: float, kind: float, bearing: float) -> None:
-    """Store a feature."""
+    """Store a feature, and rank it by depth, ties by bearing and kind (insertion sort: they are few)."""
     n = sight.counts[N_FEATURES]
     sight.feature[n, DEPTH] = depth
     sight.feature[n, PROJECTION] = projection
     sight.feature[n, SUBTENDED] = subtended
     sight.feature[n, KIND] = kind
     sight.feature[n, BEARING] = bearing
-    sight.rank[n] = n
     sight.counts[N_FEATURES] = n + 1
+    place = n
+    while place > 0 and is_before(sight.feature[n], sight.feature[sight.rank[place - 1]]):
+        sight.rank[place] = sight.rank[place - 1]
+        place -= 1
+    sight.rank[place] = n
 
 
 @core

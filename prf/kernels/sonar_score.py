@@ -9,14 +9,7 @@ from prf.kernels.cones import READING, cells_of_cone
 from prf.kernels.grid import Grid
 from prf.kernels.laser import CDF_SATURATION
 from prf.kernels.laser_score import blurred_bin, blurred_tail
-from prf.kernels.sonar import (
-    SONAR_MAX,
-    SONAR_NOISE,
-    SONAR_NOISE_RELATIVE,
-    sonar_log_likelihood,
-    sort_features,
-    stray_density,
-)
+from prf.kernels.sonar import SONAR_MAX, SONAR_NOISE, SONAR_NOISE_RELATIVE, sonar_log_likelihood, stray_density
 from prf.kernels.sonar_features import (
     BORDER,
     N_FEATURE,
@@ -49,7 +42,7 @@ class Scene(NamedTuple):
 
 @core
 def look(scene: Scene, pose: Array, reach: float) -> None:
-    """Find the features in one cone; they are left in the scratch, not sorted."""
+    """Find the features in one cone; they are left in the scratch."""
     scene.mark[0] += 1
     scene.sight.counts[N_LINES] = 0
     n = cells_of_cone(scene.edges.grid, pose, reach, scene.cells, scene.near)
@@ -89,7 +82,6 @@ def list_features(scene: Scene, reach: float, pose: Array, start: Array, feature
     for cone in range(pose.shape[0]):
         start[cone] = n
         look(scene, pose[cone], reach)
-        sort_features(scene.sight)
         for i in range(scene.sight.counts[N_FEATURES]):
             if n < feature.shape[0]:
                 for column in range(N_FEATURE):

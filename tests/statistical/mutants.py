@@ -22,12 +22,12 @@ class Mutant(NamedTuple):
 
 
 SLIDE_END = """* (graph.vertex_xy[v, 1] - graph.vertex_xy[u, 1])
-    if not is_inside(graph.window, x, y):
+    if not placing.is_inside(graph.window, x, y):
         return ILLEGAL
     move_interior_to(graph, proposal, v, x, y)
     return True, 0.0, {}
 """
-TRIANGLE_LOCAL = "2.0 * (near_uv * near_wu + near_uv * near_vw + near_vw * near_wu) / surface"
+TRIANGLE_LOCAL = "u, v, w, 1.0, 1.0, 1.0) / surface"
 NO_COUNTS = (
     ("recolor.py", "log_forward = math.log(1.0 /", "log_forward = 0.0 * math.log(1.0 /"),
     ("recolor.py", "return math.log(first +", "return 0.0 * math.log(first +"),
@@ -50,7 +50,7 @@ BIRTH = Mutant(
     "triangle birth without the number of its orders",
     (
         ("interior_triangle.py", "uniform = 6.0 /", "uniform = 1.0 /"),
-        ("interior_triangle.py", TRIANGLE_LOCAL, "near_uv * near_wu / surface"),
+        ("interior_triangle.py", TRIANGLE_LOCAL, "u, v, w, 0.5, 0.0, 0.0) / surface"),
     ),
 )
 MERGE = Mutant(
@@ -59,7 +59,7 @@ MERGE = Mutant(
 )
 LINK_COUNTS = Mutant(
     "links without the partner counts",
-    (("nearby_edges.py", "return 1.0 / partners_after(graph, index, proposal, j)", "return 1.0"),),
+    (("nearby_edges.py", "return 1.0 / n if n > 0 else 0.0", "return 1.0 if n > 0 else 0.0"),),
 )
 MEND_EDGES = Mutant(
     "mend that ignores the changed length",
@@ -100,7 +100,7 @@ ONE_SIZE = Mutant(
 )
 WHOLE_AREA = Mutant(
     "births in a tile that count the area of the whole window (10 x 10 m)",
-    (("interior_triangle.py", "surface = area(graph.window)", "surface = 100.0"),),
+    (("interior_triangle.py", "surface = placing.area(graph.window)", "surface = 100.0"),),
 )
 
 

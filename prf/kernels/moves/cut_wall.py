@@ -16,13 +16,12 @@ from prf.kernels.graph import Graph, beyond, can_join, ends_of, pick
 from prf.kernels.grid import Grid
 from prf.kernels.moves import placing
 from prf.kernels.moves.nearby_edges import (
-    begin_list_after,
+    Block,
     block_at,
+    count_near_after,
     links_after,
     links_now,
-    list_block,
-    opposite_now,
-    passes_block,
+    list_near,
     pick_pair,
 )
 from prf.kernels.proposal import ILLEGAL, N_NEW_EDGES, N_OLD_EDGES, Densities, Proposal
@@ -61,7 +60,7 @@ def gap_density(graph: Graph, tuning: Array, a: int, b: int, p: int, q: int, s: 
 
 
 @core
-def block_round_cut(graph: Graph, grid: Grid, a: int, b: int, p: int, q: int) -> tuple[int, int, int, int]:
+def block_round_cut(graph: Graph, grid: Grid, a: int, b: int, p: int, q: int) -> Block:
     """Block of cells round the middle of the cut from p to q in the face ab."""
     foot_p, _, length = placing.foot_and_offset(graph, a, b, p)
     foot_q, _, _ = placing.foot_and_offset(graph, a, b, q)
@@ -126,7 +125,7 @@ def propose_cut(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Arra
         return ILLEGAL
     a, b = ends_of(graph, e)
     p, q = proposal.new_vertices[0], proposal.new_vertices[1]
-    n_e = opposite_now(graph, index, e, block_round_cut(graph, index.grid, a, b, p, q))
+    n_e = list_near(graph, index, block_round_cut(graph, index.grid, a, b, p, q), e)
     if n_e == 0:
         return ILLEGAL
     f = index.neighbors[int(rng.random() * n_e)]
@@ -142,7 +141,7 @@ def propose_cut(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Arra
         edit.add_edge(graph, proposal, jamb_or_piece[0], jamb_or_piece[1])
     edit.turn_round(graph, proposal, (a, p, s, r, u, t, q, b))
     forward = gap_density(graph, tuning, a, b, p, q, s, t, r, u) / n_e
-    n_f = opposite_now(graph, index, f, block_round_cut(graph, index.grid, r, u, s, t))
+    n_f = list_near(graph, index, block_round_cut(graph, index.grid, r, u, s, t), f)
     if index.marks[e] == index.mark[0]:
         forward += gap_density(graph, tuning, r, u, s, t, p, q, a, b) / n_f
     if forward == 0.0:
@@ -213,17 +212,6 @@ def are_faces(graph: Graph, a: int, b: int, r: int, u: int, p: int, s: int, q: i
 
 
 @core
-def opposite_after(
-    graph: Graph, index: EdgeIndex, proposal: Proposal, face: int, block: tuple[int, int, int, int]
-) -> int:
-    """Number of edges opposite to a cut in a mended face; 0 if the other face is none of them."""
-    if not passes_block(index.grid, proposal, FIRST_FACE + SECOND_FACE - face, block):
-        return 0
-    begin_list_after(graph, index, proposal, face)
-    return list_block(index, block) + 1
-
-
-@core
 def log_reverse_of_mend(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Array) -> float:
     """Log density with which a cut would undo the proposed mend; -inf if it could not."""
     edit.find_cells(index.grid, proposal)
@@ -231,10 +219,12 @@ def log_reverse_of_mend(graph: Graph, index: EdgeIndex, proposal: Proposal, tuni
     removed = proposal.old_vertices
     p, q, s, t = removed[0], removed[1], removed[2], removed[3]
     density = 0.0
-    n = opposite_after(graph, index, proposal, FIRST_FACE, block_round_cut(graph, index.grid, a, b, p, q))
+    block = block_round_cut(graph, index.grid, a, b, p, q)
+    n = count_near_after(graph, index, proposal, block, FIRST_FACE, SECOND_FACE)
     if n > 0:
         density += gap_density(graph, tuning, a, b, p, q, s, t, r, u) / n
-    n = opposite_after(graph, index, proposal, SECOND_FACE, block_round_cut(graph, index.grid, r, u, s, t))
+    block = block_round_cut(graph, index.grid, r, u, s, t)
+    n = count_near_after(graph, index, proposal, block, SECOND_FACE, FIRST_FACE)
     if n > 0:
         density += gap_density(graph, tuning, r, u, s, t, p, q, a, b) / n
     return placing.log_or_minus_infinity(density / length_after(graph, proposal))

@@ -11,6 +11,8 @@ from prf.kernels.graph import Graph, pick
 from prf.kernels.grid import Grid, axis_index, walk
 from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal, new_ends
 
+Block = tuple[int, int, int, int]
+"""First and last column, first and last row of cells."""
 MEND_RADIUS = 3
 """The partner of an edge is searched in a square of cells that reaches this many cells to each side of its middle."""
 
@@ -57,12 +59,13 @@ def neighbors_now(graph: Graph, index: EdgeIndex, edge: int) -> int:
 
 @core
 def begin_list_after(graph: Graph, index: EdgeIndex, proposal: Proposal, k: int) -> None:
-    """Begin a list of neighbours of the new edge k: without removed edges and those that share a vertex with k."""
+    """Begin a list of neighbours of the new edge k (or NONE): without removed edges and those that end where k does."""
     index.mark[0] += 1
     for old in range(proposal.counts[N_OLD_EDGES]):
         index.marks[proposal.old_edges[old]] = index.mark[0]
-    mark_edges_at(graph, index, proposal.new_edges[k, 0])
-    mark_edges_at(graph, index, proposal.new_edges[k, 1])
+    if k != c.NONE:
+        mark_edges_at(graph, index, proposal.new_edges[k, 0])
+        mark_edges_at(graph, index, proposal.new_edges[k, 1])
 
 
 @core
@@ -73,21 +76,21 @@ def neighbors_after(graph: Graph, index: EdgeIndex, proposal: Proposal, k: int) 
 
 
 @core
-def block_at(grid: Grid, x: float, y: float, radius: int) -> tuple[int, int, int, int]:
-    """First and last column, first and last row of the block of cells round that of a point."""
+def block_at(grid: Grid, x: float, y: float, radius: int) -> Block:
+    """Block of cells round that of a point."""
     ix = axis_index((x - grid.x0) / grid.cell, grid.nx)
     iy = axis_index((y - grid.y0) / grid.cell, grid.ny)
     return max(ix - radius, 0), min(ix + radius, grid.nx - 1), max(iy - radius, 0), min(iy + radius, grid.ny - 1)
 
 
 @core
-def block_round(grid: Grid, xy: Array) -> tuple[int, int, int, int]:
+def block_round(grid: Grid, xy: Array) -> Block:
     """Block of cells round the middle of the jamb with ends `xy` (4,)."""
     return block_at(grid, 0.5 * (xy[0] + xy[2]), 0.5 * (xy[1] + xy[3]), MEND_RADIUS)
 
 
 @core
-def list_block(index: EdgeIndex, block: tuple[int, int, int, int]) -> int:
+def list_block(index: EdgeIndex, block: Block) -> int:
     """List the edges of a block without this mark in ``index.neighbors``; return their number."""
     n = 0
     for iy in range(block[2], block[3] + 1):
@@ -99,16 +102,17 @@ def list_block(index: EdgeIndex, block: tuple[int, int, int, int]) -> int:
 
 
 @core
-def opposite_now(graph: Graph, index: EdgeIndex, edge: int, block: tuple[int, int, int, int]) -> int:
-    """List the edges through a block that share no vertex with `edge`; return their number."""
+def list_near(graph: Graph, index: EdgeIndex, block: Block, edge: int) -> int:
+    """List the edges through a block that share no vertex with `edge` (NONE: all of them); return their number."""
     index.mark[0] += 1
-    mark_edges_at(graph, index, graph.edge_vertices[edge, 0])
-    mark_edges_at(graph, index, graph.edge_vertices[edge, 1])
+    if edge != c.NONE:
+        mark_edges_at(graph, index, graph.edge_vertices[edge, 0])
+        mark_edges_at(graph, index, graph.edge_vertices[edge, 1])
     return list_block(index, block)
 
 
 @core
-def passes_block(grid: Grid, proposal: Proposal, k: int, block: tuple[int, int, int, int]) -> bool:
+def passes_block(grid: Grid, proposal: Proposal, k: int, block: Block) -> bool:
     """Whether the new edge k passes through a block."""
     for i in range(proposal.n_cells[k]):
         ix = proposal.cells[k, i] % grid.nx
@@ -126,21 +130,32 @@ def share_vertex(proposal: Proposal, k: int, other: int) -> bool:
 
 
 @core
-def partners_now(graph: Graph, index: EdgeIndex, edge: int) -> int:
-    """List M(edge): edges through the block round its middle that share no vertex with it; return their number."""
-    return opposite_now(graph, index, edge, block_round(index.grid, graph.edge_xy[edge]))
+def count_near_after(graph: Graph, index: EdgeIndex, proposal: Proposal, block: Block, j: int, k: int) -> int:
+    """Number of edges in the new map through a block that share no vertex with the new edge j (NONE: all of them).
+
+    0 unless the new edge k is one of them.
+    """
+    if not passes_block(index.grid, proposal, k, block):
+        return 0
+    begin_list_after(graph, index, proposal, j)
+    n = list_block(index, block)
+    for new in range(proposal.counts[N_NEW_EDGES]):
+        if (j == c.NONE or not share_vertex(proposal, j, new)) and passes_block(index.grid, proposal, new, block):
+            n += 1
+    return n
 
 
 @core
-def partners_after(graph: Graph, index: EdgeIndex, proposal: Proposal, k: int) -> int:
-    """Size of M of the new edge k in the new map."""
-    block = block_round(index.grid, proposal.new_xy[k])
-    begin_list_after(graph, index, proposal, k)
-    n = list_block(index, block)
-    for other in range(proposal.counts[N_NEW_EDGES]):
-        if not share_vertex(proposal, k, other) and passes_block(index.grid, proposal, other, block):
-            n += 1
-    return n
+def share_after(graph: Graph, index: EdgeIndex, proposal: Proposal, block: Block, j: int, k: int) -> float:
+    """One over this number, 0 unless k is among them."""
+    n = count_near_after(graph, index, proposal, block, j, k)
+    return 1.0 / n if n > 0 else 0.0
+
+
+@core
+def partners_now(graph: Graph, index: EdgeIndex, edge: int) -> int:
+    """List M(edge): edges through the block round its middle that share no vertex with it; return their number."""
+    return list_near(graph, index, block_round(index.grid, graph.edge_xy[edge]), edge)
 
 
 @core
@@ -165,6 +180,4 @@ def links_now(graph: Graph, index: EdgeIndex, j: int, k: int) -> float:
 @core
 def links_after(graph: Graph, index: EdgeIndex, proposal: Proposal, j: int, k: int) -> float:
     """1/#M(j) if k is in M(j), in the new map."""
-    if not passes_block(index.grid, proposal, k, block_round(index.grid, proposal.new_xy[j])):
-        return 0.0
-    return 1.0 / partners_after(graph, index, proposal, j)
+    return share_after(graph, index, proposal, block_round(index.grid, proposal.new_xy[j]), j, k)

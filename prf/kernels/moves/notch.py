@@ -13,8 +13,8 @@ from prf.kernels._jit import Array, Rng, core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, beyond, can_join, ends_of, is_removable, other_end, outer_edge, pick
 from prf.kernels.moves import placing
-from prf.kernels.moves.nearby_edges import block_at, list_block, passes_block
-from prf.kernels.proposal import ILLEGAL, N_OLD_EDGES, N_OLD_VERTICES, Densities, Proposal
+from prf.kernels.moves.nearby_edges import Block, block_at, list_near, share_after
+from prf.kernels.proposal import ILLEGAL, N_OLD_VERTICES, Densities, Proposal
 from prf.kernels.targets import Targets, first_density, pick_target, point_in, target_of
 
 NOTCH_RADIUS = 2
@@ -27,8 +27,13 @@ TOOTH_CORNERS = 3
 @core
 def walls_now(graph: Graph, index: EdgeIndex, v: int) -> int:
     """List E(v), the edges through the block of cells round v; return their number."""
-    index.mark[0] += 1
-    return list_block(index, block_at(index.grid, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1], NOTCH_RADIUS))
+    return list_near(graph, index, block_of(graph, index, v), c.NONE)
+
+
+@core
+def block_of(graph: Graph, index: EdgeIndex, v: int) -> Block:
+    """Block of cells round v."""
+    return block_at(index.grid, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1], NOTCH_RADIUS)
 
 
 @core
@@ -57,15 +62,9 @@ def share_now(graph: Graph, index: EdgeIndex, e: int, v: int) -> float:
 
 
 @core
-def share_after(graph: Graph, index: EdgeIndex, proposal: Proposal, v: int) -> float:
+def share_of_new(graph: Graph, index: EdgeIndex, proposal: Proposal, v: int) -> float:
     """1/#E(v) in the new map if its one new edge is in E(v)."""
-    block = block_at(index.grid, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1], NOTCH_RADIUS)
-    if not passes_block(index.grid, proposal, 0, block):
-        return 0.0
-    index.mark[0] += 1
-    for k in range(proposal.counts[N_OLD_EDGES]):
-        index.marks[proposal.old_edges[k]] = index.mark[0]
-    return 1.0 / (list_block(index, block) + 1)
+    return share_after(graph, index, proposal, block_of(graph, index, v), c.NONE, 0)
 
 
 @core
@@ -233,9 +232,9 @@ def log_reverse_of_fill(graph: Graph, index: EdgeIndex, targets: Targets, propos
     a, b = edit.new_ends(proposal, 0)
     p, q, s = proposal.old_vertices[0], proposal.old_vertices[1], proposal.old_vertices[2]
     if proposal.counts[N_OLD_VERTICES] == TOOTH_CORNERS:
-        density = tooth_density(graph, targets, tuning, a, b, p, s, q) * share_after(graph, index, proposal, s)
+        density = tooth_density(graph, targets, tuning, a, b, p, s, q) * share_of_new(graph, index, proposal, s)
     else:
         t = proposal.old_vertices[3]
-        density = niche_density(graph, targets, tuning, a, b, p, s, t, q) * share_after(graph, index, proposal, s)
-        density += niche_density(graph, targets, tuning, b, a, q, t, s, p) * share_after(graph, index, proposal, t)
+        density = niche_density(graph, targets, tuning, a, b, p, s, t, q) * share_of_new(graph, index, proposal, s)
+        density += niche_density(graph, targets, tuning, b, a, q, t, s, p) * share_of_new(graph, index, proposal, t)
     return placing.log_or_minus_infinity(0.5 * density)

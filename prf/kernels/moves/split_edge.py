@@ -11,7 +11,7 @@ from prf.kernels import proposal as edit
 from prf.kernels._jit import Array, Rng, core
 from prf.kernels.edge_index import EdgeIndex
 from prf.kernels.graph import Graph, can_join, edges_at, ends_of, neighbors_of, pick
-from prf.kernels.moves.notch import aim_at_wall, share_after
+from prf.kernels.moves.notch import aim_at_wall, share_of_new
 from prf.kernels.moves.placing import beside, beside_density, is_inside, log_or_minus_infinity
 from prf.kernels.proposal import ILLEGAL, Densities, Proposal
 from prf.kernels.targets import Targets, first_density, target_of
@@ -126,4 +126,4 @@ def log_reverse_of_unbend(graph: Graph, index: EdgeIndex, targets: Targets, prop
     density = first_density(targets, tuning, target_of(targets, graph, v))
     if density == 0.0:
         return -math.inf
-    return log_or_minus_infinity(density * share_after(graph, index, proposal, v))
+    return log_or_minus_infinity(density * share_of_new(graph, index, proposal, v))
