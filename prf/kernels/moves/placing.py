@@ -39,7 +39,7 @@ def beside(u: Array, w: Array, median: float, rng: Rng) -> tuple[float, float]:
     ex = w[0] - u[0]
     ey = w[1] - u[1]
     foot = rng.random()
-    offset = signed_reach(rng, median) / math.sqrt(ex * ex + ey * ey)
+    offset = -signed_reach(rng, median) / math.sqrt(ex * ex + ey * ey)
     return u[0] + foot * ex - offset * ey, u[1] + foot * ey + offset * ex
 
 
