@@ -57,7 +57,7 @@ def test_order_shift_and_missing_points_change_nothing():
 
 
 def test_a_sample_stands_for_all(monkeypatch):
-    from mapq import metrics
+    from benchmarks import map_metrics as metrics
 
     every = map_metrics(cloud_of(sheet()))
     monkeypatch.setattr(metrics, "SAMPLE", 500)
