@@ -24,6 +24,8 @@ SEED = 1
 
 LASER = {"noise": 0.05, "noise_relative": 0.02}
 """Of corrected logs: their poses are wrong by centimetres and tenths of a degree, and the scanner's noise is less."""
+LASER_SETTINGS = {"laser.noise": 0.05, "laser.noise_relative": 0.02}
+"""The same for verbs that have no flags for it."""
 
 WHOLE_WINDOW = ("n_edges", "total_length", "log_prior")
 """Functionals of a run in which ground that no reading saw has its share."""

@@ -98,7 +98,7 @@ def lobby(log: Path, options: argparse.Namespace) -> dict[str, Any]:
     say(f"lobby: posterior and annealed map, {options.seconds:g} s each")
     what = {"laser": log, **LOBBY_READINGS}
     how: dict[str, Any] = {
-        **commands.LASER,
+        **commands.LASER_SETTINGS,
         "scale": SCALE,
         "seed": options.seed,
         "threads": options.threads,

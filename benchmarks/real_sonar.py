@@ -69,9 +69,9 @@ def calibrated(log: Path, plan: Path, folder: Path) -> dict[str, Any]:
     rows = []
     for place in range(5):
         here, file = f"{place}:{place + 1}", folder / f"arena-but-{place}.toml"
-        known: dict[str, Any] = {"sonar": log, "map": plan, "sonar_max_range": ARENA_MAX_RANGE}
+        known: dict[str, Any] = {"sonar": log, "map": plan, "sonar.max_range": ARENA_MAX_RANGE}
         made("calibrate", file, **known, skip_scans=here)
-        before = prf("score", plan, sonar=log, scans=here, sonar_max_range=ARENA_MAX_RANGE)
+        before = prf("score", plan, sonar=log, scans=here, **{"sonar.max_range": ARENA_MAX_RANGE})
         after = prf("score", plan, sonar=log, scans=here, config=file)
         rows.append({"place": place, "default": before["sonar_nll"], "fitted": after["sonar_nll"]})
         say(f"place {place}: {before['sonar_nll']:.3f} nats a reading by default, {after['sonar_nll']:.3f} fitted")
@@ -94,13 +94,13 @@ def arena_maps(log: Path, plan: Path, options: argparse.Namespace) -> list[dict[
         "time_budget": options.seconds,
     }
     names = {}
-    for name, how in (("default", {"sonar_max_range": ARENA_MAX_RANGE}), ("fitted", {"config": folder / "arena.toml"})):
+    for name, how in (("default", {"sonar.max_range": ARENA_MAX_RANGE}), ("fitted", {"config": folder / "arena.toml"})):
         say(f"arena, {name} parameters, {options.seconds:g} s")
         made("sample", folder / f"arena-{name}.run", **known, **sampling, **how)
         names[f"PRF, {name} parameters"] = folder / f"arena-{name}.run"
     for method in ("count", "log-odds"):
         grid = folder / f"arena-{method}.grid.npz"
-        how = {"resolution": ARENA_CELL, "sonar_max_range": ARENA_MAX_RANGE, "grid.method": method}
+        how = {"resolution": ARENA_CELL, "sonar.max_range": ARENA_MAX_RANGE, "grid.method": method}
         made("grid", grid, **known, **how)
         names[f"grid, {method}"] = grid
     rows = []
@@ -116,7 +116,7 @@ def arena_maps(log: Path, plan: Path, options: argparse.Namespace) -> list[dict[
 def corridors(log: Path, options: argparse.Namespace) -> list[dict[str, Any]]:
     """Make posterior and grid of the corridors, and score both on scans held out."""
     folder, seconds = options.output, 2.0 * options.seconds
-    what: dict[str, Any] = {"sonar": log, "sonar_max_range": CORRIDOR_MAX_RANGE, "skip_scans": CORRIDOR_HELD_OUT}
+    what: dict[str, Any] = {"sonar": log, "sonar.max_range": CORRIDOR_MAX_RANGE, "skip_scans": CORRIDOR_HELD_OUT}
     say(f"corridors, {seconds:g} s")
     how: dict[str, Any] = {"scale": CORRIDOR_SCALE, "seed": options.seed, "threads": options.threads}
     run, grid = folder / "corridors.run", folder / "corridors.grid.npz"
@@ -124,7 +124,7 @@ def corridors(log: Path, options: argparse.Namespace) -> list[dict[str, Any]]:
     made("grid", grid, **what)
     rows = []
     for name, path in (("PRF", run), ("grid, count", grid)):
-        found = prf("score", path, sonar=log, scans=CORRIDOR_HELD_OUT, sonar_max_range=CORRIDOR_MAX_RANGE)
+        found = prf("score", path, sonar=log, scans=CORRIDOR_HELD_OUT, **{"sonar.max_range": CORRIDOR_MAX_RANGE})
         rows.append({"map": name, **found})
         draw(path, folder / f"{path.name.removesuffix('.npz')}.png", title=f"Two corridors: {name}")
         say(f"{name:24} {found['sonar_nll']:.3f} nats a held-out reading")

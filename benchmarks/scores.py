@@ -76,7 +76,7 @@ def sampled(task: Task, options: argparse.Namespace) -> list[Map]:
     run, best = task.folder / "posterior", task.folder / "annealed.geojson"
     how = {
         **task.readings,
-        **commands.LASER,
+        **commands.LASER_SETTINGS,
         "scale": SCALE,
         "seed": options.seed,
         "threads": options.threads,

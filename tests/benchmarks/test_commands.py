@@ -81,5 +81,5 @@ def test_benchmarks_give_options_that_prf_has() -> None:
 def test_every_call_is_read() -> None:
     found = {(place, verb): names for place, verb, names in calls()}
     assert {"laser", "every_scan", "skip_scans", "max_range", "grid.method"} <= found["scores.grids", "grid"]
-    assert {"noise", "scale", "time_budget"} <= found["scores.sampled", "sample"]
+    assert {"laser.noise", "scale", "time_budget"} <= found["scores.sampled", "sample"]
     assert {"chains", "sampler.tiles", "noise"} <= found["tiles.mapped", "sample"]
