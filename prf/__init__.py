@@ -1,6 +1,6 @@
 """Posterior over polygonal maps from localized laser and sonar readings.
 
-What stands here is imported when it is first used, so that `import prf` is quick (docs/python-api.md).
+All names are imported when they are first used, so that `import prf` is quick (docs/python-api.md).
 """
 
 from __future__ import annotations

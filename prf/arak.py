@@ -16,7 +16,7 @@ from prf.window import SIDES, Window
 MAX_SCALE = 1e6
 """1/m: walls a micrometre apart."""
 MAX_EDGES = 1e8
-"""Of all draws that are asked for at once: gigabytes."""
+"""Of all draws of a call: gigabytes."""
 
 
 def checked_scale(scale: float) -> float:

@@ -17,7 +17,7 @@ LONGEST_JOIN = 1.5
 """Metres: successive poses farther apart are not joined."""
 STRAIGHT = 0.005
 """Metres by which the way may be straightened; the radius grows by as much, so that nothing of it is lost."""
-GRAIN = 0.01
+ROUNDING = 0.01
 """Metres to which returns are rounded: many lie at one place."""
 
 
@@ -38,7 +38,7 @@ def _joined(track: Floats, returns: Floats, window: Window, radius: float) -> li
     joins = inside[:-1] & inside[1:] & (moves <= LONGEST_JOIN)
     candidates = np.flatnonzero(joins & (moves > 0.0))
     segments = shapely.linestrings(np.stack([track[candidates], track[candidates + 1]], axis=1))
-    places = shapely.points(np.unique(np.round(returns / GRAIN), axis=0) * GRAIN)
+    places = shapely.points(np.unique(np.round(returns / ROUNDING), axis=0) * ROUNDING)
     met = shapely.STRtree(segments).query(places, predicate="dwithin", distance=radius)[1]
     joins[candidates[np.unique(met)]] = False
     runs = np.split(np.arange(len(track)), np.flatnonzero(~joins) + 1)

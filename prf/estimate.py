@@ -43,7 +43,7 @@ class Estimates(NamedTuple):
     probability : (n,) float64
         Share of draws.
     low, high : (n,) float64
-        The probability that endless chains would give lies between them at 95 %.
+        The limit of the share in ever longer chains lies between them at 95 %.
     ess : (n,) float64
         Effective sample size in draws; of draws that are all equal, the smallest of the run. nan: not known.
     rhat : (n,) float64

@@ -84,6 +84,11 @@ class PointData:
         return cls(PointTable(xy, value, np.arange(1, len(value) + 1), "arrays"), model)
 
 
+NO_LASER = LaserData.from_arrays(np.zeros((0, 2)), np.zeros(0), np.zeros(0), LaserModel(1.0))
+NO_SONAR = SonarData.from_arrays(np.zeros((0, 2)), np.zeros(0), np.zeros(0), np.zeros(0), SonarModel())
+"""Stand for a sensor without readings; its model is of no consequence."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Settings:
     """What a chain is built with, besides the map it starts from."""
@@ -103,7 +108,7 @@ class Settings:
     points: PointData | None = None  # without laser, sonar and points the chain draws from the prior
     aimed_share: float = 0.8  # share of births of triangles that are aimed at returns, where there are any
     aim_reach: float | None = None
-    levels: int | None = None  # stages in which the beams of a laser are asked; None chooses it by their number
+    levels: int | None = None  # stages in which the beams of a laser are evaluated; None: by their number
     # tiles in which a chain is updated at once (docs/large-jobs.md); 0: it is updated in one place after the other
     tiles: int = 0
     join_reach: float | None = None
@@ -172,8 +177,8 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
     chain = Chain(
         graph=graph,
         edge_index=make_index(graph, grid, FIRST_CELL_ROOM),
-        beams=make_beams(grid, laser_model(settings), ray, capacity, settings.levels),
-        cones=make_cones(grid, sonar_model(settings), poses_of(settings), capacity),
+        beams=make_beams(grid, (settings.laser or NO_LASER).model, ray, capacity, settings.levels),
+        cones=make_cones(grid, (settings.sonar or NO_SONAR).model, poses_of(settings), capacity),
         points=painted_points(settings.points, coloring),
         sensors=make_sites(grid, white_places(settings), coloring),
         targets=targets,
@@ -192,29 +197,16 @@ def make_chain(settings: Settings, coloring: Coloring) -> Chain:
 
 def rays_of(settings: Settings) -> Floats:
     """Return the beams (n, N_RAY) as the kernels want them."""
-    if settings.laser is None:
-        return make_rays(settings.window, laser_model(settings), np.zeros((0, 2)), np.zeros(0), np.zeros(0))
-    readings = settings.laser.readings
-    return make_rays(settings.window, settings.laser.model, readings.origin, readings.angle, readings.range)
+    laser = settings.laser or NO_LASER
+    readings = laser.readings
+    return make_rays(settings.window, laser.model, readings.origin, readings.angle, readings.range)
 
 
 def poses_of(settings: Settings) -> Floats:
     """Return the sonar readings (n, N_POSE) as the kernels want them."""
-    nothing = np.zeros(0)
-    if settings.sonar is None:
-        return make_poses(sonar_model(settings), np.zeros((0, 2)), nothing, nothing, nothing, settings.window)
-    found = settings.sonar.readings
-    return make_poses(settings.sonar.model, found.origin, found.angle, found.cone, found.range, settings.window)
-
-
-def laser_model(settings: Settings) -> LaserModel:
-    """Return the model of the laser; any without one."""
-    return LaserModel(1.0) if settings.laser is None else settings.laser.model
-
-
-def sonar_model(settings: Settings) -> SonarModel:
-    """Return the model of the sonar; any without one."""
-    return SonarModel() if settings.sonar is None else settings.sonar.model
+    sonar = settings.sonar or NO_SONAR
+    found = sonar.readings
+    return make_poses(sonar.model, found.origin, found.angle, found.cone, found.range, settings.window)
 
 
 def painted_points(data: PointData | None, coloring: Coloring) -> Points:

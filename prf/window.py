@@ -47,13 +47,7 @@ class Window(NamedTuple):
 
     @classmethod
     def checked(cls, x_min: float, y_min: float, x_max: float, y_max: float) -> Window:
-        """Return the window with these bounds.
-
-        Raises
-        ------
-        ConfigError
-            If a bound is not finite or lies beyond `LARGEST_COORDINATE`, or a lower bound is not below the upper one.
-        """
+        """Return the window with these bounds; ConfigError unless they are finite, within range and in order."""
         window = cls(float(x_min), float(y_min), float(x_max), float(y_max))
         written = " ".join(repr(bound) for bound in window)
         if not all(math.isfinite(bound) for bound in window):
@@ -96,19 +90,7 @@ class Window(NamedTuple):
         return 0.5 * (self.x_min + self.x_max), 0.5 * (self.y_min + self.y_max)
 
     def contains(self, xy: ArrayLike, strictly: bool = False) -> NDArray[np.bool_]:
-        """Return which points lie in the rectangle.
-
-        Parameters
-        ----------
-        xy : (n, 2) array
-            Points; nan is outside.
-        strictly : bool
-            Leave the border out: there a point has no colour of its own.
-
-        Returns
-        -------
-        (n,) bool array
-        """
+        """Return which points (n, 2) lie in the rectangle, nan outside; `strictly` leaves the border out."""
         points = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
         lower, upper = np.array(self[:2]), np.array(self[2:])
         above = points > lower if strictly else points >= lower

@@ -1,1 +1,1 @@
-"""What `import prf` offers, beside models and readers that stand elsewhere; the verbs are thin layers over it."""
+"""What `import prf` offers, beside models and readers from elsewhere; the verbs are thin layers over it."""

@@ -15,9 +15,9 @@ from prf.api.science import (
     Given,
     Prior,
     Sensor,
-    asked_of,
     by_kind,
     config_of,
+    loaded_of,
     paths_of,
     prepared_for,
     sources_in,
@@ -38,7 +38,7 @@ from prf.shell.signals import graceful_stop
 logger = logging.getLogger(__name__)
 
 MOST_TILES = 1024
-NOTHING_ASKED = Loaded(Configuration(), {})
+NOTHING_REQUESTED = Loaded(Configuration(), {})
 
 OnInterrupt = Literal["return", "raise"]
 Number = TypeVar("Number", int | None, int | str | None)
@@ -74,7 +74,7 @@ def sample(
     """Draw the posterior over polygonal maps from localized readings, or values at points.
 
     Without `steps` and `seconds` it stops when the chains agree (R-hat < 1.05 and ESS > 100 for every functional of
-    what was seen, R-hat < 1.2 for the rest), or after 30 minutes; ``run.manifest["status"]`` says which. The seed
+    what was seen, R-hat < 1.2 for the rest), or after 30 minutes; ``run.manifest["status"]`` has which. The seed
     decides the draws, whatever the threads.
 
     Parameters
@@ -94,10 +94,10 @@ def sample(
     seed : int, optional
         Drawn if absent; ``run.manifest["seed"]`` has it.
     output : path, optional
-        RUN directory, with checkpoints on the way, that every verb reads and :func:`prf.resume` goes on with. None:
+        RUN directory, with checkpoints on the way, that every verb reads and :func:`prf.resume` continues. None:
         all stays in memory.
     force : bool
-        Replace a run that stands there.
+        Replace an existing run.
     config : path, Configuration, or Configuration with its sources, optional
         A settings file (docs/configuration.md); what is given here wins.
     beam_density : float, optional
@@ -107,7 +107,7 @@ def sample(
     resolution, start, temperatures, lowest_inverse_temperature, tiles, threads
         As the options of `prf sample`; tiles: 0 for none, None to choose; threads: 0 for one a core.
     progress : bool or callable
-        Show a bar, in notebooks too. A callable is told the share that is done, and a mapping of words beside it.
+        Show a bar, in notebooks too. A callable is given the share that is done, and a mapping of words beside it.
     watch : callable, optional
         Given the :class:`Session` after every round, whose ``run()`` is the run so far: for pictures that move.
     on_interrupt : {"return", "raise"}
@@ -128,7 +128,7 @@ def sample(
     InputError
         If a log cannot be read, or no reading is left.
     OutputError
-        If the output stands already, is being written by another process, or cannot be written.
+        If the output exists already, is being written by another process, or cannot be written.
     """
     rule = _rule(steps, seconds)
     options = {
@@ -142,8 +142,8 @@ def sample(
         "tiles": _tiles(tiles),
     }
     sources = by_kind(readings, sensors)
-    asked = asked_of(config)
-    science = config_of(asked.settings, prior, sensors, options)
+    requested = loaded_of(config)
+    science = config_of(requested.settings, prior, sensors, options)
     folder = None if output is None else Path(output)
     with _held(folder, force):
         used_seed = resolve_seed(seed)
@@ -151,7 +151,7 @@ def sample(
         prepared.announce()
         if needs_compiling():
             logger.info("compiling kernels (once; about half a minute) ...")
-        places = sources_in(science, asked)
+        places = sources_in(science, requested)
         session = Session.start(paths_of(sources), prepared, folder, used_seed, _threads(threads), places)
         return _run(session, rule, progress, watch, on_interrupt)
 
@@ -165,7 +165,7 @@ def resume(
     progress: bool | ProgressCallback = True,
     watch: Watch | None = None,
     on_interrupt: OnInterrupt = "return",
-    asked: Loaded[Configuration] = NOTHING_ASKED,
+    requested: Loaded[Configuration] = NOTHING_REQUESTED,
     logs: Mapping[str, str] = MappingProxyType({}),
     seed: int | None = None,
 ) -> Run:
@@ -179,7 +179,7 @@ def resume(
         A chain, in total.
     seconds, threads, progress, watch, on_interrupt
         As :func:`sample`.
-    asked, logs, seed
+    requested, logs, seed
         What the run must have been made with, if anything: values, option to log, seed.
 
     Raises
@@ -189,7 +189,7 @@ def resume(
     """
     rule = _rule(steps, seconds)
     with exclusive(run):
-        session = Session.resume(Path(run), dict(logs), asked, seed, _threads(threads))
+        session = Session.resume(Path(run), dict(logs), requested, seed, _threads(threads))
         logger.info(f"resuming at step {session.sampler.step}")
         return _run(session, rule, progress, watch, on_interrupt)
 

@@ -1,4 +1,4 @@
-"""What is asked of a run: the prior, the sensors, and the readings of each."""
+"""Arguments of `prf.sample`: the prior, the sensors, and the readings of each."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Given = Source | Sequence[Source] | Mapping[ReadingKind, Source]
 PREFIXES: Mapping[type, tuple[ReadingKind, str]] = MappingProxyType(
     {LaserModel: ("laser", ""), SonarModel: ("sonar", "sonar_"), PointModel: ("points", "points_")}
 )
-"""What a sensor's readings are called, and what stands before its parameters in the fields of a configuration."""
+"""What a sensor's readings are called, and the prefix of its parameters in manifests."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,21 +75,21 @@ def read_readings(
     return read_log(os.fspath(path), kind, topic=topic, frame=frame, cone=cone)
 
 
-def asked_of(config: Path | Configuration | Loaded[Configuration] | None) -> Loaded[Configuration]:
+def loaded_of(config: Path | Configuration | Loaded[Configuration] | None) -> Loaded[Configuration]:
     """Return a configuration with its sources; nothing in particular has set the values of one without."""
     if isinstance(config, Configuration):
         return Loaded(config, {})
     return config if isinstance(config, Loaded) else load_configuration({"config": config})
 
 
-def sources_in(config: Configuration, asked: Loaded[Configuration]) -> dict[str, str]:
-    """Return what has set which value, by the names of manifests, of those that `config` has as asked for."""
-    kept = [place for place in asked.sources if config.get(place) == asked.settings.get(place)]
-    return {flat_name(place): asked.sources[place] for place in kept if place.partition(".")[0] in IN_MANIFEST}
+def sources_in(config: Configuration, requested: Loaded[Configuration]) -> dict[str, str]:
+    """Return what has set which value, by the names of manifests, of those that `config` has requested."""
+    kept = [place for place in requested.sources if config.get(place) == requested.settings.get(place)]
+    return {flat_name(place): requested.sources[place] for place in kept if place.partition(".")[0] in IN_MANIFEST}
 
 
 def config_of(
-    asked: Configuration,
+    requested: Configuration,
     prior: Prior | None,
     sensors: Sensor | Sequence[Sensor],
     options: Mapping[str, Any],
@@ -103,7 +103,7 @@ def config_of(
             raise ArgumentError(f"sensors: a {type(sensor).__name__} is none of {_names_of_sensors()}.")
         prefix = PREFIXES[type(sensor)][1]
         changes |= {prefix + name: value for name, value in dataclasses.asdict(sensor).items()}
-    return asked.replace(**changes)
+    return requested.replace(**changes)
 
 
 def by_kind(given: Given, sensors: Sensor | Sequence[Sensor] = ()) -> dict[ReadingKind, Source]:
@@ -112,20 +112,20 @@ def by_kind(given: Given, sensors: Sensor | Sequence[Sensor] = ()) -> dict[Readi
     Parameters
     ----------
     given : Source, sequence of Source, or mapping of kind to Source
-        Where no kind is said: readings with a cone are sonar's, tables of points are points', a path is a laser's log.
+        Without a kind readings with a cone are sonar's, tables of points are points', a path is a laser's log.
     sensors : Sensor or sequence of Sensor
         Models of sensors that must have readings.
 
     Raises
     ------
     ArgumentError
-        If a kind is unknown, comes twice, or has a model but no readings.
+        If a kind is unknown or doubled, or has a model but no readings.
     """
     pairs = list(given.items()) if isinstance(given, Mapping) else [(_kind(each), each) for each in _listed(given)]
     found: dict[ReadingKind, Source] = {}
     for kind, source in pairs:
         if kind in found:
-            raise ArgumentError(f"readings: {kind} comes twice. Join them to one.")
+            raise ArgumentError(f"readings: {kind} is given twice. Join them to one.")
         found[kind] = _checked_source(kind, source)
     for sensor in _listed(sensors):
         kind = PREFIXES.get(type(sensor), ("laser", ""))[0]

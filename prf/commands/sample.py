@@ -111,7 +111,7 @@ def sample(
     how: dict[str, Any] = {"steps": steps, "seconds": time_budget, "threads": threads}
     how |= {"seed": seed, "on_interrupt": "raise"}
     if resume is not None:
-        run = continue_run(folder, asked=loaded, logs=logs, **how)
+        run = continue_run(folder, requested=loaded, logs=logs, **how)
     else:
         sources: dict[ReadingKind, Source] = {name: logs[flag] for name, flag in SOURCES.items() if flag in logs}
         run = draw(sources, config=loaded, output=folder, force=force, **how)

@@ -90,11 +90,6 @@ class ChainSampler:
         """Steps at the start that are left out."""
         return max(burn_in(self.step), self.recorded_from)
 
-    @property
-    def n_temperatures(self) -> int:
-        """Chains of the temperature ladder, this one among them; 1 without parallel tempering."""
-        return 1 if self.tempering is None else len(self.tempering.ladder.powers)
-
     def temper(self, plan: LadderPlan) -> None:
         """Put a temperature ladder on this chain; rounds are then the shortest, since every hot chain makes one.
 

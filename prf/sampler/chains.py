@@ -93,7 +93,8 @@ class Sampler:
     @property
     def n_temperatures(self) -> int:
         """Chains of each temperature ladder; 1 without parallel tempering."""
-        return self.chains[0].n_temperatures
+        tempering = self.chains[0].tempering
+        return 1 if tempering is None else len(tempering.ladder.powers)
 
     @property
     def block(self) -> int:

@@ -185,7 +185,7 @@ def _resolved(
 
 
 def _window(config: Configuration, sensors: Sequence[Readings], observed: PointTable | None) -> Window:
-    """Return the window asked for, or one round sensors and returns, or round points where there are no sensors."""
+    """Return the window requested, or one round sensors and returns, or round points where there are no sensors."""
     if config.prior.window is None and observed is not None and not sensors:
         return window_round(observed.xy)
     origin, angle, ranges = (
@@ -221,7 +221,7 @@ def _points(config: Configuration, observed: PointTable, window: Window) -> Poin
 
 
 def _inside(readings: Readings | None, window: Window) -> Readings | None:
-    """Return the readings whose sensor stands inside the window; None if there are none."""
+    """Return the readings whose sensor is inside the window; None if there are none."""
     if readings is None:
         return None
     inside = window.contains(readings.origin, strictly=True)
@@ -236,7 +236,7 @@ def _thinned(config: Configuration, beams: Readings, window: Window) -> Readings
 
 
 def ladder_plan(config: Configuration) -> LadderPlan:
-    """Return the temperature ladder that is asked for."""
+    """Return the temperature ladder requested."""
     temperatures, lowest = config.sampler.temperatures, config.sampler.lowest_inverse_temperature
     if isinstance(temperatures, str):
         return LadderPlan(AUTO_TEMPERATURES, lowest, waits=True)
@@ -266,14 +266,14 @@ def make_settings(
 
 
 def chosen_window(
-    asked: Sequence[float] | None,
+    requested: Sequence[float] | None,
     origin: NDArray[np.float64],
     angle: NDArray[np.float64],
     ranges: NDArray[np.float64],
 ) -> Window:
-    """Return the window asked for, or one round all sensors and 99.5 % of the returns."""
-    if asked is not None:
-        return Window.checked(*asked)
+    """Return the window requested, or one round all sensors and 99.5 % of the returns."""
+    if requested is not None:
+        return Window.checked(*requested)
     hit = np.isfinite(ranges)
     ends = origin[hit] + ranges[hit, None] * unit_vectors(angle[hit])
     low, high = origin.min(axis=0), origin.max(axis=0)

@@ -94,14 +94,14 @@ class Session:
 
     @classmethod
     def resume(
-        cls, folder: Path, logs: dict[str, str], asked: Loaded[Configuration], seed: int | None, threads: int
+        cls, folder: Path, logs: dict[str, str], requested: Loaded[Configuration], seed: int | None, threads: int
     ) -> Session:
-        """Return the run in `folder` as its checkpoint has it; refuse to if it was made otherwise than asked."""
+        """Return the run in `folder` as its checkpoint has it; refuse to if it was made otherwise than requested."""
         run = read_run(folder, parts=(names.READINGS, names.POSTERIOR))
         if run.sensors is None and run.points is None:
             raise InputError(f"{folder}: readings.npz is missing. Sample anew with --force.")
         config, stored_seed = stored_config(run, folder)
-        refuse_changes(config, asked, stored_seed, seed)
+        refuse_changes(config, requested, stored_seed, seed)
         for flag, log in logs.items():
             refuse_other_log(run, flag, log)
         if run.manifest.get("versions") != versions():
@@ -186,15 +186,11 @@ class Session:
     def run(self) -> Run:
         """Return the run so far: its draws and its image."""
         sampler, settings = self.sampler, self.sampler.settings
-        sample, best, image = sampler.sample(), sampler.best(), sampler.image()
+        best, image = sampler.best(), sampler.image()
         return Run(
             manifest=self._manifest(),
-            draws=sample.draws,
-            chain=sample.chain,
-            step=sample.step,
-            functionals=sample.functionals,
+            **sampler.sample()._asdict(),
             probe_xy=sampler.probe_xy,
-            probe_black=sample.probe_black,
             image=image,
             laser=None if settings.laser is None else settings.laser.readings,
             sonar=None if settings.sonar is None else settings.sonar.readings,
@@ -265,12 +261,14 @@ def stored_config(run: Run, folder: Path) -> tuple[Configuration, int]:
         raise InputError(f"{folder}/manifest.json: no configuration of this release ({error}). Sample anew.") from error
 
 
-def refuse_changes(config: Configuration, asked: Loaded[Configuration], seed: int, asked_seed: int | None) -> None:
-    """Raise ConfigError naming the first field that is asked for with another value than the run has."""
-    if asked_seed is not None and asked_seed != seed:
-        raise ConfigError(f"--seed {asked_seed}: the run to resume has {seed}. Leave it out, or sample anew.")
-    for place, source in asked.sources.items():
-        value, kept = asked.settings.get(place), config.get(place)
+def refuse_changes(
+    config: Configuration, requested: Loaded[Configuration], seed: int, requested_seed: int | None
+) -> None:
+    """Raise ConfigError naming the first field requested with another value than the run has."""
+    if requested_seed is not None and requested_seed != seed:
+        raise ConfigError(f"--seed {requested_seed}: the run to resume has {seed}. Leave it out, or sample anew.")
+    for place, source in requested.sources.items():
+        value, kept = requested.settings.get(place), config.get(place)
         if place.partition(".")[0] in IN_MANIFEST and value != kept:
             raise ConfigError(f"{source} {value}: the run to resume has {kept}. Leave it out, or sample anew.")
 

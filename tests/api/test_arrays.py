@@ -80,7 +80,7 @@ def test_sonars_have_a_cone_and_lasers_have_none() -> None:
         (lambda: prf.points([[1.0, 2.0]], [np.inf]), "value[0] is inf"),
         (lambda: prf.sample([]), "readings: there are none"),
         (lambda: prf.sample(RANGES), "readings: ndarray is no log"),
-        (lambda: prf.sample([prf.laser(POSE, ANGLE, RANGES)] * 2), "laser comes twice"),
+        (lambda: prf.sample([prf.laser(POSE, ANGLE, RANGES)] * 2), "laser is given twice"),
         (lambda: prf.sample({"radar": "a.log"}), "'radar' is none of laser, sonar, points"),
         (lambda: prf.sample("a.log", sensors=prf.SonarModel()), "no readings of the sonar"),
         (lambda: prf.sample("a.log", sensors="laser"), "str is none of LaserModel"),

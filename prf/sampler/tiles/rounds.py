@@ -20,12 +20,12 @@ from prf.kernels.targets import Targets
 from prf.layout import make_targets, read_coloring
 from prf.posterior import (
     BORDER_MOVES,
+    NO_LASER,
+    NO_SONAR,
     Settings,
-    laser_model,
     poses_of,
     rays_of,
     return_points,
-    sonar_model,
     white_places,
 )
 from prf.sampler.tiles.partition import random_tiles
@@ -35,7 +35,7 @@ from prf.window import INTERIOR
 
 Floats = NDArray[np.float64]
 
-HAIR = 1e-6
+REL_TOL = 1e-6
 """Regions within which an obstacle matters are enlarged by this share: rounding must not let one slip through."""
 
 
@@ -61,16 +61,16 @@ class TileData:
 def make_tile_data(settings: Settings) -> TileData:
     """Lay out the readings of a run for its tiles."""
     ray, pose = rays_of(settings), poses_of(settings)
-    laser = laser_model(settings)
+    laser = (settings.laser or NO_LASER).model
     reach = ray[:, c.MAX_DISTANCE]
     influence = np.minimum(reach, laser.influence(ray[:, c.RANGE]))
     returned = (ray[:, c.RANGE] >= 0.0) & np.isfinite(ray[:, c.RANGE])
-    answered = np.where(returned, np.minimum(ray[:, c.RANGE], (1.0 - HAIR) * reach), 0.5 * reach)
+    answered = np.where(returned, np.minimum(ray[:, c.RANGE], (1.0 - REL_TOL) * reach), 0.5 * reach)
     returns = return_points(settings)
     return TileData(
         settings=settings,
         laser=laser,
-        sonar=sonar_model(settings),
+        sonar=(settings.sonar or NO_SONAR).model,
         ray=ray,
         influence=influence,
         end=ray[:, :2] + answered[:, None] * ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1],
@@ -85,8 +85,8 @@ def make_tile_data(settings: Settings) -> TileData:
 
 def cone_triangles(pose: Floats) -> Floats:
     """Return triangles (m, 6) that hold all of each cone up to its reach."""
-    far, across = pose[:, [MAX_DISTANCE]] * (1.0 + HAIR), pose[:, BORDER] * (1.0 + HAIR)
-    corners = [pose[:, [POSE_X, POSE_Y]] - HAIR * far * pose[:, [POSE_COS, POSE_SIN]]]
+    far, across = pose[:, [MAX_DISTANCE]] * (1.0 + REL_TOL), pose[:, BORDER] * (1.0 + REL_TOL)
+    corners = [pose[:, [POSE_X, POSE_Y]] - REL_TOL * far * pose[:, [POSE_COS, POSE_SIN]]]
     for side in (-1.0, 1.0):
         x = pose[:, POSE_COS] - side * across * pose[:, POSE_SIN]
         y = pose[:, POSE_SIN] + side * across * pose[:, POSE_COS]
