@@ -1,15 +1,20 @@
-"""The Arak process, the prior over polygonal maps: scale and exact draws. How moves weigh it: prf/kernels/prior.py."""
+"""The Arak process with scale p, the prior over polygonal maps: exact means and exact draws.
+
+How moves weigh it: prf/kernels/prior.py. Sources: Arak 1982; Arak & Surgailis 1989; Paskin & Thrun 2005 section 1.3.2.
+Further exact laws: tests/reference/arak_laws.py.
+"""
 
 from __future__ import annotations
 
+import math
 import sys
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from prf.coloring.graph import Draws
 from prf.kernels.arak_sampler import Size, draw_many
-from prf.laws import expected_edges
 from prf.shell.errors import ConfigError
 from prf.window import SIDES, Window
 
@@ -17,6 +22,37 @@ MAX_SCALE = 1e6
 """1/m: walls a micrometre apart."""
 MAX_EDGES = 1e8
 """Of all draws of a call: gigabytes."""
+
+
+class Comparison(NamedTuple):
+    """Sample means of draws beside the exact laws; lengths in metres."""
+
+    n_draws: int
+    mean_edges: float
+    expected_edges: float
+    mean_length: float
+    expected_length: float
+
+
+def compare(draws: Draws, scale: float) -> Comparison:
+    """Return the means of edge count and total length over one or more draws, beside their exact values."""
+    return Comparison(
+        len(draws),
+        float(draws.n_edges.mean()),
+        expected_edges(scale, draws.window),
+        float(draws.total_length().mean()),
+        expected_length(scale, draws.window),
+    )
+
+
+def expected_edges(scale: float, window: Window) -> float:
+    """Return the mean number of edges, p perimeter + 4 pi p^2 area."""
+    return scale * window.perimeter + 4.0 * math.pi * scale**2 * window.area
+
+
+def expected_length(scale: float, window: Window) -> float:
+    """Return the mean total edge length, pi p area."""
+    return math.pi * scale * window.area
 
 
 def checked_scale(scale: float) -> float:

@@ -10,8 +10,8 @@ import typer
 from prf.shell.options import Force, Json, Output, Seed
 
 if TYPE_CHECKING:
+    from prf.arak import Comparison
     from prf.coloring import Draws
-    from prf.laws import Comparison
     from prf.window import Window
 
 EXAMPLES = (
@@ -53,8 +53,8 @@ def prior(
     The output has one GeoJSON Feature a line: a MultiLineString with one two-point line an edge, and the property
     anchor_black, the colour of the window's centre. The chain starts all white and discards a burn-in.
     """
+    from prf.arak import compare
     from prf.coloring import feature_lines
-    from prf.laws import compare
     from prf.shell import jsonout
     from prf.shell.console import say_beside
     from prf.shell.errors import UsageError

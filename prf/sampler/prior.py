@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
-from prf.arak import checked_scale, refuse_too_many_edges
+from prf.arak import checked_scale, expected_edges, refuse_too_many_edges
 from prf.coloring import Coloring, Draws
 from prf.kernels.build import recompute_sums
-from prf.laws import expected_edges
 from prf.layout import read_coloring, run_chain
 from prf.posterior import Settings, make_chain
 from prf.shell.seeds import spawn_generators

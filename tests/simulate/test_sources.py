@@ -10,11 +10,10 @@ import pytest
 import shapely
 from shapely import MultiPolygon, Polygon, box
 
-from prf.arak import exact_draws
+from prf.arak import exact_draws, expected_edges
 from prf.coloring import violations
 from prf.export.cells import Cells, rasterise
 from prf.export.ros_map import ros_map
-from prf.laws import expected_edges
 from prf.run.mapfile import map_text
 from prf.score.polygons import outline_of_cells
 from prf.shell.errors import InputError

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from prf import laws
+from prf import arak
 from prf.coloring import Draws, black_areas, black_at_draws
 from prf.window import INTERIOR, LEFT, SIDE_NAMES, SIDES, Window
 from tests.reference import arak_laws
@@ -123,12 +123,12 @@ def _cosines(name: str, flat: Flat, owner: NDArray[np.int64], cosine: Floats) ->
 
 def edge_count(flat: Flat) -> Residuals:
     """Mean number of edges p P + 4 pi p^2 A, P perimeter and A area of the window."""
-    return {"edges: mean": flat.draws.n_edges - laws.expected_edges(flat.scale, flat.window)}
+    return {"edges: mean": flat.draws.n_edges - arak.expected_edges(flat.scale, flat.window)}
 
 
 def total_length(flat: Flat) -> Residuals:
     """Mean total length pi p A."""
-    return {"length: mean": flat.draws.total_length() - laws.expected_length(flat.scale, flat.window)}
+    return {"length: mean": flat.draws.total_length() - arak.expected_length(flat.scale, flat.window)}
 
 
 def interior_vertices(flat: Flat) -> Residuals:

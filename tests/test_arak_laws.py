@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from prf import laws
+from prf import arak
 from prf.arak import exact_draws
 from prf.window import Window
 from tests.reference import arak_laws
@@ -19,15 +19,15 @@ OBLONG = Window(3.0, -1.5, 5.0, -0.5)
 
 
 def test_means_of_the_unit_square() -> None:
-    assert laws.expected_edges(1.0, UNIT) == pytest.approx(4.0 + 4.0 * math.pi)  # Paskin & Thrun, section 1.3.2
-    assert laws.expected_edges(0.5, OBLONG) == pytest.approx(9.283, abs=1e-3)
-    assert laws.expected_length(2.0, UNIT) == pytest.approx(6.283, abs=1e-3)
+    assert arak.expected_edges(1.0, UNIT) == pytest.approx(4.0 + 4.0 * math.pi)  # Paskin & Thrun, section 1.3.2
+    assert arak.expected_edges(0.5, OBLONG) == pytest.approx(9.283, abs=1e-3)
+    assert arak.expected_length(2.0, UNIT) == pytest.approx(6.283, abs=1e-3)
 
 
 def test_laws_agree_with_one_another() -> None:
     p = 0.8
     ends = 2.0 * arak_laws.expected_interior_vertices(p, OBLONG) + arak_laws.expected_boundary_vertices(p, OBLONG)
-    assert laws.expected_edges(p, OBLONG) == pytest.approx(0.5 * ends)
+    assert arak.expected_edges(p, OBLONG) == pytest.approx(0.5 * ends)
     assert arak_laws.expected_interior_vertices(p, OBLONG) == pytest.approx(
         4.0 * arak_laws.expected_extremes(p, OBLONG)
     )
@@ -40,7 +40,7 @@ def test_laws_agree_with_one_another() -> None:
         math.exp(-arak_laws.expected_crossings(p, 0.3))
     )
     assert arak_laws.edge_length_rate(p) == pytest.approx(
-        arak_laws.expected_interior_vertices(p, UNIT) / laws.expected_length(p, UNIT)
+        arak_laws.expected_interior_vertices(p, UNIT) / arak.expected_length(p, UNIT)
     )
 
 
@@ -76,9 +76,9 @@ def test_black_variance_of_a_dense_field_is_that_of_a_plane() -> None:
 
 def test_compare_puts_means_beside_the_laws() -> None:
     draws = exact_draws(1.0, OBLONG, 2000, np.random.default_rng(1))
-    found = laws.compare(draws, 1.0)
+    found = arak.compare(draws, 1.0)
     assert found.n_draws == 2000
     assert found.mean_edges == draws.n_edges.mean()
-    assert found.expected_edges == laws.expected_edges(1.0, OBLONG)
+    assert found.expected_edges == arak.expected_edges(1.0, OBLONG)
     assert found.mean_edges == pytest.approx(found.expected_edges, rel=0.05)
     assert found.mean_length == pytest.approx(found.expected_length, rel=0.05)
