@@ -53,7 +53,7 @@ def test_compiled_draws_are_those_of_plain_python_bit_for_bit(project_root: Path
 def test_draws_continue_from_the_state_of_the_generator() -> None:
     one, two = np.random.default_rng(9), np.random.default_rng(9)
     whole = exact_draws(1.0, UNIT, 20, one)
-    parts = Draws.concatenate([exact_draws(1.0, UNIT, n, two) for n in (7, 0, 13)])
+    parts = Draws.from_colorings([draw for n in (7, 0, 13) for draw in exact_draws(1.0, UNIT, n, two)])
     assert digest(whole, one) == digest(parts, two)
 
 
