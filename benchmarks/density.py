@@ -124,7 +124,7 @@ def speed(
 def sampled(log: Log, size: str, density: float | None, folder: Path, options: argparse.Namespace) -> dict[str, Any]:
     """Run `prf sample` in a process of its own; return its peak memory in GB, and what `prf score` makes of it."""
     flags: dict[str, commands.Option] = {
-        **commands.LASER,
+        **commands.LASER_SETTINGS,
         **SIZES[size],
         "laser": log.path,
         "skip_scans": HELD_OUT,

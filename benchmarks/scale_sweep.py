@@ -38,7 +38,7 @@ def at_scale(log: Path, scale: float, options: argparse.Namespace) -> tuple[dict
     folder = options.output / f"p{scale:g}.run"
     say(f"p = {scale:g}: {options.steps:,} steps a chain")
     how: dict[str, Any] = {"seed": options.seed, "threads": options.threads, "steps": options.steps}
-    sampled = made("sample", folder, laser=log, scale=scale, **figure4.LOBBY_READINGS, **commands.LASER, **how)
+    sampled = made("sample", folder, laser=log, scale=scale, **figure4.LOBBY_READINGS, **commands.LASER_SETTINGS, **how)
     held_out: dict[str, Any] = {"scans": HELD_OUT, "max_range": figure4.LOBBY_READINGS["max_range"]}
     scores = prf("score", folder, laser=log, seed=options.seed, **held_out)
     run = read_run(folder)

@@ -34,7 +34,7 @@ def scored(path: Path, log: Path, name: str, seed: int) -> dict[str, Any]:
 def curve(log: Path, scans: str, way: str, options: argparse.Namespace) -> list[dict[str, Any]]:
     """Return the scores of one run at growing times."""
     folder = options.output / "score_time" / f"{options.log}-{scans}-{way.replace(' ', '-')}"
-    how = {**SETS[scans], **commands.LASER, "scale": SCALE, "max_range": MAX_RANGE[options.log]}
+    how = {**SETS[scans], **commands.LASER_SETTINGS, "scale": SCALE, "max_range": MAX_RANGE[options.log]}
     rows: list[dict[str, Any]] = []
     spent = 0.0
     for share in SHARES:

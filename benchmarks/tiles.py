@@ -104,7 +104,7 @@ def speed(log: Path, folder: Path, steps: int, seed: int) -> dict[str, float]:
     for threads in (1, 2):
         how: dict[str, Any] = {"chains": 1, "steps": steps, "threads": threads, "seed": seed}
         found = made(
-            "sample", folder / f"threads{threads}.run", laser=log, skip_scans=HELD_OUT, **commands.LASER, **how
+            "sample", folder / f"threads{threads}.run", laser=log, skip_scans=HELD_OUT, **commands.LASER_SETTINGS, **how
         )
         seconds[threads] = float(found["seconds"])
     assert_same(folder / "threads1.run", folder / "threads2.run")
@@ -125,7 +125,9 @@ def mapped(log: Path, folder: Path, options: argparse.Namespace) -> dict[str, An
     for name in WAYS:
         target = folder / f"{name.replace(' ', '-')}.run"
         fixed: dict[str, Any] = {"skip_scans": HELD_OUT, "seed": options.seed, "threads": options.threads}
-        found = made("sample", target, laser=log, time_budget=options.seconds, **fixed, **WAYS[name], **commands.LASER)
+        found = made(
+            "sample", target, laser=log, time_budget=options.seconds, **fixed, **WAYS[name], **commands.LASER_SETTINGS
+        )
         scores = prf("score", target, laser=log, scans=HELD_OUT, noise=0.05, noise_relative=0.0, seed=options.seed)
         rows[name] = {"steps": found["steps"], "log_posterior": found["log_posterior"], **scores}
         picture = read_run(target)

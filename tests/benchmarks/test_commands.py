@@ -82,4 +82,4 @@ def test_every_call_is_read() -> None:
     found = {(place, verb): names for place, verb, names in calls()}
     assert {"laser", "every_scan", "skip_scans", "max_range", "grid.method"} <= found["scores.grids", "grid"]
     assert {"laser.noise", "scale", "time_budget"} <= found["scores.sampled", "sample"]
-    assert {"chains", "sampler.tiles", "noise"} <= found["tiles.mapped", "sample"]
+    assert {"chains", "sampler.tiles", "laser.noise"} <= found["tiles.mapped", "sample"]
