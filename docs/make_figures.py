@@ -1,11 +1,12 @@
 """Makes the pictures of README and tutorials anew from data/: `make figures`, about a minute.
 
-The same seeds as in the tutorials. Screenshots of pages (`label-town.png`, `report-town.png`) and figures of
-benchmarks (`bitmap.png`, `two-doors.png`) are made elsewhere.
+The same seeds as in the tutorials. The screenshot of the report needs chromium; that of the labelling page
+(`label-town.png`) and figures of benchmarks (`bitmap.png`, `two-doors.png`) are made elsewhere.
 """
 
 from __future__ import annotations
 
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +20,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from PIL import Image
+from playwright.sync_api import sync_playwright
 
 import mapq.cli
 import prf.cli
@@ -114,11 +116,33 @@ def draw_office(folder: Path) -> None:
 
 
 def draw_town(folder: Path) -> None:
-    """Make the picture of the classified town."""
-    result = folder / "town.classified.ply"
+    """Make the picture of the classified town, and that of its report."""
+    result, report = folder / "demo-town.ply", folder / "report.html"
     call(mapq.cli, "classify", TOWN, "-o", result, "-q")
     call(mapq.cli, "render", result, "-o", IMAGES / "demo-town.png", "--force", "-q")
     shrink(IMAGES / "demo-town.png")
+    call(mapq.cli, "report", result, "-o", report, "-q")
+    program = shutil.which("chromium")
+    if program is None:
+        print("report-town.png is left as it is: it needs chromium", file=sys.stderr)
+        return
+    photograph(report, program, IMAGES / "report-town.png")
+    shrink(IMAGES / "report-town.png")
+
+
+def photograph(report: Path, program: str, path: Path) -> None:
+    """Take a screenshot of a report in which the first patch of its list is selected."""
+    with (
+        sync_playwright() as playwright,
+        playwright.chromium.launch(executable_path=program, args=["--no-sandbox"]) as browser,
+    ):
+        page = browser.new_page(viewport={"width": 1420, "height": 850})
+        page.set_default_timeout(120_000)
+        page.goto(report.as_uri())
+        page.wait_for_selector("body[data-ready]")
+        page.locator("tr[data-patch]").first.click()
+        page.evaluate("window.scrollTo(0, 0)")
+        page.screenshot(path=path)
 
 
 def main() -> None:
