@@ -200,7 +200,6 @@ def _is_folder_of_tiles(file: str) -> bool:
 
 def _tiled_target(file: str) -> str:
     """Return the default output of a map in tiles: a cloud for a cloud and a folder for a folder."""
-    from mapq.io.write import LAS_SUFFIXES
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM
 
@@ -208,7 +207,7 @@ def _tiled_target(file: str) -> str:
         raise UsageError("a map in tiles is read more than once. Name a file or a folder, not standard input.")
     if os.path.isdir(file):
         return (os.path.abspath(file) if set(file) <= {".", os.sep} else file.rstrip(os.sep)) + ".classified"
-    return beside(file, ".classified.laz" if file.lower().endswith(LAS_SUFFIXES) else ".classified.ply")
+    return beside(file, ".classified.ply")
 
 
 def _check(file: str, result: Result, limits: tuple[float | None, float]) -> None:

@@ -8,6 +8,8 @@ from __future__ import annotations
 import logging
 import os
 import re
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +19,7 @@ from mapq.io.content import Content
 from mapq.io.fields import Array, axes_of, columns_of, free_name, make_cloud, scalar_columns
 from mapq.io.options import ReadOptions
 from mapq.io.text import parse_rows
-from prf.shell.errors import InputError
+from prf.shell.errors import InputError, OutputError
 from prf.shell.files import open_output
 
 logger = logging.getLogger(__name__)
@@ -142,6 +144,23 @@ def write_ply(path: str | os.PathLike[str], cloud: PointCloud) -> None:
     with open_output(path, binary=True) as stream:
         stream.write(header_of(rows.dtype, len(rows)))
         stream.write(rows.tobytes())
+
+
+def write_ply_pieces(path: str, n_points: int, pieces: Iterable[PointCloud]) -> None:
+    """Write a cloud of so many points piece by piece, of which the first has the properties of all.
+
+    Raises OutputError if it cannot be written, or a piece has other fields.
+    """
+    with open_output(path, binary=True) as stream:
+        record = None
+        for cloud in pieces:
+            rows = vertex_rows(replace(cloud, coordinate_type=np.float64))
+            if record is None:
+                record = rows.dtype
+                stream.write(header_of(record, n_points))
+            if rows.dtype != record:
+                raise OutputError(f"{path}: {cloud.source} has other fields than the files before. Name a folder.")
+            stream.write(rows.tobytes())
 
 
 def header_of(dtype: np.dtype[Any], n_rows: int) -> bytes:

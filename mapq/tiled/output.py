@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from mapq.cloud import PointCloud
 from mapq.io.las_write import open_las_pieces
+from mapq.io.ply import write_ply_pieces
 from mapq.io.result_folder import RESULT_JSON
 from mapq.io.results import claim_result, json_beside, result_lines
 from mapq.io.write import LAS_SUFFIXES, write_cloud
@@ -39,8 +40,6 @@ def plan_output(path: str, whole: Map, is_tiled: bool, force: bool) -> Output:
     """
     if path == STREAM:
         raise UsageError("a map in tiles cannot be written to standard output. Name a file or a folder with -o.")
-    if path.lower().endswith(".ply") and whole.sources[0].is_las:
-        raise UsageError(f"{path}: tiles of LAS are written as LAS. Name a .laz or a folder.")
     if not is_tiled or path.lower().endswith(CLOUD_SUFFIXES) or path == os.devnull:
         claim_result(path, force)
         return Output(path, False, (path,) * len(whole.sources), json_beside(path))
@@ -83,6 +82,9 @@ def write_map(
     for name, pieces in groupby(clouds, lambda piece: output.files[piece[0]]):
         if not whole.sources[0].is_las:
             write_cloud(made[name], next(pieces)[1])
+            continue
+        if not name.lower().endswith(LAS_SUFFIXES):
+            write_ply_pieces(made[name], whole.n_points, (cloud for _, cloud in pieces))
             continue
         with open_las_pieces(made[name]) as sink:
             for _, cloud in pieces:

@@ -96,8 +96,9 @@ def test_tiles_keep_their_names_points_and_fields(town, four):
 
 
 @pytest.mark.slow
-def test_several_files_become_one_cloud(town, model, four):
-    target = town.parent / "joined.laz"
+@pytest.mark.parametrize("name", ["joined.laz", "joined.ply"])
+def test_several_files_become_one_cloud(town, model, four, name):
+    target = town.parent / name
     settings = TileSettings(N_POINTS // 4)
     classify_map(str(town), str(target), model, settings, True)
     joined = read_cloud(str(target))
