@@ -1,4 +1,4 @@
-"""Whether two patches cross one another, and how far from their edges."""
+"""What makes two patches cross one another, and how far from their edges (equation 12); criterion in `crossings`."""
 
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ DENSE = 0.15
 """Share of the points that a patch has elsewhere from which it has points beside the line."""
 
 
-class Cut(NamedTuple):
+class CutLine(NamedTuple):
     """The line where the planes of two patches cut, and scratch for the places of points about it."""
 
     pair: Ints  # (2,) the patches
@@ -34,7 +34,7 @@ class Cut(NamedTuple):
 
 
 @part
-def line_places(trees: Trees, planes: Planes, cut: Cut, side: int) -> int:
+def line_places(trees: Trees, planes: Planes, cut: CutLine, side: int) -> int:
     """Place of each point of one patch of a pair in its plane: t across the line of the cut, s along; how many.
 
     Across, it is the point's height over the other plane once put on its own, over the sine of their angle.
@@ -92,7 +92,7 @@ def count_beside(
 
 @part
 def crossed_share(
-    trees: Trees, planes: Planes, cut: Cut, low: float, high: float, slack: float, step: float, reach: Floats
+    trees: Trees, planes: Planes, cut: CutLine, low: float, high: float, slack: float, step: float, reach: Floats
 ) -> float:
     """Share of the stretch of the line (low, high) in whose steps both patches have points beside it, on both sides.
 
@@ -113,7 +113,7 @@ def crossed_share(
 
 
 @part
-def crossing(trees: Trees, planes: Planes, cut: Cut, spacing: float, cell: float, beyond: float) -> float:
+def crossing(trees: Trees, planes: Planes, cut: CutLine, spacing: float, cell: float, beyond: float) -> float:
     """R of one pair: the smaller edge ratio of both, over the stretch of the line along which both lie.
 
     First each patch as a whole, which settles most pairs, then the part of it along the common stretch; the patch with
@@ -164,6 +164,6 @@ def crossings(trees: Trees, planes: Planes, pairs: Ints, spacing: Floats, cell: 
         if sine > PARALLEL:
             normalise(line)
             widest = max(cell[pairs[k, 0]], cell[pairs[k, 1]])
-            cut = Cut(pairs[k], line, sine, t, s)
+            cut = CutLine(pairs[k], line, sine, t, s)
             out[k] = crossing(trees, planes, cut, spacing[k], widest, beyond)
     return out

@@ -12,6 +12,8 @@ they gain when the edge is removed. A beam that is cut gains only where the cut 
 obstacle explains the reading no better than none. Hence shortfalls are summed as well over the cells in which the
 reading of a beam lies.
 
+The change is `touch_beams`; `apply_touched` keeps it, `release_touched` takes it back.
+
 Beams come in levels, so that a proposal which few beams reject is never computed for the many (delayed acceptance).
 """
 

@@ -1,4 +1,4 @@
-"""Figure 2 (e), (f), (g), (j): a vertex moves, in the interior, along its side, past a corner, along an edge."""
+"""Figure 2 (e), (f), (g), (j): a vertex moves: in the interior, along its side, past a corner; slide along an edge."""
 
 import math
 
@@ -42,7 +42,7 @@ def propose_interior(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) 
 def propose_slide(graph: Graph, proposal: Proposal, rng: Rng) -> Densities:
     """(j): a uniform interior vertex v slides along one of its edges, uv, to a distance from u in [r/2, 2 r].
 
-    The proposal is uniform in the distance r', so that the ratio of proposals is r / r'; the line measure along
+    The proposal is uniform in the distance r', so that the ratio of proposals is r / r'; the element of area along
     a ray from u has the Jacobian r' / r: they cancel, and both or none must be written.
     """
     if graph.counts[c.INTERIOR_VERTICES] == 0:
