@@ -31,8 +31,8 @@ def test_the_first_draw_knows_nothing_of_the_spacing() -> None:
     close, thin = mcmc_draws(1.0, UNIT, 3, thin=300, seed=5)
     wide, twice = mcmc_draws(1.0, UNIT, 1, thin=600, seed=5)
     assert (thin, twice) == (300, 600)
-    assert same(close.take(np.arange(1)), wide)
-    assert not same(close.take(np.arange(1, 2)), wide)
+    assert same(Draws.from_colorings([close[0]]), wide)
+    assert not same(Draws.from_colorings([close[1]]), wide)
 
 
 def test_the_spacing_grows_with_the_edges_to_be_expected() -> None:
