@@ -69,15 +69,17 @@ def simulate(
     from prf.shell.outputs import claim, refuse_existing
     from prf.shell.progress import progress
     from prf.shell.seeds import resolve_seed
-    from prf.simulate import config_of, summary, write_simulation
+    from prf.simulate import config_of, refuse_absent_sensor, summary, write_simulation
     from prf.simulate import simulate as make
 
     if output is None or output == STREAM:
         raise UsageError("the result is a directory. Name one with -o DIR.")
     refuse_existing(output, force, is_folder=True)
     claim(output)
-    settings = load_configuration({"assignments": assignments}, tables=("simulate",)).settings.simulate
-    config = config_of(settings, world, laser, sonar, size=size, scale=scale, path=path, readings=readings)
+    loaded = load_configuration({"assignments": assignments}, tables=("simulate",))
+    refuse_absent_sensor(loaded.sources, laser, sonar)
+    options = {"size": size, "scale": scale, "path": path, "readings": readings}
+    config = config_of(loaded.settings.simulate, world, laser, sonar, **options)
     with progress(1.0, "casting beams") as bar:
         simulation = make(config, resolve_seed(seed), bar.update)
     write_simulation(output, simulation)

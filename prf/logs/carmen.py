@@ -57,7 +57,7 @@ KNOWN_KINDS = frozenset(
     )
 )
 """First fields of CARMEN's log format; NEFF is an addition of GMapping's."""
-OFFSETS = re.compile(rb"\s*PARAM\s+\w*sonar_offsets\s+((?:[-+\d.eE]+\s+)+)")
+OFFSETS = re.compile(rb"\s*PARAM\s+\w*sonar_offsets\s+((?:[-+\d.eE]+(?:\s+|$))+)")  # time and host may follow
 MOST_ODD = 20  # unknown kinds of line that are listed; a damaged file may have thousands
 SAME_MOUNT = 1e-3  # metres and radians within which a laser sits on the robot alike in all its lines
 
@@ -207,7 +207,7 @@ def _read_sonars(lines: Lines, lasers: list[str], source: str, cone: float, fram
     sonars = parse_lines(lambda number, fields: _parse_sonar(number, fields, cone), lines[SONAR], source)
     poses, remarks, where_from = _poses(lines, lasers, sonars, source, frame)
     offsets = [found for _, line in lines.get("PARAM", []) if (found := OFFSETS.match(line))]
-    numbers = floats(offsets[-1][1].split()) if offsets else np.empty(0)
+    numbers = _leading_floats(offsets[-1][1].split()) if offsets else np.empty(0)
     given = numbers[: len(numbers) // 3 * 3].reshape(-1, 3) if offsets else None
     rings = [_ring(sonar, given, source) for sonar in sonars]
     if given is None and any(sonar.ring is None for sonar in sonars):
@@ -227,6 +227,17 @@ def _read_sonars(lines: Lines, lasers: list[str], source: str, cone: float, fram
         remarks=tuple(remarks),
     )
     return assemble(scans, source, notes)
+
+
+def _leading_floats(fields: list[bytes]) -> FloatArray:
+    """Return the numbers before the first field that is none: a time and a host, by name or address, may follow."""
+    found = []
+    for each in fields:
+        try:
+            found.append(float(each))
+        except ValueError:
+            break
+    return np.array(found)
 
 
 def _parse_sonar(number: int, fields: list[bytes], cone: float) -> SonarLine:

@@ -102,7 +102,7 @@ def ring_of(n: int) -> FloatArray | None:
 def fields_of_view(readings: Readings, cone: float) -> FloatArray:
     """Return the full field of view (n,) of sonar readings, radians: the log's, or `cone` where it has none."""
     if not 0.0 < cone < np.pi:
-        raise ConfigError(f"--sonar-cone {cone}: must lie between 0 and pi radians")
+        raise ConfigError(f"sonar cone {cone}: must lie between 0 and pi radians")
     view = np.where(readings.cone > 0.0, readings.cone, cone)
     if view.max() >= np.pi:
         raise InputError(f"{readings.source}: a sonar cone of {view.max():g} radians. It must be narrower than pi.")

@@ -4,7 +4,7 @@ from prf.simulate.laser import LaserPhysics, simulate_laser
 from prf.simulate.path import Scans, Spacing, plan_drive, scans_along
 from prf.simulate.plans import office
 from prf.simulate.roadmap import Roadmap, roadmap
-from prf.simulate.simulation import SimulateConfig, Simulation, config_of, simulate
+from prf.simulate.simulation import SimulateConfig, Simulation, config_of, refuse_absent_sensor, simulate
 from prf.simulate.sources import draw_world, read_world
 from prf.simulate.world import World
 from prf.simulate.write import summary, write_simulation
@@ -22,6 +22,7 @@ __all__ = [
     "office",
     "plan_drive",
     "read_world",
+    "refuse_absent_sensor",
     "roadmap",
     "scans_along",
     "simulate",

@@ -83,7 +83,8 @@ def scans_along(corners: Floats, spacing: Spacing, n_scans: int | None = None) -
     way = knots[-1, 0]
     if not max(way, n_scans or 0) <= MAX_SCANS:
         raise ConfigError(
-            f"the drive would have {max(way, n_scans or 0):.3g} scans. Give a larger --spacing, or fewer --readings."
+            f"the drive would have {max(way, n_scans or 0):.3g} scans. Give a larger --set simulate.spacing=, or fewer "
+            "--readings."
         )
     marks = np.arange(int(way) + 1.0) if n_scans is None else np.arange(n_scans) * (way / n_scans)
     found = np.column_stack([np.interp(marks, knots[:, 0], column) for column in knots[:, 1:].T])

@@ -65,7 +65,9 @@ def roadmap(world: World, radius: float) -> Roadmap:
     free = free.reshape(shape)
     part, n_parts = ndimage.label(free, np.ones((3, 3)))
     if n_parts == 0:
-        raise InputError(f"no space for a robot of radius {radius:g} m. Give a smaller --robot-radius, or a --path.")
+        raise InputError(
+            f"no space for a robot of radius {radius:g} m. Give a smaller --set simulate.robot_radius=, or a --path."
+        )
     kept = part == int(np.bincount(part.ravel())[1:].argmax()) + 1
     clearance = ndimage.distance_transform_edt(np.pad(kept, 1))[1:-1, 1:-1] * CELL
     places = kept.ravel()

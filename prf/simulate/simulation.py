@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -53,15 +53,17 @@ class SimulateConfig:
         """Refuse what cannot be simulated."""
         for name in ("robot_radius", "spacing"):
             if getattr(self, name) is not None:
-                check_length(name.replace("_", "-"), getattr(self, name))
+                check_length(f"simulate.{name}", getattr(self, name))
         if self.readings is not None and not 1 <= self.readings <= MAX_READINGS:
             raise ConfigError(f"readings {self.readings}: must be at least 1, and at most {MAX_READINGS:,}")
         if self.readings is not None and self.spacing is not None:
-            raise ConfigError("readings are spread over one drive: give --readings or --spacing, not both")
+            raise ConfigError(
+                "readings are spread over one drive: give --readings or --set simulate.spacing=, not both"
+            )
         if self.laser is None and self.sonar is None:
             raise ConfigError("no sensor: leave --no-laser out, or add --sonar")
         if self.sonar is not None and self.robot_radius < RING_RADIUS:
-            raise ConfigError(f"robot-radius {self.robot_radius:g}: the sonar ring needs {RING_RADIUS:.3g} m")
+            raise ConfigError(f"simulate.robot_radius {self.robot_radius:g}: the sonar ring needs {RING_RADIUS:.3g} m")
 
     @property
     def readings_per_scan(self) -> int:
@@ -86,6 +88,15 @@ def config_of(settings: Simulate, world: str, laser: bool, sonar: bool, **option
         sonar=SonarPhysics(max_range=settings.sonar_max_range) if sonar else None,
         **given,
     )
+
+
+def refuse_absent_sensor(sources: Mapping[str, str], laser: bool, sonar: bool) -> None:
+    """Raise UsageError for a setting of a sensor that the robot does not have; `sources`: keys to what has set them."""
+    for name, source in sources.items():
+        key = name.removeprefix("simulate.")
+        if (key in LASER and not laser) or (key == "sonar_max_range" and not sonar):
+            without = "there is --no-laser" if key in LASER else "there is no --sonar"
+            raise UsageError(f"{source}: {without}. Leave it out, or change that.")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -68,8 +68,9 @@ def test_the_older_line_has_the_pose_and_takes_the_ring_from_a_parameter():
     assert read(OFFSETS + old_sonar([1.5, 2.5]), cone=0.5).cone.tolist() == [0.5, 0.5]
 
 
-def test_a_parameter_line_of_the_logger_ends_in_time_and_host():
-    text = "PARAM base_sonar_offsets 0.1 0.2 0.5 0.1 -0.2 -0.5 1234.5 host 0.1\n" + old_sonar([1, 1])
+@pytest.mark.parametrize("end", ["", " 1234.5 host 0.1", " 1234.5 10.0.0.1 0.1"])
+def test_a_parameter_line_of_the_logger_may_end_in_time_and_host(end):
+    text = f"PARAM base_sonar_offsets 0.1 0.2 0.5 0.1 -0.2 -0.5{end}\n" + old_sonar([1, 1])
     assert read(text).notes.ring == RING
 
 

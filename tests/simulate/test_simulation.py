@@ -140,7 +140,7 @@ def test_an_empty_world_and_a_small_one(tmp_path: Path) -> None:
         ({"spacing": 0.0}, "spacing"),
         ({"spacing": 0.5}, "not both"),
         ({"readings": 10**20}, "readings"),
-        ({"robot_radius": -1.0}, "robot-radius"),
+        ({"robot_radius": -1.0}, "simulate.robot_radius"),
         ({"readings": 0}, "readings"),
         ({"laser": None}, "no sensor"),
         ({"sonar": SonarPhysics(), "robot_radius": 0.2}, "the sonar ring needs 0.211 m"),
