@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.commands import ROOT
 from mapq.cloud import PointCloud
-from mapq.io import read_cloud
+from mapq.io import ReadOptions, read_cloud
 from mapq.labels import label_from_field
 from mapq.patches import FROM_FIELD, NO_PATCH, PLAUSIBLE, Patches
 from mapq.posed import FindSettings, PosedScans, find_scans, read_poses
@@ -69,7 +69,9 @@ def kitti(data: Path, published: bool = False) -> PosedScans:
 
 def quad(data: Path) -> PosedScans:
     """Return five scans of New College, the points of planes alone."""
-    return find_scans([str(data / "newer_college_01")], FindSettings(pattern="planes_*", bin_columns=3))
+    return find_scans(
+        [str(data / "newer_college_01")], FindSettings(pattern="planes_*", options=ReadOptions(bin_columns=3))
+    )
 
 
 def hall(data: Path) -> PosedScans:

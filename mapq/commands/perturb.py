@@ -84,7 +84,7 @@ def perturb(
 
     loaded = load_configuration({"config": config, "assignments": assignments}, "perturb", "cloud").settings
     chosen = loaded.perturb
-    find = FindSettings(poses, calibration, pattern, chosen.quaternion, loaded.cloud.bin_columns)
+    find = FindSettings(poses, calibration, pattern, chosen.quaternion, loaded.cloud.options())
     posed = find_scans(scans, find)
     targets = target_files(output, force)
     refuse_inputs(targets, [*posed.names, poses, reference, calibration])

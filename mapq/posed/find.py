@@ -14,7 +14,7 @@ from mapq.cloud import PointCloud
 from mapq.io.clouds import parse_cloud, recognise
 from mapq.io.content import Content, suffix_of
 from mapq.io.e57 import e57_poses, open_e57, read_e57_scan
-from mapq.io.options import ReadOptions
+from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.ptx import read_ptx_scan
 from mapq.io.uos import read_uos_pose
 from mapq.posed.files import E57_SUFFIX, UOS_SUFFIX, natural_key, number_of, pose_file, scan_files, stamp_of
@@ -44,15 +44,15 @@ class FindSettings:
         Which files of a folder are scans, such as ``planes_*.bin``.
     quaternion : {"xyzw", "wxyz"} or None
         See :func:`mapq.posed.poses.read_poses`.
-    bin_columns : {3, 4}
-        Columns of .bin files.
+    options : ReadOptions
+        How to read a scan; E57 states all of it.
     """
 
     poses: str | None = None
     calibration: str | None = None
     pattern: str | None = None
     quaternion: str | None = None
-    bin_columns: int = 4
+    options: ReadOptions = AS_IT_IS
 
 
 def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> PosedScans:
@@ -74,19 +74,24 @@ def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> P
         If a pattern is given for files.
     """
     settings = settings or FindSettings()
-    if len(inputs) == 1 and Path(inputs[0]).is_dir():
+    is_folder = len(inputs) == 1 and Path(inputs[0]).is_dir()
+    if is_folder:
         files = scan_files(inputs[0], settings.pattern)
     elif settings.pattern is not None:
         raise UsageError("--scans chooses among the files of a folder, but files are given. Leave it out.")
     else:
         files = sorted(inputs, key=natural_key)
     for path in files:
+        if Path(path).is_dir():
+            raise InputError(f"{path}: this is a folder; give one folder alone, or files.")
         if not Path(path).is_file():
             raise InputError(f"{path}: no such file.")
     kinds = {suffix_of(path) for path in files}
     if E57_SUFFIX in kinds:
-        if settings.calibration is not None:
+        if settings.calibration not in (None, NO_CALIBRATION):
             raise InputError(f"{files[0]}: a calibration is not for E57, which has its poses. Leave out --calibration.")
+        if settings.options.unit is not None:
+            raise InputError(f"{files[0]}: E57 is in metres, as its poses are. Leave out cloud.unit.")
         scans = _e57_scans(files)
         return scans if settings.poses is None else replace_poses(scans, settings.poses, settings)
     if settings.poses is None and kinds == {UOS_SUFFIX}:
@@ -94,7 +99,7 @@ def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> P
         return _listed(files, np.array([read_uos_pose(str(path)) for path in beside]), None, settings)
     path = settings.poses or pose_file(files)
     table = read_poses(path, settings.quaternion)
-    rows = match_poses(files, table, path)
+    rows = match_poses(files, table, path, is_folder)
     times = table.times if table.times is not None else _times_beside(path, len(table.poses))
     poses = _sensor_poses(table, path, files, settings)[rows]
     return _listed(files, poses, None if times is None else times[rows], settings)
@@ -153,16 +158,18 @@ def _sensor_poses(
     return poses
 
 
-def match_poses(names: Sequence[str], table: PoseTable, path: str) -> NDArray[np.int64]:
+def match_poses(names: Sequence[str], table: PoseTable, path: str, is_folder: bool = False) -> NDArray[np.int64]:
     """Return the row (k,) of the table that is the pose of each scan.
 
     Scans whose names are times are matched by time, where the table has times; else one row a scan by order; else the
     last number in a scan's name picks the row of that name or, without names, of that place, from 0: as the poses of a
-    whole KITTI sequence and some of its scans.
+    whole KITTI sequence and some of its scans. `is_folder`: whether --scans can choose among the scans.
     """
     stamps = np.array([stamp_of(name) for name in names], np.float64)
     if table.times is not None and np.isfinite(stamps).all():
-        nearest = np.abs(table.times - stamps[:, None]).argmin(axis=1)
+        order = np.argsort(table.times, kind="stable")
+        middle = 0.5 * (table.times[order][1:] + table.times[order][:-1])
+        nearest = order[np.searchsorted(middle, stamps)]
         if len(set(nearest)) == len(names) and (np.abs(table.times[nearest] - stamps) <= SAME_TIME).all():
             return np.asarray(nearest)
     if len(table.poses) == len(names):
@@ -171,11 +178,25 @@ def match_poses(names: Sequence[str], table: PoseTable, path: str) -> NDArray[np
     known = {number: row for row, number in enumerate(keys)}
     rows = [known.get(number_of(name), -1) for name in names]
     if min(rows) < 0 or len(set(rows)) < len(rows) or np.isfinite(stamps).any():
+        advice = "Choose scans with --scans, or other poses." if is_folder else "Give other scans, or other poses."
         raise InputError(
             f"{path}: {len(table.poses)} poses for {len(names)} scans, and the numbers in the names of the scans do "
-            f"not identify theirs. Choose scans with --scans, or other poses with --poses."
+            f"not identify theirs. {advice}"
         )
+    if table.times is not None:
+        _refuse_other_numbers(names, rows, table.times, path)
     return np.array(rows, np.int64)
+
+
+def _refuse_other_numbers(names: Sequence[str], rows: list[int], times: NDArray[np.float64], path: str) -> None:
+    """Raise InputError if the first column may be numbers of scans, by which other rows are theirs than by place."""
+    row_of: dict[float | None, int] = {time: row for row, time in enumerate(times.tolist())}
+    by_number = [row_of.get(number_of(name), -1) for name in names]
+    if min(by_number) >= 0 and by_number != rows:
+        raise InputError(
+            f"{path}: is the first column times, or numbers of scans? By number {names[0]} has row {by_number[0] + 1}, "
+            f"by place row {rows[0] + 1}. Give a row a scan, or leave the column out."
+        )
 
 
 def _times_beside(poses: str, n_poses: int) -> NDArray[np.float64] | None:
@@ -198,8 +219,9 @@ def _listed(
     def load(number: int) -> PointCloud:
         content = Content(files[number])
         if recognise(content) == "ptx":  # with a pose of its own, which is not the one
-            return read_ptx_scan(content)
-        return parse_cloud(content, ReadOptions(bin_columns=settings.bin_columns))[1]
+            scan, unit = read_ptx_scan(content), settings.options.unit
+            return scan if unit is None else scan.in_unit(np.full(3, unit))
+        return parse_cloud(content, settings.options)[1]
 
     return PosedScans(tuple(files), poses, times, load, np.arange(len(files)), str(Path(files[0]).parent))
 

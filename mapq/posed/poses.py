@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.io.content import Content
+from mapq.io.fields import LARGEST_COORDINATE
 from mapq.posed.scans import driven
 from prf.shell.errors import InputError
 
@@ -86,6 +88,9 @@ def read_poses(path: str, quaternion: str | None = None) -> PoseTable:
         times, values = values[:, 0], values[:, 1:]
     if width == 16 and (np.diff(values[:, 15]) > 0.0).all() and (values[:, 15] != 1.0).any():
         times, values = values[:, 15].copy(), np.column_stack([values[:, :15], np.ones(len(values))])
+    far = np.flatnonzero((np.abs(values) > LARGEST_COORDINATE).any(axis=1))
+    if len(far):
+        raise InputError(f"{where[far[0]]}: a number is beyond {LARGEST_COORDINATE:g}. Remove this pose and its scan.")
     if width in (7, 8):
         return PoseTable(_of_quaternions(values, where, path, quaternion), names, times, is_matrix=False)
     return PoseTable(_of_matrices(values, where), None, times, is_matrix=width == 12)
@@ -98,7 +103,7 @@ def read_calibration(path: str) -> Floats:
         if name.strip() in CALIBRATION_ROWS:
             where = [f"{path}:{number}"]
             values = _numbers([rest.split()], where)
-            if values.shape != (1, 12):
+            if values.shape != (1, 12) or np.abs(values).max() > LARGEST_COORDINATE:
                 raise InputError(f"{where[0]}: not the 12 numbers of a 3x4 matrix. Give a calib.txt of KITTI.")
             return np.asarray(_of_matrices(values, where)[0])
     raise InputError(f"{path}: no row Tr: with the 12 numbers of the motion from laser to camera. Give a calib.txt.")
@@ -168,16 +173,17 @@ def _numbers(rows: list[list[str]], where: list[str]) -> Floats:
     """Return the numbers (k, w) in rows of text."""
     for fields, place in zip(rows, where, strict=True):
         for field in fields:
-            if not _is_number(field):
+            if not (_is_number(field) and math.isfinite(float(field))):
                 raise InputError(f"{place}: {field[:24]!r} is not a finite number. {LAYOUTS}")
     return np.array(rows, np.float64)
 
 
 def _is_number(text: str) -> bool:
     try:
-        return bool(np.isfinite(float(text)))
+        float(text)
     except ValueError:
         return False
+    return True
 
 
 def _of_matrices(values: Floats, where: list[str]) -> Floats:

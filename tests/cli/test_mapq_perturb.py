@@ -124,6 +124,7 @@ def test_sub_maps_without_right_poses_are_registered(folder: Path, capsys: pytes
         (["scans", "-o", "map.ply", "--scans", "b*"], 3, "--scans"),
         (["scans", "-o", "map.ply", "--calibration", "calib.txt"], 3, "--calibration"),
         (["no-folder", "-o", "map.ply"], 3, "no-folder"),
+        (["scans", "scans", "-o", "map.ply"], 3, "this is a folder"),
         (["scans", "-o", "no/such/map.ply"], 4, "no/such"),
         (["scans/0.ply", "--poses", "scans/poses.txt", "-o", "scans/0.ply", "-f"], 2, "is an input"),
         (["scans", "-o", "scans/0.ply", "-f"], 2, "is an input"),

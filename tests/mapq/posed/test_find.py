@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
-from mapq.io import write_ply
+from mapq.io import ReadOptions, write_ply
 from mapq.posed import FindSettings, find_scans, replace_poses
 from mapq.posed.files import family, natural_key, number_of
 from prf.shell.errors import InputError, UsageError
@@ -99,6 +99,20 @@ def test_names_in_graph_txt_are_matched_by_their_numbers(tmp_path):
     text = "".join(f"v{number} {number} 0 0 0 0 0 1\n" for number in range(0, 20, 1))
     (folder / "graph.txt").write_text(text)
     assert find_scans([str(tmp_path)]).poses[:, 0, 3].tolist() == [4.0, 9.0]
+
+
+def test_a_first_column_that_may_number_the_scans_is_refused(tmp_path):
+    text = "".join(f"{number} {2.0 * number} 0 0 0 0 0 1\n" for number in range(1, 7))
+    make_folder(tmp_path, ["000001.ply", "000002.ply", "000003.ply"], text)
+    with pytest.raises(InputError, match="is the first column times, or numbers of scans"):
+        find_scans([str(tmp_path)])
+
+
+@pytest.mark.parametrize("unit", [None, 0.01])
+def test_scans_are_read_in_the_unit_that_is_given(unit, tmp_path):
+    make_folder(tmp_path, ["0.ply", "1.ply"], poses_text(2))
+    scan = find_scans([str(tmp_path)], FindSettings(options=ReadOptions(unit=unit))).read(1)
+    assert scan.metric_of(scan.xyz)[0].tolist() == pytest.approx((np.arange(100.0, 103.0) * (unit or 1.0)).tolist())
 
 
 @pytest.mark.parametrize(

@@ -77,6 +77,8 @@ def test_rounded_rotations_become_exact(tmp_path):
         ("0 0 0 0 0 0 1\n\n0 0 0 0 0 1\n", "poses.txt:3: 6 columns, but 7 before"),
         ("0 0 0 0 0 0 1\n0 0 x 0 0 0 1\n", "poses.txt:2: 'x' is not a finite number"),
         ("0 0 0 0 0 0 1\n0 0 nan 0 0 0 1\n", "poses.txt:2: 'nan' is not a finite number"),
+        (f"0 {'0 ' * 6}1\nnan {'0 ' * 6}1\n", "poses.txt:2: 'nan' is not a finite number"),
+        ("0 0 0 0 0 0 1\n0 1e200 0 0 0 0 1\n", "poses.txt:2: a number is beyond 1e"),
         ("0 0 0 0 0 0 1\n0 0 0 1 0 0 1\n", r"poses.txt:2: the last four .* no unit quaternion \(length 1.41"),
         ("1 0 0 0 0 2 0 0 0 0 1 0\n", "poses.txt:1: the matrix of this pose is no rotation"),
         ("1 0 0 0 0 1 0 0 0 0 -1 0\n", "poses.txt:1: the matrix of this pose mirrors"),

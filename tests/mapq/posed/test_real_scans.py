@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from mapq.io import ReadOptions
 from mapq.posed import FindSettings, find_scans
 from prf.shell.errors import InputError
 
@@ -22,7 +23,7 @@ def overlap(scans, placed, step=40, within=0.2):
 
 CASES = [
     ("kitti00_map-metrics", {"calibration": "derived/calib_Tr.txt"}, 20, 0.15),
-    ("newer_college_01", {"pattern": "planes_*", "bin_columns": 3}, 5, 0.3),
+    ("newer_college_01", {"pattern": "planes_*", "options": ReadOptions(bin_columns=3)}, 5, 0.3),
     ("plane_localization_hall", {"quaternion": "wxyz"}, 11, 0.1),
     ("3dtk_dat", {}, 2, 0.2),
 ]
