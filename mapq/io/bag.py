@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
 from mapq.io.content import ACCEPTED, Content
-from mapq.io.fields import Array, axes_of, cloud_of_world, joined_fields
+from mapq.io.fields import Array, axes_of, cloud_of_world, joined_fields, refuse_doubles
 from mapq.io.options import ReadOptions
 from prf.shell.bag import Bag, Message, bag_in, open_bag, seconds
 from prf.shell.errors import ConfigError, InputError
@@ -107,7 +107,9 @@ def _scans(bag: Bag, topic: str) -> list[_Scan]:
 def _parse(message: Message, where: str) -> _Scan:
     """Return the points of a message, whose rows may be padded."""
     body = message.body
-    dtype, data, width = _row_type(body), np.asarray(body.data, np.uint8), int(body.width)
+    dtype, data, width = _row_type(body, where), np.asarray(body.data, np.uint8), int(body.width)
+    if body.height > 1 and body.row_step < width * dtype.itemsize:
+        raise InputError(f"{where}: a row of {width} points does not fit into {body.row_step} bytes. Record it anew.")
     lines = [np.frombuffer(data, dtype, width, row * int(body.row_step)) for row in range(int(body.height))]
     rows = np.concatenate([np.empty(0, dtype), *lines])
     names = list(dtype.names or ())
@@ -117,7 +119,7 @@ def _parse(message: Message, where: str) -> _Scan:
     return _Scan(frame_name(body.header.frame_id), seconds(body.header.stamp, message.received), points, fields)
 
 
-def _row_type(body: Any) -> np.dtype[np.void]:
+def _row_type(body: Any, where: str) -> np.dtype[np.void]:
     """Return the type of a point; between the fields there may be padding."""
     order = ">" if body.is_bigendian else "<"
     names, formats, offsets = [], [], []
@@ -126,6 +128,7 @@ def _row_type(body: Any) -> np.dtype[np.void]:
         names.append(str(field.name))
         formats.append((order + TYPES[field.datatype], (count,) if count > 1 else ()))
         offsets.append(int(field.offset))
+    refuse_doubles(names, where)
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": int(body.point_step)})
 
 

@@ -111,6 +111,13 @@ def warn_dropped(names: Sequence[str], source: str, why: str = "not numbers") ->
         logger.warning("%s: %s dropped: %s", source, what, why)
 
 
+def refuse_doubles(names: Sequence[str], source: str) -> None:
+    """Refuse a name of two fields."""
+    doubled = [name for number, name in enumerate(names) if name in names[:number]]
+    if doubled:
+        raise InputError(f"{source}: there are two fields {doubled[0]}. Rename one of them.")
+
+
 def columns_of(table: Array) -> dict[str, Array]:
     """Return the columns of a structured array (n,), views of it."""
     return {name: table[name] for name in table.dtype.names or ()}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -58,8 +60,9 @@ def _likely_columns(size: NDArray[np.float32], n_columns: int) -> int:
 
 def _spread(size: NDArray[np.float32], n_columns: int) -> float:
     """Return by how much the typical sizes of the columns differ, as a natural logarithm."""
-    typical = np.nanmedian(np.where(np.isfinite(size), size, np.nan).reshape(-1, n_columns), axis=0)
-    least, most = float(np.nan_to_num(typical).min()), float(np.nan_to_num(typical).max())
+    columns = (column[np.isfinite(column)] for column in size.reshape(-1, n_columns).T)
+    typical = [float(np.median(column)) if len(column) else 0.0 for column in columns]
+    least, most = min(typical), max(typical)
     if least > 0.0:
-        return float(np.log(most / least))
+        return math.log(most / least)
     return float("inf") if most > 0.0 else 0.0

@@ -13,7 +13,7 @@ import numpy as np
 
 from mapq.cloud import PointCloud
 from mapq.io.content import Content
-from mapq.io.fields import Array, axes_of, columns_of, make_cloud
+from mapq.io.fields import Array, axes_of, columns_of, make_cloud, refuse_doubles
 from mapq.io.options import ReadOptions
 from mapq.io.text import as_count, parse_rows
 from prf.shell.errors import InputError
@@ -67,6 +67,7 @@ def parse_header(data: bytes, source: str) -> Header:
     encoding = " ".join(entries["DATA"]).lower()
     if encoding not in ("ascii", "binary", *COMPRESSED):
         raise InputError(f"{source}: DATA {encoding[:24]!r} is not known; ascii, binary and binary_compressed are.")
+    refuse_doubles([name for name, _, _ in dtype], source)
     return Header(np.dtype(dtype), _n_points(entries, source), encoding, n_lines, end)
 
 

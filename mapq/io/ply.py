@@ -16,7 +16,7 @@ import numpy as np
 
 from mapq.cloud import PointCloud
 from mapq.io.content import Content
-from mapq.io.fields import Array, axes_of, columns_of, free_name, make_cloud, scalar_columns
+from mapq.io.fields import Array, axes_of, columns_of, free_name, make_cloud, refuse_doubles, scalar_columns
 from mapq.io.options import ReadOptions
 from mapq.io.text import parse_rows
 from prf.shell.errors import InputError, OutputError
@@ -74,7 +74,9 @@ def read_ply(content: Content, options: ReadOptions) -> PointCloud:
     if "vertex" not in names:
         raise InputError(f"{source}: no element vertex; there are {', '.join(names) or 'none'}.")
     before, vertex = header.elements[: names.index("vertex")], header.elements[names.index("vertex")]
-    axes_of([name for name, _ in vertex.properties], source)
+    names = [name for name, _ in vertex.properties]
+    axes_of(names, source)
+    refuse_doubles(names, source)
     is_text, order = header.format == "ascii", ORDERS[header.format]
     if vertex.lists or (not is_text and any(element.lists for element in before)):
         raise InputError(f"{source}: lists in or before the vertices are not read. Save the cloud without them.")

@@ -17,7 +17,7 @@ import numpy as np
 
 from mapq.cloud import PointCloud
 from mapq.io.content import Content
-from mapq.io.fields import Array, axes_of, columns_of, make_cloud, warn_dropped
+from mapq.io.fields import Array, axes_of, columns_of, make_cloud, refuse_doubles, warn_dropped
 from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError
 
@@ -91,6 +91,7 @@ def read_text(content: Content, options: ReadOptions) -> PointCloud:
     fields = split_row(head.first_row)
     names = _names(head, len(_trimmed(fields)), source)
     axes = axes_of(names, source)
+    refuse_doubles(names, source)
     used = [column for column, name in enumerate(names) if name in axes or is_number(fields[column])]
     warn_dropped([name for column, name in enumerate(names) if column not in used], source)
     dtype = np.dtype([(names[column], np.float64) for column in used])

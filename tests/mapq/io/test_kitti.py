@@ -68,3 +68,10 @@ def test_the_option_is_checked_and_the_name_needed(tmp_path):
     assert "binary data of an unknown kind" in refusal(read_cloud, path)
     with pytest.raises(UsageError, match="bin_columns 5"):
         read_cloud(path, ReadOptions(5))
+
+
+def test_a_column_without_a_number_is_read_without_a_warning(tmp_path, recwarn):
+    values = scan(300, 4)
+    values[:, 3] = np.nan
+    assert len(read_cloud(save(tmp_path, "0.bin", values.tobytes()))) == 300
+    assert not recwarn.list
