@@ -116,7 +116,10 @@ def read_journal(journal: Path) -> tuple[str, list[Event]]:
 
 
 def _event(row: dict[str, Any]) -> Event:
-    return Event(int(row["patch"]), None if "undo" in row else WORDS[row["label"]])
+    patch = int(row["patch"])
+    if patch < 0:
+        raise ValueError(f"patch {patch}")
+    return Event(patch, None if "undo" in row else WORDS[row["label"]])
 
 
 class Journal:
@@ -145,6 +148,8 @@ class Journal:
         text = (self._head if is_new else "") + event.line()
         try:
             _append(self.file, text.encode())
+            if is_new:
+                _sync(self.file.parent)
         except OSError as error:
             raise cannot_write(self.file, error) from error
         self.events.append(event)
@@ -166,3 +171,12 @@ def _append(file: Path, data: bytes) -> None:
         except OSError:
             os.ftruncate(stream.fileno(), before)
             raise
+
+
+def _sync(folder: Path) -> None:
+    """Make the name of a new file outlast a power cut too."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

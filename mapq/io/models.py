@@ -183,6 +183,8 @@ def _parse_potential(path: Path, content: Mapping[str, Any]) -> Potential:
     for number, tree in enumerate(content["trees"]):
         begin = len(rows)
         roots.append(begin)
+        if not tree:
+            raise damaged(path, f"potential.trees.{number} has no node")
         for at, text in enumerate(tree):
             row = _parse_node(text, names, begin)
             if row[0] != LEAF and not all(begin + at < end < begin + len(tree) for end in row[2:4]):

@@ -90,6 +90,7 @@ def test_labels_of_other_patches_are_left_alone_with_a_warning(saved, caplog):
 @pytest.mark.parametrize(
     "line",
     [
+        '{"patch": -1, "label": "plausible"}',
         *("{", "[]", "{}", '{"patch": 1, "label": "odd"}', '{"patch": 99, "label": "plausible"}'),
     ],
 )

@@ -158,6 +158,7 @@ def test_a_threshold_of_known_against_unknown_is_kept(tmp_path):
     ("place", "value"),
     [
         ("base", None),
+        ("trees", [["leaf 1"], []]),
         *(
             ("trees", [[text, "leaf 1", "leaf 2"]])
             for text in ("colour 0.1 1 2 left 0.2", "fit 0.1 0 2 left 0.2", "fit 0.1 1 3 left 0.2", "fit 0.1 1 2 left")
