@@ -28,6 +28,8 @@ TITLES = {
     "probability": "Probability that a patch is suspicious",
     "patch": "Plane patches",
 }
+MARK = "suspicious"
+"""Field that a cloud without patches is drawn by, where it has it."""
 MOST_DRAWN = 4_000_000
 """Points of a result in tiles that are drawn."""
 
@@ -48,11 +50,15 @@ def read_picture(
 ) -> Picture:
     """Read a result (one cloud, or a folder of tiles), a PATCHES file or a cloud, and colour its points.
 
-    `colour`: default: labels where there are any, else patches. `field`: for colour ``field``: a 0/1 point field, 1
-    shown as suspicious. `options`: as for :func:`mapq.io.read_cloud`. Raises InputError if the file has not what the
-    colour needs.
+    `colour`: default: labels where there are any, those of points too, else patches. `field`: for colour ``field``: a
+    0/1 point field, 1 shown as suspicious. `options`: as for :func:`mapq.io.read_cloud`. Raises InputError if the file
+    has not what the colour needs.
     """
-    return _picture(_read_points(path, options, field), colour, field)
+    points = _read_points(path, options, field)
+    is_bare = points.probability is None and bool((points.patch == NO_PATCH).all())
+    if colour is None and is_bare and MARK in points.cloud.fields:  # as in a map of mapq perturb
+        return _picture(points, "field", MARK)
+    return _picture(points, colour, field)
 
 
 def picture_of(map: Patches | Result) -> Picture:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -26,3 +28,11 @@ def test_a_part_of_a_result_counts_the_patches_in_it(result):
     cloud = read_cloud(str(result))
     write_ply(result, cloud.take(np.flatnonzero(cloud.fields["patch"] == 31)))
     assert "1 patches" in read_picture(str(result)).subtitle
+
+
+def test_a_cloud_with_labels_of_points_is_drawn_by_these(result):
+    cloud = read_cloud(str(result))
+    write_ply(result, replace(cloud, fields={"suspicious": cloud.fields["suspicious"]}))
+    picture = read_picture(str(result))
+    assert picture.title == "Field suspicious"
+    assert picture.scheme.layer.max() == 2
