@@ -41,7 +41,7 @@ class Segment(Table):
 
 
 class Cloud(Table):
-    """How a cloud is read (docs/clouds.md), by segment, classify, inspect and perturb."""
+    """How a cloud is read (docs/clouds.md), by segment, classify, inspect, render, compare and perturb."""
 
     bin_columns: Literal[3, 4] = key(4, "", "columns of a KITTI .bin: 4 with intensity, or 3")
     unit: float | None = key(None, "m", "unit of the coordinates; that of a LAS file, else metres")

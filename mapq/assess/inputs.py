@@ -61,12 +61,12 @@ def feature_settings(model: Model) -> FeatureSettings:
 def read_input(path: str, options: ReadOptions = AS_IT_IS) -> Patches | PointCloud:
     """Read PATCHES or a cloud, whichever `path` is; ``-`` is standard input.
 
-    Raises InputError as :func:`mapq.io.read_patches` and :func:`mapq.io.read_cloud`; UsageError if a unit is given for
-    PATCHES.
+    Raises InputError as :func:`mapq.io.read_patches` and :func:`mapq.io.read_cloud`; UsageError if options are given
+    for PATCHES.
     """
     content = Content(path)
     if holds_patches(content):
-        options.refuse_unit(path)
+        options.refuse_given(path)
         return parse_patches(content.data(), path)
     return parse_cloud(content, options)[1]
 

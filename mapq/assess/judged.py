@@ -9,10 +9,13 @@ from numpy.typing import NDArray
 
 from mapq.assess.inputs import StoredResult, read_map
 from mapq.assess.result import AREA, Result, assess
+from mapq.io.options import AS_IT_IS, ReadOptions
+from mapq.io.patches import is_patches
 from mapq.model import Model
 from mapq.patches import NO_PATCH, Patches
 from mapq.segmentation import segment
 from prf.shell.errors import UsageError
+from prf.shell.files import STREAM
 from prf.shell.storage import damaged
 
 COLUMNS = (AREA, "n_points", "p_suspicious", "low", "disagreement_m", "high")
@@ -34,13 +37,14 @@ class Judged(NamedTuple):
     source: str
 
 
-def read_judged(path: str, model: Model | None, cell: float = 1.0) -> Judged:
+def read_judged(path: str, model: Model | None, cell: float = 1.0, options: ReadOptions = AS_IT_IS) -> Judged:
     """Return what is inferred about the map in a RESULT, or what `model` infers about PATCHES or a cloud.
 
     Of a result all points of a patch in one cube of `cell` metres count as one. Raises UsageError if a model is given
     for a result, which has labels already.
     """
-    found = read_map(path)
+    is_segmented = path != STREAM and is_patches(path)  # options may be for the other map
+    found = read_map(path, AS_IT_IS if is_segmented else options)
     if not isinstance(found, StoredResult):
         return judge(assess(found if isinstance(found, Patches) else segment(found), model), path)
     if model is not None:

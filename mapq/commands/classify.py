@@ -134,6 +134,7 @@ def _classify(
     from mapq.api import classify as label
     from mapq.configuration import sources_of
     from mapq.io import is_patches
+    from mapq.io.options import AS_IT_IS
     from mapq.io.results import claim_result, json_beside
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM
@@ -141,8 +142,11 @@ def _classify(
 
     file, model, _ = inputs
     assert file is not None
-    if has_preset and file != STREAM and is_patches(file):
-        raise UsageError(f"{file} is segmented already: a --preset is for clouds.")
+    if file != STREAM and is_patches(file):
+        if has_preset:
+            raise UsageError(f"{file} is segmented already: a --preset is for clouds.")
+        if not any(each.startswith("--") for each in sources_of(chosen, "cloud").values()):
+            options = AS_IT_IS  # what a file of settings has is for other maps
     claim_result(target, force)
     refuse_inputs([target, json_beside(target)], inputs)
     return label(

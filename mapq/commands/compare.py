@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mapq.commands._options import ModelFile, is_verbose, parse_share
-from prf.shell.options import Json
+from prf.shell.options import Assignments, Json
 
 if TYPE_CHECKING:
     from mapq.assess.compare import Comparison, Place
@@ -50,6 +50,7 @@ def compare(
             help="Exit 1 if B has a larger share of suspicious area than A, by more than this: 0, 0.01 or 1%.",
         ),
     ] = None,
+    assignments: Assignments = None,
     json: Json = False,
 ) -> None:
     """Compare two maps of one place: which is better, and where.
@@ -62,13 +63,15 @@ def compare(
     from mapq.assess.compare import check_cell, comparison_content
     from mapq.assess.compare import compare as compare_maps
     from mapq.assess.judged import read_judged
+    from mapq.configuration import load_configuration
     from mapq.io.models import read_model
     from prf.shell import console, jsonout
     from prf.shell.errors import CheckFailed
 
     used = read_model(model) if model is not None else None
     check_cell(cell)
-    one, other = (read_judged(name, used, cell=cell) for name in (first, second))
+    options = load_configuration({"assignments": assignments}, "cloud").settings.cloud.options()
+    one, other = (read_judged(name, used, cell, options) for name in (first, second))
     found = compare_maps(one, other, cell)
     if found.covered.max() < LITTLE:
         logger.warning(

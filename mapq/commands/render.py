@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from mapq.commands._options import Unit
-from prf.shell.options import Force, Output
+from prf.shell.options import Assignments, Force, Output
 
 logger = logging.getLogger(__name__)
 
@@ -55,6 +55,7 @@ def render(
     ] = None,
     view: Annotated[View, typer.Option("--view", help="Plan view, 3D view, or one above the other.")] = View.both,
     unit: Unit = None,
+    assignments: Assignments = None,
     output: Output = None,
     force: Force = False,
 ) -> None:
@@ -62,7 +63,7 @@ def render(
 
     The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG in the current folder.
     """
-    from mapq.io import ReadOptions
+    from mapq.configuration import load_configuration
     from mapq.render import read_picture
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM
@@ -71,7 +72,7 @@ def render(
 
     if (colour is Colour.field) != (field is not None):
         raise UsageError("--colour field and --field NAME go together.")
-    options = ReadOptions(unit=unit)
+    options = load_configuration({"assignments": assignments, "unit": unit}, "cloud").settings.cloud.options()
     target = output or f"{PurePath(file).stem if file != STREAM else 'map'}.png"
     picture_format(target)
     claim_output(target, force, inputs=[file])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,6 +25,8 @@ from mapq.io.results import PATCH, RESULT_FIELDS, patch_counts, read_result_json
 from mapq.patches import FROM_FIELD, FROM_HAND, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.errors import InputError
 from prf.shell.files import STREAM
+
+logger = logging.getLogger(__name__)
 
 SAMPLE = 2000
 """Points whose nearest neighbour is looked for: enough for the median to within a few per cent."""
@@ -122,7 +125,7 @@ def describe(path: str, options: ReadOptions = AS_IT_IS) -> Description:
     if found.head[:64].lstrip().startswith(b"{") and suffix_of(path) != ".bin":
         return _describe_json(found)
     if holds_patches(found):
-        options.refuse_unit(path)
+        options.refuse_given(path)
         patches = parse_patches(found.data(), path)
         content = {"parameters": patches.parameters, "report": patches.report}
         return Description(path, "patches", PATCHES_SCHEMA, _cloud(patches.cloud), _patches(patches), _brief(content))
@@ -242,8 +245,12 @@ def _beside(path: str) -> dict[str, Any]:
     beside = Path(path).with_suffix(".json")
     if path == STREAM or not beside.is_file():
         return {}
-    head, patches = read_result_json(beside)
-    return {**_brief(head), "patches": f"{sum(1 for _ in patches)} entries"}
+    try:
+        head, patches = read_result_json(beside)
+        return {**_brief(head), "patches": f"{sum(1 for _ in patches)} entries"}
+    except InputError as error:  # it may be another program's
+        logger.warning("%s It is left out", error)
+        return {}
 
 
 def _brief(content: Mapping[str, Any]) -> dict[str, Any]:

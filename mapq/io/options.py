@@ -39,11 +39,12 @@ class ReadOptions:
         if self.unit is not None and not 1e-9 <= self.unit <= 1e6:
             raise UsageError(f"unit {self.unit:g} is not a length from 1e-09 to 1e+06 m.")
 
-    def refuse_unit(self, path: str) -> None:
-        """Raise UsageError if a unit is given for the PATCHES file `path`, which holds its own."""
-        if self.unit is not None:
+    def refuse_given(self, path: str) -> None:
+        """Raise UsageError if anything is given for the PATCHES file `path`, which holds its unit."""
+        given = [name for name, value in vars(self).items() if value != getattr(AS_IT_IS, name)]
+        if given:
             raise UsageError(
-                f"{path} is segmented already, and holds its unit. Leave --unit out, or segment the cloud with it."
+                f"{path} is segmented already, and holds its unit: leave the {given[0]} out, or segment anew."
             )
 
 

@@ -157,3 +157,10 @@ def test_a_missing_default_model_is_reported_with_advice(capsys, tmp_path, monke
     code, _, err = call(capsys, "classify", save_patches(tmp_path), "-o", tmp_path / "r.ply")
     assert (code, err.count("\n")) == (3, 1)
     assert "mapq train" in err
+
+
+def test_a_file_of_settings_may_be_for_clouds_too(capsys, tmp_path):
+    settings = tmp_path / "site.toml"
+    settings.write_text("[cloud]\ntopic = 'points'\n")
+    args = ("classify", save_patches(tmp_path), "--model", save_model(tmp_path), "--config", settings)
+    assert call(capsys, *args, "-o", tmp_path / "a.ply")[0] == 0

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from mapq.io import write_patches
+from mapq.io import read_patches, write_patches
 from tests.cli.mapq_samples import call, call_json, save_model
 from tests.mapq.factories import sample_patches, wall
 
@@ -71,3 +71,12 @@ def test_a_result_without_its_json_is_named(capsys, files, tmp_path):
     code, _, err = call(capsys, "compare", result, result)
     assert (code, err.count("\n")) == (3, 1)
     assert "the JSON of this result is not beside it" in err
+
+
+def test_columns_of_kitti_are_for_the_cloud_alone(capsys, files, tmp_path):
+    clean, _, model = files
+    scan = tmp_path / "scan.bin"
+    scan.write_bytes(read_patches(clean).cloud.world().astype("<f4").tobytes())
+    args = ("compare", clean, scan, "--model", model)
+    assert call(capsys, *args, "--set", "cloud.bin_columns=3")[0] == 0
+    assert call(capsys, *args, "--set", "cloud.bin_columns=5")[0] == 2

@@ -95,6 +95,8 @@ def test_patches_hold_their_unit(capsys, tmp_path):
         code, out, err = call(capsys, verb, path, "--unit", "mm")
         assert (code, out) == (2, "")
         assert "holds its unit" in err
+        code, _, err = call(capsys, verb, path, "--set", "cloud.topic=a")
+        assert (code, "leave the topic out" in err) == (2, True)
 
 
 def result_file(tmp_path) -> str:
@@ -121,7 +123,7 @@ def test_a_result(capsys, tmp_path):
     assert rows_of(run(capsys, str(tmp_path / "a.classified.json"))[1])["kind"] == "result (mapq.result/1)"
     save(tmp_path, "a.classified.json", "{,}")
     code, out, err = run(capsys, path)
-    assert (code, out) == (3, "")
+    assert (code, rows_of(out)["kind"]) == (0, "result (ply)")
     assert "a.classified.json:1: damaged" in err
 
 

@@ -61,6 +61,7 @@ CASES = (
     (f"{CLASSIFY} -o out.json", 2, "two files"),
     (f"{CLASSIFY} -o out.ply --max-tilt 10", 2, "segmented already"),
     (f"{CLASSIFY} -o out.ply --unit ft", 2, "holds its unit"),
+    (f"{CLASSIFY} -o out.ply --topic t", 2, "leave the topic out"),
     (f"{CLASSIFY} -o no/such/folder/out.ply", 4, "there is no folder"),
     (f"{CLASSIFY} -o out.ply --fail-over 5", 2, "Give one such as 0.05 or 5%"),
     (f"{CLASSIFY} -o out.ply --fail-over nan", 2, "Give one such as 0.05 or 5%"),
