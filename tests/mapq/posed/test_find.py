@@ -301,3 +301,11 @@ def test_names():
     assert number_of("/a1/scan007.3d.gz") == 7
     assert number_of("map.ply") is None
     assert family(Path("a/1305031102.1753.pcd.gz")) == "a/*.pcd"
+
+
+def test_a_pattern_is_advised_for_a_folder_alone(tmp_path):
+    folder = make_folder(tmp_path, ["4.ply", "9.ply"], poses_text(6))
+    for inputs, advised in (([folder], True), ([folder / "4.ply", folder / "9.ply"], False)):
+        with pytest.raises(InputError, match="6 poses for 2 scans") as error:
+            find_scans([str(path) for path in inputs])
+        assert ("--scans" in str(error.value)) == advised
