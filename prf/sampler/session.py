@@ -22,7 +22,7 @@ from prf.kernels import step
 from prf.kernels._jit import CACHE
 from prf.posterior import Settings
 from prf.run import PosteriorImage, Progress, Run, names, read_manifest, read_run, write_run
-from prf.run.write import make_folder, remove_half_written, remove_stale_outputs, remove_unfinished
+from prf.run.write import make_folder, remove_half_written, remove_stale_outputs, remove_unfinished, write_manifest
 from prf.sampler.chains import Sampler
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
 from prf.sampler.prepare import Prepared, describe_readings, ladder_plan, make_settings
@@ -140,9 +140,12 @@ class Session:
         try:
             make_folder(self.folder)
             save_checkpoint(self.folder, self.sampler, self.identity())
-            if picture:
+            if not picture:
+                write_run(self.folder, run)
+            else:  # a picture that fails must not cost the draws, nor be taken for drawn
+                write_run(self.folder, dataclasses.replace(run, manifest={**run.manifest, "status": "running"}))
                 run.draw(self.folder / names.PICTURE)
-            write_run(self.folder, run)
+                write_manifest(self.folder, run.manifest)
         except OutputError:
             remove_unfinished(self.folder)
             raise

@@ -108,8 +108,19 @@ def open_bag(path: Path, source: str) -> Iterator[Bag]:
             reader.open()
         try:
             yield Bag(reader, source)
+        except AttributeError as error:
+            _refuse_own_type(error, source)
+            raise
         finally:
             reader.close()
+
+
+def _refuse_own_type(error: AttributeError, source: str) -> None:
+    """Raise InputError if it is a message that lacks something: a bag brings the definitions of its types with it."""
+    package, found, name = type(error.obj).__name__.partition("__msg__")
+    if found:
+        lacks = f"its {package}/{name} has no {error.name}"
+        raise InputError(f"{source}: {lacks}. Record it with the standard messages of ROS.") from error
 
 
 def _named(path: Path, folder: Path) -> Path:

@@ -31,19 +31,26 @@ os.register_at_fork(after_in_child=_temporary.clear)
 
 @contextmanager
 def open_input(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
-    """Open `path` for reading bytes; ``-`` is standard input. InputError if it cannot be opened, or the disk fails."""
+    """Open `path` for reading bytes; ``-`` is standard input. InputError if it cannot be opened or read."""
     if os.fspath(path) == STREAM:
-        yield sys.stdin.buffer
+        with _read_errors("standard input"):
+            yield sys.stdin.buffer
         return
     try:
         stream = open(path, "rb")  # noqa: SIM115 - closed below; errors of the block are not of opening
     except OSError as error:
         raise InputError(f"{path}: {system_reason(error)}.") from error
+    with _read_errors(path), stream:
+        yield stream
+
+
+@contextmanager
+def _read_errors(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Turn the system's refusal to read on into an InputError; not what concerns other files, or is of writing."""
     try:
-        with stream:
-            yield stream
+        yield
     except OSError as error:
-        if error.errno != errno.EIO:
+        if error.filename is not None or error.errno in (None, errno.EPIPE, *FULL):
             raise
         raise InputError(f"{path}: cannot be read ({system_reason(error)}).") from error
 
@@ -93,12 +100,13 @@ def atomic_write(path: str | os.PathLike[str], binary: bool = False, sync: bool 
 class Group:
     """Whole files under temporary names, which take their places together; made by :func:`together`.
 
-    The last one makes the others a result: its predecessor is removed first, and it is placed last.
+    The last one makes the others a result: its predecessor is put aside first, and it is placed last.
     """
 
     def __init__(self) -> None:
         self._made: dict[Path, str] = {}
         self._dropped: list[Path] = []
+        self._old: dict[Path, Path] = {}
 
     def add(self, made: str, target: Path) -> None:
         """Have the file `made`, on the same disk, become `target` in the end."""
@@ -106,7 +114,7 @@ class Group:
 
     def drop(self, target: Path) -> None:
         """Have a file of an older output removed in the end, if there is one."""
-        self._dropped.append(target)
+        self._dropped.append(Path(os.path.realpath(target)))
 
     def where(self, target: Path) -> Path | None:
         """Return where the file that will be `target` is until then, None if there will be none."""
@@ -114,13 +122,37 @@ class Group:
         return None if made is None else Path(made)
 
     def take_places(self) -> None:
-        """Move all files to their places."""
-        for target in (*list(self._made)[-1:], *self._dropped):
-            with write_errors(target):
-                target.unlink(missing_ok=True)
+        """Move all files to their places; if one cannot be moved, all old files are back in theirs."""
+        try:
+            for target in (*reversed(self._made), *self._dropped):
+                if target.is_file():
+                    self._put_aside(target)
+            for target, made in self._made.items():
+                with write_errors(target):
+                    os.replace(made, target)
+        except BaseException:
+            self._take_back()
+            raise
+        for aside in self._old.values():
+            remove_temporary(str(aside.parent))
+
+    def _put_aside(self, target: Path) -> None:
+        """Move an old file into a folder of its own, which a later process takes for a leftover."""
+        with write_errors(target):
+            folder = tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".work", dir=target.parent)
+            self._old[target] = Path(folder, target.name)
+            os.replace(target, self._old[target])
+
+    def _take_back(self) -> None:
         for target, made in self._made.items():
-            with write_errors(target):
-                os.replace(made, target)
+            if not os.path.exists(made):  # it has taken its place
+                with suppress(OSError):
+                    target.unlink()
+        for target, aside in self._old.items():
+            with suppress(OSError):
+                if aside.exists():
+                    os.replace(aside, target)
+                aside.parent.rmdir()
 
     def remove(self) -> None:
         """Remove what has not taken its place."""
@@ -133,7 +165,10 @@ _group: ContextVar[Group | None] = ContextVar("_group", default=None)
 
 @contextmanager
 def together() -> Iterator[Group]:
-    """Move files that :func:`atomic_write` writes in the block to their places at its end; none after an error."""
+    """Move files that :func:`atomic_write` writes in the block to their places at its end.
+
+    After an error, of moving too, all old files are as they were, and there is no new one.
+    """
     group = Group()
     before = _group.set(group)
     try:

@@ -82,24 +82,39 @@ def exclusive(*paths: str | os.PathLike[str]) -> Iterator[None]:
 @contextmanager
 def _locked(target: Path) -> Iterator[None]:
     lock = target.with_name(f".{target.name}.lock")
-    with write_errors(target):
-        lock.parent.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        # Whoever opened the file before its last holder removed it has locked a file that is no longer there.
-        is_current = lock.exists() and os.path.samestat(os.fstat(descriptor), os.stat(lock))
-    except OSError:
-        is_current = False
-    if not is_current:
+    descriptor = _lock(lock, target)
+    # Whoever opened the file before its last holder removed it has locked a file that is no longer there.
+    while not _is_current(descriptor, lock):
         os.close(descriptor)
-        raise OutputError(f"{target}: another process is writing it. Wait for it, or choose another output.")
+        descriptor = _lock(lock, target)
     mark_temporary(str(lock))
     try:
         yield
     finally:
         remove_temporary(str(lock))
         os.close(descriptor)
+
+
+def _lock(lock: Path, target: Path) -> int:
+    """Return the descriptor of the lock file of `target`, open and locked."""
+    with write_errors(target):
+        lock.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        message = f"{target}: another process is writing it. Wait for it, or choose another output."
+        raise OutputError(message) from None
+    return descriptor
+
+
+def _is_current(descriptor: int, lock: Path) -> bool:
+    """Return whether the open file is still the one at `lock`."""
+    try:
+        return os.path.samestat(os.fstat(descriptor), os.stat(lock))
+    except FileNotFoundError:
+        return False
 
 
 def refuse_existing(path: str | os.PathLike[str], force: bool, is_folder: bool = False) -> None:

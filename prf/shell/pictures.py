@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import IO, TYPE_CHECKING, Any, Protocol
@@ -62,6 +63,8 @@ def rgb(colour: str) -> tuple[int, int, int]:
     return red, green, blue
 
 
+NO_LETTERS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
+"""What fonts and XML cannot show: control characters but the end of a line, bytes of names that are no UTF-8."""
 DPI = 160
 FORMATS = ("png", "svg", "pdf")
 LARGEST_WIDTH = 9.0
@@ -193,12 +196,22 @@ def counted(n: int, noun: str) -> str:
 
 def save(page: Figure, target: Target) -> None:
     """Write a page; the format is that of the file's suffix, PNG for streams."""
+    _spell_out(page)
     if not isinstance(target, str | os.PathLike):
         page.savefig(target, format="png", dpi=DPI)
         return
     kind = picture_format(target)
     with open_output(target, binary=True) as stream:
         page.savefig(stream, format=kind, dpi=DPI)
+
+
+def _spell_out(page: Figure) -> None:
+    """Write what has no letters (`NO_LETTERS`) as escapes."""
+    from matplotlib.text import Text
+
+    for text in page.findobj(Text):
+        assert isinstance(text, Text)
+        text.set_text(NO_LETTERS.sub(lambda found: repr(found[0])[1:-1], text.get_text()))
 
 
 def picture_format(path: str | os.PathLike[str]) -> str:

@@ -6,7 +6,7 @@ import logging
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any, NoReturn
@@ -47,26 +47,35 @@ def _handled(signals: Sequence[signal.Signals], handler: Callable[[int, FrameTyp
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {number: signal.getsignal(number) for number in signals}
-    taken = {number: old for number, old in before.items() if old not in (None, signal.SIG_IGN)}
-    for number in taken:
+    before = _handlers(signals)
+    for number in before:
         signal.signal(number, handler)
     try:
         yield
     finally:
-        for number, old in taken.items():
-            signal.signal(number, old)
+        _restore(before)
+
+
+def _handlers(signals: Sequence[signal.Signals]) -> dict[signal.Signals, Any]:
+    """Return the handlers of signals, but of those that are ignored, or handled outside Python."""
+    before = {number: signal.getsignal(number) for number in signals}
+    return {number: old for number, old in before.items() if old not in (None, signal.SIG_IGN)}
+
+
+def _restore(handlers: Mapping[signal.Signals, Any]) -> None:
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
 
 
 @contextmanager
 def graceful_stop(signals: Sequence[signal.Signals] = _STOPPING) -> Iterator[StopFlag]:
-    """Turn the first SIGINT or SIGTERM (or other `signals`) into a :class:`StopFlag`; the second ends the tool."""
+    """Turn the first SIGINT or SIGTERM (or other `signals`) into a :class:`StopFlag`; the second acts as without it."""
     flag = StopFlag()
+    before = _handlers(signals)
 
-    def request(number: int, frame: FrameType | None) -> None:
-        if flag.requested:
-            _end(number, frame)
+    def request(number: int, _frame: FrameType | None) -> None:
         flag.signal_number = number
+        _restore(before)
         logger.info("stopping in good order; once more to stop at once")
 
     with _handled(signals, request):

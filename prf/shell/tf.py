@@ -127,7 +127,7 @@ def _at(edge: _Edge, time: FloatArray) -> Rigid:
     last = dict(zip(edge.time, edge.pose, strict=True))
     stamps = np.array(sorted(last))
     pose = np.array([last[stamp] for stamp in stamps.tolist()])
-    if edge.is_static or len(stamps) == 1:
+    if edge.is_static or (pose == pose[0]).all():
         found = np.tile(edge.pose[-1], (len(time), 1))
         return Rigid(found[:, :3], found[:, 3:], np.ones(len(time), dtype=bool))
     shift = np.column_stack([np.interp(time, stamps, column) for column in pose[:, :3].T])

@@ -3,6 +3,7 @@ from __future__ import annotations
 import errno
 import os
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
@@ -45,3 +46,14 @@ def test_a_disk_that_fails_is_not_taken_for_a_damaged_bag(tmp_path: Path, monkey
     file.touch()
     with pytest.raises(InputError, match=r"^a log: cannot be read \(input/output error\)\.$"), open_bag(file, "a log"):
         pass
+
+
+def test_messages_that_lack_what_their_type_has_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rosbags.highlevel.AnyReader", mock.MagicMock())
+    monkeypatch.setattr("prf.shell.bag.Bag", mock.MagicMock())
+    body = type("sensor_msgs__msg__LaserScan", (), {})()
+    words = r"^a log: its sensor_msgs/LaserScan has no range_max\. Record"
+    with pytest.raises(InputError, match=words), open_bag(tmp_path, "a log"):
+        _ = body.range_max
+    with pytest.raises(AttributeError, match="nothing"), open_bag(tmp_path, "a log"):
+        _ = tmp_path.nothing  # type: ignore[attr-defined]

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import gzip
 import io
 import os
@@ -16,6 +17,13 @@ from prf.shell.errors import InputError, OutputError
 def print_and_fail(stream: IO[str]) -> None:
     stream.write("new")
     raise ZeroDivisionError
+
+
+def write_group(group: files.Group, folder: Path) -> None:
+    group.drop(folder / "link")
+    for name in ("new", "a", "b"):
+        with files.atomic_write(folder / name) as stream:
+            stream.write("new")
 
 
 def names(folder: Path) -> list[str]:
@@ -122,6 +130,33 @@ def test_an_error_leaves_a_group_as_it_was(tmp_path: Path) -> None:
     with pytest.raises(ZeroDivisionError), files.together(), files.atomic_write(tmp_path / "a") as stream:
         print_and_fail(stream)
     assert (names(tmp_path), (tmp_path / "a").read_text()) == (["a"], "old")
+
+
+def test_a_group_that_cannot_be_placed_leaves_all_old_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("a", "b", "dropped"):
+        (tmp_path / name).write_text("old")
+    (tmp_path / "link").symlink_to("dropped")
+    replace = os.replace
+
+    def fail(source: str | Path, target: Path) -> None:
+        if str(source).endswith(".tmp") and target.name == "b":
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        replace(source, target)
+
+    monkeypatch.setattr("os.replace", fail)
+    with pytest.raises(OutputError, match=r"b: cannot be written"), files.together() as group:
+        write_group(group, tmp_path)
+    assert names(tmp_path) == ["a", "b", "dropped", "link"]
+    assert {(tmp_path / name).read_text() for name in names(tmp_path)} == {"old"}
+
+
+@pytest.mark.parametrize(("path", "name"), [("-", "standard input"), (os.devnull, os.devnull)])
+def test_a_disk_that_fails_is_named(path: str, name: str) -> None:
+    words = rf"^{name}: cannot be read \(connection timed out\)\.$"
+    with pytest.raises(InputError, match=words), files.open_input(path):
+        raise OSError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT))
+    with pytest.raises(BrokenPipeError), files.open_input(path):
+        raise OSError(errno.EPIPE, os.strerror(errno.EPIPE))
 
 
 def test_folders_are_removed_where_they_are_not_needed(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import subprocess
 import sys
 from pathlib import Path
@@ -42,6 +43,20 @@ def test_second_process_is_refused_and_a_killed_one_forgotten(run: Path, project
         holder.wait()
         with exclusive(run):
             assert (run.parent / ".run.lock").exists()
+
+
+def test_a_lock_file_that_its_holder_removed_meanwhile_is_made_anew(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lock, flock, calls = run.parent / ".run.lock", fcntl.flock, []
+
+    def late(descriptor: int, operation: int) -> None:
+        if not calls:
+            lock.unlink()
+        calls.append(descriptor)
+        flock(descriptor, operation)
+
+    monkeypatch.setattr("fcntl.flock", late)
+    with exclusive(run):
+        assert (len(calls), lock.exists()) == (2, True)
 
 
 def test_it_is_released_without_a_trace_after_an_exception(run: Path) -> None:

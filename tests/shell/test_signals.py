@@ -29,6 +29,19 @@ def test_second_signal_acts_at_once() -> None:
             os.kill(os.getpid(), signal.SIGINT)
 
 
+def test_second_signal_goes_to_the_handler_that_was_there_before() -> None:
+    seen: list[int] = []
+    old = signal.signal(signal.SIGINT, lambda number, _: seen.append(number))
+    try:
+        with graceful_stop() as stop:
+            os.kill(os.getpid(), signal.SIGINT)
+            assert (stop.requested, seen) == (True, [])
+            os.kill(os.getpid(), signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, old)
+    assert seen == [signal.SIGINT]
+
+
 def test_handlers_are_put_back() -> None:
     before = signal.getsignal(signal.SIGINT)
     with graceful_stop():
