@@ -187,7 +187,7 @@ def ranks(kind: str, n_worlds: int) -> Ranks:
 @pytest.mark.parametrize("kind", LOOKING_OUT)
 def test_the_cropped_truth_is_one_more_draw(kind: str) -> None:
     """Nine bands of 99 %: right samplers leave one of them with at most nine seeds of a hundred."""
-    found = ranks(kind, 100)
+    found = ranks(kind, 200)
     assert not any(verdict.outside for verdict in found.verdicts().values())
     assert found.agreed.mean() > 0.9
 
