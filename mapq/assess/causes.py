@@ -22,7 +22,7 @@ CAUSES = (UNKNOWN, MISSED_LOOP, LOCAL)
 
 CELL = 1.0
 """Metres: side of the cells of a patch in which scans are compared; along a wall they may see different things."""
-CONFLICT = 0.05
+MIN_SHARED = 0.05
 """Overlap or crossing from which another patch may be a second copy of the surface."""
 TURNED = 15.0
 """Degrees between planes up to which it may."""
@@ -94,7 +94,7 @@ def copies_of(features: PatchFeatures, n_patches: int) -> list[list[int]]:
         features.edge[:, features.edge_names.index(name)] for name in ("overlap", "crossing", "angle_deg")
     )
     found: list[list[int]] = [[] for _ in range(n_patches)]
-    for one, other in features.pairs[(np.maximum(overlap, crossing) > CONFLICT) & (angle < TURNED)].tolist():
+    for one, other in features.pairs[(np.maximum(overlap, crossing) > MIN_SHARED) & (angle < TURNED)].tolist():
         found[one].append(other)
         found[other].append(one)
     return found

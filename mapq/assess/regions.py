@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from mapq.graph import PatchFeatures
 from mapq.patches import Patches
 
-CONFLICT = 0.05
+MIN_OVERLAP = 0.05
 """Overlap from which a pair's distance shows by how much a region is displaced."""
 
 
@@ -100,7 +100,7 @@ def _displacement(features: PatchFeatures, inside: NDArray[np.int64]) -> float:
     """Return the median offset of the pairs `inside` a region that lie over one another, by the shared area."""
     columns = [features.edge_names.index(name) for name in ("overlap", "offset", "overlap_area")]
     overlap, offset, shared = features.edge[inside[:, None], columns].T
-    over = overlap > CONFLICT
+    over = overlap > MIN_OVERLAP
     return weighted_median(offset[over], np.maximum(shared[over], 1e-9))
 
 

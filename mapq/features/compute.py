@@ -22,7 +22,7 @@ from prf.shell.progress import Reporter
 N_STEPS = 3
 """What `progress` counts to: patches measured, neighbours found, pairs measured."""
 
-CONFLICT = 0.05
+MIN_CONFLICT = 0.05
 """A + R of a pair above which watched patches are joined: less is what chance makes of the points."""
 
 Floats = NDArray[np.float64]
@@ -96,7 +96,7 @@ def _with_pairs(
 ) -> PatchFeatures:
     """Return features with those of the pairs that are close or in conflict, and with the context."""
     edge, plausibility = edge_features(shapes, graph, settings)
-    conflict = edge[:, EDGE_NAMES.index("overlap")] + edge[:, EDGE_NAMES.index("crossing")] > CONFLICT
+    conflict = edge[:, EDGE_NAMES.index("overlap")] + edge[:, EDGE_NAMES.index("crossing")] > MIN_CONFLICT
     joined = graph.close | conflict
     graph, edge = take_pairs(graph, joined), edge[joined]
     of_patches, of_pairs = measure_context(patches, shapes, graph, edge, settings, beyond)
