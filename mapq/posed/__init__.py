@@ -3,6 +3,5 @@
 from mapq.posed.find import FindSettings as FindSettings
 from mapq.posed.find import find_scans as find_scans
 from mapq.posed.find import replace_poses as replace_poses
-from mapq.posed.poses import read_poses as read_poses
 from mapq.posed.scans import PosedScans as PosedScans
 from mapq.posed.scans import drive_passes as drive_passes

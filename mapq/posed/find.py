@@ -18,14 +18,16 @@ from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.ptx import read_ptx_scan
 from mapq.io.uos import read_uos_pose
 from mapq.posed.files import E57_SUFFIX, UOS_SUFFIX, natural_key, number_of, pose_file, scan_files, stamp_of
-from mapq.posed.poses import PoseTable, check_rotations, laser_poses, looks_ahead, read_calibration, read_poses
+from mapq.posed.poses import laser_poses, looks_ahead, read_calibration
 from mapq.posed.scans import PosedScans
 from prf.shell.errors import InputError, UsageError
+from prf.shell.trajectory import Order, Trajectory, check_rotations, read_trajectory
 
 logger = logging.getLogger(__name__)
 
 CALIBRATION_NAME, TIMES_NAME = "calib.txt", "times.txt"
 NO_CALIBRATION = "none"
+QUATERNION_KEY = "perturb.quaternion"
 SAME_TIME = 1e-3
 """Seconds within which the name of a scan is the time of a pose: either may have been rounded."""
 
@@ -43,7 +45,7 @@ class FindSettings:
     pattern : str or None
         Which files of a folder are scans, such as ``planes_*.bin``.
     quaternion : {"xyzw", "wxyz"} or None
-        See :func:`mapq.posed.poses.read_poses`.
+        See :func:`prf.shell.trajectory.read_trajectory`.
     options : ReadOptions
         How to read a scan; E57 states all of it.
     """
@@ -51,7 +53,7 @@ class FindSettings:
     poses: str | None = None
     calibration: str | None = None
     pattern: str | None = None
-    quaternion: str | None = None
+    quaternion: Order | None = None
     options: ReadOptions = AS_IT_IS
 
 
@@ -98,7 +100,7 @@ def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> P
         beside = [Path(path.removesuffix(".gz")).with_suffix(".pose") for path in files]
         return _listed(files, np.array([read_uos_pose(str(path)) for path in beside]), None, settings)
     path = settings.poses or pose_file(files)
-    table = read_poses(path, settings.quaternion)
+    table = read_trajectory(path, settings.quaternion, QUATERNION_KEY)
     rows = match_poses(files, table, path, is_folder)
     times = table.times if table.times is not None else _times_beside(path, len(table.poses))
     poses = _sensor_poses(table, path, files, settings)[rows]
@@ -113,15 +115,15 @@ def replace_poses(scans: PosedScans, path: str, settings: FindSettings) -> Posed
     Raises
     ------
     InputError
-        As :func:`mapq.posed.poses.read_poses`, and if poses and scans do not fit.
+        As :func:`prf.shell.trajectory.read_trajectory`, and if poses and scans do not fit.
     """
-    table = read_poses(path, settings.quaternion)
+    table = read_trajectory(path, settings.quaternion, QUATERNION_KEY)
     rows = match_poses(scans.names, table, path)
     return scans.with_poses(_sensor_poses(table, path, scans.names, settings, is_reference=True)[rows], path)
 
 
 def _sensor_poses(
-    table: PoseTable, path: str, names: Sequence[str], settings: FindSettings, is_reference: bool = False
+    table: Trajectory, path: str, names: Sequence[str], settings: FindSettings, is_reference: bool = False
 ) -> NDArray[np.float64]:
     """Return the poses (n, 4, 4) of a file as those of the sensor: KITTI's are those of a camera.
 
@@ -158,7 +160,7 @@ def _sensor_poses(
     return poses
 
 
-def match_poses(names: Sequence[str], table: PoseTable, path: str, is_folder: bool = False) -> NDArray[np.int64]:
+def match_poses(names: Sequence[str], table: Trajectory, path: str, is_folder: bool = False) -> NDArray[np.int64]:
     """Return the row (k,) of the table that is the pose of each scan.
 
     Scans whose names are times are matched by time, where the table has times; else one row a scan by order; else the

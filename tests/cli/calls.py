@@ -26,8 +26,8 @@ from tests.mapq.assess.test_result import make_model
 from tests.mapq.factories import wall
 from tests.mapq.labelled import draw_patches
 from tests.mapq.perturb.scenes import look, pose_at
-from tests.mapq.posed.test_poses import rows
 from tests.occupancy.test_build import BEAM, build
+from tests.shell.test_trajectory import rows
 
 
 class Outcome(NamedTuple):

@@ -15,7 +15,8 @@ from mapq.posed.files import family, natural_key, number_of
 from prf.shell.errors import InputError, UsageError
 from tests.mapq.io.test_ptx import TURNED, ptx
 from tests.mapq.perturb.scenes import pose_at
-from tests.mapq.posed.test_poses import CAMERA, rows
+from tests.mapq.posed.test_poses import CAMERA
+from tests.shell.test_trajectory import rows
 
 
 def numbered(count):

@@ -1,0 +1,196 @@
+"""The rows of a file of poses: numbers, places for messages, and what a header or the first column says of them."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.shell.errors import InputError
+from prf.shell.files import STREAM, gunzip, open_input
+
+Floats = NDArray[np.float64]
+
+GZIP_MAGIC, BYTE_ORDER_MARK = b"\x1f\x8b\x08", b"\xef\xbb\xbf"
+
+G2O_VERTICES = ("VERTEX_SE3:QUAT", "VERTEX_SE2")
+"""Rows of g2o with a number and a pose; ..."""
+G2O_OTHERS = ("EDGE_", "FIX", "PARAMS_", "VERTEX_XY", "VERTEX_TRACKXYZ")
+"""... rows of edges and landmarks are skipped."""
+
+SLAM_STATES = (
+    (
+        (0x7B1D1F7B5BF501DB).to_bytes(8, "little"),
+        "this is the state of Cartographer (.pbstream). Export its trajectory with cartographer_ros's "
+        "cartographer_dev_pbstream_trajectories_to_rosbag, make a TUM file of that (evo_traj bag FILE TOPIC "
+        "--save_as_tum), and give it as --poses",
+    ),
+    (
+        b"\x16\0\0\0\0\0\0\0serialization::archive",
+        "this is the state of slam_toolbox (.posegraph, .data), which exports no poses. Record /tf and the scans while "
+        "it maps or localizes, and give that bag; or its topic /pose as a TUM file (evo_traj bag2 BAG /pose "
+        "--save_as_tum) as --poses",
+    ),
+)
+"""How state files of SLAM programs begin, and what to take instead."""
+
+_PLACE, _TURN = (
+    r"(.*(position|translation)[./_]|p_rs_r_|[tp]_?|pos_?|pose[._])?",
+    r"(.*(orientation|rotation)[./_]|q_rs_|q_?)",
+)
+NAMES = {
+    **{"t": r".*stamp|_*(t|time|timestamps?|secs?|seconds)"},
+    **{axis: _PLACE + axis for axis in "xyz"},
+    **{f"q{axis}": _TURN + axis for axis in "xyzw"},
+    **{"theta": r"(pose[._])?(theta|th|yaw|heading|orientation)", "roll": "roll", "pitch": "pitch"},
+}
+"""What columns are called: by hand, and by evo, rostopic, PlotJuggler and EuRoC."""
+UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "deg": math.radians(1.0), "degrees": math.radians(1.0)}
+"""Units other than seconds and radians behind a name: ``yaw_deg``, ``timestamp [ns]``."""
+USUAL = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
+"""Columns of TUM, whose header says nothing new."""
+
+
+class PoseRows(NamedTuple):
+    """The rows of a file."""
+
+    where: list[str]  # place of each, for messages
+    values: Floats  # (k, w)
+    names: tuple[str, ...] | None = None  # first column where it is no number, such as v0; of g2o the number behind a v
+    columns: tuple[str, ...] | None = None  # what the columns of `values` are by the header, keys of `NAMES`
+    is_g2o: bool = False
+
+
+class _Header(NamedTuple):
+    line: int  # from 0
+    n: int  # columns in the file
+    columns: dict[str, tuple[int, float]]  # meaning to place in a row, and factor to seconds or radians
+
+    @property
+    def is_usual(self) -> bool:
+        """Whether rows can be read as if there were no header."""
+        return tuple(self.columns) in (USUAL, USUAL[1:]) and self.n == len(self.columns)
+
+
+def read_pose_rows(path: str, layouts: str) -> PoseRows:
+    """Read the rows of a file of text, gzipped or not; `layouts` says in messages what is read."""
+    source = "standard input" if path == STREAM else path
+    lines = _text(path, source).splitlines()
+    header = _header(lines, source)
+    if header is not None and not header.is_usual:
+        return _of_table(lines, header, source, layouts)
+    where, rows, is_g2o = [], [], False
+    for number, line in enumerate(lines, 1):
+        fields = _words(line.partition("#")[0])
+        if fields and fields[0] in G2O_VERTICES:
+            is_g2o, fields = True, ["v" + "".join(fields[1:2]), *fields[2:]]
+        if fields and not fields[0].startswith(G2O_OTHERS) and (header is None or number != header.line + 1):
+            where.append(f"{source}:{number}")
+            rows.append(fields)
+    if not rows:
+        raise InputError(f"{source}: no poses. {layouts}")
+    for place, fields in zip(where, rows, strict=True):
+        if len(fields) != len(rows[0]):
+            raise InputError(f"{place}: {len(fields)} columns, but {len(rows[0])} before. Mend this line.")
+    names = None
+    if is_g2o or (len(rows[0]) == 8 and not all(_is_number(fields[0]) for fields in rows)):
+        names = tuple(fields[0] for fields in rows)
+        rows = [fields[1:] for fields in rows]
+    return PoseRows(where, numbers(rows, where, layouts), names, is_g2o=is_g2o)
+
+
+def numbers(rows: Sequence[Sequence[str]], where: Sequence[str], layouts: str) -> Floats:
+    """Return the finite numbers (k, w) in rows of text."""
+    for fields, place in zip(rows, where, strict=True):
+        for field in fields:
+            if not (_is_number(field) and math.isfinite(float(field))):
+                raise InputError(f"{place}: {field[:24]!r} is not a finite number. {layouts}")
+    return np.array(rows, np.float64)
+
+
+def slam_state(head: bytes) -> str | None:
+    """Return what a state file of a SLAM program is, and what to take instead; None if it is none."""
+    return next((words for magic, words in SLAM_STATES if head.startswith(magic)), None)
+
+
+def _text(path: str, source: str) -> str:
+    """Return the content of a file as text."""
+    with open_input(path) as stream:
+        data = stream.read()
+    if data.startswith(GZIP_MAGIC):
+        data = gunzip(data, source)
+    if (state := slam_state(data)) is not None:
+        raise InputError(f"{source}: {state}.")
+    if b"\0" in data[: 1 << 16]:
+        raise InputError(f"{source}: this is binary data, not a text of poses. Bags: evo_traj bag --save_as_tum.")
+    return data.removeprefix(BYTE_ORDER_MARK).decode("utf-8", "replace")
+
+
+def _words(line: str) -> list[str]:
+    return [field for field in re.split(r"[\s,;]+", line) if field]
+
+
+def _cells(line: str) -> list[str]:
+    """Return the fields of a row of a table, empty ones among them."""
+    separator = next((mark for mark in ",;\t" if mark in line), None)
+    return [field.strip().strip("\"'") for field in line.split(separator)]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _header(lines: Sequence[str], source: str) -> _Header | None:
+    """Return the line that names the columns, which may be a comment; None if there is none."""
+    for at, line in enumerate(lines):
+        text = line.strip().lstrip("#% ")
+        is_comment, cells = line.lstrip().startswith("#"), _cells(text)
+        if not text or (not is_comment and any(map(_is_number, cells))):
+            if text:
+                return None
+            continue
+        columns = _columns(cells)
+        is_pose = {"x", "y"} <= columns.keys() and ("theta" in columns or set(USUAL[4:]) <= columns.keys())
+        if is_pose:
+            return _Header(at, len(cells), columns)
+        if not is_comment:
+            wanted = "Name the columns t,x,y,theta or t,x,y,z,qx,qy,qz,qw (t and z may be missing)."
+            raise InputError(f"{source}:{at + 1}: the header does not name the columns of poses. {wanted}")
+    return None
+
+
+def _columns(names: Sequence[str]) -> dict[str, tuple[int, float]]:
+    """Return what the columns mean, by their names."""
+    found: dict[str, tuple[int, float]] = {}
+    for place, name in enumerate(names):
+        match = re.fullmatch(r"(.*?)(?:[\s_]*[\[(_ ](ns|us|ms|deg|degrees|m|s|rad)?[\])]?)?", name.lower())
+        stem, unit = match.groups() if match else (name.lower(), None)
+        key = next((key for key, pattern in NAMES.items() if re.fullmatch(pattern, stem)), None)
+        if key is not None and (key not in found or stem.endswith("stamp")):
+            found[key] = (place, UNITS.get(unit or "", 1.0))
+    return dict(sorted(found.items(), key=lambda item: item[1]))
+
+
+def _of_table(lines: Sequence[str], header: _Header, source: str, layouts: str) -> PoseRows:
+    """Return the known columns of the rows below a header, in seconds and radians."""
+    where, rows = [], []
+    places, factors = zip(*header.columns.values(), strict=True)
+    for number, line in enumerate(lines[header.line + 1 :], header.line + 2):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        where.append(f"{source}:{number}")
+        cells = _cells(line.strip())
+        if len(cells) != header.n:
+            raise InputError(f"{where[-1]}: {len(cells)} columns below a header of {header.n}. Mend this line.")
+        rows.append([cells[place] for place in places])
+    if not rows:
+        raise InputError(f"{source}: no poses. {layouts}")
+    return PoseRows(where, numbers(rows, where, layouts) * np.array(factors), columns=tuple(header.columns))

@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+import gzip
+
+import numpy as np
+import pytest
+
+from prf.shell.errors import InputError
+from prf.shell.trajectory import read_trajectory
+from tests.mapq.perturb.scenes import pose_at
+
+POSES = np.array([pose_at(1.0, 2.0, 30.0), pose_at(-4.0, 5.0, -100.0)])
+HALF = np.radians([15.0, -50.0])
+QUATERNIONS = np.column_stack([np.zeros(2), np.zeros(2), np.sin(HALF), np.cos(HALF)])
+PLACES = POSES[:, :3, 3]
+
+
+def rows(values):
+    return "".join(" ".join(f"{number:.17g}" for number in row) + "\n" for row in values)
+
+
+QUATERNION_ROWS = rows(np.column_stack([PLACES, QUATERNIONS]))
+LAYOUTS = {
+    "kitti": rows(POSES[:, :3].reshape(2, 12)),
+    "full": rows(POSES.reshape(2, 16)),
+    "blocks": rows(POSES.reshape(8, 4)).replace("\n", "\n\n", 4),
+    "quaternion": QUATERNION_ROWS,
+    "commas": "# tx,ty,tz,qx,qy,qz,qw\n" + QUATERNION_ROWS.replace(" ", ", "),
+    "tum": rows(np.column_stack([[12.5, 13.0], PLACES, QUATERNIONS])),
+    "stamped": rows(np.column_stack([POSES.reshape(2, 16)[:, :15], [1.3e9, 1.3e9 + 0.1]])),
+    "stamped blocks": rows(np.vstack([POSES[0, :3], [0, 0, 0, 1.3e18], POSES[1, :3], [0, 0, 0, 1.3e18 + 1e8]])),
+    "g2o": "".join(f"VERTEX_SE3:QUAT {k} {line}\n" for k, line in enumerate(QUATERNION_ROWS.splitlines()))
+    + "EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1\n",
+    "graph": "".join(f"v{k} {line}\n" for k, line in enumerate(QUATERNION_ROWS.splitlines())),
+}
+
+
+def written(tmp_path, text, name="poses.txt"):
+    path = tmp_path / name
+    path.write_text(text)
+    return str(path)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_every_layout(layout, tmp_path):
+    table = read_trajectory(written(tmp_path, LAYOUTS[layout]))
+    np.testing.assert_allclose(table.poses, POSES, atol=1e-12)
+    assert (table.times is not None) == (layout in ("tum", "stamped", "stamped blocks"))
+    assert table.names == (("v0", "v1") if layout in ("graph", "g2o") else None)
+    assert table.is_matrix == (layout == "kitti")
+
+
+PLANAR = POSES[:, :2, 3].round(6).tolist()
+TABLES = {
+    "by hand": "t,x,y,theta\n{0},{x0},{y0},{a0}\n{1},{x1},{y1},{a1}\n",
+    "no header": "{0} {x0} {y0} {a0}\n{1} {x1} {y1} {a1}\n",
+    "degrees": "timestamp [ns];pos_x;pos_y;yaw_deg\n{0}000000000;{x0};{y0};30\n{1}000000000;{x1};{y1};-100\n",
+    "rostopic": "%time,field.header.stamp,field.header.frame_id,field.pose.pose.position.x,field.pose.pose.position.y,"
+    "field.pose.pose.orientation.x,field.pose.pose.orientation.y,field.pose.pose.orientation.z,"
+    "field.pose.pose.orientation.w\n5,{0}000000000,map,{x0},{y0},0,0,{s0},{c0}\n6,{1}000000000,,{x1},{y1},0,0,{s1},{c1}\n",
+    "euroc": "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []\n"
+    "{0}000000000,{x0},{y0},0,{c0},0,0,{s0}\n{1}000000000,{x1},{y1},0,{c1},0,0,{s1}\n",
+    "g2o": "VERTEX_SE2 4 {x0} {y0} {a0}\nFIX 4\nVERTEX_SE2 9 {x1} {y1} {a1}\nEDGE_SE2 4 9 1 0 0 1 0 0 1 0 1\n",
+}
+
+
+@pytest.mark.parametrize("layout", TABLES)
+def test_poses_in_the_plane_and_tables_by_their_header(layout, tmp_path):
+    numbers = {f"{name}{k}": repr(value) for k in (0, 1) for name, value in zip("xy", PLANAR[k], strict=True)}
+    numbers |= {f"a{k}": repr(2.0 * HALF[k].item()) for k in (0, 1)}
+    numbers |= {f"s{k}": repr(np.sin(HALF[k]).item()) for k in (0, 1)}
+    numbers |= {f"c{k}": repr(np.cos(HALF[k]).item()) for k in (0, 1)}
+    table = read_trajectory(written(tmp_path, TABLES[layout].format(1700000000, 1700000001, **numbers)))
+    flat = POSES.copy()
+    flat[:, 2, 3] = 0.0
+    np.testing.assert_allclose(table.poses, flat, atol=1e-6)
+    if layout == "g2o":
+        assert table.names == ("v4", "v9")
+    else:
+        assert table.times.tolist() == [1.7e9, 1.7e9 + 1.0]
+
+
+def test_gzipped_and_with_the_scalar_part_first(tmp_path):
+    path = tmp_path / "poses.txt.gz"
+    path.write_bytes(gzip.compress(rows(np.column_stack([PLACES, QUATERNIONS[:, [3, 0, 1, 2]]])).encode()))
+    np.testing.assert_allclose(read_trajectory(str(path), "wxyz").poses, POSES, atol=1e-12)
+
+
+def test_an_order_of_quaternions_that_hangs_sensors_upside_down_is_not_guessed(tmp_path):
+    path = written(tmp_path, rows(np.column_stack([PLACES, QUATERNIONS[:, [3, 0, 1, 2]]])))
+    with pytest.raises(InputError, match=r"poses.txt: read as tx ty tz qx .* perturb.quaternion=wxyz"):
+        read_trajectory(path, key="perturb.quaternion")
+    assert read_trajectory(path, "xyzw").poses[0, 2, 2] < 0.0
+
+
+def test_rounded_rotations_become_exact(tmp_path):
+    table = read_trajectory(written(tmp_path, "".join(f"{x:.3f} " for x in POSES[0, :3].ravel()) + "\n"))
+    np.testing.assert_allclose(table.poses[0, :3, :3] @ table.poses[0, :3, :3].T, np.eye(3), atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "poses.txt: no poses. Read are rows of 12"),
+        ("# nothing\n\n", "poses.txt: no poses"),
+        ("1 2 3\n", "poses.txt:1: 3 columns are no pose"),
+        ("0 0 0 0 0 0 1\n\n0 0 0 0 0 1\n", "poses.txt:3: 6 columns, but 7 before"),
+        ("0 0 0 0 0 0 1\n0 0 x 0 0 0 1\n", "poses.txt:2: 'x' is not a finite number"),
+        ("0 0 0 0 0 0 1\n0 0 nan 0 0 0 1\n", "poses.txt:2: 'nan' is not a finite number"),
+        (f"0 {'0 ' * 6}1\nnan {'0 ' * 6}1\n", "poses.txt:2: 'nan' is not a finite number"),
+        ("0 0 0 0 0 0 1\n0 1e200 0 0 0 0 1\n", "poses.txt:2: a number is beyond 1e"),
+        ("0 0 0 0 0 0 1\n0 0 0 1 0 0 1\n", r"poses.txt:2: the last four .* no unit quaternion \(length 1.41"),
+        ("1 0 0 0 0 2 0 0 0 0 1 0\n", "poses.txt:1: the matrix of this pose is no rotation"),
+        ("1 0 0 0 0 1 0 0 0 0 -1 0\n", "poses.txt:1: the matrix of this pose mirrors"),
+        ("t,x,y\n0,1,2\n", "poses.txt:1: the header does not name the columns of poses"),
+        ("t,x,y,theta\n0,1,2,3\n0,1,2\n", "poses.txt:3: 3 columns below a header of 4"),
+        ("\x16\0\0\0\0\0\0\0serialization::archive", r"state of slam_toolbox .* Record /tf"),
+        ("1 0 0 0 0 1 0 0 0 0 1 0 5 5 5 1\n", "poses.txt:1: the last row of this 4x4 matrix"),
+    ],
+)
+def test_what_is_no_pose_is_refused_with_its_line(text, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        read_trajectory(written(tmp_path, text))
