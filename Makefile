@@ -11,11 +11,11 @@ PYTEST := $(BIN)/python -m pytest
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
 
-setup: $(STAMP) ## make .venv with the project (editable) and all its extras
+setup: $(STAMP) ## make .venv with the project (editable), its extras and the developers' tools
 
 $(STAMP): pyproject.toml constraints.txt
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || ./.ci/make-venv "$(PYTHON)" "$(VENV)"
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all,dev]"
 	@touch $@
 
 demo: setup ## sample a small office, assess the map of a small town; leaves pictures in demo/
@@ -36,7 +36,7 @@ test-slow: setup ## the slow tests: long chains, statistics with many draws
 
 test-oldest: ## all tests but the slow ones, with the oldest versions allowed of everything, in .venv-oldest
 	./.ci/make-venv "$(PYTHON)" .venv-oldest
-	.venv-oldest/bin/python -m pip install --quiet --disable-pip-version-check -c tests/packaging/minimum.txt -e ".[all]"
+	.venv-oldest/bin/python -m pip install --quiet --disable-pip-version-check -c tests/packaging/minimum.txt -e ".[all,dev]"
 	.venv-oldest/bin/python -m tests.warm_kernels
 	.venv-oldest/bin/python -m pytest -n 2 -m "not uncompiled and not slow"
 

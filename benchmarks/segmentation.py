@@ -69,7 +69,7 @@ def show_open3d(city: City) -> None:
     try:
         import open3d
     except ImportError:
-        print("Open3D               not installed: pip install prf-mapq[bench]")
+        print("Open3D               not installed: pip install '.[bench]'")
         return
     cloud, points = PointCloud.from_world(city.xyz), open3d.utility.Vector3dVector(city.xyz)
     near = open3d.geometry.KDTreeSearchParamKNN(16)

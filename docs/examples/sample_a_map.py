@@ -20,5 +20,7 @@ print(free.low > 0.9)  # certain enough to drive, whatever the sampling left ope
 walls = run.best_map  # shapely: all of shapely works on it
 print(f"{walls.area:.1f} m² occupied, {len(walls.geoms)} pieces")
 
-print(run.occupancy.shape, run.extent)  # for matplotlib: imshow(run.occupancy, extent=run.extent, origin="lower")
+print(run.occupancy.shape, run.extent)  # for imshow(run.occupancy, extent=run.extent, origin="lower")
+axes = run.plot()  # or run.plot(ax) into axes of yours; metres, what no reading saw is hatched
+axes.plot(*np.transpose(door), "g")
 run.save("office")  # prf render office, prf export office --format ros-map, ...

@@ -14,6 +14,7 @@ from mapq.io.content import Content
 from mapq.io.fields import LARGEST_COORDINATE, Array, cloud_of_world, joined_fields, warn_dropped
 from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError
+from prf.shell.extras import require
 
 CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
@@ -48,12 +49,7 @@ def read_e57(content: Content, options: ReadOptions) -> PointCloud:
 
 def open_e57(path: str, source: str) -> Any:
     """Open the E57 file `path`, which messages call `source`; InputError if it cannot be opened, or without pye57."""
-    try:
-        import pye57  # noqa: PLC0415 - an extra of 58 MB
-    except ImportError:
-        raise InputError(
-            f"{source}: E57 is read with pye57, which is not installed. Install prf-mapq[e57] and try again."
-        ) from None
+    pye57 = require("pye57", "e57", f"{source}: E57", InputError)
     with _reported(f"{source}: no E57 file that can be opened"):
         return pye57.E57(path)
 

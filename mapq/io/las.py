@@ -17,6 +17,7 @@ from mapq.io.fields import Array, check_coordinates, cloud_of_world, warn_droppe
 from mapq.io.las_unit import SYSTEM_USER, unit_of
 from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError
+from prf.shell.extras import require
 
 if TYPE_CHECKING:
     from laspy import LasHeader, LasReader, ScaleAwarePointRecord
@@ -99,18 +100,13 @@ def read_las_pieces(
 
 @contextmanager
 def _opened(content: Content) -> Iterator[tuple[LasReader, BinaryIO]]:
-    try:
-        from laspy import LasReader  # noqa: PLC0415 - an extra, which takes a fifth of a second
-    except ImportError:
-        raise InputError(
-            f"{content.source}: LAS is read with laspy, which is not installed. Install prf-mapq[las] and try again."
-        ) from None
+    laspy = require("laspy", "las", f"{content.source}: LAS", InputError)
     with content.stream() as stream:
         n_records = int.from_bytes(stream.read(104)[100:], "little")
         if n_records > MOST_RECORDS:
             raise InputError(f"{content.source}: damaged: {n_records} records in the LAS header. Copy it again.")
         stream.seek(0)
-        with LasReader(stream, closefd=False, read_evlrs=True) as reader:
+        with laspy.LasReader(stream, closefd=False, read_evlrs=True) as reader:
             yield reader, stream
 
 

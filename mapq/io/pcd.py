@@ -17,6 +17,7 @@ from mapq.io.fields import Array, axes_of, columns_of, make_cloud, refuse_double
 from mapq.io.options import ReadOptions
 from mapq.io.text import as_count, parse_rows
 from prf.shell.errors import InputError
+from prf.shell.extras import require
 
 LONGEST_HEADER = 1 << 16
 PADDING = "_"
@@ -130,12 +131,7 @@ def _read_compressed(data: bytes, header: Header, source: str) -> dict[str, Arra
 
 def _decompressed(data: bytes, header: Header, source: str) -> bytes:
     """Return the data without their compression; pypcd4 before 1.4 compressed them only where it paid."""
-    try:
-        import lzf  # type: ignore[import-not-found]  # noqa: PLC0415 - an extra
-    except ImportError:
-        raise InputError(
-            f"{source}: compressed PCD is read with python-neo-lzf, which is not installed. Install prf-mapq[pcd]."
-        ) from None
+    lzf = require("lzf", "pcd", f"{source}: compressed PCD", InputError)
     packed_size, size = struct.unpack_from("<II", data, header.end)
     packed = data[header.end + 8 : header.end + 8 + packed_size]
     needed = header.n_points * header.dtype.itemsize

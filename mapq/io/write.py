@@ -9,6 +9,7 @@ from mapq.cloud import PointCloud
 from mapq.io.las_write import write_las
 from mapq.io.ply import write_ply
 from prf.shell.errors import UsageError
+from prf.shell.extras import install_hint
 from prf.shell.outputs import refuse_other_format
 
 LAS_SUFFIXES = (".las", ".laz")
@@ -36,4 +37,4 @@ def check_name(path: str | os.PathLike[str]) -> None:
     written = (".ply", *LAS_SUFFIXES)
     refuse_other_format(path, written)
     if os.fspath(path).lower().endswith(LAS_SUFFIXES) and find_spec("laspy") is None:
-        raise UsageError(f"{path}: LAS is written with laspy. Install prf-mapq[las] and try again, or name a .ply.")
+        raise UsageError(f"{path}: LAS needs laspy. {install_hint('las')}, or name a .ply.")

@@ -55,7 +55,7 @@ def anneal(
     time_budget: Annotated[
         float | None,
         typer.Option(
-            "--time-budget", metavar="TIME", parser=parse_duration, help="Instead of steps; seconds, or 90s, 5m, 1.5h."
+            "--time-budget", metavar="TIME", parser=parse_duration, help="Instead of steps; seconds, or 90s, 5m, 1h30m."
         ),
     ] = None,
     seed: Seed = None,

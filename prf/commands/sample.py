@@ -42,7 +42,7 @@ TimeBudget = Annotated[
         "--time-budget",
         metavar="TIME",
         parser=parse_duration,
-        help="Of this call, writing the run included; seconds, or 90s, 5m, 1.5h.",
+        help="Of this call, writing the run included; seconds, or 90s, 5m, 1h30m.",
     ),
 ]
 Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Continue this run from its checkpoint.")]

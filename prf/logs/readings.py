@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from prf.logs.text import FloatArray, IntArray, check_domains
 from prf.sensors.laser import unit_vectors
 from prf.shell.errors import ConfigError, InputError
+from prf.shell.notebook import card
 from prf.window import LARGEST_RANGE
 
 Kind = Literal["laser", "sonar"]
@@ -70,7 +71,7 @@ class LogNotes:
     remarks: tuple[str, ...] = ()  # what the reader had to assume
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Readings:
     """Range readings at known sensor poses, one row a beam, SI units.
 
@@ -206,6 +207,24 @@ class Readings:
     def where(self, mask: NDArray[np.bool_]) -> Readings:
         """Return the beams of a boolean mask, without a copy where that is all of them."""
         return self if mask.all() else self.select(mask)
+
+    def _facts(self) -> dict[str, str]:
+        width, height = np.ptp(self.origin, axis=0) if self.n_beams else (0.0, 0.0)
+        what = "cones" if self.cone.any() else "beams"
+        return {
+            "readings": f"{self.n_beams:,} {what} in {self.n_scans:,} scans",
+            "source": " ".join((self.source, f"({self.notes.format})" if self.notes.format else "")).strip(),
+            "sensor moves": f"within {width:.1f} x {height:.1f} m",
+            "ranges": f"up to {self.largest_range:.2f} m",
+        }
+
+    def __repr__(self) -> str:
+        """Return the readings in a line."""
+        return f"<prf.Readings: {', '.join(self._facts().values())}>"
+
+    def _repr_html_(self) -> str:
+        """Return the card that a notebook shows."""
+        return card("Readings at known poses", self._facts())
 
 
 def beam_numbers(scan: IntArray) -> NDArray[np.int32]:

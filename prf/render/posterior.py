@@ -14,6 +14,7 @@ from prf.shell.pictures import Target
 from prf.window import Window
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
 
@@ -63,6 +64,23 @@ def render_posterior(
         layers.draw_path(axes, run.sensors)
     _add_colour_bar(page, drawn, window, words)
     style.save(page, target)
+
+
+def plot_posterior(run: Run, axes: Axes | None = None) -> Axes:
+    """Draw what :func:`render_posterior` does into axes of the caller, in metres; None: those of a new figure."""
+    from matplotlib import pyplot
+
+    if run.image is None:
+        raise run.missing(names.POSTERIOR)
+    axes = pyplot.subplots()[1] if axes is None else axes
+    layers.draw_occupancy(axes, run.image, run.image.occupancy)
+    layers.draw_unseen(axes, run.image)
+    layers.draw_disagreement(axes, run.image)
+    if run.best is not None:
+        layers.draw_outline(axes, run.best, run.image)
+    style.show_window(axes, run.draws.window)
+    axes.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
+    return axes
 
 
 def render_cells(image: PosteriorImage, target: Target, *, title: str, words: str = "") -> None:

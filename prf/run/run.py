@@ -24,6 +24,8 @@ from prf.shell.notebook import card
 from prf.shell.outputs import exclusive, refuse_existing
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from prf.estimate import Estimates
 
 Part = TypeVar("Part")
@@ -258,6 +260,29 @@ class Run:
 
         render_posterior(self, target)
 
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the posterior and the edges of its best map into axes of matplotlib, in metres.
+
+        White is free, mid-grey unknown, black occupied, hatched what no reading saw, violet where chains differ.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            New ones unless given.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        InputError
+            If the run has no image yet.
+        """
+        from prf.render import plot_posterior  # noqa: PLC0415
+
+        return plot_posterior(self, ax)
+
     @cached_property
     def _smallest_ess(self) -> float:
         """Effective sample size that draws which are all equal count for."""
@@ -292,18 +317,9 @@ class Run:
         status = self.manifest.get("status", "unknown")
         return f"<prf.Run: {len(self.draws):,} draws, window {window.width:.4g} x {window.height:.4g} m, {status}>"
 
-    @cached_property
-    def _picture(self) -> bytes | None:
-        if self.image is None:
-            return None
-        buffer = io.BytesIO()
-        self.draw(buffer)
-        return buffer.getvalue()
-
-    def _repr_png_(self) -> bytes | None:
-        """Return the picture that a notebook shows; None without an image."""
-        return self._picture
-
     def _repr_html_(self) -> str:
         """Return the card that a notebook shows."""
-        return card("Posterior over polygonal maps", self._facts(), self._picture)
+        buffer = io.BytesIO()
+        if self.image is not None:
+            self.draw(buffer)
+        return card("Posterior over polygonal maps", self._facts(), buffer.getvalue() or None)

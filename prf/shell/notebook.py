@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+import io
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
@@ -11,6 +12,9 @@ from prf.shell.progress import Reporter, Silent, progress
 
 ProgressCallback = Callable[[float, Mapping[str, object]], None]
 """What a caller may give instead of True: it gets the share that is done, and what a bar shows beside it."""
+
+MOST_BYTES = 70_000
+"""Of the picture of a card: a notebook keeps every card that it shows."""
 
 
 class _Caller:
@@ -41,7 +45,7 @@ def reported(wanted: bool | ProgressCallback, total: float, description: str) ->
 
 
 def card(title: str, facts: Mapping[str, str], png: bytes | None = None) -> str:
-    """Return the HTML of a result for a notebook: a table of facts, and a picture below it if there is one."""
+    """Return the HTML of a result for a notebook: a table of facts, and a small copy of a picture if there is one."""
     rows = "".join(
         f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
         f"<td style='text-align:left'>{html.escape(value)}</td></tr>"
@@ -49,6 +53,20 @@ def card(title: str, facts: Mapping[str, str], png: bytes | None = None) -> str:
     )
     picture = ""
     if png is not None:
-        data = base64.b64encode(png).decode("ascii")
+        data = base64.b64encode(small_copy(png)).decode("ascii")
         picture = f"<img alt='{html.escape(title)}' style='max-width:100%' src='data:image/png;base64,{data}'>"
     return f"<div><b>{html.escape(title)}</b><table>{rows}</table>{picture}</div>"
+
+
+def small_copy(png: bytes) -> bytes:
+    """Return a picture in few colours, scaled down until it has at most `MOST_BYTES`."""
+    from PIL import Image  # matplotlib brings it
+
+    picture = Image.open(io.BytesIO(png)).convert("RGB")
+    picture.thumbnail((960, 960))
+    while True:
+        buffer = io.BytesIO()
+        picture.quantize(32, kmeans=3, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
+        if buffer.tell() <= MOST_BYTES:
+            return buffer.getvalue()
+        picture = picture.resize((picture.width * 9 // 10, picture.height * 9 // 10), Image.Resampling.LANCZOS)

@@ -20,7 +20,9 @@ that no verb can forget one; a verb must not declare them.
 
 from __future__ import annotations
 
+import re
 from enum import StrEnum
+from operator import mul
 from typing import Annotated
 
 import typer
@@ -47,12 +49,13 @@ Assignments = Annotated[
 ]
 
 
-SECONDS = {"s": 1.0, "m": 60.0, "h": 3600.0}
+SECONDS = {"h": 3600.0, "m": 60.0, "s": 1.0}
 """In each unit of a duration."""
+DURATION = re.compile("(?=.)" + "".join(rf"(?:(\d+(?:\.\d+)?){unit})?" for unit in SECONDS))
 
 
 def parse_duration(text: str) -> float:
-    """Return the seconds in ``90``, ``90s``, ``1.5m`` or ``2h``.
+    """Return the seconds in ``90``, ``90s``, ``1.5m``, ``2h`` or ``1h30m``.
 
     Raises
     ------
@@ -60,13 +63,13 @@ def parse_duration(text: str) -> float:
         If it is none of these; typer makes a usage error of it.
     """
     words = text.strip().lower()
-    unit = SECONDS.get(words[-1:])
+    found = DURATION.fullmatch(words)
     try:
-        seconds = float(words if unit is None else words[:-1]) * (unit or 1.0)
+        seconds = sum(map(mul, map(float, found.groups("0")), SECONDS.values())) if found else float(words)
     except ValueError:
         seconds = -1.0
     if not 0.0 <= seconds < float("inf"):
-        raise ValueError(f"{text!r} is no duration. Give seconds, or minutes or hours as 5m or 1.5h")
+        raise ValueError(f"{text!r} is no duration. Give seconds, or minutes and hours as 5m, 1.5h or 1h30m")
     return seconds
 
 

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from matplotlib.contour import ContourSet
+from matplotlib.figure import Figure
 
 import prf
 from prf.cli import app
@@ -67,10 +69,22 @@ def test_the_repr_of_a_run_describes_it(run: prf.Run) -> None:
     assert run.progress.step == 20_000
     assert repr(run) == f"<prf.Run: {len(run.draws)} draws, window 7 x 5 m, finished>"
     assert run.path is None
-    assert run._repr_png_().startswith(b"\x89PNG")  # type: ignore[union-attr]
     page = run._repr_html_()
     assert "finished" in page
     assert "data:image/png;base64," in page
+    assert len(page) < 100_000
+
+
+def test_a_run_is_drawn_into_axes_in_metres(run: prf.Run) -> None:
+    axes = Figure().add_subplot()
+    assert run.plot(axes) is axes
+    assert (*axes.get_xlim(), *axes.get_ylim()) == pytest.approx(run.extent)
+    drawn = axes.images[0]
+    np.testing.assert_array_equal(drawn.get_array(), run.occupancy)
+    assert (*drawn.get_extent(), drawn.origin) == (*run.extent, "lower")
+    assert run.image is not None
+    hatched = [part.hatches for part in axes.collections if isinstance(part, ContourSet)]
+    assert hatched == ([] if run.image.seen.all() else [["////"]])
 
 
 def test_a_run_answers(run: prf.Run) -> None:

@@ -19,7 +19,7 @@ FLAGS = [
 @pytest.fixture(scope="session")
 def browser():
     """Yield Debian's chromium, driven by playwright."""
-    api = pytest.importorskip("playwright.sync_api", reason="needs playwright (pip install 'prf-mapq[dev]')")
+    api = pytest.importorskip("playwright.sync_api", reason="needs playwright (pip install '.[dev]')")
     program = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if program is None:
         pytest.skip("needs a browser (apt-get install chromium)")

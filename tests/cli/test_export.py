@@ -152,5 +152,5 @@ def test_a_missing_library_is_named_with_its_extra(
     assert call(folder, "--format", format) == 2
     error = capsys.readouterr().err
     assert f"needs {module}" in error
-    assert f"pip install 'prf-mapq[{format}]'" in error
+    assert f"pip install '.[{format}]'; elsewhere: pip install '" in error
     assert files(here) == set()

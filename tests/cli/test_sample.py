@@ -216,7 +216,7 @@ def test_few_draws_are_no_disagreement(
         (["--resolution", "1e-9"], 2, "--resolution"),
         (["--steps", "10", "--time-budget", "1"], 2, "one of them"),
         (["--steps", "10", "my.log"], 2, "Give a log as --laser LOG."),
-        (["--time-budget", "1d"], 2, "5m or 1.5h"),
+        (["--time-budget", "1d"], 2, "5m, 1.5h or 1h30m"),
         (["--scans", "a:b"], 2, "--scans"),
         (["--set", "sampler.start=moon"], 2, '--set sampler.start = "moon": must be'),
         (["--set", f"{LOWEST}=1"], 2, f"--set {LOWEST} = 1"),

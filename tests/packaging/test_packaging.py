@@ -26,7 +26,7 @@ INFO = f"prf_mapq-{prf.__version__}.dist-info"
 
 def build(target: str, folder: Path, source: Path = ROOT) -> Path:
     """Build a wheel or an sdist of a source tree with hatchling."""
-    pytest.importorskip("hatchling", reason="needs hatchling (pip install 'prf-mapq[dev]')")
+    pytest.importorskip("hatchling", reason="needs hatchling (pip install '.[dev]')")
     command = [sys.executable, "-m", "hatchling", "build", "-t", target, "-d", str(folder)]
     done = subprocess.run(command, cwd=source, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from collections.abc import Mapping
 from types import SimpleNamespace
 
 import pytest
+from PIL import Image
 
 from prf.shell import console
 from prf.shell.notebook import card, reported
@@ -27,12 +29,24 @@ def test_no_progress_by_default(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_card_shows_facts_as_they_are_and_the_picture() -> None:
-    page = card("A <b>map", {"source & more": "<script>"}, b"png")
+    page = card("A <b>map", {"source & more": "<script>"}, picture(3, 2))
     assert "A &lt;b&gt;map" in page
     assert "source &amp; more" in page
     assert "<script>" not in page
-    assert "data:image/png;base64,cG5n" in page
+    assert "data:image/png;base64,iVBOR" in page
     assert "<img" not in card("A map", {})
+
+
+def test_the_picture_of_a_card_is_a_small_copy() -> None:
+    assert len(picture(2000, 1500)) > 1_000_000
+    assert 10_000 < len(card("A map", {}, picture(2000, 1500))) < 100_000
+
+
+def picture(width: int, height: int) -> bytes:
+    """Return noise, which no format can pack."""
+    buffer = io.BytesIO()
+    Image.effect_noise((width, height), 100.0).save(buffer, "png")
+    return buffer.getvalue()
 
 
 @pytest.mark.parametrize(

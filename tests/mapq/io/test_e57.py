@@ -94,4 +94,4 @@ def test_damage_is_reported(tmp_path):
 def test_without_pye57_the_extra_is_named(tmp_path, monkeypatch):
     path = write(tmp_path / "a.e57", scan())
     monkeypatch.setitem(sys.modules, "pye57", None)
-    assert "Install prf-mapq[e57]" in refusal(read_cloud, path)
+    assert "pip install '.[e57]'" in refusal(read_cloud, path)

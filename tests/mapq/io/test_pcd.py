@@ -145,4 +145,4 @@ def test_text_that_is_not_as_promised(tmp_path):
 def test_without_lzf_the_extra_is_named(tmp_path, monkeypatch):
     path = save(tmp_path, "a.pcd", pcd(table(), "binary_compressed"))
     monkeypatch.setitem(sys.modules, "lzf", None)
-    assert "Install prf-mapq[pcd]" in refusal(read_cloud, path)
+    assert "pip install '.[pcd]'; elsewhere: pip install 'python-neo-lzf>=" in refusal(read_cloud, path)
