@@ -16,8 +16,8 @@ from mapq.cloud import PointCloud
 from mapq.io import write_ply
 from mapq.simulate import Settings, simulate
 
-SEED = 4
-WORLD = {"street_length": 60.0, "path_length": 40.0, "n_points": 90_000}
+SEED = 5
+WORLD = {"street_length": 120.0, "path_length": 60.0, "n_points": 90_000}
 """Besides those of the small world: less street beside the block, and denser points."""
 TARGET = Path(__file__).resolve().parent / "demo-town.ply.gz"
 KEPT = ("truth", "surface")

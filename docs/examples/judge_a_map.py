@@ -5,7 +5,7 @@ import numpy as np
 import mapq
 
 whole = mapq.read_cloud("data/demo-town.ply.gz")
-corner = whole.take(np.linalg.norm(whole.xyz[:, :2] - whole.xyz[:, :2].mean(axis=0), axis=1) < 20.0)
+corner = whole.take(np.linalg.norm(whole.xyz[:, :2] - [126.0, 10.0], axis=1) < 20.0)
 
 patches = corner.segment(mapq.SegmentSettings(min_points=100))
 print(patches)

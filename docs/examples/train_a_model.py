@@ -3,7 +3,7 @@
 import mapq
 
 town = mapq.read_cloud("data/demo-town.ply.gz")  # field truth: 1 where the robot's odometry had drifted
-west = town.xyz[:, 0] < 60.0
+west = town.xyz[:, 0] < 125.0
 labelled = mapq.segment(town.take(west)).labelled("truth")
 print(labelled)
 

@@ -20,7 +20,7 @@ from prf.shell.run import run_app
 @pytest.fixture(scope="module")
 def cloud(data_dir: Path) -> mapq.PointCloud:
     town = mapq.read_cloud(data_dir / "demo-town.ply.gz")
-    return town.take(np.linalg.norm(town.xyz[:, :2] - [75.0, 10.0], axis=1) < 17.0)
+    return town.take(np.linalg.norm(town.xyz[:, :2] - [126.0, 10.0], axis=1) < 17.0)
 
 
 @pytest.fixture(scope="module")
