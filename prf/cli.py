@@ -26,6 +26,7 @@ VERBS: dict[str, str] = {
     "score": "Score how well a map predicts held-out readings.",
     "calibrate": "Fit the parameters of sensors to readings in a known map.",
     "render": "Draw a picture of a run, of a grid, or of draws from the prior.",
+    "report": "Write a report on a run: one page of HTML that opens without a network.",
     "simulate": "Simulate a robot in a world that is known: logs of laser and sonar, with their truth.",
     "export": "Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF.",
 }

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq import __version__
 from mapq.assess import Result
 from mapq.labelling.around import Surroundings
 from mapq.labelling.store import NOTHING_YET, Store
 from mapq.patches import FROM_FIELD, UNLABELLED
-from mapq.report.markup import VIEWS, asset, escape, fill, script_sources, script_tags
+from mapq.report.scene import VIEWS
+from prf.shell.page.markup import escape, page
 
 
 class Page:
@@ -36,18 +36,14 @@ class Page:
         self._store, self._result = store, result
         self._lock = threading.Lock()
         self._around = Surroundings(store.patches, result)
-        scripts = [*map(asset, VIEWS), asset("label.js", "mapq.labelling")]
-        self.policy = (
-            f"default-src 'none'; script-src {script_sources(scripts)}; style-src 'unsafe-inline'; connect-src 'self'; "
-            "img-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        document, self.policy = page(
+            "mapq.labelling",
+            "label",
+            {"title": escape(PurePath(store.path).name)},
+            (*VIEWS, ("mapq.labelling", "label.js")),
+            more="; connect-src 'self'; frame-ancestors 'none'",
         )
-        content = {
-            "title": escape(PurePath(store.path).name),
-            "version": escape(__version__),
-            "style": asset("common.css") + asset("label.css", "mapq.labelling"),
-            "scripts": script_tags(scripts),
-        }
-        self._document = fill(asset("label.html", "mapq.labelling"), content).encode()
+        self._document = document.encode()
         probability = None if result is None else result.labelling.probability
         self._order = most_uncertain_first(store.patches.counts, probability, store.label != UNLABELLED)
 

@@ -6,13 +6,12 @@ from collections.abc import Mapping
 from pathlib import PurePath
 from typing import Any, NamedTuple
 
-from mapq import __version__
 from mapq.report.findings import MAX_REGIONS, Findings
 from mapq.report.histogram import histogram, histogram_svg
-from mapq.report.markup import VIEWS, asset, escape, fill, packed, packed_json, script_sources, script_tags
-from mapq.report.scene import Scene, build_scene
+from mapq.report.scene import VIEWS, Scene, build_scene
 from mapq.report.words import facts, map_table, origin_table, percent, region_table, verdict_line
 from prf.shell.files import encoded, open_output
+from prf.shell.page.markup import escape, packed, packed_json, page
 
 MAX_POINTS = 120_000
 """Default of the points that the views show: a laptop turns so many smoothly."""
@@ -44,31 +43,23 @@ def write_report(path: str, findings: Findings, title: str | None = None, max_po
 
 
 def _page(findings: Findings, scene: Scene, title: str) -> str:
-    scripts = [*map(asset, VIEWS), asset("report.js")]
-    head, content = scene.pack()
+    head, numbers = scene.pack()
     sums, unit = histogram(findings.probability, findings.label, findings.area)
-    return fill(
-        asset("report.html"),
-        {
-            "title": escape(title),
-            "policy": f"default-src 'none'; script-src {script_sources(scripts)}; style-src 'unsafe-inline'; "
-            "img-src data: blob:; base-uri 'none'; form-action 'none'",
-            "style": asset("common.css") + asset("report.css"),
-            "verdict": verdict_line(findings),
-            "facts": facts(findings),
-            "map": map_table(findings),
-            "histogram": histogram_svg(sums, unit, findings.threshold),
-            "unit": unit,
-            "share": percent(findings.part("counts").get("share_of_area")),
-            "shown": f"{len(scene.points):,} of {scene.n_points:,} points shown, evenly spread",
-            "regions": region_table(findings),
-            "made": origin_table(findings),
-            "version": escape(__version__),
-            "data": packed_json(page_data(findings, head)),
-            "scene": packed(content),
-            "scripts": script_tags(scripts),
-        },
-    )
+    content = {
+        "title": escape(title),
+        "verdict": verdict_line(findings),
+        "facts": facts(findings),
+        "map": map_table(findings),
+        "histogram": histogram_svg(sums, unit, findings.threshold),
+        "unit": unit,
+        "share": percent(findings.part("counts").get("share_of_area")),
+        "shown": f"{len(scene.points):,} of {scene.n_points:,} points shown, evenly spread",
+        "regions": region_table(findings),
+        "made": origin_table(findings),
+        "data": packed_json(page_data(findings, head)),
+        "scene": packed(numbers),
+    }
+    return page("mapq.report", "report", content, (*VIEWS, ("mapq.report", "report.js")))[0]
 
 
 def page_data(findings: Findings, scene: Mapping[str, Any]) -> dict[str, Any]:

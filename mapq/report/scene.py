@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from mapq.patches import NO_PATCH, SUSPICIOUS
 
+VIEWS = (("mapq.report", "scene.js"), ("mapq.report", "view.js"))
+"""Scripts of the views of a scene, which the report and the labelling page share."""
 MOST_OUTLINES = 20_000
 """Patches with an outline: suspicious ones first, then the largest; the rest are points alone."""
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from mapq.assess.inputs import Row
 from mapq.report.findings import MAX_REGIONS, Findings
-from mapq.report.markup import escape, table
+from prf.shell.page.markup import escape, table
 
 DASH = "–"
 """Instead of a missing number."""

@@ -42,8 +42,7 @@ def draw_outline(axes: Axes, coloring: Coloring, image: PosteriorImage | None = 
 
     lines = coloring.xy[coloring.edges]
     if image is not None:
-        along = lines[:, :1] + np.linspace(0.0, 1.0, 9)[:, None] * (lines[:, 1:] - lines[:, :1])
-        lines = lines[image.seen_at(along.reshape(-1, 2)).reshape(-1, 9).any(axis=1)]
+        lines = lines[image.sees(lines)]
     axes.add_collection(
         LineCollection(list(lines), colors=OUTLINE, linewidths=width, capstyle="round", zorder=3), autolim=False
     )

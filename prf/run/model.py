@@ -70,3 +70,8 @@ class PosteriorImage(NamedTuple):
         found = np.zeros(len(xy), np.bool_)
         found[inside] = self.seen[row[inside].astype(np.int64), column[inside].astype(np.int64)]
         return found
+
+    def sees(self, lines: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return whether each line (n, 2, 2), metres, touches ground that was seen."""
+        along = lines[:, :1] + np.linspace(0.0, 1.0, 9)[:, None] * (lines[:, 1:] - lines[:, :1])
+        return np.asarray(self.seen_at(along.reshape(-1, 2)).reshape(-1, 9).any(axis=1))

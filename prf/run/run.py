@@ -115,6 +115,14 @@ class Run:
         """Number of chains that recorded a draw."""
         return len(np.unique(self.chain))
 
+    @cached_property
+    def smallest_ess(self) -> float:
+        """Effective sample size that draws which are all equal count for."""
+        from prf.estimate import by_chain, smallest_ess  # noqa: PLC0415
+
+        functionals = np.column_stack([np.empty((len(self.chain), 0)), *self.functionals.values()])
+        return smallest_ess(by_chain(self.probe_black, self.chain), by_chain(functionals, self.chain))
+
     @property
     def sensors(self) -> Readings | None:
         """The readings that show the sensor's path: the laser's if there are any."""
@@ -172,7 +180,7 @@ class Run:
         xy = checked("points", points, (None, 2))
         if not interval:
             return occupied_probability(self.draws, xy, square)
-        found = occupied_estimates(self.draws, self.chain, xy, square, self._smallest_ess)
+        found = occupied_estimates(self.draws, self.chain, xy, square, self.smallest_ess)
         return PointEstimates(*found, self._image.seen_at(xy))
 
     @overload
@@ -212,7 +220,7 @@ class Run:
         from prf.estimate import path_estimates, path_free  # noqa: PLC0415
 
         if interval:
-            return path_estimates(self.draws, self.chain, as_paths(paths), radius, self._smallest_ess)
+            return path_estimates(self.draws, self.chain, as_paths(paths), radius, self.smallest_ess)
         return np.array([path_free(self.draws, path, radius) for path in as_paths(paths)], np.float64)
 
     @property
@@ -254,6 +262,28 @@ class Run:
             if self.image is not None:
                 dataclasses.replace(self, path=target).draw(target / names.PICTURE)
 
+    def report(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
+        """Write a report: one page of HTML that opens without a network (docs/report.md).
+
+        Parameters
+        ----------
+        path : path
+        force : bool
+            Replace what is there.
+
+        Raises
+        ------
+        InputError
+            If there are no draws yet.
+        OutputError
+            If it exists already, or cannot be written.
+        """
+        from prf.report import write_report  # noqa: PLC0415 - it imports this module
+
+        refuse_existing(path, force)
+        with exclusive(path):
+            write_report(os.fspath(path), self)
+
     def draw(self, target: Path | IO[bytes]) -> None:
         """Draw the posterior and its best map as PNG: the picture of a RUN."""
         from prf.render import render_posterior  # noqa: PLC0415 - matplotlib takes a second
@@ -282,14 +312,6 @@ class Run:
         from prf.render import plot_posterior  # noqa: PLC0415
 
         return plot_posterior(self, ax)
-
-    @cached_property
-    def _smallest_ess(self) -> float:
-        """Effective sample size that draws which are all equal count for."""
-        from prf.estimate import by_chain, smallest_ess  # noqa: PLC0415
-
-        functionals = np.column_stack([np.empty((len(self.chain), 0)), *self.functionals.values()])
-        return smallest_ess(by_chain(self.probe_black, self.chain), by_chain(functionals, self.chain))
 
     @property
     def _image(self) -> PosteriorImage:

@@ -102,6 +102,7 @@ VERBS = (
     ),
     Verb("prf render draws.geojsonl -o out.png", ("draws.geojsonl",), ("out.png",)),
     Verb("prf render run -o out.svg", ("run/manifest.json",), ("out.svg",)),
+    Verb("prf report run -o out.html", ("run/draws.npz",), ("out.html",)),
     Verb("prf export run --format ros-map -o out.yaml", ("run/draws.npz",), ("out.yaml", "out.pgm")),
     Verb("prf export room.geojson --format dxf -o out.dxf", ("room.geojson",), ("out.dxf",)),
     Verb(

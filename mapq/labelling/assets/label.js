@@ -1,7 +1,7 @@
 "use strict";
 (async () => {
-  const byId = (id) => document.getElementById(id);
-  const { element, figure, listed, measured } = Views;
+  const { byId, element, figure, listed, press } = Page,
+    { measured } = Views;
   const NOTHING = 254,
     WORDS = { 0: "plausible", 1: "suspicious", 255: "unsure" },
     CODES = { plausible: 0, suspicious: 1, unsure: 255 };
@@ -18,7 +18,6 @@
       [40, 120, 60],
       [110, 110, 110],
     ];
-  const LOOSE = [205, 209, 213];
   const token = new URLSearchParams(location.search).get("token") || "";
 
   async function ask(path, given) {
@@ -69,7 +68,6 @@
     selected: 0,
     points: true,
     outlines: true,
-    loose: LOOSE,
     mark: { points: TARGET, line: [150, 0, 82] },
     colour: tint,
     rank: (index) => (index === 0 ? 9 : 1 - index / 1e3),
@@ -88,7 +86,7 @@
     busy = true;
     try {
       const found = await fetchPatch(patch);
-      const buffer = await Views.gunzip(Uint8Array.from(atob(found.content), (c) => c.charCodeAt(0)));
+      const buffer = await Page.gunzip(Page.unbase64(found.content));
       scene = new Views.Scene(found.scene, buffer);
       shown = found;
       const box = scene.boxOf([0]);
@@ -195,7 +193,7 @@
     byId("said").replaceChildren(
       element("span", words, { class: `tag ${now === 0 ? "plausible" : now === 1 ? "suspicious" : "none"}` }),
     );
-    for (const [word, code] of Object.entries(CODES)) byId(word).setAttribute("aria-pressed", String(now === code));
+    for (const [word, code] of Object.entries(CODES)) press(word, now === code);
   }
   function progress(given) {
     const counts = given.counts,
@@ -310,7 +308,7 @@
   function hide() {
     hidden = !hidden;
     document.body.classList.toggle("hidden-model", hidden);
-    byId("blind").setAttribute("aria-pressed", String(hidden));
+    press("blind", hidden);
   }
   const actions = {
     p: () => label("plausible"),

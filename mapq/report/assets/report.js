@@ -1,9 +1,8 @@
 "use strict";
 (async () => {
-  const byId = (id) => document.getElementById(id);
-  const { element, figure, listed, measured } = Views;
-  const [text, buffer] = await Promise.all([Views.unpack("data"), Views.unpack("scene")]);
-  const data = JSON.parse(new TextDecoder().decode(text)),
+  const { byId, element, figure, listed, press } = Page,
+    { measured } = Views;
+  const [data, buffer] = await Promise.all([Page.unpackJson("data"), Page.unpack("scene")]),
     cut = data.threshold;
   const scene = new Views.Scene(data.scene, buffer);
   // Labels and p are those of all patches; the other columns have the patches listed, which may be fewer.
@@ -20,13 +19,12 @@
       bad = data.label[patch] === 1;
     return Math.min(1, Math.max(0, bad ? (p - cut) / Math.max(1 - cut, 1e-6) : (cut - p) / Math.max(cut, 1e-6)));
   };
-  const shades = () => Views.PALETTES[document.body.dataset.palette] || Views.PALETTES["blue-red"];
   const look = {
     selected: -1,
     points: true,
     outlines: true,
     colour(patch) {
-      const [pale, deep] = shades()[LABELS[data.label[patch]]];
+      const [pale, deep] = Views.palette()[LABELS[data.label[patch]]];
       return Views.mix(pale, deep, sureness(patch));
     },
     rank: (patch) => (data.label[patch] === 1 ? 2 + sureness(patch) : 1),
@@ -91,7 +89,6 @@
   // ---- selection, the same in every view
   function select(patch, fromTable = false) {
     look.selected = patch;
-    document.body.classList.add("chosen");
     details(patch);
     if (!fromTable && places.has(patch)) showRow(patch);
     for (const row of document.querySelectorAll("tr[data-patch]"))
@@ -106,21 +103,22 @@
   }
 
   // ---- the table of patches
-  const largestFirst = (name, value, digits) => [
+  const largestFirst = (name, value, digits, kind = "number folds") => [
     name,
     (patch) => -(value(patch) ?? -1),
     (patch) => figure(value(patch), digits),
+    kind,
   ];
   const columns = [
-    ["patch", (patch) => patch, (patch) => patch],
-    ["label", (patch) => -data.label[patch], null],
-    largestFirst("p", (patch) => data.p[patch], 3),
+    ["patch", (patch) => patch, (patch) => patch, "number"],
+    ["label", (patch) => -data.label[patch], null, "label"],
+    largestFirst("p", (patch) => data.p[patch], 3, "number"),
     largestFirst("area m²", (patch) => measure("area_m2", patch), 1),
     largestFirst("width m", (patch) => measure("width_m", patch), 1),
     largestFirst("height m", (patch) => measure("height_m", patch), 1),
     largestFirst("rms m", (patch) => measure("rms_m", patch), 3),
-    ["region", (patch) => of(data.region, patch) ?? 1e9, (patch) => of(data.region, patch) ?? "–"],
-    ["main reason", null, null],
+    ["region", (patch) => of(data.region, patch) ?? 1e9, (patch) => of(data.region, patch) ?? "–", "number folds"],
+    ["main reason", null, (patch) => of(data.reasons, patch)[0]?.[0] ?? "–", ""],
   ];
   let order = [],
     from = 0,
@@ -152,7 +150,7 @@
       ...order.slice(from, from + ROWS).map((patch) => {
         const row = element(
           "tr",
-          columns.map(([name, , shown]) => cell(patch, name, shown)),
+          columns.map(([, , shown, kind]) => cell(patch, shown, kind)),
           { tabindex: "0", "data-patch": patch, "aria-selected": String(patch === look.selected) },
         );
         row.addEventListener("click", () => {
@@ -168,16 +166,11 @@
     byId("back").disabled = from === 0;
     byId("more").disabled = from + ROWS >= order.length;
   }
-  function cell(patch, name, shown) {
-    if (name === "label") {
-      const swatch = element("span", "", { class: "swatch" });
-      swatch.style.background = Views.css(look.colour(patch));
-      return element("td", [swatch, `${MARKS[data.label[patch]]}\u00a0${LABELS[data.label[patch]]}`], {
-        class: "label",
-      });
-    }
-    if (name === "main reason") return element("td", of(data.reasons, patch)[0]?.[0] ?? "–");
-    return element("td", shown(patch), { class: "number" });
+  function cell(patch, shown, kind) {
+    if (shown) return element("td", shown(patch), { class: kind });
+    const swatch = element("span", "", { class: "swatch" });
+    swatch.style.background = Views.css(look.colour(patch));
+    return element("td", [swatch, `${MARKS[data.label[patch]]}\u00a0${LABELS[data.label[patch]]}`], { class: kind });
   }
   function showRow(patch) {
     let place = order.indexOf(patch);
@@ -199,13 +192,13 @@
     select(next);
   }
   byId("names").append(
-    ...columns.map(([name, key], place) => {
+    ...columns.map(([name, key, , kind], place) => {
       if (!key) return element("th", name, { scope: "col" });
       const head = element("th", name, {
         scope: "col",
         tabindex: "0",
         title: "sort by it",
-        class: name === "label" ? "" : "number",
+        class: kind,
       });
       head.addEventListener("click", () => {
         upward = sorted === place ? !upward : true;
@@ -239,14 +232,14 @@
 
   // ---- buttons and keys
   function legend() {
-    const { plausible, suspicious } = shades(),
+    const { plausible, suspicious } = Views.palette(),
       bar = ([first, last]) => {
         const made = element("i", "");
         made.style.background = `linear-gradient(90deg, ${Views.css(first)}, ${Views.css(last)})`;
         return made;
       };
     const dot = element("i", "", { class: "dot" });
-    dot.style.background = Views.css(Views.LOOSE);
+    dot.style.background = "var(--map-loose)";
     byId("legend").replaceChildren(
       element("span", ["● plausible, p 0", bar([plausible[1], plausible[0]]), figure(cut, 2)]),
       element("span", [`▲ suspicious, p ${figure(cut, 2)}`, bar(suspicious), "1"]),
@@ -256,9 +249,10 @@
   function repaint() {
     legend();
     list();
-    byId("palette").setAttribute("aria-pressed", String(document.body.dataset.palette === "colour-blind"));
+    press("palette", document.body.dataset.palette === "colour-blind");
     for (const view of views) view.draw();
   }
+  addEventListener("themechange", repaint);
   byId("palette").addEventListener("click", () => {
     document.body.dataset.palette = document.body.dataset.palette === "colour-blind" ? "blue-red" : "colour-blind";
     repaint();
@@ -266,7 +260,7 @@
   for (const name of ["points", "outlines"]) {
     byId(name).addEventListener("click", () => {
       look[name] = !look[name];
-      byId(name).setAttribute("aria-pressed", String(look[name]));
+      press(name, look[name]);
       repaint();
     });
   }
@@ -304,6 +298,6 @@
 
   arrange();
   legend();
-  byId("palette").setAttribute("aria-pressed", String(document.body.dataset.palette === "colour-blind"));
+  if (order.length) select(order[0]);
   document.body.dataset.ready = "yes";
 })();

@@ -1,26 +1,18 @@
 "use strict";
-// Shared by the report and the labelling page: colours, points and outlines of patches, and pieces of pages.
+// Shared by the report and the labelling page: colours, points and outlines of patches.
 const Views = (() => {
-  // Pale and deep colour of each label.
+  // Pale and deep colour of each label, on paper and in the dark.
   const PALETTES = {
     "blue-red": { plausible: [[176, 203, 235], [22, 82, 164]], suspicious: [[247, 178, 164], [205, 20, 24]] },
     "colour-blind": { plausible: [[158, 196, 226], [0, 74, 136]], suspicious: [[253, 217, 142], [214, 120, 0]] },
+    "blue-red dark": { plausible: [[52, 76, 108], [104, 168, 246]], suspicious: [[124, 62, 58], [255, 92, 80]] },
+    "colour-blind dark": { plausible: [[44, 78, 104], [90, 178, 240]], suspicious: [[112, 84, 34], [255, 176, 46]] },
   };
-  const LOOSE = [198, 203, 207],
-    INK = "#1b2126",
-    SOFT = "#566069";
-  const MARK = { points: [17, 17, 17], line: [240, 160, 0] };
+  const palette = () => PALETTES[document.body.dataset.palette + (Theme.isDark() ? " dark" : "")];
   const mix = (a, b, t) => a.map((value, i) => Math.round(value + (b[i] - value) * t));
   const css = (rgb) => `rgb(${rgb[0]},${rgb[1]},${rgb[2]})`;
-
-  async function unpack(id) {
-    const text = document.getElementById(id).textContent.trim();
-    return gunzip(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)));
-  }
-  async function gunzip(bytes) {
-    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
-    return new Response(stream).arrayBuffer();
-  }
+  // Red, green and blue of a colour of the style sheet.
+  const rgbOf = (name) => Theme.colour(name).match(/[0-9a-f]{2}/gi).map((two) => parseInt(two, 16));
 
   // Points and outlines, patch after patch; the numbers are those of mapq/report/scene.py.
   class Scene {
@@ -68,7 +60,7 @@ const Views = (() => {
       this.image = new ImageData(wide, high);
       this.pixels = new Uint32Array(this.image.data.buffer);
       this.depth = withDepth ? new Float32Array(wide * high).fill(-Infinity) : null;
-      this.pixels.fill(0xffffffff);
+      this.pixels.fill(packedColour(rgbOf("map-free")));
     }
     dot(x, y, size, colour, depth) {
       const left = Math.max(0, Math.round(x - size / 2)),
@@ -91,30 +83,9 @@ const Views = (() => {
   // Metres shown around a box.
   const marginOf = (low, high) => Math.max(2, 0.3 * Math.max(...high.map((value, axis) => value - low[axis])));
 
-  // An element with text, or elements, in it; words of files become text and never markup.
-  function element(name, content, attributes = {}) {
-    const made = document.createElement(name);
-    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-    for (const child of [content].flat()) made.append(child instanceof Node ? child : String(child ?? "–"));
-    return made;
-  }
-  const figure = (value, digits, unit = "") => {
-    if (typeof value !== "number") return "–";
-    return value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }) + unit;
-  };
-  // A table of names and values.
-  function listed(rows) {
-    return element(
-      "table",
-      element(
-        "tbody",
-        rows.map(([name, value]) => element("tr", [element("td", name), element("td", value)])),
-      ),
-    );
-  }
-
   // Rows of what was measured of a patch, whose measures `of` gives by name.
   function measured(of) {
+    const { figure } = Page;
     return [
       ["points", figure(of("n_points"), 0)],
       ["area", figure(of("area_m2"), 2, " m²")],
@@ -125,23 +96,5 @@ const Views = (() => {
     ];
   }
 
-  return {
-    PALETTES,
-    LOOSE,
-    INK,
-    SOFT,
-    MARK,
-    Scene,
-    Raster,
-    css,
-    element,
-    figure,
-    gunzip,
-    listed,
-    marginOf,
-    measured,
-    mix,
-    packedColour,
-    unpack,
-  };
+  return { Scene, Raster, css, marginOf, measured, mix, packedColour, palette, rgbOf };
 })();

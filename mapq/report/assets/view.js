@@ -1,17 +1,10 @@
 "use strict";
 // A view of the map on a canvas, without perspective: the plan view from above, or, with an eye, a 3D view that turns.
 // look: { colour(patch) -> rgb, rank(patch) -> higher is drawn later in plan, selected: number, points, outlines: bool,
-// loose -> rgb, mark -> { points, line } }
+// mark -> { points, line } }
 Views.View = (() => {
-  const { LOOSE, INK, SOFT, MARK, Raster, css, marginOf, packedColour } = Views;
-  const ZOOM_KEYS = { "+": 1.3, "=": 1.3, "-": 1 / 1.3 };
-  const ARROWS = { ArrowLeft: [60, 0], ArrowRight: [-60, 0], ArrowUp: [0, 60], ArrowDown: [0, -60] };
-
+  const { Raster, css, marginOf, packedColour, rgbOf } = Views;
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-  function niceStep(least) {
-    const power = 10 ** Math.floor(Math.log10(least));
-    return [1, 2, 5, 10].map((factor) => +(factor * power).toPrecision(3)).find((step) => step >= least * 0.999);
-  }
 
   return class View {
     // eye: null for the plan view, else [turn, rise] in radians, from x to y and above the horizon.
@@ -19,7 +12,14 @@ Views.View = (() => {
       Object.assign(this, { canvas, look, onPick, eye, density: window.devicePixelRatio || 1, paper: null });
       this.set(scene);
       new ResizeObserver(() => this.draw()).observe(canvas);
-      this.listen();
+      Canvas.gestures(canvas, {
+        zoom: (factor, x, y) => this.zoom(factor, x, y),
+        drag: (dx, dy, moves) => (eye && !moves ? this.turn(dx, dy) : this.move(dx, dy)),
+        click: (event) => {
+          const patch = this.pick(event);
+          if (patch >= 0) this.onPick(patch);
+        },
+      });
     }
     set(scene) {
       this.scene = scene;
@@ -67,15 +67,15 @@ Views.View = (() => {
         size = Math.min(6, Math.max(1, 0.05 * this.scale)) * this.density;
       this.rows = this.projection();
       if (this.look.points) {
-        this.drawPoints(raster, this.scene.m, this.look.loose || LOOSE, Math.max(1, 0.8 * size));
+        this.drawPoints(raster, this.scene.m, rgbOf("map-loose"), Math.max(1, 0.8 * size));
         for (const patch of this.groups) this.drawPoints(raster, patch, this.look.colour(patch), size);
       }
       const pen = canvas.getContext("2d");
       pen.putImageData(raster.image, 0, 0);
       if (this.look.outlines) this.drawOutlines(pen);
       if (this.look.selected >= 0) this.drawSelected(pen, size);
-      if (!this.eye) this.drawTicks(pen);
-      this.drawBar(pen);
+      if (!this.eye) Canvas.axes(pen, this.middle, this.scale, this.density);
+      Canvas.scaleBar(pen, this.scale, this.density);
     }
     eachPoint(patch, visit) {
       const [x, y, z] = this.scene.points;
@@ -118,52 +118,17 @@ Views.View = (() => {
       pen.globalAlpha = 1;
     }
     drawSelected(pen, size) {
-      const mark = this.look.mark || MARK,
+      const ink = rgbOf("map-ink"),
+        mark = this.look.mark || { points: ink, line: [240, 160, 0] },
         half = 0.6 * size;
       pen.fillStyle = css(mark.points);
       this.eachPoint(this.look.selected, (px, py) => pen.fillRect(px - half, py - half, 2 * half, 2 * half));
       this.path(pen, this.look.selected);
-      for (const [width, style] of [[7, "#fff"], [4.5, css(mark.line)], [1.5, css(mark.points)]]) {
+      for (const [width, style] of [[7, Theme.colour("map-free")], [4.5, css(mark.line)], [1.5, css(mark.points)]]) {
         pen.lineWidth = width * this.density;
         pen.strokeStyle = style;
         pen.stroke();
       }
-    }
-    label(pen, text, x, y) {
-      pen.font = `${11 * this.density}px system-ui, sans-serif`;
-      pen.textBaseline = "alphabetic";
-      pen.lineWidth = 3 * this.density;
-      pen.strokeStyle = "#fff";
-      pen.strokeText(text, x, y);
-      pen.fillStyle = SOFT;
-      pen.fillText(text, x, y);
-    }
-    drawTicks(pen) {
-      const d = this.density,
-        step = niceStep(90 / this.scale),
-        { width, height } = this.canvas;
-      const from = (axis, pixels) => this.middle[axis] - pixels / 2 / this.scale / d;
-      for (let x = Math.ceil(from(0, width) / step) * step; x < from(0, -width); x += step) {
-        const px = this.place(x, 0, 0)[0];
-        pen.fillStyle = SOFT;
-        pen.fillRect(px, height - 5 * d, d, 5 * d);
-        this.label(pen, +x.toPrecision(8) + "", px + 3 * d, height - 4 * d);
-      }
-      for (let y = Math.ceil(from(1, height) / step) * step; y < from(1, -height); y += step) {
-        const py = this.place(0, y, 0)[1];
-        pen.fillStyle = SOFT;
-        pen.fillRect(0, py, 5 * d, d);
-        this.label(pen, +y.toPrecision(8) + "", 7 * d, py + 4 * d);
-      }
-    }
-    drawBar(pen) {
-      const d = this.density,
-        metres = niceStep(60 / this.scale),
-        long = metres * this.scale * d,
-        left = this.canvas.width - 14 * d - long;
-      pen.fillStyle = INK;
-      pen.fillRect(left, 16 * d, long, 3 * d);
-      this.label(pen, `${metres} m`, left, 12 * d);
     }
     // The patch under the pointer: suspicious ones before others in plan, near ones before far ones in 3D; -1: none.
     pick(event) {
@@ -206,10 +171,6 @@ Views.View = (() => {
       this.eye = [this.eye[0] - 0.008 * dx, Math.min(limit, Math.max(-limit, this.eye[1] + 0.008 * dy))];
       this.soon();
     }
-    drag(dx, dy, moves) {
-      if (this.eye && !moves) this.turn(dx, dy);
-      else this.move(dx, dy);
-    }
     soon() {
       this.waiting ||= requestAnimationFrame(() => {
         this.waiting = 0;
@@ -230,47 +191,6 @@ Views.View = (() => {
         Object.assign(this, { scale, middle, density, paper: null });
         this.draw();
       };
-    }
-    listen() {
-      const canvas = this.canvas;
-      let last = null,
-        moved = 0;
-      canvas.addEventListener(
-        "wheel",
-        (event) => {
-          event.preventDefault();
-          this.zoom(Math.exp(-event.deltaY * 0.0015), event.offsetX, event.offsetY);
-        },
-        { passive: false },
-      );
-      canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-      canvas.addEventListener("pointerdown", (event) => {
-        last = [event.clientX, event.clientY];
-        moved = 0;
-        canvas.setPointerCapture(event.pointerId);
-      });
-      canvas.addEventListener("pointermove", (event) => {
-        if (!last) return;
-        const [dx, dy] = [event.clientX - last[0], event.clientY - last[1]];
-        moved += Math.abs(dx) + Math.abs(dy);
-        last = [event.clientX, event.clientY];
-        this.drag(dx, dy, event.shiftKey || event.buttons === 2);
-      });
-      canvas.addEventListener("pointerup", (event) => {
-        const patch = last && moved < 5 ? this.pick(event) : -1;
-        last = null;
-        if (patch >= 0) this.onPick(patch);
-      });
-      canvas.addEventListener("pointercancel", () => {
-        last = null;
-      });
-      canvas.addEventListener("keydown", (event) => {
-        if (ARROWS[event.key]) this.drag(...ARROWS[event.key], event.shiftKey);
-        else if (ZOOM_KEYS[event.key]) this.zoom(ZOOM_KEYS[event.key]);
-        else return;
-        event.preventDefault();
-        event.stopPropagation();
-      });
     }
   };
 })();

@@ -14,9 +14,9 @@ from mapq.cloud import PointCloud
 from mapq.io import write_ply
 from mapq.render.source import read_picture
 from mapq.report import read_findings, write_report
-from mapq.report.markup import script_sources, script_tags
 from mapq.report.page import page_data
 from prf.shell.errors import InputError, UsageError
+from prf.shell.page.markup import script_sources, script_tags
 from tests.mapq.factories import make_patches
 from tests.mapq.labelled import draw_patches
 from tests.mapq.report.results import save_result, without_scripts
@@ -56,8 +56,7 @@ def test_a_page_shows_coverage_and_disagreement_of_scans(tmp_path):
     assert "12.5 % of the points that lie on planes of any tilt" in page
     assert data_of(page)["apart"][3] == [0.123, 0.05, 0.25]
     assert data_of(page)["apart"][4] == [None, None, None]
-    details = page[page.index('<div id="details">') :]
-    assert "extent of patches" in details[: details.index("</div>")]
+    assert "extent of patches" in page[page.index("How this was made") :]
 
 
 def test_half_of_a_surrogate_pair_is_written_as_its_escape(tmp_path):
@@ -96,7 +95,7 @@ def test_names_are_text_and_never_markup(tmp_path):
     assert evil not in page
     assert "<img" not in without_scripts(page)
     assert "&lt;script&gt;alert(1)&lt;" in page
-    assert page.count("<script") == page.count("</script>") == 5
+    assert page.count("<script") == page.count("</script>") == 8
     assert data_of(page)["reasons"][0][0][0] == evil
 
 

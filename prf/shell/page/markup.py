@@ -12,11 +12,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
+from prf import __version__
 from prf.shell.files import encoded
 from prf.shell.jsonout import jsonable
-
-VIEWS = ("scene.js", "view.js")
-"""Scripts of the views, which the report and the labelling page share, in the order in which they run."""
 
 _PLACE = re.compile(r"\{\{(\w+)\}\}")
 
@@ -26,9 +24,33 @@ def escape(text: object) -> str:
     return html.escape(str(text), quote=True)
 
 
-def asset(name: str, package: str = "mapq.report") -> str:
+def asset(name: str, package: str = "prf.shell.page") -> str:
     """Return a template, style sheet or script of a package."""
     return files(package).joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def page(
+    package: str, name: str, content: Mapping[str, str], scripts: Iterable[tuple[str, str]], more: str = ""
+) -> tuple[str, str]:
+    """Return the page `name` of a package, with what all pages share, and its content security policy.
+
+    `content`: of the template. `scripts`: package and name of each, in the order in which they run, after the shared
+    ones. `more`: of the policy.
+    """
+    head, body = [asset("theme.js")], [asset("page.js"), asset("canvas.js")]
+    body += [asset(script, owner) for owner, script in scripts]
+    policy = (
+        f"default-src 'none'; script-src {script_sources([*head, *body])}; style-src 'unsafe-inline'; "
+        f"img-src data: blob:; base-uri 'none'; form-action 'none'{more}"
+    )
+    shared = {
+        "policy": policy,
+        "style": asset("common.css") + asset(f"{name}.css", package),
+        "theme": script_tags(head),
+        "scripts": script_tags(body),
+        "version": escape(__version__),
+    }
+    return fill(asset(f"{name}.html", package), {**content, **shared}), policy
 
 
 def fill(template: str, content: Mapping[str, str]) -> str:

@@ -1,0 +1,47 @@
+"""Write a report on a run: one page of HTML that opens without a network."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from prf.shell.options import Force, Output
+
+logger = logging.getLogger(__name__)
+
+EXAMPLES = (
+    "prf report office",
+    'prf report office --title "Second floor" -o floor.html',
+)
+
+
+def report(
+    run: Annotated[str, typer.Argument(metavar="RUN", help="What prf sample wrote.")],
+    title: Annotated[
+        str | None, typer.Option("--title", metavar="TEXT", help="Instead of the names of the logs.")
+    ] = None,
+    output: Output = None,
+    force: Force = False,
+) -> None:
+    """Write a report on a run: one page of HTML that opens without a network.
+
+    The posterior with its unseen ground hatched, a slider over the draws, the best map, where the chains differ, and
+    answers as prf query gives them: click a point for the probability that it is occupied, click the corners of a path
+    for that of a disc to follow it. The page has all draws, or as many as fit into about 3 MB, and says how many.
+    Without -o it is RUN.html beside the folder.
+    """
+    from prf.report import write_report
+    from prf.run import names, read_run
+    from prf.shell.files import STREAM
+    from prf.shell.outputs import claim_output
+
+    target = output or f"{Path(run).resolve()}.html"
+    inputs = [str(Path(run) / name) for name in names.SCHEMAS]
+    claim_output(target, force, inputs=inputs, suffixes=(".html", ".htm"))
+    written = write_report(target, read_run(run), title)
+    if target != STREAM:
+        shown = f"{written.n_embedded:,} of {written.n_draws:,} draws"
+        logger.info("wrote %s: %.1f MB, answers from %s", target, written.n_bytes / 1e6, shown)

@@ -1,0 +1,222 @@
+"use strict";
+// The map on a canvas. look: { base: "posterior" | "draw" | "best", draw, outline, path, readings, differs: bool,
+// tool: "point" | "path", corners: [[x, y]...], radius }
+Prf.Map = class {
+  constructor(canvas, data, draws, cells, scene, look, onPick) {
+    Object.assign(this, { canvas, window: data.window, step: data.step, draws, scene, look, onPick });
+    this.density = window.devicePixelRatio || 1;
+    this.cells = data.cells;
+    const n = this.cells.nx * this.cells.ny;
+    this.occupancy = cells.subarray(0, n);
+    this.difference = cells.subarray(n, 2 * n);
+    this.seen = cells.subarray(2 * n, 3 * n);
+    this.best = data.map ? this.polygons(JSON.parse(data.map).geometry.coordinates) : null;
+    this.paint();
+    this.show();
+    new ResizeObserver(() => (this.fitted ? this.show(this.fitted) : this.draw())).observe(canvas);
+    Canvas.gestures(canvas, {
+      zoom: (factor, x, y) => this.zoom(factor, x, y),
+      drag: (dx, dy) => this.move(dx, dy),
+      click: (event) => onPick(this.where(event.offsetX, event.offsetY)),
+    });
+    addEventListener("themechange", () => {
+      this.paint();
+      this.draw();
+    });
+  }
+  polygons(coordinates) {
+    const path = new Path2D();
+    for (const ring of coordinates.flat()) {
+      ring.forEach(([x, y], i) => path[i ? "lineTo" : "moveTo"](...this.draws.local([x, y])));
+      path.closePath();
+    }
+    return path;
+  }
+  // One pixel a cell, the highest row first.
+  picture(colour) {
+    const { nx, ny } = this.cells,
+      image = new ImageData(nx, ny),
+      made = Object.assign(document.createElement("canvas"), { width: nx, height: ny });
+    for (let row = 0; row < ny; row++)
+      for (let column = 0; column < nx; column++)
+        image.data.set(colour(row * nx + column), 4 * ((ny - 1 - row) * nx + column));
+    made.getContext("2d").putImageData(image, 0, 0);
+    return made;
+  }
+  // Pictures of the cells in the colours of the theme.
+  paint() {
+    const rgb = (name) => Theme.colour(name).match(/[0-9a-f]{2}/gi).map((two) => parseInt(two, 16)),
+      [free, black, violet] = ["free", "occupied", "map-differs"].map(rgb);
+    this.posterior = this.picture((i) => {
+      const p = this.occupancy[i] / 255;
+      return [...free.map((value, c) => value + (black[c] - value) * p), 255];
+    });
+    this.unseen = this.picture((i) => [0, 0, 0, this.seen[i] ? 0 : 255]);
+    this.differing = this.picture((i) => [...violet, this.seen[i] && this.difference[i] > 51 ? 0.8 * this.difference[i] : 0]);
+  }
+  size() {
+    return [this.canvas.clientWidth, this.canvas.clientHeight];
+  }
+  // box: [x0, y0, x1, y1] in metres; the whole window without.
+  show(box = this.window) {
+    const [wide, high] = this.size(),
+      [x0, y0, x1, y1] = box;
+    this.fitted = box;
+    this.middle = [(x0 + x1) / 2, (y0 + y1) / 2];
+    this.scale = Math.max(1e-6, Math.min((wide - 70) / (x1 - x0), (high - 56) / (y1 - y0)));
+    this.draw();
+  }
+  where(px, py) {
+    const [wide, high] = this.size();
+    return [this.middle[0] + (px - wide / 2) / this.scale, this.middle[1] - (py - high / 2) / this.scale];
+  }
+  zoom(factor, px = this.size()[0] / 2, py = this.size()[1] / 2) {
+    const before = this.where(px, py);
+    this.scale = Math.min(4000, Math.max(0.05, this.scale * factor));
+    const after = this.where(px, py);
+    this.middle = this.middle.map((value, axis) => value + before[axis] - after[axis]);
+    this.soon();
+  }
+  move(dx, dy) {
+    this.middle = [this.middle[0] - dx / this.scale, this.middle[1] + dy / this.scale];
+    this.soon();
+  }
+  soon() {
+    this.fitted = null;
+    this.waiting ||= requestAnimationFrame(() => {
+      this.waiting = 0;
+      this.draw();
+    });
+  }
+  // From metres, or with a step from steps of the window's corner, to pixels of the canvas.
+  toPixels(pen, step) {
+    const factor = this.scale * this.density,
+      [x0, y0] = step ? this.window : [0, 0],
+      { width, height } = this.canvas,
+      [mx, my] = this.middle;
+    const unit = factor * (step || 1);
+    pen.setTransform(unit, 0, 0, -unit, width / 2 + (x0 - mx) * factor, height / 2 + (my - y0) * factor);
+    return this.density / unit;
+  }
+  draw() {
+    const { canvas, look } = this,
+      pen = canvas.getContext("2d");
+    [canvas.width, canvas.height] = this.size().map((length) => Math.round(length * this.density));
+    if (!canvas.width || !canvas.height) return;
+    const pixel = this.toPixels(pen, this.step),
+      [wide, high] = this.draws.size;
+    pen.save();
+    pen.beginPath();
+    pen.rect(0, 0, wide, high);
+    pen.fillStyle = Theme.colour("free");
+    pen.fill();
+    pen.clip();
+    pen.fillStyle = Theme.colour("occupied");
+    if (look.base === "posterior") this.drawCells(pen, this.posterior);
+    else if (look.base === "best") pen.fill(this.best, "evenodd");
+    else pen.fill(this.area(look.draw), "evenodd");
+    this.drawUnseen(pen);
+    if (look.differs) this.drawCells(pen, this.differing);
+    pen.restore();
+    this.drawScene(pen, pixel);
+    this.drawQuestion(pen);
+    this.toPixels(pen, this.step);
+    pen.lineWidth = pixel;
+    pen.strokeStyle = Theme.colour("rim");
+    pen.strokeRect(0, 0, wide, high);
+    pen.resetTransform();
+    Canvas.axes(pen, this.middle, this.scale, this.density);
+    Canvas.scaleBar(pen, this.scale, this.density);
+  }
+  area(draw) {
+    if (this.drawn?.draw !== draw) this.drawn = { draw, path: this.draws.area(draw) };
+    return this.drawn.path;
+  }
+  drawCells(pen, picture) {
+    const { nx, ny, origin, resolution } = this.cells,
+      [x, y] = this.draws.local([origin[0], origin[1] + ny * resolution]),
+      side = resolution / this.step;
+    pen.save();
+    pen.imageSmoothingEnabled = false;
+    pen.transform(1, 0, 0, -1, x, y);
+    pen.drawImage(picture, 0, 0, nx * side, ny * side);
+    pen.restore();
+  }
+  // Hatches as wide as pixels where no reading was, on a canvas of their own.
+  drawUnseen(pen) {
+    const { width, height } = this.canvas,
+      sheet = Object.assign(document.createElement("canvas"), { width, height }),
+      ink = sheet.getContext("2d"),
+      gap = 9 * this.density;
+    this.toPixels(ink, this.step);
+    this.drawCells(ink, this.unseen);
+    ink.resetTransform();
+    ink.globalCompositeOperation = "source-in";
+    ink.strokeStyle = Theme.colour("map-unseen");
+    ink.lineWidth = 0.8 * this.density;
+    ink.beginPath();
+    for (let x = -height; x < width; x += gap) {
+      ink.moveTo(x, height);
+      ink.lineTo(x + height, 0);
+    }
+    ink.stroke();
+    pen.save();
+    pen.resetTransform();
+    pen.drawImage(sheet, 0, 0);
+    pen.restore();
+  }
+  drawScene(pen, pixel) {
+    const { look, scene } = this,
+      dots = (numbers, size) => {
+        const half = (size * pixel) / 2;
+        for (let i = 0; i < numbers.length; i += 2) pen.fillRect(numbers[i] - half, numbers[i + 1] - half, 2 * half, 2 * half);
+      },
+      lines = (numbers, each, width, colour) => {
+        pen.beginPath();
+        for (let i = 0; i < numbers.length; i += 2) pen[i % each ? "lineTo" : "moveTo"](numbers[i], numbers[i + 1]);
+        pen.lineWidth = width * pixel;
+        pen.strokeStyle = Theme.colour(colour);
+        pen.stroke();
+      };
+    pen.lineJoin = pen.lineCap = "round";
+    if (look.outline) lines(scene.best, 4, 1.4, "map-outline");
+    if (look.readings) {
+      pen.fillStyle = Theme.colour("map-return");
+      dots(scene.returns, 2);
+      dots(scene.points, 4);
+      lines(scene.arcs, 6, 0.7, "map-return");
+    }
+    if (look.path && scene.path.length) {
+      lines(scene.path, scene.path.length, 1.2, "map-path");
+      pen.fillStyle = Theme.colour("map-path");
+      dots(scene.path, 3);
+      dots(scene.path.slice(0, 2), 9);
+    }
+  }
+  drawQuestion(pen) {
+    const { corners, radius, tool } = this.look;
+    if (!corners.length) return;
+    const pixel = this.toPixels(pen),
+      isPath = tool === "path";
+    pen.lineJoin = pen.lineCap = "round";
+    pen.beginPath();
+    corners.forEach(([x, y]) => pen.lineTo(x, y));
+    if (corners.length === 1) pen.lineTo(...corners[0]);
+    const strokes = isPath ? [[2 * radius, 0.3], [2 * pixel, 1]] : [];
+    for (const [width, alpha] of strokes) {
+      pen.lineWidth = width;
+      pen.globalAlpha = alpha;
+      pen.strokeStyle = Theme.colour("question");
+      pen.stroke();
+    }
+    for (const [x, y] of corners) {
+      pen.beginPath();
+      pen.arc(x, y, (isPath ? 4 : 6) * pixel, 0, 7);
+      pen.fillStyle = Theme.colour("question");
+      pen.fill();
+      pen.lineWidth = 2 * pixel;
+      pen.strokeStyle = "#ffffff";
+      pen.stroke();
+    }
+  }
+};

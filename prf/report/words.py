@@ -1,0 +1,126 @@
+"""Words and tables of a report: what was mapped, whether the chains agree, and how the run was made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import PurePath
+from typing import Any
+
+from prf.agreement import Place
+from prf.convergence import Diagnosis, rounded
+from prf.run import Run
+from prf.shell.page.markup import escape, table
+from prf.shell.pictures import counted, number, window_words
+
+LOG_SUFFIXES = (".gz", ".log", ".txt", ".bag", ".mcap", ".db3", ".csv", ".clf")
+
+
+def title_of(run: Run) -> str:
+    """Return what was mapped: the names of the logs, else that of the run."""
+    stems: list[str] = []
+    for row in run.manifest.get("inputs") or ():
+        name = PurePath(str(row.get("path"))).name
+        for suffix in LOG_SUFFIXES:
+            name = name.removesuffix(suffix)
+        stems += [name] if name not in ("-", "", *stems) else []
+    return ", ".join(stems[:2]) or run.name
+
+
+def headline(run: Run) -> str:
+    """Return what was mapped from what."""
+    parts = [
+        counted(run.laser.n_beams, "laser beam") if run.laser is not None else "",
+        counted(run.sonar.n_beams, "sonar reading") if run.sonar is not None else "",
+        counted(len(run.points.value), "point observation") if run.points is not None else "",
+    ]
+    readings = " and ".join(part for part in parts if part) or "no reading"
+    draws = f"{counted(len(run.draws), 'map')} drawn by {counted(run.n_chains, 'chain')}"
+    return f"{draws} from {readings}, over a window of {window_words(run.draws.window)}."
+
+
+def agreement_line(run: Run) -> str:
+    """Return whether the chains agree, as markup; each place where they differ is a button."""
+    found, diagnosed = None if run.image is None else run.image.agreement(), run.diagnostics or {}
+    state = {True: "converged", False: "not converged", None: "agreement unknown"}[diagnosed.get("converged")]
+    tag = f'<span class="tag {state.split()[0]}">{state}</span> '
+    if found is None or math.isnan(found.seen):
+        return f"{tag}Nothing is known of how the chains agree."
+    line = f"{tag}The chains agree on {math.floor(100.0 * found.seen)} % of the seen ground"
+    if found.places:
+        line += ", and differ most at " + ", ".join(map(_place_button, found.places))
+    return f"{line}{_outlook(diagnosed)}."
+
+
+def _place_button(place: Place) -> str:
+    at = f"{place.x:.2f},{place.y:.2f},{math.sqrt(place.area):.2f}"
+    return f'<button type="button" class="link" data-place="{at}">({number(place.x, 1)}, {number(place.y, 1)})</button>'
+
+
+def _outlook(diagnosed: Mapping[str, Any]) -> str:
+    if diagnosed.get("converged") is False and diagnosed.get("trend") == "flat":
+        return "; more time alone will not help"
+    seconds = diagnosed.get("suggested_seconds")
+    return f"; about {_time(rounded(seconds))} more would bring agreement" if seconds else ""
+
+
+def _time(seconds: float) -> str:
+    size, unit = next((size, unit) for size, unit in ((3600.0, "h"), (60.0, "min"), (0.0, "s")) if seconds >= 2 * size)
+    return f"{seconds / (size or 1.0):.0f} {unit}"
+
+
+def functional_table(run: Run) -> str:
+    """Return R-hat and effective sample size of every functional, those that do not agree first."""
+    rows = (run.diagnostics or {}).get("functionals") or {}
+    found = {name: _diagnosis(row) for name, row in rows.items()}
+    order = sorted(found, key=lambda name: (found[name].agrees(), -found[name].shortfall()))
+    head = ("functional", "R-hat", "ESS", "ground", "")
+    return table(head, [("", (escape(name), *_cells(found[name]))) for name in order], "list")
+
+
+def _diagnosis(row: Mapping[str, Any]) -> Diagnosis:
+    rhat, ess = (math.nan if row.get(name) is None else float(row[name]) for name in ("rhat", "ess"))
+    return Diagnosis(rhat, ess, row.get("state", "short"), bool(row.get("seen", True)))
+
+
+def _cells(found: Diagnosis) -> tuple[str, ...]:
+    varies = found.state == "varies"
+    state = f'<span class="{"good" if found.agrees() else "bad"}">{"agrees" if found.agrees() else "disagrees"}</span>'
+    if not varies:
+        state += f" <small>{escape(found.describe())}</small>"
+    figures = (f"{found.rhat:.3f}", number(found.ess, 0)) if varies else ("–", "–")
+    return *figures, "seen" if found.seen else "not seen", state
+
+
+def origin_table(run: Run) -> str:
+    """Return how the run was made: command, inputs, seed, steps, versions."""
+    made = run.manifest
+    rows = [
+        ("run", run.name),
+        ("created", made.get("created")),
+        ("command", " ".join(map(str, made.get("command") or ()))),
+        *(("input", f"{row.get('path')}, sha256 {row.get('sha256')}") for row in made.get("inputs") or ()),
+        ("status", made.get("status")),
+        ("steps a chain", f"{counted(made.get('steps') or 0, 'step')}, {made.get('burn_in') or 0:,} of them burn-in"),
+        ("sampling time", _time(made["seconds"]) if made.get("seconds") else None),
+        ("seed", made.get("seed")),
+        ("versions", ", ".join(f"{name} {version}" for name, version in (made.get("versions") or {}).items())),
+    ]
+    return _plain(rows)
+
+
+def settings_table(run: Run) -> str:
+    """Return the settings of the run, those that were given first."""
+    given: Mapping[str, Any] = run.manifest.get("sources") or {}
+    settings = run.manifest.get("configuration") or {}
+    order = sorted(settings, key=lambda name: (name not in given, name))
+    return _plain((name, f"{settings[name]}{_source(given, name)}") for name in order if settings[name] is not None)
+
+
+def _source(given: Mapping[str, Any], name: str) -> str:
+    return f"  ({given[name]})" if name in given else ""
+
+
+def _plain(rows: Iterator[tuple[str, Any]] | list[tuple[str, Any]]) -> str:
+    shown = [(name, str(value)) for name, value in rows if value not in (None, "")]
+    return table(("", ""), [("", (escape(name), escape(value))) for name, value in shown], "plain")

@@ -1,0 +1,155 @@
+"""The report on a run in a browser: answers as `prf query` gives them, draws, layers, keys, phones."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from prf.coloring import black_at
+from prf.report import write_report
+from tests.report.runs import WINDOW, slow_run
+
+PATHS = ("-2, 9996; -1, 9997", "0, 9999; 3, 9999; 3, 9996", "1, 9998", "-3.2, 9995; 4.7, 10000.9")
+FILLED = """async ([draw, points]) => {
+  const data = await Page.unpackJson("data"),
+    draws = new Prf.Draws(data.draws, await Page.unpack("draws"), data.window, data.step),
+    pen = document.createElement("canvas").getContext("2d"),
+    area = draws.area(draw);
+  const isFilled = (point) => pen.isPointInPath(area, ...draws.local(point), "evenodd");
+  return points.map((point) => [isFilled(point), !!draws.blackAt(point)[draw]]);
+}"""
+
+
+@pytest.fixture(scope="module")
+def run():
+    return slow_run()
+
+
+@pytest.fixture(scope="module")
+def report(run, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "hall.html"
+    write_report(str(path), run)
+    return path
+
+
+@pytest.fixture
+def opened(page, report):
+    page.goto(report.as_uri())
+    page.wait_for_selector("body[data-ready]")
+    return page
+
+
+def asked(page, words: str) -> list[float]:
+    """Give coordinates and return the probability and its bounds."""
+    page.fill("#where", words)
+    page.keyboard.press("Enter")
+    return answer(page)
+
+
+def answer(page) -> list[float]:
+    low, _, high = page.locator("#bounds").inner_text().partition(" to ")
+    return [float(text) for text in (page.locator("#answer strong").inner_text(), low, high)]
+
+
+def test_points_are_answered_as_by_query(opened, run):
+    points = np.random.default_rng(5).uniform(WINDOW[:2], WINDOW[2:], (40, 2)).round(2)
+    found = run.query(points, interval=True)
+    wanted = np.column_stack([found.probability, found.low, found.high])
+    assert len(np.unique(wanted[:, 0])) > 10
+    given = [asked(opened, f"{x}, {y}") for x, y in points]
+    np.testing.assert_allclose(given, wanted, atol=1.1e-3)
+    figures = opened.locator("#answer .note").first.inner_text()
+    assert figures.startswith(f"ESS {found.ess[-1]:.0f}, R-hat {found.rhat[-1]:.2f}")
+
+
+def test_paths_are_answered_as_by_query(opened, run):
+    opened.click("[data-tool=path]")
+    for radius in ("0.25", "0.7"):
+        opened.locator("#radius").fill(radius)
+        for words in PATHS:
+            path = [[float(value) for value in pair.split(",")] for pair in words.split(";")]
+            found = run.paths([path], float(radius), interval=True)
+            np.testing.assert_allclose(asked(opened, words), [column[0] for column in found[:3]], atol=1.1e-3)
+    assert 0.0 < run.paths([[1.0, 9998.0]], 0.25)[0] < 1.0
+    opened.fill("#where", "0, 0")
+    opened.keyboard.press("Enter")
+    assert "Outside the window" in opened.locator("#answer").inner_text()
+
+
+@pytest.mark.parametrize("draw", [0, 71, 159])
+def test_a_draw_is_filled_with_its_colours(opened, run, draw):
+    points = np.random.default_rng(draw).uniform(WINDOW[:2], WINDOW[2:], (300, 2))
+    filled, black = np.transpose(opened.evaluate(FILLED, [draw, points.tolist()]))
+    number = np.argsort(run.chain, kind="stable")[draw]
+    assert (filled == black).mean() > 0.995
+    assert (black == black_at(run.draws[number], points)).mean() > 0.995
+
+
+def test_a_click_asks_there_and_corners_of_a_path_can_be_taken_back(opened, run):
+    box = opened.locator("#map").bounding_box()
+    middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    opened.mouse.click(*middle)
+    x, y = (float(value) for value in opened.locator("#where").input_value().split(","))
+    assert (x, y) == pytest.approx(((WINDOW[0] + WINDOW[2]) / 2, (WINDOW[1] + WINDOW[3]) / 2), abs=0.02)
+    np.testing.assert_allclose(answer(opened)[0], run.query([[x, y]], interval=True).probability[0], atol=6e-4)
+    opened.click("[data-tool=path]")
+    opened.mouse.click(middle[0] + 60, middle[1])
+    opened.mouse.click(middle[0] + 60, middle[1] + 60)
+    assert opened.locator("#where").input_value().count(";") == 2
+    opened.click("#undo")
+    assert opened.locator("#where").input_value().count(";") == 1
+    opened.get_by_text("show one").click()
+    assert opened.locator("[data-base=draw]").get_attribute("aria-pressed") == "true"
+    opened.click("#clear")
+    assert opened.locator("#answer").inner_text() == ""
+
+
+def test_draws_layers_and_themes_change_the_picture(opened):
+    picture = "document.getElementById('map').toDataURL()"
+    seen = [opened.evaluate(picture)]
+
+    def look() -> None:
+        seen.append(opened.evaluate(picture))
+
+    opened.focus("#draw")
+    for _ in range(2):
+        opened.keyboard.press("ArrowRight")
+        look()
+    assert "draw 3 of 160: chain 3, step 2,000" in opened.locator("#drawn").inner_text()
+    for button in ("[data-base=best]", "#path", "#readings", "#outline", "#theme"):
+        opened.click(button)
+        look()
+    opened.focus("#map")
+    for key in ("+", "ArrowLeft", "0"):
+        opened.keyboard.press(key)
+        opened.wait_for_timeout(60)
+        look()
+    assert len(set(seen)) == len(seen) - 1, "only the last key leads back"
+    assert opened.evaluate("document.documentElement.dataset.theme") == "dark"
+    opened.keyboard.press("Enter")
+    assert opened.locator("#bounds").count() == 1
+
+
+def test_the_best_map_and_the_view_are_saved(opened, run, tmp_path):
+    for button, name, start in (("#geojson", "run.geojson", b'{"schema'), ("#png", "run.png", b"\x89PNG")):
+        with opened.expect_download() as saved:
+            opened.click(button)
+        assert saved.value.suggested_filename == name
+        saved.value.save_as(tmp_path / name)
+        assert (tmp_path / name).read_bytes().startswith(start)
+    assert json.loads((tmp_path / "run.geojson").read_text())["geometry"]["type"] == "MultiPolygon"
+
+
+def test_a_phone_shows_map_and_question_together_without_scrolling_aside(browser, report):
+    page = browser.new_page(viewport={"width": 390, "height": 844}, color_scheme="dark", has_touch=True)
+    page.goto(report.as_uri())
+    page.wait_for_selector("body[data-ready]")
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    assert page.evaluate("document.documentElement.dataset.theme") == "dark"
+    page.locator("#map").evaluate("map => map.scrollIntoView()")
+    page.locator("#map").tap()
+    box = page.locator("#answer").bounding_box()
+    assert box["y"] + box["height"] < 844
+    page.close()

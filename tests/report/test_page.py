@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+import dataclasses
+import re
+from pathlib import Path
+
+import pytest
+
+from prf.report import write_report
+from prf.shell.errors import InputError
+from tests.factories import make_run
+from tests.mapq.report.results import without_scripts
+from tests.report.runs import slow_run
+
+
+def written(path: Path, **options: str) -> str:
+    write_report(str(path), slow_run(), **options)
+    return path.read_text()
+
+
+def test_a_page_is_named_after_its_log_and_says_what_it_shows(tmp_path: Path) -> None:
+    page = written(tmp_path / "r.html")
+    assert "<h1>&lt;b&gt;hall</h1>" in page
+    assert "160 maps drawn by 3 chains from 200 laser beams, over a window of 8.003 × 6.5 m." in page
+    assert '<span class="tag converged">converged</span> The chains agree on 100 % of the seen ground.' in page
+    assert "all 160 draws of the run, as prf query" in page
+    assert "/logs/&lt;b&gt;hall.log.gz, sha256 0" in page
+    assert "<h1>Ours</h1>" in written(tmp_path / "o.html", title="Ours")
+
+
+def test_nothing_of_a_page_lies_elsewhere_and_nothing_in_it_is_markup(tmp_path: Path) -> None:
+    page = without_scripts(written(tmp_path / "r.html"))
+    assert re.findall(r"(?:src|href)=[\"'](?!#)", page) == []
+    assert "url(" not in page
+    assert "default-src 'none'" in page
+    assert "<b>hall" not in page
+
+
+def test_places_where_chains_differ_and_what_would_help_are_in_the_second_sentence(tmp_path: Path) -> None:
+    run = slow_run()
+    assert run.image is not None
+    differs = run.image.disagreement.copy()  # type: ignore[union-attr]
+    differs[2:5, 3:6] = 0.9
+    bad = {"rhat": 1.4, "ess": 8.0, "state": "varies", "seen": True}
+    stuck = {"rhat": None, "ess": None, "state": "stuck", "seen": True}
+    diagnostics = {"converged": False, "suggested_seconds": 280.0, "functionals": {"n_edges": bad, "colour": stuck}}
+    image = run.image._replace(disagreement=differs, seen=run.image.seen | True)
+    run = dataclasses.replace(run, image=image, diagnostics=diagnostics)
+    write_report(str(tmp_path / "r.html"), run)
+    page = (tmp_path / "r.html").read_text()
+    assert "and differ most at" in page
+    assert "(−2.1, 9,995.4)</button>; about 5 min more would bring agreement." in page
+    assert page.index("<td>colour</td>") < page.index("<td>n_edges</td><td>1.400</td><td>8</td><td>seen</td>")
+    write_report(str(tmp_path / "f.html"), dataclasses.replace(run, diagnostics={**diagnostics, "trend": "flat"}))
+    assert "; more time alone will not help." in (tmp_path / "f.html").read_text()
+
+
+def test_a_run_without_draws_or_image_is_refused(tmp_path: Path) -> None:
+    for run, match in (
+        (make_run(n_draws=0), "no draws yet"),
+        (dataclasses.replace(slow_run(), image=None), "posterior"),
+    ):
+        with pytest.raises(InputError, match=match):
+            write_report(str(tmp_path / "r.html"), run)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_from_python_writes_its_page(tmp_path: Path) -> None:
+    slow_run().report(tmp_path / "r.html")
+    assert "Posterior" in (tmp_path / "r.html").read_text()
