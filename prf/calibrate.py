@@ -345,10 +345,12 @@ def report_of(part: Calibrated) -> dict[str, Any]:
     }
 
 
-def lines_of(part: Calibrated) -> list[str]:
-    """Return everything about one sensor for a person."""
+def lines_of(part: Calibrated, most: int | None = None) -> list[str]:
+    """Return everything about one sensor for a person, or the `most` parameters that moved most beside their error."""
     rows = [f"{part.kind:22} {'default':>9} {'fitted':>9} {'+-':>9}"]
-    for row in report_of(part)["parameters"]:
+    parameters = report_of(part)["parameters"]
+    by_change = sorted(parameters, key=lambda row: -abs(row["value"] - row["default"]) / max(row["error"], 1e-12))
+    for row in (row for row in parameters if row in by_change[:most]):
         note = "" if row["informed"] else "   hardly from the readings"
         rows.append(f"{row['name']:22} {row['default']:9.4g} {row['value']:9.4g} {row['error']:9.2g}{note}")
     before, after, without = (-loss / part.n_readings for loss in (part.loss_before, part.loss, part.no_map))

@@ -22,6 +22,8 @@ EXAMPLES = (
 )
 
 DEFAULT_STEPS = 3_000_000
+FAR_APART = 10.0
+"""Nats between the two best chains above which the search was too short, or hard: one would do what the other did."""
 
 
 def anneal(
@@ -186,8 +188,10 @@ def _report(found: Annealed, text: str, target: str, made: dict[str, Any], json:
         jsonout.emit_object("prf.anneal/1", result)
         return
     say = say_beside(target)
-    others = ", ".join(f"{value:,.1f}" for value in sorted(found.by_chain, reverse=True))
-    say(f"score           {found.score:,.1f} nats (chains: {others})")
-    say(f"map             {found.best.n_vertices} vertices, {found.best.n_edges} edges, {target}")
-    say(f"size            {result['geojson_bytes']:,} bytes of GeoJSON, {packed:,} bytes of packed coordinates")
-    say(f"seed            {made['seed']}")
+    others = sorted(found.by_chain, reverse=True)[1:]
+    apart = f"; the next best chain ended {found.score - others[0]:,.1f} nats below" if others else ""
+    say(f"score  {found.score:,.1f} nats{apart}")
+    if others and found.score - others[0] > FAR_APART:
+        say("       No two chains found the same map: more --steps may find a better one.")
+    say(f"size   {result['geojson_bytes']:,} bytes of GeoJSON, {packed:,} bytes of packed coordinates")
+    say(f"map    {target}: {found.best.n_vertices:,} vertices, {found.best.n_edges:,} edges")

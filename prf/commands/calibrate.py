@@ -72,13 +72,15 @@ def _report(found: list[Calibrated], output: str | None, json: bool) -> None:
     """Print what came of it."""
     from prf.calibrate import lines_of, report_of
     from prf.shell import jsonout
-    from prf.shell.console import say_beside
+    from prf.shell.console import is_verbose, say_beside
 
     if json:
         parts = {part.kind: report_of(part) for part in found}
         jsonout.emit_object("prf.calibrate/2", {**parts, "output": output})
         return
-    say = say_beside(output)
+    say, most = say_beside(output), None if is_verbose() or len(found) == 1 else 4
     for part in found:
-        for line in lines_of(part):
+        for line in lines_of(part, most):
             say(line)
+    if output is not None:
+        say(f"{'wrote':22} {output}; use it as --config {output}")

@@ -58,7 +58,9 @@ def export(
     ] = False,
     resolution: Annotated[
         float | None,
-        typer.Option("--resolution", metavar="METRES", help="ros-map: cell size.  [as the run's image; MAP: 0.05]"),
+        typer.Option(
+            "--resolution", metavar="METRES", help="ros-map: cell size.  [0.05; --squares: the run's image's]"
+        ),
     ] = None,
     extrapolate: Annotated[
         float | None,
@@ -100,8 +102,8 @@ def export(
 
 def _lines(done: Exported) -> Iterator[str]:
     """Return the table for a person."""
-    rows = [("wrote", f"{file.path}, {file.bytes:,} B") for file in done.files]
-    rows += [(name.removeprefix("n_").replace("_", " "), _words(value)) for name, value in done.facts.items()]
+    rows = [(name.removeprefix("n_").replace("_", " "), _words(value)) for name, value in done.facts.items()]
+    rows += [("wrote", f"{file.path}, {file.bytes:,} B") for file in done.files]
     width = max(len(name) for name, _ in rows) + 2
     return (f"{name:<{width}}{value}" for name, value in rows)
 

@@ -96,5 +96,7 @@ def _report(built: BuiltGrid, target: str, json: bool) -> None:
         jsonout.emit_object("prf.grid.built/1", result)
         return
     n_rows, n_columns = made.occupancy.shape
-    console.summarize(f"{n_columns} x {n_rows} cells of {made.resolution:g} m, {made.share_seen:.1%} seen, {target}")
-    console.summarize(f"{built.n_beams} readings, method {result['method']}")
+    console.summarize(
+        f"Mapped {built.n_beams:,} readings by the method {result['method']}; {made.share_seen:.1%} of the cells seen."
+    )
+    console.summarize(f"grid  {target}: {n_columns} x {n_rows} cells of {made.resolution:g} m")

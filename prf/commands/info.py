@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from prf.logs import Kind
     from prf.logs.describe import Extent, LogSummary
 
+MOST_LINES = 15
+DETAILS = ("log", "8 m or more", "other lines")
+"""Rows for ``-v`` alone."""
+
 EXAMPLES = (
     "prf info data/demo-office.log.gz",
     "prf info data/demo-office.log.gz --json",
@@ -82,14 +86,16 @@ def _tell_points(file: str, json: bool) -> None:
 
 def _lines(summary: LogSummary) -> Iterator[str]:
     """Return the table for a person."""
-    for name, value in _rows(summary):
+    from prf.shell import console
+
+    rows = [row for row in _rows(summary) if console.is_verbose() or row[0] not in DETAILS]
+    seen = [suspicion.message for suspicion in summary.suspicions] or ["nothing that these checks see"]
+    notes = [("suspicious", message) for message in seen] + [("assumed", remark) for remark in summary.remarks]
+    room = len(notes) if console.is_verbose() else MOST_LINES - len(rows)
+    if len(notes) > room:
+        notes[room - 1 :] = [("", f"{len(notes) - room + 1} notes more: prf info -v")]
+    for name, value in (*rows, *notes):
         yield f"{name:<16}{value}"
-    for remark in summary.remarks:
-        yield f"{'assumed':<16}{remark}"
-    for suspicion in summary.suspicions:
-        yield f"{'suspicious':<16}{suspicion.message}"
-    if not summary.suspicions:
-        yield f"{'suspicious':<16}nothing that these checks see"
 
 
 def _rows(summary: LogSummary) -> Iterator[tuple[str, str]]:

@@ -12,6 +12,9 @@ from prf.shell.options import Json
 if TYPE_CHECKING:
     from prf.inspection import FileState
 
+MAIN = ("kind", "created", "command", "inputs[0].path", "status", "seed")
+"""Entries that are told without ``-v``."""
+
 EXAMPLES = (
     "prf inspect office",
     "prf inspect office.grid.npz --json",
@@ -41,7 +44,10 @@ def inspect(
         content = {"path": source, "kind": found.kind, "manifest": found.manifest}
         jsonout.emit_object("prf.inspect/1", {**content, "files": [file._asdict() for file in found.files]})
     else:
-        for line in (*_manifest_lines({"kind": found.kind, **found.manifest}), "", *_file_lines(found.files)):
+        rows = dict(_flat({"kind": found.kind, **found.manifest}))
+        main = rows if console.is_verbose() else {name: rows[name] for name in MAIN if name in rows}
+        hidden = [] if main == rows else [f"({len(rows) - len(main)} more entries: prf inspect -v)"]
+        for line in (*_manifest_lines(main), *hidden, *_file_lines(found.files)):
             console.emit(line)
     for state in ("damaged", "other version"):
         lost = [file.name for file in found.files if file.state == state and file.is_lost]
@@ -49,10 +55,9 @@ def inspect(
             raise InputError(f"{source}: {state}: {', '.join(lost)}.")
 
 
-def _manifest_lines(manifest: Mapping[str, Any]) -> Iterator[str]:
-    rows = list(_flat(manifest))
-    width = max(len(name) for name, _ in rows) + 2
-    return (f"{name:<{width}}{value}" for name, value in rows)
+def _manifest_lines(rows: Mapping[str, str]) -> Iterator[str]:
+    width = max(map(len, rows)) + 2
+    return (f"{name:<{width}}{value}" for name, value in rows.items())
 
 
 def _flat(value: Any, name: str = "") -> Iterator[tuple[str, str]]:

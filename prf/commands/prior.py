@@ -84,7 +84,7 @@ def prior(
         jsonout.emit_object("prf.prior/1", {**settings, **comparison._asdict(), "output": output})
         return
     say = say_beside(output)
-    for line in _lines(comparison, used_seed, used_thin):
+    for line in (*_lines(comparison, used_seed, used_thin), *([f"wrote       {output}"] if output else ())):
         say(line)
 
 

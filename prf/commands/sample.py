@@ -10,6 +10,7 @@ from prf.commands import _options as o
 from prf.shell.options import Assignments, Force, Json, Output, Presets, Seed, Threads, parse_duration
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from prf.api.science import ReadingKind, Source
@@ -142,7 +143,6 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None) -> Pat
 
 def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None:
     """Print what came of it; `asked_steps` may be fewer than whole rounds have."""
-    from prf.agreement import Agreement
     from prf.shell import console, jsonout
 
     assert run.diagnostics is not None
@@ -169,40 +169,76 @@ def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None
     if json:
         jsonout.emit_object("prf.sample/1", result)
         return
-    console.summarize(f"{progress.status}: {_verdict(run.diagnostics, configuration['chains'])}")
-    ground = Agreement.of_document(run.diagnostics["agreement"]).words()
-    if ground:
-        console.summarize(ground)
-    swaps = run.diagnostics.get("tempering")
-    if swaps:
-        console.summarize(_ladders(swaps))
-    if not result["converged"] and progress.status != "running":
-        advice = _advice(run, folder)
-        if advice:
-            console.summarize(advice)
-    rounded = f" (rounded up from {asked_steps:,})" if asked_steps is not None and progress.step > asked_steps else ""
-    console.summarize(
-        f"{result['draws']} draws of {result['chains']} chains, {progress.step:,} steps each{rounded}, {folder}/"
+    for line in _summary(run, folder, asked_steps):
+        console.summarize(line)
+
+
+def _summary(run: Run, folder: Path, asked_steps: int | None) -> Iterator[str]:
+    """Yield for a person what was mapped, whether the chains agree, what to do about it, and what to open."""
+    from prf.agreement import Agreement
+    from prf.shell import console
+
+    assert run.diagnostics is not None
+    assert run.progress is not None
+    steps, diagnostics, window = run.progress.step, run.diagnostics, run.draws.window
+    rounded = f" (rounded up from {asked_steps:,})" if asked_steps is not None and steps > asked_steps else ""
+    yield (
+        f"Mapped {_readings(run)} in {window.width:.1f} x {window.height:.1f} m: {len(run.draws):,} draws of "
+        f"{_chains(run)}, {steps:,} steps each{rounded}."
     )
-    console.summarize(f"picture {folder}/posterior.png" + (f", best map {folder}/map.geojson" if run.best else ""))
+    yield _verdict(run, run.progress.status)
+    ground = Agreement.of_document(diagnostics["agreement"]).words()
+    if ground:
+        yield f"Place by place, {ground}."
+    if diagnostics.get("tempering") and console.is_verbose():
+        yield _ladders(diagnostics["tempering"])
+    if not diagnostics["converged"] and (advice := _advice(run, folder)):
+        yield advice
+    yield f"picture   {folder}/posterior.png"
+    if run.best:
+        yield f"best map  {folder}/map.geojson"
+    yield f"run       {folder}/"
 
 
-def _is_short(diagnostics: dict[str, Any], n_chains: int) -> bool:
-    """Return whether what is missing is draws: one chain has no other to disagree with."""
-    worst = diagnostics["functionals"].get(diagnostics["worst"], {"state": "short"})
-    return n_chains == 1 or worst["state"] == "short"
+def _chains(run: Run) -> str:
+    from prf.shell.pictures import counted
+
+    return counted(run.manifest["configuration"]["chains"], "chain")
 
 
-def _verdict(diagnostics: dict[str, Any], n_chains: int) -> str:
+def _readings(run: Run) -> str:
+    """Return how many readings of each kind the map was made from."""
+    parts = []
+    if run.laser is not None:
+        n, thinned = len(run.laser.range), int(run.manifest.get("n_beams_thinned", 0))
+        parts.append(f"{n:,} of {n + thinned:,} beams (thinned)" if thinned else f"{n:,} beams")
+    if run.sonar is not None:
+        parts.append(f"{len(run.sonar.range):,} sonar readings")
+    if run.points is not None:
+        parts.append(f"{len(run.points.value):,} points")
+    return " and ".join(parts)
+
+
+def _is_short(diagnostics: dict[str, Any]) -> bool:
+    """Return whether draws are missing, so that nothing is known of agreement."""
+    return bool(diagnostics["functionals"].get(diagnostics["worst"], {"state": "short"})["state"] == "short")
+
+
+def _verdict(run: Run, status: str) -> str:
     """Return in words whether the chains agree, on what was seen and on the rest."""
+    assert run.diagnostics is not None
+    diagnostics, alone = run.diagnostics, run.manifest["configuration"]["chains"] == 1
     if diagnostics["converged"]:
-        return "the chains agree"
-    judged = "the chains do not agree yet"
-    if _is_short(diagnostics, n_chains):
-        judged = "too few draws to judge: run longer"
+        judged = "The parts of the one chain agree" if alone else "The chains agree"
+    elif _is_short(diagnostics):
+        judged = "Too few draws to judge whether the map is settled"
+    elif alone:
+        judged = "The one chain is not settled yet, and has no other to agree with"
     elif diagnostics["converged_seen"]:
-        judged = "the chains agree on what was seen, and not yet on the rest"
-    return f"{judged} ({diagnostics['reason']})"
+        judged = "The chains agree on what was seen, and not yet on the rest"
+    else:
+        judged = "The chains do not agree yet"
+    return f"{judged} ({'not converged; ' if status == 'not converged' else ''}{diagnostics['reason']})."
 
 
 def _advice(run: Run, folder: Path) -> str:
@@ -213,17 +249,19 @@ def _advice(run: Run, folder: Path) -> str:
     configuration, diagnostics = run.manifest["configuration"], run.diagnostics
     seconds, is_flat = diagnostics["suggested_seconds"], diagnostics["trend"] == "flat"
     is_tempered, waits = "tempering" in diagnostics, configuration.get("temperatures") == "auto"
+    again = f"prf sample --resume {shlex.quote(str(folder))}"
     if seconds is not None:
-        again = f"prf sample --resume {shlex.quote(str(folder))} --time-budget {seconds:.0f}"
-        return f"about {_time_words(seconds)} more at this speed: {again}"
-    if diagnostics["converged_seen"] or _is_short(diagnostics, configuration["chains"]):
+        return f"About {_time_words(seconds)} more at this speed: {again} --time-budget {seconds:.0f}"
+    if _is_short(diagnostics) or configuration["chains"] == 1:
+        return f"Run longer, to agreement or for 30 minutes: {again}"
+    if diagnostics["converged_seen"]:
         return ""
     if waits and not is_tempered:
-        return "tempering: none so far, the chains were not found to disagree; run longer (docs/convergence.md)"
+        return "Tempering: none so far, the chains were not found to disagree; run longer (docs/convergence.md)."
     other = "see docs/convergence.md" if is_tempered else "try --set sampler.temperatures=auto (docs/convergence.md)"
     if is_flat:
-        return f"the chains come no nearer, more time alone will not help: {other}"
-    return f"run longer, or {other}"
+        return f"The chains come no nearer, more time alone will not help: {other}."
+    return f"Run longer ({again}), or {other}."
 
 
 def _time_words(seconds: float) -> str:
@@ -241,4 +279,4 @@ def _ladders(reports: list[dict[str, Any]]) -> str:
     first_step = reports[0]["first_step"]
     since = f"from step {first_step:,} on " if first_step else ""
     temperatures = len(reports[0]["powers"])
-    return f"tempering: {temperatures} temperatures {since}down to power {lowest:.3g}, {worst}, {trips} round trips"
+    return f"Tempering: {temperatures} temperatures {since}down to power {lowest:.3g}, {worst}, {trips} round trips."

@@ -10,6 +10,24 @@ import typer
 from prf.commands import _options as o
 from prf.shell.options import Assignments, Json, Seed
 
+MAIN = {
+    "kind": "",
+    "n_draws": "maps",
+    "n_beams": "held-out beams with a return",
+    "beam_nll": "nats a beam, lower is better",
+    "auc": "1 is best, 0.5 a guess: do occupied points rank above free ones",
+    "nll": "nats a point, lower is better",
+    "brier": "squared error of the probability of a point, lower is better",
+    "within_0.2m": "share of beams whose first obstacle is so near, higher is better",
+    "rmse": "m, of the first obstacle",
+    "n_readings": "held-out sonar readings",
+    "sonar_nll": "nats a reading, lower is better",
+    "iou_occupied": "overlap with the true plan, 1 is best",
+    "iou_free": "the same of free space",
+    "seed": "",
+}
+"""What is told without ``-v``, and in words what it is (docs/scores.md has all)."""
+
 logger = logging.getLogger(__name__)
 
 EXAMPLES = (
@@ -117,6 +135,8 @@ def _report(result: dict[str, Any], json: bool) -> None:
     if json:
         jsonout.emit_object("prf.score/1", result)
         return
-    width = max(map(len, result))
-    for name, value in result.items():
-        console.emit(f"{name:{width}}  {f'{value:.6g}' if isinstance(value, float) else value}")
+    shown = {name: value for name, value in result.items() if name in MAIN or console.is_verbose()}
+    width = max(map(len, shown))
+    for name, value in shown.items():
+        words = f"{value:.6g}" if isinstance(value, float) else str(value)
+        console.emit(f"{name:{width}}  {words:10}  {MAIN.get(name, '')}".rstrip())

@@ -101,7 +101,6 @@ def _report(result: dict[str, Any]) -> None:
 def _rows(result: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield its rows."""
     x0, y0, x1, y1 = result["window"]
-    yield "output", result["output"]
     yield "world", f"{result['world']}, {x1 - x0:g} x {y1 - y0:g} m, {result['n_walls']:,} walls"
     if result["n_redrawn"]:
         yield "redrawn", f"{result['n_redrawn']} times, for too little free space"
@@ -111,3 +110,4 @@ def _rows(result: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if result["n_sonar"]:
         yield "sonar", f"{result['n_sonar']:,} readings, {result['n_sonar_returned']:,} with a return"
     yield "seed", str(result["seed"])
+    yield "output", f"{result['output']}/, its picture {result['output']}/plan.png"

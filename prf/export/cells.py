@@ -19,7 +19,7 @@ from prf.run import PosteriorImage, names
 from prf.shell.errors import InputError, UsageError
 from prf.window import Window
 
-RESOLUTION = 0.05  # metres a cell of one map: what maps for navigation mostly have
+RESOLUTION = 0.05  # metres a cell: what maps for navigation mostly have
 MAX_CELLS = 25_000_000
 WALL = 0.5  # metres beyond seen cells up to which polygons of occupied ground are kept: walls are seen from one side
 SEAM = 1e-6  # metres by which known ground is enlarged: parts of it that touch at a corner grow together
@@ -60,15 +60,22 @@ def _all_cells(source: Source, draw: int | None, squares: bool, resolution: floa
             )
         return Cells(source.grid.occupancy, source.grid.origin, source.grid.resolution)
     if run is None or draw is not None:
-        own = RESOLUTION if image is None else image.resolution
-        return rasterise(source.choose_map(draw).coloring, resolution or own, squares)
+        coloring = source.choose_map(draw).coloring
+        return rasterise(coloring, resolution or _usual_resolution(coloring.window, image), squares)
     if image is None:
         raise run.missing(names.POSTERIOR)
-    if resolution is not None:
-        if squares:
-            raise UsageError("--squares and --resolution: a run knows the squares of its own image alone.")
-        return share_of_draws(run.draws, resolution)
-    return Cells(image.square_occupancy if squares else image.occupancy, image.origin, image.resolution)
+    wanted = resolution or (image.resolution if squares else _usual_resolution(run.draws.window, image))
+    if wanted == image.resolution:
+        return Cells(image.square_occupancy if squares else image.occupancy, image.origin, image.resolution)
+    if squares:
+        raise UsageError("--squares and --resolution: a run knows the squares of its own image alone.")
+    return share_of_draws(run.draws, wanted)
+
+
+def _usual_resolution(window: Window, image: PosteriorImage | None) -> float:
+    """Return the side of a cell if none is given: `RESOLUTION`, or the image's if finer or the window is too large."""
+    own = RESOLUTION if image is None else image.resolution
+    return own if window.area / RESOLUTION**2 > MAX_CELLS else min(own, RESOLUTION)
 
 
 def share_of_draws(draws: Draws, resolution: float) -> Cells:

@@ -31,6 +31,8 @@ ACCEPTED = (
 LINES_TRIED = 2000
 """A text log may begin with hundreds of lines that an older tool wrote; a known first field is among these."""
 
+CLOUDS = ((b"ply", "PLY"), (b"# .PCD", "PCD"), (b"VERSION .7", "PCD"), (b"LASF", "LAS"), (b"ASTM-E57", "E57"))
+
 MAGICS = (
     (b"#ROSBAG", "a ROS 1 bag of an old version, which rosbag fix can convert"),
     (b"#ROSRECORD", "a ROS 1 bag of a version before 1.3, which rosbag fix can convert"),
@@ -39,7 +41,7 @@ MAGICS = (
     (b"PK\x03\x04", "a zip archive"),
     (b"\x89PNG", "a PNG picture"),
     (b"P5", "a PGM picture"),
-    (b"ply", "a PLY point cloud"),
+    *((magic, f"a 3D point cloud ({name}), which mapq takes: mapq classify FILE") for magic, name in CLOUDS),
     (b"{", "a JSON document"),
 )
 

@@ -96,6 +96,11 @@ def summarize(text: str) -> None:
         print(text)
 
 
+def is_verbose() -> bool:
+    """Return whether ``-v`` asks for long tables: without it an answer has at most 15 lines, and the rest is told."""
+    return settings.verbosity >= 1
+
+
 def say_beside(output: str | None) -> Callable[[str], None]:
     """Return what prints lines for a person: the result itself if there is no output, else a summary of it.
 

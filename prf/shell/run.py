@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import sys
 import traceback
 from collections.abc import Sequence
@@ -79,11 +80,12 @@ def _report_usage(error: Any, path: str) -> int:
 
 
 def _place_of_logs(message: str, context: Any) -> str:
-    """Return which option takes a log, where one was given without."""
-    if context is None or "unexpected extra argument" not in message:
+    """Return the option that a log was meant for, where one was given without."""
+    found = re.search(r"unexpected extra argument\S* \((.+)\)", message)
+    if context is None or found is None:
         return ""
-    options = [param.opts[0] for param in context.command.params if param.metavar == "LOG" and param.opts]
-    return f" Give a log as {options[0]} LOG." if options else ""
+    takes_log = any("--laser" in param.opts and param.metavar for param in context.command.params)
+    return f" Did you mean --laser {found[1]}?" if takes_log else ""
 
 
 def _report_no_memory(error: MemoryError) -> int:

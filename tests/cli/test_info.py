@@ -29,6 +29,15 @@ def test_table_for_a_person(capsys, tmp_path):
     assert "skipped: 1 ODD" in out
 
 
+def test_notes_beyond_the_table_are_counted(capsys, monkeypatch, tmp_path):
+    monkeypatch.setattr("prf.commands.info.MOST_LINES", 12)
+    path = save(tmp_path, JUMPY)
+    short, long = run(capsys, path)[1].splitlines(), run(capsys, path, "-v")[1].splitlines()
+    assert len(short) == 12
+    notes = sum(line.startswith(("suspicious", "assumed")) for line in long)
+    assert short[-1].split() == [str(notes), "notes", "more:", "prf", "info", "-v"]
+
+
 def test_json_is_one_object(capsys, tmp_path):
     path = save(tmp_path, JUMPY, zipped=True)
     code, out, err = run(capsys, path, "--json")
@@ -57,7 +66,7 @@ SONAR = "PARAM robot_sonar_offsets 0.1 0 0.5 0.1 0 -0.5 nohost 0\nSONAR 2 1.5 2.
 
 def test_sonar_with_its_ring(capsys, tmp_path):
     both = save(tmp_path, JUMPY + SONAR)
-    code, out, _ = run(capsys, both)
+    code, out, _ = run(capsys, both, "-v")
     assert code == 0
     assert "kind            laser" in out
     assert "1 SONAR" in out
@@ -81,7 +90,7 @@ def test_topic_and_frame_of_a_bag(capsys, tmp_path):
     code, out, err = run(capsys, path)
     assert (code, out) == (2, "")
     assert "/front, /rear" in err
-    code, out, _ = run(capsys, path, "--topic", "/rear", "--frame", "odom")
+    code, out, _ = run(capsys, path, "--topic", "/rear", "--frame", "odom", "-v")
     assert code == 0
     assert "format          ROS 1 bag (/rear)" in out
     assert "beams           2 usable, 0 dropped (range 0), 1 dropped (no number, or too short)" in out

@@ -25,6 +25,8 @@ def folder(tmp_path: Path) -> Path:
 
 def test_a_sound_run(folder: Path, capsys: pytest.CaptureFixture) -> None:
     assert run_app(app, "prf", ["inspect", str(folder)]) == 0
+    assert "more entries: prf inspect -v)" in capsys.readouterr().out
+    assert run_app(app, "prf", ["inspect", str(folder), "-v"]) == 0
     shown = capsys.readouterr().out
     assert "configuration.scale" in shown
     assert "12 draws of 4 chains" in shown

@@ -93,8 +93,8 @@ def test_resuming_tempered_chains_gives_what_an_uninterrupted_run_gives(
 ) -> None:
     args = ("--laser", str(log), *QUICK, *options, "--seed", "5")
     whole, parts = tmp_path / "whole", tmp_path / "parts"
-    assert run(*args, "--steps", "40000", "-o", str(whole)) == 0
-    assert "tempering: 3 temperatures" in capsys.readouterr().out
+    assert run(*args, "--steps", "40000", "-o", str(whole), "-v") == 0
+    assert "Tempering: 3 temperatures" in capsys.readouterr().out
     assert run(*args, "--steps", "20000", "-o", str(parts), "-q", "--threads", "1") == 0
     assert run("--resume", str(parts), "--steps", "40000", "-q") == 0
     for name in RESULTS:
@@ -120,13 +120,13 @@ def test_chains_that_disagree_get_a_ladder_and_report_it(
     args = ("--laser", str(log), *QUICK, "--set", "sampler.temperatures=auto", "--seed", "5")
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     assert run(*args, "--steps", "40000", "-o", str(parts)) == 0
-    assert "tempering: none so far" in capsys.readouterr().out
+    assert "Tempering: none so far" in capsys.readouterr().out
     assert "tempered_from" not in read_run(parts).manifest
     assert run("--resume", str(parts), "--set", "sampler.temperatures=auto", "--steps", "50000", "-q") == 0
     assert run("--resume", str(parts), "--steps", "60000", "-q") == 0
-    assert run(*args, "--steps", "60000", "-o", str(whole)) == 0
+    assert run(*args, "--steps", "60000", "-o", str(whole), "-v") == 0
     printed = capsys.readouterr()
-    assert "tempering: 6 temperatures from step 40,000 on" in printed.out
+    assert "Tempering: 6 temperatures from step 40,000 on" in printed.out
     assert "the chains disagree: 6 temperatures each from step 40,000 on" in printed.err
     for name in RESULTS:
         assert (parts / name).read_bytes() == (whole / name).read_bytes(), name
@@ -196,8 +196,10 @@ def test_few_draws_are_no_disagreement(
     args = ("--chains", str(chains), "--resolution", "0.5", "--steps", str(steps), "--seed", "5")
     assert run("--laser", str(log), *args, "-o", str(tmp_path / "run")) == 0
     printed = capsys.readouterr().out
-    assert printed.startswith("finished: too few draws to judge: run longer (")
-    assert "chains that" not in printed
+    judged = "The one chain is not settled yet" if steps > 2_000 else "Too few draws to judge"
+    assert printed.splitlines()[1].startswith(judged)
+    assert f"30 minutes: prf sample --resume {tmp_path / 'run'}\npicture " in printed
+    assert "The chains" not in printed
     assert ("10,000 steps each (rounded up from 2,000)" in printed) == (steps == 2_000)
     assert ("rounded" in printed) == (steps == 2_000)
 
@@ -215,7 +217,7 @@ def test_few_draws_are_no_disagreement(
         (["--max-range", "-3"], 2, "max-range"),
         (["--resolution", "1e-9"], 2, "--resolution"),
         (["--steps", "10", "--time-budget", "1"], 2, "one of them"),
-        (["--steps", "10", "my.log"], 2, "Give a log as --laser LOG."),
+        (["--steps", "10", "my.log"], 2, "(my.log). Did you mean --laser my.log?"),
         (["--time-budget", "1d"], 2, "5m, 1.5h or 1h30m"),
         (["--scans", "a:b"], 2, "--scans"),
         (["--set", "sampler.start=moon"], 2, '--set sampler.start = "moon": must be'),

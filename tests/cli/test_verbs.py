@@ -90,6 +90,13 @@ def test_bash_completes_verbs(tool: str, tmp_path: Path) -> None:
     assert (done.stdout.split(), done.stderr) == ([verb], "")
 
 
+@pytest.mark.parametrize("verb", sorted(set(prf.cli.VERBS) - {"config"}))
+def test_an_answer_has_15_lines_at_most(verb: str, folder: Path) -> None:
+    """What is a file of its own has as many as it needs: settings, or a table of answers."""
+    done = call(ONE_EACH[f"prf {verb}"].call, folder)
+    assert (done.code, len(done.out.splitlines()) <= 15) == (0, True), done.out
+
+
 @pytest.mark.parametrize(("tool", "verb"), VERBS)
 class TestVerb:
     def test_help_has_summary_examples_and_exit_codes(self, tool: str, verb: str, tmp_path: Path) -> None:

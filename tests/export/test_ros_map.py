@@ -88,9 +88,10 @@ def test_other_readers_see_the_same_pixels(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("squares", [False, True])
 def test_a_run_from_its_directory_to_the_server(folder: Path, tmp_path: Path, squares: bool) -> None:
-    done = export_source(folder, str(tmp_path / "office.yaml"), Options(format="ros-map", squares=squares))
-    served = map_server.load(tmp_path / "office.yaml")
     image = read_run(folder).image
+    own = Options(format="ros-map", squares=squares, resolution=image.resolution)
+    done = export_source(folder, str(tmp_path / "office.yaml"), own)
+    served = map_server.load(tmp_path / "office.yaml")
     p = np.where(image.seen, image.square_occupancy if squares else image.occupancy, np.nan).astype(float)
     np.testing.assert_array_equal(served.data, np.where(p > 0.65, 100, np.where(p < 0.196, 0, -1)))
     assert (served.resolution, served.origin) == (image.resolution, [*image.origin.tolist(), 0.0])
@@ -114,13 +115,13 @@ def test_one_map_has_its_colours_at_the_places_of_the_server(folder: Path, tmp_p
     assert {0, 100} <= set(data[inside].tolist()) <= {0, 100}
 
 
-def test_a_draw_takes_the_cells_of_the_run(folder: Path, tmp_path: Path) -> None:
+def test_a_draw_has_cells_of_5_cm(folder: Path, tmp_path: Path) -> None:
     run = read_run(folder)
     export_source(folder, str(tmp_path / "last.yaml"), Options(format="ros-map", draw=-1))
     served = map_server.load(tmp_path / "last.yaml")
     window = run.draws.window
-    centres = pixel_centres(image_grid(window, run.image.resolution))
-    inside = window.contains(centres) & run.image.seen.ravel()
+    centres = pixel_centres(image_grid(window, 0.05))
+    inside = window.contains(centres) & run.image.seen_at(centres)
     np.testing.assert_array_equal(served.data.ravel()[inside] == 100, black_at(run.draws[-1], centres[inside]))
     assert (served.data.ravel()[~inside] == -1).all()
 
@@ -133,14 +134,15 @@ def test_what_no_reading_saw_is_unknown_but_near_it_with_extrapolate(folder: Pat
     assert 0.0 < away.max() <= 1.5
     for extrapolate in (0.0, 1.0, 2.0):
         known = (away <= extrapolate + 1e-9) & ~np.isnan(image.occupancy)
-        cells = cells_of(read_source(folder), extrapolate=extrapolate)
+        cells = cells_of(read_source(folder), extrapolate=extrapolate, resolution=image.resolution)
         np.testing.assert_array_equal(~np.isnan(cells.probability), known)
 
 
-def test_a_run_takes_finer_cells_from_its_draws(folder: Path) -> None:
+@pytest.mark.parametrize("resolution", [0.21, None])
+def test_a_run_takes_finer_cells_from_its_draws(folder: Path, resolution: float | None) -> None:
     run = read_run(folder)
-    cells = cells_of(read_source(folder), extrapolate=100.0, resolution=0.21)
-    centres = pixel_centres(image_grid(run.draws.window, 0.21))
+    cells = cells_of(read_source(folder), extrapolate=100.0, resolution=resolution)
+    centres = pixel_centres(image_grid(run.draws.window, resolution or 0.05))
     inside = run.draws.window.contains(centres)
     p = occupied_probability(run.draws, centres[inside])
     np.testing.assert_allclose(cells.probability.ravel()[inside], p)

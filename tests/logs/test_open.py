@@ -98,6 +98,7 @@ def test_topic_and_frame_where_there_are_none(tmp_path):
         (bytes(range(256)), "binary data"),
         (gzip.compress(b"x", mtime=0), "gzipped twice"),
         (b'{"a": 1}', "JSON"),
+        (b"ply\nformat ascii 1.0\n", "a 3D point cloud (PLY), which mapq takes"),
         (b"1,2,3,4\n", "without a header"),
         (b"x;y;theta;range\n1;2;3;4\n", "not separated by commas"),
         (b"7 7\n766\n1 0 3.3798 31 0 2 12 1\n", "text of an unknown format"),
